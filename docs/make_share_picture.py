@@ -15,18 +15,18 @@ import mechviz
 from mechviz.outputs.images.browser import Chromium
 from mechviz.outputs.images.pictures import SETTLED, moment
 from mechviz.outputs.page.page import make_page
-from mechviz.outputs.page.source import recorded
+from mechviz.outputs.presentation import presentation_of
 from mechviz.runs import run_scene
 
 TO = Path(__file__).parent / "images" / "share.png"
 
 
 def main(scene: str, degrees: float) -> None:
-    recording = recorded(run_scene(mechviz.load(scene)))
-    time = moment(recording, angle=np.radians(float(degrees))).time
+    shown = presentation_of(run_scene(mechviz.load(scene)))
+    time = moment(shown, angle=np.radians(float(degrees))).time
     with tempfile.TemporaryDirectory() as folder, Chromium(1400, 820) as browser:
         page = Path(folder) / "page.html"
-        page.write_text(make_page(recording)[0], encoding="utf-8")
+        page.write_text(make_page(shown)[0], encoding="utf-8")
         browser.go(page)
         browser.evaluate("mechviz.ready")
         browser.evaluate(f"mechviz.player.seek({time!r}); mechviz.player.drawNow(); {SETTLED}")

@@ -18,7 +18,7 @@ from mechviz.outputs.images.pictures import VIEWS, Look, moment
 from mechviz.outputs.images.pictures import shot as take
 from mechviz.outputs.notebook import bundle_of
 from mechviz.outputs.page.page import make_page
-from mechviz.outputs.page.source import recorded
+from mechviz.outputs.presentation import Presentation, presentation_in, presentation_of
 from mechviz.outputs.rerun.numbers import numbers_in
 from mechviz.outputs.rerun.reader import Recording
 from mechviz.outputs.rerun.writer import RecordingSummary, write_recording
@@ -137,11 +137,9 @@ class Result:
         return self.solved.forces
 
     @cached_property
-    def recording(self) -> Recording:
-        """The recording, made in memory of a solved scene: what pages and pictures are made from."""
-        if not isinstance(self._source, Run):
-            return self._source
-        return recorded(self._source)
+    def presentation(self) -> Presentation:
+        """What pages and pictures are made from. Raises `RecordingError` of a damaged recording."""
+        return presentation_of(self._source) if isinstance(self._source, Run) else presentation_in(self._source)
 
     # -- outputs ------------------------------------------------------------------------------------------------------
     def record(self, path: str | Path) -> RecordingSummary:
@@ -159,7 +157,7 @@ class Result:
         target = Path(path)
         check_target(target)
         with replacing(target) as temporary:
-            temporary.write_text(make_page(self.recording, most=most)[0], encoding="utf-8")
+            temporary.write_text(make_page(self.presentation, most=most)[0], encoding="utf-8")
         return target
 
     def shot(
@@ -185,10 +183,10 @@ class Result:
             offered = "'front'" if drawing else ", ".join(VIEWS)
             raise OutputError(f"'{path}' cannot be taken from the view '{view}'.", f"There are: {offered}.")
         check_target(target)
-        place = moment(self.recording, at=at, frame=frame, angle=None if angle is None else float(np.radians(angle)))
+        place = moment(self.presentation, at=at, frame=frame, angle=None if angle is None else float(np.radians(angle)))
         if drawing:
-            return write_svg(self.recording, target, time=place.time, width=size[0], height=size[1], dark=dark)
-        return take(self.recording, target, Look(*size, view, dark), place)
+            return write_svg(self.presentation, target, time=place.time, width=size[0], height=size[1], dark=dark)
+        return take(self.presentation, target, Look(*size, view, dark), place)
 
     def plot(self, *keys: str, path: str | Path | None = None, against: str | None = None) -> Figure:
         """A figure of matplotlib, a panel for each quantity, also written to ``path`` (.svg, .png, .pdf) if that is given.
@@ -227,7 +225,7 @@ class Result:
 
     def _repr_mimebundle_(self, include: object = None, exclude: object = None) -> dict[str, str]:
         """In a notebook a result shows itself: solids, plots and events on one timeline."""
-        return bundle_of(self.recording, repr(self))
+        return bundle_of(self.presentation, repr(self))
 
 
 def run(

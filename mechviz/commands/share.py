@@ -18,8 +18,8 @@ from mechviz.outputs.images.pictures import film as make
 from mechviz.outputs.images.pictures import shot as take
 from mechviz.outputs.page.frames import MOST_FRAMES
 from mechviz.outputs.page.page import make_page
-from mechviz.outputs.page.source import is_recording, recorded
-from mechviz.outputs.rerun.reader import Recording
+from mechviz.outputs.presentation import Presentation, presentation_in, presentation_of
+from mechviz.outputs.rerun.reader import Recording, is_recording
 from mechviz.scene.units import QuantityError, Units
 
 SourceArg = Annotated[str, typer.Argument(metavar="SCENE|RECORDING", help="gallery name, scene file (.toml) or recording (.rrd)")]
@@ -51,9 +51,9 @@ def share(
     with clear_errors(source):
         path = output or Path(f"{Path(source).stem}.html")
         check_targets(source, path)
-        recording = _recording(source, frames, cycles, most)
+        shown = _presentation(source, frames, cycles, most)
         with interruptible("pyarrow"), progress_bar("sharing") as bar:
-            text, chosen = make_page(recording, most=most, progress=bar)
+            text, chosen = make_page(shown, most=most, progress=bar)
             with replacing(path) as temporary:
                 temporary.write_text(text, encoding="utf-8")
         held = (
@@ -95,14 +95,14 @@ def shot(
             find_chromium()
         check_targets(source, output)
         anywhere = at is None and frame is None and angle is None  # else the frames on both sides of it have to be there
-        recording = _recording(source, frames, cycles, MOST_FRAMES if anywhere else None)
-        place = moment(recording, frame=frame, **when)
+        shown = _presentation(source, frames, cycles, MOST_FRAMES if anywhere else None)
+        place = moment(shown, frame=frame, **when)
         with interruptible("pyarrow"), progress_bar("drawing") as bar:
             if drawing:
                 sides = {"width": look.width, "height": look.height}
-                write_svg(recording, output, time=place.time, dark=dark, progress=bar, **sides)
+                write_svg(shown, output, time=place.time, dark=dark, progress=bar, **sides)
             else:
-                take(recording, output, look, place, progress=bar, begin=bar.stage)
+                take(shown, output, look, place, progress=bar, begin=bar.stage)
         print(output)
 
 
@@ -128,25 +128,25 @@ def film(
         if output.suffix.lower() == ".mp4":
             find_ffmpeg()
         check_targets(source, output)
-        recording = _recording(source, frames, cycles, MOST_FRAMES)
+        shown = _presentation(source, frames, cycles, MOST_FRAMES)
         with interruptible("pyarrow", "PIL.Image"), progress_bar("filming") as bar:
-            make(recording, output, look, seconds=seconds, rate=rate, progress=bar, reading=bar, begin=bar.stage)
+            make(shown, output, look, seconds=seconds, rate=rate, progress=bar, reading=bar, begin=bar.stage)
         print(output)
 
 
-def _recording(source: str, frames: int | None, cycles: int | None, most: int | None = None) -> Recording:
-    """The recording that is meant, or one made of the scene, with ``most`` of its frames where a number is given."""
+def _presentation(source: str, frames: int | None, cycles: int | None, most: int | None = None) -> Presentation:
+    """What is shown of the recording that is meant, of a long one at ``most`` frames where a number is given, or of the scene."""
     if not is_recording(source):
         run = solve(load_scene(source), frames, cycles)
-        with interruptible("rerun", "mechviz.meshes"), progress_bar("recording") as bar:
-            return recorded(run, bar, bar.stage, most=most)
+        with interruptible("mechviz.meshes"), progress_bar("building") as bar:
+            return presentation_of(run, bar.stage)
     if frames is not None or cycles is not None:
         fail(f"{source} is a recording, whose frames and cycles are what they are. Give a scene with --frames and --cycles.")
     with progress_bar(f"opening {Path(source).name}"):
         recording = Recording(source, most=most)
     if not recording.has("data", "links", recording.model["frame"], "pose"):
         fail(f"'{source}' holds no frames: it was interrupted before the first. Record the scene again.")
-    return recording
+    return presentation_in(recording)
 
 
 def _ending(path: Path, endings: tuple[str, ...], what: str) -> None:

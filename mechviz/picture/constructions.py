@@ -86,6 +86,12 @@ class Drawing:
     whole: bool = False  # a view has room for all frames, however far they reach
 
     @property
+    def curves(self) -> list[tuple[Color, Array]]:
+        """Colours and points (F,) of the curves along which tips go: of a polar plot, the one drawing that shows them."""
+        polar = self.name == "shaking"
+        return [(i.color, i.start + i.vector) for i in self.strokes if not i.plain] if polar else []
+
+    @property
     def bounds(self) -> NDArray[np.float64]:
         """Box (2, 2) [m] that holds the drawing in all frames; of one that runs far out in some, in nine of ten on every side."""
         ends = [z for stroke in self.strokes for z in (stroke.start, stroke.start + stroke.vector)] + [m.at for m in self.marks]

@@ -4,7 +4,7 @@ equivalent linkages. They are nodes of the picture. Places of the plane are comp
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,16 +35,7 @@ def overlay_nodes(run: Run, solids: Solids) -> Iterator[Node]:
     """What the scene's constructions draw on the mechanism; the colours are made for a dark ground."""
     size, top = solids.size, solids.z_top
     yield from _funicular(run, size, top + 0.01 * size)
-    for name, found in run.studies.polodes.items():
-        height = top + 0.006 * size
-        for kind, way, color, group, entity, parent in (
-            ("fixed", found.fixed, FIXED, "polodes", ("polygons", "polodes", name), ""),
-            ("moving", found.moving, MOVING, "polode", ("mechanism", "links", name, "polode"), name),
-        ):
-            strips = tuple(piece[None] for piece in polode_pieces(way, found.fixed, solids, z=height))
-            if strips:
-                look = {"colors": (color,), "radii": (0.0032 * size,), "parent": parent}
-                yield Lines(f"polode.{name}.{kind}", ("link", name), group, entity, height, strips, **look)
+    yield from _polodes(run, solids, top + 0.006 * size)
     yield from _equivalents(run, size, top + 0.01 * size)
     yield from _substitutes(run, size, top + 0.01 * size)
 
@@ -59,46 +50,70 @@ def _funicular(run: Run, size: float, height: float) -> Iterator[Node]:
         colors += [COLORS["string"]] * (n + 1) + [COLORS["line"]] * n
         labels += [*(str(i) for i in range(n + 1)), *s.drawing.names]
         radii += [0.0028 * size] * (n + 1) + [0.0014 * size] * n
-    strips = tuple(_space(strip, height) for strip in strings(run, size))
-    common = ("construction", "funicular"), "funicular"
     path = ("polygons", "funicular")
-    yield Lines("funicular.strings", *common, path, height, strips, tuple(colors), tuple(radii), labels=tuple(labels))
-    found = resultants(run, size)
-    starts, vectors = (np.stack([pair[k] for pair in found], axis=1) for k in (0, 1))
-    single = [bool(np.any(s.drawing.kind == KINDS[2])) for s in systems.values()]
-    names = ["R" if len(systems) == 1 else f"R {name}" for name in systems]
-    words = tuple(name if there else "" for name, there in zip(names, single, strict=True))
-    arrows = _space(starts, height), _space(vectors, 0.0), (WHITE,), 0.007 * size, words
-    yield ArrowSet("funicular.resultants", *common, (*path, "resultant"), height, *arrows)
+    common: dict[str, Any] = {"owner": ("construction", "funicular"), "group": "funicular", "height": height}
+    strips = tuple(_space(strip, height) for strip in strings(run, size))
+    look: dict[str, Any] = {"colors": tuple(colors), "radii": tuple(radii), "labels": tuple(labels)}
+    yield Lines(key="funicular.strings", entity=path, strips=strips, **look, **common)
+    starts, vectors = (np.stack(part, axis=1) for part in zip(*resultants(run, size), strict=True))
+    single = {name: bool(np.any(s.drawing.kind == KINDS[2])) for name, s in systems.items()}
+    words = tuple("" if not there else "R" if len(systems) == 1 else f"R {name}" for name, there in single.items())
+    common |= {"origins": _space(starts, height), "vectors": _space(vectors, 0.0), "radius": 0.007 * size, "labels": words}
+    yield ArrowSet(key="funicular.resultants", entity=(*path, "resultant"), colors=(WHITE,), **common)
+
+
+def _polodes(run: Run, solids: Solids, height: float) -> Iterator[Node]:
+    for name, found in run.studies.polodes.items():
+        common: dict[str, Any] = {"owner": ("link", name), "height": height, "radii": (0.0032 * solids.size,)}
+        fixed, moving = (
+            tuple(piece[None] for piece in polode_pieces(way, found.fixed, solids, z=height)) for way in (found.fixed, found.moving)
+        )
+        if fixed:
+            yield Lines(
+                key=f"polode.{name}.fixed",
+                entity=("polygons", "polodes", name),
+                group="polodes",
+                strips=fixed,
+                colors=(FIXED,),
+                **common,
+            )
+        if moving:  # it moves with its link and rolls on the fixed one
+            common |= {"group": "polode", "colors": (MOVING,), "parent": name}
+            yield Lines(key=f"polode.{name}.moving", entity=("mechanism", "links", name, "polode"), strips=moving, **common)
 
 
 def _equivalents(run: Run, size: float, height: float) -> Iterator[Node]:
     pins = dict(chain_pins(run, size))
     for name, chain in chain_strips(run, size):
-        common = ("joint", name), "equivalent"
         path = ("polygons", "equivalent", name)
+        common: dict[str, Any] = {"owner": ("joint", name), "group": "equivalent", "height": height, "colors": (CHAIN,)}
         strips = tuple(_space(strip, height) for strip in chain)
-        yield Lines(f"equivalent.{name}", *common, path, height, strips, (CHAIN,), (0.0028 * size,))
+        yield Lines(key=f"equivalent.{name}", entity=path, strips=strips, radii=(0.0028 * size,), **common)
         if pins[name]:
             places = np.stack([z for _, z in pins[name]], axis=1)
             dots = _space(places, height)
             dots[~np.isfinite(places).all(axis=1)] = np.nan
-            look = (CHAIN,), (0.011 * size,), tuple(label for label, _ in pins[name])
-            yield Points(f"equivalent.{name}.pins", *common, (*path, "pins"), height, "", dots, *look)
+            look: dict[str, Any] = {"radii": (0.011 * size,) * len(pins[name]), "labels": tuple(label for label, _ in pins[name])}
+            yield Points(key=f"equivalent.{name}.pins", entity=(*path, "pins"), parent="", places=dots, **look, **common)
 
 
 def _substitutes(run: Run, size: float, height: float) -> Iterator[Node]:
     for name, body in run.studies.substitutes.items():
+        path = ("polygons", "substitutes", name)
+        common: dict[str, Any] = {"owner": ("link", name), "group": "substitutes", "height": height}
         places, forces = (v @ np.array([1.0, 1.0j]) for v in (body.places, body.forces))  # (F, n)
         share = np.sqrt(np.abs(body.masses) / np.abs(body.masses).max())
-        common = ("link", name), "substitutes"
-        path = ("polygons", "substitutes", name)
-        colors = tuple(NEGATIVE if m < 0.0 else POSITIVE for m in body.masses)
-        look = colors, tuple(float(r) for r in (0.012 + 0.028 * share) * size), tuple(f"{m:.4g} kg" for m in body.masses)
-        yield Points(f"substitutes.{name}", *common, path, height, "", _space(places, height), *look)
-        vectors = _space(forces / substitute_scale(run, size), 0.0)
-        arrows = _space(places, height), vectors, (SUBSTITUTE_FORCE,), 0.005 * size
-        yield ArrowSet(f"substitutes.{name}.forces", *common, (*path, "forces"), height, *arrows)
+        look: dict[str, Any] = {
+            "colors": tuple(NEGATIVE if m < 0.0 else POSITIVE for m in body.masses),
+            "radii": tuple(float(r) for r in (0.012 + 0.028 * share) * size),
+            "labels": tuple(f"{m:.4g} kg" for m in body.masses),
+        }
+        origins, vectors = _space(places, height), _space(forces / substitute_scale(run, size), 0.0)
+        yield Points(key=f"substitutes.{name}", entity=path, parent="", places=origins, **look, **common)
+        look = {"colors": (SUBSTITUTE_FORCE,), "radius": 0.005 * size}
+        yield ArrowSet(
+            key=f"substitutes.{name}.forces", entity=(*path, "forces"), origins=origins, vectors=vectors, **look, **common
+        )
 
 
 def _space(z: Array, height: float) -> Single:

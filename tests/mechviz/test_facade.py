@@ -98,7 +98,7 @@ def test_a_result_is_viewed_until_it_is_stopped(played, monkeypatch):
     seen = []
     monkeypatch.setattr(app, "serve", lambda *given: seen.append(given))
     played.view(port=0)
-    assert seen == [(played.recording, 0, False)]
+    assert seen == [(played._source, 0, False)]
 
 
 def test_run_stays_a_function_whatever_is_imported():

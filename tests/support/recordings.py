@@ -17,6 +17,7 @@ from mechcore.motion.solve import default_times, solve_motion
 from mechcore.spec.clearance import as_drawn
 from mechcore.spec.mechanism import Mechanism
 from mechviz.meshes.solids import Solids
+from mechviz.outputs.presentation import Presentation, presentation_in
 from mechviz.outputs.rerun.reader import Recording
 from mechviz.outputs.rerun.writer import RecordingSummary, write_recording
 from mechviz.picture.arrows import arrows_of
@@ -47,6 +48,11 @@ class Made:
     def mechanism(self) -> Mechanism:
         """The mechanism as the scene in the file describes it; pairs with clearance are drawn as ideal ones."""
         return as_drawn(self.recording.scene().mechanism)
+
+    @cached_property
+    def shown(self) -> Presentation:
+        """What outputs are made from, read from the file."""
+        return presentation_in(self.recording)
 
     def data(self, *parts: str) -> NDArray[np.float64]:
         """Values (F, n) under /data."""

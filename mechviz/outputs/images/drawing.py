@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from html import escape
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,10 +15,7 @@ from mechviz.files import replacing
 from mechviz.outputs.page.frames import MOST_FRAMES, Progress, quiet
 from mechviz.outputs.page.pack import unpack
 from mechviz.outputs.page.show import show_text
-
-if TYPE_CHECKING:
-    from mechviz.outputs.rerun.reader import Recording
-
+from mechviz.outputs.presentation import Presentation
 
 Real = NDArray[np.float64]
 
@@ -28,7 +25,7 @@ HEAD = 9.0  # length of an arrow's head in hundredths of the picture's height
 
 
 def write_svg(
-    recording: Recording,
+    shown: Presentation,
     path: Path,
     *,
     time: float | None = None,
@@ -38,14 +35,14 @@ def write_svg(
     progress: Progress = quiet,
 ) -> Path:
     """Write the drawing at a time [s]; None: where a page opens. ``progress`` is told how much is read."""
-    text = svg_of(recording, time=time, width=width, height=height, dark=dark, progress=progress)
+    text = svg_of(shown, time=time, width=width, height=height, dark=dark, progress=progress)
     with replacing(path) as temporary:
         temporary.write_text(text, encoding="utf-8")
     return path
 
 
 def svg_of(
-    recording: Recording,
+    shown: Presentation,
     *,
     time: float | None = None,
     width: int = 1280,
@@ -55,7 +52,7 @@ def svg_of(
 ) -> str:
     """The drawing as SVG text, ``width`` by ``height`` in size, to scale."""
     most = MOST_FRAMES if time is None else 2
-    header, arrays = unpack(show_text(recording, most=most, keep=time, plots=False, progress=progress)[0])
+    header, arrays = unpack(show_text(shown, most=most, keep=time, plots=False, progress=progress)[0])
     times = arrays[header["time"]]
     frame = header["opening"] if time is None else float(np.interp(time, times, np.arange(len(times))))
     low, high = np.array(header["drawn"])[:, :2]
@@ -65,8 +62,8 @@ def svg_of(
     def place(xy: Any) -> Real:
         return np.array([0.5 * width, 0.5 * height]) + (np.asarray(xy, float) - middle) * scale * np.array([1.0, -1.0])
 
-    shown = {g["name"]: g.get("dark" if dark else "light") for g in header["groups"] if g["shown"]}
-    pieces = sorted(_solids(header, arrays, frame, shown), key=lambda piece: piece[0])
+    on = {g["name"]: g.get("dark" if dark else "light") for g in header["groups"] if g["shown"]}
+    pieces = sorted(_solids(header, arrays, frame, on), key=lambda piece: piece[0])
     ground, stroke = ("#1b212b", "#e8ecf2") if dark else ("#fbfcfd", "#1b2330")
     lines = [
         f'<svg xmlns="http://www.w3.org/2000/svg" width="{width}" height="{height}" viewBox="0 0 {width} {height}" '
@@ -76,7 +73,7 @@ def svg_of(
     ]
     for _, color, edge, shape in pieces:
         lines.append(f'<path d="{_path(shape, place)}" fill="{color}" stroke="{edge}" stroke-width="0.7" stroke-linejoin="round"/>')
-    lines += [line for d in header["drawables"] for line in _drawn(d, header, arrays, frame, place, shown, scale, stroke, height)]
+    lines += [line for d in header["drawables"] for line in _drawn(d, header, arrays, frame, place, on, scale, stroke, height)]
     return "\n".join([*lines, "</svg>"]) + "\n"
 
 
@@ -133,7 +130,7 @@ def _drawn(
     height: int,
 ) -> Iterator[str]:
     """Arrows, lines and names as SVG elements; what moves with a link only is left out."""
-    if "view" in d or "link" in d:
+    if "link" in d:
         return
     frames, name = header["frames"], d["group"]
     if d["kind"] == "points" and name == "joints":

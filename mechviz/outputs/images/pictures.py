@@ -12,7 +12,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from io import BytesIO
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -21,13 +21,11 @@ from mechviz.outputs.images.browser import Chromium
 from mechviz.outputs.page.frames import Progress, quiet
 from mechviz.outputs.page.page import make_page
 from mechviz.outputs.page.show import pace_of
-
-if TYPE_CHECKING:
-    from mechviz.outputs.rerun.reader import Recording
-
+from mechviz.outputs.presentation import Presentation
 
 VIEWS = ("3d", "front", "iso", "top", "left", "right", "back")
 GIF_RATE, VIDEO_RATE = 20, 30  # pictures a second; a GIF counts in hundredths of a second
+NANOSECOND, ROUNDING = 1e-9, 1e-9  # [s], [rad]: so exactly are the ends of a run told
 SETTLED = "new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))"
 
 Begin = Callable[[str], None]
@@ -52,15 +50,14 @@ class Moment:
     time: float | None = None
 
 
-def moment(recording: Recording, *, at: float | None = None, frame: int | None = None, angle: float | None = None) -> Moment:
+def moment(shown: Presentation, *, at: float | None = None, frame: int | None = None, angle: float | None = None) -> Moment:
     """The moment at a time [s], at a frame, or where the drive first reaches an angle [rad].
 
     Raises `OutputError` outside the run.
     """
-    rows = recording.rows("data", "links", recording.model["frame"], "pose", component="Scalars:scalars")
-    time = 1e-9 * rows.time.astype(float)
+    time, numbers = shown.picture.time, shown.catalogue.numbers
     if at is not None:
-        if not time[0] <= at <= time[-1]:
+        if not time[0] - NANOSECOND <= at <= time[-1] + NANOSECOND:
             raise OutputError(
                 f"The time {at:g} s is outside the run, which goes from {time[0]:g} s to {time[-1]:g} s.", "Name a time in it."
             )
@@ -71,33 +68,34 @@ def moment(recording: Recording, *, at: float | None = None, frame: int | None =
         return Moment(float(time[frame]))
     if angle is None:
         return Moment()
-    if "drive_mdeg" not in rows.drives:
+    turning = [name for name in numbers.drives if not numbers.slides(name)]
+    if not turning:
         raise OutputError("There is no angle to go to: no drive of this mechanism turns.", "Name a time or a frame.")
-    ticks = rows.drives["drive_mdeg"].astype(float)
-    wanted = 1e3 * float(np.degrees(angle))
-    low, high = np.minimum(ticks[:-1], ticks[1:]), np.maximum(ticks[:-1], ticks[1:])
-    reached = np.flatnonzero((low <= wanted) & (wanted <= high))
+    position = shown.catalogue.coordinate(turning[0])
+    low, high = np.minimum(position[:-1], position[1:]), np.maximum(position[:-1], position[1:])
+    reached = np.flatnonzero((low - ROUNDING <= angle) & (angle <= high + ROUNDING))
     if not len(reached):
-        span = f"{ticks.min() / 1e3:g}° to {ticks.max() / 1e3:g}°"
-        raise OutputError(f"The angle {wanted / 1e3:g}° is outside what the drive does, {span}.", "Name an angle in it.")
+        span = f"{np.degrees(position.min()):g}° to {np.degrees(position.max()):g}°"
+        raise OutputError(f"The angle {np.degrees(angle):g}° is outside what the drive does, {span}.", "Name an angle in it.")
     k = int(reached[0])
-    part = 0.0 if ticks[k + 1] == ticks[k] else (wanted - ticks[k]) / (ticks[k + 1] - ticks[k])
+    part = 0.0 if position[k + 1] == position[k] else (angle - position[k]) / (position[k + 1] - position[k])
+    part = min(max(part, 0.0), 1.0)
     return Moment(float(time[k] + part * (time[k + 1] - time[k])))
 
 
 def shot(
-    recording: Recording, path: Path, look: Look, when: Moment, *, progress: Progress = quiet, begin: Begin = lambda _: None
+    shown: Presentation, path: Path, look: Look, when: Moment, *, progress: Progress = quiet, begin: Begin = lambda _: None
 ) -> Path:
     """Write a picture (PNG) of the mechanism at a moment. ``progress`` is told how much is read, ``begin`` what is done next."""
     check_target(path)
-    with _stage(recording, look, when.time, progress, begin) as picture, replacing(path) as temporary:
+    with _stage(shown, look, when.time, progress, begin) as picture, replacing(path) as temporary:
         begin("picture")
         temporary.write_bytes(picture(when.time))
     return path
 
 
 def film(
-    recording: Recording,
+    shown: Presentation,
     path: Path,
     look: Look,
     *,
@@ -115,13 +113,12 @@ def film(
     check_target(path)
     gif = path.suffix.lower() == ".gif"
     rate = rate or (GIF_RATE if gif else VIDEO_RATE)
-    rows = recording.rows("data", "links", recording.model["frame"], "pose", component="Scalars:scalars")
-    start, end = (1e-9 * float(rows.time[k]) for k in (0, -1))
-    seconds = seconds or (end - start) / pace_of(recording)
+    start, end = (float(shown.picture.time[k]) for k in (0, -1))
+    seconds = seconds or (end - start) / pace_of(shown)
     count = max(2, round(seconds * rate))
     times = np.linspace(start, end, count, endpoint=False)
     ffmpeg = None if gif else find_ffmpeg()
-    with _stage(recording, look, None, reading, begin, plain=gif) as picture, replacing(path) as temporary:
+    with _stage(shown, look, None, reading, begin, plain=gif) as picture, replacing(path) as temporary:
         begin("pictures")
 
         def pictures() -> Iterator[bytes]:
@@ -138,13 +135,13 @@ def film(
 
 @contextmanager
 def _stage(
-    recording: Recording, look: Look, keep: float | None, progress: Progress, begin: Begin, *, plain: bool = False
+    shown: Presentation, look: Look, keep: float | None, progress: Progress, begin: Begin, *, plain: bool = False
 ) -> Iterator[Callable[[float | None], bytes]]:
     """A function that gives the picture at a time [s] as PNG; None: where the page opens. ``plain``: on a ground of one colour."""
     with tempfile.TemporaryDirectory(prefix="mechviz-") as folder:
         page = Path(folder) / "page.html"
         begin("page")
-        page.write_text(make_page(recording, keep=keep, plots=False, progress=progress)[0], encoding="utf-8")
+        page.write_text(make_page(shown, keep=keep, plots=False, progress=progress)[0], encoding="utf-8")
         begin("starting Chromium")
         with Chromium(look.width, look.height, dark=look.dark) as browser:
             browser.go(page)

@@ -4,26 +4,21 @@ from __future__ import annotations
 
 from html import escape
 from importlib.resources import files
-from typing import TYPE_CHECKING
 
 from mechviz.outputs.page.frames import MOST_FRAMES, Frames, Progress, quiet
 from mechviz.outputs.page.show import show_text
-
-if TYPE_CHECKING:
-    from mechviz.outputs.rerun.reader import Recording
-
+from mechviz.outputs.presentation import Presentation
 
 SCRIPTS = ("decode.js", "camera.js", "stage.js", "plots.js", "player.js")
 
 
 def make_page(
-    recording: Recording, *, most: int = MOST_FRAMES, keep: float | None = None, plots: bool = True, progress: Progress = quiet
+    shown: Presentation, *, most: int = MOST_FRAMES, keep: float | None = None, plots: bool = True, progress: Progress = quiet
 ) -> tuple[str, Frames]:
-    """The HTML of a page with at most ``most`` frames of a recording, that at the time ``keep`` [s] among them; and the frames."""
-    text, frames = show_text(recording, most=most, keep=keep, plots=plots, progress=progress)
-    title = str(recording.properties.get("title", "")) or "Mechanism"
+    """The HTML of a page with at most ``most`` frames of a run, that at the time ``keep`` [s] among them; and the frames."""
+    text, frames = show_text(shown, most=most, keep=keep, plots=plots, progress=progress)
     pieces = {
-        "title": escape(title),
+        "title": escape(shown.title),
         "style": _read("style.css"),
         "script": "\n".join(_read(name) for name in SCRIPTS),
         "data": text,

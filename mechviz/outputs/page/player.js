@@ -73,9 +73,8 @@ class Player {
     $("more").hidden = !this.header.plots.length;
     $("more").onclick = () => this.addPlot(this.header.plots.findIndex((_, k) => !this.plots.some((p) => p.number === k)));
     this.lanes = new Lanes(this, $("lanes"));
-    const views = [...new Set(this.header.drawables.filter((d) => d.view).map((d) => d.view))];
-    this.constructions = views.map((view) => new Construction(this, view, $("constructions")));
-    document.querySelector("[data-panel=constructions]").hidden = !views.length;
+    this.constructions = this.header.constructions.map((drawing) => new Construction(this, drawing, $("constructions")));
+    document.querySelector("[data-panel=constructions]").hidden = !this.constructions.length;
     this.header.events.forEach((event) => {
       const item = document.createElement("li");
       const button = document.createElement("button");

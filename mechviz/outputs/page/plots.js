@@ -247,15 +247,15 @@ class Lanes {
 
 /** A graphical construction that moves with time: arrows with labels, lines and points, drawn to scale. */
 class Construction {
-  constructor(player, view, box) {
+  constructor(player, { title, caption, parts }, box) {
     this.player = player;
-    this.parts = player.header.drawables.filter((d) => d.view === view);
+    this.parts = parts;
     this.figure = document.createElement("figure");
     this.figure.className = "square";
     this.figure.innerHTML = "<figcaption><b></b></figcaption><canvas role='img'></canvas>";
-    this.figure.querySelector("b").textContent = view;
+    this.figure.querySelector("b").textContent = caption;
     this.canvas = this.figure.querySelector("canvas");
-    this.canvas.setAttribute("aria-label", view);
+    this.canvas.setAttribute("aria-label", title);
     box.append(this.figure);
     let [x0, x1, y0, y1] = [Infinity, -Infinity, Infinity, -Infinity];
     const see = (x, y) => {

@@ -1,28 +1,22 @@
-"""What a page can plot: the float64 numbers of a recording by quantity, in units for people, and which are shown at first."""
+"""What a page can plot: the quantities of the catalogue, and which are shown at first."""
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterator
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mechviz.outputs.page.frames import Frames
-from mechviz.outputs.rerun.paths import parts_of
 from mechviz.quantities.catalogue import Catalogue
-from mechviz.quantities.entries import UNITS
-
-if TYPE_CHECKING:
-    from mechviz.outputs.rerun.reader import Recording
-
 
 Real = NDArray[np.float64]
 
 ROUND_OFF = 1e-9  # of the largest value of the same unit
 MOST_FIRST = 4
+MOST_REACTIONS = 6  # joints in one plot
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,37 +39,46 @@ class Plot:
         return bool(np.any(np.nanmax(self.values, axis=0) > np.nanmin(self.values, axis=0)))
 
 
-def find_plots(recording: Recording, catalogue: Catalogue, frames: Frames) -> list[Plot]:
-    """All plots of a recording, those of several items first: what the recorder gathers, and the catalogue."""
-    row = np.clip(np.searchsorted(np.round(1e9 * catalogue.numbers.time), frames.ns, side="right") - 1, 0, None)
-    found = [*_gathered(recording, frames)]
+def find_plots(catalogue: Catalogue, frames: Frames) -> list[Plot]:
+    """All plots, those of several items first: what belongs side by side, and the catalogue."""
+    found = [*_gathered(catalogue)]
     for q in catalogue.quantities:
-        found.append(Plot(q.label[:1].upper() + q.label[1:], q.unit, q.curves, q.values()[row], q.key))
+        found.append(Plot(q.label[:1].upper() + q.label[1:], q.unit, q.curves, q.values(), q.key))
+    found = [replace(plot, values=plot.values[frames.rows]) for plot in found]
     found = _without_noise([plot for plot in found if np.isfinite(plot.values).any()])
     found += [p for p in (_polar(plot) for plot in found) if p is not None]
     found += _phases(found)
     return sorted(found, key=lambda p: (p.key.startswith("health."), p.x is not None, not p.key.startswith("cam.")))
 
 
-def _gathered(recording: Recording, frames: Frames) -> Iterator[Plot]:
-    """Series of several items that share a plot."""
-    for path in recording.entities:
-        kind, *words = parts_of(path)
-        names = recording.static(path, component="SeriesLines:names")
-        if kind != "plots" or words[0] == "events" or names is None or not recording.has(path):
-            continue
-        ns, values = recording.scalars(path)
-        matches = [re.fullmatch(r"(.*?) ?\[([^\]]*)\]", str(name)) for name in names]
-        curves = tuple(match[1] if match else str(name) for match, name in zip(matches, names, strict=True))
-        shown, factor = UNITS.get(unit := matches[0][2] if matches[0] else "1", (unit, 1.0))
-        title = " ".join(words).replace("torque", "driving torque").replace("force", "driving force").capitalize()
-        if words[0] == "reactions":
-            title = "Joint reactions, magnitude" + (f", {curves[0]} … {curves[-1]}" if len(curves) > 1 else "")
-        row = np.clip(np.searchsorted(ns, frames.ns, side="right") - 1, 0, None)
-        yield Plot(title, shown, curves, factor * values[row], f"plots.{words[0]}")
+def _gathered(catalogue: Catalogue) -> Iterator[Plot]:
+    """Quantities of several items that share a plot: efforts, reactions, what the mechanism moves, shaking moments."""
+    n, known = catalogue.numbers, catalogue.by_key
+
+    def together(title: str, key: str, items: dict[str, str], column: int = 0) -> Iterator[Plot]:
+        there = {name: known[k] for name, k in items.items() if k in known}
+        if len(there) > 1:
+            values = np.column_stack([q.values()[:, column] for q in there.values()])
+            yield Plot(title, next(iter(there.values())).unit, tuple(there), values, key)
+
+    for effort in ("torque", "force"):
+        yield from together(f"Driving {effort}", f"plots.{effort}", {name: f"drive.{name}.{effort}" for name in n.drives})
+    joints = [name for name in n.joints if f"joint.{name}.reaction" in known]
+    for part in (joints[k : k + MOST_REACTIONS] for k in range(0, len(joints), MOST_REACTIONS)):
+        which = "" if len(part) == len(joints) else f", {part[0]} … {part[-1]}"
+        title = f"Joint reactions, magnitude{which}"
+        yield from together(title, "plots.reactions", {name: f"joint.{name}.reaction" for name in part}, 2)
+    at_frame = [j.name for j in n.joints.values() if n.frame in j.links and j.name not in n.drives]
+    for kind, rates in (("displacement", ("velocity", "acceleration")), ("angle", ("angular_velocity", "angular_acceleration"))):
+        moved = [name for name in at_frame if n.slides(name) == (kind == "displacement")]
+        for what in (kind, *rates):
+            title = f"Joints at the frame, {what.replace('_', ' ')}"
+            yield from together(title, f"plots.{what}", {name: f"joint.{name}.{what}" for name in moved})
+    balance = {"shaking moment": "shaking.moment", "with counterweights": "shaking.balanced.moment"}
+    yield from together("Shaking moment", "plots.shaking moment", balance)
 
 
-def first_plots(recording: Recording, catalogue: Catalogue, plots: list[Plot]) -> list[int]:
+def first_plots(catalogue: Catalogue, plots: list[Plot], *, simulated: bool) -> list[int]:
     """Numbers of the plots that a page opens with: cams, efforts, reactions, then what the mechanism moves."""
     n = catalogue.numbers
 
@@ -86,13 +89,14 @@ def first_plots(recording: Recording, catalogue: Catalogue, plots: list[Plot]) -
     cams = [k for k in having("cam.") if plots[k].names[0] in ("pressure angle", "lift") and plots[k].varies]
     single = [f"drive.{name}.{effort}" for name in n.drives for effort in ("torque", "force")]
     efforts = having("plots.torque", "plots.force") or having(*single)
-    energy = having("energy") if "duration" in recording.properties else []
+    energy = having("energy") if simulated else []
     phases = [k for k, p in enumerate(plots) if p.x is not None and not p.equal]
-    moved = having("plots.displacement", "plots.angle", "plots.velocity")
+    moved = having("plots.displacement", "plots.angle", "plots.velocity") if not n.traced else []
     points = having(*(f"point.{name}.{what}" for name in n.traced for what in ("velocity", "position", "acceleration")))
     motion = having(*(f"joint.{j}.{what}" for j in at_frame if n.slides(j) for what in ("displacement", "velocity")))[:2]
     rest = having(*(f"joint.{j}.{what}" for j in at_frame for what in ("angle", "angular_velocity")))[:2]
-    wanted = [*cams[:2], *having("plots.shaking moment", "reduced.")[:1], *efforts[:1], *having("plots.reactions")[:1]]
+    wanted = [*cams[:2], *having("plots.shaking moment", "shaking.moment", "reduced.")[:1], *efforts[:1]]
+    wanted += having("plots.reactions")[:1]
     wanted += [*energy, *(motion or moved[:2] or points[:2] or rest or having("point.")[:2]), *phases[:1]]
     return list(dict.fromkeys(wanted))[:MOST_FIRST] or list(range(min(2, len(plots))))
 

@@ -1,305 +1,225 @@
-"""What a page draws in space: solids with their poses, arrows, lines and points, from the entities of a recording."""
+"""What a page draws in space: the nodes of a picture as arrays, heights and looks."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from mechviz.outputs.page.frames import Frames, Progress, quiet, rows_at
+from mechviz.outputs.page.frames import Frames, Progress, quiet
 from mechviz.outputs.page.pack import Pack
-from mechviz.outputs.rerun.paths import entity as _path
-from mechviz.outputs.rerun.paths import parts_of
+from mechviz.outputs.rerun.nodes import COLORS, MOTION, THICK, THIN, arc_strips, sweep_of
+from mechviz.picture.arrows import visible
+from mechviz.picture.constructions import Drawing
+from mechviz.picture.nodes import Arc, Arrow, ArrowSet, Body, Color, Lines, Mesh, Node, Picture, Points, Poses
 from mechviz.picture.surface_marks import KINDS
-from mechviz.quantities.vectors import FAMILIES
-
-if TYPE_CHECKING:
-    from mechviz.outputs.rerun.reader import Recording
-
 
 Real = NDArray[np.float64]
-
-OVERLAYS = ("funicular", "polodes", "substitutes", "equivalent")  # constructions that belong into the picture of the mechanism
-ASIDE = ("rays", "points", "polar")  # parts of a construction that stands by itself
+Shape = dict[str, Any]
 
 
-def find_links(recording: Recording, frames: Frames, pack: Pack) -> list[dict[str, Any]]:
-    """Links with their poses (frames, 3: x, y [m], angle [rad]) and their solids."""
+def pack_links(picture: Picture, frames: Frames, pack: Pack) -> list[Shape]:
+    """Links with their poses (frames, 3: x, y [m], angle [rad]) and their solids; ``spin``: shift [m] and quaternion (frames, 7) of
+    a solid in its link's frame, where it turns about an axis in the plane."""
+    solids = {body.parent: body for body in picture.of(Body, "solids")}
     found = []
-    for name in recording.model["links"]:
-        poses = rows_at(recording, frames, _path("data", "links", name, "pose"), "Scalars:scalars")
-        assert poses is not None
-        pose = np.array(poses[0], float)
+    for name, poses in picture.poses.items():
+        pose = poses[frames.rows]
         moves = bool(np.ptp(pose, axis=0).max(initial=0.0) > 0.0)
-        found.append({"name": name, "pose": pack.floats(pose if moves else pose[:1]), "moves": moves, "mesh": None})
-        spin = _spin(recording, frames, name)
-        if spin is not None:
-            found[-1]["spin"] = pack.floats(spin)
-        mesh = _mesh(recording, _path("mechanism", "links", name, "mesh"))
-        if mesh is not None:
-            found[-1]["mesh"] = _packed(mesh, pack)
+        link: Shape = {"name": name, "pose": pack.floats(pose if moves else pose[:1]), "moves": moves, "mesh": None}
+        if name in solids:
+            link["mesh"] = _mesh(solids[name].mesh, pack)
+            spin = solids[name].poses
+            if spin is not None:
+                link["spin"] = pack.floats(_spin(spin, frames))
+        found.append(link)
     return found
 
 
-def find_bodies(recording: Recording, frames: Frames, pack: Pack) -> list[dict[str, Any]]:
-    """Solids beside those of the links, as links are packed: springs, with their stretch along their axes (frames), and
-    marks on rollers and belts. ``group``: what shows and hides them."""
+def pack_bodies(picture: Picture, frames: Frames, pack: Pack) -> list[Shape]:
+    """Solids beside those of the links, as links are packed: springs, with their stretch along their axes (frames), and marks on
+    rollers and belts. ``group``: what shows and hides them."""
     found = []
-    for path in recording.entities:
-        parts = parts_of(path)
-        match parts:
-            case ("mechanism", "springs", name):
-                group, link = "springs", None
-            case ("mechanism", "links", link, name) if name.split(" ")[0] in KINDS:
-                group = "riders"
-            case _:
-                continue
-        mesh = _mesh(recording, path)
-        rows = rows_at(recording, frames, path, "Transform3D:translation", "Transform3D:quaternion")
-        if mesh is None or rows is None:
-            continue
-        at, turns = (np.array([row.reshape(-1) for row in part], float) for part in rows)
+    for body in picture.of(Body, "springs", *KINDS):
+        poses = body.poses
+        assert poses is not None
+        at, turns = (a[frames.rows].astype(float) for a in (poses.places, poses.turns))
         pose = np.column_stack([at[:, :2], np.unwrap(2.0 * np.arctan2(turns[:, 2], turns[:, 3]))])
-        height = float(np.nanmean(at[:, 2]))
-        spin: dict[str, Any] = {}
-        if link is not None:  # below its link
-            own = rows_at(recording, frames, _path("data", "links", link, "pose"), "Scalars:scalars")
-            assert own is not None
-            x, y, angle = np.array(own[0], float).T
+        height = float(at[:, 2].mean())
+        more: Shape = {}
+        if body.parent:
+            x, y, angle = picture.poses[body.parent][frames.rows].T
             c, s = np.cos(angle), np.sin(angle)
             if np.abs(turns[:, :2]).max(initial=0.0) > 1e-3:  # about an axis in the plane
-                moved = _spin_of([at, turns])
-                spin, height, pose = {"spin": pack.floats(moved)}, 0.0, np.column_stack([x, y, angle])
+                more, height, pose = {"spin": pack.floats(_spin(poses, frames))}, 0.0, np.column_stack([x, y, angle])
             else:
                 pose = np.column_stack([x + c * at[:, 0] - s * at[:, 1], y + s * at[:, 0] + c * at[:, 1], angle + pose[:, 2]])
-        vertices = mesh[0] + [0.0, 0.0, height]
-        body: dict[str, Any] = {"name": name, "group": group, "pose": pack.floats(pose), "moves": True, "box": None, **spin}
-        scales = rows_at(recording, frames, path, "Transform3D:scale")
-        if scales is not None:
-            stretch = np.array([row.reshape(-1)[0] for row in scales[0]], float)
-            long, wide = stretch * vertices[:, 0].max(), float(vertices[:, 1].max())
-            end = pose[:, :2] + long[:, None] * np.column_stack([np.cos(pose[:, 2]), np.sin(pose[:, 2])])
-            spots = np.concatenate([pose[:, :2], end])
-            box = _box(np.concatenate([spots - wide, spots + wide]))
-            body |= {"stretch": pack.floats(stretch), "box": box}
-        found.append({**body, "mesh": _packed((vertices, *mesh[1:]), pack)})
+        if poses.scales is not None:
+            more |= {"stretch": pack.floats(poses.scales[frames.rows, 0])}
+        shape = _mesh(body.mesh, pack, height)
+        group = "springs" if body.group == "springs" else "riders"
+        found.append({"name": body.owner[1], "group": group, "pose": pack.floats(pose), "moves": True, "mesh": shape, **more})
     return found
 
 
-def _packed(mesh: tuple[Any, Any, Any, Any], pack: Pack) -> dict[str, Any]:
-    vertices, normals, faces, colors = mesh
-    palette, number = np.unique(colors, return_inverse=True)
-    return {
-        "vertices": pack.places(vertices),
-        "normals": pack.directions(normals),
-        "faces": pack.indices(faces),
-        "colors": pack.octets(number),
-        "palette": [_hex(c) for c in palette],
-    }
-
-
-def _spin(recording: Recording, frames: Frames, name: str) -> Real | None:
-    """Shift [m] and quaternion (frames, 7) of a solid in its link's frame, where it turns about an axis in the plane."""
-    path = _path("mechanism", "links", name, "mesh")
-    rows = rows_at(recording, frames, path, "Transform3D:translation", "Transform3D:quaternion")
-    if rows is None:
-        return None
-    return _spin_of([np.array([row.reshape(-1) for row in part], float) for part in rows])
-
-
-def _spin_of(rows: list[Real]) -> Real:
-    """Shifts (frames, 3) and quaternions (frames, 4) side by side."""
-    shifts, turns = rows[0], rows[1].copy()
-    signs = np.cumprod(np.where(np.einsum("fi,fi->f", turns[1:], turns[:-1]) < 0.0, -1.0, 1.0))
-    turns[1:] *= signs[:, None]  # neighbours on one side, so that the page can go straight from one to the next
-    return np.column_stack([shifts, turns])
-
-
-def bounds_of(recording: Recording, frames: Frames) -> Real:
-    """The box (2, 3) [m] around all solids over the run."""
-    boxes = []
-    for name in recording.model["links"]:
-        mesh = _mesh(recording, _path("mechanism", "links", name, "mesh"))
-        poses = rows_at(recording, frames, _path("data", "links", name, "pose"), "Scalars:scalars")
-        if mesh is None or poses is None:
-            continue
-        rim = mesh[0][_corners(mesh[0][:, :2])]
-        x, y, angle = np.array(poses[0], float).T[:, :, None]
-        if _spin(recording, frames, name) is not None:
-            angle = np.zeros_like(angle)  # it turns about its own axis instead
-        c, s = np.cos(angle), np.sin(angle)
-        flat = np.stack([x + c * rim[:, 0] - s * rim[:, 1], y + s * rim[:, 0] + c * rim[:, 1]])
-        z = mesh[0][:, 2]
-        boxes.append([[*np.nanmin(flat, axis=(1, 2)), z.min()], [*np.nanmax(flat, axis=(1, 2)), z.max()]])
-    if not boxes:
-        return np.array([[-0.5, -0.5, 0.0], [0.5, 0.5, 0.1]])
-    every = np.array(boxes)
-    return np.array([every[:, 0].min(axis=0), every[:, 1].max(axis=0)])
-
-
-def find_drawables(recording: Recording, frames: Frames, pack: Pack, progress: Progress = quiet) -> list[dict[str, Any]]:
-    """Arrows, strips and points; ``group`` says what shows and hides them, ``view`` in which construction they stand."""
-    numbers = {name: k for k, name in enumerate(recording.model["links"])}
+def pack_drawables(picture: Picture, frames: Frames, pack: Pack, progress: Progress = quiet) -> list[tuple[Shape, Real | None]]:
+    """Arrows, strips and points with the box (2, 2) [m] around each; ``group`` says what shows and hides them, ``link`` (a number)
+    under whose pose they lie."""
+    numbers = {name: k for k, name in enumerate(picture.poses)}
     found = []
-    for done, path in enumerate(recording.entities):
-        progress(done, len(recording.entities))
-        place = _placed(parts_of(path), numbers)
-        if place is None:
+    for done, node in enumerate(picture.nodes):
+        progress(done, len(picture.nodes))
+        drawn = None if isinstance(node, Body) else _drawable(node, picture, frames, pack)
+        if drawn is None or not np.isfinite(drawn[1]).any():
             continue
-        for shape in (_arrows, _strips, _points):
-            drawn = shape(recording, frames, pack, path)
-            if drawn is not None:
-                found.append({**place, **drawn, "box": None if "link" in place else drawn["box"]})
+        shape, points = drawn
+        parent = node.parent if isinstance(node, Points | Lines) else ""
+        place = {"link": numbers[parent]} if parent else {}
+        found.append(({"group": node.group, "name": node.owner[1], **place, **shape}, None if parent else _box(points)))
+    progress(len(picture.nodes), len(picture.nodes))
     return found
 
 
-def _placed(parts: tuple[str, ...], numbers: dict[str, int]) -> dict[str, Any] | None:
-    """Group, name, link under whose pose an entity is drawn, and the construction it belongs to; None for what is not drawn."""
-    match parts:
-        case ("vectors", family, *rest) if family in FAMILIES:
-            return {"group": family, "name": rest[0] if rest else family}
-        case ("mechanism", "paths" | "springs" | "joints" as group, name):
-            return {"group": group, "name": name}
-        case ("mechanism", "links", link, what) if what != "mesh" and link in numbers:
-            return {"group": "masses" if what == "lumps" else what, "name": link, "link": numbers[link]}
-        case ("polygons", "funicular", "forces", *_):
-            return {"group": "construction", "name": "funicular/forces", "view": "Force polygon with pole and rays"}
-        case ("polygons", name, *rest) if name in OVERLAYS:
-            return {"group": name, "name": rest[0] if rest else name}
-        case ("polygons", *names):
-            name = "/".join(n for n in names if n not in ASIDE)
-            word = "Shaking force, polar" if name == "shaking" else f"{name.capitalize()} plan"
-            return {"group": "construction", "name": name, "view": word}
+def pack_drawing(drawing: Drawing, size: float, frames: Frames, pack: Pack) -> Shape:
+    """A construction beside the mechanism, as parts like those in space."""
+    arrows, lines = ([i for i in drawing.strokes if i.plain is plain] for plain in (False, True))
+    parts: list[Shape] = []
+    if drawing.curves:
+        strips = [_plane(z)[None].astype(np.float32) for _, z in drawing.curves]
+        parts.append(_strips(strips, [c for c, _ in drawing.curves], [0.0035 * size], [], None, frames, pack)[0])
+    for strokes in (arrows, lines):
+        if not strokes:
+            continue
+        start, vector = (np.stack([getattr(i, k) for i in strokes], axis=1)[frames.rows] for k in ("start", "vector"))
+        words = [i.label for i in strokes]
+        colors = [i.color for i in strokes]
+        radii = [(0.003 if i.fine or i.plain else 0.0055) * size for i in strokes]
+        if strokes is arrows:
+            parts.append(_arrows(_plane(start), _plane(vector), colors, radii, words, pack)[0])
+        else:
+            both = np.stack([start, start + vector], axis=2)  # (F, n, 2)
+            parts.append(_strips([_plane(both[:, k]) for k in range(len(lines))], colors, radii, words, None, frames, pack)[0])
+    if drawing.marks:
+        at = np.stack([m.at for m in drawing.marks], axis=1)[frames.rows]
+        parts.append(_points(_plane(at), [(240, 240, 240)], [0.009 * size], [m.label for m in drawing.marks], pack)[0])
+    return {"title": drawing.title.partition(":")[0], "caption": drawing.title, "parts": parts}
+
+
+def _drawable(node: Node, picture: Picture, frames: Frames, pack: Pack) -> tuple[Shape, Real] | None:
+    """How a node is drawn, and all its points (..., 2) [m]; None where nothing of it is seen."""
+    rows, size = frames.rows, picture.size
+    match node:
+        case Lines():
+            there = None if node.shown is None else node.shown[rows]
+            strips = [strip[rows] if node.moves else strip for strip in node.strips]
+            return _strips(strips, node.colors, node.radii, node.labels, there, frames, pack)
+        case Points():
+            return _points(node.places[rows] if len(node.places) > 1 else node.places, node.colors, node.radii, node.labels, pack)
+        case ArrowSet():
+            return _arrows(node.origins[rows], node.vectors[rows], node.colors, [node.radius], node.labels, pack)
+        case Arrow(vector=vector, group=family):
+            scale = picture.scales.per_metre(family)
+            seen = visible(vector.value, scale, size)[rows, None]
+            origin, value = (np.where(seen, a[rows], np.nan) for a in (vector.origin, vector.value / scale))
+            radius = (THIN if family in MOTION else THICK) * size
+            starts, ways = (np.column_stack([a, np.full(len(rows), node.height)])[:, None] for a in (origin, value))
+            return _arrows(starts, ways, [COLORS[family]], [radius], [], pack)
+        case Arc(moment=moment, group=family):
+            sweep = sweep_of(moment, picture.scales, size)[rows]
+            strip = arc_strips(moment.origin[rows], sweep, node.height, size)
+            return _strips([strip], [COLORS[family]], [THICK * size], [], sweep != 0.0, frames, pack)
     return None
 
 
-def _arrows(recording: Recording, frames: Frames, pack: Pack, path: str) -> dict[str, Any] | None:
-    rows = rows_at(recording, frames, path, "Arrows3D:origins", "Arrows3D:vectors")
-    if rows is None:
-        return None
-    origins, vectors = _stacked(rows[0], 3), _stacked(rows[1], 3)
-    if not np.isfinite(origins).any():
-        return None
-    look = _look(recording, path, "Arrows3D", origins.shape[1])
-    places = {"origins": pack.places(origins[..., :2]), "vectors": pack.places(vectors[..., :2])}
-    box = _box(np.concatenate([origins, origins + vectors]))
-    return {"kind": "arrows", "count": origins.shape[1], "z": _height(origins), "box": box, **places, **look}
+def _strips(
+    strips: Sequence[Any],
+    colors: Sequence[Color],
+    radii: Sequence[float],
+    labels: Sequence[str],
+    there: NDArray[np.bool_] | None,
+    frames: Frames,
+    pack: Pack,
+) -> tuple[Shape, Real]:
+    """Strips (F, n, 3), or (1, n, 3) at rest; ``there`` (F,): where they are."""
+    look = _look(len(strips), colors, radii, labels)
+    if len(strips[0]) == 1 and len(frames.rows) > 1:
+        points = np.concatenate([strip[0] for strip in strips]).astype(float)
+        shape = {"kind": "still strips", "lengths": [strip.shape[1] for strip in strips], "points": pack.places(points[:, :2])}
+        return {**shape, "z": _height(points), **look}, points[:, :2]
+    length = max(strip.shape[1] for strip in strips)
+    every = np.stack([np.concatenate([s, *([s[:, -1:]] * (length - s.shape[1]))], axis=1) for s in strips], axis=1).astype(float)
+    if there is not None:
+        every[~there] = np.nan
+    shape = {"kind": "strips", "count": len(strips), "length": length, "points": pack.places(every[..., :2])}
+    return {**shape, "z": _height(every), **look}, every[..., :2]
 
 
-def _strips(recording: Recording, frames: Frames, pack: Pack, path: str) -> dict[str, Any] | None:
-    rows = rows_at(recording, frames, path, "LineStrips3D:strips")
-    if rows is None:
-        still = recording.static(path, component="LineStrips3D:strips")
-        if still is None or not len(still):
-            return None
-        points = np.concatenate([np.asarray(strip, float) for strip in still])
-        look = _look(recording, path, "LineStrips3D", len(still))
-        return {
-            "kind": "still strips",
-            "lengths": [len(strip) for strip in still],
-            "points": pack.places(points[:, :2]),
-            "z": _height(points),
-            "box": _box(points),
-            **look,
-        }
-    count = max((len(strips) for strips in rows[0]), default=0)
-    length = max((len(strip) for strips in rows[0] for strip in strips), default=0)
-    if not count or not length:
-        return None
-    points = np.full((len(frames.ns), count, length, 3), np.nan)
-    for k, strips in enumerate(rows[0]):
-        for i, strip in enumerate(strips):
-            points[k, i, : len(strip)] = strip
-            points[k, i, len(strip) :] = strip[-1]  # shorter ones end where they end
-    look = _look(recording, path, "LineStrips3D", count)
-    return {
-        "kind": "strips",
-        "count": count,
-        "length": length,
-        "points": pack.places(points[..., :2]),
-        "z": _height(points),
-        "box": _box(points),
-        **look,
-    }
+def _arrows(
+    origins: Any, vectors: Any, colors: Sequence[Color], radii: Sequence[float], labels: Sequence[str], pack: Pack
+) -> tuple[Shape, Real]:
+    """Arrows from ``origins`` along ``vectors`` (F, n, 3)."""
+    count = origins.shape[1]
+    starts, ways = (np.asarray(a, float)[..., :2] for a in (origins, vectors))
+    shape = {"kind": "arrows", "count": count, "z": _height(origins), "origins": pack.places(starts), "vectors": pack.places(ways)}
+    return {**shape, **_look(count, colors, radii, labels)}, np.concatenate([starts, starts + ways])
 
 
-def _points(recording: Recording, frames: Frames, pack: Pack, path: str) -> dict[str, Any] | None:
-    rows = rows_at(recording, frames, path, "Points3D:positions")
-    if rows is None:
-        still = recording.static(path, component="Points3D:positions")
-        if still is None or not len(still):
-            return None
-        look = _look(recording, path, "Points3D", len(still))
-        places = {"points": pack.places(still[:, :2]), "z": _height(still)}
-        return {"kind": "points", "count": len(still), "moves": False, "box": None, **places, **look}
-    points = _stacked(rows[0], 3)
-    if not np.isfinite(points).any():
-        return None
-    look = _look(recording, path, "Points3D", points.shape[1])
-    return {
-        "kind": "points",
-        "count": points.shape[1],
-        "moves": True,
-        "points": pack.places(points[..., :2]),
-        "z": _height(points),
-        "box": _box(points),
-        **look,
-    }
+def _points(places: Any, colors: Sequence[Color], radii: Sequence[float], labels: Sequence[str], pack: Pack) -> tuple[Shape, Real]:
+    """Points (F, n, 3), or (1, n, 3) at rest."""
+    count, flat = places.shape[1], np.asarray(places, float)[..., :2]
+    shape = {"kind": "points", "count": count, "moves": len(places) > 1, "z": _height(places), "points": pack.places(flat)}
+    return {**shape, **_look(count, colors, radii, labels)}, flat
 
 
-def _look(recording: Recording, path: str, archetype: str, count: int) -> dict[str, Any]:
+def _look(count: int, colors: Sequence[Color], radii: Sequence[float], labels: Sequence[str]) -> Mapping[str, Any]:
     """Colours, radii and labels of the instances; one stands for all."""
+    shades, sizes = ([*values] * count if len(values) == 1 else [*values] for values in ([hex_of(c) for c in colors], radii))
+    return {"colors": shades, "radii": sizes, "labels": [*labels] if any(labels) else []}
 
-    def values(name: str) -> list[Any]:
-        found = recording.static(path, component=f"{archetype}:{name}")
-        given = [] if found is None else list(found)
-        return given if len(given) == count or not given else [given[0]] * count
 
-    shown = recording.static(path, component=f"{archetype}:show_labels")
+def _mesh(mesh: Mesh, pack: Pack, height: float = 0.0) -> Shape:
+    palette, number = np.unique(mesh.colors, axis=0, return_inverse=True)
     return {
-        "colors": [_hex(c) for c in values("colors")],
-        "radii": [float(r) for r in values("radii")],
-        "labels": [str(t) for t in values("labels")] if shown is not None and len(shown) and shown[0] else [],
+        "vertices": pack.places(mesh.vertices + np.array([0.0, 0.0, height])),
+        "normals": pack.directions(mesh.normals),
+        "faces": pack.indices(mesh.faces),
+        "colors": pack.octets(number),
+        "palette": [hex_of(c) for c in palette],
     }
 
 
-def _mesh(recording: Recording, path: str) -> tuple[Any, Any, Any, Any] | None:
-    """Vertices (n, 3) and unit normals (n, 3), faces (m, 3), colours (n,) as red, green, blue, alpha in one number."""
-    names = ("vertex_positions", "vertex_normals", "triangle_indices", "vertex_colors")
-    vertices, normals, faces, colors = (recording.static(path, component=f"Mesh3D:{name}") for name in names)
-    if vertices is None or normals is None or faces is None or colors is None:
-        return None
-    return vertices.astype(float), normals.astype(float), faces, colors
+def _spin(poses: Poses, frames: Frames) -> Real:
+    """Shifts [m] and quaternions (frames, 7), neighbours on one side, so that the page can go straight from one to the next."""
+    shifts, turns = (a[frames.rows].astype(float) for a in (poses.places, poses.turns))
+    turns[1:] *= np.cumprod(np.where(np.einsum("fi,fi->f", turns[1:], turns[:-1]) < 0.0, -1.0, 1.0))[:, None]
+    return np.column_stack([shifts, turns])
 
 
-def _stacked(rows: list[NDArray[Any]], width: int) -> Real:
-    """Instances (frames, most, width) of rows that need not have the same number; NaN where there is none."""
-    count = max((len(row) for row in rows), default=0)
-    out = np.full((len(rows), count, width), np.nan)
-    for k, row in enumerate(rows):
-        out[k, : len(row)] = row
-    return out
+def _plane(z: Any) -> Real:
+    """Places of the plane (...) as (..., 3)."""
+    return np.stack([z.real, z.imag, np.zeros(z.shape)], axis=-1)
 
 
-def _height(points: Real) -> float:
+def _height(points: Any) -> float:
     """Height z [m] at which something planar lies."""
-    z = points[..., 2]
+    z = np.asarray(points, float)[..., 2]
     return float(np.nanmean(z)) if np.isfinite(z).any() else 0.0
 
 
 def _box(points: Real) -> Real | None:
     """The box (2, 2) around points in the plane, without the outermost in a hundred; None where there are none."""
-    flat = points.reshape(-1, points.shape[-1])[:, :2]
+    flat = points.reshape(-1, 2)
     flat = flat[np.isfinite(flat).all(axis=1)]
     return np.quantile(flat, [0.005, 0.995], axis=0) if len(flat) else None
 
 
-def _corners(xy: Real) -> NDArray[np.int64]:
-    """Points of a set that bound it at any angle: those furthest in 64 directions."""
-    angle = np.linspace(0.0, 2.0 * np.pi, 64, endpoint=False)
-    return np.unique(np.argmax(xy @ np.stack([np.cos(angle), np.sin(angle)]), axis=0))
+def spring_boxes(picture: Picture) -> Iterator[Real]:
+    """Boxes (2, 2) [m] around the springs over the run."""
+    return (body.reach() for body in picture.of(Body, "springs"))
 
 
-def _hex(color: Any) -> str:
-    return f"#{int(color) >> 8:06x}"
+def hex_of(color: Iterable[int]) -> str:
+    """A colour as HTML writes it."""
+    return "#{:02x}{:02x}{:02x}".format(*(int(c) for c in color))

@@ -109,7 +109,7 @@ class Stage {
     });
     this.tags = [];
     for (const d of header.drawables)
-      if (!d.view && d.labels.some((t) => t)) for (let k = 0; k < d.count; k++) if (d.labels[k]) this.tags.push({ d, k, span: this.tag(d.labels[k]) });
+      if (d.labels.some((t) => t)) for (let k = 0; k < d.count; k++) if (d.labels[k]) this.tags.push({ d, k, span: this.tag(d.labels[k]) });
     this.resize();
   }
 
@@ -261,7 +261,7 @@ class Stage {
     const arrows = [];
     const lines = [...this.grid()];
     for (const d of this.header.drawables) {
-      if (d.view || d.group === "joints" || this.shown[d.group] === false) continue;
+      if (d.group === "joints" || this.shown[d.group] === false) continue;
       const group = this.header.groups.find((g) => g.name === d.group);
       const color = (k) => rgb((group && group[this.theme.dark ? "dark" : "light"]) || this.readable(d.colors[k] || "#888888"));
       const place = d.link === undefined ? (x, y) => [x, y] : this.carried(this.header.links[d.link], frame);

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 from mechviz.outputs.rerun.blueprint import BACKGROUND
 from mechviz.outputs.rerun.diagrams import Diagram, diagram_shapes, diagram_streams
 from mechviz.outputs.rerun.legend import legend_shapes
-from mechviz.outputs.rerun.marks import friction_styles, simulation_styles
+from mechviz.outputs.rerun.marks import lane_styles
 from mechviz.outputs.rerun.nodes import picture_statics, picture_streams
 from mechviz.outputs.rerun.plots import plot_streams, plot_styles
 from mechviz.outputs.rerun.polygons import polygon_shapes, polygon_streams, polygon_views
@@ -58,8 +58,7 @@ FAMILIES: tuple[Family, ...] = (
     Family("links", streams=lambda c: link_streams(c.run), statics=lambda c: view_statics(c.picture.size)),
     Family("data", streams=lambda c: table_streams(c.tables, c.run.kept.numbers)),
     Family("picture", streams=lambda c: picture_streams(c.picture, c.every), statics=lambda c: picture_statics(c.picture)),
-    Family("friction", statics=lambda c: friction_styles(c.run)),
-    Family("simulation", statics=lambda c: simulation_styles(c.run)),
+    Family("lanes", statics=lambda c: lane_styles(c.run)),
     Family("legend", statics=lambda c: legend_shapes(c.picture, overlay_box(c.run, c.solids))),
     Family("plots", streams=lambda c: plot_streams(c.run, c.every), statics=lambda c: plot_styles(c.run, c.tables)),
     Family("diagrams", streams=lambda c: diagram_streams(c.diagrams, c.every), statics=lambda c: diagram_shapes(c.diagrams)),

@@ -15,7 +15,6 @@ from mechviz.quantities.events import lanes_of
 from mechviz.quantities.power_table import steady_lines
 
 if TYPE_CHECKING:
-    from mechcore.dynamics.simulation import Simulation
     from mechviz.runs import Run
 
 
@@ -56,34 +55,7 @@ STATES = {
     "self-locking": ("self-locking", (240, 190, 60)),
     "jammed": ("jammed", (230, 60, 60)),
 }
-"""States of the lanes, with their labels and colours."""
-
-
-def friction_styles(run: Run) -> Iterator[Static]:
-    """How lanes look; those of a motion under forces know sticking and contact."""
-    if run.forces is None or run.forces.friction is None or run.simulation is not None:
-        return
-    import rerun as rr
-
-    look = rr.StateConfiguration(
-        values=list(STATES), labels=[label for label, _ in STATES.values()], colors=[color for _, color in STATES.values()]
-    )
-    for name in (*run.forces.friction.pairs, "mechanism"):
-        yield Static(entity("state", name), look)
-
-
-def send_friction_lanes(stream: Any, timelines: Timelines, run: Run) -> None:
-    """One row for every change of a pair's state: slips, at rest, jammed; and of the mechanism: moves, self-locking, jammed."""
-    if run.forces is None or run.forces.friction is None:
-        return
-    import rerun as rr
-
-    for name, changes in friction_lanes(run.forces).items():
-        times = np.array([t for t, _ in changes])
-        stream.send_columns(
-            entity("state", name), timelines.columns_at(times), rr.StateChange.columns(state=[s for _, s in changes])
-        )
-
+"""States of the lanes of friction, with their labels and colours."""
 
 LANES = {
     "sticks": ("sticks", (230, 140, 60)),
@@ -97,28 +69,33 @@ LANES = {
 """States of the lanes, with their labels and colours."""
 
 
-def send_lanes(stream: Any, timelines: Timelines, simulation: Simulation) -> None:
+def find_lanes(run: Run) -> tuple[dict[str, list[tuple[float, str]]], Mapping[str, tuple[str, tuple[int, int, int]]]]:
+    """Changes of state (time [s], state) by lane, and labels and colours of the states: of pairs with friction and the mechanism
+    (slips, at rest, jammed); where forces decide the motion of pairs, stops and cams."""
+    if run.simulation is not None:
+        return lanes_of(run.simulation), LANES
+    return ({} if run.forces is None else friction_lanes(run.forces)), STATES
+
+
+def lane_styles(run: Run) -> Iterator[Static]:
+    """How lanes look."""
+    import rerun as rr
+
+    lanes, looks = find_lanes(run)
+    labels, colors = (list(part) for part in zip(*looks.values(), strict=True))
+    for name in lanes:
+        yield Static(entity("state", name), rr.StateConfiguration(values=list(looks), labels=labels, colors=colors))
+
+
+def send_lanes(stream: Any, timelines: Timelines, run: Run) -> None:
     """One row for every change of state."""
     import rerun as rr
 
-    for name, changes in lanes_of(simulation).items():
+    for name, changes in find_lanes(run)[0].items():
         times = np.array([t for t, _ in changes])
         stream.send_columns(
             entity("state", name), timelines.columns_at(times), rr.StateChange.columns(state=[s for _, s in changes])
         )
-
-
-def simulation_styles(run: Run) -> Iterator[Static]:
-    """How lanes look."""
-    if run.simulation is None:
-        return
-    import rerun as rr
-
-    look = rr.StateConfiguration(
-        values=list(LANES), labels=[label for label, _ in LANES.values()], colors=[color for _, color in LANES.values()]
-    )
-    for name in lanes_of(run.simulation):
-        yield Static(entity("state", name), look)
 
 
 def simulation_notes(run: Run) -> list[str]:

@@ -65,9 +65,9 @@ def polygon_shapes(drawings: dict[str, Drawing], size: float) -> Iterator[Static
                 colors=[(240, 240, 240)], radii=[0.009 * size], labels=[m.label for m in drawing.marks], show_labels=True
             )
             yield Static(f"{path}/points", marks)
-        if name == "shaking":
-            curves = [_space(i.vector) for i in arrows]
-            faded = [tuple(int(0.6 * c) for c in i.color) for i in arrows]
+        if drawing.curves:
+            curves = [_space(z) for _, z in drawing.curves]
+            faded = [tuple(int(0.6 * c) for c in color) for color, _ in drawing.curves]
             yield Static(f"{path}/polar", rr.LineStrips3D(curves, colors=faded, radii=[0.0035 * size]))
 
 

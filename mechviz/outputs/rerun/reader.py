@@ -29,6 +29,18 @@ def evenly(total: int, most: int) -> Index:
     return np.unique(np.round(np.linspace(0, total - 1, min(total, most))).astype(np.int64))
 
 
+def is_recording(source: str) -> bool:
+    """Whether the user means a recording: by its ending, or because the file is one."""
+    path = Path(source)
+    if path.suffix.lower() == ".rrd":
+        return True
+    try:
+        with open(path, "rb") as file:
+            return file.read(3) == b"RRF"
+    except OSError:
+        return False
+
+
 def times_of(chunks: Iterable[Any], path: str) -> Index:
     """The times [ns] of all rows of an entity, sorted."""
     found = [ticks(chunk.to_record_batch()["time"]) for chunk in chunks if str(chunk.entity_path) == path and not chunk.is_static]

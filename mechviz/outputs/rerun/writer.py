@@ -12,7 +12,6 @@ from uuid import uuid4
 import numpy as np
 
 from mechcore.motion.events import Event
-from mechviz.outputs.rerun import marks as simulations
 from mechviz.outputs.rerun.blueprint import BACKGROUND, make_blueprint, spans_of_plots
 from mechviz.outputs.rerun.describe import (
     accuracy_words,
@@ -24,7 +23,7 @@ from mechviz.outputs.rerun.describe import (
 )
 from mechviz.outputs.rerun.diagrams import diagram_views, find_diagrams
 from mechviz.outputs.rerun.families import Content, find_statics, find_streams, find_views
-from mechviz.outputs.rerun.marks import mark_times, send_friction_lanes, send_marks
+from mechviz.outputs.rerun.marks import mark_times, send_lanes, send_marks
 from mechviz.outputs.rerun.nodes import LEGEND_ROOM, extent
 from mechviz.outputs.rerun.paths import entity
 from mechviz.outputs.rerun.stream_file import Part, recording_file
@@ -158,10 +157,7 @@ def write_recording(
                 part.stream.log(*link, static=True)
             _send_events(part.stream, timelines, events)
             send_marks(part.stream, timelines, marks, spans)
-            if run.simulation is None:
-                send_friction_lanes(part.stream, timelines, run)
-            else:
-                simulations.send_lanes(part.stream, timelines, run.simulation)
+            send_lanes(part.stream, timelines, run)
             _send_streams(part, streams, timelines, progress)
         describe_run(part.stream, run, solids, picture, stages, every, complete=True)
     return RecordingSummary(

@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mechviz.outputs.rerun.reader import Recording
+from mechviz.outputs.rerun.stream_file import RecordingError
 from mechviz.outputs.viewer.browser import prepare_page
 from mechviz.outputs.viewer.callbacks import Changes
 from mechviz.outputs.viewer.growth import Computing, Growth, Stopped
@@ -250,8 +251,8 @@ def _read(recording: Recording) -> ViewModel:
     """What a recording shows, or words about what is wrong with it."""
     try:
         return show_of_recording(recording)
-    except (KeyError, ValueError, IndexError, TypeError) as error:
-        raise ViewerError(f"'{recording.path}' does not hold what a mechviz recording holds: {error}.") from error
+    except RecordingError as error:
+        raise ViewerError(str(error)) from error
 
 
 def serve(shown: Run | Recording, port: int = 8080, open_browser: bool = False, folder: Path | None = None) -> None:

@@ -30,6 +30,7 @@ from mechviz.outputs.images.pictures import Look, film, moment
 from mechviz.outputs.page.markdown import html_of
 from mechviz.outputs.page.pack import Pack, unpack
 from mechviz.outputs.page.page import make_page
+from mechviz.outputs.presentation import presentation_in
 from mechviz.outputs.rerun.paths import parts_of
 from mechviz.outputs.rerun.reader import Recording
 from mechviz.outputs.rerun.writer import write_recording
@@ -42,7 +43,7 @@ NUMBERS = st.floats(-1e6, 1e6, allow_nan=False)
 
 @pytest.fixture(scope="module")
 def ten():
-    page, frames = make_page(TEN.recording)
+    page, frames = make_page(TEN.shown)
     return page, frames, *content(page)
 
 
@@ -100,7 +101,7 @@ def test_poses_and_solids_are_those_of_the_recording(ten):
 def test_a_barrel_cam_turns_about_its_shaft():
     """Shaft along y at O: in the page's poses each corner keeps its height and turns about the shaft as the drive does."""
     barrel = made("cam-barrel")
-    header, arrays = content(make_page(barrel.recording)[0])
+    header, arrays = content(make_page(barrel.shown)[0])
     link = next(k for k in header["links"] if k["name"] == "cam")
     poses, spins = arrays[link["pose"]].reshape(-1, 3), arrays[link["spin"]].reshape(-1, 7)
     corner = arrays[link["mesh"]["vertices"]].reshape(-1, 3)[:50]
@@ -117,7 +118,7 @@ def test_a_barrel_cam_turns_about_its_shaft():
     steps = np.hypot(*np.moveaxis(way, 2, 0)) / radius[1:]
     turn = np.diff(barrel.run.motion.coordinate("O")[:, 0])
     assert np.allclose(steps, 2.0 * np.sin(0.5 * turn)[:, None], rtol=1e-3)
-    first, second = (svg_of(barrel.recording, time=float(barrel.time[k])) for k in (0, 60))
+    first, second = (svg_of(barrel.shown, time=float(barrel.time[k])) for k in (0, 60))
     assert first != second
 
 
@@ -166,14 +167,14 @@ def test_events_and_notes_are_there(ten):
 
 def test_a_long_run_is_thinned_to_a_stated_number_of_frames():
     told: list[tuple[int, int]] = []
-    page, frames = make_page(TEN.recording, most=50, progress=lambda done, total: told.append((done, total)))
-    assert len({total for _, total in told}) == 1 and told == sorted(told) and told[0][0] == 0 and told[-1][0] == told[-1][1] - 1
+    page, frames = make_page(TEN.shown, most=50, progress=lambda done, total: told.append((done, total)))
+    assert len({total for _, total in told}) == 1 and told == sorted(told) and told[0][0] == 0 and told[-1][0] == told[-1][1]
     header, arrays = content(page)
     assert len(frames.chosen) == header["frames"] == 50 and header["total"] == 361 == frames.total
     assert frames.chosen[0] == 0 and frames.chosen[-1] == 360 and np.ptp(np.diff(frames.chosen)) <= 1
     crank = arrays[next(k for k in header["links"] if k["name"] == "crank")["pose"]].reshape(-1, 3)
     assert np.array_equal(crank, TEN.data("links", "crank", "pose")[frames.chosen].astype(np.float32))
-    kept = make_page(TEN.recording, most=50, keep=float(TEN.time[101]))[1]
+    kept = make_page(TEN.shown, most=50, keep=float(TEN.time[101]))[1]
     assert 101 in kept.chosen
 
 
@@ -184,8 +185,8 @@ def test_a_page_of_a_recording_read_in_part_is_that_of_the_whole(tmp_path, monke
     whole = Recording(path)
     total = len(whole.rows("data", "links", whole.model["frame"], "pose", component="Scalars:scalars").time)
     part = Recording(path, most=30)
-    page, frames = make_page(part, most=30)
-    assert (page, frames.total, len(frames.chosen)) == (make_page(whole, most=30)[0], total, 30)
+    page, frames = make_page(presentation_in(part), most=30)
+    assert (page, frames.total, len(frames.chosen)) == (make_page(presentation_in(whole), most=30)[0], total, 30)
     assert part.events == whole.events and part.entities == whole.entities and part.notes == whole.notes
     for entity in whole.entities:
         if entity.startswith("/state/") and whole.has(entity):
@@ -193,20 +194,19 @@ def test_a_page_of_a_recording_read_in_part_is_that_of_the_whole(tmp_path, monke
             assert lanes[0].time.tolist() == lanes[1].time.tolist() and lanes[0].values.tolist() == lanes[1].values.tolist()
     read = part.rows("data", "links", part.model["frame"], "pose", component="Scalars:scalars")
     assert 30 <= len(read.time) <= 30 + -(-total // 50), "those of the page, and the first of each block"
-    fewer = make_page(part, most=10)[1]
-    assert len(fewer.chosen) == 10 and np.array_equal(
-        fewer.ns, whole.rows("data", "links", whole.model["frame"], "pose", component="Scalars:scalars").time[fewer.chosen]
-    )
+    fewer = make_page(presentation_in(part), most=10)[1]
+    every = whole.rows("data", "links", whole.model["frame"], "pose", component="Scalars:scalars").time
+    assert len(fewer.chosen) == 10 and np.array_equal(np.round(1e9 * fewer.time), every[fewer.chosen])
     assert Recording(path, most=10_000).frame_times is None, "short enough as it is"
 
 
 def test_a_page_opens_where_forces_are_large_and_away_from_dead_points(ten):
     _, frames, header, _arrays = ten
     largest = np.max([np.hypot(*TEN.data("joints", j, "reaction")[:, :2].T) for j in TEN.recording.model["joints"]], axis=0)
-    angle = np.radians(1e-3 * frames.drives["drive_mdeg"])
+    angle = TEN.shown.catalogue.coordinate("A")[frames.rows]
     assert largest[header["opening"]] > 0.4 * largest.max() and abs(np.sin(angle[header["opening"]])) > 0.3
-    assert content(make_page(TEN.recording, plots=False)[0])[0]["opening"] == header["opening"]
-    assert content(make_page(made("crank-rocker").recording)[0])[0]["opening"] == 30  # an eighth of a turn
+    assert content(make_page(TEN.shown, plots=False)[0])[0]["opening"] == header["opening"]
+    assert content(make_page(made("crank-rocker").shown)[0])[0]["opening"] == 30  # an eighth of a turn
 
 
 def test_no_text_of_a_scene_becomes_markup(tmp_path):
@@ -215,7 +215,7 @@ def test_no_text_of_a_scene_becomes_markup(tmp_path):
     text = scene.text.replace(scene.title, evil)
     assert evil in text
     write_recording(run_scene(mechviz.loads(text), frames=12), tmp_path / "evil.rrd")
-    page, _ = make_page(Recording(tmp_path / "evil.rrd"))
+    page, _ = make_page(presentation_in(Recording(tmp_path / "evil.rrd")))
     assert "alert(" not in page.split('<script type="module">')[0].replace("&lt;script&gt;alert(1)", "").replace("alert(2)&gt;", "")
     assert page.count("</script>") == 2
     assert "<img" not in content(page)[0]["notes"] and "<script" not in content(page)[0]["notes"]
@@ -238,17 +238,20 @@ def test_parts_of_a_path_are_unescaped():
 
 @pytest.mark.parametrize("name", ["stick-slip-feed", "plans-four-bar", "four-forces", "lumped-rod", "polodes-four-bar"])
 def test_pages_of_all_kinds_of_scenes(name):
-    header, arrays = content(make_page(made(name, 24).recording)[0])
+    header, arrays = content(make_page(made(name, 24).shown)[0])
     low, high = np.array(header["drawn"])
     assert (low < high).all() and all(b <= a for a, b in zip(header["bounds"][0], low, strict=True))
     kinds = {d["group"] for d in header["drawables"]}
     expected = {
-        "stick-slip-feed": "friction", "plans-four-bar": "construction", "four-forces": "funicular",
+        "stick-slip-feed": "friction", "plans-four-bar": "joints", "four-forces": "funicular",
         "lumped-rod": "substitutes", "polodes-four-bar": "polodes",
     }  # fmt: skip
     assert expected[name] in kinds
+    constructions = [c["title"] for c in header["constructions"]]
+    assert ("Velocity plan" in constructions) == (name == "plans-four-bar")
+    assert ("Force polygon with pole and rays" in constructions) == (name == "four-forces")
     assert bool(header["lanes"]) == (name == "stick-slip-feed")
-    for d in header["drawables"]:
+    for d in [*header["drawables"], *(part for c in header["constructions"] for part in c["parts"])]:
         points = arrays[d["origins" if d["kind"] == "arrows" else "points"]]
         assert np.isfinite(points).any()
         if d["kind"] == "still strips":
@@ -266,10 +269,10 @@ def test_a_drawing_shows_every_link_in_its_colour_where_it_is():
     from xml.etree import ElementTree
 
     frame = 90
-    svg = ElementTree.fromstring(svg_of(TEN.recording, time=float(TEN.time[frame]), width=1000, height=600))
+    svg = ElementTree.fromstring(svg_of(TEN.shown, time=float(TEN.time[frame]), width=1000, height=600))
     space = "{http://www.w3.org/2000/svg}"
     paths = [(p.get("fill"), p.get("d")) for p in svg.iter(f"{space}path")]
-    header, arrays = content(make_page(TEN.recording, most=2, keep=float(TEN.time[frame]))[0])
+    header, arrays = content(make_page(TEN.shown, most=2, keep=float(TEN.time[frame]))[0])
     low, high = np.array(header["drawn"])[:, :2]
     scale = 0.94 * min(1000 / (high[0] - low[0]), 600 / (high[1] - low[1]))
     for link in header["links"]:
@@ -289,7 +292,7 @@ def test_a_drawing_shows_every_link_in_its_colour_where_it_is():
 def test_a_round_cam_is_drawn_without_holes():
     """All that the eye sees of a barrel cam is in the drawing: its pieces cover the cam's silhouette."""
     barrel = made("cam-barrel")
-    header, arrays = content(make_page(barrel.recording, most=2, keep=float(barrel.time[9]))[0])
+    header, arrays = content(make_page(barrel.shown, most=2, keep=float(barrel.time[9]))[0])
     low, high = np.array(header["drawn"])[:, :2]
     scale = 0.94 * min(1000 / (high[0] - low[0]), 600 / (high[1] - low[1]))
     cam = next(link for link in header["links"] if "spin" in link)
@@ -301,7 +304,7 @@ def test_a_round_cam_is_drawn_without_holes():
     corners = np.column_stack([flat.real, flat.imag])[arrays[cam["mesh"]["faces"]].reshape(-1, 3)]
     silhouette = shapely.union_all(shapely.polygons(corners))
     mine = []
-    svg = svg_of(barrel.recording, time=float(barrel.time[9]), width=1000, height=600)
+    svg = svg_of(barrel.shown, time=float(barrel.time[9]), width=1000, height=600)
     for data, fill in re.findall(r'<path d="([^"]*)" fill="(#[^"]*)"', svg):
         if near(fill, cam["mesh"]["palette"]):
             for ring in data.strip("MZ").split("ZM"):
@@ -331,7 +334,7 @@ def test_a_result_shows_itself_in_a_notebook():
 
 
 def test_moments_by_time_frame_and_angle():
-    recording, time = TEN.recording, TEN.time
+    recording, time = TEN.shown, TEN.time
     assert moment(recording, frame=7).time == pytest.approx(time[7])
     assert moment(recording, at=float(time[9])).time == pytest.approx(time[9])
     assert moment(recording, angle=np.radians(90.0)).time == pytest.approx(time[90], abs=1e-6)
@@ -346,7 +349,7 @@ def test_moments_by_time_frame_and_angle():
         with pytest.raises(OutputError, match=words):
             moment(recording, **wrong)
     with pytest.raises(OutputError, match="no drive of this mechanism turns"):
-        moment(made("excavator-arm", 24).recording, angle=1.0)
+        moment(made("excavator-arm", 24).shown, angle=1.0)
 
 
 # --- the commands -----------------------------------------------------------------------------------------------------
@@ -432,10 +435,13 @@ def test_long_work_says_what_it_does_from_its_start_to_its_end(tmp_path, monkeyp
         assert run(*command, "--frames", "24").exit_code == 0
         assert bars.told[:2] == ["solving", "solving: compile"] and "solving: positions" in bars.told
         assert wanted in bars.told
-        if wanted != "exporting a.glb":
-            stages = [t for t in bars.told if t.startswith("recording: ")]
+        stages = [t for t in bars.told if t.startswith(("recording: ", "building: "))]
+        if wanted == "recording":
             assert stages[0] == "recording: loading rerun" and stages[-1] == "recording: writing"
             assert "recording: solid meshes" in stages
+        elif wanted != "exporting a.glb":
+            assert stages == ["building: solid meshes", "building: tables, arrows and events"]
+        if wanted != "exporting a.glb":
             numbers = [int(t.removesuffix(" %")) for t in bars.told[bars.told.index(wanted) :] if t.endswith("%")]
             assert numbers == sorted(numbers) and numbers[-1] > 90 and (wanted == "recording" or numbers[0] == 0)
 
@@ -493,7 +499,7 @@ def test_a_film_as_mp4_is_handed_to_ffmpeg_picture_by_picture(tmp_path, monkeypa
             raise KeyboardInterrupt
 
     def make() -> Path:
-        return film(TEN.recording, folder / "a.mp4", Look(8, 6), seconds=1.0, rate=12, progress=progress)
+        return film(TEN.shown, folder / "a.mp4", Look(8, 6), seconds=1.0, rate=12, progress=progress)
 
     if fate == "well":
         assert make().read_text() == "12"

@@ -46,7 +46,7 @@ def browser() -> Iterator[Any]:
 @pytest.fixture(scope="module")
 def file(tmp_path_factory) -> Path:
     path = tmp_path_factory.mktemp("share") / "page.html"
-    path.write_text(make_page(BAR.recording)[0], encoding="utf-8")
+    path.write_text(make_page(BAR.shown)[0], encoding="utf-8")
     return path
 
 
@@ -324,7 +324,7 @@ def test_a_picture_is_what_was_asked_for(tmp_path):
 
     chromium_or_skip()
     time = float(BAR.time[60])
-    path = shot(BAR.recording, tmp_path / "a.png", Look(400, 300, "front", shown=("reaction",)), Moment(time))
+    path = shot(BAR.shown, tmp_path / "a.png", Look(400, 300, "front", shown=("reaction",)), Moment(time))
     with Image.open(path) as image:
         assert image.size == (400, 300)
         colors = np.asarray(image.convert("RGB")).astype(int)
@@ -344,9 +344,9 @@ def test_a_film_moves_and_an_interrupted_one_leaves_nothing(tmp_path):
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        film(BAR.recording, path, Look(160, 120), seconds=0.3, rate=10, progress=interrupt)
+        film(BAR.shown, path, Look(160, 120), seconds=0.3, rate=10, progress=interrupt)
     assert seen == [(1, 3), (2, 3)] and not list(tmp_path.iterdir())
-    film(BAR.recording, path, Look(160, 120), seconds=0.3, rate=10)
+    film(BAR.shown, path, Look(160, 120), seconds=0.3, rate=10)
     with Image.open(path) as image:
         assert image.n_frames == 3 and image.size == (160, 120) and image.info["duration"] == 100
         frames = []

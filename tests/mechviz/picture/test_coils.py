@@ -63,7 +63,7 @@ def test_springs_reach_from_point_to_point_in_recordings_pages_and_the_viewer(na
     (coil,) = picture_in(m.recording, numbers_in(m.recording)).of(Body, "springs")
     assert coil.owner == ("load", load)
     np.testing.assert_array_equal(coil.poses.scales, scale.values)
-    header, arrays = content(make_page(m.recording)[0])
+    header, arrays = content(make_page(m.shown)[0])
     (body,) = [x for x in header["bodies"] if x["group"] == "springs"]
     np.testing.assert_allclose(arrays[body["stretch"]], coil.poses.scales[:, 0], rtol=1e-6)
     assert any(g["name"] == "springs" for g in header["groups"])

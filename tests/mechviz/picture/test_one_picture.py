@@ -7,7 +7,10 @@ from typing import Any
 
 import numpy as np
 import pytest
+from page_content import content
 
+from mechviz.outputs.page.page import make_page
+from mechviz.outputs.presentation import presentation_of
 from mechviz.outputs.rerun.numbers import numbers_in
 from mechviz.outputs.rerun.read_picture import picture_in
 from mechviz.outputs.viewer.show_recording import show_of_recording
@@ -28,12 +31,16 @@ def alike(a: Any, b: Any, where: str) -> None:
     elif isinstance(a, np.ndarray):
         assert a.shape == b.shape and a.dtype == b.dtype, where
         np.testing.assert_allclose(b, a, rtol=1e-12, atol=0.0, err_msg=where)
-    elif isinstance(a, tuple):
+    elif isinstance(a, dict):
+        assert a.keys() == b.keys(), where
+        for k in a:
+            alike(a[k], b[k], f"{where}.{k}")
+    elif isinstance(a, tuple | list):
         assert len(a) == len(b), where
         for k, (x, y) in enumerate(zip(a, b, strict=True)):
             alike(x, y, f"{where}[{k}]")
     elif isinstance(a, float):
-        assert b == pytest.approx(a, rel=1e-6), where
+        assert b == pytest.approx(a, rel=1e-6, abs=1e-9), where
     else:
         assert a == b, where
 
@@ -98,3 +105,17 @@ def test_a_recording_holds_the_catalogue_of_its_run(name: str) -> None:
     events = events_of(m.run)
     assert [(e.level, e.item, e.text) for e in m.recording.events] == [(e.level, e.item, e.text) for e in events]
     assert [e.time for e in m.recording.events] == pytest.approx([e.time for e in events], abs=1e-9)
+
+
+@pytest.mark.parametrize(
+    "name", ["slider-crank-friction", "valve-train", "shaking-four-bar", "four-forces", "cam-barrel", "stick-slip-feed"]
+)
+def test_a_page_of_a_run_is_that_of_its_recording(name: str) -> None:
+    """Notes alone differ: they tell what each stage cost."""
+    m = made(name)
+    (solved, a), (recorded, b) = (content(make_page(shown)[0]) for shown in (presentation_of(m.run), m.shown))
+    told = ("notes", "arrays")
+    alike({k: v for k, v in solved.items() if k not in told}, {k: v for k, v in recorded.items() if k not in told}, name)
+    assert len(a) == len(b)
+    for x, y in zip(a, b, strict=True):
+        np.testing.assert_allclose(y, x, rtol=1e-6, atol=1e-5 * np.nanmax(np.abs(x), initial=0.0))

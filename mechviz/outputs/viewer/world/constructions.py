@@ -218,14 +218,12 @@ class PlanNodes:
         )
         caption.position = (0.5 * (low[0] + high[0]), high[1] + 0.4 * CAPTION * size, self._z)
         nodes += [*words, *points, caption]
-        if name == "shaking":
-            for k, stroke in enumerate(strokes):
-                z = stroke.start + stroke.vector + at
-                z = z[np.isfinite(z)]
-                if len(z) > 1:
-                    faded = tuple(int(128 + 0.5 * c) for c in on_light(stroke.color))
-                    curve = np.stack([z[:-1], z[1:]], axis=1)
-                    nodes.append(self._lines(f"{path}/polar {k}", curve, [faded] * len(curve), 2.0))  # type: ignore[list-item]  # three numbers
+        for k, (color, tips) in enumerate(drawing.curves):
+            z = tips[np.isfinite(tips)] + at
+            if len(z) > 1:
+                red, green, blue = (int(128 + 0.5 * c) for c in on_light(color))
+                curve = np.stack([z[:-1], z[1:]], axis=1)
+                nodes.append(self._lines(f"{path}/polar {k}", curve, [(red, green, blue)] * len(curve), 2.0))
 
         def show(frame: int) -> None:
             if arrows is not None:

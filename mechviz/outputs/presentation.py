@@ -1,0 +1,126 @@
+"""What every output shows, of a solved run or of a recording: the picture, the catalogue, events, states, constructions, words."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from functools import cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mechcore.motion.events import Event
+from mechviz.outputs.rerun.describe import notes
+from mechviz.outputs.rerun.marks import find_lanes
+from mechviz.outputs.rerun.numbers import numbers_in
+from mechviz.outputs.rerun.paths import parts_of
+from mechviz.outputs.rerun.read_drawings import RecordedDrawings
+from mechviz.outputs.rerun.read_picture import picture_in
+from mechviz.outputs.rerun.reader import Recording
+from mechviz.outputs.rerun.stream_file import RecordingError
+from mechviz.outputs.rerun.streams import picture_stride
+from mechviz.picture.build import picture_of, solids_of
+from mechviz.picture.constructions import Drawing, drawings_of
+from mechviz.picture.nodes import Color, Picture
+from mechviz.quantities.catalogue import Catalogue
+from mechviz.quantities.events import events_of
+from mechviz.runs import Run, package_version
+
+Index = NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class Lane:
+    """States over time: of each change its time [s], the state from then on and its colour."""
+
+    name: str
+    changes: tuple[tuple[float, str, Color], ...]
+
+
+@dataclass(frozen=True, eq=False)
+class Presentation:
+    """What outputs are made from. ``notes`` are markdown; ``chosen`` (F,) are the numbers of the frames that are here, of ``total``
+    frames of the whole run; ``simulated``: forces decide the motion."""
+
+    title: str
+    teaches: str
+    notes: str
+    version: str
+    picture: Picture
+    catalogue: Catalogue
+    events: tuple[Event, ...]
+    lanes: tuple[Lane, ...]
+    drawings: Callable[[], Mapping[str, Drawing]]  # made when they are asked for
+    chosen: Index
+    total: int
+    simulated: bool
+
+
+def presentation_of(run: Run, begin: Callable[[str], None] = lambda _: None) -> Presentation:
+    """What is shown of a run. ``begin`` is told each stage when it begins."""
+    begin("solid meshes")
+    solids = solids_of(run)
+    begin("tables, arrows and events")
+    picture = picture_of(run, solids)
+    lanes, looks = find_lanes(run)
+    frames = run.motion.frames
+    return Presentation(
+        title=run.scene.title or run.scene.name,
+        teaches=run.scene.teaches,
+        notes=notes(run, solids, picture.scales, [*run.stages], picture_stride(run), complete=True),
+        version=package_version(),
+        picture=picture,
+        catalogue=run.catalogue,
+        events=events_of(run),
+        lanes=tuple(Lane(name, tuple((t, *looks[state]) for t, state in changes)) for name, changes in sorted(lanes.items())),
+        drawings=cache(lambda: drawings_of(run, solids.size)),
+        chosen=np.arange(frames),
+        total=frames,
+        simulated=run.simulation is not None,
+    )
+
+
+def presentation_in(recording: Recording) -> Presentation:
+    """What is shown of a recording, complete or interrupted. Raises `RecordingError` where it does not keep to the contract."""
+    try:
+        return _read(recording)
+    except (KeyError, ValueError, IndexError, TypeError) as error:
+        words = f"'{recording.path}' does not hold what a mechviz recording holds: {error}."
+        raise RecordingError(words, "Record the scene again.") from error
+
+
+def _read(recording: Recording) -> Presentation:
+    numbers = numbers_in(recording)
+    ticks, _ = recording.scalars("data", "links", numbers.frame, "pose")
+    every = ticks if recording.frame_times is None else recording.frame_times
+    said = recording.properties
+    head = recording.notes.partition("\n## ")[0]
+    return Presentation(
+        title=str(said.get("title") or said.get("scene") or recording.path.stem),
+        # in the notes it stands between the title and what was computed
+        teaches=" ".join(line.strip() for line in head.splitlines() if line.strip() and not line.startswith(("#", "**"))),
+        notes=recording.notes,
+        version=str(said.get("version", "")),
+        picture=picture_in(recording, numbers),
+        catalogue=Catalogue(numbers),
+        events=recording.events,
+        lanes=tuple(_lanes_in(recording)),
+        drawings=cache(RecordedDrawings(recording, ticks).drawings),
+        chosen=np.clip(np.searchsorted(every, ticks), 0, len(every) - 1),
+        total=len(every),
+        simulated="duration" in said,
+    )
+
+
+def _lanes_in(recording: Recording) -> Iterator[Lane]:
+    for path in recording.entities:
+        parts = parts_of(path)
+        if parts[0] != "state" or not recording.has(path):
+            continue
+        rows = recording.rows(path, component="StateChange:state")
+        looks = {}
+        known = [recording.static(path, component=f"StateConfiguration:{name}") for name in ("values", "labels", "colors")]
+        for value, label, color in zip(*(part if part is not None else () for part in known), strict=True):
+            looks[str(value)] = str(label), ((int(color) >> 24) & 255, (int(color) >> 16) & 255, (int(color) >> 8) & 255)
+        states = [looks.get(str(v), (str(v), (136, 136, 136))) for v in rows.values]
+        yield Lane(parts[-1], tuple((1e-9 * float(t), *state) for t, state in zip(rows.time, states, strict=True)))
