@@ -107,7 +107,7 @@ def key_of(path: Place) -> str:
 def find_parameters(scene: Scene) -> tuple[Parameter, ...]:
     """All numbers of a scene that make sense as sliders, in the order of ``GROUPS`` and of the file."""
     document = scene.document
-    found = [p for spot in _spots(document) if not spot.options and (p := _parameter(document, spot)) is not None]
+    found = [p for spot in _spots(document) if not spot.options and (p := _parameter(scene, spot)) is not None]
     found = _scaled(found)
     return tuple(sorted(found, key=lambda p: (GROUPS.index(p.group), "–" not in p.label)))
 
@@ -181,8 +181,8 @@ def _marks(annotation: Any) -> Iterator[Any]:
 
 
 # -- one value --------------------------------------------------------------------------------------------------------
-def _parameter(document: SceneDocument, spot: _Spot) -> Parameter | None:
-    path, value, quantity = spot.path, spot.value, spot.quantity
+def _parameter(scene: Scene, spot: _Spot) -> Parameter | None:
+    document, path, value, quantity = scene.document, spot.path, spot.value, spot.quantity
     along = False
     if path[0] == "links" and len(path) == 5 and path[2] == "points":
         skip, along = _of_point(document, path)
@@ -197,7 +197,7 @@ def _parameter(document: SceneDocument, spot: _Spot) -> Parameter | None:
             text, suffix = split(value)
             kind, number, unit = _kind_of_unit(quantity, suffix), float(text), symbol_of(suffix)
         else:
-            kind = _kind_here(document, path, quantity)
+            kind = scene.kinds.get(key_of(path), quantity.kinds[0])
             number, unit = float(value), _bare_unit(units, kind)
     least: str = quantity.least if quantity is not None else ""
     sign = 1.0
@@ -254,38 +254,6 @@ def _kind_of_unit(quantity: Quantity, unit: str) -> str:
             continue
         return kind
     return quantity.kinds[0]
-
-
-def _kind_here(document: SceneDocument, path: Place, quantity: Quantity) -> str:
-    """Which of the kinds of a quantity a bare number has, by the pair or load where it stands."""
-    if len(quantity.kinds) == 1:
-        return quantity.kinds[0]
-    turning = True
-    if path[0] == "joints":
-        pair = document.joints[str(path[1])]
-        turning = pair.coordinate == "angle" and "rating" not in path  # a cam is judged by the force at its contact
-        if "profile" in path and pair.profile is not None and pair.follower is not None:
-            guide = document.joints[pair.follower.guide]
-            turning = guide.coordinate == "angle" if path[-1] == "to" else pair.profile.bed is None
-            if path[-1] == "base":
-                turning = pair.follower.groove is not None and guide.coordinate == "angle"  # else a radius
-    elif path[0] == "loads":
-        load = document.loads[str(path[1])]
-        if {"table", "polynomial", "fires"} & set(path) and load.servo is None:
-            led = next((pair for pair in document.joints.values() if pair.led), None)
-            return next(k for k in quantity.kinds if (k == "angle") == (led is None or led.coordinate == "angle") and k != "time")
-        turning = load.kind.startswith("torsion") or (load.drag is not None and "." not in load.drag)
-        if load.servo is not None and load.servo in document.joints:
-            turning = document.joints[load.servo].coordinate == "angle"
-        if load.bushing is not None:
-            turning = path[-1] == 2
-        if load.viscous is not None:
-            turning = load.viscous in document.joints and document.joints[load.viscous].coordinate == "angle"
-    words = ("angle", "angular", "torsional", "torque")
-    kinds = [k for k in quantity.kinds if any(w in k for w in words) == turning]
-    if len(kinds) > 1 and isinstance(path[-1], int) and path[-1] < len(kinds):
-        return kinds[path[-1]]  # position, velocity, acceleration
-    return (kinds or list(quantity.kinds))[0]
 
 
 def _bare_unit(units: Units, kind: str) -> str:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 from mechcore.dynamics.events import with_slot_ends
 from mechcore.errors import Fault
@@ -13,28 +13,26 @@ from mechcore.reduction.bodies import Body
 from mechcore.spec.clearance import with_clearances
 from mechcore.spec.mechanism import Drive, Link, Mechanism, Planar, coordinates_of, friction_of
 from mechcore.texts import as_length
-from mechviz.scene.convert import Converter
+from mechviz.scene.convert import Converter, likely_sort
 from mechviz.scene.folder import SceneFolder
 from mechviz.scene.kinds.accuracy import accuracy_faults
-from mechviz.scene.kinds.couplings import check_couplings
 from mechviz.scene.kinds.drive_laws import jumping_speeds, law_of
 from mechviz.scene.kinds.friction import clearances_of, idle_effect
-from mechviz.scene.kinds.joint_specs import drawn_angle, drawn_place, modes_of, pair_spec
-from mechviz.scene.kinds.joints import KINDS, PairDocument
-from mechviz.scene.kinds.load_specs import load_specs
+from mechviz.scene.kinds.joints.base import drawn_angle
+from mechviz.scene.kinds.joints.document import PairDocument, check_joints, drawn_place, modes_of, pair_spec
+from mechviz.scene.kinds.loads.document import check_loads, load_specs
 from mechviz.scene.kinds.reachable import REACHABLE, with_swings
 from mechviz.scene.kinds.studies import needs_inertia, studies_of
 from mechviz.scene.masses import drawn_bodies, drawn_links, links_that_cannot_turn, mass_properties
+from mechviz.scene.names import split_point
 from mechviz.scene.placement import place_links
 from mechviz.scene.recovery import Reading
 from mechviz.scene.references import (
     check_joining,
     check_link_names,
-    check_loads,
     check_references,
     check_trace,
     resolve_trace,
-    split_point,
 )
 from mechviz.scene.simulation import (
     SimulationSpec,
@@ -45,14 +43,22 @@ from mechviz.scene.simulation import (
     standstill,
     stated_duration,
 )
-from mechviz.scene.spelling import likely_sort, links_as_meant, points_as_meant, touched_links
+from mechviz.scene.spelling import links_as_meant, points_as_meant, touched_links
+
+
+@dataclass(frozen=True)
+class Assembly:
+    """The mechanism of a scene, how its motion is found where forces decide it, and what kinds of quantities its values are."""
+
+    mechanism: Mechanism
+    simulation: SimulationSpec | None
+    kinds: Mapping[str, str]  # by paths such as links.crank.points.B[0]
 
 
 def assemble(
     reading: Reading, name: str, folder: SceneFolder, outlines: Mapping[str, Body] | None = None
-) -> tuple[Mechanism | None, SimulationSpec | None, list[Fault]]:
-    """The mechanism, or None, how its motion is found where forces decide it, and every fault that is left beside those of form
-    in ``reading.faults``.
+) -> tuple[Assembly | None, list[Fault]]:
+    """The mechanism and what else is known of it, or None, and every fault that is left beside those of form in ``reading.faults``.
 
     Parts that could not be read are left out; what remains is still converted, since that is where further faults show.
     Files are read from the scene's ``folder``. ``outlines`` are those of links whose mass follows from them; they are drawn here
@@ -65,11 +71,11 @@ def assemble(
     faults += check_references(reading)
     if faults or reading.faults:
         reading = points_as_meant(reading)
-    faults += check_couplings(reading)
+    faults += check_joints(reading)
     touched = {key: touched_links(reading, key, pair) for key, pair in (reading.document.joints | reading.shapeless).items()}
     certain = not reading.shapeless and all(sure for _, sure in touched.values())
     joined = {
-        key: links for key, (links, _) in touched.items() if key in reading.shapeless or reading.document.joints[key].connects
+        key: links for key, (links, _) in touched.items() if key in reading.shapeless or reading.document.joints[key].traits.places
     }
     faults += [*check_joining(reading, joined), *check_trace(reading, certain=certain)]
     document = reading.document
@@ -106,7 +112,7 @@ def assemble(
     lasts = stated_duration(document, Converter.of(document.units, folder))  # its faults are noted where the run is read
     for key in sorted(driven, key=lambda k: driven[k].program is not None):  # programs may follow the others
         pair, path = moved[key], f"joints.{key}.drive"
-        clear = KINDS[pair.kind].driven if len(pair.kinds) == 1 else ""
+        clear = pair.traits.driven if len(pair.kinds) == 1 else ""
         sort = clear or likely_sort(driven[key])
         drawn = drawn_angle(pair, placement) if clear == "angle" else 0.0
         law = law_of(driven[key], sort, convert, path, drawn=drawn, cycles=document.run.cycles, lasts=lasts, masters=masters)
@@ -117,11 +123,11 @@ def assemble(
             masters[key] = law
     starts: dict[str, Free] = {}
     for key, pair in moved.items():
-        if pair.free is not None and pair.kinds == ["planar"]:
+        if pair.free is not None and len(pair.kinds) == 1 and pair.traits.pose:
             names, drawn_at = Planar(name=key, links=pair.links).coordinates, drawn_place(pair, placement)
             starts |= planar_starts(pair.free, names, convert, f"joints.{key}.free", drawn=drawn_at)
         elif pair.free is not None and pair.drive is None and len(pair.kinds) == 1:
-            sort, path = KINDS[pair.kind].driven, f"joints.{key}.free"
+            sort, path = pair.traits.driven, f"joints.{key}.free"
             drawn = drawn_angle(pair, placement) if sort == "angle" else 0.0
             start = free_law(pair.free, sort or likely_sort(pair.free), convert, path, drawn=drawn)
             if start is not None:
@@ -143,7 +149,7 @@ def assemble(
     clearances = clearances_of(document, convert)
     faults += convert.faults
     if faults or reading.faults:
-        return None, None, faults
+        return None, faults
     if not all(loads.values()):
         raise RuntimeError("a load of the scene was lost without a fault")
     traced = [place for text in document.trace if not isinstance(place := resolve_trace(reading, text), Fault)]
@@ -165,14 +171,14 @@ def assemble(
     )
     mechanism, faults = with_swings(mechanism, [key for key, drive in driven.items() if drive.range == REACHABLE])
     if faults:
-        return None, None, faults
+        return None, faults
     if outlines is None and drawn_links(document):
         return assemble(reading, name, folder, drawn_bodies(mechanism, document))
     if clearances:
         mechanism = with_clearances(mechanism, clearances)
     if simulation is not None and has_ends(mechanism):
         simulation = replace(simulation, stops=with_slot_ends(mechanism, simulation.stops))
-    return mechanism, simulation, []
+    return Assembly(mechanism, simulation, convert.kinds), []
 
 
 def _check_length(pair: PairDocument, law: Law, convert: Converter, path: str) -> None:

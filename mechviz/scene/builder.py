@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from inspect import Parameter, Signature, signature
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from mechcore.errors import Fault
 from mechviz.scene.faults import SceneError
+from mechviz.scene.kinds.joints.document import KINDS
 from mechviz.scene.scene import Scene
 
 Value = float | str
@@ -16,6 +18,8 @@ Value = float | str
 
 class SceneBuilder:
     """Collects the parts of a scene; ``scene()`` validates them all at once, exactly as a scene file.
+
+    Every kind of joint has a method of its name: ``revolute``, ``prismatic`` ... ``cam``.
 
     >>> b = SceneBuilder("four-bar", length="mm")
     >>> b.link("frame", A=(0, 0), D=(200, 0)).link("crank", A=(0, 0), B=(60, 0))
@@ -71,228 +75,14 @@ class SceneBuilder:
         body = {"mass": mass, "centre": centre, "inertia": inertia, "shape": shape, "gravity": gravity, "lumps": list(lumps)}
         return self._add("links", name, {"points": places, **body})
 
-    def revolute(
-        self,
-        name: str,
-        first: str,
-        second: str,
-        *,
-        at: str | Sequence[str] | None = None,
-        side: str | None = None,
-        assembly: str | None = None,
-        branch: str | None = None,
-        friction: Mapping[str, Any] | None = None,
-        drive: Mapping[str, Any] | None = None,
-        free: Mapping[str, Any] | None = None,
-        stops: Sequence[Mapping[str, Any]] | None = None,
-    ) -> SceneBuilder:
-        """A pin between two links; the keywords are the keys of a scene file."""
-        entry = {
-            "revolute": [first, second],
-            "at": at,
-            "side": side,
-            "assembly": assembly,
-            "branch": branch,
-            "friction": friction,
-            "drive": drive,
-            "free": free,
-            "stops": stops,
-        }
-        return self._add("joints", name, entry)
+    def joint(self, name: str, kind: str, first: str, second: str, /, **keys: Any) -> SceneBuilder:
+        """A joint of a kind between two links. ``keys`` are those of a scene file: ``at="B"``, ``side="left"``, ``drive={...}``."""
+        return self._add("joints", name, {kind: [first, second], **keys})
 
-    def prismatic(
-        self,
-        name: str,
-        first: str,
-        second: str,
-        *,
-        at: str | Sequence[str] | None = None,
-        along: Sequence[float] | Sequence[str] | None = None,
-        guide: str | None = None,
-        angle: Value | None = None,
-        length: Value | Sequence[Value] | None = None,
-        branch: str | None = None,
-        friction: Mapping[str, Any] | None = None,
-        drive: Mapping[str, Any] | None = None,
-        free: Mapping[str, Any] | None = None,
-        stops: Sequence[Mapping[str, Any]] | None = None,
-    ) -> SceneBuilder:
-        """A sliding pair between two links; the keywords are the keys of a scene file."""
-        entry = {
-            "prismatic": [first, second],
-            "at": at,
-            "along": along,
-            "guide": guide,
-            "angle": angle,
-            "length": length,
-            "branch": branch,
-            "friction": friction,
-            "drive": drive,
-            "free": free,
-            "stops": stops,
-        }
-        return self._add("joints", name, entry)
+    if TYPE_CHECKING:
 
-    def weld(
-        self, name: str, first: str, second: str, *, at: str | Sequence[str] | None = None, angle: Value | None = None
-    ) -> SceneBuilder:
-        """A rigid joint between two links."""
-        return self._add("joints", name, {"weld": [first, second], "at": at, "angle": angle})
-
-    def pin_slot(
-        self,
-        name: str,
-        first: str,
-        second: str,
-        *,
-        at: str | Sequence[str] | None = None,
-        along: Sequence[float] | Sequence[str] | None = None,
-        guide: str | None = None,
-        length: Value | Sequence[Value] | None = None,
-        branch: str | None = None,
-        friction: Mapping[str, Any] | None = None,
-        drive: Mapping[str, Any] | None = None,
-        free: Mapping[str, Any] | None = None,
-        stops: Sequence[Mapping[str, Any]] | None = None,
-    ) -> SceneBuilder:
-        """A pin of one link in a straight slot of the other; ``guide`` is the link with the slot, ``length`` its length or ends."""
-        entry = {
-            "pin_slot": [first, second],
-            "at": at,
-            "along": along,
-            "guide": guide,
-            "length": length,
-            "branch": branch,
-            "friction": friction,
-            "drive": drive,
-            "free": free,
-            "stops": stops,
-        }
-        return self._add("joints", name, entry)
-
-    def rolling(
-        self,
-        name: str,
-        edge: str,
-        wheel: str,
-        *,
-        radius: Value,
-        at: str | Sequence[str] | None = None,
-        along: Sequence[float] | Sequence[str] | None = None,
-        side: str | None = None,
-        branch: str | None = None,
-        friction: Mapping[str, Any] | None = None,
-        drive: Mapping[str, Any] | None = None,
-        free: Mapping[str, Any] | None = None,
-        stops: Sequence[Mapping[str, Any]] | None = None,
-    ) -> SceneBuilder:
-        """A wheel that rolls on a straight edge of another link without slipping."""
-        entry = {
-            "rolling": [edge, wheel],
-            "at": at,
-            "along": along,
-            "radius": radius,
-            "side": side,
-            "branch": branch,
-            "friction": friction,
-            "drive": drive,
-            "free": free,
-            "stops": stops,
-        }
-        return self._add("joints", name, entry)
-
-    def gear(
-        self,
-        name: str,
-        first: str,
-        second: str,
-        *,
-        teeth: Sequence[int] | None = None,
-        radii: Sequence[Value] | None = None,
-        carrier: str | None = None,
-        internal: bool = False,
-        pressure_angle: Value | None = None,
-        friction: Mapping[str, Any] | None = None,
-    ) -> SceneBuilder:
-        """A gear pair; ``internal``: the second wheel is a ring."""
-        entry = {
-            "gear": [first, second],
-            "carrier": carrier,
-            "teeth": teeth,
-            "radii": radii,
-            "internal": internal,
-            "pressure_angle": pressure_angle,
-            "friction": friction,
-        }
-        return self._add("joints", name, entry)
-
-    def belt(
-        self, name: str, first: str, second: str, *, radii: Sequence[Value], carrier: str | None = None, crossed: bool = False
-    ) -> SceneBuilder:
-        """A belt over two pulleys."""
-        return self._add("joints", name, {"belt": [first, second], "carrier": carrier, "radii": radii, "crossed": crossed})
-
-    def chain(self, name: str, first: str, second: str, *, radii: Sequence[Value], carrier: str | None = None) -> SceneBuilder:
-        """A chain over two sprockets."""
-        return self._add("joints", name, {"chain": [first, second], "carrier": carrier, "radii": radii})
-
-    def rack(
-        self,
-        name: str,
-        pinion: str,
-        rack: str,
-        *,
-        slider: str,
-        radius: Value,
-        side: str | None = None,
-        pressure_angle: Value | None = None,
-        friction: Mapping[str, Any] | None = None,
-    ) -> SceneBuilder:
-        """A pinion and a rack that the prismatic pair ``slider`` guides."""
-        entry = {
-            "rack": [pinion, rack],
-            "slider": slider,
-            "radius": radius,
-            "side": side,
-            "pressure_angle": pressure_angle,
-            "friction": friction,
-        }
-        return self._add("joints", name, entry)
-
-    def cam(
-        self,
-        name: str,
-        cam: str,
-        follower: str,
-        *,
-        touches: Mapping[str, Any],
-        profile: Mapping[str, Any],
-        closure: str | None = None,
-        rating: Mapping[str, Any] | None = None,
-        graphical: Mapping[str, Any] | None = None,
-    ) -> SceneBuilder:
-        """A cam and its follower; ``touches`` is the scene's table ``follower``, such as dict(roller=10, guide="S", point="T")."""
-        entry = {"cam": [cam, follower], "profile": dict(profile), "follower": dict(touches), "closure": closure}
-        entry |= {key: None if v is None else dict(v) for key, v in (("rating", rating), ("graphical", graphical))}
-        return self._add("joints", name, entry)
-
-    def cylinder(
-        self,
-        name: str,
-        first: str,
-        second: str,
-        *,
-        at: str | Sequence[str] | None = None,
-        length: Value | Sequence[Value] | None = None,
-        side: str | None = None,
-        drive: Mapping[str, Any] | None = None,
-        free: Mapping[str, Any] | None = None,
-        stops: Sequence[Mapping[str, Any]] | None = None,
-    ) -> SceneBuilder:
-        """A cylinder between a point of the first link and a point of the second; ``length`` its greatest length or both."""
-        moves = {"drive": drive, "free": free, "stops": stops}
-        entry = {"cylinder": [first, second], "at": at, "length": length, "side": side, **moves}
-        return self._add("joints", name, entry)
+        def __getattr__(self, kind: str) -> Callable[..., SceneBuilder]:
+            """The methods of the kinds of joints."""
 
     def force(
         self,
@@ -412,3 +202,21 @@ class SceneBuilder:
         if self._faults:
             raise SceneError(self._name, self._faults)
         return scene
+
+
+def _method(kind: str) -> Callable[..., SceneBuilder]:
+    """The method that adds a joint of a kind."""
+
+    def add(self: SceneBuilder, name: str, first: str, second: str, /, **keys: Any) -> SceneBuilder:
+        return self.joint(name, kind, first, second, **keys)
+
+    own = [Parameter(key, Parameter.KEYWORD_ONLY, default=None) for key in KINDS[kind].keys]
+    positional = [p for p in signature(add).parameters.values() if p.kind is Parameter.POSITIONAL_ONLY]
+    add.__signature__ = Signature([*positional, *own], return_annotation="SceneBuilder")  # type: ignore[attr-defined]
+    add.__name__, add.__qualname__ = kind, f"SceneBuilder.{kind}"
+    add.__doc__ = f"Adds {KINDS[kind].words} between two links; the keywords are the keys of a scene file."
+    return add
+
+
+for _kind in KINDS:
+    setattr(SceneBuilder, _kind, _method(_kind))

@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from mechcore.errors import Fault
 from mechviz.scene.folder import SceneFolder
-from mechviz.scene.units import KINDS, QuantityError, Units, magnitude
+from mechviz.scene.units import KINDS, QuantityError, Units, magnitude, parse
 
 if TYPE_CHECKING:
     from mechviz.scene.document import UnitsDocument
+    from mechviz.scene.fields import Table
 
 
 LARGEST = 1e30
@@ -26,12 +27,16 @@ _DIVISORS = ("time", "frequency", "linear speed", "angular speed")
 
 @dataclass
 class Converter:
-    """Values in a scene's units -> SI. A value of the wrong kind is noted as a fault and comes back as NaN."""
+    """Values in a scene's units -> SI. A value of the wrong kind is noted as a fault and comes back as NaN.
+
+    ``kinds`` tells what each value was taken for: path -> kind of quantity.
+    """
 
     units: Units
     faults: list[Fault] = field(default_factory=list)
     unknown: frozenset[str] = frozenset()  # kinds whose unit could not be read: bare numbers are in another one
     folder: SceneFolder = field(default_factory=SceneFolder)
+    kinds: dict[str, str] = field(default_factory=dict)
 
     @classmethod
     def of(cls, units: UnitsDocument, folder: SceneFolder) -> Converter:
@@ -48,6 +53,7 @@ class Converter:
     def si(self, value: float | str, kind: str, path: str) -> float:
         if isinstance(value, float) and math.isnan(value):  # stands for one that could not be read
             return math.nan
+        self.kinds[path] = kind
         try:
             number = self.units.si(value, kind)
         except QuantityError as error:
@@ -90,3 +96,26 @@ class Converter:
                 )
                 return False
         return not any(map(math.isnan, values))
+
+
+def likely_sort(table: Table) -> str:
+    """ "length" if a value of a table is one with its unit, else "angle": for drives whose pair is not known."""
+    for text in _texts(table.model_dump(exclude_none=True, warnings=False)):
+        for kind in ("length", "linear speed"):
+            try:
+                parse(text, kind)
+            except QuantityError:
+                continue
+            return "length"
+    return "angle"
+
+
+def _texts(value: Any) -> Iterator[str]:
+    if isinstance(value, str):
+        yield value
+    elif isinstance(value, Mapping):
+        for inner in value.values():
+            yield from _texts(inner)
+    elif isinstance(value, list | tuple):
+        for inner in value:
+            yield from _texts(inner)

@@ -30,8 +30,8 @@ from mechviz.scene.kinds.accuracy import AccuracyEntry
 from mechviz.scene.kinds.bodies import LumpDocument, MassDocument, MassEntry
 from mechviz.scene.kinds.free_motion import Method, Tolerance, WatchDocument
 from mechviz.scene.kinds.friction import FrictionDefaults
-from mechviz.scene.kinds.joints import PairDocument
-from mechviz.scene.kinds.loads import LoadDocument
+from mechviz.scene.kinds.joints.document import PairDocument
+from mechviz.scene.kinds.loads.document import LoadDocument
 from mechviz.scene.kinds.studies import PlanName, ShakingDocument, SubstituteDocument, SystemDocument
 
 EffectName = Literal["inertia", "gravity", "friction"]

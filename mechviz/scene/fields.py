@@ -335,6 +335,11 @@ class Table(BaseModel):
                     entries[field.alias or key]["description"] = text
         return schema
 
+    @classmethod
+    def keys_beside(cls, raw: Mapping[str, Any]) -> list[str]:
+        """The keys that go with those of a table of plain data: all, unless they tell its kind."""
+        return list(cls.model_fields)
+
     @property
     def unread(self) -> frozenset[str]:
         """Keys whose values could not be read; "*" where the table itself could not be."""

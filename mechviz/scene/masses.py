@@ -32,7 +32,7 @@ def links_that_cannot_turn(document: SceneDocument, touched: Mapping[str, tuple[
     rigid = []
     for name, (links, sure) in touched.items():
         pair = document.joints.get(name)
-        if pair is None or pair.parallel or len(pair.kinds) > 1 or not sure:
+        if pair is None or len(pair.kinds) > 1 or pair.traits.parallel or not sure:
             rigid.append(links)
     held, grew = {document.frame}, True
     while grew:

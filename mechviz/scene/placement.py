@@ -12,7 +12,9 @@ from dataclasses import dataclass, field
 
 from mechviz.scene.convert import Converter
 from mechviz.scene.document import Pose, SceneDocument
-from mechviz.scene.references import points_of_pair
+from mechviz.scene.names import (
+    points_of_pair,
+)
 from mechviz.scene.units import Units
 
 Vec2 = tuple[float, float]
@@ -78,7 +80,7 @@ def _add_frame_points(document: SceneDocument, placement: Placement, world: dict
 def _share_pins(document: SceneDocument, world: dict[str, Vec2]) -> None:
     """A pin or weld that joins points of different names puts both at one place."""
     for name, pair in document.joints.items():
-        if pair.coincide:
+        if pair.traits.coincide:
             a, b = points_of_pair(name, pair)
             for known, other in ((a, b), (b, a)):
                 if known in world:
@@ -140,7 +142,7 @@ def _fit(document: SceneDocument, placement: Placement, world: Mapping[str, Vec2
     while grew:
         grew = False
         for pair in document.joints.values():
-            if not pair.parallel:
+            if not pair.traits.parallel:
                 continue
             first, second = pair.links
             turn = angle_of(document, pair.angle)

@@ -20,29 +20,28 @@ from mechcore.errors import Fault
 from mechviz.scene.document import SceneDocument
 from mechviz.scene.faults import closest, listing, nearest
 from mechviz.scene.fields import Quantity, Table, UnitName, Unknown, describe
-from mechviz.scene.kinds.joints import KINDS, PairDocument
+from mechviz.scene.kinds.joints.document import KINDS, PairDocument
+from mechviz.scene.kinds.loads.document import KINDS as LOADS
 
 Loc = tuple[int | str, ...]
 
 # What people call things elsewhere.
 _SYNONYMS = {
-    "bodies": "links", "ground": "frame", "omega": "speed", "velocity": "speed", "rpm": "speed",
-    "motor": "drive", "driver": "drive", "com": "centre", "cog": "centre", "J": "inertia", "I": "inertia",
-    "name": "title", "description": "teaches", "direction": "along", "axis": "along", "mode": "side",
-    "forces": "loads", "steps": "frames", "point": "at", "link": "on", "moment": "torque", "hinge": "revolute",
-    "pin": "revolute", "traced": "trace", "nodes": "points", "gears": "gear", "belts": "belt", "pulleys": "belt",
-    "sprockets": "chain", "pinion": "rack", "actuator": "cylinder", "piston": "cylinder", "slot": "pin_slot",
-    "cams": "cam", "base_circle": "base", "base_radius": "base", "tip": "point", "cam_profile": "profile",
-    "fixed": "weld", "rigid": "weld", "wheel": "rolling", "z": "teeth", "r": "radius", "planet": "gear",
-    "ring": "internal", "arm": "carrier", "size": "radius", "sizes": "teeth", "ratio": "teeth",
-    "k": "stiffness", "rate": "stiffness", "rest_length": "free_length", "natural_length": "free_length", "length": "free_length",
-    "dashpot": "damper", "coefficient": "linear", "c": "linear", "damping": "linear", "pressure": "gas", "indicator": "diagram",
-    "diameter": "bore", "function": "table", "otto": "four_stroke", "diesel": "four_stroke", "engine": "four_stroke",
-    "compression_ratio": "ratio", "preloaded": "preload", "opposite": "against", "friction": "viscous", "air": "drag",
-    "mu": "coefficient", "tension": "belt_tension", "rolling_resistance": "lever",
-    "rho": "density", "material": "density", "diagrams": "plans", "polygons": "plans", "centrodes": "polodes",
-    "counterweight": "lumps", "balance": "counterweights", "point_masses": "lumps",
+    "bodies": "links", "ground": "frame", "omega": "speed", "velocity": "speed", "rpm": "speed", "motor": "drive",
+    "driver": "drive", "com": "centre", "cog": "centre", "J": "inertia", "I": "inertia", "name": "title",
+    "description": "teaches", "direction": "along", "axis": "along", "mode": "side", "forces": "loads", "steps": "frames",
+    "point": "at", "link": "on", "traced": "trace", "nodes": "points", "base_circle": "base",
+    "base_radius": "base", "tip": "point", "cam_profile": "profile", "z": "teeth", "r": "radius", "ring": "internal",
+    "arm": "carrier", "size": "radius", "sizes": "teeth", "ratio": "teeth", "k": "stiffness", "rate": "stiffness",
+    "rest_length": "free_length", "natural_length": "free_length", "length": "free_length", "coefficient": "linear",
+    "c": "linear", "damping": "linear", "indicator": "diagram", "diameter": "bore", "function": "table", "otto": "four_stroke",
+    "diesel": "four_stroke", "engine": "four_stroke", "compression_ratio": "ratio", "preloaded": "preload",
+    "opposite": "against", "mu": "coefficient", "rolling_resistance": "lever", "rho": "density", "material": "density",
+    "diagrams": "plans", "polygons": "plans", "centrodes": "polodes", "counterweight": "lumps", "balance": "counterweights",
+    "point_masses": "lumps",
 }  # fmt: skip
+for _kinds in (KINDS, LOADS):
+    _SYNONYMS |= {word: keyword for keyword, kind in _kinds.items() for word in kind.synonyms}
 
 
 _MISSPELT = 0.75
@@ -156,7 +155,7 @@ def read_table(cls: type[Table], raw: Any, loc: Loc, faults: list[Fault]) -> Tab
     hints, before = _hints_of(cls), len(faults)
     values: dict[str, Any] = {}
     unread: set[str] = set()
-    meant = _keys_as_meant(raw, hints, loc, faults)
+    meant = _keys_as_meant(cls, raw, loc, faults)
     for key, written in meant.items():
         own: list[Fault] = []
         values[key], whole = _read(hints[key], raw[written], (*loc, written), own)
@@ -188,8 +187,9 @@ def read_table(cls: type[Table], raw: Any, loc: Loc, faults: list[Fault]) -> Tab
     return table
 
 
-def _keys_as_meant(raw: Mapping[str, Any], hints: Mapping[str, Any], loc: Loc, faults: list[Fault]) -> dict[str, str]:
+def _keys_as_meant(cls: type[Table], raw: Mapping[str, Any], loc: Loc, faults: list[Fault]) -> dict[str, str]:
     """Known key -> the key as it is written. Unknown keys are noted; they stand for one that their value fits."""
+    hints = _hints_of(cls)
     taken = {key: key for key in raw if key in hints}
     known = list(hints)
     for written in raw:
@@ -197,7 +197,7 @@ def _keys_as_meant(raw: Mapping[str, Any], hints: Mapping[str, Any], loc: Loc, f
             likely = meant_keys(str(written), known)
             fitting = (key for key in likely if _fits(hints[key], raw[written], (*loc, written)))
             meant = next(fitting, next((key for key in likely if misspelt(str(written), key)), ""))
-            faults.append(unknown_key((*loc, written), known, meant))
+            faults.append(unknown_key((*loc, written), cls.keys_beside(raw), meant))
             if meant:
                 taken.setdefault(meant, written)
     return taken

@@ -47,6 +47,7 @@ class Scene:
     former: Mapping[str, str] = field(
         default_factory=dict, repr=False
     )  # keys that the text calls by their former names, with these
+    kinds: Mapping[str, str] = field(default_factory=dict, repr=False)  # of the quantities of its values, by their paths
 
     @classmethod
     def build(cls, *, name: str = "scene", folder: SceneFolder | Path | str | None = None, **document: Any) -> Scene:
@@ -195,11 +196,11 @@ def _read(raw: Mapping[str, Any], name: str, folder: SceneFolder, *, source: str
 def _assembled(
     reading: Reading, name: str, folder: SceneFolder, former: Mapping[str, str], source: str | None = None, file: str | None = None
 ) -> Scene:
-    mechanism, simulation, faults = assemble(reading, name, folder)
-    if mechanism is None:
+    assembly, faults = assemble(reading, name, folder)
+    if assembly is None:
         ordered = in_file_order([*reading.faults, *faults], reading.raw)
         raise SceneError(file or name, [replace(fault, path=path_as_written(former, fault.path)) for fault in ordered])
-    return Scene(name, reading.document, mechanism, folder, simulation, source, former)
+    return Scene(name, reading.document, assembly.mechanism, folder, assembly.simulation, source, former, assembly.kinds)
 
 
 def _plain(value: Any) -> Any:

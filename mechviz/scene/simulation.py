@@ -17,9 +17,11 @@ from mechviz.scene.fields import (
 )
 from mechviz.scene.kinds.free_motion import TOLERANCE, FreeDocument, Method, StopDocument
 from mechviz.scene.kinds.friction import clearance_faults
-from mechviz.scene.kinds.joints import KINDS
+from mechviz.scene.names import (
+    known_pair,
+    known_place,
+)
 from mechviz.scene.recovery import Reading
-from mechviz.scene.references import known_pair, known_place
 
 _NEEDS_DRIVE = ("velocity_ratio", "mechanical_advantage")
 _STUDIES = ("plans", "polodes", "equivalent", "reduced", "shaking", "systems", "substitutes")
@@ -89,7 +91,7 @@ def simulation_spec(
     for pair, entry in document.joints.items():
         for k, s in enumerate(entry.stops):
             path = f"joints.{pair}.stops[{k}]"
-            at = convert.si(s.at, KINDS[entry.kind].driven or "angle", f"{path}.at")
+            at = convert.si(s.at, entry.coordinate, f"{path}.at")
             start = starts.get(pair)
             if start is not None and (start.start > at if s.side == "upper" else start.start < at):
                 beyond = "above" if s.side == "upper" else "below"
@@ -99,7 +101,7 @@ def simulation_spec(
     for name, w in document.watch.items():
         sort = "length"
         if w.pair is not None and w.pair in document.joints:
-            sort = KINDS[document.joints[w.pair].kind].driven or "angle"
+            sort = document.joints[w.pair].coordinate
         kind = _rate_kind(sort) if w.what == "velocity" else sort
         at = convert.si(w.at, kind, f"watch.{name}.at")
         point = None if w.point is None else points.get(w.point)

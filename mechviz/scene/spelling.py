@@ -6,7 +6,7 @@ report its consequences. A name that resembles nothing becomes ``Unknown``, whic
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import replace
 from difflib import SequenceMatcher
 from typing import Any, TypeVar
@@ -14,11 +14,14 @@ from typing import Any, TypeVar
 from mechviz.scene.document import Pose
 from mechviz.scene.faults import nearest
 from mechviz.scene.fields import Table, Unknown
-from mechviz.scene.kinds.joints import KINDS, PairDocument
-from mechviz.scene.kinds.loads import LoadDocument
+from mechviz.scene.kinds.joints.document import KINDS, PairDocument
+from mechviz.scene.kinds.loads.document import LoadDocument
+from mechviz.scene.names import (
+    link_names,
+    point_names,
+    points_of_pair,
+)
 from mechviz.scene.recovery import Reading
-from mechviz.scene.references import link_names, point_names, points_of_pair
-from mechviz.scene.units import QuantityError, parse
 
 T = TypeVar("T", bound=Table)
 
@@ -101,7 +104,7 @@ def _nearest_point(reading: Reading, link: str, point: str) -> str:
 
 
 def _pair_points(reading: Reading, name: str, pair: PairDocument) -> PairDocument:
-    if not pair.joins or len(pair.kinds) > 1:
+    if not pair.traits.joins or len(pair.kinds) > 1:
         return pair
     given = points_of_pair(name, pair)
     meant = [_nearest_point(reading, link, point) for link, point in zip(pair.links, given, strict=True)]
@@ -134,26 +137,3 @@ def touched_links(reading: Reading, name: str, pair: PairDocument) -> tuple[set[
         else:
             links.add(link)
     return links, sure
-
-
-def likely_sort(table: Table) -> str:
-    """ "length" if a value of a table is one with its unit, else "angle": for drives whose pair is not known."""
-    for text in _texts(table.model_dump(exclude_none=True, warnings=False)):
-        for kind in ("length", "linear speed"):
-            try:
-                parse(text, kind)
-            except QuantityError:
-                continue
-            return "length"
-    return "angle"
-
-
-def _texts(value: Any) -> Iterator[str]:
-    if isinstance(value, str):
-        yield value
-    elif isinstance(value, Mapping):
-        for inner in value.values():
-            yield from _texts(inner)
-    elif isinstance(value, list | tuple):
-        for inner in value:
-            yield from _texts(inner)

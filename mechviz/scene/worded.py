@@ -22,16 +22,6 @@ _SECTIONS = {"dynamics": "run", "drives": "joints"}
 """Parts of a mechanism that are called otherwise in a scene."""
 
 
-_OF_CAMS = {
-    "lift": "profile.lift", "base": "profile.base", "bed": "profile.bed", "sense": "profile.sense", "phase": "profile.phase",
-    "undercut": "profile.undercut", "guide": "follower.guide", "point": "follower.point", "second": "follower.second",
-    "left": "follower.face",
-}  # fmt: skip
-"""What a cam pair of the core states, in a scene; its face is one of `_FACES`."""
-
-_FACES = ("roller", "mushroom", "groove", "flat")
-
-
 @contextmanager
 def worded(scene: Scene) -> Iterator[None]:
     """Faults of the core that arise inside, in the words of the scene. Raises `MechanismError`."""
@@ -79,7 +69,7 @@ def document_path(document: SceneDocument, path: str) -> str:
     if section == "links" and rest and _split(place, rest)[0] is None:  # a link that a pair brings along
         found, place = "joints", document.joints
     if found == "joints":
-        rest = _of_cam(document, rest)
+        rest = _in_scene(document, rest)
     while rest:
         key, after = _split(place, rest)
         if key is None:
@@ -89,17 +79,13 @@ def document_path(document: SceneDocument, path: str) -> str:
     return found
 
 
-def _of_cam(document: SceneDocument, path: str) -> str:
-    """A path inside the pairs, with what a cam pair of the core calls otherwise as its scene calls it."""
+def _in_scene(document: SceneDocument, path: str) -> str:
+    """A path inside the joints, with what the core's joint calls otherwise as its scene calls it."""
     name, inner = _split(document.joints, path)
     pair = document.joints.get(name or "")
-    if pair is None or pair.kind != "cam":
+    if pair is None or pair.traits.core_path is None or not inner:
         return path
-    key, _, rest = inner.partition(".")
-    if key == "face" and pair.follower is not None:
-        stated = next((face for face in _FACES if getattr(pair.follower, face)), "")
-        return f"{name}.follower.{stated}"
-    return ".".join(filter(None, (name, _OF_CAMS.get(key, key), rest)))
+    return f"{name}.{pair.traits.core_path(pair, inner)}"
 
 
 def _split(place: Any, path: str) -> tuple[str | None, str]:

@@ -34,7 +34,7 @@ from mechviz.scene.units import magnitude
 
 if TYPE_CHECKING:
     from mechviz.scene.convert import Converter
-    from mechviz.scene.kinds.joints import PairDocument
+    from mechviz.scene.kinds.joints.document import PairDocument
 
 
 SOLIDS: tuple[Literal["barrel", "rib", "end", "globoid"], ...] = ("barrel", "rib", "end", "globoid")

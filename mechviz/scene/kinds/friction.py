@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from pydantic import PlainValidator, WithJsonSchema
@@ -17,7 +18,7 @@ from mechviz.scene.fields import Effort, Flag, Length, Quantity, Size, Speed, Ta
 if TYPE_CHECKING:
     from mechviz.scene.convert import Converter
     from mechviz.scene.document import SceneDocument
-    from mechviz.scene.kinds.joints import PairDocument
+    from mechviz.scene.kinds.joints.document import PairDocument
 
 
 MOST = 1000.0
@@ -79,112 +80,146 @@ class FrictionDefaults(Table):
     """Whether revolute pairs that do not say otherwise have the exact friction circle."""
 
 
-FRICTION_KEYS: Mapping[str, tuple[str, ...]] = {
-    "revolute": ("coefficient", "static", "stribeck", "radius", "exact", "brake"),
-    "prismatic": ("coefficient", "static", "stribeck", "length", "bearing", "offset", "height", "brake"),
-    "pin_slot": ("coefficient", "static", "stribeck", "radius"),
-    "cylinder": ("coefficient", "brake"),
-    "cam": ("coefficient", "radius"),
-    "rolling": ("lever",),
-    "gear": ("lever",),
-    "rack": ("lever",),
-}
-"""The keys of a pair's table of friction that go with each kind of pair."""
+@dataclass(frozen=True)
+class Rubbing:
+    """How a kind of joint rubs: the keys of its table of friction, what becomes of them in the core, and whether the scene's
+    defaults hold for it."""
 
-_LEVERS = ("rolling", "gear", "rack")
-_OF_ITS_OWN = (*_LEVERS, "cylinder", "cam")  # the scene's defaults do not hold for these
+    keys: tuple[str, ...]
+    make: Callable[[_Table], Friction | None]
+    defaults: bool = True
 
 
-def friction_faults(kind: str, words: str, table: FrictionDocument) -> list[tuple[str, str, str]]:
-    """What does not fit in the table of a pair, each (key, message, remedy)."""
-    known = FRICTION_KEYS.get(kind, ())
-    if not known:
-        return []  # the pair itself refuses the table
+@dataclass(frozen=True)
+class _Table:
+    """The table of friction of a joint, with the scene's own."""
+
+    path: str
+    own: FrictionDocument
+    default: FrictionDefaults
+    stated: bool  # it has a table of its own
+    convert: Converter
+
+    def sound(self, *keys: str) -> bool:
+        """Whether these keys could be read, of both tables."""
+        return self.own.sound(*keys) and self.default.sound(*keys)
+
+    def note(self, key: str, message: str, remedy: str) -> None:
+        self.convert.note(f"{self.path}.{key}" if key else self.path, message, remedy)
+
+    def si(self, key: str, kind: str = "length", fallback: float | str | None = None) -> float:
+        """A value in SI, that of the scene's table where the joint has none; 0 where neither has."""
+        value = getattr(self.own, key)
+        if value is not None:
+            return self.convert.si(value, kind, f"{self.path}.{key}")
+        return 0.0 if fallback is None else self.convert.si(fallback, kind, f"friction.{key}")
+
+    def sliding(self, brake: float, *, only_brake: bool = False) -> dict[str, Any] | None:
+        """Coefficients and Stribeck speed of sliding surfaces; none where there is a brake only, or nothing."""
+        own, coefficient = self.own, self.own.coefficient if self.own.coefficient is not None else self.default.coefficient
+        if own.stribeck is not None and coefficient is None and self.sound("coefficient"):
+            self.note("stribeck", "there is no coefficient of sliding to which the curve falls.", "Add coefficient = 0.1.")
+        if brake and (coefficient is None or only_brake):
+            return None
+        if coefficient is None:
+            if self.stated and self.sound("coefficient"):
+                remedy = "Add coefficient = 0.1 here, or [friction] with a coefficient for all joints."
+                self.note("", "'coefficient' is missing.", remedy)
+            return None
+        static = own.static or 0.0
+        if static and static < coefficient and own.sound("static", "coefficient"):
+            why = f"{static:g} is less than the coefficient of sliding, {coefficient:g}."
+            self.note("static", why, "Give at least as much, or leave it out.")
+        stribeck = self.si("stribeck", "linear speed")
+        if own.stribeck is not None and not static > coefficient and own.sound("static", "coefficient", "stribeck"):
+            why = f"the curve falls from static to {coefficient:g}, and static is {'no greater' if static else 'missing'}."
+            self.note("stribeck", why, f"Add static = {1.5 * coefficient:g}, or leave stribeck out.")
+        return {"coefficient": coefficient, "static": static, "stribeck": stribeck}
+
+
+def _pin(t: _Table) -> Friction | None:
+    brake = t.si("brake", "torque")
+    found = t.sliding(brake, only_brake=t.own.radius is None and t.default.radius is None)
+    if found is None:
+        return Friction(brake=brake) if brake else None
+    radius = t.si("radius", fallback=t.default.radius)
+    if not radius:
+        if t.stated and found["coefficient"] and t.sound("radius"):
+            remedy = 'Add radius = "5 mm", the radius of the pin, here or in [friction].'
+            t.note("", "'radius' is missing: friction in a pin acts at its radius.", remedy)
+        return None
+    exact = t.default.exact if t.own.exact is None else t.own.exact
+    return Friction(**found, radius=radius, exact=exact, brake=brake)
+
+
+def _pin_in_slot(t: _Table) -> Friction | None:
+    found = t.sliding(0.0)
+    return None if found is None else Friction(**found, radius=t.si("radius"))
+
+
+def _slider(t: _Table) -> Friction | None:
+    brake = t.si("brake", "force")
+    found = t.sliding(brake)
+    if found is None:
+        return Friction(brake=brake) if brake else None
+    bearing = t.si("length", fallback=t.default.length)
+    for key in ("offset", "height", "bearing"):
+        if not bearing and getattr(t.own, key) is not None and t.sound("length"):
+            t.note(key, "without a length of the bearing it has no meaning.", 'Add length = "60 mm", the length of the bearing.')
+    return Friction(
+        **found,
+        length=bearing,
+        bearing=t.own.bearing or "slider",
+        offset=t.si("offset"),
+        height=t.si("height"),
+        brake=brake,
+    )
+
+
+def _seals(t: _Table) -> Friction | None:
+    if t.own.coefficient is None and t.own.brake is None and t.own.sound("coefficient", "brake"):
+        remedy = 'Add brake = "80 N", the friction of the seals, or coefficient = 0.05 of the driving force.'
+        t.note("", "neither 'coefficient' nor 'brake' is there.", remedy)
+    return Friction(coefficient=t.own.coefficient or 0.0, brake=t.si("brake", "force"))
+
+
+def _roller(t: _Table) -> Friction | None:
+    if t.own.coefficient is None:
+        if t.own.sound("coefficient"):
+            t.note("", "'coefficient' is missing.", "Add coefficient = 0.1.")
+        return None
+    return Friction(coefficient=t.own.coefficient, radius=t.si("radius"))
+
+
+_SLIDING = ("coefficient", "static", "stribeck")
+PIN = Rubbing((*_SLIDING, "radius", "exact", "brake"), _pin)
+PIN_IN_SLOT = Rubbing((*_SLIDING, "radius"), _pin_in_slot)
+SLIDER = Rubbing((*_SLIDING, "length", "bearing", "offset", "height", "brake"), _slider)
+SEALS = Rubbing(("coefficient", "brake"), _seals, defaults=False)
+ROLLER = Rubbing(("coefficient", "radius"), _roller, defaults=False)
+LEVER = Rubbing(("lever",), lambda t: Friction(lever=t.si("lever")), defaults=False)
+
+
+def friction_faults(rubs: Rubbing, words: str, table: FrictionDocument) -> list[tuple[str, str, str]]:
+    """What does not fit in the table of a joint, each (key, message, remedy); ``words``: what the joint is called."""
     found = []
     for key in table.model_fields_set:
-        if key not in known and getattr(table, key) is not None:
-            remedy = f"Known here: {', '.join(known)}."
+        if key not in rubs.keys and getattr(table, key) is not None:
+            remedy = f"Known here: {', '.join(rubs.keys)}."
             found.append(("friction", f"{key} does not go with the friction of {words}.", remedy))
-    if kind in _LEVERS and table.lever is None and table.sound("lever") and not found:
+    if rubs is LEVER and table.lever is None and table.sound("lever") and not found:
         found.append(("friction", "'lever' is missing.", 'Add lever = "0.5 mm": the arm of the force across the contact.'))
     return found
 
 
 def friction_spec(
-    path: str, kind: str, table: FrictionDocument | None, defaults: FrictionDefaults | None, convert: Converter
+    rubs: Rubbing, path: str, table: FrictionDocument | None, defaults: FrictionDefaults | None, convert: Converter
 ) -> Friction | None:
-    """The core's friction of a pair, what its own table leaves out taken from the scene's; None where there is none."""
-    if kind not in FRICTION_KEYS or (table is None and (defaults is None or kind in _OF_ITS_OWN)):
+    """The core's friction of a joint, what its own table leaves out taken from the scene's; None where there is none."""
+    if table is None and (defaults is None or not rubs.defaults):
         return None
     own, default = table or FrictionDocument(), defaults or FrictionDefaults()
-
-    def length(key: str, fallback: float | str | None = None, at: str = f"{path}.friction") -> float:
-        value = getattr(own, key)
-        if value is not None:
-            return convert.si(value, "length", f"{at}.{key}")
-        return 0.0 if fallback is None else convert.si(fallback, "length", f"friction.{key}")
-
-    if kind in _LEVERS:
-        return Friction(lever=length("lever"))
-    if kind == "cam":
-        if own.coefficient is None:
-            if own.sound("coefficient"):
-                convert.note(f"{path}.friction", "'coefficient' is missing.", "Add coefficient = 0.1.")
-            return None
-        return Friction(coefficient=own.coefficient, radius=length("radius"))
-    if kind == "cylinder":
-        seals = 0.0 if own.brake is None else convert.si(own.brake, "force", f"{path}.friction.brake")
-        if own.coefficient is None and own.brake is None and own.sound("coefficient", "brake"):
-            remedy = 'Add brake = "80 N", the friction of the seals, or coefficient = 0.05 of the driving force.'
-            convert.note(f"{path}.friction", "neither 'coefficient' nor 'brake' is there.", remedy)
-        return Friction(coefficient=own.coefficient or 0.0, brake=seals)
-    coefficient = own.coefficient if own.coefficient is not None else default.coefficient
-    effort = "torque" if kind == "revolute" else "force"
-    brake = 0.0 if own.brake is None else convert.si(own.brake, effort, f"{path}.friction.brake")
-    if own.stribeck is not None and coefficient is None and own.sound("coefficient") and default.sound("coefficient"):
-        convert.note(
-            f"{path}.friction.stribeck", "there is no coefficient of sliding to which the curve falls.", "Add coefficient = 0.1."
-        )
-    if brake and (coefficient is None or (kind == "revolute" and own.radius is None and default.radius is None)):
-        return Friction(brake=brake)
-    if coefficient is None:
-        if table is not None and own.sound("coefficient") and default.sound("coefficient"):
-            remedy = "Add coefficient = 0.1 here, or [friction] with a coefficient for all joints."
-            convert.note(f"{path}.friction", "'coefficient' is missing.", remedy)
-        return None
-    static = own.static or 0.0
-    if static and static < coefficient and own.sound("static", "coefficient"):
-        why = f"{static:g} is less than the coefficient of sliding, {coefficient:g}."
-        convert.note(f"{path}.friction.static", why, "Give at least as much, or leave it out.")
-    stribeck = 0.0 if own.stribeck is None else convert.si(own.stribeck, "linear speed", f"{path}.friction.stribeck")
-    if own.stribeck is not None and not static > coefficient and own.sound("static", "coefficient", "stribeck"):
-        why = f"the curve falls from static to {coefficient:g}, and static is {'no greater' if static else 'missing'}."
-        convert.note(f"{path}.friction.stribeck", why, f"Add static = {1.5 * coefficient:g}, or leave stribeck out.")
-    common: dict[str, Any] = {"coefficient": coefficient, "static": static, "stribeck": stribeck}
-    if kind == "revolute":
-        radius = length("radius", default.radius)
-        if not radius:
-            if table is not None and coefficient and own.sound("radius") and default.sound("radius"):
-                remedy = 'Add radius = "5 mm", the radius of the pin, here or in [friction].'
-                convert.note(f"{path}.friction", "'radius' is missing: friction in a pin acts at its radius.", remedy)
-            return None
-        exact = default.exact if own.exact is None else own.exact
-        return Friction(**common, radius=radius, exact=exact, brake=brake)
-    if kind == "pin_slot":
-        return Friction(**common, radius=length("radius"))
-    bearing = length("length", default.length)
-    for key in ("offset", "height", "bearing"):
-        if not bearing and getattr(own, key) is not None and own.sound("length") and default.sound("length"):
-            remedy = 'Add length = "60 mm", the length of the bearing.'
-            convert.note(f"{path}.friction.{key}", "without a length of the bearing it has no meaning.", remedy)
-    return Friction(
-        **common,
-        length=bearing,
-        bearing=own.bearing or "slider",
-        offset=length("offset"),
-        height=length("height"),
-        brake=brake,
-    )
+    return rubs.make(_Table(f"{path}.friction", own, default, table is not None, convert))
 
 
 def idle_effect(effects: list[Any], pairs: Mapping[str, PairDocument], found: list[Friction | None], convert: Converter) -> None:
@@ -193,7 +228,7 @@ def idle_effect(effects: list[Any], pairs: Mapping[str, PairDocument], found: li
         rubbing = [f"joints.{name}" for name, pair in pairs.items() if pair.friction is not None]
         if any(f.path == at or f.path.startswith((f"{at}.", f"{at}[")) for f in convert.faults for at in rubbing):
             return  # a pair with friction is faulty itself
-        first = next((name for name, pair in pairs.items() if pair.kind in FRICTION_KEYS), "")
+        first = next((name for name, pair in pairs.items() if pair.traits.rubs is not None), "")
         where = f"joints.{first}" if first else "a pair"
         remedy = f'Write friction = {{ coefficient = 0.1, radius = "5 mm" }} at {where}, or leave friction out.'
         convert.note("effects", "friction is named, but no pair has any.", remedy)

@@ -36,9 +36,6 @@ if set(get_args(PlanName)) != set(PLANS):
     raise ImportError("mechviz.scene.kinds.studies.PlanName and mechcore.spec.mechanism.PLANS name different plans")
 
 
-_HIGHER = ("cam", "gear", "rack", "pin_slot")  # pairs that have an equivalent linkage
-
-
 class SystemDocument(Table):
     """The loads on one link as a force system: reduced to a point, to its resultant, and drawn with its funicular polygon."""
 
@@ -125,7 +122,7 @@ def check_studies(document: SceneDocument, links: Mapping[str, list[str] | None]
         yield Fault(f"plans[{document.plans.index('force')}]", "a force plan of a scene without any force.", remedy)
     for k, name in enumerate(document.polodes):
         yield from _link(f"polodes[{k}]", name, links, complete, document.frame)
-    fitting = [name for name, pair in document.joints.items() if pair.kinds[:1] and pair.kinds[0] in _HIGHER]
+    fitting = [name for name, pair in document.joints.items() if pair.kinds and pair.traits.higher]
     for k, name in enumerate(document.equivalent):
         if not complete or not is_whole(name) or name in fitting:
             continue

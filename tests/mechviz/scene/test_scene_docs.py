@@ -14,8 +14,10 @@ from mechcore.spec.mechanism import EFFECTS
 from mechviz.scene.document import LinkDocument, SceneDocument
 from mechviz.scene.kinds.drives import DriveDocument
 from mechviz.scene.kinds.friction import ClearanceDocument, FrictionDefaults, FrictionDocument
-from mechviz.scene.kinds.joints import PairDocument
-from mechviz.scene.kinds.loads import LoadDocument
+from mechviz.scene.kinds.joints.document import KINDS as JOINTS
+from mechviz.scene.kinds.joints.document import PairDocument
+from mechviz.scene.kinds.loads.document import KINDS as LOADS
+from mechviz.scene.kinds.loads.document import LoadDocument
 from mechviz.scene.kinds.signals import ChirpDocument, RampDocument, SineDocument, StepDocument
 
 PAGE = Path(__file__).resolve().parents[3] / "docs" / "scenes.md"
@@ -76,6 +78,14 @@ def test_every_package_of_the_wheel_tells_that_it_has_types():
     root = PAGE.parent.parent
     wheel = tomllib.loads((root / "pyproject.toml").read_text(encoding="utf-8"))["tool"]["hatch"]["build"]["targets"]["wheel"]
     assert [package for package in wheel["packages"] if not (root / package / "py.typed").is_file()] == []
+
+
+@pytest.mark.parametrize(("table", "kinds"), [(PairDocument, JOINTS), (LoadDocument, LOADS)])
+def test_every_kind_has_an_example_that_is_valid_and_its_keys_exist(table, kinds):
+    for keyword, kind in kinds.items():
+        entry = table.model_validate(tomllib.loads(f"entry = {kind.example}")["entry"])
+        assert entry.kinds == [keyword]
+        assert set(kind.needs) <= set(kind.keys) <= set(table.model_fields)
 
 
 def test_every_key_of_the_format_is_on_the_page():

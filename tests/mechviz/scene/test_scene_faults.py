@@ -164,7 +164,7 @@ CASES = [
     ("loads/P/at", REMOVED, "loads.P", "'at' is missing", "Points of 'rocker': 'D', 'C'."),
     ("loads/P/axes", "global", "loads.P.axes", "'global' is not one of 'world', 'link'.", "one of these"),
     ("loads/P/torque", 5, "loads.P", "the load has force and torque at once.", "Keep one"),
-    ("loads/P/force", REMOVED, "loads.P", "the load has none of force, torque, spring,", "Give one"),
+    ("loads/P/force", REMOVED, "loads.P", "the load has none of force, torque, actuator, spring,", "Give one"),
     ("loads/P/force", [1, "5 N m"], "loads.P.force[1]", "'5 N m' is a torque, a force is wanted.", "'150 N'"),
     ("loads/M/at", "B", "loads.M.at", "at does not go with a torque", "Leave out at."),
     ("loads/M/torque", "5 Nm", "loads.M.torque", "unknown unit 'Nm'", "'N m'"),

@@ -118,6 +118,11 @@ def test_a_cam_is_judged_by_a_force():
     assert found["joints.K.rating.margin"] == "N" and found["joints.K.rating.width"] == "mm"
 
 
+def test_the_base_of_an_inverse_cam_is_an_angle_where_its_follower_swings():
+    for name in ("cam-inverse", "cam-inverse-slide"):
+        assert next(p.unit for p in find_parameters(scene.load(name)) if p.key == "joints.K.profile.base") == "°"
+
+
 def test_a_length_is_shown_positive_whichever_way_its_point_lies():
     loaded = scene.load("toggle-clamp")
     lever = next(p for p in find_parameters(loaded) if p.label == "lever O–B")

@@ -1,0 +1,128 @@
+"""What every kind of joint states of itself, and what it is given to become a joint of the core."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Literal
+
+from mechcore.errors import Fault
+from mechcore.spec.mechanism import Friction, Pair, Vec2
+from mechviz.scene.convert import Converter
+from mechviz.scene.kinds.friction import Rubbing, friction_spec
+from mechviz.scene.names import points_of_pair
+
+if TYPE_CHECKING:
+    from mechviz.scene.document import SceneDocument
+    from mechviz.scene.kinds.joints.document import PairDocument
+    from mechviz.scene.placement import Placement
+    from mechviz.scene.recovery import Reading
+
+
+@dataclass(frozen=True)
+class JointKind:
+    """A kind of joint: all that is known of its keyword, from the words for it to the joint of the core."""
+
+    words: str  # in a sentence
+    example: str  # an entry of [joints] in TOML
+    make: Callable[[JointMaker], Pair | None]  # the core's joint; None where too little of it is left
+    keys: tuple[str, ...] = ()  # that go with it
+    needs: Mapping[str, str] = field(default_factory=dict)  # those without a default, with an example of each
+    modes: tuple[str, ...] = ()  # those that choose an assembly mode
+    synonyms: tuple[str, ...] = ()  # what people call it elsewhere
+    instead: Mapping[str, str] = field(default_factory=dict)  # key of another kind -> what was probably meant by it
+    driven: Literal["angle", "length", ""] = ""  # what a drive on it prescribes
+    undriven: str = ""  # what to drive instead, where a drive makes no sense
+    viscous: Literal["damping", "torsional damping", ""] = ""  # of viscous friction in it; none where it does not move
+    rubs: Rubbing | None = None  # how it rubs
+    joins: bool = True  # it holds points of its links together; the others tie motions of links that joints hold already
+    places: bool = True  # it places one of its links by the other
+    coincide: bool = False  # the two points are one place
+    parallel: bool = False  # the two links keep a constant angle
+    pose: bool = False  # free, it has x, y and angle instead of one coordinate
+    own_mode: bool = False  # its drive does not decide the assembly mode
+    higher: bool = False  # there is an equivalent linkage of lower pairs
+    parts: Mapping[str, tuple[str, ...]] = field(default_factory=dict)  # section -> links and joints that it brings along
+    one_of: tuple[str, ...] = ()  # keys of which exactly one is given
+    check: Callable[[Reading, str, PairDocument], Iterator[Fault]] | None = None  # faults of the names at a path that it refers to
+    core_path: Callable[[PairDocument, str], str] | None = None  # a path inside the core's joint -> inside the scene's
+
+
+class JointMaker:
+    """A joint of a scene with what surrounds it, its values in SI units."""
+
+    def __init__(self, name: str, pair: PairDocument, document: SceneDocument, placement: Placement, convert: Converter):
+        self.name, self.pair, self.document, self.placement, self.convert = name, pair, document, placement, convert
+        self.path = f"joints.{name}"
+
+    @property
+    def points(self) -> tuple[str, str]:
+        return points_of_pair(self.name, self.pair)
+
+    @property
+    def guide(self) -> Literal[0, 1]:
+        return 1 if self.pair.guide == self.pair.links[1] else 0
+
+    @property
+    def along(self) -> Vec2:
+        """Direction of the guide in the frame of its link."""
+        if self.pair.along is None:
+            return (1.0, 0.0)
+        a, b = self.pair.along
+        if not (isinstance(a, str) and isinstance(b, str)):
+            return (float(a), float(b))
+        places = self.placement.points.get(self.pair.links[self.guide], {})
+        pa, pb = places.get(a, (0.0, 0.0)), places.get(b, (1.0, 0.0))
+        if a not in places or b not in places:
+            return (1.0, 0.0)
+        if pa == pb:
+            self.convert.note(
+                f"{self.path}.along",
+                f"'{a}' and '{b}' are at the same place.",
+                "Name two different points, or write a direction such as [1, 0].",
+            )
+        return (pb[0] - pa[0], pb[1] - pa[1])
+
+    @property
+    def angle(self) -> float:
+        """Constant angle from the first link's frame to the second's: stated, as drawn, or zero [rad]."""
+        if self.pair.angle is not None:
+            return self.convert.si(self.pair.angle, "angle", f"{self.path}.angle")
+        return drawn_angle(self.pair, self.placement)
+
+    @property
+    def ends(self) -> Vec2 | None:
+        """Least and greatest coordinate [m]; None where none are stated."""
+        given, path = self.pair.length, f"{self.path}.length"
+        if given is None:
+            return None
+        if not isinstance(given, list):
+            return 0.0, self.convert.si(given, "length", path)
+        low, high = self.convert.row(given, "length", path)
+        if low >= high and self.convert.certain("length"):
+            self.convert.note(path, "it ends where it begins, or before.", "Write [from, to], the greater coordinate last.")
+        return low, high
+
+    @property
+    def radius(self) -> float:
+        if self.pair.radius is None:  # noted where the pair was read
+            return math.nan
+        return self.convert.si(self.pair.radius, "length", f"{self.path}.radius")
+
+    @property
+    def side(self) -> Literal["left", "right"]:
+        return self.pair.side or "left"
+
+    @property
+    def friction(self) -> Friction | None:
+        rubs = self.pair.traits.rubs
+        return None if rubs is None else friction_spec(rubs, self.path, self.pair.friction, self.document.friction, self.convert)
+
+
+def drawn_angle(pair: PairDocument, placement: Placement) -> float:
+    """The angle from the first link's frame to the second's as they are drawn [rad]; 0 where they are not."""
+    if not placement.drawn.issuperset(pair.links):
+        return 0.0
+    first, second = (placement.poses[link][2] for link in pair.links)
+    return math.remainder(second - first, 2.0 * math.pi)

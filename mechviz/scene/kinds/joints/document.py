@@ -1,0 +1,206 @@
+"""A joint of a scene document: one of the kinds with the keys that go with it; and what it is in the core.
+
+To add a kind: its keyword and keys, what becomes of it in the core and its entry in a module of this folder.
+"""
+
+from __future__ import annotations
+
+import cmath
+from collections.abc import Iterable, Iterator, Mapping
+from typing import TYPE_CHECKING, Any, Literal
+
+from pydantic import Field, model_validator
+
+from mechcore.errors import Fault
+from mechcore.spec.mechanism import Pair
+from mechviz.scene.convert import Converter
+from mechviz.scene.fields import Direction, OneOrTwoNames, Table, one_of, refuse
+from mechviz.scene.kinds.drives import DriveDocument
+from mechviz.scene.kinds.free_motion import FreeDocument, StopDocument
+from mechviz.scene.kinds.friction import FrictionDocument, friction_faults
+from mechviz.scene.kinds.joints.base import JointKind, JointMaker, drawn_angle
+from mechviz.scene.kinds.joints.cam import CAMS, CamKeys
+from mechviz.scene.kinds.joints.lower import LOWER, LowerKeys
+from mechviz.scene.kinds.joints.wheels import WHEELS, WheelKeys
+from mechviz.scene.names import link_names
+
+if TYPE_CHECKING:
+    from mechviz.scene.document import SceneDocument
+    from mechviz.scene.placement import Placement
+    from mechviz.scene.recovery import Reading
+
+
+KINDS: Mapping[str, JointKind] = {**LOWER, **WHEELS, **CAMS}
+"""The kinds of joints by their keywords."""
+
+_MODES = ("side", "assembly", "branch")
+
+
+class CommonKeys(Table):
+    """The keys of joints of several kinds."""
+
+    at: OneOrTwoNames | None = None
+    """Name of the joined point, or [point of the first link, point of the second]. Default: the pair's name.
+    Planar: the second link's point whose place x, y is told. Default: the origin of its frame."""
+    along: Direction | None = None
+    """Direction of the guide, slot or edge in the frame of its link. Default [1, 0]."""
+    side: Literal["left", "right"] | None = None
+    """Assembly mode: the pin lies on this side of the line from the first link's other pin to the second link's.
+    Rolling, rack: the wheel or pinion lies on this side of the edge or guide, looking along it. Default left."""
+    assembly: Literal["open", "crossed"] | None = None
+    """Assembly mode of a four-bar, said of the pin between coupler and rocker."""
+    branch: Literal["ahead", "behind"] | None = None
+    """Assembly mode of a group with a sliding pair: further along the guide's direction, or further back."""
+    friction: FrictionDocument | None = None
+    """Dry friction in this pair, where `effects` names friction."""
+    drive: DriveDocument | None = None
+    """Prescribed motion of this pair."""
+    free: FreeDocument | None = None
+    """Instead of a drive: forces decide the motion of this pair, which starts as stated."""
+    stops: list[StopDocument] = Field(default=[])
+    """End stops of this pair, where something is free."""
+
+
+class PairDocument(CommonKeys, CamKeys, WheelKeys, LowerKeys):
+    """A kinematic pair between two links."""
+
+    @classmethod
+    def keys_beside(cls, raw: Mapping[str, Any]) -> list[str]:
+        """The keys that go with the kind of a table of plain data; all, the keywords first, where its kind is not clear."""
+        kinds = [kind for kind in KINDS if kind in raw]
+        if len(kinds) == 1:
+            return [kinds[0], *KINDS[kinds[0]].keys]
+        return [*KINDS, *(key for key in cls.model_fields if key not in KINDS)]
+
+    @property
+    def kinds(self) -> list[str]:
+        """The kinds that are given: one, in a pair that is not faulty."""
+        return [kind for kind in KINDS if getattr(self, kind) is not None]
+
+    @property
+    def kind(self) -> str:
+        return self.kinds[0]
+
+    @property
+    def traits(self) -> JointKind:
+        """What is known of its kind."""
+        return KINDS[self.kind]
+
+    @property
+    def links(self) -> tuple[str, str]:
+        """The names of the two links."""
+        first, second = getattr(self, self.kind)
+        return first, second
+
+    @property
+    def led(self) -> bool:
+        """Whether its coordinate decides the configuration: it has a drive, or is free."""
+        return self.drive is not None or self.free is not None
+
+    @property
+    def coordinate(self) -> Literal["angle", "length"]:
+        """What a drive on it prescribes."""
+        return self.traits.driven or "angle"
+
+    @property
+    def mode(self) -> str | None:
+        """The assembly mode, whichever way it is said; the side of a wheel on its edge is none."""
+        return next((mode for key in self.traits.modes if (mode := getattr(self, key)) is not None), None)
+
+    @model_validator(mode="after")
+    def _one_pair(self) -> PairDocument:
+        found: list[tuple[str, str, str]] = one_of(self, tuple(KINDS), "the pair")
+        refuse([*found, *self._two_modes(_MODES)] if found else [])
+        kind = self.traits
+        if self.links[0] == self.links[1]:
+            found.append((self.kind, f"joins '{self.links[0]}' to itself.", "Name two different links."))
+        for key in sorted(self.model_fields_set - set(KINDS), key=list(PairDocument.model_fields).index):
+            if key not in kind.keys and getattr(self, key) not in (None, False, []):
+                found.append((key, f"{key} does not go with {kind.words}.", _instead(kind, key)))
+        for key, example in kind.needs.items():
+            if getattr(self, key) is None:
+                found.append(("", f"'{key}' is missing.", f"Add {key} = {example}."))
+        for key in self.free.strangers(kind.pose) if self.free is not None else ():
+            known = "x, y, angle, vx, vy and omega" if kind.pose else "position and speed"
+            found.append(("free", f"{key} does not go with {kind.words}.", f"Its start has {known}."))
+        if self.friction is not None and kind.rubs is not None:
+            found += friction_faults(kind.rubs, kind.words, self.friction)
+        if kind.one_of:
+            found += one_of(self, kind.one_of, f"the {kind.words.removeprefix('a ')}")
+        modes = [key for key in kind.modes if getattr(self, key) is not None]
+        found += self._two_modes(modes)
+        if self.led and modes and not kind.own_mode:
+            what = "a driven pair, whose position the drive" if self.drive is not None else "a free pair, whose position its start"
+            found.append((modes[0], f"{modes[0]} on {what} decides.", f"Leave out {modes[0]}."))
+        if self.drive is not None and self.free is not None:
+            found.append(("free", "free and drive at once: either forces or the drive decide the motion.", "Keep one of them."))
+        refuse(found)
+        return self
+
+    def _two_modes(self, keys: Iterable[str]) -> list[tuple[str, str, str]]:
+        """The fault of several modes among these keys."""
+        modes = [key for key in keys if getattr(self, key) is not None]
+        if len(modes) < 2:
+            return []
+        return [(modes[1], f"{' and '.join(modes)} at once: both choose the assembly mode.", "Keep one of them.")]
+
+
+def _instead(kind: JointKind, key: str) -> str:
+    """What to do about a key that does not go with a kind of joint."""
+    if key in ("drive", "free"):
+        return kind.undriven
+    if key in _MODES and "branch" in kind.keys:
+        return "Write branch = 'ahead' or 'behind' instead."
+    if key in _MODES and "side" in kind.keys:
+        return "Write side = 'left' or 'right' instead."
+    return kind.instead.get(key, "Leave it out.")
+
+
+def check_joints(reading: Reading) -> Iterator[Fault]:
+    """Faults of the names that joints refer to beside their links and points, and of the parts that they bring along."""
+    taken = {"links": link_names(reading), "joints": list(reading.document.joints)}
+    for name, pair in reading.document.joints.items():
+        if len(pair.kinds) > 1:
+            continue
+        if pair.traits.check is not None:
+            yield from pair.traits.check(reading, f"joints.{name}", pair)
+        for section, parts in pair.traits.parts.items():
+            for part in parts:
+                if f"{name}.{part}" in taken[section]:
+                    yield Fault(
+                        f"{section}.{name}.{part}",
+                        f"the {pair.kind} '{name}' brings along a part of this name.",
+                        f"Rename the {section[:-1]} or the {pair.kind}.",
+                    )
+
+
+def pair_spec(name: str, pair: PairDocument, document: SceneDocument, placement: Placement, convert: Converter) -> Pair | None:
+    """The core's pair; faults of its values are noted. None where too little of it is left."""
+    return pair.traits.make(JointMaker(name, pair, document, placement, convert))
+
+
+def drawn_place(pair: PairDocument, placement: Placement) -> tuple[float, float, float]:
+    """The coordinates x, y [m] and angle [rad] of a planar pair as its links are drawn; 0 where they are not."""
+    first, second = pair.links
+    if not placement.drawn.issuperset(pair.links):
+        return 0.0, 0.0, 0.0
+    (x1, y1, a1), (x2, y2, _) = placement.poses[first], placement.poses[second]
+    turned = drawn_angle(pair, placement)
+    point = pair.at if isinstance(pair.at, str) else ""
+    own = complex(*placement.points.get(second, {}).get(point, (0.0, 0.0)))
+    z = complex(x2 - x1, y2 - y1) * cmath.exp(-1j * a1) + own * cmath.exp(1j * turned)
+    return z.real, z.imag, turned
+
+
+def modes_of(document: SceneDocument) -> dict[str, str]:
+    """Assembly modes by the name that the core knows the pair by.
+
+    The side of a cylinder is that of its eye. A cylinder that nothing drives has a positive length, never the other branch.
+    """
+    modes = {}
+    for name, pair in document.joints.items():
+        if pair.traits.own_mode and not pair.led:
+            modes[name] = "ahead"
+        if pair.mode is not None:
+            modes[f"{name}.eye" if pair.traits.own_mode else name] = pair.mode
+    return modes

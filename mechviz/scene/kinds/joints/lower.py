@@ -1,0 +1,151 @@
+"""Joints that hold points of their links together: pins, guides, welds, pins in slots, cylinders; and free bodies."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+from pydantic import Discriminator, Field, Tag
+
+from mechcore.spec.mechanism import Cylinder, Pair, PinSlot, Planar, Prismatic, Revolute, Weld
+from mechviz.scene.fields import Angle, Length, Size, Table, Text, TwoNames, value_or_list
+from mechviz.scene.kinds.friction import PIN, PIN_IN_SLOT, SEALS, SLIDER, ClearanceDocument
+from mechviz.scene.kinds.joints.base import JointKind, JointMaker
+
+TwoEnds = Annotated[list[Length], Field(min_length=2, max_length=2)]
+Ends = Annotated[Annotated[Size, Tag("<value>")] | Annotated[TwoEnds, Tag("<list>")], Discriminator(value_or_list)]
+
+MOTION = ("friction", "drive", "free", "stops")
+
+
+class LowerKeys(Table):
+    """The keywords of these joints, and the keys that only they have."""
+
+    revolute: TwoNames | None = None
+    """The two links that a pin joins."""
+    prismatic: TwoNames | None = None
+    """The two links of which one slides along the other."""
+    weld: TwoNames | None = None
+    """The two links that are joined rigidly."""
+    pin_slot: TwoNames | None = None
+    """The two links of which one has a straight slot for a pin of the other."""
+    cylinder: TwoNames | None = None
+    """The two links between which a cylinder (hydraulic, electric ...) is pinned."""
+    planar: TwoNames | None = None
+    """The two links of which the second moves freely in the plane of the first: a free body."""
+    guide: Text | None = None
+    """Prismatic, pin in slot: the link that carries the guide or slot. Default: the first."""
+    length: Ends | None = None
+    """Pin in slot, prismatic: how far the pin or slider can go along the slot or guide from its point, or [from, to]; cylinder: its
+    greatest length, or [least, greatest]. Prescribed motion beyond is refused, free motion meets an end stop there. Default: no
+    ends."""
+    angle: Angle | None = None
+    """Prismatic, weld: constant angle from the first link's frame to the second's. Default 0, or as drawn."""
+    clearance: ClearanceDocument | None = None
+    """Revolute: clearance between journal and bearing, whose motion forces decide."""
+
+
+def _revolute(m: JointMaker) -> Pair:
+    return Revolute(name=m.name, links=m.pair.links, points=m.points, friction=m.friction)
+
+
+def _prismatic(m: JointMaker) -> Pair:
+    return Prismatic(
+        name=m.name,
+        links=m.pair.links,
+        points=m.points,
+        along=m.along,
+        guide=m.guide,
+        angle=m.angle,
+        ends=m.ends,
+        friction=m.friction,
+    )
+
+
+def _weld(m: JointMaker) -> Pair:
+    return Weld(name=m.name, links=m.pair.links, points=m.points, angle=m.angle)
+
+
+def _pin_slot(m: JointMaker) -> Pair:
+    return PinSlot(name=m.name, links=m.pair.links, points=m.points, along=m.along, guide=m.guide, ends=m.ends, friction=m.friction)
+
+
+def _cylinder(m: JointMaker) -> Pair:
+    return Cylinder(name=m.name, links=m.pair.links, points=m.points, ends=m.ends, friction=m.friction)
+
+
+def _planar(m: JointMaker) -> Pair:
+    return Planar(name=m.name, links=m.pair.links, point=m.pair.at if isinstance(m.pair.at, str) else None)
+
+
+LOWER = {
+    "revolute": JointKind(
+        words="a revolute pair",
+        example='{ revolute = ["frame", "crank"], drive = { speed = "60 rpm" } }',
+        make=_revolute,
+        keys=("at", "side", "assembly", "branch", "clearance", *MOTION),
+        modes=("side", "assembly", "branch"),
+        synonyms=("hinge", "pin"),
+        driven="angle",
+        viscous="torsional damping",
+        rubs=PIN,
+        coincide=True,
+    ),
+    "prismatic": JointKind(
+        words="a prismatic pair",
+        example='{ prismatic = ["frame", "piston"], at = ["O", "P"], along = [1, 0] }',
+        make=_prismatic,
+        keys=("at", "along", "guide", "angle", "length", "branch", *MOTION),
+        modes=("branch",),
+        driven="length",
+        viscous="damping",
+        rubs=SLIDER,
+        parallel=True,
+    ),
+    "weld": JointKind(
+        words="a weld",
+        example='{ weld = ["shaft", "arm"], angle = "30 deg" }',
+        make=_weld,
+        keys=("at", "angle"),
+        synonyms=("fixed", "rigid"),
+        undriven="A weld does not move: leave it out.",
+        coincide=True,
+        parallel=True,
+    ),
+    "pin_slot": JointKind(
+        words="a pin in a slot",
+        example='{ pin_slot = ["wheel", "crank"], at = ["O", "B"], along = [0, 1], length = "80 mm" }',
+        make=_pin_slot,
+        keys=("at", "along", "guide", "length", "branch", *MOTION),
+        modes=("branch",),
+        synonyms=("slot",),
+        driven="length",
+        viscous="damping",
+        rubs=PIN_IN_SLOT,
+        higher=True,
+    ),
+    "cylinder": JointKind(
+        words="a cylinder",
+        example='{ cylinder = ["frame", "boom"], at = ["P", "Q"], length = ["0.4 m", "0.7 m"] }',
+        make=_cylinder,
+        keys=("at", "length", "side", *MOTION),
+        modes=("side",),
+        synonyms=("actuator", "piston"),
+        driven="length",
+        viscous="damping",
+        rubs=SEALS,
+        own_mode=True,
+        parts={"links": ("barrel", "rod"), "joints": ("base", "eye")},
+    ),
+    "planar": JointKind(
+        words="a planar pair",
+        example='{ planar = ["frame", "stone"], free = { y = "1 m", vx = "2 m/s" } }',
+        make=_planar,
+        keys=("at", "free"),
+        needs={"free": '{ y = "1 m", vx = "2 m/s", omega = "60 rpm" }, its start'},
+        undriven="Its start is free = { x = ..., vy = ... }.",
+        joins=False,
+        pose=True,
+        parts={"links": ("x", "y"), "joints": ("x", "y")},
+    ),
+}
+"""The kinds of joints that hold points of their links together, and the planar one, which leaves them free."""

@@ -1,0 +1,137 @@
+"""What every kind of load states of itself, and what it is given to become a load of the core."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Annotated, Any
+
+from pydantic import AfterValidator
+
+from mechcore.errors import Fault
+from mechcore.laws.timed import Smoothness, Table
+from mechcore.spec.loads import Load
+from mechviz.scene.convert import Converter
+from mechviz.scene.fields import Number, fault
+from mechviz.scene.names import known_link, known_pair, known_place, link_names, split_point
+
+if TYPE_CHECKING:
+    from mechviz.scene.document import SceneDocument
+    from mechviz.scene.kinds.loads.document import LoadDocument
+    from mechviz.scene.recovery import Reading
+
+
+def _positive(value: float) -> float:
+    if value <= 0.0:
+        raise fault(f"{value:g} is not positive.", "Give a number above zero.")
+    return value
+
+
+def _at_least_one(value: float) -> float:
+    if value < 1.0:
+        raise fault(f"{value:g} is less than 1.", "Give at least 1.")
+    return value
+
+
+def _not_negative(value: float) -> float:
+    if value < 0.0:
+        raise fault(f"{value:g} is negative.", "Give zero or more.")
+    return value
+
+
+Positive = Annotated[Number, AfterValidator(_positive)]
+AtLeastOne = Annotated[Number, AfterValidator(_at_least_one)]
+NotNegative = Annotated[Number, AfterValidator(_not_negative)]
+
+
+@dataclass(frozen=True)
+class LoadKind:
+    """A kind of load: all that is known of its keyword, from the words for it to the load of the core."""
+
+    words: str  # in a sentence
+    example: str  # an entry of [loads] in TOML
+    make: Callable[[LoadMaker], Load | tuple[Load, ...] | None]  # the core's; None where a name is not there or a part is faulty
+    refers: Callable[[Reading, str, Any], Iterator[Fault]]  # faults of the names that stand at the path of its keyword
+    keys: tuple[str, ...] = ()  # that go with it
+    needs: Mapping[str, str] = field(default_factory=dict)  # those without a default, with an example of each
+    some: tuple[str, ...] = ()  # at least one of these
+    one_of: tuple[str, ...] = ()  # exactly one of these
+    synonyms: tuple[str, ...] = ()  # what people call it elsewhere
+    instead: Mapping[str, str] = field(default_factory=dict)  # key of another kind -> what was probably meant by it
+    between: bool = False  # its keyword names two points or links, which differ
+    threefold: bool = False  # stiffness and damping in x, y and angle
+
+
+LINEAR = '"20 N s/m" (or "0.1 N m s/rad" for rotation)'
+"""Example of a coefficient of damping."""
+
+
+class LoadMaker:
+    """A load of a scene with what surrounds it, its values in SI units."""
+
+    def __init__(self, name: str, load: LoadDocument, reading: Reading, convert: Converter, lead: str | None):
+        self.name, self.load, self.reading, self.convert, self.lead = name, load, reading, convert, lead
+        self.document: SceneDocument = reading.document
+        self.path = f"loads.{name}"
+
+    @property
+    def common(self) -> dict[str, Any]:
+        return {"name": self.name, "use": self.load.use}
+
+    def si(self, key: str, kind: str, default: float = 0.0) -> float:
+        """A value of the load in SI, or what holds where it is left out."""
+        value = getattr(self.load, key)
+        return default if value is None else self.convert.si(value, kind, f"{self.path}.{key}")
+
+    def ends(self, texts: list[str]) -> dict[str, Any] | None:
+        """Links and points of the two ends of a spring or damper."""
+        first, second = (split_point(self.reading, text) for text in texts)
+        if first is None or second is None:
+            return None
+        return {"links": (first[0], second[0]), "points": (first[1], second[1])}
+
+    def not_nothing(self, values: dict[str, float]) -> None:
+        """Notes that a load with coefficients does nothing."""
+        given = self.load.linear is not None or self.load.quadratic is not None
+        if given and all(value == 0.0 for value in values.values()):
+            self.convert.note(
+                self.path, "its coefficients are zero: it does nothing.", "Give one of them a value, or leave it out."
+            )
+
+    def spline(
+        self, x: tuple[float, ...], y: tuple[float, ...], path: str, period: float | None = None, smooth: Smoothness = True
+    ) -> Table | None:
+        """A table as a function; None, and a fault, where its rows are so close that nothing smooth goes through them."""
+        try:
+            return Table(x=x, y=y, period=period, smooth=smooth)
+        except ValueError:
+            self.convert.note(path, "the rows are too close to each other.", "Leave out some of them.")
+            return None
+
+
+def no_names(reading: Reading, path: str, value: Any) -> Iterator[Fault]:
+    """No faults: a kind that refers to nothing but what loads of several kinds do."""
+    yield from ()
+
+
+def known_ends(reading: Reading, path: str, ends: list[str]) -> Iterator[Fault]:
+    """Faults of the two points, "link.point", between which a load acts."""
+    for k, text in enumerate(ends):
+        yield from known_place(reading, f"{path}[{k}]", text)
+    found = [split_point(reading, text) for text in ends]
+    if ends[0] != ends[1] and found[0] and found[1] and found[0][0] == found[1][0]:
+        yield Fault(path, f"both points are on '{found[0][0]}'.", "Name points of two links.")
+
+
+def known_shaft(reading: Reading, path: str, name: str) -> Iterator[Fault]:
+    """Faults of what a machine drives: a revolute joint or a moving link."""
+    if name == reading.document.frame and name not in reading.document.joints:
+        yield Fault(path, f"'{name}' is the fixed link: it does not turn.", "Name a revolute joint or a moving link.")
+    elif name not in link_names(reading):
+        yield from known_pair(reading, path, name, ("revolute",), "revolute pair")
+
+
+def known_links(reading: Reading, path: str, links: list[str]) -> Iterator[Fault]:
+    """Faults of the two links between which a load acts."""
+    for k, link in enumerate(links):
+        yield from known_link(reading, f"{path}[{k}]", link)

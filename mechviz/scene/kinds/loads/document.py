@@ -1,0 +1,154 @@
+"""A load of a scene document: one of the kinds with the keys that go with it; and what it is in the core.
+
+To add a kind: its keyword and keys, what becomes of it in the core and its entry in a module of this folder.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import TYPE_CHECKING, Any, Literal
+
+from pydantic import ConfigDict, model_validator
+
+from mechcore.errors import Fault
+from mechcore.spec.loads import Load
+from mechviz.scene.convert import Converter
+from mechviz.scene.fields import Coefficients, Force, QuadraticCoefficient, Table, one_of, refuse
+from mechviz.scene.kinds.drives import DriveDocument
+from mechviz.scene.kinds.loads.base import LINEAR, LoadKind, LoadMaker
+from mechviz.scene.kinds.loads.factors import FACTORS, check_factor
+from mechviz.scene.kinds.loads.gas import GAS, GasKeys
+from mechviz.scene.kinds.loads.machines import MACHINES, MachineKeys
+from mechviz.scene.kinds.loads.prescribed import PRESCRIBED, PrescribedKeys, check_prescribed
+from mechviz.scene.kinds.loads.resistance import RESISTANCES, ResistanceKeys
+from mechviz.scene.kinds.loads.springs import SPRINGS, SpringKeys
+from mechviz.scene.kinds.signals import ChirpDocument, FactorPolynomial, FactorTable, RampDocument, SineDocument, StepDocument
+from mechviz.scene.names import known_drive
+
+if TYPE_CHECKING:
+    from mechviz.scene.recovery import Reading
+
+
+KINDS: Mapping[str, LoadKind] = {**PRESCRIBED, **SPRINGS, **RESISTANCES, **GAS, **MACHINES}
+"""The kinds of loads by their keywords."""
+
+
+class CommonKeys(Table):
+    """The keys of loads of several kinds."""
+
+    thrust: Force | None = None
+    """Actuator: force with which it pushes apart, or in the direction of its pair's coordinate. Gas spring: force when extended."""
+    linear: Coefficients | None = None
+    """Damper, drag, viscous friction, torsion damper: force per speed, or moment per angular speed.
+    Bushing: both, [x, y, angle]. Default 0."""
+    quadratic: QuadraticCoefficient | None = None
+    """Damper, drag: force per speed squared, or moment per angular speed squared."""
+    table: FactorTable | None = None
+    """Force, torque, actuator: the value is multiplied by this factor."""
+    polynomial: FactorPolynomial | None = None
+    """Force, torque, actuator: the value is multiplied by this polynomial."""
+    sine: SineDocument | None = None
+    """Force, torque, actuator: the value is multiplied by a sine of time."""
+    step: StepDocument | None = None
+    """Force, torque, actuator: the value is multiplied by a factor that jumps at a time."""
+    ramp: RampDocument | None = None
+    """Force, torque, actuator: the value is multiplied by a factor that changes evenly between two times."""
+    chirp: ChirpDocument | None = None
+    """Force, torque, actuator: the value is multiplied by a sine whose frequency changes with time."""
+    use: Literal["useful", "harmful"] | None = None
+    """How a resisting load is classed. Default: process forces useful, friction and media harmful."""
+
+
+class LoadDocument(CommonKeys, MachineKeys, GasKeys, ResistanceKeys, SpringKeys, PrescribedKeys):
+    """A load: exactly one of the keys from force to governor, which name its kind, and what goes with that kind."""
+
+    model_config = ConfigDict(json_schema_extra={"oneOf": [{"required": [key, *kind.needs]} for key, kind in KINDS.items()]})
+
+    @classmethod
+    def keys_beside(cls, raw: Mapping[str, Any]) -> list[str]:
+        """The keys that go with the kind of a table of plain data; all, the keywords first, where its kind is not clear."""
+        kinds = [kind for kind in KINDS if kind in raw]
+        if len(kinds) == 1:
+            return [kinds[0], *KINDS[kinds[0]].keys, "use"]
+        return [*KINDS, *(key for key in cls.model_fields if key not in KINDS)]
+
+    @property
+    def kinds(self) -> list[str]:
+        """The kinds that are given: one, in a load that is not faulty."""
+        return [kind for kind in KINDS if getattr(self, kind) is not None]
+
+    @property
+    def kind(self) -> str:
+        return self.kinds[0]
+
+    @property
+    def traits(self) -> LoadKind:
+        """What is known of its kind."""
+        return KINDS[self.kind]
+
+    @model_validator(mode="after")
+    def _one_load(self) -> LoadDocument:
+        refuse(one_of(self, tuple(KINDS), "the load"))
+        kind = self.traits
+        found: list[tuple[str, str, str]] = []
+        for key in sorted(self.model_fields_set - {*KINDS, "use"}, key=list(LoadDocument.model_fields).index):
+            if key not in kind.keys and getattr(self, key) is not None:
+                found.append((key, f"{key} does not go with {kind.words}.", _instead(kind, key)))
+        for key, example in kind.needs.items():
+            if getattr(self, key) is None:
+                found.append(("", f"'{key}' is missing.", f"Add {key} = {example}."))
+        if kind.some and all(getattr(self, key) is None for key in kind.some):
+            found.append(("", f"{kind.words} has neither {' nor '.join(kind.some)}.", f"Add {kind.some[0]} = {LINEAR}."))
+        for key in ("stiffness", "linear"):
+            value = getattr(self, key)
+            if key in kind.keys and value is not None and isinstance(value, list) != kind.threefold:
+                why = f"{kind.words} has {f'one {key}' if isinstance(value, list) else f'a {key} in x, y and angle'}."
+                remedy = "Give one value." if isinstance(value, list) else f"Write {key} = [x, y, angle]."
+                found.append((key, why, remedy))
+        if kind.one_of:
+            found += one_of(self, kind.one_of, f"the {self.kind}")
+        factors = [key for key in FACTORS if getattr(self, key) is not None]
+        if isinstance(self.target, DriveDocument) and factors:
+            found.append(
+                (factors[0], f"{factors[0]} beside a target that is a law of motion.", "Give one value as target, or leave it out.")
+            )
+        if len(factors) > 1:
+            found.append((factors[1], f"{' and '.join(factors)} at once.", "Keep one of them."))
+        ends = getattr(self, self.kind)
+        if kind.between and isinstance(ends, list) and ends[0] == ends[1]:
+            found.append((self.kind, f"acts between '{ends[0]}' and itself.", "Name two different ones."))
+        refuse(found)
+        return self
+
+
+def _instead(kind: LoadKind, key: str) -> str:
+    """What to do about a key that does not go with a kind of load."""
+    if key == "coefficient" and "linear" in kind.keys:
+        return "Write linear = ..."
+    return kind.instead.get(key, f"Leave out {key}.")
+
+
+def check_loads(reading: Reading) -> Iterator[Fault]:
+    """Every fault of reference in the loads that could be read."""
+    for name, load in reading.document.loads.items():
+        path = f"loads.{name}"
+        yield from check_prescribed(reading, load, path)
+        for kind in load.kinds:
+            yield from KINDS[kind].refers(reading, f"{path}.{kind}", getattr(load, kind))
+        yield from known_drive(reading, f"{path}.drive", load.drive)
+        yield from check_factor(reading, load, path)
+
+
+def load_specs(name: str, load: LoadDocument, reading: Reading, convert: Converter, lead: str | None = None) -> tuple[Load, ...]:
+    """The load, or the loads that it is made of; none where a name that it refers to is not there (which `check_loads` says), or a
+    part of it is faulty. ``lead``: the first pair whose drive moves, if it is known; factors depend on it that name none."""
+    made: list[tuple[Load, ...]] = []
+    for kind in load.kinds:
+        try:
+            found = KINDS[kind].make(LoadMaker(name, load, reading, convert, lead))
+            made.append(found if isinstance(found, tuple) else () if found is None else (found,))
+        except (AssertionError, ArithmeticError, IndexError, TypeError, ValueError):
+            if not reading.faults:
+                raise
+            return ()  # what fails here fails by a part that could not be read, which is noted already
+    return made[0] if len(made) == 1 else ()

@@ -1,0 +1,117 @@
+"""Resistance: of a medium against points and links, of oil in joints; and what keeps belts tight."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Any
+
+from mechcore.errors import Fault
+from mechcore.spec.loads import BeltTension, Drag, Load, Viscous
+from mechcore.texts import as_force
+from mechviz.scene.fields import Force as ForceValue
+from mechviz.scene.fields import (
+    Table,
+    Text,
+)
+from mechviz.scene.kinds.loads.base import LINEAR, LoadKind, LoadMaker, NotNegative
+from mechviz.scene.names import known_pair, known_place, link_names, split_point
+
+if TYPE_CHECKING:
+    from mechviz.scene.recovery import Reading
+
+
+class ResistanceKeys(Table):
+    """The keywords of these loads, and the keys that only they have."""
+
+    drag: Text | None = None
+    """Resistance of a medium: "link.point" against the velocity of the point, "link" against the rotation of the link."""
+    viscous: Text | None = None
+    """The pair, of any kind that moves, in which viscous friction acts."""
+    belt_tension: Text | None = None
+    """The belt or chain that a tensioner keeps tight."""
+    slack: ForceValue | None = None
+    """Belt tension: what the slack span pulls."""
+    coefficient: NotNegative | None = None
+    """Belt tension: coefficient of friction between belt and pulleys; an event tells where it slips. Default: it cannot."""
+
+
+def _drag(m: LoadMaker) -> Load | None:
+    assert m.load.drag is not None
+    point = split_point(m.reading, m.load.drag)
+    turning = m.load.drag in m.document.links
+    if point is None and not turning:
+        return None
+    sort = "torsional damping" if turning else "damping"
+    values: dict[str, Any] = {"linear": m.si("linear", sort), "quadratic": m.si("quadratic", f"quadratic {sort}")}
+    m.not_nothing(values)
+    if turning:
+        return Drag(**m.common, link=m.load.drag, **values)
+    assert point is not None
+    return Drag(**m.common, link=point[0], point=point[1], **values)
+
+
+def _viscous(m: LoadMaker) -> Load | None:
+    assert m.load.viscous is not None
+    pair = m.document.joints.get(m.load.viscous)
+    if pair is None:
+        return None
+    sort = "torsional damping" if pair.kind in ("revolute", "rolling", "gear", "rack") else "damping"
+    return Viscous(**m.common, pair=m.load.viscous, coefficient=m.si("linear", sort))
+
+
+def _belt_tension(m: LoadMaker) -> Load | None:
+    assert m.load.belt_tension is not None
+    slack, coefficient = m.si("slack", "force"), m.load.coefficient or 0.0
+    if slack < 0.0:
+        m.convert.note(f"{m.path}.slack", f"{as_force(slack)} is negative: belts only pull.", "Give a positive force.")
+    pair = m.document.joints.get(m.load.belt_tension)
+    if coefficient and pair is not None and pair.kind == "chain":
+        m.convert.note(f"{m.path}.coefficient", "a chain does not slip on its sprockets.", "Leave it out.")
+    return BeltTension(**m.common, pair=m.load.belt_tension, slack=slack, coefficient=coefficient)
+
+
+def _refers_drag(reading: Reading, path: str, name: str) -> Iterator[Fault]:
+    if name not in link_names(reading):
+        yield from known_place(reading, path, name, links=True)
+    if name == reading.document.frame:
+        yield Fault(path, f"'{name}' is the fixed link: it does not move.", "Name a moving link.")
+
+
+def _refers_viscous(reading: Reading, path: str, name: str) -> Iterator[Fault]:
+    yield from known_pair(reading, path, name, what="pair that moves", fits=lambda pair: bool(pair.traits.viscous))
+
+
+def _refers_belt(reading: Reading, path: str, name: str) -> Iterator[Fault]:
+    yield from known_pair(reading, path, name, ("belt", "chain"), "belt or chain")
+
+
+RESISTANCES = {
+    "drag": LoadKind(
+        words="drag",
+        example='{ drag = "pendulum.P", quadratic = "0.02 N s^2/m^2" }',
+        make=_drag,
+        refers=_refers_drag,
+        keys=("linear", "quadratic"),
+        some=("linear", "quadratic"),
+        synonyms=("air",),
+    ),
+    "viscous": LoadKind(
+        words="viscous friction",
+        example='{ viscous = "A", linear = "0.1 N m s/rad" }',
+        make=_viscous,
+        refers=_refers_viscous,
+        keys=("linear",),
+        needs={"linear": LINEAR},
+        synonyms=("friction",),
+    ),
+    "belt_tension": LoadKind(
+        words="the tension of a belt",
+        example='{ belt_tension = "B", slack = "200 N", coefficient = 0.3 }',
+        make=_belt_tension,
+        refers=_refers_belt,
+        keys=("slack", "coefficient"),
+        needs={"slack": '"200 N", what the slack span pulls'},
+        synonyms=("tension",),
+    ),
+}
+"""The kinds of loads that resist, and the tension of belts."""

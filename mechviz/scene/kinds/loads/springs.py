@@ -1,0 +1,198 @@
+"""Springs, dampers and bushings between two points or two links."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from mechcore.spec.loads import Bushing, BushingDamper, Damper, GasSpring, Load, Spring, TorsionDamper, TorsionSpring
+from mechviz.scene.fields import (
+    Angle,
+    Extent,
+    Size,
+    Stiffnesses,
+    Table,
+    TwoNames,
+)
+from mechviz.scene.fields import Force as ForceValue
+from mechviz.scene.kinds.loads.base import LINEAR, AtLeastOne, LoadKind, LoadMaker, known_ends, known_links
+
+if TYPE_CHECKING:
+    pass
+
+
+class SpringKeys(Table):
+    """The keywords of these loads, and the keys that only they have."""
+
+    spring: TwoNames | None = None
+    """The two points between which a spring pulls: ["link.point", "link.point"]."""
+    damper: TwoNames | None = None
+    """The two points between which a damper acts."""
+    gas_spring: TwoNames | None = None
+    """The two points that a gas spring pushes apart."""
+    torsion_spring: TwoNames | None = None
+    """The two links between which a torsion spring acts, by the angle from the first to the second."""
+    torsion_damper: TwoNames | None = None
+    """The two links between which a torsion damper acts."""
+    bushing: TwoNames | None = None
+    """The two points between which a bushing acts, by springs and dampers in x, y and angle: ["link.point", "link.point"]."""
+    stiffness: Stiffnesses | None = None
+    """Spring: force per length. Torsion spring: moment per angle. Bushing: both, [x, y, angle], in the first link's axes."""
+    free_length: Extent | None = None
+    """Spring: length without load; 0 is a spring of no free length, used for balancing."""
+    preload: ForceValue | None = None
+    """Spring: pull at the free length. Default 0."""
+    solid_length: Size | None = None
+    """Spring: length at which its coils touch. An event tells where it is squeezed below."""
+    free_angle: Angle | None = None
+    """Torsion spring, bushing: angle from the first link's frame to the second's without load. It starts nearest to it.
+    Default 0."""
+    extended: Size | None = None
+    """Gas spring: distance of its two points when extended."""
+    gas_length: Size | None = None
+    """Gas spring: volume of the gas when extended over the area of the rod."""
+    exponent: AtLeastOne | None = None
+    """Gas spring: polytropic exponent. Default 1 (slow); 1.4 where it moves fast."""
+
+
+def _spring(m: LoadMaker) -> Load | None:
+    assert m.load.spring is not None
+    ends = m.ends(m.load.spring)
+    values: dict[str, Any] = {
+        "stiffness": m.si("stiffness", "stiffness"),
+        "free_length": m.si("free_length", "length"),
+        "preload": m.si("preload", "force"),
+        "solid_length": None if m.load.solid_length is None else m.si("solid_length", "length"),
+    }
+    return None if ends is None else Spring(**m.common, **ends, **values)
+
+
+def _damper(m: LoadMaker) -> Load | None:
+    assert m.load.damper is not None
+    ends = m.ends(m.load.damper)
+    values: dict[str, Any] = {"linear": m.si("linear", "damping"), "quadratic": m.si("quadratic", "quadratic damping")}
+    m.not_nothing(values)
+    return None if ends is None else Damper(**m.common, **ends, **values)
+
+
+def _gas_spring(m: LoadMaker) -> Load | None:
+    assert m.load.gas_spring is not None
+    ends = m.ends(m.load.gas_spring)
+    values: dict[str, Any] = {
+        "force": m.si("thrust", "force"),
+        "extended": m.si("extended", "length"),
+        "gas_length": m.si("gas_length", "length"),
+        "exponent": 1.0 if m.load.exponent is None else m.load.exponent,
+    }
+    return None if ends is None else GasSpring(**m.common, **ends, **values)
+
+
+def _torsion_spring(m: LoadMaker) -> Load | None:
+    assert m.load.torsion_spring is not None
+    first, second = m.load.torsion_spring
+    stiffness, free = m.si("stiffness", "torsional stiffness"), m.si("free_angle", "angle")
+    return TorsionSpring(**m.common, links=(first, second), stiffness=stiffness, free_angle=free)
+
+
+def _torsion_damper(m: LoadMaker) -> Load | None:
+    assert m.load.torsion_damper is not None
+    first, second = m.load.torsion_damper
+    return TorsionDamper(**m.common, links=(first, second), coefficient=m.si("linear", "torsional damping"))
+
+
+def _three(m: LoadMaker, key: str, kind: str = "stiffness") -> tuple[float, float, float] | None:
+    """Values of the load in x, y and angle, zero where they are left out; None where one value is given for all."""
+    given = getattr(m.load, key)
+    if given is not None and not isinstance(given, list):
+        return None
+    kinds = (kind, kind, f"torsional {kind}")
+    x, y, angle = (
+        m.convert.si(value, of, f"{m.path}.{key}[{k}]") for k, (value, of) in enumerate(zip(given or [0.0] * 3, kinds, strict=True))
+    )
+    return x, y, angle
+
+
+def _bushing(m: LoadMaker) -> tuple[Load, ...]:
+    load = m.load
+    assert load.bushing is not None
+    ends, free = m.ends(load.bushing), m.si("free_angle", "angle")
+    stiffness, damping = _three(m, "stiffness"), _three(m, "linear", "damping")
+    if ends is None or stiffness is None or damping is None:
+        return ()
+    if not any((*stiffness, *damping)):
+        m.convert.note(f"{m.path}.stiffness", "all values are zero: it does nothing.", "Give one of them a value.")
+    springs = Bushing(**m.common, **ends, stiffness=stiffness, free_angle=free)
+    if not any(damping):
+        return (springs,)
+    return springs, BushingDamper(**m.common | {"name": f"{m.name} damping"}, **ends, damping=damping)
+
+
+_STIFFNESS = {"stiffness": '"2 N/mm" (or "3 N m/rad" for a torsion spring)'}
+_DAMPER = "Write a damper between the same points as a load of its own."
+_NO_DAMPER = {"linear": _DAMPER, "quadratic": _DAMPER}
+
+SPRINGS = {
+    "spring": LoadKind(
+        words="a spring",
+        example='{ spring = ["frame.P", "boom.Q"], stiffness = "2 N/mm", free_length = "80 mm" }',
+        make=_spring,
+        refers=known_ends,
+        between=True,
+        keys=("stiffness", "free_length", "preload", "solid_length"),
+        needs={**_STIFFNESS, "free_length": '"80 mm"'},
+        instead=_NO_DAMPER,
+    ),
+    "damper": LoadKind(
+        words="a damper",
+        example='{ damper = ["frame.P", "boom.Q"], linear = "20 N s/m" }',
+        make=_damper,
+        refers=known_ends,
+        between=True,
+        keys=("linear", "quadratic"),
+        some=("linear", "quadratic"),
+        synonyms=("dashpot",),
+    ),
+    "gas_spring": LoadKind(
+        words="a gas spring",
+        example='{ gas_spring = ["frame.P", "lid.Q"], thrust = "400 N", extended = "300 mm", gas_length = "250 mm" }',
+        make=_gas_spring,
+        refers=known_ends,
+        between=True,
+        keys=("thrust", "extended", "gas_length", "exponent"),
+        needs={
+            "thrust": '"400 N", with which it pushes',
+            "extended": '"300 mm", the distance of its points when extended',
+            "gas_length": '"250 mm", the volume of the gas when extended over the area of the rod',
+        },
+        instead=_NO_DAMPER,
+    ),
+    "torsion_spring": LoadKind(
+        words="a torsion spring",
+        example='{ torsion_spring = ["frame", "pointer"], stiffness = "3 N m/rad" }',
+        make=_torsion_spring,
+        refers=known_links,
+        between=True,
+        keys=("stiffness", "free_angle"),
+        needs=_STIFFNESS,
+        instead=_NO_DAMPER,
+    ),
+    "torsion_damper": LoadKind(
+        words="a torsion damper",
+        example='{ torsion_damper = ["frame", "pointer"], linear = "0.1 N m s/rad" }',
+        make=_torsion_damper,
+        refers=known_links,
+        between=True,
+        keys=("linear",),
+        needs={"linear": LINEAR},
+    ),
+    "bushing": LoadKind(
+        words="a bushing",
+        example='{ bushing = ["frame.A", "arm.A"], stiffness = ["200 N/mm", "80 N/mm", "3 N m/rad"] }',
+        make=_bushing,
+        refers=known_ends,
+        between=True,
+        keys=("stiffness", "linear", "free_angle"),
+        needs={"stiffness": '["200 N/mm", "80 N/mm", "3 N m/rad"]: in x, y and angle'},
+        threefold=True,
+    ),
+}
+"""The kinds of loads between two points or two links."""
