@@ -95,7 +95,7 @@ def _fold(model: Model, assembly: Assembly, drives: Drives, block: Block, row: A
                 return None
             step, tangent = np.linalg.lstsq(matrix, both, rcond=None)[0].T
             x, p = x + step[:-1], p + float(step[-1])
-            if np.abs(step[:-1]).max() < CLOSE and abs(step[-1]) < CLOSE * max(1.0, abs(p)):
+            if np.abs(step[:-1]).max() < CLOSE and abs(step[-1]) < CLOSE * max(near / NEAR, abs(p)):
                 break
         return x, p, float(tangent[-1])
 

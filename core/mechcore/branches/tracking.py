@@ -58,6 +58,7 @@ class Course:
     gaps: tuple[tuple[float, float, int], ...]
     by_time: bool
     asked: tuple[float, float]
+    edge: float
 
     def starts(self, parameter: Real) -> dict[str, Real]:
         """Newton starts, and angles beyond one turn, for parameters (F,)."""
@@ -79,8 +80,7 @@ class Course:
         """Whether the walk came as far as parameters (F,)."""
         if self.period is not None:
             return np.ones(np.shape(parameter), bool)
-        edge = EDGE * max(1.0, abs(self.track.ends[1]))
-        return (parameter >= self.track.ends[0] - edge) & (parameter <= self.track.ends[1] + edge)
+        return (parameter >= self.track.ends[0] - self.edge) & (parameter <= self.track.ends[1] + self.edge)
 
     def tells(self, parameter: Real) -> bool:
         """Whether nothing more of parameters (F,) is found by another walk: this one came as far, or met a limit before."""
@@ -96,7 +96,7 @@ def course_of(
     laws = tuple(d.law for d in drives)
     first, last = (float(np.min(time)), float(np.max(time))) if len(time) else (0.0, 0.0)
     if len(drives) > 1:
-        return _in_time(model, assembly, laws, min(0.0, first), max(last, 1e-9))
+        return _in_time(model, assembly, laws, min(0.0, first), last)
     q0, q = start[0], positions[0]
     low, high = (min(q0, float(np.min(q))), max(q0, float(np.max(q)))) if len(q) else (q0, q0)
     if not given:
@@ -119,7 +119,7 @@ def course_of(
     close = len(q) and (high > course.track.ends[1] - near or low < course.track.ends[0] + near)
     turns_back = not given and stands
     if turns_back and close and (short or _flat_at_ends(course)):
-        through = _in_time(model, assembly, laws, min(0.0, first), max(last, 1e-9))
+        through = _in_time(model, assembly, laws, min(0.0, first), last)
         if bool(through.reached(np.array(last))) and _reaches_dead_points(through):
             return through
     return course
@@ -170,6 +170,7 @@ def way_of(law: Law, first: float, last: float) -> tuple[float, float, bool]:
 def _in_time(model: Model, assembly: Assembly, laws: tuple[Law, ...], low: float, high: float) -> Course:
     """Walk in time, over a few cycles where the laws and the groups repeat."""
     duration = min((law.duration for law in laws), default=1.0)
+    high = max(high, 1e-9 * duration)
     step = duration / 60.0
     sample = duration / SAMPLES
     if low == 0.0 and not needs_span(model):
@@ -232,12 +233,12 @@ def walk(
         if flat:
             model, assembly = _followed(model, assembly, flat)
         behind, ahead = behind - more * wider[0], ahead + more * wider[1]
-    edge = EDGE * max(1.0, abs(low), abs(high))
+    edge = EDGE * max(10.0 * step, abs(low), abs(high))
     if track.ends[0] > low + edge:
         gaps.append((low, track.ends[0], -1))
     if track.ends[1] < high - edge:
         gaps.append((track.ends[1], high, -1))
-    course = Course(model, assembly, track, start, None, laws, None, tuple(gaps), by_time, (low, high))
+    course = Course(model, assembly, track, start, None, laws, None, tuple(gaps), by_time, (low, high), edge)
     found = [c for p, name in track.passed for c in [_change(course, p, name, rest, sample)] if c is not None]
     if not found:
         return course

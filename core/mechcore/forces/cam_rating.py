@@ -135,7 +135,7 @@ def least_springs(forces: Forces, cam: AnyCam, margin: float) -> list[LeastSprin
         a, b = (motion.point(*end) for end in zip(load.links, load.points, strict=True))
         length = np.hypot(*(b - a).T)
         pull = load.preload + load.stiffness * (length - load.free_length)
-        step = max(1.0, float(np.abs(pull).max(initial=0.0)))
+        step = float(np.abs(pull).max(initial=0.0)) or max(float(np.abs(now).max(initial=0.0)), margin) or 1.0
         harder = replace(mechanism, loads=tuple(replace(x, preload=x.preload + step) if x is load else x for x in mechanism.loads))
         other = contact_force(solve_forces(solve_motion(compile_mechanism(harder), motion.time)), cam)
         gain = (other - now) / step

@@ -134,7 +134,7 @@ def _disc(pair: CamPair, builder: Builder, carrier: str, guide: Prismatic | Revo
         short = 2.0 * math.pi - law.length
         remedy = f"Add a dwell of {as_angle(short)}." if short > 0 else f"Take {as_angle(-short)} off."
         raise fault_of(pair, "lift", f"the segments cover {as_angle(law.length)}, a whole turn is wanted.", remedy)
-    if abs(law.advance) > 1e-12 * max(1e-3, float(np.abs(law.limits(0)[0]).max())):
+    if abs(law.advance) > 1e-12 * float(np.abs(law.limits(0)[0]).max()):
         higher = as_coordinate(law.advance, rotary=isinstance(guide, Revolute))
         raise fault_of(pair, "lift", f"after a turn the lift is {higher} higher than before.", "Let it return to its start.")
     law = law if law.repeats else law.repeating()

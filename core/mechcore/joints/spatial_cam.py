@@ -27,7 +27,7 @@ def place_spatial(pair: CamPair, builder: Builder, carrier: str, guide: Prismati
     law = pair.lift
     if blank.rollers:
         _check_turret(pair, blank, guide, law)
-    elif abs(law.length - 2.0 * math.pi) > 1e-9 or abs(law.advance) > 1e-12 * max(1e-3, float(abs(law.limits(0)[0]).max())):
+    elif abs(law.length - 2.0 * math.pi) > 1e-9 or abs(law.advance) > 1e-12 * float(abs(law.limits(0)[0]).max()):
         raise fault_of(pair, "profile.lift", "it does not close after a whole turn.", "Let it return to its start.")
     law = law if law.repeats else law.repeating()
     centre, own = builder.axis_between(pair, pair.links[0], carrier)
@@ -42,7 +42,7 @@ def place_spatial(pair: CamPair, builder: Builder, carrier: str, guide: Prismati
             raise fault_of(pair, "profile.axis", "the follower does not slide along it.", "Leave it out.")
         axes, place = up / 1j, place_on(builder, carrier, guide, at)
         off = ((place - centre) / axes).real
-        if abs(off) > _SQUARE * max(1.0, abs(place - centre)):
+        if abs(off) > _SQUARE * max(abs(place), abs(centre)):
             raise fault_of(
                 pair,
                 "follower.point",

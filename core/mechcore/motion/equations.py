@@ -37,7 +37,7 @@ def contour_equations(motion: Motion, frame: int = 0) -> list[str]:
         bodies = [0 if not steps else steps[0][1], *(q for _, _, q in steps)]
         names = [model.joints[j].name for j, _, _ in steps]
         lines += ["", f"contour {number}: {'-'.join(map(str, bodies))} through {', '.join(names)}"]
-        term = partial(_term, least=1e-12 * max(model.size, 1.0))
+        term, along = partial(_term, least=1e-12 * model.size), partial(_term, least=1e-12)  # of lengths and of directions
         spins: list[str] = []
         first: list[str] = []
         second: list[str] = []
@@ -60,11 +60,11 @@ def contour_equations(motion: Motion, frame: int = 0) -> list[str]:
                 # relative velocity of body q's point at the pair against body p's, in the direction in which the coordinate grows
                 d = d if model.ends[j][joint.guide] == p else -d
                 carrier = model.ends[j][joint.guide]
-                first.append(term(d.real, f"v_{joint.name}"))
-                second.append(term(d.imag, f"v_{joint.name}"))
+                first.append(along(d.real, f"v_{joint.name}"))
+                second.append(along(d.imag, f"v_{joint.name}"))
                 coriolis = 2.0 if turning[carrier] else 0.0
-                x2.append(term(d.real, f"a_{joint.name}") + term(-coriolis * d.imag, f"w_{carrier} v_{joint.name}"))
-                y2.append(term(d.imag, f"a_{joint.name}") + term(coriolis * d.real, f"w_{carrier} v_{joint.name}"))
+                x2.append(along(d.real, f"a_{joint.name}") + along(-coriolis * d.imag, f"w_{carrier} v_{joint.name}"))
+                y2.append(along(d.imag, f"a_{joint.name}") + along(coriolis * d.real, f"w_{carrier} v_{joint.name}"))
         for (j, _, q), (nxt, _, _) in zip(steps, [*steps[1:], steps[0]], strict=True):
             if not turning[q]:
                 continue

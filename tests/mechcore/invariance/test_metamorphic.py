@@ -106,6 +106,26 @@ def test_cases_that_once_failed(kind: str, seed: int) -> None:
     assert ratio <= 1.0, f"{how}, {name}"
 
 
+@pytest.mark.parametrize(
+    ("kind", "seed", "length", "time"),
+    [("slider-crank", 0, 1e-6, 1.0), ("slider-crank", 0, 1e6, 1.0), ("pin in slot", 3, 1e-6, 1e3)],
+)
+def test_friction_under_forces_sticks_and_slides_alike_at_every_scale(kind: str, seed: int, length: float, time: float) -> None:
+    """What rests is told from the scale of the motion, and what holds it, where that is not determined, from the length scale."""
+    case = draw(kind, seed, forces=True, friction=True)
+    pin, guide = sp.Friction(coefficient=0.2, radius=0.02), sp.Friction(coefficient=0.2, length=0.3)
+    pairs = tuple(
+        replace(p, friction=pin if isinstance(p, sp.Revolute) else guide) if isinstance(p, sp.Revolute | sp.Prismatic) else p
+        for p in case.mechanism.pairs
+    )
+    mechanism = replace(case.mechanism, pairs=pairs, effects=(*case.mechanism.effects, "friction"))
+    case = replace(case, mechanism=mechanism, time=np.linspace(0.0, 3.0 * case.time[-1], 25))
+    change, base = Change(case, length=length, mass=length**3, time=time), Result(case)
+    found = differences(change, base, Result(change.made()))
+    assert any(kind in ("stick", "slip") for _, kind, _ in base.events)
+    assert max(found.values()) <= SAME, max(found.items(), key=lambda x: x[1])
+
+
 @pytest.mark.parametrize("kind", KINDS)
 def test_results_do_not_depend_on_how_a_mechanism_is_described(kind: str, random_seeds: Any) -> None:
     results = [(seed, *search(kind, seed)) for seed in random_seeds(len(KINDS), KINDS.index(kind))]

@@ -30,7 +30,7 @@ from mechcore.effects.base import Wrench, sum_up
 from mechcore.effects.registry import wrenches
 from mechcore.errors import Fault, MechanismError
 from mechcore.forces.equilibrium import transmit
-from mechcore.forces.friction.elements import Element, elements_of, relative_rate
+from mechcore.forces.friction.elements import Element, elements_of, relative_rate, scales_of
 from mechcore.forces.friction.elements_response import Response, pick, system
 from mechcore.forces.friction.normal_loads import solve_normal_loads
 from mechcore.forces.friction.result import FrictionResult
@@ -159,7 +159,7 @@ class DrySystem:
         coupling = np.einsum("nif,njf->nij", tau, answers)  # relative acceleration at i per unit of friction at j
         if len(stuck):
             inner = coupling[:, stuck[:, None], stuck]
-            need = np.linalg.pinv(inner, rcond=1e-10, hermitian=True)
+            need = least_efforts(inner, scales_of(motion.model, elements)[stuck])
             alpha = -np.einsum("nij,nj->ni", need, bias[:, stuck])
             beta = -np.einsum("nij,njk->nik", need, coupling[:, stuck[:, None], slide] * braking[:, None, slide])
             sub_a = a[:, slide] + np.einsum("nixs,ns->nix", k[:, slide][..., stuck], alpha)
@@ -192,6 +192,13 @@ class DrySystem:
                 "Lower the coefficient, or lengthen the bearing.",
             )
         )
+
+
+def least_efforts(coupling: Real, scale: Real) -> Real:
+    """Efforts (..., e, e) at elements of scales (e,) per relative acceleration of each, from the ``coupling`` (..., e, e) of those
+    by efforts: the least ones where they are not determined, a torque counted as a force at the length scale."""
+    both = scale[:, None] * scale
+    return np.asarray(np.linalg.pinv(coupling / both, rcond=1e-10, hermitian=True) / both)
 
 
 def rates_of(units: Sequence[Motion], e: Element) -> Real:

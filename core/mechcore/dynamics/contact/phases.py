@@ -8,11 +8,11 @@ from typing import Any
 import numpy as np
 
 from mechcore.arrays import Flags, Real
-from mechcore.dynamics.contact.dry_friction import DrySystem, rates_of
+from mechcore.dynamics.contact.dry_friction import DrySystem, least_efforts, rates_of
 from mechcore.dynamics.equations.chart import jacobian_of
-from mechcore.dynamics.equations.reduced import constrained, free_of, moving, reduced_equations, shifted
+from mechcore.dynamics.equations.reduced import constrained, coordinate_scales, free_of, moving, reduced_equations, shifted
 from mechcore.errors import Fault, MechanismError
-from mechcore.forces.friction.elements import Element, elements_of
+from mechcore.forces.friction.elements import Element, elements_of, scales_of
 from mechcore.motion.compiled import Compiled
 from mechcore.motion.motion import Motion
 
@@ -20,7 +20,8 @@ Key = tuple[str, str, str]
 WORDS = {0.0: "stick", 1.0: "slip +", -1.0: "slip -"}
 NO_EFFECT = 1e-12  # part of what a force on an element would move, if it did, that is rounding
 BEGUN = 1e-12  # rate of what just begins to move
-REST = 1e-9  # relative speeds below this part of the largest (or of 1) are rest
+REST = 1e-9  # relative speeds below this part of the mechanism's own are rest
+SOON_MOVED = 1e-16  # of its scale: what moves by less soon is at rest as well
 
 
 class Phases:
@@ -58,12 +59,21 @@ class Phases:
         rate = np.array([e.rate[0] for e in elements])
         alone = self.alone and not rests
         self.prescribed = np.zeros(len(before), bool) if alone else self._prescribed(motion, units, elements)
-        still = np.abs(rate) <= REST * max(1.0, float(np.abs(rate).max()), float(np.abs(v).max()))
+        scale, own = scales_of(motion.model, elements), coordinate_scales(self.compiled)
+        f = len(own)
+        driven = reduced_equations(motion, units).acceleration()[0] / own if f else np.zeros(1)
+        pace = max(
+            float((np.abs(rate) / scale).max()),
+            float((np.abs(v[:f]) / own).max(initial=0.0)),
+            float(np.sqrt(np.abs(driven).max())),
+        )
+        least = max(REST * pace, SOON_MOVED / self.soon)  # scales of coordinates per second
+        still = np.abs(rate) <= least * scale
         self.signs = np.where(still, 0.0, np.sign(rate))
         if self.prescribed.any():
             self.signs[self.prescribed] = self._senses(q[None], v[None], np.array([t + self.soon]))[0, self.prescribed]
             still &= ~self.prescribed
-        if alone and still.all() and abs(float(v[0])) <= REST * max(1.0, float(np.abs(rate).max())):
+        if alone and still.all() and abs(float(v[0])) <= least * own[0]:
             self.signs = self._either_way(row) if loose is None else self.directions(row, loose[1])
         elif alone and still.any():  # the mechanism moves: a pair that turns back there does not stick
             self.signs = np.where(still, np.where(before == 0.0, 1.0, before), np.sign(rate))
@@ -102,7 +112,8 @@ class Phases:
         tau = np.stack([rates_of(units, elements[i])[0] for i in stuck])
         inertia = reduced_equations(motion, units).inertia
         answer = constrained(inertia[:, None], tau[None], jacobian_of(motion, units, self.rests)[0])[0][0].T
-        return shifted(v, -answer @ np.linalg.pinv(tau @ answer, rcond=1e-10) @ np.array([elements[i].rate[0] for i in stuck]))
+        need = least_efforts(tau @ answer, scales_of(motion.model, elements)[stuck])
+        return shifted(v, -answer @ need @ np.array([elements[i].rate[0] for i in stuck]))
 
     def _prescribed(self, motion: Motion, units: Sequence[Motion], elements: Sequence[Element]) -> Flags:
         """Elements (e,) that no force moves: the drives lead them, or stops hold them."""
@@ -185,8 +196,7 @@ def senses(motion: Motion) -> Real:
     turning = np.max([np.abs(w) * np.ones(motion.frames) for w in motion.speeds.spin], axis=0, initial=0.0)
     sliding = np.max([np.abs(x) * np.ones(motion.frames) for x in motion.speeds.slide.values()], axis=0, initial=0.0)
     size = np.maximum(turning, sliding / motion.model.size)[:, None]
-    least = np.array([1.0 if e.what == "turn" else motion.model.size for e in elements])
-    return np.where(np.abs(rates) <= REST * size * least, 0.0, np.sign(rates))
+    return np.where(np.abs(rates) <= REST * size * scales_of(motion.model, elements), 0.0, np.sign(rates))
 
 
 def keys_of(elements: Sequence[Element]) -> list[Key]:

@@ -223,7 +223,7 @@ def _within(found: Equilibrium, stops: Sequence[Stop]) -> None:
     for s in stops:
         at = known[s.pair] if s.pair in known else float(motion.coordinate(s.pair)[0, 0])
         beyond = (at - s.at) * (1.0 if s.side == "upper" else -1.0)
-        if beyond > 1e-12:
+        if beyond > 1e-12 * found.compiled.model.coordinate_scale(s.pair):
             far = as_coordinate(beyond, rotary=found.compiled.model.rotary(s.pair))
             why = f"the equilibrium lies {far} beyond '{s.name}': the mechanism rests on this stop and does not vibrate freely."
             raise MechanismError(Fault(f"joints.{s.pair}.stops", why, "Move the stop, or leave it out."))

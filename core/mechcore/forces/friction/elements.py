@@ -24,6 +24,7 @@ import numpy as np
 
 from mechcore.arrays import Real, unit_vectors
 from mechcore.kinematics.dyads import cross
+from mechcore.kinematics.model import Model
 from mechcore.motion.motion import Motion
 from mechcore.spec.mechanism import (
     CamPair,
@@ -114,6 +115,11 @@ class Element:
         middle = motion.state.slide[self.joint] - f.offset if f.bearing == "guide" else -f.offset  # from it to the sliding point
         c = couple + middle * n + sign * self.coefficient * 0.5 * f.height * n
         return n, c * (2.0 / f.length)
+
+
+def scales_of(model: Model, elements: Sequence[Element]) -> Real:
+    """What counts as a large displacement of each element (e,): 1 rad, or the length scale of the mechanism [m]."""
+    return np.array([1.0 if e.what == "turn" else model.size for e in elements])
 
 
 def elements_of(motion: Motion, flanks: Mapping[int, Array] | None = None) -> list[Element]:
