@@ -222,7 +222,7 @@ _CYCLES = ("compressor", "four_stroke", "diagram")
 GAS = {
     "gas": LoadKind(
         words="gas pressure",
-        example='{ gas = "S", bore = "80 mm", top = "0.2 m", stroke = "80 mm", compressor = { suction = "1 bar", delivery = "6 bar" } }',
+        example='{ gas = "S", bore = "8 cm", top = 0.2, stroke = "80 mm", compressor = { suction = "1 bar", delivery = "6 bar" } }',
         make=_gas,
         refers=_refers,
         keys=("bore", "top", "stroke", "head", "back", *_CYCLES, "fires", "drive"),
