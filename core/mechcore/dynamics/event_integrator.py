@@ -9,9 +9,9 @@ from typing import Any, Literal
 import numpy as np
 
 from mechcore.arrays import Real
-from mechcore.dynamics.contact.dry_friction import DrySystem
+from mechcore.dynamics.contact.end_stops import LEAST_BOUNCE, TOUCH, EndStops
 from mechcore.dynamics.contact.friction_state import FrictionState
-from mechcore.dynamics.contact.impacts import impact, jacobian_at, rates_at
+from mechcore.dynamics.contact.impacts import account_for_impact
 from mechcore.dynamics.contact.separation import (
     SAMPLES,
     SHARE,
@@ -21,14 +21,23 @@ from mechcore.dynamics.contact.separation import (
     first_beyond,
     pressing,
 )
-from mechcore.dynamics.energy_account import kinetic_energy_of
 from mechcore.dynamics.equations.breakpoints import breakpoint_finder
 from mechcore.dynamics.equations.chart import Chart
 from mechcore.dynamics.equations.charts import STRAINED, CurveChart, best_chart, strain, take_over
 from mechcore.dynamics.equations.curve import Curve
 from mechcore.dynamics.equations.handover import enter, waypoints
-from mechcore.dynamics.equations.reduced import integrating, motion_at, reduce, shifted
-from mechcore.dynamics.events import EventTrigger, Gauge, Happened, Log, SimulationEvent, Stop, event_function_of, first_zero
+from mechcore.dynamics.equations.reduced import integrating, motion_at
+from mechcore.dynamics.events import (
+    EventTrigger,
+    Gauge,
+    Happened,
+    Log,
+    SimulationEvent,
+    Stop,
+    event_function_of,
+    first_exceeding,
+    first_zero,
+)
 from mechcore.dynamics.integration.collocation import Window
 from mechcore.dynamics.integration.parallel_shooting import Known, refine
 from mechcore.dynamics.integration.windows import Solution, integrate
@@ -43,15 +52,13 @@ from mechcore.texts import as_coordinate, as_quantity
 
 Method = Literal["auto", "energy", "gauss", "radau"]
 MOST_EVENTS = 100_000
-TOUCH = 1e-11  # nearer than this, relative to the scale of the coordinate, a stop is touched
+MOST_AT_ONCE = 100  # segments in a row that end where they begin
 PRESCRIBED_SAMPLES = 24  # of a window: places at which prescribed sliding is looked at
 SOON = 1e-7  # of the duration: which way prescribed sliding goes is looked up so much later
 TOO_STRAINED = 20.0  # the same, from which on the change of coordinates loses digits: it is made before
 HALVINGS = 10  # of a window, to find where that is
 LOST = 50.0  # rate of some pair per unit rate of the coordinates, beyond which they are at a dead point
-PULLS = 1e-9  # part of the largest force beyond which a stop's pull is more than rounding
 CHECKED = np.linspace(0.0, 1.0, 9)  # of a window: places at which loads are asked whether their laws hold
-LEAST_BOUNCE = 1e-6  # of the duration: a bounce that is over sooner ends in contact
 WAYPOINTS = np.linspace(0.25, 1.0, 4)  # of a window
 SHIFTED = 0.01  # of a segment: what is known of it helps where it begins no farther from there
 
@@ -81,9 +88,10 @@ class EventIntegrator:
         self.duration, self.tolerance, self.method = duration, tolerance, method
         self.like = like
         self.observe = observe
-        self.stops, self.watches, self.progress = stops, watches, progress
+        self.watches, self.progress = watches, progress
         self.original = compiled
         self.log = Log()
+        self.stops = EndStops(stops, duration, self.log)
         self.friction = FrictionState("friction" in compiled.mechanism.effects, SOON * duration, self.log)
         self.separable_cams = tuple(separable_cams)
         self.separation = FollowerSeparation(compiled, separable_cams) if separable_cams else None
@@ -95,8 +103,6 @@ class EventIntegrator:
         self.charted = [compiled] if plain and self.coordinates and not self.known and compiled.model.contours else []
         self.segments: list[Segment] = []
         self.evaluations = 0
-        self.resting: dict[int, Stop] = {}  # stops that something rests on, by their number
-        self.left: dict[int, float] = {}  # when something left a stop last: it does not come back to it at that instant
 
     def _use_chart(self, compiled: Compiled, system: Any, valid_range: tuple[float, float] | None) -> None:
         """Go on in the chart of ``compiled``, as long as its coordinate stays in its ``valid_range``."""
@@ -108,7 +114,7 @@ class EventIntegrator:
         self.scale = np.array([*(1.0 if a else model.size for a in angle), *(1.0 for _ in integrating(compiled))])
         at = partial(motion_at, compiled)
         read = self.coordinates if compiled.angles.exact else {}
-        self.limits = [(s, event_function_of(s, read, at), s.side == "upper") for s in self.stops]
+        self.stops.use(compiled)
         self.looks = [(w, event_function_of(w, read, at)) for w in self.watches]
         self.boundaries: list[Gauge] = []
         if valid_range is not None:
@@ -118,39 +124,33 @@ class EventIntegrator:
     def go(self, q: Real, v: Real) -> Simulation:
         """Run from q, v (f,) to the end."""
         q, v = (np.append(x, np.zeros(len(self.scale) - len(x))) for x in (q, v))
-        for s, event_function, upper in self.limits:
-            beyond = float(event_function(q[None], v[None], np.zeros(1))[0]) * (1.0 if upper else -1.0)
-            if beyond > 1e-12:
-                shown = partial(as_coordinate, rotary=self._rotary(s.pair))
-                why = f"the motion starts {shown(beyond)} {'above' if upper else 'below'} the {s.side} stop"
-                why += f" '{s.name}' at {shown(s.at)}."
-                raise MechanismError(Fault(f"joints.{s.pair}.stops", why, "Start on the other side, or move the stop."))
+        self.stops.check_start(q, v)
         if any(float(boundary(q[None], v[None], np.zeros(1))[0]) >= 0.0 for boundary in self.boundaries):
             q, v = self._take_over(q, v, (float(q[0]), float(v[0])))
         self.friction.begin(self.compiled, 0.0, q, v)
         v = self._settle(0.0, q, v)
         q, v = self._let_go(0.0, q, v)
-        t = 0.0
+        t, standing = 0.0, 0
         while t < self.duration * (1.0 - 1e-13):
+            began = t
             t, q, v, ended = self._integrate_segment(t, q, v)
             if ended:
                 break
+            standing = standing + 1 if t <= began else 0
+            if standing > MOST_AT_ONCE:
+                why = f"at t = {t:.9g} s events follow each other at once, without end."
+                raise MechanismError(Fault("dynamics", why, "Move a stop, or change a load that jumps there."))
             if len(self.log.events) > MOST_EVENTS:
-                raise MechanismError(
-                    Fault(
-                        "dynamics",
-                        f"more than {MOST_EVENTS} impacts or passages until t = {t:.9g} s.",
-                        "Simulate a shorter time.",
-                    )
-                )
+                why = f"more than {MOST_EVENTS} impacts or passages until t = {t:.9g} s."
+                raise MechanismError(Fault("dynamics", why, "Simulate a shorter time."))
         return self._simulation(self.segments, self.evaluations, self.log.whole())
 
     def _integrate_segment(self, t: float, q: Real, v: Real) -> tuple[float, Real, Real, bool]:
         """Integrate until the first event; time, position, speed after it, and whether the motion ends there."""
-        q, v = self._touching(t, q, v)
-        v = self._unpressed(t, q, v)
+        q, v = self._meet_stops(t, q, v)
         begun = (float(q[0]), float(v[0])) if len(q) else (0.0, 0.0)
         system = self._system()
+        stops = self.stops.event_functions(q, v, t, system)
         dry, prescribed = self.friction.event_functions()
         cams = self._contacts()
         first: list[tuple[float, Any]] = []
@@ -162,19 +162,14 @@ class EventIntegrator:
             self._leave_waypoints(window.start + window.length * WAYPOINTS, window)
             if not len(q):
                 self.friction.follow(self.compiled, window)
-            for k, (_, event_function, upper) in enumerate(self.limits):
-                if k not in self.resting:
-                    at = first_zero(event_function, window, t, upper)
-                    if at is not None:
-                        first.append((at, ("stop", k)))
+            for event_function, noise, k in stops:
+                at = first_exceeding(event_function, window, t, noise)
+                if at is not None:
+                    first.append((at, ("stop", k)))
             for k, (w, event_function) in enumerate(self.looks):
                 at = first_zero(event_function, window, t + 1e-12 * self.duration, w.rising)
                 if at is not None:
                     first.append((at, ("watch", k)))
-            for k, s in self.resting.items():
-                at = first_zero(self._pull(system, s), window, t + 1e-12 * self.duration, None)
-                if at is not None:
-                    first.append((at, ("release", k)))
             for event_function, rising, loose in dry:
                 at = first_zero(event_function, window, t + 1e-12 * self.duration, rising)
                 if at is not None:
@@ -227,7 +222,8 @@ class EventIntegrator:
             solution = driven_windows(t, self.duration, partial(self._share, q, v), after, breakpoints)
         self.evaluations += solution.evaluations
         end = first[0][0] if first else self.duration
-        self.segments.append(self._segment(t, end, solution, system))
+        if end > t:
+            self.segments.append(self._segment(t, end, solution, system))
         end_q, end_v, _ = solution(np.array([end]))
         q, v = end_q[0], end_v[0]
         ended = False
@@ -235,8 +231,7 @@ class EventIntegrator:
             if time > end + 1e-14 * self.duration:
                 break
             if kind == "stop":
-                q, v = self._part(time, q, v, self.limits[k][0])
-                v = self._settle(time, q, self._impact(time, q, v, k))
+                self.stops.end(k, time)
             elif kind == "boundary":
                 q, v = self._take_over(q, v, begun)
             elif kind == "chart":
@@ -245,8 +240,6 @@ class EventIntegrator:
                 v = self._settle(time, q, v, k)
             elif kind == "cam":
                 q, v = self._land(time, q, v, k) if k in self.separated else self._let_go(time, q, v, k)
-            elif kind == "release":
-                v = self._leave(time, q, v, k)
             else:
                 watch = self.looks[k][0]
                 rotary = watch.pair is not None and self._rotary(watch.pair)
@@ -332,56 +325,39 @@ class EventIntegrator:
 
     def _segment(self, start: float, end: float, way: Solution, system: Any) -> Segment:
         """A segment in which the present stops and contacts hold."""
-        return Segment(start, end, self.compiled, way, system, self._rested(), tuple(sorted(self.separated)))
-
-    def _rested(self) -> tuple[Stop, ...]:
-        return tuple(self.resting[k] for k in sorted(self.resting))
-
-    def _rests(self) -> tuple[str, ...]:
-        """Pairs that rest on stops."""
-        return tuple(stop.pair for stop in self._rested())
+        return Segment(start, end, self.compiled, way, system, self.stops.rested, tuple(sorted(self.separated)))
 
     def _simulation(self, segments: Sequence[Segment], evaluations: int, happened: Happened) -> Simulation:
         method = "radau" if self.method == "radau" else "gauss"
         found = happened.events, method, self.tolerance, evaluations, happened.lost
-        return Simulation(self.original, tuple(segments), *found, tuple(self.stops), happened.pushed, self.separable_cams)
+        return Simulation(self.original, tuple(segments), *found, self.stops.stops, happened.pushed, self.separable_cams)
 
-    def _touching(self, t: float, q: Real, v: Real) -> tuple[Real, Real]:
-        """Stops that are touched at the beginning of a segment: what moves against them hits, what only presses rests."""
-        for k in range(len(self.limits)):
-            stop, event_function, upper = self.limits[k]  # those of other coordinates, once a follower has left its cam
-            if k in self.resting:
-                continue
-            sign = 1.0 if upper else -1.0
-            size = 1.0 if self._rotary(stop.pair) else self.compiled.model.size
-            if abs(float(event_function(q[None], v[None], np.array([t]))[0])) > TOUCH * size:
-                continue
-            speed = sign * self._rates(stop, q, v, t)[0]
-            tiny = TOUCH * max(1.0, float(np.abs(v).max()))
-            if speed > tiny:
+    def _meet_stops(self, t: float, q: Real, v: Real) -> tuple[Real, Real]:
+        """What happens at the stops that are touched at an instant; coordinates and rates after it."""
+        if self.separation is not None:
+            for stop in self.stops.approached(q, v, t, self._system()):
                 q, v = self._part(t, q, v, stop)
-                v = self._settle(t, q, self._impact(t, q, v, k))
-            elif speed > -tiny and self.left.get(k) != t:
-                push = sign * self._rates(stop, q, v, t)[1]
-                if abs(push) <= TOUCH:  # it decides in the next instant
-                    soon = 1e-6 * self.duration
-                    a = np.asarray(self._system()(q[None], v[None], np.array([t])))[0]
-                    push = sign * self._rates(stop, q + soon * v, v + soon * a, t + soon)[1]
-                if push > TOUCH:  # else friction holds it
-                    q, v = self._part(t, q, v, stop)
-                    v = self._settle(t, q, self._rest(t, k, q, v))
-        return q, v
+        now = self.stops.rests, v
+
+        def equations(rests: tuple[str, ...], rates: Real) -> Any:
+            if rests == now[0] and rates is now[1]:
+                return self._system()
+            dry = self.friction.equations_of(self.compiled, q, rates, t, rests=rests)
+            return Chart(self.compiled, rests) if dry is None else dry
+
+        v, changed = self.stops.meet(q, v, t, equations)
+        return q, self._settle(t, q, v) if changed else v
 
     def _system(self) -> Any:
         """The equations of motion of the present segment."""
         dry = self.friction.system()
         if dry is not None:
             return dry
-        return Chart(self.compiled, self._rests()) if self.resting else self.system
+        return Chart(self.compiled, self.stops.rests) if self.stops.closed else self.system
 
     def _settle(self, t: float, q: Real, v: Real, loose: tuple[int, float] | None = None) -> Real:
         """Decide what slides and what sticks from now on; speeds after it."""
-        return self.friction.settle(t, q, v, self._rests(), loose)
+        return self.friction.settle(t, q, v, self.stops.rests, loose)
 
     # -- cams that only press -----------------------------------------------------------------------------------------
     def _contacts(self) -> list[tuple[str, Gauge, float]]:
@@ -403,7 +379,7 @@ class EventIntegrator:
         if not self.friction.counts:
             return self.separation.parting(name, self.separated)
         system = self._system()
-        resting = self._rested()
+        resting = self.stops.rested
 
         def pulling(q: Real, v: Real, t: Real) -> Real:
             motion = motion_at(self.compiled, q, v, t, system(q, v, t))
@@ -451,13 +427,6 @@ class EventIntegrator:
                 q, v = self._let_go(t, q, v, name)
         return q, v
 
-    def _off(self, t: float, q: Real, v: Real) -> None:
-        """Stops from which an impact on a cam has thrown what rested on them."""
-        for k, stop in list(self.resting.items()):
-            rate = (-1.0 if stop.side == "upper" else 1.0) * self._rates(stop, q, v, t)[0]
-            if rate > TOUCH * max(1.0, float(np.abs(v).max(initial=0.0))):
-                self._leave(t, q, v, k)
-
     def _land(self, t: float, q: Real, v: Real, name: str) -> tuple[Real, Real]:
         """A follower comes back to its cam: an impact, after which it bounces or stays."""
         assert self.separation is not None
@@ -469,15 +438,13 @@ class EventIntegrator:
         pull = self._pulled(t, name, fewer, held, np.delete(stay, k))
         stays = pull <= 0.0 and 2.0 * e * hit <= -pull * LEAST_BOUNCE * self.duration
         gone = all_lost if stays else lost
-        self.log.lose(t, gone)
-        self._push(t, gone, q, v, stay if stays else rebound)
+        account_for_impact(self.log, self.compiled, t, q, v, stay if stays else rebound, gone)
         where = self.separation.where(name, self.compiled, q, v, t)
         pace = as_quantity(hit, "angular speed" if self.separation.contacts[name].rotary else "linear speed", 4)
         what = "contact regained" if stays else "bounces"
         kind = "regained" if stays else "impact"
         self.log.tell(SimulationEvent(t, kind, name, f"{what} at {where}, hit at {pace}"))
         if not stays:
-            self._off(t, q, rebound)
             return q, self._settle(t, q, rebound)
         self.separated = fewer
         compiled = self.separation.known[fewer]
@@ -485,75 +452,13 @@ class EventIntegrator:
         self._use_chart(compiled, Chart(compiled), None)
         v = np.delete(stay, k)
         self.friction.begin(self.compiled, t, held, v)
-        self._off(t, held, v)
         return held, self._settle(t, held, v)
 
     def _pulled(self, t: float, name: str, fewer: frozenset[str], q: Real, v: Real) -> float:
         """The gap's acceleration if a follower that has come back were let go again: positive where it would part."""
         assert self.separation is not None
-        friction = partial(self.friction.equations_of, rests=self._rests())
+        friction = partial(self.friction.equations_of, rests=self.stops.rests)
         return float(self.separation.parting(name, fewer, friction)(q[None], v[None], np.array([t]))[0])
-
-    def _rates(self, stop: Stop, q: Real, v: Real, t: float) -> tuple[float, float]:
-        """Rate and second rate of a stop's coordinate: prescribed drives have their share in them."""
-        return rates_at(self.compiled, self._system(), stop.pair, q, v, t)
-
-    def _rest(self, t: float, k: int, q: Real, v: Real) -> Real:
-        """Something rests on a stop from now on; rates after it: what is left of the speed onto it is taken away."""
-        stop = self.limits[k][0]
-        left = self._rates(stop, q, v, t)[0]
-        self.resting[k] = stop
-        self.log.tell(SimulationEvent(t, "contact", stop.name, f"{stop.pair} rests on stop {stop.name}"))
-        g = jacobian_at(self.compiled, [stop.pair], q, v, t)[0]
-        return shifted(v, -g * (left / float(g @ g)))
-
-    def _leave(self, t: float, q: Real, v: Real, k: int) -> Real:
-        """Something leaves a stop; rates after it. Where friction now holds it, its acceleration is rounding about zero."""
-        stop = self.resting.pop(k)
-        self.left[k] = t
-        self.log.tell(SimulationEvent(t, "release", stop.name, f"{stop.pair} leaves stop {stop.name}"))
-        return self._settle(t, q, v)
-
-    def _unpressed(self, t: float, q: Real, v: Real) -> Real:
-        """Stops that would have to pull from the start of a segment on let go, for no load passes zero later; rates after it."""
-        for k, stop in list(self.resting.items()):
-            soon, system = 1e-6 * self.duration, self._system()
-            a = np.asarray(system(q[None], v[None], np.array([t])))[0]
-            row = np.array([q, q + soon * v]), np.array([v, v + soon * a]), np.array([t, t + soon])  # a load may begin at zero
-            r = reduce(self.compiled, *row)
-            size = max(float(np.abs(x).max()) for x in (r.force, r.bias, r.inertia[0] @ a[: len(self.coordinates)]))
-            g = float(np.linalg.norm(jacobian_at(self.compiled, [stop.pair], q, v, t)[0]))
-            if g * float(self._pull(system, stop)(*row).max()) < -PULLS * size:
-                v = self._leave(t, q, v, k)
-        return v
-
-    def _pull(self, system: Chart | DrySystem, stop: Stop) -> Gauge:
-        """What the stop has to hold: positive while something presses on it."""
-        sign, place = -1.0 if stop.side == "upper" else 1.0, system.rests.index(stop.pair)
-        return lambda q, v, t: sign * system.holding(q, v, t)[:, place]
-
-    def _impact(self, t: float, q: Real, v: Real, k: int) -> Real:
-        """Newton's impact on a stop: its impulse spreads over all coordinates by the reduced masses."""
-        stop, _, upper = self.limits[k]
-        hit, second = self._rates(stop, q, v, t)
-        towards = second if upper else -second  # how fast it falls back onto the stop
-        rebound = stop.restitution * abs(hit)
-        rests = rebound == 0.0 or (towards > 0 and 2.0 * rebound / towards < LEAST_BOUNCE * self.duration)
-        before = v
-        v, lost = impact(self.compiled, stop.pair, self._rests(), 0.0 if rests else stop.restitution, hit, q, v, t)
-        self.log.lose(t, lost)
-        self._push(t, lost, q, before, v)
-        pace = as_quantity(abs(hit), "angular speed" if self._rotary(stop.pair) else "linear speed")
-        self.log.tell(SimulationEvent(t, "impact", stop.name, f"{stop.pair} hits stop {stop.name} at {pace}"))
-        if rests and towards > 0:
-            v = self._rest(t, k, q, v)
-        return v
-
-    def _push(self, t: float, lost: float, q: Real, before: Real, after: Real) -> None:
-        """Account for the work that prescribed drives do in an impact, which does not slow them."""
-        if len(self.coordinates) < len(self.compiled.mechanism.drives):
-            motion = motion_at(self.compiled, np.array([q, q]), np.array([before, after]), np.array([t, t]))
-            self.log.push(t, float(np.diff(kinetic_energy_of(motion))[0]) + lost)
 
     def _rotary(self, pair: str) -> bool:
         return self.compiled.model.rotary(pair)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any, Literal
 
 import numpy as np
@@ -135,6 +136,43 @@ def first_zero(event_function: Gauge, window: Window, after: float, rising: bool
             if time > after:
                 return time
     return None
+
+
+def first_exceeding(event_function: Gauge, window: Window, after: float, noise: float) -> float | None:
+    """The time in a window, not before ``after`` [s], at which an event function passes zero for the first time to exceed
+    ``noise``; the beginning, where it is above zero from there on. None where it does not."""
+    low, high = max(window.start, after), window.start + window.length
+    if high - low <= 0:
+        return None
+
+    def at(x: Real) -> Real:
+        t = low + 0.5 * (high - low) * (x + 1.0)
+        q, v, _ = window(t)
+        return event_function(q, v, t)
+
+    y, ends = np.split(at(_PLACES), [SAMPLES])
+    size = float(np.abs(y).max())
+    if max(float(y.max()), *ends) <= 0.0 and np.abs(np.diff(y)).sum() < -y[0]:
+        return None  # stays below zero: the way that it goes in the window is shorter than what is missing
+    coefficients = chebyshev.chebtrim(_FIT @ y, 1e-15 * size)
+    slope = chebyshev.chebder(coefficients)
+    zeros, peaks = (_real_roots(c) for c in (coefficients, slope))
+    boundaries = np.array([-1.0, *zeros, 1.0])
+    for x, end in pairwise(boundaries):
+        between = np.array([0.5 * (x + end), end, *peaks[(peaks > x) & (peaks < end)]])
+        if float(chebyshev.chebval(between, coefficients).max()) <= noise:
+            continue
+        if x > -1.0:
+            least = 4.0 * np.spacing(max(abs(low), abs(high))) / (high - low)
+            x = float(np.clip(_polished(at, float(x), float(chebyshev.chebval(x, slope)), least), -1.0, end))
+        return float(low + 0.5 * (high - low) * (x + 1.0))
+    return None
+
+
+def _real_roots(coefficients: Real) -> Real:
+    """Roots (k,) of a Chebyshev series between -1 and 1, in order."""
+    roots = chebyshev.chebroots(coefficients)
+    return np.sort(roots[(np.abs(roots.imag) < 1e-7) & (np.abs(roots.real) < 1.0)].real)
 
 
 def _polished(at: Callable[[Real], Real], x: float, slope: float, least: float) -> float:

@@ -6,17 +6,18 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from dynamic_mechanisms import double_pendulum, swinging_five_bar
+from dynamic_mechanisms import double_pendulum, pendulum, swinging_five_bar
 from mechanisms import case
 
-from mechcore.dynamics.contact.impacts import impact, jacobian_at, rates_at
-from mechcore.dynamics.energy_account import kinetic_energy_of
-from mechcore.dynamics.equations.chart import Chart
-from mechcore.dynamics.equations.reduced import constrained, motion_at
+from mechcore.dynamics.contact.impacts import impact
+from mechcore.dynamics.equations.chart import Chart, jacobian_of
+from mechcore.dynamics.equations.reduced import constrained, motion_at, moving, reduce
 from mechcore.dynamics.events import Stop
 from mechcore.dynamics.simulate import simulate
+from mechcore.laws.signals import Step
 from mechcore.laws.timed import ConstantSpeed
 from mechcore.motion.solve import compile_mechanism
+from mechcore.spec.loads import Factor, Torque
 from mechcore.spec.mechanism import Drive, Mechanism
 
 
@@ -39,11 +40,12 @@ def test_rates_of_a_stop_are_those_of_finite_differences(pair: str):
     system = Chart(compiled)
     a = system(q[None], v[None], np.array([t]))[0]
     x = coordinate(compiled, pair, [q - h * v + 0.5 * h * h * a, q, q + h * v + 0.5 * h * h * a], [t - h, t, t + h])
-    rate, second = rates_at(compiled, system, pair, q, v, t)
+    row = q[None], v[None], np.array([t])
+    rate, second = motion_at(compiled, *row, a[None]).coordinate(pair)[0, 1:]
     assert rate == pytest.approx((x[2] - x[0]) / (2 * h), rel=1e-6)
     assert second == pytest.approx((x[2] - 2 * x[1] + x[0]) / h**2, rel=1e-5)
     x = coordinate(compiled, pair, [q - h, q + h], [t, t])
-    assert jacobian_at(compiled, [pair], q, v, t)[0, 0] == pytest.approx((x[1] - x[0]) / (2 * h), rel=1e-6)
+    assert jacobian_of(*moving(compiled, *row), [pair])[0][0, 0, 0] == pytest.approx((x[1] - x[0]) / (2 * h), rel=1e-6)
 
 
 @pytest.mark.parametrize(("pair", "restitution"), [("B", 0.5), ("C", 0.0), ("C", 0.7)])
@@ -86,19 +88,105 @@ def test_a_stop_holds_a_combination_of_two_free_coordinates():
     assert np.abs(found.drift(np.linspace(0.0, 0.5, 100))).max() < 1e-8
 
 
-def test_what_rests_on_one_stop_stays_when_another_is_hit():
-    """A bar that is all that moves loses 1 - e^2 of its energy; without the other stop the upper bar would be thrown back."""
-    i = case("dynamics", "double-pendulum-rods")["inputs"]
-    compiled = compile_mechanism(double_pendulum(i))
-    q, v = np.array([0.3, -0.4]), np.array([0.0, 2.0])
-    after, lost = impact(compiled, "J", ["O"], 0.4, 2.0, q, v, 0.0)
-    assert after == pytest.approx([0.0, -0.8], abs=1e-14)
-    kinetic = [float(kinetic_energy_of(motion_at(compiled, q[None], x[None], np.zeros(1)))[0]) for x in (v, after)]
-    assert lost == pytest.approx(kinetic[0] - kinetic[1], rel=1e-12) and lost == pytest.approx(
-        kinetic[0] * (1.0 - 0.4**2), rel=1e-12
-    )
-    free = impact(compiled, "J", [], 0.4, 2.0, q, v, 0.0)[0]
-    assert free[1] == pytest.approx(-0.8) and abs(free[0]) > 0.1
+def rods(**start: float) -> Mechanism:
+    """Two equal rods of 1 kg and 1 m, without gravity."""
+    return replace(double_pendulum(case("dynamics", "double-pendulum-rods")["inputs"] | start), effects=("inertia",))
+
+
+@pytest.mark.parametrize(("side", "stays"), [("lower", False), ("upper", True)])
+def test_an_impact_throws_what_rests_on_another_stop_off_it_or_presses_it_on(side: str, stays: bool):
+    """A stop only pushes. Where the upper rod stays on its stop, the lower one is all that moves and loses 1 - e^2 of its energy;
+    else the impulse of a free double pendulum throws it off."""
+    m = rods(theta_1=0.3, theta_2=-0.4, omega_1=0.0, omega_2=2.0)
+    push = Torque(name="push", link="upper", moment=30.0 if side == "upper" else -30.0)
+    at = [float(d.law(0.0)[0]) for d in m.drives]
+    stops = [Stop(name="hit", pair="J", at=at[1], restitution=0.4), Stop(name="rest", pair="O", at=at[0], side=side)]
+    run = simulate(replace(m, loads=(push,)), 1e-3, stops=stops)
+    after = [float(run.motion([1e-15]).coordinate(pair)[0, 1]) for pair in ("O", "J")]
+    assert after[1] == pytest.approx(-0.8, rel=1e-9)
+    assert (after[0] == 0.0) if stays else (after[0] > 0.1)
+    inertia = reduce(compile_mechanism(m), np.array([at]), np.zeros((1, 2)), np.zeros(1)).inertia[0]
+    mass = inertia[1, 1] if stays else 1.0 / np.linalg.inv(inertia)[1, 1]
+    assert run.lost[0][1] == pytest.approx(0.5 * mass * 2.0**2 * (1.0 - 0.4**2), rel=1e-9)
+    assert [h.kind for h in run.events] == (["impact", "contact"] if stays else ["impact"])
+
+
+def contacts(rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
+    """Mobility of one to five contacts of a mechanism of one to four freedoms, and the rates of their gaps."""
+    f, c = rng.integers(1, 5), rng.integers(1, 6)
+    jacobian, root = rng.standard_normal((c, f)), rng.standard_normal((f, f))
+    inertia = root @ root.T + 0.1 * np.eye(f)
+    return jacobian @ np.linalg.solve(inertia, jacobian.T), jacobian @ rng.standard_normal(f)
+
+
+def test_impulses_push_only_where_contacts_leave_with_the_least_speed_whatever_their_order():
+    """The conditions of Moreau, and no energy comes from nowhere; without restitution there is always a solution."""
+    rng = np.random.default_rng(5)
+    for _ in range(300):
+        mobility, rates = contacts(rng)
+        c = len(rates)
+        e = rng.choice([0.0, 1.0]) * np.ones(c) if rng.uniform() < 0.5 else rng.uniform(0.0, 1.0, c)
+        found = impact(mobility, rates, e, np.zeros(c, bool))
+        assert found is not None
+        push, lost = found
+        after = rates + mobility @ push
+        assert push.min() >= 0.0 and after.min() > -1e-9 * np.abs(rates).max()
+        assert lost >= -1e-9 * float(push @ np.abs(rates))
+        if not e.any():
+            np.testing.assert_allclose(push * after, 0.0, atol=1e-9 * push.max(initial=1.0))
+        elif np.linalg.matrix_rank(mobility) == c == (rates < 0.0).sum() and np.ptp(e) == 0.0:
+            np.testing.assert_allclose(push * (after + e * rates), 0.0, atol=1e-9 * push.max(initial=1.0))
+        mixed = rng.permutation(c)
+        again = impact(mobility[np.ix_(mixed, mixed)], rates[mixed], e[mixed], np.zeros(c, bool))
+        assert again is not None
+        np.testing.assert_allclose(rates[mixed] + mobility[np.ix_(mixed, mixed)] @ again[0], after[mixed], atol=1e-9)
+
+
+@pytest.mark.parametrize("angle", np.linspace(0.2, 1.4, 7))
+@pytest.mark.parametrize("side", ["upper", "lower"])
+def test_what_a_stop_without_restitution_has_caught_falls_back_from_rest(angle: float, side: str):
+    """Gravity draws it away from the stop: one impact, and then the pendulum that starts at rest there."""
+    sign = 1.0 if side == "upper" else -1.0
+    body = {"inertia": 0.4, "mass": 1.5, "distance": 0.35}
+    stop = Stop(name="s", pair="O", at=sign * angle - np.pi / 2, side=side)
+    run = simulate(pendulum(**body, angle=0.0, speed=6.0 * sign), 1.0, tolerance=1e-11, stops=[stop])
+    assert [h.kind for h in run.events if h.time < 0.5] == ["impact"]
+    after = np.linspace(1e-3, 0.25, 9)
+    free = simulate(pendulum(**body, angle=sign * angle), 0.5, tolerance=1e-11).motion(after).coordinate("O")[:, :2]
+    np.testing.assert_allclose(run.motion(run.events[0].time + after).coordinate("O")[:, :2], free, atol=1e-9)
+
+
+@pytest.mark.parametrize("restitution", [(0.0, 0.0), (0.4, 0.4), (0.2, 0.4)])
+def test_bounces_between_two_stops_end_in_rest_whatever_their_order_and_units(restitution: tuple[float, float]):
+    """Ever shorter bounces, now on the one, now on the other; the same where all lengths are a thousand times larger."""
+    i = case("dynamics", "double-pendulum-rods")["inputs"] | {"theta_1": 0.3, "theta_2": 0.5, "omega_1": -1.0, "omega_2": -1.0}
+    stops = [
+        Stop(name=name, pair=pair, at=at, side="lower", restitution=e)
+        for name, pair, at, e in zip("ab", "OJ", (0.2 - np.pi / 2, 0.1), restitution, strict=True)
+    ]
+    large = {key: i[key] * 1e3 for key in ("L1", "a1", "a2")} | {key: i[key] * 1e6 for key in ("J1", "J2")}
+    runs = [simulate(double_pendulum(i), 0.3, stops=s) for s in (stops, stops[::-1])]
+    runs.append(simulate(replace(double_pendulum(i | large), gravity=(0.0, -9810.0)), 0.3, stops=stops))
+    told = [[(h.kind, h.item) for h in run.events] for run in runs]
+    assert told[0] == told[1] == told[2]
+    assert [kind for kind, _ in told[0]].count("contact") == 2 and len(told[0]) < 60
+    for run in runs:
+        np.testing.assert_allclose([h.time for h in run.events], [h.time for h in runs[0].events], rtol=1e-9)
+        np.testing.assert_allclose(run.motion([0.3]).coordinate("J")[0], [0.1, 0.0, 0.0], atol=1e-12)
+
+
+@pytest.mark.parametrize("at", [0.3, 0.5])
+def test_a_load_that_jumps_lifts_what_rests_on_a_stop(at: float):
+    """No load passes zero there: the stop would have to pull from one instant to the next."""
+    lift = Torque(name="lift", link="body", moment=8.0, factor=Factor(function=Step(at=at), of="time"))
+    body = {"inertia": 0.4, "mass": 1.5, "distance": 0.35, "angle": 1.0}
+    stop = Stop(name="s", pair="O", at=1.0 - np.pi / 2, side="lower")
+    run = simulate(pendulum(**body, loads=(lift,)), 1.0, tolerance=1e-11, stops=[stop])
+    assert [(h.kind, h.item) for h in run.events] == [("contact", "s"), ("release", "s")]
+    assert run.events[1].time == pytest.approx(at, abs=1e-12)
+    after = np.linspace(1e-3, 0.4, 9)
+    free = simulate(pendulum(**body, loads=(replace(lift, factor=None),)), 0.4, tolerance=1e-11).motion(after).coordinate("O")
+    np.testing.assert_allclose(run.motion(at + after).coordinate("O")[:, :2], free[:, :2], atol=1e-9)
 
 
 def test_accelerations_and_what_holds_them_satisfy_the_bordered_equations():

@@ -15,7 +15,7 @@ import numpy as np
 
 from mechcore.arrays import Real
 from mechcore.cams.placed import PlacedCam
-from mechcore.dynamics.contact.impacts import newton_impact
+from mechcore.dynamics.contact.impacts import impact
 from mechcore.dynamics.equations.chart import Chart
 from mechcore.dynamics.equations.handover import carried_on, enter
 from mechcore.dynamics.equations.reduced import free_of, motion_at, reduce, shifted, tangents
@@ -190,8 +190,10 @@ class FollowerSeparation:
         slopes = [float(u.coordinate(contact.guide)[0, 1]) for u in tangents(motion, free_of(held))]
         gradient = contact.away * np.insert(-np.array(slopes), k, 1.0)
         inertia = reduce(compiled, q[None], v[None], row).inertia[0]
-        change, lost = newton_impact(inertia, gradient[None], hit, restitution)
-        return shifted(v, change), -hit, lost
+        answer = np.linalg.solve(inertia, gradient)
+        found = impact(np.array([[gradient @ answer]]), np.array([hit]), np.array([restitution]), np.array([False]))
+        assert found is not None  # some mass moves with the follower's guide
+        return shifted(v, answer * found[0]), -hit, found[1]
 
     def followed(self, name: str, motion: Motion) -> Real:
         """The guide's coordinate (F,) at which the follower would touch its cam."""

@@ -1,0 +1,294 @@
+"""End stops: which are closed, and what happens at an instant at which some are touched.
+
+Speeds are decided first, by impulses on all stops that are touched (`impact`); then accelerations: a stop without speed stays
+closed where something presses on it, and opens where it would have to pull. Both are complementarity problems over all stops.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from mechcore.arrays import Flags, Real
+from mechcore.dynamics.contact.impacts import account_for_impact, impact
+from mechcore.dynamics.equations.chart import jacobian_of
+from mechcore.dynamics.equations.reduced import free_of, motion_at, moving, reduced_equations, shifted
+from mechcore.dynamics.events import Gauge, Log, SimulationEvent, Stop, event_function_of
+from mechcore.errors import Fault, MechanismError
+from mechcore.motion.compiled import Compiled
+from mechcore.texts import as_coordinate, as_quantity
+
+TOUCH = 1e-11  # of the scale of a coordinate: nearer a stop is touched; so slow that it goes as far in the duration, it is at rest
+HELD = 1e-11  # rate, in scales, per unit rate of every coordinate, below which prescribed drives or other stops lead a pair
+PULLS = 1e-9  # part of the largest force beyond which a stop's pull, or what moves something onto it, is more than rounding
+LEAST_BOUNCE = 1e-6  # of the duration: a bounce that is over sooner ends in contact
+SOON = 1e-6  # of the duration: what begins to press so much later does it now
+
+Equations = Callable[[tuple[str, ...], Real], Any]
+"""Equations of motion at an instant, of pairs that rest on stops and rates (f,)."""
+
+
+@dataclass(frozen=True, eq=False)
+class _Touched:
+    """Stops ``which`` (c of them) that are touched at an instant. Their gaps open at the rates ``jacobian @ v + share``; slower
+    than ``least`` (c,) they are at rest. ``answers`` (f, c): change of the rates by a unit impulse on each; ``noise`` (c,): second
+    rates that are rounding; ``led`` (c,): no impulse changes their rates."""
+
+    which: tuple[int, ...]
+    jacobian: Real
+    share: Real
+    least: Real
+    answers: Real
+    noise: Real
+    led: Flags
+
+    @property
+    def mobility(self) -> Real:
+        return np.asarray(self.jacobian @ self.answers)
+
+    def rates(self, v: Real) -> Real:
+        """Rates (c,) at which the gaps open."""
+        return np.asarray(self.jacobian @ v[: self.jacobian.shape[1]] + self.share)
+
+    def part(self, chosen: Flags) -> _Touched:
+        """Some of the stops (c,)."""
+        which = tuple(k for k, it in zip(self.which, chosen, strict=True) if it)
+        rows = (x[chosen] for x in (self.jacobian, self.share, self.least))
+        return _Touched(which, *rows, self.answers[:, chosen], self.noise[chosen], self.led[chosen])
+
+    def independent(self) -> bool:
+        """Whether none of the stops is led by the others."""
+        scale = np.sqrt(np.diag(self.mobility))
+        return not len(scale) or float(np.linalg.eigvalsh(self.mobility / np.outer(scale, scale))[0]) > HELD
+
+    def stilled(self, v: Real) -> Real:
+        """Rates (f,) without what rounding has left of the rates of the gaps; they have to be independent."""
+        return shifted(v, -self.answers @ np.linalg.solve(self.mobility, self.rates(v))) if self.which else v
+
+
+class EndStops:
+    """End stops of a motion of a duration [s]; what happens at them is told in a ``log``. ``closed``: the numbers of those that
+    something rests on."""
+
+    def __init__(self, stops: Sequence[Stop], duration: float, log: Log):
+        self.stops, self._duration, self._log = tuple(stops), duration, log
+        self.closed: set[int] = set()
+        self._struck: set[int] = set()  # at the end of the last segment
+        self._released = False  # something, at the end of the last segment
+        self._left: dict[int, float] = {}  # when something left a stop last: it does not come to rest there at that instant
+        self._pulls: dict[int, float] = {}  # of stops that are touched: pulls that are rounding
+
+    def use(self, compiled: Compiled) -> None:
+        """Go on in other coordinates."""
+        self.compiled = compiled
+        self._free = [compiled.mechanism.drives[i].pair for i in free_of(compiled)]
+        read = {pair: i for i, pair in enumerate(self._free)} if compiled.angles.exact else {}
+        self._distances = [event_function_of(s, read, partial(motion_at, compiled)) for s in self.stops]
+        self._signs = np.array([-1.0 if s.side == "upper" else 1.0 for s in self.stops])
+        self._scales = np.array([self._scale(s.pair) for s in self.stops])
+        self._free_scales = np.array([self._scale(pair) for pair in self._free])
+        self._fastest = np.zeros(len(self._free))
+
+    def _scale(self, pair: str) -> float:
+        return 1.0 if self._rotary(pair) else self.compiled.model.size
+
+    def _rotary(self, pair: str) -> bool:
+        return self.compiled.model.rotary(pair)
+
+    @property
+    def rested(self) -> tuple[Stop, ...]:
+        """The stops that something rests on."""
+        return tuple(self.stops[k] for k in sorted(self.closed))
+
+    @property
+    def rests(self) -> tuple[str, ...]:
+        """Pairs that rest on stops."""
+        return tuple(stop.pair for stop in self.rested)
+
+    def gap(self, k: int, q: Real, v: Real, t: Real) -> Real:
+        """How far a coordinate is from its stop (n,) [rad or m], negative beyond it."""
+        return self._signs[k] * self._distances[k](q, v, t)
+
+    def check_start(self, q: Real, v: Real) -> None:
+        """Raise `MechanismError` where a motion begins at q, v (f,) beyond a stop."""
+        for k, stop in enumerate(self.stops):
+            beyond = -float(self.gap(k, q[None], v[None], np.zeros(1))[0])
+            if beyond > TOUCH * self._scales[k]:
+                shown = partial(as_coordinate, rotary=self._rotary(stop.pair))
+                why = f"the motion starts {shown(beyond)} {'above' if stop.side == 'upper' else 'below'} the {stop.side} stop"
+                why += f" '{stop.name}' at {shown(stop.at)}."
+                raise MechanismError(Fault(f"joints.{stop.pair}.stops", why, "Start on the other side, or move the stop."))
+
+    # -- in the course of a segment ------------------------------------------------------------------------------------
+    def event_functions(self, q: Real, v: Real, t: float, system: Any) -> list[tuple[Gauge, float, int]]:
+        """What ends a segment that begins at q, v (f,), t [s]: an event function, the value that it then exceeds by more than
+        rounding, and the number of the stop that is struck or left."""
+        out: list[tuple[Gauge, float, int]] = []
+        for k in range(len(self.stops)):
+            if k in self.closed:
+                out.append((partial(self._pull, k, system), self._pulls[k], k))
+            else:  # a pair that rested may have drifted beyond its stop by what integration leaves
+                beyond = min(float(self.gap(k, q[None], v[None], np.array([t]))[0]), 0.0)
+                out.append((lambda q, v, t, k=k, beyond=beyond: beyond - self.gap(k, q, v, t), TOUCH * self._scales[k], k))
+        return out
+
+    def _pull(self, k: int, system: Any, q: Real, v: Real, t: Real) -> Real:
+        """What a closed stop would have to pull with (n,): negative while something presses on it."""
+        return np.asarray(-self._signs[k] * system.holding(q, v, t)[:, system.rests.index(self.stops[k].pair)])
+
+    def end(self, k: int, t: float) -> None:
+        """A segment has ended at ``t`` [s] by an event function of a stop."""
+        if k in self.closed:
+            self._leave(k, t)
+            self._released = True
+        else:
+            self._struck.add(k)
+
+    # -- at an instant -------------------------------------------------------------------------------------------------
+    def approached(self, q: Real, v: Real, t: float, system: Any) -> list[Stop]:
+        """Touched stops, not closed, that something moves or is pushed against."""
+        touched = self._touched(q, v, t)
+        if touched is None:
+            return []
+        rates, second = touched.rates(v), self._second_rates(touched, q, v, t, system)
+        against = (rates < -touched.least) | ((rates <= touched.least) & (second < -touched.noise))
+        return [self.stops[k] for k, it in zip(touched.which, against, strict=True) if it and k not in self.closed]
+
+    def meet(self, q: Real, v: Real, t: float, equations: Equations) -> tuple[Real, bool]:
+        """Impacts on all stops that are touched at ``t`` [s], and which of them are closed from then on; rates (f,) after it, and
+        whether anything has changed. Raises `MechanismError` where drives or other stops lead a pair through its stop."""
+        released, self._released = self._released, False
+        touched = self._touched(q, v, t)
+        if touched is None:
+            return v, released
+        if touched.led.any():
+            led, system = touched.part(touched.led), equations(self.rests, v)
+            rates = led.rates(v)
+            pushed = (rates <= led.least) & (self._second_rates(led, q, v, t, system) < -led.noise)
+            if (pushed | (rates < -led.least)).any():
+                raise self._led(led.which[int(np.argmax(pushed | (rates < -led.least)))], t)
+            touched = touched.part(~touched.led)
+        before = touched.rates(v)
+        before[np.abs(before) <= touched.least] = 0.0
+        restitution = np.array([self.stops[k].restitution for k in touched.which])
+        brief = np.zeros(len(before), bool)  # what would come back at once stays: bounces between stops would have no end
+        while True:
+            after, lost = v, None
+            if brief.any() or (before < 0.0).any():
+                found = impact(touched.mobility, before, restitution, brief)
+                if found is None:
+                    raise self._led(touched.which[int(np.argmin(before / touched.least))], t)
+                after, lost = shifted(v, touched.answers @ found[0]), found[1]
+                self._left.clear()
+            closed, second = self._pressed(touched, q, after, t, equations)
+            rates = touched.rates(after)
+            back = ~brief & (rates > touched.least) & (2.0 * rates < -second * LEAST_BOUNCE * self._duration)
+            if not back.any():
+                break
+            brief |= back
+        if lost is not None:
+            account_for_impact(self._log, self.compiled, t, q, v, after, lost)
+        for k, rate in zip(touched.which, before, strict=True):
+            if rate < 0.0:
+                pace = as_quantity(-rate, "angular speed" if self._rotary(self.stops[k].pair) else "linear speed")
+                self._tell(t, "impact", k, f"hits stop {self.stops[k].name} at {pace}")
+        if lost is None and closed == self.closed:
+            return v, released
+        for k in touched.which:
+            if k in self.closed - closed:
+                self._leave(k, t)
+            elif k in closed - self.closed:
+                self.closed.add(k)
+                self._tell(t, "contact", k, f"rests on stop {self.stops[k].name}")
+        after = touched.part(np.array([k in closed for k in touched.which])).stilled(after)
+        after[[self._free.index(pair) for pair in self.rests if pair in self._free]] = 0.0
+        return after, True
+
+    def _touched(self, q: Real, v: Real, t: float) -> _Touched | None:
+        """The stops that are touched, in the order of their names; None where there are none."""
+        row = q[None], v[None], np.array([t])
+        near = [k for k in range(len(self.stops)) if k in self.closed or k in self._struck or self._touches(k, *row)]
+        self._struck.clear()
+        if not near:
+            return None
+        near.sort(key=lambda k: self.stops[k].name)
+        signs, scales, pairs = self._signs[near], self._scales[near], [self.stops[k].pair for k in near]
+        soon = SOON * self._duration  # a load may begin at zero
+        motion, units = moving(self.compiled, np.array([q, q + soon * v]), np.array([v, v]), np.array([t, t + soon]))
+        r, f = reduced_equations(motion, units), len(units)
+        rows, second = jacobian_of(motion, units, pairs)
+        jacobian = signs[:, None] * rows[0]
+        rates = [v[self._free.index(p)] if p in self._free else motion.coordinate(p)[0, 1] for p in pairs]
+        share = signs * rates - jacobian @ v[:f]
+        self._fastest = np.maximum(self._fastest, np.abs(v[:f]))
+        least = TOUCH * (np.abs(jacobian) @ self._fastest + np.abs(share) + scales / self._duration)
+        answers = np.linalg.solve(r.inertia[0], jacobian.T)
+        noise = PULLS * ((np.abs(r.force) + np.abs(r.bias)).max(axis=0) @ np.abs(answers) + np.abs(second[0]))
+        led = (np.abs(jacobian) * self._free_scales / scales[:, None]).max(axis=1, initial=0.0) <= HELD
+        self._pulls = dict(zip(near, noise / np.maximum(np.diag(jacobian @ answers), 1e-300), strict=True))
+        return _Touched(tuple(near), jacobian, share, least, answers, noise, led)
+
+    def _touches(self, k: int, q: Real, v: Real, t: Real) -> bool:
+        return abs(float(self.gap(k, q, v, t)[0])) <= TOUCH * float(self._scales[k])
+
+    def _pressed(self, touched: _Touched, q: Real, v: Real, t: float, equations: Equations) -> tuple[set[int], Real]:
+        """The stops that stay closed, and second rates (c,) of all gaps then: one stop after the other is closed that is pressed,
+        and opened that would have to pull, until none is left (K. G. Murty, Note on a Bard-type scheme for solving the
+        complementarity problem, 1974); which ends, whatever the order, in the one solution."""
+        slow = np.abs(touched.rates(v)) <= touched.least
+        closed = {k for k, it in zip(touched.which, slow, strict=True) if it and k in self.closed}
+        for _ in range(2 ** len(touched.which) + 1):
+            rests = tuple(self.stops[k].pair for k in sorted(closed))
+            system = equations(rests, v)
+            second = self._second_rates(touched, q, v, t, system)
+            for j, k in enumerate(touched.which):
+                if k in closed:
+                    wrong = float(self._pull(k, system, q[None], v[None], np.array([t]))[0]) > self._pulls[k]
+                else:
+                    wrong = slow[j] and self._left.get(k) != t and self._comes(touched, j, q, v, t, system, second)
+                if wrong:
+                    break
+            else:
+                return closed, second
+            closed ^= {k}
+            if not touched.part(np.array([k in closed for k in touched.which])).independent():
+                raise self._led(k, t)
+        why = f"at t = {t:.6g} s friction jams {self.stops[k].pair} on its stop '{self.stops[k].name}'."
+        raise MechanismError(Fault(f"joints.{self.stops[k].pair}.stops", why, "Lower a coefficient of friction."))
+
+    def _comes(self, touched: _Touched, j: int, q: Real, v: Real, t: float, system: Any, second: Real) -> bool:
+        """Whether what touches a stop without speed presses on it, or will as soon as a load grows."""
+        if abs(second[j]) > touched.noise[j]:
+            return bool(second[j] < 0.0)
+        soon, a = SOON * self._duration, np.asarray(system(q[None], v[None], np.array([t])))[0]
+        later = self._second_rates(touched, q + soon * v, v + soon * a, t + soon, system)
+        return bool(later[j] < -touched.noise[j])
+
+    def _second_rates(self, touched: _Touched, q: Real, v: Real, t: float, system: Any) -> Real:
+        """Second rates (c,) of the gaps."""
+        row = q[None], v[None], np.array([t])
+        a = np.asarray(system(*row))
+        motion = motion_at(self.compiled, *row, a)
+        pairs = [self.stops[k].pair for k in touched.which]
+        second = [a[0, self._free.index(p)] if p in self._free else motion.coordinate(p)[0, 2] for p in pairs]
+        return np.asarray(self._signs[list(touched.which)] * second)
+
+    def _led(self, k: int, t: float) -> MechanismError:
+        stop = self.stops[k]
+        why = f"at t = {t:.6g} s {stop.pair} strikes its {stop.side} stop, but prescribed drives or other stops lead it: no impulse"
+        return MechanismError(
+            Fault(f"joints.{stop.pair}.stops", f"{why} stops it.", "Move the stop beyond the motion, or leave it out.")
+        )
+
+    def _leave(self, k: int, t: float) -> None:
+        self.closed.remove(k)
+        self._left[k] = t
+        self._tell(t, "release", k, f"leaves stop {self.stops[k].name}")
+
+    def _tell(self, t: float, kind: str, k: int, what: str) -> None:
+        stop = self.stops[k]
+        self._log.tell(SimulationEvent(t, kind, stop.name, f"{stop.pair} {what}"))
