@@ -8,11 +8,13 @@ from contextlib import suppress
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from mechcore.errors import Fault, MechanismError
 from mechcore.kinematics.model import build_model
 from mechcore.laws.timed import ConstantSpeed, Law, Oscillation, Rest, moves
 from mechcore.motion.compiled import Compiled
-from mechcore.motion.reach import reachable_ranges
+from mechcore.motion.reach import range_beside, reachable_ranges
 from mechcore.motion.solve import compile_mechanism
 from mechcore.spec.mechanism import Drive, Mechanism
 from mechviz.scene.document import SceneDocument
@@ -50,12 +52,18 @@ def with_swings(mechanism: Mechanism, pairs: list[str]) -> tuple[Mechanism, list
     faults: list[Fault] = []
     for pair in pairs:
         path = f"joints.{pair}.drive.range"
-        if any(moves(d.law) for d in mechanism.drives if d.pair != pair):
-            why = "how far it can go is told beside drives that stand still, and another one moves."
-            faults.append(Fault(path, why, "Give it a range = [least, greatest]."))
+        cycles = {d.law.duration for d in mechanism.drives if d.pair != pair and moves(d.law)}
+        if len(pairs) > 1:
+            why = "two drives that run as far as they can leave each other's reach open"
+        elif len(cycles) > 1:
+            why = "how far it can go beside other drives is told over their cycle, and theirs differ"
+        else:
+            why = "" if all(map(math.isfinite, cycles)) else "where the other drives or free joints go has no end in time"
+        if why:
+            faults.append(Fault(path, f"{why}.", "Give it a range = [least, greatest]."))
             continue
         try:
-            laws = {pair: _swing(mechanism, pair)}
+            laws = {pair: _swing(mechanism, pair, max(cycles, default=0.0))}
         except MechanismError as error:
             faults += [Fault(path, f.message, f.remedy) for f in error.faults if f.path == path]
             continue  # what else is wrong is found out, and said, when it is run
@@ -82,20 +90,29 @@ def _put_together(mechanism: Mechanism) -> Compiled:
         raise error
 
 
-def _swing(mechanism: Mechanism, pair: str) -> Law:
+def _swing(mechanism: Mechanism, pair: str, cycle: float) -> Law:
     """The law of one drive: a harmonic oscillation whose largest speed is the stated one, or that speed where it can turn fully.
-    Raises `MechanismError`."""
+    ``cycle``: of other drives that move [s], during which it must not come to a limit. Raises `MechanismError`."""
     law = next(d.law for d in mechanism.drives if d.pair == pair)
     assert isinstance(law, ConstantSpeed)
     others = tuple(d for d in mechanism.drives if d.pair != pair)
     held = (Drive(pair=pair, law=Rest(law.start)), *others)
     compiled = _put_together(replace(mechanism, drives=held, loads=(), effects=()))
     rotary, size = compiled.model.rotary(pair), compiled.model.size
-    ranges = reachable_ranges(compiled)
+    path = f"joints.{pair}.drive.range"
+    if cycle:
+        beside = range_beside(compiled, np.array([0.0, cycle]))
+        if beside is None:
+            why = "at its start it cannot stand while the other drives run through their cycle" + (
+                ", as far as that is known: some groups of it have to be followed." if compiled.followed else "."
+            )
+            raise MechanismError(Fault(path, why, "Let it start elsewhere, or give a range = [least, greatest]."))
+        ranges = [beside]
+    else:
+        ranges = reachable_ranges(compiled)
     low, high = ranges[0] if ranges else (law.start, law.start)
     inside = low <= law.start <= high
-    path = f"joints.{pair}.drive.range"
-    if rotary and high - low > TURN - 1e-9:
+    if rotary and high - low > TURN * (1.0 - (1e-5 if cycle else 1e-9)):
         return law
     if not rotary and high - low > 9.0 * size:
         raise MechanismError(Fault(path, "nothing limits how far it can go.", "Give a range = [least, greatest]."))

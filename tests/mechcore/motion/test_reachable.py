@@ -177,6 +177,7 @@ B = { revolute = ["a", "b"] }
 C = { revolute = ["b", "c"], side = "left" }
 D = { revolute = ["c", "d"] }
 """
+BEYOND = 'speed = "9 rpm", start = 180'  # at its start the two are in reach of each other
 
 
 def test_beside_drives_that_stand_still():
@@ -188,10 +189,20 @@ def test_beside_drives_that_stand_still():
     assert (low, high) == pytest.approx((tilt - reach + margin, tilt + reach - margin), rel=1e-9)
 
 
+def test_beside_a_drive_that_moves():
+    """As far as the mechanism can go wherever the other crank stands: the two rods reach the far end of its circle in line."""
+    scene = mechviz.loads(TWO.replace("OTHER", 'speed = "90 rpm"'))
+    low, high = ends(law_of(scene))
+    reach = limit(50.0, 150.0, 140.0 - 30.0)
+    assert (low, high) == pytest.approx((-(1.0 - 2.0 * MARGIN) * reach, (1.0 - 2.0 * MARGIN) * reach), rel=1e-4)
+    motion = run_scene(scene).motion
+    assert motion.closure.max() < 1e-12
+
+
 @pytest.mark.parametrize(
     ("text", "path", "words"),
     [
-        (TWO.replace("OTHER", 'speed = "9 rpm"'), "joints.A.drive.range", "another one moves"),
+        (TWO.replace("speed = 30", "speed = 30, start = 50").replace("OTHER", BEYOND), "joints.A.drive.range", "cannot stand"),
         (ROCKER.replace("DRIVE", REACHABLE + ", travel = 9"), "joints.A.drive.travel", "as far as it can"),
         (ROCKER.replace("DRIVE", REACHABLE.replace("reachable", "reachabel")), "joints.A.drive.range", "'reachable'"),
         (ROCKER.replace("DRIVE", 'range = "reachable", speed = 0'), "joints.A.drive.range", "stands still"),
@@ -203,6 +214,13 @@ def test_what_has_no_reach_is_refused(text, path, words):
         mechviz.loads(text)
     (fault,) = error.value.faults
     assert fault.path == path and words in fault.message + fault.remedy
+
+
+def test_two_drives_cannot_both_go_as_far_as_they_can():
+    with pytest.raises(SceneError) as error:
+        mechviz.loads(TWO.replace("OTHER", 'speed = "9 rpm", range = "reachable"'))
+    assert [f.path for f in error.value.faults] == ["joints.A.drive.range", "joints.E.drive.range"]
+    assert all("leave each other's reach open" in f.message for f in error.value.faults)
 
 
 def test_check_and_the_refusal_of_a_full_turn_name_the_key(tmp_path):
