@@ -6,21 +6,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mechcore.forces.kinetostatics import Forces
-from mechviz.quantities.items import joints_of
-
-if TYPE_CHECKING:
-    from mechviz.scene.units import Units
-
-from typing import TYPE_CHECKING
-
 from mechcore.branches.assembly import all_modes
 from mechcore.effects.plan import Plan
 from mechcore.forces.cam_events import cam_events
 from mechcore.forces.cam_rating import placed_cams
 from mechcore.forces.crossings import belt_events, belt_grip
 from mechcore.forces.friction.events import friction_events
-from mechcore.forces.kinetostatics import solve_forces
+from mechcore.forces.kinetostatics import Forces, solve_forces
 from mechcore.forces.load_events import idle_table, load_events
 from mechcore.laws.timed import ConstantSpeed, Free
 from mechcore.motion.compiled import Compiled
@@ -33,9 +25,10 @@ from mechcore.motion.redundancy import indeterminate
 from mechcore.motion.solve import compile_mechanism, default_times, solve_motion
 from mechcore.motion.structure import contour_pairs, groups, gruebler, rank_mobility, redundant_pairs
 from mechcore.spec.clearance import journals_of, made_pairs
-from mechcore.spec.loads import BeltTension, Factor
-from mechcore.spec.mechanism import CamPair, PinSlot, Planar
+from mechcore.spec.loads import BeltTension, Factor, GasPressure, GasSpring, Spring
+from mechcore.spec.mechanism import CamPair, Mechanism, PinSlot, Planar
 from mechcore.texts import Text
+from mechviz.quantities.items import joints_of
 from mechviz.scene.worded import in_scene_words
 from mechviz.studies.cam_report import cam_facts, cam_lines, law_facts
 
@@ -125,6 +118,8 @@ def check_lines(scene: Scene, *, equations: bool = False, modes: bool = False) -
         lines += _section("limits", [f"{f.cam}: {f.what} {f.text.in_units(scene.units)}" for f in known if f.failed])
         if any(pair.rating is not None or pair.drawn is not None for pair in cams) and not free:
             lines += ["", *cam_lines(motion, known, scene.units)]
+    if free or decided:
+        lines += _section("a run", [f"tells {words}" for words in _told_by_runs(scene.mechanism)])
     if modes:
         lines += _all_modes(compiled, scene.units)
     if equations:
@@ -238,6 +233,28 @@ def _idle(scene: Scene, compiled: Compiled, ranges: list[tuple[float, float]]) -
             words = idle_table(load, compiled.model.rotary(first), *ranges[0])
         lines += [f"{load.name}: {Text(words, scene.units)}"] if words else []
     return _section("load", lines)
+
+
+def _told_by_runs(mechanism: Mechanism) -> list[str]:
+    """What a scene limits that nobody knows before forces have decided the motion."""
+    found = []
+    for pair in mechanism.pairs:
+        if isinstance(pair, CamPair):
+            rating = pair.rating
+            limits = {
+                "Hertz pressure": rating is not None and rating.limit is not None,
+                "contact force": rating is not None and rating.margin is not None,
+                "pressure angle": pair.contour is not None and pair.pressure_limit is not None,  # else its law tells
+            }
+            found += [f"whether the {what} at {pair.name} keeps its limit" for what, stated in limits.items() if stated]
+    for load in mechanism.loads:
+        if isinstance(load, Spring) and load.solid_length is not None:
+            found.append(f"whether {load.name} is squeezed below its solid length")
+        elif isinstance(load, GasSpring | GasPressure):
+            found.append(f"whether {load.name} stays within its stroke")
+        elif isinstance(load, BeltTension) and load.coefficient:
+            found.append(f"whether the belt {load.pair} slips")
+    return found
 
 
 def _reach(compiled: Compiled, ranges: list[tuple[float, float]], units: Units) -> list[str]:

@@ -12,7 +12,7 @@ import numpy as np
 
 from mechcore.errors import Fault, MechanismError
 from mechcore.kinematics.model import build_model
-from mechcore.laws.timed import ConstantSpeed, Law, Oscillation, Rest, moves
+from mechcore.laws.timed import ConstantSpeed, Free, Law, Oscillation, Rest, moves
 from mechcore.motion.compiled import Compiled
 from mechcore.motion.reach import range_beside, reachable_ranges
 from mechcore.motion.solve import compile_mechanism
@@ -52,7 +52,8 @@ def with_swings(mechanism: Mechanism, pairs: list[str]) -> tuple[Mechanism, list
     faults: list[Fault] = []
     for pair in pairs:
         path = f"joints.{pair}.drive.range"
-        cycles = {d.law.duration for d in mechanism.drives if d.pair != pair and moves(d.law)}
+        others = [d.law for d in mechanism.drives if d.pair != pair and moves(d.law)]
+        cycles = {math.inf if isinstance(law, Free) else law.duration for law in others}
         if len(pairs) > 1:
             why = "two drives that run as far as they can leave each other's reach open"
         elif len(cycles) > 1:

@@ -181,3 +181,18 @@ def test_the_velocity_may_jump_where_an_output_turns_back():
     scene = mechviz.load("cam-constant-acceleration")
     (found,) = strokes(motion_of(scene))
     assert found.time_ratio == pytest.approx(1.0, rel=1e-9)
+
+
+def test_check_names_the_limits_that_only_a_run_can_judge():
+    text = FOUR_BAR.replace('drive = { speed = "60 rpm", start = 17 }', "free = { position = 17 }").replace(
+        "rod = { ", 'rod = { mass = 1, shape = "bar", '
+    )
+    loads = (
+        'S = { spring = ["frame.D", "crank.B"], stiffness = "1 N/mm", free_length = 90, solid_length = 60 }\n'
+        'G = { gas_spring = ["frame.A", "rocker.C"], thrust = "50 N", extended = 400, gas_length = 380 }\n'
+    )
+    run = 'effects = ["inertia"]\nrun = { duration = "0.1 s" }\n'
+    lines = [" ".join(line.split()) for line in check_lines(mechviz.loads(run + text + loads))]
+    assert "a run tells whether S is squeezed below its solid length" in lines
+    assert "tells whether G stays within its stroke" in lines
+    assert not any("tells whether" in line for line in check_lines(mechviz.loads(FOUR_BAR + loads)))
