@@ -85,14 +85,8 @@ class Result:
 
     @cached_property
     def catalogue(self) -> Catalogue:
-        """All quantities, the axes of plots and the health of the solution. Raises `OutputError` of a damaged recording."""
-        if isinstance(self._source, Run):
-            return self._source.catalogue
-        try:
-            return Catalogue(numbers_in(self._source))
-        except (KeyError, ValueError, IndexError, TypeError) as error:
-            words = f"'{self._source.path}' does not hold what a mechviz recording holds: {error}."
-            raise OutputError(words, "Record the scene again.") from error
+        """All quantities, the axes of plots and the health of the solution."""
+        return self._source.catalogue if isinstance(self._source, Run) else Catalogue(numbers_in(self._source))
 
     @property
     def time(self) -> Real:
@@ -110,7 +104,7 @@ class Result:
     @property
     def title(self) -> str:
         """What the scene calls itself."""
-        return self._source.scene.title if isinstance(self._source, Run) else str(self._source.properties.get("title", ""))
+        return self._source.scene.title if isinstance(self._source, Run) else self._source.said.title
 
     @property
     def scene(self) -> Scene:

@@ -1,13 +1,20 @@
-"""Files that are replaced whole or not at all, with clear words where that cannot be done."""
+"""Files that are read only where they are regular ones of a stated size, and replaced whole or not at all, with clear words where
+that cannot be done."""
 
 from __future__ import annotations
 
 import errno
 import os
+import re
+import stat
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
+from typing import BinaryIO
+
+NOT_REGULAR = "it is not a regular file"
+_UNSAFE = re.compile(r"[^\w .+-]")
 
 
 class OutputError(Exception):
@@ -36,6 +43,29 @@ def reason(error: OSError, path: Path) -> OutputError:
         )
     words = (error.strerror or str(error)).lower()
     return OutputError(f"'{path}' cannot be written: {words}.", "Choose another place.")
+
+
+def plain_name(text: str, otherwise: str = "scene") -> str:
+    """The name of a file from any text: no folders, no hidden files, at most 100 letters."""
+    return _UNSAFE.sub("_", str(text).strip()).strip(" .")[:100] or otherwise
+
+
+def open_regular(path: Path | str) -> BinaryIO:
+    """A regular file, open for reading. Raises OSError, also of a folder, a device or a pipe, which it never waits for."""
+    handle = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)
+    if not stat.S_ISREG(os.fstat(handle).st_mode):
+        os.close(handle)
+        raise OSError(errno.EINVAL, NOT_REGULAR, str(path))
+    return os.fdopen(handle, "rb")
+
+
+def read_regular(path: Path | str, most: int) -> bytes:
+    """The content of a regular file of at most so many bytes. Raises OSError."""
+    with open_regular(path) as file:
+        size = os.fstat(file.fileno()).st_size
+        if size > most:
+            raise OSError(errno.EFBIG, f"it has {size / 1e6:.3g} MB, and at most {most / 1e6:.3g} MB are read", str(path))
+        return file.read(most)
 
 
 def check_target(path: Path) -> Path:

@@ -143,10 +143,7 @@ def _presentation(source: str, frames: int | None, cycles: int | None, most: int
     if frames is not None or cycles is not None:
         fail(f"{source} is a recording, whose frames and cycles are what they are. Give a scene with --frames and --cycles.")
     with progress_bar(f"opening {Path(source).name}"):
-        recording = Recording(source, most=most)
-    if not recording.has("data", "links", recording.model["frame"], "pose"):
-        fail(f"'{source}' holds no frames: it was interrupted before the first. Record the scene again.")
-    return presentation_in(recording)
+        return presentation_in(Recording(source, most=most))
 
 
 def _ending(path: Path, endings: tuple[str, ...], what: str) -> None:

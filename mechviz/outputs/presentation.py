@@ -17,7 +17,6 @@ from mechviz.outputs.rerun.paths import parts_of
 from mechviz.outputs.rerun.read_drawings import RecordedDrawings
 from mechviz.outputs.rerun.read_picture import picture_in
 from mechviz.outputs.rerun.reader import Recording
-from mechviz.outputs.rerun.stream_file import RecordingError
 from mechviz.outputs.rerun.streams import picture_stride
 from mechviz.picture.build import picture_of, solids_of
 from mechviz.picture.constructions import Drawing, drawings_of
@@ -81,26 +80,18 @@ def presentation_of(run: Run, begin: Callable[[str], None] = lambda _: None) -> 
 
 
 def presentation_in(recording: Recording) -> Presentation:
-    """What is shown of a recording, complete or interrupted. Raises `RecordingError` where it does not keep to the contract."""
-    try:
-        return _read(recording)
-    except (KeyError, ValueError, IndexError, TypeError) as error:
-        words = f"'{recording.path}' does not hold what a mechviz recording holds: {error}."
-        raise RecordingError(words, "Record the scene again.") from error
-
-
-def _read(recording: Recording) -> Presentation:
+    """What is shown of a recording, complete or interrupted."""
     numbers = numbers_in(recording)
     ticks, _ = recording.scalars("data", "links", numbers.frame, "pose")
     every = ticks if recording.frame_times is None else recording.frame_times
-    said = recording.properties
+    said = recording.said
     head = recording.notes.partition("\n## ")[0]
     return Presentation(
-        title=str(said.get("title") or said.get("scene") or recording.path.stem),
+        title=said.title or said.scene or recording.path.stem,
         # in the notes it stands between the title and what was computed
         teaches=" ".join(line.strip() for line in head.splitlines() if line.strip() and not line.startswith(("#", "**"))),
         notes=recording.notes,
-        version=str(said.get("version", "")),
+        version=said.version,
         picture=picture_in(recording, numbers),
         catalogue=Catalogue(numbers),
         events=recording.events,
@@ -108,7 +99,7 @@ def _read(recording: Recording) -> Presentation:
         drawings=cache(RecordedDrawings(recording, ticks).drawings),
         chosen=np.clip(np.searchsorted(every, ticks), 0, len(every) - 1),
         total=len(every),
-        simulated="duration" in said,
+        simulated=said.duration is not None,
     )
 
 

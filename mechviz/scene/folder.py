@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import tomllib
 from collections.abc import Mapping
 from contextlib import suppress
@@ -9,7 +10,10 @@ from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
 
-from mechviz.files import OutputError, check_target, replacing
+from mechviz.files import OutputError, check_target, read_regular, replacing
+
+LARGEST_FILE = 200_000_000
+"""Largest file that a scene names [bytes]."""
 
 
 def _working_folder() -> Path:
@@ -23,11 +27,13 @@ class SceneFolder:
     """Where the paths of files in a scene start, and the files that were read so far.
 
     It travels with the scene. A file is read once: whatever is made of the scene later (other values or frames, a recording) uses
-    the same bytes. A recording brings the files of its scene along.
+    the same bytes. A recording brings the files of its scene along; ``foreign``: nobody knows who wrote the scene, so that it may
+    name no files outside of the folder.
     """
 
     path: Path = field(default_factory=_working_folder)
     contents: dict[str, bytes] = field(default_factory=dict, repr=False)  # by the names in the scene
+    foreign: bool = False
 
     @classmethod
     def of(cls, given: SceneFolder | Path | str | None) -> SceneFolder:
@@ -39,7 +45,11 @@ class SceneFolder:
     def read(self, name: str) -> bytes:
         """The content of a file by its name in the scene. Raises `OSError`, or `ValueError` where that is no path."""
         if name not in self.contents:
-            self.contents[name] = (self.path / name).read_bytes()
+            place = self.path / name
+            if self.foreign and not place.resolve().is_relative_to(self.path.resolve()):
+                why = "it is outside of that folder, where the scene of a recording may not look"
+                raise PermissionError(errno.EACCES, why, name)
+            self.contents[name] = read_regular(place, LARGEST_FILE)
         return self.contents[name]
 
 
@@ -51,16 +61,19 @@ def copy_files(files: Mapping[str, bytes], folder: Path) -> list[Path]:
     missing: dict[Path, bytes] = {}
     for name, data in files.items():
         place = folder / name
+        differs = OutputError(
+            f"'{place}' is another file than the '{name}' that the scene has read; it may have changed since.",
+            "Save the scene into another folder.",
+        )
         try:
-            if place.read_bytes() == data:
+            if read_regular(place, len(data)) == data:
                 continue
-            raise OutputError(
-                f"'{place}' is another file than the '{name}' that the scene has read; it may have changed since.",
-                "Save the scene into another folder.",
-            )
+            raise differs
         except FileNotFoundError:
             pass
         except OSError as error:
+            if error.errno == errno.EFBIG:
+                raise differs from None
             raise OutputError(f"'{place}' cannot be read: {(error.strerror or str(error)).lower()}.", "Save elsewhere.") from None
         if not place.resolve().is_relative_to(folder.resolve()):
             why = f"the scene names '{name}', which from there is '{place}' and does not exist."

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from mechcore.errors import Fault
+from mechviz.files import read_regular
 from mechviz.scene.faults import SceneError, closest, did_you_mean
 from mechviz.scene.folder import GALLERY_FOLDER, gallery_names
 
@@ -73,12 +74,7 @@ def read_text(path: Path) -> str:
                 "this is a folder.",
                 did_you_mean("", [entry.name for entry in sorted(path.glob("*.toml"))], what="Scenes in it"),
             )
-        if path.stat().st_size > LARGEST_FILE:
-            raise fault(
-                f"{path.stat().st_size / 1e6:.0f} MB are too much for a scene (at most {LARGEST_FILE / 1e6:.0f} MB).",
-                "Is it the right file?",
-            )
-        data = path.read_bytes()
+        data = read_regular(path, LARGEST_FILE)
     except OSError as error:
         raise fault(f"cannot be read: {error.strerror or error}.", "Check the path and its permissions.") from None
     if data.startswith(b"RRF2") or path.suffix == ".rrd":

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from mechcore.motion.events import Event, runs
+from mechviz.outputs.rerun.contract import Model
 from mechviz.outputs.rerun.reader import Recording, Rows
-from mechviz.outputs.rerun.stream_file import RecordingError
 from mechviz.quantities.events import line_of
 from mechviz.quantities.items import ERROR_COLUMNS
 
@@ -82,30 +81,27 @@ class Inspection:
 def inspect(path: Path | str) -> Inspection:
     """Read a recording, complete or interrupted. Raises `RecordingError`."""
     recording = Recording(path)
-    properties, model = recording.properties, recording.model
-    frame_pose = ("data", "links", model["frame"], "pose")
-    if not recording.has(*frame_pose):
-        raise RecordingError(f"'{path}' holds no frames: it was interrupted before the first.", "Record the scene again.")
-    rows = recording.rows(*frame_pose, component="Scalars:scalars")
+    said, model = recording.said, recording.said.model
+    rows = recording.rows("data", "links", model.frame, "pose", component="Scalars:scalars")
     losses = _losses(recording, model)
     return Inspection(
         path=recording.path,
         bytes=recording.path.stat().st_size,
-        version=str(properties.get("version", "")),
-        complete=bool(properties.get("complete", True)),
-        scene=str(properties.get("scene", "")),
-        title=str(properties.get("title", "")),
-        frame=model["frame"],
-        links=tuple(model["links"]),
-        joints=tuple(Joint(name, j["type"], tuple(j["links"])) for name, j in model["joints"].items()),
-        drives=tuple(model["drives"]),
-        loads=tuple(model["loads"]),
+        version=said.version,
+        complete=said.complete,
+        scene=said.scene,
+        title=said.title,
+        frame=model.frame,
+        links=model.links,
+        joints=tuple(Joint(name, j.type, j.links) for name, j in model.joints.items()),
+        drives=model.drives,
+        loads=tuple(model.loads),
         frames=len(rows.time),
         start=1e-9 * float(rows.time[0]),
         end=1e-9 * float(rows.time[-1]),
         drive_range=_drive_range(rows),
-        effects=tuple(properties.get("effects", ())),
-        skipped=tuple(properties.get("skipped", ())),
+        effects=said.effects,
+        skipped=said.skipped,
         peaks=tuple(_peaks(recording, model)),
         losses=tuple((joint, loss) for joint, loss, _ in losses),
         losses_over=losses[0][2] if losses else (),
@@ -114,39 +110,39 @@ def inspect(path: Path | str) -> Inspection:
     )
 
 
-def _peaks(recording: Recording, model: dict[str, Any]) -> list[Peak]:
+def _peaks(recording: Recording, model: Model) -> list[Peak]:
     """Largest drive efforts, then largest joint reactions and applied loads."""
     found = []
-    for joint in model["drives"]:
-        slides = model["joints"][joint]["type"] in ("prismatic", "pin_slot", "rolling")
+    for joint in model.drives:
+        slides = model.joints[joint].type in ("prismatic", "pin_slot", "rolling")
         what, unit = ("driving force", "N") if slides else ("driving torque", "N m")
         found.append(_peak(recording, ("data", "drive", joint), f"{what} {joint}", unit, [3], signed=True))
-    for joint in model["joints"]:
+    for joint in model.joints:
         path = ("data", "joints", joint, "reaction")
         found.append(_peak(recording, path, f"reaction {joint}", "N", [0, 1]))
-        if model["joints"][joint]["type"] == "prismatic":
+        if model.joints[joint].type == "prismatic":
             found.append(_peak(recording, path, f"couple {joint}", "N m", [2], signed=True))
-    for joint in model["joints"]:
+    for joint in model.joints:
         path = ("data", "joints", joint, "friction")
         rubs = _peak(recording, path, f"friction force {joint}", "N", [0, 1])
         turns = _peak(recording, path, f"friction moment {joint}", "N m", [2], signed=True)
         found += [p for p in (rubs, turns) if p is not None and p.value != 0.0]
-    for load, about in model["loads"].items():
-        if about["kind"] != "gravity":
+    for load, about in model.loads.items():
+        if about.kind != "gravity":
             force = _peak(recording, ("data", "loads", load), f"load {load}", "N", [0, 1])
             moment = _peak(recording, ("data", "loads", load), f"load {load}", "N m", [2], signed=True)
-            is_moment = about["kind"] in MOMENTS or (moment is not None and moment.value != 0.0)
+            is_moment = about.kind in MOMENTS or (moment is not None and moment.value != 0.0)
             found.append(moment if is_moment and force is not None and force.value == 0.0 else force)
     return [p for p in found if p is not None]
 
 
-def _losses(recording: Recording, model: dict[str, Any]) -> list[tuple[str, float, Spans]]:
+def _losses(recording: Recording, model: Model) -> list[tuple[str, float, Spans]]:
     """Mean power that friction takes in each joint that has any [W], the largest first, over the frames that have forces.
 
     With each the spans of time [s] that these frames take: where the mechanism jams there are no forces.
     """
     found = []
-    for joint in model["joints"]:
+    for joint in model.joints:
         path = ("data", "joints", joint, "friction_loss")
         if recording.has(*path):
             rows = recording.rows(*path, component="Scalars:scalars")

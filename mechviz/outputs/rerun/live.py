@@ -66,6 +66,7 @@ class Live:
             describe_run(self.part.stream, run, self._solids, picture, [], 1, complete=False)
             for static in (*view_statics(picture.size), *picture_statics(picture), *plot_styles(run, numbers)):
                 self.part.stream.log(static.path, static.archetype, static=True)
+            self.part.flush(0)
         frames = np.arange(run.motion.frames)
         columns = Timelines.of(run).columns(frames)
         drawn = picture_streams(bare_picture(run, self._solids), 1)

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from mechviz.outputs.rerun.contract import NodePart
 from mechviz.outputs.rerun.paths import parts_of
 from mechviz.picture.arrows import with_scales
 from mechviz.picture.nodes import ArrowSet, Body, Color, Lines, Mesh, Node, Picture, Points, Poses
@@ -26,23 +26,23 @@ LOOKS = 48  # poses at which the extent of the mechanism is looked at
 
 
 def picture_in(recording: Recording, numbers: Numbers) -> Picture:
-    """What a recording shows. KeyError and ValueError where it does not keep to the contract."""
-    said = recording.properties
+    """What a recording shows."""
+    said = recording.said
     reader = _Reader(recording, numbers)
-    entries = json.loads(said["picture"]) if "picture" in said else [*_guessed(recording)]
+    entries = [*_guessed(recording)] if said.picture is None else said.picture
     nodes = [node for entry in entries if (node := reader.node(entry)) is not None]
-    bounds = np.array(json.loads(said["bounds"])) if "bounds" in said else _bounds(nodes, numbers)
-    size = float(said.get("size", float(np.ptp(bounds[:, :2], axis=0).max()) or 1.0))
-    scales = Scales(*(float(said[f"{n}_per_metre"]) for n in ("newtons", "newton_metres", "mps", "mps2")))
+    bounds = _bounds(nodes, numbers) if said.bounds is None else np.array(said.bounds)
+    size = said.size or float(np.ptp(bounds[:, :2], axis=0).max()) or 1.0
+    scales = Scales(said.newtons_per_metre, said.newton_metres_per_metre, said.mps_per_metre, said.mps2_per_metre)
     circles = [n.owner[1] for n in nodes if n.entity[:2] == ("vectors", "friction") and n.entity[-1] == "circle"]
-    found = with_scales(numbers, size, scales, circles).nodes({e["key"]: float(e["height"]) for e in entries}, float(bounds[1, 2]))
-    order = {entry["key"]: k for k, entry in enumerate(entries)}
+    found = with_scales(numbers, size, scales, circles).nodes({e.key: e.height for e in entries}, float(bounds[1, 2]))
+    order = {entry.key: k for k, entry in enumerate(entries)}
     nodes = sorted([*nodes, *found], key=lambda node: order.get(node.key, len(order)))
-    top = float(said.get("top", bounds[1, 2] + 0.01 * size))
+    top = float(bounds[1, 2] + 0.01 * size) if said.top is None else said.top
     return Picture(numbers.time, numbers.frame, numbers.poses, tuple(nodes), scales, size, bounds, top)
 
 
-def _guessed(recording: Recording) -> Iterator[dict[str, Any]]:
+def _guessed(recording: Recording) -> Iterator[NodePart]:
     """The nodes of a recording that does not list them: one that is not complete, or is older."""
     for path in recording.entities:
         match parts_of(path):
@@ -79,7 +79,7 @@ def _guessed(recording: Recording) -> Iterator[dict[str, Any]]:
                 found = ("lines", f"friction.{joint}.{what}", ["joint", joint], "friction", "")
             case _:
                 continue
-        yield {"entity": path, "height": 0.0, **dict(zip(("kind", "key", "owner", "group", "parent"), found, strict=True))}
+        yield NodePart(entity=path, height=0.0, **dict(zip(("kind", "key", "owner", "group", "parent"), found, strict=True)))
 
 
 class _Reader:
@@ -89,25 +89,24 @@ class _Reader:
         self.recording = recording
         self.ticks = np.round(1e9 * numbers.time).astype(np.int64)
 
-    def node(self, entry: dict[str, Any]) -> Node | None:
+    def node(self, entry: NodePart) -> Node | None:
         """The node of an entry; None of arrows, which follow from the numbers, and of what was never drawn."""
-        path = entry["entity"]
-        parts = parts_of(path)
+        path = entry.entity
         common = {
-            "key": entry["key"],
-            "owner": (entry["owner"][0], entry["owner"][1]),
-            "group": entry["group"],
-            "entity": parts,
-            "height": float(entry["height"]),
+            "key": entry.key,
+            "owner": entry.owner,
+            "group": entry.group,
+            "entity": parts_of(path),
+            "height": entry.height,
         }
-        match entry["kind"]:
+        match entry.kind:
             case "body":
                 mesh = self._mesh(path)
-                return None if mesh is None else Body(**common, parent=entry["parent"], mesh=mesh, poses=self._poses(path))
+                return None if mesh is None else Body(**common, parent=entry.parent, mesh=mesh, poses=self._poses(path))
             case "lines":
-                return self._lines(path, {**common, "parent": entry.get("parent", "")})
+                return self._lines(path, {**common, "parent": entry.parent})
             case "points":
-                return self._points(path, common, entry["parent"])
+                return self._points(path, common, entry.parent)
             case "arrowset":
                 return self._arrows(path, common)
         return None

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import json
 import warnings
-from base64 import b64decode
-from collections.abc import Iterable
+from collections.abc import Iterator
+from contextlib import ExitStack
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -15,8 +15,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechcore.motion.events import Event
+from mechviz.files import open_regular, plain_name
+from mechviz.outputs.rerun.contract import Properties, faults_of, missing_tables, read_properties
 from mechviz.outputs.rerun.paths import entity
-from mechviz.outputs.rerun.stream_file import RecordingError
+from mechviz.outputs.rerun.stream_file import APPLICATION, MAGIC, RecordingError, check_readable, whole_part
 from mechviz.quantities.between_frames import read_between
 from mechviz.scene.folder import SceneFolder
 from mechviz.scene.scene import Scene, loads
@@ -35,16 +37,10 @@ def is_recording(source: str) -> bool:
     if path.suffix.lower() == ".rrd":
         return True
     try:
-        with open(path, "rb") as file:
-            return file.read(3) == b"RRF"
-    except OSError:
+        with open_regular(path) as file:
+            return file.read(len(MAGIC)) == MAGIC
+    except (OSError, ValueError):
         return False
-
-
-def times_of(chunks: Iterable[Any], path: str) -> Index:
-    """The times [ns] of all rows of an entity, sorted."""
-    found = [ticks(chunk.to_record_batch()["time"]) for chunk in chunks if str(chunk.entity_path) == path and not chunk.is_static]
-    return np.sort(np.concatenate(found)) if found else np.zeros(0, np.int64)
 
 
 def rows_at_or_before(batch: Any, times: Index) -> Any:
@@ -70,6 +66,9 @@ def ticks(column: Any) -> Index:
 
 PROPERTIES = "/__properties/mechviz"
 IN_FULL = ("/events", "/state/")  # what does not happen at frames
+TABLES = ("/data/", "/health/")  # a row at every frame
+MOST_TOLD = 8  # faults in a message
+REMEDY = "Record the scene again."
 TIMELINES = ("drive_mdeg", "drive_um")
 
 
@@ -84,7 +83,8 @@ class Rows:
 
 
 class Recording:
-    """A mechviz recording in memory. Raises `RecordingError` where the file is missing, broken or not one of ours.
+    """A mechviz recording in memory. Raises `RecordingError` where the file is missing, broken or not one of ours, with every fault
+    of what it holds, see `contract`. Of one that was interrupted, or is cut short, the whole frames are read.
 
     Entities go by unescaped parts (``("data", "links", "crank", "pose")``) or by their path as rerun writes it.
 
@@ -92,6 +92,8 @@ class Recording:
     file's blocks begin): the whole one need not fit into memory. Events and states are there in full; ``frame_times`` (F,) [ns] are
     then those of all frames, otherwise None.
     """
+
+    said: Properties  # the properties, checked; their JSON as what it holds
 
     def __init__(self, path: Path | str, *, most: int | None = None):
         self.path = Path(path)
@@ -101,8 +103,21 @@ class Recording:
         self.application = ""
         self._load(most)
         if PROPERTIES not in self._static:
+            if self.application == APPLICATION:
+                raise RecordingError(f"'{path}' holds no frames: it was interrupted before the first were whole.", REMEDY)
             what = f"of the application '{self.application}'" if self.application else "of another program"
             raise RecordingError(f"'{path}' is a rerun recording {what}, not of mechviz.", "Give a file that mechviz recorded.")
+        said, faults = read_properties(self.properties)
+        if said is not None:
+            self.said = said
+            if not said.complete:
+                self._cut(_last_whole_time({path: max(self.times(path), default=-1) for path in self._moving}))
+                if missing_tables(self):
+                    raise RecordingError(f"'{path}' holds no frames: it was interrupted before the first were whole.", REMEDY)
+            faults = list(faults_of(self))
+        if faults:
+            more = f"; and {len(faults) - MOST_TOLD} faults more" if len(faults) > MOST_TOLD else ""
+            raise RecordingError(f"'{path}' is damaged: {'; '.join(faults[:MOST_TOLD])}{more}.", REMEDY)
 
     def __repr__(self) -> str:
         return f"Recording {self.path.name}: {len(self.entities)} entities"
@@ -111,11 +126,11 @@ class Recording:
         import pyarrow as pa
         from rerun.chunk import RrdReader
 
-        _check_readable(self.path)
+        check_readable(self.path)
         try:
-            with warnings.catch_warnings():
+            with warnings.catch_warnings(), ExitStack() as stack:
                 warnings.simplefilter("ignore")  # an interrupted recording has no footer, which is fine here
-                reader = RrdReader(self.path)
+                reader = RrdReader(stack.enter_context(whole_part(self.path)))
                 stores = reader.recordings()
                 self.application = stores[0].application_id if stores else ""
                 if most is not None and stores:
@@ -130,11 +145,24 @@ class Recording:
                         if known and known[-1].schema.equals(batch.schema):  # small batches take more room than what is in them
                             batch = pa.concat_batches([known.pop(), batch])
                     known.append(batch)
-        except (RuntimeError, ValueError, OSError) as error:
-            raise RecordingError(
-                f"'{self.path}' is cut short or damaged: {str(error).splitlines()[0]}.",
-                f"What is whole in it can be saved with: rerun rrd optimize '{self.path}' -o repaired.rrd",
-            ) from None
+        except (RuntimeError, ValueError, OSError, pa.ArrowException) as error:
+            raise self._damaged(error) from None
+        except BaseException as error:
+            if type(error).__name__ != "PanicException":  # of rerun, which is no Exception
+                raise
+            raise self._damaged(error) from None
+
+    def _damaged(self, error: BaseException) -> RecordingError:
+        why = f"'{self.path}' is cut short or damaged: {(str(error).splitlines() or [type(error).__name__])[0]}."
+        return RecordingError(why, f"What is whole in it can be saved with: rerun rrd optimize '{self.path}' -o repaired.rrd")
+
+    def _cut(self, last: int) -> None:
+        """Leave out the rows of tables and pictures after a time [ns]."""
+        import pyarrow as pa
+
+        for path, batches in self._moving.items():
+            if not path.startswith(IN_FULL):
+                batches[:] = [batch.filter(pa.array(ticks(batch["time"]) <= last)) for batch in batches]
 
     # -- what is there ------------------------------------------------------------------------------------------------
     @property
@@ -144,7 +172,17 @@ class Recording:
 
     def has(self, *parts: str) -> bool:
         """Whether an entity has rows over time."""
-        return _path(parts) in self._moving
+        return any(len(batch) for batch in self._moving.get(_path(parts), ()))
+
+    def times(self, *parts: str) -> Index:
+        """The times [ns] of all rows of an entity, sorted."""
+        found = [ticks(batch["time"]) for batch in self._moving.get(_path(parts), ())]
+        return np.sort(np.concatenate(found)) if found else np.zeros(0, np.int64)
+
+    def batches(self, path: str) -> Iterator[tuple[Any, bool]]:
+        """The arrow batches of an entity, each with whether it has times."""
+        yield from ((batch, True) for batch in self._moving.get(path, ()))
+        yield from ((batch, False) for batch in self._static.get(path, ()))
 
     @cached_property
     def properties(self) -> dict[str, Any]:
@@ -164,13 +202,8 @@ class Recording:
 
     def scene(self) -> Scene:
         """The scene that made the recording, with the files that it names. Raises `SceneError`, `RecordingError`."""
-        name = str(self.properties.get("scene", self.path.stem))
-        try:
-            files = {key: b64decode(text, validate=True) for key, text in json.loads(self.properties.get("files", "{}")).items()}
-        except (ValueError, TypeError, AttributeError):
-            why = f"'{self.path}': its property 'files' does not hold names of files with their content in base64."
-            raise RecordingError(why, "Record the scene again.") from None
-        return loads(self.scene_text, name, SceneFolder(self.path.resolve().parent, files))
+        folder = SceneFolder(self.path.resolve().parent, dict(self.said.files), foreign=True)
+        return loads(self.scene_text, plain_name(self.said.scene or self.path.stem), folder)
 
     @property
     def notes(self) -> str:
@@ -211,7 +244,7 @@ class Recording:
             return self.scalars(*path)[1] if self.has(*path) else None
 
         time = np.asarray(1e-9 * self.rows(*parts, component="Scalars:scalars").time, float)
-        return read_between(parts, time, values, np.atleast_1d(times), int(self.properties.get("interpolation", 3)))
+        return read_between(parts, time, values, np.atleast_1d(times), self.said.interpolation)
 
     def rows(self, *parts: str, component: str) -> Rows:
         """All rows of a component such as ``Transform3D:translation``; raises KeyError if there are none."""
@@ -246,22 +279,35 @@ def _path(parts: tuple[str, ...]) -> str:
 
 
 def _times_of_frames(reader: Any, most: int) -> NDArray[np.int64] | None:
-    """The times of all frames [ns], where there are more than ``most``."""
+    """The times of all whole frames [ns], where there are more than ``most``."""
+    found: dict[str, list[Index]] = {}
+    batches = []
     for chunk in reader.stream():
-        if str(chunk.entity_path) == PROPERTIES:
-            said = _plain_properties([chunk.to_record_batch()])
-            if "model" in said and int(said.get("frames", 0)) > most:
-                times = times_of(reader.stream(), entity("data", "links", json.loads(said["model"])["frame"], "pose"))
-                return times if len(times) > most else None
-            return None
-    return None
+        name = str(chunk.entity_path)
+        if name == PROPERTIES:
+            batches.append(chunk.to_record_batch())
+        elif not chunk.is_static and name.startswith(TABLES):
+            found.setdefault(name, []).append(ticks(chunk.to_record_batch()["time"]))
+    said, _ = read_properties(_plain_properties(batches))
+    if said is None or said.frames <= most:
+        return None
+    times = {name: np.sort(np.concatenate(parts)) for name, parts in found.items()}
+    frames = times.get(entity("data", "links", said.model.frame, "pose"), np.zeros(0, np.int64))
+    if not said.complete:
+        frames = frames[frames <= _last_whole_time({name: own[-1] for name, own in times.items() if len(own)})]
+    return frames if len(frames) > most else None
+
+
+def _last_whole_time(last: dict[str, Any]) -> int:
+    """The time [ns] up to which all tables have their rows, from the last of each entity."""
+    return int(min((time for path, time in last.items() if path.startswith(TABLES)), default=-1))
 
 
 def _plain_properties(batches: list[Any]) -> dict[str, Any]:
     found: dict[str, Any] = {}
     for batch in batches:
         for name in batch.schema.names:
-            if not name.startswith("rerun"):
+            if not name.startswith("rerun") and len(batch):
                 found[name.split(":")[-1].split(".")[-1]] = batch[name].to_pylist()[-1]
     lists = ("effects", "skipped", "power_items")
     return {k: list(v or []) if k in lists else v[0] if isinstance(v, list) and v else v for k, v in found.items()}
@@ -279,18 +325,3 @@ def _numpy(values: Any) -> NDArray[Any]:
             strips[k] = _numpy(values[k].values)
         return strips
     return np.asarray(values.to_numpy(zero_copy_only=False))
-
-
-def _check_readable(path: Path) -> None:
-    """Clear words for what rerun's reader would refuse without saying why."""
-    if path.is_dir():
-        raise RecordingError(f"'{path}' is a folder.", "Give the .rrd file in it.")
-    try:
-        with open(path, "rb") as file:
-            start = file.read(4)
-    except FileNotFoundError:
-        raise RecordingError(f"There is no file '{path}'.", "Make one with: mechviz record SCENE -o FILE.rrd") from None
-    except OSError as error:
-        raise RecordingError(f"'{path}' cannot be read: {(error.strerror or str(error)).lower()}.") from None
-    if start[:3] != b"RRF":
-        raise RecordingError(f"'{path}' is not a rerun recording.", "Give an .rrd file that mechviz recorded.")

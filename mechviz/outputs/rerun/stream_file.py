@@ -1,12 +1,15 @@
-"""What can go wrong with a recording, in words."""
+"""Recordings as files: written through a pipe into an unfinished neighbour, read up to where they are whole."""
 
 from __future__ import annotations
 
 import fcntl
 import os
 import select
+import shutil
 import socket
+import stat
 import struct
+import tempfile
 import termios
 import threading
 from collections.abc import Iterator
@@ -14,7 +17,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
-from mechviz.files import OutputError, check_target, put_in_place, reason
+from mechviz.files import OutputError, check_target, open_regular, put_in_place, reason
 
 
 class RecordingError(OutputError):
@@ -34,10 +37,10 @@ PIECE = 1 << 20
 
 
 class Pump:
-    """Writes to a file what is written to ``entrance``, a path that can be opened for writing once."""
+    """Writes to an open file what is written to ``entrance``, a path that can be opened for writing once."""
 
-    def __init__(self, path: Path):
-        self._file = open(path, "wb", buffering=0)  # noqa: SIM115  closed in `finish`
+    def __init__(self, file: int):
+        self._file = os.fdopen(os.dup(file), "wb", buffering=0)
         self._outlet, self._inlet = os.pipe()
         self._error: OSError | None = None
         self._lock = threading.Lock()  # held while bytes are on their way from the pipe to the file
@@ -138,7 +141,7 @@ def recording_file(path: Path, blueprint: Any, recording_id: str | None, title: 
         target = check_target(path)
         temporary = part_path(target)
         claim = _claim(temporary)
-        pump = Pump(temporary)
+        pump = Pump(claim)
     except OutputError as error:
         raise RecordingError.of(error) from None
     except OSError as error:
@@ -187,7 +190,7 @@ def live_file(path: Path, port: int | None, title: str, blueprint: Any) -> Itera
     try:
         temporary = part_path(check_target(path))
         claim = _claim(temporary)
-        pump = Pump(temporary)
+        pump = Pump(claim)
     except OutputError as error:
         raise RecordingError.of(error) from None
     except OSError as error:
@@ -245,15 +248,51 @@ def _open(port: int) -> int:
 
 
 def _claim(temporary: Path) -> int:
-    """Hold the unfinished file for this process alone (until the returned descriptor is closed)."""
-    claim = os.open(temporary, os.O_RDWR | os.O_CREAT, 0o666)
-    try:
-        fcntl.flock(claim, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except OSError:
+    """Make the unfinished file anew, held for this process alone until the returned descriptor is closed.
+
+    What an interrupted run left there goes. A link or anything else but a regular file is not followed, opened or removed.
+    """
+    while True:
+        try:
+            claim = os.open(temporary, os.O_RDWR | os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW | os.O_CLOEXEC, 0o666)
+        except FileExistsError:
+            _clear_away(temporary)
+            continue
+        if _locked(claim, temporary):
+            return claim
         os.close(claim)
-        why = f"'{temporary}' is being written by another run."
-        raise RecordingError(why, "Wait for it, or write to another file.", 1) from None
-    return claim
+        raise _busy(temporary)
+
+
+def _clear_away(temporary: Path) -> None:
+    """Remove the unfinished file of a run that is over."""
+    try:
+        if not stat.S_ISREG(os.lstat(temporary).st_mode):
+            why = f"'{temporary}', where the recording is to grow, is not a regular file."
+            raise RecordingError(why, "Remove it, or write to another file.")
+        old = os.open(temporary, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC)
+    except FileNotFoundError:
+        return
+    try:
+        if not _locked(old, temporary):
+            raise _busy(temporary)
+        temporary.unlink(missing_ok=True)
+    finally:
+        os.close(old)
+
+
+def _locked(handle: int, path: Path) -> bool:
+    """Whether an open file is now held for this process alone, and still is what its path names."""
+    try:
+        fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        own, there = os.fstat(handle), os.lstat(path)
+    except OSError:
+        return False
+    return (own.st_dev, own.st_ino) == (there.st_dev, there.st_ino)
+
+
+def _busy(temporary: Path) -> RecordingError:
+    return RecordingError(f"'{temporary}' is being written by another run.", "Wait for it, or write to another file.", 1)
 
 
 def _left_behind(path: Path, temporary: Path, frames: int) -> str:
@@ -265,3 +304,69 @@ def _left_behind(path: Path, temporary: Path, frames: int) -> str:
 
 def _cannot_write(path: Path, error: OSError) -> RecordingError:
     return RecordingError.of(reason(error, path))
+
+
+# -- reading ----------------------------------------------------------------------------------------------------------
+
+MAGIC = b"RRF"
+FILE_HEADER, MESSAGE_HEADER, TRAILER = 12, struct.Struct("<QQ"), 32  # of a message: kind, length of what follows [bytes]
+END, LAST_KIND = 0, 3
+
+
+def check_readable(path: Path) -> None:
+    """Clear words for what rerun's reader would refuse without saying why, or wait for without end. Raises `RecordingError`."""
+    if path.is_dir():
+        raise RecordingError(f"'{path}' is a folder.", "Give the .rrd file in it.")
+    try:
+        with open_regular(path) as file:
+            start = file.read(len(MAGIC))
+    except FileNotFoundError:
+        raise RecordingError(f"There is no file '{path}'.", "Make one with: mechviz record SCENE -o FILE.rrd") from None
+    except (OSError, ValueError) as error:
+        why = f"'{path}' cannot be read: {(getattr(error, 'strerror', '') or str(error)).lower()}."
+        raise RecordingError(why, "Give an .rrd file that mechviz recorded.") from None
+    if start != MAGIC:
+        raise RecordingError(f"'{path}' is not a rerun recording.", "Give an .rrd file that mechviz recorded.")
+
+
+@contextmanager
+def whole_part(path: Path) -> Iterator[Path]:
+    """A recording, or, where it is cut short, a copy of what is whole in it for as long as the block runs."""
+    with open_regular(path) as file:
+        whole, size = _whole_length(file), os.fstat(file.fileno()).st_size
+        if whole == size:
+            yield path
+            return
+        with tempfile.NamedTemporaryFile(prefix="mechviz-", suffix=".rrd") as copy:
+            file.seek(0)
+            shutil.copyfileobj(_Head(file, whole), copy, PIECE)
+            copy.flush()
+            yield Path(copy.name)
+
+
+class _Head:
+    """The first bytes of a file."""
+
+    def __init__(self, file: Any, length: int):
+        self._file, self._rest = file, length
+
+    def read(self, size: int) -> bytes:
+        data: bytes = self._file.read(min(size, self._rest))
+        self._rest -= len(data)
+        return data
+
+
+def _whole_length(file: Any) -> int:
+    """Up to where the messages of a recording are whole [bytes]."""
+    size = os.fstat(file.fileno()).st_size
+    at = FILE_HEADER
+    while at + MESSAGE_HEADER.size <= size:
+        file.seek(at)
+        kind, length = MESSAGE_HEADER.unpack(file.read(MESSAGE_HEADER.size))
+        after = at + MESSAGE_HEADER.size + length
+        if kind > LAST_KIND or after > size:
+            return at
+        if kind == END:
+            return size if after == size or size - after >= TRAILER else at
+        at = after
+    return min(at, size)

@@ -158,6 +158,7 @@ def write_recording(
             _send_events(part.stream, timelines, events)
             send_marks(part.stream, timelines, marks, spans)
             send_lanes(part.stream, timelines, run)
+            part.flush(0)  # what the frames cannot be read without comes before them
             _send_streams(part, streams, timelines, progress)
         describe_run(part.stream, run, solids, picture, stages, every, complete=True)
     return RecordingSummary(

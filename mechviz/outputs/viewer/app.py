@@ -16,7 +16,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mechviz.outputs.rerun.reader import Recording
-from mechviz.outputs.rerun.stream_file import RecordingError
 from mechviz.outputs.viewer.browser import prepare_page
 from mechviz.outputs.viewer.callbacks import Changes
 from mechviz.outputs.viewer.growth import Computing, Growth, Stopped
@@ -40,6 +39,7 @@ if TYPE_CHECKING:
 
 SHARE = 2.0  # a pause of a growing motion is so many times as long as showing it took: most of the time is for computing
 PAUSE = 0.3, 2.0  # the shortest and the longest one [s]
+MOST_FRAMES = 1_000_000  # of a scene that a recording brings along
 
 
 class Viewer:
@@ -57,7 +57,7 @@ class Viewer:
         self._growth: Growth | None = None
         self.opening: threading.Thread | None = None
         self._folder = folder or (shown.path.resolve().parent if isinstance(shown, Recording) else Path.cwd())
-        show = _read(shown) if isinstance(shown, Recording) else None
+        show = show_of_recording(shown) if isinstance(shown, Recording) else None
         self.server, self.guard = start_server(port, "mechviz")
         self.changes = Changes()
         self.guard.admitted = self.changes.remember
@@ -77,7 +77,7 @@ class Viewer:
     def _play_recording(self, recording: Recording, show: ViewModel) -> None:
         """Show a recording as it is."""
         note = f"A recording, played as it is: {recording.path.name}." + (
-            "" if recording.properties.get("complete", True) else " It was interrupted: the frames up to then are here."
+            "" if recording.said.complete else " It was interrupted: the frames up to then are here."
         )
         self._build(show, note, (lambda: self._open_scene(recording)) if recording.scene_text else None)
 
@@ -86,7 +86,7 @@ class Viewer:
 
         def solve() -> None:
             try:
-                run = run_scene(recording.scene(), frames=int(recording.properties["frames"]) - 1)
+                run = run_scene(recording.scene(), frames=min(recording.said.frames - 1, MOST_FRAMES))
                 self._exchange(run, f"The scene of {recording.path.name}, solved anew.")
             except Exception as error:
                 report(self.server, "Opening the scene", error)
@@ -245,14 +245,6 @@ class Viewer:
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
         self.close()
-
-
-def _read(recording: Recording) -> ViewModel:
-    """What a recording shows, or words about what is wrong with it."""
-    try:
-        return show_of_recording(recording)
-    except RecordingError as error:
-        raise ViewerError(str(error)) from error
 
 
 def serve(shown: Run | Recording, port: int = 8080, open_browser: bool = False, folder: Path | None = None) -> None:

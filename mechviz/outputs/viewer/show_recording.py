@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 from mechviz.outputs.presentation import presentation_in
 from mechviz.outputs.rerun.read_drawings import RecordedDrawings
 from mechviz.outputs.rerun.reader import Recording
-from mechviz.outputs.rerun.stream_file import RecordingError
 from mechviz.outputs.viewer.show_run import bodies_of
 from mechviz.outputs.viewer.view_model import Rolling, ViewModel
 from mechviz.picture.nodes import Body, Lines, Picture
@@ -21,13 +20,9 @@ Array = NDArray[np.complex128]
 
 
 def show_of_recording(recording: Recording) -> ViewModel:
-    """What is shown of a recording, complete or interrupted. Raises `RecordingError` where it does not keep to the contract."""
+    """What is shown of a recording, complete or interrupted."""
     found = presentation_in(recording)
     numbers = found.catalogue.numbers
-    for link, pose in numbers.poses.items():
-        if not np.isfinite(pose).all():
-            words = f"'{recording.path}' does not hold what a mechviz recording holds: the pose of link {link} is not finite."
-            raise RecordingError(words, "Record the scene again.")
     ticks, _ = recording.scalars("data", "links", numbers.frame, "pose")
     head, cut, rest = found.notes.partition("\n## ")
     return ViewModel(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import signal
 import subprocess
@@ -12,6 +13,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from mechviz.outputs.rerun import stream_file
 from mechviz.outputs.rerun.inspection import format_inspection, inspect
 from mechviz.outputs.rerun.reader import Recording
 from mechviz.outputs.rerun.stream_file import RecordingError, interruption
@@ -75,12 +77,43 @@ def test_places_that_cannot_be_written(tmp_path, path, words):
     assert sorted(p.name for p in tmp_path.iterdir()) == ["file"]
 
 
-def test_a_full_disk_from_the_first_byte_on(tmp_path):
-    (tmp_path / "a.part.rrd").symlink_to("/dev/full")
+def test_a_full_disk_from_the_first_byte_on(tmp_path, monkeypatch):
+    def full(self, data: bytes) -> None:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr(stream_file.Pump, "_write", full)
     (tmp_path / "a.rrd").write_bytes(b"old")
     with pytest.raises(RecordingError, match="disk is full"):
         write_recording(RUN, tmp_path / "a.rrd")
     assert {p.name: p.read_bytes() for p in tmp_path.iterdir()} == {"a.rrd": b"old"}
+
+
+@pytest.mark.parametrize("kind", ["link", "pipe"])
+def test_what_a_stranger_puts_in_the_place_of_the_unfinished_file_is_not_touched(tmp_path, kind):
+    victim, part = tmp_path / "victim", tmp_path / "a.part.rrd"
+    victim.write_bytes(b"dear")
+    part.symlink_to(victim) if kind == "link" else os.mkfifo(part)
+    with pytest.raises(RecordingError, match="not a regular file") as error:
+        write_recording(RUN, tmp_path / "a.rrd")
+    assert error.value.remedy and victim.read_bytes() == b"dear" and part.is_symlink() == (kind == "link")
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["a.part.rrd", "victim"]
+
+
+def test_a_hard_link_in_the_place_of_the_unfinished_file_keeps_its_content(tmp_path):
+    victim = tmp_path / "victim"
+    victim.write_bytes(b"dear")
+    os.link(victim, tmp_path / "a.part.rrd")
+    write_recording(RUN, tmp_path / "a.rrd")
+    assert victim.read_bytes() == b"dear" and Recording(tmp_path / "a.rrd").said.complete
+
+
+def test_two_runs_do_not_write_the_same_unfinished_file(tmp_path):
+    def again(done: int, total: int) -> None:
+        with pytest.raises(RecordingError, match="being written by another run"):
+            write_recording(RUN, tmp_path / "a.rrd")
+
+    assert write_recording(RUN, tmp_path / "a.rrd", progress=again).frames == 241
+    assert [p.name for p in tmp_path.iterdir()] == ["a.rrd"]
 
 
 def test_an_interrupted_run_keeps_what_it_had(tmp_path):
@@ -198,7 +231,7 @@ def test_reading_says_what_is_wrong(tmp_path):
         rec.save(tmp_path / "other.rrd")
         rec.log("a", rr.Scalars(1.0))
     for name, words in {
-        "cut.rrd": "cut short or damaged",
+        "cut.rrd": "holds no frames",
         "text.rrd": "not a rerun recording",
         "empty.rrd": "not a rerun recording",
         "other.rrd": "of the application 'other', not of mechviz",

@@ -506,14 +506,6 @@ def test_a_recording_is_played_without_computing_anything(tmp_path, monkeypatch)
             _ = shown.studio
 
 
-def test_what_is_no_recording_of_ours_is_refused_in_words(tmp_path):
-    write_recording(run_scene(scene.load("kinetostatic-four-bar"), frames=4), tmp_path / "a.rrd")
-    recording = Recording(tmp_path / "a.rrd")
-    recording.model["links"].append("nobody")
-    with pytest.raises(ViewerError, match="does not hold"):
-        Viewer(recording, port=0)
-
-
 # -- tracing ----------------------------------------------------------------------------------------------------------
 def test_a_click_traces_a_near_point_or_makes_one():
     run = run_scene(scene.load("kinetostatic-four-bar"))

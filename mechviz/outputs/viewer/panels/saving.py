@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import re
 import threading
 from collections.abc import Callable
 from pathlib import Path
@@ -11,21 +10,19 @@ from typing import Any
 
 import viser
 
+from mechviz.files import plain_name
 from mechviz.outputs.rerun.writer import write_recording
 from mechviz.outputs.viewer.callbacks import Callback
 from mechviz.runs import Run
 from mechviz.scene.saving import kept_text
 from mechviz.scene.scene import Scene, dump, loads
 
-_SAFE = re.compile(r"[^\w .+-]", re.ASCII)
-
 
 def file_name(text: str, ending: str, otherwise: str) -> str:
     """A plain name of a file from what a user typed: no folders, no hidden files, the right ending."""
     stem = str(text).strip()
     stem = stem[: -len(ending)] if stem.lower().endswith(ending) else stem
-    stem = _SAFE.sub("_", stem).strip(" .")[:100]
-    return (stem or otherwise) + ending
+    return plain_name(stem, plain_name(otherwise)) + ending
 
 
 def saved_scene(opened: Scene, scene: Scene) -> tuple[Scene, bool]:

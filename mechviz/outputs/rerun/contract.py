@@ -1,0 +1,387 @@
+"""What a recording has to hold, and the faults of one that does not, by name: properties, model, tables, drawn things.
+
+Whatever opens a recording has it checked once, so that nobody who reads it further meets a missing table, a width that is not
+the stated one, a place that is not finite or a face without its corners.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
+
+import numpy as np
+from pydantic import (
+    AfterValidator,
+    Base64Bytes,
+    BaseModel,
+    ConfigDict,
+    Field,
+    FiniteFloat,
+    Json,
+    NonNegativeInt,
+    PositiveFloat,
+    ValidationError,
+    model_validator,
+)
+
+from mechviz.outputs.rerun.paths import entity, parts_of
+
+if TYPE_CHECKING:
+    from mechviz.outputs.rerun.reader import Recording
+
+FARTHEST = 1e12  # [m]; what is drawn farther away cannot be drawn in single precision
+
+Positive = Annotated[PositiveFloat, Field(lt=1e300)]
+Box = tuple[tuple[FiniteFloat, FiniteFloat, FiniteFloat], tuple[FiniteFloat, FiniteFloat, FiniteFloat]]
+
+
+def _unique(names: tuple[str, ...]) -> tuple[str, ...]:
+    if len(set(names)) < len(names):
+        raise ValueError("a name is there twice")
+    return names
+
+
+Names = Annotated[tuple[str, ...], AfterValidator(_unique)]
+
+
+class Part(BaseModel):
+    """Base of what the JSON of a recording holds; what later versions add is left alone."""
+
+    model_config = ConfigDict(extra="ignore", frozen=True)
+
+
+class JointPart(Part):
+    """A joint of the model: its kind and the links that it joins."""
+
+    type: str
+    links: tuple[str, str]
+
+
+class LoadPart(Part):
+    """A load of the model: its kind and the links that it acts on."""
+
+    kind: str
+    links: Annotated[tuple[str, ...], Field(min_length=1)]
+
+
+class Model(Part):
+    """Connectivity: the ``frame`` is the fixed link, ``drives`` are names of joints, ``traced`` names of points."""
+
+    frame: str
+    links: Names
+    joints: dict[str, JointPart]
+    drives: Names
+    loads: dict[str, LoadPart]
+    traced: Names | None = None
+
+    @model_validator(mode="after")
+    def _names_are_there(self) -> Model:
+        for what, name, links in (
+            ("frame", self.frame, (self.frame,)),
+            *(("joint", name, joint.links) for name, joint in self.joints.items()),
+            *(("load", name, load.links) for name, load in self.loads.items()),
+        ):
+            for link in links:
+                if link not in self.links:
+                    raise ValueError(f"{what} '{name}' names the link '{link}', which is not among 'links'")
+        for name in self.drives:
+            if name not in self.joints:
+                raise ValueError(f"drive '{name}' is not among 'joints'")
+        return self
+
+
+class NodePart(Part):
+    """A node of the picture: what it is of, where it is drawn, which entity holds it."""
+
+    key: str
+    kind: str
+    entity: Annotated[str, Field(min_length=1)]
+    owner: tuple[str, str]
+    group: str
+    height: FiniteFloat
+    parent: str = ""
+
+
+class QuantityPart(Part):
+    """An entry of the catalogue: its key and the entity that holds its values."""
+
+    key: str
+    entity: str
+
+
+class Properties(Part):
+    """Properties of a recording, those that are JSON as what they hold. Older recordings lack those that may be None."""
+
+    version: str = ""
+    scene: str = ""
+    title: str = ""
+    frames: NonNegativeInt
+    tolerance: Positive
+    length_scale: Positive | None = None
+    cycle: Positive | None = None
+    size: Positive | None = None
+    bounds: Json[Box] | None = None
+    top: FiniteFloat | None = None
+    picture: Json[tuple[NodePart, ...]] | None = None
+    quantities: Json[tuple[QuantityPart, ...]] = ()
+    model: Json[Model]
+    effects: tuple[str, ...] = ()
+    skipped: tuple[str, ...] = ()
+    power_items: tuple[str, ...] = ()
+    newtons_per_metre: Positive
+    newton_metres_per_metre: Positive
+    mps_per_metre: Positive
+    mps2_per_metre: Positive
+    wall_seconds: float = 0.0
+    duration: Positive | None = None
+    accuracy: Json[dict[str, Any]] | None = None
+    interpolation: Annotated[int, Field(ge=1, le=5)] = 3
+    files: Json[dict[str, Base64Bytes]] = {}
+    complete: bool = True
+
+    @model_validator(mode="after")
+    def _owners_are_there(self) -> Properties:
+        for node in self.picture or ():
+            for link in (node.parent, node.owner[1] if node.owner[0] == "link" else ""):
+                if link and link not in self.model.links:
+                    raise ValueError(f"picture: '{node.key}' belongs to the link '{link}', which is not in the model")
+        return self
+
+
+def read_properties(values: Mapping[str, Any]) -> tuple[Properties | None, list[str]]:
+    """The properties of a recording, and what is wrong with them."""
+    try:
+        return Properties.model_validate(values), []
+    except ValidationError as error:
+        return None, [f"property {'.'.join(str(k) for k in e['loc'])}: {_words(e)}" for e in error.errors(include_url=False)]
+
+
+def _words(error: Any) -> str:
+    return "it is missing" if error["type"] == "missing" else str(error["msg"]).removeprefix("Value error, ").lower()
+
+
+# -- entities ---------------------------------------------------------------------------------------------------------
+
+
+class Kind(NamedTuple):
+    """What a component holds: numbers, whole numbers (``whole``), ``text`` or ``truth``; vectors of ``width`` of them; ``count``:
+    how many a row has. ``drawn``: it has to be finite and not too far away."""
+
+    leaf: str = "number"
+    width: int = 0
+    drawn: bool = True
+    count: int | None = None
+
+
+COMPONENTS: Mapping[str, Kind] = {
+    "Scalars:scalars": Kind(drawn=False),
+    "Transform3D:translation": Kind(width=3, count=1),
+    "Transform3D:quaternion": Kind(width=4, count=1),
+    "Transform3D:scale": Kind(width=3, count=1),
+    "Mesh3D:vertex_positions": Kind(width=3),
+    "Mesh3D:vertex_normals": Kind(width=3),
+    "Mesh3D:triangle_indices": Kind("whole", 3),
+    "Mesh3D:vertex_colors": Kind("whole"),
+    "Points3D:positions": Kind(width=3),
+    "Points2D:positions": Kind(width=2),
+    "Arrows3D:origins": Kind(width=3),
+    "Arrows3D:vectors": Kind(width=3),
+    "LineStrips3D:strips": Kind(width=3),
+    "LineStrips2D:strips": Kind(width=2),
+    "StateChange:state": Kind("text", count=1),
+    "StateConfiguration:values": Kind("text"),
+    "TextDocument:text": Kind("text", count=1),
+    "TextLog:text": Kind("text", count=1),
+    "TextLog:level": Kind("text", count=1),
+    "SeriesLines:names": Kind("text"),
+    "item": Kind("text", count=1),
+    "message": Kind("text", count=1),
+    "title": Kind("text", count=1),
+    "unit": Kind("text", count=1),
+    "x_title": Kind("text", count=1),
+    "y_title": Kind("text", count=1),
+    "per_metre": Kind(count=1),
+    "least": Kind(count=1),
+    "turn": Kind(count=1),
+    "ranges": Kind(count=4),
+    "whole": Kind("truth", count=1),
+    "equal": Kind("truth", count=1),
+}
+FIELDS: Mapping[str, Kind] = {"radii": Kind(), "colors": Kind("whole"), "labels": Kind("text")}
+"""Of every archetype that has them."""
+
+TABLES: tuple[tuple[str, int], ...] = (
+    ("data/links/*/pose", 3),
+    ("data/links/*/velocity", 3),
+    ("data/links/*/acceleration", 3),
+    ("data/links/*/inertia", 3),
+    ("data/points/*/position", 2),
+    ("data/points/*/velocity", 2),
+    ("data/points/*/acceleration", 2),
+    ("data/joints/*/reaction", 3),
+    ("data/joints/*/position", 2),
+    ("data/joints/*/motion", 3),
+    ("data/joints/*/friction", 3),
+    ("data/joints/*/friction_loss", 1),
+    ("data/loads/gravity/*", 5),
+    ("data/loads/*", 5),
+    ("data/drive/*/wrench", 3),
+    ("data/drive/*", 5),
+    ("data/cams/*/contact", 6),
+    ("data/energy", 4),
+    ("health/error_estimate", 5),
+    ("health/*", 1),
+)
+"""Numbers in a row of the tables of the contract; the first that fits counts."""
+
+TOGETHER: tuple[tuple[str, ...], ...] = (
+    ("Mesh3D:vertex_positions", "Mesh3D:triangle_indices", "Mesh3D:vertex_normals", "Mesh3D:vertex_colors"),
+    ("TextLog:text", "TextLog:level"),
+    ("item", "message"),
+    ("StateConfiguration:values", "StateConfiguration:labels", "StateConfiguration:colors"),
+    ("Arrows3D:origins", "Arrows3D:vectors"),
+    ("Transform3D:translation", "Transform3D:quaternion"),
+    ("per_metre", "title", "unit", "least", "whole"),
+    ("ranges", "title", "x_title", "y_title", "equal", "turn"),
+)
+"""Components that an entity has all, or not the first of them either."""
+
+SAME_COUNT = (*TOGETHER[0][2:], *TOGETHER[3][1:], "Arrows3D:vectors")
+"""Of these an entity has as many as of the first that they belong to."""
+
+
+def width_of(parts: tuple[str, ...]) -> int | None:
+    """Numbers in a row of a table; None of those that the contract leaves open."""
+    for pattern, width in TABLES:
+        stated = pattern.split("/")
+        if len(parts) == len(stated) and all(s in ("*", part) for s, part in zip(stated, parts, strict=True)):
+            return width
+    return None
+
+
+def missing_tables(recording: Recording) -> list[str]:
+    """The tables that a recording is to have, and has not."""
+    needed = {entity(*parts) for parts in _needed(recording.said.model, recording.has("data", "energy"))}
+    return sorted(path for path in needed | {q.entity for q in recording.said.quantities} if not recording.has(path))
+
+
+def _needed(model: Model, forces: bool) -> Iterator[tuple[str, ...]]:
+    """The tables that every recording of a model has; ``forces``: reactions were computed."""
+    for link in model.links:
+        yield "data", "links", link, "pose"
+    for joint in model.joints:
+        yield "data", "joints", joint, "position"
+        yield "data", "joints", joint, "motion"
+        if forces:
+            yield "data", "joints", joint, "reaction"
+    for joint in model.drives:
+        if forces:
+            yield "data", "drive", joint
+            yield "data", "drive", joint, "wrench"
+
+
+def faults_of(recording: Recording) -> Iterator[str]:
+    """What is wrong with the entities of a recording whose properties are right."""
+    said, has = recording.said, set(recording.entities)
+    yield from (f"{path} is missing" for path in missing_tables(recording))
+    yield from (f"{node.entity} is missing" for node in said.picture or () if node.kind == "body" and node.entity not in has)
+    poses = (entity("data", "links", link, "pose") for link in said.model.links)
+    finite = {path for path in poses if path in has}
+    time = recording.times(entity("data", "links", said.model.frame, "pose"))
+    if np.any(np.diff(time) <= 0):
+        yield "the times of the frames do not increase"
+    for path in recording.entities:
+        if not path.startswith("/__properties"):
+            yield from (f"{path}: {words}" for words in dict.fromkeys(_entity_faults(recording, path, time, path in finite)))
+
+
+def _entity_faults(recording: Recording, path: str, time: Any, finite: bool) -> Iterator[str]:
+    """Faults of an entity; ``finite``: also its numbers have to be finite."""
+    counts: dict[str, Any] = {}  # how many each row of a component has, of all batches
+    names = set()
+    for batch, moving in recording.batches(path):
+        names |= set(batch.schema.names)
+        if moving and any(batch[k].null_count for k in ("time", "drive_mdeg", "drive_um") if k in batch.schema.names):
+            yield "rows have no time"
+            return
+        for name in batch.schema.names:
+            kind = COMPONENTS.get(name) or FIELDS.get(name.rpartition(":")[2])
+            if kind is not None:
+                try:
+                    found = _read_column(batch[name], kind._replace(drawn=kind.drawn or finite), name, moving)
+                except ValueError as error:
+                    yield f"its {name} {error}"
+                    return
+                counts[name] = np.concatenate([counts[name], found]) if name in counts and moving else found
+    for first, *others in TOGETHER:
+        if first in names:
+            missing = [name for name in others if name not in names]
+            yield from (f"it has {first}, but no {name}" for name in missing)
+            paired = [name for name in others if name in SAME_COUNT and name in counts]
+            different = [name for name in paired if not np.array_equal(counts[name], counts[first])]
+            yield from (f"it has more or fewer {name} than {first}" for name in different)
+    if "Mesh3D:triangle_indices" in names and not _faces_fit(recording, path):
+        yield "its faces name vertices that it has not"
+    parts = parts_of(path)
+    if parts[0] in ("data", "health") and recording.has(path):
+        values, columns = counts.get("Scalars:scalars"), counts.get("SeriesLines:names")
+        yield from _table_faults(recording, path, width_of(parts), time, values, columns)
+
+
+def _read_column(column: Any, kind: Kind, name: str, moving: bool) -> Any:
+    """How many instances (n,) each row of a column of arrow has. ValueError says what is wrong with it."""
+    import pyarrow as pa
+
+    if not pa.types.is_list(column.type):
+        raise ValueError("does not hold lists")
+    if column.null_count and moving:
+        raise ValueError("has rows without values")
+    column = column.drop_null()
+    lengths = np.diff(np.asarray(column.offsets))
+    if kind.count is not None and np.any(lengths != kind.count):
+        raise ValueError(f"has {lengths[lengths != kind.count][0]} values in a row instead of {kind.count}")
+    values = column.flatten()
+    if pa.types.is_list(values.type) and name.endswith(":strips"):
+        values = values.flatten()
+    if kind.width:
+        if not pa.types.is_fixed_size_list(values.type) or values.type.list_size != kind.width:
+            raise ValueError(f"does not hold vectors of {kind.width} numbers")
+        values = values.flatten()
+    tests = {"number": pa.types.is_floating, "whole": pa.types.is_integer, "text": pa.types.is_string, "truth": pa.types.is_boolean}
+    if not tests[kind.leaf](values.type):
+        raise ValueError(f"holds {values.type}, not {WORDS[kind.leaf]}")
+    if values.null_count:
+        raise ValueError("has values that are not there")
+    if kind.leaf == "number" and kind.drawn:
+        numbers = values.to_numpy(zero_copy_only=False)
+        if not np.isfinite(numbers).all():
+            raise ValueError("is not finite")
+        if np.any(np.abs(numbers) > FARTHEST):
+            raise ValueError(f"holds numbers beyond {FARTHEST:g}")
+        if name == "Transform3D:scale" and not numbers.all():
+            raise ValueError("is zero")
+        if name == "Transform3D:quaternion" and not numbers.reshape(-1, 4).any(axis=1).all():
+            raise ValueError("is zero")
+    return lengths
+
+
+WORDS = {"number": "numbers", "whole": "whole numbers", "text": "text", "truth": "truth values"}
+
+
+def _table_faults(recording: Recording, path: str, width: int | None, time: Any, counts: Any, names: Any) -> Iterator[str]:
+    """Faults of a table: every frame has a row, every row the same numbers, every number a name."""
+    if counts is None:
+        yield "it has no values"
+        return
+    width = int(counts[0]) if width is None and len(counts) else width
+    if np.any(counts != width):
+        yield f"it has {counts[counts != width][0]} numbers in a row instead of {width}"
+    elif not np.array_equal(recording.times(path), time):
+        yield f"its {len(counts)} rows are not at the {len(time)} frames"
+    elif names is None or len(names) != 1 or names[0] != width:
+        yield f"it names {0 if names is None or not len(names) else names[0]} of its {width} numbers"
+
+
+def _faces_fit(recording: Recording, path: str) -> bool:
+    vertices, faces = (recording.static(path, component=f"Mesh3D:{name}") for name in ("vertex_positions", "triangle_indices"))
+    return vertices is not None and faces is not None and len(vertices) > 0 and int(faces.max(initial=0)) < len(vertices)

@@ -1,0 +1,133 @@
+"""Damaged recordings, as a stranger's file may be: whoever reads one names what is wrong with it, and nothing falls over."""
+
+from __future__ import annotations
+
+import os
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pyarrow as pa
+import pytest
+from damage import batches, damaged, entity_of, read_all, write
+
+import mechviz
+from mechcore.errors import MechanismError
+from mechviz.files import OutputError
+from mechviz.outputs.rerun import writer
+from mechviz.outputs.rerun.inspection import inspect
+from mechviz.outputs.rerun.reader import Recording
+from mechviz.outputs.rerun.stream_file import RecordingError
+from recordings import made, ran
+
+SAMPLE = 12
+
+
+@pytest.fixture(scope="module")
+def whole() -> Path:
+    return made("kinetostatic-four-bar", 12).path
+
+
+def test_damage_is_an_error_of_ours_or_nothing(whole, tmp_path):
+    """A sample of ``tests/torture``, with warnings as errors."""
+    for seed in range(SAMPLE):
+        words = damaged(whole, tmp_path / "damaged.rrd", seed)
+        for read in read_all(tmp_path / "damaged.rrd"):
+            try:
+                read()
+            except (OutputError, MechanismError):
+                pass
+            except Exception as error:
+                pytest.fail(f"seed {seed}, {words}: {type(error).__name__} {error}")
+
+
+def changed(whole: Path, target: Path, path: str, name: str, change) -> Path:
+    """A recording in which a column of an entity has other rows."""
+    found = batches(whole)
+    for k, batch in enumerate(found):
+        if entity_of(batch) == path and name in batch.schema.names:
+            c = batch.schema.names.index(name)
+            field = batch.schema.field(c)
+            found[k] = batch.set_column(c, field, pa.array([change(row) for row in batch.column(c).to_pylist()], field.type))
+    return write(target, found)
+
+
+@pytest.mark.parametrize(
+    ("path", "name", "change", "words"),
+    [
+        ("/data/links/crank/pose", "Scalars:scalars", lambda row: [np.nan, *row[1:]], "crank/pose: its .* is not finite"),
+        ("/data/links/crank/pose", "Scalars:scalars", lambda row: row[:2], "2 numbers in a row instead of 3"),
+        ("/mechanism/links/crank", "Transform3D:translation", lambda row: [[np.inf, 0.0, 0.0]], "is not finite"),
+        ("/mechanism/links/crank/mesh", "Mesh3D:triangle_indices", lambda row: [[0, 1, 10**6]], "its faces name vertices"),
+        ("/__properties/mechviz", "model", lambda row: [row[0][:40]], "property model: invalid json"),
+        ("/__properties/mechviz", "model", lambda row: [row[0].replace('"frame": "frame"', '"frame": "x"')], "names the link 'x'"),
+        ("/__properties/mechviz", "tolerance", lambda row: [float("nan")], "property tolerance"),
+        ("/__properties/mechviz", "picture", lambda row: ['[{"key": 1}]'], "property picture.0"),
+    ],
+)  # fmt: skip
+def test_what_is_wrong_is_named(whole, tmp_path, path, name, change, words):
+    target = changed(whole, tmp_path / "a.rrd", path, name, change)
+    with pytest.raises(RecordingError, match=words) as error:
+        Recording(target)
+    assert error.value.remedy and len(str(error.value)) < 2000
+
+
+def test_what_is_missing_is_named(whole, tmp_path):
+    write(tmp_path / "a.rrd", [b for b in batches(whole) if entity_of(b) != "/data/links/crank/pose"])
+    with pytest.raises(RecordingError, match="/data/links/crank/pose is missing"):
+        Recording(tmp_path / "a.rrd")
+
+
+def test_a_part_that_is_cut_anywhere_is_read_up_to_its_last_whole_block(tmp_path, monkeypatch):
+    monkeypatch.setattr(writer, "BLOCK", 40)
+
+    def stop(done: int, total: int) -> None:
+        if done >= 80:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        writer.write_recording(ran("crank-rocker", 100), tmp_path / "a.rrd", progress=stop)
+    data, cut = (tmp_path / "a.part.rrd").read_bytes(), tmp_path / "cut.rrd"
+    frames = []
+    for share in np.linspace(0.0, 1.0, 17)[1:]:
+        cut.write_bytes(data[: int(share * len(data))])
+        try:
+            frames.append(inspect(cut).frames)
+        except RecordingError as error:
+            assert "holds no frames" in str(error)
+            frames.append(0)
+            continue
+        for most in (None, 20):
+            recording = Recording(cut, most=most)
+            assert not recording.said.complete
+            assert len({len(recording.times(path)) for path in recording.entities if path.startswith("/data/links")} - {0}) == 1
+    assert frames == sorted(frames) and set(frames) == {0, 40, 80} and frames[-1] == 80
+
+
+def test_what_is_no_regular_file_is_not_read(tmp_path):
+    os.mkfifo(tmp_path / "pipe.rrd")
+    (tmp_path / "zero.rrd").symlink_to("/dev/zero")
+    for name in ("pipe.rrd", "zero.rrd"):
+        with pytest.raises(RecordingError, match="not a regular file"):
+            Recording(tmp_path / name)
+
+
+def test_the_scene_of_a_recording_cannot_leave_its_folder(whole, tmp_path):
+    """Neither by its name nor by the files that it names, unless the recording brought them along."""
+    gallery = Path(mechviz.__file__).parent / "gallery"
+    secret = tmp_path / "secret.csv"
+    shutil.copy(gallery / "cam-measured.csv", secret)
+    (tmp_path / "in").mkdir()
+    evil = changed(whole, tmp_path / "in" / "a.rrd", "/__properties/mechviz", "scene", lambda row: ["../../evil"])
+    assert "/" not in Recording(evil).scene().name
+    cam = (gallery / "cam-measured.toml").read_text()
+
+    def naming(name: str) -> Recording:
+        text = cam.replace('"cam-measured.csv"', f'"{name}"')
+        return Recording(changed(whole, tmp_path / "in" / "b.rrd", "/scene", "TextDocument:text", lambda row: [text]))
+
+    for name in (str(secret), "../secret.csv"):
+        with pytest.raises(MechanismError, match="outside of that folder"):
+            naming(name).scene()
+    shutil.copy(secret, tmp_path / "in" / "near.csv")
+    assert set(naming("near.csv").scene().files) == {"near.csv"}
