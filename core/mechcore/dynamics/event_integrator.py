@@ -150,8 +150,11 @@ class EventIntegrator:
         q, v = self._meet_stops(t, q, v)
         begun = (float(q[0]), float(v[0])) if len(q) else (0.0, 0.0)
         system = self._system()
-        stops = self.stops.event_functions(q, v, t, system)
-        dry, prescribed = self.friction.event_functions()
+        exceeding: list[tuple[Gauge, float, Any]] = [
+            *((f, noise, ("stop", k)) for f, noise, k in self.stops.event_functions(q, v, t, system)),
+            *((f, noise, ("dry", loose)) for f, noise, loose in self.friction.stick_ends(q, v, t)),
+        ]
+        sliding, prescribed = self.friction.slip_ends()
         cams = self._contacts()
         first: list[tuple[float, Any]] = []
 
@@ -162,18 +165,18 @@ class EventIntegrator:
             self._leave_waypoints(window.start + window.length * WAYPOINTS, window)
             if not len(q):
                 self.friction.follow(self.compiled, window)
-            for event_function, noise, k in stops:
+            for event_function, noise, what in exceeding:
                 at = first_exceeding(event_function, window, t, noise)
                 if at is not None:
-                    first.append((at, ("stop", k)))
+                    first.append((at, what))
             for k, (w, event_function) in enumerate(self.looks):
                 at = first_zero(event_function, window, t + 1e-12 * self.duration, w.rising)
                 if at is not None:
                     first.append((at, ("watch", k)))
-            for event_function, rising, loose in dry:
+            for event_function, rising in sliding:
                 at = first_zero(event_function, window, t + 1e-12 * self.duration, rising)
                 if at is not None:
-                    first.append((at, ("dry", loose)))
+                    first.append((at, ("dry", None)))
             for event_function in prescribed:
                 at = first_beyond(event_function, window, t, 0.5, PRESCRIBED_SAMPLES, again=True)
                 if at is not None:

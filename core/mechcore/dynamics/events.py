@@ -140,7 +140,7 @@ def first_zero(event_function: Gauge, window: Window, after: float, rising: bool
 
 def first_exceeding(event_function: Gauge, window: Window, after: float, noise: float) -> float | None:
     """The time in a window, not before ``after`` [s], at which an event function passes zero for the first time to exceed
-    ``noise``; the beginning, where it is above zero from there on. None where it does not."""
+    ``noise``; just after the beginning, where it has jumped above zero there. None where it does not."""
     low, high = max(window.start, after), window.start + window.length
     if high - low <= 0:
         return None
@@ -156,20 +156,20 @@ def first_exceeding(event_function: Gauge, window: Window, after: float, noise: 
         return None  # stays below zero: the way that it goes in the window is shorter than what is missing
     coefficients = chebyshev.chebtrim(_FIT @ y, 1e-15 * size)
     slope = chebyshev.chebder(coefficients)
-    zeros, peaks = (_real_roots(c) for c in (coefficients, slope))
+    zeros, peaks = _real_roots(coefficients), _real_roots(slope)
     boundaries = np.array([-1.0, *zeros, 1.0])
     for x, end in pairwise(boundaries):
         between = np.array([0.5 * (x + end), end, *peaks[(peaks > x) & (peaks < end)]])
         if float(chebyshev.chebval(between, coefficients).max()) <= noise:
             continue
+        least = 4.0 * float(np.spacing(max(abs(low), abs(high))))
         if x > -1.0:
-            least = 4.0 * np.spacing(max(abs(low), abs(high))) / (high - low)
-            x = float(np.clip(_polished(at, float(x), float(chebyshev.chebval(x, slope)), least), -1.0, end))
-        return float(low + 0.5 * (high - low) * (x + 1.0))
+            x = float(np.clip(_polished(at, float(x), float(chebyshev.chebval(x, slope)), least / (high - low)), -1.0, end))
+        return float(low + max(0.5 * (high - low) * (x + 1.0), 2.0 * least if x == -1.0 else 0.0))
     return None
 
 
-def _real_roots(coefficients: Real) -> Real:
+def _real_roots(coefficients: Any) -> Real:
     """Roots (k,) of a Chebyshev series between -1 and 1, in order."""
     roots = chebyshev.chebroots(coefficients)
     return np.sort(roots[(np.abs(roots.imag) < 1e-7) & (np.abs(roots.real) < 1.0)].real)

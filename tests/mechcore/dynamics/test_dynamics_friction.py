@@ -13,6 +13,7 @@ from mechanisms import case
 from mechcore.dynamics.events import Stop
 from mechcore.dynamics.simulate import simulate
 from mechcore.errors import MechanismError
+from mechcore.laws.signals import Step
 from mechcore.laws.timed import ConstantSpeed, Free
 from mechcore.spec.loads import Factor, Force
 from mechcore.spec.mechanism import Drive, Friction, Link, Mechanism, Pair, Prismatic, Revolute
@@ -264,6 +265,30 @@ def test_friction_brakes_after_an_impact_too(e: float):
     energies = found.energies(np.linspace(0.0, 2.0, 101))
     assert np.all(np.diff(energies[:, 3]) >= 0.0)
     assert energies[-1] == pytest.approx([0.0, 0.0, 0.0, 9.0], abs=1e-9)
+
+
+@pytest.mark.parametrize("beside", ["nothing", "another mass", "a stop"])
+def test_a_load_that_jumps_breaks_what_sticks_loose(beside: str):
+    """From one instant to the next it is more than friction can hold, which then brakes: s = (F - mu m g) t^2 / 2 m."""
+    push = Force(name="push", link="mass", point="P", vector=(8.0, 0.0), factor=Factor(function=Step(at=0.5), of="time"))
+    m, stops = dataclasses.replace(oscillator(2.0, 0.0, 0.3, 0.0), loads=(push,)), []
+    if beside == "another mass":
+        m = dataclasses.replace(
+            m,
+            links=(*m.links, Link(name="other", points={"P": (0.0, 0.0)}, mass=1.0)),
+            pairs=(*m.pairs, _sliding("T", "frame", "other", ("G", "P"))),
+            drives=(*m.drives, Drive(pair="T", law=Free(0.0, 1.0))),
+        )
+    if beside == "a stop":
+        back = Force(name="back", link="mass", point="P", vector=(-8.0, 0.0))
+        m = dataclasses.replace(m, loads=(back, dataclasses.replace(push, vector=(16.0, 0.0))))
+        stops = [Stop(name="wall", pair="S", at=0.0, side="lower")]
+    found = simulate(m, 1.0, stops=stops)
+    acceleration = (8.0 - 0.3 * 2.0 * 9.81) / 2.0
+    assert found.events[-1].text == "S slides in the + direction" and found.events[-1].time == pytest.approx(0.5, abs=1e-12)
+    expected = [0.5 * acceleration * 0.5**2, acceleration * 0.5, acceleration]
+    np.testing.assert_allclose(found.motion([0.5, 1.0]).coordinate("S"), [[0.0, 0.0, 0.0], expected], atol=1e-10)
+    assert np.ptp(found.drift(np.linspace(0.0, 1.0, 50))) < 1e-9
 
 
 def test_what_rests_on_a_stop_between_two_moving_masses_slides_on_together():

@@ -16,7 +16,7 @@ import numpy as np
 from mechcore.arrays import Flags, Real
 from mechcore.dynamics.contact.impacts import account_for_impact, impact
 from mechcore.dynamics.equations.chart import jacobian_of
-from mechcore.dynamics.equations.reduced import free_of, motion_at, moving, reduced_equations, shifted
+from mechcore.dynamics.equations.reduced import coordinate_scales, free_of, motion_at, moving, reduced_equations, shifted
 from mechcore.dynamics.events import Gauge, Log, SimulationEvent, Stop, event_function_of
 from mechcore.errors import Fault, MechanismError
 from mechcore.motion.compiled import Compiled
@@ -57,8 +57,8 @@ class _Touched:
     def part(self, chosen: Flags) -> _Touched:
         """Some of the stops (c,)."""
         which = tuple(k for k, it in zip(self.which, chosen, strict=True) if it)
-        rows = (x[chosen] for x in (self.jacobian, self.share, self.least))
-        return _Touched(which, *rows, self.answers[:, chosen], self.noise[chosen], self.led[chosen])
+        jacobian, answers, noise = self.jacobian[chosen], self.answers[:, chosen], self.noise[chosen]
+        return _Touched(which, jacobian, self.share[chosen], self.least[chosen], answers, noise, self.led[chosen])
 
     def independent(self) -> bool:
         """Whether none of the stops is led by the others."""
@@ -89,12 +89,9 @@ class EndStops:
         read = {pair: i for i, pair in enumerate(self._free)} if compiled.angles.exact else {}
         self._distances = [event_function_of(s, read, partial(motion_at, compiled)) for s in self.stops]
         self._signs = np.array([-1.0 if s.side == "upper" else 1.0 for s in self.stops])
-        self._scales = np.array([self._scale(s.pair) for s in self.stops])
-        self._free_scales = np.array([self._scale(pair) for pair in self._free])
+        self._scales = np.array([compiled.model.coordinate_scale(s.pair) for s in self.stops])
+        self._free_scales = coordinate_scales(compiled)
         self._fastest = np.zeros(len(self._free))
-
-    def _scale(self, pair: str) -> float:
-        return 1.0 if self._rotary(pair) else self.compiled.model.size
 
     def _rotary(self, pair: str) -> bool:
         return self.compiled.model.rotary(pair)
@@ -133,8 +130,12 @@ class EndStops:
                 out.append((partial(self._pull, k, system), self._pulls[k], k))
             else:  # a pair that rested may have drifted beyond its stop by what integration leaves
                 beyond = min(float(self.gap(k, q[None], v[None], np.array([t]))[0]), 0.0)
-                out.append((lambda q, v, t, k=k, beyond=beyond: beyond - self.gap(k, q, v, t), TOUCH * self._scales[k], k))
+                out.append((partial(self._beyond, k, beyond), TOUCH * float(self._scales[k]), k))
         return out
+
+    def _beyond(self, k: int, least: float, q: Real, v: Real, t: Real) -> Real:
+        """How much farther than ``least`` a coordinate is beyond its stop (n,)."""
+        return np.asarray(least - self.gap(k, q, v, t))
 
     def _pull(self, k: int, system: Any, q: Real, v: Real, t: Real) -> Real:
         """What a closed stop would have to pull with (n,): negative while something presses on it."""

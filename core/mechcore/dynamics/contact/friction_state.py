@@ -49,9 +49,14 @@ class FrictionState:
         phases.decide(t, q, v, rests=rests)
         return phases.system()
 
-    def event_functions(self) -> tuple[list[Any], list[Any]]:
-        """What ends the present phase: as `Phases.gauges` and `Phases.prescribed_event_functions` say it."""
-        return ([], []) if self._phases is None else (self._phases.event_functions(), self._phases.independent_event_functions())
+    def slip_ends(self) -> tuple[list[tuple[Any, bool]], list[Any]]:
+        """What ends the slip of elements, and that of prescribed ones: as `Phases.slip_ends` and
+        `Phases.independent_event_functions` say it."""
+        return ([], []) if self._phases is None else (self._phases.slip_ends(), self._phases.independent_event_functions())
+
+    def stick_ends(self, q: Real, v: Real, t: float) -> list[tuple[Any, float, tuple[int, float]]]:
+        """What ends the sticking of elements, as in `Phases.stick_ends`."""
+        return [] if self._phases is None else self._phases.stick_ends(q, v, t)
 
     def settle(self, t: float, q: Real, v: Real, rests: tuple[str, ...], loose: tuple[int, float] | None = None) -> Real:
         """Decide what slides and what sticks from now on, pairs ``rests`` resting on stops, ``loose`` as in `Phases.decide`;

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -19,6 +20,7 @@ from mechcore.motion.motion import Motion
 Key = tuple[str, str, str]
 WORDS = {0.0: "stick", 1.0: "slip +", -1.0: "slip -"}
 NO_EFFECT = 1e-12  # part of what a force on an element would move, if it did, that is rounding
+LOOSE = 1e-10  # of the limit of sticking: what exceeds it by less is rounding
 BEGUN = 1e-12  # rate of what just begins to move
 REST = 1e-9  # relative speeds below this part of the mechanism's own are rest
 SOON_MOVED = 1e-16  # of its scale: what moves by less soon is at rest as well
@@ -136,28 +138,24 @@ class Phases:
         motion = moving(self.compiled, q[:1], way * np.ones_like(v[:1]), t[:1])[0]
         return np.array([float(np.sign(e.rate[0])) for e in elements_of(motion)])
 
-    def event_functions(self) -> list[tuple[Any, bool, tuple[int, float] | None]]:
-        """What ends the phase: event function, the direction in which it passes zero, and what then comes loose (see `decide`)."""
-        system = self.system()
-        out: list[tuple[Any, bool, tuple[int, float] | None]] = []
-        for i, s in enumerate(self.signs):
-            if s != 0.0 and not self.prescribed[i]:
-                out.append((lambda q, v, t, i=i: self._rate(i, q, v, t), bool(s < 0), None))
-        stuck_ones = np.flatnonzero((self.signs == 0.0) & ~self.prescribed)
-        if not len(stuck_ones):
-            return out
+    def slip_ends(self) -> list[tuple[Any, bool]]:
+        """Relative rates that end the slip of an element where they pass zero, and whether they rise there."""
+        return [(partial(self._rate, i), bool(s < 0)) for i, s in enumerate(self.signs) if s != 0.0 and not self.prescribed[i]]
+
+    def stick_ends(self, q: Real, v: Real, t: float) -> list[tuple[Any, float, tuple[int, float]]]:
+        """What ends the sticking of an element in a phase that begins at q, v (f,), t [s]: an event function that then exceeds
+        zero, by how much it may do so by rounding, and what comes loose (see `decide`)."""
+        row = q[None], v[None], np.array([t])
+        stuck = np.flatnonzero((self.signs == 0.0) & ~self.prescribed)
+        if not len(stuck):
+            return []
         if not np.any(self.signs) and self.alone and not self.rests:
-            for way in (1.0, -1.0):
-                out.append((lambda q, v, t, way=way: self._free(way, q, v, t), True, (0, way)))
-            return out
-        for stuck in stuck_ones:
-
-            def margin(q: Real, v: Real, t: Real, i: int = int(stuck)) -> Real:
-                found = system.solve(q, v, t)
-                return np.asarray(found.limit[:, i] - np.abs(found.value[:, i]))
-
-            out.append((margin, False, (int(stuck), 0.0)))
-        return out
+            noise = LOOSE * sum(abs(float(self._free(way, *row)[0])) for way in (1.0, -1.0))
+            return [(partial(self._free, way), noise, (0, way)) for way in (1.0, -1.0)]
+        system = self.system()
+        found = system.solve(*row)
+        noise = LOOSE * (found.limit[0] + np.abs(found.value[0]))
+        return [(partial(_excess, system, int(i)), float(noise[i]), (int(i), 0.0)) for i in stuck]
 
     def independent_event_functions(self) -> list[Any]:
         """Gauges that are 1 where an element that is prescribed does not slide as it does now, else 0."""
@@ -180,6 +178,12 @@ class Phases:
         signs = self.directions((q, v, t), way)
         begun = np.column_stack([np.full(len(v), way * BEGUN), v[:, 1:]])
         return np.asarray(way * DrySystem(self.compiled, signs, breaking=True)(q, begun, t)[:, 0])
+
+
+def _excess(system: DrySystem, i: int, q: Real, v: Real, t: Real) -> Real:
+    """By how much what would hold a sticking element exceeds its limit (n,)."""
+    found = system.solve(q, v, t)
+    return np.asarray(np.abs(found.value[:, i]) - found.limit[:, i])
 
 
 def braking_elements(compiled: Compiled, q: Real, v: Real, t: float = 0.0) -> list[Element]:
