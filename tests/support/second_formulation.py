@@ -13,12 +13,15 @@ import numpy as np
 from absolute_constraints import Array, Lost
 from absolute_forces import Loaded
 from scipy.integrate import solve_ivp
+from scipy.optimize import brentq
 
 from mechcore.dynamics.events import Stop
 
 __all__ = ["Lost", "Second"]
 
 
+GRAZES = 1e-11  # [rad or m]: a coordinate that comes no farther beyond a stop does not touch it
+DENSE = 400  # places at which what comes before a graze is looked at
 SHORTEST = 1e-6  # of the duration: bounces that are over sooner end in rest
 
 
@@ -83,9 +86,16 @@ class Second(Loaded):
                 q, v = y[: self.n], y[self.n :]
                 return np.concatenate([v, self.accelerations(t, q, v, more)[0]])
 
-            events = []
+            events: list[Any] = []
+            nearest: list[Any] = []  # where a coordinate turns back before its stop, or within a step beyond it
             for s in stops:
                 sign = 1.0 if s.side == "upper" else -1.0
+
+                def approaching(t: float, y: Array, s: Stop = s, sign: float = sign) -> float:
+                    return sign * self.measured(s.pair, y[: self.n], y[self.n :])[1] @ y[self.n :]
+
+                approaching.direction = -1.0  # type: ignore[attr-defined]
+                nearest.append(approaching)
                 if s in resting:
                     index = more.index(s.pair)
 
@@ -106,17 +116,24 @@ class Second(Loaded):
                 events.append(event)
             started = np.concatenate([q, v])
             exact = {"method": "DOP853", "rtol": tolerance, "atol": 1e-13, "dense_output": True}
-            found = solve_ivp(slope, (t, end), started, events=events, max_step=longest, **exact)
+            found = solve_ivp(slope, (t, end), started, events=[*events, *nearest], max_step=longest, **exact)
             longest = np.inf
             if found.status < 0:
                 raise Lost(found.message)
-            states(more, found.t[-1] if found.status == 1 else end, found.sol)
-            t = float(found.t[-1])
-            y = found.y[:, -1]
-            if found.status == 0:
+            met = [(float(found.t[-1]), i) for i in range(len(stops)) if found.status == 1 and len(found.t_events[i])]
+            for i, (s, near) in enumerate(zip(stops, events, strict=True)):  # a graze within a step: in and out again
+                turns = [] if s in resting else found.t_events[len(stops) + i]
+                beyond = next((float(u) for u in turns if near(u, found.sol(u)) > GRAZES), None)
+                if beyond is not None:
+                    before = max(float(u) for u in np.linspace(t, beyond, DENSE) if near(u, found.sol(u)) < 0.0)
+                    met.append((brentq(lambda u, near=near, at=found.sol: near(u, at(u)), before, beyond, xtol=1e-16), i))
+            if not met:
+                states(more, end, found.sol)
                 return {k: np.array(x) if k in ("q", "v", "a") else x for k, x in out.items()}
+            t, which = min(met)
+            states(more, t, found.sol)
+            y = found.sol(t)
             q, v = self.project(t, y[: self.n], y[self.n :], more)
-            which = next(i for i, hits in enumerate(found.t_events) if len(hits))
             s = stops[which]
             sign = 1.0 if s.side == "upper" else -1.0
             if s in resting:
