@@ -23,7 +23,14 @@ WELL = 100.0  # condition number up to which that holds; beyond it the bound gro
 HOPELESS = 1e6
 REACHES = (TURN, 1.0, 0.3)
 RATED = (sp.Damper, sp.TorsionDamper, sp.Drag, sp.Viscous, sp.DcMotor, sp.GasPressure)  # know which way time runs
-MENDED = (("cam", 58), ("cylinder", 91), ("six-bar", 51), ("four-bar", 126), ("rack", 29))  # beyond the default sample
+MENDED = (
+    ("cam", 58),
+    ("cylinder", 91),
+    ("six-bar", 51),
+    ("four-bar", 126),
+    ("rack", 29),
+    ("belt", 92),
+)  # beyond the default sample
 CHANGES = ("turned", "mirrored", "small", "large", "renamed", "backwards")
 
 

@@ -206,6 +206,8 @@ class EndStops:
                 self.closed.add(k)
                 self._tell(t, "contact", k, f"rests on stop {self.stops[k].name}")
         after = touched.part(np.array([k in closed for k in touched.which])).stilled(after)
+        if len(self.closed) == len(self._free) == len(self.compiled.mechanism.drives):
+            after[: len(self._free)] = 0.0  # nothing moves: what rounding has left would have a direction, as gas and friction ask
         after[[self._free.index(pair) for pair in self.rests if pair in self._free]] = 0.0
         return after, True
 

@@ -71,6 +71,8 @@ def constrained(inertia: Real, force: Real, jacobian: Real, second: Real | None 
     except np.linalg.LinAlgError:  # one of many, frame by frame
         each = np.broadcast_to(inertia, (*force.shape, force.shape[-1]))
         found = solved(each.reshape(-1, *each.shape[-2:]), force.reshape(-1, force.shape[-1])).reshape(force.shape)
+    if c == f and (second is None or not second.any()):
+        found[..., :f] *= 0.0  # everything is held: rounding would have a direction
     return found[..., :f], found[..., f:]
 
 
