@@ -34,7 +34,7 @@ from mechviz.scene.worded import in_scene_words
 if TYPE_CHECKING:
     from mechcore.dynamics.event_integrator import Method
     from mechcore.dynamics.simulation import Simulation
-    from mechviz.scene.document import Place
+    from mechviz.scene.annotations import Place
     from mechviz.scene.scene import Scene
 
 

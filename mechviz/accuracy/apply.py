@@ -6,7 +6,8 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 from mechcore.accuracy import DIALS
-from mechviz.scene.document import Place, SceneDocument, stated
+from mechviz.scene.annotations import Place
+from mechviz.scene.document import SceneDocument, stated
 from mechviz.scene.fields import Table
 from mechviz.scene.kinds.accuracy import ORDERS
 

@@ -8,7 +8,8 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
-from mechviz.scene.document import Place, SceneDocument
+from mechviz.scene.annotations import Place
+from mechviz.scene.document import SceneDocument
 from mechviz.scene.folder import SceneFolder
 from mechviz.scene.scene import Scene, assembled, changed_document
 

@@ -7,15 +7,14 @@ and how it is bounded stands in the types of the document.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import Any, Literal, get_args, get_origin
 
-from pydantic.fields import FieldInfo
-
 from mechcore.laws.catalogue import RISES
+from mechviz.scene.annotations import Leaf, Place, hints_of, leaves
 from mechviz.scene.cams.cams import SOLIDS
-from mechviz.scene.document import Place, SceneDocument, value_at
+from mechviz.scene.document import SceneDocument, value_at
 from mechviz.scene.fields import Quantity, Table
 from mechviz.scene.scene import Scene
 from mechviz.scene.units import KINDS, QuantityError, Units, split, symbol_of, unit_factor
@@ -89,16 +88,6 @@ class Choice:
         return key_of(self.path)
 
 
-@dataclass(frozen=True)
-class _Spot:
-    """A scalar of the document with what its type says."""
-
-    path: Place
-    value: Any
-    quantity: Quantity | None
-    options: tuple[str, ...] = ()
-
-
 def key_of(path: Place) -> str:
     """A place in the document as a text."""
     return "".join(f"[{p}]" if isinstance(p, int) else f".{p}" for p in path).lstrip(".")
@@ -107,7 +96,7 @@ def key_of(path: Place) -> str:
 def find_parameters(scene: Scene) -> tuple[Parameter, ...]:
     """All numbers of a scene that make sense as sliders, in the order of ``GROUPS`` and of the file."""
     document = scene.document
-    found = [p for spot in _spots(document) if not spot.options and (p := _parameter(scene, spot)) is not None]
+    found = [p for spot in _spots(document) if not _options(spot) and (p := _parameter(scene, spot)) is not None]
     found = _scaled(found)
     return tuple(sorted(found, key=lambda p: (GROUPS.index(p.group), "–" not in p.label)))
 
@@ -116,73 +105,49 @@ def find_choices(scene: Scene) -> tuple[Choice, ...]:
     """All values that are one of a few texts: laws of motion, assembly modes, senses."""
     found = []
     for spot in _spots(scene.document):
-        if len(spot.options) > 1 and isinstance(spot.value, str) and spot.path[0] in ("joints", "loads", "links"):
-            found.append(Choice(spot.path, _group(spot.path), _label(spot.path), spot.value, spot.options))
+        options = _options(spot)
+        if len(options) > 1 and isinstance(spot.value, str) and spot.path[0] in ("joints", "loads", "links"):
+            found.append(Choice(spot.path, _group(spot.path), _label(spot.path), spot.value, options))
     return tuple(sorted(found, key=lambda c: GROUPS.index(c.group)))
 
 
 # -- walking ----------------------------------------------------------------------------------------------------------
-def _spots(document: SceneDocument) -> Iterator[_Spot]:
-    yield from _walk(SceneDocument, (), document, ())
+def _spots(document: SceneDocument) -> Iterator[Leaf]:
+    """The scalars of a scene that say something of it, as far as they are stated."""
+    yield from (leaf for leaf in leaves(document, _shown) if _editable(leaf))
     if "gravity" in document.effects and "gravity" not in document.model_fields_set:
-        field = SceneDocument.model_fields["gravity"]
-        yield from _walk(field.annotation, tuple(field.metadata), document.gravity, ("gravity",))
+        yield from leaves(document.gravity, annotation=hints_of(SceneDocument)["gravity"], path=("gravity",))
 
 
-def _walk(annotation: Any, metadata: tuple[Any, ...], value: Any, path: Place) -> Iterator[_Spot]:
-    if path and path[-1] in HIDDEN:
-        return
-    if isinstance(value, Table):
-        for name, field in type(value).model_fields.items():
-            if (name in value.model_fields_set and getattr(value, name) is not None) or (
-                name == "law" and getattr(value, "to", None) is not None
-            ):
-                yield from _walk(field.annotation, tuple(field.metadata), getattr(value, name), (*path, name))
-    elif isinstance(value, Mapping):
-        inner = next((args[1] for kind, args in _containers(annotation) if kind is dict), None)
-        for key, item in value.items():
-            yield from _walk(inner, (), item, (*path, key))
-    elif isinstance(value, list | tuple):
-        if len(value) <= LONGEST_LIST or any(isinstance(item, Table) for item in value):
-            inner = next((args for kind, args in _containers(annotation) if kind in (list, tuple)), (None,))
-            for k, item in enumerate(value):
-                yield from _walk(inner[min(k, len(inner) - 1)], (), item, (*path, k))
-    elif isinstance(value, bool):
-        return
-    elif path and path[-1] == "law":
-        yield _Spot(path, value, None, tuple(RISES))
-    else:
-        options = tuple(o for kind, args in _containers(annotation, Literal) for o in args if isinstance(o, str))
-        quantity = next((m for m in (*metadata, *_marks(annotation)) if isinstance(m, Quantity)), None)
-        if isinstance(value, int | float) or quantity is not None or options:
-            yield _Spot(path, value, quantity, options)
+def _shown(table: Table) -> Iterator[str]:
+    """The keys of a table in which values are edited."""
+    for key in type(table).model_fields:
+        value, stated = getattr(table, key), key in table.model_fields_set
+        table_of_values = isinstance(value, list) and len(value) > LONGEST_LIST and not isinstance(value[0], Table)
+        if value is not None and key not in HIDDEN and not table_of_values and (stated or (key == "law" and _ends(table))):
+            yield key
 
 
-def _containers(annotation: Any, wanted: Any = None) -> Iterator[tuple[Any, tuple[Any, ...]]]:
-    """The containers (or literals) among the alternatives of an annotation."""
-    origin = get_origin(annotation)
-    if (origin in (dict, list, tuple) and wanted is None) or (origin is Literal and wanted is Literal):
-        yield origin, get_args(annotation)
-    elif origin is not None and origin not in (dict, list, tuple, Literal):
-        for part in get_args(annotation):
-            yield from _containers(part, wanted)
+def _ends(segment: Any) -> bool:
+    """Whether a segment of a motion program goes somewhere, by a law."""
+    return getattr(segment, "to", None) is not None
 
 
-def _marks(annotation: Any) -> Iterator[Any]:
-    """What an annotation says of a scalar: the marks of all its alternatives that are no containers."""
-    origin = get_origin(annotation)
-    if hasattr(annotation, "__metadata__"):
-        for mark in annotation.__metadata__:
-            yield from mark.metadata if isinstance(mark, FieldInfo) else (mark,)
-        yield from _marks(annotation.__origin__)
-    elif origin is not None and origin not in (dict, list, tuple, Literal):
-        for part in get_args(annotation):
-            yield from _marks(part)
+def _editable(leaf: Leaf) -> bool:
+    number = isinstance(leaf.value, int | float) and not isinstance(leaf.value, bool)
+    return number or leaf.mark(Quantity) is not None or bool(_options(leaf))
+
+
+def _options(leaf: Leaf) -> tuple[str, ...]:
+    """The texts of which the value is one, if it is a choice."""
+    if leaf.path[-1] == "law":
+        return tuple(RISES)
+    return tuple(o for o in get_args(leaf.kind) if isinstance(o, str)) if get_origin(leaf.kind) is Literal else ()
 
 
 # -- one value --------------------------------------------------------------------------------------------------------
-def _parameter(scene: Scene, spot: _Spot) -> Parameter | None:
-    document, path, value, quantity = scene.document, spot.path, spot.value, spot.quantity
+def _parameter(scene: Scene, spot: Leaf) -> Parameter | None:
+    document, path, value, quantity = scene.document, spot.path, spot.value, spot.mark(Quantity)
     along = False
     if path[0] == "links" and len(path) == 5 and path[2] == "points":
         skip, along = _of_point(document, path)

@@ -24,7 +24,7 @@ from mechviz.scene.kinds.loads.document import check_loads, load_specs
 from mechviz.scene.kinds.reachable import REACHABLE, with_swings
 from mechviz.scene.kinds.studies import needs_inertia, studies_of
 from mechviz.scene.masses import drawn_bodies, drawn_links, links_that_cannot_turn, mass_properties
-from mechviz.scene.names import split_point
+from mechviz.scene.names import check_names, split_point
 from mechviz.scene.placement import place_links
 from mechviz.scene.recovery import Reading
 from mechviz.scene.references import (
@@ -64,11 +64,10 @@ def assemble(
     Files are read from the scene's ``folder``. ``outlines`` are those of links whose mass follows from them; they are drawn here
     when all else is known.
     """
-    faults = [*check_link_names(reading), *check_loads(reading)]
+    faults = [*check_link_names(reading), *check_names(reading)]
     if faults or reading.faults:
         reading = links_as_meant(reading)
-        faults += check_loads(reading)  # points of links whose names were misspelt
-    faults += check_references(reading)
+    faults += [*check_loads(reading), *check_references(reading)]
     if faults or reading.faults:
         reading = points_as_meant(reading)
     faults += check_joints(reading)

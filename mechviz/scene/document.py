@@ -12,6 +12,7 @@ from typing import Annotated, Any, Literal, get_args
 from pydantic import BeforeValidator, Discriminator, Field, Tag, model_validator
 
 from mechcore.spec.mechanism import ANSWERS, EFFECTS
+from mechviz.scene.annotations import Place
 from mechviz.scene.fields import (
     Angle,
     Duration,
@@ -33,6 +34,7 @@ from mechviz.scene.kinds.friction import FrictionDefaults
 from mechviz.scene.kinds.joints.document import PairDocument
 from mechviz.scene.kinds.loads.document import LoadDocument
 from mechviz.scene.kinds.studies import PlanName, ShakingDocument, SubstituteDocument, SystemDocument
+from mechviz.scene.names import LinkName
 
 EffectName = Literal["inertia", "gravity", "friction"]
 AnswerName = Literal["transmission_angle", "velocity_ratio", "mechanical_advantage", "instant_centre", "curvature"]
@@ -180,7 +182,7 @@ class SceneDocument(Table):
     """Answers about the geometry of the motion, recorded with events where they become extreme."""
     plans: list[PlanName] = Field(default=[])
     """Graphical constructions to draw."""
-    polodes: list[Text] = Field(default=[])
+    polodes: list[LinkName] = Field(default=[])
     """Links whose fixed and moving polodes are drawn."""
     equivalent: list[Text] = Field(default=[])
     """Cams, gears, racks and pins in slots beside which the linkage of lower pairs is drawn that moves like them."""
@@ -213,9 +215,6 @@ class SceneDocument(Table):
 
 FORMER = {"pairs": "joints"}
 """Former names of keys of a scene, which are read as the present ones for ever."""
-
-Place = tuple[str | int, ...]
-"""A place in a document: keys of tables, indices of lists."""
 
 
 def value_at(value: Any, path: Place) -> Any:

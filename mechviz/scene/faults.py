@@ -47,6 +47,14 @@ def _lines(fault: Fault, column: int) -> Iterator[str]:
         head = " " * (column + 4)
 
 
+def path_text(loc: Iterable[int | str]) -> str:
+    """A place as it is written in faults: ``links.crank.points.B[0]``."""
+    text = ""
+    for part in loc:
+        text += f"[{part}]" if isinstance(part, int) else f".{part}" if text else str(part)
+    return text
+
+
 def closest(word: str, known: Iterable[str]) -> str:
     """The known name that ``word`` was most likely meant to be, or an empty text."""
     return next(iter(nearest(word, known, 1)), "")

@@ -1,17 +1,78 @@
-"""The names of a scene's links, points and joints, and the faults of texts that name none of them."""
+"""Names that refer to other parts of a scene: the types of such texts, and the faults of those that name nothing."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterator
-from typing import TYPE_CHECKING
+from dataclasses import dataclass
+from functools import cache
+from typing import TYPE_CHECKING, Annotated, Any, Literal, get_args
+
+from pydantic import Field
 
 from mechcore.errors import Fault
-from mechviz.scene.faults import did_you_mean, listing
-from mechviz.scene.fields import Unknown
+from mechviz.scene.annotations import Leaf, hints_of, leaves, raw_value, stated_keys
+from mechviz.scene.faults import did_you_mean, listing, path_text
+from mechviz.scene.fields import Table, Text, Unknown
 
 if TYPE_CHECKING:
     from mechviz.scene.kinds.joints.document import PairDocument
     from mechviz.scene.recovery import Reading
+
+
+@dataclass(frozen=True)
+class Reference:
+    """Marks a text as the name of another part of the scene: of a link, of a point ("link.point"), or of a joint that moves, of
+    one of some ``kinds`` or that ``fits``, which is called ``what``."""
+
+    to: Literal["link", "point", "joint"]
+    kinds: tuple[str, ...] = ()
+    what: str = "pair"
+    fits: Callable[[PairDocument], bool] | None = None
+
+
+LinkName = Annotated[Text, Reference("link")]
+PointName = Annotated[Text, Reference("point")]
+TwoLinks = Annotated[list[LinkName], Field(min_length=2, max_length=2)]
+TwoPoints = Annotated[list[PointName], Field(min_length=2, max_length=2)]
+
+
+def references(document: Table) -> Iterator[tuple[Leaf, Reference]]:
+    """The names in a document that refer to other parts of it, and to what."""
+    for leaf in leaves(document, keys=lambda table: (key for key in stated_keys(table) if key in _referring(type(table)))):
+        reference = leaf.mark(Reference)
+        if reference is not None:
+            yield leaf, reference
+
+
+@cache
+def _referring(cls: type[Table]) -> frozenset[str]:
+    """The keys of a table that hold references, or tables that do."""
+    return frozenset(key for key, hint in hints_of(cls).items() if _refers(hint))
+
+
+def _refers(annotation: Any) -> bool:
+    if isinstance(annotation, type) and issubclass(annotation, Table):
+        return bool(_referring(annotation))
+    return isinstance(annotation, Reference) or any(map(_refers, get_args(annotation)))
+
+
+def check_names(reading: Reading) -> Iterator[Fault]:
+    """The faults of all names that refer to a link, a point or a joint that does not exist."""
+    for leaf, reference in references(reading.document):
+        *inside, last = leaf.path
+        written = raw_value(reading.raw, inside) if isinstance(leaf.value, Unknown) and last == 0 else None
+        entries = enumerate(written) if isinstance(written, list) else [(last, leaf.value)]  # as many as there are
+        for k, name in entries:
+            if isinstance(name, str):
+                yield from _known(reading, path_text((*inside, k)), name, reference)
+
+
+def _known(reading: Reading, path: str, name: str, reference: Reference) -> Iterator[Fault]:
+    if reference.to == "link":
+        return known_link(reading, path, name)
+    if reference.to == "point":
+        return known_place(reading, path, name)
+    return known_pair(reading, path, name, reference.kinds, reference.what, reference.fits)
 
 
 def link_names(reading: Reading) -> list[str]:

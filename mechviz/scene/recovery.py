@@ -5,20 +5,19 @@ from __future__ import annotations
 import difflib
 import math
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from types import NoneType, UnionType
-from typing import Annotated, Any, Literal, Union, cast, get_args, get_origin, get_type_hints
+from typing import Any, Literal, cast, get_args, get_origin
 
 from annotated_types import MaxLen, MinLen
-from pydantic import Discriminator, PlainValidator, Tag, TypeAdapter, ValidationError
-from pydantic.fields import FieldInfo
+from pydantic import PlainValidator, TypeAdapter, ValidationError
 from pydantic_core import PydanticCustomError
 
 from mechcore.errors import Fault
+from mechviz.scene.annotations import hints_of, inner_types, peel
 from mechviz.scene.document import SceneDocument
-from mechviz.scene.faults import closest, listing, nearest
+from mechviz.scene.faults import closest, listing, nearest, path_text
 from mechviz.scene.fields import Quantity, Table, UnitName, Unknown, describe
 from mechviz.scene.kinds.joints.document import KINDS, PairDocument
 from mechviz.scene.kinds.loads.document import KINDS as LOADS
@@ -69,14 +68,6 @@ def unknown_key(loc: Loc, known: Sequence[str], meant: str) -> Fault:
 def missing_key(loc: Loc) -> Fault:
     """The fault of a key that a table must have and has not."""
     return Fault(path_text(loc[:-1]) or "scene", f"'{loc[-1]}' is missing.", f"Add {loc[-1]} = ...")
-
-
-def path_text(loc: Iterable[int | str]) -> str:
-    """A place as it is written in faults: ``links.crank.points.B[0]``."""
-    text = ""
-    for part in loc:
-        text += f"[{part}]" if isinstance(part, int) else f".{part}" if text else str(part)
-    return text
 
 
 def words_of(detail: Any, loc: Loc) -> list[Fault]:
@@ -138,7 +129,6 @@ def _wrong_length(path: str, loc: Loc, value: Any, context: Mapping[str, Any]) -
 _NOTHING = object()
 _BRANCHES = frozenset(("<list>", "<name>", "<table>", "<value>"))  # all tags of the document: other names may look like them
 _adapters: dict[int, tuple[Any, TypeAdapter[Any]]] = {}
-_hints: dict[type[Table], dict[str, Any]] = {}
 
 
 class Meant(str):
@@ -152,7 +142,7 @@ def read_table(cls: type[Table], raw: Any, loc: Loc, faults: list[Fault]) -> Tab
     if not isinstance(raw, Mapping):
         faults += _complaints(cls, raw, loc)
         return _blank(cls)
-    hints, before = _hints_of(cls), len(faults)
+    hints, before = hints_of(cls), len(faults)
     values: dict[str, Any] = {}
     unread: set[str] = set()
     meant = _keys_as_meant(cls, raw, loc, faults)
@@ -189,7 +179,7 @@ def read_table(cls: type[Table], raw: Any, loc: Loc, faults: list[Fault]) -> Tab
 
 def _keys_as_meant(cls: type[Table], raw: Mapping[str, Any], loc: Loc, faults: list[Fault]) -> dict[str, str]:
     """Known key -> the key as it is written. Unknown keys are noted; they stand for one that their value fits."""
-    hints = _hints_of(cls)
+    hints = hints_of(cls)
     taken = {key: key for key in raw if key in hints}
     known = list(hints)
     for written in raw:
@@ -228,7 +218,7 @@ def _faults_of_the_whole(table: Table, raw: Mapping[str, Any], loc: Loc, *, faul
 
 def _read(annotation: Any, raw: Any, loc: Loc, faults: list[Fault]) -> tuple[Any, bool]:
     """A value with stand-ins for what could not be read, and whether it is of the right form as a whole."""
-    kind, marks = _peel(annotation, raw)
+    kind, marks = peel(annotation, raw)
     if isinstance(kind, type) and issubclass(kind, Table):
         table = read_table(kind, raw, loc, faults)
         return table, table.sound()
@@ -253,8 +243,7 @@ def _read(annotation: Any, raw: Any, loc: Loc, faults: list[Fault]) -> tuple[Any
             if place[1:] == ("[key]",):
                 faults += words_of(detail, (*loc, *place))
         return {key: _read(inner[1], value, (*loc, key), faults)[0] for key, value in raw.items()}, not own
-    row = origin is list or inner[1:] == (...,)
-    kinds = [inner[0]] * len(raw) if row else [inner[min(k, len(inner) - 1)] for k in range(len(raw))]
+    kinds = inner_types(kind, len(raw))
     entries = [_read(each, value, (*loc, k), faults)[0] for k, (each, value) in enumerate(zip(kinds, raw, strict=True))]
     if origin is tuple:
         return (tuple(entries) if not own else _stand_in(annotation, raw)), not own
@@ -283,43 +272,16 @@ def _adapter(annotation: Any) -> TypeAdapter[Any]:
     return _adapters[id(annotation)][1]
 
 
-def _hints_of(cls: type[Table]) -> dict[str, Any]:
-    if cls not in _hints:
-        hints = get_type_hints(cls, include_extras=True)
-        _hints[cls] = {key: hints[key] for key in cls.model_fields}
-    return _hints[cls]
-
-
-def _peel(annotation: Any, raw: Any) -> tuple[Any, list[Any]]:
-    """The type under ``Annotated``, ``| None`` and unions that the value decides, and the marks on the way."""
-    marks: list[Any] = []
-    while True:
-        origin = get_origin(annotation)
-        if origin is Annotated:
-            annotation, *own = get_args(annotation)
-            marks += own
-            choice = next((mark for mark in own if isinstance(mark, Discriminator)), None)
-            if choice is not None and callable(choice.discriminator):
-                tag = choice.discriminator(raw)
-                branches = get_args(annotation)
-                annotation = next((m for m in branches if Tag(str(tag)) in get_args(m)[1:]), branches[0])
-        elif origin in (Union, UnionType) and len(members := [m for m in get_args(annotation) if m is not NoneType]) == 1:
-            annotation = members[0]
-        else:
-            return annotation, marks
-
-
 def _length(marks: list[Any]) -> tuple[int | None, int | None]:
     """Least and greatest number of entries that the marks of a list allow."""
-    flat = [inner for mark in marks for inner in (mark.metadata if isinstance(mark, FieldInfo) else (mark,))]
-    least = next((mark.min_length for mark in flat if isinstance(mark, MinLen)), None)
-    most = next((mark.max_length for mark in flat if isinstance(mark, MaxLen)), None)
+    least = next((mark.min_length for mark in marks if isinstance(mark, MinLen)), None)
+    most = next((mark.max_length for mark in marks if isinstance(mark, MaxLen)), None)
     return least, most
 
 
 def _stand_in(annotation: Any, raw: Any) -> Any:
     """What stands for a value that could not be read."""
-    kind, marks = _peel(annotation, raw)
+    kind, marks = peel(annotation, raw)
     origin = get_origin(kind)
     if any(isinstance(mark, UnitName) for mark in marks):
         return _NOTHING
@@ -348,7 +310,7 @@ def _stand_in(annotation: Any, raw: Any) -> Any:
 
 def _blank(cls: type[Table]) -> Table:
     """A table of which nothing could be read."""
-    hints = _hints_of(cls)
+    hints = hints_of(cls)
     required = {key: _stand_in(hints[key], None) for key, field in cls.model_fields.items() if field.is_required()}
     table = cls.model_construct(_fields_set=set(), **required)
     table.mark_unread({"*", *cls.model_fields})

@@ -20,7 +20,7 @@ from mechviz.scene.recovery import Meant, Reading
 
 
 def check_references(reading: Reading) -> Iterator[Fault]:
-    """Every fault of reference beside those of ``check_link_names``, in what could be read."""
+    """Every fault of reference beside those of names of links, points and joints, in what could be read."""
     document = reading.document
     yield from _pairs(reading)
     yield from _sketch(reading)
@@ -38,7 +38,7 @@ def check_references(reading: Reading) -> Iterator[Fault]:
 
 
 def check_link_names(reading: Reading) -> Iterator[Fault]:
-    """Every name of a link that does not exist."""
+    """Every name of a link that does not exist, where its type alone does not say so."""
     document = reading.document
     if "*" not in reading.broken["links"] and not link_names(reading):
         yield Fault("links", "the scene has no links.", "Add a table [links] with the frame and at least one moving link.")
@@ -46,28 +46,13 @@ def check_link_names(reading: Reading) -> Iterator[Fault]:
         remedy = did_you_mean(document.frame, link_names(reading), what='Name the fixed link with frame = "..."; links')
         yield Fault("frame", f"there is no link '{document.frame}' to be the fixed one.", remedy)
     for name, pair in document.joints.items():
-        for kind in pair.kinds:
-            for k, link in enumerate(_as_written(reading, name, kind, getattr(pair, kind))):
-                yield from known_link(reading, f"joints.{name}.{kind}[{k}]", link)
         unclear = any(isinstance(link, Unknown) or link not in document.links for link in pair.links)
         if pair.guide is not None and not isinstance(pair.guide, Unknown) and pair.guide not in pair.links and not unclear:
             remedy = did_you_mean(pair.guide, pair.links, what="Links")
             yield Fault(f"joints.{name}.guide", f"'{pair.guide}' is not one of the two links.", remedy)
-        if pair.carrier is not None:
-            yield from known_link(reading, f"joints.{name}.carrier", pair.carrier)
     for name, entry in document.sketch.items():
         if isinstance(entry, Pose):
             yield from known_link(reading, f"sketch.{name}", name)
-
-
-def _as_written(reading: Reading, name: str, kind: str, links: list[str]) -> list[str]:
-    """The names of a pair's links, also where there are too many or too few of them to be a pair."""
-    if not any(isinstance(link, Unknown) for link in links):
-        return links
-    pairs = reading.raw.get("joints")
-    item = pairs.get(name) if isinstance(pairs, dict) else None
-    written = item.get(kind) if isinstance(item, dict) else None
-    return [link if isinstance(link, str) else Unknown() for link in written] if isinstance(written, list) else []
 
 
 def _pairs(reading: Reading) -> Iterator[Fault]:

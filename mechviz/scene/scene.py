@@ -14,9 +14,10 @@ from mechcore.accuracy import Accuracy
 from mechcore.errors import Fault
 from mechcore.spec.mechanism import Mechanism
 from mechviz.files import replacing
+from mechviz.scene.annotations import Place
 from mechviz.scene.assemble import assemble
 from mechviz.scene.convert import Converter
-from mechviz.scene.document import FORMER, Place, SceneDocument, with_values
+from mechviz.scene.document import FORMER, SceneDocument, with_values
 from mechviz.scene.faults import SceneError, in_file_order
 from mechviz.scene.folder import SceneFolder, copy_files
 from mechviz.scene.kinds.accuracy import accuracy_of

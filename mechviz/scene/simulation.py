@@ -17,10 +17,6 @@ from mechviz.scene.fields import (
 )
 from mechviz.scene.kinds.free_motion import TOLERANCE, FreeDocument, Method, StopDocument
 from mechviz.scene.kinds.friction import clearance_faults
-from mechviz.scene.names import (
-    known_pair,
-    known_place,
-)
 from mechviz.scene.recovery import Reading
 
 _NEEDS_DRIVE = ("velocity_ratio", "mechanical_advantage")
@@ -177,7 +173,6 @@ def simulation_faults(reading: Reading) -> Iterator[Fault]:
         if pair.liftoff is not None and pair.closure == "form":
             yield Fault(f"joints.{name}.liftoff", "a form-closed follower cannot leave its cam.", 'Write closure = "force".')
     yield from _stops(document)
-    yield from _watches(reading)
 
 
 def _idle(document: SceneDocument) -> Iterator[Fault]:
@@ -227,10 +222,3 @@ def _stops(document: SceneDocument) -> Iterator[Fault]:
             if f"stop {name}" in document.loads:
                 yield Fault(path, f"a load is called 'stop {name}' already.", "Give one of them another name.")
             names.add(name)
-
-
-def _watches(reading: Reading) -> Iterator[Fault]:
-    for name, watch in reading.document.watch.items():
-        yield from known_pair(reading, f"watch.{name}.pair", watch.pair)
-        if watch.point is not None:
-            yield from known_place(reading, f"watch.{name}.point", watch.point)

@@ -14,7 +14,7 @@ from mechviz.scene.faults import SceneError
 from mechviz.scene.worded import in_scene_words
 
 if TYPE_CHECKING:
-    from mechviz.scene.document import Place
+    from mechviz.scene.annotations import Place
     from mechviz.scene.scene import Scene
 
 

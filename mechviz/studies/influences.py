@@ -20,7 +20,7 @@ from mechviz.scene.worded import in_scene_words
 from mechviz.studies.timing import Timed, side_by_side
 
 if TYPE_CHECKING:
-    from mechviz.scene.document import Place
+    from mechviz.scene.annotations import Place
     from mechviz.scene.scene import Scene
 
 

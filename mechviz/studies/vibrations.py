@@ -18,7 +18,7 @@ from mechviz.scene.worded import in_scene_words
 
 if TYPE_CHECKING:
     from mechcore.dynamics.rest.equilibrium import Seek
-    from mechviz.scene.document import Place
+    from mechviz.scene.annotations import Place
     from mechviz.scene.scene import Scene
 
 

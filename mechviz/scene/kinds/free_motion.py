@@ -22,6 +22,7 @@ from mechviz.scene.fields import (
     fault,
     refuse,
 )
+from mechviz.scene.names import PointName, Reference
 
 Method = Literal["auto", "energy", "gauss", "radau"]
 TOLERANCE = 1e-9
@@ -95,9 +96,9 @@ class LiftoffDocument(Table):
 class WatchDocument(Table):
     """A value to look out for while the motion is found: an event where it is passed, and the end of the run if wanted."""
 
-    pair: Text | None = None
+    pair: Annotated[Text, Reference("joint")] | None = None
     """The pair whose position or velocity is watched. Give this or point."""
-    point: Text | None = None
+    point: PointName | None = None
     """The point, "link.point", whose x or y is watched."""
     of: Literal["position", "velocity", "x", "y"] | None = None
     """What is watched: "position" (default) or "velocity" of a pair, "x" (default) or "y" of a point."""

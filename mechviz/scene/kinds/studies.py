@@ -24,6 +24,7 @@ from mechviz.scene.fields import (
     is_whole,
     refuse,
 )
+from mechviz.scene.names import LinkName
 
 if TYPE_CHECKING:
     from mechviz.scene.convert import Converter
@@ -39,7 +40,7 @@ if set(get_args(PlanName)) != set(PLANS):
 class SystemDocument(Table):
     """The loads on one link as a force system: reduced to a point, to its resultant, and drawn with its funicular polygon."""
 
-    on: Text
+    on: LinkName
     """The link."""
     loads: list[Text] = Field(default=[])
     """Which loads. None named: all that act on the link, weight and inertia force too where effects names them."""

@@ -10,7 +10,7 @@ import numpy as np
 from mechcore.errors import Fault
 from mechviz.editor.history import Draft
 from mechviz.outputs.viewer.view_model import ViewModel
-from mechviz.scene.document import Place
+from mechviz.scene.annotations import Place
 from mechviz.scene.faults import SceneError
 from mechviz.scene.units import Units
 

@@ -10,11 +10,11 @@ from mechcore.spec.mechanism import Pair
 from mechviz.scene.cams.cams import SOLIDS, FollowerDocument, ProfileDocument, cam_pair
 from mechviz.scene.cams.ratings import GraphicalDocument, RatingDocument
 from mechviz.scene.faults import did_you_mean
-from mechviz.scene.fields import Table, TwoNames, Unknown
+from mechviz.scene.fields import Table, Unknown
 from mechviz.scene.kinds.free_motion import LiftoffDocument
 from mechviz.scene.kinds.friction import ROLLER
 from mechviz.scene.kinds.joints.base import JointKind, JointMaker
-from mechviz.scene.names import known_point
+from mechviz.scene.names import TwoLinks, known_point
 
 if TYPE_CHECKING:
     from mechviz.scene.kinds.joints.document import PairDocument
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 class CamKeys(Table):
     """The keyword of cams, and the keys that only they have."""
 
-    cam: TwoNames | None = None
+    cam: TwoLinks | None = None
     """[cam, follower], both guided on one link."""
     profile: ProfileDocument | None = None
     """Cam: base circle and lift."""
@@ -57,6 +57,8 @@ def _check_cam(reading: Reading, path: str, pair: PairDocument) -> Iterator[Faul
         wanted.append((f"{path}.profile.bed", pair.profile.bed, cam, ("prismatic",)))
     for where, name, link, kinds in wanted:
         if isinstance(name, Unknown) or link not in document.links or reading.shapeless:
+            continue
+        if name in document.joints and any(isinstance(own, Unknown) for own in document.joints[name].links):
             continue
         guides = [key for key, other in document.joints.items() if other.kind in kinds and link in other.links]
         if name not in guides and "*" not in reading.broken["joints"]:

@@ -7,9 +7,10 @@ from typing import Annotated
 from pydantic import Discriminator, Field, Tag
 
 from mechcore.spec.mechanism import Cylinder, Pair, PinSlot, Planar, Prismatic, Revolute, Weld
-from mechviz.scene.fields import Angle, Length, Size, Table, Text, TwoNames, value_or_list
+from mechviz.scene.fields import Angle, Length, Size, Table, Text, value_or_list
 from mechviz.scene.kinds.friction import PIN, PIN_IN_SLOT, SEALS, SLIDER, ClearanceDocument
 from mechviz.scene.kinds.joints.base import JointKind, JointMaker
+from mechviz.scene.names import TwoLinks
 
 TwoEnds = Annotated[list[Length], Field(min_length=2, max_length=2)]
 Ends = Annotated[Annotated[Size, Tag("<value>")] | Annotated[TwoEnds, Tag("<list>")], Discriminator(value_or_list)]
@@ -20,17 +21,17 @@ MOTION = ("friction", "drive", "free", "stops")
 class LowerKeys(Table):
     """The keywords of these joints, and the keys that only they have."""
 
-    revolute: TwoNames | None = None
+    revolute: TwoLinks | None = None
     """The two links that a pin joins."""
-    prismatic: TwoNames | None = None
+    prismatic: TwoLinks | None = None
     """The two links of which one slides along the other."""
-    weld: TwoNames | None = None
+    weld: TwoLinks | None = None
     """The two links that are joined rigidly."""
-    pin_slot: TwoNames | None = None
+    pin_slot: TwoLinks | None = None
     """The two links of which one has a straight slot for a pin of the other."""
-    cylinder: TwoNames | None = None
+    cylinder: TwoLinks | None = None
     """The two links between which a cylinder (hydraulic, electric ...) is pinned."""
-    planar: TwoNames | None = None
+    planar: TwoLinks | None = None
     """The two links of which the second moves freely in the plane of the first: a free body."""
     guide: Text | None = None
     """Prismatic, pin in slot: the link that carries the guide or slot. Default: the first."""

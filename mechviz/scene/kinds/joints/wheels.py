@@ -14,10 +14,10 @@ from mechcore.spec.mechanism import Belt, Gear, Pair, Rack, Rolling
 from mechcore.texts import as_angle, as_length
 from mechviz.scene.convert import Converter
 from mechviz.scene.faults import did_you_mean, listing
-from mechviz.scene.fields import Angle, Flag, Size, Table, Text, TwoNames, Unknown
+from mechviz.scene.fields import Angle, Flag, Size, Table, Text, Unknown
 from mechviz.scene.kinds.friction import LEVER
 from mechviz.scene.kinds.joints.base import JointKind, JointMaker
-from mechviz.scene.names import link_names, points_of_pair
+from mechviz.scene.names import LinkName, TwoLinks, link_names, points_of_pair
 
 if TYPE_CHECKING:
     from mechviz.scene.document import SceneDocument
@@ -35,17 +35,17 @@ _STEEPEST = math.radians(45.0)  # pressure angles of real teeth lie between 14.5
 class WheelKeys(Table):
     """The keywords of these joints, and the keys that only they have."""
 
-    rolling: TwoNames | None = None
+    rolling: TwoLinks | None = None
     """[link with a straight edge, wheel that rolls on it without slipping]."""
-    gear: TwoNames | None = None
+    gear: TwoLinks | None = None
     """The two gear wheels that mesh; with internal = true: [pinion, ring]."""
-    belt: TwoNames | None = None
+    belt: TwoLinks | None = None
     """The two pulleys that a belt connects."""
-    chain: TwoNames | None = None
+    chain: TwoLinks | None = None
     """The two sprockets that a chain connects."""
-    rack: TwoNames | None = None
+    rack: TwoLinks | None = None
     """[pinion, rack]."""
-    carrier: Text | None = None
+    carrier: LinkName | None = None
     """Gear, belt, chain: the link to which both wheels are pinned. Default: the fixed link, or the only one in question."""
     teeth: Annotated[list[Teeth], Field(min_length=2, max_length=2)] | None = None
     """Gear: numbers of teeth [first, second]."""

@@ -13,7 +13,7 @@ from mechcore.laws.timed import Smoothness, Table
 from mechcore.spec.loads import Load
 from mechviz.scene.convert import Converter
 from mechviz.scene.fields import Number, fault
-from mechviz.scene.names import known_link, known_pair, known_place, link_names, split_point
+from mechviz.scene.names import known_pair, link_names, split_point
 
 if TYPE_CHECKING:
     from mechviz.scene.document import SceneDocument
@@ -51,7 +51,6 @@ class LoadKind:
     words: str  # in a sentence
     example: str  # an entry of [loads] in TOML
     make: Callable[[LoadMaker], Load | tuple[Load, ...] | None]  # the core's; None where a name is not there or a part is faulty
-    refers: Callable[[Reading, str, Any], Iterator[Fault]]  # faults of the names that stand at the path of its keyword
     keys: tuple[str, ...] = ()  # that go with it
     needs: Mapping[str, str] = field(default_factory=dict)  # those without a default, with an example of each
     some: tuple[str, ...] = ()  # at least one of these
@@ -59,6 +58,7 @@ class LoadKind:
     synonyms: tuple[str, ...] = ()  # what people call it elsewhere
     instead: Mapping[str, str] = field(default_factory=dict)  # key of another kind -> what was probably meant by it
     between: bool = False  # its keyword names two points or links, which differ
+    check: Callable[[Reading, str, Any], Iterator[Fault]] | None = None  # faults of what stands at the path of its keyword
     threefold: bool = False  # stiffness and damping in x, y and angle
 
 
@@ -109,15 +109,10 @@ class LoadMaker:
             return None
 
 
-def no_names(reading: Reading, path: str, value: Any) -> Iterator[Fault]:
-    """No faults: a kind that refers to nothing but what loads of several kinds do."""
-    yield from ()
-
-
-def known_ends(reading: Reading, path: str, ends: list[str]) -> Iterator[Fault]:
-    """Faults of the two points, "link.point", between which a load acts."""
-    for k, text in enumerate(ends):
-        yield from known_place(reading, f"{path}[{k}]", text)
+def different_links(reading: Reading, path: str, ends: str | list[str]) -> Iterator[Fault]:
+    """The fault of two points, "link.point", between which a load acts, on one link."""
+    if isinstance(ends, str):
+        return
     found = [split_point(reading, text) for text in ends]
     if ends[0] != ends[1] and found[0] and found[1] and found[0][0] == found[1][0]:
         yield Fault(path, f"both points are on '{found[0][0]}'.", "Name points of two links.")
@@ -129,9 +124,3 @@ def known_shaft(reading: Reading, path: str, name: str) -> Iterator[Fault]:
         yield Fault(path, f"'{name}' is the fixed link: it does not turn.", "Name a revolute joint or a moving link.")
     elif name not in link_names(reading):
         yield from known_pair(reading, path, name, ("revolute",), "revolute pair")
-
-
-def known_links(reading: Reading, path: str, links: list[str]) -> Iterator[Fault]:
-    """Faults of the two links between which a load acts."""
-    for k, link in enumerate(links):
-        yield from known_link(reading, f"{path}[{k}]", link)

@@ -134,7 +134,8 @@ def check_loads(reading: Reading) -> Iterator[Fault]:
         path = f"loads.{name}"
         yield from check_prescribed(reading, load, path)
         for kind in load.kinds:
-            yield from KINDS[kind].refers(reading, f"{path}.{kind}", getattr(load, kind))
+            if (check := KINDS[kind].check) is not None:
+                yield from check(reading, f"{path}.{kind}", getattr(load, kind))
         yield from known_drive(reading, f"{path}.drive", load.drive)
         yield from check_factor(reading, load, path)
 

@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from pydantic import Field, model_validator
 
-from mechcore.errors import Fault
 from mechcore.laws.indicator import Compressor, Cycle, Diagram, FourStroke, FourStrokeDiagram
 from mechcore.spec.loads import GasPressure, Load
 from mechcore.texts import as_length
@@ -22,10 +20,10 @@ from mechviz.scene.fields import (
     refuse,
 )
 from mechviz.scene.kinds.loads.base import AtLeastOne, LoadKind, LoadMaker, NotNegative, Positive
-from mechviz.scene.names import known_pair
+from mechviz.scene.names import Reference
 
 if TYPE_CHECKING:
-    from mechviz.scene.recovery import Reading
+    pass
 
 
 class CompressorDocument(Table):
@@ -104,10 +102,13 @@ class DiagramDocument(Table):
         return self
 
 
+PistonName = Annotated[Text, Reference("joint", ("prismatic", "cylinder"), "sliding pair")]
+
+
 class GasKeys(Table):
     """The keyword of gas pressure, and the keys that only it has."""
 
-    gas: Text | None = None
+    gas: PistonName | None = None
     """The sliding pair of the piston on which a gas presses, by an indicator diagram."""
     bore: Size | None = None
     """Gas: diameter of the piston."""
@@ -213,10 +214,6 @@ def _diagram(m: LoadMaker, stroke: float) -> Cycle | None:
     return Diagram(stroke=stroke, **branches) if "outward" in branches else FourStrokeDiagram(stroke=stroke, **branches)
 
 
-def _refers(reading: Reading, path: str, name: str) -> Iterator[Fault]:
-    yield from known_pair(reading, path, name, ("prismatic", "cylinder"), "sliding pair")
-
-
 _CYCLES = ("compressor", "four_stroke", "diagram")
 
 GAS = {
@@ -224,7 +221,6 @@ GAS = {
         words="gas pressure",
         example='{ gas = "S", bore = "8 cm", top = 0.2, stroke = "80 mm", compressor = { suction = "1 bar", delivery = "6 bar" } }',
         make=_gas,
-        refers=_refers,
         keys=("bore", "top", "stroke", "head", "back", *_CYCLES, "fires", "drive"),
         needs={"bore": '"80 mm"', "top": "the pair's coordinate at top dead centre", "stroke": '"80 mm"'},
         one_of=_CYCLES,

@@ -29,7 +29,7 @@ from mechviz.scene.kinds.drive_laws import law_of
 from mechviz.scene.kinds.drives import DriveDocument
 from mechviz.scene.kinds.loads.base import LoadKind, LoadMaker, Positive, known_shaft
 from mechviz.scene.kinds.signals import SIGNALS, signal_of
-from mechviz.scene.names import known_pair
+from mechviz.scene.names import Reference
 
 if TYPE_CHECKING:
     from mechviz.scene.recovery import Reading
@@ -40,6 +40,9 @@ def _value_or_table(value: Any) -> str:
 
 
 Target = Annotated[Annotated[Coordinate, Tag("<value>")] | Annotated[DriveDocument, Tag("<table>")], Discriminator(_value_or_table)]
+
+
+ServoName = Annotated[Text, Reference("joint", ("revolute", "prismatic", "pin_slot", "cylinder"), "revolute or sliding pair")]
 
 
 class MachineKeys(Table):
@@ -53,7 +56,7 @@ class MachineKeys(Table):
     """The revolute pair or the link that a machine of constant power drives."""
     governor: Text | None = None
     """The revolute pair or the link that a machine with a proportional speed governor drives."""
-    servo: Text | None = None
+    servo: ServoName | None = None
     """The revolute or sliding pair whose coordinate a servo leads to a target, in a motion under forces."""
     stall_torque: TorqueValue | None = None
     """DC motor: torque at rest; its sign is the direction."""
@@ -179,9 +182,7 @@ def _target(m: LoadMaker, sort: str) -> Law | None:
     return None if signal is None else SignalPosition(value, signal)
 
 
-def _refers_servo(reading: Reading, path: str, name: str) -> Iterator[Fault]:
-    kinds = ("revolute", "prismatic", "pin_slot", "cylinder")
-    yield from known_pair(reading, path, name, kinds, "revolute or sliding pair")
+def _check_servo(reading: Reading, path: str, name: str) -> Iterator[Fault]:
     pair = reading.document.joints.get(name)
     if pair is not None and pair.drive is not None:
         why = f"the drive of '{name}' decides its motion, whatever a servo does."
@@ -206,7 +207,7 @@ MACHINES = {
         words="a DC motor",
         example='{ dc_motor = "A", stall_torque = "20 N m", no_load_speed = "1500 rpm" }',
         make=_dc_motor,
-        refers=known_shaft,
+        check=known_shaft,
         keys=tuple(_DC),
         needs=_DC,
     ),
@@ -214,7 +215,7 @@ MACHINES = {
         words="an induction motor",
         example='{ induction_motor = "A", breakdown_torque = "60 N m", breakdown_slip = 0.2, synchronous_speed = "1500 rpm" }',
         make=_induction_motor,
-        refers=known_shaft,
+        check=known_shaft,
         keys=tuple(_INDUCTION),
         needs=_INDUCTION,
     ),
@@ -222,7 +223,7 @@ MACHINES = {
         words="a machine of constant power",
         example='{ constant_power = "A", power = "2 kW", torque_limit = "50 N m" }',
         make=_constant_power,
-        refers=known_shaft,
+        check=known_shaft,
         keys=tuple(_POWER),
         needs=_POWER,
     ),
@@ -230,7 +231,7 @@ MACHINES = {
         words="a servo",
         example='{ servo = "A", target = "30 deg", proportional = "200 N m/rad" }',
         make=_servo,
-        refers=_refers_servo,
+        check=_check_servo,
         keys=("target", "proportional", "derivative", "integral", *SIGNALS),
         needs={"target": '"30 deg", or the keys of a drive', "proportional": '"200 N m/rad" (or "5 N/mm" for a sliding pair)'},
     ),
@@ -238,7 +239,7 @@ MACHINES = {
         words="a speed governor",
         example='{ governor = "A", set_speed = "300 rpm", gain = "5 N m s/rad", limits = ["0 N m", "50 N m"] }',
         make=_governor,
-        refers=known_shaft,
+        check=known_shaft,
         keys=tuple(_GOVERNOR),
         needs=_GOVERNOR,
     ),

@@ -3,30 +3,26 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
+
+from pydantic import Discriminator, Tag
 
 from mechcore.errors import Fault
 from mechcore.spec.loads import Actuator, Force, Load, Torque
 from mechviz.scene.faults import listing
-from mechviz.scene.fields import (
-    ForceVector,
-    OneOrTwoNames,
-    Table,
-    Text,
-)
+from mechviz.scene.fields import ForceVector, Table, Text, value_or_list
 from mechviz.scene.fields import Torque as TorqueValue
-from mechviz.scene.kinds.loads.base import LoadKind, LoadMaker, known_ends, no_names
+from mechviz.scene.kinds.loads.base import LoadKind, LoadMaker, different_links
 from mechviz.scene.kinds.loads.factors import FACTORS, factor_of
-from mechviz.scene.names import (
-    known_link,
-    known_pair,
-    known_point,
-    point_names,
-)
+from mechviz.scene.names import LinkName, Reference, TwoPoints, known_point, point_names
 
 if TYPE_CHECKING:
     from mechviz.scene.kinds.loads.document import LoadDocument
     from mechviz.scene.recovery import Reading
+
+
+SlidingPair = Annotated[Text, Reference("joint", ("prismatic", "pin_slot", "cylinder"), "sliding pair")]
+PushedAlong = Annotated[Annotated[SlidingPair, Tag("<value>")] | Annotated[TwoPoints, Tag("<list>")], Discriminator(value_or_list)]
 
 
 class PrescribedKeys(Table):
@@ -36,15 +32,15 @@ class PrescribedKeys(Table):
     """Components [x, y] of a force."""
     torque: TorqueValue | None = None
     """A free moment, counter-clockwise positive."""
-    actuator: OneOrTwoNames | None = None
+    actuator: PushedAlong | None = None
     """The two points that an actuator of constant force pushes apart, or the sliding pair along which it pushes."""
-    on: Text | None = None
+    on: LinkName | None = None
     """Force, torque: the link that it acts on."""
     at: Text | None = None
     """Force: the point of that link where it acts; may be left out where the link has one point only."""
     axes: Literal["world", "link"] = "world"
     """Force: whether the components are fixed in the world or turn with the link."""
-    against: Text | None = None
+    against: LinkName | None = None
     """Force, torque: the link on which the opposite acts at the same point."""
 
 
@@ -81,7 +77,6 @@ def check_prescribed(reading: Reading, load: LoadDocument, path: str) -> Iterato
     """Forces and torques: link, point and the link that they act against."""
     if load.on is None:
         return
-    yield from known_link(reading, f"{path}.on", load.on)
     if load.on == reading.document.frame:
         yield Fault(f"{path}.on", f"'{load.on}' is the fixed link: a load on it moves nothing.", "Name a moving link.")
     elif load.at is not None:
@@ -91,17 +86,8 @@ def check_prescribed(reading: Reading, load: LoadDocument, path: str) -> Iterato
         if len(points) > 1:
             why = "'at' is missing: where on the link does the force act?"
             yield Fault(path, why, f"Points of '{load.on}': {listing(points)}.")
-    if load.against is not None:
-        yield from known_link(reading, f"{path}.against", load.against)
-        if load.against == load.on:
-            yield Fault(f"{path}.against", f"'{load.on}' acts against itself.", "Name another link.")
-
-
-def _refers_actuator(reading: Reading, path: str, on: str | list[str]) -> Iterator[Fault]:
-    if isinstance(on, list):
-        yield from known_ends(reading, path, on)
-    else:
-        yield from known_pair(reading, path, on, ("prismatic", "pin_slot", "cylinder"), "sliding pair")
+    if load.against is not None and load.against == load.on:
+        yield Fault(f"{path}.against", f"'{load.on}' acts against itself.", "Name another link.")
 
 
 PRESCRIBED = {
@@ -109,7 +95,6 @@ PRESCRIBED = {
         words="a force",
         example='{ force = [0, "-200 N"], on = "rocker", at = "C" }',
         make=_force,
-        refers=no_names,
         keys=("on", "at", "axes", "against", *FACTORS),
         needs={"on": '"the link"'},
     ),
@@ -117,7 +102,6 @@ PRESCRIBED = {
         words="a torque, which acts on the whole link",
         example='{ torque = "-5 N m", on = "rocker" }',
         make=_torque,
-        refers=no_names,
         keys=("on", "against", *FACTORS),
         needs={"on": '"the link"'},
         synonyms=("moment",),
@@ -126,7 +110,7 @@ PRESCRIBED = {
         words="an actuator",
         example='{ actuator = ["frame.P", "boom.Q"], thrust = "400 N" }',
         make=_actuator,
-        refers=_refers_actuator,
+        check=different_links,
         between=True,
         keys=("thrust", *FACTORS),
         needs={"thrust": '"400 N", with which it pushes'},

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 from mechcore.errors import Fault
 from mechcore.spec.loads import BeltTension, Drag, Load, Viscous
@@ -14,10 +14,14 @@ from mechviz.scene.fields import (
     Text,
 )
 from mechviz.scene.kinds.loads.base import LINEAR, LoadKind, LoadMaker, NotNegative
-from mechviz.scene.names import known_pair, known_place, link_names, split_point
+from mechviz.scene.names import Reference, known_place, link_names, split_point
 
 if TYPE_CHECKING:
     from mechviz.scene.recovery import Reading
+
+
+MovingPair = Annotated[Text, Reference("joint", what="pair that moves", fits=lambda pair: bool(pair.traits.viscous))]
+BeltName = Annotated[Text, Reference("joint", ("belt", "chain"), "belt or chain")]
 
 
 class ResistanceKeys(Table):
@@ -25,9 +29,9 @@ class ResistanceKeys(Table):
 
     drag: Text | None = None
     """Resistance of a medium: "link.point" against the velocity of the point, "link" against the rotation of the link."""
-    viscous: Text | None = None
+    viscous: MovingPair | None = None
     """The pair, of any kind that moves, in which viscous friction acts."""
-    belt_tension: Text | None = None
+    belt_tension: BeltName | None = None
     """The belt or chain that a tensioner keeps tight."""
     slack: ForceValue | None = None
     """Belt tension: what the slack span pulls."""
@@ -70,19 +74,11 @@ def _belt_tension(m: LoadMaker) -> Load | None:
     return BeltTension(**m.common, pair=m.load.belt_tension, slack=slack, coefficient=coefficient)
 
 
-def _refers_drag(reading: Reading, path: str, name: str) -> Iterator[Fault]:
+def _check_drag(reading: Reading, path: str, name: str) -> Iterator[Fault]:
     if name not in link_names(reading):
         yield from known_place(reading, path, name, links=True)
     if name == reading.document.frame:
         yield Fault(path, f"'{name}' is the fixed link: it does not move.", "Name a moving link.")
-
-
-def _refers_viscous(reading: Reading, path: str, name: str) -> Iterator[Fault]:
-    yield from known_pair(reading, path, name, what="pair that moves", fits=lambda pair: bool(pair.traits.viscous))
-
-
-def _refers_belt(reading: Reading, path: str, name: str) -> Iterator[Fault]:
-    yield from known_pair(reading, path, name, ("belt", "chain"), "belt or chain")
 
 
 RESISTANCES = {
@@ -90,7 +86,7 @@ RESISTANCES = {
         words="drag",
         example='{ drag = "pendulum.P", quadratic = "0.02 N s^2/m^2" }',
         make=_drag,
-        refers=_refers_drag,
+        check=_check_drag,
         keys=("linear", "quadratic"),
         some=("linear", "quadratic"),
         synonyms=("air",),
@@ -99,7 +95,6 @@ RESISTANCES = {
         words="viscous friction",
         example='{ viscous = "A", linear = "0.1 N m s/rad" }',
         make=_viscous,
-        refers=_refers_viscous,
         keys=("linear",),
         needs={"linear": LINEAR},
         synonyms=("friction",),
@@ -108,7 +103,6 @@ RESISTANCES = {
         words="the tension of a belt",
         example='{ belt_tension = "B", slack = "200 N", coefficient = 0.3 }',
         make=_belt_tension,
-        refers=_refers_belt,
         keys=("slack", "coefficient"),
         needs={"slack": '"200 N", what the slack span pulls'},
         synonyms=("tension",),

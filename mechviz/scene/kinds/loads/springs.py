@@ -11,10 +11,10 @@ from mechviz.scene.fields import (
     Size,
     Stiffnesses,
     Table,
-    TwoNames,
 )
 from mechviz.scene.fields import Force as ForceValue
-from mechviz.scene.kinds.loads.base import LINEAR, AtLeastOne, LoadKind, LoadMaker, known_ends, known_links
+from mechviz.scene.kinds.loads.base import LINEAR, AtLeastOne, LoadKind, LoadMaker, different_links
+from mechviz.scene.names import TwoLinks, TwoPoints
 
 if TYPE_CHECKING:
     pass
@@ -23,17 +23,17 @@ if TYPE_CHECKING:
 class SpringKeys(Table):
     """The keywords of these loads, and the keys that only they have."""
 
-    spring: TwoNames | None = None
+    spring: TwoPoints | None = None
     """The two points between which a spring pulls: ["link.point", "link.point"]."""
-    damper: TwoNames | None = None
+    damper: TwoPoints | None = None
     """The two points between which a damper acts."""
-    gas_spring: TwoNames | None = None
+    gas_spring: TwoPoints | None = None
     """The two points that a gas spring pushes apart."""
-    torsion_spring: TwoNames | None = None
+    torsion_spring: TwoLinks | None = None
     """The two links between which a torsion spring acts, by the angle from the first to the second."""
-    torsion_damper: TwoNames | None = None
+    torsion_damper: TwoLinks | None = None
     """The two links between which a torsion damper acts."""
-    bushing: TwoNames | None = None
+    bushing: TwoPoints | None = None
     """The two points between which a bushing acts, by springs and dampers in x, y and angle: ["link.point", "link.point"]."""
     stiffness: Stiffnesses | None = None
     """Spring: force per length. Torsion spring: moment per angle. Bushing: both, [x, y, angle], in the first link's axes."""
@@ -135,7 +135,7 @@ SPRINGS = {
         words="a spring",
         example='{ spring = ["frame.P", "boom.Q"], stiffness = "2 N/mm", free_length = "80 mm" }',
         make=_spring,
-        refers=known_ends,
+        check=different_links,
         between=True,
         keys=("stiffness", "free_length", "preload", "solid_length"),
         needs={**_STIFFNESS, "free_length": '"80 mm"'},
@@ -145,7 +145,7 @@ SPRINGS = {
         words="a damper",
         example='{ damper = ["frame.P", "boom.Q"], linear = "20 N s/m" }',
         make=_damper,
-        refers=known_ends,
+        check=different_links,
         between=True,
         keys=("linear", "quadratic"),
         some=("linear", "quadratic"),
@@ -155,7 +155,7 @@ SPRINGS = {
         words="a gas spring",
         example='{ gas_spring = ["frame.P", "lid.Q"], thrust = "400 N", extended = "300 mm", gas_length = "250 mm" }',
         make=_gas_spring,
-        refers=known_ends,
+        check=different_links,
         between=True,
         keys=("thrust", "extended", "gas_length", "exponent"),
         needs={
@@ -169,7 +169,6 @@ SPRINGS = {
         words="a torsion spring",
         example='{ torsion_spring = ["frame", "pointer"], stiffness = "3 N m/rad" }',
         make=_torsion_spring,
-        refers=known_links,
         between=True,
         keys=("stiffness", "free_angle"),
         needs=_STIFFNESS,
@@ -179,7 +178,6 @@ SPRINGS = {
         words="a torsion damper",
         example='{ torsion_damper = ["frame", "pointer"], linear = "0.1 N m s/rad" }',
         make=_torsion_damper,
-        refers=known_links,
         between=True,
         keys=("linear",),
         needs={"linear": LINEAR},
@@ -188,7 +186,7 @@ SPRINGS = {
         words="a bushing",
         example='{ bushing = ["frame.A", "arm.A"], stiffness = ["200 N/mm", "80 N/mm", "3 N m/rad"] }',
         make=_bushing,
-        refers=known_ends,
+        check=different_links,
         between=True,
         keys=("stiffness", "linear", "free_angle"),
         needs={"stiffness": '["200 N/mm", "80 N/mm", "3 N m/rad"]: in x, y and angle'},

@@ -1,0 +1,112 @@
+"""The values of a document with what its types say of them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from functools import cache
+from types import NoneType, UnionType
+from typing import Annotated, Any, NamedTuple, TypeVar, Union, get_args, get_origin, get_type_hints
+
+from pydantic import Discriminator, Tag
+from pydantic.fields import FieldInfo
+
+from mechviz.scene.fields import Table
+
+Place = tuple[str | int, ...]
+"""A place in a document: keys of tables, indices of lists."""
+
+T = TypeVar("T")
+
+
+class Leaf(NamedTuple):
+    """A value of a document that holds no others: where it is, its type, and the marks of that."""
+
+    path: Place
+    value: Any
+    kind: Any
+    marks: list[Any]
+
+    def mark(self, sort: type[T]) -> T | None:
+        """The first of its marks that is of a sort."""
+        return next((mark for mark in self.marks if isinstance(mark, sort)), None)
+
+
+@cache
+def hints_of(cls: type[Table]) -> dict[str, Any]:
+    """The types of the keys of a table, with their marks."""
+    hints = get_type_hints(cls, include_extras=True)
+    return {key: hints[key] for key in cls.model_fields}
+
+
+def peel(annotation: Any, value: Any) -> tuple[Any, list[Any]]:
+    """The type under ``Annotated``, ``| None`` and unions that a value decides, plain or validated, and the marks on the way."""
+    marks: list[Any] = []
+    while True:
+        origin = get_origin(annotation)
+        if origin is Annotated:
+            annotation, *own = get_args(annotation)
+            marks += [inner for mark in own for inner in (mark.metadata if isinstance(mark, FieldInfo) else (mark,))]
+            choice = next((mark for mark in own if isinstance(mark, Discriminator)), None)
+            if choice is not None and callable(choice.discriminator):
+                tag = choice.discriminator(value)
+                branches = get_args(annotation)
+                annotation = next((m for m in branches if Tag(str(tag)) in get_args(m)[1:]), branches[0])
+        elif origin in (Union, UnionType) and len(members := [m for m in get_args(annotation) if m is not NoneType]) == 1:
+            annotation = members[0]
+        else:
+            return annotation, marks
+
+
+def inner_types(kind: Any, count: int) -> list[Any]:
+    """The types of so many entries of a list or tuple type."""
+    inner = get_args(kind) or (Any,)
+    row = get_origin(kind) is list or inner[1:] == (...,)
+    return [inner[0 if row else min(k, len(inner) - 1)] for k in range(count)]
+
+
+def stated_keys(table: Table) -> Iterable[str]:
+    """The keys of a table that are stated and have a value."""
+    return (key for key in type(table).model_fields if key in table.model_fields_set and getattr(table, key) is not None)
+
+
+def leaves(
+    value: Any, keys: Callable[[Table], Iterable[str]] = stated_keys, annotation: Any = None, path: Place = ()
+) -> Iterator[Leaf]:
+    """The values of a document, or of one of its tables, in order; ``keys`` chooses those of a table to look at."""
+    kind, marks = peel(annotation, value)
+    if isinstance(value, Table):
+        for key in keys(value):
+            yield from leaves(getattr(value, key), keys, hints_of(type(value))[key], (*path, key))
+    elif isinstance(value, Mapping):
+        for name, item in value.items():
+            yield from leaves(item, keys, get_args(kind)[1], (*path, name))
+    elif isinstance(value, list | tuple):
+        for k, (item, each) in enumerate(zip(value, inner_types(kind, len(value)), strict=True)):
+            yield from leaves(item, keys, each, (*path, k))
+    else:
+        yield Leaf(path, value, kind, marks)
+
+
+def raw_value(raw: Any, path: Iterable[str | int]) -> Any:
+    """The value at a place of plain data, None where there is none."""
+    for part in path:
+        if not isinstance(raw, Mapping | list):
+            return None
+        raw = raw.get(part) if isinstance(raw, Mapping) else raw[int(part)]
+    return raw
+
+
+def replaced(value: Any, changes: Mapping[Place, Any]) -> Any:
+    """A document, or a part of it, with other values at some places; nothing is validated."""
+    if () in changes:
+        return changes[()]
+    inner: dict[str | int, dict[Place, Any]] = {}
+    for place, new in changes.items():
+        inner.setdefault(place[0], {})[place[1:]] = new
+    if isinstance(value, Table):
+        copy = value.model_copy(update={str(key): replaced(getattr(value, str(key)), change) for key, change in inner.items()})
+        copy.mark_unread(value.unread)
+        return copy
+    if isinstance(value, Mapping):
+        return {**value, **{key: replaced(value[key], change) for key, change in inner.items()}}
+    return [replaced(item, inner[k]) if k in inner else item for k, item in enumerate(value)]
