@@ -192,10 +192,8 @@ def integrate(
         q, v = end_q[0], end_v[0] if keeps is None else keeps(end_q[0], end_v[0])
         t += h
         longer = h * float(np.clip(0.9 * (1.0 / max(worst, 1e-12)) ** (1.0 / order), 0.3, 1.6))
-        guess = _extrapolated(window, t + longer * rule.nodes, end_a)
+        guess = np.repeat(end_a, s, axis=0) if uncut else _extrapolated(window, t + longer * rule.nodes, end_a)
         h = max(longer, 0.5 * uncut)
-        if uncut:
-            guess = np.repeat(end_a, s, axis=0)
         starts, cuts, uncut = cuts > 0, 0, 0.0
     return solution
 
