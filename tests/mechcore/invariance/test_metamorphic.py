@@ -30,6 +30,8 @@ MENDED = (
     ("four-bar", 126),
     ("rack", 29),
     ("belt", 92),
+    ("inverted slider-crank", 19),
+    ("gear", 85),
 )  # beyond the default sample
 CHANGES = ("turned", "mirrored", "small", "large", "renamed", "backwards")
 
