@@ -16,6 +16,7 @@ from mechviz.commands.common import fail, orderly, progress_bar, say
 from mechviz.runs import Run, run_scene
 from mechviz.scene.faults import SceneError
 from mechviz.scene.kinds.reachable import swinging
+from mechviz.scene.kinds.segments import former_laws
 from mechviz.scene.scene import Scene, load
 from mechviz.scene.units import QuantityError, Units
 
@@ -49,6 +50,8 @@ def clear_errors(source: str) -> Iterator[None]:
 def load_scene(source: str, *, reachable: bool = False) -> Scene:
     """A scene of the gallery or of a file; ``reachable``: its drive runs as far as it can and back."""
     scene = load(source)
+    for place, former, present in former_laws(scene.document):
+        say(f"note: {place}: the law '{former}' is called '{present}' now, and read as that.")
     if not reachable:
         return scene
     changes = swinging(scene.document)

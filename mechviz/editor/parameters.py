@@ -16,6 +16,7 @@ from mechviz.scene.annotations import Leaf, Place, hints_of, leaves
 from mechviz.scene.cams.cams import SOLIDS
 from mechviz.scene.document import SceneDocument, value_at
 from mechviz.scene.fields import Quantity, Table
+from mechviz.scene.kinds.segments import FREE, SegmentTable
 from mechviz.scene.scene import Scene
 from mechviz.scene.units import KINDS, QuantityError, Units, split, symbol_of, unit_factor
 
@@ -29,6 +30,7 @@ BARE = {
     "frequency": "1/{time}",
     "stiffness": "{force}/{length}",
 }
+LAW_NAMES = (*RISES, "polynomial")
 GROUPS = ("Lengths", "Drive", "Cam", "Loads and springs", "Masses", "Friction", "Assembly", "Other")
 
 
@@ -114,7 +116,11 @@ def find_choices(scene: Scene) -> tuple[Choice, ...]:
 # -- walking ----------------------------------------------------------------------------------------------------------
 def _spots(document: SceneDocument) -> Iterator[Leaf]:
     """The scalars of a scene that say something of it, as far as they are stated."""
-    yield from (leaf for leaf in leaves(document, _shown) if _editable(leaf))
+    for leaf in leaves(document, _shown):
+        if leaf.value is None:  # a law that is not stated
+            leaf = leaf._replace(value=value_at(document, leaf.path[:-1]).named)
+        if _editable(leaf):
+            yield leaf
     if "gravity" in document.effects and "gravity" not in document.model_fields_set:
         yield from leaves(document.gravity, annotation=hints_of(SceneDocument)["gravity"], path=("gravity",))
 
@@ -122,18 +128,17 @@ def _spots(document: SceneDocument) -> Iterator[Leaf]:
 def _shown(table: Table) -> Iterator[str]:
     """The keys of a table in which values are edited."""
     for key in type(table).model_fields:
-        value, stated = getattr(table, key), key in table.model_fields_set
+        value = getattr(table, key)
+        if isinstance(table, SegmentTable) and key == "law" and not (table.to is None and value is None):
+            yield key
         table_of_values = isinstance(value, list) and len(value) > LONGEST_LIST and not isinstance(value[0], Table)
-        if value is not None and key not in HIDDEN and not table_of_values and (stated or (key == "law" and _ends(table))):
+        if value is not None and key not in (*HIDDEN, "law") and not table_of_values and key in table.model_fields_set:
             yield key
 
 
-def _ends(segment: Any) -> bool:
-    """Whether a segment of a motion program goes somewhere, by a law."""
-    return getattr(segment, "to", None) is not None
-
-
 def _editable(leaf: Leaf) -> bool:
+    if leaf.value == FREE:
+        return False
     number = isinstance(leaf.value, int | float) and not isinstance(leaf.value, bool)
     return number or leaf.mark(Quantity) is not None or bool(_options(leaf))
 
@@ -141,7 +146,7 @@ def _editable(leaf: Leaf) -> bool:
 def _options(leaf: Leaf) -> tuple[str, ...]:
     """The texts of which the value is one, if it is a choice."""
     if leaf.path[-1] == "law":
-        return tuple(RISES)
+        return LAW_NAMES
     return tuple(o for o in get_args(leaf.kind) if isinstance(o, str)) if get_origin(leaf.kind) is Literal else ()
 
 

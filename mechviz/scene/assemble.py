@@ -114,7 +114,9 @@ def assemble(
         clear = pair.traits.driven if len(pair.kinds) == 1 else ""
         sort = clear or likely_sort(driven[key])
         drawn = drawn_angle(pair, placement) if clear == "angle" else 0.0
-        law = law_of(driven[key], sort, convert, path, drawn=drawn, cycles=document.run.cycles, lasts=lasts, masters=masters)
+        law = law_of(
+            driven[key], sort, convert, path, drawn=drawn, cycles=document.run.cycles, lasts=lasts, masters=masters, drives=driven
+        )
         if law is not None:
             _check_length(pair, law, convert, path)
             laws[key] = law

@@ -80,7 +80,7 @@ class Kind:
     example: str
 
 
-KINDS: Mapping[str, Kind] = {
+_STATED: Mapping[str, Kind] = {
     "length": Kind("a length", "m", "{length}", "80 mm"),
     "angle": Kind("an angle", "rad", "{angle}", "30 deg"),
     "mass": Kind("a mass", "kg", "{mass}", "0.4 kg"),
@@ -115,6 +115,38 @@ KINDS: Mapping[str, Kind] = {
     "power": Kind("a power", "W", "W", "2 kW"),
     "gravity": Kind("a linear acceleration", "m/s**2", "m/s**2", "-9.81 m/s^2"),  # never mm/s^2 by the way
 }
+
+
+_POWERS = {1: ("", ""), 2: (" squared", "**2"), 3: (" cubed", "**3")}
+
+
+def derivative_kind(coordinate: str, master: str, order: int) -> str:
+    """The kind of a derivative of a coordinate ("angle", "length") by a master ("time", "angle", "length")."""
+    if order == 0:
+        return coordinate
+    if master == "time":
+        return f"{'angular' if coordinate == 'angle' else 'linear'} {('speed', 'acceleration', 'jerk')[order - 1]}"
+    return f"{coordinate} per {master}{_POWERS[order][0]}"
+
+
+def _derivatives() -> dict[str, Kind]:
+    """The kinds of derivatives that are not stated above: jerks, and those by an angle or a length."""
+    found, si = {}, {"length": "m", "angle": "rad", "time": "s"}
+    for coordinate in ("length", "angle"):
+        for master in ("time", "angle", "length"):
+            for order, (_, power) in _POWERS.items():
+                kind = derivative_kind(coordinate, master, order)
+                example = f"2 {'mm' if coordinate == 'length' else 'rad'}/{si[master]}{power.replace('**', '^')}"
+                words = f"{'an' if kind[0] == 'a' else 'a'} {kind}"
+                formula = "({" + coordinate + "})/({" + master + "})" + power
+                found[kind] = Kind(words, f"{si[coordinate]}/{si[master]}{power}", formula, example)
+    return {kind: made for kind, made in found.items() if kind not in _STATED}
+
+
+DERIVATIVES = tuple(derivative_kind(c, m, k) for c in ("angle", "length") for m in ("time", "angle", "length") for k in (1, 2, 3))
+"""Kinds of derivatives of a coordinate."""
+
+KINDS: Mapping[str, Kind] = {**_STATED, **_derivatives()}
 
 
 class QuantityError(ValueError):

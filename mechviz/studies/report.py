@@ -31,6 +31,7 @@ from mechcore.texts import Text
 from mechviz.quantities.items import joints_of
 from mechviz.scene.worded import in_scene_words
 from mechviz.studies.cam_report import cam_facts, cam_lines, law_facts
+from mechviz.studies.laws import continuity_words
 
 if TYPE_CHECKING:
     from mechviz.scene.scene import Scene
@@ -85,6 +86,7 @@ def check_lines(scene: Scene, *, equations: bool = False, modes: bool = False) -
     lines += [f"  {i}. {g}; {'driven' if g.solved_by == 'drive' else g.solved_by}" for i, g in enumerate(groups(model), 1)]
     lines.append(f"contours   {len(model.contours)} independent")
     lines += [f"  {i}. {' - '.join(pairs)}" for i, pairs in enumerate(contour_pairs(model), 1)]
+    lines += [f"law        {words}" for words in continuity_words(scene.mechanism, scene.units)]
     lines += [f"table      {e.item}: {e.text}" for e in overshoots(scene.mechanism)]
     lines += _modes(compiled)
     ranges = reachable_ranges(compiled) if drives else []

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -78,7 +78,7 @@ def program(
         if segment.to is None and own is None:
             raise MechanismError(Fault(f"{path}.to", "the law does not say where the segment ends.", "Give to = ..."))
         states.append(_state(own or 0.0) if segment.to is None else _state(segment.to))
-        if not law.meets and any(v is not None for v in states[-1][1:]) and isinstance(segment.to, Sequence):
+        if not law.meets and isinstance(segment.to, Sequence) and any(v is not None for v in segment.to[1:]):
             raise MechanismError(
                 Fault(f"{path}.to", f"{list(segment.to)}: a velocity at its end.", "Only law = 'polynomial' takes derivatives.")
             )
@@ -110,9 +110,15 @@ def _filled(laws: list[SegmentLaw], states: list[State], overs: list[float], rep
                 if states[k][order] is None and len(other) > order and (there := other[order]) is not None:
                     known(k, order, there)
 
+    def join(k: int) -> None:
+        try:
+            curves[k] = laws[k].join(states[k], states[k + 1], overs[k])
+        except MechanismError as error:
+            raise MechanismError([replace(f, path=f"program[{k}].{f.path}") for f in error.faults]) from None
+
     for k, law in enumerate(laws):
         if not law.meets:
-            curves[k] = law.join(states[k], states[k + 1], overs[k])
+            join(k)
             pass_on()
     pass_on()
     unknown = [
@@ -123,9 +129,9 @@ def _filled(laws: list[SegmentLaw], states: list[State], overs: list[float], rep
     ]
     for place, value in zip(unknown, _least_jerk(laws, states, overs, unknown, repeats), strict=True):
         known(*place, value)
-    for k, law in enumerate(laws):
+    for k in range(n):
         if k not in curves:
-            curves[k] = law.join(states[k], states[k + 1], overs[k])
+            join(k)
             pass_on()
     return [curves[k] for k in range(n)]
 
@@ -173,10 +179,14 @@ def _least_jerk(
     return [float(found[columns[place]]) for place in shared]
 
 
+CLOCK = ConstantSpeed(0.0, 1.0)
+"""The master of a program over time: its angle is the time [s]."""
+
+
 def over_time(curve: MotionCurve) -> Law:
     """A program as a law of time: its master angle is the time [s]."""
     if any(len(p.waves) for p in curve.pieces):
-        return Follow(curve, ConstantSpeed(0.0, 1.0))
+        return Follow(curve, CLOCK)
     knots, polys = curve.knots - curve.start, [tuple(map(float, p.poly)) for p in curve.pieces]
     return Piecewise(knots=tuple(map(float, knots)), coefficients=tuple(polys), advance=curve.advance)
 

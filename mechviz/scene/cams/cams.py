@@ -10,13 +10,12 @@ from pydantic import Field, model_validator
 from mechcore.cams.followers import Arc, Flat, Knife, Roller
 from mechcore.spec.mechanism import CamPair, Friction, Pair, SpatialBlank
 from mechcore.texts import as_angle
-from mechviz.scene.cams.profiles import SHAPES, given_contour, segments_curve
+from mechviz.scene.cams.profiles import SHAPES, given_contour
 from mechviz.scene.cams.ratings import graphical_of, rating_of
 from mechviz.scene.fields import (
     Angle,
     Coordinate,
     Direction,
-    Distance,
     Extent,
     Flag,
     Length,
@@ -29,7 +28,8 @@ from mechviz.scene.fields import (
     one_of,
     refuse,
 )
-from mechviz.scene.kinds.programs import ProgramSegment
+from mechviz.scene.kinds.segment_curves import Axes, lift_curve
+from mechviz.scene.kinds.segments import LawDocument, LiftSegment, RadiusSegment
 from mechviz.scene.units import magnitude
 
 if TYPE_CHECKING:
@@ -40,15 +40,6 @@ if TYPE_CHECKING:
 SOLIDS: tuple[Literal["barrel", "rib", "end", "globoid"], ...] = ("barrel", "rib", "end", "globoid")
 FACES = ("knife", "roller", "mushroom", "flat", "groove")
 _STEEPEST = math.radians(89.0)
-
-
-class LiftSegment(ProgramSegment):
-    """A rise, return or dwell of the follower over a range of the cam."""
-
-    over: Distance
-    """Range of the cam's angle, of a wedge: length of it."""
-    to: Coordinate | None = None
-    """Lift at its end above the base circle: a length, of an oscillating follower an angle. Without it a dwell."""
 
 
 class SecondDocument(Table):
@@ -111,15 +102,6 @@ class EccentricDocument(Table):
     """Its radius."""
     centre: Point
     """Its centre, in the axes of the cam's link."""
-
-
-class RadiusSegment(ProgramSegment):
-    """Change of a profile's radius over a range of its polar angle."""
-
-    over: Angle
-    """Range of the polar angle in the cam's link."""
-    to: Extent | None = None
-    """Radius at its end. Without it an arc about the axis."""
 
 
 class BlankDocument(Table):
@@ -234,7 +216,11 @@ class ProfileDocument(Table):
         if self.rib is not None and self.rib.thickness is None and self.rib.sound("thickness"):
             found.append(("rib", "'thickness' is missing.", "Give the thickness of the rib."))
         segments = self.lift if kind == "lift" else self.radius if kind == "radius" else None
-        if segments and self.sound(kind) and all(segment.to is None and segment.sound("to") for segment in segments):
+        if (
+            segments
+            and self.sound(kind)
+            and all(s.to is None and s.sound("to") and not isinstance(s.law, LawDocument) for s in segments)
+        ):
             found.append((kind, "all segments are dwells: nothing moves.", "Give one of them an end, to = ..."))
         if kind == "outline" and self.bulges is not None and self.outline is not None and len(self.bulges) != len(self.outline):
             found.append(("bulges", f"{len(self.bulges)} bulges for {len(self.outline)} corners.", "Give one for every corner."))
@@ -273,9 +259,8 @@ def cam_pair(name: str, pair: PairDocument, oscillates: bool, friction: Friction
             convert.note(f"{path}.friction", "a radius of a pin where there is no roller.", "Leave it out.")
     lift, contour = None, None
     if profile.lift is not None:
-        lift = segments_curve(
-            profile.lift, along, across, f"{path}.profile.lift", 0.0, not profile.bed and follower.groove is None, convert
-        )
+        round_again = not profile.bed and follower.groove is None
+        lift = lift_curve(profile.lift, Axes(convert, across, along), f"{path}.profile.lift", 0.0, round_again)
     elif len(convert.faults) == before:
         contour = given_contour(profile, base, f"{path}.profile", convert)
     rating = None if pair.rating is None else rating_of(pair.rating, f"{path}.rating", convert)

@@ -165,37 +165,46 @@ def read_points(content: bytes) -> tuple[Complex, float | None]:
 
     The second answer is the unit [m] where the header states one. Raises ``MechanismError`` where there are no points.
     """
+    (x, y), units = read_columns(content, ("x", "y"))
+    if len(x) < 7:
+        raise _bad(f"it has {len(x)} points.", "Give at least 7.")
+    z = np.array(x) + 1j * np.array(y)
+    if not np.any(z != z[0]):
+        raise _bad(f"its {len(z)} points coincide.", "Give the points once round the cam, in order.")
+    near = _SAME * float(np.abs(z - z.mean()).max())  # ends of pieces that are written twice
+    z = z[np.abs(z - np.roll(z, 1)) > near] if abs(z[0] - z[-1]) <= near else z[np.abs(np.diff(z, prepend=np.inf)) > near]
+    if len(z) < 7:
+        raise _bad(f"of its {len(x)} points all but {len(z)} coincide with the one before.", "Give at least 7 that differ.")
+    return z, _NAMED.get(units[0] or "")
+
+
+def read_columns(content: bytes, names: tuple[str, ...]) -> tuple[tuple[list[float], list[float]], tuple[str | None, str | None]]:
+    """Two columns of a table in text form: those with the two names, else the first two; and their units where the header states
+    them in brackets. Raises ``MechanismError`` where a row has no two numbers."""
     try:
         text = content.decode("utf-8-sig")
     except UnicodeDecodeError as error:
         raise _bad(f"it cannot be read: {error}.", "Give a table in text form.") from None
     delimiter = ";" if text.count(";") > text.count(",") else "\t" if text.count("\t") > text.count(",") else ","
     rows = [row for row in csv.reader(text.splitlines(), delimiter=delimiter) if any(cell.strip() for cell in row)]
-    columns, unit = (0, 1), None
+    columns: tuple[int, int] = (0, 1)
+    units: list[str | None] = [None, None]
     if rows and not all(_is_number(cell) for cell in rows[0][:2]):
-        names = [re.match(r"\s*(\w+)\s*(?:\[(\w+)\])?", cell) for cell in rows[0]]
-        places = {m.group(1).lower(): k for k, m in enumerate(names) if m}
-        if "x" in places and "y" in places:
-            columns = (places["x"], places["y"])
-            match = names[columns[0]]
-            unit = _NAMED.get((match.group(2) or "") if match else "")
+        heads = [re.match(r"\s*(\w+)\s*(?:\[([^\]]+)\])?", cell) for cell in rows[0]]
+        places = {m.group(1).lower(): k for k, m in enumerate(heads) if m}
+        if names and set(names) <= places.keys():
+            columns = (places[names[0]], places[names[1]])
+        if not names or set(names) <= places.keys():
+            units = [m.group(2) if c < len(heads) and (m := heads[c]) else None for c in columns]
         rows = rows[1:]
-    points = []
+    found: tuple[list[float], list[float]] = ([], [])
     for k, row in enumerate(rows):
         cells = [row[c] if c < len(row) else "" for c in columns]
         if not all(_is_number(cell) for cell in cells):
             raise _bad(f"row {k + 1} has no point: {delimiter.join(row)[:40]!r}.", "Give two numbers in every row.")
-        points.append(complex(float(cells[0]), float(cells[1])))
-    if len(points) < 7:
-        raise _bad(f"it has {len(points)} points.", "Give at least 7.")
-    z = np.array(points)
-    if not np.any(z != z[0]):
-        raise _bad(f"its {len(z)} points coincide.", "Give the points once round the cam, in order.")
-    near = _SAME * float(np.abs(z - z.mean()).max())  # ends of pieces that are written twice
-    z = z[np.abs(z - np.roll(z, 1)) > near] if abs(z[0] - z[-1]) <= near else z[np.abs(np.diff(z, prepend=np.inf)) > near]
-    if len(z) < 7:
-        raise _bad(f"of its {len(points)} points all but {len(z)} coincide with the one before.", "Give at least 7 that differ.")
-    return z, unit
+        for column, cell in zip(found, cells, strict=True):
+            column.append(float(cell))
+    return found, (units[0], units[1])
 
 
 def _is_number(cell: str) -> bool:

@@ -9,35 +9,17 @@ from typing import TYPE_CHECKING
 from mechcore.cams import contour as shapes
 from mechcore.cams.contour import Contour, self_crossing
 from mechcore.errors import MechanismError
-from mechcore.laws.program import Segment, program
 from mechcore.texts import as_length
 from mechviz.scene.cams.files import read_dxf, read_points
-from mechviz.scene.kinds.programs import ProgramSegment
+from mechviz.scene.kinds.segment_curves import Axes, lift_curve
 
 if TYPE_CHECKING:
-    from mechcore.laws.curve import MotionCurve
     from mechviz.scene.cams.cams import ProfileDocument
     from mechviz.scene.convert import Converter
 
 
 SHAPES = ("lift", "eccentric", "outline", "points", "file", "radius")
 _FINEST_UNIT = 1e-9  # of a drawing [m]
-
-
-def segments_curve(
-    segments: Sequence[ProgramSegment], along: str, across: str, path: str, start: float, repeats: bool, convert: Converter
-) -> MotionCurve | None:
-    """Segments as one curve; None where one of them could not be read."""
-    overs = [convert.si(s.over, along, f"{path}[{k}].over") for k, s in enumerate(segments)]
-    ends = [None if s.to is None else convert.si(s.to, across, f"{path}[{k}].to") for k, s in enumerate(segments)]
-    if any(map(math.isnan, (start, *overs, *(end or 0.0 for end in ends)))) or any(s.unread for s in segments):
-        return None
-    try:
-        rows = zip(segments, overs, ends, strict=True)
-        made = [Segment(over=over, to=end, law=s.shape(), mirrored=s.mirrored) for s, over, end in rows]
-        return program(made, start, repeats=repeats)
-    except MechanismError:  # an unknown law, noted where the segment was read
-        return None
 
 
 def given_contour(profile: ProfileDocument, base: float, path: str, convert: Converter) -> Contour | None:
@@ -68,7 +50,7 @@ def _shape(profile: ProfileDocument, base: float, path: str, convert: Converter)
         if profile.file is not None:
             return _from_file(profile, path, convert)
         if profile.radius is not None:
-            curve = segments_curve(profile.radius, "angle", "length", f"{path}.radius", base, True, convert)
+            curve = lift_curve(profile.radius, Axes(convert, "length", "angle"), f"{path}.radius", base, True)
             if curve is None:
                 return None
             if abs(curve.advance) > 1e-12 * max(base, 1e-3):

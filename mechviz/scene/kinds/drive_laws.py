@@ -4,14 +4,17 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping
-from itertools import accumulate, pairwise
+
+import numpy as np
 
 from mechcore.errors import Fault
+from mechcore.laws.program import over_time
 from mechcore.laws.signals import SignalSpeed, Step
-from mechcore.laws.timed import ConstantSpeed, Law, Oscillation, Piecewise, Rest, TableLaw, polynomial_through, zones
+from mechcore.laws.timed import ConstantSpeed, Law, Oscillation, Rest, TableLaw, zones
 from mechviz.scene.convert import SMALLEST, Converter
 from mechviz.scene.kinds.drives import DriveDocument
 from mechviz.scene.kinds.programs import program_law
+from mechviz.scene.kinds.segment_curves import Axes, segments_curve, stands_still
 from mechviz.scene.kinds.signals import signal_of
 from mechviz.scene.units import magnitude
 
@@ -38,16 +41,6 @@ class _Coordinate:
     def speed(self, value: float | str, key: str) -> float:
         return self.convert.si(value, self.kinds[1], f"{self.path}.{key}")
 
-    def state(self, value: float | str | list[float | str], key: str) -> tuple[float, float, float]:
-        """A position, or [position, velocity, acceleration]; what is left out is zero."""
-        if not isinstance(value, list):
-            return self.position(value, key), 0.0, 0.0
-        given = [
-            self.convert.si(v, kind, f"{self.path}.{key}[{k}]") for k, (v, kind) in enumerate(zip(value, self.kinds, strict=False))
-        ]
-        position, velocity, acceleration = (*given, 0.0, 0.0, 0.0)[:3]
-        return position, velocity, acceleration
-
 
 def law_of(
     drive: DriveDocument,
@@ -59,11 +52,13 @@ def law_of(
     cycles: int = 1,
     lasts: float | None = None,
     masters: Mapping[str, Law | None] | None = None,
+    drives: Mapping[str, DriveDocument] | None = None,
 ) -> Law | None:
     """The law of a drive, None where a fault was noted.
 
     ``sort`` is "angle" or "length"; ``drawn`` is the position [rad or m] from which a drive without a start starts; ``lasts`` is
-    how long the run goes on [s], if it says so; ``masters`` are the laws of the driven revolute pairs that a program may follow.
+    how long the run goes on [s], if it says so; ``masters`` are the laws of the driven revolute pairs that a program may follow,
+    ``drives`` all driven pairs, from which it may take its knots.
     """
     coordinate = _Coordinate(convert, sort, path)
     before = len(convert.faults)
@@ -72,13 +67,16 @@ def law_of(
     made = [make[law](drive, coordinate, drawn, cycles) for law in drive.laws if law != "program" and not signals]
     made += [_signalled(drive, key, coordinate, drawn, cycles, lasts) for key in signals]
     if drive.program is not None:
-        start = _start(drive, coordinate, drawn)
-        made.append(program_law(drive.program, start, coordinate.position, convert, path, masters or {}))
+        made.append(program_law(drive, sort, convert, path, drawn, masters or {}, drives or {}))
     return made[0] if len(made) == 1 and len(convert.faults) == before else None
 
 
 def _start(drive: DriveDocument, coordinate: _Coordinate, drawn: float) -> float:
-    return drawn if drive.start is None else coordinate.state(drive.start, "start")[0]
+    """Where the drive starts, of a state the position."""
+    if drive.start is None:
+        return drawn
+    given = drive.start[:1] if isinstance(drive.start, list) else [drive.start]
+    return coordinate.position(given[0], "start") if given else math.nan
 
 
 def _constant(drive: DriveDocument, coordinate: _Coordinate, drawn: float, cycles: int) -> Law | None:
@@ -192,25 +190,22 @@ def _oscillation(drive: DriveDocument, coordinate: _Coordinate, drawn: float, cy
 def _segments(drive: DriveDocument, coordinate: _Coordinate, drawn: float, cycles: int) -> Law | None:
     assert drive.segments is not None
     convert, path = coordinate.convert, coordinate.path
-    start = (drawn, 0.0, 0.0) if drive.start is None else coordinate.state(drive.start, "start")
-    ends = [coordinate.state(segment.to, f"segments[{k}].to") for k, segment in enumerate(drive.segments)]
     durations = [convert.si(segment.duration, "time", f"{path}.segments[{k}].duration") for k, segment in enumerate(drive.segments)]
-    states = [start, *ends]
-    if any(math.isnan(value) for state in states for value in state) or any(map(math.isnan, durations)):
+    axes = Axes(convert, coordinate.kinds[0], "time")
+    start = (drawn,) if drive.start is None else axes.state(drive.start, f"{path}.start")
+    curve = segments_curve(drive.segments, durations, axes, f"{path}.segments", start, repeats=False)
+    if curve is None or not drive.sound("segments"):
         return None
-    if not drive.sound("segments"):
-        return None
-    if cycles > 1 and ends[-1][1] != start[1]:
+    left, right = curve.limits(1)
+    if cycles > 1 and abs(left[-1, 1] - right[0, 1]) > 1e-9 * np.abs(np.vstack([left, right])[:, 1]).max():
         convert.note(
             "run.cycles",
             f"{cycles} cycles would make the speed jump between them.",
             f"Write cycles = 1, or end {path} with the speed that it starts with.",
         )
-    if all(state == start for state in states) and start[1:] == (0.0, 0.0):
-        return Rest(start[0], lasts=sum(durations))
-    knots = tuple(accumulate(durations, initial=0.0))
-    pieces = tuple(polynomial_through(t0, q0, t1, q1) for (t0, t1), (q0, q1) in zip(pairwise(knots), pairwise(states), strict=True))
-    return Piecewise(knots=knots, coefficients=pieces, advance=ends[-1][0] - start[0])
+    if stands_still(drive.segments, curve):
+        return Rest(float(right[0, 0]), lasts=sum(durations))
+    return over_time(curve)
 
 
 def _table(drive: DriveDocument, coordinate: _Coordinate, drawn: float, cycles: int) -> Law | None:

@@ -8,7 +8,6 @@ from pydantic import Discriminator, Field, Tag, model_validator
 
 from mechviz.scene.fields import (
     Angle,
-    Condition,
     Coordinate,
     Duration,
     Flag,
@@ -23,14 +22,9 @@ from mechviz.scene.fields import (
     value_or_list,
 )
 from mechviz.scene.kinds.programs import ProgramDocument
+from mechviz.scene.kinds.segments import State, TimeSegment
 from mechviz.scene.kinds.signals import SIGNALS, ChirpDocument, RampDocument, SineDocument, StepDocument
 from mechviz.scene.units import magnitude
-
-Conditions = Annotated[
-    Annotated[Coordinate, Tag("<value>")] | Annotated[Annotated[list[Condition], Field(min_length=1, max_length=3)], Tag("<list>")],
-    Discriminator(value_or_list),
-]
-
 
 Reach = Annotated[
     Annotated[Literal["reachable"], Tag("<value>")]
@@ -76,15 +70,6 @@ class OscillationDocument(Table):
         return self
 
 
-class SegmentDocument(Table):
-    """One polynomial segment of a motion."""
-
-    duration: Duration
-    """Time that the segment takes."""
-    to: Conditions
-    """Its end: a position, or [position, velocity, acceleration]; what is left out is zero."""
-
-
 class DriveTable(Table):
     """A motion given point by point, joined by a quintic spline."""
 
@@ -112,8 +97,8 @@ class DriveDocument(Table):
     speed: Rate | None = None
     """Constant speed, the steady speed of zones, or what a signal multiplies; its sign is the direction. 0: the drive holds its
     pair."""
-    start: Conditions | None = None
-    """Position at the start; for segments also [position, velocity, acceleration]."""
+    start: State | None = None
+    """Position at the start; for segments and programs also [position, velocity, acceleration, jerk]."""
     travel: Range | None = None
     """Distance of one cycle at constant speed. Default one turn; sliding pairs must give it."""
     range: Reach | None = None
@@ -133,8 +118,8 @@ class DriveDocument(Table):
     """Start, steady running and stop over stated ranges."""
     oscillation: OscillationDocument | None = None
     """Harmonic motion."""
-    segments: Annotated[list[SegmentDocument], Field(min_length=1)] | None = None
-    """Polynomial segments one after the other."""
+    segments: Annotated[list[TimeSegment], Field(min_length=1)] | None = None
+    """Segments over time, one after the other."""
     table: DriveTable | None = None
     """Positions at given times."""
     program: ProgramDocument | None = None
@@ -182,11 +167,11 @@ class DriveDocument(Table):
             found.append(("travel", "travel of a drive that goes as far as it can.", "Keep travel or range."))
         if laws == ["speed"] and isinstance(self.range, list) and (self.start is not None or self.travel is not None):
             found.append(("range", "range together with start or travel: range says both.", "Keep one of them."))
-        if isinstance(self.start, list) and not {"speed", "zones", "program"}.isdisjoint(laws) and "segments" not in laws:
+        if isinstance(self.start, list) and not {"speed", "zones"}.isdisjoint(laws) and not {"segments", "program"} & set(laws):
             found.append(
                 (
                     "start",
-                    "a list: only segments start with a velocity and an acceleration.",
+                    "a list: only segments and programs start with a velocity and an acceleration.",
                     "Give the position alone.",
                 )
             )

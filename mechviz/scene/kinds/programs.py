@@ -3,62 +3,32 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
+from dataclasses import replace
 from typing import TYPE_CHECKING, Annotated
 
 from pydantic import Field, model_validator
 
-from mechcore.errors import MechanismError
-from mechcore.laws.catalogue import rise
-from mechcore.laws.curve import MotionCurve
-from mechcore.laws.program import Follow, Segment, program
+from mechcore.laws.program import Follow, over_time
 from mechcore.laws.timed import ConstantSpeed, Law, Rest, moves
-from mechviz.scene.fields import Angle, Coordinate, Flag, Number, Quantity, Rate, Table, Text, Unknown, one_of, refuse
+from mechviz.scene.fields import Angle, Rate, Table, Text, Unknown, one_of, refuse
+from mechviz.scene.kinds.segment_curves import Axes, segments_curve, stands_still
+from mechviz.scene.kinds.segments import ProgramSegment
 
 if TYPE_CHECKING:
     from mechviz.scene.convert import Converter
-
-
-Turn = Annotated[float | str, Quantity(("angle",), "above zero")]
-
-
-class ProgramSegment(Table):
-    """A rise, return or dwell over a range of the master angle."""
-
-    over: Turn
-    """Range of the master angle."""
-    to: Coordinate | None = None
-    """Position at its end; without it a dwell."""
-    law: Text = "cycloidal"
-    """Law of motion, one of those that `mechviz laws` lists."""
-    parameters: dict[Text, Number] = Field(default_factory=dict)
-    """Parameters of the law, such as { skew = 0.4 }."""
-    mirrored: Flag = False
-    """Run the law with acceleration and deceleration exchanged."""
-
-    @model_validator(mode="after")
-    def _known_law(self) -> ProgramSegment:
-        try:
-            if self.sound("law", "parameters"):
-                self.shape()
-        except MechanismError as error:
-            refuse([("law" if f.path == "law" else "parameters", f.message, f.remedy) for f in error.faults])
-        if self.to is None and "law" in self.model_fields_set:
-            refuse([("law", "a law for a dwell, which says no end.", "Add to = ..., or leave out the law.")])
-        return self
-
-    def shape(self) -> MotionCurve:
-        """The law, 0 -> 1 over 0 -> 1. Raises ``MechanismError`` for an unknown one."""
-        return rise(self.law, **self.parameters)
+    from mechviz.scene.kinds.drives import DriveDocument
 
 
 class ProgramDocument(Table):
     """A motion program over a master angle; several drives may follow one master."""
 
     speed: Rate | None = None
-    """Speed of a master shaft of its own. Give this or master."""
+    """Speed of a master shaft of its own. Give this, master or knots."""
     master: Text | None = None
-    """The driven revolute pair whose angle is the master. Give this or speed."""
+    """The driven revolute pair whose angle is the master. Give this, speed or knots."""
+    knots: Text | None = None
+    """The driven pair whose segments, over time or a master angle, give their ranges to this program too: axes in step."""
     phase: Angle = 0.0
     """Added to the master angle: the program runs earlier by this much."""
     segments: Annotated[list[ProgramSegment], Field(min_length=1)]
@@ -66,45 +36,80 @@ class ProgramDocument(Table):
 
     @model_validator(mode="after")
     def _one_master(self) -> ProgramDocument:
-        refuse(one_of(self, ("speed", "master"), "the program"))
+        found = one_of(self, ("speed", "master", "knots"), "the program")
+        if not found and self.knots is not None and "phase" in self.model_fields_set:
+            found.append(("phase", "a phase beside the knots of another axis.", "Leave it out, or state it there."))
+        refuse(found)
         return self
 
 
 def program_law(
-    given: ProgramDocument,
-    start: float,
-    position: Callable[[float | str, str], float],
+    drive: DriveDocument,
+    coordinate: str,
     convert: Converter,
     path: str,
+    drawn: float,
     masters: Mapping[str, Law | None],
+    drives: Mapping[str, DriveDocument],
 ) -> Law | None:
-    """The law of a drive with a program, None where a fault was noted. ``position`` turns coordinates into SI."""
+    """The law of a drive with a program, None where a fault was noted. ``coordinate``: "angle" or "length"; ``drawn``: where the
+    drive starts that does not say it [rad or m]; ``masters``, ``drives``: what a program may follow and take its knots from."""
+    given = drive.program
+    assert given is not None
     before = len(convert.faults)
-    master: Law | None
-    if given.master is not None:
-        master = masters.get(given.master)  # None also where the master's own law is faulty
-        if given.master not in masters and not isinstance(given.master, Unknown):
-            convert.note(
-                f"{path}.program.master",
-                f"'{given.master}' is no driven revolute pair with a law of its own.",
-                f"Name one of {', '.join(masters)}." if masters else "Give speed = ... instead.",
-            )
-    else:
-        speed = math.nan if given.speed is None else convert.si(given.speed, "angular speed", f"{path}.program.speed")
-        master = ConstantSpeed(start=0.0, speed=speed)
-    overs = [convert.si(s.over, "angle", f"{path}.program.segments[{k}].over") for k, s in enumerate(given.segments)]
-    ends = [None if s.to is None else position(s.to, f"program.segments[{k}].to") for k, s in enumerate(given.segments)]
-    phase = convert.si(given.phase, "angle", f"{path}.program.phase")
-    known = not any(math.isnan(value) for value in (*overs, *(end or 0.0 for end in ends), phase, start))
-    sound = known and given.sound(*ProgramDocument.model_fields) and not any(s.unread for s in given.segments)
-    if len(convert.faults) > before or master is None or not sound:
+    source: ProgramDocument | None = given
+    aside = convert
+    if given.knots is not None:
+        other = _other(given.knots, drives, convert, f"{path}.program.knots")
+        if other is None:
+            return None
+        source, aside = other.program, replace(convert, faults=[])  # what is wrong with the other drive is noted there
+        ranges: list[float | str | None] = [s.duration for s in other.segments or ()]
+    if source is not None:
+        ranges = [s.over for s in source.segments]
+    kind = "time" if source is None else "angle"
+    where = f"{path}.program.segments"
+    for k, segment in enumerate(given.segments):
+        if given.knots is None and segment.over is None and segment.sound("over"):
+            convert.note(f"{where}[{k}]", "'over' is missing.", "Add over, the range of the master angle.")
+        elif given.knots is not None and segment.over is not None:
+            convert.note(f"{where}[{k}].over", "a range beside the knots of another axis.", "Leave it out.")
+    overs = [math.nan if v is None else aside.si(v, kind, f"{where}[{k}].over") for k, v in enumerate(ranges)]
+    if len(overs) != len(given.segments):
+        why = f"{len(given.segments)} segments, but {len(overs)} of '{given.knots}'."
+        convert.note(where, why, "Give one for each of them.")
         return None
-    rows = zip(given.segments, overs, ends, strict=True)
-    try:
-        segments = [Segment(over=over, to=end, law=s.shape(), mirrored=s.mirrored) for s, over, end in rows]
-    except MechanismError:  # an unknown law, noted where the segment was read
+    master = ConstantSpeed(0.0, 1.0) if source is None else _master(source, aside, path, masters)
+    phase = 0.0 if source is None else aside.si(source.phase, "angle", f"{path}.program.phase")
+    axes = Axes(convert, coordinate, kind)
+    start = (drawn,) if drive.start is None else axes.state(drive.start, f"{path}.start")
+    curve = segments_curve(given.segments, overs, axes, where, start, repeats=source is not None)
+    sound = given.sound(*ProgramDocument.model_fields) and not math.isnan(phase)
+    if len(convert.faults) > before or master is None or curve is None or not sound:
         return None
-    law = Follow(curve=program(segments, start), master=master, phase=phase)
-    if moves(master) and any(segment.to not in (None, start) for segment in segments):
+    law = over_time(curve) if source is None else Follow(curve=curve, master=master, phase=phase)
+    if moves(master) and not stands_still(given.segments, curve):
         return law
     return Rest(float(law(0.0)[0]), lasts=law.duration if moves(master) else 0.0)
+
+
+def _other(name: str, drives: Mapping[str, DriveDocument], convert: Converter, path: str) -> DriveDocument | None:
+    """The drive whose segments give the knots; None where there is none, which is noted."""
+    able = {k: d for k, d in drives.items() if d.segments is not None or (d.program is not None and d.program.knots is None)}
+    if name not in able and not isinstance(name, Unknown):
+        why = f"'{name}' is no driven pair with segments of its own."
+        convert.note(path, why, f"Name one of {', '.join(able)}." if able else "Give speed = ... or master = ... instead.")
+    return able.get(name)
+
+
+def _master(given: ProgramDocument, convert: Converter, path: str, masters: Mapping[str, Law | None]) -> Law | None:
+    if given.master is None:
+        speed = math.nan if given.speed is None else convert.si(given.speed, "angular speed", f"{path}.program.speed")
+        return None if math.isnan(speed) else ConstantSpeed(start=0.0, speed=speed)
+    if given.master not in masters and not isinstance(given.master, Unknown):
+        convert.note(
+            f"{path}.program.master",
+            f"'{given.master}' is no driven revolute pair with a law of its own.",
+            f"Name one of {', '.join(masters)}." if masters else "Give speed = ... instead.",
+        )
+    return masters.get(given.master)  # None also where the master's own law is faulty

@@ -62,7 +62,7 @@ def test_scenes_read_as_they_were_written(name):
         ('point = "T"', 'point = "X"', ["joints.K.follower.point", "no point 'X'"]),
         ("over = 60 }, {", "over = 50 }, {", ["joints.K", "350°", "Add a dwell of 10°"]),
         ("to = 20", 'to = "20 deg"', ["joints.K.profile.lift[0].to"]),
-        ("to = 20", 'to = 20, law = "cycloid"', ["joints.K.profile.lift[0]", "cycloid"]),
+        ('law = "cycloidal"', 'law = "cycloid"', ["joints.K.profile.lift[0]", "cycloid"]),
         ('cam = ["cam", "follower"]', 'cam = ["cam", "follower"]\nradius = 5', ["radius does not go with a cam"]),
         ('cam = ["cam", "follower"]', 'cam = ["cam", "follower"]\nclosure = "spring"', ["joints.K.closure"]),
     ],

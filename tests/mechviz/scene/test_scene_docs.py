@@ -42,9 +42,9 @@ def test_fragments_of_the_page_are_valid(text):
         if "drive" in data:
             DriveDocument.model_validate(data["drive"])
             continue
-        pair = data.get("joints", {}).get("A", {})
-        if list(pair) == ["drive"]:
-            pair["revolute"] = ["frame", "crank"]
+        for pair in data.get("joints", {}).values():
+            if list(pair) == ["drive"]:
+                pair["revolute"] = ["frame", "crank"]
         SceneDocument.model_validate(data)
 
 

@@ -84,7 +84,7 @@ CASES = [
     (DRIVE, {"speed": 0, "range": [0, 1]}, "joints.A.drive.range", "a drive that stands still", "start = "),
     (f"{DRIVE}/speed", "1 Hz", "joints.A.drive.speed", "a frequency, an angular speed is wanted.", "rpm"),
     (f"{DRIVE}/speed", "20 mm/s", "joints.A.drive.speed", "is a linear speed, an angular speed is wanted.", "'60 rpm'"),
-    (f"{DRIVE}/start", [1, 2], "joints.A.drive.start", "only segments start with a velocity", "position alone"),
+    (f"{DRIVE}/start", [1, 2], "joints.A.drive.start", "only segments and programs start with a velocity", "position alone"),
     (f"{DRIVE}/start", "5 mm", "joints.A.drive.start", "'5 mm' is a length, an angle is wanted.", "'30 deg'"),
     (f"{DRIVE}/travel", -1, "joints.A.drive.travel", "-1 is negative.", "positive"),
     (f"{DRIVE}/range", [1], "joints.A.drive.range", "has 1 entry.", "at least 2"),

@@ -1,0 +1,334 @@
+"""Segments of motions: the laws that join their ends, wherever a law stands (cams, drives over time, programs over a master)."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Annotated, Any, ClassVar, Literal
+
+from pydantic import Discriminator, Field, GetCoreSchemaHandler, GetJsonSchemaHandler, Tag, model_validator
+from pydantic_core import CoreSchema
+
+from mechcore.errors import MechanismError
+from mechcore.laws.catalogue import FORMER_NAMES, rise
+from mechviz.scene.fields import (
+    Angle,
+    Coordinate,
+    Distance,
+    Duration,
+    Extent,
+    Flag,
+    Number,
+    Quantity,
+    Table,
+    Text,
+    one_of,
+    refuse,
+    value_or_list,
+)
+from mechviz.scene.units import DERIVATIVES, QUANTITY_PATTERN
+
+FREE = "free"
+
+
+@dataclass(frozen=True)
+class Derivatives(Quantity):
+    """Marks an entry of a state: a position or a derivative of it by time, angle or length; ``free``: or the text "free"."""
+
+    kinds: tuple[str, ...] = ("angle", "length", *DERIVATIVES)
+    free: bool = False
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
+        return super().__get_pydantic_core_schema__(source, handler)
+
+    def __get_pydantic_json_schema__(self, schema: CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
+        free = [{"const": FREE}] if self.free else []
+        words = "a position or a derivative of it: a number in the scene's units, or a text with its own unit"
+        anyway = [{"type": "number"}, {"type": "string", "pattern": QUANTITY_PATTERN}]
+        return {"anyOf": [*free, *anyway], "description": words + (', or "free"' if free else "")}
+
+    @property
+    def _words(self) -> str:
+        return "a position or a derivative of it"
+
+    def _check(self, value: Any) -> float | str:
+        return FREE if self.free and value == FREE else super()._check(value)
+
+
+Entry = Annotated[float | str, Derivatives(free=True)]
+Rate = Annotated[float | str, Derivatives()]
+Place = Annotated[float | str, Quantity(("angle", "length", "time"), "zero")]
+_MOST_ENTRIES = 4
+State = Annotated[
+    Annotated[Coordinate, Tag("<value>")]
+    | Annotated[Annotated[list[Entry], Field(min_length=1, max_length=_MOST_ENTRIES)], Tag("<list>")],
+    Discriminator(value_or_list),
+]
+"""A position, or [position, velocity, acceleration, jerk] by what the law goes over."""
+
+
+class HarmonicDocument(Table):
+    """One harmonic of a segment's range."""
+
+    order: Number = 1.0
+    """Waves in the range."""
+    sine: Rate = 0.0
+    """Amplitude of the sine."""
+    cosine: Rate = 0.0
+    """Amplitude of the cosine."""
+
+
+class CurveDocument(Table):
+    """A function over the range of a segment: points, or a mean value and harmonics."""
+
+    at: Annotated[list[Place], Field(min_length=2)] | None = None
+    """Distances from the start of the segment; the same one twice is a jump."""
+    values: Annotated[list[Rate], Field(min_length=2)] | None = None
+    """Values there, joined by straight lines."""
+    steps: Flag = False
+    """Each value holds up to the next place."""
+    mean: Rate | None = None
+    """Mean value, beside harmonics."""
+    harmonics: Annotated[list[HarmonicDocument], Field(min_length=1)] | None = None
+    """Sines and cosines over the range."""
+
+    @model_validator(mode="after")
+    def _one_form(self) -> CurveDocument:
+        found = one_of(self, ("at", "harmonics"), "the function")
+        if self.harmonics is None and self.mean is not None:
+            found.append(("mean", "a mean value without harmonics.", "Leave it out."))
+        for key in ("values", "steps"):
+            if self.at is None and key in self.model_fields_set and self.sound("at"):
+                found.append((key, f"{key} without the places.", "Give at = [...], or leave it out."))
+        if self.at is not None and self.sound("at", "values") and len(self.at) != len(self.values or ()):
+            found.append(("", f"{len(self.at)} places and {len(self.values or ())} values.", "Give one value for each place."))
+        refuse(found)
+        return self
+
+
+class PositionTable(Table):
+    """Measured positions over the range of a segment, joined by a quintic spline."""
+
+    at: Annotated[list[Place], Field(min_length=6)] | None = None
+    """Places, at least six; the range of the segment is theirs."""
+    values: Annotated[list[Coordinate], Field(min_length=6)] | None = None
+    """Positions there."""
+    file: Text | None = None
+    """Instead of both: a CSV table of two columns whose header states the units, as "angle [deg], lift [mm]". Path from the folder
+    of the scene file."""
+    tolerance: Annotated[float | str, Quantity(("angle", "length"), "zero")] = 0.0
+    """How far (root mean square) the spline may pass from the points."""
+    periodic: Flag = False
+    """The last row is the end of the cycle, which continues smoothly into the next."""
+
+    @model_validator(mode="after")
+    def _one_form(self) -> PositionTable:
+        found = one_of(self, ("at", "file"), "the table")
+        if self.at is not None and self.sound("at", "values") and len(self.at) != len(self.values or ()):
+            found.append(("", f"{len(self.at)} places and {len(self.values or ())} values.", "Give one value for each place."))
+        if self.file is not None and self.values is not None:
+            found.append(("values", "values beside a file.", "Keep one of them."))
+        refuse(found)
+        return self
+
+
+class PointDocument(Table):
+    """A point that a law passes through."""
+
+    at: Place
+    """Distance from the start of the segment."""
+    to: State
+    """Position there, or [position, velocity, acceleration, jerk]; what is left out is free."""
+
+
+Order = Literal["velocity", "acceleration", "jerk", "snap"]
+ORDERS: dict[Order, int] = {"velocity": 1, "acceleration": 2, "jerk": 3, "snap": 4}
+KINDS_OF_LAW = ("acceleration", "velocity", "position", "polynomial", "spline", "least")
+
+
+class LawDocument(Table):
+    """A law that is not in the catalogue: exactly one of acceleration, velocity, position, polynomial, spline or least."""
+
+    acceleration: CurveDocument | None = None
+    """Given acceleration, integrated twice. The positions at both ends decide the velocity at the start; without `to` the
+    segment ends where it starts."""
+    velocity: CurveDocument | None = None
+    """Given velocity, integrated once. It decides where the segment ends; with `to` its size follows from that."""
+    scaled: Flag = False
+    """Acceleration: only its shape is given. The segment starts with the velocity of the one before it, and the size follows from
+    `to`."""
+    position: PositionTable | None = None
+    """Measured positions."""
+    polynomial: Annotated[list[PointDocument], Field(min_length=1)] | None = None
+    """A polynomial through both ends and these points; its degree follows from the number of conditions."""
+    powers: list[Annotated[int, Field(strict=True, ge=0, le=60)]] | None = None
+    """Polynomial: the exponents, as many as conditions, instead of 0, 1, 2 ..."""
+    spline: Annotated[list[PointDocument], Field(min_length=1)] | None = None
+    """A B-spline through both ends and these points."""
+    degree: Annotated[int, Field(strict=True, ge=2, le=9)] = 5
+    """Spline: its degree."""
+    least: Order | None = None
+    """The law with the least peak of this derivative."""
+    limits: dict[Order, Number] = Field(default_factory=dict)
+    """Least: largest sizes of other derivatives, as the factors Cv, Ca, Cj that `mechviz laws` lists."""
+    smooth: Order | None = None
+    """Least: the derivative that is constant over each step; all below it are continuous. Default: that of least itself."""
+    steps: Annotated[int, Field(strict=True, ge=4, le=256)] = 64
+    """Least: number of equal steps."""
+
+    @model_validator(mode="after")
+    def _one_law(self) -> LawDocument:
+        found = one_of(self, KINDS_OF_LAW, "the law")
+        owners = {"scaled": "acceleration", "powers": "polynomial", "degree": "spline"} | dict.fromkeys(
+            ("limits", "smooth", "steps"), "least"
+        )
+        for key, owner in owners.items():
+            if key in self.model_fields_set and getattr(self, owner) is None and self.sound(owner):
+                found.append((key, f"{key} goes with {owner}.", "Leave it out."))
+        for key, factor in self.limits.items():
+            if factor <= 0.0:
+                found.append(("limits", f"{factor:g} is no limit of the {key}.", "Give a positive factor."))
+        refuse(found)
+        return self
+
+    @property
+    def kind(self) -> str:
+        """The key that says which law it is."""
+        return next((key for key in KINDS_OF_LAW if getattr(self, key) is not None), "")
+
+    @property
+    def needs_end(self) -> bool:
+        """Whether the segment has to say where it ends."""
+        return self.kind in ("polynomial", "spline", "least") or self.scaled
+
+    @property
+    def meets(self) -> bool:
+        """Whether it meets velocities and accelerations at the ends of its segment."""
+        return self.kind in ("polynomial", "spline", "least")
+
+
+def _law_form(value: Any) -> str:
+    return "<table>" if isinstance(value, dict | LawDocument) else "<value>"
+
+
+LawEntry = Annotated[Annotated[Text, Tag("<value>")] | Annotated[LawDocument, Tag("<table>")], Discriminator(_law_form)]
+
+
+class SegmentTable(Table):
+    """The end of a segment and the law that leads there."""
+
+    usual: ClassVar[str] = "cycloidal"
+
+    to: State | None = None
+    """Its end: a position, or [position, velocity, acceleration, jerk], of which "free" ones follow from what is beside; what is
+    left out is zero. Without it a dwell, or where the law ends."""
+    law: LawEntry | None = None
+    """Law of motion: one of those that `mechviz laws` lists, "polynomial" (of the degree that the ends ask for), or a table.
+    Default cycloidal, of a segment of time or with derivatives at its end polynomial."""
+    parameters: dict[Text, Number] = Field(default_factory=dict)
+    """Parameters of the law, such as { skew = 0.4 }."""
+    mirrored: Flag = False
+    """Run the law with acceleration and deceleration exchanged."""
+
+    @property
+    def named(self) -> str | None:
+        """The name of its law; None of a table."""
+        if self.law is None:
+            return "polynomial" if isinstance(self.to, list) else self.usual
+        return None if isinstance(self.law, LawDocument) else self.law
+
+    @property
+    def asks_too_much(self) -> bool:
+        """Whether its end has a velocity that its law, of a shape of its own, cannot meet."""
+        free = self.law.meets or self.law.unread if isinstance(self.law, LawDocument) else self.named == "polynomial"
+        return not free and isinstance(self.to, list) and any(v != FREE for v in self.to[1:])
+
+    @model_validator(mode="after")
+    def _known_law(self) -> SegmentTable:
+        found: list[tuple[str, str, str]] = []
+        name = self.named
+        shaped = name is not None and name != "polynomial"
+        if shaped and self.sound("law", "parameters"):
+            try:
+                rise(str(name), **self.parameters)
+            except MechanismError as error:
+                found += [("law" if f.path == "law" else "parameters", f.message, f.remedy) for f in error.faults]
+        if not shaped:
+            for key in ("parameters", "mirrored"):
+                if key in self.model_fields_set:
+                    found.append(
+                        (key, f"{key} does not go with this law.", "It goes with a law that `mechviz laws` lists: leave it out.")
+                    )
+        if isinstance(self.law, LawDocument):
+            if self.to is None and self.sound("to", "law") and not self.law.unread and self.law.needs_end:
+                found.append(("law", "a law that does not say where the segment ends.", "Add to = ..."))
+        elif self.to is None and self.sound("to") and "law" in self.model_fields_set:
+            found.append(("law", "a law for a dwell, which says no end.", "Add to = ..., or leave out the law."))
+        if self.asks_too_much:
+            why = "a law of its own shape cannot meet a velocity or an acceleration."
+            found.append(("to", why, 'Write "free" for them, or take law = "polynomial".'))
+        refuse(found)
+        return self
+
+
+class _Lasting(Table):
+    duration: Duration
+    """Time that the segment takes."""
+
+
+class TimeSegment(SegmentTable, _Lasting):
+    """A segment of a motion over time."""
+
+    usual: ClassVar[str] = "polynomial"
+
+
+Turn = Annotated[float | str, Quantity(("angle",), "above zero")]
+
+
+class _OverMaster(Table):
+    over: Turn | None = None
+    """Range of the master angle; left out beside `knots`."""
+
+
+class ProgramSegment(SegmentTable, _OverMaster):
+    """A rise, return or dwell over a range of the master angle."""
+
+
+class _OverCam(Table):
+    over: Distance
+    """Range of the cam's angle, of a wedge: length of it."""
+
+
+class LiftSegment(SegmentTable, _OverCam):
+    """A rise, return or dwell of the follower over a range of the cam."""
+
+    to: State | None = None
+    """Lift at its end above the base circle: a length, of an oscillating follower an angle; or [lift, velocity, acceleration,
+    jerk] by the cam's angle. Without it a dwell, or where the law ends."""
+
+
+class _OverPolarAngle(Table):
+    over: Angle
+    """Range of the polar angle in the cam's link."""
+
+
+class RadiusSegment(SegmentTable, _OverPolarAngle):
+    """Change of a profile's radius over a range of its polar angle."""
+
+    to: Extent | None = None
+    """Radius at its end. Without it an arc about the axis."""
+
+
+def former_laws(value: Any, path: str = "") -> Iterator[tuple[str, str, str]]:
+    """Laws of a document (or of a part of it) that are called by a former name: place, that name, the present one."""
+    if isinstance(value, SegmentTable) and isinstance(value.law, str) and value.law in FORMER_NAMES:
+        yield f"{path}.law", value.law, FORMER_NAMES[value.law]
+    elif isinstance(value, Table):
+        for key in type(value).model_fields:
+            yield from former_laws(getattr(value, key), f"{path}.{key}".lstrip("."))
+    elif isinstance(value, dict):
+        for key, item in value.items():
+            yield from former_laws(item, f"{path}.{key}")
+    elif isinstance(value, list):
+        for k, item in enumerate(value):
+            yield from former_laws(item, f"{path}[{k}]")
