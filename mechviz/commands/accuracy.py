@@ -33,6 +33,7 @@ def accuracy(
     output: Annotated[Path | None, typer.Option("--output", "-o", help="write the diagrams (.svg, .png or .pdf)")] = None,
     rrd: Annotated[Path | None, typer.Option("--rrd", help="write the diagrams as a rerun recording")] = None,
     dial: Annotated[str | None, typer.Option("--dial", help="one dial only, such as frames")] = None,
+    every: Annotated[bool, typer.Option("--all", help="every setting with its error and time, not the summary")] = False,
     again: Annotated[bool, typer.Option("--again", help="measure again, whatever was kept of an earlier run")] = False,
     quick: QuickOpt = False,
 ) -> None:
@@ -60,7 +61,8 @@ def accuracy(
         if not shown:
             fail(f"--dial: '{dial}' is no dial of this scene. Choose from {', '.join(dials_of(found.points))}.")
         title = f"{loaded.title}: what accuracy costs"
-        print("\n".join([title, *table_lines(shown, target), "", found.foot, *_answer(shown, target)]))
+        lines = table_lines(shown, target) if every or dial is not None else summary_lines(shown)
+        print("\n".join([title, *lines, "", found.foot, *_answer(shown, target)]))
         if before:
             print("\nkept from then; --again measures anew")
         with interruptible(*(["matplotlib.figure"] if output is not None else []), *(["rerun"] if rrd is not None else [])):
@@ -71,6 +73,23 @@ def accuracy(
             if rrd is not None:
                 write_rrd(shown, rrd, title, "\n".join(f"    {line}" for line in table_lines(shown, target)), target)
                 print(rrd)
+
+
+def summary_lines(points: Sequence[Point]) -> list[str]:
+    """By dial: the setting of the scene, the least error with its price, and the quickest setting; --all has the rest."""
+    lines = ["", f"  {'dial':<22} {'now':>26}   {'most exact':>36}   {'quickest':>36}"]
+
+    def words(p: Point | None, named: bool) -> str:
+        if p is None:
+            return "-"
+        return f"{f'{p.method} {p.value}: ' if named else ''}{p.error:.1e} in {1e3 * p.seconds:.3g} ms"
+
+    for dial in dict.fromkeys(p.dial for p in points):
+        own = [p for p in points if p.dial == dial]
+        now = next((p for p in own if p.current), None)
+        best, quick = min(own, key=lambda p: (p.error, p.seconds)), min(own, key=lambda p: p.seconds)
+        lines.append(f"  {dial:<22} {words(now, False):>26}   {words(best, True):>36}   {words(quick, True):>36}")
+    return [*lines, "", "every setting: --all; one dial: --dial NAME; the cheapest for an error: --target ERROR"]
 
 
 def table_lines(points: Sequence[Point], target: float | None) -> list[str]:

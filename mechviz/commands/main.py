@@ -9,18 +9,19 @@ import io
 import os
 import sys
 from importlib import import_module
+from textwrap import fill, shorten
 from typing import Annotated, Any
 
 import typer
 from typer.core import TyperGroup
 from typer.main import get_command
 
-from mechviz.commands.common import no_output, orderly
-from mechviz.scene.folder import gallery
+from mechviz.commands.common import fail, no_output, orderly
+from mechviz.scene.folder import TOPICS, gallery
 
 COMMANDS = {
     "main": {
-        "scenes": "List the gallery: one line a scene with what it teaches.",
+        "scenes": "List the gallery by topic, or the scenes in which words stand: one line a scene.",
     },
     "scene": {
         "show": "Print a scene's TOML text: a starting point for your own.",
@@ -62,6 +63,7 @@ COMMANDS = {
     },
 }
 """Commands by the module that holds the function of that name, in the order of the help: the first sentence of theirs."""
+LINE = 100  # characters
 TIMED = ("accuracy", "effects")
 """Commands whose times are of one thread, which numpy has to be told before it loads."""
 
@@ -86,13 +88,33 @@ def load_command(name: str) -> Any:
     return get_command(single)
 
 
-def scenes(names: Annotated[bool, typer.Option("--names", help="bare names only, one a line, for scripts")] = False) -> None:
-    """List the gallery: one line a scene with what it teaches."""
-    entries = gallery()
-    width = max(len(e.name) for e in entries)
+def scenes(
+    words: Annotated[list[str] | None, typer.Argument(metavar="[WORD]...", help="only scenes about all of these")] = None,
+    lessons: Annotated[bool, typer.Option("--lessons", help="what each scene teaches, in full")] = False,
+    names: Annotated[bool, typer.Option("--names", help="bare names only, one a line, for scripts")] = False,
+) -> None:
+    """List the gallery by topic, or the scenes in which words stand: one line a scene.
+
+    Words are looked for in names, titles, topics and lessons: mechviz scenes cam spring
+    """
+    found = [entry for entry in gallery() if entry.about(words or ())]
+    if not found:
+        fail(f"no scene of the gallery is about {' and '.join(words or ())}. Use fewer or other words, or none for all.")
     with orderly():
-        for e in entries:
-            print(e.name if names else f"{e.name:<{width}}  {e.teaches}")
+        if names:
+            print("\n".join(entry.name for entry in found))
+            return
+        width = max(len(entry.name) for entry in found)
+        for topic in TOPICS:
+            own = [entry for entry in found if entry.topic == topic]
+            if own:
+                print(topic)
+            for entry in own:
+                if lessons:
+                    print(f"  {entry.name}")
+                    print(fill(entry.teaches, LINE, initial_indent="      ", subsequent_indent="      "))
+                else:
+                    print(f"  {entry.name:<{width}}  {shorten(entry.title, LINE - width - 4, placeholder=' …')}")
 
 
 def _listed() -> None:

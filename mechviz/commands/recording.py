@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from shlex import quote
 from typing import Annotated
 
 import typer
@@ -26,6 +27,7 @@ def record(
     cycles: CyclesOpt = None,
     accuracy: AccuracyOpt = None,
     reachable: ReachableOpt = False,
+    cost: Annotated[bool, typer.Option("--cost", help="also what was computed, and what each stage cost")] = False,
     live: Annotated[
         int | None,
         typer.Option(
@@ -37,7 +39,7 @@ def record(
         ),
     ] = None,
 ) -> None:
-    """Solve a scene and write a rerun recording (.rrd). Open it with: rerun FILE."""
+    """Solve a scene and write a rerun recording (.rrd). Open it with: mechviz view FILE, or rerun FILE."""
     with clear_errors(scene):
         loaded = load_scene(scene, reachable=reachable)
         path = output
@@ -54,6 +56,11 @@ def record(
             with progress_bar("recording") as bar:
                 summary = write_recording(run, path, progress=bar, begin=bar.stage)
         say(str(summary))
+        if cost:
+            say(summary.costs())
+        if loaded.teaches:
+            say(f"look at: {loaded.teaches}")
+        say(f"open it: mechviz view {quote(str(path))}, or rerun {quote(str(path))}; numbers: mechviz inspect {quote(str(path))}")
         print(path)
 
 

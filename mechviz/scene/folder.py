@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import errno
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 from mechviz.files import OutputError, check_target, read_regular, replacing
 
@@ -89,22 +90,56 @@ def copy_files(files: Mapping[str, bytes], folder: Path) -> list[Path]:
     return list(missing)
 
 
+TOPICS = (
+    "Linkages and their motion",
+    "Gears, belts and rolling",
+    "Cams",
+    "Forces that a motion needs",
+    "Reduction and balancing",
+    "Dry friction",
+    "Motion under forces",
+)
+"""Topics of the gallery in the order of a course."""
+
 GALLERY_FOLDER = Path(__file__).resolve().parent.parent / "gallery"
 
 
 @dataclass(frozen=True)
 class GalleryEntry:
-    """One scene of the gallery."""
+    """One scene of the gallery; its topic is one of `TOPICS`."""
 
     name: str
     title: str
     teaches: str
+    topic: str
     path: Path
+
+    def about(self, words: Iterable[str]) -> bool:
+        """Whether every word, small or capital, stands in its name, title, lesson or topic."""
+        text = f"{self.name} {self.title} {self.teaches} {self.topic}".casefold()
+        return all(word.casefold() in text for word in words)
 
 
 def gallery_names() -> list[str]:
     """Names of all scenes of the gallery, in order, without reading them."""
     return sorted(path.stem for path in GALLERY_FOLDER.glob("*.toml"))
+
+
+def _topic(data: Mapping[str, Any]) -> str:
+    """The topic of a scene's data: the latest in the course of those that it has something of."""
+    keys = {key for joint in data.get("joints", {}).values() for key in joint}
+    linkages, gears, cams, forces, reduction, friction, motion = TOPICS
+    if "free" in keys:
+        return motion
+    if "cam" in keys:
+        return cams
+    if "friction" in keys or "friction" in data:
+        return friction
+    if data.keys() & {"systems", "substitutes", "reduced", "shaking"} or (not data["joints"] and "effects" in data):
+        return reduction
+    if keys & {"gear", "belt", "rack", "rolling"}:
+        return gears
+    return forces if data.get("loads") or data.get("effects") else linkages
 
 
 @cache
@@ -113,7 +148,7 @@ def _entries() -> tuple[GalleryEntry, ...]:
     for name in gallery_names():
         path = GALLERY_FOLDER / f"{name}.toml"
         data = tomllib.loads(path.read_text(encoding="utf-8"))
-        entries.append(GalleryEntry(name, data["title"], data["teaches"], path))
+        entries.append(GalleryEntry(name, data["title"], data["teaches"], _topic(data), path))
     return tuple(entries)
 
 

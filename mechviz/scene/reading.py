@@ -9,7 +9,7 @@ from typing import Any
 
 from mechcore.errors import Fault
 from mechviz.files import read_regular
-from mechviz.scene.faults import SceneError, closest, did_you_mean
+from mechviz.scene.faults import SceneError, closest, did_you_mean, nearest
 from mechviz.scene.folder import GALLERY_FOLDER, gallery_names
 
 LARGEST_FILE = 8_000_000
@@ -49,14 +49,15 @@ def find_scene(source: str | Path) -> Path:
             else "Check the path; gallery scenes are named without '.toml'."
         )
         raise SceneError(text, Fault("file", "there is no such file.", remedy))
-    near = closest(text, names)
-    listed = f"Gallery: {', '.join(names)}."
+    near = [f"'{name}'" for name in nearest(text, names, 3)]
+    listed = "The gallery is listed by: mechviz scenes"
+    meant = f"Did you mean {' or '.join(filter(None, (', '.join(near[:-1]), *near[-1:])))}? " if near else ""
     raise SceneError(
         text,
         Fault(
             "scene",
             f"neither a gallery scene nor a file is called {text!r}.",
-            f"Did you mean '{near}'? {listed}" if near else listed,
+            meant + listed,
         ),
     )
 

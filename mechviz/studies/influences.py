@@ -166,7 +166,7 @@ def influence_lines(base: Answer, found: list[Influence], accuracy: float) -> li
     """The table and the suggestion in words."""
     width = max(len(i.name) for i in found) if found else 6
     head = (
-        f"{'':<{width}}  {'kind':<6} {'in the scene':<12} {'peak effort':>11} {'peak reaction':>13} {'any frame':>10} {'time':>8}"
+        f"{'':<{width}}  {'kind':<6} {'in the scene':<12} {'peak effort':>11} {'peak reaction':>13} {'any frame':>10} {'time':>16}"
     )
     simulated = not np.isnan(base.fluctuation)
     lines = [head + (f" {'fluctuation':>12}" if simulated else "")]
@@ -181,7 +181,8 @@ def influence_lines(base: Answer, found: list[Influence], accuracy: float) -> li
         if i.problem:
             lines.append(row + i.problem)
             continue
-        row += f"{percent(i.effort):>11} {percent(i.reaction):>13} {percent(i.curve):>10} {percent(i.cost, 2):>8}"
+        time = f"{percent(i.cost, 2)} ± {percent(i.spread, 2).removesuffix(' %')} %" if abs(i.cost) > i.spread else "in the noise"
+        row += f"{percent(i.effort):>11} {percent(i.reaction):>13} {percent(i.curve):>10} {time:>16}"
         lines.append(row + (f" {percent(i.fluctuation):>12}" if simulated else ""))
     lines += ["", f"worth having at an accuracy of {accuracy:g} (nothing is changed by itself):"]
     for i in sorted((i for i in found if not i.problem), key=lambda i: -np.nan_to_num(i.curve)):

@@ -9,6 +9,7 @@ import numpy as np
 
 from mechcore.motion.events import Event, runs
 from mechviz.outputs.rerun.contract import Model
+from mechviz.outputs.rerun.paths import parts_of
 from mechviz.outputs.rerun.reader import Recording, Rows
 from mechviz.quantities.events import line_of
 from mechviz.quantities.items import ERROR_COLUMNS
@@ -26,6 +27,8 @@ Spans = tuple[tuple[float, float], ...]
 
 MOMENTS = ("torque", "drag torque", "viscous torque", "torsion spring", "torsion damper")
 """Kinds of loads that are moments, even where they are zero."""
+
+STUDIES = ("systems", "reduced", "shaking", "substitutes")
 
 NOISE = 1e-9  # of the largest value of the same unit
 
@@ -72,6 +75,8 @@ class Inspection:
     effects: tuple[str, ...]
     skipped: tuple[str, ...]
     peaks: tuple[Peak, ...]
+    motion: tuple[Peak, ...]  # of speeds and accelerations
+    studies: tuple[Peak, ...]  # of what the scene asks for beside motion and forces
     losses: tuple[tuple[str, float], ...]  # mean power that friction takes in each joint [W]
     losses_over: Spans  # start and end of the spans of time with forces, over which the losses are averaged [s]
     health: tuple[Peak, ...]
@@ -103,6 +108,8 @@ def inspect(path: Path | str) -> Inspection:
         effects=said.effects,
         skipped=said.skipped,
         peaks=tuple(_peaks(recording, model)),
+        motion=tuple(_motion(recording, model)),
+        studies=tuple(_studies(recording)),
         losses=tuple((joint, loss) for joint, loss, _ in losses),
         losses_over=losses[0][2] if losses else (),
         health=tuple(_health(recording)),
@@ -133,6 +140,36 @@ def _peaks(recording: Recording, model: Model) -> list[Peak]:
             moment = _peak(recording, ("data", "loads", load), f"load {load}", "N m", [2], signed=True)
             is_moment = about.kind in MOMENTS or (moment is not None and moment.value != 0.0)
             found.append(moment if is_moment and force is not None and force.value == 0.0 else force)
+    return [p for p in found if p is not None]
+
+
+def _motion(recording: Recording, model: Model) -> list[Peak]:
+    """Largest speeds and accelerations of traced points and centres of mass, then of the links that turn."""
+    found = []
+    points = dict.fromkeys(parts[2] for parts in map(parts_of, recording.entities) if parts[:2] == ("data", "points"))
+    for what, unit in (("velocity", "m/s"), ("acceleration", "m/s²")):
+        found += [_peak(recording, ("data", "points", name, what), f"{what} {name}", unit, [0, 1]) for name in points]
+    for what, unit in (("velocity", "rad/s"), ("acceleration", "rad/s²")):
+        for link in model.links:
+            found.append(_peak(recording, ("data", "links", link, what), f"angular {what} {link}", unit, [2], signed=True))
+    return [p for p in found if p is not None and p.value != 0.0]
+
+
+def _studies(recording: Recording) -> list[Peak]:
+    """Largest values of the results of studies, column by column; places are left out."""
+    found = []
+    for path in recording.entities:
+        parts = parts_of(path)
+        names = recording.static(path, component="SeriesLines:names")
+        if names is None or parts[0] != "data" or parts[1] not in STUDIES or not recording.has(path):
+            continue
+        for k, header in enumerate(map(str, names)):
+            of, _, name = header.removesuffix("]").rpartition(".")
+            name, _, unit = name.partition(" [")
+            if name == "Fx":
+                found.append(_peak(recording, parts, f"force {of}", unit, [k, k + 1]))
+            elif name != "Fy" and name.split()[-1] not in ("x", "y"):
+                found.append(_peak(recording, parts, f"{name} {of}", unit, [k], signed=True))
     return [p for p in found if p is not None]
 
 
@@ -238,6 +275,10 @@ def format_inspection(found: Inspection) -> str:
     lines = [found.title, *(f"  {name:<{width}}  {text}" for name, text in rows)]
     if found.peaks:
         lines += ["", "Peaks", *_peak_lines(_without_noise(found.peaks))]
+    if found.motion:
+        lines += ["", "Peaks of the motion", *_peak_lines(_without_noise(found.motion))]
+    if found.studies:
+        lines += ["", "Peaks of the studies", *_peak_lines(_without_noise(found.studies))]
     if found.losses:
         lines += ["", *_loss_lines(found)]
     if found.health:
@@ -257,9 +298,9 @@ def _without_noise(peaks: tuple[Peak, ...]) -> tuple[Peak, ...]:
 
 
 def _peak_lines(peaks: tuple[Peak, ...]) -> list[str]:
-    width = max(len(p.item) for p in peaks)
+    width, units = max(len(p.item) for p in peaks), max(4, *(len(p.unit) for p in peaks))
     return [
-        f"  {p.item:<{width}}  {p.value:>12.5g} {p.unit:<4}"
+        f"  {p.item:<{width}}  {p.value:>12.5g} {p.unit:<{units}}"
         + (f"  at {p.time:.6g} s" + (f", drive {p.drive}" if p.drive else "") if p.value else "  throughout")
         for p in peaks
     ]

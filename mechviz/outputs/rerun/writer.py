@@ -49,7 +49,7 @@ MOST_WARNINGS = 6  # in the summary
 
 @dataclass(frozen=True)
 class RecordingSummary:
-    """What was computed, left out and written, and what each stage cost. As text: a few lines for people."""
+    """What was computed, left out and written, and what each stage cost. As text: what a person should know of the result."""
 
     path: Path
     recording_id: str
@@ -69,20 +69,21 @@ class RecordingSummary:
         return sum(s.seconds for s in self.stages)
 
     def __str__(self) -> str:
-        size = f"{self.bytes / 1e6:.2f} MB, {self.bytes / max(self.frames, 1) / 1e3:.2f} kB a frame"
-        lines = [
-            f"{self.frames} frames, {self.entities} entities, {size}, {self.seconds:.2f} s",
-            f"computed: {', '.join(self.computed)}",
-            f"left out: {', '.join(self.skipped) or 'nothing'}",
-            "cost: " + ", ".join(f"{s.name} {1e3 * s.seconds:.1f} ms" for s in self.stages),
-        ]
-        lines += self.errors
+        lines = [f"{self.frames} frames, {self.entities} entities, {self.bytes / 1e6:.2f} MB, {self.seconds:.2f} s", *self.errors]
         lines += [f"the solids of {a} and {b} pass through each other in every order of layers" for a, b in self.clashes]
         warnings = [e for e in self.events if e.level == "WARN"]
         lines += [f"warning: {line_of(e)}" for e in warnings[:MOST_WARNINGS]]
         if len(warnings) > MOST_WARNINGS:
             lines.append(f"and {len(warnings) - MOST_WARNINGS} warnings more: see mechviz inspect {self.path}")
         return "\n".join(lines)
+
+    def costs(self) -> str:
+        """What was computed, what was left out, and what each stage cost, the dearest first."""
+        dearest = sorted(self.stages, key=lambda s: -s.seconds)
+        width = max(len(s.name) for s in dearest)
+        lines = [f"computed: {', '.join(self.computed)}", f"left out: {', '.join(self.skipped) or 'nothing'}"]
+        lines += [f"{self.bytes / max(self.frames, 1) / 1e3:.2f} kB a frame"]
+        return "\n".join([*lines, *(f"  {s.name:<{width}} {1e3 * s.seconds:9.1f} ms" for s in dearest)])
 
 
 def write_recording(

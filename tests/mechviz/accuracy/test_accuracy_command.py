@@ -130,13 +130,13 @@ def test_the_command_prints_draws_and_keeps(tmp_path, monkeypatch):
     calls = []
     monkeypatch.setattr("mechviz.commands.accuracy.ladder", lambda *a, **k: calls.append(1) or list(POINTS))
     svg, png, rrd = (tmp_path / f"d.{kind}" for kind in ("svg", "png", "rrd"))
-    first = CliRunner().invoke(app, ["accuracy", "crank-rocker", "--target", "1e-3", "-o", str(svg), "--rrd", str(rrd)])
+    first = CliRunner().invoke(app, ["accuracy", "crank-rocker", "--all", "--target", "1e-3", "-o", str(svg), "--rrd", str(rrd)])
     assert first.exit_code == 0, first.output
     assert "* <- now cheapest for the target" in first.stdout and "cheapest settings that reach 0.001" in first.stdout
     assert "measured 20" in first.stdout and "cores" in first.stdout
     root = ET.fromstring(svg.read_text(encoding="utf-8"))
     assert len(root.findall(".//{*}g/{*}title")) == len(POINTS) and rrd.stat().st_size > 1000
-    again = CliRunner().invoke(app, ["accuracy", "crank-rocker", "--target", "1e-3", "-o", str(png)])
+    again = CliRunner().invoke(app, ["accuracy", "crank-rocker", "--all", "--target", "1e-3", "-o", str(png)])
     assert again.exit_code == 0 and len(calls) == 1, "kept"
     from PIL import Image
 

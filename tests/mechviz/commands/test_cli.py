@@ -13,14 +13,16 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from typer.testing import CliRunner
 
 from mechcore.motion.reach import reachable_ranges
 from mechcore.motion.solve import compile_mechanism
+from mechviz.commands.main import app
 from mechviz.outputs.rerun.inspection import format_inspection, inspect
 from mechviz.outputs.rerun.reader import Recording
 from mechviz.outputs.rerun.writer import write_recording
 from mechviz.runs import run_scene
-from mechviz.scene.folder import gallery_names
+from mechviz.scene.folder import TOPICS, gallery, gallery_names
 from mechviz.scene.scene import Scene, load, loads
 from mechviz.studies.report import check_lines
 
@@ -219,3 +221,44 @@ def test_a_folder_named_like_the_package_does_not_hide_it(tmp_path: Path):
     code = "import mechcore, mechviz; print(len(mechviz.gallery()), mechcore.__file__)"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, cwd=tmp_path, timeout=60)
     assert done.returncode == 0 and int(done.stdout.split()[0]) > 50, done.stderr
+
+
+# --- what commands say first ------------------------------------------------------------------------------------------
+
+
+def test_the_gallery_is_listed_by_topic_in_short_lines_and_searched_by_words():
+    runner = CliRunner()
+    lines = runner.invoke(app, ["scenes"]).stdout.splitlines()
+    assert [line for line in lines if not line.startswith(" ")] == list(TOPICS)
+    assert len(lines) == len(gallery()) + len(TOPICS) and max(map(len, lines)) <= 100
+    found = runner.invoke(app, ["scenes", "Slider", "friction", "--names"]).stdout.split()
+    assert "slider-crank-friction" in found and len(found) < 10
+    none = runner.invoke(app, ["scenes", "zeppelin"])
+    assert none.exit_code == 2 and "no scene of the gallery is about zeppelin" in none.stderr
+
+
+def test_an_unknown_scene_is_answered_by_the_nearest_three():
+    said = CliRunner().invoke(app, ["check", "crank-roker"])
+    assert said.exit_code == 2 and "Did you mean 'crank-rocker', '" in said.stderr and len(said.stderr) < 300
+
+
+def test_record_says_where_the_file_is_what_to_look_at_and_costs_when_asked(tmp_path: Path):
+    path = tmp_path / "my engine.rrd"
+    said = CliRunner().invoke(app, ["record", "slider-crank-engine", "-n", "40", "-o", str(path)])
+    assert said.stdout == f"{path}\n" and f"mechviz view '{path}'" in said.stderr
+    assert load("slider-crank-engine").teaches in said.stderr and "compile" not in said.stderr
+    costs = CliRunner().invoke(app, ["record", "slider-crank-engine", "-n", "40", "-o", str(path), "--cost"]).stderr
+    assert re.search(r"compile +\S+ ms", costs) and "left out: effect gravity" in costs
+
+
+def test_inspect_tells_peaks_of_the_motion_and_of_studies(tmp_path: Path):
+    run = run_scene(load("shaking-engine"), frames=60)
+    write_recording(run, tmp_path / "a.rrd")
+    found = inspect(tmp_path / "a.rrd")
+    motion = {peak.item: peak.value for peak in found.motion}
+    rate = np.abs(run.motion.velocity("rod")[:, 2]).max()
+    assert abs(motion["angular velocity rod"]) == pytest.approx(rate, rel=1e-12)
+    studies = {peak.item: peak.value for peak in found.studies}
+    assert studies["force shaking"] == pytest.approx(np.hypot(*run.studies.shaking.force.T).max(), rel=1e-12)
+    assert studies["force shaking balanced"] < 0.5 * studies["force shaking"]
+    assert "Peaks of the motion" in format_inspection(found) and "Peaks of the studies" in format_inspection(found)

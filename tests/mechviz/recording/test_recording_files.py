@@ -44,7 +44,7 @@ def test_a_recording_takes_the_place_of_the_old_one(tmp_path):
     assert seen[-1] == (241, 241)
     assert summary.bytes == path.stat().st_size and summary.frames == 241
     assert [p.name for p in tmp_path.iterdir()] == ["a.rrd"]
-    assert "left out: effect inertia" in str(summary) and "kB a frame" in str(summary)
+    assert "left out: effect inertia" in summary.costs() and "kB a frame" in summary.costs()
 
 
 def test_recording_ids_differ_unless_given(tmp_path):
