@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mechcore.kinematics import blocks as bl
+from mechcore.kinematics.columns import matrix_of
 from mechcore.numerics.interpolation import between
 from mechviz.quantities.items import joints_of, links_of
 
@@ -161,7 +161,7 @@ def _passages(rows: NDArray[np.intp], part: Any) -> Iterator[Passage]:
         if cols.pair is not None:
             determinant: Any = 1.0 / cols.inverse
         else:
-            matrix, _ = bl.matrix_of(cols)
+            matrix, _ = matrix_of(cols)
             if matrix.shape[-1] != matrix.shape[-2]:
                 continue
             determinant = np.linalg.det(matrix)

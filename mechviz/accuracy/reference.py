@@ -19,7 +19,8 @@ from numpy.typing import NDArray
 from mechcore.dynamics.equations.chart import Chart
 from mechcore.errors import MechanismError
 from mechcore.forces.kinetostatics import solve_forces
-from mechcore.kinematics import blocks as bl
+from mechcore.kinematics.columns import rates
+from mechcore.kinematics.state import value
 from mechcore.motion.motion import Motion
 from mechcore.motion.solve import compile_mechanism, default_times, solve_motion
 from mechviz.accuracy.estimate import poses_apart
@@ -43,7 +44,7 @@ def extended(motion: Motion) -> Motion | None:
         return None
     drives = [np.asarray(d[0], LONG) for d in motion.drives]
     deltas: list[Any] = [np.ones((), np.clongdouble)] * len(model.angles.spin_group)
-    for spin, terms in model.driven_spins:
+    for spin, terms in model.program.driven_spins:
         total: Any = np.ones((), np.clongdouble)
         for d, sign in terms:
             total = total * (np.cos(drives[d]) + 1j * sign * np.sin(drives[d]))
@@ -55,7 +56,7 @@ def extended(motion: Motion) -> Motion | None:
             e = np.asarray(motion.state.rot[spins[0]], np.clongdouble) * np.conj(deltas[spins[0]])
             groups[g] = e / np.abs(e)
     state.slide = {j: np.asarray(s, LONG) for j, s in state.slide.items()}
-    for j, d in model.driven_slides:
+    for j, d in model.program.driven_slides:
         state.slide[j] = drives[d]
 
     def turn() -> None:
@@ -70,8 +71,8 @@ def extended(motion: Motion) -> Motion | None:
         for block, cols in zip(model.blocks, columns, strict=True):
             if block.kind == "check":
                 continue
-            drift = [np.asarray(bl.vectors(model, c, state).total(), complex) for c in block.contours]
-            steps = bl.rates(block, cols, drift)
+            drift = [np.asarray(value(model.loops[c], state.rot, state.slide), complex) for c in block.contours]
+            steps = rates(block, cols, drift)
             for i, g in enumerate(block.angles):
                 step = np.asarray(steps[i], LONG)
                 groups[g] = groups[g] * (np.cos(step) + 1j * np.sin(step))

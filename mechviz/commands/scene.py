@@ -33,7 +33,8 @@ def schema() -> None:
 def check(
     scene: SceneArg,
     equations: Annotated[
-        bool, typer.Option("--equations", help="also the contour equations, velocities and accelerations")
+        bool,
+        typer.Option("--equations", help="also the order of solution, and the contour equations of velocities and accelerations"),
     ] = False,
     modes: Annotated[bool, typer.Option("--modes", help="also all assembly modes of every group at the start")] = False,
     reachable: ReachableOpt = False,

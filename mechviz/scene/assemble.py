@@ -8,7 +8,6 @@ from dataclasses import dataclass, replace
 from mechcore.dynamics.events import with_slot_ends
 from mechcore.errors import Fault
 from mechcore.laws.timed import Free, Law, moves
-from mechcore.motion.slots import has_ends
 from mechcore.reduction.bodies import Body
 from mechcore.spec.clearance import with_clearances
 from mechcore.spec.mechanism import Drive, Link, Mechanism, Planar, coordinates_of, friction_of
@@ -177,7 +176,7 @@ def assemble(
         return assemble(reading, name, folder, drawn_bodies(mechanism, document))
     if clearances:
         mechanism = with_clearances(mechanism, clearances)
-    if simulation is not None and has_ends(mechanism):
+    if simulation is not None and mechanism.ends:
         simulation = replace(simulation, stops=with_slot_ends(mechanism, simulation.stops))
     return Assembly(mechanism, simulation, convert.kinds), []
 

@@ -14,6 +14,7 @@ from mechcore.forces.crossings import belt_events, belt_grip
 from mechcore.forces.friction.events import friction_events
 from mechcore.forces.kinetostatics import Forces, solve_forces
 from mechcore.forces.load_events import idle_table, load_events
+from mechcore.forces.order import solution_order
 from mechcore.laws.timed import ConstantSpeed, Free
 from mechcore.motion.compiled import Compiled
 from mechcore.motion.equations import contour_equations
@@ -125,7 +126,7 @@ def check_lines(scene: Scene, *, equations: bool = False, modes: bool = False) -
     if modes:
         lines += _all_modes(compiled, scene.units)
     if equations:
-        lines += ["", *contour_equations(motion)]
+        lines += ["", *solution_order(motion.model), "", *contour_equations(motion)]
     return lines
 
 

@@ -13,10 +13,11 @@ from mechcore.arrays import Real
 from mechcore.branches.modes import KEYS, TWO_MODES, WORDS, orientation, other_modes, stated_modes, stated_sign
 from mechcore.branches.sketch import sketched_angle, sketched_slide
 from mechcore.errors import Fault, MechanismError
-from mechcore.kinematics import blocks as bl
-from mechcore.kinematics.blocks import State
-from mechcore.kinematics.model import Block, Model
-from mechcore.kinematics.positions import initial_state
+from mechcore.kinematics.margins import gap, span
+from mechcore.kinematics.model import Model
+from mechcore.kinematics.positions import place
+from mechcore.kinematics.program import Block
+from mechcore.kinematics.state import State, initial_state, real_angle, relation_sum
 from mechcore.texts import Text, as_angle, as_length
 
 _MOST_CHOICES = 2  # groups whose modes are told in all combinations
@@ -45,28 +46,28 @@ def assemble(model: Model, drives: Sequence[float], *, others: bool = True) -> A
         mode = 0.0
         with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
             if block.kind in TWO_MODES:
-                miss = float(bl.gap(model, block, state))
+                miss = float(gap(model, block, state))
                 if miss > 1e-14 * model.size:
                     faults.append(_apart(model, block, miss, _fitting_mode(model, drives) if others else ""))
                     break
-                if block.kind != "theta_slide" and bl.span(model, block, state) <= 1e-14 * model.size:
+                if block.kind != "theta_slide" and span(model, block, state) <= 1e-14 * model.size:
                     faults.append(_unspanned(block))
                     break
                 mode, fault = _mode(model, block, state, stated.get(block.name, ()))
                 faults += fault
-                bl.place(model, block, state, mode)
+                place(model, block, state, mode)
             elif block.relations and block.kind != "general":
                 faults += _fix_relation(model, block, state, constants)
-                bl.place(model, block, state, 0.0)
+                place(model, block, state, 0.0)
             elif block.kind == "general":
                 x, fault = _start_of_general(model, block, state)
                 faults += fault
                 if x is None:
                     break
                 starts[block.name] = x
-                bl.place(model, block, state, 0.0, x)
+                place(model, block, state, 0.0, x)
             else:
-                bl.place(model, block, state, 0.0)
+                place(model, block, state, 0.0)
                 if not np.isfinite([complex(state.slide[j]) for j in block.slides]).all():
                     remedy = "Turn one of them, or add a drive that says where."
                     faults.append(
@@ -77,7 +78,7 @@ def assemble(model: Model, drives: Sequence[float], *, others: bool = True) -> A
     faults += _idle_modes(model, stated)
     if faults:
         raise MechanismError(faults)
-    starts |= {f"angle {g}": np.asarray(bl.real_angle(model, state, g)) for g in model.multi_turn}
+    starts |= {f"angle {g}": np.asarray(real_angle(model, state, g)) for g in model.multi_turn}
     return Assembly(modes=tuple(modes), starts=starts, constants=tuple(constants), state=state)
 
 
@@ -168,7 +169,7 @@ def _solution(model: Model, block: Block, state: State, mode: float) -> dict[tup
     """A block's unknowns (rotations and displacements) in one mode, without changing ``state``."""
     trial = state.copy()
     with np.errstate(invalid="ignore", divide="ignore"):
-        bl.place(model, block, trial, mode)
+        place(model, block, trial, mode)
     out: dict[tuple[str, int], complex | float] = {
         ("angle", g): complex(trial.rot[s] / state.delta[s]) for g in block.angles for s in [model.angles.spins_of[g][0]]
     }
@@ -195,7 +196,7 @@ def _place_of(model: Model, block: Block, state: State, mode: float) -> str:
     """Where the block's pair is in one mode, for a message."""
     trial = state.copy()
     with np.errstate(invalid="ignore", divide="ignore"):
-        bl.place(model, block, trial, mode)
+        place(model, block, trial, mode)
     j = model.joint_index[block.name]
     joint = model.joints[j]
     side = 1 if joint.slide is not None and joint.guide == 0 else 0
@@ -229,7 +230,7 @@ def _fix_relation(model: Model, block: Block, state: State, constants: list[floa
     if given is not None:
         constants[r] = given
         return []
-    known, unknown = bl.relation_sum(model, r, state, block)
+    known, unknown = relation_sum(model, r, state, block)
     total = float(known)
     faults: list[Fault] = []
     for (what, i), c in unknown.items():
@@ -326,7 +327,7 @@ def _fix_relations_of_group(
         if given is not None:
             state.constants[r] = given  # type: ignore[index]  # a list while the mechanism is put together
             continue
-        known, unknown = bl.relation_sum(model, r, state, block)
+        known, unknown = relation_sum(model, r, state, block)
         if any(start[u] is None for u in unknown):
             faults.append(
                 Fault(
@@ -366,7 +367,7 @@ def group_modes(model: Model, block: Block, state: State, *, starts: int = 400, 
         x[0] = [0.0 if v is None else v for v in near]
     trial = state.copy()
     with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
-        bl.place(model, block, trial, 0.0, x)
+        place(model, block, trial, 0.0, x)
     found = trial.newton[block.name].x
     found = found[np.isfinite(found).all(axis=-1)]
     if not block.relations:
@@ -398,7 +399,7 @@ def all_modes(model: Model, assembly: Assembly, drives: Sequence[float]) -> list
                     n = len(block.angles)
                     same = np.abs(np.exp(1j * x[:n]) - np.exp(1j * start[:n])).max(initial=0.0) < 1e-6
                     found.append((Text(_describe(model, block, x)), bool(same)))
-            bl.place(model, block, state, mode, assembly.starts.get(block.name))
+            place(model, block, state, mode, assembly.starts.get(block.name))
             if found:
                 out.append((block.name, found))
     return out

@@ -18,10 +18,11 @@ from mechcore.arrays import Real
 from mechcore.branches.assembly import Assembly
 from mechcore.branches.limits import find_limit
 from mechcore.errors import Fault, MechanismError
-from mechcore.kinematics import blocks as bl
+from mechcore.kinematics.columns import all_columns, all_vectors, matrix_of
 from mechcore.kinematics.model import Model
 from mechcore.kinematics.positions import place_all
 from mechcore.kinematics.rates import velocities
+from mechcore.kinematics.state import real_angle
 
 Drives = Callable[[float], tuple[list[float], list[float]]]  # parameter -> drive positions and their derivatives by it
 
@@ -231,15 +232,15 @@ def _at(model: Model, assembly: Assembly, drives: Drives, p: float, starts: dict
     for result in state.newton.values():
         if not np.isfinite(result.x).all() or float(result.first) > LARGEST_CORRECTION:
             return None
-    contours = {c: bl.vectors(model, c, state) for c in range(len(model.contours))}
+    vectors = all_vectors(model, state)
     with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
-        cols = [bl.columns(model, b, contours) for b in model.blocks]
-        rates = velocities(model, contours, cols, [np.float64(v) for v in speed], bends=state.bends)
+        cols = all_columns(model, vectors)
+        rates = velocities(model, vectors, cols, [np.float64(v) for v in speed], bends=state.bends)
     x, slope, det, singular = {}, {}, {}, {}
     for block, c in zip(model.blocks, cols, strict=True):
         if block.kind != "general":
             continue
-        matrix, _ = bl.matrix_of(c)
+        matrix, _ = matrix_of(c)
         matrix[..., : len(block.angles)] /= model.size
         x[block.name] = state.newton[block.name].x
         spins = [model.angles.spins_of[g][0] for g in block.angles]
@@ -255,7 +256,7 @@ def _at(model: Model, assembly: Assembly, drives: Drives, p: float, starts: dict
             return None  # the sign of its determinant says nothing
     for g in model.multi_turn:
         name = f"angle {g}"
-        x[name], slope[name] = np.asarray(bl.real_angle(model, state, g)), np.asarray(rates.group[g])
+        x[name], slope[name] = np.asarray(real_angle(model, state, g)), np.asarray(rates.group[g])
         if not np.isfinite(x[name]) or not np.isfinite(slope[name]) or abs(float(x[name] - starts[name])) > 0.5:
             return None
     return p, x, slope, det, singular

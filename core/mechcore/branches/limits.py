@@ -14,9 +14,10 @@ import numpy as np
 
 from mechcore.arrays import Real
 from mechcore.branches.assembly import Assembly
-from mechcore.kinematics import blocks as bl
-from mechcore.kinematics.model import Block, Model
-from mechcore.kinematics.positions import initial_state
+from mechcore.kinematics.model import Model
+from mechcore.kinematics.positions import equations, place
+from mechcore.kinematics.program import Block
+from mechcore.kinematics.state import State, initial_state
 
 Drives = Callable[[float], tuple[list[float], list[float]]]
 NEAR = 1e-5  # of the walk's range: what is farther away than this from its last row is not what it came to a stand at
@@ -42,13 +43,13 @@ def find_limit(model: Model, assembly: Assembly, drives: Drives, row: Any, span:
     return min(ahead, key=lambda q: direction * q, default=p)
 
 
-def _placed_before(model: Model, assembly: Assembly, drives: Drives, row: Any, p: float, block: Block | None) -> bl.State:
+def _placed_before(model: Model, assembly: Assembly, drives: Drives, row: Any, p: float, block: Block | None) -> State:
     """Positions of the groups before one that is looked at (None: of all with a closed form before the first followed one)."""
     state = initial_state(model, [np.float64(q) for q in drives(p)[0]], assembly.constants, row[1])
     for b, mode in zip(model.blocks, assembly.modes, strict=True):
         if b is block or (block is None and b.kind == "general"):
             break
-        bl.place(model, b, state, mode, row[1].get(b.name))
+        place(model, b, state, mode, row[1].get(b.name))
     return state
 
 
@@ -76,7 +77,7 @@ def _fold(model: Model, assembly: Assembly, drives: Drives, block: Block, row: A
 
     def left(x: Real, p: float) -> tuple[Real, Real]:
         state = _placed_before(model, assembly, drives, row, p, block)
-        r, jacobian = bl.equations(model, block, state)(x)
+        r, jacobian = equations(model, block, state)(x)
         return r, jacobian
 
     _, jacobian = left(start, p0)

@@ -8,9 +8,10 @@ from dataclasses import replace
 import numpy as np
 
 from mechcore.errors import Fault
-from mechcore.kinematics import blocks as bl
-from mechcore.kinematics.blocks import State
-from mechcore.kinematics.model import Block, Model
+from mechcore.kinematics.model import Model
+from mechcore.kinematics.positions import place
+from mechcore.kinematics.program import Block
+from mechcore.kinematics.state import State
 from mechcore.spec.mechanism import Mechanism
 
 TWO_MODES = ("theta_theta", "theta_slide", "arm_slide")
@@ -118,7 +119,7 @@ def _open_mode(model: Model, block: Block, state: State) -> float | None:
     def crossing(mode: float) -> bool:
         trial = state.copy()
         with np.errstate(invalid="ignore", divide="ignore"):
-            bl.place(model, block, trial, mode)
+            place(model, block, trial, mode)
 
         def at(j: int, link: int) -> complex:  # from the hinge, along links whose rotation is known
             joint = model.joints[j]

@@ -17,11 +17,12 @@ import numpy as np
 
 from mechcore.arrays import Flags, Real
 from mechcore.branches.modes import TWO_MODES
-from mechcore.kinematics import blocks as bl
-from mechcore.kinematics.blocks import State
-from mechcore.kinematics.model import Block, Model
+from mechcore.kinematics.margins import dead_point_margin
+from mechcore.kinematics.model import Model
 from mechcore.kinematics.patching import FAR, TAIL, smooth
-from mechcore.kinematics.positions import initial_state
+from mechcore.kinematics.positions import apply, place
+from mechcore.kinematics.program import Block
+from mechcore.kinematics.state import State, initial_state
 from mechcore.laws.timed import ConstantSpeed, Law, moves
 
 SAMPLES = 720  # of a cycle, at least, and of a turn of the fastest drive
@@ -214,7 +215,7 @@ def _sampled(
                 ]
                 if own:
                     sign = Changes(period, tuple(own), laws).signs(i, time)
-            bl.place(model, block, state, mode * sign)
+            place(model, block, state, mode * sign)
             for c in own:  # what hangs on this block must not see its ill-conditioned positions
                 c, fine = _smoothed(model, block, state, time, c, period, step, finer, blurred)
                 found.append(c)
@@ -239,7 +240,7 @@ def _smoothed(
             break
         width //= 2
     for patch in patches:
-        bl.apply(model, block, state, patch)
+        apply(model, block, state, patch)
         blurred[patch.frames] = True
     return c, best < TAIL
 
@@ -268,7 +269,7 @@ def flat_instants(
     sharp = False
     step = float(time[1] - time[0])
     flat, miss = max(FLAT, rounding), max(MISS, rounding)
-    for height in bl.dead_point_margin(model, block, state):
+    for height in dead_point_margin(model, block, state):
         h = np.broadcast_to(height, time.shape)
         gaps += _below(time, h, max(BLUR, rounding))
         inner = h[1:-1]

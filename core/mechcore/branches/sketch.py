@@ -8,8 +8,8 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from mechcore.branches.modes import TWO_MODES, stated_modes
-from mechcore.kinematics.blocks import State
 from mechcore.kinematics.model import Model
+from mechcore.kinematics.state import State
 from mechcore.laws.timed import Piecewise
 from mechcore.spec.mechanism import Cylinder, Drive, Mechanism, coordinates_of
 

@@ -18,10 +18,13 @@ from mechcore.branches.assembly import Assembly
 from mechcore.branches.continuation import REGULAR, Drives, Track, follow
 from mechcore.branches.modes import TWO_MODES
 from mechcore.branches.singular_points import Change, Changes, flat_instants, needs_span, rounding_of
-from mechcore.kinematics import blocks as bl
-from mechcore.kinematics.model import Block, Model
+from mechcore.kinematics.columns import all_vectors, columns, matrix_of
+from mechcore.kinematics.margins import dead_point_margin
+from mechcore.kinematics.model import Model
 from mechcore.kinematics.patching import FAR, NODES, TAIL, make_patches, tail_of, unknowns_of
 from mechcore.kinematics.positions import place_all
+from mechcore.kinematics.program import Block
+from mechcore.kinematics.state import real_angle, value, wrapped_angle
 from mechcore.laws.timed import ConstantSpeed, Law
 
 TURN = 2.0 * np.pi
@@ -132,7 +135,7 @@ def _flat_at_ends(course: Course) -> bool:
         model, _positions(course.laws, (), p), course.assembly.modes, course.track.starts(p), constants=course.assembly.constants
     )
     two = (b for b in model.blocks if b.kind in TWO_MODES)
-    return any(float(np.min(np.broadcast_to(h, 2))) < STUCK for b in two for h in bl.dead_point_margin(model, b, state))
+    return any(float(np.min(np.broadcast_to(h, 2))) < STUCK for b in two for h in dead_point_margin(model, b, state))
 
 
 def _reaches_dead_points(course: Course) -> bool:
@@ -146,7 +149,7 @@ def _reaches_dead_points(course: Course) -> bool:
     patches = make_patches(model, course.changes, assembly.modes, time, (1.0, 0.0), assembly.constants, course.starts)
     positions = _positions(course.laws, (), time)
     state = place_all(model, positions, assembly.modes, course.starts(time), patches, assembly.constants)
-    sums = (bl.vectors(model, c, state).total() for c in range(len(model.contours)))
+    sums = (value(loop, state.rot, state.slide) for loop in model.loops)
     return all(np.abs(left).max() <= CLOSED * model.size for left in sums)
 
 
@@ -251,17 +254,17 @@ def _flat_start(model: Model, assembly: Assembly, drives: Drives, start: float, 
     """Which way the stated modes lead on from a start at, or all but at, a flat position of groups with a closed form: 1, or -1
     where that position lies just ahead; 0 where none is near."""
 
-    def dead_point_margin(p: float) -> Real:
+    def margins(p: float) -> Real:
         positions = [np.float64(q) for q in drives(p)[0]]
         state = place_all(model, positions, assembly.modes, assembly.starts, constants=assembly.constants)
-        found = [np.min([float(h) for h in bl.dead_point_margin(model, b, state)]) for b in model.blocks if b.kind in TWO_MODES]
+        found = [np.min([float(h) for h in dead_point_margin(model, b, state)]) for b in model.blocks if b.kind in TWO_MODES]
         return np.array(found)
 
-    here = dead_point_margin(start)
+    here = margins(start)
     if not (here < FLAT).any() or _singular(model, assembly, drives, start):
         return 0.0
     off = 1e-3 * step
-    before, after = dead_point_margin(start - off)[here < FLAT], dead_point_margin(start + off)[here < FLAT]
+    before, after = margins(start - off)[here < FLAT], margins(start + off)[here < FLAT]
     grows = after - before
     return -1.0 if (grows < -AHEAD * (abs(after) + abs(before))).any() else 1.0
 
@@ -271,8 +274,7 @@ def _singular(model: Model, assembly: Assembly, drives: Drives, p: float) -> boo
     state = place_all(model, [np.float64(q) for q in drives(p)[0]], assembly.modes, assembly.starts, constants=assembly.constants)
     found = []
     for block in (b for b in model.blocks if b.kind == "general"):
-        contours = {c: bl.vectors(model, c, state) for c in block.contours}
-        matrix, _ = bl.matrix_of(bl.columns(model, block, contours))
+        matrix, _ = matrix_of(columns(model, block, all_vectors(model, state)))
         s = np.linalg.svd(np.nan_to_num(matrix), compute_uv=False)
         found.append(bool(s[-1] < REGULAR * s[0]))
     return any(found)
@@ -283,7 +285,7 @@ def _beside(model: Model, assembly: Assembly, drives: Drives, p: float) -> Assem
     positions = [np.float64(q) for q in drives(p)[0]]
     state = place_all(model, positions, assembly.modes, assembly.starts, constants=assembly.constants)
     starts = {name: np.asarray(found.x) for name, found in state.newton.items()}
-    starts |= {f"angle {g}": np.asarray(bl.real_angle(model, state, g)) for g in model.multi_turn}
+    starts |= {f"angle {g}": np.asarray(real_angle(model, state, g)) for g in model.multi_turn}
     return replace(assembly, starts=starts, state=state)
 
 
@@ -295,7 +297,7 @@ def _followed(model: Model, assembly: Assembly, flat: set[int]) -> tuple[Model, 
         block = blocks[i]
         blocks[i] = replace(block, kind="general")
         known = [(g, starts.get(f"angle {g}")) for g in block.angles]
-        at = [float(bl.wrapped_angle(model, assembly.state, g) if x is None else x) for g, x in known]
+        at = [float(wrapped_angle(model, assembly.state, g) if x is None else x) for g, x in known]
         starts[block.name] = np.array([*at, *(float(assembly.state.slide[j]) for j in block.slides)])
     return replace(model, blocks=tuple(blocks)), replace(assembly, starts=starts)
 
@@ -317,7 +319,7 @@ def _flat_on(
         with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
             instants, missing, _ = flat_instants(model, model.blocks[i], state, p, rough, rounding_of(model))
             ends = [
-                min(float(np.broadcast_to(h, p.shape)[k]) for h in bl.dead_point_margin(model, model.blocks[i], state))
+                min(float(np.broadcast_to(h, p.shape)[k]) for h in dead_point_margin(model, model.blocks[i], state))
                 for k in (0, -1)
             ]
         if any(flips for _, flips in instants) or (track.singular and min(ends) < STUCK):
@@ -363,8 +365,7 @@ def _change(course: Course, p: float, name: str, rest: Sequence[float], sample: 
 
 
 def _determinant(model: Model, block: Block, state: Any) -> Real:
-    contours = {c: bl.vectors(model, c, state) for c in block.contours}
-    matrix, _ = bl.matrix_of(bl.columns(model, block, contours))
+    matrix, _ = matrix_of(columns(model, block, all_vectors(model, state)))
     matrix[..., : len(block.angles)] /= model.size
     return np.linalg.det(matrix)
 

@@ -14,10 +14,9 @@ from numpy.typing import NDArray
 
 from mechcore.arrays import Flags, Index, Real
 from mechcore.branches.assembly import Assembly
-from mechcore.kinematics import blocks as bl
-from mechcore.kinematics.blocks import State, wrapped_angle
 from mechcore.kinematics.model import Model
 from mechcore.kinematics.positions import place_all
+from mechcore.kinematics.state import State, real_angle, wrapped_angle
 from mechcore.laws.timed import Law, Table, moves
 from mechcore.numerics.frames import lazy
 from mechcore.spec.mechanism import Mechanism
@@ -94,7 +93,7 @@ def _reached(model: Model, assembly: Assembly, first: Real, starts: Starts, driv
         q = first + k / count * (drives - first)
         state = place_all(model, list(q.T), assembly.modes, starts, constants=assembly.constants)
         found = {name: newton.x for name, newton in state.newton.items()}
-        starts = found | {f"angle {g}": np.broadcast_to(bl.real_angle(model, state, g), len(q)) for g in model.multi_turn}
+        starts = found | {f"angle {g}": np.broadcast_to(real_angle(model, state, g), len(q)) for g in model.multi_turn}
     return starts
 
 

@@ -13,7 +13,6 @@ from numpy.polynomial import chebyshev
 from mechcore.arrays import Real
 from mechcore.dynamics.integration.collocation import Window
 from mechcore.motion.motion import Motion
-from mechcore.motion.slots import ends_of
 from mechcore.spec.mechanism import Mechanism
 from mechcore.texts import Text
 
@@ -44,7 +43,7 @@ class Stop:
 def with_slot_ends(mechanism: Mechanism, stops: Sequence[Stop]) -> tuple[Stop, ...]:
     """Stops of a mechanism with the ends of its slots, guides and cylinders, but for those that a stated stop comes before."""
     found = list(stops)
-    for name, (low, high) in ends_of(mechanism).items():
+    for name, (low, high) in mechanism.ends.items():
         own = [s for s in stops if s.pair == name]
         if not any(s.side == "lower" and s.at >= low for s in own):
             found.append(Stop(name=f"{name} lower end", pair=name, at=low, side="lower"))

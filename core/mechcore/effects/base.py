@@ -10,6 +10,7 @@ import numpy as np
 
 from mechcore.branches.unwrapped import LinkAngles
 from mechcore.kinematics.model import Model
+from mechcore.kinematics.program import VectorSum
 from mechcore.kinematics.rates import Rates
 from mechcore.laws.timed import Law
 from mechcore.numerics.frames import added, crossed, nothing
@@ -42,13 +43,46 @@ class Wrench:
 
 
 class PointLoad(NamedTuple):
-    """A load on a link at a point fixed in it: a constant force, the inertia force of a mass there, -J alpha."""
+    """A load on a link at a point fixed in it: a constant force, the inertia force -m a of a mass there, -J alpha."""
 
+    name: str
+    kind: str
     link: int
     point: Array  # in link axes [m]; in a sweep it may vary, (designs, 1)
     force: complex = 0j  # in the world [N]
     mass: float = 0.0  # [kg]
     inertia: float = 0.0  # J [kg m^2]
+
+    def together(self, other: PointLoad) -> PointLoad:
+        """Both in one, where they act at one point."""
+        force, mass, inertia = self.force + other.force, self.mass + other.mass, self.inertia + other.inertia
+        return self._replace(force=force, mass=mass, inertia=inertia)
+
+
+class KnownLoad(NamedTuple):
+    """A `PointLoad` as a step of a program: the link, its spin, the point in the axes of that, and
+    -mass times its place as a sum; None where that is too long or there is no mass."""
+
+    load: PointLoad
+    link: int
+    spin: int
+    arm: Array
+    opposed: VectorSum | None
+
+    def acting(self, at: Any) -> tuple[Array, Array]:
+        """Force [N] and free moment [N m] at a `Configuration`, at a `Motion` where inertia is in it."""
+        _, _, link, point, force, mass, inertia = self.load
+        if mass:
+            resisting = -mass * at.of_point(link, point, 2) if self.opposed is None else at.summed(self.opposed, 2)
+            force = added(resisting, force)
+        return force, -inertia * at.accelerations.spin[self.spin] if inertia else 0.0
+
+
+def known_load(model: Model, load: PointLoad) -> KnownLoad:
+    """A load at a point as a step."""
+    place = model.point_sum(load.link, load.point) if load.mass else None
+    opposed = None if place is None else place.scaled(-load.mass)
+    return KnownLoad(load, load.link, model.angles.spin[load.link], load.point * model.turn[load.link], opposed)
 
 
 def point_of(at: Configuration, wrench: Wrench) -> Array:
@@ -164,10 +198,17 @@ class Effect:
 
     def wrenches(self, at: Any) -> list[Wrench]:
         """The wrenches on the links at a `Configuration` (a `Motion` where it needs accelerations)."""
-        raise TypeError(f"{type(self).__name__} does not say which wrenches it adds")
+        loads = self.point_loads(at.model)
+        if loads is None:
+            raise TypeError(f"{type(self).__name__} does not say which wrenches it adds")
+        acting = [known_load(at.model, a).acting(at) for a in loads]
+        return [
+            Wrench(a.name, a.kind, a.link, force, moment, at.offset(a.link, a.point), self.cause)
+            for a, (force, moment) in zip(loads, acting, strict=True)
+        ]
 
     def point_loads(self, model: Model) -> Sequence[PointLoad] | None:
-        """The same as the wrenches, where that can be told beforehand, once per model; else None."""
+        """What the wrenches are, where that can be told beforehand, once per model; else None."""
         return None
 
     @property

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from mechcore.arrays import Real
-from mechcore.effects.base import Configuration, Effect, PointLoad, Wrench
+from mechcore.effects.base import Configuration, Effect, PointLoad
 from mechcore.kinematics.model import Model
 
 
@@ -24,22 +24,10 @@ class Gravity(Effect):
 
     cause = "gravity"
 
-    def wrenches(self, at: Configuration) -> list[Wrench]:
-        return [
-            Wrench(
-                name=f"gravity/{at.model.links[k]}",
-                kind="gravity",
-                cause=self.cause,
-                link=k,
-                force=weight,
-                moment=0.0,
-                arm=at.offset(k, centre),
-            )
-            for k, weight, centre in at.model.once(weights)
-        ]
-
     def point_loads(self, model: Model) -> list[PointLoad]:
-        return [PointLoad(k, centre, force=weight) for k, weight, centre in model.once(weights)]
+        return [
+            PointLoad(f"gravity/{model.links[k]}", "gravity", k, centre, force=weight) for k, weight, centre in model.once(weights)
+        ]
 
     def potential(self, at: Configuration) -> Real | float:
         return sum((-np.real(np.conj(w) * at.of_point(k, centre)) for k, w, centre in at.model.once(weights)), 0.0)

@@ -58,7 +58,7 @@ class AppliedForce(Varied):
         if load.factor is not None or load.axes == "link" or load.against is not None:
             return None
         k = model.index[load.link]
-        return [PointLoad(k, model.points[k][load.point], force=complex(*load.vector))]
+        return [PointLoad(load.name, "force", k, model.points[k][load.point], force=complex(*load.vector))]
 
 
 class AppliedTorque(Varied):

@@ -9,11 +9,9 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
-import numpy as np
-
 from mechcore.effects.actuator import ConstantThrust
 from mechcore.effects.along_line import LineDamper, LineGasSpring, LineSpring
-from mechcore.effects.base import Configuration, Effect, PointLoad, Wrench, sum_up
+from mechcore.effects.base import Configuration, Effect, KnownLoad, PointLoad, Wrench, known_load, sum_up
 from mechcore.effects.belts import BeltPull
 from mechcore.effects.bushing import BushingDampers, BushingSprings
 from mechcore.effects.drag import MediumDrag
@@ -28,8 +26,7 @@ from mechcore.effects.servo import PositionServo
 from mechcore.effects.torsion import AngleDamper, AngleSpring
 from mechcore.effects.viscous import ViscousFriction
 from mechcore.kinematics.model import Model
-from mechcore.kinematics.terms import Terms, scaled
-from mechcore.numerics.frames import crossed, nothing, plus
+from mechcore.numerics.frames import added, crossed, nothing
 from mechcore.spec.loads import (
     Actuator,
     BeltTension,
@@ -96,44 +93,22 @@ def applied_effects(model: Model) -> tuple[Effect, ...]:
     return tuple(effect for effect in effects_of(model.mechanism) if "reactions" not in effect.needs)
 
 
-class KnownLoad(NamedTuple):
-    """All `PointLoad`s at one point of a link. ``opposed``: -mass times its place as a sum, None where that is too long."""
-
-    link: int
-    point: Any
-    arm: Any  # the point in the axes of its spin; None: the link's origin, about which forces have no moment
-    force: complex
-    mass: float
-    inertia: float
-    spin: int
-    opposed: Terms | None
-
-
 class KnownLoads(NamedTuple):
-    """What effects put on links at points that are known beforehand. ``accelerated``: whether inertia is among it."""
+    """What effects put on links at points that are known beforehand, all at one point in one."""
 
     loads: tuple[KnownLoad, ...]
-    accelerated: bool
     others: tuple[Effect, ...]  # applied effects that have to be evaluated
 
 
 def known_loads(model: Model) -> KnownLoads:
-    """The loads of a model that are known beforehand, all at one point in one sum; ask for them by `Model.once`."""
+    """The loads of a model that are known beforehand; ask for them by `Model.once`."""
     stated = [(effect, effect.point_loads(model)) for effect in model.once(applied_effects)]
     sums: dict[tuple[int, Any], PointLoad] = {}
-    for a in (a for _, own in stated for a in own or ()):
+    for a in (a for _, own in stated for a in own or () if a.link):
         key = a.link, a.point if isinstance(a.point, complex) else id(a.point)
-        b = sums.get(key, PointLoad(a.link, a.point))
-        sums[key] = PointLoad(a.link, a.point, a.force + b.force, a.mass + b.mass, a.inertia + b.inertia)
-    known = []
-    for (k, _), (_, point, force, mass, inertia) in sums.items():
-        if k:
-            opposed = scaled(model.terms(k, point), -mass) if mass else None
-            still = isinstance(point, complex) and point == 0
-            arm = None if still else point * model.turn[k]
-            known.append(KnownLoad(k, point, arm, force, mass, inertia, model.angles.spin[k], opposed))
-    accelerated = any(c.mass or c.inertia for c in known)
-    return KnownLoads(tuple(known), accelerated, tuple(effect for effect, own in stated if own is None))
+        sums[key] = sums[key].together(a) if key in sums else a
+    loads = tuple(known_load(model, a) for a in sums.values())
+    return KnownLoads(loads, tuple(effect for effect, own in stated if own is None))
 
 
 def wrenches(at: Any) -> list[Wrench]:
@@ -142,34 +117,20 @@ def wrenches(at: Any) -> list[Wrench]:
 
 
 def totals(at: Any) -> tuple[list[Any], list[Any], Callable[[], list[Wrench]]]:
-    """Force on every link and moment about its origin, None for nothing, as `sum_up` of the `wrenches`, and a function for these.
+    """Force on every link and moment about its origin, as `sum_up` of the `wrenches`, and a function for these.
 
     Wrenches that the sums did without (of inertia and constant forces) are formed if that function is called.
     """
-    model = at.model
-    known, _, others = model.once(known_loads)
-    evaluated = {effect: effect.wrenches(at) for effect in others}
-    force: list[Any] = [None] * len(model.links)
-    moment: list[Any] = [None] * len(model.links)
-    rot = at.state.rot
-    for k, point, arm, f, mass, inertia, spin, opposed in known:
-        if mass:
-            inert = at.summed(opposed, 2) if opposed is not None else -mass * at.of_point(k, point, 2)
-            f = inert + f if f else inert
-        if isinstance(f, np.ndarray) or f:
-            force[k] = f if force[k] is None else force[k] + f
-            if arm is not None:
-                moment[k] = plus(moment[k], crossed(arm * rot[spin], f))
-        if inertia:
-            alpha = at.accelerations.spin[spin]
-            if isinstance(alpha, np.ndarray) or alpha:
-                moment[k] = plus(moment[k], -inertia * alpha)
-    if others:
-        forces_and_moments = sum_up([w for own in evaluated.values() for w in own], len(model.links))
-        for total, found in zip((force, moment), forces_and_moments, strict=True):
-            for k, a in enumerate(found):
-                if not nothing(a):
-                    total[k] = plus(total[k], a)
+    model, rot = at.model, at.state.rot
+    known = model.once(known_loads)
+    evaluated = {effect: effect.wrenches(at) for effect in known.others}
+    force, moment = sum_up([w for own in evaluated.values() for w in own], len(model.links))
+    for load in known.loads:
+        k = load.link
+        f, couple = load.acting(at)
+        force[k], moment[k] = added(force[k], f), added(moment[k], couple)
+        if not (nothing(load.arm) or nothing(f)):
+            moment[k] = added(moment[k], crossed(load.arm * rot[load.spin], f))
 
     def formed() -> list[Wrench]:
         return [

@@ -14,13 +14,13 @@ import numpy as np
 
 from mechcore.arrays import Real
 from mechcore.effects.base import Wrench, point_of, power_of, sum_up
-from mechcore.effects.registry import applied_effects, known_loads, potential, totals, wrenches
+from mechcore.effects.registry import applied_effects, potential, totals, wrenches
 from mechcore.forces import equilibrium
 from mechcore.forces.friction.result import FrictionResult
 from mechcore.forces.friction.solve import solve_friction
 from mechcore.kinematics.dyads import cross
-from mechcore.motion.motion import CALM, Motion
-from mechcore.numerics.frames import added, integral_so_far, lazy, rows_of
+from mechcore.motion.motion import Motion
+from mechcore.numerics.frames import QUIET, added, integral_so_far, lazy, rows_of
 from mechcore.spec.mechanism import braked
 
 Array = Any
@@ -285,8 +285,6 @@ def solve_forces(motion: Motion) -> Forces:
     if "friction" in model.mechanism.effects and braked(model.mechanism.pairs):
         applied = wrenches(motion)
         return Forces(motion, applied, *solve_friction(motion, applied, *sum_up(applied, len(model.links))))
-    with np.errstate(**CALM):  # one for all, as each costs as much as two sums
-        if model.once(known_loads).accelerated:
-            motion.accelerate()
+    with np.errstate(**QUIET):
         force, moment, formed = totals(motion)
         return Forces(motion, formed, *equilibrium.joint_forces(motion, force, moment)[:2])

@@ -15,11 +15,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.polynomial import chebyshev
 
-from mechcore.kinematics import blocks as bl
-from mechcore.kinematics.blocks import Patch, State
-from mechcore.kinematics.model import Block, Model
-from mechcore.kinematics.positions import initial_state
+from mechcore.kinematics.columns import all_columns, all_vectors
+from mechcore.kinematics.model import Model
+from mechcore.kinematics.positions import apply, place
+from mechcore.kinematics.program import Block
 from mechcore.kinematics.rates import accelerations, velocities
+from mechcore.kinematics.state import Patch, State, initial_state, wrapped_angle
+from mechcore.numerics.frames import QUIET
 
 if TYPE_CHECKING:
     from mechcore.branches.singular_points import Change, Changes
@@ -31,13 +33,12 @@ FAR = 22
 NODES = np.concatenate([np.arange(-FAR, -7), np.arange(8, FAR + 1)]) / FAR  # where the branch is solved for that, over FAR steps
 DEGREE = 11  # of the polynomial fitted to them: more nodes than coefficients, because their rounding errors average out
 FIT = np.linalg.pinv(chebyshev.chebvander(NODES, DEGREE))
-QUIET: Any = {"invalid": "ignore", "divide": "ignore", "over": "ignore"}  # a branch that ends among the nodes is NaN, no warning
 TAIL = 1e-12  # last terms of that polynomial: below, what it leaves out is rounding
 
 
 def unknowns_of(model: Model, block: Block, state: State, at: Array) -> Array:
     """A block's positions (n, unknowns) at the places ``at``: angles without jumps [rad], then slides [m]."""
-    rows = [np.unwrap(bl.wrapped_angle(model, state, g)[at]) for g in block.angles]
+    rows = [np.unwrap(wrapped_angle(model, state, g)[at]) for g in block.angles]
     return np.array([*rows, *(state.slide[j][at] for j in block.slides)]).T
 
 
@@ -118,14 +119,14 @@ def make_patches(
         throughs.setdefault(c.block, []).append(_Through(c, own, beside, away))
     with np.errstate(**QUIET):
         for i, (block, mode) in enumerate(zip(model.blocks, modes, strict=True)):
-            bl.place(model, block, state, mode * changes.signs(i, nodes), near.get(block.name))
+            place(model, block, state, mode * changes.signs(i, nodes), near.get(block.name))
             for through in throughs.get(i, ()):
                 given = through.fit(unknowns_of(model, block, state, through.own))
-                bl.apply(model, block, state, Patch(through.near, given, given, given))
-        contours = {c: bl.vectors(model, c, state) for c in range(len(model.contours))}
-        cols = [bl.columns(model, b, contours) for b in model.blocks]
-        speeds = velocities(model, contours, cols, [v[1] for v in values], throughs, state.bends)
-        accelerations(model, contours, cols, speeds, [v[2] for v in values], throughs)
+                apply(model, block, state, Patch(through.near, given, given, given))
+        vectors = all_vectors(model, state)
+        cols = all_columns(model, vectors)
+        speeds = velocities(model, vectors, cols, [v[1] for v in values], throughs, state.bends)
+        accelerations(model, vectors, cols, speeds, [v[2] for v in values], throughs)
     patches: dict[int, list[Patch]] = {}
     for c in asked:
         (through,) = (x for x in throughs[c.block] if x.change is c)

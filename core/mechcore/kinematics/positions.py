@@ -1,46 +1,26 @@
-"""Positions of all blocks in order, for any number of drive positions at once."""
+"""Positions of all blocks in order, for any number of drive positions at once.
+
+A dyad has a closed form; any other block is solved by Newton's method on all its loops and relations together.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
 from mechcore.accuracy import DEFAULT
-from mechcore.kinematics.blocks import Patch, State, apply, place
+from mechcore.arrays import Index, Real
+from mechcore.kinematics import dyads
 from mechcore.kinematics.model import Model
-from mechcore.numerics.frames import rotation_of
+from mechcore.kinematics.program import Block
+from mechcore.kinematics.state import Newton, Patch, State, initial_state, relation_sum, value
+from mechcore.numerics.frames import QUIET, nothing
+from mechcore.numerics.newton import newton
 
-Array = Any
-
-
-def initial_state(
-    model: Model,
-    drives: Sequence[Array],
-    constants: Sequence[float] = (),
-    near: Mapping[str, Array] | None = None,
-    tolerance: float = DEFAULT.position,
-) -> State:
-    """State with everything that the drives' positions alone decide: spins of the frame's group, driven slides.
-
-    ``constants`` of the relations; ``near``: rough angles "angle <group>" that decide the turn where relations need it.
-    """
-    factor: dict[tuple[int, int], Array] = {}
-    delta: list[Array] = [1 + 0j] * len(model.angles.spin_group)
-    for spin, terms in model.driven_spins:
-        total: Array = None
-        for term in terms:
-            if term not in factor:
-                d, sign = term
-                factor[term] = rotation_of(drives[d] if sign == 1 else sign * drives[d])
-            total = factor[term] if total is None else total * factor[term]
-        delta[spin] = total
-    rot: list[Array] = [None] * len(delta)
-    for spin in model.angles.spins_of[0]:
-        rot[spin] = delta[spin]
-    slide = {j: drives[d] for j, d in model.driven_slides}
-    return State(drives=drives, delta=delta, rot=rot, slide=slide, constants=constants, near=near or {}, tolerance=tolerance)
+Array = Any  # over frames, or one number for all
+DETERMINED = 1e-3  # singular values below this part of the largest leave a direction to the interpolation
 
 
 def place_all(
@@ -55,10 +35,165 @@ def place_all(
     """Positions for drive positions (...) each, with an assembly mode per block, Newton starts by block name, and frames at which
     a block's positions are given. ``tolerance``: residual at which Newton's method stops, in sizes of the mechanism."""
     state = initial_state(model, drives, constants, starts, tolerance)
-    with np.errstate(invalid="ignore", divide="ignore", over="ignore"):  # NaN, "out of reach", is an answer here
+    with np.errstate(**QUIET):  # NaN, "out of reach", is an answer here
         for i, (block, mode) in enumerate(zip(model.blocks, modes, strict=True)):
             place(model, block, state, mode, None if starts is None else starts.get(block.name))
             if patches:
                 for patch in patches.get(i, ()):
                     apply(model, block, state, patch, onto=True)
     return state
+
+
+def place(model: Model, block: Block, state: State, mode: Array, start: Real | None = None) -> None:
+    """Solve a block's positions into ``state``. ``start``: unknowns (..., n) to start Newton from (general blocks only)."""
+    if block.kind == "general":
+        _place_general(model, block, state, start)
+    elif block.kind == "relation":
+        _place_relation(model, block, state)
+    elif block.kind != "check":
+        _place_loop(model, block, state, mode)
+
+
+def _place_loop(model: Model, block: Block, state: State, mode: Array) -> None:
+    """A block of one loop by its closed form."""
+    target, arms, guides = loop_vectors(model, block, state)
+    solved: Sequence[Array]  # rotations of its angles, then displacements
+    if block.kind == "theta_theta":
+        solved = dyads.theta_theta(arms[0], arms[1], target, mode)
+    elif block.kind == "theta_slide":
+        solved = dyads.theta_slide(arms[0], guides[0], target, mode)
+    elif block.kind == "arm_slide":
+        solved = dyads.arm_slide(arms[0], guides[0], target, mode)
+    elif block.kind == "slide_slide":
+        solved = dyads.slide_slide(guides[0], guides[1], target)
+    elif block.kind == "angle":
+        e = target / arms[0]
+        solved = (e / abs(e),)
+    else:  # slide
+        solved = ((target * guides[0].conjugate()).real,)
+    for (what, i), x in zip(block.unknowns, solved, strict=True):
+        if what == "angle":
+            _turn(model, state, i, x)
+        else:
+            state.slide[i] = x
+
+
+def loop_vectors(model: Model, block: Block, state: State, number: int = 0) -> tuple[Array, list[Array], list[Array]]:
+    """What the unknown vectors of a block's loop have to add up to; its vectors along each unknown angle, in axes that turn with
+    it; the directions of its unknown slides, in such axes where an unknown angle turns them, else in the world's."""
+    loop = model.program.loops[block.contours[number]]
+    rot, delta, slide = state.rot, state.delta, state.slide
+    arms = [value(arm, delta, slide) if arm.arms or arm.slides else arm.still for arm in loop.arms]
+    guides = [d * (rot if carrier < 0 else delta)[spin] for _, carrier, spin, d in loop.slides]
+    return value(loop.target, rot, slide), arms, guides
+
+
+def _place_relation(model: Model, block: Block, state: State) -> None:
+    r = block.relations[0]
+    known, unknown = relation_sum(model, r, state, block)
+    ((what, i), c), *_ = unknown.items()
+    if what == "angle":
+        state.angle[i] = -known / c
+        _turn(model, state, i, np.exp(1j * state.angle[i]))
+    else:
+        state.slide[i] = -known / c
+
+
+def _place_general(model: Model, block: Block, state: State, start: Array) -> None:
+    """Newton on all contours of the block; lengths in units of the mechanism's size."""
+    size = model.size
+    n_angles = len(block.angles)
+    residual = equations(model, block, state)
+    scale = np.concatenate([np.ones(n_angles), np.full(len(block.slides), size)])
+    x, miss, first = newton(residual, start / scale, tolerance=state.tolerance)
+    x = np.where((miss < max(1e-9, 10.0 * state.tolerance))[..., None], x, np.nan)
+    for i, g in enumerate(block.angles):
+        state.angle[g] = x[..., i]
+        _turn(model, state, g, np.exp(1j * x[..., i]))
+    for i, j in enumerate(block.slides):
+        state.slide[j] = x[..., n_angles + i] * size
+    state.newton[block.name] = Newton(x=x * scale, miss=miss * size, first=first)
+
+
+def _turn(model: Model, state: State, group: int, e: Array) -> None:
+    for spin in model.angles.spins_of[group]:
+        delta = state.delta[spin]
+        state.rot[spin] = e if isinstance(delta, complex) and delta == 1 else e * delta
+
+
+def equations(model: Model, block: Block, state: State, frames: Index | None = None) -> Callable[[Real], tuple[Real, Real]]:
+    """A block's loops and relations as a function of its unknowns (..., n), slides in units of the size: what is left of them
+    (..., m), lengths in units of the mechanism's size, and the derivatives (..., m, n). ``frames``: at these only."""
+    size, n_angles = model.size, len(block.angles)
+
+    def at(value: Array) -> Array:
+        return value / size if frames is None or not np.ndim(value) else value[frames] / size
+
+    column = {u: k for k, u in enumerate(block.unknowns)}
+    loops = []
+    for number, c in enumerate(block.contours):
+        target, arms, guides = loop_vectors(model, block, state, number)
+        own = model.program.loops[c]
+        turned = [(k, at(a)) for k, a in enumerate(arms) if not nothing(a)]
+        slid = [(column["slide", s.joint], s.carrier, at(d) * size) for s, d in zip(own.slides, guides, strict=True)]
+        loops.append((-at(target), turned, slid))
+    linear = []
+    for r in block.relations:
+        known, unknown = relation_sum(model, r, state, block)
+        linear.append((at(known), [(column[u], c / size if u[0] == "angle" else c) for u, c in unknown.items()]))
+
+    def residual(x: Real) -> tuple[Real, Real]:
+        e = np.exp(1j * x[..., :n_angles])
+        rows = 2 * len(loops) + len(linear)
+        r = np.empty((*x.shape[:-1], rows))
+        jac = np.zeros((*x.shape[:-1], rows, x.shape[-1]))
+        for i, (total, unknowns) in enumerate(linear, 2 * len(loops)):
+            for k, c in unknowns:
+                total = total + c * x[..., k]
+                jac[..., i, k] = c
+            r[..., i] = total
+        for i, (total, turned, slid) in enumerate(loops):
+            for k, a in turned:
+                z = a * e[..., k]
+                total = total + z
+                jac[..., 2 * i, k] -= z.imag
+                jac[..., 2 * i + 1, k] += z.real
+            for k, carrier, d in slid:
+                along = d if carrier < 0 else d * e[..., carrier]
+                moved = x[..., k] * along
+                total = total + moved
+                jac[..., 2 * i, k] += along.real
+                jac[..., 2 * i + 1, k] += along.imag
+                if carrier >= 0:
+                    jac[..., 2 * i, carrier] -= moved.imag
+                    jac[..., 2 * i + 1, carrier] += moved.real
+            r[..., 2 * i], r[..., 2 * i + 1] = total.real, total.imag
+        return r, jac
+
+    return residual
+
+
+def apply(model: Model, block: Block, state: State, patch: Patch, *, onto: bool = False) -> None:
+    """Put a patch's positions into ``state``; ``onto`` the contours, as far as these determine them."""
+    values = patch.values
+    if onto and len(patch.frames):
+        scale = np.concatenate([np.ones(len(block.angles)), np.full(len(block.slides), model.size)])
+        left, jacobian = equations(model, block, state, patch.frames)(values / scale)
+        correction = (np.linalg.pinv(np.nan_to_num(jacobian), rcond=DETERMINED) @ left[..., None])[..., 0]
+        values = values - np.where(np.isfinite(correction), correction, 0.0) * scale
+    for i, g in enumerate(block.angles):
+        if g in state.angle:
+            whole = np.array(state.angle[g])
+            known = np.flatnonzero(np.isfinite(whole))
+            rough = np.interp(patch.frames, known, whole[known]) if len(known) else values[:, i]
+            whole[patch.frames] = values[:, i] + 2.0 * np.pi * np.round((rough - values[:, i]) / (2.0 * np.pi))
+            state.angle[g] = whole
+        e = np.exp(1j * values[:, i])
+        for spin in model.angles.spins_of[g]:
+            rot, delta = np.array(state.rot[spin]), state.delta[spin]
+            rot[patch.frames] = e * (delta[patch.frames] if np.ndim(delta) else delta)
+            state.rot[spin] = rot
+    for i, j in enumerate(block.slides, len(block.angles)):
+        slide = np.array(state.slide[j])
+        slide[patch.frames] = values[:, i]
+        state.slide[j] = slide

@@ -14,9 +14,11 @@ from typing import Any
 import numpy as np
 
 from mechcore.branches.assembly import Assembly
-from mechcore.kinematics import blocks as bl
-from mechcore.kinematics.model import Block, Model
-from mechcore.kinematics.positions import initial_state
+from mechcore.kinematics.margins import gap
+from mechcore.kinematics.model import Model
+from mechcore.kinematics.positions import equations, place
+from mechcore.kinematics.program import Block
+from mechcore.kinematics.state import State, initial_state
 from mechcore.motion.extremes import peak
 from mechcore.motion.motion import Motion
 from mechcore.numerics.newton import solve_many
@@ -34,7 +36,7 @@ def greatest_miss(assembly: Assembly, block: Block, motion: Motion, failed: Arra
     where more than one joint has to stay open."""
 
     def misses(at: Motion) -> Array:
-        return np.broadcast_to(bl.gap(at.model, block, at.state), at.frames)
+        return np.broadcast_to(gap(at.model, block, at.state), at.frames)
 
     if block.kind != "general":
         at_frames = float(np.fmax.reduce(np.where(failed, misses(motion), 0.0), initial=0.0))
@@ -58,15 +60,15 @@ def _misses(model: Model, assembly: Assembly, block: Block, drives: list[Array])
         for b, mode in zip(model.blocks, assembly.modes, strict=True):
             if b is block:
                 break
-            bl.place(model, b, state, mode, assembly.starts.get(b.name))
+            place(model, b, state, mode, assembly.starts.get(b.name))
         return np.nan_to_num(least_miss(model, block, state), nan=0.0, posinf=np.inf)
 
 
-def least_miss(model: Model, block: Block, state: bl.State) -> Array:
+def least_miss(model: Model, block: Block, state: State) -> Array:
     """By how much the links of a general block miss each other [m] (F,), 0 where they meet; infinite where more than one joint has
     to stay open. Needs the earlier blocks in ``state``, at drives (F, 1)."""
     rng = np.random.default_rng(1)
-    equations = bl.equations(model, block, state)
+    closing = equations(model, block, state)
     n, k = len(block.angles), len(block.slides)
     frames = np.broadcast_shapes(*(np.shape(q)[:1] for q in state.drives))
     starts = np.concatenate([rng.uniform(-np.pi, np.pi, (STARTS, n)), rng.uniform(-2.0, 2.0, (STARTS, k))], axis=-1)
@@ -74,7 +76,7 @@ def least_miss(model: Model, block: Block, state: bl.State) -> Array:
     for signs in _openings(model, block):
         x = np.broadcast_to(starts, (*frames, *starts.shape))
         with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
-            found = _minimised(partial(_opened, equations, signs), x)
+            found = _minimised(partial(_opened, closing, signs), x)
         least = np.fmin(least, np.fmin.reduce(found, axis=-1))
     return least * model.size
 
@@ -86,7 +88,7 @@ def _openings(model: Model, block: Block) -> list[Array]:
         depth[link] = depth[model.tree.parent[link]] + 1
     rows: dict[int, list[int]] = {}
     for row, c in enumerate(block.contours):
-        closing = model.spin_contours[c].closing
+        closing = model.contours[c].closing
         rows.setdefault(closing, [0] * len(block.contours))[row] = 1
         up, down = model.ends[closing]
         while up != down:

@@ -15,9 +15,9 @@ from typing import Any
 import numpy as np
 
 from mechcore.arrays import Real
-from mechcore.kinematics.blocks import Patch
 from mechcore.kinematics.model import Model
 from mechcore.kinematics.rates import Rates
+from mechcore.kinematics.state import Patch
 from mechcore.motion.motion import Motion
 
 Array = Any

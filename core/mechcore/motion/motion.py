@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property
+from operator import mul
 from typing import Any
 
 import numpy as np
@@ -12,17 +13,17 @@ from mechcore.accuracy import DEFAULT, Accuracy
 from mechcore.arrays import Real
 from mechcore.branches.singular_points import Change
 from mechcore.branches.unwrapped import LinkAngles
-from mechcore.kinematics import blocks as bl
-from mechcore.kinematics.blocks import Columns, Patch, State, Vectors
+from mechcore.kinematics.columns import Columns, Vectors, all_columns, all_vectors, condition
 from mechcore.kinematics.model import Model
+from mechcore.kinematics.program import VectorSum
 from mechcore.kinematics.rates import Rates, accelerations, velocities
-from mechcore.kinematics.terms import Terms
+from mechcore.kinematics.state import Patch, State, value
 from mechcore.motion.differences import numerical_rates
-from mechcore.numerics.frames import added, lazy, nothing, rows_of
+from mechcore.numerics.frames import QUIET, added, lazy, nothing, rows_of, summed
 from mechcore.spec.mechanism import Mechanism
+from mechcore.topology.graph import FRAME
 
 Array = Any
-CALM: Any = {"invalid": "ignore", "divide": "ignore", "over": "ignore"}
 
 
 class Motion:
@@ -57,7 +58,7 @@ class Motion:
         self.changes = tuple(changes)  # change points and dead points that the run passes
         # worked out once when first needed
         self._arms: dict[tuple[int, int, int], Array] = {}
-        self._slid: dict[tuple[int, int], tuple[Array, Array]] = {}
+        self._slid: dict[tuple[int, int], Array] = {}
         self._offsets: dict[tuple[int, complex], Array] = {}
         self._origins: dict[tuple[int, int], Array] = {(0, 0): 0j, (0, 1): 0j, (0, 2): 0j}
 
@@ -100,9 +101,9 @@ class Motion:
 
     def point(self, link: str, point: str, derivative: int = 0) -> Real:
         """Position (F, 2) [m] of a named point of a link, or its first or second derivative."""
-        terms = self.model.named_terms.get((link, point))
-        if terms is not None:
-            return self._rows(self.summed(terms, derivative), fresh=True)
+        total = self.model.named_points.get((link, point))
+        if total is not None:
+            return self._rows(self.summed(total, derivative), fresh=True)
         k = self.model.index[link]
         return self._rows(self.of_point(k, self.model.points[k][point], derivative))
 
@@ -144,51 +145,33 @@ class Motion:
 
     # -- solved stages ------------------------------------------------------------------------------------------------
     @lazy
-    def contours(self) -> dict[int, Vectors]:
+    def contours(self) -> list[Vectors]:
         """The vectors of every contour in the world."""
-        return {c: bl.vectors(self.model, c, self.state) for c in range(len(self.model.contours))}
+        return all_vectors(self.model, self.state)
 
     @lazy
     def columns(self) -> list[Columns]:
         """Derivatives of each block's contours by its unknowns."""
-        with np.errstate(**CALM):
-            return [bl.columns(self.model, b, self.contours) for b in self.model.blocks]
+        with np.errstate(**QUIET):
+            return all_columns(self.model, self.contours)
 
     @lazy
     def speeds(self) -> Rates:
-        """Speeds of all spins and slides."""
+        """First rates of all spins and slides."""
         if self.accuracy.differentiation != "exact":
-            return self._by_differences(1)
-        with np.errstate(**CALM):
-            return self._speeds()
-
-    def _speeds(self) -> Rates:
-        if "columns" not in self.__dict__:  # found here, they need no quiet of their own
-            self.columns = [bl.columns(self.model, b, self.contours) for b in self.model.blocks]
+            return numerical_rates(self, 1)
         rates = [d[1] for d in self._drives]
-        return velocities(self.model, self.contours, self.columns, rates, self.patches, self.state.bends)
+        with np.errstate(**QUIET):
+            return velocities(self.model, self.contours, self.columns, rates, self.patches, self.state.bends)
 
     @lazy
     def accelerations(self) -> Rates:
         """Second rates of all spins and slides."""
         if self.accuracy.differentiation != "exact":
-            return self._by_differences(2)
-        with np.errstate(**CALM):  # at a singular position rates are infinite, or not determined
-            return self._accelerations()
-
-    def _accelerations(self) -> Rates:
-        if "speeds" not in self.__dict__:
-            self.speeds = self._speeds()
+            return numerical_rates(self, 2)
         rates = [d[2] for d in self._drives]
-        return accelerations(self.model, self.contours, self.columns, self.speeds, rates, self.patches)
-
-    def accelerate(self) -> None:
-        """Work out `accelerations` now, for a caller that has quietened numpy."""
-        if "accelerations" not in self.__dict__ and self.accuracy.differentiation == "exact":
-            self.accelerations = self._accelerations()
-
-    def _by_differences(self, derivative: int) -> Rates:
-        return numerical_rates(self, derivative)
+        with np.errstate(**QUIET):  # at a singular position rates are infinite, or not determined
+            return accelerations(self.model, self.contours, self.columns, self.speeds, rates, self.patches)
 
     # -- plane vectors as complex numbers, links and joints as indices ------------------------------------------------
     def rotation(self, k: int) -> Array:
@@ -196,59 +179,33 @@ class Motion:
         turn, rot = self.model.turn[k], self.state.rot[self.model.angles.spin[k]]
         return rot if turn == 1 else turn * rot
 
-    def turned(self, derivative: int) -> list[tuple[Array, Array] | None]:
-        """Rotations of all spins, or their first or second derivatives, each as a factor times an array; None where it is zero.
-
-        The factor is 1, or the rate where that does not change: a vector fixed in a link is multiplied by it before the frames.
-        """
-        return self.turned_never if derivative == 0 else self.turned_once if derivative == 1 else self.turned_twice
+    def turned(self, derivative: int) -> Sequence[Array]:
+        """Rotations E of all spins, or their first or second derivatives, i omega E or (i alpha - omega^2) E."""
+        return self.state.rot if derivative == 0 else self._turned_once if derivative == 1 else self._turned_twice
 
     @lazy
-    def turned_never(self) -> list[tuple[Array, Array] | None]:
-        """The spins' rotations E."""
-        return [(1.0, e) for e in self.state.rot]
+    def _turned_once(self) -> list[Array]:
+        return list(map(mul, self.speeds.factor, self.state.rot))
 
     @lazy
-    def turned_once(self) -> list[tuple[Array, Array] | None]:
-        """First derivatives of the spins' rotations, i omega E."""
-        return [_times(t, e) for t, e in zip(self.speeds.turns, self.state.rot, strict=True)]
+    def _turned_twice(self) -> list[Array]:
+        return list(map(mul, self.accelerations.factor, self.state.rot))
 
-    @lazy
-    def turned_twice(self) -> list[tuple[Array, Array] | None]:
-        """Second derivatives of the spins' rotations, (i alpha - omega^2) E."""
-        return [
-            _times(alpha if twice is None else twice if alpha is None else alpha + twice, e)
-            for e, alpha, twice in zip(self.state.rot, self.accelerations.turns, self.speeds.twice, strict=True)
-        ]
-
-    def slid(self, j: int, derivative: int) -> Array:
-        """How far a joint has slid, as a vector in the world, or its first or second derivative."""
-        direction, s = self._slid_along(j, derivative)
-        return s if isinstance(direction, float) else direction * s
-
-    def _slid_along(self, j: int, derivative: int) -> tuple[Array, Array]:
-        """`slid` as a factor times an array: the direction of a guide that is the same in all frames, else 1."""
+    def slid(self, j: int, derivative: int = 0) -> Array:
+        """s E of a sliding joint, its displacement turned with its guide's spin, or its first or second derivative."""
         key = j, derivative
         if key not in self._slid:
-            spin, direction = self.model.guides[j]
-            if spin == self.model.angles.spin[0]:  # the guide rests
-                s = (self.state if derivative == 0 else self.speeds if derivative == 1 else self.accelerations).slide[j]
-                self._slid[key] = direction, s
-                return direction, s
-            s, turn = self.state.slide[j], None if derivative == 0 else self.speeds.turns[spin]
-            if derivative == 1:
-                s = self.speeds.slide[j] if turn is None else self.speeds.slide[j] + turn * s
-            elif derivative == 2:
-                second = self.accelerations.slide[j]
-                if turn is not None:
-                    second = second + 2.0 * turn * self.speeds.slide[j] + self.speeds.twice[spin] * s
-                alpha = self.accelerations.turns[spin]
-                s = second if alpha is None else second + alpha * s
-            guide = direction * self.state.rot[spin]
-            if nothing(s):
-                self._slid[key] = 1.0, 0j
-            else:
-                self._slid[key] = (1.0, s * guide) if isinstance(guide, np.ndarray) else (guide, s)
+            spin, _ = self.model.guides[j]
+            s = (self.state if derivative == 0 else self.speeds if derivative == 1 else self.accelerations).slide[j]
+            if spin != FRAME:
+                once = self.speeds.factor[spin] if derivative else 0j
+                if derivative == 1:
+                    s = added(s, once * self.state.slide[j])
+                elif derivative == 2:
+                    s = added(s, 2.0 * once * self.speeds.slide[j])
+                    s = added(s, self.accelerations.factor[spin] * self.state.slide[j])
+                s = s * self.state.rot[spin]
+            self._slid[key] = s
         return self._slid[key]
 
     def offset(self, k: int, local: Array, derivative: int = 0) -> Array:
@@ -259,8 +216,9 @@ class Motion:
                 rotation = self.state.rot[self.model.angles.spin[k]]
                 found = self._offsets[k, local] = (local * self.model.turn[k]) * rotation if local else 0j
             return found
-        turned = None if nothing(local) else self.turned(derivative)[self.model.angles.spin[k]]
-        return 0j if turned is None else (local * self.model.turn[k] * turned[0]) * turned[1]
+        if nothing(local):
+            return 0j
+        return (local * self.model.turn[k]) * self.turned(derivative)[self.model.angles.spin[k]]
 
     def angle(self, k: int) -> Array:
         """Angle of a link's frame [rad], continuous from the start pose."""
@@ -285,7 +243,7 @@ class Motion:
             joint = self.model.joints[j]
             found = self.offset(k, joint.b if side else joint.a, derivative)
             if joint.slide is not None and joint.guide == side:
-                found = added(found, self.slid(j, derivative))
+                found = added(found, self.model.guides[j][1] * self.slid(j, derivative))
             self._arms[key] = found
         return found
 
@@ -319,32 +277,18 @@ class Motion:
 
     def of_point(self, k: int, local: complex, derivative: int = 0) -> Array:
         """World position of a point given in link axes, or its first or second derivative."""
-        terms = self.model.terms(k, local)
-        if terms is None:
+        total = self.model.point_sum(k, local)
+        if total is None:
             return added(self.origin(k, derivative), self.offset(k, local, derivative))
-        return self.summed(terms, derivative)
+        return self.summed(total, derivative)
 
-    def summed(self, terms: Terms, derivative: int) -> Array:
-        """A sum over spins and slides in the world, or its first or second derivative; a new array where it is one."""
-        turned = self.turned_never if derivative == 0 else self.turned_once if derivative == 1 else self.turned_twice
-        total: Array = None
-        for spin, vector in terms.spins:
-            t = turned[spin]
-            if t is not None:
-                term = (vector * t[0]) * t[1]
-                total = term if total is None else total + term
-        for j, sign in terms.slides:
-            direction, s = self._slid_along(j, derivative)
-            if nothing(s):
-                continue
-            factor = sign * direction
-            if total is None:
-                total = factor * s
-            elif isinstance(factor, float) and abs(factor) == 1.0:
-                total = total + s if factor == 1.0 else total - s
-            else:
-                total = total + factor * s
-        return 0j if total is None else total
+    def summed(self, total: VectorSum, derivative: int) -> Array:
+        """A sum of vectors in the world, or its first or second derivative; a new array where it is one."""
+        turned, (still, arms, slides) = self.turned(derivative), total
+        terms = [a * turned[s] for s, a in arms]
+        if slides:
+            terms += [d * self.slid(j, derivative) for j, _, d in slides]
+        return summed(terms) if derivative else added(summed(terms), still)
 
     def joint_point(self, j: int, derivative: int = 0) -> Array:
         """Where a joint is: on the link that does not carry the guide."""
@@ -364,24 +308,28 @@ class Motion:
     @cached_property
     def closure(self) -> Real:
         """Largest contour residual of each frame (F,) [m]."""
-        return self._largest([v.total() for v in self.contours.values()])
+        return self._largest([self.closure_error(c) for c in range(len(self.model.loops))])
+
+    def closure_error(self, contour: int) -> Array:
+        """What is left of a contour's sum of vectors [m]."""
+        return value(self.model.loops[contour], self.state.rot, self.state.slide)
 
     @cached_property
     def velocity_closure(self) -> Real:
         """Largest residual of the differentiated contours (F,) [m/s]."""
-        return self._largest([self._contour_rate(v, 1) for v in self.contours.values()])
+        return self._largest([self._contour_rate(v, 1) for v in self.contours])
 
     @cached_property
     def acceleration_closure(self) -> Real:
         """Largest residual of the twice differentiated contours (F,) [m/s^2]."""
-        return self._largest([self._contour_rate(v, 2) for v in self.contours.values()])
+        return self._largest([self._contour_rate(v, 2) for v in self.contours])
 
     @cached_property
     def condition(self) -> Real:
         """Largest block condition number of each frame (F,); inf where a block is singular."""
         worst = np.ones(self.shape)
         for block, cols in zip(self.model.blocks, self.columns, strict=True):
-            worst = np.maximum(worst, bl.condition(self.model, block, cols))
+            worst = np.maximum(worst, condition(self.model, block, cols))
         return worst
 
     def _contour_rate(self, v: Vectors, derivative: int) -> Array:
@@ -401,8 +349,3 @@ class Motion:
         for r in residuals:
             worst = np.maximum(worst, np.abs(r))
         return worst
-
-
-def _times(factor: Array, e: Array) -> tuple[Array, Array] | None:
-    """A product that is left as it is where the factor is a number (frames and designs share it)."""
-    return None if factor is None else (1.0, factor * e) if isinstance(factor, np.ndarray) else (factor, e)

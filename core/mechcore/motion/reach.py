@@ -10,12 +10,12 @@ from mechcore.arrays import Flags, Real
 from mechcore.branches.modes import TWO_MODES
 from mechcore.branches.singular_points import flat_instants, rounding_of
 from mechcore.branches.tracking import STEP, walk
-from mechcore.kinematics.blocks import dead_point_margin
+from mechcore.kinematics.margins import dead_point_margin
 from mechcore.kinematics.positions import place_all
 from mechcore.laws.timed import ConstantSpeed
 from mechcore.motion.compiled import TURN, Compiled, follow
 from mechcore.motion.motion import Motion
-from mechcore.motion.slots import has_ends, room_in_slots, within_slots
+from mechcore.motion.slots import room_in_slots, within_slots
 from mechcore.spec.mechanism import Cylinder
 
 SAMPLES, MOST_SAMPLES = 361, 2001  # of the first drive's positions, and of times
@@ -51,7 +51,7 @@ def _ranges(compiled: Compiled, samples: int) -> list[tuple[float, float]]:
         low = max([low, *(end for _, end, _ in course.gaps if end < q0)])
         high = min([high, *(start for start, _, _ in course.gaps if start > q0)])
         low, high = (q0 - half, q0 + half) if rotary and high - low >= 2.0 * half else (low, high)
-        if not has_ends(model.mechanism):
+        if not model.mechanism.ends:
             return [(low, high)]
     else:
         low, high = q0 - half, q0 + half

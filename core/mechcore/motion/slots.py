@@ -9,11 +9,10 @@ from typing import Any
 import numpy as np
 
 from mechcore.arrays import Flags, Real
-from mechcore.kinematics.blocks import State
 from mechcore.kinematics.model import Model
+from mechcore.kinematics.state import State
 from mechcore.motion.extremes import peak
 from mechcore.motion.motion import Motion
-from mechcore.spec.mechanism import Cylinder, Mechanism, PinSlot, Prismatic
 
 SLACK = 1e-9  # of the mechanism's size: rounding may carry one so far beyond an end
 
@@ -30,21 +29,10 @@ class Escape:
     time: float
 
 
-def ends_of(mechanism: Mechanism) -> dict[str, tuple[float, float]]:
-    """Least and greatest coordinates [m] that slots, guides and cylinders allow, by joint."""
-    guided = (pair for pair in mechanism.pairs if isinstance(pair, PinSlot | Prismatic | Cylinder))
-    return {pair.name: pair.ends for pair in guided if pair.ends is not None}
-
-
-def has_ends(mechanism: Mechanism) -> bool:
-    """Whether a mechanism has a slot, guide or cylinder with ends."""
-    return bool(ends_of(mechanism))
-
-
 def _excesses(motion: Motion) -> Iterator[tuple[str, float, Any]]:
     """Joint, end and a function of motions: how far its pin is beyond that end (F,) [m], negative within the slot."""
     model = motion.model
-    for name, ends in ends_of(motion.mechanism).items():
+    for name, ends in motion.mechanism.ends.items():
         j = model.joint_index[name]
         for end, sign in zip(ends, (-1.0, 1.0), strict=True):
 
@@ -57,7 +45,7 @@ def _excesses(motion: Motion) -> Iterator[tuple[str, float, Any]]:
 
 def room_in_slots(model: Model, state: State) -> list[Real]:
     """How far pins and sliders are from their ends [m] (...), negative beyond, by end."""
-    joints = [(state.slide[model.joint_index[name]], ends) for name, ends in ends_of(model.mechanism).items()]
+    joints = [(state.slide[model.joint_index[name]], ends) for name, ends in model.mechanism.ends.items()]
     return [room for slide, (low, high) in joints for room in (slide - low, high - slide)]
 
 

@@ -18,14 +18,16 @@ from mechcore.branches.sketch import at_sketch, sketched_drives
 from mechcore.branches.tracking import Course, way_of
 from mechcore.branches.unwrapped import UnwrappedAngles, Waypoint, raw_angles, start_pose
 from mechcore.errors import Fault, MechanismError
-from mechcore.kinematics.model import Block, Model, build_model
+from mechcore.kinematics.build import build_model
+from mechcore.kinematics.model import Model
+from mechcore.kinematics.program import Block
 from mechcore.laws.timed import ConstantSpeed
 from mechcore.motion.closure_errors import greatest_miss
 from mechcore.motion.compiled import MOST_TURNS, TURN, Compiled, drive_values, follow, place
 from mechcore.motion.events import SINGULAR, at_drive
 from mechcore.motion.motion import Motion
 from mechcore.motion.reach import range_beside, reachable_ranges
-from mechcore.motion.slots import Escape, escapes, has_ends
+from mechcore.motion.slots import Escape, escapes
 from mechcore.motion.structure import gruebler, rank_mobility
 from mechcore.numerics.frames import keep_freed_memory
 from mechcore.spec.mechanism import Mechanism, PinSlot, Prismatic
@@ -129,7 +131,7 @@ def solve_motion(
         _check_gaps_on(compiled, course, time, parameter)
     if not given and changes is not None and changes.gaps:
         _check_gaps(compiled, changes, time)
-    if len(time) and has_ends(model.mechanism):
+    if len(time) and model.mechanism.ends:
         out = [_out_of_slot(compiled, motion, escape) for escape in escapes(motion)]
         if out:
             raise MechanismError(out)
@@ -208,7 +210,7 @@ def _faults(compiled: Compiled, motion: Motion, course: Course | None, parameter
         if block.redundant or motion.patches:  # where a branch was interpolated, too, the contours have to close
             miss = np.zeros(motion.frames)
             for c in block.contours:
-                miss = np.maximum(miss, np.abs(motion.contours[c].total()))
+                miss = np.maximum(miss, np.abs(motion.closure_error(c)))
             bad = ~(miss <= max(1e-9, 10.0 * compiled.accuracy.position) * model.size) & ~failed
             worst = float(np.fmax.reduce(np.where(bad, miss, 0.0), initial=0.0))
         else:

@@ -7,7 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mechcore.kinematics.model import LinearConstraint, Model
+from mechcore.kinematics.model import Model
+from mechcore.kinematics.program import LinearConstraint
 from mechcore.motion.motion import Motion
 
 ROMAN = ("", "I", "II", "III", "IV", "V", "VI", "VII", "VIII")

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from mechcore.arrays import Flags, Real
 from mechcore.branches.unwrapped import Frames, along_designs
 from mechcore.errors import Fault, MechanismError
-from mechcore.kinematics.model import SpinContour
+from mechcore.kinematics.build import loop_sum
 from mechcore.kinematics.positions import place_all
 from mechcore.motion.compiled import Compiled
 from mechcore.motion.motion import Motion
@@ -91,16 +91,8 @@ def _motion(compiled: Compiled, points: Mapping[tuple[str, str], Array], time: A
             joint = replace(joint, a=joint.a if a is None else a, b=joint.b if b is None else b)
         joints.append(joint)
     closed = contours(model.ends, joints, model.tree)
-    sums = []
-    for c in closed:
-        arms: dict[int, Array] = {}
-        for k, vector in c.links:
-            spin = model.angles.spin[k]
-            arms[spin] = arms.get(spin, 0j) + vector * model.turn[k]
-        slides = tuple((j, model.angles.spin[k], d * model.turn[k]) for j, k, d in c.slides)
-        kept = tuple((s, a) for s, a in arms.items() if np.any(a != 0))
-        sums.append(SpinContour(closing=c.closing, arms=kept, slides=slides))
-    variant = replace(model, joints=tuple(joints), contours=closed, spin_contours=tuple(sums), varied=place)
+    loops = tuple(loop_sum(c, model.angles, model.turn) for c in closed)
+    variant = replace(model, joints=tuple(joints), contours=closed, loops=loops, varied=place)
     modes, laws = compiled.assembly.modes, tuple(d.law for d in model.mechanism.drives)
     state = place_all(variant, [v[0] for v in values], modes)
 

@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from functools import cache
+from collections.abc import Callable, Sequence
+from functools import cache, reduce
+from operator import add, mul
 from typing import Any, Generic, TypeVar, overload
 
 import numpy as np
+from numpy import ndarray
 
 from mechcore.arrays import Real
 
 Array = Any
+QUIET: Any = {"invalid": "ignore", "divide": "ignore", "over": "ignore"}  # out of reach or singular: NaN or infinite, no warning
 Value = TypeVar("Value")
 
 
@@ -36,30 +39,30 @@ class lazy(Generic[Value]):
 
 def nothing(a: Array) -> bool:
     """Whether a term is a plain zero (not an array)."""
-    return not isinstance(a, np.ndarray) and a == 0
+    return type(a) is not ndarray and bool(a == 0)
 
 
 def added(a: Array, b: Array, sign: int = 1) -> Array:
     """a + b, or a - b, plain zeros left out."""
-    if not isinstance(b, np.ndarray) and b == 0:
+    if type(b) is not ndarray and b == 0:
         return a
-    if not isinstance(a, np.ndarray) and a == 0:
+    if type(a) is not ndarray and a == 0:
         return b if sign == 1 else -b
     return a + b if sign == 1 else a - b
 
 
-def plus(a: Array, b: Array) -> Array:
-    """a + b; None for ``a`` is nothing."""
-    return b if a is None else a + b
+def summed(terms: Sequence[Array]) -> Array:
+    """The sum of terms, plain zero where there are none: one addition less than `sum` takes."""
+    return reduce(add, terms) if terms else 0j
 
 
-def minus(a: Array, b: Array) -> Array:
-    """a - b; None for ``a`` is nothing."""
-    return -b if a is None else a - b
+def product(factors: Sequence[Array]) -> Array:
+    """The product of at least one factor."""
+    return reduce(mul, factors)
 
 
 def crossed(a: Array, b: Array) -> Array:
-    """z component of the cross product of plane vectors, by one complex product (`closed_forms.cross` is exactly 0 for a = b)."""
+    """z component of the cross product of plane vectors, by one complex product (`dyads.cross` is exactly 0 for a = b)."""
     return (a.conjugate() * b).imag
 
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import TYPE_CHECKING, Literal
 
 from mechcore.laws.curve import MotionCurve
@@ -438,10 +439,16 @@ class Mechanism:
     studies: Studies = field(default_factory=Studies)
     standstill: float = 0.0
 
-    @property
+    @cached_property
     def led(self) -> bool:
         """Whether a drive moves it."""
         return any(moves(drive.law) for drive in self.drives)
+
+    @cached_property
+    def ends(self) -> Mapping[str, tuple[float, float]]:
+        """Least and greatest coordinates [m] that slots, guides and cylinders allow, by joint; of those that have ends."""
+        guided = (pair for pair in self.pairs if isinstance(pair, PinSlot | Prismatic | Cylinder))
+        return {pair.name: pair.ends for pair in guided if pair.ends is not None}
 
     @property
     def cycle(self) -> float:

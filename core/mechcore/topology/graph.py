@@ -17,6 +17,8 @@ from dataclasses import dataclass
 from mechcore.joints.base import Joint
 from mechcore.topology.order import Order, block_order
 
+FRAME = 0  # the frame among the links; also the set of links that do not turn among the `Angles.spin`
+
 
 @dataclass(frozen=True)
 class Angles:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mechcore.errors import Fault, MechanismError
-from mechcore.kinematics.model import build_model
+from mechcore.kinematics.build import build_model
 from mechcore.laws.timed import ConstantSpeed, Free, Law, Oscillation, Rest, moves
 from mechcore.motion.compiled import Compiled
 from mechcore.motion.reach import range_beside, reachable_ranges

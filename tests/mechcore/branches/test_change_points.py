@@ -270,10 +270,10 @@ def test_next_to_a_sliver_all_is_well(margin):
 
 def test_a_mechanism_that_turns_fully_is_not_looked_at_between_frames_again(monkeypatch):
     """What compiling has found once costs nothing per run."""
-    from mechcore.kinematics import blocks
+    from mechcore.branches import singular_points
 
     compiled = compile_mechanism(misses_by(-1e-3))
-    monkeypatch.setattr(blocks, "dead_point_margin", None)
+    monkeypatch.setattr(singular_points, "dead_point_margin", None)
     solve_motion(compiled, np.linspace(0.0, TURN, 8))
 
 

@@ -125,7 +125,7 @@ def test_a_change_point_beside_which_an_arm_is_short_is_found():
     at = solve_motion(compile_mechanism(mechanism), [0.0])
     poses = {name: tuple(float(x) for x in at.pose(name)[0]) for name in LINKS}
     start = float(at.coordinate("B")[0, 0])
-    driven = Mechanism(**{**mechanism.__dict__, "drives": (Drive(pair="B", law=Free(start)),), "modes": {}, "sketch": poses})
+    driven = replace(mechanism, drives=(Drive(pair="B", law=Free(start)),), modes={}, sketch=poses)
     compiled = compile_mechanism(driven)
     changes = find_changes(compiled.model, compiled.assembly.modes, {})
     assert changes is not None

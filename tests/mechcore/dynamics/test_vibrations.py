@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 
@@ -171,7 +172,7 @@ def test_the_simulated_small_motion_is_the_linear_one(damped: bool):
     for size in (8e-3, 4e-3):
         if damped:
             drives = tuple(Drive(pair=d.pair, law=Free(size * x)) for d, x in zip(base.drives, (1.0, -0.5), strict=True))
-            mechanism = Mechanism(**{**base.__dict__, "drives": drives})
+            mechanism = replace(base, drives=drives)
             away = size * np.array([1.0, -0.5])
         else:
             mechanism = double_pendulum({**i, "theta_1": size, "theta_2": -0.5 * size})
@@ -191,7 +192,7 @@ def test_a_four_bar_swings_as_its_linearised_equation_says():
     found = small_vibrations(falling)
     eq = found.equilibrium
     (pair,), (q,) = eq.pairs, eq.position
-    near = Mechanism(**{**eq.compiled.mechanism.__dict__, "drives": (Drive(pair=pair, law=Free(q + 1e-3)),)})
+    near = replace(eq.compiled.mechanism, drives=(Drive(pair=pair, law=Free(q + 1e-3)),))
     period = 1.0 / found.modes[0].frequency
     back = simulate(near, period, tolerance=1e-9)(np.array([0.5 * period, period]))[0][:, 0]
     assert (back - q) / 1e-3 == pytest.approx([-1.0, 1.0], abs=2e-3)
@@ -240,7 +241,7 @@ def test_what_has_no_equilibrium_is_refused_in_words():
     hanging = pendulum(inertia=0.2, mass=1.0, distance=0.3, angle=0.5)
     with pytest.raises(MechanismError, match=r"lies 21.2451° beyond 'shelf'"):
         small_vibrations(hanging, stops=(Stop(name="shelf", pair="O", at=-1.2, side="lower"),))
-    prescribed = Mechanism(**{**hanging.__dict__, "effects": ("gravity",)})
+    prescribed = replace(hanging, effects=("gravity",))
     with pytest.raises(MechanismError, match="inertia is not named"):
         small_vibrations(prescribed)
 

@@ -9,8 +9,8 @@ import pytest
 from mechanisms import pin
 
 from mechcore.branches.assembly import group_modes
-from mechcore.kinematics.model import build_model
-from mechcore.kinematics.positions import initial_state
+from mechcore.kinematics.build import build_model
+from mechcore.kinematics.state import initial_state
 from mechcore.laws.timed import ConstantSpeed
 from mechcore.spec.mechanism import Drive, Link, Mechanism
 

@@ -26,7 +26,6 @@ from mechcore.errors import Fault, MechanismError
 from mechcore.forces.friction.elements import elements_of
 from mechcore.laws.timed import Free
 from mechcore.motion.compiled import Compiled
-from mechcore.motion.slots import has_ends
 from mechcore.motion.solve import compile_mechanism, solve_motion
 from mechcore.spec.mechanism import Link, Mechanism
 from mechcore.texts import as_angle, as_quantity, as_torque
@@ -96,7 +95,7 @@ def steady_run(mechanism: Mechanism | Compiled, *, turns: int = 1, tolerance: fl
     pair, start, speed = _validated(compiled, turns)
     sense = -1.0 if speed < 0.0 else 1.0
     span = turns * TURN
-    if has_ends(compiled.mechanism):  # a turn that goes beyond them is refused
+    if compiled.mechanism.ends:  # a turn that goes beyond them is refused
         x = np.linspace(0.0, span, 720 * turns + 1)
         solve_motion(compiled, x, drives={pair: (start + sense * x, np.full_like(x, sense), np.zeros_like(x))})
     machine = _Machine(compiled, start, sense)

@@ -1,0 +1,257 @@
+"""Compiling a mechanism: links and pairs as indices, loops, blocks in solving order."""
+
+from __future__ import annotations
+
+import cmath
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from mechcore.errors import Fault, MechanismError
+from mechcore.joints.base import Joint, Relation
+from mechcore.joints.parts import build_pairs
+from mechcore.kinematics.model import Model
+from mechcore.kinematics.program import Block, LinearConstraint, NonlinearTerm, VectorSum, vector_sum
+from mechcore.spec.mechanism import Mechanism
+from mechcore.topology.checks import check_items, check_lengths, check_spare_angles
+from mechcore.topology.graph import Angles, Contour, angles, contours, spanning_tree, structure
+from mechcore.topology.order import block_order
+
+
+def build_model(mechanism: Mechanism) -> Model:
+    """Compile a mechanism: graph, contours, blocks. Raises `MechanismError` where the description contradicts itself."""
+    check_items(mechanism)
+    parts = build_pairs(mechanism)
+    names = (mechanism.frame, *(k for k in parts.links if k != mechanism.frame))
+    index = {k: i for i, k in enumerate(names)}
+    joints = tuple(parts.joints)
+    joint_index = {j.name: i for i, j in enumerate(joints)}
+    ends = tuple((index[j.links[0]], index[j.links[1]]) for j in joints)
+    turned = [k for d in mechanism.drives if d.pair in joint_index for k in joints[joint_index[d.pair]].links]
+    decided = {k for k in turned if turned.count(k) > 1} | {k for r in parts.relations for k, _ in r.angles}
+    check_lengths(joints, ends, names, decided)
+    undrivable = [d.pair for d in mechanism.drives if d.pair not in joint_index or not joints[joint_index[d.pair]].freedoms]
+    if undrivable:
+        why = "has no coordinate that a drive could prescribe."
+        raise MechanismError([Fault(f"joints.{p}.drive", why, "Drive a revolute or sliding pair instead.") for p in undrivable])
+    driven = {joint_index[d.pair]: i for i, d in enumerate(mechanism.drives)}
+    n = len(names)
+
+    turning = angles(n, ends, joints, driven)
+    check_spare_angles(mechanism, turning, joints, ends)
+    order, equations = structure(n, ends, joints, driven)
+    tree = spanning_tree(n, ends, order, equations)
+    if len(tree.order) < n - 1:
+        lost = [k for i, k in enumerate(names) if i and tree.parent[i] < 0]
+        raise MechanismError([Fault(f"links.{k}", "no chain of pairs joins it to the frame.", "Add a pair.") for k in lost])
+    closed = contours(ends, joints, tree)
+    turn = tuple(cmath.exp(1j * o) for o in turning.offset)
+    loops = tuple(loop_sum(c, turning, turn) for c in closed)
+    size = _size(mechanism)
+    constraints = tuple(_linear_constraint(r, turning, index, joint_index) for r in parts.relations)
+    blocks, loose = _blocks(loops, tree.closing, constraints, turning, joints, ends, driven, size)
+    _check_curves(blocks, constraints)
+    free_angles = {g for b in blocks if b.kind in ("general", "relation") for g in b.angles}
+    multi_turn = {g for t in constraints for g, _ in t.groups} - free_angles
+    return Model(
+        mechanism=mechanism,
+        links=names,
+        joints=joints,
+        ends=ends,
+        driven=driven,
+        angles=turning,
+        tree=tree,
+        order=order,
+        contours=closed,
+        loops=loops,
+        relations=tuple(parts.relations),
+        constraints=constraints,
+        multi_turn=tuple(sorted(multi_turn)),
+        blocks=blocks,
+        free=_free_pairs(loose, turning, joints, ends),
+        turn=turn,
+        size=size,
+        index=index,
+        joint_index=joint_index,
+        bodies=parts.links,
+    )
+
+
+def loop_sum(contour: Contour, turning: Angles, turn: tuple[complex, ...]) -> VectorSum:
+    """The vectors round a loop, summed up by spins: zero where it closes."""
+    arms: dict[int, Any] = {}
+    for k, vector in contour.links:
+        arms[turning.spin[k]] = arms.get(turning.spin[k], 0j) + vector * turn[k]
+    return vector_sum(arms, [(j, turning.spin[k], d * turn[k]) for j, k, d in contour.slides])
+
+
+def _size(m: Mechanism) -> float:
+    """Characteristic length: the largest extent of a moving link's points; where they have none, of the frame's; else 1."""
+    for moving in (True, False):
+        best = 0.0
+        for link in m.links:
+            if (link.name != m.frame) == moving and len(link.points) > 1:
+                x, y = zip(*link.points.values(), strict=True)
+                best = max(best, max(x) - min(x), max(y) - min(y))
+        if best > 0.0:
+            return float(best)
+    return 1.0
+
+
+def _linear_constraint(
+    relation: Relation, turning: Angles, index: Mapping[str, int], joint_index: Mapping[str, int]
+) -> LinearConstraint:
+    groups: dict[int, float] = {}
+    drives: dict[int, float] = {}
+    offset = 0.0  # what the links' own angles are ahead of those of their groups
+    for link, c in relation.angles:
+        k = index[link]
+        groups[turning.group[k]] = groups.get(turning.group[k], 0.0) + c
+        for d, sign in turning.spin_drives[turning.spin[k]]:
+            drives[d] = drives.get(d, 0.0) + c * sign
+        offset += c * turning.offset[k]
+    scale = max((abs(c) for _, c in relation.angles), default=0.0)
+    return LinearConstraint(
+        name=relation.name,
+        groups=tuple((g, c) for g, c in groups.items() if g and abs(c) > 1e-14 * scale),
+        drives=tuple((d, c) for d, c in drives.items() if c != 0.0),
+        slides=tuple((joint_index[j], c) for j, c in relation.slides),
+        curve=_nonlinear_term(relation, turning, index, joint_index),
+        constant=None if relation.constant is None else relation.constant - offset,
+    )
+
+
+def _nonlinear_term(
+    relation: Relation, turning: Angles, index: Mapping[str, int], joint_index: Mapping[str, int]
+) -> NonlinearTerm | None:
+    curve = relation.curve
+    if curve is None:
+        return None
+    inner = replace(relation, angles=curve.angles, slides=curve.slides, curve=None, constant=curve.shift)
+    argument = _linear_constraint(inner, turning, index, joint_index)
+    shift = 2.0 * curve.shift - float(argument.constant or 0.0)  # the links' offsets belong to the argument
+    return NonlinearTerm(curve.function, argument.groups, argument.drives, argument.slides, shift)
+
+
+def _check_curves(blocks: tuple[Block, ...], constraints: tuple[LinearConstraint, ...]) -> None:
+    """A curve's argument must be known where its relation is solved: a cam is driven, it is not driven by its follower."""
+    faults = []
+    for block in blocks:
+        for r in block.relations:
+            curve = constraints[r].curve
+            if curve is not None and any(curve.slope(u) for u in block.unknowns):
+                faults.append(
+                    Fault(
+                        f"joints.{constraints[r].name}",
+                        "here the follower drives the cam: a dwell or a reversal then leaves the cam's place open.",
+                        "Drive the cam (its revolute pair, or what turns it), and let it drive the follower.",
+                    )
+                )
+    if faults:
+        raise MechanismError(faults)
+
+
+def _blocks(
+    loops: tuple[VectorSum, ...],
+    closing: tuple[int, ...],
+    constraints: tuple[LinearConstraint, ...],
+    turning: Angles,
+    joints: tuple[Joint, ...],
+    ends: tuple[tuple[int, int], ...],
+    driven: Mapping[int, int],
+    size: float,
+) -> tuple[tuple[Block, ...], list[tuple[str, int]]]:
+    sliding = [j for j, joint in enumerate(joints) if joint.slide is not None and j not in driven]
+    columns: dict[tuple[str, int], int] = {("angle", g): g - 1 for g in range(1, turning.groups)}
+    columns |= {("slide", j): turning.groups - 1 + i for i, j in enumerate(sliding)}
+    unknown = list(columns)
+    pattern: list[list[int]] = []
+    for c in loops:
+        groups = {turning.spin_group[s] for s, a in c.arms if np.any(abs(a) > 1e-14 * size)}
+        groups |= {turning.spin_group[g] for _, g, _ in c.slides}
+        row = [columns["angle", g] for g in sorted(groups - {0})]
+        row += [columns["slide", j] for j, _, _ in c.slides if j not in driven]
+        pattern += [row, row]
+    for t in constraints:
+        pattern.append([columns[u] for u in t.unknowns if u in columns])
+    order = block_order(pattern, len(columns))
+    last = 2 * len(loops)
+    rows = [{e // 2 for e in equations if e < last} for equations, _ in order.blocks]
+    relations = [tuple(sorted(e - last for e in equations if e >= last)) for equations, _ in order.blocks]
+    placed = {c for r in rows for c in r}
+    solved = {r for t in relations for r in t}
+    between: dict[frozenset[int], int] = {}
+    for j in sorted(range(len(ends)), key=lambda j: j in sliding):  # a joint that slides closes another group than its two links
+        between.setdefault(frozenset(turning.group[k] for k in ends[j]), j)
+    blocks = []
+    for found, own_relations, (_, unknowns) in zip(rows, relations, order.blocks, strict=True):
+        picked = [unknown[u] for u in unknowns]
+        group = tuple(i for what, i in picked if what == "angle")
+        slides = tuple(i for what, i in picked if what == "slide")
+        own = tuple(sorted(found))
+        blocks.append(
+            Block(
+                kind=_kind(own, own_relations, group, slides, loops, turning),
+                contours=own,
+                angles=group,
+                slides=slides,
+                name=joints[_inner_pair(own, group, slides, closing, between)].name if own else constraints[own_relations[0]].name,
+                redundant=2 * len(own) + len(own_relations) - len(unknowns),
+                relations=own_relations,
+            )
+        )
+    blocks += [Block("check", (i,), (), (), joints[j].name, redundant=2) for i, j in enumerate(closing) if i not in placed]
+    blocks += [
+        Block("check", (), (), (), t.name, redundant=1, relations=(i,)) for i, t in enumerate(constraints) if i not in solved
+    ]
+    return tuple(blocks), [unknown[u] for u in sorted(order.loose)]
+
+
+def _kind(
+    own: tuple[int, ...],
+    relations: tuple[int, ...],
+    group: tuple[int, ...],
+    slides: tuple[int, ...],
+    loops: tuple[VectorSum, ...],
+    turning: Angles,
+) -> str:
+    if relations:
+        return "general" if own or len(relations) > 1 else "relation"
+    if len(own) > 1:
+        return "general"
+    if len(group) + len(slides) == 1:
+        return "angle" if group else "slide"
+    if len(group) == 2:
+        return "theta_theta"
+    if len(slides) == 2:
+        return "slide_slide"
+    carrier = next(turning.spin_group[g] for j, g, _ in loops[own[0]].slides if j == slides[0])
+    return "arm_slide" if carrier == group[0] else "theta_slide"
+
+
+def _inner_pair(
+    own: tuple[int, ...],
+    group: tuple[int, ...],
+    slides: tuple[int, ...],
+    closing: tuple[int, ...],
+    between: Mapping[frozenset[int], int],
+) -> int:
+    """The joint by which a group is known: the one between its two unknown links, else the one that slides, else the closing."""
+    if len(group) == 2 and frozenset(group) in between:
+        return between[frozenset(group)]
+    return slides[0] if slides else closing[own[0]]
+
+
+def _free_pairs(
+    loose: list[tuple[str, int]], turning: Angles, joints: tuple[Joint, ...], ends: tuple[tuple[int, int], ...]
+) -> tuple[str, ...]:
+    """Pairs next to unknowns that nothing determines, in words a user knows."""
+    groups = {i for what, i in loose if what == "angle"}
+    slides = {i for what, i in loose if what == "slide"}
+    return tuple(
+        joint.name
+        for j, (joint, (p, q)) in enumerate(zip(joints, ends, strict=True))
+        if j in slides or (joint.turns and {turning.group[p], turning.group[q]} & groups)
+    )

@@ -1,0 +1,192 @@
+"""The columns of a block, and the linear equations that rates and forces solve with them, for all frames at once.
+
+A block's *columns* are the derivatives of its loops' sums by its unknowns: ``i Z`` for the angle of a group whose vectors add up
+to ``Z``, the unit vector ``D`` for a sliding displacement. Velocities and accelerations solve with the columns, joint forces with
+their transpose.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from mechcore.kinematics.dyads import cross
+from mechcore.kinematics.model import Model
+from mechcore.kinematics.program import Block, Loop, Unknown
+from mechcore.kinematics.state import State
+from mechcore.numerics.frames import added, imaginary, nothing, summed
+from mechcore.numerics.newton import solve_many
+
+Array = Any  # over frames, or one number for all
+
+
+class Vectors(NamedTuple):
+    """A loop's vectors in the world, all known: (spin, Z) of the spins that turn, slides included, and (joint, spin, D) of its
+    guides."""
+
+    arms: list[tuple[int, Array]]
+    slides: list[tuple[int, int, Array]]
+
+
+class Columns(NamedTuple):
+    """``table[c][u]``: derivative of the c-th loop of a block by its u-th unknown, plain zero where it does not depend on it;
+    ``constraints[r][u]``: of its r-th relation. Where there is one loop and two unknowns (every dyad) ``pair`` and ``dual``
+    stand for the table: the two columns, both turned back by a right angle, and the dual basis, such that unknown k of ``columns @
+    x + r = 0`` is ``Im(r dual[k])``; the force that balances the generalised forces q is ``(q[0] pair[1] - q[1] pair[0]) inverse``,
+    where ``1 / inverse`` is their cross product."""
+
+    table: tuple[tuple[Array, ...], ...]
+    constraints: tuple[tuple[float, ...], ...] = ()
+    pair: tuple[Array, Array] | None = None
+    dual: tuple[Array, Array] | None = None
+    inverse: Array = None
+
+
+def all_vectors(model: Model, state: State) -> list[Vectors]:
+    """The vectors of every loop at known positions."""
+    return [_vectors(loop, state) for loop in model.program.loops]
+
+
+def _vectors(loop: Loop, state: State) -> Vectors:
+    rot, slide = state.rot, state.slide
+    slides = [(j, s, d * rot[s]) for j, s, d in loop.guides]
+    arms = []
+    for spin, a, carried in loop.vectors:
+        z = a * rot[spin]
+        for i in carried:
+            z = z + slide[slides[i][0]] * slides[i][2]
+        arms.append((spin, z))
+    return Vectors(arms, slides)
+
+
+def all_columns(model: Model, vectors: Sequence[Vectors]) -> list[Columns]:
+    """The columns of every block."""
+    return [columns(model, block, vectors) for block in model.blocks]
+
+
+def columns(model: Model, block: Block, vectors: Sequence[Vectors]) -> Columns:
+    """Derivatives of the block's loops by its unknowns, from the ``vectors`` of all loops."""
+    loops = model.program.loops
+    if block.dyad:
+        (c,) = block.contours
+        (first, second), (moved, also) = block.unknowns, loops[c].columns
+        u, v = _turned_back(vectors[c], first, moved), _turned_back(vectors[c], second, also)
+        mirrored = u.conjugate()
+        inverse = 1.0 / (mirrored * v).imag
+        over = imaginary(inverse)
+        dual = (v * over).conjugate() if isinstance(v, np.ndarray) else -v.conjugate() * over  # a resting guide's is one number
+        return Columns((), pair=(u, v), dual=(dual, mirrored * over), inverse=inverse)
+    unknowns = block.unknowns
+    table = tuple(
+        tuple(column(vectors[c], x, numbers) for x, numbers in zip(unknowns, loops[c].columns, strict=True)) for c in block.contours
+    )
+    return Columns(table, tuple(tuple(constraint_coefficient(model, r, x) for x in unknowns) for r in block.relations))
+
+
+def column(vectors: Vectors, unknown: Unknown, numbers: Sequence[int]) -> Array:
+    """Derivative of a loop by an unknown that moves the vectors with these ``numbers`` (see `program.moved_by`), plain zero for
+    none."""
+    if not numbers:
+        return 0j
+    return vectors.slides[numbers[0]][2] if unknown[0] == "slide" else 1j * summed([vectors.arms[i][1] for i in numbers])
+
+
+def _turned_back(vectors: Vectors, unknown: Unknown, numbers: Sequence[int]) -> Array:
+    """`column` turned back by a right angle: for an angle simply the sum of the vectors that it turns."""
+    return -1j * vectors.slides[numbers[0]][2] if unknown[0] == "slide" else summed([vectors.arms[i][1] for i in numbers])
+
+
+def constraint_coefficient(
+    model: Model, relation: int, unknown: tuple[str, int], bends: Mapping[int, Array] | None = None
+) -> Array:
+    """Derivative of a relation by an unknown; with ``bends`` that of its curve too, which unknowns of its own block never have."""
+    t = model.constraints[relation]
+    c: Array = dict(t.groups if unknown[0] == "angle" else t.slides).get(unknown[1], 0.0)
+    if t.curve is not None and bends is not None and (slope := t.curve.slope(unknown)):
+        c = c + slope * bends[relation][1]
+    return c
+
+
+def rates(block: Block, cols: Columns, drift: list[Array], constraint_rhs: Sequence[Array] = ()) -> list[Array]:
+    """Unknown rates (angles, then slides) from ``columns @ rates + drift = 0``, one drift per loop (what is known makes of it
+    while the unknowns rest), and from ``constraints @ rates = constraint_rhs``."""
+    if block.kind == "relation":
+        return [constraint_rhs[0] / cols.constraints[0][0]]
+    if cols.dual is not None:
+        return [(drift[0] * d).imag for d in cols.dual]
+    first = cols.table[0]
+    if len(drift) == 1 and len(first) == 1 and not constraint_rhs:
+        (c,) = first
+        return [-(c.real * drift[0].real + c.imag * drift[0].imag) / (c.real**2 + c.imag**2)]
+    matrix, shape = matrix_of(cols)
+    shape = np.broadcast_shapes(shape, *(np.shape(r) for r in (*drift, *constraint_rhs)))  # guides on the frame: constant columns
+    flat = np.empty((*shape, matrix.shape[-2]))
+    for i, r in enumerate(drift):
+        flat[..., 2 * i], flat[..., 2 * i + 1] = -r.real, -r.imag
+    for i, value in enumerate(constraint_rhs, 2 * len(drift)):
+        flat[..., i] = value
+    x = solve_many(matrix, flat)
+    return [x[..., k] for k in range(x.shape[-1])]
+
+
+def transposed(block: Block, cols: Columns, q: list[Array]) -> tuple[list[Array], list[Array]]:
+    """Loop forces (complex) and relation forces that balance the generalised forces ``q`` of the block's unknowns."""
+    if block.kind == "relation":
+        return [], [q[0] / cols.constraints[0][0]]
+    if cols.pair is not None:
+        (u, v), (a, b) = cols.pair, q
+        return [added(0j if nothing(a) else v * (a * cols.inverse), 0j if nothing(b) else u * (b * cols.inverse), -1)], []
+    first = cols.table[0]
+    if len(cols.table) == 1 and len(first) == 1 and not cols.constraints:  # one left over: the shortest force that balances
+        (c,) = first
+        return [c * (q[0] / (c.real**2 + c.imag**2))], []
+    matrix, shape = matrix_of(cols)
+    shape = np.broadcast_shapes(shape, *(np.shape(value) for value in q))
+    flat = np.empty((*shape, len(q)))
+    for i, value in enumerate(q):
+        flat[..., i] = value
+    x = solve_many(np.swapaxes(matrix, -1, -2), flat)
+    n = len(cols.table)
+    return [x[..., 2 * i] + 1j * x[..., 2 * i + 1] for i in range(n)], [x[..., 2 * n + i] for i in range(len(cols.constraints))]
+
+
+def matrix_of(cols: Columns) -> tuple[Array, tuple[int, ...]]:
+    """The columns as real matrices (..., 2 loops + relations, unknowns)."""
+    if cols.pair is not None:
+        shape = np.broadcast_shapes(*(np.shape(c) for c in cols.pair))
+        matrix = np.empty((*shape, 2, 2))
+        for k, c in enumerate(cols.pair):  # turned back by a right angle: i c is the column
+            matrix[..., 0, k], matrix[..., 1, k] = -np.imag(c), np.real(c)
+        return matrix, shape
+    shape = np.broadcast_shapes(*(np.shape(c) for row in cols.table for c in row if not nothing(c)))
+    width = len(cols.table[0] if cols.table else cols.constraints[0])
+    matrix = np.zeros((*shape, 2 * len(cols.table) + len(cols.constraints), width))
+    for i, row in enumerate(cols.constraints, 2 * len(cols.table)):
+        matrix[..., i, :] = row
+    for i, row in enumerate(cols.table):
+        for k, c in enumerate(row):
+            if not nothing(c):
+                matrix[..., 2 * i, k], matrix[..., 2 * i + 1, k] = np.real(c), np.imag(c)
+    return matrix, shape
+
+
+def condition(model: Model, block: Block, cols: Columns) -> Array:
+    """Condition number of a block's columns, lengths in units of the mechanism's size (inf where singular)."""
+    k = len(block.angles)
+    if cols.pair is not None:
+        first: list[Array] = [c / model.size if i < k else c for i, c in enumerate(cols.pair)]
+        total: Array = sum(np.real(c) ** 2 + np.imag(c) ** 2 for c in first)
+        product = abs(cross(first[0], first[1]))
+        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+            largest2 = 0.5 * (total + np.sqrt(np.maximum((total - 2.0 * product) * (total + 2.0 * product), 0.0)))
+            return np.where(product > 0, largest2 / product, np.inf)
+    if not cols.table or not cols.table[0]:
+        return 1.0
+    matrix, _ = matrix_of(cols)
+    matrix = matrix.copy()
+    matrix[..., :k] /= model.size
+    s = np.linalg.svd(np.nan_to_num(matrix), compute_uv=False)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return np.where(s[..., -1] > 0, s[..., 0] / s[..., -1], np.inf)

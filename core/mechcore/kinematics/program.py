@@ -1,0 +1,225 @@
+"""The order of solution as data: what the drives decide, then what every block solves. Nothing here depends on time.
+
+Plane vectors are complex numbers. Every set of links that turns together (a *spin*, see `graph.Angles`) has one rotation
+``E = exp(i angle)``. Each vector of a mechanism, round a loop or to a point, is a `VectorSum` over spins and sliding joints; its
+derivatives are the same sum over the derivatives of E and of s E. A program runs forwards for positions, velocities and
+accelerations; `mechcore.forces.balance` has the way back, from the last block to the drives.
+
+Everything is indices, numbers and kinds of steps, so that numpy is one executor among others: only the nonlinear term of a relation
+(the law of a cam) is a function.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from mechcore.arrays import Complex
+from mechcore.numerics.frames import summed
+from mechcore.topology.graph import FRAME, Angles
+
+Unknown = tuple[str, int]  # ("angle", group) or ("slide", joint)
+
+
+class VectorSum(NamedTuple):
+    """``still + sum of A E`` over spins that turn ``+ sum of d E s`` over sliding joints, d a unit vector in the axes of its spin.
+
+    In a sweep the vectors ``still`` and A are arrays (designs, 1).
+    """
+
+    still: complex | Complex
+    arms: tuple[tuple[int, complex | Complex], ...]  # (spin, A)
+    slides: tuple[tuple[int, int, complex], ...]  # (joint, spin, d)
+
+    def scaled(self, factor: float) -> VectorSum:
+        """The sum times a number."""
+        arms = tuple((s, factor * a) for s, a in self.arms)
+        return VectorSum(factor * self.still, arms, tuple((j, s, factor * d) for j, s, d in self.slides))
+
+
+@dataclass(frozen=True)
+class NonlinearTerm:
+    """The nonlinear term of a relation, its argument summed up as in `LinearConstraint`, ``shift`` included."""
+
+    function: Callable[[Any], Any]
+    groups: tuple[tuple[int, float], ...]
+    drives: tuple[tuple[int, float], ...]
+    slides: tuple[tuple[int, float], ...]
+    shift: float
+
+    def slope(self, unknown: Unknown) -> float:
+        """Derivative of the argument by an unknown."""
+        return dict(self.groups if unknown[0] == "angle" else self.slides).get(unknown[1], 0.0)
+
+
+@dataclass(frozen=True)
+class LinearConstraint:
+    """A relation between coordinates, summed up: ``sum of groups, drives, slides times coefficients + curve = constant``."""
+
+    name: str
+    groups: tuple[tuple[int, float], ...]  # unknown groups [m per rad]
+    drives: tuple[tuple[int, float], ...]  # turning drives inside groups
+    slides: tuple[tuple[int, float], ...]  # sliding joints
+    curve: NonlinearTerm | None = None
+    constant: float | None = None  # None: taken from the start
+
+    @property
+    def unknowns(self) -> tuple[Unknown, ...]:
+        """All groups and slides in it, those of its curve included."""
+        terms = (self,) if self.curve is None else (self, self.curve)
+        angles, slides = [g for t in terms for g, _ in t.groups], [j for t in terms for j, _ in t.slides]
+        return tuple(dict.fromkeys([*(("angle", g) for g in angles), *(("slide", j) for j in slides)]))
+
+
+class DrivenSpin(NamedTuple):
+    """A step: drives turn a spin against its group, by the sum of sign times position."""
+
+    spin: int
+    drives: tuple[tuple[int, int], ...]  # (drive, sign)
+
+
+class DrivenSlide(NamedTuple):
+    """A step: a drive gives the displacement of a sliding joint."""
+
+    joint: int
+    drive: int
+
+
+@dataclass(frozen=True)
+class Block:
+    """A step: a smallest set of loops and unknowns that are solved together, an Assur group, or one loop's check.
+
+    ``kind`` says how: ``theta_theta`` (RRR), ``theta_slide`` (RRP), ``arm_slide`` (RPR), ``slide_slide`` (RPP, PRP) are closed
+    forms; ``angle`` and ``slide`` are redundant loops with one unknown, ``check`` one with none, which only have to close;
+    ``relation`` is one relation with one unknown; ``general`` is Newton.
+    """
+
+    kind: str
+    contours: tuple[int, ...]  # numbers of its loops
+    angles: tuple[int, ...]  # unknown groups
+    slides: tuple[int, ...]  # unknown sliding joints
+    name: str  # the pair by which users know the group
+    redundant: int = 0  # equations that are left over
+    relations: tuple[int, ...] = ()  # numbers of its constraints
+
+    @cached_property
+    def unknowns(self) -> tuple[Unknown, ...]:
+        """("angle", group) and ("slide", joint) of the block's unknowns."""
+        return (*(("angle", g) for g in self.angles), *(("slide", j) for j in self.slides))
+
+    @cached_property
+    def dyad(self) -> bool:
+        """Whether it is one loop with two unknowns."""
+        return len(self.contours) == 1 and len(self.angles) + len(self.slides) == 2 and not self.relations
+
+
+class UnknownSlide(NamedTuple):
+    """A displacement that a block solves, on a guide with direction d in the axes of its spin."""
+
+    joint: int
+    carrier: int  # number of the block's angle that turns the guide; -1 where the guide is known
+    spin: int
+    direction: complex
+
+
+class Loop(NamedTuple):
+    """A loop as its block solves it.
+
+    For positions the vectors of the unknowns add up to a ``target``: ``arms`` are the vectors that each unknown angle of the block
+    turns, in axes that turn with it. For rates the loop's vectors in the world are known: ``vectors`` are those that turn, each
+    (spin, A, numbers of the ``guides`` whose displacements belong to it), ``guides`` all slides (joint, spin, d); ``columns`` says
+    which of them each unknown moves, ``known_vectors`` and ``known_guides`` which have rates that are known beforehand.
+    """
+
+    target: VectorSum
+    arms: tuple[VectorSum, ...]
+    slides: tuple[UnknownSlide, ...]
+    vectors: tuple[tuple[int, complex | Complex, tuple[int, ...]], ...]
+    guides: tuple[tuple[int, int, complex], ...]
+    columns: tuple[tuple[int, ...], ...]
+    known_vectors: tuple[int, ...]
+    known_guides: tuple[int, ...]
+
+
+class Program(NamedTuple):
+    """All that positions and rates of a mechanism follow from: steps in the order in which they are taken, and their tables."""
+
+    driven_spins: tuple[DrivenSpin, ...]
+    driven_slides: tuple[DrivenSlide, ...]
+    blocks: tuple[Block, ...]
+    loops: tuple[Loop, ...]  # by the numbers in `Block.contours`
+    constraints: tuple[LinearConstraint, ...]  # by the numbers in `Block.relations`
+    spins_of: tuple[tuple[int, ...], ...]  # the spins that each group turns
+
+
+def compile_program(
+    blocks: Sequence[Block],
+    sums: Sequence[VectorSum],
+    constraints: Sequence[LinearConstraint],
+    angles: Angles,
+    driven_slides: Sequence[DrivenSlide],
+) -> Program:
+    """The program of a mechanism whose loops are closed ``sums``, sorted into blocks in solving order."""
+    block_of = {c: b for b in blocks for c in b.contours}
+    return Program(
+        driven_spins=tuple(DrivenSpin(s, drives) for s, drives in enumerate(angles.spin_drives) if drives),
+        driven_slides=tuple(driven_slides),
+        blocks=tuple(blocks),
+        loops=tuple(_loop(total, block_of[c], angles) for c, total in enumerate(sums)),
+        constraints=tuple(constraints),
+        spins_of=angles.spins_of,
+    )
+
+
+def _loop(total: VectorSum, block: Block, angles: Angles) -> Loop:
+    group = angles.spin_group
+    known_slides = [slide for slide in total.slides if slide[0] not in block.slides]
+
+    def arm(g: int) -> VectorSum:
+        fixed = [a for s, a in total.arms if group[s] == g and not angles.spin_drives[s]]
+        turned = tuple((s, a) for s, a in total.arms if group[s] == g and angles.spin_drives[s])
+        return VectorSum(summed(fixed), turned, tuple(slide for slide in known_slides if group[slide[1]] == g))
+
+    def unknown_slide(j: int, spin: int, d: complex) -> UnknownSlide:
+        carrier = block.angles.index(group[spin]) if group[spin] in block.angles else -1
+        return UnknownSlide(j, carrier, spin, d)
+
+    spins = _turning(total)
+    constant = dict(total.arms)
+    return Loop(
+        target=VectorSum(
+            -total.still,
+            tuple((s, -a) for s, a in total.arms if group[s] not in block.angles),
+            tuple((j, s, -d) for j, s, d in known_slides if group[s] not in block.angles),
+        ),
+        arms=tuple(arm(g) for g in block.angles),
+        slides=tuple(unknown_slide(*slide) for j in block.slides for slide in total.slides if slide[0] == j),
+        vectors=tuple((s, constant.get(s, 0j), tuple(i for i, x in enumerate(total.slides) if x[1] == s)) for s in spins),
+        guides=total.slides,
+        columns=tuple(moved_by(total, u, angles) for u in block.unknowns),
+        known_vectors=tuple(i for i, s in enumerate(spins) if group[s] not in block.angles or angles.spin_drives[s]),
+        known_guides=tuple(i for i, (j, _, _) in enumerate(total.slides) if j not in block.slides),
+    )
+
+
+def _turning(total: VectorSum) -> list[int]:
+    """The spins of a loop's vectors that turn, in the order of `Loop.vectors`."""
+    return list(dict.fromkeys([*(s for s, _ in total.arms), *(s for _, s, _ in total.slides if s != FRAME)]))
+
+
+def moved_by(total: VectorSum, unknown: Unknown, angles: Angles) -> tuple[int, ...]:
+    """Numbers of a loop's `vectors` that an unknown angle turns, or of the one of its `guides` along which an unknown slides."""
+    what, i = unknown
+    if what == "slide":
+        return tuple(n for n, (j, _, _) in enumerate(total.slides) if j == i)
+    return tuple(n for n, s in enumerate(_turning(total)) if angles.spin_group[s] == i)
+
+
+def vector_sum(arms: Mapping[int, Any], slides: Sequence[tuple[int, int, complex]]) -> VectorSum:
+    """A sum of vectors by spins, of which that of the frame rests."""
+    turning = tuple((s, a) for s, a in arms.items() if s != FRAME and np.any(a != 0))
+    return VectorSum(arms.get(FRAME, 0j), turning, tuple(slides))

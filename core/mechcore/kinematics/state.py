@@ -1,0 +1,167 @@
+"""Where a mechanism is: rotations and displacements, filled in step by step."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+
+from mechcore.accuracy import DEFAULT
+from mechcore.kinematics.model import Model
+from mechcore.kinematics.program import Block, NonlinearTerm, VectorSum
+from mechcore.numerics.frames import added, product, rotation_of, summed
+
+Array = Any  # over frames, or one number for all
+
+
+@dataclass
+class State:
+    """Rotations of all spins and displacements of all sliding joints, filled in block by block.
+
+    ``delta``: rotation of each spin against its group (from drives); ``rot``: rotation of each spin, None while unknown.
+    ``newton`` says, by block name, how Newton ended where it was used.
+    """
+
+    drives: Sequence[Array]
+    delta: list[Array]
+    rot: list[Array]
+    slide: dict[int, Array]
+    newton: dict[str, Newton] = field(default_factory=dict)
+    constants: Sequence[float] = ()  # of the relations
+    angle: dict[int, Array] = field(default_factory=dict)  # angles beyond one turn, of groups that relations need
+    near: Mapping[str, Array] = field(default_factory=dict)  # rough angles "angle <group>" that decide the turn
+    tolerance: float = DEFAULT.position  # residual at which Newton's method stops, in sizes of the mechanism
+    bends: dict[int, Array] = field(default_factory=dict)  # relation -> value and two derivatives of its curve (3, ...)
+
+    def copy(self) -> State:
+        """A state that can be filled in further without changing this one."""
+        return replace(
+            self,
+            rot=list(self.rot),
+            slide=dict(self.slide),
+            newton=dict(self.newton),
+            angle=dict(self.angle),
+            bends=dict(self.bends),
+        )
+
+
+@dataclass(frozen=True)
+class Newton:
+    """Unknowns (..., n) of a general block (angles [rad], then slides [m]), what is left of the contours [m], and the size of
+    the first correction (relative), which tells how good the start was."""
+
+    x: Array
+    miss: Array
+    first: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Patch:
+    """A block's unknowns at some frames, by interpolation along the branch, in place of an ill-conditioned solve.
+
+    ``frames`` (k,); ``values``, ``first``, ``second`` (k, unknowns): angles [rad] and slides [m], and their rates.
+    """
+
+    frames: Array
+    values: Array
+    first: Array
+    second: Array
+
+    def into(self, rates: list[Array], derivative: int) -> None:
+        """Put the patch's first or second rates in place of a block's solved ones."""
+        given = self.first if derivative == 1 else self.second
+        for u in range(len(rates)):
+            rates[u] = np.array(rates[u])
+            rates[u][self.frames] = given[:, u]
+
+
+def initial_state(
+    model: Model,
+    drives: Sequence[Array],
+    constants: Sequence[float] = (),
+    near: Mapping[str, Array] | None = None,
+    tolerance: float = DEFAULT.position,
+) -> State:
+    """State with everything that the drives' positions alone decide: spins of the frame's group, driven slides.
+
+    ``constants`` of the relations; ``near``: rough angles "angle <group>" that decide the turn where relations need it.
+    """
+    program = model.program
+    turned: dict[tuple[int, int], Array] = {}
+    delta: list[Array] = [1 + 0j] * len(model.angles.spin_group)
+    for spin, terms in program.driven_spins:
+        for term in terms:
+            if term not in turned:
+                drive, sign = term
+                turned[term] = rotation_of(drives[drive] if sign == 1 else sign * drives[drive])
+        delta[spin] = product([turned[term] for term in terms])
+    rot: list[Array] = [None] * len(delta)
+    for spin in program.spins_of[0]:
+        rot[spin] = delta[spin]
+    slide = {j: drives[d] for j, d in program.driven_slides}
+    return State(drives=drives, delta=delta, rot=rot, slide=slide, constants=constants, near=near or {}, tolerance=tolerance)
+
+
+def value(total: VectorSum, rot: Sequence[Array], slide: Mapping[int, Array]) -> Array:
+    """A sum of vectors, with the rotations of its spins and the displacements along its guides."""
+    still, arms, slides = total
+    terms = [a * rot[s] for s, a in arms]
+    if slides:
+        terms += [(d * rot[s]) * slide[j] for j, s, d in slides]
+    return added(summed(terms), still) if terms else still
+
+
+def relation_sum(
+    model: Model, relation: int, state: State, block: Block | None = None
+) -> tuple[Array, dict[tuple[str, int], float]]:
+    """A relation's known terms [m], its constant subtracted, and the coefficients of the unknowns of ``block``."""
+    t = model.constraints[relation]
+    known: Array = -state.constants[relation] if state.constants else 0.0
+    unknown: dict[tuple[str, int], float] = {}
+    for d, c in t.drives:
+        known = known + c * state.drives[d]
+    for g, c in t.groups:
+        if block is not None and g in block.angles:
+            unknown["angle", g] = c
+        else:
+            known = known + c * real_angle(model, state, g)
+    for j, c in t.slides:
+        if block is not None and j in block.slides:
+            unknown["slide", j] = c
+        else:
+            known = known + c * state.slide[j]
+    if t.curve is not None:
+        state.bends[relation] = bend = t.curve.function(_argument(model, t.curve, state))
+        known = known + bend[0]
+    return known, unknown
+
+
+def _argument(model: Model, curve: NonlinearTerm, state: State) -> Array:
+    """The argument of a relation's curve, which is known before the relation is solved."""
+    total: Array = curve.shift
+    for d, c in curve.drives:
+        total = total + c * state.drives[d]
+    for g, c in curve.groups:
+        total = total + c * (state.angle[g] if g in state.angle else wrapped_angle(model, state, g))
+    for j, c in curve.slides:
+        total = total + c * state.slide[j]
+    return total
+
+
+def wrapped_angle(model: Model, state: State, group: int) -> Array:
+    """A group's angle within one turn."""
+    spin = model.angles.spins_of[group][0]
+    return np.angle(state.rot[spin] * np.conj(state.delta[spin]))
+
+
+def real_angle(model: Model, state: State, group: int) -> Array:
+    """A group's angle beyond one turn; the rough angle in ``state.near`` says which turn, where a closed form does not."""
+    if group not in state.angle:
+        angle = wrapped_angle(model, state, group)
+        near = state.near.get(f"angle {group}")
+        if near is not None:
+            angle = angle + 2.0 * np.pi * np.round((near - angle) / (2.0 * np.pi))
+        state.angle[group] = angle
+    return state.angle[group]
