@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import logging
 import threading
 from collections.abc import Callable, Sequence
@@ -37,8 +38,9 @@ class Change:
     action: Callable[[], None] | None = None
 
     def undo(self) -> None:
-        """Bring back the value, and what follows from it."""
-        self.control.value = self.before
+        """Bring back the value, and what follows from it; nothing of a control that is no more."""
+        with contextlib.suppress(RuntimeError):
+            self.control.value = self.before
         if self.action is not None:
             self.action()
 

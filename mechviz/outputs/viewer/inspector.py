@@ -5,6 +5,7 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -66,6 +67,11 @@ class Inspector:
         self._drew, self._plotted = 0.0, show
         self.playback = playback
         gui = server.gui
+
+        def drawn(what: str, action: Callable[[Any], None]) -> Callable[[Any], Any]:
+            """A callback that changes the picture itself: not while somebody else does."""
+            return callback(what, partial(self._alone, action))
+
         gui.main_panel.dock_left()
         gui.main_panel.set_width(LEFT_WIDTH)
         self.scene = Scene3D(
@@ -95,7 +101,7 @@ class Inspector:
             self.effects = EffectsTab(server, tabs.add_tab("Effects", viser.Icon.SCALE), studio, callback)
             self.accuracy = AccuracyTab(server, tabs.add_tab("Accuracy"), studio, callback)
         view = tabs.add_tab("View", viser.Icon.EYE)
-        self.switches = Switches(server, view, self.scene, player, callback, self._changed, self._darken)
+        self.switches = Switches(server, view, self.scene, player, drawn, self._changed, self._darken)
         if studio is None:
             with tabs.add_tab("About", viser.Icon.INFO_CIRCLE):
                 gui.add_markdown(show.notes)
@@ -103,7 +109,7 @@ class Inspector:
             self._legend = gui.add_html("")
         right = gui.add_panel()
         self.plots = Plots(server, right.add_tab("Plots", viser.Icon.CHART_LINE), show, callback)
-        self.closer = DetailPanel(server, right.add_tab(CLOSER, viser.Icon.ZOOM_IN), show, callback, self._picked)
+        self.closer = DetailPanel(server, right.add_tab(CLOSER, viser.Icon.ZOOM_IN), show, drawn, self._picked)
         if studio is not None:
             with self.closer.tab:
                 self.trace = gui.add_checkbox("Trace the point that I click", False, hint="adds a point to the link, and its path")
@@ -257,6 +263,10 @@ class Inspector:
         if not self._closed:
             self.playback.greet(client, self._player.clock)
 
+    def _alone(self, action: Callable[..., None], *arguments: Any) -> None:
+        with self._lock:
+            action(*arguments)
+
     def _guarded(self, what: str, action: Callable[[Any, Any], None]) -> Callable[[Any, Any], None]:
         """A reaction to a click of which a failure is told to who clicked."""
 
@@ -323,7 +333,7 @@ class Inspector:
         cams = [j.name for j in self.show.numbers.joints.values() if j.links[0] == link and f"cam {j.name}" in known]
         item = f"cam {cams[0]}" if cams else f"link {link}"
         if item in known:
-            self.closer.look_at(item)
+            self._alone(self.closer.look_at, item)
             open_tab(event.client, CLOSER)
 
     def _clicked_joints(self, names: tuple[str, ...], event: Any) -> None:
@@ -331,7 +341,7 @@ class Inspector:
         for name in names:
             for kind in ("cam", "joint", "drive"):
                 if f"{kind} {name}" in known:
-                    self.closer.look_at(f"{kind} {name}")
+                    self._alone(self.closer.look_at, f"{kind} {name}")
                     open_tab(event.client, CLOSER)
                     return
 

@@ -78,6 +78,7 @@ class EditSession:
     ):
         self._present, self._told, self._contributed, self._settled = present, told, contributed, settled
         self._lock = threading.RLock()
+        self._asking = threading.Lock()  # not held for long: browsers wait for it
         self._pending: dict[str, Change | _Value | str] = {}
         self.history = History(Draft.of(run.scene))
         self._built: Built = build(run)
@@ -138,13 +139,13 @@ class EditSession:
 
     # -- the worker's thread ------------------------------------------------------------------------------------------
     def _ask(self, key: str, what: Change | _Value | str) -> None:
-        with self._lock:
+        with self._asking:
             self._pending.pop(key, None)
             self._pending[key] = what
         self._worker.submit(None)
 
     def _work(self, _: None) -> None:
-        with self._lock:
+        with self._asking:
             pending, self._pending = self._pending, {}
         start = time.perf_counter()
         history = self.history.copied()

@@ -7,6 +7,7 @@ import urllib.request
 from collections.abc import Iterator
 from typing import Any
 
+import hostile_messages
 import pytest
 from viewer_sockets import CAMERA, PATIENCE, answered, opened, send, sockets, until, update
 from websockets.exceptions import ConnectionClosed
@@ -204,3 +205,12 @@ def test_the_page_loads_nothing_from_elsewhere(viewer):
     assert policy["default-src"] == "'none'" and policy["img-src"] == "'self' data: blob:"
     assert not [value for name, value in policy.items() if "http" in value or "*" in value]
     assert f"ws://127.0.0.1:{viewer.port}" in policy["connect-src"]
+
+
+def test_a_sample_of_hostile_messages_of_all_kinds():
+    """tests/torture/hostile_messages.py sends a million of them, edits among them."""
+    with hostile_messages.viewer() as (port, process):
+        hostile_messages.attack(port, process, 300, seed=1, share=0.0)
+        sizes, _ = hostile_messages.attack(port, process, 4000, seed=2, share=0.0)
+        hostile_messages.draws(port)
+    assert max(sizes) - sizes[0] < 20e6

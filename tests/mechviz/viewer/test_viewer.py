@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import html
 import json
 import os
 import signal
@@ -232,6 +233,17 @@ def test_plots_start_with_the_driving_torque_and_the_motion_of_the_output(compre
     assert [q.label for q in kinematic.catalogue.first[:2]] == ["point foot.H: position", "point foot.H: velocity"]
     crank_rocker = run_scene(scene.load("crank-rocker"))
     assert [q.label for q in crank_rocker.catalogue.first[:2]] == ["link rocker: angle", "link rocker: angular velocity"]
+
+
+def test_every_quantity_can_be_plotted_however_many_curves_it_has(viewer):
+    slot = viewer.plots.slots[0]
+    before, quantities = slot.quantity.title, viewer.inspector.show.quantities
+    assert max(len(q.curves) for q in quantities) > 3
+    for q in {len(q.curves): q for q in quantities}.values():
+        viewer.plots.choose(slot, q.title)
+        assert len(slot.chart.series) == len(slot.chart.data) == len(q.curves) + 2
+        assert all(name in slot._readout.content for name in map(html.escape, q.curves))
+    viewer.plots.choose(slot, before)
 
 
 def test_gears_have_quantities_and_reactions_where_they_mesh():

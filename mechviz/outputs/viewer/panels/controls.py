@@ -135,7 +135,9 @@ class Controls:
         self.lists[c.key] = chosen
 
     def _moved(self, key: str, _: Any) -> None:
-        p, slider = self._parameters[key], self.sliders[key]
+        p, slider = self._parameters.get(key), self.sliders.get(key)
+        if p is None or slider is None:
+            return  # the scene has no such value any more
         value = finite(slider.value, p.hard_low, p.hard_high, p.value)
         if p.whole:
             value = float(round(value))
@@ -152,8 +154,9 @@ class Controls:
             slider.min = value
 
     def _chosen(self, key: str, _: Any) -> None:
-        c, value = self._choices[key], self.lists[key].value
-        if value in c.options:
+        c, chosen = self._choices.get(key), self.lists.get(key)
+        if c is not None and chosen is not None and chosen.value in c.options:
+            value = chosen.value
             self._studio.change(c.key, lambda draft: draft.with_value(c.path, value))
 
     def _step(self, name: str) -> None:

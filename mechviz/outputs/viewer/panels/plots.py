@@ -6,6 +6,7 @@ import html
 import threading
 import time
 from collections.abc import Callable, Iterator
+from itertools import cycle
 from typing import Any
 
 import numpy as np
@@ -87,8 +88,9 @@ class Curves:
 
 
 HEIGHT = 164  # [px]
-COLORS = ("#2563c9", "#d97706", "#0f8a5f")
-ON_DARK = ("#7fb0ff", "#f0a545", "#4fc79a")  # their names and values on a dark page
+COLORS = ("#2563c9", "#d97706", "#0f8a5f", "#7c3aed", "#64748b", "#0e7490", "#a16207")  # and again
+# Their names and values on a dark page
+ON_DARK = ("#7fb0ff", "#f0a545", "#4fc79a", "#b79bff", "#a8b3c4", "#5cc8de", "#d8b04a")
 ROUND_OFF = 1e-9  # of a quantity's largest value
 CURSOR = "#c2255c"
 CURSOR_RATE = 12.0  # moves a second while playing: each sends the whole plot
@@ -204,7 +206,7 @@ class Slot:
         """Draw a quantity. A new plot takes the old one's place: data, curves and axes cannot be exchanged in one step."""
         self._read(quantity, axis)
         series: list[Any] = [uplot.Series(label=axis.title)]
-        for name, color in zip(quantity.curves, COLORS, strict=False):
+        for name, color in zip(quantity.curves, cycle(COLORS), strict=False):
             series.append(uplot.Series(label=name, stroke=color, width=2, points={"show": False}))
         series.append(uplot.Series(label="now", stroke=CURSOR, width=1.5, points={"show": False}))
         data = self._curves.at(frame)
@@ -264,7 +266,9 @@ class Slot:
         parts = [
             f'<span style="color:light-dark({color},{dark});white-space:nowrap"><b>{html.escape(name)}</b> '
             f'<span data-mv="{html.escape(self._label)}:{k}">{value} {unit}</span></span>'
-            for k, (name, color, dark, value) in enumerate(zip(self.quantity.curves, COLORS, ON_DARK, values, strict=False))
+            for k, (name, color, dark, value) in enumerate(
+                zip(self.quantity.curves, cycle(COLORS), cycle(ON_DARK), values, strict=False)
+            )
         ]
         self._readout.content = (
             '<div style="display:flex;gap:1em;padding:0 0.9em 0.2em;font-size:0.8em;font-variant-numeric:tabular-nums">'
