@@ -161,7 +161,7 @@ def drained(socket: ClientConnection) -> None:
     threading.Thread(target=read, daemon=True).start()
 
 
-def attack(port: int, process: int, count: int, seed: int, share: float = 0.5) -> tuple[list[float], Counter[str]]:
+def attack(port: int, process: int, count: int, seed: int, share: float) -> tuple[list[float], Counter[str]]:
     """Send messages from one socket after the other, with a ``share`` of fitting values for controls; the viewer's memory now and
     then [bytes], and what became of the sockets."""
     rng = random.Random(seed)
@@ -219,10 +219,11 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--count", type=int, default=1_000_000, help="messages (1,000,000)")
     parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--share", type=float, default=0.02, help="of fitting values for controls, most of them edits (0.02)")
     options = parser.parse_args()
     with viewer() as (port, process):
         start = time.perf_counter()
-        sizes, ends = attack(port, process, options.count, options.seed)
+        sizes, ends = attack(port, process, options.count, options.seed, options.share)
         print(f"{options.count} messages in {time.perf_counter() - start:.0f} s; sockets: {dict(ends)}")
         print("memory [MB]:", *(f"{size / 1e6:.0f}" for size in sizes[:: max(len(sizes) // 20, 1)]), f"-> {sizes[-1] / 1e6:.0f}")
         draws(port)

@@ -104,7 +104,7 @@ class Inspector:
         self.switches = Switches(server, view, self.scene, player, drawn, self._changed, self._darken)
         if studio is None:
             with tabs.add_tab("About", viser.Icon.INFO_CIRCLE):
-                gui.add_markdown(show.notes)
+                gui.add_html(show.notes)
         with view, gui.add_folder("Legend"):
             self._legend = gui.add_html("")
         right = gui.add_panel()

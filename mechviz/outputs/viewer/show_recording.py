@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from functools import cache
-from html import escape
 
 import numpy as np
 from numpy.typing import NDArray
 
+from mechviz.outputs.page.markdown import html_of
 from mechviz.outputs.presentation import presentation_in
 from mechviz.outputs.rerun.read_drawings import RecordedDrawings
 from mechviz.outputs.rerun.reader import Recording
+from mechviz.outputs.viewer import words
 from mechviz.outputs.viewer.show_run import bodies_of
 from mechviz.outputs.viewer.view_model import Rolling, ViewModel
 from mechviz.picture.nodes import Body, Lines, Picture
@@ -33,7 +34,7 @@ def show_of_recording(recording: Recording) -> ViewModel:
         catalogue=found.catalogue,
         events=found.events,
         # without the title and what the scene teaches, with headings that fit a panel
-        notes=escape(f"#### {rest}".replace("\n## ", "\n#### ") if cut else head, quote=False),
+        notes=words.notes(html_of(f"### {rest}".replace("\n## ", "\n### ") if cut else head)),
         drawings=found.drawings,
         charts=cache(RecordedDrawings(recording, ticks).charts),
         polodes=cache(lambda: polodes_in(found.picture, numbers)),

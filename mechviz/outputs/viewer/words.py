@@ -145,6 +145,11 @@ def contributions(items: Iterable[Contribution], effort: str) -> str:
     return _block(f"{table}{below}", "font-size:0.78em;line-height:1.3;font-variant-numeric:tabular-nums")
 
 
+def notes(content: str) -> str:
+    """The notes of a recording, HTML already, on the ground of a panel."""
+    return f'<div style="padding:0.2em 0.9em 0.6em;font-size:0.85em;line-height:1.4;overflow-wrap:anywhere">{content}</div>'
+
+
 def hint(text: str) -> str:
     """A quiet sentence of help."""
     return _block(escape(text), "font-size:0.78em;line-height:1.35;opacity:0.7")

@@ -20,6 +20,7 @@ from mechviz.outputs.rerun.writer import write_recording
 from mechviz.outputs.viewer.panels.saving import saved_scene
 from mechviz.runs import run_scene, with_run
 from mechviz.scene.faults import SceneError
+from mechviz.scene.folder import SceneFolder
 from mechviz.scene.scene import Scene, dump, loads
 from mechviz.studies.ladder_cache import _file
 
@@ -140,8 +141,30 @@ def test_a_recording_carries_the_files_of_its_scene(cam, tmp_path):
     moved.mkdir()
     Path("r.rrd").rename(moved / "r.rrd")
     scene = Recording(moved / "r.rrd").scene()
+    assert scene.folder.foreign
     assert stroke(run_scene(scene).motion) == pytest.approx(STROKE, rel=1e-2)
     assert scene == with_run(scene, 24, None) and scene != mechviz.load("cam-measured")
+
+
+@pytest.mark.parametrize("way", ["absolute", "upwards", "link"])
+def test_a_scene_inside_a_recording_reads_nothing_outside_its_folder(cam, tmp_path, way):
+    """Somebody else may have made it. What it has brought is used, and what lies below the folder is read."""
+    folder = tmp_path / "theirs"
+    (folder / "below").mkdir(parents=True)
+    secret = cam.parent / "cam-measured.csv"
+    name = {"absolute": str(secret), "upwards": "../mine/cam-measured.csv", "link": "below/link.csv"}[way]
+    if way == "link":
+        (folder / "below" / "link.csv").symlink_to(secret)
+    text = cam.read_text().replace("cam-measured.csv", name)
+    assert loads(text, folder=folder).files[name] == secret.read_bytes(), "on the command line it may"
+    with pytest.raises(SceneError) as refused:
+        loads(text, folder=SceneFolder(folder, foreign=True))
+    (fault,) = refused.value.faults
+    assert fault.path.endswith(".profile.file") and "outside of that folder" in fault.message and fault.remedy
+    brought = SceneFolder(folder, {name: secret.read_bytes()}, foreign=True)
+    assert loads(text, folder=brought).changed({("run", "frames"): 30}).folder.foreign
+    (folder / "below" / "own.csv").write_bytes(secret.read_bytes())
+    loads(cam.read_text().replace("cam-measured.csv", "below/own.csv"), folder=SceneFolder(folder, foreign=True))
 
 
 def test_edits_keep_the_folder(cam):

@@ -32,6 +32,7 @@ from mechviz.outputs.viewer.session import Contribution, EditSession, Status
 from mechviz.outputs.viewer.show_recording import show_of_recording
 from mechviz.outputs.viewer.show_run import Built, build, show_of_run
 from mechviz.outputs.viewer.view_model import Body, Piece
+from mechviz.outputs.viewer.viser_adapter import buffer_of
 from mechviz.outputs.viewer.world.camera import PRESETS, fit_view
 from mechviz.outputs.viewer.world.constructions import OVERLAYS
 from mechviz.outputs.viewer.world.solids import sectioned
@@ -661,7 +662,21 @@ def test_2d_is_nearly_without_perspective():
     assert 0.1 / view.distance < 0.003  # how much larger the front of the plates is drawn than their back
 
 
+def test_notes_of_a_foreign_recording_are_text(tmp_path, monkeypatch):
+    """No picture is loaded for them, neither by the page nor by the server, and nothing in them is markup of the page."""
+    write_recording(run_scene(scene.load("crank-rocker"), frames=12), tmp_path / "a.rrd")
+    pictures = "![a](http://127.0.0.1:9/a.png) ![b](../../../../etc/passwd) <img src=x onerror=alert(1)>"
+    hostile = f"{pictures} [c](javascript:alert(2)) {{alert(3)}}"
+    monkeypatch.setattr(Recording, "notes", property(lambda self: f"# Title\n\n{hostile}\n\n## What was computed\n\n- {hostile}\n"))
+    shown = show_of_recording(Recording(tmp_path / "a.rrd"))
+    assert not re.findall(r"<(?!/?(?:div|h\d|p|ul|li|b|code|table|tr|td|th)\b)", shown.notes) and "![a](http" in shown.notes
+    with Viewer(Recording(tmp_path / "a.rrd"), port=0) as played:
+        kinds = {type(m).__name__ for m in buffer_of(played.server).message_from_id.values()}
+        assert "GuiHtmlMessage" in kinds and "GuiMarkdownMessage" not in kinds
+
+
 def test_names_of_files_have_no_folders():
     assert file_name("../../etc/passwd", ".toml", "x") == "_.._etc_passwd.toml"
     assert file_name(" crank 2.TOML ", ".toml", "x") == "crank 2.toml" and file_name("", ".rrd", "x") == "x.rrd"
+    assert file_name("", ".rrd", "../../evil") == "_.._evil.rrd" and file_name("..", ".rrd", "..") == "scene.rrd"
     assert "/" not in file_name("a/b\\c\0d", ".rrd", "x") and file_name(".hidden", ".rrd", "x") == "hidden.rrd"

@@ -12,6 +12,7 @@ import viser
 
 from mechviz.files import plain_name
 from mechviz.outputs.rerun.writer import write_recording
+from mechviz.outputs.viewer import words
 from mechviz.outputs.viewer.callbacks import Callback
 from mechviz.runs import Run
 from mechviz.scene.saving import kept_text
@@ -56,9 +57,9 @@ class Saver:
         ending = ".toml" if what == "Scene" else ".rrd"
         with gui.add_modal(f"Save the {what.lower()}") as dialog:
             self._dialogs[client.client_id] = dialog
-            gui.add_markdown(f"It goes into the folder `{self._folder}`.")
+            gui.add_html(words.hint(f"It goes into the folder {self._folder}."))
             name = gui.add_text("Name of the file", f"{run.scene.name}{ending}")
-            warning = gui.add_markdown("")
+            warning = gui.add_html("")
             save = gui.add_button("Save", icon=viser.Icon.DEVICE_FLOPPY)
             replace = gui.add_button("Replace it", color="red", visible=False)
             stop = gui.add_button("Cancel", color="gray")
@@ -66,16 +67,16 @@ class Saver:
         def go(told: bool) -> None:
             target = self._folder / file_name(name.value, ending, run.scene.name)
             if target.exists() and not told:
-                warning.content = f"**`{target.name}` is there already.** Give another name, or replace it."
+                warning.content = words.hint(f"{target.name} is there already. Give another name, or replace it.")
                 replace.visible = True
                 return
             self._close(client)
             scene, kept = saved_scene(self._opened, run.scene)
             if what == "Scene":
                 copies = [path.name for path in dump(scene, target, keep=True)]
-                words = f"{target}" if kept else f"{target}, in the standard layout: its file's comments could not be kept."
-                words += f" Copied beside it: {', '.join(copies)}." if copies else ""
-                client.add_notification("Scene saved", words, color="green", auto_close_seconds=8.0)
+                said = f"{target}" if kept else f"{target}, in the standard layout: its file's comments could not be kept."
+                said += f" Copied beside it: {', '.join(copies)}." if copies else ""
+                client.add_notification("Scene saved", said, color="green", auto_close_seconds=8.0)
             elif self.last is not None and self.last.is_alive():
                 raise ValueError("another recording is being written: wait until it is there")
             else:
