@@ -29,6 +29,7 @@ from mechviz.accuracy.fit import Fit, fit_frames, simulated
 from mechviz.accuracy.kept import kept_dials
 from mechviz.quantities.catalogue import Catalogue
 from mechviz.quantities.numbers import Numbers, numbers_of
+from mechviz.quantities.soundness import check_finite
 from mechviz.scene.worded import in_scene_words
 
 if TYPE_CHECKING:
@@ -183,7 +184,7 @@ def run_scene(
     if plan.has("closure and condition"):
         with stage("closure and condition"):
             _ = motion.closure, motion.velocity_closure, motion.acceleration_closure, motion.condition
-    return Run(
+    run = Run(
         scene=scene,
         compiled=compiled,
         motion=motion,
@@ -197,6 +198,8 @@ def run_scene(
         fit=fit,
         again=again,
     )
+    check_finite(run)
+    return run
 
 
 def _steady(turns: int, compiled: Compiled) -> tuple[SteadyRun, Compiled]:

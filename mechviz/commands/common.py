@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import signal
 import sys
+import traceback
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
@@ -27,6 +28,43 @@ def fail(text: str, code: int = 2) -> NoReturn:
     """Say what is wrong and leave."""
     say(text)
     raise typer.Exit(code)
+
+
+UNTRUSTED = 3  # exit code where results do not balance or close
+UNFORESEEN = 70  # exit code of a fault of the program, as in sysexits.h
+NAMED = ("path", "joint", "pair", "link", "load", "drive", "name")  # what the code calls the item of the scene that it works on
+
+
+def unforeseen(error: BaseException, *, shown: bool) -> int:
+    """Says that the program itself has failed, how, and at which item of the scene as far as that is known; gives the exit code.
+
+    ``shown``: with the traceback.
+    """
+    if shown:
+        say("".join(traceback.format_exception(error)).rstrip())
+    if isinstance(error, MemoryError):
+        say("There is not enough memory for this. Give fewer frames or cycles, or a smaller scene.")
+        return 1
+    item = _item_of(error)
+    text = (str(error).splitlines() or [""])[0][:200]
+    say(f"mechviz has failed{f' at {item}' if item else ''}: {type(error).__name__}{f': {text}' if text else ''}.")
+    say("This is a fault of mechviz, not of what you gave it. Please report it with the command and the scene; what follows")
+    say("--traceback shows where it happened. Nothing that was there before has been changed.")
+    return UNFORESEEN
+
+
+def _item_of(error: BaseException) -> str:
+    """What the innermost of our functions that names an item was working on."""
+    frames = [frame for frame, _ in traceback.walk_tb(error.__traceback__)]
+    for frame in reversed(frames):
+        package, _, part = str(frame.f_globals.get("__name__", "")).partition(".")
+        if package in ("mechcore", "mechviz") and not part.startswith("commands"):
+            for word in NAMED:
+                value = frame.f_locals.get(word)
+                value = value if isinstance(value, Path) else getattr(value, "name", value)
+                if isinstance(value, str) and value and not value.startswith(("/", "__")):
+                    return f"'{value[:80]}'"
+    return ""
 
 
 @contextmanager

@@ -14,8 +14,10 @@ from mechviz.commands.solving import (
     AccuracyOpt,
     CyclesOpt,
     FramesOpt,
+    KeepOpt,
     ReachableOpt,
     SceneArg,
+    check_trust,
     clear_errors,
     load_scene,
     quantity_of,
@@ -50,6 +52,7 @@ def export(
     cycles: CyclesOpt = None,
     accuracy: AccuracyOpt = None,
     reachable: ReachableOpt = False,
+    keep: KeepOpt = False,
 ) -> None:
     """Write results as tables, the links as solids, the profiles of cams as drawings."""
     profiles = {kind: path for kind, path in (("dxf", dxf), ("svg", svg), ("csv", profile)) if path is not None}
@@ -63,6 +66,7 @@ def export(
         loaded = load_scene(scene, reachable=reachable)
         step = quantity_of(loaded, every, "every", "time")
         run = solve(loaded, frames, cycles, accuracy)
+        check_trust(run, keep)
         warn_of_accuracy(run)
         times = None if step is None else even_times(run, step)
 

@@ -18,8 +18,10 @@ from mechviz.commands.solving import (
     AccuracyOpt,
     CyclesOpt,
     FramesOpt,
+    KeepOpt,
     ReachableOpt,
     SceneArg,
+    check_trust,
     clear_errors,
     load_scene,
     quantity_of,
@@ -52,6 +54,7 @@ def forces(
     cycles: CyclesOpt = None,
     accuracy: AccuracyOpt = None,
     reachable: ReachableOpt = False,
+    keep: KeepOpt = False,
 ) -> None:
     """Print who supplies power and who absorbs it: every force with its classes and its work over the run. Where nothing moves:
     the reactions.
@@ -66,6 +69,7 @@ def forces(
     with clear_errors(scene):
         check_targets(scene, csv, plot)
         run = solve(load_scene(scene, reachable=reachable), frames, cycles, accuracy)
+        check_trust(run, keep)
         warn_of_accuracy(run)
         if run.forces is None:
             fail(f'{run.scene.name}: the scene names no effects and no loads, so there are no forces. Add effects = ["inertia"].')

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -49,9 +50,11 @@ def _parse(text: str) -> MotionCurve:
     for part in filter(None, rest.split(",")):
         key, equals, value = part.partition("=")
         try:
-            parameters[key.strip()] = float(value)
+            parameters[key.strip()] = number = float(value)
+            if not math.isfinite(number):
+                raise ValueError
         except ValueError:
-            raise MechanismError(Fault(f"{name}.{key}", f"'{value}' is no number." if equals else "it has no value.",
+            raise MechanismError(Fault(f"{name}.{key}", f"'{value}' is not a finite number." if equals else "it has no value.",
                                        "Write it like parabolic:skew=0.4.")) from None  # fmt: skip
     return rise(name, **parameters)
 

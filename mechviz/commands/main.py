@@ -6,17 +6,20 @@
 from __future__ import annotations
 
 import io
+import math
 import os
 import sys
+from collections.abc import Callable
+from functools import wraps
 from importlib import import_module
 from textwrap import fill, shorten
-from typing import Annotated, Any
+from typing import Annotated, Any, get_args, get_type_hints
 
 import typer
 from typer.core import TyperGroup
 from typer.main import get_command
 
-from mechviz.commands.common import fail, no_output, orderly
+from mechviz.commands.common import fail, no_output, orderly, unforeseen
 from mechviz.scene.folder import TOPICS, gallery
 
 COMMANDS = {
@@ -64,6 +67,8 @@ COMMANDS = {
 }
 """Commands by the module that holds the function of that name, in the order of the help: the first sentence of theirs."""
 LINE = 100  # characters
+TRACEBACK = "--traceback"
+"""Said anywhere, it shows where a fault of the program happened."""
 TIMED = ("accuracy", "effects")
 """Commands whose times are of one thread, which numpy has to be told before it loads."""
 
@@ -84,7 +89,7 @@ def load_command(name: str) -> Any:
             os.environ.setdefault(variable, "1")
     single = typer.Typer(add_completion=False, rich_markup_mode=None, pretty_exceptions_enable=False)
     module = next(module for module, commands in COMMANDS.items() if name in commands)
-    single.command(name)(getattr(import_module(f"mechviz.commands.{module}"), name))
+    single.command(name)(_with_finite_numbers(getattr(import_module(f"mechviz.commands.{module}"), name)))
     return get_command(single)
 
 
@@ -117,6 +122,21 @@ def scenes(
                     print(f"  {entry.name:<{width}}  {shorten(entry.title, LINE - width - 4, placeholder=' …')}")
 
 
+def _with_finite_numbers(function: Callable[..., None]) -> Callable[..., None]:
+    """A command whose options refuse infinity and what is no number, by name."""
+
+    @wraps(function)
+    def checked(**given: Any) -> None:
+        for name, value in given.items():
+            if isinstance(value, float) and not math.isfinite(value):
+                stated = get_args(get_type_hints(function, include_extras=True)[name])[1:]
+                words = [word for option in stated for word in (option.default, *option.param_decls) if str(word).startswith("--")]
+                fail(f"{[*words, f'--{name}'][0]}: {value} is not a finite number. Give a finite one.")
+        function(**given)
+
+    return checked
+
+
 def _listed() -> None:
     """Stands in the list of commands for one that is not loaded yet."""
 
@@ -128,7 +148,9 @@ app = typer.Typer(
     "SCENE is the name of a gallery scene (see: mechviz scenes) or the path of a scene file.\n\n"
     "Start with: mechviz record crank-rocker, then mechviz inspect recordings/crank-rocker.rrd, or mechviz view crank-rocker.\n\n"
     "Exit codes: 0 done; 2 it cannot be done as it is asked for (options, scene, recording, a file that cannot be written there); "
-    "1 something is in the way (a full disk, a port in use, no Chromium), or a hard case fails; 130 and 143 interrupted.",
+    "1 something is in the way (a full disk, a port in use, no Chromium), or a hard case fails; "
+    "3 the results cannot be trusted: they do not balance or close; "
+    "70 a fault of mechviz: --traceback, anywhere, shows where; 130 and 143 interrupted.",
     no_args_is_help=True,
     add_completion=False,
     rich_markup_mode=None,
@@ -144,12 +166,18 @@ def main() -> None:
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="backslashreplace")  # terminals of few letters: a name in them is no reason to stop
+    shown = TRACEBACK in sys.argv
+    sys.argv[1:] = [word for word in sys.argv[1:] if word != TRACEBACK]
     code: str | int | None = 0
     try:
         try:
             app()
         except SystemExit as end:
             code = end.code
+        except (KeyboardInterrupt, OSError):
+            raise
+        except BaseException as error:  # also what is no Exception, such as a panic of rerun's
+            code = unforeseen(error, shown=shown)
         sys.stdout.flush()
     except OSError as error:  # help, too, may go to a full disk
         code = no_output(error)

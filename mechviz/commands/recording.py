@@ -9,7 +9,18 @@ from typing import Annotated
 import typer
 
 from mechviz.commands.common import check_targets, fail, interruptible, progress_bar, say
-from mechviz.commands.solving import AccuracyOpt, CyclesOpt, FramesOpt, ReachableOpt, SceneArg, clear_errors, load_scene, solve
+from mechviz.commands.solving import (
+    AccuracyOpt,
+    CyclesOpt,
+    FramesOpt,
+    KeepOpt,
+    ReachableOpt,
+    SceneArg,
+    check_trust,
+    clear_errors,
+    load_scene,
+    solve,
+)
 from mechviz.outputs.rerun.inspection import format_inspection
 from mechviz.outputs.rerun.inspection import inspect as inspect_recording
 from mechviz.outputs.rerun.live import live
@@ -28,6 +39,7 @@ def record(
     accuracy: AccuracyOpt = None,
     reachable: ReachableOpt = False,
     cost: Annotated[bool, typer.Option("--cost", help="also what was computed, and what each stage cost")] = False,
+    keep: KeepOpt = False,
     live: Annotated[
         int | None,
         typer.Option(
@@ -53,6 +65,7 @@ def record(
         with interruptible("rerun", "mechviz.meshes"):
             if run is None:
                 run = _solve_live(loaded, frames, cycles, accuracy, path, live or 0)
+            check_trust(run, keep, errors=True)
             with progress_bar("recording") as bar:
                 summary = write_recording(run, path, progress=bar, begin=bar.stage)
         say(str(summary))

@@ -12,7 +12,8 @@ import typer
 
 from mechcore.errors import MechanismError
 from mechviz.accuracy.words import target_words
-from mechviz.commands.common import fail, orderly, progress_bar, say
+from mechviz.commands.common import UNTRUSTED, fail, orderly, progress_bar, say
+from mechviz.quantities.soundness import doubts
 from mechviz.runs import Run, run_scene
 from mechviz.scene.faults import SceneError
 from mechviz.scene.kinds.reachable import swinging
@@ -34,6 +35,7 @@ AccuracyOpt = Annotated[
         "--accuracy", "-a", metavar="ERROR", help="wanted relative error, such as 1e-6: all dials follow [default: the scene's]"
     ),
 ]
+KeepOpt = Annotated[bool, typer.Option("--keep", help="write results that cannot be trusted, too: they do not balance or close")]
 QuickOpt = Annotated[bool, typer.Option("--quick", help="fewer repeats: rougher times")]
 
 
@@ -71,6 +73,17 @@ def solve(scene: Scene, frames: int | None, cycles: int | None, accuracy: float 
             progress=bar.stage,
             advance=lambda t, end: bar(round(1e3 * t / end), 1000),
             warn=lambda words: say(f"note: {words}"),
+        )
+
+
+def check_trust(run: Run, keep: bool, *, errors: bool = False) -> None:
+    """Say why the results of a run cannot be trusted, and leave before anything is written, unless they are to be kept."""
+    found = doubts(run, errors=errors)
+    for words in found:
+        say(f"not to be trusted: {words}")
+    if found and not keep:
+        fail(
+            "Nothing is written. Check the values of the scene against each other; --keep takes the results as they are.", UNTRUSTED
         )
 
 

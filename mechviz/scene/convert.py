@@ -19,6 +19,9 @@ if TYPE_CHECKING:
 LARGEST = 1e30
 """Largest magnitude of any value in SI: far beyond any machine, short of where squares and cubes of it overflow."""
 
+LARGEST_ANGLE = 1e7
+"""Largest angle [rad]: beyond it its rounding is more than 1e-9 rad, which closures show."""
+
 SMALLEST = 1e-30
 """Smallest magnitude, apart from zero, of values that others are divided by."""
 
@@ -61,6 +64,12 @@ class Converter:
             return math.nan
         if not abs(number) <= LARGEST:
             self.note(path, f"{number:g} {KINDS[kind].si} is beyond {LARGEST:g}.", "Check the number and its unit.")
+            return math.nan
+        if kind == "angle" and abs(number) > LARGEST_ANGLE:
+            said = (
+                f"{number / (2.0 * math.pi):.3g} turns are beyond {LARGEST_ANGLE / (2.0 * math.pi):.3g}: places would be rounded."
+            )
+            self.note(path, said, "Leave out whole turns, or check the number and its unit.")
             return math.nan
         if kind in _DIVISORS and abs(number) < SMALLEST and magnitude(value) != 0.0:
             self.note(path, f"{number:g} {KINDS[kind].si} is below {SMALLEST:g}.", "Check the number and its unit.")

@@ -77,7 +77,9 @@ def read_text(path: Path) -> str:
             )
         data = read_regular(path, LARGEST_FILE)
     except OSError as error:
-        raise fault(f"cannot be read: {error.strerror or error}.", "Check the path and its permissions.") from None
+        raise fault(
+            f"cannot be read: {error.strerror or error}.", "Check that it is the right file, and its permissions."
+        ) from None
     if data.startswith(b"RRF2") or path.suffix == ".rrd":
         raise fault("this is a recording, not a scene.", "Look into it with 'mechviz inspect', or give the scene that made it.")
     try:
