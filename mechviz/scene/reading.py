@@ -49,9 +49,9 @@ def find_scene(source: str | Path) -> Path:
             else "Check the path; gallery scenes are named without '.toml'."
         )
         raise SceneError(text, Fault("file", "there is no such file.", remedy))
-    near = [f"'{name}'" for name in nearest(text, names, 3)]
+    alike = [f"'{name}'" for name in nearest(text, names, 3)]
     listed = "The gallery is listed by: mechviz scenes"
-    meant = f"Did you mean {' or '.join(filter(None, (', '.join(near[:-1]), *near[-1:])))}? " if near else ""
+    meant = f"Did you mean {' or '.join(filter(None, (', '.join(alike[:-1]), *alike[-1:])))}? " if alike else ""
     raise SceneError(
         text,
         Fault(
