@@ -12,7 +12,6 @@ from faulty_scenes import BASE, REMOVED, changed, faults_of
 from mechcore.errors import Fault, MechanismError
 from mechviz.scene import recovery as lenient
 from mechviz.scene.faults import SceneError
-from mechviz.scene.folder import gallery_names
 from mechviz.scene.reading import LARGEST_FILE
 from mechviz.scene.scene import Scene, load, loads
 
@@ -540,7 +539,7 @@ def test_an_unknown_gallery_scene_is_answered_with_the_list():
     fault = fault_of_file("crank-roker")
     assert fault.path == "scene"
     assert "Did you mean 'crank-rocker'" in fault.remedy
-    assert all(name in fault.remedy for name in gallery_names())
+    assert "mechviz scenes" in fault.remedy
 
 
 def test_a_file_named_like_a_gallery_scene_needs_its_ending(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
