@@ -30,7 +30,7 @@ from mechviz.accuracy.kept import kept_dials
 from mechviz.quantities.catalogue import Catalogue
 from mechviz.quantities.numbers import Numbers, numbers_of
 from mechviz.quantities.soundness import check_finite
-from mechviz.scene.worded import in_scene_words
+from mechviz.scene.faults import in_scene_words
 
 if TYPE_CHECKING:
     from mechcore.dynamics.event_integrator import Method

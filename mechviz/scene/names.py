@@ -16,7 +16,7 @@ from mechviz.scene.fields import Table, Text, Unknown
 
 if TYPE_CHECKING:
     from mechviz.scene.kinds.joints.document import PairDocument
-    from mechviz.scene.recovery import Reading
+    from mechviz.scene.reading.recovery import Reading
 
 
 @dataclass(frozen=True)

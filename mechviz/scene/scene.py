@@ -15,18 +15,17 @@ from mechcore.errors import Fault
 from mechcore.spec.mechanism import Mechanism
 from mechviz.files import replacing
 from mechviz.scene.annotations import Place
-from mechviz.scene.assemble import assemble
+from mechviz.scene.assembly.assemble import assemble
+from mechviz.scene.assembly.simulation import SimulationSpec
 from mechviz.scene.convert import Converter
 from mechviz.scene.document import FORMER, SceneDocument, with_values
-from mechviz.scene.faults import SceneError, in_file_order
+from mechviz.scene.faults import SceneError, in_file_order, path_as_written
 from mechviz.scene.folder import SceneFolder, copy_files
 from mechviz.scene.kinds.accuracy import accuracy_of
 from mechviz.scene.kinds.bodies import MassDocument
-from mechviz.scene.reading import find_scene, parse_toml, read_text
-from mechviz.scene.recovery import Reading, read_document
-from mechviz.scene.simulation import SimulationSpec
+from mechviz.scene.reading.recovery import Reading, read_document
+from mechviz.scene.reading.text import find_scene, parse_toml, read_text
 from mechviz.scene.units import Units
-from mechviz.scene.worded import path_as_written
 from mechviz.scene.writing import toml_text
 
 

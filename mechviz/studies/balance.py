@@ -10,8 +10,7 @@ from mechcore.motion.motion import Motion
 from mechcore.motion.solve import compile_mechanism, default_times, solve_motion
 from mechcore.reduction.balancing import Counterweight, counterweights, find_linkage
 from mechcore.reduction.shaking import Shaking, shaking
-from mechviz.scene.faults import SceneError
-from mechviz.scene.worded import in_scene_words
+from mechviz.scene.faults import SceneError, in_scene_words
 
 if TYPE_CHECKING:
     from mechviz.scene.annotations import Place

@@ -18,7 +18,7 @@ from mechcore.motion.compiled import Compiled
 from mechcore.motion.motion import Motion
 from mechcore.motion.solve import compile_mechanism, default_times, solve_motion
 from mechviz.runs import run_scene
-from mechviz.scene.worded import in_scene_words
+from mechviz.scene.faults import in_scene_words
 
 if TYPE_CHECKING:
     from mechviz.scene.scene import Scene

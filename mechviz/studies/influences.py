@@ -16,7 +16,7 @@ from mechcore.motion.solve import compile_mechanism, default_times, solve_motion
 from mechcore.spec.mechanism import EFFECTS
 from mechviz.quantities.items import joints_of
 from mechviz.runs import run_scene
-from mechviz.scene.worded import in_scene_words
+from mechviz.scene.faults import in_scene_words
 from mechviz.studies.timing import Timed, side_by_side
 
 if TYPE_CHECKING:

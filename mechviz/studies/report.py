@@ -30,7 +30,7 @@ from mechcore.spec.loads import BeltTension, Factor, GasPressure, GasSpring, Spr
 from mechcore.spec.mechanism import CamPair, Mechanism, PinSlot, Planar
 from mechcore.texts import Text
 from mechviz.quantities.items import joints_of
-from mechviz.scene.worded import in_scene_words
+from mechviz.scene.faults import in_scene_words
 from mechviz.studies.cam_report import cam_facts, cam_lines, law_facts
 from mechviz.studies.laws import continuity_words
 

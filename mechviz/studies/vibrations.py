@@ -12,9 +12,8 @@ from mechcore.dynamics.rest.vibrations import Mode, Vibrations, small_vibrations
 from mechcore.errors import Fault, MechanismError
 from mechcore.motion.solve import compile_mechanism, solve_motion
 from mechviz.files import replacing
-from mechviz.scene.faults import SceneError
+from mechviz.scene.faults import SceneError, in_scene_words
 from mechviz.scene.kinds.signals import SIGNALS
-from mechviz.scene.worded import in_scene_words
 
 if TYPE_CHECKING:
     from mechcore.dynamics.rest.equilibrium import Seek

@@ -27,9 +27,9 @@ from mechviz.scene.fields import (
 from mechviz.scene.names import LinkName
 
 if TYPE_CHECKING:
+    from mechviz.scene.assembly.placement import Placement
     from mechviz.scene.convert import Converter
     from mechviz.scene.document import SceneDocument
-    from mechviz.scene.placement import Placement
 
 
 PlanName = Literal["velocity", "acceleration", "force"]

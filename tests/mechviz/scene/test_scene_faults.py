@@ -10,9 +10,9 @@ import pytest
 from faulty_scenes import BASE, REMOVED, changed, faults_of
 
 from mechcore.errors import Fault, MechanismError
-from mechviz.scene import recovery as lenient
 from mechviz.scene.faults import SceneError
-from mechviz.scene.reading import LARGEST_FILE
+from mechviz.scene.reading import recovery as lenient
+from mechviz.scene.reading.text import LARGEST_FILE
 from mechviz.scene.scene import Scene, load, loads
 
 
@@ -551,5 +551,5 @@ def test_a_file_named_like_a_gallery_scene_needs_its_ending(tmp_path: Path, monk
 
 def test_all_branches_of_the_document_are_left_out_of_places():
     """Tags of unions are no part of a place, names that look like them are."""
-    text = "".join(path.read_text(encoding="utf-8") for path in (Path(lenient.__file__).parent).glob("*.py"))
+    text = "".join(path.read_text(encoding="utf-8") for path in Path(lenient.__file__).parents[1].rglob("*.py"))
     assert set(re.findall(r'Tag\("([^"]*)"\)', text)) == lenient._BRANCHES

@@ -14,10 +14,10 @@ from mechviz.scene.kinds.friction import Rubbing, friction_spec
 from mechviz.scene.names import points_of_pair
 
 if TYPE_CHECKING:
+    from mechviz.scene.assembly.placement import Placement
     from mechviz.scene.document import SceneDocument
     from mechviz.scene.kinds.joints.document import PairDocument
-    from mechviz.scene.placement import Placement
-    from mechviz.scene.recovery import Reading
+    from mechviz.scene.reading.recovery import Reading
 
 
 @dataclass(frozen=True)

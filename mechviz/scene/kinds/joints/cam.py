@@ -18,7 +18,7 @@ from mechviz.scene.names import TwoLinks, known_point
 
 if TYPE_CHECKING:
     from mechviz.scene.kinds.joints.document import PairDocument
-    from mechviz.scene.recovery import Reading
+    from mechviz.scene.reading.recovery import Reading
 
 
 class CamKeys(Table):

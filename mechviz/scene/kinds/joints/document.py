@@ -25,9 +25,9 @@ from mechviz.scene.kinds.joints.wheels import WHEELS, WheelKeys
 from mechviz.scene.names import link_names
 
 if TYPE_CHECKING:
+    from mechviz.scene.assembly.placement import Placement
     from mechviz.scene.document import SceneDocument
-    from mechviz.scene.placement import Placement
-    from mechviz.scene.recovery import Reading
+    from mechviz.scene.reading.recovery import Reading
 
 
 KINDS: Mapping[str, JointKind] = {**LOWER, **WHEELS, **CAMS}

@@ -20,10 +20,10 @@ from mechviz.scene.kinds.joints.base import JointKind, JointMaker
 from mechviz.scene.names import LinkName, TwoLinks, link_names, points_of_pair
 
 if TYPE_CHECKING:
+    from mechviz.scene.assembly.placement import Placement
     from mechviz.scene.document import SceneDocument
     from mechviz.scene.kinds.joints.document import PairDocument
-    from mechviz.scene.placement import Placement
-    from mechviz.scene.recovery import Reading
+    from mechviz.scene.reading.recovery import Reading
 
 
 Teeth = Annotated[int, Field(strict=True, ge=1, le=100_000)]

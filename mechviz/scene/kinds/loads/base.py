@@ -18,7 +18,7 @@ from mechviz.scene.names import known_pair, link_names, split_point
 if TYPE_CHECKING:
     from mechviz.scene.document import SceneDocument
     from mechviz.scene.kinds.loads.document import LoadDocument
-    from mechviz.scene.recovery import Reading
+    from mechviz.scene.reading.recovery import Reading
 
 
 def _positive(value: float) -> float:

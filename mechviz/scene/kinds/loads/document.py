@@ -26,7 +26,7 @@ from mechviz.scene.kinds.signals import ChirpDocument, FactorPolynomial, FactorT
 from mechviz.scene.names import known_drive
 
 if TYPE_CHECKING:
-    from mechviz.scene.recovery import Reading
+    from mechviz.scene.reading.recovery import Reading
 
 
 KINDS: Mapping[str, LoadKind] = {**PRESCRIBED, **SPRINGS, **RESISTANCES, **GAS, **MACHINES}

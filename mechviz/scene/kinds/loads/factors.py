@@ -21,7 +21,7 @@ from mechviz.scene.names import (
 
 if TYPE_CHECKING:
     from mechviz.scene.kinds.loads.document import LoadDocument
-    from mechviz.scene.recovery import Reading
+    from mechviz.scene.reading.recovery import Reading
 
 
 FACTORS = ("table", "polynomial", *SIGNALS)

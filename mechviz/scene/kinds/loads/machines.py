@@ -32,7 +32,7 @@ from mechviz.scene.kinds.signals import SIGNALS, signal_of
 from mechviz.scene.names import Reference
 
 if TYPE_CHECKING:
-    from mechviz.scene.recovery import Reading
+    from mechviz.scene.reading.recovery import Reading
 
 
 def _value_or_table(value: Any) -> str:

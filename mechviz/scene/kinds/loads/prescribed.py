@@ -18,7 +18,7 @@ from mechviz.scene.names import LinkName, Reference, TwoPoints, known_point, poi
 
 if TYPE_CHECKING:
     from mechviz.scene.kinds.loads.document import LoadDocument
-    from mechviz.scene.recovery import Reading
+    from mechviz.scene.reading.recovery import Reading
 
 
 SlidingPair = Annotated[Text, Reference("joint", ("prismatic", "pin_slot", "cylinder"), "sliding pair")]

@@ -17,7 +17,7 @@ from mechviz.scene.kinds.loads.base import LINEAR, LoadKind, LoadMaker, NotNegat
 from mechviz.scene.names import Reference, known_place, link_names, split_point
 
 if TYPE_CHECKING:
-    from mechviz.scene.recovery import Reading
+    from mechviz.scene.reading.recovery import Reading
 
 
 MovingPair = Annotated[Text, Reference("joint", what="pair that moves", fits=lambda pair: bool(pair.traits.viscous))]

@@ -12,6 +12,17 @@ from mechcore.reduction.bodies import Body
 from mechcore.spec.clearance import with_clearances
 from mechcore.spec.mechanism import Drive, Link, Mechanism, Planar, coordinates_of, friction_of
 from mechcore.texts import as_length
+from mechviz.scene.assembly.masses import drawn_bodies, drawn_links, links_that_cannot_turn, mass_properties
+from mechviz.scene.assembly.placement import place_links
+from mechviz.scene.assembly.simulation import (
+    SimulationSpec,
+    free_law,
+    planar_starts,
+    simulation_faults,
+    simulation_spec,
+    standstill,
+    stated_duration,
+)
 from mechviz.scene.convert import Converter, likely_sort
 from mechviz.scene.folder import SceneFolder
 from mechviz.scene.kinds.accuracy import accuracy_faults
@@ -22,27 +33,18 @@ from mechviz.scene.kinds.joints.document import PairDocument, check_joints, draw
 from mechviz.scene.kinds.loads.document import check_loads, load_specs
 from mechviz.scene.kinds.reachable import REACHABLE, with_swings
 from mechviz.scene.kinds.studies import needs_inertia, studies_of
-from mechviz.scene.masses import drawn_bodies, drawn_links, links_that_cannot_turn, mass_properties
 from mechviz.scene.names import check_names, split_point
-from mechviz.scene.placement import place_links
-from mechviz.scene.recovery import Reading
-from mechviz.scene.references import (
+from mechviz.scene.reading.recovery import Reading
+from mechviz.scene.reading.references import (
     check_joining,
     check_link_names,
     check_references,
     check_trace,
+    links_as_meant,
     resolve_trace,
+    sketch_as_meant,
+    touched_links,
 )
-from mechviz.scene.simulation import (
-    SimulationSpec,
-    free_law,
-    planar_starts,
-    simulation_faults,
-    simulation_spec,
-    standstill,
-    stated_duration,
-)
-from mechviz.scene.spelling import links_as_meant, points_as_meant, touched_links
 
 
 @dataclass(frozen=True)
@@ -67,8 +69,8 @@ def assemble(
     if faults or reading.faults:
         reading = links_as_meant(reading)
     faults += [*check_loads(reading), *check_references(reading)]
-    if faults or reading.faults:
-        reading = points_as_meant(reading)
+    if faults:
+        reading = sketch_as_meant(reading)
     faults += check_joints(reading)
     touched = {key: touched_links(reading, key, pair) for key, pair in (reading.document.joints | reading.shapeless).items()}
     certain = not reading.shapeless and all(sure for _, sure in touched.values())

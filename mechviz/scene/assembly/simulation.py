@@ -17,7 +17,7 @@ from mechviz.scene.fields import (
 )
 from mechviz.scene.kinds.free_motion import TOLERANCE, FreeDocument, Method, StopDocument
 from mechviz.scene.kinds.friction import clearance_faults
-from mechviz.scene.recovery import Reading
+from mechviz.scene.reading.recovery import Reading
 
 _NEEDS_DRIVE = ("velocity_ratio", "mechanical_advantage")
 _STUDIES = ("plans", "polodes", "equivalent", "reduced", "shaking", "systems", "substitutes")

@@ -1,13 +1,22 @@
-"""Do the parts of a scene fit together? Checks of the names that refer to other parts, over what could be read."""
+"""Do the parts of a scene fit together? Checks of the names that refer to other parts, over what could be read.
+
+For these checks a misspelt name of a link is replaced by the nearest known one: they would otherwise stop at the first slip or
+report its consequences. A name that resembles nothing becomes ``Unknown``, which the checks pass over.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
+from dataclasses import replace
+from difflib import SequenceMatcher
+from typing import Any
 
 from mechcore.errors import Fault
-from mechviz.scene.document import Pose
-from mechviz.scene.faults import did_you_mean, listing
+from mechviz.scene.annotations import Place, replaced
+from mechviz.scene.document import Pose, value_at
+from mechviz.scene.faults import did_you_mean, listing, nearest
 from mechviz.scene.fields import Unknown
+from mechviz.scene.kinds.joints.document import PairDocument
 from mechviz.scene.kinds.studies import check_studies
 from mechviz.scene.names import (
     known_link,
@@ -15,8 +24,9 @@ from mechviz.scene.names import (
     link_names,
     point_names,
     points_of_pair,
+    references,
 )
-from mechviz.scene.recovery import Meant, Reading
+from mechviz.scene.reading.recovery import Meant, Reading
 
 
 def check_references(reading: Reading) -> Iterator[Fault]:
@@ -170,3 +180,58 @@ def _sketch(reading: Reading) -> Iterator[Fault]:
                 else did_you_mean(name, points, what="Points")
             )
             yield Fault(f"sketch.{name}", f"no link has a point '{name}'.", hint)
+
+
+def _nearest(word: str, known: Collection[str]) -> str:
+    """The name itself if it is known, else the only one that it resembles most."""
+    if word in known:
+        return word
+    near = nearest(word, known, 2)
+    likeness = [SequenceMatcher(None, name.casefold(), word.casefold()).ratio() for name in near]
+    return near[0] if near and likeness.count(likeness[0]) == 1 else Unknown(word)
+
+
+def links_as_meant(reading: Reading) -> Reading:
+    """The reading with every name of a link replaced by that of a link that exists, as far as one resembles it."""
+    document, links = reading.document, dict.fromkeys(link_names(reading))
+    frame = _nearest(document.frame, links)
+    if isinstance(frame, Unknown) and "frame" in links:
+        frame = "frame"
+    changes: dict[Place, Any] = {("frame",): frame}
+    for leaf, reference in references(document):
+        if reference.to == "link" and leaf.value not in links:
+            siblings = value_at(document, leaf.path[:-1]) if isinstance(leaf.path[-1], int) else ()
+            near = _nearest(leaf.value, links)
+            changes[leaf.path] = Unknown(leaf.value) if near in siblings else near
+    sketch = {(_nearest(name, links) if isinstance(entry, Pose) else name): entry for name, entry in document.sketch.items()}
+    document = replaced(document, {**changes, ("sketch",): sketch})
+    guides = {name: pair for name, pair in document.joints.items() if pair.guide is not None and pair.guide not in pair.links}
+    near_guides = {name: _nearest(pair.guide or "", pair.links) for name, pair in guides.items()}
+    changes = {("joints", name, "guide"): None if isinstance(near, Unknown) else near for name, near in near_guides.items()}
+    return replace(reading, document=replaced(document, changes))
+
+
+def sketch_as_meant(reading: Reading) -> Reading:
+    """The reading with every name of a point in the sketch replaced by that of a point that exists, as far as one resembles it."""
+    points = dict.fromkeys(point for link in link_names(reading) for point in point_names(reading, link) or ())
+    entries = reading.document.sketch.items()
+    sketch = {name if isinstance(entry, Pose) else _nearest(name, points): entry for name, entry in entries}
+    return replace(reading, document=replaced(reading.document, {("sketch",): sketch}))
+
+
+def _owners(reading: Reading, point: str) -> list[str]:
+    """Links that have a point of this name, or of which it is not known."""
+    return [*reading.owners.get(point, ()), *reading.pointless]
+
+
+def touched_links(reading: Reading, name: str, pair: PairDocument) -> tuple[set[str], bool]:
+    """The links that a pair joins, and whether that is certain: for a name that is not known, every link with the point."""
+    sure, links = bool(pair.kinds), set()
+    points = points_of_pair(name, pair)
+    for k, link in enumerate(pair.links if sure else (Unknown(), Unknown())):
+        if isinstance(link, Unknown) or link not in reading.document.links:
+            sure = False
+            links |= set(_owners(reading, points[k]) if not isinstance(points[k], Unknown) else link_names(reading))
+        else:
+            links.add(link)
+    return links, sure

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import difflib
 import math
-import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any, Literal, cast, get_args, get_origin
@@ -17,114 +15,10 @@ from pydantic_core import PydanticCustomError
 from mechcore.errors import Fault
 from mechviz.scene.annotations import hints_of, inner_types, peel
 from mechviz.scene.document import SceneDocument
-from mechviz.scene.faults import closest, listing, nearest, path_text
-from mechviz.scene.fields import Quantity, Table, UnitName, Unknown, describe
-from mechviz.scene.kinds.joints.document import KINDS, PairDocument
-from mechviz.scene.kinds.loads.document import KINDS as LOADS
-
-Loc = tuple[int | str, ...]
-
-# What people call things elsewhere.
-_SYNONYMS = {
-    "bodies": "links", "ground": "frame", "omega": "speed", "velocity": "speed", "rpm": "speed", "motor": "drive",
-    "driver": "drive", "com": "centre", "cog": "centre", "J": "inertia", "I": "inertia", "name": "title",
-    "description": "teaches", "direction": "along", "axis": "along", "mode": "side", "forces": "loads", "steps": "frames",
-    "point": "at", "link": "on", "traced": "trace", "nodes": "points", "base_circle": "base",
-    "base_radius": "base", "tip": "point", "cam_profile": "profile", "z": "teeth", "r": "radius", "ring": "internal",
-    "arm": "carrier", "size": "radius", "sizes": "teeth", "ratio": "teeth", "k": "stiffness", "rate": "stiffness",
-    "rest_length": "free_length", "natural_length": "free_length", "length": "free_length", "coefficient": "linear",
-    "c": "linear", "damping": "linear", "indicator": "diagram", "diameter": "bore", "function": "table", "otto": "four_stroke",
-    "diesel": "four_stroke", "engine": "four_stroke", "compression_ratio": "ratio", "preloaded": "preload",
-    "opposite": "against", "mu": "coefficient", "rolling_resistance": "lever", "rho": "density", "material": "density",
-    "diagrams": "plans", "polygons": "plans", "centrodes": "polodes", "counterweight": "lumps", "balance": "counterweights",
-    "point_masses": "lumps",
-}  # fmt: skip
-for _kinds in (KINDS, LOADS):
-    _SYNONYMS |= {word: keyword for keyword, kind in _kinds.items() for word in kind.synonyms}
-
-
-_MISSPELT = 0.75
-"""Similarity from which a key is a misspelt one even if the value does not fit."""
-
-
-def meant_keys(key: str, known: Sequence[str]) -> list[str]:
-    """The known keys that an unknown one may stand for, the most probable first."""
-    longer = [name for name in known if name.startswith(f"{key}_")]
-    found = [_SYNONYMS.get(key, ""), *longer, *nearest(key, known, 5)]
-    return [name for name in dict.fromkeys(found) if name in known]
-
-
-def misspelt(key: str, meant: str) -> bool:
-    """Whether an unknown key is a known one but for a letter or two, whatever its value is."""
-    return difflib.SequenceMatcher(a=key.casefold(), b=meant.casefold()).ratio() >= _MISSPELT
-
-
-def unknown_key(loc: Loc, known: Sequence[str], meant: str) -> Fault:
-    """The fault of a key that a table does not have; ``meant``: the one that it probably stands for, if any."""
-    remedy = f"Did you mean '{meant}'?" if meant else f"Known: {listing(known, most=20)}."
-    return Fault(path_text(loc[:-1] or loc), f"unknown key '{loc[-1]}'.", remedy)
-
-
-def missing_key(loc: Loc) -> Fault:
-    """The fault of a key that a table must have and has not."""
-    return Fault(path_text(loc[:-1]) or "scene", f"'{loc[-1]}' is missing.", f"Add {loc[-1]} = ...")
-
-
-def words_of(detail: Any, loc: Loc) -> list[Fault]:
-    """One of pydantic's errors about the value at a place -> faults in our words."""
-    kind, value, context = detail["type"], detail["input"], detail.get("ctx", {})
-    if loc and loc[-1] == "[key]":
-        loc = loc[:-1] if loc[-2] else loc[:-2]
-    path = path_text(loc) or "scene"
-    if kind == "scene":
-        keys = value if isinstance(value, dict) else {}
-        return [
-            Fault(path_text((*loc, key)) if key in keys else path, message, remedy) for key, message, remedy in context["faults"]
-        ]
-    if kind == "literal_error":
-        known = re.findall(r"'([^']*)'", context["expected"])
-        near = closest(value, known) if isinstance(value, str) else ""
-        remedy = f"Did you mean '{near}'?" if near else "Write one of these."
-        numbers = context["expected"].replace(" or ", ", ")
-        return [Fault(path, f"{describe(value)} is not one of {listing(known) if known else numbers}.", remedy)]
-    if kind in ("too_long", "too_short"):
-        return [_wrong_length(path, loc, value, context)]
-    if kind == "greater_than_equal":
-        return [Fault(path, f"{describe(value)} is too small.", f"Give at least {context['ge']}.")]
-    if kind == "less_than_equal":
-        return [Fault(path, f"{describe(value)} is too large.", f"Give at most {context['le']}.")]
-    wanted, remedy = _WANTED.get(kind, ("something else", ""))
-    return [Fault(path, f"{describe(value)} where {wanted} is wanted.", remedy)]
-
-
-_LIST = ("a list", "Write it in brackets: [ ... ].")
-_TABLE = ("a table", "Write it in braces: { key = value, ... }.")
-_WHOLE = ("a whole number", "Write it like 360.")
-_WANTED = {
-    "list_type": _LIST,
-    "dict_type": _TABLE,
-    "model_type": _TABLE,
-    "model_attributes_type": _TABLE,
-    "string_unicode": ("a text that files can hold", "Write letters, digits or any other character; no lone surrogates."),
-    "int_type": _WHOLE,
-    "int_from_float": _WHOLE,
-    "int_parsing_size": _WHOLE,
-}
-
-
-def _wrong_length(path: str, loc: Loc, value: Any, context: Mapping[str, Any]) -> Fault:
-    """A list or table with too few or too many entries."""
-    n = len(value) if isinstance(value, list | dict) else context.get("actual_length", 0)
-    if loc[-1] in KINDS:
-        found = f"names {n} link{'' if n == 1 else 's'}, a pair joins two."
-        if n < 3 or loc[-1] != "revolute":
-            return Fault(path, found, 'Write it like ["frame", "crank"].')
-        remedy = f'A pin through {n} links is {n - 1} pairs with at = "{loc[1]}": the first link with each of the others.'
-        return Fault(path, found, remedy)
-    found = f"has {n} entr{'y' if n == 1 else 'ies'}." if n else "is empty."
-    least, most = context.get("min_length"), context.get("max_length")
-    return Fault(path, found, f"Give at most {most}." if most is not None and n > most else f"Give at least {least}.")
-
+from mechviz.scene.faults import closest, path_text
+from mechviz.scene.fields import Quantity, Table, UnitName, Unknown
+from mechviz.scene.kinds.joints.document import PairDocument
+from mechviz.scene.reading.words import Loc, meant_keys, missing_key, misspelt, unknown_key, words_of
 
 _NOTHING = object()
 _BRANCHES = frozenset(("<list>", "<name>", "<table>", "<value>"))  # all tags of the document: other names may look like them
@@ -140,7 +34,7 @@ class Meant(str):
 def read_table(cls: type[Table], raw: Any, loc: Loc, faults: list[Fault]) -> Table:
     """A table of the document from plain data, with stand-ins for what could not be read; the faults of form are noted."""
     if not isinstance(raw, Mapping):
-        faults += _complaints(cls, raw, loc)
+        faults += [fault for place, detail in _validated(cls, raw)[1] for fault in words_of(detail, (*loc, *place))]
         return _blank(cls)
     hints, before = hints_of(cls), len(faults)
     values: dict[str, Any] = {}
@@ -165,15 +59,8 @@ def read_table(cls: type[Table], raw: Any, loc: Loc, faults: list[Fault]) -> Tab
             unread.add(key)
     table = cls.model_construct(_fields_set=given, **values)
     table.mark_unread(unread)
-    whole_table = _faults_of_the_whole(table, raw, loc, faulty=len(faults) > before)
-    guessed = {key for key, written in meant.items() if written != key} & given
-    if guessed and whole_table:  # only what holds without the guesses, too
-        left = {key: value for key, value in values.items() if key not in guessed or cls.model_fields[key].is_required()}
-        without = cls.model_construct(_fields_set=given - guessed, **left)
-        without.mark_unread(unread | guessed)
-        known = _faults_of_the_whole(without, raw, loc, faulty=True)
-        whole_table = [fault for fault in whole_table if fault in known]
-    faults += whole_table
+    guessed = {key for key, written in meant.items() if written != key}
+    faults += _faults_of_the_whole(table, raw, loc, guessed, faulty=len(faults) > before)
     return table
 
 
@@ -201,15 +88,17 @@ def _fits(annotation: Any, raw: Any, loc: Loc) -> bool:
     return not any(fault.path == place for fault in faults)
 
 
-def _faults_of_the_whole(table: Table, raw: Mapping[str, Any], loc: Loc, *, faulty: bool) -> list[Fault]:
-    """What the table's own validators say about parts that do not go together, as far as ``faulty`` parts let them."""
+def _faults_of_the_whole(table: Table, raw: Mapping[str, Any], loc: Loc, guessed: set[str], *, faulty: bool) -> list[Fault]:
+    """What the table's own validators say about parts that do not go together, as far as ``faulty`` parts let them, and not about
+    keys that are only ``guessed``."""
     found: list[Fault] = []
     for validator in type(table).__pydantic_decorators__.model_validators.values():
         if validator.info.mode == "after":
             try:
                 validator.func(table)
             except PydanticCustomError as error:
-                found += words_of({"type": error.type, "input": raw, "ctx": error.context or {}}, loc)
+                sound = [f for f in (error.context or {}).get("faults", ()) if f[0] not in guessed]
+                found += words_of({"type": error.type, "input": raw, "ctx": {"faults": sound}}, loc)
             except (ArithmeticError, AssertionError, LookupError, TypeError, ValueError):
                 if not faulty:
                     raise  # not a stand-in's doing
@@ -222,26 +111,22 @@ def _read(annotation: Any, raw: Any, loc: Loc, faults: list[Fault]) -> tuple[Any
     if isinstance(kind, type) and issubclass(kind, Table):
         table = read_table(kind, raw, loc, faults)
         return table, table.sound()
-    try:
-        return _adapter(annotation).validate_python(raw), True
-    except ValidationError as error:
-        details = [(_plain(detail["loc"]), detail) for detail in error.errors(include_url=False)]
+    valid, details = _validated(annotation, raw)
+    if not details:
+        return valid, True
     origin, inner = get_origin(kind), get_args(kind)
     leaf = any(isinstance(mark, PlainValidator | Quantity | UnitName) for mark in marks)
-    if leaf or not ((origin is dict and isinstance(raw, Mapping)) or (origin in (list, tuple) and isinstance(raw, list | tuple))):
-        for place, detail in details:
-            faults += words_of(detail, (*loc, *place))
+    if leaf or not isinstance(raw, {dict: Mapping, list: list | tuple, tuple: list | tuple}.get(origin, ())):
+        faults += [fault for place, detail in details for fault in words_of(detail, (*loc, *place))]
         return _stand_in(annotation, raw), False
     least, most = _length(marks)
     own: list[Any] = [detail for place, detail in details if place == ()]
     if not own and not (0 if least is None else least) <= len(raw) <= (len(raw) if most is None else most):
         own = [{"type": "too_long", "input": raw, "ctx": {"min_length": least, "max_length": most}}]  # hidden behind its entries
-    for detail in own:
-        faults += words_of(detail, loc)
+    faults += [fault for detail in own for fault in words_of(detail, loc)]
     if isinstance(raw, Mapping):
-        for place, detail in details:
-            if place[1:] == ("[key]",):
-                faults += words_of(detail, (*loc, *place))
+        names = [(place, detail) for place, detail in details if place[1:] == ("[key]",)]
+        faults += [fault for place, detail in names for fault in words_of(detail, (*loc, *place))]
         return {key: _read(inner[1], value, (*loc, key), faults)[0] for key, value in raw.items()}, not own
     kinds = inner_types(kind, len(raw))
     entries = [_read(each, value, (*loc, k), faults)[0] for k, (each, value) in enumerate(zip(kinds, raw, strict=True))]
@@ -252,24 +137,15 @@ def _read(annotation: Any, raw: Any, loc: Loc, faults: list[Fault]) -> tuple[Any
     return entries, not own
 
 
-def _complaints(annotation: Any, raw: Any, loc: Loc) -> list[Fault]:
-    try:
-        _adapter(annotation).validate_python(raw)
-    except ValidationError as error:
-        return [fault for detail in error.errors(include_url=False) for fault in words_of(detail, (*loc, *_plain(detail["loc"])))]
-    return []
-
-
-def _plain(loc: Loc) -> Loc:
-    """A place without the marks of the branches that unions took."""
-    return tuple(part for part in loc if part not in _BRANCHES)
-
-
-def _adapter(annotation: Any) -> TypeAdapter[Any]:
-    """The validator of a type. By identity: the marks in annotations need not be hashable."""
-    if id(annotation) not in _adapters:
+def _validated(annotation: Any, raw: Any) -> tuple[Any, list[tuple[Loc, Any]]]:
+    """The value, or pydantic's errors about it, each with its place without the marks of the branches that unions took."""
+    if id(annotation) not in _adapters:  # by identity: the marks in annotations need not be hashable
         _adapters[id(annotation)] = annotation, TypeAdapter(annotation)
-    return _adapters[id(annotation)][1]
+    try:
+        return _adapters[id(annotation)][1].validate_python(raw), []
+    except ValidationError as error:
+        details = error.errors(include_url=False)
+    return None, [(tuple(part for part in detail["loc"] if part not in _BRANCHES), detail) for detail in details]
 
 
 def _length(marks: list[Any]) -> tuple[int | None, int | None]:
@@ -322,7 +198,7 @@ _SECTIONS = ("links", "joints", "sketch", "loads", "watch", "systems", "substitu
 
 @dataclass
 class Reading:
-    """What could be read of a scene, with stand-ins for what could not (see ``lenient``).
+    """What could be read of a scene, with stand-ins for what could not .
 
     ``broken`` names the items of each section that are not wholly known, "*" where the section itself is not;
     ``shapeless`` holds the pairs of which not even the kind is known, which the document leaves out.

@@ -1,0 +1,1 @@
+"""From a scene document to the mechanism that the core computes."""
