@@ -1,5 +1,5 @@
 """``mechviz forces``: forces by their classes, works, flywheel, steady run. ``mechviz cams``: limits, contact forces and stresses
-of cams, least springs, the graphical method."""
+of cams, least springs, sizes, the graphical method."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from typing import Annotated, Literal
 
 import typer
 
+from mechcore.cams.limits import Requirement
 from mechcore.dynamics.rest.steady import size_flywheel, steady_run
 from mechcore.forces.flywheel import flywheel
 from mechcore.spec.mechanism import CamDrawn
@@ -32,6 +33,7 @@ from mechviz.quantities.power_table import flywheel_lines, force_lines, power_cs
 from mechviz.scene.cams.ratings import step_fault, whole_step
 from mechviz.scene.convert import LARGEST
 from mechviz.studies.cam_report import cam_facts, cam_lines, drawn_lines
+from mechviz.studies.cam_size import size_lines
 from mechviz.studies.polar import shaken, write_polar
 from mechviz.studies.report import statics_lines
 
@@ -108,6 +110,15 @@ def cams(
     margin: Annotated[
         str | None, typer.Option("--margin", metavar="FORCE", help="contact force that has to remain: tells the least spring")
     ] = None,
+    size: Annotated[
+        bool, typer.Option("--size", help="also the least base circle, the best offset and the least roller for the scene's limits")
+    ] = False,
+    pressure_angle: Annotated[
+        str | None, typer.Option("--pressure-angle", metavar="ANGLE", help="size: largest pressure angle [default: the scene's]")
+    ] = None,
+    curvature: Annotated[
+        str | None, typer.Option("--curvature", metavar="LENGTH", help="size: least radius of the profile [default: the scene's]")
+    ] = None,
     strict: Annotated[
         bool, typer.Option("--strict", help="exit code 1 also where a condition fails that the scene states no limit for")
     ] = False,
@@ -125,6 +136,14 @@ def cams(
         least = quantity_of(loaded, margin, "margin", "force")
         if least is not None and not 0.0 <= least <= LARGEST:
             fail(f"--margin {margin}: a contact force is wanted, from zero to {LARGEST:g} N.")
+        if not size and (pressure_angle is not None or curvature is not None):
+            fail("--pressure-angle and --curvature are for --size.")
+        steepest = quantity_of(loaded, pressure_angle, "pressure-angle", "angle")
+        if steepest is not None and not 0.0 < steepest < 0.5 * math.pi:
+            fail(f"--pressure-angle {pressure_angle}: an angle above zero and below a right one is wanted.")
+        sharpest = quantity_of(loaded, curvature, "curvature", "length")
+        if sharpest is not None and not 0.0 < sharpest <= LARGEST:
+            fail(f"--curvature {curvature}: a positive length is wanted.")
         angle = quantity_of(loaded, step, "step", "angle")
         whole = None if angle is None else whole_step(angle)
         if angle is not None and whole is None:
@@ -140,6 +159,10 @@ def cams(
             plain = CamDrawn(step=math.radians(10.0))
             asked = None if whole is None and lines is None else CamDrawn(step=whole or plain.step, lines=lines or plain.lines)
             print("\n".join(["", *(drawn_lines(run.motion, loaded.units, asked) or drawn_lines(run.motion, loaded.units, plain))]))
+        if size:
+            want = Requirement(radius=sharpest, pressure_rise=steepest, pressure_fall=steepest)
+            sizes = size_lines(run.motion, run.forces, loaded.units, want)
+            print("\n".join(["", *(sizes or ["no disc cam with a lift: nothing to size"])]))
         violated = dict.fromkeys(f"{fact.what} of {fact.cam}" for fact in facts if fact.failed and (fact.stated or strict))
         if violated:
             fail(f"{run.scene.name}: limits are violated: {', '.join(violated)}.", 1)

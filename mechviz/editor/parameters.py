@@ -16,7 +16,7 @@ from mechviz.scene.annotations import Leaf, Place, hints_of, leaves
 from mechviz.scene.cams.cams import SOLIDS
 from mechviz.scene.document import SceneDocument, value_at
 from mechviz.scene.fields import Quantity, Table
-from mechviz.scene.kinds.segments import FREE, SegmentTable
+from mechviz.scene.kinds.segments import SegmentTable
 from mechviz.scene.scene import Scene
 from mechviz.scene.units import KINDS, QuantityError, Units, split, symbol_of, unit_factor
 
@@ -137,10 +137,11 @@ def _shown(table: Table) -> Iterator[str]:
 
 
 def _editable(leaf: Leaf) -> bool:
-    if leaf.value == FREE:
+    quantity = leaf.mark(Quantity)
+    if quantity is not None and quantity.word and leaf.value == quantity.word:
         return False
     number = isinstance(leaf.value, int | float) and not isinstance(leaf.value, bool)
-    return number or leaf.mark(Quantity) is not None or bool(_options(leaf))
+    return number or quantity is not None or bool(_options(leaf))
 
 
 def _options(leaf: Leaf) -> tuple[str, ...]:

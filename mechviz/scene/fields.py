@@ -81,21 +81,24 @@ def _number(value: Any) -> float:
 
 @dataclass(frozen=True)
 class Quantity:
-    """Marks a number in the scene's units, or a text with a unit of one of the kinds; ``least`` bounds it from below.
+    """Marks a number in the scene's units, or a text with a unit of one of the kinds; ``least`` bounds it from below; ``word`` is a
+    text that stands for a value which follows from others.
 
     Of several kinds, the pair that is driven decides, and the check is left to it. Pydantic calls the two methods.
     """
 
     kinds: tuple[str, ...]
     least: Literal["", "zero", "above zero"] = ""
+    word: str = ""
 
     def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
         return core_schema.no_info_plain_validator_function(self._check)
 
     def __get_pydantic_json_schema__(self, schema: CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
         bound = {"zero": {"minimum": 0}, "above zero": {"exclusiveMinimum": 0}}.get(self.least, {})
+        words = [{"const": self.word}] if self.word else []
         return {
-            "anyOf": [{"type": "number", **bound}, {"type": "string", "pattern": QUANTITY_PATTERN}],
+            "anyOf": [*words, {"type": "number", **bound}, {"type": "string", "pattern": QUANTITY_PATTERN}],
             "description": f"{self._words}: a number in the scene's units, or a text with its own unit",
             "examples": [KINDS[kind].example for kind in self.kinds],
         }
@@ -105,6 +108,8 @@ class Quantity:
         return " or ".join(KINDS[kind].words for kind in self.kinds)
 
     def _check(self, value: Any) -> float | str:
+        if self.word and value == self.word:
+            return self.word
         if not isinstance(value, str):
             if isinstance(value, bool) or not isinstance(value, int | float):
                 remedy = f"Write a number, or a text such as '{KINDS[self.kinds[0]].example}'."

@@ -155,7 +155,14 @@ def _limits(cam: AnyCam) -> Iterator[Row]:
         for word, reached in (("rise", found.rise), ("return", found.fall))
     ]
     worst = max(found.rise.value, found.fall.value)
+    if cam.decides is not None:
+        yield "base circle", f"{as_length(cam.base, 6)}, the least for its limits; decided by: {cam.decides}", None, False
     yield _judged("pressure angle", ", ".join(ends), worst, cam.pressure_limit, _degrees)
+    if cam.curvature_limit is not None:
+        least = 0.0 if found.undercut or found.convex is None else found.convex.value
+        fits = least >= cam.curvature_limit * (1.0 - NOISE)
+        words = f"least radius of the convex profile {as_length(least, 5)}; limit {as_length(cam.curvature_limit, 5)}"
+        yield "curvature", f"{words}: {_verdict(fits)}", fits, True
     radius = (
         [] if found.convex is None else [f"least radius {as_length(found.convex.value, 5)} at {_place(cam, found.convex.angle)}"]
     )

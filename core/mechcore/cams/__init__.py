@@ -62,6 +62,7 @@ from mechcore.cams.forces import (
     hertz,
     jamming_angle,
     least_spring,
+    roller_range,
 )
 from mechcore.cams.given import Graphical, graphical
 from mechcore.cams.limits import (
@@ -144,6 +145,7 @@ __all__ = [
     "polar_contour",
     "polygon",
     "pressure_chart",
+    "roller_range",
     "simplified_offset_error",
     "simplified_profile",
     "spatial_limits",

@@ -184,3 +184,28 @@ def hertz(
         pressure = np.where(load == 0.0, 0.0, np.sqrt(load * stiff * curvature / np.pi))
         half = np.where(load == 0.0, 0.0, np.sqrt(4.0 * load / (np.pi * stiff * curvature)))
     return HertzContact(pressure, half)
+
+
+def roller_range(
+    force: ArrayLike,
+    pitch_radius: ArrayLike,
+    width: float,
+    limit: float,
+    modulus: tuple[float, float] = (2.1e11, 2.1e11),
+    poisson: tuple[float, float] = (0.3, 0.3),
+) -> tuple[float, float]:
+    """The least and the greatest roller [m] with which the Hertz pressure keeps to ``limit`` [Pa] on a given pitch curve.
+
+    ``force`` (n) [N] along the normal, ``pitch_radius`` (n) [m], negative where it is hollow: neither depends on the roller while
+    the pitch curve stays. A roller r has the reduced radius r (rho - r) / rho, at most rho / 4. The least is infinite where a
+    place of the pitch curve is too sharp for any roller.
+    """
+    f, rho = np.broadcast_arrays(np.maximum(np.asarray(force, float), 0.0), np.asarray(pitch_radius, float))
+    (e1, e2), (n1, n2) = modulus, poisson
+    stiff = 1.0 / ((1.0 - n1**2) / e1 + (1.0 - n2**2) / e2)
+    need = f * stiff / (np.pi * width * limit**2)  # reduced radius
+    with np.errstate(divide="ignore", invalid="ignore"):
+        root = np.sqrt(1.0 - 4.0 * need / rho)
+        low = np.where(need == 0.0, 0.0, 2.0 * need / (1.0 + root))
+        high = np.where(rho > 0.0, 0.5 * rho * (1.0 + root), np.inf)
+    return float(np.where(np.isnan(low), np.inf, low).max()), float(np.where(np.isnan(high), 0.0, high).min())

@@ -118,6 +118,8 @@ class PlacedCam:
     sense: int
     phase: float
     pressure_limit: float | None
+    curvature_limit: float | None = None  # least radius of the convex profile [m]
+    decides: str | None = None  # of a base circle that is the least for its limits: which of them
     ahead: float = 1.0  # of a wedge: the law's x over the argument
     mate: PlacedCam | None = None  # the second cam of a conjugate pair, which touches where the first would have to pull
     given: Contour | None = None  # the profile, where it is not the one that the law asks for; the theory's axes

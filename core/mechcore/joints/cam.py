@@ -14,7 +14,7 @@ from mechcore.cams.contour import Contour, moved
 from mechcore.cams.cutting import CutProfile, cut_profile
 from mechcore.cams.followers import Flat, Follower, Oscillating, Translating
 from mechcore.cams.given import GivenLift, lift_of
-from mechcore.cams.limits import find_limits
+from mechcore.cams.limits import Requirement, find_limits, least_base
 from mechcore.cams.placed import PlacedCam
 from mechcore.cams.synthesis import Cam, cam_on_base
 from mechcore.errors import MechanismError
@@ -138,15 +138,19 @@ def _disc(pair: CamPair, builder: Builder, carrier: str, guide: Prismatic | Revo
         higher = as_coordinate(law.advance, rotary=isinstance(guide, Revolute))
         raise fault_of(pair, "lift", f"after a turn the lift is {higher} higher than before.", "Let it return to its start.")
     law = law if law.repeats else law.repeating()
-    cam = cam_on_base(law, follower, pair.base, turn=pair.sense)
+    base, decides = pair.base, None
+    if pair.least:
+        want = Requirement(radius=pair.curvature_limit, pressure_rise=pair.pressure_limit, pressure_fall=pair.pressure_limit)
+        base, decides = _least_base(law, follower, want, pair.sense, pair.hub)
+    cam = cam_on_base(law, follower, base, turn=pair.sense)
     mount = axes * cmath.exp(1j * pair.sense * pair.phase)
-    made = _common(pair, carrier, cam, centre, axes) | {"own": own, "mount": mount, "arm": arm}
+    made = _common(pair, carrier, cam, centre, axes) | {"own": own, "mount": mount, "arm": arm, "base": base, "decides": decides}
     if pair.second is not None:
         made["mate"] = _mate(pair, builder, carrier, guide, cam, made)
     if pair.undercut == "cut" and find_limits(cam, count=720).undercut:
         if pair.closure == "form":
             raise fault_of(pair, "undercut", "a groove or yoke is not followed where it is undercut.", "Leave it out.")
-        left, given = _as_cut(law, follower, pair.base, pair.sense)
+        left, given = _as_cut(law, follower, base, pair.sense)
         made |= {
             "cam": Cam(given.law, follower, pair.sense), "given": left.contour, "bridges": given.bridges, "bends": given.ends,
             "intended": cam, "lost": left.lost,
@@ -193,6 +197,12 @@ def _given(contour: Contour, own: complex, axes: complex, follower: Follower) ->
     """A profile of the link's axes in the theory's, and the lift that it gives; a mechanism is built several times in a run."""
     profile = moved(contour, -own / axes, 1.0 / axes)
     return profile, lift_of(profile, follower)
+
+
+@lru_cache(maxsize=16)
+def _least_base(law: MotionCurve, follower: Follower, want: Requirement, sense: int, hub: float) -> tuple[float, str]:
+    found = least_base(law, follower, want, sense, hub)
+    return found.base, found.decides
 
 
 @lru_cache(maxsize=16)
@@ -264,6 +274,7 @@ def _common(pair: CamPair, carrier: str, cam: Cam, centre: complex, axes: comple
         "sense": pair.sense,
         "phase": pair.phase,
         "pressure_limit": pair.pressure_limit,
+        "curvature_limit": pair.curvature_limit,
     }
 
 

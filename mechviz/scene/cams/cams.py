@@ -18,9 +18,9 @@ from mechviz.scene.fields import (
     Direction,
     Extent,
     Flag,
-    Length,
     Number,
     Point,
+    Quantity,
     Size,
     Table,
     Text,
@@ -39,6 +39,7 @@ if TYPE_CHECKING:
 
 SOLIDS: tuple[Literal["barrel", "rib", "end", "globoid"], ...] = ("barrel", "rib", "end", "globoid")
 FACES = ("knife", "roller", "mushroom", "flat", "groove")
+LEAST = "least"
 _STEEPEST = math.radians(89.0)
 
 
@@ -129,8 +130,9 @@ class GloboidDocument(Table):
 class ProfileDocument(Table):
     """How the cam is made: base circle and lift, or a given profile."""
 
-    base: Length | None = None
-    """Radius of the base circle. Barrel, end, globoid: place of the roller along the axis at zero lift, from the cam's pin.
+    base: Annotated[float | str, Quantity(("length",), word=LEAST)] | None = None
+    """Radius of the base circle; "least": the least that keeps to pressure_limit, curvature_limit and hub.
+    Barrel, end, globoid: place of the roller along the axis at zero lift, from the cam's pin.
     Of a wedge: height of the profile at zero lift above the line of its own point.
     Groove: the follower's coordinate there, a bare number.
     With radius: the radius at the start."""
@@ -172,6 +174,10 @@ class ProfileDocument(Table):
     """Wedge: the prismatic pair that guides the cam, instead of a pin. Groove: that guides the link with the roller."""
     pressure_limit: Angle | None = None
     """A larger pressure angle is an event."""
+    curvature_limit: Size | None = None
+    """Lift of a disc: least radius of curvature of the convex profile; `mechviz cams` and `check` tell where it is smaller."""
+    hub: Size | None = None
+    """Beside base = "least": the base circle is not smaller than this."""
 
     @model_validator(mode="after")
     def _moves(self) -> ProfileDocument:
@@ -191,6 +197,7 @@ class ProfileDocument(Table):
             found.append(("base", "'base' is missing.", "Give the radius of the base circle."))
         lone = {
             "base": ("lift", "radius"), "sense": ("lift",), "phase": ("lift",), "bed": ("lift",), "undercut": ("lift",),
+            "curvature_limit": ("lift",), "hub": ("lift",),
             "bulges": ("outline",), "tolerance": ("points", "file"), "file_unit": ("file",),
         }  # fmt: skip
         for key, kinds in lone.items():
@@ -208,7 +215,16 @@ class ProfileDocument(Table):
             found.append(("axis", "a plane cam turns about an axis across the plane.", "Leave it out, or give barrel = ..."))
         if self.undercut == "cut" and solids:
             found.append(("undercut", "spatial cams are refused where they are undercut.", "Leave it out."))
-        if self.base is not None and self.sound("base") and not solids:
+        if self.base == LEAST:
+            disc = kind in ("lift", "") and self.bed is None and not solids
+            if not disc:
+                found.append(("base", 'the value "least" is for discs with a lift.', "Give a length."))
+            elif self.pressure_limit is None and self.curvature_limit is None and self.hub is None:
+                why = "the least base circle for which limit?"
+                found.append(("base", why, "Add pressure_limit, curvature_limit or hub."))
+        elif self.hub is not None:
+            found.append(("hub", 'hub goes with base = "least".', "Leave it out."))
+        elif self.base is not None and self.sound("base") and not solids:
             size = magnitude(self.base) if isinstance(self.base, str) else self.base
             if size < 0.0:
                 words = describe(self.base) if isinstance(self.base, str) else f"{self.base:g}"
@@ -237,7 +253,14 @@ def cam_pair(name: str, pair: PairDocument, oscillates: bool, friction: Friction
     before = len(convert.faults)
     along, across = ("length" if profile.bed else "angle"), ("angle" if oscillates else "length")
     measure = across if follower.groove is not None else "length"  # an inverse cam's groove starts at a coordinate
-    base = 0.0 if profile.base is None else convert.si(profile.base, measure, f"{path}.profile.base")
+    least = profile.base == LEAST
+    if least and follower.groove is not None:
+        convert.note(f"{path}.profile.base", 'the value "least" is for discs with a lift.', "Give a length.")
+    base = 0.0 if profile.base is None or least else convert.si(profile.base, measure, f"{path}.profile.base")
+    hub, sharpest = (
+        None if value is None else convert.si(value, "length", f"{path}.profile.{key}")
+        for key, value in (("hub", profile.hub), ("curvature_limit", profile.curvature_limit))
+    )
     phase = convert.si(profile.phase, along, f"{path}.profile.phase")
     limit = None
     if profile.pressure_limit is not None:
@@ -292,6 +315,9 @@ def cam_pair(name: str, pair: PairDocument, oscillates: bool, friction: Friction
         inverse=follower.groove is not None,
         spatial=_blank(profile, f"{path}.profile", convert),
         pressure_limit=limit,
+        curvature_limit=sharpest,
+        least=least,
+        hub=hub or 0.0,
         rating=rating,
         drawn=drawn,
     )

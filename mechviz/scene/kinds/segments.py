@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Annotated, Any, ClassVar, Literal
 
-from pydantic import Discriminator, Field, GetCoreSchemaHandler, GetJsonSchemaHandler, Tag, model_validator
+from pydantic import Discriminator, Field, GetJsonSchemaHandler, Tag, model_validator
 from pydantic_core import CoreSchema
 
 from mechcore.errors import MechanismError
@@ -26,36 +26,26 @@ from mechviz.scene.fields import (
     refuse,
     value_or_list,
 )
-from mechviz.scene.units import DERIVATIVES, QUANTITY_PATTERN
+from mechviz.scene.units import DERIVATIVES, KINDS
 
 FREE = "free"
 
 
 @dataclass(frozen=True)
 class Derivatives(Quantity):
-    """Marks an entry of a state: a position or a derivative of it by time, angle or length; ``free``: or the text "free"."""
+    """Marks an entry of a state: a position or a derivative of it by time, angle or length."""
 
     kinds: tuple[str, ...] = ("angle", "length", *DERIVATIVES)
-    free: bool = False
-
-    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
-        return super().__get_pydantic_core_schema__(source, handler)
 
     def __get_pydantic_json_schema__(self, schema: CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
-        free = [{"const": FREE}] if self.free else []
-        words = "a position or a derivative of it: a number in the scene's units, or a text with its own unit"
-        anyway = [{"type": "number"}, {"type": "string", "pattern": QUANTITY_PATTERN}]
-        return {"anyOf": [*free, *anyway], "description": words + (', or "free"' if free else "")}
+        return {**super().__get_pydantic_json_schema__(schema, handler), "examples": [KINDS["length"].example, "20 mm/rad"]}
 
     @property
     def _words(self) -> str:
         return "a position or a derivative of it"
 
-    def _check(self, value: Any) -> float | str:
-        return FREE if self.free and value == FREE else super()._check(value)
 
-
-Entry = Annotated[float | str, Derivatives(free=True)]
+Entry = Annotated[float | str, Derivatives(word=FREE)]
 Rate = Annotated[float | str, Derivatives()]
 Place = Annotated[float | str, Quantity(("angle", "length", "time"), "zero")]
 _MOST_ENTRIES = 4

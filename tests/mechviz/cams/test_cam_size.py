@@ -1,0 +1,106 @@
+"""Least base circles in scenes, and the sizes that ``mechviz cams --size`` tells, against the scene solved again with them."""
+
+from __future__ import annotations
+
+import re
+
+import numpy as np
+import pytest
+from cam_scenes import text_of
+from typer.testing import CliRunner
+
+import mechviz
+from mechcore.cams.forces import hertz, roller_range
+from mechcore.cams.limits import Requirement, find_limits
+from mechcore.errors import MechanismError
+from mechcore.forces.cam_rating import contact_stress, pair_of, placed_cams
+from mechcore.motion.solve import compile_mechanism, default_times, solve_motion
+from mechviz.commands.main import app
+from mechviz.runs import run_scene
+from mechviz.studies.cam_size import size_lines
+
+LEAST = {
+    "cam-roller-offset": 'base = "least"\ncurvature_limit = 60\npressure_limit = 30',
+    "cam-flat": 'base = "least"\ncurvature_limit = 9',
+    "cam-oscillating-roller": 'base = "least"\npressure_limit = 33\nhub = 5',
+}
+
+
+def with_profile(name: str, lines: str) -> mechviz.Scene:
+    text = re.sub(r"(?m)^pressure_limit.*\n", "", text_of(name))
+    return mechviz.loads(re.sub(r"(?m)^base = .*$", lines, text))
+
+
+def placed(scene: mechviz.Scene):
+    motion = solve_motion(compile_mechanism(scene.mechanism), default_times(scene.mechanism, 36, 1))
+    return placed_cams(motion)[0]
+
+
+@pytest.mark.parametrize("name", LEAST)
+def test_the_least_base_circle_of_a_scene_keeps_its_limits_and_less_does_not(name):
+    cam = placed(with_profile(name, LEAST[name]))
+    limits, scale = find_limits(cam.cam), 1.0 + 1e-6
+    angle, radius = cam.pressure_limit, cam.curvature_limit
+    worst = max(limits.rise.value, limits.fall.value)
+    slack = [] if angle is None else [angle * scale - worst]
+    slack += [] if radius is None else [limits.convex.value * scale - radius]
+    assert min(slack) >= 0.0
+    assert cam.decides in ("pressure angle on the rise", "pressure angle on the return", "least radius of curvature")
+    keys = LEAST[name].replace('"least"', f'"{cam.base * 1e3 * 0.999} mm"').replace("\nhub = 5", "")
+    smaller = find_limits(placed(with_profile(name, keys)).cam)
+    worst = max(smaller.rise.value, smaller.fall.value)
+    assert (angle is not None and worst > angle) or (radius is not None and smaller.convex.value < radius)
+
+
+def test_sizes_are_told_and_hold_when_the_scene_has_them():
+    """The told base circle, typed into the scene, just reaches the limit; so does the told roller on the same pitch curve."""
+    text = text_of("cam-roller")
+    scene = mechviz.loads(text)
+    run = run_scene(scene, frames=360)
+    lines = " ".join(size_lines(run.motion, run.forces, scene.units, Requirement(pressure_rise=0.3, pressure_fall=0.3)))
+    base = float(re.search(r"base circle\s+\S+ mm now, least (\S+) mm", lines)[1])
+    limits = find_limits(placed(mechviz.loads(re.sub(r"base = \d+", f"base = {base}", text, count=1))).cam)
+    assert max(limits.rise.value, limits.fall.value) == pytest.approx(0.3, rel=1e-5)
+    roller = float(re.search(r"least (\S+) mm for a Hertz pressure of 300 MPa", lines)[1])
+    now = placed_cams(run.motion)[0]
+    sized = re.sub(r"roller = \S+,", f"roller = {roller},", re.sub(
+        r"base = \d+", f"base = {1e3 * (now.base + now.face.radius) - roller}", text, count=1), count=1)  # fmt: skip
+    again = run_scene(mechviz.loads(sized), frames=360)
+    cam = placed_cams(again.motion)[0]
+    pressure = contact_stress(again.forces, cam, pair_of(again.motion, cam).rating).pressure
+    assert np.nanmax(pressure) == pytest.approx(300e6, rel=1e-5)
+
+
+def test_roller_range_against_a_search():
+    rng = np.random.default_rng(3)
+    force, rho = rng.uniform(10, 200, 40), rng.choice([1, -1], 40) * rng.uniform(0.03, 0.2, 40)
+    low, high = roller_range(force, rho, 0.008, 8e8)
+    radii = np.linspace(1e-4, 0.05, 5000)
+    fits = [np.all((rho < 0) | (rho > r)) and np.max(hertz(force, rho - r, r, 0.008).pressure) <= 8e8 for r in radii]
+    assert radii[np.argmax(fits)] == pytest.approx(low, abs=2e-5)
+    assert radii[len(fits) - 1 - np.argmax(fits[::-1])] == pytest.approx(high, abs=2e-5)
+    assert roller_range(force, rho / 100, 0.008, 8e8)[0] == np.inf
+
+
+@pytest.mark.parametrize(
+    ("lines", "words"),
+    [
+        ('base = "least"', "for which limit"),
+        ("base = 30\nhub = 8", "hub goes with"),
+        ('base = "most"', "joints.K.profile.base"),
+        ('base = "least"\ncurvature_limit = "3 deg"', "joints.K.profile.curvature_limit"),
+        ('base = "least"\npressure_limit = 20\nbed = "S"', "is for discs"),
+    ],
+)
+def test_faults_of_sizes(lines, words):
+    with pytest.raises(MechanismError) as error:
+        with_profile("cam-roller-offset", lines)
+    assert words in str(error.value)
+
+
+def test_the_command_tells_sizes():
+    out = (
+        CliRunner().invoke(app, ["cams", "cam-oscillating-roller", "--size", "--pressure-angle", "36 deg", "--frames", "60"]).output
+    )
+    assert "pressure angles up to 36°" in out
+    assert "base circle  38 mm now, least" in out
