@@ -16,7 +16,7 @@ from mechviz.meshes.model import Model
 
 _NEAR = 0.25  # of half a plate's width: parts this near to a point carry it
 _FLAT = ("plate", "wheel", "block")  # kinds of parts that a spring may act on in their own plane
-_LIFT = 0.004  # of the mechanism's size: how far marks lie before what they lie on
+_LIFT = 0.002  # of the mechanism's size: how far marks lie before what they lie on
 
 
 @dataclass(frozen=True, eq=False)

@@ -2,14 +2,16 @@
 
 const FIELD = (24 * Math.PI) / 180; // vertical; little perspective, so that lengths can be compared
 const MARGIN = 1.07;
+const WIDER = 1.22; // times the mechanism: more of the picture is not left for arrows
+// flat: without perspective; pans: dragging moves the picture instead of turning it, and the grid stands behind the mechanism
 const VIEWS = {
-  front: { yaw: 0, pitch: 0, flat: true },
-  "3d": { yaw: -0.42, pitch: 0.3, flat: false },
-  iso: { yaw: -Math.PI / 4, pitch: 0.6155, flat: false },
-  top: { yaw: 0, pitch: 1.55, flat: false },
-  left: { yaw: -1.5, pitch: 0, flat: false },
-  right: { yaw: 1.5, pitch: 0, flat: false },
-  back: { yaw: Math.PI, pitch: 0, flat: false },
+  front: { yaw: 0, pitch: 0, flat: true, pans: true },
+  "3d": { yaw: -0.42, pitch: 0.3, flat: false, pans: false },
+  iso: { yaw: -Math.PI / 4, pitch: Math.atan(Math.SQRT1_2), flat: true, pans: false },
+  top: { yaw: 0, pitch: Math.PI / 2, flat: true, pans: false },
+  left: { yaw: -Math.PI / 2, pitch: 0, flat: true, pans: false },
+  right: { yaw: Math.PI / 2, pitch: 0, flat: true, pans: false },
+  back: { yaw: Math.PI, pitch: 0, flat: true, pans: true },
 };
 
 function times(a, b) {
@@ -24,8 +26,9 @@ function times(a, b) {
 }
 
 class Camera {
-  constructor(bounds) {
+  constructor(bounds, core) {
     this.bounds = bounds;
+    this.core = core; // what has to be large in the picture
     this.size = Math.max(bounds[1][0] - bounds[0][0], bounds[1][1] - bounds[0][1], 1e-9);
     this.target = [0, 0, 0];
     this.distance = 1;
@@ -46,9 +49,16 @@ class Camera {
     this.fit();
   }
 
-  /** All of the bounds in the picture: the eye as near as every corner allows. */
+  /** All of the bounds in the picture; of what reaches beyond the core only so much as leaves that large. */
   fit() {
-    const [low, high] = this.bounds;
+    const most = WIDER * this.fitTo(this.core);
+    for (let part = 1; part > 0; part -= 1 / 16)
+      if (this.fitTo(this.core.map((corner, k) => corner.map((v, i) => v + part * (this.bounds[k][i] - v)))) <= most) return;
+    this.fitTo(this.core);
+  }
+
+  /** A box in the picture: the eye as near as every corner allows, which it tells. */
+  fitTo([low, high]) {
     const middle = low.map((v, k) => 0.5 * (v + high[k]));
     const { right, up, back } = this.axes();
     const tan = Math.tan(FIELD / 2);
@@ -62,6 +72,7 @@ class Camera {
     this.target = middle.map((v, k) => v + this.covered * distance * tan * up[k]); // in the middle of what is left free
     this.distance = distance;
     this.fitted = true;
+    return distance;
   }
 
   resize(aspect) {
@@ -71,9 +82,9 @@ class Camera {
 
   turn(dx, dy) {
     this.fitted = false;
-    this.flat = false;
+    if (this.pans) this.flat = this.pans = false;
     this.yaw -= dx;
-    this.pitch = Math.min(1.55, Math.max(-1.55, this.pitch + dy));
+    this.pitch = Math.min(Math.PI / 2, Math.max(-Math.PI / 2, this.pitch + dy));
   }
 
   /** By parts of the picture's height. */

@@ -278,6 +278,9 @@ class Player {
         0: () => this.view("fit"),
         2: () => this.view("front"),
         3: () => this.view("3d"),
+        1: () => this.view("iso"),
+        4: () => this.view("top"),
+        5: () => this.view("right"),
         "+": () => this.camera((c) => c.zoom(1.2)),
         "-": () => this.camera((c) => c.zoom(1 / 1.2)),
         w: () => this.camera((c) => c.turn(0, 0.1)),
@@ -326,7 +329,7 @@ class Player {
         const apart = (p) => Math.hypot(p[0] - others[0][0], p[1] - others[0][1]) || 1;
         camera.zoom(apart([e.clientX, e.clientY]) / apart(before));
         camera.pan(dx / 2, dy / 2);
-      } else if (camera.flat || e.buttons & 6 || e.shiftKey) camera.pan(dx, dy);
+      } else if (camera.pans || e.buttons & 6 || e.shiftKey) camera.pan(dx, dy);
       else camera.turn(3 * dx, 3 * dy);
       this.refresh();
     });

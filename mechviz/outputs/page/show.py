@@ -62,6 +62,7 @@ def show_text(
         "pace": pace_of(shown),
         "opening": int(np.argmin(np.abs(frames.time - catalogue.numbers.time[catalogue.opening]))),
         "bounds": picture.bounds.tolist(),
+        "core": _core(picture).tolist(),
         "drawn": _extent(picture, [(d["group"], box) for d, box in drawn]).tolist(),
         "links": pack_links(picture, frames, pack),
         "bodies": bodies,
@@ -104,15 +105,21 @@ def pace_of(shown: Presentation) -> float:
 
 def _extent(picture: Picture, drawn: list[tuple[str, Any]]) -> Any:
     """The box (2, 3) [m] around all solids, and what is drawn on them; of this counts up to `ROOM` only what reaches far beyond."""
-    bounds = picture.bounds.copy()
-    for box in spring_boxes(picture):
-        bounds[:, :2] = np.minimum(bounds[0, :2], box[0]), np.maximum(bounds[1, :2], box[1])
+    bounds = _core(picture)
     room = ROOM * float(np.ptp(bounds, axis=0)[:2].max())
     low, high = bounds[0].copy(), bounds[1].copy()
     for box in (box for group, box in drawn if box is not None and group != "acceleration"):
         low[:2] = np.minimum(low[:2], np.maximum(box[0], bounds[0][:2] - room))
         high[:2] = np.maximum(high[:2], np.minimum(box[1], bounds[1][:2] + room))
     return np.array([low, high])
+
+
+def _core(picture: Picture) -> Any:
+    """The box (2, 3) [m] around solids and springs."""
+    bounds = picture.bounds.copy()
+    for box in spring_boxes(picture):
+        bounds[:, :2] = np.minimum(bounds[0, :2], box[0]), np.maximum(bounds[1, :2], box[1])
+    return bounds
 
 
 def _groups(picture: Picture, drawn: list[dict[str, Any]]) -> list[dict[str, Any]]:

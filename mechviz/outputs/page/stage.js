@@ -92,7 +92,7 @@ class Stage {
     this.arrays = arrays;
     this.gl = canvas.getContext("webgl2", { antialias: true, alpha: true, premultipliedAlpha: true, preserveDrawingBuffer: true });
     if (!this.gl) throw new Error("This browser offers no WebGL 2, which the picture needs. The plots work without it.");
-    this.camera = new Camera(header.drawn);
+    this.camera = new Camera(header.drawn, header.core);
     this.size = Math.max(header.bounds[1][0] - header.bounds[0][0], header.bounds[1][1] - header.bounds[0][1], 1e-9);
     this.shown = Object.fromEntries(header.groups.map((g) => [g.name, g.shown]));
     this.names = true;
@@ -312,18 +312,23 @@ class Stage {
     return "#" + rgb(color).map((v) => Math.round(255 * v * 0.62).toString(16).padStart(2, "0")).join("");
   }
 
-  /** A grid of round cells in the plane behind everything. */
+  /** A grid of round cells: the ground below the mechanism, or in plane views the plane behind everything. */
   grid() {
     const [low, high] = this.header.bounds;
     const lines = [];
     const section = 5 * this.cell;
-    const z = low[2] - 0.03 * this.size;
-    const reach = [0, 1].map((k) => [Math.floor((low[k] - 0.9 * this.size) / section) * section, Math.ceil((high[k] + 0.9 * this.size) / section) * section]);
+    const [a, b, c] = this.camera.pans ? [0, 1, 2] : [0, 2, 1]; // axes along the grid, and across it
+    const height = low[c] - (this.camera.pans ? 0.03 : 0.002) * this.size;
+    const reach = [a, b].map((k) => [Math.floor((low[k] - 0.9 * this.size) / section) * section, Math.ceil((high[k] + 0.9 * this.size) / section) * section]);
     for (const k of [0, 1])
       for (let n = 0; n <= Math.round((reach[k][1] - reach[k][0]) / this.cell); n++) {
         const v = reach[k][0] + n * this.cell;
-        const ends = k ? [reach[0][0], v, z, reach[0][1], v, z] : [v, reach[1][0], z, v, reach[1][1], z];
-        lines.push(...ends, ...rgb(n % 5 ? this.theme.fine : this.theme.coarse), 0);
+        for (const end of reach[1 - k]) {
+          const place = [0, 0, 0];
+          [place[a], place[b], place[c]] = k ? [end, v, height] : [v, end, height];
+          lines.push(...place);
+        }
+        lines.push(...rgb(n % 5 ? this.theme.fine : this.theme.coarse), 0);
       }
     return lines;
   }

@@ -14,6 +14,7 @@ import viser
 from mechviz.outputs.viewer import words
 from mechviz.outputs.viewer.browser import open_tab
 from mechviz.outputs.viewer.callbacks import Callback
+from mechviz.outputs.viewer.layout import lay_out
 from mechviz.outputs.viewer.panels.accuracy import AccuracyTab
 from mechviz.outputs.viewer.panels.controls import Controls
 from mechviz.outputs.viewer.panels.detail import DetailPanel, items_of
@@ -67,6 +68,7 @@ class Inspector:
         self._drew, self._plotted = 0.0, show
         self.playback = playback
         gui = server.gui
+        lay_out(server)
 
         def drawn(what: str, action: Callable[[Any], None]) -> Callable[[Any], Any]:
             """A callback that changes the picture itself: not while somebody else does."""

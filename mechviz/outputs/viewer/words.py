@@ -33,7 +33,8 @@ def number(value: float) -> str:
 def heading(title: str, teaches: str) -> str:
     """Title, and what the scene teaches."""
     return _block(
-        f'<div style="font-size:1.12em;font-weight:650;line-height:1.25;padding-bottom:0.3em">{escape(title)}</div>'
+        '<div class="mechviz-heading" style="font-size:1.12em;font-weight:650;line-height:1.25;padding-bottom:0.3em">'
+        f"{escape(title)}</div>"
         f'<div style="font-size:0.85em;line-height:1.4;opacity:0.85">{escape(teaches)}</div>'
     )
 
@@ -189,7 +190,8 @@ def place_in_run(show: ViewModel, frame: int) -> str:
     part_of_run = (float(show.time[frame]) - ends[0]) / max(ends[1] - ends[0], 1e-300)  # for the cursor of the health strip
     spans = "".join(f"<span>{part}</span>" for part in parts)
     return _block(
-        f'<div data-mv-part="{part_of_run:.5f}" style="display:flex;gap:1.6em;font-variant-numeric:tabular-nums">{spans}</div>'
+        f'<div data-mv-part="{part_of_run:.5f}" style="display:flex;flex-wrap:wrap;gap:0 1.3em;'
+        f'font-variant-numeric:tabular-nums">{spans}</div>'
     )
 
 

@@ -26,6 +26,14 @@ PLACE = """([x, y, z]) => { const s = mechviz.player.stage, m = s.camera.matrice
     const w = m[3]*x + m[7]*y + m[11]*z + m[15];
     return [b.left + b.width * (0.5 + 0.5 * (m[0]*x + m[4]*y + m[8]*z + m[12]) / w),
             b.top + b.height * (0.5 - 0.5 * (m[1]*x + m[5]*y + m[9]*z + m[13]) / w)]; }"""
+TAG = """name => { const tag = [...document.querySelectorAll('#labels span')].find((s) => s.textContent === name);
+    return tag.hidden ? null : tag.style.transform.match(/-?[0-9.]+/g).map(Number); }"""
+SOLID = """name => { const p = mechviz.player, link = p.header.links.find((k) => k.name === name), v = p.arrays[link.mesh.vertices];
+    return { pose: p.stage.pose(link, p.frame), vertices: Array.from(v) }; }"""
+LARGE = (
+    "watt-six-bar", "kinetostatic-four-bar", "slider-crank-engine", "ten-link-forces", "cam-flat", "scissor-lift", "belt-drive",
+    "toggle-clamp", "valve-train", "excavator-arm",
+)  # fmt: skip
 NOTHING = "for (const g of mechviz.player.header.groups) mechviz.player.show(g.name, false)"
 TIME = "mechviz.player.time"
 
@@ -245,16 +253,72 @@ def test_tabs_and_camera_obey_the_keyboard(wide):
     page.keyboard.press("0")
 
 
-def test_all_of_the_motion_is_in_the_free_part_of_the_picture(wide):
-    page = wide.page
-    edge = max(b["y"] + b["height"] for b in (page.locator(k).bounding_box() for k in ("#views", "#groups")))
+def projected(page: Any, corners: np.ndarray) -> np.ndarray:
+    """Where the corners of a box (2, 3) are on the page (8, 2)."""
+    return np.array([page.evaluate(PLACE, corner.tolist()) for corner in np.array(np.meshgrid(*corners.T)).reshape(3, -1).T])
+
+
+def free_part(page: Any) -> tuple[np.ndarray, np.ndarray]:
+    """Top left and bottom right of the part of the picture that no button covers."""
     box = page.locator("#picture").bounding_box()
-    for view in ("front", "3d", "top"):
-        page.evaluate(f"mechviz.player.view('{view}')")
-        corners = np.array(page.evaluate("mechviz.player.header.drawn"))
-        for corner in np.array(np.meshgrid(*corners.T)).reshape(3, -1).T:
-            x, y = page.evaluate(PLACE, corner.tolist())
-            assert box["x"] <= x <= box["x"] + box["width"] and edge - 3.0 <= y <= box["y"] + box["height"], view
+    low, high = np.array([box["x"], box["y"]]), np.array([box["x"] + box["width"], box["y"] + box["height"]])
+    over = [b for k in ("#views", "#groups") if (b := page.locator(k).bounding_box()) and b["y"] < high[1] and b["y"] >= low[1]]
+    low[1] = max([low[1], *(b["y"] + b["height"] for b in over)])
+    return low, high
+
+
+def test_all_of_the_motion_is_in_the_free_part_of_the_picture(wide):
+    low, high = free_part(wide.page)
+    for view in ("front", "3d", "top", "iso", "right"):
+        wide.page.evaluate(f"mechviz.player.view('{view}')")
+        spots = projected(wide.page, BAR.shown.picture.bounds)
+        assert (spots >= low - 3.0).all() and (spots <= high).all(), view
+
+
+@pytest.mark.parametrize("name", LARGE)
+def test_a_mechanism_fills_the_free_part_of_the_picture(browser, tmp_path, name):
+    """Two thirds of its height or its width at least, whatever the window and whatever arrows there are."""
+    m = made(name, 24)
+    file = tmp_path / "page.html"
+    file.write_text(make_page(m.shown, plots=False)[0], encoding="utf-8")
+    opened = Opened(browser, file, viewport=WIDE)
+    for width, height in ((1600, 1000), (1280, 720), (390, 844)):
+        opened.page.set_viewport_size({"width": width, "height": height})
+        opened.page.evaluate(f"{DRAWN}.then(() => new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done))))")
+        for view in ("front", "3d"):
+            opened.page.evaluate(f"mechviz.player.view('{view}')")
+            low, high = free_part(opened.page)
+            size = np.ptp(projected(opened.page, m.shown.picture.bounds), axis=0)
+            assert (size / (high - low)).max() > 2.0 / 3.0, (width, view)
+    opened.context.close()
+
+
+def test_names_stand_at_their_joints_in_every_view(wide):
+    """At the front of the pin, which is the foremost of all solids there."""
+    page, frame = wide.page, 40
+    page.evaluate(f"mechviz.player.seekFrame({frame}); mechviz.player.show('names', true)")
+    solids = [page.evaluate(SOLID, link) for link in BAR.shown.picture.poses]
+    for view in ("front", "3d", "iso", "top", "right"):
+        page.evaluate(f"mechviz.player.view('{view}'); mechviz.player.drawNow()")
+        left, top = (page.locator("#labels").bounding_box()[k] for k in ("x", "y"))
+        seen = 0
+        for joint in ("A", "B", "D", "E"):
+            at = BAR.run.motion.pair_position(joint)[frame]
+            front = max(z for solid in solids for z in pin_fronts(np.reshape(solid["vertices"], (-1, 3)), solid["pose"], at))
+            shown = page.evaluate(TAG, joint)
+            if shown is not None:  # names give way to each other
+                seen += 1
+                x, y = page.evaluate(PLACE, [*at, front])
+                assert np.hypot(left + shown[0] - x, top + shown[1] + 16.0 - y) < 2.0, (view, joint)
+        assert seen > 1, view
+
+
+def pin_fronts(vertices: np.ndarray, pose: list[float], at: np.ndarray) -> list[float]:
+    """Heights of what a solid has around a joint, within a hundredth of the mechanism."""
+    x, y, angle = pose
+    world = (vertices[:, 0] + 1j * vertices[:, 1]) * np.exp(1j * angle) + complex(x, y)
+    near = np.abs(world - complex(*at)) < 0.025 * BAR.shown.picture.size
+    return vertices[near, 2].tolist() or [-np.inf]
 
 
 def test_a_picture_whose_memory_was_taken_away_comes_back(wide):

@@ -14,6 +14,7 @@ import pytest
 from browsing import (
     CANVAS,
     PATIENCE,
+    PLACE,
     POSE,
     POSES,
     READY,
@@ -39,6 +40,7 @@ from mechviz.outputs.viewer.viser_adapter import uuid_of
 from mechviz.outputs.viewer.world.camera import PRESETS
 from mechviz.outputs.viewer.world.solids import link_path
 from mechviz.picture.build import solids_of
+from mechviz.picture.nodes import Body
 from mechviz.runs import run_scene
 from mechviz.scene.scene import load, loads
 from mechviz.studies import ladder as ladder_module
@@ -62,6 +64,10 @@ NAMELESS = """() => [...document.querySelectorAll('button, input:not([type=hidde
     .filter(e => !(e.labels && e.labels.length))
     .filter(e => !e.closest('.mantine-ActionIcon-root'))  // viser's own buttons in the heads of panels
     .map(e => e.outerHTML.slice(0, 250))"""
+# Where a place of the scene is on the page; viser turns the scene in its own world
+PROJECTED = """([x, y, z]) => { const m = window.__viserMutable, r = m.canvas.getBoundingClientRect();
+    const p = new m.camera.position.constructor(x, y, z).applyMatrix4(m.nodeRefFromName['/joints'].matrixWorld).project(m.camera);
+    return [r.left + (p.x + 1) / 2 * r.width, r.top + (1 - p.y) / 2 * r.height]; }"""
 FOV = "() => window.__viserMutable.camera.fov"
 DATA = "uuid => Array.from(window.__viserTestpoints.uplots[uuid].chart.data[1])"
 
@@ -334,7 +340,7 @@ def test_cameras_2d_and_dark(viewer, page):
     page.get_by_role("button", name="Angled", exact=True).click()
     until(page, lambda: page.evaluate(FOV) == pytest.approx(18.0, abs=0.1), "in space again")
     turned = "() => window.__viserMutable.camera.getWorldDirection(window.__viserMutable.camera.position.clone()).toArray()"
-    for button, preset in (("Above", "above"), ("Behind", "behind"), ("Front", "front")):
+    for button, preset in (("Isometric", "isometric"), ("Top", "top"), ("Side", "side"), ("Behind", "behind"), ("Front", "front")):
         page.get_by_role("button", name=button, exact=True).click()
         away = np.array(PRESETS[preset].away) * [-1.0, 1.0, -1.0]  # viser turns the scene by half a turn about y
         until(page, lambda a=away: np.allclose(page.evaluate(turned), -a / np.linalg.norm(a), atol=1e-3), f"from {button}")
@@ -344,6 +350,34 @@ def test_cameras_2d_and_dark(viewer, page):
     until(page, lambda: picture(page).mean() < 0.6 * bright, "a dark picture")
     page.get_by_label("Dark page").uncheck()
     until(page, lambda: picture(page).mean() > 0.9 * bright, "a light picture")
+
+
+def test_marks_lie_at_their_joints_and_the_mechanism_fills_the_picture(viewer, page):
+    """In every view: the dot of a joint is at the front of its pin, and all solids are within, and large."""
+    open_tab(page, "View")
+    show = viewer.scene.current
+    for label in [preset.label for preset in PRESETS.values()][::-1]:
+        page.get_by_role("button", name=label, exact=True).click()
+        heard(viewer)
+        caught_up(viewer, page)
+        camera_rests(page)
+        left, top, width, height = page.evaluate(CANVAS)
+        for joint in ("A", "B", "D", "E"):
+            at = [*viewer.run.motion.pair_position(joint)[viewer.frame], 0.0]
+            at[2] = max(_front(body, show.poses[body.parent][viewer.frame], at) for body in show.picture.of(Body, "solids"))
+            drawn, wanted = page.evaluate(PLACE, f"/joints/{joint}/dot"), page.evaluate(PROJECTED, at)
+            assert np.hypot(*np.subtract(drawn, wanted)) < 2.0, (label, joint)
+        corners = np.array(np.meshgrid(*show.bounds.T)).reshape(3, -1).T
+        spots = (np.array([page.evaluate(PROJECTED, corner.tolist()) for corner in corners]) - [left, top]) / [width, height]
+        assert (spots > 0.0).all() and (spots < 1.0).all(), label
+        assert np.ptp(spots, axis=0).max() > 2.0 / 3.0, label
+
+
+def _front(body: Body, pose: np.ndarray, at: list[float]) -> float:
+    """The greatest height [m] of what a solid has around a joint."""
+    x, y, angle = pose
+    world = (body.mesh.vertices[:, 0] + 1j * body.mesh.vertices[:, 1]) * np.exp(1j * angle) + complex(x, y)
+    return float(body.mesh.vertices[np.abs(world - complex(at[0], at[1])) < 0.01, 2].max(initial=-np.inf))
 
 
 def test_links_become_transparent(viewer, page):

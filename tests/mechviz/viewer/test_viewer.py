@@ -36,7 +36,7 @@ from mechviz.outputs.viewer.player import Player
 from mechviz.outputs.viewer.server import ViewerError
 from mechviz.outputs.viewer.viser_adapter import uuid_of
 from mechviz.outputs.viewer.world.arrows import ARC_FACES, arc_vertices, arrow_points
-from mechviz.outputs.viewer.world.camera import FIELD_OF_VIEW, TIMELINE, USUAL_ASPECT, fit_view
+from mechviz.outputs.viewer.world.camera import FIELD_OF_VIEW, PRESETS, USUAL_ASPECT, fit_view
 from mechviz.outputs.viewer.world.constructions import arrow_lines, placed
 from mechviz.outputs.viewer.world.marks import joint_groups
 from mechviz.outputs.viewer.world.solids import link_path, quaternions
@@ -122,7 +122,7 @@ def test_an_arc_ends_where_the_moment_points(turn):
     assert away.min() > 0.08 and away.max() < 0.12
 
 
-def test_the_camera_sees_the_whole_box_above_the_timeline():
+def test_the_camera_sees_the_whole_box():
     bounds = np.array([[-0.1, 0.3, -0.02], [0.5, 0.5, 0.04]])
     for aspect in (0.3, 0.9, 2.5):
         view = fit_view(bounds, aspect)
@@ -130,8 +130,26 @@ def test_the_camera_sees_the_whole_box_above_the_timeline():
         y = (bounds[:, 1] - view.look_at[1]) / half  # -1 ... 1 over the picture's height
         x = (bounds[:, 0] - view.look_at[0]) / (half * aspect)
         assert np.all(np.abs(x) < 1.0)
-        assert y[1] < 1.0 and y[0] > -1.0 + 2.0 * TIMELINE
+        assert np.all(np.abs(y) < 1.0)
         assert view.position[:2] == pytest.approx(view.look_at[:2])
+
+
+@pytest.mark.parametrize("preset", PRESETS.values(), ids=PRESETS)
+def test_arrows_leave_the_mechanism_large(preset):
+    """However far they reach, all of the mechanism is seen, and it takes two thirds of the height or the width."""
+    core, wide = np.array([[0.0, 0.0, 0.0], [1.0, 0.6, 0.1]]), np.array([[-2.0, -0.3, 0.0], [1.1, 4.0, 0.1]])
+    for aspect in (0.5, 1.0, 2.0):
+        view = fit_view(wide, aspect, preset, core)
+        away = (view.position - view.look_at) / view.distance
+        right = np.cross([0.0, 1.0, 0.0], away)
+        right /= np.linalg.norm(right)
+        corners = np.array(np.meshgrid(*core.T)).reshape(3, -1).T - view.look_at
+        depth = (view.distance - corners @ away) * np.tan(0.5 * preset.fov)
+        x, y = corners @ right / depth / aspect, corners @ np.cross(away, right) / depth
+        assert max(np.abs(x).max(), np.abs(y).max()) < 1.0
+        assert max(np.ptp(x), np.ptp(y)) > 2.0 * 2.0 / 3.0
+    inside = fit_view(core, 1.0, preset, core)
+    assert inside.distance == pytest.approx(fit_view(core, 1.0, preset).distance)
 
 
 def test_the_view_takes_in_the_arrows_that_are_shown_first_and_no_empty_room(four_bar, kinematic):

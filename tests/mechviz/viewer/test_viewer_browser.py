@@ -118,7 +118,7 @@ def _camera(page: Any) -> np.ndarray:
 def _fitted(viewer: Viewer, page: Any) -> np.ndarray:
     """Where the camera stands that sees everything in the present window."""
     _, _, width, height = page.evaluate(CANVAS)
-    return fit_view(viewer.scene.bounds, width / height).position
+    return fit_view(viewer.scene.bounds, width / height, core=viewer.scene.current.bounds).position
 
 
 def _at(page: Any, place: np.ndarray) -> bool:
@@ -416,12 +416,15 @@ def test_events_are_jumped_to_and_the_health_strip_goes_along(viewer, page):
     page.keyboard.up("e")
     assert page.evaluate(CAMERA) == camera
     strip = page.get_by_role("img", name="Health of the run")
+    assert not strip.is_visible(), "a dot, as all is well"
+    page.locator(".mechviz-strip summary").click()
     said = strip.get_attribute("aria-label")
     for health in show.health:
         assert f"{health.name}: at most" in said
     rows = strip.locator("rect").evaluate_all("rects => rects.map(r => [r.getAttribute('fill'), Number(r.getAttribute('width'))])")
     assert len(rows) == len(show.health) and {color for color, _ in rows} == {"#2ea060"}, "all is well all the time"
     assert strip.locator("path").count() == len(frames)
+    page.locator(".mechviz-strip summary").click()
 
 
 def test_marks_go_and_come_back_and_a_plot_runs_against_time(viewer, page):

@@ -23,6 +23,7 @@ from mechviz.quantities.catalogue import Health
 Real = NDArray[np.float64]
 
 COLUMNS = 240
+WRONG = 0.5  # of the way from sound to bad, on a logarithmic scale
 STEPS = 20  # of shades from green to red
 STRIP_WIDTH, ROW, GAP, EVENTS = 1000.0, 11.0, 3.0, 15.0
 NAMES, BOX = 103, 55  # [px] left and right of the track of the slider above
@@ -81,6 +82,21 @@ def health_svg(health: Sequence[Health], events: Sequence[Event], time: Real) ->
     )
 
 
+def _health(show: ViewModel, svg: str) -> str:
+    """A dot that tells whether the run is sound, and opens the strips; where something is wrong they are open."""
+    worst = max((float(h.trouble.max(initial=0.0)) for h in show.health), default=0.0)
+    warned = any(e.level == "WARN" for e in show.events)
+    word = "health: something is wrong" if worst >= WRONG else "health: see the warnings" if warned else "health: all is well"
+    color = shade(max(worst, 0.5 if warned else 0.0))
+    return (
+        f'<div class="mechviz-strip" style="padding:0.1em 0.85em"><details{" open" if worst >= WRONG else ""}>'
+        f'<summary title="{word}" aria-label="{word}" style="cursor:pointer;list-style:none;font-size:0.78em;white-space:nowrap">'
+        f'<span style="display:inline-block;width:1em;height:1em;border-radius:50%;'
+        f'margin-right:0.45em;background:{color}"></span>'
+        f"{word if worst >= WRONG else ''}</summary>{svg}</details></div>"
+    )
+
+
 def in_words(h: Health) -> str:
     """The worst of a run: "closure: at most 3e-17 m"."""
     worst = float(np.max(np.abs(h.values), initial=0.0, where=np.isfinite(h.values)))
@@ -129,7 +145,7 @@ class Timeline:
         gui = server.gui
         self._player = player
         self._last = show.frames - 1
-        panel = gui.add_panel()
+        panel = gui.add_panel(order=-1.0)  # first in the drawer of a phone
         with panel.add_tab("Timeline", viser.Icon.PLAYER_PLAY):
             self._legend = gui.add_html("")
             self._place = gui.add_html("")
@@ -138,7 +154,8 @@ class Timeline:
             self.speed = gui.add_dropdown("Speed", ("",))
             self.events = gui.add_dropdown("Jump to event", (NO_EVENT,))
             self.strip = gui.add_html("")
-        panel.float(x=20, y=-14, width=WIDTH)
+        panel.float(x=0, y=-1, width=WIDTH)
+        panel.expand()  # also in the drawer of a phone
         self._show, self._svg = show, ""
         self._options: tuple[str, ...] = ()
         self._moved = 0.0
@@ -181,7 +198,7 @@ class Timeline:
         svg = health_svg(show.health, show.events, show.time)
         if svg != self._svg:
             self._svg = svg
-            self.strip.content = f'<div style="padding:0.1em 0.85em 0.5em">{svg}</div>'
+            self.strip.content = _health(show, svg)
 
     def explain(self, legend: str) -> None:
         """Say what the colours of the arrows mean."""

@@ -13,11 +13,14 @@ import viser
 from numpy.typing import NDArray
 
 from mechviz.outputs.viewer.viser_adapter import run_script
+from mechviz.outputs.viewer.world.stage import Stage
 
 FIELD_OF_VIEW = np.radians(18.0)  # little perspective: lengths can be compared, and yet plates have thickness
 FLAT = np.radians(1.5)  # viser has no orthographic camera; from this far away nothing is seen of perspective
-TIMELINE = 0.42  # part of the picture's height that the timeline covers: of a window of 720 pixels
-MARGIN = 0.06  # around the mechanism, of its extent
+MARGIN = 0.05  # around the mechanism, of its extent
+WIDER = 1.22  # times the mechanism: more of the picture is not left for arrows
+STEPS = 16  # in which the room for arrows is made smaller, until the mechanism is large enough
+UPRIGHT = 1e-3  # seen from the top, y is still up: the camera stands so little in front of the mechanism
 SETTLING = 0.25  # [s] without a change before the view is fitted anew
 UNMOVED = 1e-2  # of the distance: a camera this near to a view that was set has not been moved by the user
 UNSHIFTED = 1e-3  # of the height that is seen: nor has one that looks at a place this near to that of the view
@@ -56,18 +59,22 @@ RESET = """
 
 @dataclass(frozen=True)
 class Preset:
-    """A direction from which the mechanism is looked at, ``away`` from it to the camera, and the angle of view [rad]."""
+    """A direction from which the mechanism is looked at, ``away`` from it to the camera, and the angle of view [rad]; ``ground``:
+    the grid lies below the mechanism, else behind it."""
 
     label: str
     away: tuple[float, float, float]
     fov: float = float(FIELD_OF_VIEW)
+    ground: bool = False
 
 
 PRESETS: Mapping[str, Preset] = {
     "front": Preset("Front", (0.0, 0.0, 1.0)),
     "flat": Preset("2D", (0.0, 0.0, 1.0), float(FLAT)),
-    "angled": Preset("Angled", (-0.55, 0.45, 1.0)),
-    "above": Preset("Above", (0.0, 1.0, 0.35)),
+    "angled": Preset("Angled", (-0.55, 0.45, 1.0), ground=True),
+    "isometric": Preset("Isometric", (-1.0, 1.0, 1.0), float(FLAT), ground=True),
+    "top": Preset("Top", (0.0, 1.0, UPRIGHT), float(FLAT), ground=True),
+    "side": Preset("Side", (1.0, 0.0, 0.0), float(FLAT), ground=True),
     "behind": Preset("Behind", (0.0, 0.0, -1.0)),
 }
 
@@ -84,9 +91,29 @@ class View:
     def distance(self) -> float:
         return float(np.linalg.norm(self.position - self.look_at))
 
+    @property
+    def height(self) -> float:
+        """What is seen of the plane that is looked at [m]."""
+        return float(2.0 * self.distance * np.tan(0.5 * self.fov))
 
-def fit_view(bounds: NDArray[np.float64], aspect: float, preset: Preset = PRESETS["front"]) -> View:
-    """The view on a box ``bounds`` (2, 3) [m] for a picture of width over height ``aspect``; y is up in all of them."""
+
+def fit_view(
+    bounds: NDArray[np.float64], aspect: float, preset: Preset = PRESETS["front"], core: NDArray[np.float64] | None = None
+) -> View:
+    """The view on a box ``bounds`` (2, 3) [m] for a picture of width over height ``aspect``; y is up in all of them.
+
+    Of what reaches beyond the box ``core`` only so much is shown as leaves this large.
+    """
+    if core is not None:
+        most = WIDER * _view_on(core, aspect, preset).height
+        boxes = (core + part * (bounds - core) for part in np.linspace(1.0, 0.0, STEPS))
+        views = (_view_on(box, aspect, preset) for box in boxes)
+        return next(view for view in views if view.height <= most)
+    return _view_on(bounds, aspect, preset)
+
+
+def _view_on(bounds: NDArray[np.float64], aspect: float, preset: Preset) -> View:
+    """The view that just shows a box."""
     away = np.array(preset.away) / np.linalg.norm(preset.away)
     right = np.cross([0.0, 1.0, 0.0], away)
     right = right / np.linalg.norm(right)
@@ -94,16 +121,16 @@ def fit_view(bounds: NDArray[np.float64], aspect: float, preset: Preset = PRESET
     corners = np.array([[bounds[i, 0], bounds[j, 1], bounds[k, 2]] for i in (0, 1) for j in (0, 1) for k in (0, 1)], float)
     x, y, z = corners @ right, corners @ up, corners @ away
     width, height = np.ptp(x) * (1 + 2 * MARGIN), np.ptp(y) * (1 + 2 * MARGIN)
-    visible = max(height / (1.0 - TIMELINE), width / max(aspect, 0.1), 1e-6)  # height of the picture at the front of the box
+    visible = max(height, width / max(aspect, 0.1), 1e-6)  # height of the picture at the front of the box
     distance = visible / (2.0 * np.tan(preset.fov / 2.0))
-    middle = np.array([x.min() + x.max(), y.min() + y.max() - visible * TIMELINE]) / 2.0
+    middle = np.array([x.min() + x.max(), y.min() + y.max()]) / 2.0
     centre = middle[0] * right + middle[1] * up + z.max() * away
     return View(centre + distance * away, centre, preset.fov)
 
 
-def set_first_view(server: viser.ViserServer, bounds: NDArray[np.float64]) -> None:
+def set_first_view(server: viser.ViserServer, bounds: NDArray[np.float64], core: NDArray[np.float64]) -> None:
     """The view of new browsers and of viser's own "Reset View"."""
-    view = fit_view(bounds, USUAL_ASPECT)
+    view = fit_view(bounds, USUAL_ASPECT, core=core)
     camera = server.initial_camera
     camera.fov = view.fov
     camera.near = view.distance / 100.0
@@ -125,8 +152,8 @@ class FittedCameras:
     looked at only when nothing has changed for a while, and every view that was ever set counts as not moved by the user.
     """
 
-    def __init__(self, server: viser.ViserServer, bounds: NDArray[np.float64]):
-        self._server, self._bounds = server, bounds
+    def __init__(self, server: viser.ViserServer, bounds: NDArray[np.float64], core: NDArray[np.float64], stage: Stage):
+        self._server, self._bounds, self._core, self._stage = server, bounds, core, stage
         self._known: dict[int, list[View]] = {}  # by browser: the views that it has been given
         self._presets: dict[int, str] = {}  # by browser
         self._closed = False
@@ -139,8 +166,10 @@ class FittedCameras:
         """From now on, fit the view of a browser that has just come."""
         if self._closed:
             return
+        self._stage.face(client, ground=PRESETS[self.preset(client)].ground)
         # viser's default, and our first
-        self._known[client.client_id] = [View(np.array([3.0, 3.0, 3.0]), np.zeros(3)), fit_view(self._bounds, USUAL_ASPECT)]
+        first = fit_view(self._bounds, USUAL_ASPECT, core=self._core)
+        self._known[client.client_id] = [View(np.array([3.0, 3.0, 3.0]), np.zeros(3)), first]
         loop = self._server.get_event_loop()
         timer: asyncio.TimerHandle | None = None
 
@@ -156,9 +185,9 @@ class FittedCameras:
 
         client.camera.on_update(update)
 
-    def follow_bounds(self, bounds: NDArray[np.float64]) -> None:
+    def follow_bounds(self, bounds: NDArray[np.float64], core: NDArray[np.float64]) -> None:
         """The mechanism has another extent: fit the views that nobody moved."""
-        self._bounds = bounds
+        self._bounds, self._core = bounds, core
         for client in self._server.get_clients().values():
             self._fit(client, client.camera)
 
@@ -166,6 +195,7 @@ class FittedCameras:
         """The browser has gone."""
         self._known.pop(client.client_id, None)
         self._presets.pop(client.client_id, None)
+        self._stage.forget(client)
 
     def preset(self, client: viser.ClientHandle) -> str:
         """The preset that a browser has chosen last."""
@@ -177,13 +207,14 @@ class FittedCameras:
         camera = client.camera
         aspect = camera.image_width / camera.image_height if min(camera.image_height, camera.image_width) > 0 else USUAL_ASPECT
         run_script(client, DRAGGING.replace("FLAT", json.dumps(preset == "flat")), "dragging")
-        self._set(client, fit_view(self._bounds, aspect, PRESETS[preset]))
+        self._stage.face(client, ground=PRESETS[preset].ground)
+        self._set(client, fit_view(self._bounds, aspect, PRESETS[preset], self._core))
 
     def _fit(self, client: viser.ClientHandle, camera: Any) -> None:
         """Fit the view, unless the user has moved the camera or the view fits already."""
         if self._closed or camera.image_height <= 0 or camera.image_width <= 0:
             return
-        view = fit_view(self._bounds, camera.image_width / camera.image_height, PRESETS[self.preset(client)])
+        view = fit_view(self._bounds, camera.image_width / camera.image_height, PRESETS[self.preset(client)], self._core)
         known = self._known.get(client.client_id, [])
         near = UNMOVED * view.distance  # of one known position, and of one known target: viser may have set only one of the two
         beside = UNSHIFTED * 2.0 * view.distance * np.tan(view.fov / 2.0)  # a 2D view is far away, yet looks at the same extent

@@ -91,7 +91,7 @@ class Joints:
 
     def update(self, show: ViewModel) -> None:
         self._size = show.size
-        self._beside = 0.018 * show.size  # from a joint to its name, along each axis
+        self._beside = 0.018 * show.size * np.array([1.0, 1.0, 0.0])  # from a joint to its name, at the joint's own height
         driven = {drive.name for drive in show.drives}
         self._groups = []
         for names, places in joint_groups(show.joints, 1e-6 * show.size):

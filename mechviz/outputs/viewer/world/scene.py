@@ -65,7 +65,7 @@ class Scene3D:
         for family in self.arrows.families:
             self.switch_family(family, family in SHOWN_FIRST)
         self.bounds = self._box(show)
-        set_first_view(server, self.bounds)
+        set_first_view(server, self.bounds, self._core(show))
         self.marks: Mapping[str, Callable[[bool], None]] = {
             "Paths": self._paths.switch,
             **({"Springs and dampers": self._switch_springs} if "springs" in self._lines.groups | self._bodies.groups else {}),
@@ -74,7 +74,7 @@ class Scene3D:
             "Joint names": self.joints.switch,
             "Grid": self.stage.switch,
         }
-        self.cameras = FittedCameras(server, self.bounds)
+        self.cameras = FittedCameras(server, self.bounds, self._core(show), self.stage)
         server.on_client_connect(self._greet)
         server.on_client_disconnect(self._part)
 
@@ -102,7 +102,7 @@ class Scene3D:
         part = np.max((box[1] - box[0])[:2] / (self.bounds[1] - self.bounds[0])[:2])
         if not inside or part < FITS_STILL:
             self.bounds = box
-            self.cameras.follow_bounds(box)
+            self.cameras.follow_bounds(box, self._core(self.current))
 
     def show(self, frame: int) -> None:
         """Bring everything to a frame, in one piece for the browsers."""
@@ -152,6 +152,13 @@ class Scene3D:
             box[0, :2] = np.minimum(box[0, :2], self.plans.bounds[0])
             box[1, :2] = np.maximum(box[1, :2], self.plans.bounds[1])
         return box
+
+    def _core(self, show: ViewModel) -> Real:
+        """The box of what a view has to show large: the solids, and the drawings beside them."""
+        if self.plans.bounds is None:
+            return show.bounds
+        beside = np.column_stack([self.plans.bounds, show.bounds[:, 2]])
+        return np.array([np.minimum(show.bounds[0], beside[0]), np.maximum(show.bounds[1], beside[1])])
 
     async def _greet(self, client: viser.ClientHandle) -> None:
         self.cameras.follow(client)

@@ -1,4 +1,4 @@
-"""Light and ground behind the mechanism."""
+"""Light and ground of the mechanism."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ def grid_cell(size: float) -> float:
 
 
 class Stage:
-    """Lights, and a grid in the plane behind everything, light or dark as the page is.
+    """Lights, and a grid below the mechanism or in the plane behind everything, light or dark as the page is.
 
     The lights are our own: viser's default environment reflects a city in the arrows, so that they lose the colours of the legend,
     and shadows double what a picture costs.
@@ -32,31 +32,49 @@ class Stage:
         for name, position, intensity in (("key", (-0.6, 1.0, 1.6), 1.3), ("fill", (1.0, 0.1, 1.2), 0.35)):
             scene.add_light_directional(f"/lights/{name}", intensity=intensity, position=position)
         scene.world_axes.visible = False
-        self.cell = cell = grid_cell(size)
+        self.cell = grid_cell(size)
+        self._bounds, self._size = bounds, size
+        self._grids: dict[int, viser.GridHandle] = {}  # by browser: each looks from where it likes
+        self._on, self._dark = True, False
+
+    def face(self, client: viser.ClientHandle, *, ground: bool) -> None:
+        """Put the grid of a browser below the mechanism, as its ground, or behind it."""
+        section = 5.0 * self.cell
+        extent = np.ceil(3.0 * self._size / section) * section
         # Whole sections, so that the lines stand at round coordinates
-        extent = np.ceil(3.0 * size / (5.0 * cell)) * 5.0 * cell
-        centre = np.round(bounds.mean(axis=0)[:2] / (5.0 * cell)) * 5.0 * cell
-        self._grid = scene.add_grid(
+        x, y, z = np.round(self._bounds.mean(axis=0) / section) * section
+        place = (x, self._bounds[0, 1] - 0.002 * self._size, z) if ground else (x, y, self._bounds[0, 2] - 0.02 * self._size)
+        cells, sections = CELLS[self._dark]
+        self._grids[client.client_id] = client.scene.add_grid(
             "/grid",
             width=2.0 * extent,
             height=2.0 * extent,
-            plane="xy",
-            position=(centre[0], centre[1], bounds[0, 2] - 0.02 * size),
-            cell_size=cell,
-            section_size=5.0 * cell,
-            cell_color=CELLS[False][0],
-            section_color=CELLS[False][1],
+            plane="xz" if ground else "xy",
+            position=place,
+            cell_size=self.cell,
+            section_size=section,
+            cell_color=cells,
+            section_color=sections,
             cell_thickness=0.6,
             section_thickness=0.9,
-            fade_distance=1e4 * size,
+            fade_distance=1e4 * self._size,
             fade_strength=0.0,
             shadow_opacity=0.0,
+            visible=self._on,
         )
+
+    def forget(self, client: viser.ClientHandle) -> None:
+        """The browser has gone."""
+        self._grids.pop(client.client_id, None)
 
     def switch(self, on: bool) -> None:
         """Draw the grid, or not."""
-        self._grid.visible = on
+        self._on = on
+        for grid in self._grids.values():
+            grid.visible = on
 
     def darken(self, dark: bool) -> None:
         """Take the colours for a dark page or for a light one."""
-        self._grid.cell_color, self._grid.section_color = CELLS[dark]
+        self._dark = dark
+        for grid in self._grids.values():
+            grid.cell_color, grid.section_color = CELLS[dark]
