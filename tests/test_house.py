@@ -27,7 +27,7 @@ LAYERS = {
 MOST_LAZY = 3  # imports of ours within functions of mechviz: what must not load before it is used (signals, viser, outlines)
 VISER = "mechviz.outputs.viewer.viser_adapter"  # the only module that uses viser's insides
 MOST_OF_VISER = 10  # lines of it that do
-MOST_UNTYPED = 29  # modules of mechcore that call arrays Any
+MOST_UNTYPED = 23  # modules of mechcore that call arrays Any
 
 
 class Import:

@@ -1,5 +1,7 @@
 """Types of arrays: real and complex numbers, indices, flags. Shapes stand in docstrings. Unit vectors."""
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -7,6 +9,8 @@ Real = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 Index = NDArray[np.intp]
 Flags = NDArray[np.bool_]
+Values = NDArray[np.floating[Any]] | float  # numbers over frames, or one for all
+Plane = NDArray[np.complexfloating[Any, Any]] | complex  # plane vectors over frames, or one for all
 
 
 def unit_vectors(z: Complex) -> Complex:

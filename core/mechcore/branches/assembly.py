@@ -212,7 +212,7 @@ def _place_of(model: Model, block: Block, state: State, mode: float) -> str:
             tj = model.joints[i]
             vector = tj.b if s else tj.a
             if tj.slide is not None and tj.guide == s:
-                vector = vector + trial.slide.get(i, 0.0) * tj.slide
+                vector = vector + float(trial.slide.get(i, 0.0)) * tj.slide
             rot = trial.rot[model.angles.spin[link]]
             if rot is None:
                 return "a place that other groups decide"

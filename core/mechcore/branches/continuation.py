@@ -245,13 +245,12 @@ def _at(model: Model, assembly: Assembly, drives: Drives, p: float, starts: dict
         x[block.name] = state.newton[block.name].x
         spins = [model.angles.spins_of[g][0] for g in block.angles]
         extra = [sum(s * speed[d] for d, s in model.angles.spin_drives[k]) for k in spins]
-        slope[block.name] = np.array(
-            [rates.spin[k] - e for k, e in zip(spins, extra, strict=True)] + [rates.slide[j] for j in block.slides]
-        )
+        turning = [rates.spin[k] - e for k, e in zip(spins, extra, strict=True)]
+        slope[block.name] = np.array([*turning, *(rates.slide[j] for j in block.slides)], float)
         det[block.name] = float(np.linalg.det(matrix)) if matrix.shape[-1] == matrix.shape[-2] else 0.0
         if not np.isfinite(slope[block.name]).all():
             return None
-        singular[block.name] = s = np.linalg.svd(matrix, compute_uv=False)
+        singular[block.name] = s = np.asarray(np.linalg.svd(matrix, compute_uv=False), float)
         if matrix.shape[-1] == matrix.shape[-2] and s[-1] < REGULAR * s[0]:
             return None  # the sign of its determinant says nothing
     for g in model.multi_turn:

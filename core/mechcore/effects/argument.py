@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from mechcore.arrays import Index, Real
+from mechcore.arrays import Index, Real, Values
 from mechcore.effects.base import Configuration
 from mechcore.errors import Fault, MechanismError
 from mechcore.laws.timed import Table
@@ -31,7 +31,7 @@ def coordinate(at: Configuration, pair: str) -> Real:
     return at.angles.joint(pair)
 
 
-def rate(at: Configuration, pair: str) -> Real:
+def rate(at: Configuration, pair: str) -> Values:
     """Rate of a pair's relative coordinate [rad/s or m/s]."""
     model = at.model
     if pair in model.joint_index:
@@ -101,7 +101,7 @@ def breaks_of(factor: Factor | None) -> tuple[float, ...]:
     return () if factor is None or factor.of != "time" else tuple(getattr(factor.function, "breaks", ()))
 
 
-def _argument(at: Configuration, factor: Factor) -> Real:
+def _argument(at: Configuration, factor: Factor) -> Values:
     if factor.of == "time":
         return at.time
     if factor.of in ("position", "velocity"):

@@ -9,22 +9,20 @@ taken (`mechcore.motion.redundancy`). All of this is linear in the loads. `balan
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from typing import Any
 
 import numpy as np
 
+from mechcore.arrays import Plane, Values
 from mechcore.forces.balance import Arm, BalanceBlock, SubtreeStep, balance_program
 from mechcore.kinematics.columns import constraint_coefficient, transposed
 from mechcore.motion.motion import Motion
 from mechcore.motion.redundancy import least_norm
 from mechcore.numerics.frames import QUIET, added, crossed, nothing, summed
 
-Array = Any  # over frames, or one number for all
-
 
 def transmit(
-    motion: Motion, force: Sequence[Array], moment: Sequence[Array], flanks: Mapping[int, Array] | None = None
-) -> tuple[list[tuple[Array, Array]], dict[str, tuple[Array, Array]], dict[int, Array]]:
+    motion: Motion, force: Sequence[Plane], moment: Sequence[Values], flanks: Mapping[int, Values] | None = None
+) -> tuple[list[tuple[Plane, Values]], dict[str, tuple[Plane, Plane]], dict[int, Values]]:
     """What joints and relations transmit under loads on the links: linear in the loads.
 
     ``force`` (complex) and ``moment`` (about its origin) of each link are (F,) or have axes before that of the frames.
@@ -37,14 +35,14 @@ def transmit(
 
 
 def joint_forces(
-    motion: Motion, force: list[Array], moment: list[Array], flanks: Mapping[int, Array] | None = None
-) -> tuple[list[tuple[Array, Array]], dict[str, tuple[Array, Array]], dict[int, Array]]:
+    motion: Motion, force: list[Plane], moment: list[Values], flanks: Mapping[int, Values] | None = None
+) -> tuple[list[tuple[Plane, Values]], dict[str, tuple[Plane, Plane]], dict[int, Values]]:
     """`transmit` for a caller that has quietened numpy; the lists are used up."""
     model = motion.model
     if model.needs_global_solve:
         return least_norm(motion, force, moment, flanks)
     program = model.once(balance_program)
-    contacts: dict[str, tuple[Array, Array]] = {}  # relation -> place, force on its second link
+    contacts: dict[str, tuple[Plane, Plane]] = {}  # relation -> place, force on its second link
     cuts, multipliers = _cut_forces(motion, program.blocks, *_subtree_wrenches(motion, force, moment, program.subtrees_of_cuts))
     for r, multiplier in multipliers.items():
         relation = model.relations[r]
@@ -62,7 +60,7 @@ def joint_forces(
                 moment[k] = added(moment[k], sign * couple)
     if multipliers:  # with the cuts open a contact also moves along its own normal: its whole force counts as a load now
         cuts, _ = _cut_forces(motion, program.blocks, *_subtree_wrenches(motion, force, moment, program.subtrees_of_cuts))
-    transmitted: list[tuple[Array, Array]] = [(0j, 0.0)] * len(model.joints)
+    transmitted: list[tuple[Plane, Values]] = [(0j, 0.0)] * len(model.joints)
     for c, cut in cuts.items():
         j, on = program.cuts[c]
         transmitted[j] = cut, 0.0
@@ -82,8 +80,8 @@ def joint_forces(
 
 
 def _subtree_wrenches(
-    motion: Motion, force: Sequence[Array], moment: Sequence[Array], steps: Iterable[SubtreeStep]
-) -> tuple[list[Array], list[Array]]:
+    motion: Motion, force: Sequence[Plane], moment: Sequence[Values], steps: Iterable[SubtreeStep]
+) -> tuple[list[Plane], list[Values]]:
     """Force on each link and all links beyond it in the tree, and the moment about each link's origin that joint forces alone leave
     unbalanced (of the links that ``steps`` ask for); not of the frame."""
     total, unbalanced = list(force), list(moment)
@@ -100,17 +98,17 @@ def _subtree_wrenches(
     return total, unbalanced
 
 
-def _vector(motion: Motion, arm: Arm) -> Array:
+def _vector(motion: Motion, arm: Arm) -> Plane:
     """The arm of a joint's force on a link: a vector that turns with it, or one that also slides along it."""
     return arm.vector * motion.state.rot[arm.spin] if arm.slide is None else motion.arm(*arm.slide)
 
 
 def _cut_forces(
-    motion: Motion, steps: Iterable[BalanceBlock], subtree: Sequence[Array], unbalanced: Sequence[Array]
-) -> tuple[dict[int, Array], dict[int, Array]]:
+    motion: Motion, steps: Iterable[BalanceBlock], subtree: Sequence[Plane], unbalanced: Sequence[Values]
+) -> tuple[dict[int, Plane], dict[int, Values]]:
     """Forces on the second links of the closing joints and in the relations, from the last block back to the first."""
-    cuts: dict[int, Array] = {}
-    multipliers: dict[int, Array] = {}
+    cuts: dict[int, Plane] = {}
+    multipliers: dict[int, Values] = {}
     for number, block, balances in steps:
         if block.kind == "check":  # nothing left to balance: zero is the smallest force that does
             cuts.update(dict.fromkeys(block.contours, 0j))
@@ -118,7 +116,7 @@ def _cut_forces(
             continue
         q = []
         for unknown, links, child, sign, loops, relations in balances:
-            total: Array = 0.0
+            total: Values = 0.0
             for k in links:
                 total = added(total, unbalanced[k])
             if child and not nothing(subtree[child]):

@@ -169,7 +169,7 @@ def _blocks(
     unknown = list(columns)
     pattern: list[list[int]] = []
     for c in loops:
-        groups = {turning.spin_group[s] for s, a in c.arms if np.any(abs(a) > 1e-14 * size)}
+        groups = {turning.spin_group[s] for s, a in c.arms if np.abs(a).max() > 1e-14 * size}
         groups |= {turning.spin_group[g] for _, g, _ in c.slides}
         row = [columns["angle", g] for g in sorted(groups - {0})]
         row += [columns["slide", j] for j, _, _ in c.slides if j not in driven]

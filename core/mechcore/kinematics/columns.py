@@ -12,6 +12,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from mechcore.arrays import Plane, Real, Values
 from mechcore.kinematics.dyads import cross
 from mechcore.kinematics.model import Model
 from mechcore.kinematics.program import Block, Loop, Unknown
@@ -19,15 +20,13 @@ from mechcore.kinematics.state import State
 from mechcore.numerics.frames import added, imaginary, nothing, summed
 from mechcore.numerics.newton import solve_many
 
-Array = Any  # over frames, or one number for all
-
 
 class Vectors(NamedTuple):
     """A loop's vectors in the world, all known: (spin, Z) of the spins that turn, slides included, and (joint, spin, D) of its
     guides."""
 
-    arms: list[tuple[int, Array]]
-    slides: list[tuple[int, int, Array]]
+    arms: list[tuple[int, Plane]]
+    slides: list[tuple[int, int, Plane]]
 
 
 class Columns(NamedTuple):
@@ -37,11 +36,11 @@ class Columns(NamedTuple):
     x + r = 0`` is ``Im(r dual[k])``; the force that balances the generalised forces q is ``(q[0] pair[1] - q[1] pair[0]) inverse``,
     where ``1 / inverse`` is their cross product."""
 
-    table: tuple[tuple[Array, ...], ...]
-    constraints: tuple[tuple[float, ...], ...] = ()
-    pair: tuple[Array, Array] | None = None
-    dual: tuple[Array, Array] | None = None
-    inverse: Array = None
+    table: tuple[tuple[Plane, ...], ...]
+    constraints: tuple[tuple[Values, ...], ...] = ()
+    pair: tuple[Any, Any] | None = None
+    dual: tuple[Any, Any] | None = None
+    inverse: Any = None
 
 
 def all_vectors(model: Model, state: State) -> list[Vectors]:
@@ -85,7 +84,7 @@ def columns(model: Model, block: Block, vectors: Sequence[Vectors]) -> Columns:
     return Columns(table, tuple(tuple(constraint_coefficient(model, r, x) for x in unknowns) for r in block.relations))
 
 
-def column(vectors: Vectors, unknown: Unknown, numbers: Sequence[int]) -> Array:
+def column(vectors: Vectors, unknown: Unknown, numbers: Sequence[int]) -> Plane:
     """Derivative of a loop by an unknown that moves the vectors with these ``numbers`` (see `program.moved_by`), plain zero for
     none."""
     if not numbers:
@@ -93,23 +92,23 @@ def column(vectors: Vectors, unknown: Unknown, numbers: Sequence[int]) -> Array:
     return vectors.slides[numbers[0]][2] if unknown[0] == "slide" else 1j * summed([vectors.arms[i][1] for i in numbers])
 
 
-def _turned_back(vectors: Vectors, unknown: Unknown, numbers: Sequence[int]) -> Array:
+def _turned_back(vectors: Vectors, unknown: Unknown, numbers: Sequence[int]) -> Plane:
     """`column` turned back by a right angle: for an angle simply the sum of the vectors that it turns."""
     return -1j * vectors.slides[numbers[0]][2] if unknown[0] == "slide" else summed([vectors.arms[i][1] for i in numbers])
 
 
 def constraint_coefficient(
-    model: Model, relation: int, unknown: tuple[str, int], bends: Mapping[int, Array] | None = None
-) -> Array:
+    model: Model, relation: int, unknown: tuple[str, int], bends: Mapping[int, Real] | None = None
+) -> Values:
     """Derivative of a relation by an unknown; with ``bends`` that of its curve too, which unknowns of its own block never have."""
     t = model.constraints[relation]
-    c: Array = dict(t.groups if unknown[0] == "angle" else t.slides).get(unknown[1], 0.0)
+    c: Any = dict(t.groups if unknown[0] == "angle" else t.slides).get(unknown[1], 0.0)
     if t.curve is not None and bends is not None and (slope := t.curve.slope(unknown)):
         c = c + slope * bends[relation][1]
     return c
 
 
-def rates(block: Block, cols: Columns, drift: list[Array], constraint_rhs: Sequence[Array] = ()) -> list[Array]:
+def rates(block: Block, cols: Columns, drift: Sequence[Plane], constraint_rhs: Sequence[Values] = ()) -> list[Values]:
     """Unknown rates (angles, then slides) from ``columns @ rates + drift = 0``, one drift per loop (what is known makes of it
     while the unknowns rest), and from ``constraints @ rates = constraint_rhs``."""
     if block.kind == "relation":
@@ -131,7 +130,7 @@ def rates(block: Block, cols: Columns, drift: list[Array], constraint_rhs: Seque
     return [x[..., k] for k in range(x.shape[-1])]
 
 
-def transposed(block: Block, cols: Columns, q: list[Array]) -> tuple[list[Array], list[Array]]:
+def transposed(block: Block, cols: Columns, q: list[Values]) -> tuple[list[Plane], list[Values]]:
     """Loop forces (complex) and relation forces that balance the generalised forces ``q`` of the block's unknowns."""
     if block.kind == "relation":
         return [], [q[0] / cols.constraints[0][0]]
@@ -152,7 +151,7 @@ def transposed(block: Block, cols: Columns, q: list[Array]) -> tuple[list[Array]
     return [x[..., 2 * i] + 1j * x[..., 2 * i + 1] for i in range(n)], [x[..., 2 * n + i] for i in range(len(cols.constraints))]
 
 
-def matrix_of(cols: Columns) -> tuple[Array, tuple[int, ...]]:
+def matrix_of(cols: Columns) -> tuple[Real, tuple[int, ...]]:
     """The columns as real matrices (..., 2 loops + relations, unknowns)."""
     if cols.pair is not None:
         shape = np.broadcast_shapes(*(np.shape(c) for c in cols.pair))
@@ -163,8 +162,8 @@ def matrix_of(cols: Columns) -> tuple[Array, tuple[int, ...]]:
     shape = np.broadcast_shapes(*(np.shape(c) for row in cols.table for c in row if not nothing(c)))
     width = len(cols.table[0] if cols.table else cols.constraints[0])
     matrix = np.zeros((*shape, 2 * len(cols.table) + len(cols.constraints), width))
-    for i, row in enumerate(cols.constraints, 2 * len(cols.table)):
-        matrix[..., i, :] = row
+    for i, coefficients in enumerate(cols.constraints, 2 * len(cols.table)):
+        matrix[..., i, :] = coefficients
     for i, row in enumerate(cols.table):
         for k, c in enumerate(row):
             if not nothing(c):
@@ -172,12 +171,12 @@ def matrix_of(cols: Columns) -> tuple[Array, tuple[int, ...]]:
     return matrix, shape
 
 
-def condition(model: Model, block: Block, cols: Columns) -> Array:
+def condition(model: Model, block: Block, cols: Columns) -> Values:
     """Condition number of a block's columns, lengths in units of the mechanism's size (inf where singular)."""
     k = len(block.angles)
     if cols.pair is not None:
-        first: list[Array] = [c / model.size if i < k else c for i, c in enumerate(cols.pair)]
-        total: Array = sum(np.real(c) ** 2 + np.imag(c) ** 2 for c in first)
+        first: list[Any] = [c / model.size if i < k else c for i, c in enumerate(cols.pair)]
+        total: Any = sum(np.real(c) ** 2 + np.imag(c) ** 2 for c in first)
         product = abs(cross(first[0], first[1]))
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
             largest2 = 0.5 * (total + np.sqrt(np.maximum((total - 2.0 * product) * (total + 2.0 * product), 0.0)))

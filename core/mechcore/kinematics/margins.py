@@ -2,34 +2,31 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
+from mechcore.arrays import Values
 from mechcore.kinematics import dyads
 from mechcore.kinematics.model import Model
 from mechcore.kinematics.positions import loop_vectors
 from mechcore.kinematics.program import Block
 from mechcore.kinematics.state import State
 
-Array = Any  # over frames, or one number for all
 
-
-def dead_point_margin(model: Model, block: Block, state: State) -> list[Array]:
+def dead_point_margin(model: Model, block: Block, state: State) -> list[Values]:
     """How far a group with two modes is from where they meet: smooth functions (squares of lengths, relative) that touch 0."""
     target, arms, guides = loop_vectors(model, block, state)
     if block.kind == "theta_theta":
-        ra, rb, d = abs(arms[0]), abs(arms[1]), abs(target)
+        ra, rb, d = np.abs(arms[0]), np.abs(arms[1]), np.abs(target)
         total, difference = ra + rb, abs(ra - rb)
         return [(total - d) * (total + d) / total**2, (d - difference) * (d + difference) / total**2]
     if block.kind == "theta_slide":
-        r, y = abs(arms[0]), (target * np.conj(guides[0])).imag
+        r, y = np.abs(arms[0]), (target * np.conj(guides[0])).imag
         return [(r - y) * (r + y) / r**2]
     r2, y = target.real**2 + target.imag**2, (arms[0] * np.conj(guides[0])).imag
     return [(r2 - y * y) / model.size**2]
 
 
-def gap(model: Model, block: Block, state: State) -> Array:
+def gap(model: Model, block: Block, state: State) -> Values:
     """By how much the links of a block with a closed form miss each other [m] (...), 0 where they meet; needs the earlier blocks in
     ``state``."""
     target, arms, guides = loop_vectors(model, block, state)

@@ -38,8 +38,8 @@ TAIL = 1e-12  # last terms of that polynomial: below, what it leaves out is roun
 
 def unknowns_of(model: Model, block: Block, state: State, at: Array) -> Array:
     """A block's positions (n, unknowns) at the places ``at``: angles without jumps [rad], then slides [m]."""
-    rows = [np.unwrap(wrapped_angle(model, state, g)[at]) for g in block.angles]
-    return np.array([*rows, *(state.slide[j][at] for j in block.slides)]).T
+    rows = [np.unwrap(np.asarray(wrapped_angle(model, state, g))[at]) for g in block.angles]
+    return np.array([*rows, *(np.asarray(state.slide[j])[at] for j in block.slides)]).T
 
 
 def smooth(model: Model, block: Block, state: State, time: Array, instant: float, step: float) -> tuple[float, Array | None]:

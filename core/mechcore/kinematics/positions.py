@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from mechcore.accuracy import DEFAULT
-from mechcore.arrays import Index, Real
+from mechcore.arrays import Index, Plane, Real, Values
 from mechcore.kinematics import dyads
 from mechcore.kinematics.model import Model
 from mechcore.kinematics.program import Block
@@ -19,15 +19,14 @@ from mechcore.kinematics.state import Newton, Patch, State, initial_state, relat
 from mechcore.numerics.frames import QUIET, nothing
 from mechcore.numerics.newton import newton
 
-Array = Any  # over frames, or one number for all
 DETERMINED = 1e-3  # singular values below this part of the largest leave a direction to the interpolation
 
 
 def place_all(
     model: Model,
-    drives: Sequence[Array],
-    modes: Sequence[Array],
-    starts: Mapping[str, Array] | None = None,
+    drives: Sequence[Values],
+    modes: Sequence[Values],
+    starts: Mapping[str, Real] | None = None,
     patches: Mapping[int, Sequence[Patch]] | None = None,
     constants: Sequence[float] = (),
     tolerance: float = DEFAULT.position,
@@ -44,7 +43,7 @@ def place_all(
     return state
 
 
-def place(model: Model, block: Block, state: State, mode: Array, start: Real | None = None) -> None:
+def place(model: Model, block: Block, state: State, mode: Values, start: Real | None = None) -> None:
     """Solve a block's positions into ``state``. ``start``: unknowns (..., n) to start Newton from (general blocks only)."""
     if block.kind == "general":
         _place_general(model, block, state, start)
@@ -54,10 +53,10 @@ def place(model: Model, block: Block, state: State, mode: Array, start: Real | N
         _place_loop(model, block, state, mode)
 
 
-def _place_loop(model: Model, block: Block, state: State, mode: Array) -> None:
+def _place_loop(model: Model, block: Block, state: State, mode: Values) -> None:
     """A block of one loop by its closed form."""
     target, arms, guides = loop_vectors(model, block, state)
-    solved: Sequence[Array]  # rotations of its angles, then displacements
+    solved: Sequence[Any]  # rotations of its angles, then displacements
     if block.kind == "theta_theta":
         solved = dyads.theta_theta(arms[0], arms[1], target, mode)
     elif block.kind == "theta_slide":
@@ -68,7 +67,7 @@ def _place_loop(model: Model, block: Block, state: State, mode: Array) -> None:
         solved = dyads.slide_slide(guides[0], guides[1], target)
     elif block.kind == "angle":
         e = target / arms[0]
-        solved = (e / abs(e),)
+        solved = (e / np.abs(e),)
     else:  # slide
         solved = ((target * guides[0].conjugate()).real,)
     for (what, i), x in zip(block.unknowns, solved, strict=True):
@@ -78,7 +77,7 @@ def _place_loop(model: Model, block: Block, state: State, mode: Array) -> None:
             state.slide[i] = x
 
 
-def loop_vectors(model: Model, block: Block, state: State, number: int = 0) -> tuple[Array, list[Array], list[Array]]:
+def loop_vectors(model: Model, block: Block, state: State, number: int = 0) -> tuple[Plane, list[Plane], list[Plane]]:
     """What the unknown vectors of a block's loop have to add up to; its vectors along each unknown angle, in axes that turn with
     it; the directions of its unknown slides, in such axes where an unknown angle turns them, else in the world's."""
     loop = model.program.loops[block.contours[number]]
@@ -99,7 +98,7 @@ def _place_relation(model: Model, block: Block, state: State) -> None:
         state.slide[i] = -known / c
 
 
-def _place_general(model: Model, block: Block, state: State, start: Array) -> None:
+def _place_general(model: Model, block: Block, state: State, start: Any) -> None:
     """Newton on all contours of the block; lengths in units of the mechanism's size."""
     size = model.size
     n_angles = len(block.angles)
@@ -115,7 +114,7 @@ def _place_general(model: Model, block: Block, state: State, start: Array) -> No
     state.newton[block.name] = Newton(x=x * scale, miss=miss * size, first=first)
 
 
-def _turn(model: Model, state: State, group: int, e: Array) -> None:
+def _turn(model: Model, state: State, group: int, e: Plane) -> None:
     for spin in model.angles.spins_of[group]:
         delta = state.delta[spin]
         state.rot[spin] = e if isinstance(delta, complex) and delta == 1 else e * delta
@@ -126,7 +125,7 @@ def equations(model: Model, block: Block, state: State, frames: Index | None = N
     (..., m), lengths in units of the mechanism's size, and the derivatives (..., m, n). ``frames``: at these only."""
     size, n_angles = model.size, len(block.angles)
 
-    def at(value: Array) -> Array:
+    def at(value: Any) -> Any:
         return value / size if frames is None or not np.ndim(value) else value[frames] / size
 
     column = {u: k for k, u in enumerate(block.unknowns)}
@@ -191,7 +190,7 @@ def apply(model: Model, block: Block, state: State, patch: Patch, *, onto: bool 
         e = np.exp(1j * values[:, i])
         for spin in model.angles.spins_of[g]:
             rot, delta = np.array(state.rot[spin]), state.delta[spin]
-            rot[patch.frames] = e * (delta[patch.frames] if np.ndim(delta) else delta)
+            rot[patch.frames] = e * (delta[patch.frames] if isinstance(delta, np.ndarray) else delta)
             state.rot[spin] = rot
     for i, j in enumerate(block.slides, len(block.angles)):
         slide = np.array(state.slide[j])

@@ -9,18 +9,17 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any, Protocol
 
+from mechcore.arrays import Plane, Real, Values
 from mechcore.kinematics.columns import Columns, Vectors, rates
 from mechcore.kinematics.model import Model
 from mechcore.kinematics.program import Block, Loop, NonlinearTerm
 from mechcore.numerics.frames import added, imaginary, nothing, purely_imaginary, summed
 
-Array = Any  # over frames, or one number for all
-
 
 class Replaces(Protocol):
     """Something that puts rates of its own in place of a block's, such as a `Patch`."""
 
-    def into(self, rates: list[Array], derivative: int) -> None: ...
+    def into(self, rates: list[Any], derivative: int) -> None: ...
 
 
 Patches = Mapping[int, Sequence[Replaces]]
@@ -34,34 +33,34 @@ class Rates:
     """
 
     def __init__(
-        self, model: Model, drives: Sequence[Array], bends: Mapping[int, Array] | None = None, before: Rates | None = None
+        self, model: Model, drives: Sequence[Values], bends: Mapping[int, Real] | None = None, before: Rates | None = None
     ):
         self.drives = drives
-        self.bends: Mapping[int, Array] = bends or {}  # of the relations' curves
+        self.bends: Mapping[int, Real] = bends or {}  # of the relations' curves
         self.before = before
         n = len(model.angles.spin_group)
-        self.spin: list[Array] = [0.0] * n
-        self.factor: list[Array] = [0j] * n if before is None else [0j if nothing(f) else f * f for f in before.factor]
+        self.spin: list[Values] = [0.0] * n
+        self.factor: list[Plane] = [0j] * n if before is None else [0j if nothing(f) else f * f for f in before.factor]
         for s, ((first, way), *more) in model.program.driven_spins:
             rate = drives[first] if way == 1 else -drives[first]
             for d, sign in more:
                 rate = rate + sign * drives[d]
             self._turn(s, rate, imaginary(rate))
-        self.slide: dict[int, Array] = {j: drives[d] for j, d in model.program.driven_slides}
-        self.group: dict[int, Array] = {}
+        self.slide: dict[int, Values] = {j: drives[d] for j, d in model.program.driven_slides}
+        self.group: dict[int, Values] = {}
 
-    def _turn(self, spin: int, rate: Array, turn: Array) -> None:
+    def _turn(self, spin: int, rate: Values, turn: Plane) -> None:
         self.spin[spin] = added(self.spin[spin], rate)
         self.factor[spin] = added(self.factor[spin], turn)
 
-    def settle(self, model: Model, block: Block, solved: list[Array]) -> None:
+    def settle(self, model: Model, block: Block, solved: Sequence[Values]) -> None:
         """Take over a block's solved rates."""
         for group, rate in zip(block.angles, solved, strict=False):
             self._settle_group(model, group, rate, imaginary(rate))
         for j, rate in zip(block.slides, solved[len(block.angles) :], strict=True):
             self.slide[j] = rate
 
-    def solve_dyad(self, model: Model, block: Block, cols: Columns, drift: Array) -> None:
+    def solve_dyad(self, model: Model, block: Block, cols: Columns, drift: Plane) -> None:
         """`columns.rates` of a dyad, taken over; i times the rate of an angle is had by clearing the real parts of a product."""
         dual: Any = cols.dual
         for group, d in zip(block.angles, dual, strict=False):
@@ -71,12 +70,12 @@ class Rates:
         for j, d in zip(block.slides, dual[len(block.angles) :], strict=True):
             self.slide[j] = (drift * d).imag
 
-    def _settle_group(self, model: Model, group: int, rate: Array, turn: Array) -> None:
+    def _settle_group(self, model: Model, group: int, rate: Values, turn: Plane) -> None:
         self.group[group] = rate
         for spin in model.program.spins_of[group]:
             self._turn(spin, rate, turn)
 
-    def drift(self, loop: Loop, vectors: Vectors) -> Array:
+    def drift(self, loop: Loop, vectors: Vectors) -> Plane:
         """What the rates of a loop's sum are while the rates of its unknowns are zero."""
         (arms, slides), factor, before = vectors, self.factor, self.before
         if before is None:
@@ -90,12 +89,12 @@ class Rates:
             terms += [self.slide[slides[i][0]] * slides[i][2] for i in loop.known_guides]
         return summed(terms)
 
-    def constraint_drift(self, model: Model, block: Block) -> list[Array]:
+    def constraint_drift(self, model: Model, block: Block) -> list[Values]:
         """Right-hand sides of a block's relations: what the known rates in them leave to the unknown ones."""
         out = []
         for r in block.relations:
             t = model.constraints[r]
-            total: Array = 0.0
+            total: Values = 0.0
             for d, c in t.drives:
                 total = total - c * self.drives[d]
             for g, c in t.groups:
@@ -112,9 +111,9 @@ class Rates:
             out.append(total)
         return out
 
-    def argument(self, curve: NonlinearTerm) -> Array:
+    def argument(self, curve: NonlinearTerm) -> Values:
         """Rate of a curve's argument."""
-        total: Array = 0.0
+        total: Values = 0.0
         for d, c in curve.drives:
             total = total + c * self.drives[d]
         for g, c in curve.groups:
@@ -128,9 +127,9 @@ def velocities(
     model: Model,
     vectors: Sequence[Vectors],
     cols: Sequence[Columns],
-    drive_speeds: Sequence[Array],
+    drive_speeds: Sequence[Values],
     patches: Patches | None = None,
-    bends: Mapping[int, Array] | None = None,
+    bends: Mapping[int, Real] | None = None,
 ) -> Rates:
     """First rates of all spins and slides."""
     return _solved(model, vectors, cols, Rates(model, drive_speeds, bends), patches)
@@ -141,7 +140,7 @@ def accelerations(
     vectors: Sequence[Vectors],
     cols: Sequence[Columns],
     speeds: Rates,
-    drive_accelerations: Sequence[Array],
+    drive_accelerations: Sequence[Values],
     patches: Patches | None = None,
 ) -> Rates:
     """Second rates of all spins and slides, given the first."""

@@ -9,11 +9,10 @@ from typing import Any
 import numpy as np
 
 from mechcore.accuracy import DEFAULT
+from mechcore.arrays import Index, Plane, Real, Values
 from mechcore.kinematics.model import Model
 from mechcore.kinematics.program import Block, NonlinearTerm, VectorSum
 from mechcore.numerics.frames import added, product, rotation_of, summed
-
-Array = Any  # over frames, or one number for all
 
 
 @dataclass
@@ -24,16 +23,16 @@ class State:
     ``newton`` says, by block name, how Newton ended where it was used.
     """
 
-    drives: Sequence[Array]
-    delta: list[Array]
-    rot: list[Array]
-    slide: dict[int, Array]
+    drives: Sequence[Values]
+    delta: list[Plane]
+    rot: list[Any]
+    slide: dict[int, Values]
     newton: dict[str, Newton] = field(default_factory=dict)
     constants: Sequence[float] = ()  # of the relations
-    angle: dict[int, Array] = field(default_factory=dict)  # angles beyond one turn, of groups that relations need
-    near: Mapping[str, Array] = field(default_factory=dict)  # rough angles "angle <group>" that decide the turn
+    angle: dict[int, Values] = field(default_factory=dict)  # angles beyond one turn, of groups that relations need
+    near: Mapping[str, Values] = field(default_factory=dict)  # rough angles "angle <group>" that decide the turn
     tolerance: float = DEFAULT.position  # residual at which Newton's method stops, in sizes of the mechanism
-    bends: dict[int, Array] = field(default_factory=dict)  # relation -> value and two derivatives of its curve (3, ...)
+    bends: dict[int, Real] = field(default_factory=dict)  # relation -> value and two derivatives of its curve (3, ...)
 
     def copy(self) -> State:
         """A state that can be filled in further without changing this one."""
@@ -52,9 +51,9 @@ class Newton:
     """Unknowns (..., n) of a general block (angles [rad], then slides [m]), what is left of the contours [m], and the size of
     the first correction (relative), which tells how good the start was."""
 
-    x: Array
-    miss: Array
-    first: Array
+    x: Real
+    miss: Real
+    first: Real
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,12 +63,12 @@ class Patch:
     ``frames`` (k,); ``values``, ``first``, ``second`` (k, unknowns): angles [rad] and slides [m], and their rates.
     """
 
-    frames: Array
-    values: Array
-    first: Array
-    second: Array
+    frames: Index
+    values: Real
+    first: Real
+    second: Real
 
-    def into(self, rates: list[Array], derivative: int) -> None:
+    def into(self, rates: list[Any], derivative: int) -> None:
         """Put the patch's first or second rates in place of a block's solved ones."""
         given = self.first if derivative == 1 else self.second
         for u in range(len(rates)):
@@ -79,9 +78,9 @@ class Patch:
 
 def initial_state(
     model: Model,
-    drives: Sequence[Array],
+    drives: Sequence[Values],
     constants: Sequence[float] = (),
-    near: Mapping[str, Array] | None = None,
+    near: Mapping[str, Values] | None = None,
     tolerance: float = DEFAULT.position,
 ) -> State:
     """State with everything that the drives' positions alone decide: spins of the frame's group, driven slides.
@@ -89,22 +88,22 @@ def initial_state(
     ``constants`` of the relations; ``near``: rough angles "angle <group>" that decide the turn where relations need it.
     """
     program = model.program
-    turned: dict[tuple[int, int], Array] = {}
-    delta: list[Array] = [1 + 0j] * len(model.angles.spin_group)
+    turned: dict[tuple[int, int], Plane] = {}
+    delta: list[Plane] = [1 + 0j] * len(model.angles.spin_group)
     for spin, terms in program.driven_spins:
         for term in terms:
             if term not in turned:
                 drive, sign = term
                 turned[term] = rotation_of(drives[drive] if sign == 1 else sign * drives[drive])
         delta[spin] = product([turned[term] for term in terms])
-    rot: list[Array] = [None] * len(delta)
+    rot: list[Any] = [None] * len(delta)
     for spin in program.spins_of[0]:
         rot[spin] = delta[spin]
     slide = {j: drives[d] for j, d in program.driven_slides}
     return State(drives=drives, delta=delta, rot=rot, slide=slide, constants=constants, near=near or {}, tolerance=tolerance)
 
 
-def value(total: VectorSum, rot: Sequence[Array], slide: Mapping[int, Array]) -> Array:
+def value(total: VectorSum, rot: Sequence[Plane], slide: Mapping[int, Values]) -> Plane:
     """A sum of vectors, with the rotations of its spins and the displacements along its guides."""
     still, arms, slides = total
     terms = [a * rot[s] for s, a in arms]
@@ -115,10 +114,10 @@ def value(total: VectorSum, rot: Sequence[Array], slide: Mapping[int, Array]) ->
 
 def relation_sum(
     model: Model, relation: int, state: State, block: Block | None = None
-) -> tuple[Array, dict[tuple[str, int], float]]:
+) -> tuple[Values, dict[tuple[str, int], float]]:
     """A relation's known terms [m], its constant subtracted, and the coefficients of the unknowns of ``block``."""
     t = model.constraints[relation]
-    known: Array = -state.constants[relation] if state.constants else 0.0
+    known: Values = -state.constants[relation] if state.constants else 0.0
     unknown: dict[tuple[str, int], float] = {}
     for d, c in t.drives:
         known = known + c * state.drives[d]
@@ -138,9 +137,9 @@ def relation_sum(
     return known, unknown
 
 
-def _argument(model: Model, curve: NonlinearTerm, state: State) -> Array:
+def _argument(model: Model, curve: NonlinearTerm, state: State) -> Values:
     """The argument of a relation's curve, which is known before the relation is solved."""
-    total: Array = curve.shift
+    total: Values = curve.shift
     for d, c in curve.drives:
         total = total + c * state.drives[d]
     for g, c in curve.groups:
@@ -150,13 +149,13 @@ def _argument(model: Model, curve: NonlinearTerm, state: State) -> Array:
     return total
 
 
-def wrapped_angle(model: Model, state: State, group: int) -> Array:
+def wrapped_angle(model: Model, state: State, group: int) -> Values:
     """A group's angle within one turn."""
     spin = model.angles.spins_of[group][0]
     return np.angle(state.rot[spin] * np.conj(state.delta[spin]))
 
 
-def real_angle(model: Model, state: State, group: int) -> Array:
+def real_angle(model: Model, state: State, group: int) -> Values:
     """A group's angle beyond one turn; the rough angle in ``state.near`` says which turn, where a closed form does not."""
     if group not in state.angle:
         angle = wrapped_angle(model, state, group)

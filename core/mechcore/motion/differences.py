@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mechcore.arrays import Real
+from mechcore.arrays import Real, Values
 from mechcore.kinematics.rates import Rates
 
 if TYPE_CHECKING:
@@ -61,8 +61,8 @@ def numerical_rates(motion: Motion, derivative: int) -> Rates:
     drawn = accuracy.differentiation == "graphical"
     order = 2 if drawn else accuracy.differences
 
-    def slope(values: Real, unit: float) -> Real:
-        values = np.broadcast_to(values, motion.shape)
+    def slope(given: Values, unit: float) -> Values:
+        values = np.broadcast_to(given, motion.shape)
         if drawn and accuracy.resolution > 0.0:
             values = accuracy.resolution * unit * np.round(values / (accuracy.resolution * unit))
         return differentiate(motion.time, values, order, derivative)

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from mechcore.accuracy import DEFAULT, Accuracy
-from mechcore.arrays import Real
+from mechcore.arrays import Plane, Real, Values
 from mechcore.branches.singular_points import Change
 from mechcore.branches.unwrapped import LinkAngles
 from mechcore.kinematics.columns import Columns, Vectors, all_columns, all_vectors, condition
@@ -58,7 +58,7 @@ class Motion:
         self.changes = tuple(changes)  # change points and dead points that the run passes
         # worked out once when first needed
         self._arms: dict[tuple[int, int, int], Array] = {}
-        self._slid: dict[tuple[int, int], Array] = {}
+        self._slid: dict[tuple[int, int], Values | Plane] = {}
         self._offsets: dict[tuple[int, complex], Array] = {}
         self._origins: dict[tuple[int, int], Array] = {(0, 0): 0j, (0, 1): 0j, (0, 2): 0j}
 
@@ -120,7 +120,7 @@ class Motion:
         model = self.model
         j = model.joint_index.get(pair)
         if j is not None and j in model.driven and (self.angles.exact or model.joints[j].coordinate == "slide"):
-            values = self.drives[model.driven[j]]
+            values: Sequence[Values] = self.drives[model.driven[j]]
         elif j is not None and model.joints[j].coordinate == "slide":
             values = (self.state.slide[j], self.speeds.slide[j], self.accelerations.slide[j])
         else:

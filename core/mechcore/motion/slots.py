@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from mechcore.arrays import Flags, Real
+from mechcore.arrays import Flags, Real, Values
 from mechcore.kinematics.model import Model
 from mechcore.kinematics.state import State
 from mechcore.motion.extremes import peak
@@ -43,7 +43,7 @@ def _excesses(motion: Motion) -> Iterator[tuple[str, float, Any]]:
             yield name, end, excess
 
 
-def room_in_slots(model: Model, state: State) -> list[Real]:
+def room_in_slots(model: Model, state: State) -> list[Values]:
     """How far pins and sliders are from their ends [m] (...), negative beyond, by end."""
     joints = [(state.slide[model.joint_index[name]], ends) for name, ends in model.mechanism.ends.items()]
     return [room for slide, (low, high) in joints for room in (slide - low, high - slide)]

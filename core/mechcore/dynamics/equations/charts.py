@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from mechcore.arrays import Real
+from mechcore.arrays import Real, Values
 from mechcore.dynamics.energy_account import kinetic_energy_of
 from mechcore.dynamics.equations.chart import Chart
 from mechcore.dynamics.equations.curve import TURN, Curve, beside_singular, tabulate, whole_turn
@@ -214,7 +214,7 @@ def _rates(motion: Motion) -> dict[str, Real]:
     for j, joint in enumerate(model.joints):
         if joint.freedoms and joint.name in pairs:
             if j in model.driven:
-                rate = motion.drives[model.driven[j]][1]
+                rate: Values = motion.drives[model.driven[j]][1]
             elif joint.coordinate == "slide":
                 rate = speeds.slide[j]
             else:
