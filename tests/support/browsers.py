@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
+import threading
+from collections.abc import Iterator
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 
 import pytest
 
@@ -35,3 +39,38 @@ def missing(words: str) -> None:
     if os.environ.get("MECHVIZ_REQUIRE_BROWSER") == "1":
         pytest.fail(f"{words}, and MECHVIZ_REQUIRE_BROWSER=1 asks for it")
     pytest.skip(words)
+
+
+# Whether the page's own scripts reach another server
+REQUESTING = """there => Promise.all([fetch(there + '/fetched').then(() => 'sent', () => 'refused'), new Promise(done => {
+    const script = document.createElement('script'); script.onload = () => done('sent'); script.onerror = () => done('refused');
+    script.src = there + '/script.js'; document.head.append(script); })])"""
+
+
+def pulling(there: str) -> str:
+    """HTML that would load from another server."""
+    return (
+        f"<img src='{there}/a.png'><iframe src='{there}/b'></iframe><object data='{there}/c'></object>"
+        f"<div style='background:url({there}/d.png)'>.</div><svg><image href='{there}/e.png' width='9' height='9'/></svg>"
+    )
+
+
+@contextlib.contextmanager
+def elsewhere() -> Iterator[tuple[str, list[str]]]:
+    """Another server: its address, and what it has been asked for."""
+    asked: list[str] = []
+
+    class Handler(BaseHTTPRequestHandler):
+        def do_GET(self) -> None:
+            asked.append(self.path)
+            self.send_error(404)
+
+        def log_message(self, *_: object) -> None:
+            pass
+
+    with ThreadingHTTPServer(("127.0.0.1", 0), Handler) as server:
+        threading.Thread(target=server.serve_forever, daemon=True).start()
+        try:
+            yield f"http://127.0.0.1:{server.server_port}", asked
+        finally:
+            server.shutdown()

@@ -21,7 +21,7 @@ import time
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, TypeAlias
 
 import msgspec
 import numpy as np
@@ -41,7 +41,7 @@ LEAST_MOVE = 1e-10  # [m, or of a quaternion]: less than this is round-off, and 
 
 Posed = tuple[viser.SceneNodeHandle, NDArray[Any], NDArray[Any] | None]
 """A node, its place (3,) [m] and its turn (4,) as a quaternion w, x, y, z, None if it does not turn."""
-Target = viser.ViserServer | viser.ClientHandle
+Target: TypeAlias = "viser.ViserServer | viser.ClientHandle"
 """All browsers, now and later, or one."""
 
 
@@ -134,8 +134,8 @@ class SharedBuffer(_infra.AsyncMessageBuffer):
             return
         self.max_window_size = MESSAGES_IN_ONE_PIECE
         self.turns = _Turns(event_loop, self.window_duration_sec)
-        self.message_event = _Signal(self.turns.soon)  # type: ignore[assignment]  # all that viser does to them is to set them
-        self.flush_event = _Signal(self.turns.now)  # type: ignore[assignment]
+        self.message_event = _Signal(self.turns.soon)  # all that viser does to them is to set them
+        self.flush_event = _Signal(self.turns.now)
         self.encodings = self.sendings = 0
         self.sweep: Callable[[], None] | None = None
         self._swept = LEAST_SWEPT

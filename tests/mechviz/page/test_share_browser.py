@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import io
 from collections.abc import Iterator
+from html import escape
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-from browsers import ARGS, chromium_or_skip, missing
+from browsers import ARGS, REQUESTING, chromium_or_skip, elsewhere, missing, pulling
 from pixels import same
 
 from mechviz.facade import Result
@@ -334,6 +335,24 @@ def test_a_picture_whose_memory_was_taken_away_comes_back(wide):
     )
     assert not page.evaluate("mechviz.player.stage.gl.isContextLost()")
     assert same(wide.picture(), before) and np.ptp(before, axis=2).max() > 80
+
+
+@pytest.mark.parametrize("way", ["file", "notebook"])
+def test_nothing_is_loaded_from_elsewhere_whatever_the_page_holds(browser, file, tmp_path, way):
+    """As if a text of the recording had become markup."""
+    with elsewhere() as (there, asked):
+        page = file.read_text(encoding="utf-8").replace("<header>", f"<header>{pulling(there)}", 1)
+        if way == "notebook":
+            page = f'<iframe srcdoc="{escape(page, quote=True)}" sandbox="allow-scripts"></iframe>'
+        changed = tmp_path / "changed.html"
+        changed.write_text(page, encoding="utf-8")
+        opened = browser.new_page()
+        opened.goto(changed.as_uri())
+        inside = opened.frames[0 if way == "file" else 1]
+        inside.wait_for_selector("header img", state="attached")
+        assert inside.evaluate(REQUESTING, there) == ["refused", "refused"]
+        opened.close()
+    assert not asked
 
 
 def test_everything_was_in_the_file(wide, file):

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from browsers import REQUESTING, elsewhere, pulling
 from browsing import (
     CAMERA,
     CANVAS,
@@ -151,6 +152,16 @@ def test_the_page_shows_the_mechanism(viewer, page, errors):
 
     until(page, seen, "coupler, reactions and background in the picture")
     assert not errors
+
+
+def test_nothing_is_loaded_from_elsewhere_whatever_the_page_is_told(viewer, page):
+    """Pictures, frames, scripts and requests of the page go nowhere but to the viewer itself."""
+    with elsewhere() as (there, asked):
+        hostile = viewer.server.gui.add_html(pulling(there))
+        caught_up(viewer, page)
+        assert page.evaluate(REQUESTING, there) == ["refused", "refused"]
+        hostile.remove()
+    assert not asked
 
 
 def test_play_moves_the_mechanism_and_pause_stops_it(viewer, page):

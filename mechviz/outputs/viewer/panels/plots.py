@@ -271,9 +271,8 @@ class Slot:
             )
         ]
         self._readout.content = (
-            '<div style="display:flex;gap:1em;padding:0 0.9em 0.2em;font-size:0.8em;font-variant-numeric:tabular-nums">'
-            + "".join(parts)
-            + "</div>"
+            '<div style="display:flex;flex-wrap:wrap;gap:0 1em;padding:0 0.9em 0.2em;font-size:0.8em;'
+            'font-variant-numeric:tabular-nums">' + "".join(parts) + "</div>"
         )
 
     def tracks(self) -> Iterator[PlotTrack | NumberTrack]:
