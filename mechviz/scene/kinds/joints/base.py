@@ -11,6 +11,7 @@ from mechcore.errors import Fault
 from mechcore.spec.mechanism import Friction, Pair, Vec2
 from mechviz.scene.convert import Converter
 from mechviz.scene.kinds.friction import Rubbing, friction_spec
+from mechviz.scene.kinds.kind import Kind
 from mechviz.scene.names import points_of_pair
 
 if TYPE_CHECKING:
@@ -20,18 +21,12 @@ if TYPE_CHECKING:
     from mechviz.scene.reading.recovery import Reading
 
 
-@dataclass(frozen=True)
-class JointKind:
+@dataclass(frozen=True, kw_only=True)
+class JointKind(Kind):
     """A kind of joint: all that is known of its keyword, from the words for it to the joint of the core."""
 
-    words: str  # in a sentence
-    example: str  # an entry of [joints] in TOML
     make: Callable[[JointMaker], Pair | None]  # the core's joint; None where too little of it is left
-    keys: tuple[str, ...] = ()  # that go with it
-    needs: Mapping[str, str] = field(default_factory=dict)  # those without a default, with an example of each
     modes: tuple[str, ...] = ()  # those that choose an assembly mode
-    synonyms: tuple[str, ...] = ()  # what people call it elsewhere
-    instead: Mapping[str, str] = field(default_factory=dict)  # key of another kind -> what was probably meant by it
     driven: Literal["angle", "length", ""] = ""  # what a drive on it prescribes
     undriven: str = ""  # what to drive instead, where a drive makes no sense
     viscous: Literal["damping", "torsional damping", ""] = ""  # of viscous friction in it; none where it does not move
@@ -44,7 +39,6 @@ class JointKind:
     own_mode: bool = False  # its drive does not decide the assembly mode
     higher: bool = False  # there is an equivalent linkage of lower pairs
     parts: Mapping[str, tuple[str, ...]] = field(default_factory=dict)  # section -> links and joints that it brings along
-    one_of: tuple[str, ...] = ()  # keys of which exactly one is given
     check: Callable[[Reading, str, PairDocument], Iterator[Fault]] | None = None  # faults of the names at a path that it refers to
     core_path: Callable[[PairDocument, str], str] | None = None  # a path inside the core's joint -> inside the scene's
 

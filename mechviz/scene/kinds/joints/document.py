@@ -7,14 +7,14 @@ from __future__ import annotations
 
 import cmath
 from collections.abc import Iterable, Iterator, Mapping
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, ClassVar, Literal
 
 from pydantic import Field, model_validator
 
 from mechcore.errors import Fault
 from mechcore.spec.mechanism import Pair
 from mechviz.scene.convert import Converter
-from mechviz.scene.fields import Direction, OneOrTwoNames, Table, one_of, refuse
+from mechviz.scene.fields import Direction, OneOrTwoNames, one_of, refuse
 from mechviz.scene.kinds.drives import DriveDocument
 from mechviz.scene.kinds.free_motion import FreeDocument, StopDocument
 from mechviz.scene.kinds.friction import FrictionDocument, friction_faults
@@ -22,6 +22,7 @@ from mechviz.scene.kinds.joints.base import JointKind, JointMaker, drawn_angle
 from mechviz.scene.kinds.joints.cam import CAMS, CamKeys
 from mechviz.scene.kinds.joints.lower import LOWER, LowerKeys
 from mechviz.scene.kinds.joints.wheels import WHEELS, WheelKeys
+from mechviz.scene.kinds.kind import KindTable
 from mechviz.scene.names import link_names
 
 if TYPE_CHECKING:
@@ -36,7 +37,7 @@ KINDS: Mapping[str, JointKind] = {**LOWER, **WHEELS, **CAMS}
 _MODES = ("side", "assembly", "branch")
 
 
-class CommonKeys(Table):
+class CommonKeys(KindTable):
     """The keys of joints of several kinds."""
 
     at: OneOrTwoNames | None = None
@@ -64,22 +65,7 @@ class CommonKeys(Table):
 class PairDocument(CommonKeys, CamKeys, WheelKeys, LowerKeys):
     """A kinematic pair between two links."""
 
-    @classmethod
-    def keys_beside(cls, raw: Mapping[str, Any]) -> list[str]:
-        """The keys that go with the kind of a table of plain data; all, the keywords first, where its kind is not clear."""
-        kinds = [kind for kind in KINDS if kind in raw]
-        if len(kinds) == 1:
-            return [kinds[0], *KINDS[kinds[0]].keys]
-        return [*KINDS, *(key for key in cls.model_fields if key not in KINDS)]
-
-    @property
-    def kinds(self) -> list[str]:
-        """The kinds that are given: one, in a pair that is not faulty."""
-        return [kind for kind in KINDS if getattr(self, kind) is not None]
-
-    @property
-    def kind(self) -> str:
-        return self.kinds[0]
+    KINDS: ClassVar[Mapping[str, JointKind]] = KINDS
 
     @property
     def traits(self) -> JointKind:
@@ -114,19 +100,12 @@ class PairDocument(CommonKeys, CamKeys, WheelKeys, LowerKeys):
         kind = self.traits
         if self.links[0] == self.links[1]:
             found.append((self.kind, f"joins '{self.links[0]}' to itself.", "Name two different links."))
-        for key in sorted(self.model_fields_set - set(KINDS), key=list(PairDocument.model_fields).index):
-            if key not in kind.keys and getattr(self, key) not in (None, False, []):
-                found.append((key, f"{key} does not go with {kind.words}.", _instead(kind, key)))
-        for key, example in kind.needs.items():
-            if getattr(self, key) is None:
-                found.append(("", f"'{key}' is missing.", f"Add {key} = {example}."))
+        found += self.misfits(f"the {kind.words.removeprefix('a ')}")
         for key in self.free.strangers(kind.pose) if self.free is not None else ():
             known = "x, y, angle, vx, vy and omega" if kind.pose else "position and speed"
             found.append(("free", f"{key} does not go with {kind.words}.", f"Its start has {known}."))
         if self.friction is not None and kind.rubs is not None:
             found += friction_faults(kind.rubs, kind.words, self.friction)
-        if kind.one_of:
-            found += one_of(self, kind.one_of, f"the {kind.words.removeprefix('a ')}")
         modes = [key for key in kind.modes if getattr(self, key) is not None]
         found += self._two_modes(modes)
         if self.led and modes and not kind.own_mode:
@@ -137,23 +116,27 @@ class PairDocument(CommonKeys, CamKeys, WheelKeys, LowerKeys):
         refuse(found)
         return self
 
+    def says(self, key: str) -> bool:
+        """Whether a key says something: not what holds without it."""
+        return getattr(self, key) not in (None, False, [])
+
+    def instead(self, key: str) -> str:
+        """What to do about a key that does not go with the kind."""
+        kind = self.traits
+        if key in ("drive", "free"):
+            return kind.undriven
+        if key in _MODES and "branch" in kind.keys:
+            return "Write branch = 'ahead' or 'behind' instead."
+        if key in _MODES and "side" in kind.keys:
+            return "Write side = 'left' or 'right' instead."
+        return kind.instead.get(key, "Leave it out.")
+
     def _two_modes(self, keys: Iterable[str]) -> list[tuple[str, str, str]]:
         """The fault of several modes among these keys."""
         modes = [key for key in keys if getattr(self, key) is not None]
         if len(modes) < 2:
             return []
         return [(modes[1], f"{' and '.join(modes)} at once: both choose the assembly mode.", "Keep one of them.")]
-
-
-def _instead(kind: JointKind, key: str) -> str:
-    """What to do about a key that does not go with a kind of joint."""
-    if key in ("drive", "free"):
-        return kind.undriven
-    if key in _MODES and "branch" in kind.keys:
-        return "Write branch = 'ahead' or 'behind' instead."
-    if key in _MODES and "side" in kind.keys:
-        return "Write side = 'left' or 'right' instead."
-    return kind.instead.get(key, "Leave it out.")
 
 
 def check_joints(reading: Reading) -> Iterator[Fault]:

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated, Any
 
 from pydantic import AfterValidator
@@ -13,6 +13,7 @@ from mechcore.laws.timed import Smoothness, Table
 from mechcore.spec.loads import Load
 from mechviz.scene.convert import Converter
 from mechviz.scene.fields import Number, fault
+from mechviz.scene.kinds.kind import Kind
 from mechviz.scene.names import known_pair, link_names, split_point
 
 if TYPE_CHECKING:
@@ -44,19 +45,12 @@ AtLeastOne = Annotated[Number, AfterValidator(_at_least_one)]
 NotNegative = Annotated[Number, AfterValidator(_not_negative)]
 
 
-@dataclass(frozen=True)
-class LoadKind:
+@dataclass(frozen=True, kw_only=True)
+class LoadKind(Kind):
     """A kind of load: all that is known of its keyword, from the words for it to the load of the core."""
 
-    words: str  # in a sentence
-    example: str  # an entry of [loads] in TOML
     make: Callable[[LoadMaker], Load | tuple[Load, ...] | None]  # the core's; None where a name is not there or a part is faulty
-    keys: tuple[str, ...] = ()  # that go with it
-    needs: Mapping[str, str] = field(default_factory=dict)  # those without a default, with an example of each
     some: tuple[str, ...] = ()  # at least one of these
-    one_of: tuple[str, ...] = ()  # exactly one of these
-    synonyms: tuple[str, ...] = ()  # what people call it elsewhere
-    instead: Mapping[str, str] = field(default_factory=dict)  # key of another kind -> what was probably meant by it
     between: bool = False  # its keyword names two points or links, which differ
     check: Callable[[Reading, str, Any], Iterator[Fault]] | None = None  # faults of what stands at the path of its keyword
     threefold: bool = False  # stiffness and damping in x, y and angle

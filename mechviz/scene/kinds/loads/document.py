@@ -6,15 +6,16 @@ To add a kind: its keyword and keys, what becomes of it in the core and its entr
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, ClassVar, Literal
 
 from pydantic import ConfigDict, model_validator
 
 from mechcore.errors import Fault
 from mechcore.spec.loads import Load
 from mechviz.scene.convert import Converter
-from mechviz.scene.fields import Coefficients, Force, QuadraticCoefficient, Table, one_of, refuse
+from mechviz.scene.fields import Coefficients, Force, QuadraticCoefficient, one_of, refuse
 from mechviz.scene.kinds.drives import DriveDocument
+from mechviz.scene.kinds.kind import KindTable
 from mechviz.scene.kinds.loads.base import LINEAR, LoadKind, LoadMaker
 from mechviz.scene.kinds.loads.factors import FACTORS, check_factor
 from mechviz.scene.kinds.loads.gas import GAS, GasKeys
@@ -33,7 +34,7 @@ KINDS: Mapping[str, LoadKind] = {**PRESCRIBED, **SPRINGS, **RESISTANCES, **GAS, 
 """The kinds of loads by their keywords."""
 
 
-class CommonKeys(Table):
+class CommonKeys(KindTable):
     """The keys of loads of several kinds."""
 
     thrust: Force | None = None
@@ -62,24 +63,10 @@ class CommonKeys(Table):
 class LoadDocument(CommonKeys, MachineKeys, GasKeys, ResistanceKeys, SpringKeys, PrescribedKeys):
     """A load: exactly one of the keys from force to governor, which name its kind, and what goes with that kind."""
 
+    KINDS: ClassVar[Mapping[str, LoadKind]] = KINDS
+    EVERY = ("use",)
+
     model_config = ConfigDict(json_schema_extra={"oneOf": [{"required": [key, *kind.needs]} for key, kind in KINDS.items()]})
-
-    @classmethod
-    def keys_beside(cls, raw: Mapping[str, Any]) -> list[str]:
-        """The keys that go with the kind of a table of plain data; all, the keywords first, where its kind is not clear."""
-        kinds = [kind for kind in KINDS if kind in raw]
-        if len(kinds) == 1:
-            return [kinds[0], *KINDS[kinds[0]].keys, "use"]
-        return [*KINDS, *(key for key in cls.model_fields if key not in KINDS)]
-
-    @property
-    def kinds(self) -> list[str]:
-        """The kinds that are given: one, in a load that is not faulty."""
-        return [kind for kind in KINDS if getattr(self, kind) is not None]
-
-    @property
-    def kind(self) -> str:
-        return self.kinds[0]
 
     @property
     def traits(self) -> LoadKind:
@@ -90,13 +77,7 @@ class LoadDocument(CommonKeys, MachineKeys, GasKeys, ResistanceKeys, SpringKeys,
     def _one_load(self) -> LoadDocument:
         refuse(one_of(self, tuple(KINDS), "the load"))
         kind = self.traits
-        found: list[tuple[str, str, str]] = []
-        for key in sorted(self.model_fields_set - {*KINDS, "use"}, key=list(LoadDocument.model_fields).index):
-            if key not in kind.keys and getattr(self, key) is not None:
-                found.append((key, f"{key} does not go with {kind.words}.", _instead(kind, key)))
-        for key, example in kind.needs.items():
-            if getattr(self, key) is None:
-                found.append(("", f"'{key}' is missing.", f"Add {key} = {example}."))
+        found = self.misfits(f"the {self.kind}")
         if kind.some and all(getattr(self, key) is None for key in kind.some):
             found.append(("", f"{kind.words} has neither {' nor '.join(kind.some)}.", f"Add {kind.some[0]} = {LINEAR}."))
         for key in ("stiffness", "linear"):
@@ -105,8 +86,6 @@ class LoadDocument(CommonKeys, MachineKeys, GasKeys, ResistanceKeys, SpringKeys,
                 why = f"{kind.words} has {f'one {key}' if isinstance(value, list) else f'a {key} in x, y and angle'}."
                 remedy = "Give one value." if isinstance(value, list) else f"Write {key} = [x, y, angle]."
                 found.append((key, why, remedy))
-        if kind.one_of:
-            found += one_of(self, kind.one_of, f"the {self.kind}")
         factors = [key for key in FACTORS if getattr(self, key) is not None]
         if isinstance(self.target, DriveDocument) and factors:
             found.append(
@@ -120,12 +99,9 @@ class LoadDocument(CommonKeys, MachineKeys, GasKeys, ResistanceKeys, SpringKeys,
         refuse(found)
         return self
 
-
-def _instead(kind: LoadKind, key: str) -> str:
-    """What to do about a key that does not go with a kind of load."""
-    if key == "coefficient" and "linear" in kind.keys:
-        return "Write linear = ..."
-    return kind.instead.get(key, f"Leave out {key}.")
+    def instead(self, key: str) -> str:
+        """What to do about a key that does not go with the kind."""
+        return "Write linear = ..." if key == "coefficient" and "linear" in self.traits.keys else super().instead(key)
 
 
 def check_loads(reading: Reading) -> Iterator[Fault]:
