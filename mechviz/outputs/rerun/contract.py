@@ -301,9 +301,6 @@ def _entity_faults(recording: Recording, path: str, time: Any, finite: bool) -> 
     names = set()
     for batch, moving in recording.batches(path):
         names |= set(batch.schema.names)
-        if moving and any(batch[k].null_count for k in ("time", "drive_mdeg", "drive_um") if k in batch.schema.names):
-            yield "rows have no time"
-            return
         for name in batch.schema.names:
             kind = COMPONENTS.get(name) or FIELDS.get(name.rpartition(":")[2])
             if kind is not None:

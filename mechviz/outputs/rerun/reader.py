@@ -1,11 +1,9 @@
-"""Reads a recording back, with rerun's own reader: what it says is what is in the file."""
+"""Reads a recording back from its file alone, and checks it against the contract."""
 
 from __future__ import annotations
 
 import json
-import warnings
 from collections.abc import Iterator
-from contextlib import ExitStack
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -17,8 +15,9 @@ from numpy.typing import NDArray
 from mechcore.motion.events import Event
 from mechviz.files import open_regular, plain_name
 from mechviz.outputs.rerun.contract import Properties, faults_of, missing_tables, read_properties
+from mechviz.outputs.rerun.messages import MAGIC, application_of, check_readable, chunks_in, entity_of
 from mechviz.outputs.rerun.paths import entity
-from mechviz.outputs.rerun.stream_file import APPLICATION, MAGIC, RecordingError, check_readable, whole_part
+from mechviz.outputs.rerun.stream_file import APPLICATION, RecordingError
 from mechviz.quantities.between_frames import read_between
 from mechviz.scene.folder import SceneFolder
 from mechviz.scene.scene import Scene, loads
@@ -100,12 +99,12 @@ class Recording:
         self.frame_times: NDArray[np.int64] | None = None
         self._moving: dict[str, list[Any]] = {}  # arrow batches of each entity, in the order of the file
         self._static: dict[str, list[Any]] = {}
-        self.application = ""
         self._load(most)
         if PROPERTIES not in self._static:
-            if self.application == APPLICATION:
+            application = application_of(self.path)
+            if application == APPLICATION:
                 raise RecordingError(f"'{path}' holds no frames: it was interrupted before the first were whole.", REMEDY)
-            what = f"of the application '{self.application}'" if self.application else "of another program"
+            what = f"of the application '{application}'" if application else "of another program"
             raise RecordingError(f"'{path}' is a rerun recording {what}, not of mechviz.", "Give a file that mechviz recorded.")
         said, faults = read_properties(self.properties)
         if said is not None:
@@ -124,37 +123,19 @@ class Recording:
 
     def _load(self, most: int | None) -> None:
         import pyarrow as pa
-        from rerun.chunk import RrdReader
 
         check_readable(self.path)
-        try:
-            with warnings.catch_warnings(), ExitStack() as stack:
-                warnings.simplefilter("ignore")  # an interrupted recording has no footer, which is fine here
-                reader = RrdReader(stack.enter_context(whole_part(self.path)))
-                stores = reader.recordings()
-                self.application = stores[0].application_id if stores else ""
-                if most is not None and stores:
-                    self.frame_times = _times_of_frames(reader, most)
-                times = None if self.frame_times is None else self.frame_times[evenly(len(self.frame_times), most or 1)]
-                for chunk in reader.stream() if stores else ():
-                    batch, name = chunk.to_record_batch(), str(chunk.entity_path)
-                    moving = "time" in batch.schema.names
-                    known = (self._moving if moving else self._static).setdefault(name, [])
-                    if moving and times is not None and not name.startswith(IN_FULL):
-                        batch = rows_at_or_before(batch, times)
-                        if known and known[-1].schema.equals(batch.schema):  # small batches take more room than what is in them
-                            batch = pa.concat_batches([known.pop(), batch])
-                    known.append(batch)
-        except (RuntimeError, ValueError, OSError, pa.ArrowException) as error:
-            raise self._damaged(error) from None
-        except BaseException as error:
-            if type(error).__name__ != "PanicException":  # of rerun, which is no Exception
-                raise
-            raise self._damaged(error) from None
-
-    def _damaged(self, error: BaseException) -> RecordingError:
-        why = f"'{self.path}' is cut short or damaged: {(str(error).splitlines() or [type(error).__name__])[0]}."
-        return RecordingError(why, f"What is whole in it can be saved with: rerun rrd optimize '{self.path}' -o repaired.rrd")
+        if most is not None:
+            self.frame_times = _times_of_frames(self.path, most)
+        times = None if self.frame_times is None else self.frame_times[evenly(len(self.frame_times), most or 1)]
+        for batch in chunks_in(self.path):
+            moving, name = "time" in batch.schema.names, entity_of(batch)
+            known = (self._moving if moving else self._static).setdefault(name, [])
+            if moving and times is not None and not name.startswith(IN_FULL):
+                batch = rows_at_or_before(batch, times)
+                if known and known[-1].schema.equals(batch.schema):  # small batches take more room than what is in them
+                    batch = pa.concat_batches([known.pop(), batch])
+            known.append(batch)
 
     def _cut(self, last: int) -> None:
         """Leave out the rows of tables and pictures after a time [ns]."""
@@ -278,16 +259,16 @@ def _path(parts: tuple[str, ...]) -> str:
     return entity(*parts)
 
 
-def _times_of_frames(reader: Any, most: int) -> NDArray[np.int64] | None:
+def _times_of_frames(path: Path, most: int) -> NDArray[np.int64] | None:
     """The times of all whole frames [ns], where there are more than ``most``."""
     found: dict[str, list[Index]] = {}
     batches = []
-    for chunk in reader.stream():
-        name = str(chunk.entity_path)
+    for batch in chunks_in(path):
+        name = entity_of(batch)
         if name == PROPERTIES:
-            batches.append(chunk.to_record_batch())
-        elif not chunk.is_static and name.startswith(TABLES):
-            found.setdefault(name, []).append(ticks(chunk.to_record_batch()["time"]))
+            batches.append(batch)
+        elif "time" in batch.schema.names and name.startswith(TABLES):
+            found.setdefault(name, []).append(ticks(batch["time"]))
     said, _ = read_properties(_plain_properties(batches))
     if said is None or said.frames <= most:
         return None

@@ -1,15 +1,13 @@
-"""Recordings as files: written through a pipe into an unfinished neighbour, read up to where they are whole."""
+"""Recordings as files: written through a pipe into an unfinished neighbour, which takes its place when it is complete."""
 
 from __future__ import annotations
 
 import fcntl
 import os
 import select
-import shutil
 import socket
 import stat
 import struct
-import tempfile
 import termios
 import threading
 from collections.abc import Iterator
@@ -17,7 +15,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
-from mechviz.files import OutputError, check_target, open_regular, put_in_place, reason
+from mechviz.files import OutputError, check_target, put_in_place, reason
 
 
 class RecordingError(OutputError):
@@ -304,69 +302,3 @@ def _left_behind(path: Path, temporary: Path, frames: int) -> str:
 
 def _cannot_write(path: Path, error: OSError) -> RecordingError:
     return RecordingError.of(reason(error, path))
-
-
-# -- reading ----------------------------------------------------------------------------------------------------------
-
-MAGIC = b"RRF"
-FILE_HEADER, MESSAGE_HEADER, TRAILER = 12, struct.Struct("<QQ"), 32  # of a message: kind, length of what follows [bytes]
-END, LAST_KIND = 0, 3
-
-
-def check_readable(path: Path) -> None:
-    """Clear words for what rerun's reader would refuse without saying why, or wait for without end. Raises `RecordingError`."""
-    if path.is_dir():
-        raise RecordingError(f"'{path}' is a folder.", "Give the .rrd file in it.")
-    try:
-        with open_regular(path) as file:
-            start = file.read(len(MAGIC))
-    except FileNotFoundError:
-        raise RecordingError(f"There is no file '{path}'.", "Make one with: mechviz record SCENE -o FILE.rrd") from None
-    except (OSError, ValueError) as error:
-        why = f"'{path}' cannot be read: {(getattr(error, 'strerror', '') or str(error)).lower()}."
-        raise RecordingError(why, "Give an .rrd file that mechviz recorded.") from None
-    if start != MAGIC:
-        raise RecordingError(f"'{path}' is not a rerun recording.", "Give an .rrd file that mechviz recorded.")
-
-
-@contextmanager
-def whole_part(path: Path) -> Iterator[Path]:
-    """A recording, or, where it is cut short, a copy of what is whole in it for as long as the block runs."""
-    with open_regular(path) as file:
-        whole, size = _whole_length(file), os.fstat(file.fileno()).st_size
-        if whole == size:
-            yield path
-            return
-        with tempfile.NamedTemporaryFile(prefix="mechviz-", suffix=".rrd") as copy:
-            file.seek(0)
-            shutil.copyfileobj(_Head(file, whole), copy, PIECE)
-            copy.flush()
-            yield Path(copy.name)
-
-
-class _Head:
-    """The first bytes of a file."""
-
-    def __init__(self, file: Any, length: int):
-        self._file, self._rest = file, length
-
-    def read(self, size: int) -> bytes:
-        data: bytes = self._file.read(min(size, self._rest))
-        self._rest -= len(data)
-        return data
-
-
-def _whole_length(file: Any) -> int:
-    """Up to where the messages of a recording are whole [bytes]."""
-    size = os.fstat(file.fileno()).st_size
-    at = FILE_HEADER
-    while at + MESSAGE_HEADER.size <= size:
-        file.seek(at)
-        kind, length = MESSAGE_HEADER.unpack(file.read(MESSAGE_HEADER.size))
-        after = at + MESSAGE_HEADER.size + length
-        if kind > LAST_KIND or after > size:
-            return at
-        if kind == END:
-            return size if after == size or size - after >= TRAILER else at
-        at = after
-    return min(at, size)

@@ -104,6 +104,20 @@ def test_a_part_that_is_cut_anywhere_is_read_up_to_its_last_whole_block(tmp_path
     assert frames == sorted(frames) and set(frames) == {0, 40, 80} and frames[-1] == 80
 
 
+def test_turned_bits_in_the_frame_of_a_chunk_do_not_end_the_process(whole, tmp_path):
+    """Rerun's own reader ends the process at some of them: every bit of the first kilobyte of a chunk is tried, in steps."""
+    data = whole.read_bytes()
+    target = tmp_path / "turned.rrd"
+    for at in range(60_000, 61_000, 23):
+        turned = bytearray(data)
+        turned[at] ^= 1 << at % 8
+        target.write_bytes(turned)
+        try:
+            Recording(target)
+        except RecordingError as error:
+            assert error.remedy
+
+
 def test_what_is_no_regular_file_is_not_read(tmp_path):
     os.mkfifo(tmp_path / "pipe.rrd")
     (tmp_path / "zero.rrd").symlink_to("/dev/zero")

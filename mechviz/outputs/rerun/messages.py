@@ -1,0 +1,162 @@
+"""The messages of a recording file, read one by one up to where the file is whole.
+
+A file of rerun (RRF2) is a header and messages: kind and length, then a protobuf, of which each chunk is an Arrow stream under LZ4.
+They are read here, not by rerun, whose reader gives up a file that is cut in a message, and ends the process at some turned bits.
+"""
+
+from __future__ import annotations
+
+import os
+import struct
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any, BinaryIO
+
+from mechviz.files import open_regular
+from mechviz.outputs.rerun.stream_file import RecordingError
+
+MAGIC, HEADER = b"RRF", b"RRF2"
+FILE_HEADER, MESSAGE_HEADER = 12, struct.Struct("<QQ")  # of a message: kind, length of what follows [bytes]
+END, STORE_INFO, CHUNK, LAYOUT = range(4)  # kinds of messages
+RECORDING, LZ4, ARROW = 1, 2, 1  # kind of a store, compression and encoding of a chunk
+MOST_PACKED = 255  # LZ4 makes nothing smaller than this part
+INDICES = ("time", "drive_mdeg", "drive_um")
+DAMAGED = "Record the scene again; what rerun can save of it is saved with: rerun rrd optimize FILE.rrd -o repaired.rrd"
+
+Message = dict[int, Any]
+"""A protobuf message: of each field its last value, a number or bytes."""
+
+
+def chunks_in(path: Path) -> Iterator[Any]:
+    """The chunks of the first recording in a file as arrow batches, in the order of the file. Raises `RecordingError`."""
+    first: bytes | None = None
+    for at, kind, data in _messages(path):
+        if kind == CHUNK:
+            try:
+                message = fields(data)
+                store = fields(message[1])
+                if store[1] != RECORDING or (first is not None and store[2] != first):
+                    continue
+                first = store[2]
+                batch = _batch(message)
+            except (ValueError, LookupError, TypeError, OSError, NotImplementedError) as error:
+                why = (str(error).splitlines() or [type(error).__name__])[0][:200]
+                raise RecordingError(f"'{path}' is damaged at byte {at}: {why}.", DAMAGED) from None
+            yield batch
+
+
+def application_of(path: Path) -> str:
+    """The application that wrote the first recording in a file; nothing where that is not said. Raises `RecordingError`."""
+    for _, kind, data in _messages(path):
+        try:
+            store = fields(fields(fields(data)[2])[2]) if kind == STORE_INFO else {}
+            if store.get(1) == RECORDING:
+                return str(bytes(fields(store[3])[1]), "utf-8", "replace")
+        except (ValueError, LookupError, TypeError):
+            return ""
+    return ""
+
+
+def check_readable(path: Path) -> None:
+    """Raises `RecordingError` of what is no recording file, with the reason."""
+    if path.is_dir():
+        raise RecordingError(f"'{path}' is a folder.", "Give the .rrd file in it.")
+    try:
+        with open_regular(path) as file:
+            start = file.read(len(HEADER))
+    except FileNotFoundError:
+        raise RecordingError(f"There is no file '{path}'.", "Make one with: mechviz record SCENE -o FILE.rrd") from None
+    except (OSError, ValueError) as error:
+        why = f"'{path}' cannot be read: {(getattr(error, 'strerror', '') or str(error)).lower()}."
+        raise RecordingError(why, "Give an .rrd file that mechviz recorded.") from None
+    if not start.startswith(MAGIC):
+        raise RecordingError(f"'{path}' is not a rerun recording.", "Give an .rrd file that mechviz recorded.")
+    if start != HEADER:
+        raise RecordingError(f"'{path}' has the format of an older rerun.", "Convert it with: rerun rrd migrate FILE.rrd")
+
+
+def _messages(path: Path) -> Iterator[tuple[int, int, bytes]]:
+    """Place, kind and content of each whole message, up to the end of the recording or of the file."""
+    with open_regular(path) as file:
+        size, at = os.fstat(file.fileno()).st_size, FILE_HEADER
+        while (found := _header(file, at)) is not None:
+            kind, length = found
+            after = at + MESSAGE_HEADER.size + length
+            if kind > LAYOUT:
+                raise RecordingError(f"'{path}' is damaged at byte {at}: it holds no message of a recording.", DAMAGED)
+            if kind == END or after > size:
+                return
+            if kind != LAYOUT:
+                yield at, kind, file.read(length)
+            at = after
+
+
+def _header(file: BinaryIO, at: int) -> tuple[int, int] | None:
+    file.seek(at)
+    data = file.read(MESSAGE_HEADER.size)
+    if len(data) < MESSAGE_HEADER.size:
+        return None
+    kind, length = MESSAGE_HEADER.unpack(data)
+    return int(kind), int(length)
+
+
+def _batch(message: Message) -> Any:
+    """The arrow batch of a chunk, checked as a whole. Raises ValueError and the like of one that is damaged."""
+    import pyarrow as pa
+
+    if message.get(4) != ARROW:
+        raise ValueError("a chunk is not in Arrow's format")
+    data = pa.py_buffer(message[5])
+    if message.get(2) == LZ4:
+        if message[3] > MOST_PACKED * data.size:
+            raise ValueError("a chunk claims to be larger than it can be")
+        data = pa.Codec("lz4_raw").decompress(data, message[3])
+    batch = pa.ipc.open_stream(data).read_next_batch()
+    batch.validate(full=True)
+    if b"rerun:entity_path" not in (batch.schema.metadata or {}):
+        raise ValueError("a chunk does not say what it belongs to")
+    for name in INDICES:
+        if name in batch.schema.names:
+            column = batch[name]
+            if not (pa.types.is_duration(column.type) or pa.types.is_int64(column.type)) or column.null_count:
+                raise ValueError(f"a chunk has rows without {name}")
+    return batch
+
+
+def entity_of(batch: Any) -> str:
+    """The path of the entity that a chunk belongs to."""
+    return str(batch.schema.metadata[b"rerun:entity_path"], "utf-8")
+
+
+def fields(data: bytes) -> Message:
+    """The fields of a protobuf message. Raises ValueError where it is none."""
+    found: Message = {}
+    at = 0
+    while at < len(data):
+        key, at = _varint(data, at)
+        number, wire = key >> 3, key & 7
+        if wire == 0:
+            found[number], at = _varint(data, at)
+            continue
+        if wire == 2:
+            length, at = _varint(data, at)
+        elif wire in (1, 5):
+            length = 8 if wire == 1 else 4
+        else:
+            raise ValueError("a message cannot be read")
+        if at + length > len(data):
+            raise ValueError("a message ends too early")
+        found[number], at = data[at : at + length], at + length
+    return found
+
+
+def _varint(data: bytes, at: int) -> tuple[int, int]:
+    value = 0
+    for shift in range(0, 70, 7):
+        if at >= len(data):
+            break
+        byte, at = data[at], at + 1
+        value |= (byte & 127) << shift
+        if byte < 128:
+            return value, at
+    raise ValueError("a message cannot be read")
