@@ -1,8 +1,9 @@
-"""``mechviz laws``: the table of motion laws with their peak factors, and their curves over each other as a chart."""
+"""``mechviz laws``: motion laws with their peak factors or on a scene's own cam, and their curves over each other as a chart."""
 
 from __future__ import annotations
 
 import math
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -13,10 +14,11 @@ from mechcore.errors import Fault, MechanismError
 from mechcore.laws.catalogue import RISES, rise
 from mechcore.laws.curve import MotionCurve
 from mechcore.laws.factors import peak_factors
-from mechviz.commands.common import interruptible
-from mechviz.commands.solving import clear_errors
+from mechviz.commands.common import fail, interruptible
+from mechviz.commands.solving import FramesOpt, clear_errors, load_scene
 from mechviz.figures import COLOURS, chart, check_ending, save_chart
 from mechviz.files import check_target
+from mechviz.studies.law_comparison import USUAL, compare_laws, comparison_figure, comparison_lines
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -29,22 +31,42 @@ def laws(
         list[str] | None, typer.Argument(metavar="[LAW]...", help="laws, such as cycloidal or parabolic:skew=0.4 [default: all]")
     ] = None,
     plot: Annotated[Path | None, typer.Option("--plot", help="write the curves over each other (.svg, .png or .pdf)")] = None,
+    scene: Annotated[
+        str | None,
+        typer.Option("--scene", metavar="SCENE", help="on a cam of this scene: limits, torque, least spring"),
+    ] = None,
+    cam: Annotated[str | None, typer.Option("--cam", metavar="JOINT", help="which cam of the scene [default: the first]")] = None,
+    frames: FramesOpt = None,
 ) -> None:
-    """Print motion laws with their peak factors Cv, Ca, Cj and the steps of their derivatives; plot them over each other."""
-    with clear_errors("laws"):
-        chosen = {name: _parse(name) for name in (names or list(RISES))}
+    """Print motion laws with their peak factors Cv, Ca, Cj and the steps of their derivatives; plot them over each other.
+
+    With --scene the laws stand in all rises and returns of the scene's own cam: lift to jerk, pressure angle, radius of
+    curvature, drive torque, contact force and least spring side by side.
+    """
+    with clear_errors("laws" if scene is None else scene):
+        if scene is None and (cam is not None or frames is not None):
+            fail("--cam and --frames are for --scene.")
+        given = {name: _parse(name) for name in (names or list(RISES if scene is None else USUAL))}
+        chosen = {name: rise(law, **parameters) for name, (law, parameters) in given.items()}
         if plot is not None:
             check_ending(plot)
             check_target(plot)
-        print("\n".join(laws_table(chosen)))
+        if scene is None:
+            print("\n".join(laws_table(chosen)))
+            figure = partial(laws_figure, chosen)
+        else:
+            loaded = load_scene(scene)
+            rows = compare_laws(loaded, cam, given, frames)
+            print("\n".join([loaded.title, "", *comparison_lines(rows, loaded.units)]))
+            figure = partial(comparison_figure, rows)
         if plot is not None:
             with interruptible("matplotlib.figure"):
-                save_chart(laws_figure(chosen), plot)
+                save_chart(figure(), plot)
             print(plot)
 
 
-def _parse(text: str) -> MotionCurve:
-    """``name`` or ``name:key=value,key=value``."""
+def _parse(text: str) -> tuple[str, dict[str, float]]:
+    """A law and its parameters: ``name`` or ``name:key=value,key=value``."""
     name, _, rest = text.partition(":")
     parameters = {}
     for part in filter(None, rest.split(",")):
@@ -56,7 +78,7 @@ def _parse(text: str) -> MotionCurve:
         except ValueError:
             raise MechanismError(Fault(f"{name}.{key}", f"'{value}' is not a finite number." if equals else "it has no value.",
                                        "Write it like parabolic:skew=0.4.")) from None  # fmt: skip
-    return rise(name, **parameters)
+    return name, parameters
 
 
 def laws_table(chosen: dict[str, MotionCurve]) -> list[str]:
