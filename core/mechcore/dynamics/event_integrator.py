@@ -98,7 +98,7 @@ class EventIntegrator:
         self.separated: frozenset[str] = frozenset()  # cams that their followers have left
         self._use_chart(compiled, *system)
         self.known = [CurveChart(compiled, *system)] if isinstance(system[0], Curve) else []
-        plain = not (self.friction.counts or separable_cams or journals_of(compiled.mechanism))
+        plain = not (separable_cams or journals_of(compiled.mechanism))
         self.unwatched = 0  # windows in which nothing can come near enough to matter
         self.charted = [compiled] if plain and self.coordinates and not self.known and compiled.model.contours else []
         self.segments: list[Segment] = []
@@ -324,7 +324,8 @@ class EventIntegrator:
             self.charted.append(compiled)
         self._use_chart(compiled, Chart(compiled), None)
         self.unwatched = 0
-        return q, v
+        self.friction.begin(compiled, t, q, v)
+        return q, self._settle(t, q, v)
 
     def _segment(self, start: float, end: float, way: Solution, system: Any) -> Segment:
         """A segment in which the present stops and contacts hold."""

@@ -13,8 +13,9 @@ from mechcore.dynamics import event_integrator as progress
 from mechcore.dynamics.equations.charts import strain
 from mechcore.dynamics.simulate import simulate
 from mechcore.laws.timed import ConstantSpeed, Free
-from mechcore.spec.mechanism import Cylinder, Drive, Gear, Link, Mechanism
-from mechviz.hard_cases.mechanisms import pin
+from mechcore.spec.loads import Torque
+from mechcore.spec.mechanism import Cylinder, Drive, Friction, Gear, Link, Mechanism
+from mechviz.hard_cases.mechanisms import four_bar, pin
 
 END = 1.1
 TIMES = np.linspace(0.0, END, 61)
@@ -107,6 +108,33 @@ def test_open_chains_and_single_freedoms_are_not_watched(monkeypatch):
     monkeypatch.setattr(progress, "strain", lambda *_: pytest.fail("watched"))
     simulate(double_pendulum(case("dynamics", "double-pendulum-rods")["inputs"]), 0.2, tolerance=1e-4)
     simulate(pendulum(inertia=1.0, mass=1.0, distance=1.0, angle=1.0), 0.2, tolerance=1e-4, method="gauss")
+
+
+@pytest.mark.parametrize("freedoms", [1, 2])
+def test_friction_goes_on_where_other_coordinates_lead(fallen, freedoms):
+    """A brake in a pin that turns one way is a constant torque on its link: a four-bar whose crank turns back at a dead point
+    while its rocker turns on, and a five-bar whose rods come in line."""
+    if freedoms == 1:
+        bars = {"crank": 0.4, "coupler": 0.25, "rocker": 0.3}
+        bodies = {name: (2.0 * x, (0.5 * x, 0.0), x**3 / 6.0) for name, x in bars.items()}
+        base = four_bar(0.5, *bars.values(), start=0.2, bodies=bodies, effects=("inertia", "gravity"))
+        base = replace(base, drives=(Drive(pair="A", law=Free(0.2, -6.0)),))
+        braked, link, moment, end = "E", "rocker", 0.2, 0.24
+    else:
+        base, braked, link, moment, end = restated(falling(), fallen, 0.5, "AE"), "A", "left", 0.01, 0.4
+    pairs = tuple(replace(p, friction=Friction(brake=moment)) if p.name == braked else p for p in base.pairs)
+    rubbing = simulate(replace(base, pairs=pairs, effects=(*base.effects, "friction")), end, tolerance=1e-10)
+    t = np.linspace(0.0, end, 25)
+    motion = rubbing.motion(t)
+    sense = np.sign(motion.coordinate(braked)[:, 1])
+    assert np.ptp(sense) == 0.0 and len({e.time for e in rubbing.events}) == 1, "it slides one way, and nothing else happens"
+    assert len(set(leads(rubbing))) > 1
+    torque = Torque(name="brake", link=link, moment=-moment * sense[0])
+    same = simulate(replace(base, loads=(torque,)), end, tolerance=1e-10).motion(t)
+    for link in base.links[1:]:
+        assert np.abs(motion.pose(link.name) - same.pose(link.name)).max() < 2e-8
+    assert np.abs(rubbing.drift(t)).max() < 1e-8
+    assert rubbing.forces(motion).friction.wrench(braked)[:, 2] == pytest.approx(-moment * sense)
 
 
 @pytest.mark.parametrize("sense", [1.0, -1.0])
