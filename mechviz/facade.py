@@ -11,8 +11,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from mechviz.figures import chart, save_chart
+from mechviz.figures import save_chart
 from mechviz.files import OutputError, check_target, replacing
+from mechviz.outputs.exports.plots import plot_figure
 from mechviz.outputs.images.drawing import write_svg
 from mechviz.outputs.images.pictures import VIEWS, Look, moment
 from mechviz.outputs.images.pictures import shot as take
@@ -22,7 +23,7 @@ from mechviz.outputs.presentation import Presentation, presentation_in, presenta
 from mechviz.outputs.rerun.numbers import numbers_in
 from mechviz.outputs.rerun.reader import Recording
 from mechviz.outputs.rerun.writer import RecordingSummary, write_recording
-from mechviz.quantities.catalogue import Axis, Catalogue, Quantity
+from mechviz.quantities.catalogue import Axis, Catalogue, Quantity, Together
 from mechviz.quantities.events import events_of
 from mechviz.runs import Run, run_scene
 from mechviz.scene.faults import did_you_mean
@@ -38,8 +39,6 @@ if TYPE_CHECKING:
 
 
 Real = NDArray[np.float64]
-
-PANEL = 7.0, 2.4  # width and height of a plot [in]
 
 
 class UnknownKey(KeyError):
@@ -182,27 +181,26 @@ class Result:
             return write_svg(self.presentation, target, time=place.time, width=size[0], height=size[1], dark=dark)
         return take(self.presentation, target, Look(*size, view, dark), place)
 
-    def plot(self, *keys: str, path: str | Path | None = None, against: str | None = None) -> Figure:
-        """A figure of matplotlib, a panel for each quantity, also written to ``path`` (.svg, .png, .pdf) if that is given.
+    def plot(self, *keys: str | tuple[str, ...], path: str | Path | None = None, against: str | None = None) -> Figure:
+        """A figure of matplotlib, a panel for each quantity or for several of one unit in a tuple, also written to ``path`` (.svg,
+        .png, .pdf) if that is given.
 
         ``against``: ``"time"`` or the joint of a drive; by default the first drive that runs one way, else time. Without keys it
         shows what the viewer opens with. Raises `UnknownKey`, `OutputError` where it cannot be written.
         """
-        quantities = [self.quantity(key) for key in keys] or list(self.catalogue.first)
-        axis = self._axis(against)
-        width, height = PANEL
-        with chart(width, height * len(quantities) + 0.8) as figure:
-            figure.suptitle(self.title)
-            panels = figure.subplots(len(quantities), squeeze=False, sharex=True)[:, 0]
-            for panel, quantity in zip(panels, quantities, strict=True):
-                panel.plot(axis.values, quantity.values(), label=quantity.curves)
-                panel.set(ylabel=quantity.unit, title=quantity.label)
-                if len(quantity.curves) > 1:
-                    panel.legend(loc="upper left", bbox_to_anchor=(1.0, 1.0))
-            panels[-1].set_xlabel(axis.title)
+        quantities = [self._together(key) for key in keys] or list(self.catalogue.first)
+        figure = plot_figure(self.title, quantities, self._axis(against))
         if path is not None:
             save_chart(figure, Path(path))
         return figure
+
+    def _together(self, keys: str | tuple[str, ...]) -> Quantity | Together:
+        if isinstance(keys, str):
+            return self.quantity(keys)
+        parts = tuple(self.quantity(key) for key in keys)
+        if len({q.unit for q in parts}) != 1:
+            raise OutputError(f"One plot cannot show {', '.join(q.title for q in parts)}.", "Give quantities of one unit.")
+        return Together(parts)
 
     def _axis(self, against: str | None) -> Axis:
         axes = {"time" if axis.unit == "s" else axis.label.split()[-1]: axis for axis in self.catalogue.axes}

@@ -18,7 +18,8 @@ def bundle_of(shown: Presentation, text: str) -> dict[str, str]:
     """
     page, _ = make_page(shown)
     frame = (
-        f'<iframe srcdoc="{escape(page, quote=True)}" sandbox="allow-scripts" title="{escape(shown.title, quote=True)}" '
+        f'<iframe srcdoc="{escape(page, quote=True)}" sandbox="allow-scripts allow-downloads" '
+        f'title="{escape(shown.title, quote=True)}" '
         f'style="width: 100%; height: {HEIGHT}px; border: 0"></iframe>'
     )
     return {"text/html": frame, "image/svg+xml": svg_of(shown, width=800, height=500), "text/plain": text}

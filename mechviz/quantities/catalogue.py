@@ -65,8 +65,40 @@ class Quantity:
     def title(self) -> str:
         return f"{self.label} [{self.unit}]"
 
+    @property
+    def parts(self) -> tuple[Quantity, ...]:
+        return (self,)
+
     def values(self) -> Real:
         return self.entry.read(self.table.values)
+
+
+@dataclass(frozen=True, eq=False)
+class Together:
+    """Quantities of one unit in one plot, the curves of one after those of the other; of several each curve names its item."""
+
+    parts: tuple[Quantity, ...]
+
+    @property
+    def unit(self) -> str:
+        return self.parts[0].unit
+
+    @property
+    def label(self) -> str:
+        return ", ".join(q.label for q in self.parts)
+
+    @property
+    def title(self) -> str:
+        return f"{self.label} [{self.unit}]"
+
+    @property
+    def curves(self) -> tuple[str, ...]:
+        if len(self.parts) == 1:
+            return self.parts[0].curves
+        return tuple(q.label if len(q.curves) == 1 else f"{q.item or q.name}: {name}" for q in self.parts for name in q.curves)
+
+    def values(self) -> Real:
+        return np.column_stack([q.values() for q in self.parts])
 
 
 @dataclass(frozen=True, eq=False)

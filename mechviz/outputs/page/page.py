@@ -9,7 +9,7 @@ from mechviz.outputs.page.frames import MOST_FRAMES, Frames, Progress, quiet
 from mechviz.outputs.page.show import show_text
 from mechviz.outputs.presentation import Presentation
 
-SCRIPTS = ("decode.js", "camera.js", "stage.js", "plots.js", "player.js")
+SCRIPTS = ("decode.js", "camera.js", "stage.js", "export.js", "plots.js", "drawings.js", "player.js")
 
 
 def make_page(

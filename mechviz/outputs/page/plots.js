@@ -29,11 +29,16 @@ class Plot {
   constructor(player, number) {
     this.player = player;
     this.figure = document.createElement("figure");
-    this.figure.innerHTML = '<figcaption><select aria-label="What is plotted"></select><button type="button" title="Remove this plot" aria-label="Remove this plot">×</button></figcaption><div class="values"></div><canvas role="img"></canvas>';
-    [this.select, this.canvas, this.readout] = ["select", "canvas", ".values"].map((s) => this.figure.querySelector(s));
+    this.figure.innerHTML = `<figcaption><select class="what" aria-label="What is plotted"></select>
+      <button type="button" title="Remove this plot" aria-label="Remove this plot">×</button></figcaption><div class="values"></div><canvas role="img"></canvas>
+      <div class="more"><select class="beside" aria-label="What is plotted beside it" title="Another curve of the same unit, or one to be taken away"></select>
+      ${["SVG", "PNG", "CSV"].map((kind) => `<button type="button" title="Save this plot as ${kind}">${kind}</button>`).join("")}</div>`;
+    [this.select, this.beside, this.canvas, this.readout] = [".what", ".beside", "canvas", ".values"].map((s) => this.figure.querySelector(s));
     player.header.plots.forEach((p, k) => this.select.add(new Option(`${p.title} [${p.unit}]`, k)));
     this.select.onchange = () => this.choose(Number(this.select.value));
+    this.beside.onchange = () => this.join(Number(this.beside.value));
     this.figure.querySelector("button").onclick = () => player.removePlot(this);
+    for (const button of this.figure.querySelectorAll(".more button")) button.onclick = () => this.save(button.textContent);
     drags(this.canvas, (x) => {
       if (!this.plot.x && this.scale) player.seekFrame(this.frameAt(this.scale.fromX(x)));
     });
@@ -41,13 +46,65 @@ class Plot {
   }
 
   choose(number) {
-    this.number = number;
-    this.select.value = String(number);
-    this.plot = this.player.header.plots[number];
+    this.show([number]);
+  }
+
+  /** Draws another plot of the same unit with this one, or no more. */
+  join(number) {
+    const rest = this.numbers.filter((n) => n !== number);
+    this.show(rest.length < this.numbers.length ? rest : [...rest, number]);
+  }
+
+  show(numbers) {
+    const { header, arrays } = this.player;
+    this.numbers = numbers;
+    this.number = numbers[0];
+    this.select.value = String(this.number);
+    const parts = numbers.map((n) => header.plots[n]);
+    const [first] = parts;
+    this.plot = first;
+    this.values = arrays[first.values];
+    if (parts.length > 1) {
+      const item = (p) => p.title.split(":")[0];
+      const names = parts.flatMap((p) => p.names.map((name) => (p.names.length > 1 ? `${item(p)}: ${name}` : p.title)));
+      this.plot = { title: parts.map((p) => p.title).join(", "), unit: first.unit, names };
+      this.values = new Float32Array(header.frames * names.length);
+      let column = 0;
+      for (const p of parts)
+        for (let c = 0; c < p.names.length; c++, column++)
+          for (let k = 0; k < header.frames; k++) this.values[k * names.length + column] = arrays[p.values][k * p.names.length + c];
+    }
+    this.beside.replaceChildren(new Option(parts.length > 1 ? `with ${parts.length - 1} more` : "with …", -1));
+    header.plots.forEach((p, k) => {
+      if (k !== this.number && p.unit === first.unit && p.x === undefined) this.beside.add(new Option(`${numbers.includes(k) ? "− " : "+ "}${p.title}`, k));
+    });
+    this.beside.hidden = first.x !== undefined || this.beside.length < 2;
     this.figure.classList.toggle("square", !!this.plot.equal);
-    this.values = this.player.arrays[this.plot.values];
     this.canvas.setAttribute("aria-label", `Plot of ${this.plot.title}, in ${this.plot.unit}`);
     this.draw();
+  }
+
+  /** Offers the plot as a file. */
+  save(kind) {
+    const { plot, values } = this;
+    const name = `${plot.title}.${kind.toLowerCase()}`;
+    const [width, height] = [this.canvas.clientWidth, this.canvas.clientHeight];
+    if (kind === "CSV") {
+      const axis = this.axis();
+      const columns = plot.names.map((_, c) => Array.from({ length: this.player.header.frames }, (_, k) => values[k * plot.names.length + c]));
+      download(name, "text/csv", csv([`${axis.title} [${axis.unit}]`, ...plot.names.map((n) => `${n} [${plot.unit}]`)], [axis.values, ...columns]));
+    } else if (kind === "SVG") {
+      const surface = new SvgSurface(width, height, this.player.theme.card);
+      this.paint(surface, width, height);
+      download(name, "image/svg+xml", surface.text(plot.title));
+    } else {
+      const copy = Object.assign(document.createElement("canvas"), { width: this.canvas.width, height: this.canvas.height });
+      const g = copy.getContext("2d");
+      g.fillStyle = this.player.theme.card;
+      g.fillRect(0, 0, copy.width, copy.height);
+      g.drawImage(this.canvas, 0, 0);
+      copy.toBlob((blob) => download(name, "image/png", blob));
+    }
   }
 
   /** What the curves run against: values of the frames, title and unit. */
@@ -60,9 +117,16 @@ class Plot {
   }
 
   draw() {
-    const { player, plot, values } = this;
     const { g, width, height } = fresh(this.canvas);
     if (!width) return;
+    this.paint(g, width, height);
+    this.background = g.getImageData(0, 0, this.canvas.width, this.canvas.height);
+    this.move();
+  }
+
+  /** Axes, events and curves on a surface: a canvas, or one that writes SVG. */
+  paint(g, width, height) {
+    const { player, plot, values } = this;
     const theme = player.theme;
     const axis = this.axis();
     const count = plot.names.length;
@@ -137,8 +201,6 @@ class Plot {
       g.stroke();
     }
     g.restore();
-    this.background = g.getImageData(0, 0, this.canvas.width, this.canvas.height);
-    this.move();
   }
 
   /** The cursor at the present frame, and the values there. */
@@ -206,119 +268,6 @@ function inverse(xs, x) {
     else high = middle;
   }
   return low + (xs[high] === xs[low] ? 0 : (x - xs[low]) / (xs[high] - xs[low]));
-}
-
-/** States over time as bars. */
-class Lanes {
-  constructor(player, box) {
-    this.player = player;
-    if (!player.header.lanes.length) return;
-    box.innerHTML = '<h2>States</h2><canvas role="img" aria-label="States over time"></canvas>';
-    this.canvas = box.querySelector("canvas");
-    this.canvas.style.height = `${24 * player.header.lanes.length + 6}px`;
-    drags(this.canvas, (x) => player.seek(player.start + ((x - ROOM.left) / (this.canvas.clientWidth - ROOM.left - ROOM.right)) * (player.end - player.start)));
-  }
-
-  draw() {
-    if (!this.canvas) return;
-    const { player } = this;
-    const { g, width, height } = fresh(this.canvas);
-    const inner = width - ROOM.left - ROOM.right;
-    const X = (t) => ROOM.left + ((t - player.start) / (player.end - player.start || 1)) * inner;
-    g.font = "11px system-ui, sans-serif";
-    g.textBaseline = "middle";
-    player.header.lanes.forEach((lane, n) => {
-      const y = 4 + 24 * n;
-      g.textAlign = "right";
-      g.fillStyle = player.theme.soft;
-      g.fillText(lane.name, ROOM.left - 5, y + 9, ROOM.left - 8);
-      g.textAlign = "left";
-      lane.changes.forEach(([t, state, color], k) => {
-        const end = k + 1 < lane.changes.length ? lane.changes[k + 1][0] : player.end;
-        g.fillStyle = color;
-        g.fillRect(X(t), y, Math.max(X(end) - X(t), 1), 18);
-        g.fillStyle = "#000";
-        if (g.measureText(state).width < X(end) - X(t) - 6) g.fillText(state, X(t) + 4, y + 9);
-      });
-    });
-    rule(g, X(player.time), 0, X(player.time), height, player.theme.cursor);
-  }
-}
-
-/** A graphical construction that moves with time: arrows with labels, lines and points, drawn to scale. */
-class Construction {
-  constructor(player, { title, caption, parts }, box) {
-    this.player = player;
-    this.parts = parts;
-    this.figure = document.createElement("figure");
-    this.figure.className = "square";
-    this.figure.innerHTML = "<figcaption><b></b></figcaption><canvas role='img'></canvas>";
-    this.figure.querySelector("b").textContent = caption;
-    this.canvas = this.figure.querySelector("canvas");
-    this.canvas.setAttribute("aria-label", title);
-    box.append(this.figure);
-    let [x0, x1, y0, y1] = [Infinity, -Infinity, Infinity, -Infinity];
-    const see = (x, y) => {
-      if (Number.isFinite(x + y)) [x0, x1, y0, y1] = [Math.min(x0, x), Math.max(x1, x), Math.min(y0, y), Math.max(y1, y)];
-    };
-    for (const d of this.parts) {
-      const a = player.arrays[d.kind === "arrows" ? d.origins : d.points];
-      const v = d.kind === "arrows" ? player.arrays[d.vectors] : null;
-      for (let k = 0; k + 1 < a.length; k += 2) {
-        see(a[k], a[k + 1]);
-        if (v) see(a[k] + v[k], a[k + 1] + v[k + 1]);
-      }
-    }
-    this.box = [x0, x1, y0, y1];
-  }
-
-  draw() {
-    const { player } = this;
-    const { g, width, height } = fresh(this.canvas);
-    if (!width) return;
-    const [x0, x1, y0, y1] = this.box;
-    const per = Math.max((x1 - x0) / (width - 60), (y1 - y0) / (height - 40)) || 1;
-    const X = (x) => width / 2 + (x - (x0 + x1) / 2) / per;
-    const Y = (y) => height / 2 - (y - (y0 + y1) / 2) / per;
-    g.font = "600 11px system-ui, sans-serif";
-    g.textBaseline = "middle";
-    const said = [];
-    const say = (text, x, y, color) => {
-      if (!text || said.some(([a, b]) => Math.hypot(a - x, b - y) < 11)) return;
-      said.push([x, y]);
-      g.fillStyle = color;
-      g.fillText(text, x + 5, y - 6);
-    };
-    const color = (d, k) => player.stage ? player.stage.readable(d.colors[k] || "#888888") : player.theme.ink;
-    for (const d of this.parts) {
-      const moving = (name, n) => at(player.arrays[name], n, player.frame, player.header.frames);
-      g.lineWidth = 2;
-      if (d.kind === "arrows") {
-        const [o, v] = [moving(d.origins, 2 * d.count), moving(d.vectors, 2 * d.count)];
-        for (let k = 0; k < d.count; k++) arrow(g, X(o[2 * k]), Y(o[2 * k + 1]), X(o[2 * k] + v[2 * k]), Y(o[2 * k + 1] + v[2 * k + 1]), color(d, k));
-        for (let k = 0; k < d.count; k++) say(d.labels[k], X(o[2 * k] + v[2 * k] / 2), Y(o[2 * k + 1] + v[2 * k + 1] / 2), color(d, k));
-      } else if (d.kind === "points") {
-        const p = d.moves ? moving(d.points, 2 * d.count) : player.arrays[d.points];
-        for (let k = 0; k < d.count; k++) {
-          dot(g, X(p[2 * k]), Y(p[2 * k + 1]), player.theme.ink, player.theme.card);
-          say(d.labels[k], X(p[2 * k]), Y(p[2 * k + 1]), player.theme.ink);
-        }
-      } else {
-        g.lineWidth = 1.2;
-        const still = d.kind === "still strips";
-        const p = still ? player.arrays[d.points] : moving(d.points, 2 * d.count * d.length);
-        let start = 0;
-        for (let k = 0; k < (still ? d.lengths.length : d.count); k++) {
-          const length = still ? d.lengths[k] : d.length;
-          g.strokeStyle = color(d, k);
-          g.beginPath();
-          for (let i = start; i < start + length; i++) g.lineTo(X(p[2 * i]), Y(p[2 * i + 1]));
-          g.stroke();
-          start += length;
-        }
-      }
-    }
-  }
 }
 
 /** A canvas cleared, in device pixels, with a context that counts in CSS pixels. */

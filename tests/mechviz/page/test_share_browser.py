@@ -189,6 +189,36 @@ def test_dragging_the_cursor_of_a_plot_moves_the_mechanism(wide):
     assert float(said.split()[1].replace("−", "-")) == pytest.approx(torque, rel=1e-3, abs=1e-3)
 
 
+def test_plots_share_curves_and_are_saved(wide):
+    """Curves of one unit in one plot, as a table, a drawing and a picture; and taken away again."""
+    page = wide.page
+    plots = page.evaluate("mechviz.player.header.plots.map((p) => p.title)")
+    first, second = plots.index("Joint A: reaction"), plots.index("Joint B: reaction")
+    figure = page.locator("figure").first
+    figure.locator(".what").select_option(str(first))
+    figure.locator(".beside").select_option(str(second))
+    names = page.evaluate("mechviz.player.plots[0].plot.names")
+    assert names == [f"Joint {j}: {c}" for j in "AB" for c in ("Fx", "Fy", "|F|")]
+    files = {}
+    for kind in ("CSV", "SVG", "PNG"):
+        with page.expect_download() as offered:
+            figure.get_by_role("button", name=kind).click()
+        files[kind] = Path(offered.value.path()).read_bytes()
+        assert offered.value.suggested_filename == f"Joint-A-reaction-Joint-B-reaction.{kind.lower()}"
+    head, *rows = files["CSV"].decode().splitlines()
+    assert head.split(",")[:2] == ["angle of drive A [°]", "Joint A: Fx [N]"] and len(rows) == len(BAR.time)
+    wanted = np.column_stack([BAR.data("joints", j, "reaction")[:, 0] for j in "AB"])
+    table = np.array([[float(x) for x in row.split(",")] for row in rows])
+    assert table[:, [1, 4]] == pytest.approx(wanted, rel=1e-5, abs=1e-4)
+    from xml.etree import ElementTree
+
+    drawing = ElementTree.fromstring(files["SVG"])
+    curves = [p for p in drawing.iter("{http://www.w3.org/2000/svg}path") if (p.get("d") or "").count("L") >= len(rows) - 1]
+    assert len(curves) == 6 and files["PNG"].startswith(b"\x89PNG")
+    figure.locator(".beside").select_option(str(second))
+    assert page.evaluate("mechviz.player.plots[0].plot.names") == ["Fx", "Fy", "|F|"]
+
+
 def test_names_give_way_to_each_other(wide):
     page = wide.page
     boxes = """[...document.querySelectorAll('#labels span:not([hidden])')].map((s) => {

@@ -26,6 +26,7 @@ from mechcore.spec.loads import Torque
 from mechcore.spec.mechanism import Drive, Gear, Link, Mechanism, Revolute
 from mechviz import scene
 from mechviz.meshes.solids import build_solids
+from mechviz.outputs.exports.plots import plot_file
 from mechviz.outputs.viewer import words
 from mechviz.outputs.viewer.app import Viewer
 from mechviz.outputs.viewer.callbacks import finite
@@ -262,6 +263,41 @@ def test_every_quantity_can_be_plotted_however_many_curves_it_has(viewer):
         assert len(slot.chart.series) == len(slot.chart.data) == len(q.curves) + 2
         assert all(name in slot._readout.content for name in map(html.escape, q.curves))
     viewer.plots.choose(slot, before)
+
+
+def test_plots_are_added_joined_saved_and_removed(viewer):
+    plots, known = viewer.plots, {q.key: q for q in viewer.inspector.show.quantities}
+    count = len(plots.slots)
+    plots.add()
+    slot = plots.slots[-1]
+    assert len(plots.slots) == count + 1 and slot.quantity.title not in {s.quantity.title for s in plots.slots[:-1]}
+    first, second, other = known["joint.A.reaction"], known["joint.B.reaction"], known["drive.A.torque"]
+    plots.choose(slot, first.title)
+    plots.join(slot, second.title)
+    assert slot.quantity.curves[:2] == ("joint A: Fx", "joint A: Fy") and slot.quantity.curves[3] == "joint B: Fx"
+    np.testing.assert_array_equal(slot.quantity.values(), np.column_stack([first.values(), second.values()]))
+    assert len(slot.chart.series) == 6 + 2 and slot.choice.value == first.title and second.title in slot.beside.options
+    plots.join(slot, other.title)  # of another unit
+    assert [q.key for q in slot.quantity.parts] == ["joint.A.reaction", "joint.B.reaction"]
+    assert other.title not in slot.beside.options
+    axis = viewer.inspector.show.axes[0]
+    rows = plot_file("CSV", "a", slot.quantity, axis).decode().splitlines()
+    assert rows[0].split(",")[:2] == [axis.title, "joint A: Fx [N]"] and len(rows) == 1 + len(axis.values)
+    np.testing.assert_array_equal([float(x) for x in rows[8].split(",")], [axis.values[7], *slot.quantity.values()[7]])
+    assert b"joint B: Fx" in plot_file("SVG", "a", slot.quantity, axis)
+    assert plot_file("PNG", "a", slot.quantity, axis).startswith(b"\x89PNG")
+    plots.join(slot, second.title)  # once more: taken away
+    assert [q.key for q in slot.quantity.parts] == ["joint.A.reaction"]
+    plots.remove(slot)
+    assert len(plots.slots) == count
+    for kept in list(plots.slots):
+        plots.remove(kept)
+    plots.show(3, playing=False)
+    plots.open(first.title)
+    assert [s.quantity.title for s in plots.slots] == [first.title]
+    for quantity in viewer.inspector.show.first:
+        plots.add(quantity)
+    plots.remove(plots.slots[0])
 
 
 def test_gears_have_quantities_and_reactions_where_they_mesh():

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import html
+import re
 import threading
 import time
 from collections.abc import Callable, Iterator
@@ -14,11 +15,12 @@ import viser
 from numpy.typing import NDArray
 from viser import uplot
 
+from mechviz.outputs.exports.plots import KINDS, plot_file
 from mechviz.outputs.viewer.playback import NumberTrack, PlotTrack
 from mechviz.outputs.viewer.view_model import ViewModel
 from mechviz.outputs.viewer.viser_adapter import uuid_of
 from mechviz.outputs.viewer.words import number
-from mechviz.quantities.catalogue import Axis, Quantity
+from mechviz.quantities.catalogue import Axis, Quantity, Together
 
 Real = NDArray[np.float64]
 
@@ -88,6 +90,9 @@ class Curves:
 
 
 HEIGHT = 164  # [px]
+NOTHING, REMOVE = "nothing else", "Remove"
+LAST = 1e9  # the order of what stands below all plots
+LONGEST_NAME = 60  # of a file
 COLORS = ("#2563c9", "#d97706", "#0f8a5f", "#7c3aed", "#64748b", "#0e7490", "#a16207")  # and again
 # Their names and values on a dark page
 ON_DARK = ("#7fb0ff", "#f0a545", "#4fc79a", "#b79bff", "#a8b3c4", "#5cc8de", "#d8b04a")
@@ -100,26 +105,27 @@ Callback = Callable[[str, Callable[[Any], None]], Callable[[Any], Any]]
 
 
 class Plots:
-    """A column of plots in a tab; ``show`` moves their cursors, ``update`` takes the curves of another run."""
+    """A column of plots in a tab, added and removed at will; ``show`` moves their cursors, ``update`` takes the curves of another
+    run."""
 
     def __init__(self, server: viser.ViserServer, tab: viser.GuiTabHandle, show: ViewModel, callback: Callback):
-        gui = server.gui
+        self._server, self._tab, self._callback = server, tab, callback
         self._lock = threading.RLock()
-        self._frame, self._moved = 0, 0.0
+        self._frame, self._moved, self._made = 0, 0.0, 0
         self._quantities = {q.title: q for q in show.quantities}
         self._axes = {a.title: a for a in show.axes}
+        self._name = show.title
         titles = tuple(self._axes)
         with tab:
-            self._against = gui.add_dropdown("Plot against", titles, initial_value=titles[0])
+            self._against = server.gui.add_dropdown("Plot against", titles, initial_value=titles[0])
+            self.more = server.gui.add_button("Add a plot", icon=viser.Icon.PLUS, order=LAST)
         self._against.on_update(callback("Changing the plots", lambda _: self.choose_axis(self._against.value)))
+        self.more.on_click(callback("Adding a plot", lambda _: self.add()))
         self._axis: Axis = self._axes[titles[0]]
-        self.slots = [
-            Slot(server, tab, f"Plot {k + 1}", tuple(self._quantities), quantity, self._axis)
-            for k, quantity in enumerate(show.first)
-        ]
-        for slot in self.slots:
-            self._listen(slot, callback)
         self.changed: Callable[[], None] = lambda: None
+        self.slots: list[SharedSlot] = []
+        for quantity in show.first:
+            self.add(quantity)
         self.show(0, playing=False)
 
     def update(self, show: ViewModel, frame: int) -> None:
@@ -133,18 +139,13 @@ class Plots:
                 self._against.options = tuple(self._axes)
             self._axis = self._axes.get(self._axis.title, show.axes[0])
             changed = titles != tuple(self._quantities)
-            spare = [q for q in show.first if q.title not in {s.quantity.title for s in self.slots}]
+            drawn = {q.title for slot in self.slots for q in slot.quantity.parts}
+            spare = [q for q in show.first if q.title not in drawn]
             for slot in self.slots:
-                quantity = self._quantities.get(slot.quantity.title)
-                if quantity is None:
-                    quantity = spare.pop(0) if spare else show.quantities[0]
-                slot.take(quantity, self._axis, frame)
+                parts = tuple(self._quantities[q.title] for q in slot.quantity.parts if q.title in self._quantities)
+                slot.take(Together(parts or (spare.pop(0) if spare else show.quantities[0],)), self._axis, frame)
                 if changed:
-                    slot.choice.options = tuple(self._quantities)
-                    slot.choice.value = slot.quantity.title
-
-    def _listen(self, slot: Slot, callback: Callback) -> None:
-        slot.choice.on_update(callback("Changing a plot", lambda _: self.choose(slot, slot.choice.value)))
+                    slot.offer(tuple(self._quantities.values()))
 
     def choose_axis(self, title: str) -> None:
         """Plot against the drive or time; an unknown title changes nothing."""
@@ -155,12 +156,45 @@ class Plots:
                 slot.plot(slot.quantity, self._axis, self._frame)
         self.changed()
 
-    def choose(self, slot: Slot, title: str) -> None:
+    def add(self, quantity: Quantity | None = None) -> None:
+        """One plot more: of a quantity, or of the next one that is not plotted."""
+        with self._lock:
+            drawn = {q.title for slot in self.slots for q in slot.quantity.parts}
+            spare = (q for title, q in self._quantities.items() if title not in drawn)
+            chosen = quantity or next(spare, next(iter(self._quantities.values())))
+            self._made += 1
+            slot = SharedSlot(self._server, self._tab, f"Plot {self._made}", tuple(self._quantities.values()), chosen, self._axis)
+            self.slots.append(slot)
+            slot.show(self._frame)
+        slot.choice.on_update(self._callback("Changing a plot", lambda _: self.choose(slot, slot.choice.value)))
+        slot.beside.on_update(self._callback("Changing a plot", lambda _: self.join(slot, slot.beside.value)))
+        slot.buttons.on_click(self._callback("Saving a plot", lambda event: self._press(slot, slot.buttons.value, event.client)))
+        self.changed()
+
+    def remove(self, slot: SharedSlot) -> None:
+        """One plot less."""
+        with self._lock:
+            if slot in self.slots:
+                self.slots.remove(slot)
+                slot.remove()
+        self.changed()
+
+    def choose(self, slot: SharedSlot, title: str) -> None:
         """Plot another quantity; an unknown title changes nothing."""
         with self._lock:
             if title in self._quantities:
-                slot.plot(self._quantities[title], self._axis, self._frame)
-            slot.choice.value = slot.quantity.title
+                slot.plot(Together((self._quantities[title],)), self._axis, self._frame)
+            slot.offer(tuple(self._quantities.values()))
+        self.changed()
+
+    def join(self, slot: SharedSlot, title: str) -> None:
+        """Draw the curves of another quantity of the same unit beside those of a plot, or no more."""
+        with self._lock:
+            known, parts = self._quantities.get(title), slot.quantity.parts
+            if known is not None and known.unit == slot.quantity.unit:
+                rest = tuple(q for q in parts if q.title != title)
+                slot.plot(Together(rest if len(rest) < len(parts) and rest else (*rest, known)), self._axis, self._frame)
+            slot.offer(tuple(self._quantities.values()))
         self.changed()
 
     def tracks(self) -> Iterator[PlotTrack | NumberTrack]:
@@ -171,6 +205,8 @@ class Plots:
 
     def open(self, title: str) -> None:
         """Plot a quantity in the first place."""
+        if not self.slots:
+            self.add()
         self.choose(self.slots[0], title)
 
     def show(self, frame: int, playing: bool) -> None:
@@ -182,6 +218,13 @@ class Plots:
             for slot in self.slots:
                 slot.show(frame)
 
+    def _press(self, slot: SharedSlot, button: str, client: viser.ClientHandle) -> None:
+        if button == REMOVE:
+            self.remove(slot)
+        elif button in KINDS:
+            words = re.sub(r"[^\w.-]+", "-", slot.quantity.label).strip("-")[:LONGEST_NAME]
+            client.send_file_download(f"{words}.{button.lower()}", plot_file(button, self._name, slot.quantity, self._axis))
+
 
 class Slot:
     """One plot with the choice of its quantity and the values at the present frame."""
@@ -192,7 +235,7 @@ class Slot:
         tab: viser.GuiTabHandle,
         label: str,
         titles: tuple[str, ...],
-        quantity: Quantity,
+        quantity: Quantity | Together,
         axis: Axis,
     ):
         self._gui, self._tab, self._label = server.gui, tab, label
@@ -202,7 +245,13 @@ class Slot:
         self.chart: viser.GuiUplotHandle | None = None
         self.plot(quantity, axis, 0)
 
-    def plot(self, quantity: Quantity, axis: Axis, frame: int) -> None:
+    def remove(self) -> None:
+        """Take the plot away."""
+        for handle in (self.choice, self._readout, self.chart):
+            if handle is not None:
+                handle.remove()
+
+    def plot(self, quantity: Quantity | Together, axis: Axis, frame: int) -> None:
         """Draw a quantity. A new plot takes the old one's place: data, curves and axes cannot be exchanged in one step."""
         self._read(quantity, axis)
         series: list[Any] = [uplot.Series(label=axis.title)]
@@ -233,7 +282,7 @@ class Slot:
         self._ends = (axis.values[0], axis.values[-1])
         self.show(frame)
 
-    def take(self, quantity: Quantity, axis: Axis, frame: int) -> None:
+    def take(self, quantity: Quantity | Together, axis: Axis, frame: int) -> None:
         """Draw a quantity of another run. Where it is the one that is drawn, the plot stays and its data change."""
         if (quantity.title, quantity.curves, axis.title) != (self.quantity.title, self.quantity.curves, self._axis.title):
             self.plot(quantity, axis, frame)
@@ -247,7 +296,7 @@ class Slot:
         self._ends = (axis.values[0], axis.values[-1])
         self.show(frame)
 
-    def _read(self, quantity: Quantity, axis: Axis) -> None:
+    def _read(self, quantity: Quantity | Together, axis: Axis) -> None:
         self.quantity, self._axis = quantity, axis
         self._values = quantity.values()
         self._curves = Curves(axis.values, self._values)
@@ -286,3 +335,42 @@ class Slot:
     def _rounded(self, value: float) -> float:
         """Zero for what is only the round-off of a quantity."""
         return 0.0 if abs(value) <= self._least else float(value)
+
+
+class SharedSlot(Slot):
+    """A plot that shows several quantities of one unit, can be saved as a file and taken away."""
+
+    def __init__(
+        self,
+        server: viser.ViserServer,
+        tab: viser.GuiTabHandle,
+        label: str,
+        quantities: tuple[Quantity, ...],
+        quantity: Quantity,
+        axis: Axis,
+    ):
+        super().__init__(server, tab, label, tuple(q.title for q in quantities), quantity, axis)
+        with tab:
+            self.beside = self._gui.add_dropdown("with", (NOTHING,), hint="another curve of the same unit, or one to be taken away")
+            self.buttons = self._gui.add_button_group("Save", (*KINDS, REMOVE))
+        self.offer(quantities)
+
+    def offer(self, quantities: tuple[Quantity, ...]) -> None:
+        """Offer the quantities of a run, and beside the one that is drawn those of its unit."""
+        first, *others = (q.title for q in self.quantity.parts)
+        titles = tuple(q.title for q in quantities)
+        if tuple(self.choice.options) != titles:
+            self.choice.options = titles
+        if self.choice.value != first:
+            self.choice.value = first
+        same = (q.title for q in quantities if q.unit == self.quantity.unit and q.title != first)
+        beside = (f"{len(others)} more" if others else NOTHING, *same)
+        if tuple(self.beside.options) != beside:
+            self.beside.options = beside
+        if self.beside.value != beside[0]:
+            self.beside.value = beside[0]
+
+    def remove(self) -> None:
+        super().remove()
+        self.beside.remove()
+        self.buttons.remove()
