@@ -19,7 +19,7 @@ from mechcore.spec.clearance import made_pairs
 from mechviz.outputs.rerun.blueprint import picture as mechanism_view
 from mechviz.outputs.rerun.nodes import picture_statics, picture_streams
 from mechviz.outputs.rerun.plots import plot_styles
-from mechviz.outputs.rerun.stream_file import Part, live_file
+from mechviz.outputs.rerun.stream_file import Part, live_file, send_blueprint
 from mechviz.outputs.rerun.streams import Timelines, link_streams, magnification, table_streams, view_statics
 from mechviz.outputs.rerun.writer import describe_run
 from mechviz.picture.build import bare_picture, solids_of
@@ -61,7 +61,7 @@ class Live:
         if self._solids is None:
             self._solids = solids_of(run)
             blueprint = _blueprint(self._running.scene, _room(run, self._solids))
-            self.part.stream.send_blueprint(blueprint, make_active=True, make_default=True)
+            send_blueprint(self.part.stream, blueprint)
             picture = bare_picture(run, self._solids)
             describe_run(self.part.stream, run, self._solids, picture, [], 1, complete=False)
             for static in (*view_statics(picture.size), *picture_statics(picture), *plot_styles(run, numbers)):

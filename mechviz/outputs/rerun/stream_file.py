@@ -122,8 +122,16 @@ class Part:
 
     def close(self) -> None:
         """End the file; raises OSError if the disk does not take the rest."""
-        self.stream.disconnect()
-        self._pump.finish()
+        if self.stream is not None:
+            self.stream.disconnect()
+            self._pump.finish()
+
+    def release(self) -> None:
+        """Give up the stream: rerun keeps each with its threads until it is asked to forget those that nobody holds."""
+        import rerun as rr
+
+        self.stream = None
+        rr.init(APPLICATION, init_logging=False)  # starts nothing, but forgets
 
 
 @contextmanager
@@ -135,15 +143,7 @@ def recording_file(path: Path, blueprint: Any, recording_id: str | None, title: 
     """
     import rerun as rr
 
-    try:
-        target = check_target(path)
-        temporary = part_path(target)
-        claim = _claim(temporary)
-        pump = Pump(claim)
-    except OutputError as error:
-        raise RecordingError.of(error) from None
-    except OSError as error:
-        raise _cannot_write(path, error) from None
+    target, temporary, claim, pump = _begin(path)
     strict = rr.strict_mode()
     rr.set_strict_mode(True)  # else wrong lengths only warn, and the data are dropped
     stream = rr.RecordingStream(APPLICATION, recording_id=recording_id)
@@ -151,8 +151,7 @@ def recording_file(path: Path, blueprint: Any, recording_id: str | None, title: 
     try:
         stream.save(pump.entrance)
         pump.opened()
-        # active, not only default: the viewer keeps one layout per application, and that of another scene would not fit
-        stream.send_blueprint(blueprint, make_active=True, make_default=True)
+        send_blueprint(stream, blueprint)
         stream.set_log_time_enabled(False)
         stream.send_recording_name(title)
         yield part
@@ -175,6 +174,8 @@ def recording_file(path: Path, blueprint: Any, recording_id: str | None, title: 
         temporary.unlink(missing_ok=True)
         raise
     finally:
+        del stream
+        part.release()
         rr.set_strict_mode(strict)
         os.close(claim)
 
@@ -185,14 +186,7 @@ def live_file(path: Path, port: int | None, title: str, blueprint: Any) -> Itera
     whose address it gives. The file stays if the block is interrupted, and a note on the exception says so; else it goes."""
     import rerun as rr
 
-    try:
-        temporary = part_path(check_target(path))
-        claim = _claim(temporary)
-        pump = Pump(claim)
-    except OutputError as error:
-        raise RecordingError.of(error) from None
-    except OSError as error:
-        raise _cannot_write(path, error) from None
+    _, temporary, claim, pump = _begin(path)
     strict = rr.strict_mode()
     rr.set_strict_mode(True)
     stream = rr.RecordingStream(APPLICATION)
@@ -208,7 +202,7 @@ def live_file(path: Path, port: int | None, title: str, blueprint: Any) -> Itera
             stream.set_sinks(sink, rr.FileSink(pump.entrance))
             address = f"rerun+http://127.0.0.1:{port}/proxy"
         pump.opened()
-        stream.send_blueprint(blueprint, make_active=True, make_default=True)
+        send_blueprint(stream, blueprint)
         stream.set_log_time_enabled(False)
         stream.send_recording_name(f"{title} (running)")
         yield part, address
@@ -223,8 +217,27 @@ def live_file(path: Path, port: int | None, title: str, blueprint: Any) -> Itera
             part.close()
         if not keep:
             temporary.unlink(missing_ok=True)
+        del stream
+        part.release()
         rr.set_strict_mode(strict)
         os.close(claim)
+
+
+def send_blueprint(stream: Any, blueprint: Any) -> None:
+    """Send a layout: active, not only as the default, since the viewer keeps one layout per application, and that of another scene
+    would not fit.
+
+    ``stream.send_blueprint`` does the same, but leaves a stream in memory behind that holds itself: two threads and 2 MB a call.
+    """
+    import rerun as rr
+    import rerun_bindings as bindings
+
+    native = bindings.new_blueprint(application_id=APPLICATION, make_default=False, make_thread_default=False, default_enabled=True)
+    made = rr.RecordingStream._from_native(native)
+    made.set_time("blueprint", sequence=0)
+    blueprint._log_to_stream(made)
+    bindings.send_blueprint(made.memory_recording().storage, True, True, recording=stream.to_native())
+    made.disconnect()  # from its own memory
 
 
 def free_port() -> int:
@@ -243,6 +256,25 @@ def _open(port: int) -> int:
         except OSError as error:
             raise RecordingError(f"port {port} cannot be opened ({error.strerror}).", "Take another one, or --live 0.", 1) from None
     return port
+
+
+def _begin(path: Path) -> tuple[Path, Path, int, Pump]:
+    """The target of a recording, its unfinished file, the descriptor that holds it, and what writes to it."""
+    try:
+        target = check_target(path)
+        temporary = part_path(target)
+        claim = _claim(temporary)
+    except OutputError as error:
+        raise RecordingError.of(error) from None
+    except OSError as error:
+        raise _cannot_write(path, error) from None
+    try:
+        return target, temporary, claim, Pump(claim)
+    except (OSError, RuntimeError) as error:  # RuntimeError: no thread can be made
+        temporary.unlink(missing_ok=True)
+        os.close(claim)
+        remedy = "End other programs, or allow more threads and open files."
+        raise RecordingError(f"'{path}' cannot be written: {error}.", remedy, 1) from None
 
 
 def _claim(temporary: Path) -> int:

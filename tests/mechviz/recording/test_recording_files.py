@@ -8,6 +8,7 @@ import signal
 import subprocess
 import sys
 import textwrap
+import threading
 from pathlib import Path
 
 import numpy as np
@@ -45,6 +46,34 @@ def test_a_recording_takes_the_place_of_the_old_one(tmp_path):
     assert summary.bytes == path.stat().st_size and summary.frames == 241
     assert [p.name for p in tmp_path.iterdir()] == ["a.rrd"]
     assert "left out: effect inertia" in summary.costs() and "kB a frame" in summary.costs()
+
+
+def test_many_recordings_in_one_process_keep_no_threads_files_or_memory(tmp_path):
+    def held() -> tuple[int, int]:
+        return len(os.listdir("/proc/self/task")), len(os.listdir("/proc/self/fd"))
+
+    def resident() -> float:
+        return 4096e-6 * int(Path("/proc/self/statm").read_text().split()[1])
+
+    run = made("crank-rocker", 12).run
+    for _ in range(4):
+        write_recording(run, tmp_path / "a.rrd")
+    before, size = held(), resident()
+    for _ in range(8):
+        write_recording(run, tmp_path / "a.rrd")
+    assert held() == before and resident() < size + 15.0  # 3 MB each, when threads stayed
+
+
+def test_a_path_is_free_again_where_no_thread_can_be_made(tmp_path, monkeypatch):
+    def none_left(self) -> None:
+        raise RuntimeError("can't start new thread")
+
+    with monkeypatch.context() as patched:
+        patched.setattr(threading.Thread, "start", none_left)
+        with pytest.raises(RecordingError, match="thread") as error:
+            write_recording(RUN, tmp_path / "a.rrd")
+    assert error.value.code == 1 and not list(tmp_path.iterdir())
+    assert write_recording(RUN, tmp_path / "a.rrd").frames == 241
 
 
 def test_recording_ids_differ_unless_given(tmp_path):
