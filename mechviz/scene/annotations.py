@@ -64,9 +64,12 @@ def inner_types(kind: Any, count: int) -> list[Any]:
     return [inner[0 if row else min(k, len(inner) - 1)] for k in range(count)]
 
 
-def stated_keys(table: Table) -> Iterable[str]:
-    """The keys of a table that are stated and have a value."""
-    return (key for key in type(table).model_fields if key in table.model_fields_set and getattr(table, key) is not None)
+def stated_keys(table: Table, among: Iterable[str] | None = None) -> Iterable[str]:
+    """The keys of a table, or those among some, that are stated and have a value."""
+    stated = table.model_fields_set
+    return [
+        key for key in (type(table).model_fields if among is None else among) if key in stated and getattr(table, key) is not None
+    ]
 
 
 def leaves(

@@ -38,16 +38,16 @@ TwoPoints = Annotated[list[PointName], Field(min_length=2, max_length=2)]
 
 def references(document: Table) -> Iterator[tuple[Leaf, Reference]]:
     """The names in a document that refer to other parts of it, and to what."""
-    for leaf in leaves(document, keys=lambda table: (key for key in stated_keys(table) if key in _referring(type(table)))):
+    for leaf in leaves(document, keys=lambda table: stated_keys(table, _referring(type(table)))):
         reference = leaf.mark(Reference)
         if reference is not None:
             yield leaf, reference
 
 
 @cache
-def _referring(cls: type[Table]) -> frozenset[str]:
+def _referring(cls: type[Table]) -> tuple[str, ...]:
     """The keys of a table that hold references, or tables that do."""
-    return frozenset(key for key, hint in hints_of(cls).items() if _refers(hint))
+    return tuple(key for key, hint in hints_of(cls).items() if _refers(hint))
 
 
 def _refers(annotation: Any) -> bool:

@@ -114,7 +114,7 @@ def mode_scene(scene: Scene, found: Vibrations, number: int, *, amplitude: float
     if not (np.isfinite(amplitude) and 0 < amplitude <= 1):
         faults.append(Fault("amplitude", f"{amplitude:g} is no part of the mechanism's size.", "Give a number such as 0.08."))
     for name, entry in scene.document.joints.items():
-        if entry.kind == "planar":
+        if entry.traits.pose:
             remedy = "Hold it by two sliding pairs and a pin in a row instead, to see its modes move."
             faults.append(Fault(f"joints.{name}", "a mode is shown by driven pairs, and a free body has none.", remedy))
     if faults:
@@ -190,8 +190,8 @@ def _sketch(scene: Scene, found: Vibrations) -> dict[Place, Any]:
     document = scene.document
     changes: dict[Place, Any] = {}
     for name, pair in document.joints.items():
-        if pair.kind not in ("rolling", "rack", "cylinder"):
-            changes |= {("joints", name, key): None for key in ("side", "assembly", "branch") if getattr(pair, key) is not None}
+        if not pair.traits.own_mode:
+            changes |= {("joints", name, key): None for key in pair.traits.modes if getattr(pair, key) is not None}
     if any(isinstance(link.points, list) for link in document.links.values()):
         return changes  # the sketch is their shape
     motion, sketch = found.equilibrium.motion, {}

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any, ClassVar
 
 from mechviz.scene.fields import Table, one_of
@@ -36,7 +37,7 @@ class KindTable(Table):
             return [kinds[0], *cls.KINDS[kinds[0]].keys, *cls.EVERY]
         return [*cls.KINDS, *(key for key in cls.model_fields if key not in cls.KINDS)]
 
-    @property
+    @cached_property
     def kinds(self) -> list[str]:
         """The kinds that are given: one, in a table that is not faulty."""
         return [kind for kind in self.KINDS if getattr(self, kind) is not None]
@@ -56,11 +57,13 @@ class KindTable(Table):
     def misfits(self, what: str) -> list[tuple[str, str, str]]:
         """The faults of keys that do not go with the kind, and of those that it lacks; ``what``: the table in a sentence."""
         kind = self.KINDS[self.kind]
-        found = []
-        for key in type(self).model_fields:
-            stated = key in self.model_fields_set and key not in (*self.KINDS, *self.EVERY)
-            if stated and key not in kind.keys and self.says(key):
-                found.append((key, f"{key} does not go with {kind.words}.", self.instead(key)))
+        strangers = self.model_fields_set - {*self.KINDS, *self.EVERY, *kind.keys}
+        order = list(type(self).model_fields).index if strangers else None
+        found = [
+            (key, f"{key} does not go with {kind.words}.", self.instead(key))
+            for key in sorted(strangers, key=order)
+            if self.says(key)
+        ]
         for key, example in kind.needs.items():
             if getattr(self, key) is None:
                 found.append(("", f"'{key}' is missing.", f"Add {key} = {example}."))

@@ -116,7 +116,8 @@ def _read(annotation: Any, raw: Any, loc: Loc, faults: list[Fault]) -> tuple[Any
         return valid, True
     origin, inner = get_origin(kind), get_args(kind)
     leaf = any(isinstance(mark, PlainValidator | Quantity | UnitName) for mark in marks)
-    if leaf or not isinstance(raw, {dict: Mapping, list: list | tuple, tuple: list | tuple}.get(origin, ())):
+    held: tuple[type[Any], ...] = {dict: (Mapping,), list: (list, tuple), tuple: (list, tuple)}.get(origin, ())
+    if leaf or not isinstance(raw, held):
         faults += [fault for place, detail in details for fault in words_of(detail, (*loc, *place))]
         return _stand_in(annotation, raw), False
     least, most = _length(marks)
