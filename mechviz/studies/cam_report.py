@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from mechcore.cams.followers import Flat
+from mechcore.cams.equivalent import simplified_offset_error
+from mechcore.cams.followers import Flat, Knife
 from mechcore.cams.limits import find_limits
 from mechcore.cams.placed import PlacedCam
 from mechcore.cams.placed_spatial import PlacedSpatial
@@ -258,6 +259,7 @@ def drawn_lines(motion: Motion, units: UnitSystem, drawn: CamDrawn | None = None
             continue
         unit, factor = ("mm", 1e3) if cam.arm == 0.0 else ("°", float(np.degrees(1.0)))
         lines += ["", Text(f"cam {cam.name}, graphical method: {_drawn_words(cam, how, found.largest)}", units)]
+        lines += [Text(f"  {words}", units) for words in _simplified_words(cam)]
         lines.append(f"  {'cam':>7} {'s':>10} {'error':>10} {'ds':>10} {'error':>10} {'dds':>10} {'error':>10}")
         lines.append(
             f"  {'°':>7} {unit:>10} {unit:>10} {unit + '/rad':>10} {unit + '/rad':>10} {unit + '/rad²':>10} {unit + '/rad²':>10}"
@@ -266,3 +268,12 @@ def drawn_lines(motion: Motion, units: UnitSystem, drawn: CamDrawn | None = None
             cells = (f"{factor * v:10.4f}" for i in range(3) for v in (found.drawn[i, k], found.error[i, k]))
             lines.append(f"  {np.degrees(angle):7.2f} " + " ".join(cells))
     return lines[1:]
+
+
+def _simplified_words(cam: AnyCam) -> Iterator[str]:
+    """What the lecture's profile of an offset knife costs, which leaves out the phase atan(m/h)."""
+    if not isinstance(cam, PlacedCam) or cam.given is not None or cam.offset == 0.0 or not isinstance(cam.face, Knife):
+        return
+    found = simplified_offset_error(cam.cam.law, cam.offset, np.radians(np.arange(0.0, 360.0, 0.25)))
+    miss = f"misses its lift by up to {as_length(found.largest, 4)} at {as_angle(found.angle, 4)}"
+    yield f"laid off at the cam's angle, without the phase atan(m/h) of the offset m, the profile {miss}"

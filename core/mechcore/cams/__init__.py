@@ -50,7 +50,6 @@ from mechcore.cams.equivalent import (
     equivalent_linkage,
     neglected_phase,
     simplified_offset_error,
-    simplified_profile,
 )
 from mechcore.cams.followers import Arc, Flat, Follower, Knife, Oscillating, Roller, Translating
 from mechcore.cams.forces import (
@@ -71,14 +70,11 @@ from mechcore.cams.limits import (
     Reached,
     Requirement,
     Verdict,
-    base_height_chart,
     best_offset,
     check_limits,
     find_limits,
-    flat_base_chart,
     judge,
     least_base,
-    pressure_chart,
     undercut_ranges,
 )
 from mechcore.cams.spatial import Barrel, BarrelArm, Flank, Globoid, SpatialCam, SpatialLimits, spatial_limits
@@ -119,7 +115,6 @@ __all__ = [
     "Verdict",
     "analyse",
     "arc",
-    "base_height_chart",
     "best_offset",
     "breadth",
     "bulged",
@@ -133,7 +128,6 @@ __all__ = [
     "equivalent_linkage",
     "find_limits",
     "first_separation",
-    "flat_base_chart",
     "graphical",
     "hertz",
     "jamming_angle",
@@ -144,10 +138,8 @@ __all__ = [
     "neglected_phase",
     "polar_contour",
     "polygon",
-    "pressure_chart",
     "roller_range",
     "simplified_offset_error",
-    "simplified_profile",
     "spatial_limits",
     "spline_contour",
     "undercut_ranges",

@@ -22,6 +22,7 @@ from mechcore.numerics import jets
 from mechcore.texts import as_angle
 
 THIN = 3.0  # distances of two samples below which the radius of a roller is small
+NEAR_JOINT = 1e-9  # ends of two pieces nearer than this part of the contour are one point
 AROUND = 12  # samples on either side of one about which the contact is known to lie
 NEAR = 5e-15  # of a piece's range: roots are known to this; heights are level there, so that they are known to its square
 
@@ -268,14 +269,18 @@ def _climb(task: Task, angle: Real, p: NDArray, low: Real, high: Real, middle: R
 
 def _knife(task: Task, angle: Real, pieces: NDArray, us: Real, points: Complex, each: int) -> tuple[NDArray, Real, Real, NDArray]:
     radius = task.follower.radius
+    pieces, us, points = (np.concatenate([row, row[:, :1]], axis=1) for row in (pieces, us, points))  # the contour is closed
     z = task.ground(points, angle[:, None])
     f, h = task.knife_gap(z), task.knife_height(z)
     s = f >= 0.0
-    cross = (s[:, 1:] != s[:, :-1]) & (pieces[:, 1:] == pieces[:, :-1])
+    # two pieces that meet where the tip passes: rounding may leave the change of sign to neither of them
+    joint = (pieces[:, 1:] != pieces[:, :-1]) & (np.abs(np.diff(points, axis=1)) < NEAR_JOINT * np.abs(points).max())
+    cross = (s[:, 1:] != s[:, :-1]) & (joint | (pieces[:, 1:] == pieces[:, :-1]))
+    joint = np.broadcast_to(joint, cross.shape)
     pieces, us = np.broadcast_to(pieces, h.shape), np.broadcast_to(us, h.shape)
     with np.errstate(divide="ignore", invalid="ignore"):
         share = f[:, :-1] / (f[:, :-1] - f[:, 1:])
-        guess = np.where(cross, h[:, :-1] + share * (h[:, 1:] - h[:, :-1]), -np.inf)
+        guess = np.where(cross, np.where(joint, h[:, :-1], h[:, :-1] + share * (h[:, 1:] - h[:, :-1])), -np.inf)
     best = np.full(angle.size, -np.inf)
     out = np.zeros(angle.size, int), np.zeros(angle.size)
     many = min(2, guess.shape[1])
@@ -291,7 +296,7 @@ def _knife(task: Task, angle: Real, pieces: NDArray, us: Real, points: Complex, 
         def gap(y: Real, m: NDArray, p: NDArray = p) -> Real:
             return task.knife_gap(task.ground(task.contour.on(p[m], y, 0, radius)[0], angle[m]))
 
-        x, _ = root(gap, a, b, fa, fb, live)
+        x = np.where(joint[rows, k], a, root(gap, a, b, fa, fb, live & ~joint[rows, k])[0])
         height = task.knife_height(task.ground(task.contour.on(p, x, 0, radius)[0], angle))
         better = live & (height > best)
         best = np.where(better, height, best)

@@ -90,12 +90,6 @@ def _solve(a: Complex, b: Complex, c: Complex) -> tuple[Real, Real]:
         return np.imag(np.conj(c) * b) / det, np.imag(np.conj(a) * c) / det
 
 
-def simplified_profile(law: MotionCurve, offset: float, angle: ArrayLike) -> Complex:
-    """The lecture's profile sqrt(h^2 + m^2) exp(i theta) at angles (n) [m]."""
-    theta = np.asarray(angle, float)
-    return np.hypot(law(theta, 0)[0], offset) * np.exp(1j * theta)
-
-
 def neglected_phase(law: MotionCurve, offset: float, angle: ArrayLike) -> Real:
     """The phase atan(m/h) that the lecture leaves out, at angles (n) [rad]."""
     return np.arctan2(offset, law(np.asarray(angle, float), 0)[0])

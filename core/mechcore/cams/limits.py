@@ -1,4 +1,4 @@
-"""Least base circle and best offset for given limits, and the charts from which they used to be read."""
+"""Limits of plane cams, and the least base circle and the best offset that keep to them."""
 
 from __future__ import annotations
 
@@ -485,28 +485,3 @@ def best_offset(lift: MotionCurve, face: Face, want: Requirement, turn: int = 1,
     if base_of(0.0) <= base_of(e) * (1.0 + 1e-12):
         e = 0.0
     return least_base(lift, Follower(Translating(turn * e), face), want, turn, at_least, count)
-
-
-# --- charts: dimensionless, for a law 0 -> 1 over 0 -> 1, central followers, stroke 1 ----------------------------------------
-
-
-def pressure_chart(law: MotionCurve, ranges: ArrayLike, ratios: ArrayLike, count: int = 721) -> Real:
-    """Largest pressure angle [rad] of a rise for ranges (a) [rad] and stroke over height at zero lift (b) -> (a, b)."""
-    s = law(np.linspace(law.start, law.end, count), 1, "left")
-    beta, ratio = np.asarray(ranges, float)[:, None, None], np.asarray(ratios, float)[:, None]
-    return np.arctan((ratio * s[1] / (beta * (1.0 + ratio * s[0]))).max(axis=-1))
-
-
-def base_height_chart(law: MotionCurve, ranges: ArrayLike, angles: ArrayLike, count: int = 721) -> Real:
-    """Least height at zero lift over the stroke for ranges (a) and allowed pressure angles (b) [rad] -> (a, b)."""
-    s = law(np.linspace(law.start, law.end, count), 1, "left")
-    beta, tangent = np.asarray(ranges, float)[:, None, None], np.tan(np.asarray(angles, float))[:, None]
-    return np.maximum((s[1] / (beta * tangent) - s[0]).max(axis=-1), 0.0)
-
-
-def flat_base_chart(law: MotionCurve, ranges: ArrayLike, count: int = 721) -> Real:
-    """Least base radius over the stroke without undercut under a flat face, -min(s + s''/beta^2), for ranges (a) [rad] -> (a)."""
-    x = np.linspace(law.start, law.end, count)
-    s = np.hstack([law(x, 2, "left"), law(x, 2, "right")])
-    beta = np.asarray(ranges, float)[:, None]
-    return np.maximum(-(s[0] + s[2] / beta**2).min(axis=-1), 0.0)

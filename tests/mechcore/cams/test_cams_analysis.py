@@ -292,3 +292,13 @@ def test_the_graphical_method_and_its_error():
     assert graphical(disc, follower, 24, "tangent").largest[2] > coarse.largest[2]
     with pytest.raises(MechanismError, match="at least 4"):
         graphical(disc, follower, 3)
+
+
+@pytest.mark.parametrize("guide", [Translating(0.01), Translating(-0.004), Oscillating(0.1, 0.09)], ids=["right", "left", "arm"])
+def test_a_knife_exactly_on_a_joint_of_the_profile_stands_there(guide):
+    """At the knots of the law the tip passes the ends of two pieces: the outer crossing is found, not the one on the far side."""
+    swings = isinstance(guide, Oscillating)
+    lift = program([Segment(PI, 0.2 if swings else 0.02, "constant-acceleration"), Segment(PI, 0.0, "constant-acceleration")])
+    cam = cam_on_base(lift, Follower(guide, Knife()), 0.04)
+    found = analyse(cam_contour(cam), cam.follower, np.append(lift.knots, [2.0, 5.0]), bridges=False).motion[0]
+    np.testing.assert_allclose(found, cam.law(np.append(lift.knots, [2.0, 5.0]), 0)[0], rtol=1e-9)

@@ -104,3 +104,10 @@ def test_the_command_tells_sizes():
     )
     assert "pressure angles up to 36°" in out
     assert "base circle  38 mm now, least" in out
+
+
+def test_the_graphical_method_tells_what_the_lecture_s_offset_profile_costs():
+    """0.970432 mm for R = 40, lift 20, m = 10 mm, by the reference's bisection; the knife at 0 deg stands on the near side."""
+    out = CliRunner().invoke(app, ["cams", "cam-constant-acceleration", "--method", "graphical", "--frames", "36"]).output
+    assert "misses its lift by up to 0.9704 mm" in out
+    assert re.search(r"(?m)^ +0\.00 +-?0\.0000 ", out)
