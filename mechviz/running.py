@@ -4,13 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mechcore.dynamics.joined import JoinedForces, JoinedMotion
 from mechcore.effects.plan import OUTPUTS, make_plan
+from mechcore.forces.kinetostatics import Forces
+from mechcore.motion.motion import Motion
 from mechviz.runs import Run
 
 if TYPE_CHECKING:
@@ -27,8 +29,8 @@ class _Block:
     """Frames at ``times`` (F,) [s]: their motion and, where the scene has forces, those."""
 
     times: Real
-    motion: Any
-    forces: Any
+    motion: Motion
+    forces: Forces | None
 
 
 class Running:
@@ -98,15 +100,15 @@ class Running:
             coordinates=whole.coordinates(times),
             model=first.motion.model,
         )
-        forces: Any = None
+        forces: JoinedForces | None = None
         if first.forces is not None:
-            found = [(rows, f) for (rows, _), (_, f) in zip(parts, (p for b in blocks for p in b.forces.parts), strict=True)]
+            solved = [part for b in blocks if b.forces is not None for part in b.forces.parts]
+            found = [(rows, f) for (rows, _), (_, f) in zip(parts, solved, strict=True)]
             forces = JoinedForces(motion, found, stops=whole.stops, energies=whole.energies)
-        stands_for_a_motion: Any = motion
         return Run(
             scene=self.scene,
             compiled=whole.compiled,
-            motion=stands_for_a_motion,
+            motion=motion,
             forces=forces,
             plan=self.plan,
             stages=(),

@@ -8,7 +8,7 @@ from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass, field, replace
 from functools import cache, cached_property
 from importlib.metadata import PackageNotFoundError, version
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -267,16 +267,16 @@ def _fit(scene: Scene, dials: Accuracy, simulation: Simulation | None) -> Fit:
     return fit_frames(scene, dials, simulation)
 
 
-def _motion(scene: Scene, compiled: Compiled, simulation: Simulation | None) -> Any:
+def _motion(scene: Scene, compiled: Compiled, simulation: Simulation | None) -> Motion:
     """The motion at the frames of a scene."""
     if simulation is None:
         return solve_motion(compiled, default_times(scene.mechanism, scene.frames, scene.cycles))
     return simulation.view(np.linspace(0.0, simulation.duration, scene.frames + 1))
 
 
-def _read(motion: Any, stage: str) -> None:
+def _read(motion: Motion, stage: str) -> None:
     """Work out a stage of a motion, or of each of its parts."""
-    for _, part in getattr(motion, "parts", ((None, motion),)):
+    for _, part in motion.parts:
         getattr(part, stage)
 
 

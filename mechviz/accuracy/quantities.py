@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechcore.kinematics.columns import matrix_of
+from mechcore.motion.motion import Motion
 from mechcore.numerics.interpolation import between
 from mechviz.quantities.items import joints_of, links_of
 
@@ -148,10 +149,9 @@ class Passage:
     share: float
 
 
-def passages_of(motion: Any) -> list[Passage]:
+def passages_of(motion: Motion) -> list[Passage]:
     """The singular positions between the frames of a motion."""
-    whole = ((np.arange(motion.frames), motion),)
-    return [found for rows, part in getattr(motion, "parts", whole) for found in _passages(np.asarray(rows), part)]
+    return [found for rows, part in motion.parts for found in _passages(np.asarray(rows), part)]
 
 
 def _passages(rows: NDArray[np.intp], part: Any) -> Iterator[Passage]:

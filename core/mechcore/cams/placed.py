@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, fields, replace
-from functools import cached_property
+from dataclasses import dataclass, replace
+from functools import cached_property, partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -48,8 +48,10 @@ def on_knots(law: MotionCurve, x: Array) -> Array:
 def argument_of(cam: Any, motion: Motion) -> Real:
     """Place of the driving link of a placed cam in its law (F): [rad] within one turn of ``links[0]`` on the ``carrier``, or [m]
     on its ``bed``."""
-    if hasattr(motion, "joined"):  # of several mechanisms, frame by frame
-        return np.asarray(motion.joined(cam.argument))
+    return motion.over_parts(partial(_argument, cam))
+
+
+def _argument(cam: Any, motion: Motion) -> Real:
     if cam.bed is not None:
         x = cam.sense * motion.state.slide[motion.model.joint_index[cam.bed]] + cam.phase
     else:
@@ -64,17 +66,6 @@ def segment_of(cam: Any, motion: Motion) -> Real:
     x = cam.argument(motion) * cam.ahead
     local = np.mod(x - law.start, law.length) + law.start if law.repeats else x
     return np.asarray(np.searchsorted(cam.knots, local, side="right"), float)
-
-
-def rows_by_parts(cam: Any, motion: Any, multiplier: Array) -> ContactRows:
-    """The contact of a placed cam over a motion that is joined of several, as ``motion.parts`` says."""
-    signs = np.broadcast_to(multiplier, (motion.frames,))
-    found = [(frames, cam.rows(part, signs[frames])) for frames, part in motion.parts]
-    out = {f.name: np.empty(motion.frames, getattr(found[0][1], f.name).dtype) for f in fields(ContactRows)}
-    for frames, rows in found:
-        for name, values in out.items():
-            values[frames] = getattr(rows, name)
-    return ContactRows(**out)
 
 
 @dataclass(frozen=True, eq=False)
@@ -314,8 +305,9 @@ class PlacedCam:
 
     def rows(self, motion: Motion, multiplier: Array = 1.0) -> ContactRows:
         """The contact over a motion; the sign of ``multiplier`` says which flank carries."""
-        if hasattr(motion, "parts"):
-            return rows_by_parts(self, motion, multiplier)
+        return motion.over_parts(self._rows, np.broadcast_to(multiplier, (motion.frames,)))
+
+    def _rows(self, motion: Motion, multiplier: Array) -> ContactRows:
         s = self.at(motion)
         place = self.contact(motion, multiplier)[0]
         world = self.axes * motion.rotation(motion.model.index[self.carrier])

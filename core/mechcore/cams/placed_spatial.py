@@ -10,7 +10,7 @@ import numpy as np
 from mechcore.arrays import Complex, Real, unit_vectors
 from mechcore.cams.closures import InverseCam
 from mechcore.cams.followers import Roller
-from mechcore.cams.placed import ContactRows, PlacedCam, argument_of, on_knots, rows_by_parts, segment_of
+from mechcore.cams.placed import ContactRows, PlacedCam, argument_of, on_knots, segment_of
 from mechcore.cams.spatial import Globoid, SpatialCam, SpatialLimits, spatial_limits
 from mechcore.errors import Fault, MechanismError
 from mechcore.texts import as_angle, as_coordinate, as_length
@@ -189,8 +189,9 @@ class PlacedInverse(PlacedRoller):
 
     def rows(self, motion: Motion, multiplier: Array = 1.0) -> ContactRows:
         """The contact over a motion; the sign of ``multiplier`` says which flank carries."""
-        if hasattr(motion, "parts"):
-            return rows_by_parts(self, motion, multiplier)
+        return motion.over_parts(self._rows, np.broadcast_to(multiplier, (motion.frames,)))
+
+    def _rows(self, motion: Motion, multiplier: Array) -> ContactRows:
         angle, s = self.argument(motion), self.law(self.argument(motion))
         _, n, away = self._at(motion)
         n = n * np.sign(np.real(np.conj(n) * away))
@@ -385,18 +386,17 @@ class PlacedSpatial(PlacedRoller):
 
     def pressing(self, motion: Motion, reaction: Complex) -> Real:
         """Force along the normal in space (F) [N] from the frictionless reaction on the follower; positive: the lifting flank."""
-        if hasattr(motion, "parts"):
-            out = np.empty(motion.frames)
-            for frames, part in motion.parts:
-                out[frames] = self.pressing(part, reaction[frames])
-            return out
+        return motion.over_parts(self._pressing, reaction)
+
+    def _pressing(self, motion: Motion, reaction: Complex) -> Real:
         n = self._shadow(self._touch(motion).normal) * self.world(motion)
         return np.asarray(np.real(reaction * np.conj(n)) / np.abs(n) ** 2)
 
     def rows(self, motion: Motion, multiplier: Array = 1.0) -> ContactRows:
         """The contact in the middle of the roller over a motion; ``place`` is that of the roller, as the plane sees it."""
-        if hasattr(motion, "parts"):
-            return rows_by_parts(self, motion, multiplier)
+        return motion.over_parts(self._rows, np.broadcast_to(multiplier, (motion.frames,)))
+
+    def _rows(self, motion: Motion, multiplier: Array) -> ContactRows:
         angle = self.argument(motion)
         s, flank = self.law(angle), self._flank(motion)
         lost = ~np.isfinite(angle)

@@ -3,25 +3,28 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import fields, replace
 from functools import cached_property
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
-from mechcore.arrays import Real
+from mechcore.arrays import Index, Real
 from mechcore.dynamics.events import Stop
 from mechcore.dynamics.segments import STOP, stop_name
 from mechcore.effects.base import Wrench, power_of
 from mechcore.effects.journal import IN_PAIRS, RUBBING, rubbing_name
+from mechcore.forces.friction.result import FrictionResult
 from mechcore.forces.kinetostatics import Forces, LoadResult
 from mechcore.kinematics.model import Model
 from mechcore.motion.motion import Motion
 from mechcore.spec.mechanism import Mechanism
 
+T = TypeVar("T")
 
-class JoinedMotion:
-    """Results of a `Motion` by name, whose frames come from several motions of the same mechanism.
+
+class JoinedMotion(Motion):
+    """A `Motion` whose results by name are put together: its frames come from several motions of the same mechanism.
 
     ``mechanism``: as it is to be seen from outside, if not as it was solved; ``again``: the same motion at other times (n,);
     ``coordinates``: pairs whose coordinate and its rates (F, 3) are known, whole turns included. ``model``: with all pairs, where
@@ -39,7 +42,7 @@ class JoinedMotion:
         model: Model | None = None,
     ):
         self.time = time
-        self.parts = tuple(parts)
+        self._parts = tuple(parts)
         self.model = parts[0][1].model if model is None else model
         self.accuracy = parts[0][1].accuracy
         self.changes = tuple(c for _, m in parts for c in m.changes)
@@ -65,16 +68,12 @@ class JoinedMotion:
     def shape(self) -> tuple[int, ...]:
         return (self.frames,)
 
-    def _join(self, value: Callable[[Motion], Real]) -> Real:
-        first = [(rows, value(m)) for rows, m in self.parts]
-        out = np.empty((self.frames, *first[0][1].shape[1:]))
-        for rows, values in first:
-            out[rows] = values
-        return out
+    @property
+    def parts(self) -> Sequence[tuple[Index, Motion]]:
+        return self._parts
 
-    def joined(self, value: Callable[[Motion], Real]) -> Real:
-        """Values (F, ...) that a function gives for each part."""
-        return self._join(value)
+    def over_parts(self, compute: Callable[..., T], *values: Any) -> T:
+        return together(self.frames, [(rows, compute(m, *(v[rows] for v in values))) for rows, m in self._parts])
 
     def _relation(self, pair: str) -> Any:
         """The pair as a relation; None where it is a joint."""
@@ -82,19 +81,19 @@ class JoinedMotion:
 
     def pose(self, link: str) -> Real:
         """x, y [m] and angle [rad], continuous from the start pose (F, 3)."""
-        return self._join(lambda m: m.pose(link))
+        return self.over_parts(lambda m: m.pose(link))
 
     def velocity(self, link: str) -> Real:
-        return self._join(lambda m: m.velocity(link))
+        return self.over_parts(lambda m: m.velocity(link))
 
     def acceleration(self, link: str) -> Real:
-        return self._join(lambda m: m.acceleration(link))
+        return self.over_parts(lambda m: m.acceleration(link))
 
     def point(self, link: str, point: str, derivative: int = 0) -> Real:
-        return self._join(lambda m: m.point(link, point, derivative))
+        return self.over_parts(lambda m: m.point(link, point, derivative))
 
     def centre_of_mass(self, link: str, derivative: int = 0) -> Real:
-        return self._join(lambda m: m.centre_of_mass(link, derivative))
+        return self.over_parts(lambda m: m.centre_of_mass(link, derivative))
 
     def coordinate(self, pair: str) -> Real:
         """Relative coordinate of a pair and its first two derivatives (F, 3)."""
@@ -102,35 +101,51 @@ class JoinedMotion:
             return self._coordinates[pair]
         relation = self._relation(pair)
         if relation is None:
-            return self._join(lambda m: m.coordinate(pair))
+            return self.over_parts(lambda m: m.coordinate(pair))
         first, second = relation.links
-        return self._join(lambda m: m.relative_angle(first, second, pair))
+        return self.over_parts(lambda m: m.relative_angle(first, second, pair))
 
     def pair_position(self, pair: str) -> Real:
         relation = self._relation(pair)
         if relation is None:
-            return self._join(lambda m: m.pair_position(pair))
-        return self._join(lambda m: m._rows(relation.contact(m, 1.0)[0]))
+            return self.over_parts(lambda m: m.pair_position(pair))
+        return self.over_parts(lambda m: m._rows(relation.contact(m, 1.0)[0]))
 
     @cached_property
     def closure(self) -> Real:
-        return self._join(lambda m: m.closure)
+        return self.over_parts(lambda m: m.closure)
 
     @cached_property
     def velocity_closure(self) -> Real:
-        return self._join(lambda m: m.velocity_closure)
+        return self.over_parts(lambda m: m.velocity_closure)
 
     @cached_property
     def acceleration_closure(self) -> Real:
-        return self._join(lambda m: m.acceleration_closure)
+        return self.over_parts(lambda m: m.acceleration_closure)
 
     @cached_property
     def condition(self) -> Real:
-        return self._join(lambda m: m.condition)
+        return self.over_parts(lambda m: m.condition)
 
 
-class JoinedForces:
-    """Results of `Forces` by name, whose frames come from several motions of the same mechanism.
+def together(frames: int, found: Sequence[tuple[Index, T]]) -> T:
+    """What parts have at their frames: arrays (F, ...), dictionaries or dataclasses of such."""
+    first: Any = found[0][1]
+    many: Any = found
+    out: Any
+    if isinstance(first, dict):
+        out = {name: together(frames, [(rows, f[name]) for rows, f in many]) for name in first}
+    elif isinstance(first, np.ndarray):
+        out = np.empty((frames, *first.shape[1:]), first.dtype)
+        for rows, values in many:
+            out[rows] = values
+    else:
+        out = replace(first, **{x.name: together(frames, [(rows, getattr(f, x.name)) for rows, f in many]) for x in fields(first)})
+    return out
+
+
+class JoinedForces(Forces):
+    """`Forces` whose results by name are put together: their frames come from several motions of the same mechanism.
 
     ``stops``: end stops that may hold something somewhere; ``energies``: time (n,) -> kinetic and potential energy, work done and
     energy dissipated so far (n, 4) [J].
@@ -144,17 +159,18 @@ class JoinedForces:
         stops: Sequence[Stop] = (),
         energies: Callable[[Real], Real] | None = None,
     ):
-        self.motion = motion
-        self.parts = tuple(parts)
+        self.motion: JoinedMotion = motion
+        self._parts = tuple(parts)
         self._stops = {stop_name(s): s for s in stops}
         self._energies = energies
+        self.friction = None if all(f.friction is None for _, f in parts) else JoinedFriction(self)
 
     def _join(self, value: Callable[[Forces], Real]) -> Real:
-        first = [(rows, value(f)) for rows, f in self.parts]
-        out = np.empty((self.motion.frames, *first[0][1].shape[1:]))
-        for rows, values in first:
-            out[rows] = values
-        return out
+        return together(self.motion.frames, [(rows, value(f)) for rows, f in self._parts])
+
+    @property
+    def parts(self) -> Sequence[tuple[Index, Forces]]:
+        return self._parts
 
     def reaction(self, pair: str) -> Real:
         """Everything that the pair transmits; where its coordinate leads a part, the drive has nothing to do; zero while a
@@ -179,11 +195,6 @@ class JoinedForces:
     def power(self, pair: str) -> Real:
         return self._join(lambda f: f.power(pair) if _drives(f, pair) else np.zeros(f.motion.frames))
 
-    @cached_property
-    def friction(self) -> JoinedFriction | None:
-        """Friction of the pairs; None where the mechanism names none."""
-        return None if all(f.friction is None for _, f in self.parts) else JoinedFriction(self)
-
     def power_by_cause(self, causes: Sequence[str]) -> Real:
         return self._join(lambda f: f.power_by_cause(causes))
 
@@ -197,7 +208,7 @@ class JoinedForces:
     @property
     def applied(self) -> tuple[Wrench, ...]:
         """All wrenches on the links but those of dry friction and of end stops."""
-        return tuple(w for w in self.parts[0][1].applied if w.name not in self._stops)
+        return tuple(w for w in self._parts[0][1].applied if w.name not in self._stops)
 
     @cached_property
     def loads(self) -> dict[str, LoadResult]:
@@ -212,7 +223,7 @@ class JoinedForces:
                 return np.column_stack([np.zeros((f.motion.frames, 3)), f.motion.pair_position(pair)])
 
             out[name] = LoadResult(name, STOP, STOP, (links[1], links[0]), self._join(held))
-        for name, load in self.parts[0][1].loads.items():
+        for name, load in self._parts[0][1].loads.items():
             if name not in out and load.kind not in IN_PAIRS:
                 values = self._join(lambda f, n=name: f.loads[n].values)  # type: ignore[misc]  # bound now
                 out[name] = replace(load, values=values)
@@ -235,19 +246,18 @@ class JoinedForces:
     @cached_property
     def power_balance(self) -> Real:
         """Sum of all powers, relative to the largest single power of the run (F,)."""
-        largest = max(f.power_residual[1] for _, f in self.parts)
+        largest = max(f.power_residual[1] for _, f in self._parts)
         total = self._join(lambda f: f.power_residual[0])
         return total / largest if largest > 0 else total
 
 
-class JoinedFriction:
+class JoinedFriction(FrictionResult):
     """Dry friction of the pairs over several motions; results have a leading frame axis and go by the names of the joints."""
 
     def __init__(self, forces: JoinedForces):
         self._forces = forces
         known = max((f.friction for _, f in forces.parts if f.friction is not None), key=lambda f: len(f.elements))
         self.elements = known.elements  # a cam that its follower has left does not rub
-        self.pairs = known.pairs
         self.jammed = np.zeros(forces.motion.frames, bool)
         self.stability = np.ones(forces.motion.frames)
 

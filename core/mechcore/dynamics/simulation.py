@@ -22,9 +22,10 @@ from mechcore.dynamics.integration.windows import Solution
 from mechcore.dynamics.joined import JoinedForces, JoinedMotion
 from mechcore.dynamics.segments import Segment
 from mechcore.effects.registry import potential
-from mechcore.forces.kinetostatics import solve_forces
+from mechcore.forces.kinetostatics import Forces, solve_forces
 from mechcore.laws.timed import Free
 from mechcore.motion.compiled import Compiled
+from mechcore.motion.motion import Motion
 from mechcore.spec.clearance import as_drawn
 from mechcore.spec.mechanism import braked
 
@@ -116,8 +117,8 @@ class Simulation:
         """Pairs of the free coordinates."""
         return [self.compiled.mechanism.drives[i].pair for i in free_of(self.compiled)]
 
-    def motion(self, t: ArrayLike) -> Any:
-        """The mechanism's motion at times (F,) [s]: a `Motion`, or what stands for one where charts or phases change."""
+    def motion(self, t: ArrayLike) -> Motion:
+        """The mechanism's motion at times (F,) [s], in several parts where charts or phases change."""
         t = np.atleast_1d(np.asarray(t, float))
         parts = self._rows(t)
         plain = not integrating(self.compiled)
@@ -146,8 +147,8 @@ class Simulation:
         free = [d.pair for d in self.compiled.mechanism.drives if isinstance(d.law, Free)]
         return {pair: found[:, i] for i, pair in enumerate(free)}
 
-    def forces(self, motion: Any) -> Any:
-        """All joint reactions of a motion of this simulation, by the kinetostatic core: a `Forces`, or what stands for one.
+    def forces(self, motion: Motion) -> Forces:
+        """All joint reactions of a motion of this simulation, by the kinetostatic core.
 
         The free coordinates' efforts are zero to rounding; what rests on a stop is held by a load.
         """
@@ -158,11 +159,11 @@ class Simulation:
             parts.append((rows, segment.forces(motion.time[rows], part)))
         return JoinedForces(motion, parts, stops=self.stops, energies=self.energies)
 
-    def gap(self, cam: str, motion: JoinedMotion) -> Real:
+    def gap(self, cam: str, motion: Motion) -> Real:
         """How far the follower of a cam is from it in a `view` of this simulation (F,), in its guide's coordinate [m or rad]."""
         separation = FollowerSeparation(self.compiled, self.separable_cams)
         guide = separation.contacts[cam].guide
-        wanted = motion.joined(lambda m: separation.followed(cam, m))
+        wanted = motion.over_parts(lambda m: separation.followed(cam, m))
         away = separation.contacts[cam].away * (motion.coordinate(guide)[:, 0] - wanted)
         return np.asarray(np.mod(away + np.pi, TURN) - np.pi if separation.contacts[cam].rotary else away)
 

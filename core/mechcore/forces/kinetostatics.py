@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from mechcore.arrays import Real
+from mechcore.arrays import Index, Real
 from mechcore.effects.base import Wrench, point_of, power_of, sum_up
 from mechcore.effects.registry import applied_effects, potential, totals, wrenches
 from mechcore.forces import equilibrium
@@ -64,6 +64,11 @@ class Forces:
         self._transmitted = transmitted  # of each joint: force and couple on its second link, drive included
         self._contacts = contacts  # of each relation: place and force on its second link
         self._shape = (motion.frames,)
+
+    @property
+    def parts(self) -> Sequence[tuple[Index, Forces]]:
+        """The frames and the forces of every part of the motion, see `Motion.parts`."""
+        return ((np.arange(self.motion.frames), self),)
 
     @lazy
     def applied(self) -> tuple[Wrench, ...]:

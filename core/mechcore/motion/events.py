@@ -317,7 +317,7 @@ def _there(motion: Motion, quantity: Callable[[Motion], Real], t: float) -> floa
 def _indeterminate(motion: Motion) -> Iterator[Event]:
     """Redundant constraints, where forces are asked for."""
     if motion.model.redundant and (motion.mechanism.effects or motion.mechanism.loads):
-        names = ", ".join(indeterminate(getattr(motion, "parts", ((None, motion),))[0][1]))
+        names = ", ".join(indeterminate(motion.parts[0][1]))
         text = f"indeterminate reactions at {names}: constraints are redundant, the smallest reactions that balance are given"
         yield Event(float(motion.time[0]), "WARN", "mechanism", text)
 

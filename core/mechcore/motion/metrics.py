@@ -10,7 +10,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import wraps
 from itertools import combinations
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -21,30 +21,18 @@ from mechcore.kinematics.state import Patch
 from mechcore.motion.motion import Motion
 
 Array = Any
+T = TypeVar("T")
 CHANGE_POINT = 1e-12  # of the perimeter: below, a Grashof margin is rounding
 
 
-def over_parts(compute: Callable[..., Any]) -> Callable[..., Any]:
-    """Answers of a motion that is joined of several (forward dynamics): of each part, put together frame by frame."""
+def over_parts(compute: Callable[..., T]) -> Callable[..., T]:
+    """Answers of a motion, of each of its parts where it has several."""
 
     @wraps(compute)
-    def joined(motion: Any, *args: Any) -> Any:
-        parts = getattr(motion, "parts", None)
-        if parts is None:
-            return compute(motion, *args)
-        found = [(rows, compute(part, *args)) for rows, part in parts]
-        if not isinstance(found[0][1], dict):
-            return _put_together(motion.frames, found)
-        return {name: _put_together(motion.frames, [(rows, f[name]) for rows, f in found]) for name in found[0][1]}
+    def joined(motion: Motion, *args: Any) -> T:
+        return motion.over_parts(lambda part: compute(part, *args))
 
     return joined
-
-
-def _put_together(frames: int, found: list[tuple[Any, Real]]) -> Real:
-    out = np.empty((frames, *found[0][1].shape[1:]))
-    for rows, values in found:
-        out[rows] = values
-    return out
 
 
 def per_unit(motion: Motion) -> Motion:

@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property
 from operator import mul
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
 from mechcore.accuracy import DEFAULT, Accuracy
-from mechcore.arrays import Plane, Real, Values
+from mechcore.arrays import Index, Plane, Real, Values
 from mechcore.branches.singular_points import Change
 from mechcore.branches.unwrapped import LinkAngles
 from mechcore.kinematics.columns import Columns, Vectors, all_columns, all_vectors, condition
@@ -24,6 +24,7 @@ from mechcore.spec.mechanism import Mechanism
 from mechcore.topology.graph import FRAME
 
 Array = Any
+T = TypeVar("T")
 
 
 class Motion:
@@ -64,6 +65,18 @@ class Motion:
 
     def __repr__(self) -> str:
         return f"Motion of {self.mechanism.name}: {self.frames} frames, {len(self.model.links)} links"
+
+    @property
+    def parts(self) -> Sequence[tuple[Index, Motion]]:
+        """The frames and the motion of every part: one, but where charts or phases change in a motion under forces."""
+        return ((np.arange(self.frames), self),)
+
+    def over_parts(self, compute: Callable[..., T], *values: Any) -> T:
+        """``compute(part, *values)``, values (F, ...) being those of the part's frames, put together frame by frame.
+
+        What is computed is an array (F, ...), or a dictionary or a dataclass of such.
+        """
+        return compute(self, *values)
 
     @property
     def mechanism(self) -> Mechanism:
