@@ -9,43 +9,18 @@ of each of its links.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from mechcore.constructions.polygons import Edge, Plan, frames_of
+from mechcore.forces.acting import LABELS, acting_on
 from mechcore.forces.kinetostatics import Forces
 from mechcore.kinematics.dyads import cross
 from mechcore.kinematics.model import Model
 from mechcore.motion.structure import groups
 
 Array = Any
-NAMES = {"inertia": "B", "gravity": "G"}
-
-
-@dataclass(frozen=True, eq=False)
-class Acting:
-    """A load as one link feels it: ``force`` (complex) [N] at ``place`` (complex, world) [m], free ``moment`` [N m]."""
-
-    name: str
-    label: str  # short, for drawings
-    kind: str
-    force: Array
-    moment: Array
-    place: Array
-
-
-def acting_on(forces: Forces, link: int) -> list[Acting]:
-    """All loads on a link, inertia and gravity included; of loads between two links the part that acts on this one."""
-    motion = forces.motion
-    out = []
-    for w in forces.applied:
-        label = f"{NAMES[w.kind]} {motion.model.links[link]}" if w.kind in NAMES else w.name
-        for k, arm, sign in ((w.link, w.arm, 1.0), (w.other, w.other_arm, -1.0)):
-            if k == link:
-                out.append(Acting(w.name, label, w.kind, sign * w.force, sign * w.moment, motion.origins[k] + arm))
-    return out
 
 
 def force_plans(forces: Forces) -> tuple[Plan, ...]:
@@ -70,7 +45,7 @@ def _group(forces: Forces, own: list[int], name: str) -> Plan:
         for load in acting_on(forces, k):
             value = frames_of(load.force, n)
             if np.any(np.abs(value) > 0.0):
-                sides.append((load.kind if load.kind in NAMES else "load", load.label, value))
+                sides.append((load.kind if load.kind in LABELS else "load", load.label, value))
         if k == own[0]:
             mark = len(sides)
     for c in outer:

@@ -14,12 +14,14 @@ import numpy as np
 from mechcore.arrays import Real
 from mechcore.constructions.centrodes import Polodes, polodes
 from mechcore.constructions.equivalents import Equivalent, equivalent
-from mechcore.constructions.force_polygon import acting_on, force_plans
+from mechcore.constructions.force_polygon import force_plans
 from mechcore.constructions.funicular import Funicular, funicular
 from mechcore.constructions.motion_polygons import acceleration_plan, velocity_plan
 from mechcore.constructions.polygons import Plan
 from mechcore.errors import Fault, MechanismError
+from mechcore.forces.acting import acting_on
 from mechcore.forces.kinetostatics import Forces
+from mechcore.forces.sections.section_forces import SectionForces, all_sections
 from mechcore.motion.motion import Motion
 from mechcore.reduction.balancing import Counterweight, counterweights, find_linkage, with_counterweights
 from mechcore.reduction.bodies import acceleration_field
@@ -27,7 +29,7 @@ from mechcore.reduction.reduced import Reduced, reduce_mechanism
 from mechcore.reduction.shaking import Shaking, shaking
 from mechcore.reduction.substitute import PointMass, Substitution, static_replacement, substitute_masses
 from mechcore.reduction.systems import Resultant, reduce_to, resultant
-from mechcore.spec.mechanism import ShakingStudy, SubstituteStudy, SystemStudy
+from mechcore.spec.studies import ShakingStudy, SubstituteStudy, SystemStudy
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,6 +74,7 @@ class StudyResults:
     balanced: Shaking | None = None  # with the counterweights
     weights: tuple[Counterweight, ...] = ()
     substitutes: Mapping[str, SubstituteResult] = field(default_factory=dict)
+    sections: Mapping[str, SectionForces] = field(default_factory=dict)
 
 
 def compute(motion: Motion, forces: Forces | None) -> StudyResults:
@@ -92,6 +95,7 @@ def compute(motion: Motion, forces: Forces | None) -> StudyResults:
         systems={s.name: _system(s, forces) for s in asked.systems if forces is not None},
         reduced={_place(*at): reduce_mechanism(motion, *at, loads) for at in asked.reduced},
         substitutes={s.link: _substitute(s, motion) for s in asked.substitutes},
+        sections={} if forces is None else dict(all_sections(forces)),
     )
     return result if asked.shaking is None else _shaken(result, asked.shaking, motion)
 

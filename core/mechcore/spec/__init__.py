@@ -34,7 +34,6 @@ from mechcore.spec.loads import (
 from mechcore.spec.mechanism import (
     ANSWERS,
     EFFECTS,
-    PLANS,
     Belt,
     CamDrawn,
     CamPair,
@@ -52,16 +51,13 @@ from mechcore.spec.mechanism import (
     Rack,
     Revolute,
     Rolling,
-    ShakingStudy,
     SpatialBlank,
-    Studies,
-    SubstituteStudy,
-    SystemStudy,
     Weld,
     braked,
     coordinates_of,
     friction_of,
 )
+from mechcore.spec.studies import PLANS, CrossSection, SectionStudy, ShakingStudy, Studies, SubstituteStudy, SystemStudy
 
 __all__ = [
     "ANSWERS",
@@ -77,6 +73,7 @@ __all__ = [
     "CamPair",
     "CamRating",
     "ConstantPower",
+    "CrossSection",
     "Cylinder",
     "Damper",
     "DcMotor",
@@ -105,6 +102,7 @@ __all__ = [
     "Rack",
     "Revolute",
     "Rolling",
+    "SectionStudy",
     "Servo",
     "ShakingStudy",
     "SpatialBlank",

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, get_args
 from pydantic import Field, model_validator
 
 from mechcore.errors import Fault
-from mechcore.spec.mechanism import PLANS, ShakingStudy, Studies, SubstituteStudy, SystemStudy
+from mechcore.spec.studies import PLANS, ShakingStudy, Studies, SubstituteStudy, SystemStudy
 from mechviz.scene.faults import did_you_mean, listing
 from mechviz.scene.fields import (
     Flag,
@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 
 PlanName = Literal["velocity", "acceleration", "force"]
 if set(get_args(PlanName)) != set(PLANS):
-    raise ImportError("mechviz.scene.kinds.studies.PlanName and mechcore.spec.mechanism.PLANS name different plans")
+    raise ImportError("mechviz.scene.kinds.studies.PlanName and mechcore.spec.studies.PLANS name different plans")
 
 
 class SystemDocument(Table):

@@ -1,0 +1,288 @@
+"""Section forces: normal force N, shear force V and bending moment M along a link's axis, from all that acts on it.
+
+A cut at station s parts the link. What acts beyond the cut, reactions, drives, loads, weight and inertia forces of the masses there
+(d'Alembert), is carried through it: force R and moment M about the cut's place. With the axis' direction t and n = i t to its left
+N = R . t (tension is positive), V = -R . n, M counter-clockwise, positive where the link is stretched on the right of its axis;
+then dM/ds = V between point loads. What acts beside the axis is passed on to the nearest place of it by a rigid arm. Source: any
+textbook of statics, such as Gross, Hauger, Schröder, Wall, Technische Mechanik 1, chapter 7.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+
+from mechcore.arrays import Complex, Real
+from mechcore.forces.acting import acting_on
+from mechcore.forces.kinetostatics import Forces
+from mechcore.forces.sections.axis import Axis, Cuts, axis_of
+from mechcore.forces.sections.guide_bearing import bearings, guide_load, over_frames
+from mechcore.forces.sections.mass_line import Mass, MassLine, mass_line
+from mechcore.kinematics.dyads import cross
+from mechcore.numerics.frames import QUIET
+from mechcore.spec.mechanism import Prismatic
+from mechcore.spec.studies import CrossSection, SectionStudy
+
+GRID = 64
+"""Intervals between evenly spaced stations, beside which there are those where something acts."""
+ZOOM, ZOOMED = 4, 17
+"""How often the place of the largest moment is looked for closer, and at how many stations each time: to 1e-5 of the axis."""
+SAME = 1e-9
+"""Distance of two stations up to which they are one, relative to the axis' length."""
+PARALLEL = 1e-6
+"""Sine of the angle up to which a guide lies along a segment of the axis."""
+
+
+class _At(NamedTuple):
+    """A force [N] and a couple [N m] that act at a place of the link, all in its axes and over frames (F,)."""
+
+    station: Real
+    place: Complex
+    force: Complex
+    couple: Real
+
+
+class _Along(NamedTuple):
+    """What a guide's bearing exerts along a segment, in the link's axes: a pressure linear in the distance from its ``middle``,
+    with resultant and couple, a force along it and a couple, both uniform. ``station`` of the middle on the segment, not clipped.
+    """
+
+    segment: int
+    station: Real
+    middle: Complex
+    direction: complex  # along the segment
+    length: float
+    normal: Real
+    couple: Real
+    along: Real
+    rubbing: Real
+
+
+@dataclass(frozen=True, eq=False)
+class Extreme:
+    """Where the size of a quantity is largest at every frame: ``values`` (F,) with their signs, ``stations`` (F,) [m]."""
+
+    values: Real
+    stations: Real
+
+
+@dataclass(frozen=True, eq=False)
+class SectionForces:
+    """Section forces of a link: ``normal``, ``shear`` [N], ``moment`` [N m] (F, n) at ``stations`` (F, n) [m] along its ``axis``.
+
+    Stations rise; where something acts at a point there are two, before and behind it. ``places`` (F, n) are complex, in the link's
+    frame [m]. ``unbalanced`` (F,) [N] is what is left of the forces on the whole link, moments over the axis' length included.
+    """
+
+    link: str
+    axis: Axis
+    section: CrossSection | None
+    stations: Real
+    places: Complex
+    normal: Real
+    shear: Real
+    moment: Real
+    bending: Extreme
+    unbalanced: Real
+
+    def extreme(self, values: Real) -> Extreme:
+        """Where a quantity (F, n) is largest in size, of the stations."""
+        k = np.argmax(np.nan_to_num(np.abs(values), nan=-1.0), axis=1)[:, None]
+        return Extreme(np.take_along_axis(values, k, axis=1)[:, 0], np.take_along_axis(self.stations, k, axis=1)[:, 0])
+
+    @cached_property
+    def bending_stress(self) -> Real | None:
+        """Largest bending stress of each frame |M| / W (F,) [Pa]; None without a cross-section."""
+        return None if self.section is None else np.abs(self.bending.values) / self.section.modulus
+
+    @cached_property
+    def stress(self) -> Real | None:
+        """Largest normal stress of each frame |N| / A + |M| / W (F,) [Pa], of the stations; None without a cross-section."""
+        if self.section is None:
+            return None
+        return np.max(np.abs(self.normal) / self.section.area + np.abs(self.moment) / self.section.modulus, axis=1)
+
+
+def section_forces(forces: Forces, study: SectionStudy) -> SectionForces:
+    """Section forces along a link. Raises `MechanismError` where the link's axis is not clear."""
+    motion = forces.motion
+    axis = axis_of(motion.mechanism, study.link, study.points)
+    with np.errstate(**QUIET):
+        acting = _Acting(forces, study, axis)
+        cuts = acting.cuts()
+        normal, shear, moment = acting.inside(cuts)
+        start = Cuts(np.zeros((motion.frames, 1)), np.array(-1.0))
+        whole, turning = acting.beyond(start)
+        return SectionForces(
+            link=study.link,
+            axis=axis,
+            section=study.section,
+            stations=cuts.stations,
+            places=axis.place(cuts),
+            normal=normal,
+            shear=shear,
+            moment=moment,
+            bending=acting.largest_moment(cuts, moment),
+            unbalanced=np.abs(whole[:, 0]) + np.abs(turning[:, 0]) / axis.length,
+        )
+
+
+class _Acting:
+    """All that acts on a link in its own axes, moments about the start of its axis."""
+
+    def __init__(self, forces: Forces, study: SectionStudy, axis: Axis):
+        self.forces, self.axis = forces, axis
+        motion, model = forces.motion, forces.motion.model
+        self.k = k = model.index[study.link]
+        self.origin = over_frames(motion, motion.origins[k])
+        self.back = np.conj(over_frames(motion, motion.rotation(k)))
+        mass, centre, inertia = model.masses[k]
+        whole = Mass(mass, complex(centre), inertia)
+        self.masses: MassLine = mass_line(axis, whole, [Mass(m, complex(x, y), j) for m, x, y, j in study.masses])
+        self.field = np.zeros(motion.frames, complex)  # force per mass at the centre of mass
+        self.turn = np.zeros(motion.frames, complex)  # of it per distance from there
+        self.points: list[_At] = []
+        self.lines: list[_Along] = []
+        for load in acting_on(forces, k):
+            if load.kind == "inertia":
+                self.turn = self.turn - motion.accelerations.factor[model.angles.spin[k]]
+            if load.kind in ("inertia", "gravity"):
+                self.field = self.field + (load.force / mass if mass else 0.0) * self.back
+            else:
+                self._act(load.place, load.force, load.moment)
+        self._reactions()
+
+    def _act(self, place: Complex, force: Complex, couple: Complex) -> None:
+        """A load at a place of the world."""
+        motion = self.forces.motion
+        at = (over_frames(motion, place) - self.origin) * self.back
+        station = self._snapped(self.axis.nearest(at))
+        force, couple = over_frames(motion, force) * self.back, over_frames(motion, couple)
+        self.points.append(_At(station, at, force, couple))
+
+    def _snapped(self, station: Real) -> Real:
+        """Stations (F,), those of a vertex of the axis up to rounding taken for it."""
+        for vertex in self.axis.stations:
+            station = np.where(np.abs(station - vertex) <= SAME * self.axis.length, vertex, station)
+        return station
+
+    def _reactions(self) -> None:
+        """What joints exert on the link, drives included."""
+        forces = self.forces
+        model = forces.motion.model
+        own = model.links[self.k]
+        guides = {pair.name: pair for pair in bearings(model.mechanism)}
+        for connection in model.connections:
+            if own not in connection.links:
+                continue
+            name, sign = connection.name, 1.0 if connection.links[1] == own else -1.0
+            place = forces.position(name) @ np.array([1.0, 1.0j])
+            j = model.joint_index.get(name)
+            if j is not None and j in model.driven:
+                drive = forces.wrench(name)
+                self._act(place, sign * (drive[:, 0] + 1j * drive[:, 1]), sign * drive[:, 2])
+            if name in guides and self._guided(guides[name], sign):
+                continue
+            reaction = forces.reaction(name)
+            self._act(place, sign * (reaction[:, 0] + 1j * reaction[:, 1]), sign * reaction[:, 2])
+        for relation in model.relations:
+            if relation.bearing is not None and own in (relation.links[0], relation.bearing.carrier):
+                place, reaction = forces.position(relation.name) @ np.array([1.0, 1.0j]), forces.reaction(relation.name)
+                couple = relation.bearing.couple(forces.motion, place, reaction[:, 0] + 1j * reaction[:, 1])
+                self._act(place, 0j, couple if own == relation.links[0] else -couple)
+
+    def _guided(self, pair: Prismatic, sign: float) -> bool:
+        """Take the pressure of a guide along the segment that it lies on; whether there is one."""
+        load = guide_load(self.forces, pair)
+        middle, direction = (load.middle - self.origin) * self.back, load.direction * self.back
+        fixed = direction[int(np.argmax(np.isfinite(direction)))]  # it does not turn on either link
+        parallel = np.flatnonzero(np.abs(np.imag(fixed * np.conj(self.axis.directions))) <= PARALLEL)
+        if not len(parallel):
+            return False
+        away = middle[:, None] - self.axis.vertices[parallel]
+        segment = int(parallel[int(np.argmin(np.nanmax(np.abs(np.imag(away * np.conj(self.axis.directions[parallel]))), axis=0)))])
+        t = complex(self.axis.directions[segment])
+        sense = sign if np.real(fixed * np.conj(t)) > 0.0 else -sign  # the force across changes its sign with the direction
+        station = self.axis.stations[segment] + np.real((middle - self.axis.vertices[segment]) * np.conj(t))
+        values = (sense * load.normal, sign * load.couple, sense * load.along, sign * load.rubbing)
+        self.lines.append(_Along(segment, station, middle, t, load.length, *values))
+        return True
+
+    # -- cuts ---------------------------------------------------------------------------------------------------------
+    def cuts(self) -> Cuts:
+        """Cuts (F, n) at evenly spaced stations, and on both sides of those where something acts."""
+        frames, length = self.forces.motion.frames, self.axis.length
+        even = np.linspace(0.0, length, GRID + 1)[1:-1]
+        double = [np.tile([*self.axis.stations, *self.masses.jumps], (frames, 1)), *(p.station[:, None] for p in self.points)]
+        for line in self.lines:
+            half = 0.5 * line.length
+            double.append(np.clip(np.stack([line.station - half, line.station + half], axis=1), 0.0, length))
+        there = np.concatenate(double, axis=1)
+        stations = np.concatenate([np.tile(even, (frames, 1)), there, there], axis=1)
+        sides = np.concatenate([np.ones(len(even) + there.shape[1]), -np.ones(there.shape[1])])
+        found = Cuts(stations, sides)
+        return found.taken(np.lexsort((np.broadcast_to(sides, stations.shape), stations)))
+
+    def inside(self, cuts: Cuts) -> tuple[Real, Real, Real]:
+        """N, V and M (F, n) in cuts (F, n)."""
+        force, moment = self.beyond(cuts)
+        here = force * np.conj(self.axis.directions[self.axis.segment(cuts)])
+        moment = moment - cross(self.axis.place(cuts) - self.axis.vertices[0], force)
+        return here.real, -here.imag, moment
+
+    def beyond(self, cuts: Cuts) -> tuple[Complex, Real]:
+        """Force (F, n), complex in the link's axes, and moment about the start of the axis of what acts beyond cuts (F, n)."""
+        start = self.axis.vertices[0]
+        mass, first, inertia = self.masses.beyond(cuts)
+        field, turn = self.field[:, None], self.turn[:, None]
+        force = field * mass + turn * first
+        moment = cross(first, field) + turn.imag * inertia + cross(self.masses.centre - start, force)
+        for p in self.points:
+            there = cuts.before(p.station[:, None])
+            force = force + np.where(there, p.force[:, None], 0.0)
+            moment = moment + np.where(there, (cross(p.place - start, p.force) + p.couple)[:, None], 0.0)
+        for line in self.lines:
+            f, m = _of_guide(line, cuts, self.axis)
+            force, moment = force + f, moment + m
+        return force, moment
+
+    def largest_moment(self, cuts: Cuts, moment: Real) -> Extreme:
+        """The bending moment that is largest in size at every frame: between the neighbours of the largest of (F, n) it is looked
+        at closer."""
+        for _ in range(ZOOM):
+            k = np.argmax(np.nan_to_num(np.abs(moment), nan=-1.0), axis=1)[:, None]
+            low, best, high = (cuts.taken(np.clip(k + d, 0, cuts.stations.shape[1] - 1)) for d in (-1, 0, 1))
+            parts = np.linspace(0.0, 1.0, ZOOMED)
+            near = [a.stations + (b.stations - a.stations) * part for a, b, part in ((low, best, parts), (best, high, parts[1:]))]
+            sides = [np.ones(near[0].shape), np.ones(near[1].shape)]
+            sides[0][:, -1:] = best.sides
+            cuts = Cuts(np.concatenate(near, axis=1), np.concatenate(sides, axis=1))
+            moment = self.inside(cuts)[2]
+        k = np.argmax(np.nan_to_num(np.abs(moment), nan=-1.0), axis=1)[:, None]
+        return Extreme(np.take_along_axis(moment, k, axis=1)[:, 0], cuts.taken(k).stations[:, 0])
+
+
+def _of_guide(line: _Along, cuts: Cuts, axis: Axis) -> tuple[Complex, Real]:
+    """Force, and moment about the start of the axis, of the part of a guide's pressure that acts beyond cuts."""
+    half, segments = 0.5 * line.length, axis.segment(cuts)
+    y = np.clip(cuts.stations - line.station[:, None], -half, half)  # from the middle to the cut
+    y = np.where(segments < line.segment, -half, np.where(segments > line.segment, half, y))
+    # what reaches beyond the axis acts at its ends
+    y = np.where(cuts.before(0.0), -half, np.where(cuts.before(axis.length), y, half))
+    part = (half - y) / line.length
+    slope = 12.0 * line.couple[:, None] / line.length**3
+    normal, along, rubbing = line.normal[:, None], line.along[:, None], line.rubbing[:, None]
+    across = normal * part + 0.5 * slope * (half * half - y * y)
+    force = (along * part + 1j * across) * line.direction
+    about_middle = 0.5 * normal / line.length * (half * half - y * y) + slope * (half**3 - y**3) / 3.0 + rubbing * part
+    return force, cross(line.middle[:, None] - axis.vertices[0], force) + about_middle
+
+
+def all_sections(forces: Forces) -> Iterator[tuple[str, SectionForces]]:
+    """The section forces that a mechanism asks for, by link."""
+    for study in forces.motion.mechanism.studies.sections:
+        yield study.link, section_forces(forces, study)

@@ -1,0 +1,100 @@
+"""What can be asked for beside motion, forces and answers; `mechcore.constructions.studies` works it out."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+Vec2 = tuple[float, float]
+
+PLANS: Mapping[str, str] = {
+    "velocity": "velocity plan: images of the points, joined by omega x r and sliding velocities",
+    "acceleration": "acceleration plan with centripetal, tangential, Coriolis and sliding parts",
+    "force": "force plan of every group, in the order of the hand method",
+}
+"""Graphical constructions that a scene can ask for; see `mechcore.constructions`."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class SystemStudy:
+    """The loads on a link (all of them, or those named) as one force system, reduced to a point of the link (none: its origin)."""
+
+    name: str
+    link: str
+    loads: tuple[str, ...] = ()  # none: all
+    point: str | None = None
+    pole: Vec2 | None = None  # of the funicular polygon, from the start of the force polygon [N]
+
+
+@dataclass(frozen=True, kw_only=True)
+class ShakingStudy:
+    """Shaking force, and moment about a point of the world; with ``radii`` [m] also what counterweights make of it."""
+
+    about: Vec2 = (0.0, 0.0)
+    radii: tuple[float, float] | None = None  # from the fixed pivots of crank and rocker
+    fraction: float = 1.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class SubstituteStudy:
+    """Substitute masses of a link: (mass [kg], x, y [m] in the link's frame) of each, None where it is to be found."""
+
+    link: str
+    points: tuple[tuple[float | None, float | None, float | None], ...]
+    solution: int = 1  # which of several is shown
+    static: bool = False  # two masses at given places, with the body's mass and centre only, and a correction couple
+
+
+@dataclass(frozen=True, kw_only=True)
+class CrossSection:
+    """A cross-section: its ``area`` A [m^2] and its section ``modulus`` W [m^3] about the axis across the plane of motion."""
+
+    area: float
+    modulus: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class SectionStudy:
+    """Section forces along a link; its axis runs through the named ``points``, or where there are none, see
+    `mechcore.forces.axes.axis_points`.
+
+    ``masses``: (mass [kg], x, y [m], moment of inertia [kg m^2]) of the parts of the link's mass whose places are known; the rest
+    is distributed along the axis.
+    """
+
+    link: str
+    points: tuple[str, ...] = ()
+    section: CrossSection | None = None
+    masses: tuple[tuple[float, float, float, float], ...] = ()
+
+
+@dataclass(frozen=True, kw_only=True)
+class Studies:
+    """What is asked for beside motion, forces and answers; see `mechcore.constructions.studies`."""
+
+    plans: tuple[str, ...] = ()  # names from PLANS
+    polodes: tuple[str, ...] = ()  # links
+    equivalent: tuple[str, ...] = ()  # pairs
+    systems: tuple[SystemStudy, ...] = ()
+    reduced: tuple[tuple[str, str | None], ...] = ()  # (link, point or None)
+    shaking: ShakingStudy | None = None
+    substitutes: tuple[SubstituteStudy, ...] = ()
+    sections: tuple[SectionStudy, ...] = ()
+
+    def items(self) -> tuple[tuple[str, str], ...]:
+        """Name and meaning of each study that is asked for."""
+        found = [(f"plan {name}", PLANS[name]) for name in self.plans]
+        found += [(f"polodes {link}", "ways of the instant centre on the frame and on the link") for link in self.polodes]
+        found += [(f"equivalent {pair}", "the linkage of lower pairs that moves like this higher pair") for pair in self.equivalent]
+        found += [(f"system {s.name}", f"loads on {s.link} reduced, with their funicular polygon") for s in self.systems]
+        found += [
+            (f"reduced to {link if point is None else f'{link}.{point}'}", "reduced mass and force of the whole mechanism")
+            for link, point in self.reduced
+        ]
+        if self.shaking is not None:
+            found.append(("shaking", "shaking force and moment" + (", with counterweights" if self.shaking.radii else "")))
+        found += [(f"substitute masses {s.link}", "point masses with the same inertia forces") for s in self.substitutes]
+        return (
+            *found,
+            *((f"section forces {s.link}", "normal force, shear force and bending moment") for s in self.sections),
+        )
