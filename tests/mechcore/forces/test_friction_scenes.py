@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -262,7 +263,7 @@ def test_losses_of_a_run_that_jams_at_its_beginning_are_those_of_its_other_frame
             return Rows(self.values)
 
     def text(*values: float) -> str:
-        found = _losses(Jammed(values), {"joints": {"O": {}, "B": {}}})
+        found = _losses(Jammed(values), SimpleNamespace(joints=("O", "B")))
         told = replace(whole, start=0.0, end=5.0, losses=tuple(f[:2] for f in found), losses_over=found[0][2])
         return format_inspection(told)
 
