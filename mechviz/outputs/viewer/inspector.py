@@ -314,7 +314,7 @@ class Inspector:
 
     def _darken(self, dark: bool) -> None:
         theme(self._server, dark)
-        self.scene.stage.darken(dark)
+        self.scene.darken(dark)
 
     def _trace(self, on: bool) -> None:
         self._tracing = on

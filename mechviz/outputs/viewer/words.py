@@ -20,6 +20,11 @@ if TYPE_CHECKING:
     from mechviz.runs import Run
 
 
+def _rgb(color: tuple[int, int, int]) -> str:
+    return "rgb({},{},{})".format(*color)
+
+
+INK_OF_PATHS = f"light-dark({_rgb(PATH[False])},{_rgb(PATH[True])})"
 TARGET = 0.2  # of the mechanism's size: about how long an arrow the legend gives the value for
 
 
@@ -45,9 +50,9 @@ def legend(
     """What each colour means and how long which value is drawn; ``factor`` is the user's enlargement, of all or by family."""
     enlarged = factor if callable(factor) else lambda _: factor
     families, paths = list(families), list(paths)
-    rows = [_swatch(FAMILIES[f].color, 0.42, f"<b>{FAMILIES[f].label}</b>: {FAMILIES[f].meaning}") for f in families]
+    rows = [_swatch(_rgb(FAMILIES[f].color), 0.42, f"<b>{FAMILIES[f].label}</b>: {FAMILIES[f].meaning}") for f in families]
     if paths:
-        rows.append(_swatch(PATH, 0.16, f"<b>Path</b> of {escape(', '.join(paths))}"))
+        rows.append(_swatch(INK_OF_PATHS, 0.16, f"<b>Path</b> of {escape(', '.join(paths))}"))
     shown = set(families)
     for unit, some, per_metre in (
         ("N", shown & set(FORCE_FAMILIES), scales.newtons_per_metre),
@@ -65,12 +70,12 @@ def legend(
 def legend_line(families: Iterable[str], paths: Iterable[str], scales: Scales, factor: Callable[[str], float], size: float) -> str:
     """The legend in a line: colours with their names, and how long a force is drawn."""
     families, paths = list(families), list(paths)
-    spots = [(FAMILIES[f].color, FAMILIES[f].label, FAMILIES[f].meaning) for f in families]
-    spots += [(PATH, f"Path of {', '.join(paths)}", "")] if paths else []
+    spots = [(_rgb(FAMILIES[f].color), FAMILIES[f].label, FAMILIES[f].meaning) for f in families]
+    spots += [(INK_OF_PATHS, f"Path of {', '.join(paths)}", "")] if paths else []
     parts = [
         f'<span title="{escape(meaning)}" style="white-space:nowrap"><span style="display:inline-block;width:1.1em;height:0.36em;'
-        f'border-radius:0.2em;margin-right:0.4em;vertical-align:middle;background:rgb({r},{g},{b})"></span>{escape(label)}</span>'
-        for (r, g, b), label, meaning in spots
+        f'border-radius:0.2em;margin-right:0.4em;vertical-align:middle;background:{ink}"></span>{escape(label)}</span>'
+        for ink, label, meaning in spots
     ]
     forces = [f for f in families if f in FORCE_FAMILIES]
     if forces and scales.newtons_per_metre != 1.0:
@@ -209,11 +214,10 @@ def scale(unit: str, per_metre: float, size: float) -> str:
     return f"Scale: {number(value)} {unit} = {number(round(value / per_metre * 1e3, 1))} mm"
 
 
-def _swatch(color: tuple[int, int, int], thickness: float, words: str) -> str:
-    red, green, blue = color
+def _swatch(ink: str, thickness: float, words: str) -> str:
     return (
         '<div style="display:flex;gap:0.55em;align-items:baseline;padding-bottom:0.25em">'
-        f'<span style="flex:none;width:1.3em;height:{thickness}em;border-radius:0.2em;background:rgb({red},{green},{blue});'
+        f'<span style="flex:none;width:1.3em;height:{thickness}em;border-radius:0.2em;background:{ink};'
         'transform:translateY(-0.2em)"></span>'
         f"<span>{words}</span></div>"
     )

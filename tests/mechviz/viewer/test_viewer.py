@@ -265,6 +265,27 @@ def test_every_quantity_can_be_plotted_however_many_curves_it_has(viewer):
     viewer.plots.choose(slot, before)
 
 
+def test_a_link_that_is_looked_at_is_marked_and_its_neighbours_stay(viewer):
+    links, scene = viewer.scene.links, viewer.server.scene
+    part = {name: scene.get_handle_by_name(f"{link_path(name)}/part_0") for name in ("crank", "rocker")}
+    before = {name: (tuple(mesh.color), mesh.opacity) for name, mesh in part.items()}
+    links.pick("crank")
+    assert tuple(part["crank"].color) != before["crank"][0] and part["crank"].opacity is None
+    assert (tuple(part["rocker"].color), part["rocker"].opacity) == before["rocker"]
+    links.pick("")
+    assert {name: (tuple(mesh.color), mesh.opacity) for name, mesh in part.items()} == before
+
+
+def test_paths_are_read_on_a_dark_page(kinematic):
+    with Viewer(kinematic, port=0) as shown:
+        line = shown.server.scene.get_handle_by_name("/paths/foot.H")
+        light = np.array(line.colors, float)
+        shown.scene.darken(True)
+        assert np.array(line.colors, float).mean() > light.mean() + 60.0
+        shown.scene.darken(False)
+        np.testing.assert_array_equal(np.array(line.colors, float), light)
+
+
 def test_plots_are_added_joined_saved_and_removed(viewer):
     plots, known = viewer.plots, {q.key: q for q in viewer.inspector.show.quantities}
     count = len(plots.slots)

@@ -14,8 +14,9 @@ from mechviz.picture.nodes import Lines
 from mechviz.picture.proportions import LINKER
 from mechviz.quantities.vectors import FAMILIES
 
-LOOKS = {"springs": (LINKER, 3.0), "friction": (FAMILIES["friction"].color, 1.8)}
-"""Colours and widths [px] of groups."""
+INKS = {"springs": (LINKER, (176, 188, 204)), "friction": (FAMILIES["friction"].color, (255, 214, 92))}
+"""Colours of groups on a light and on a dark page."""
+WIDTHS = {"springs": 3.0, "friction": 1.8}  # [px]
 
 
 def segments(node: Lines, frame: int) -> NDArray[np.float32]:
@@ -29,7 +30,7 @@ class LineNodes:
 
     def __init__(self, server: viser.ViserServer, show: ViewModel):
         self._server = server
-        self._on = dict.fromkeys(LOOKS, True)
+        self._on, self._dark = dict.fromkeys(INKS, True), False
         self._nodes: dict[str, viser.LineSegmentsHandle] = {}
         self._lines: dict[str, Lines] = {}
         self.update(show)
@@ -40,10 +41,10 @@ class LineNodes:
         return frozenset(lines.group for lines in self._lines.values())
 
     def update(self, show: ViewModel) -> None:
-        self._lines = {_path(lines.key): lines for lines in show.picture.of(Lines, *LOOKS)}
+        self._lines = {_path(lines.key): lines for lines in show.picture.of(Lines, *INKS)}
         for path, lines in self._lines.items():
             if path not in self._nodes:
-                color, width = LOOKS[lines.group]
+                color, width = INKS[lines.group][self._dark], WIDTHS[lines.group]
                 first = np.nan_to_num(segments(lines, 0))
                 self._nodes[path] = self._server.scene.add_line_segments(
                     path, first, color, thickness=width, thickness_units="screen", visible=self._on[lines.group]
@@ -57,6 +58,12 @@ class LineNodes:
         for path, lines in self._lines.items():
             if lines.group == group:
                 self._nodes[path].visible = on
+
+    def darken(self, dark: bool) -> None:
+        """Take the colours for a dark page or for a light one."""
+        self._dark = dark
+        for path, lines in self._lines.items():
+            self._nodes[path].colors = np.array(INKS[lines.group][dark], np.uint8)
 
     def show(self, frame: int) -> None:
         for path, lines in self._lines.items():

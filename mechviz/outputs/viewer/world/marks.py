@@ -16,7 +16,7 @@ from mechviz.picture.nodes import Points
 
 Real = NDArray[np.float64]
 
-PATH = (32, 78, 138)  # colour of paths
+PATH = {False: (32, 78, 138), True: (122, 178, 242)}  # light, dark: colour of paths
 PICKED = (194, 37, 92)  # colour of the joint that is looked at
 DOT = 0.0085  # radius of a joint's dot, in sizes of the mechanism: small, and yet to be hit with the mouse
 
@@ -31,7 +31,7 @@ class Paths:
 
     def __init__(self, server: viser.ViserServer, show: ViewModel):
         self._server = server
-        self._on = True
+        self._on, self._dark = True, False
         self._lines: dict[str, viser.LineSegmentsHandle] = {}
         self._dots: dict[str, viser.IcosphereHandle] = {}
         self._places: Mapping[str, Real] = {}
@@ -47,15 +47,23 @@ class Paths:
                 continue
             if name not in self._lines:
                 self._lines[name] = self._server.scene.add_line_segments(
-                    _path(name), lines, PATH, thickness=2.5, thickness_units="screen", visible=self._on
+                    _path(name), lines, PATH[self._dark], thickness=2.5, thickness_units="screen", visible=self._on
                 )
                 self._dots[name] = self._server.scene.add_icosphere(
-                    dot_path(name), 0.009 * show.size, color=PATH, cast_shadow=False, receive_shadow=False
+                    dot_path(name), 0.009 * show.size, color=PATH[self._dark], cast_shadow=False, receive_shadow=False
                 )
             elif name not in self._places or not np.array_equal(self._places[name], xyz):
                 self._lines[name].points = lines
         self._places = {name: xyz for name, xyz in show.paths.items() if name in self._lines}
         self.switch(self._on)
+
+    def darken(self, dark: bool) -> None:
+        """Take the colours for a dark page or for a light one."""
+        self._dark = dark
+        for line in self._lines.values():
+            line.colors = np.array(PATH[dark], np.uint8)
+        for dot in self._dots.values():
+            dot.color = PATH[dark]
 
     def switch(self, on: bool) -> None:
         self._on = on

@@ -136,6 +136,11 @@ class Scene3D:
         self.links.cut(height)
         self._bodies.cut(height)
 
+    def darken(self, dark: bool) -> None:
+        """Take the colours for a dark page or for a light one."""
+        for part in (self.stage, self._paths, self._lines):
+            part.darken(dark)
+
     def switch_mark(self, name: str, on: bool) -> None:
         """Show or hide one of ``marks``."""
         self.marks[name](on)

@@ -63,7 +63,7 @@ def _part(vertices: NDArray[np.float32], faces: NDArray[np.uint32], color: tuple
 Real = NDArray[np.float64]
 
 HAIR = 2e-4  # of the mechanism's size
-PALE = 0.45  # opacity of the links beside the one that is looked at
+MARK, MARKED = (194, 37, 92), 0.5  # colour of the link that is looked at, and how much of it
 
 
 def link_path(link: str) -> str:
@@ -130,7 +130,9 @@ class SolidNodes:
     def fade(self, opacity: float) -> None:
         """Draw all solids with an opacity, 1 is solid."""
         self._opacity = None if opacity >= 1.0 else max(opacity, 0.0)
-        self.pick(self._picked)
+        for mesh in (mesh for meshes in self._meshes.values() for mesh in meshes):
+            if mesh.opacity != self._opacity:
+                mesh.opacity = self._opacity
 
     def cut(self, height: float | None) -> None:
         """Cut away what lies before a height [m], None: nothing."""
@@ -147,18 +149,19 @@ class SolidNodes:
         return sectioned(body, self._height - HAIR * self._size * list(self._nodes).index(link))
 
     def pick(self, link: str) -> None:
-        """Mark a link as the one that is looked at: all others become a little paler."""
+        """Mark a link as the one that is looked at, by its colour; the others stay as they are."""
         self._picked = link
         for name, meshes in self._meshes.items():
-            for mesh in meshes:
-                opacity = self._opacity_of(name)
-                if mesh.opacity != opacity:
-                    mesh.opacity = opacity
+            for mesh, piece in zip(meshes, self._drawn[name].pieces, strict=True):
+                color = self._color_of(name, piece)
+                if tuple(mesh.color) != color:
+                    mesh.color = color
 
-    def _opacity_of(self, link: str) -> float | None:
-        if self._picked and link != self._picked:
-            return min(PALE, self._opacity or 1.0)
-        return self._opacity
+    def _color_of(self, link: str, piece: Piece) -> tuple[int, int, int]:
+        if link != self._picked:
+            return piece.color
+        red, green, blue = (round(c + MARKED * (m - c)) for c, m in zip(piece.color, MARK, strict=True))
+        return red, green, blue
 
     def poses(self, frame: int) -> Iterator[Posed]:
         """Where the links are at a frame."""
@@ -186,8 +189,8 @@ class SolidNodes:
                 f"{link_path(link)}/part_{k}",
                 piece.vertices,
                 piece.faces,
-                color=piece.color,
-                opacity=self._opacity_of(link),
+                color=self._color_of(link, piece),
+                opacity=self._opacity,
                 cast_shadow=False,
                 receive_shadow=False,
             )
