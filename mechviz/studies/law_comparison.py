@@ -179,7 +179,7 @@ def comparison_figure(rows: list[LawOnCam]) -> Figure:
             for order, panel in enumerate(left):
                 x, y = [], []
                 for piece, x0 in zip(row.lift.pieces, row.lift.knots, strict=False):
-                    u = np.linspace(0.0, piece.length, max(int(480 * piece.length / row.lift.length), 8))
+                    u = np.linspace(0.0, piece.length, max(int(180 * piece.length / row.lift.length), 8))
                     f = np.empty((1, u.size))
                     piece.fill(u, f, order)
                     x += [across * (x0 + u), [np.nan]]

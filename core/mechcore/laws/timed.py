@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any, Literal, Protocol
 
 import numpy as np
@@ -151,9 +152,19 @@ class Piecewise:
     def duration(self) -> float:
         return self.knots[-1] - self.knots[0]
 
-    @property
+    @cached_property
     def breaks(self) -> tuple[float, ...]:
-        return tuple(k - self.knots[0] for k in self.knots[1:-1])
+        """Knots at which the value or one of its first three derivatives jumps [s]."""
+        inner = np.asarray(self.knots[1:-1], float)
+        lengths = np.diff(self.knots)
+        jumping = np.zeros(inner.size, bool)
+        for order in range(min(4, len(self._table))):
+            degrees = np.arange(len(self._table) - order)
+            factors = np.array([math.perm(int(d) + order, order) for d in degrees], float)[:, None] * self._table[order:]
+            ends, starts = (factors * lengths ** degrees[:, None]).sum(axis=0), factors[0]
+            sizes = (np.abs(factors) * lengths ** degrees[:, None]).sum(axis=0)
+            jumping |= np.abs(starts[1:] - ends[:-1]) > 1e-9 * max(sizes.max(), 1e-300)
+        return tuple(float(k) for k in inner[jumping] - self.knots[0])
 
     def __call__(self, t: ArrayLike) -> Triple:
         t = np.asarray(t, float)

@@ -157,3 +157,13 @@ def test_a_program_over_time_with_waves_follows_a_clock():
     assert isinstance(law, Follow)
     assert law.duration == pytest.approx(1.0)
     np.testing.assert_allclose(law(np.array([0.25, 0.75]))[0], [0.5, 1.0])
+
+
+def test_breaks_of_a_law_of_time_are_where_a_derivative_jumps():
+    """Of bang-bang jerk over 64 steps the two switches, of quintics that join up to the fourth derivative none."""
+    switches = over_time(program([Segment(2.0, 1.0, LeastPeak("jerk"))], repeats=False)).breaks
+    np.testing.assert_allclose(switches, [0.5, 1.5])
+    smooth = [Segment(1.0, [1.0, FREE, FREE], "polynomial"), Segment(1.0, 3.0, "polynomial")]
+    assert over_time(program(smooth, repeats=False)).breaks == ()
+    rest = [Segment(1.0, 1.0, "polynomial"), Segment(1.0, 3.0, "polynomial")]
+    assert over_time(program(rest, repeats=False)).breaks == (1.0,)  # the jerk

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import mechviz
 from mechcore.laws.factors import jumps, peak
 from mechcore.laws.program import Follow
 from mechcore.laws.timed import Piecewise, Rest
@@ -264,3 +265,14 @@ def test_a_former_name_of_a_law_is_told():
     scene = cam({"over": 180, "to": 20, "law": "triple-harmonic"}, {"over": 180, "to": 0})
     assert list(former_laws(scene.document)) == [("joints.K.profile.lift[0].law", "triple-harmonic", "cosine-1-3")]
     lift_of(scene)
+
+
+def test_the_gantry_of_the_gallery_keeps_its_axes_in_step():
+    """The three axes rest together, and pass the times that the carriage states without a stop."""
+    laws = {d.pair: d.law for d in mechviz.load("gantry-in-step").mechanism.drives}
+    assert [law.duration for law in laws.values()] == pytest.approx([2.4] * 3, rel=1e-14)
+    for t in (0.3, 1.3, 1.6, 2.4):
+        np.testing.assert_allclose([np.ravel(laws[axis](t)[1]) for axis in "XZJ"], 0.0, atol=1e-9)
+    q, v, _ = laws["X"](np.array([0.55, 1.05]))
+    np.testing.assert_allclose(q, [0.06, 0.34])
+    assert np.all(v > 0.3)
