@@ -26,6 +26,7 @@ _SECTIONS = {"dynamics": "run", "drives": "joints"}
 """Parts of a mechanism that are called otherwise in a scene."""
 
 _WIDTH = 118
+MOST_TOLD = 50  # faults of a scene that are told; the others are counted
 _MANY = 500  # names, beyond which a close look at each of them takes too long
 
 
@@ -39,9 +40,12 @@ class SceneError(MechanismError):
     def __str__(self) -> str:
         n = len(self.faults)
         lines = [f"{self.source}: {n} problem{'s' if n > 1 else ''}"]
-        column = min(max(len(fault.path) for fault in self.faults), 32)
-        for fault in self.faults:
+        shown = self.faults[:MOST_TOLD]
+        column = min(max(len(fault.path) for fault in shown), 32)
+        for fault in shown:
             lines.extend(_lines(fault, column))
+        if n > MOST_TOLD:
+            lines.append(f"  and {n - MOST_TOLD} more: put these right first")
         return "\n".join(lines)
 
 

@@ -90,12 +90,14 @@ def initial_state(
     program = model.program
     turned: dict[tuple[int, int], Plane] = {}
     delta: list[Plane] = [1 + 0j] * len(model.angles.spin_group)
+    made: dict[tuple[tuple[int, int], ...], Plane] = {}
     for spin, terms in program.driven_spins:
         for term in terms:
             if term not in turned:
                 drive, sign = term
                 turned[term] = rotation_of(drives[drive] if sign == 1 else sign * drives[drive])
-        delta[spin] = product([turned[term] for term in terms])
+        before = made.get(terms[:-1])  # along a chain of drives each spin has one more than the last
+        delta[spin] = made[terms] = product([turned[term] for term in terms]) if before is None else before * turned[terms[-1]]
     rot: list[Any] = [None] * len(delta)
     for spin in program.spins_of[0]:
         rot[spin] = delta[spin]

@@ -43,32 +43,63 @@ def rank_mobility(motion: Motion, frame: int = 0, *, tolerance: float = 1e-9) ->
     """Freedoms that the constraints of all pairs, drives left out, really leave at a frame: 3n minus the numerical rank.
 
     Differs from `gruebler` where constraints are redundant. Constraints in absolute coordinates (x, y, angle of every link) with
-    lengths in units of the mechanism's size, rank from the singular values.
+    lengths in units of the mechanism's size, rank from the singular values. Links that hang on one pair have its freedoms: they are
+    counted without their constraints, so that long chains cost nothing.
     """
     model = motion.model
-    n = len(model.links) - 1
+    hanging = _hanging(model)
+    freedoms = sum(model.joints[j].freedoms for j in hanging)
+    column = {k: 3 * i for i, k in enumerate(k for k in range(len(model.links)) if k not in hanging.values())}
+    n = len(column) - 1
     rows = []
     for j, (joint, (p, q)) in enumerate(zip(model.joints, model.ends, strict=True)):
+        if j in hanging:
+            continue
         block = np.zeros((2, 3 * (n + 1)))
         for k, side, sign in ((p, 0, 1.0), (q, 1, -1.0)):
             arm = complex(np.broadcast_to(motion.arm(k, j, side), motion.frames)[frame]) / model.size
-            block[0, 3 * k], block[1, 3 * k + 1] = sign, sign
-            block[0, 3 * k + 2], block[1, 3 * k + 2] = -sign * arm.imag, sign * arm.real
+            block[0, column[k]], block[1, column[k] + 1] = sign, sign
+            block[0, column[k] + 2], block[1, column[k] + 2] = -sign * arm.imag, sign * arm.real
         if joint.slide is not None:
             d = complex(np.broadcast_to(motion.guide(j), motion.frames)[frame])
             block = np.array([[-d.imag, d.real]]) @ block
         rows.append(block)
         if not joint.turns:
             turn = np.zeros((1, 3 * (n + 1)))
-            turn[0, 3 * p + 2], turn[0, 3 * q + 2] = 1.0, -1.0
+            turn[0, column[p] + 2], turn[0, column[q] + 2] = 1.0, -1.0
             rows.append(turn)
+    kept = [c for k in column for c in (3 * k, 3 * k + 1, 3 * k + 2)]
     for constraint in model.constraints:
-        rows.append(_constraint_row(model, motion, constraint, frame))
+        rows.append(_constraint_row(model, motion, constraint, frame)[:, kept])
     jacobian = np.concatenate(rows)[:, 3:] if rows else np.zeros((0, 3 * n))
     if 0 in jacobian.shape:
-        return 3 * n
+        return freedoms + 3 * n
     s = np.linalg.svd(jacobian, compute_uv=False)
-    return int(3 * n - (s > tolerance * s[0]).sum())
+    return freedoms + int(3 * n - (s > tolerance * s[0]).sum())
+
+
+def _hanging(model: Model) -> dict[int, int]:
+    """Links that hang on one pair alone, when those that hang on them are taken away, by the numbers of these pairs."""
+    bound = {0} | {model.index[link] for r in model.relations for link, _ in (*r.angles, *(r.curve.angles if r.curve else ()))}
+    slides = [j for t in model.constraints for j, _ in (*t.slides, *(t.curve.slides if t.curve else ()))]
+    bound |= {k for j in slides for k in model.ends[j]}
+    at: dict[int, set[int]] = {}
+    for j, ends in enumerate(model.ends):
+        for k in ends:
+            at.setdefault(k, set()).add(j)
+    found: dict[int, int] = {}
+    fresh = [k for k, joints in at.items() if len(joints) == 1 and k not in bound]
+    while fresh:
+        k = fresh.pop()
+        if len(at[k]) != 1:
+            continue
+        j = at[k].pop()
+        found[j] = k
+        (other,) = set(model.ends[j]) - {k}
+        at[other].discard(j)
+        if len(at[other]) == 1 and other not in bound:
+            fresh.append(other)
+    return found
 
 
 def _constraint_row(model: Model, motion: Motion, constraint: LinearConstraint, frame: int) -> np.ndarray:

@@ -64,17 +64,23 @@ def read_table(cls: type[Table], raw: Any, loc: Loc, faults: list[Fault]) -> Tab
     return table
 
 
+MOST_GUESSED = 200  # unknown keys of a table of which is said what they may stand for
+
+
 def _keys_as_meant(cls: type[Table], raw: Mapping[str, Any], loc: Loc, faults: list[Fault]) -> dict[str, str]:
     """Known key -> the key as it is written. Unknown keys are noted; they stand for one that their value fits."""
     hints = hints_of(cls)
     taken = {key: key for key in raw if key in hints}
-    known = list(hints)
-    for written in raw:
-        if written not in hints:
+    known, beside = list(hints), cls.keys_beside(raw)
+    unknown = [written for written in raw if written not in hints]
+    for k, written in enumerate(unknown):
+        if k >= MOST_GUESSED:
+            faults.append(unknown_key((*loc, written), beside, ""))
+        else:
             likely = meant_keys(str(written), known)
             fitting = (key for key in likely if _fits(hints[key], raw[written], (*loc, written)))
             meant = next(fitting, next((key for key in likely if misspelt(str(written), key)), ""))
-            faults.append(unknown_key((*loc, written), cls.keys_beside(raw), meant))
+            faults.append(unknown_key((*loc, written), beside, meant))
             if meant:
                 taken.setdefault(meant, written)
     return taken
