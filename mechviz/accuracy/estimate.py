@@ -5,7 +5,7 @@
   have the rounding of the largest force.
 - Motion under forces: its distance from a companion, the same motion with a hundredth of the tolerance; of a motion that its energy
   gave, from collocation at its tightest. Extrapolating from a looser companion is wrong by up to a hundred, as the error does not
-  follow the tolerance so well. The companion starts from the motion that it judges (`parallel_shooting`), which makes it
+  follow the tolerance so well. The companion starts from the motion that it judges (`refine`), which makes it
   cheap, but does not believe it: it solves the equations of motion themselves, evaluated anew, by a rule with other nodes and of a
   higher order, on windows that the last coefficients of its own series have to allow, from the given start to the end; events are
   looked for anew, and tables are made anew. Newton's method forgets where it started: from a motion that was falsified it comes to

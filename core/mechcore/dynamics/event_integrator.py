@@ -39,7 +39,7 @@ from mechcore.dynamics.events import (
     first_zero,
 )
 from mechcore.dynamics.integration.collocation import Window
-from mechcore.dynamics.integration.parallel_shooting import Known, refine
+from mechcore.dynamics.integration.refinement import Known, refine
 from mechcore.dynamics.integration.windows import Solution, integrate
 from mechcore.dynamics.segments import Segment, segment_forces
 from mechcore.dynamics.simulation import Simulation

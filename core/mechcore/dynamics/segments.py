@@ -15,7 +15,7 @@ from mechcore.dynamics.equations.curve import Curve
 from mechcore.dynamics.equations.energy import EnergyMotion
 from mechcore.dynamics.equations.reduced import free_of, motion_at, tangents
 from mechcore.dynamics.events import Stop
-from mechcore.dynamics.integration.parallel_shooting import Known
+from mechcore.dynamics.integration.refinement import Known
 from mechcore.dynamics.integration.windows import Solution
 from mechcore.effects.base import pair_wrench, sum_up
 from mechcore.forces.equilibrium import transmit

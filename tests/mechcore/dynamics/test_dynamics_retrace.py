@@ -8,9 +8,9 @@ from dynamic_mechanisms import pendulum
 
 from mechcore.dynamics import event_integrator as progress_module
 from mechcore.dynamics import simulation as simulation_module
-from mechcore.dynamics.integration import parallel_shooting as retrace_module
+from mechcore.dynamics.integration import refinement as retrace_module
 from mechcore.dynamics.integration.collocation import Window
-from mechcore.dynamics.integration.parallel_shooting import Known, refine
+from mechcore.dynamics.integration.refinement import Known, refine
 from mechcore.dynamics.integration.windows import Solution, integrate
 from mechcore.dynamics.simulate import simulate
 from mechviz.accuracy.estimate import integration_error

@@ -114,18 +114,6 @@ def test_windows_end_where_a_table_bends():
     assert np.abs(simulation.drift(TIMES)).max() < 1e-9
 
 
-@pytest.mark.parametrize("rows", [60, 240])
-def test_a_table_of_lines_in_time_costs_a_window_a_row(rows):
-    """Corners are known before a window is tried: none is tried in vain, and none is looked for. Speeds are sums of trapezes."""
-    x = np.linspace(0.1, 2.5, rows)
-    y = np.sin(7.0 * x) * np.cos(31.0 * x)
-    load = Torque(name="pull", link="wheel", moment=3.0, factor=Factor(function=Table(tuple(x), tuple(y), smooth=False), of="time"))
-    simulation = simulate(wheel(load), 2.5, tolerance=1e-10)
-    area = np.concatenate([[0.1 * y[0]], 0.1 * y[0] + np.cumsum(0.5 * np.diff(x) * (y[1:] + y[:-1]))])
-    assert simulation(x)[1][:, 0] == pytest.approx(3.0 / INERTIA * area, abs=1e-11)
-    assert simulation.evaluations < 3 * rows + 60 and sum(len(p.solution.windows) for p in simulation.segments) < rows + 30
-
-
 SCENE = """
 title = "start"
 effects = ["inertia"]

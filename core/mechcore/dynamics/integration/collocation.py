@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Any
+from typing import Protocol
 
 import numpy as np
 from numpy.polynomial import legendre
@@ -20,6 +20,16 @@ from numpy.polynomial import legendre
 from mechcore.arrays import Real
 
 ROUNDING = 1e-15  # of the largest term of a position: a correction below that is none
+NO_PART = 1e-11  # of the acceleration: last coefficients below that are no part of a series
+
+
+class System(Protocol):
+    """Accelerations (n, f) of free coordinates at positions (n, f), speeds (n, f), times (n,), and their slopes (n, f, f) by
+    both."""
+
+    def __call__(self, q: Real, v: Real, t: Real) -> Real: ...
+
+    def slopes(self, q: Real, v: Real, t: Real, a: Real) -> tuple[Real, Real]: ...
 
 
 @dataclass(frozen=True, eq=False)
@@ -128,7 +138,7 @@ class Window:
 
 
 def solve_window(
-    rule: Rule, system: Any, t0: float, h: float, q0: Real, v0: Real, guess: Real, tolerance: float
+    rule: Rule, system: System, t0: float, h: float, q0: Real, v0: Real, guess: Real, tolerance: float
 ) -> tuple[Real, int] | None:
     """Accelerations at the nodes (s, f) of one window, and the number of evaluations; None where Newton's method does not converge.
 
@@ -172,3 +182,26 @@ def solve_window(
             matrix = None  # the slopes have changed too much within the window
         last = size
     return None
+
+
+def tails(a: Real, length: Real, longest: Real) -> tuple[Real, Real, Real]:
+    """Two estimates (..., f) of the error in windows with Legendre coefficients ``a`` (..., s, f) of the acceleration and lengths
+    (...) [s], and the order (...) of the second.
+
+    What the last two coefficients of the acceleration amount to, as a position, and as a speed that is kept for the ``longest``
+    window: where the equations jump, windows become so short that a wrong speed is no error of the position within them, but it is
+    one of all that follows.
+
+    And what the quadrature misses of the speed: the coefficients from 2 s on. Where the acceleration is smooth, next to nothing is
+    left of them; next to a contact of Hertz, which starts as the power 3/2 of time, the k-th falls as C / k^m only, and what is
+    left of them is the sum of those. C and m follow from the last coefficients and those of half their number.
+    """
+    s, size = a.shape[-2], np.abs(a)
+    k = np.array([s - 2, s - 1])
+    share = (length * longest)[..., None]
+    last, middle = size[..., -2:, :].max(axis=-2), size[..., (s - 1) // 2 : (s + 3) // 2, :].max(axis=-2)
+    tail = share * np.max(size[..., -2:, :] / (4.0 * (k * k))[:, None], axis=-2)
+    ratio = np.minimum(last / np.maximum(middle, 1e-300), 0.25)
+    m = -np.log2(np.maximum(ratio, 1e-300))
+    missed = np.where(last > NO_PART * size.max(axis=-2), 2.0 * s * last * ratio / (m - 1.0), 0.0)
+    return tail, share * missed, 0.5 * (m.min(axis=-1) + 1.0)

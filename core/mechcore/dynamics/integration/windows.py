@@ -9,12 +9,23 @@ from typing import Any, Protocol
 import numpy as np
 
 from mechcore.arrays import Real
-from mechcore.dynamics.integration.collocation import Rule, Window, gauss, integrals_and_values, radau, solve_window
+from mechcore.dynamics.integration.collocation import (
+    Rule,
+    System,
+    Window,
+    gauss,
+    integrals_and_values,
+    radau,
+    solve_window,
+    tails,
+)
+from mechcore.dynamics.integration.parallel_shooting import MOST, ParallelShooting
 from mechcore.errors import Fault, MechanismError
 
-ROUNDING = 1e-11  # of the acceleration: last coefficients below that are no part of a series
 MARGIN = 4.0  # times the tolerance: a tail of high order may be as large, a little shorter a window meets it; none of low order may
 ROUNDED = 1e-15  # of the scale: no window is solved to more digits
+FEW = 3  # windows in a row that end at stated breakpoints: so many, or more, are solved together
+FARTHER, NEARER, RECOVERED = 2.0, 0.3, 1.2  # how far the next ones reach: where the last were solved, were not, or one of them was
 CHATTER, MOST_CUT = 1e-5, 400  # windows shorter than this part of the longest; so many in a row, cut at breakpoints, get nowhere
 
 
@@ -25,15 +36,6 @@ class BreakpointFinder(Protocol):
     def __call__(self, window: Window, after: float) -> float | None: ...
 
     def stated(self, after: float) -> float: ...
-
-
-class System(Protocol):
-    """Accelerations (n, f) of free coordinates at positions (n, f), speeds (n, f), times (n,), and their slopes (n, f, f) by
-    both."""
-
-    def __call__(self, q: Real, v: Real, t: Real) -> Real: ...
-
-    def slopes(self, q: Real, v: Real, t: Real, a: Real) -> tuple[Real, Real]: ...
 
 
 @dataclass
@@ -110,6 +112,8 @@ def integrate(
 ) -> Solution:
     """Integrate from ``t0`` to ``t1`` [s], starting at q, v (f,).
 
+    Where many breakpoints are stated within the length that one window would have, the windows between them are solved together.
+
     ``tolerance``: local error of the position, relative to ``scale`` (a typical size of q, one or (f,)). ``after`` is called
     with every accepted window; a time that it returns ends the integration there. ``breakpoints`` finds the first time in a
     window, later than a given one, at which the equations change their form: windows end there. ``keeps``: position and speed at
@@ -120,17 +124,36 @@ def integrate(
     rule: Rule = radau(s) if stiff else gauss(s)
     q, v = np.asarray(q, float), np.asarray(v, float)
     solution = Solution()
-    a0 = system(q[None], v[None], np.array([t0]))
+    end_a = system(q[None], v[None], np.array([t0]))
     solution.evaluations += 1
-    h = first or _first_window(q, v, a0[0], t1 - t0, scale)
-    guess = np.repeat(a0, s, axis=0)
+    h = first or _first_window(q, v, end_a[0], t1 - t0, scale)
+    guess = np.repeat(end_a, s, axis=0)
     t = t0
     least = 1e-13 * max(abs(t0), abs(t1), 1e-300)
     longest = 0.0  # window so far
     chatter = 0  # windows in a row that a breakpoint has cut to almost nothing
     starts = breakpoints is not None  # at a breakpoint, or where one may be
     cuts, uncut = 0, 0.0  # of the present window at breakpoints, and how long it would have been
+
+    def accept(window: Window) -> bool:
+        solution.windows.append(window)
+        return after is None or after(window) is None
+
+    def end_of(window: Window) -> tuple[float, Real, Real, Real]:
+        end = window.start + window.length
+        q, v, a = window(np.array([end]))
+        return end, q[0], v[0] if keeps is None else keeps(q[0], v[0]), a
+
+    rows = None if breakpoints is None else _Rows(ParallelShooting(system, rule, tolerance, scale), breakpoints, h, least, most)
     while t < t1 - least:
+        row = [] if rows is None or cuts else rows.solve(t, t1, q, v, end_a, longest)
+        if row:
+            if not all(accept(window) for window in row):
+                break
+            t, q, v, end_a = end_of(row[-1])
+            longest = max(longest, *(window.length for window in row))
+            guess, starts = np.repeat(end_a, s, axis=0), True
+            continue
         h = min(h, t1 - t) if most is None else min(h, most, t1 - t)
         if t + 1.9 * h > t1 and t + h < t1:
             h = 0.5 * (t1 - t)  # no sliver at the end
@@ -172,7 +195,6 @@ def integrate(
             guess = np.repeat(guess[:1], s, axis=0)
             cuts = 0  # what is left of it does not reach the breakpoint
             continue
-        solution.windows.append(window)
         longest = max(longest, h)
         chatter = chatter + 1 if breakpoints is not None and h < CHATTER * longest else 0
         if chatter > MOST_CUT:
@@ -185,40 +207,57 @@ def integrate(
                     "machine run through.",
                 )
             )
-        stop = after(window) if after is not None else None
-        if stop is not None:
+        if not accept(window):
             break
-        end_q, end_v, end_a = window(np.array([t + h]))
-        q, v = end_q[0], end_v[0] if keeps is None else keeps(end_q[0], end_v[0])
-        t += h
+        t, q, v, end_a = end_of(window)
         longer = h * float(np.clip(0.9 * (1.0 / max(worst, 1e-12)) ** (1.0 / order), 0.3, 1.6))
         guess = np.repeat(end_a, s, axis=0) if uncut else _extrapolated(window, t + longer * rule.nodes, end_a)
         h = max(longer, 0.5 * uncut)
+        if rows is not None:
+            rows.reach, rows.natural = max(h, RECOVERED * rows.reach if cuts else 0.0), h
         starts, cuts, uncut = cuts > 0, 0, 0.0
+    solution.evaluations += 0 if rows is None else rows.shooting.evaluations
     return solution
 
 
-def tails(a: Real, length: Real, longest: Real) -> tuple[Real, Real, Real]:
-    """Two estimates (..., f) of the error in windows with Legendre coefficients ``a`` (..., s, f) of the acceleration and lengths
-    (...) [s], and the order (...) of the second.
+class _Rows:
+    """Rows of windows between breakpoints that are stated, each row solved together. ``natural`` [s]: how long a window would be,
+    ``least``, ``most`` [s]: how short and how long it may be; ``reach`` [s]: how far the next row may go."""
 
-    What the last two coefficients of the acceleration amount to, as a position, and as a speed that is kept for the ``longest``
-    window: where the equations jump, windows become so short that a wrong speed is no error of the position within them, but it is
-    one of all that follows.
+    def __init__(self, shooting: ParallelShooting, breakpoints: BreakpointFinder, natural: float, least: float, most: float | None):
+        self.shooting, self.breakpoints, self.natural, self.reach = shooting, breakpoints, natural, natural
+        self.least, self.most = least, np.inf if most is None else most
 
-    And what the quadrature misses of the speed: the coefficients from 2 s on. Where the acceleration is smooth, next to nothing is
-    left of them; next to a contact of Hertz, which starts as the power 3/2 of time, the k-th falls as C / k^m only, and what is
-    left of them is the sum of those. C and m follow from the last coefficients and those of half their number.
-    """
-    s, size = a.shape[-2], np.abs(a)
-    k = np.array([s - 2, s - 1])
-    share = (length * longest)[..., None]
-    last, middle = size[..., -2:, :].max(axis=-2), size[..., (s - 1) // 2 : (s + 3) // 2, :].max(axis=-2)
-    tail = share * np.max(size[..., -2:, :] / (4.0 * (k * k))[:, None], axis=-2)
-    ratio = np.minimum(last / np.maximum(middle, 1e-300), 0.25)
-    m = -np.log2(np.maximum(ratio, 1e-300))
-    missed = np.where(last > ROUNDING * size.max(axis=-2), 2.0 * s * last * ratio / (m - 1.0), 0.0)
-    return tail, share * missed, 0.5 * (m.min(axis=-1) + 1.0)
+    def solve(self, t: float, t1: float, q: Real, v: Real, a: Real, longest: float) -> list[Window]:
+        """The windows from ``t`` on, before ``t1`` [s]: as many as keep the tolerance and hold no other breakpoints.
+
+        There are none where breakpoints are not close to each other, or Newton's method fails: then one window has to do alone.
+        ``q``, ``v`` (f,) and ``a`` (1, f) are those at the start, ``longest`` [s] is the longest window so far.
+        """
+        boundaries, shooting = self._boundaries(t, min(t + self.reach, t1)), self.shooting
+        if len(boundaries) <= FEW:
+            return []
+        shooting.longest = longest
+        found = shooting.solve(boundaries, q, v, lambda t: np.repeat(a, len(t), axis=0), halvings=0)
+        good = [] if found is None else found.windows(shooting.rule)[: shooting.sound(found, MARGIN)]
+        for k, window in enumerate(good):
+            end = window.start + window.length
+            other = self.breakpoints(window, window.start + 10.0 * self.least)
+            if other is not None and other < end - max(20.0 * self.least, 1e-10 * window.length):
+                good = good[:k]
+                break
+        self.reach = (FARTHER if len(good) == len(boundaries) - 1 else NEARER) * float(boundaries[-1] - t)
+        return good
+
+    def _boundaries(self, t: float, end: float) -> Real:
+        """The time and the breakpoints after it, as many as can be solved together, none too far from the one before."""
+        found, longest = [t], min(self.natural, self.most)
+        while len(found) <= MOST // len(self.shooting.rule.nodes):
+            stated = self.breakpoints.stated(found[-1] + 20.0 * self.least)
+            if not stated < min(end, found[-1] + longest):
+                break
+            found.append(stated)
+        return np.array(found)
 
 
 def _first_window(q: Real, v: Real, a: Real, span: float, scale: Any) -> float:

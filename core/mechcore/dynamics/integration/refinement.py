@@ -1,0 +1,140 @@
+"""A motion found anew from one that is nearly right: many windows at once instead of one after the other.
+
+`integrate` marches because nothing is known of the next window before the last one is solved. Where a motion is known already and
+its error is to be found, its accelerations start Newton's method on the collocation equations of many windows together
+(`ParallelShooting`); the first step is deferred correction.
+
+The equations that are solved are those of the new rule on the new windows, whatever they were started from. What is known only
+says where to begin, and how long the windows are at first: each is halved until the last coefficients of its own series are below
+the new tolerance. Where that does not lead to a solution, `integrate` finds the motion.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+
+import numpy as np
+
+from mechcore.arrays import Flags, Real
+from mechcore.dynamics.integration.collocation import Rule, System, Window, gauss, radau
+from mechcore.dynamics.integration.parallel_shooting import MOST, ParallelShooting
+from mechcore.dynamics.integration.windows import BreakpointFinder, Solution, integrate, nodes_for
+
+MORE = 3  # nodes beyond those of the tolerance: the windows are at first those of a looser one
+NEAR = 1e-10  # of a window: a breakpoint so near to its end is there
+SLIVER = 0.05  # of the window after it: what a breakpoint has left of one goes with that
+
+
+@dataclass(frozen=True, eq=False)
+class Known:
+    """What is known of a motion: ``boundaries`` (k + 1,) [s] of windows where it is smooth; ``cut`` (k,): those that end where the
+    equations change their form; ``acceleration``: times (n,) -> (n, f)."""
+
+    boundaries: Real
+    cut: Flags
+    acceleration: Callable[[Real], Real]
+
+
+def _acceleration(window: Window, t: Real) -> Real:
+    return window(t)[2]
+
+
+def refine(
+    system: System,
+    q: Real,
+    v: Real,
+    t0: float,
+    t1: float,
+    *,
+    known: Known,
+    tolerance: float = 1e-9,
+    scale: Real | float = 1.0,
+    stiff: bool = False,
+    nodes: int | None = None,
+    most: float | None = None,
+    after: Callable[[Window], float | None] | None = None,
+    breakpoints: BreakpointFinder | None = None,
+    keeps: Callable[[Real, Real], Real] | None = None,
+) -> Solution:
+    """What `integrate` does, by what is ``known``; the other arguments and what it raises are those of that."""
+    s = (nodes or nodes_for(tolerance)) + MORE
+    rule: Rule = radau(s) if stiff else gauss(s)
+    solver = ParallelShooting(system, rule, tolerance, scale)
+    found = Solution()
+    t, q, v = t0, np.asarray(q, float), np.asarray(v, float)
+    least = 1e-13 * max(abs(t0), abs(t1), 1e-300)
+    keep = (known.boundaries[1:] > t0 + 20.0 * least) & (known.boundaries[:-1] < t1 - least)
+    ends, cut = np.minimum(known.boundaries[1:][keep], t1), known.cut[keep]
+    if len(ends) and most is not None and np.diff(np.append(t0, ends)).max() > most:
+        ends, cut = ends[:0], cut[:0]
+    if breakpoints is not None:  # what a law states in time is where it was
+        cut = cut & np.array([abs(breakpoints.stated(end - 20.0 * least) - end) > 20.0 * least for end in ends], bool)
+    block = max(1, MOST // s)
+    bent = 0
+    while len(ends) and bent <= 2 * len(known.cut):
+        count = int(np.argmax(cut[:block])) + 1 if breakpoints is not None and cut[:block].any() else min(block, len(ends))
+        trajectory = solver.solve(np.append(t, ends[:count]), q, v, known.acceleration)
+        if trajectory is None:
+            if count == 1:
+                break
+            block = max(1, count // 4)
+            continue
+        ends, cut = ends[count:], cut[count:]
+        for window in trajectory.windows(rule):
+            break_time = None if breakpoints is None else breakpoints(window, window.start + 10.0 * least)
+            if breakpoints is not None and break_time is not None and break_time < window.start + window.length * (1.0 - NEAR):
+                window = _until(solver, window, break_time, breakpoints, least)
+                bent += 1
+            else:
+                break_time = None
+            found.windows.append(window)
+            t = window.start + window.length
+            if after is not None and after(window) is not None:
+                found.evaluations = solver.evaluations
+                return found
+            if break_time is not None:
+                later = trajectory.boundaries[trajectory.boundaries > t + 20.0 * least]
+                ends, cut = np.concatenate([later, ends]), np.concatenate([np.zeros(len(later), bool), cut])
+                if len(ends) > 1 and ends[0] - t < SLIVER * (ends[1] - ends[0]):
+                    ends, cut = ends[1:], cut[1:]
+                break
+        end_q, end_v, _ = found.windows[-1](np.array([t]))
+        q, v = end_q[0], end_v[0] if keeps is None else keeps(end_q[0], end_v[0])
+    found.evaluations = solver.evaluations
+    if t < t1 - least:
+        rest = integrate(
+            system,
+            q,
+            v,
+            t,
+            t1,
+            tolerance=tolerance,
+            scale=scale,
+            stiff=stiff,
+            nodes=nodes,
+            most=most,
+            after=after,
+            breakpoints=breakpoints,
+            keeps=keeps,
+        )
+        found.windows += rest.windows
+        found.evaluations += rest.evaluations
+    return found
+
+
+def _until(solver: ParallelShooting, window: Window, break_time: float, breakpoints: BreakpointFinder, least: float) -> Window:
+    """A window that ends at its first breakpoint. Where that is not found, the window as long as it was guessed."""
+    for _ in range(5):
+        boundaries = np.array([window.start, break_time])
+        found = solver.solve(boundaries, window.q, window.v, partial(_acceleration, window))
+        if found is None or len(found.a) > 1:
+            part = solver.rule.legendre @ _acceleration(window, window.start + (break_time - window.start) * solver.rule.nodes)
+            return Window(window.start, break_time - window.start, window.q, window.v, part, True)
+        (window,) = found.windows(solver.rule)
+        again = breakpoints(window, window.start + 10.0 * least)
+        if again is None or again >= break_time - NEAR * window.length:
+            break
+        break_time = again
+    return Window(window.start, window.length, window.q, window.v, window.a, True)
