@@ -84,13 +84,3 @@ def powers_of(motion: Motion, forces: Forces) -> Real:
     if forces.friction is not None:
         out[:, 2] += forces.friction.power
     return out
-
-
-def kinetic_energy_of(motion: Motion) -> Real:
-    """Kinetic energy of all masses (n,) [J]."""
-    total = np.zeros(motion.frames)
-    for k, (mass, centre, inertia) in enumerate(motion.model.masses):
-        if k and (mass or inertia):
-            total = total + 0.5 * mass * np.abs(motion.of_point(k, centre, 1)) ** 2
-            total = total + 0.5 * inertia * motion.speeds.spin[motion.model.angles.spin[k]] ** 2
-    return total

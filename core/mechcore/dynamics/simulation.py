@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 from mechcore.arrays import Real
 from mechcore.dynamics.contact.dry_friction import DrySystem
 from mechcore.dynamics.contact.separation import FollowerSeparation, SeparableCam
-from mechcore.dynamics.energy_account import WorkIntegrals, kinetic_energy_of, powers_of, work_integrals
+from mechcore.dynamics.energy_account import WorkIntegrals, powers_of, work_integrals
 from mechcore.dynamics.equations.curve import TURN
 from mechcore.dynamics.equations.energy import EnergyMotion
 from mechcore.dynamics.equations.reduced import coordinate_scales, free_of, integrating, motion_at
@@ -21,6 +21,7 @@ from mechcore.dynamics.events import SimulationEvent, Stop
 from mechcore.dynamics.integration.windows import Solution
 from mechcore.dynamics.joined import JoinedForces, JoinedMotion
 from mechcore.dynamics.segments import Segment
+from mechcore.effects.inertia import kinetic_energy
 from mechcore.effects.registry import potential
 from mechcore.forces.kinetostatics import Forces, solve_forces
 from mechcore.laws.timed import Free
@@ -209,7 +210,7 @@ class Simulation:
         t = np.atleast_1d(np.asarray(t, float))
         out = np.empty(len(t))
         for segment, rows in self._rows(t):
-            out[rows] = kinetic_energy_of(segment.motion(t[rows]))
+            out[rows] = kinetic_energy(segment.motion(t[rows]))
         return out
 
     def drift(self, t: ArrayLike) -> Real:

@@ -14,6 +14,7 @@ import numpy as np
 
 from mechcore.arrays import Index, Real
 from mechcore.effects.base import Wrench, point_of, power_of, sum_up
+from mechcore.effects.inertia import kinetic_energy
 from mechcore.effects.registry import applied_effects, potential, totals, wrenches
 from mechcore.forces import equilibrium
 from mechcore.forces.friction.result import FrictionResult
@@ -201,15 +202,7 @@ class Forces:
     @cached_property
     def kinetic_energy(self) -> Real:
         """Kinetic energy of all links, where inertia is asked for (F,) [J]."""
-        m = self.motion
-        total: Array = np.zeros(m.frames)
-        for w in self.applied:
-            if w.kind == "inertia":
-                mass, centre, inertia = m.model.masses[w.link]
-                v = m.of_point(w.link, centre, 1)
-                spin = m.speeds.spin[m.model.angles.spin[w.link]]
-                total = total + 0.5 * mass * np.abs(v) ** 2 + 0.5 * inertia * spin**2
-        return total
+        return kinetic_energy(self.motion) if "inertia" in self.motion.mechanism.effects else np.zeros(self.motion.frames)
 
     @cached_property
     def potential_energy(self) -> Real:

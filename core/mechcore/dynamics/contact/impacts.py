@@ -11,9 +11,9 @@ from __future__ import annotations
 import numpy as np
 
 from mechcore.arrays import Flags, Real
-from mechcore.dynamics.energy_account import kinetic_energy_of
 from mechcore.dynamics.equations.reduced import free_of, motion_at
 from mechcore.dynamics.events import Log
+from mechcore.effects.inertia import kinetic_energy
 from mechcore.motion.compiled import Compiled
 
 ROUNDING = 1e-12  # of the largest rate, of the work of an impact: what is left by rounding
@@ -96,4 +96,4 @@ def account_for_impact(log: Log, compiled: Compiled, t: float, q: Real, before: 
     log.lose(t, lost)
     if len(free_of(compiled)) < len(compiled.mechanism.drives):
         motion = motion_at(compiled, np.array([q, q]), np.array([before, after]), np.array([t, t]))
-        log.push(t, float(np.diff(kinetic_energy_of(motion))[0]) + lost)
+        log.push(t, float(np.diff(kinetic_energy(motion))[0]) + lost)

@@ -15,12 +15,12 @@ from typing import Any
 import numpy as np
 
 from mechcore.arrays import Real, Values
-from mechcore.dynamics.energy_account import kinetic_energy_of
 from mechcore.dynamics.equations.chart import Chart
 from mechcore.dynamics.equations.curve import TURN, Curve, beside_singular, tabulate, whole_turn
 from mechcore.dynamics.equations.handover import carried_on, enter
 from mechcore.dynamics.equations.reduced import free_of, motion_at, moving
 from mechcore.effects.argument import rate
+from mechcore.effects.inertia import kinetic_energy
 from mechcore.effects.registry import effects_of, potential
 from mechcore.errors import Fault, MechanismError
 from mechcore.laws.timed import Free
@@ -130,7 +130,7 @@ def _same(motion: Motion, other: Compiled, q: Real, v: Real, t: float) -> bool:
         a, b = motion.pose(link)[0], there.pose(link)[0]
         if not np.abs(a[:2] - b[:2]).max() <= SAME * motion.model.size or not abs(np.exp(1j * (a[2] - b[2])) - 1.0) <= SAME:
             return False
-    energies = [np.array([kinetic_energy_of(m)[0], np.ravel(potential(m))[0]]) for m in (motion, there)]
+    energies = [np.array([kinetic_energy(m)[0], np.ravel(potential(m))[0]]) for m in (motion, there)]
     return bool(np.abs(energies[0] - energies[1]).max() <= 1e3 * SAME * max(1e-300, np.abs(energies[0]).max()))
 
 

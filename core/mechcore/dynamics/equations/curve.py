@@ -19,6 +19,7 @@ from mechcore.arrays import Real
 from mechcore.branches.singular_points import Changes
 from mechcore.dynamics.equations.reduced import motion_at, steps_of_differences, with_rates
 from mechcore.effects.base import Effect, power_of
+from mechcore.effects.inertia import kinetic_energy
 from mechcore.effects.registry import effects_of
 from mechcore.errors import MechanismError
 from mechcore.motion.compiled import Compiled, reached
@@ -178,7 +179,7 @@ def whole_turn(
     repeating = [e for e, f in forces.items() if np.abs(f[twice] - f[once]).max() <= 1e-9 * np.abs(f).max()]
     rest += [e for e in fixed if e not in repeating]  # torsion springs, and tables over an angle that goes on
     force = sum((forces[e] for e in repeating), np.zeros(unit.frames))
-    known = np.column_stack([inertia_of(unit), force])[: len(x)]
+    known = np.column_stack([2.0 * kinetic_energy(unit), force])[: len(x)]
     values = _values(compiled, repeating, usable)
     table = _fitted(compiled, values, low, low + TURN, periodic=True, tolerance=tolerance, known=known)
     return _curve(compiled, table, rest) if np.isfinite(table.coefficients).all() else None
@@ -221,7 +222,7 @@ def _values(
     def values(q: Real) -> Real:
         unit = _unit(compiled, q)
         force = sum((_force(e, unit) for e in effects), np.zeros(len(q)))
-        return np.column_stack([inertia_of(unit), force]) * (1.0 if usable(unit) else np.nan)
+        return np.column_stack([2.0 * kinetic_energy(unit), force]) * (1.0 if usable(unit) else np.nan)
 
     return values
 
@@ -254,17 +255,3 @@ def _comes_back(motion: Motion, once: NDArray[Any], twice: NDArray[Any]) -> bool
     turns = [r[twice] - r[once] for r in map(motion.rotation, links) if np.ndim(r)]
     near = [float(np.abs(np.array(x)).max()) if x else 0.0 for x in (places, turns)]
     return bool(near[0] <= 1e-8 * size and near[1] <= 1e-8)
-
-
-def inertia_of(unit: Motion) -> Real:
-    """Reduced inertia (n,) at a motion with unit rate of the free coordinate."""
-    total: Any = np.zeros(unit.frames)
-    model = unit.model
-    for k in range(1, len(model.links)):
-        mass, centre, moment = model.masses[k]
-        if mass:
-            v = unit.of_point(k, centre, 1)
-            total = total + mass * (v.real**2 + v.imag**2)
-        if moment:
-            total = total + moment * unit.speeds.spin[model.angles.spin[k]] ** 2
-    return np.asarray(total)
