@@ -6,6 +6,7 @@ the stated one, a place that is not finite or a face without its corners.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
@@ -210,29 +211,29 @@ COMPONENTS: Mapping[str, Kind] = {
 FIELDS: Mapping[str, Kind] = {"radii": Kind(), "colors": Kind("whole"), "labels": Kind("text")}
 """Of every archetype that has them."""
 
-TABLES: tuple[tuple[str, int], ...] = (
-    ("data/links/*/pose", 3),
-    ("data/links/*/velocity", 3),
-    ("data/links/*/acceleration", 3),
-    ("data/links/*/inertia", 3),
-    ("data/points/*/position", 2),
-    ("data/points/*/velocity", 2),
-    ("data/points/*/acceleration", 2),
-    ("data/joints/*/reaction", 3),
-    ("data/joints/*/position", 2),
-    ("data/joints/*/motion", 3),
-    ("data/joints/*/friction", 3),
-    ("data/joints/*/friction_loss", 1),
-    ("data/loads/gravity/*", 5),
-    ("data/loads/*", 5),
-    ("data/drive/*/wrench", 3),
-    ("data/drive/*", 5),
-    ("data/cams/*/contact", 6),
-    ("data/energy", 4),
-    ("health/error_estimate", 5),
-    ("health/*", 1),
+TABLES: tuple[tuple[str, tuple[str, ...]], ...] = (
+    ("data/links/*/pose", ("m, m, rad",)),
+    ("data/links/*/velocity", ("m/s, m/s, rad/s",)),
+    ("data/links/*/acceleration", ("m/s², m/s², rad/s²",)),
+    ("data/links/*/inertia", ("N, N, N m",)),
+    ("data/points/*/position", ("m, m",)),
+    ("data/points/*/velocity", ("m/s, m/s",)),
+    ("data/points/*/acceleration", ("m/s², m/s²",)),
+    ("data/joints/*/reaction", ("N, N, N m",)),
+    ("data/joints/*/position", ("m, m",)),
+    ("data/joints/*/motion", ("rad, rad/s, rad/s²", "m, m/s, m/s²")),
+    ("data/joints/*/friction", ("N, N, N m",)),
+    ("data/joints/*/friction_loss", ("W",)),
+    ("data/loads/gravity/*", ("N, N, N m, m, m",)),
+    ("data/loads/*", ("N, N, N m, m, m",)),
+    ("data/drive/*/wrench", ("N, N, N m",)),
+    ("data/drive/*", ("rad, rad/s, rad/s², N m, W", "m, m/s, m/s², N, W")),
+    ("data/cams/*/contact", ("m, m, N, rad, m, m",)),
+    ("data/energy", ("J, J, J, J",)),
+    ("health/error_estimate", ("1, 1, 1, 1, 1",)),
+    ("health/*", ("1", "m", "m/s", "m/s²")),
 )
-"""Numbers in a row of the tables of the contract; the first that fits counts."""
+"""Units of the numbers in a row of the tables of the contract; the first that fits counts."""
 
 TOGETHER: tuple[tuple[str, ...], ...] = (
     ("Mesh3D:vertex_positions", "Mesh3D:triangle_indices", "Mesh3D:vertex_normals", "Mesh3D:vertex_colors"),
@@ -250,13 +251,13 @@ SAME_COUNT = (*TOGETHER[0][2:], *TOGETHER[3][1:], "Arrows3D:vectors")
 """Of these an entity has as many as of the first that they belong to."""
 
 
-def width_of(parts: tuple[str, ...]) -> int | None:
-    """Numbers in a row of a table; None of those that the contract leaves open."""
-    for pattern, width in TABLES:
+def units_of(parts: tuple[str, ...]) -> tuple[str, ...]:
+    """Units of the numbers in a row of a table, all that are allowed; none of tables that the contract leaves open."""
+    for pattern, units in TABLES:
         stated = pattern.split("/")
         if len(parts) == len(stated) and all(s in ("*", part) for s, part in zip(stated, parts, strict=True)):
-            return width
-    return None
+            return units
+    return ()
 
 
 def missing_tables(recording: Recording) -> list[str]:
@@ -321,8 +322,7 @@ def _entity_faults(recording: Recording, path: str, time: Any, finite: bool) -> 
         yield "its faces name vertices that it has not"
     parts = parts_of(path)
     if parts[0] in ("data", "health") and recording.has(path):
-        values, columns = counts.get("Scalars:scalars"), counts.get("SeriesLines:names")
-        yield from _table_faults(recording, path, width_of(parts), time, values, columns)
+        yield from _table_faults(recording, path, time, counts.get("Scalars:scalars"))
 
 
 def _read_column(column: Any, kind: Kind, name: str, moving: bool) -> Any:
@@ -362,21 +362,25 @@ def _read_column(column: Any, kind: Kind, name: str, moving: bool) -> Any:
     return lengths
 
 
+UNIT = re.compile(r" \[([^\]]*)\]$")  # at the end of a name, such as ``crank.x [m]``
 WORDS = {"number": "numbers", "whole": "whole numbers", "text": "text", "truth": "truth values"}
 
 
-def _table_faults(recording: Recording, path: str, width: int | None, time: Any, counts: Any, names: Any) -> Iterator[str]:
-    """Faults of a table: every frame has a row, every row the same numbers, every number a name."""
+def _table_faults(recording: Recording, path: str, time: Any, counts: Any) -> Iterator[str]:
+    """Faults of a table: every frame has a row, every row the same numbers, every number a name with the unit of the contract."""
     if counts is None:
         yield "it has no values"
         return
-    width = int(counts[0]) if width is None and len(counts) else width
+    names = recording.static(path, component="SeriesLines:names")
+    units = ", ".join(found[1] if (found := UNIT.search(str(name))) else "1" for name in (() if names is None else names))
+    allowed = units_of(parts_of(path)) or (units,)
+    width = len(allowed[0].split(", "))
     if np.any(counts != width):
         yield f"it has {counts[counts != width][0]} numbers in a row instead of {width}"
     elif not np.array_equal(recording.times(path), time):
         yield f"its {len(counts)} rows are not at the {len(time)} frames"
-    elif names is None or len(names) != 1 or names[0] != width:
-        yield f"it names {0 if names is None or not len(names) else names[0]} of its {width} numbers"
+    elif units not in allowed:
+        yield f"its columns are in '{units}' instead of '{' or '.join(allowed)}'"
 
 
 def _faces_fit(recording: Recording, path: str) -> bool:
