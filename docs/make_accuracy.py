@@ -22,10 +22,10 @@ from mechviz.outputs.rerun.writer import write_recording
 from mechviz.runs import run_scene
 from mechviz.scene.scene import load
 from mechviz.studies.influences import influence_lines, influences
-from mechviz.studies.ladder import Point, cheapest, ladder
-from mechviz.studies.ladder_cache import keep, kept
-from mechviz.studies.ladder_diagram import diagram
-from mechviz.studies.timing import machine, used
+from mechviz.studies.precision.cache import keep, kept
+from mechviz.studies.precision.diagram import diagram
+from mechviz.studies.precision.ladder import Point, cheapest, ladder
+from mechviz.studies.precision.timing import machine, used
 
 HERE = Path(__file__).resolve().parent
 IMAGES = HERE / "images"

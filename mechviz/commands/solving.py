@@ -15,8 +15,8 @@ from mechviz.accuracy.words import target_words
 from mechviz.commands.common import UNTRUSTED, fail, orderly, progress_bar, say
 from mechviz.quantities.soundness import doubts
 from mechviz.runs import Run, run_scene
+from mechviz.scene.assembly.reachable import swinging
 from mechviz.scene.faults import SceneError
-from mechviz.scene.kinds.reachable import swinging
 from mechviz.scene.kinds.segments import former_laws
 from mechviz.scene.scene import Scene, load
 from mechviz.scene.units import QuantityError, Units

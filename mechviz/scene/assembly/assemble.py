@@ -14,6 +14,7 @@ from mechcore.spec.mechanism import Drive, Link, Mechanism, Planar, coordinates_
 from mechcore.texts import as_length
 from mechviz.scene.assembly.masses import drawn_bodies, drawn_links, links_that_cannot_turn, mass_properties
 from mechviz.scene.assembly.placement import place_links
+from mechviz.scene.assembly.reachable import REACHABLE, with_swings
 from mechviz.scene.assembly.simulation import (
     SimulationSpec,
     free_law,
@@ -31,7 +32,6 @@ from mechviz.scene.kinds.friction import clearances_of, idle_effect
 from mechviz.scene.kinds.joints.base import drawn_angle
 from mechviz.scene.kinds.joints.document import PairDocument, check_joints, drawn_place, modes_of, pair_spec
 from mechviz.scene.kinds.loads.document import check_loads, load_specs
-from mechviz.scene.kinds.reachable import REACHABLE, with_swings
 from mechviz.scene.kinds.studies import needs_inertia, studies_of
 from mechviz.scene.names import check_names, split_point
 from mechviz.scene.reading.recovery import Reading

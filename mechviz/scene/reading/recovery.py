@@ -205,7 +205,7 @@ _SECTIONS = ("links", "joints", "sketch", "loads", "watch", "systems", "substitu
 
 @dataclass
 class Reading:
-    """What could be read of a scene, with stand-ins for what could not .
+    """What could be read of a scene, with stand-ins for what could not.
 
     ``broken`` names the items of each section that are not wholly known, "*" where the section itself is not;
     ``shapeless`` holds the pairs of which not even the kind is known, which the document leaves out.

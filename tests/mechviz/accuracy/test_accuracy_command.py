@@ -15,13 +15,12 @@ from mechviz.accuracy.kept import PROFILE
 from mechviz.commands.main import app
 from mechviz.figures import DOTS, chart_svg
 from mechviz.scene.scene import load
-from mechviz.studies import ladder as ladder_module
-from mechviz.studies import ladder_cache as cache
-from mechviz.studies import timing
 from mechviz.studies.influences import influence_lines, influences
-from mechviz.studies.ladder import Point, cheapest, ladder, pareto
-from mechviz.studies.ladder_diagram import PANEL, diagram, write_rrd
-from mechviz.studies.timing import Timed, side_by_side, timed
+from mechviz.studies.precision import cache, timing
+from mechviz.studies.precision import ladder as ladder_module
+from mechviz.studies.precision.diagram import PANEL, diagram, write_rrd
+from mechviz.studies.precision.ladder import Point, cheapest, ladder, pareto
+from mechviz.studies.precision.timing import Timed, side_by_side, timed
 
 
 def point(seconds: float, error: float, **more: object) -> Point:

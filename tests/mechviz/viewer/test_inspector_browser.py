@@ -43,8 +43,8 @@ from mechviz.picture.build import solids_of
 from mechviz.picture.nodes import Body
 from mechviz.runs import run_scene
 from mechviz.scene.scene import load, loads
-from mechviz.studies import ladder as ladder_module
-from mechviz.studies.timing import Timed
+from mechviz.studies.precision import ladder as ladder_module
+from mechviz.studies.precision.timing import Timed
 
 __all__ = ["browser"]  # a fixture
 

@@ -24,7 +24,7 @@ from mechviz.accuracy.words import ORDERS
 from mechviz.meshes.kinds.cam_profiles import profile_points
 from mechviz.picture.build import solids_of
 from mechviz.runs import Run, run_scene
-from mechviz.studies.timing import Timed, timed
+from mechviz.studies.precision.timing import Timed, timed
 
 if TYPE_CHECKING:
     from mechcore.dynamics.simulation import Simulation

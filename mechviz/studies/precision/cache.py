@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING, Any
 
 import mechcore
 from mechviz.runs import package_version
-from mechviz.studies.ladder import Point
-from mechviz.studies.timing import machine
+from mechviz.studies.precision.ladder import Point
+from mechviz.studies.precision.timing import machine
 
 if TYPE_CHECKING:
     from mechviz.scene.scene import Scene
@@ -59,7 +59,7 @@ def _file(scene: Scene, target: float | None) -> Path:
 
 def _code() -> float:
     """When the program was last changed: a ladder of another state of it is not this one's."""
-    roots = [Path(mechcore.__file__).parent, Path(__file__).parent.parent]
+    roots = [Path(mechcore.__file__).parent, Path(__file__).parents[2]]
     return max(f.stat().st_mtime for root in roots for f in root.rglob("*.py"))
 
 
