@@ -23,22 +23,25 @@ T = TypeVar("T", Vector, Moment)
 
 LONGEST = 1.4  # in sizes of the mechanism: only near a jam, where forces grow beyond all bounds, and there left out
 SHORTEST = 0.015  # in sizes of the mechanism; what is shorter is left out
+APART = 0.016  # in sizes of the mechanism: distance of arrows that would lie on one line
+ALONG = 0.1  # sine of the angle up to which arrows from one place lie on one line
 ROUND_OFF = 1e-9  # of the largest moment: what is smaller throughout is not drawn
 
 
 @dataclass(frozen=True, eq=False)
 class Arrows:
-    """Vectors and moments by family, with their scales."""
+    """Vectors and moments by family, with their scales; ``asides`` [m] of the vectors as in `Arrow`."""
 
     vectors: tuple[Vector, ...]
     moments: tuple[Moment, ...]
     scales: Scales
+    asides: tuple[float, ...]
 
     def nodes(self, heights: Mapping[str, float], otherwise: float) -> Iterator[Node]:
         """The nodes of a picture, at heights [m] by key."""
-        for vector in self.vectors:
+        for vector, aside in zip(self.vectors, self.asides, strict=True):
             key = key_of(vector)
-            yield Arrow(key, owner_of(vector), vector.family, vector.entity, heights.get(key, otherwise), vector)
+            yield Arrow(key, owner_of(vector), vector.family, vector.entity, heights.get(key, otherwise), vector, aside)
         for moment in self.moments:
             key = key_of(moment)
             yield Arc(key, owner_of(moment), moment.family, moment.entity, heights.get(key, otherwise), moment)
@@ -68,13 +71,37 @@ def arrows_of(run: Run, size: float) -> Arrows:
     first = find_scales(_by_family(vectors), {}, size, calm)
     moments = _moments(numbers, vectors, first, size, friction_circles(run))
     turning = find_scales({}, _by_family(moments), size, calm).newton_metres_per_metre
-    return Arrows(vectors, moments, replace(first, newton_metres_per_metre=turning))
+    return Arrows(vectors, moments, replace(first, newton_metres_per_metre=turning), set_apart(vectors, first, size))
 
 
 def with_scales(numbers: Numbers, size: float, scales: Scales, circles: Collection[str]) -> Arrows:
     """The same of a recording, whose scales and friction ``circles`` are known."""
     vectors = _in_order(_vectors(numbers))
-    return Arrows(vectors, _moments(numbers, vectors, scales, size, circles), scales)
+    return Arrows(vectors, _moments(numbers, vectors, scales, size, circles), scales, set_apart(vectors, scales, size))
+
+
+def set_apart(vectors: tuple[Vector, ...], scales: Scales, size: float) -> tuple[float, ...]:
+    """How far aside [m] of its line each vector is drawn: those that ever point from one place the same way stand side by side."""
+    if not vectors or not len(vectors[0].origin):
+        return (0.0,) * len(vectors)
+    frames = [0, len(vectors[0].origin) // 2]
+    places = np.array([v.origin[frames] for v in vectors])
+    lanes: list[int] = []
+    for k, vector in enumerate(vectors):
+        near = np.abs(places[:k] - places[k]).max(axis=(1, 2), initial=0.0) < ROUND_OFF * size
+        taken = {lanes[i] for i in np.flatnonzero(near) if _on_one_line(vectors[i], vector, scales, size)}
+        lanes.append(next(lane for lane in range(len(vectors)) if lane not in taken))
+    sides = [(lane + 1) // 2 * (1 if lane % 2 else -1) for lane in lanes]  # 0, 1, -1, 2, -2 ...
+    return tuple(side * APART * size for side in sides)
+
+
+def _on_one_line(a: Vector, b: Vector, scales: Scales, size: float) -> bool:
+    """Whether two vectors from one place are seen and point the same way at any frame."""
+    (ax, ay), (bx, by) = a.value.T, b.value.T
+    with np.errstate(invalid="ignore"):
+        same = np.abs(ax * by - ay * bx) < ALONG * (ax * bx + ay * by)
+    seen = [visible(v.value, scales.per_metre(v.family), size) for v in (a, b)]
+    return bool((same & seen[0] & seen[1]).any())
 
 
 def visible(vectors: Real, scale: float, size: float) -> Flags:

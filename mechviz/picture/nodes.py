@@ -109,9 +109,20 @@ class ArrowSet(Node):
 
 @dataclass(frozen=True, eq=False)
 class Arrow(Node):
-    """A vector over the frames."""
+    """A vector over the frames, drawn ``aside`` [m] of its line, to its left, where another one lies on that."""
 
     vector: Vector
+    aside: float = 0.0
+
+    @property
+    def origin(self) -> Real:
+        """Where it is drawn from (F, 2) [m]."""
+        if not self.aside:
+            return self.vector.origin
+        x, y = self.vector.value.T
+        length = np.hypot(x, y)
+        across = np.column_stack([-y, x]) / np.where(length > 0.0, length, 1.0)[:, None]
+        return np.asarray(self.vector.origin + self.aside * across)
 
 
 @dataclass(frozen=True, eq=False)

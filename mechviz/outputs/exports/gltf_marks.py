@@ -90,7 +90,7 @@ def find_marks(run: Run, solids: Solids, picture: Picture, families: Iterable[st
     for arrow in (a for a in picture.of(Arrow) if a.group in wanted):
         vector, family = arrow.vector, FAMILIES[arrow.group]
         lengths = vector.value / picture.scales.per_metre(family.name)
-        found.append(_arrow(f"{family.label}: {vector.item}", vector.origin, lengths, arrow.height, picture.size, family.color))
+        found.append(_arrow(f"{family.label}: {vector.item}", arrow.origin, lengths, arrow.height, picture.size, family.color))
     largest = max((_largest(arc.moment.value) for arc in picture.of(Arc)), default=0.0)
     for arc in (a for a in picture.of(Arc) if a.group in wanted):
         moment, family = arc.moment, FAMILIES[arc.group]

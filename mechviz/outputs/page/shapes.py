@@ -122,7 +122,7 @@ def _drawable(node: Node, picture: Picture, frames: Frames, pack: Pack) -> tuple
         case Arrow(vector=vector, group=family):
             scale = picture.scales.per_metre(family)
             seen = visible(vector.value, scale, size)[rows, None]
-            origin, value = (np.where(seen, a[rows], np.nan) for a in (vector.origin, vector.value / scale))
+            origin, value = (np.where(seen, a[rows], np.nan) for a in (node.origin, vector.value / scale))
             radius = (THIN if family in MOTION else THICK) * size
             starts, ways = (np.column_stack([a, np.full(len(rows), node.height)])[:, None] for a in (origin, value))
             return _arrows(starts, ways, [COLORS[family]], [radius], [], pack)

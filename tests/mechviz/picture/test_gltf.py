@@ -184,6 +184,7 @@ def test_arrows_reach_from_the_point_of_action_as_far_as_the_force_is_large():
     run = run_scene(mechviz.load("slider-crank-compressor"), frames=40)
     glb = Glb(glb_bytes(run))
     vectors, _, scales = vectors_of(run, size := solids_of(run).size)
+    drawn = picture_of(run, solids_of(run)).by_key
     assert set(ARROWS) & set(vectors) >= {"reaction", "applied", "inertia"}
     for family in set(ARROWS) & set(vectors):
         for item, vector in vectors[family].items():
@@ -195,7 +196,7 @@ def test_arrows_reach_from_the_point_of_action_as_far_as_the_force_is_large():
             assert np.all((turn[1:] * turn[:-1]).sum(axis=1) >= 0.0)
             wanted = vector.value @ [1.0, 1.0j] / scales.newtons_per_metre
             assert np.abs(along - wanted).max() < 2e-4 * size, name
-            assert place[:, :2] == pytest.approx(vector.origin, abs=1e-6)
+            assert place[:, :2] == pytest.approx(drawn[f"{family}.{item}"].origin, abs=1e-6)
     torque = run.forces.effort("A")
     arc = _track(glb, "Drive: moment A", "scale", 41)
     assert arc[:, 1] / np.abs(arc[:, 1]).max() == pytest.approx(torque / np.abs(torque).max(), abs=2e-4)

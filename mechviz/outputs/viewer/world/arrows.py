@@ -71,7 +71,7 @@ class ArrowNodes:
         for family, arrows in arrows_by_family(show).items():
             if family not in self._nodes:
                 self._nodes[family] = self._add_arrows(family)
-            origins, values = (np.stack([getattr(a.vector, part) for a in arrows], axis=1) for part in ("origin", "value"))
+            origins, values = (np.stack(part, axis=1) for part in zip(*((a.origin, a.vector.value) for a in arrows), strict=True))
             self._tracks[family] = origins, values / show.scales.per_metre(family), np.array([a.height for a in arrows])
         for family, node in self._nodes.items():
             if family not in self._tracks:
