@@ -23,6 +23,7 @@ from mechcore.kinematics.model import Model
 from mechcore.kinematics.positions import place_all
 from mechcore.kinematics.rates import velocities
 from mechcore.kinematics.state import real_angle
+from mechcore.numerics.interpolation import interpolant
 
 Drives = Callable[[float], tuple[list[float], list[float]]]  # parameter -> drive positions and their derivatives by it
 
@@ -60,8 +61,6 @@ class Track:
 
 def follow(model: Model, assembly: Assembly, drives: Drives, start: float, low: float, high: float, step: float) -> Track:
     """Walk from ``start`` to ``low`` and to ``high`` with steps of at most ``step``."""
-    from scipy.interpolate import CubicHermiteSpline, make_interp_spline
-
     passed: list[tuple[float, str]] = []
     forward = _walk(model, assembly, drives, start, high, step, passed)
     backward = _walk(model, assembly, drives, start, low, step, passed) if low < start else [forward[0]]
@@ -78,11 +77,11 @@ def follow(model: Model, assembly: Assembly, drives: Drives, start: float, low: 
         x, slope = np.array([r[1][name] for r in rows]), np.array([r[2][name] for r in rows])
         if len(p) == 1:
             p1, x, slope = np.array([p[0], p[0] + 1.0]), np.repeat(x, 2, 0), np.zeros((2, *x.shape[1:]))
-            splines[name] = CubicHermiteSpline(p1, x, slope)
+            splines[name] = interpolant(p1, x, slope)
         elif name.startswith("angle "):  # decides the turn only; next to a limit its slope has no bounds
-            splines[name] = make_interp_spline(p, x, k=1)
+            splines[name] = interpolant(p, x)
         else:
-            splines[name] = CubicHermiteSpline(p, x, slope)
+            splines[name] = interpolant(p, x, slope)
     beyond = (min(low, start), max(high, start))  # a step through a singular position may go a little too far
     known = (max(float(p[0]), beyond[0]), min(float(p[-1]), beyond[1]))
     ends = (max(min(known[0], limits[0]), beyond[0]), min(max(known[1], limits[1]), beyond[1]))

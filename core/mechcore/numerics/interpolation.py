@@ -6,9 +6,11 @@ values and the rates of the two frames next to a time, or where no rates are kno
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from mechcore.arrays import Real
 
@@ -36,6 +38,18 @@ def between(time: Real, values: Any, t: Real, order: int, rate: Any = None, seco
     if order == 5 and rate is not None and second is not None:
         return _quintic(u, a, b, h * rate[k], h * rate[k + 1], h * h * second[k], h * h * second[k + 1])
     return _through_neighbours(time, values, t, k, order + 1)
+
+
+def interpolant(nodes: Real, values: Real, slopes: Real | None = None) -> Callable[[ArrayLike], Real]:
+    """The function through values (n, ...) at increasing nodes (n,): cubic Hermite polynomials with slopes (n, ...), straight
+    lines without. It takes an argument of any shape; beyond the nodes the outermost pieces go on."""
+
+    def at(x: ArrayLike) -> Real:
+        x = np.asarray(x, float)
+        found = between(nodes, values, x.ravel(), 1 if slopes is None else 3, slopes)
+        return found.reshape(*x.shape, *values.shape[1:])
+
+    return at
 
 
 def _quintic(u: Real, a: Real, b: Real, va: Real, vb: Real, wa: Real, wb: Real) -> Real:

@@ -11,8 +11,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-import numpy as np
-
 
 @dataclass(frozen=True)
 class Order:
@@ -28,23 +26,14 @@ class Order:
 
 def block_order(pattern: Sequence[Sequence[int]], unknowns: int) -> Order:
     """Pattern: for each equation the unknowns in it -> its blocks in solving order."""
-    from scipy.sparse import csr_array
-    from scipy.sparse.csgraph import maximum_bipartite_matching
-
     rows = len(pattern)
-    match = np.full(rows, -1)
-    if rows and unknowns:
-        lengths = [len(p) for p in pattern]
-        columns = np.fromiter((u for p in pattern for u in p), int, sum(lengths))
-        pointer = np.concatenate([[0], np.cumsum(lengths)])
-        graph = csr_array((np.ones(len(columns), np.int8), columns, pointer), shape=(rows, unknowns))
-        match = maximum_bipartite_matching(graph, perm_type="column")  # equation -> its unknown or -1
-    owner = np.full(unknowns, -1)  # unknown -> its equation
+    match = maximum_matching(pattern, unknowns)
+    owner = [-1] * unknowns  # unknown -> its equation
     for e, u in enumerate(match):
         if u >= 0:
             owner[u] = e
-    spare = tuple(int(e) for e in range(rows) if match[e] < 0)
-    free = tuple(int(u) for u in range(unknowns) if owner[u] < 0)
+    spare = tuple(e for e in range(rows) if match[e] < 0)
+    free = tuple(u for u in range(unknowns) if owner[u] < 0)
 
     appears: list[list[int]] = [[] for _ in range(unknowns)]
     for e, p in enumerate(pattern):
@@ -53,15 +42,57 @@ def block_order(pattern: Sequence[Sequence[int]], unknowns: int) -> Order:
     loose, stack = set(free), list(free)
     while stack:  # whatever an alternating path reaches from a free unknown is not determined either
         for e in appears[stack.pop()]:
-            u = int(match[e])
+            u = match[e]
             if u >= 0 and u not in loose:
                 loose.add(u)
                 stack.append(u)
 
     # equation e depends on the equations that own its other unknowns
-    needs = [[int(owner[u]) for u in p if owner[u] >= 0 and owner[u] != e] if match[e] >= 0 else [] for e, p in enumerate(pattern)]
-    blocks = tuple((tuple(sorted(c)), tuple(sorted(int(match[e]) for e in c))) for c in _components(needs) if match[c[0]] >= 0)
+    needs = [[owner[u] for u in p if owner[u] >= 0 and owner[u] != e] if match[e] >= 0 else [] for e, p in enumerate(pattern)]
+    blocks = tuple((tuple(sorted(c)), tuple(sorted(match[e] for e in c))) for c in _components(needs) if match[c[0]] >= 0)
     return Order(blocks=blocks, spare=spare, free=free, loose=frozenset(loose))
+
+
+def maximum_matching(pattern: Sequence[Sequence[int]], unknowns: int) -> list[int]:
+    """For each equation an unknown of its own, -1 for those that get none: as many as possible are matched.
+
+    Hopcroft & Karp, An n^(5/2) algorithm for maximum matchings in bipartite graphs (1973): each round augments along a maximal
+    set of disjoint shortest alternating paths.
+    """
+    match, owner = [-1] * len(pattern), [-1] * unknowns
+    while True:
+        level = [0 if u < 0 else -1 for u in match]  # steps of an alternating path from an unmatched equation
+        layer, reached = [e for e, u in enumerate(match) if u < 0], False
+        while layer and not reached:
+            following = []
+            for e in layer:
+                for u in pattern[e]:
+                    next_equation = owner[u]
+                    if next_equation < 0:
+                        reached = True
+                    elif level[next_equation] < 0:
+                        level[next_equation] = level[e] + 1
+                        following.append(next_equation)
+            layer = following
+        if not reached:
+            return match
+        untried = [iter(unknowns_of) for unknowns_of in pattern]
+        for root in [e for e, u in enumerate(match) if u < 0]:
+            path: list[tuple[int, int]] = []  # equations, each with the unknown that leads to the next
+            e = root
+            while True:
+                u = next(untried[e], -1)
+                if u < 0:  # a dead end
+                    if not path:
+                        break
+                    e, _ = path.pop()
+                elif owner[u] < 0:
+                    for equation, unknown in (*path, (e, u)):
+                        match[equation], owner[unknown] = unknown, equation
+                    break
+                elif level[owner[u]] == level[e] + 1:
+                    path.append((e, u))
+                    e = owner[u]
 
 
 def _components(needs: Sequence[Sequence[int]]) -> list[list[int]]:

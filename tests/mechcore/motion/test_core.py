@@ -12,6 +12,8 @@ from comparison_columns import class_three
 from hypothesis import given
 from hypothesis import strategies as st
 from mechanisms import case, drawn, four_bar, lever, load, move, pin, slider_crank, watt_six_bar
+from scipy.sparse import csr_array
+from scipy.sparse.csgraph import maximum_bipartite_matching
 
 from mechcore.errors import MechanismError
 from mechcore.forces.kinetostatics import solve_forces
@@ -22,7 +24,7 @@ from mechcore.motion.solve import compile_mechanism, default_times, solve_motion
 from mechcore.motion.structure import contour_pairs, groups, gruebler, rank_mobility, redundant_pairs
 from mechcore.spec.loads import Force
 from mechcore.spec.mechanism import Drive, Link, Mechanism, Prismatic
-from mechcore.topology.order import block_order
+from mechcore.topology.order import block_order, maximum_matching
 
 ROCKER = {"E": (0.3, 0.05), "AB": 0.22, "BD": 0.16, "DE": 0.21}
 
@@ -82,6 +84,19 @@ def test_block_order_is_sound_for_any_pattern(pattern):
         for e in equations:
             assert set(rows[e]) <= known | set(unknowns)
         known |= set(unknowns)
+
+
+@given(st.lists(st.sets(st.integers(0, 6), max_size=4), max_size=9))
+def test_as_many_equations_as_possible_get_an_unknown_of_their_own(pattern):
+    rows = [sorted(p) for p in pattern]
+    match = maximum_matching(rows, 7)
+    owned = [u for u in match if u >= 0]
+    assert len(owned) == len(set(owned)) and all(u < 0 or u in p for u, p in zip(match, rows, strict=True))
+    graph = np.zeros((len(rows), 7), bool)
+    for e, p in enumerate(rows):
+        graph[e, p] = True
+    best = maximum_bipartite_matching(csr_array(graph), perm_type="column") if len(rows) else np.zeros(0)
+    assert len(owned) == np.count_nonzero(best >= 0)
 
 
 # -- closed forms -----------------------------------------------------------------------------------------------------

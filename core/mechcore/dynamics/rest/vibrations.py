@@ -12,8 +12,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import scipy.linalg
-from scipy.optimize import linear_sum_assignment
 
 from mechcore.arrays import Real
 from mechcore.dynamics.equations.reduced import coordinate_scales, reduce
@@ -105,13 +103,15 @@ class Vibrations:
     def free_motion(self, displacement: Real, speed: Real, t: Real) -> Real:
         """Displacements (n, f) from the equilibrium at times (n,) [s], after a start with a small ``displacement`` and ``speed``
         (f,): the exact solution of the linear equations."""
+        from scipy.linalg import expm
+
         f = len(self.inertia)
         a = np.zeros((2 * f, 2 * f))
         a[:f, f:] = np.eye(f)
         a[f:, :f] = -np.linalg.solve(self.inertia, self.stiffness)
         a[f:, f:] = -np.linalg.solve(self.inertia, self.damping)
         start = np.concatenate([displacement, speed])
-        return np.array([(scipy.linalg.expm(a * x) @ start)[:f] for x in np.asarray(t, float)])
+        return np.array([(expm(a * x) @ start)[:f] for x in np.asarray(t, float)])
 
 
 def small_vibrations(mechanism: Mechanism | Compiled, *, seek: Seek = "stable", stops: Sequence[Stop] = ()) -> Vibrations:
@@ -188,9 +188,11 @@ def _notes(compiled: Compiled) -> list[str]:
 
 
 def _modes(inertia: Real, damping: Real, stiffness: Real, scale: Real) -> tuple[Mode, ...]:
+    from scipy.linalg import eigh
+
     both = scale[:, None] * scale
     symmetric = 0.5 * (stiffness + stiffness.T)
-    squares, shapes = scipy.linalg.eigh(symmetric * both, inertia * both)
+    squares, shapes = eigh(symmetric * both, inertia * both)
     squares = np.where(np.abs(squares) <= NEUTRAL * np.abs(squares).max(initial=0.0), 0.0, squares)
     largest = np.argmax(np.abs(shapes) > 0.999 * np.abs(shapes).max(axis=0), axis=0)  # the first of equal ones
     shapes = shapes * np.sign(shapes[largest, np.arange(len(squares))])
@@ -205,6 +207,8 @@ def _eigenvalues(k: Real, c: Real) -> list[tuple[complex, complex]]:
     f = len(k)
     if not np.any(k - np.diag(np.diag(k))) and np.abs(c - np.diag(np.diag(c))).max() <= 1e-11 * np.abs(c).max():
         return [_roots(c[i, i], k[i, i]) for i in range(f)]
+    from scipy.optimize import linear_sum_assignment
+
     values, vectors = np.linalg.eig(np.block([[np.zeros((f, f)), np.eye(f)], [-k, -c]]))
     share = np.abs(vectors[:f]) ** 2
     share = share / np.maximum(share.sum(axis=0), 1e-300)
