@@ -31,6 +31,7 @@ from mechcore.laws.segment_laws import (
     joined_table,
 )
 from mechviz.scene.cams.files import read_columns
+from mechviz.scene.fields import is_whole
 from mechviz.scene.kinds.segments import (
     FREE,
     ORDERS,
@@ -63,7 +64,7 @@ class Axes:
         """A position, or a position and its derivatives as far as they are given; None where free, NaN where not readable."""
         if isinstance(value, float | int | str):
             return (self.convert.si(value, self.coordinate, path),)
-        return tuple(None if v == FREE else self.derivative(v, k, f"{path}[{k}]") for k, v in enumerate(value))
+        return tuple(None if v == FREE else self.derivative(v, k, f"{path}[{k}]") for k, v in enumerate(value[:4]))
 
     def derivative(self, value: float | str, order: int, path: str) -> float:
         return self.convert.si(value, derivative_kind(self.coordinate, self.master, order), path)
@@ -150,12 +151,14 @@ def _law(given: LawDocument, over: float, axes: Axes, path: str) -> SegmentLaw |
         return _positions(given.position, over, axes, f"{path}.position")
     if kind in ("polynomial", "spline"):
         points = _conditions(getattr(given, kind), over, axes, f"{path}.{kind}")
-        if points is None:
+        if points is None or not is_whole(given):
             return None
         powers = None if given.powers is None else tuple(given.powers)
         return Spline(points, given.degree) if kind == "spline" else Polynomial(points, powers)
-    if kind == "least" and given.least is not None:
+    if kind == "least" and given.least is not None and is_whole(given):
         limits = {ORDERS[key]: value for key, value in given.limits.items()}
+        if any(value <= 0.0 for value in limits.values()):  # noted where the table was read
+            return None
         return LeastPeak(given.least, limits, None if given.smooth is None else ORDERS[given.smooth], given.steps)
     return None
 
@@ -167,7 +170,8 @@ def _curve(given: CurveDocument, over: float, axes: Axes, order: int, path: str)
     if given.at is not None:
         at = [axes.place(v, f"{path}.at[{k}]") for k, v in enumerate(given.at)]
         values = [axes.derivative(v, order, f"{path}.values[{k}]") for k, v in enumerate(given.values or ())]
-        if len(convert.faults) == before and not any(map(math.isnan, (*at, *values))):
+        known = len(at) == len(values) and is_whole(given)  # else noted where the table was read
+        if len(convert.faults) == before and known and not any(map(math.isnan, (*at, *values))):
             if at[0] != 0.0 or abs(at[-1] - over) > _SAME_RANGE * over:
                 convert.note(f"{path}.at", "the places do not go from 0 to the end of the segment.", "Let them cover its range.")
             elif any(b < a for a, b in pairwise(at)):
@@ -183,7 +187,11 @@ def _curve(given: CurveDocument, over: float, axes: Axes, order: int, path: str)
             rows.append((h.order, sine, cosine))
             if not 0.0 < h.order <= _MOST_WAVES:
                 convert.note(f"{place}.order", f"{h.order:g} waves in the range.", f"Give a positive number, up to {_MOST_WAVES}.")
-        if len(convert.faults) == before and not any(map(math.isnan, (mean, *(v for row in rows for v in row)))):
+        if (
+            len(convert.faults) == before
+            and is_whole(given)
+            and not any(map(math.isnan, (mean, *(v for row in rows for v in row))))
+        ):
             curve = fourier_curve(over, mean, rows)
     return curve
 
@@ -197,7 +205,8 @@ def _positions(given: PositionTable, over: float, axes: Axes, path: str) -> Segm
         at = [axes.place(v, f"{path}.at[{k}]") for k, v in enumerate(given.at or ())]
         values = [axes.derivative(v, 0, f"{path}.values[{k}]") for k, v in enumerate(given.values or ())]
     tolerance = axes.derivative(given.tolerance, 0, f"{path}.tolerance")
-    if len(convert.faults) > before or any(map(math.isnan, (tolerance, *at, *values))) or not at:
+    known = len(at) == len(values) > 0 and is_whole(given)  # else noted where the table was read
+    if len(convert.faults) > before or not known or any(map(math.isnan, (tolerance, *at, *values))):
         return None
     key = "at" if given.file is None else "file"
     if abs(at[-1] - at[0] - over) > _SAME_RANGE * over:

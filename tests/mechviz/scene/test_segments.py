@@ -276,3 +276,22 @@ def test_the_gantry_of_the_gallery_keeps_its_axes_in_step():
     q, v, _ = laws["X"](np.array([0.55, 1.05]))
     np.testing.assert_allclose(q, [0.06, 0.34])
     assert np.all(v > 0.3)
+
+
+@pytest.mark.parametrize(
+    ("segment", "path"),
+    [
+        ({"law": {"velocity": {"at": {}, "values": [1, 1]}}}, "law.velocity.at"),
+        ({"law": {"acceleration": {"at": [0, 60, 120], "values": [1, -1]}}}, "law.acceleration"),
+        ({"to": [1, 2, 3, 4, 5]}, "to"),
+        ({"to": 20, "law": {"least": "jerk", "limits": {"velocity": "x"}}}, "law.limits.velocity"),
+        ({"to": 20, "law": {"least": "jerk", "limits": {"velocity": -2}}}, "law.limits"),
+        ({"to": 20, "law": {"spline": []}}, "law.spline"),
+        ({"to": 20, "law": {}}, "law"),
+        ({"law": {"position": {**TABLE, "at": [0, 20, 40, 60, 80, 100, 110]}}}, "law.position.at"),
+    ],
+)
+def test_tables_of_laws_that_cannot_be_read_are_told_once(segment, path):
+    """Mutants that once stopped with an error of the program."""
+    found = faults(_lift(**segment))
+    assert list(found) == [f"joints.K.profile.lift[0].{path}"]
