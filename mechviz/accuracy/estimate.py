@@ -1,6 +1,6 @@
 """What the program says of its own errors: at the frames, of the integrator, between the frames. All relative.
 
-- Positions: the residual of the contours, and the rounding that it cannot show, times the condition of the groups. Velocities and
+- Positions: the residual of the loops, and the rounding that it cannot show, times the condition of the groups. Velocities and
   accelerations are those of the place where the frame is instead; reactions are solved with the transposed matrices, and small ones
   have the rounding of the largest force.
 - Motion under forces: its distance from a companion, the same motion with a hundredth of the tolerance; of a motion that its energy

@@ -1,6 +1,6 @@
 """True errors: results against references that are good to more digits, by other methods; for tests and benchmarks.
 
-- Positions: the contours closed in extended precision (64-bit mantissa), by Newton's method with residuals in that precision.
+- Positions: the loops closed in extended precision (64-bit mantissa), by Newton's method with residuals in that precision.
 - Velocities and accelerations: the rates' equations solved on those positions, in the same precision where all groups are dyads.
 - Reactions: all joints of the mechanism in one system of equations, instead of group by group.
 - Motion under forces: scipy's DOP853 on the equations of motion, or collocation at its tightest where events end the pieces.
@@ -71,7 +71,7 @@ def extended(motion: Motion) -> Motion | None:
         for block, cols in zip(model.blocks, columns, strict=True):
             if block.kind == "check":
                 continue
-            drift = [np.asarray(value(model.loops[c], state.rot, state.slide), complex) for c in block.contours]
+            drift = [np.asarray(value(model.loop_sums[c], state.rot, state.slide), complex) for c in block.loops]
             steps = rates(block, cols, drift)
             for i, g in enumerate(block.angles):
                 step = np.asarray(steps[i], LONG)

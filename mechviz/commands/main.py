@@ -29,7 +29,7 @@ COMMANDS = {
     "scene": {
         "show": "Print a scene's TOML text: a starting point for your own.",
         "schema": "Print the JSON Schema of scene files, for editors.",
-        "check": "Validate a scene and print its mobility, groups, contours, assembly modes and reachable range.",
+        "check": "Validate a scene and print its mobility, groups, loops, assembly modes and reachable range.",
         "plan": "Print what will be computed for a scene, what not, and why; with --cost what each stage and effect costs.",
     },
     "forces": {

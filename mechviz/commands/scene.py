@@ -34,12 +34,12 @@ def check(
     scene: SceneArg,
     equations: Annotated[
         bool,
-        typer.Option("--equations", help="also the order of solution, and the contour equations of velocities and accelerations"),
+        typer.Option("--equations", help="also the order of solution, and the loop equations of velocities and accelerations"),
     ] = False,
     modes: Annotated[bool, typer.Option("--modes", help="also all assembly modes of every group at the start")] = False,
     reachable: ReachableOpt = False,
 ) -> None:
-    """Validate a scene and print its mobility, groups, contours, assembly modes and reachable range."""
+    """Validate a scene and print its mobility, groups, loops, assembly modes and reachable range."""
     with clear_errors(scene):
         print("\n".join(check_lines(load_scene(scene, reachable=reachable), equations=equations, modes=modes)))
 

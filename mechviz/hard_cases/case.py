@@ -34,7 +34,7 @@ class Check:
 
 @dataclass(frozen=True)
 class Outcome:
-    """What a case found. ``residual``: largest contour residual over the mechanism's size; ``condition``: largest of a block;
+    """What a case found. ``residual``: largest loop residual over the mechanism's size; ``condition``: largest of a block;
     ``events``: what the program says of the place, in words."""
 
     found: str
@@ -89,10 +89,10 @@ def judged(name: str, holds: Any) -> Check:
 
 
 def moved(motion: Motion, found: str, checks: Iterable[Check], forces: Forces | None = None, events: Iterable[str] = ()) -> Outcome:
-    """The outcome of a motion: its contours have to close to rounding beside whatever else is checked."""
+    """The outcome of a motion: its loops have to close to rounding beside whatever else is checked."""
     size = motion.model.size
     residual = float(np.max(motion.closure)) / size
-    every = [*checks, Check("contours close", residual, 1e-12)]
+    every = [*checks, Check("loops close", residual, 1e-12)]
     if forces is not None:
         every.append(Check("power balance", float(np.max(np.abs(forces.power_balance))), 1e-9))
     count = len(motion.changes)

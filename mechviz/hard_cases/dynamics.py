@@ -30,11 +30,11 @@ beta, confirmed by an energy quadrature (tests/reference/andrews.json); the publ
 
 
 def _outcome(simulation: Simulation, found: str, checks: list[Check], *, drift: float | None = 1e-8, frames: int = 101) -> Outcome:
-    """The outcome of a simulation: contours close and energy is accounted for, beside what else is checked."""
+    """The outcome of a simulation: loops close and energy is accounted for, beside what else is checked."""
     t = np.linspace(0.0, simulation.duration, frames)
     motion = simulation.motion(t)
     residual = float(np.max(motion.closure)) / simulation.compiled.model.size
-    every = [*checks, Check("contours close", residual, 1e-12)]
+    every = [*checks, Check("loops close", residual, 1e-12)]
     if drift is not None:
         every.append(Check("energy", float(np.max(np.abs(simulation.drift(t)))), drift))
     kinds = [h.kind for h in simulation.events]

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 Real = NDArray[np.float64]
 
 TOLERANCE = 1e-12
-"""Contour residual that the solver promises, in sizes of the mechanism."""
+"""Loop residual that the solver promises, in sizes of the mechanism."""
 
 
 @dataclass(frozen=True)

@@ -17,14 +17,14 @@ from mechcore.forces.load_events import idle_table, load_events
 from mechcore.forces.order import solution_order
 from mechcore.laws.timed import ConstantSpeed, Free
 from mechcore.motion.compiled import Compiled
-from mechcore.motion.equations import contour_equations
+from mechcore.motion.equations import loop_equations
 from mechcore.motion.events import overshoots, strokes
 from mechcore.motion.metrics import grashof
 from mechcore.motion.motion import Motion
 from mechcore.motion.reach import reachable_ranges
 from mechcore.motion.redundancy import indeterminate
 from mechcore.motion.solve import compile_mechanism, default_times, solve_motion
-from mechcore.motion.structure import contour_pairs, groups, gruebler, rank_mobility, redundant_pairs
+from mechcore.motion.structure import groups, gruebler, loop_pairs, rank_mobility, redundant_pairs
 from mechcore.spec.clearance import journals_of, made_pairs
 from mechcore.spec.loads import BeltTension, Factor, GasPressure, GasSpring, Spring
 from mechcore.spec.mechanism import CamPair, Mechanism, PinSlot, Planar
@@ -41,9 +41,9 @@ if TYPE_CHECKING:
 
 @in_scene_words
 def check_lines(scene: Scene, *, equations: bool = False, modes: bool = False) -> list[str]:
-    """Mobility, groups, contours and reachable range of a scene; raises where it cannot be assembled over its run.
+    """Mobility, groups, loops and reachable range of a scene; raises where it cannot be assembled over its run.
 
-    ``equations`` adds the contour equations with numbers at the start, ``modes`` all assembly modes of every group at the start.
+    ``equations`` adds the loop equations with numbers at the start, ``modes`` all assembly modes of every group at the start.
     """
     compiled = compile_mechanism(scene.mechanism)
     model = compiled.model
@@ -85,8 +85,8 @@ def check_lines(scene: Scene, *, equations: bool = False, modes: bool = False) -
         lines.append(f"           statics alone does not determine the reactions at {', '.join(indeterminate(motion))}")
     lines.append("groups     in the order in which they are solved")
     lines += [f"  {i}. {g}; {'driven' if g.solved_by == 'drive' else g.solved_by}" for i, g in enumerate(groups(model), 1)]
-    lines.append(f"contours   {len(model.contours)} independent")
-    lines += [f"  {i}. {' - '.join(pairs)}" for i, pairs in enumerate(contour_pairs(model), 1)]
+    lines.append(f"loops      {len(model.loops)} independent")
+    lines += [f"  {i}. {' - '.join(pairs)}" for i, pairs in enumerate(loop_pairs(model), 1)]
     lines += [f"law        {words}" for words in continuity_words(scene.mechanism, scene.units)]
     lines += [f"table      {e.item}: {e.text}" for e in overshoots(scene.mechanism)]
     lines += _modes(compiled)
@@ -97,7 +97,7 @@ def check_lines(scene: Scene, *, equations: bool = False, modes: bool = False) -
     if not free:
         lines += [*_slots(motion, scene.units), *_outputs(motion, scene)]
     lines.append(
-        f"health     contours close to {scene.units.show(float(np.max(motion.closure)), 'length', 2)} {_over(motion.frames)}; "
+        f"health     loops close to {scene.units.show(float(np.max(motion.closure)), 'length', 2)} {_over(motion.frames)}; "
         f"largest condition number {np.max(motion.condition):.3g}"
     )
     lines += _grashof(compiled, scene.units)
@@ -126,7 +126,7 @@ def check_lines(scene: Scene, *, equations: bool = False, modes: bool = False) -
     if modes:
         lines += _all_modes(compiled, scene.units)
     if equations:
-        lines += ["", *solution_order(motion.model), "", *contour_equations(motion)]
+        lines += ["", *solution_order(motion.model), "", *loop_equations(motion)]
     return lines
 
 

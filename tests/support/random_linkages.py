@@ -116,7 +116,7 @@ def six_bars(draw):
 def balance_of_links(forces: Forces) -> float:
     """Largest force and moment left over on any link, about its frame's origin, relative to the largest acting there.
 
-    Newton-Euler on each link by itself, from published results only: nothing here knows of contours or trees.
+    Newton-Euler on each link by itself, from published results only: nothing here knows of loops or trees.
     """
     m = forces.motion
     worst = 0.0

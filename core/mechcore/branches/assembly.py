@@ -289,7 +289,7 @@ def _start_of_general(model: Model, block: Block, state: State) -> tuple[Real | 
         return None, [
             Fault(
                 f"joints.{block.name}",
-                "cannot be assembled at the start: no position of its group closes the contours.",
+                "cannot be assembled at the start: no position of its group closes the loops.",
                 "Change a length or the start of the drive.",
             )
         ]

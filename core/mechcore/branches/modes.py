@@ -28,7 +28,7 @@ def stated_modes(model: Model) -> dict[str, list[str]]:
 
     A pair belongs to the last group that it needs in order of solution: an outer pin of a dyad to the dyad, not to what bears it.
     """
-    last = {unknown: k for k, block in enumerate(model.blocks) if block.contours for unknown in block.unknowns}
+    last = {unknown: k for k, block in enumerate(model.blocks) if block.loops for unknown in block.unknowns}
     found: dict[str, list[str]] = {}
     for pair in model.mechanism.modes:
         j = model.joint_index.get(pair)

@@ -2,7 +2,7 @@
 
 There the group's triangle is flat for an instant. A smooth motion goes through: what was on the left comes out on the right. The
 mode therefore changes sign at every such time, or the motion would turn back with a kink onto the other branch. Near the
-instant itself the contour equations are ill conditioned and at it singular: see `patching`.
+instant itself the loop equations are ill conditioned and at it singular: see `patching`.
 
 Where the triangle would be more than flat the group cannot be put together: a gap, however narrow, is found on the same way.
 """

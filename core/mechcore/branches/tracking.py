@@ -32,7 +32,7 @@ STEP = {"angle": np.radians(6.0), "slide": 0.05}  # largest step of a walk: angl
 SAMPLES = 720  # of a turn or a cycle, at which closed forms are looked at for flat positions
 MOST_SAMPLES = 20_000
 SAMPLES_OF_LAW = 2001
-CLOSED = 1e-11  # of the size: what contours may be open at a dead point that a drive just reaches
+CLOSED = 1e-11  # of the size: what loops may be open at a dead point that a drive just reaches
 STUCK = 1e-9  # flatness of a group that takes part in what a walk did not get through
 BESIDE = 0.3  # of a step: where a walk begins whose start is flat (no power of two: halved steps shall not lead back onto it)
 AHEAD = 2e-4  # relative growth of the flatness over a thousandth of a step: beyond, the flat position is not the start itself
@@ -139,7 +139,7 @@ def _flat_at_ends(course: Course) -> bool:
 
 
 def _reaches_dead_points(course: Course) -> bool:
-    """Whether a walk in time goes through dead points that the drive just reaches: beyond them the contours would not close."""
+    """Whether a walk in time goes through dead points that the drive just reaches: beyond them the loops would not close."""
     if course.changes is None:
         return False
     time = np.array([c.time for c in course.changes.found if c.dead])
@@ -149,7 +149,7 @@ def _reaches_dead_points(course: Course) -> bool:
     patches = make_patches(model, course.changes, assembly.modes, time, (1.0, 0.0), assembly.constants, course.starts)
     positions = _positions(course.laws, (), time)
     state = place_all(model, positions, assembly.modes, course.starts(time), patches, assembly.constants)
-    sums = (value(loop, state.rot, state.slide) for loop in model.loops)
+    sums = (value(loop, state.rot, state.slide) for loop in model.loop_sums)
     return all(np.abs(left).max() <= CLOSED * model.size for left in sums)
 
 

@@ -100,7 +100,7 @@ class EventIntegrator:
         self.known = [CurveChart(compiled, *system)] if isinstance(system[0], Curve) else []
         plain = not (separable_cams or journals_of(compiled.mechanism))
         self.unwatched = 0  # windows in which nothing can come near enough to matter
-        self.charted = [compiled] if plain and self.coordinates and not self.known and compiled.model.contours else []
+        self.charted = [compiled] if plain and self.coordinates and not self.known and compiled.model.loops else []
         self.segments: list[Segment] = []
         self.evaluations = 0
 

@@ -88,7 +88,7 @@ def balance_program(model: Model) -> BalanceProgram:
 
     def balance(block: Block, unknown: Unknown) -> Balance:
         what, i = unknown
-        moved = ((c, moved_by(loop, unknown, model.angles)) for c, loop in enumerate(model.loops) if c not in block.contours)
+        moved = ((c, moved_by(loop, unknown, model.angles)) for c, loop in enumerate(model.loop_sums) if c not in block.loops)
         loops = tuple((c, numbers) for c, numbers in moved if numbers)
         relations = tuple(
             r for r, constraint in enumerate(model.constraints) if r not in block.relations and unknown in constraint.unknowns
@@ -122,7 +122,7 @@ def balance_program(model: Model) -> BalanceProgram:
     return BalanceProgram(
         subtrees_of_cuts=tuple(subtrees(grouped, frozenset(decisive))),
         blocks=tuple(blocks[::-1]),
-        cuts=tuple(cut(contour.closing) for contour in model.contours),
+        cuts=tuple(cut(loop.closing) for loop in model.loops),
         subtrees=tuple(subtrees(passing, frozenset(outwards))),
         carriers=tuple((joint[k], k, sides[k]) for k in outwards),
         leaves_first=passed_on,

@@ -111,7 +111,7 @@ def _cut_forces(
     multipliers: dict[int, Values] = {}
     for number, block, balances in steps:
         if block.kind == "check":  # nothing left to balance: zero is the smallest force that does
-            cuts.update(dict.fromkeys(block.contours, 0j))
+            cuts.update(dict.fromkeys(block.loops, 0j))
             multipliers.update(dict.fromkeys(block.relations, 0.0))
             continue
         q = []
@@ -122,7 +122,7 @@ def _cut_forces(
             if child and not nothing(subtree[child]):
                 total = added(total, (sign * motion.guide(unknown[1]).conjugate() * subtree[child]).real)
             for c, numbers in loops:
-                arms, slides = motion.contours[c]
+                arms, slides = motion.loop_vectors[c]
                 if unknown[0] == "slide":
                     work = (slides[numbers[0]][2].conjugate() * cuts[c]).real
                 else:
@@ -132,6 +132,6 @@ def _cut_forces(
                 total = added(total, constraint_coefficient(motion.model, r, unknown, motion.state.bends) * multipliers[r], -1)
             q.append(total)
         forces, solved = transposed(block, motion.columns[number], q)
-        cuts.update(zip(block.contours, forces, strict=True))
+        cuts.update(zip(block.loops, forces, strict=True))
         multipliers.update(zip(block.relations, solved, strict=True))
     return cuts, multipliers

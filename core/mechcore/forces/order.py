@@ -24,7 +24,7 @@ FORMS = {
 def solution_order(model: Model) -> list[str]:
     """Lines of text: what the drives decide, what every block solves and how, what balances there on the way back to the drives.
 
-    Loops have the numbers that they have among the contours' equations.
+    Loops have the numbers that they have among the loop equations.
     """
     program, back = model.program, model.once(balance_program)
     steps = [f"{_drives(model, turned.drives)} turn{'s' * (len(turned.drives) == 1)} {_turned(model, turned.spin)}"
@@ -60,7 +60,7 @@ def _solved(model: Model, block: Block) -> str:
 
 
 def _equations(model: Model, block: Block) -> str:
-    loops = [f"contour{'s' * (len(block.contours) > 1)} {', '.join(str(c + 1) for c in block.contours)}"] if block.contours else []
+    loops = [f"loop{'s' * (len(block.loops) > 1)} {', '.join(str(c + 1) for c in block.loops)}"] if block.loops else []
     return " and ".join(loops + [f"{model.relations[r].kind} {model.relations[r].name}" for r in block.relations])
 
 
@@ -72,9 +72,7 @@ def _unknown(model: Model, unknown: Unknown) -> str:
 
 
 def _balanced(model: Model, block: Block, balances: tuple[Balance, ...]) -> str:
-    cuts = [model.joints[model.contours[c].closing].name for c in block.contours] + [
-        model.relations[r].name for r in block.relations
-    ]
+    cuts = [model.joints[model.loops[c].closing].name for c in block.loops] + [model.relations[r].name for r in block.relations]
     works = ", ".join(_work(model, b) for b in balances)
     return f"{block.name}: {works}: force{'s' * (len(cuts) > 1)} in {', '.join(cuts)}"
 

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True)
 class Joint:
-    """One pair as the contour equations see it; plane vectors are complex numbers.
+    """One pair as the loop equations see it; plane vectors are complex numbers.
 
     The point ``a`` of the first link and ``b`` of the second coincide, except that where there is a ``slide`` direction the
     other link's point lies at ``s * slide`` from the guide's, on the guide. If the pair does not ``turn``, the second link's

@@ -16,12 +16,12 @@ from mechcore.kinematics.model import Model
 from mechcore.kinematics.program import Block, LinearConstraint, NonlinearTerm, VectorSum, vector_sum
 from mechcore.spec.mechanism import Mechanism
 from mechcore.topology.checks import check_items, check_lengths, check_spare_angles
-from mechcore.topology.graph import Angles, Contour, angles, contours, spanning_tree, structure
+from mechcore.topology.graph import Angles, Loop, angles, spanning_tree, structure, vector_loops
 from mechcore.topology.order import block_order
 
 
 def build_model(mechanism: Mechanism) -> Model:
-    """Compile a mechanism: graph, contours, blocks. Raises `MechanismError` where the description contradicts itself."""
+    """Compile a mechanism: graph, loops, blocks. Raises `MechanismError` where the description contradicts itself."""
     check_items(mechanism)
     parts = build_pairs(mechanism)
     names = (mechanism.frame, *(k for k in parts.links if k != mechanism.frame))
@@ -46,12 +46,12 @@ def build_model(mechanism: Mechanism) -> Model:
     if len(tree.order) < n - 1:
         lost = [k for i, k in enumerate(names) if i and tree.parent[i] < 0]
         raise MechanismError([Fault(f"links.{k}", "no chain of pairs joins it to the frame.", "Add a pair.") for k in lost])
-    closed = contours(ends, joints, tree)
+    closed = vector_loops(ends, joints, tree)
     turn = tuple(cmath.exp(1j * o) for o in turning.offset)
-    loops = tuple(loop_sum(c, turning, turn) for c in closed)
+    sums = tuple(loop_sum(c, turning, turn) for c in closed)
     size = _size(mechanism)
     constraints = tuple(_linear_constraint(r, turning, index, joint_index) for r in parts.relations)
-    blocks, loose = _blocks(loops, tree.closing, constraints, turning, joints, ends, driven, size)
+    blocks, loose = _blocks(sums, tree.closing, constraints, turning, joints, ends, driven, size)
     _check_curves(blocks, constraints)
     free_angles = {g for b in blocks if b.kind in ("general", "relation") for g in b.angles}
     multi_turn = {g for t in constraints for g, _ in t.groups} - free_angles
@@ -64,8 +64,8 @@ def build_model(mechanism: Mechanism) -> Model:
         angles=turning,
         tree=tree,
         order=order,
-        contours=closed,
-        loops=loops,
+        loops=closed,
+        loop_sums=sums,
         relations=tuple(parts.relations),
         constraints=constraints,
         multi_turn=tuple(sorted(multi_turn)),
@@ -79,12 +79,12 @@ def build_model(mechanism: Mechanism) -> Model:
     )
 
 
-def loop_sum(contour: Contour, turning: Angles, turn: tuple[complex, ...]) -> VectorSum:
+def loop_sum(loop: Loop, turning: Angles, turn: tuple[complex, ...]) -> VectorSum:
     """The vectors round a loop, summed up by spins: zero where it closes."""
     arms: dict[int, Any] = {}
-    for k, vector in contour.links:
+    for k, vector in loop.links:
         arms[turning.spin[k]] = arms.get(turning.spin[k], 0j) + vector * turn[k]
-    return vector_sum(arms, [(j, turning.spin[k], d * turn[k]) for j, k, d in contour.slides])
+    return vector_sum(arms, [(j, turning.spin[k], d * turn[k]) for j, k, d in loop.slides])
 
 
 def _size(m: Mechanism) -> float:
@@ -154,7 +154,7 @@ def _check_curves(blocks: tuple[Block, ...], constraints: tuple[LinearConstraint
 
 
 def _blocks(
-    loops: tuple[VectorSum, ...],
+    sums: tuple[VectorSum, ...],
     closing: tuple[int, ...],
     constraints: tuple[LinearConstraint, ...],
     turning: Angles,
@@ -168,7 +168,7 @@ def _blocks(
     columns |= {("slide", j): turning.groups - 1 + i for i, j in enumerate(sliding)}
     unknown = list(columns)
     pattern: list[list[int]] = []
-    for c in loops:
+    for c in sums:
         groups = {turning.spin_group[s] for s, a in c.arms if np.abs(a).max() > 1e-14 * size}
         groups |= {turning.spin_group[g] for _, g, _ in c.slides}
         row = [columns["angle", g] for g in sorted(groups - {0})]
@@ -177,7 +177,7 @@ def _blocks(
     for t in constraints:
         pattern.append([columns[u] for u in t.unknowns if u in columns])
     order = block_order(pattern, len(columns))
-    last = 2 * len(loops)
+    last = 2 * len(sums)
     rows = [{e // 2 for e in equations if e < last} for equations, _ in order.blocks]
     relations = [tuple(sorted(e - last for e in equations if e >= last)) for equations, _ in order.blocks]
     placed = {c for r in rows for c in r}
@@ -193,8 +193,8 @@ def _blocks(
         own = tuple(sorted(found))
         blocks.append(
             Block(
-                kind=_kind(own, own_relations, group, slides, loops, turning),
-                contours=own,
+                kind=_kind(own, own_relations, group, slides, sums, turning),
+                loops=own,
                 angles=group,
                 slides=slides,
                 name=joints[_inner_pair(own, group, slides, closing, between)].name if own else constraints[own_relations[0]].name,
@@ -214,7 +214,7 @@ def _kind(
     relations: tuple[int, ...],
     group: tuple[int, ...],
     slides: tuple[int, ...],
-    loops: tuple[VectorSum, ...],
+    sums: tuple[VectorSum, ...],
     turning: Angles,
 ) -> str:
     if relations:
@@ -227,7 +227,7 @@ def _kind(
         return "theta_theta"
     if len(slides) == 2:
         return "slide_slide"
-    carrier = next(turning.spin_group[g] for j, g, _ in loops[own[0]].slides if j == slides[0])
+    carrier = next(turning.spin_group[g] for j, g, _ in sums[own[0]].slides if j == slides[0])
     return "arm_slide" if carrier == group[0] else "theta_slide"
 
 

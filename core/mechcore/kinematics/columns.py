@@ -15,7 +15,7 @@ import numpy as np
 from mechcore.arrays import Plane, Real, Values
 from mechcore.kinematics.dyads import cross
 from mechcore.kinematics.model import Model
-from mechcore.kinematics.program import Block, Loop, Unknown
+from mechcore.kinematics.program import Block, LoopEquation, Unknown
 from mechcore.kinematics.state import State
 from mechcore.numerics.frames import added, imaginary, nothing, summed
 from mechcore.numerics.newton import solve_many
@@ -45,10 +45,10 @@ class Columns(NamedTuple):
 
 def all_vectors(model: Model, state: State) -> list[Vectors]:
     """The vectors of every loop at known positions."""
-    return [_vectors(loop, state) for loop in model.program.loops]
+    return [_vectors(loop, state) for loop in model.program.loop_equations]
 
 
-def _vectors(loop: Loop, state: State) -> Vectors:
+def _vectors(loop: LoopEquation, state: State) -> Vectors:
     rot, slide = state.rot, state.slide
     slides = [(j, s, d * rot[s]) for j, s, d in loop.guides]
     arms = []
@@ -67,9 +67,9 @@ def all_columns(model: Model, vectors: Sequence[Vectors]) -> list[Columns]:
 
 def columns(model: Model, block: Block, vectors: Sequence[Vectors]) -> Columns:
     """Derivatives of the block's loops by its unknowns, from the ``vectors`` of all loops."""
-    loops = model.program.loops
+    loops = model.program.loop_equations
     if block.dyad:
-        (c,) = block.contours
+        (c,) = block.loops
         (first, second), (moved, also) = block.unknowns, loops[c].columns
         u, v = _turned_back(vectors[c], first, moved), _turned_back(vectors[c], second, also)
         mirrored = u.conjugate()
@@ -79,7 +79,7 @@ def columns(model: Model, block: Block, vectors: Sequence[Vectors]) -> Columns:
         return Columns((), pair=(u, v), dual=(dual, mirrored * over), inverse=inverse)
     unknowns = block.unknowns
     table = tuple(
-        tuple(column(vectors[c], x, numbers) for x, numbers in zip(unknowns, loops[c].columns, strict=True)) for c in block.contours
+        tuple(column(vectors[c], x, numbers) for x, numbers in zip(unknowns, loops[c].columns, strict=True)) for c in block.loops
     )
     return Columns(table, tuple(tuple(constraint_coefficient(model, r, x) for x in unknowns) for r in block.relations))
 

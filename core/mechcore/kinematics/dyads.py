@@ -1,6 +1,6 @@
-"""Closed forms for the contour equations with two unknowns: these solve every dyad (Assur group of class II).
+"""Closed forms for the loop equations with two unknowns: these solve every dyad (Assur group of class II).
 
-In the contour form there are only four, whatever the order of revolute and prismatic pairs in the group:
+In the loop form there are only four, whatever the order of revolute and prismatic pairs in the group:
 
 ============== ================================== ==================
 `theta_theta`  ``A e1 + B e2 = C``                RRR

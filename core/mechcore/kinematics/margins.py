@@ -7,14 +7,14 @@ import numpy as np
 from mechcore.arrays import Values
 from mechcore.kinematics import dyads
 from mechcore.kinematics.model import Model
-from mechcore.kinematics.positions import loop_vectors
+from mechcore.kinematics.positions import loop_terms
 from mechcore.kinematics.program import Block
 from mechcore.kinematics.state import State
 
 
 def dead_point_margin(model: Model, block: Block, state: State) -> list[Values]:
     """How far a group with two modes is from where they meet: smooth functions (squares of lengths, relative) that touch 0."""
-    target, arms, guides = loop_vectors(model, block, state)
+    target, arms, guides = loop_terms(model, block, state)
     if block.kind == "theta_theta":
         ra, rb, d = np.abs(arms[0]), np.abs(arms[1]), np.abs(target)
         total, difference = ra + rb, abs(ra - rb)
@@ -29,7 +29,7 @@ def dead_point_margin(model: Model, block: Block, state: State) -> list[Values]:
 def gap(model: Model, block: Block, state: State) -> Values:
     """By how much the links of a block with a closed form miss each other [m] (...), 0 where they meet; needs the earlier blocks in
     ``state``."""
-    target, arms, guides = loop_vectors(model, block, state)
+    target, arms, guides = loop_terms(model, block, state)
     if block.kind == "theta_theta":
         return dyads.gap_theta_theta(arms[0], arms[1], target)
     if block.kind == "theta_slide":
@@ -41,4 +41,4 @@ def gap(model: Model, block: Block, state: State) -> Values:
 
 def span(model: Model, block: Block, state: State) -> float:
     """Distance of a group's outer pins [m], which its two links have to bridge."""
-    return float(np.max(np.abs(loop_vectors(model, block, state)[0])))
+    return float(np.max(np.abs(loop_terms(model, block, state)[0])))

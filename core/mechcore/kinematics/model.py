@@ -17,7 +17,7 @@ from mechcore.joints.base import Joint, Relation
 from mechcore.kinematics.program import Block, DrivenSlide, LinearConstraint, Program, VectorSum, compile_program, vector_sum
 from mechcore.numerics.frames import nothing
 from mechcore.spec.mechanism import Link, Mechanism
-from mechcore.topology.graph import Angles, Contour, Tree
+from mechcore.topology.graph import Angles, Loop, Tree
 from mechcore.topology.order import Order
 
 T = TypeVar("T")
@@ -45,8 +45,8 @@ class Model:
     angles: Angles
     tree: Tree
     order: Order  # in absolute coordinates
-    contours: tuple[Contour, ...]
-    loops: tuple[VectorSum, ...]  # of the contours, each closed
+    loops: tuple[Loop, ...]  # vector loops, by links
+    loop_sums: tuple[VectorSum, ...]  # of the loops: zero where they close
     relations: tuple[Relation, ...]
     constraints: tuple[LinearConstraint, ...]  # of the relations
     multi_turn: tuple[int, ...]  # groups with a closed form whose angle a relation needs beyond one turn
@@ -104,7 +104,7 @@ class Model:
     def program(self) -> Program:
         """The order of solution: what the drives decide, then what every block solves."""
         slides = [DrivenSlide(j, d) for j, d in self.driven.items() if self.joints[j].coordinate == "slide"]
-        return compile_program(self.blocks, self.loops, self.constraints, self.angles, slides)
+        return compile_program(self.blocks, self.loop_sums, self.constraints, self.angles, slides)
 
     @cached_property
     def guides(self) -> Mapping[int, tuple[int, complex]]:
@@ -115,7 +115,7 @@ class Model:
     @cached_property
     def designs(self) -> tuple[int, ...]:
         """(D,) where D designs are computed side by side, else ()."""
-        own = [np.shape(a)[:-1] for loop in self.loops for a in (loop.still, *(a for _, a in loop.arms)) if np.ndim(a) > 1]
+        own = [np.shape(a)[:-1] for loop in self.loop_sums for a in (loop.still, *(a for _, a in loop.arms)) if np.ndim(a) > 1]
         return own[0] if own else ()
 
     @cached_property

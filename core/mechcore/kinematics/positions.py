@@ -55,7 +55,7 @@ def place(model: Model, block: Block, state: State, mode: Values, start: Real | 
 
 def _place_loop(model: Model, block: Block, state: State, mode: Values) -> None:
     """A block of one loop by its closed form."""
-    target, arms, guides = loop_vectors(model, block, state)
+    target, arms, guides = loop_terms(model, block, state)
     solved: Sequence[Any]  # rotations of its angles, then displacements
     if block.kind == "theta_theta":
         solved = dyads.theta_theta(arms[0], arms[1], target, mode)
@@ -77,10 +77,10 @@ def _place_loop(model: Model, block: Block, state: State, mode: Values) -> None:
             state.slide[i] = x
 
 
-def loop_vectors(model: Model, block: Block, state: State, number: int = 0) -> tuple[Plane, list[Plane], list[Plane]]:
+def loop_terms(model: Model, block: Block, state: State, number: int = 0) -> tuple[Plane, list[Plane], list[Plane]]:
     """What the unknown vectors of a block's loop have to add up to; its vectors along each unknown angle, in axes that turn with
     it; the directions of its unknown slides, in such axes where an unknown angle turns them, else in the world's."""
-    loop = model.program.loops[block.contours[number]]
+    loop = model.program.loop_equations[block.loops[number]]
     rot, delta, slide = state.rot, state.delta, state.slide
     arms = [value(arm, delta, slide) if arm.arms or arm.slides else arm.still for arm in loop.arms]
     guides = [d * (rot if carrier < 0 else delta)[spin] for _, carrier, spin, d in loop.slides]
@@ -99,7 +99,7 @@ def _place_relation(model: Model, block: Block, state: State) -> None:
 
 
 def _place_general(model: Model, block: Block, state: State, start: Any) -> None:
-    """Newton on all contours of the block; lengths in units of the mechanism's size."""
+    """Newton on all loops of the block; lengths in units of the mechanism's size."""
     size = model.size
     n_angles = len(block.angles)
     residual = equations(model, block, state)
@@ -130,9 +130,9 @@ def equations(model: Model, block: Block, state: State, frames: Index | None = N
 
     column = {u: k for k, u in enumerate(block.unknowns)}
     loops = []
-    for number, c in enumerate(block.contours):
-        target, arms, guides = loop_vectors(model, block, state, number)
-        own = model.program.loops[c]
+    for number, c in enumerate(block.loops):
+        target, arms, guides = loop_terms(model, block, state, number)
+        own = model.program.loop_equations[c]
         turned = [(k, at(a)) for k, a in enumerate(arms) if not nothing(a)]
         slid = [(column["slide", s.joint], s.carrier, at(d) * size) for s, d in zip(own.slides, guides, strict=True)]
         loops.append((-at(target), turned, slid))
@@ -173,7 +173,7 @@ def equations(model: Model, block: Block, state: State, frames: Index | None = N
 
 
 def apply(model: Model, block: Block, state: State, patch: Patch, *, onto: bool = False) -> None:
-    """Put a patch's positions into ``state``; ``onto`` the contours, as far as these determine them."""
+    """Put a patch's positions into ``state``; ``onto`` the loops, as far as these determine them."""
     values = patch.values
     if onto and len(patch.frames):
         scale = np.concatenate([np.ones(len(block.angles)), np.full(len(block.slides), model.size)])

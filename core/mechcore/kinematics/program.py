@@ -99,7 +99,7 @@ class Block:
     """
 
     kind: str
-    contours: tuple[int, ...]  # numbers of its loops
+    loops: tuple[int, ...]  # numbers of its loops
     angles: tuple[int, ...]  # unknown groups
     slides: tuple[int, ...]  # unknown sliding joints
     name: str  # the pair by which users know the group
@@ -114,7 +114,7 @@ class Block:
     @cached_property
     def dyad(self) -> bool:
         """Whether it is one loop with two unknowns."""
-        return len(self.contours) == 1 and len(self.angles) + len(self.slides) == 2 and not self.relations
+        return len(self.loops) == 1 and len(self.angles) + len(self.slides) == 2 and not self.relations
 
 
 class UnknownSlide(NamedTuple):
@@ -126,7 +126,7 @@ class UnknownSlide(NamedTuple):
     direction: complex
 
 
-class Loop(NamedTuple):
+class LoopEquation(NamedTuple):
     """A loop as its block solves it.
 
     For positions the vectors of the unknowns add up to a ``target``: ``arms`` are the vectors that each unknown angle of the block
@@ -151,7 +151,7 @@ class Program(NamedTuple):
     driven_spins: tuple[DrivenSpin, ...]
     driven_slides: tuple[DrivenSlide, ...]
     blocks: tuple[Block, ...]
-    loops: tuple[Loop, ...]  # by the numbers in `Block.contours`
+    loop_equations: tuple[LoopEquation, ...]  # by the numbers in `Block.loops`
     constraints: tuple[LinearConstraint, ...]  # by the numbers in `Block.relations`
     spins_of: tuple[tuple[int, ...], ...]  # the spins that each group turns
 
@@ -164,18 +164,18 @@ def compile_program(
     driven_slides: Sequence[DrivenSlide],
 ) -> Program:
     """The program of a mechanism whose loops are closed ``sums``, sorted into blocks in solving order."""
-    block_of = {c: b for b in blocks for c in b.contours}
+    block_of = {c: b for b in blocks for c in b.loops}
     return Program(
         driven_spins=tuple(DrivenSpin(s, drives) for s, drives in enumerate(angles.spin_drives) if drives),
         driven_slides=tuple(driven_slides),
         blocks=tuple(blocks),
-        loops=tuple(_loop(total, block_of[c], angles) for c, total in enumerate(sums)),
+        loop_equations=tuple(_equation(total, block_of[c], angles) for c, total in enumerate(sums)),
         constraints=tuple(constraints),
         spins_of=angles.spins_of,
     )
 
 
-def _loop(total: VectorSum, block: Block, angles: Angles) -> Loop:
+def _equation(total: VectorSum, block: Block, angles: Angles) -> LoopEquation:
     group = angles.spin_group
     known_slides = [slide for slide in total.slides if slide[0] not in block.slides]
 
@@ -190,7 +190,7 @@ def _loop(total: VectorSum, block: Block, angles: Angles) -> Loop:
 
     spins = _turning(total)
     constant = dict(total.arms)
-    return Loop(
+    return LoopEquation(
         target=VectorSum(
             -total.still,
             tuple((s, -a) for s, a in total.arms if group[s] not in block.angles),
@@ -207,7 +207,7 @@ def _loop(total: VectorSum, block: Block, angles: Angles) -> Loop:
 
 
 def _turning(total: VectorSum) -> list[int]:
-    """The spins of a loop's vectors that turn, in the order of `Loop.vectors`."""
+    """The spins of a loop's vectors that turn, in the order of `LoopEquation.vectors`."""
     return list(dict.fromkeys([*(s for s, _ in total.arms), *(s for _, s, _ in total.slides if s != FRAME)]))
 
 

@@ -12,7 +12,7 @@ from typing import Any, Protocol
 from mechcore.arrays import Plane, Real, Values
 from mechcore.kinematics.columns import Columns, Vectors, rates
 from mechcore.kinematics.model import Model
-from mechcore.kinematics.program import Block, Loop, NonlinearTerm
+from mechcore.kinematics.program import Block, LoopEquation, NonlinearTerm
 from mechcore.numerics.frames import added, imaginary, nothing, purely_imaginary, summed
 
 
@@ -75,7 +75,7 @@ class Rates:
         for spin in model.program.spins_of[group]:
             self._turn(spin, rate, turn)
 
-    def drift(self, loop: Loop, vectors: Vectors) -> Plane:
+    def drift(self, loop: LoopEquation, vectors: Vectors) -> Plane:
         """What the rates of a loop's sum are while the rates of its unknowns are zero."""
         (arms, slides), factor, before = vectors, self.factor, self.before
         if before is None:
@@ -149,11 +149,11 @@ def accelerations(
 
 def _solved(model: Model, vectors: Sequence[Vectors], cols: Sequence[Columns], found: Rates, patches: Patches | None) -> Rates:
     """Rates filled in block by block, those frames replaced at which a patch gives them."""
-    loops = model.program.loops
+    loops = model.program.loop_equations
     for k, (block, c) in enumerate(zip(model.blocks, cols, strict=True)):
         if block.kind == "check":
             continue
-        drift = [found.drift(loops[i], vectors[i]) for i in block.contours]
+        drift = [found.drift(loops[i], vectors[i]) for i in block.loops]
         if c.dual is not None and not patches:
             found.solve_dyad(model, block, c, drift[0])
             continue

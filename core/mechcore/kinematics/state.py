@@ -48,7 +48,7 @@ class State:
 
 @dataclass(frozen=True)
 class Newton:
-    """Unknowns (..., n) of a general block (angles [rad], then slides [m]), what is left of the contours [m], and the size of
+    """Unknowns (..., n) of a general block (angles [rad], then slides [m]), what is left of the loops [m], and the size of
     the first correction (relative), which tells how good the start was."""
 
     x: Real

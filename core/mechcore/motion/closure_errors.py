@@ -82,18 +82,18 @@ def least_miss(model: Model, block: Block, state: State) -> Array:
 
 
 def _openings(model: Model, block: Block) -> list[Array]:
-    """For each joint of a block's contours: how the distance of its two points enters them (contours,), +1, -1 or 0."""
+    """For each joint of a block's loops: how the distance of its two points enters them (loops,), +1, -1 or 0."""
     depth = [0] * len(model.links)
     for link in model.tree.order:
         depth[link] = depth[model.tree.parent[link]] + 1
     rows: dict[int, list[int]] = {}
-    for row, c in enumerate(block.contours):
-        closing = model.contours[c].closing
-        rows.setdefault(closing, [0] * len(block.contours))[row] = 1
+    for row, c in enumerate(block.loops):
+        closing = model.loops[c].closing
+        rows.setdefault(closing, [0] * len(block.loops))[row] = 1
         up, down = model.ends[closing]
         while up != down:
             sign, link = (1, up) if depth[up] >= depth[down] else (-1, down)
-            rows.setdefault(model.tree.joint[link], [0] * len(block.contours))[row] = sign
+            rows.setdefault(model.tree.joint[link], [0] * len(block.loops))[row] = sign
             up, down = (model.tree.parent[link], down) if sign == 1 else (up, model.tree.parent[link])
     unique = {max(tuple(signs), tuple(-s for s in signs)) for signs in rows.values()}
     return [np.array(signs) for signs in sorted(unique)]
@@ -102,10 +102,10 @@ def _openings(model: Model, block: Block) -> list[Array]:
 def _opened(equations: Equations, signs: Array, x: Array) -> tuple[Array, Array]:
     """Equations (..., m) and derivatives (..., m, n) with those of the open joint first, the others weighted."""
     r, jacobian = equations(x)
-    contours = len(signs)
+    loops = len(signs)
     first = int(np.flatnonzero(signs)[0])
     mix = np.eye(r.shape[-1])
-    for c in range(contours):
+    for c in range(loops):
         if c != first:
             mix[2 * c : 2 * c + 2, 2 * first : 2 * first + 2] -= signs[c] * signs[first] * np.eye(2)
     closed = np.delete(np.arange(r.shape[-1]), [2 * first, 2 * first + 1])

@@ -1,6 +1,6 @@
-"""The contour equations of a mechanism in readable form, as the contour-graph method writes them (planar case).
+"""The loop equations of a mechanism in readable form, as the contour-graph method writes them (planar case).
 
-Round a contour 0-1-...-n-0, with the pair A_i joining body i-1 to body i, r_i its place, w_ij = w_i - w_j:
+Round a loop 0-1-...-n-0, with the pair A_i joining body i-1 to body i, r_i its place, w_ij = w_i - w_j:
 
     sum w_(i,i-1) = 0                                         sum e_(i,i-1) = 0
     sum ( y_i w_(i,i-1), -x_i w_(i,i-1)) + sum v_i = 0        the same with e and relative accelerations
@@ -21,8 +21,8 @@ from mechcore.kinematics.model import Model
 from mechcore.motion.motion import Motion
 
 
-def contour_equations(motion: Motion, frame: int = 0) -> list[str]:
-    """Lines of text: the legend, then for every contour its velocity and acceleration equations, with numbers at a frame, and the
+def loop_equations(motion: Motion, frame: int = 0) -> list[str]:
+    """Lines of text: the legend, then for every loop its velocity and acceleration equations, with numbers at a frame, and the
     equation of every gear, rack, belt, rolling or cam pair."""
     model = motion.model
     turning = [s != model.angles.spin[0] for s in model.angles.spin]
@@ -32,11 +32,11 @@ def contour_equations(motion: Motion, frame: int = 0) -> list[str]:
     )
     lines.append("places of the pairs in metres, at the start; positive angles counter-clockwise")
 
-    for number, contour in enumerate(model.contours, 1):
-        steps = _around(model, contour.closing)
+    for number, loop in enumerate(model.loops, 1):
+        steps = _around(model, loop.closing)
         bodies = [0 if not steps else steps[0][1], *(q for _, _, q in steps)]
         names = [model.joints[j].name for j, _, _ in steps]
-        lines += ["", f"contour {number}: {'-'.join(map(str, bodies))} through {', '.join(names)}"]
+        lines += ["", f"loop {number}: {'-'.join(map(str, bodies))} through {', '.join(names)}"]
         term, along = partial(_term, least=1e-12 * model.size), partial(_term, least=1e-12)  # of lengths and of directions
         spins: list[str] = []
         first: list[str] = []
@@ -111,13 +111,13 @@ def _tied(motion: Motion, relation: Relation, number: int, frame: int) -> tuple[
     return first, "".join(_term(c, rate[name[0]] + name[1:], least) for name, c in total.items()) + squares
 
 
-def contour_residuals(motion: Motion, frame: int = 0) -> list[complex]:
-    """The velocity equation of every contour with the solved velocities put in, for a check of what is printed."""
+def loop_residuals(motion: Motion, frame: int = 0) -> list[complex]:
+    """The velocity equation of every loop with the solved velocities put in, for a check of what is printed."""
     model = motion.model
     out = []
-    for contour in model.contours:
+    for loop in model.loops:
         total = 0j
-        for j, p, q in _around(model, contour.closing):
+        for j, p, q in _around(model, loop.closing):
             z = complex(np.broadcast_to(motion.joint_point(j), motion.frames)[frame])
             spin = [np.broadcast_to(motion.speeds.spin[model.angles.spin[k]], motion.frames)[frame] for k in (p, q)]
             total += -1j * z * (spin[1] - spin[0])
@@ -131,7 +131,7 @@ def contour_residuals(motion: Motion, frame: int = 0) -> list[complex]:
 
 
 def _around(model: Model, closing: int) -> list[tuple[int, int, int]]:
-    """The way round a contour: (joint, from body, to body), starting at the body nearest to the frame."""
+    """The way round a loop: (joint, from body, to body), starting at the body nearest to the frame."""
     p, q = model.ends[closing]
     tree = model.tree
     up, line = [], [p]

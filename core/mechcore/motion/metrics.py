@@ -98,7 +98,7 @@ def transmission_angles(motion: Motion) -> dict[str, Real]:
     out = {}
     for block in (b for b in m.blocks if b.kind == "theta_theta"):
         arms: dict[int, Array] = dict.fromkeys(block.angles, 0j)
-        for spin, z in motion.contours[block.contours[0]].arms:
+        for spin, z in motion.loop_vectors[block.loops[0]].arms:
             group = m.angles.spin_group[spin]
             if group in arms:
                 arms[group] = arms[group] + z
@@ -150,9 +150,9 @@ class Grashof:
 
 
 def grashof(model: Model) -> tuple[Grashof, ...]:
-    """Every four-bar loop (four links, four revolute pairs) among the contours."""
+    """Every four-bar loop (four links, four revolute pairs) among the loops."""
     out = []
-    for c in model.contours:
+    for c in model.loops:
         arms = [(k, abs(v)) for k, v in c.links if abs(v) > 0]
         if len(arms) != 4 or c.slides:
             continue

@@ -158,15 +158,15 @@ class Motion:
 
     # -- solved stages ------------------------------------------------------------------------------------------------
     @lazy
-    def contours(self) -> list[Vectors]:
-        """The vectors of every contour in the world."""
+    def loop_vectors(self) -> list[Vectors]:
+        """The vectors of every loop in the world."""
         return all_vectors(self.model, self.state)
 
     @lazy
     def columns(self) -> list[Columns]:
-        """Derivatives of each block's contours by its unknowns."""
+        """Derivatives of each block's loops by its unknowns."""
         with np.errstate(**QUIET):
-            return all_columns(self.model, self.contours)
+            return all_columns(self.model, self.loop_vectors)
 
     @lazy
     def speeds(self) -> Rates:
@@ -175,7 +175,7 @@ class Motion:
             return numerical_rates(self, 1)
         rates = [d[1] for d in self._drives]
         with np.errstate(**QUIET):
-            return velocities(self.model, self.contours, self.columns, rates, self.patches, self.state.bends)
+            return velocities(self.model, self.loop_vectors, self.columns, rates, self.patches, self.state.bends)
 
     @lazy
     def accelerations(self) -> Rates:
@@ -184,7 +184,7 @@ class Motion:
             return numerical_rates(self, 2)
         rates = [d[2] for d in self._drives]
         with np.errstate(**QUIET):  # at a singular position rates are infinite, or not determined
-            return accelerations(self.model, self.contours, self.columns, self.speeds, rates, self.patches)
+            return accelerations(self.model, self.loop_vectors, self.columns, self.speeds, rates, self.patches)
 
     # -- plane vectors as complex numbers, links and joints as indices ------------------------------------------------
     def rotation(self, k: int) -> Array:
@@ -320,22 +320,22 @@ class Motion:
     # -- health -------------------------------------------------------------------------------------------------------
     @cached_property
     def closure(self) -> Real:
-        """Largest contour residual of each frame (F,) [m]."""
-        return self._largest([self.closure_error(c) for c in range(len(self.model.loops))])
+        """Largest loop residual of each frame (F,) [m]."""
+        return self._largest([self.closure_error(c) for c in range(len(self.model.loop_sums))])
 
-    def closure_error(self, contour: int) -> Array:
-        """What is left of a contour's sum of vectors [m]."""
-        return value(self.model.loops[contour], self.state.rot, self.state.slide)
+    def closure_error(self, loop: int) -> Array:
+        """What is left of a loop's sum of vectors [m]."""
+        return value(self.model.loop_sums[loop], self.state.rot, self.state.slide)
 
     @cached_property
     def velocity_closure(self) -> Real:
-        """Largest residual of the differentiated contours (F,) [m/s]."""
-        return self._largest([self._contour_rate(v, 1) for v in self.contours])
+        """Largest residual of the differentiated loops (F,) [m/s]."""
+        return self._largest([self._loop_rate(v, 1) for v in self.loop_vectors])
 
     @cached_property
     def acceleration_closure(self) -> Real:
-        """Largest residual of the twice differentiated contours (F,) [m/s^2]."""
-        return self._largest([self._contour_rate(v, 2) for v in self.contours])
+        """Largest residual of the twice differentiated loops (F,) [m/s^2]."""
+        return self._largest([self._loop_rate(v, 2) for v in self.loop_vectors])
 
     @cached_property
     def condition(self) -> Real:
@@ -345,7 +345,7 @@ class Motion:
             worst = np.maximum(worst, condition(self.model, block, cols))
         return worst
 
-    def _contour_rate(self, v: Vectors, derivative: int) -> Array:
+    def _loop_rate(self, v: Vectors, derivative: int) -> Array:
         total: Array = 0j
         for spin, z in v.arms:
             w = self.speeds.spin[spin]

@@ -207,9 +207,9 @@ def _faults(compiled: Compiled, motion: Motion, course: Course | None, parameter
     failed = np.zeros(motion.frames, bool)
     followed = set() if course is None else {b.name for b in course.model.blocks if b.kind == "general"}
     for block in model.blocks:
-        if block.redundant or motion.patches:  # where a branch was interpolated, too, the contours have to close
+        if block.redundant or motion.patches:  # where a branch was interpolated, too, the loops have to close
             miss = np.zeros(motion.frames)
-            for c in block.contours:
+            for c in block.loops:
                 miss = np.maximum(miss, np.abs(motion.closure_error(c)))
             bad = ~(miss <= max(1e-9, 10.0 * compiled.accuracy.position) * model.size) & ~failed
             worst = float(np.fmax.reduce(np.where(bad, miss, 0.0), initial=0.0))

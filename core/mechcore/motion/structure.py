@@ -1,4 +1,4 @@
-"""What a mechanism is made of: mobility, structural groups (Assur), contours. Answers for people, from the compiled model."""
+"""What a mechanism is made of: mobility, structural groups (Assur), loops. Answers for people, from the compiled model."""
 
 from __future__ import annotations
 
@@ -213,7 +213,7 @@ def _class_of(model: Model, own: Sequence[int], inner: Sequence[int], pairs: Seq
         near[p].append(q)
         near[q].append(p)
     longest = 0
-    for j in inner:  # shortest inner contour through each pair
+    for j in inner:  # shortest inner loop through each pair
         p, q = model.ends[j]
         distance, queue = {p: 0}, [p]
         while queue:
@@ -229,10 +229,10 @@ def _class_of(model: Model, own: Sequence[int], inner: Sequence[int], pairs: Seq
     return ROMAN[number] if number < len(ROMAN) else str(number)
 
 
-def contour_pairs(model: Model) -> tuple[tuple[str, ...], ...]:
-    """The pairs of each independent contour, in the order of the way round from the tree's side to the closing pair."""
+def loop_pairs(model: Model) -> tuple[tuple[str, ...], ...]:
+    """The pairs of each independent loop, in the order of the way round from the tree's side to the closing pair."""
     out = []
-    for c in model.contours:
+    for c in model.loops:
         p, q = model.ends[c.closing]
         up, down = [], []
         line = []

@@ -16,7 +16,7 @@ from mechcore.kinematics.build import loop_sum
 from mechcore.kinematics.positions import place_all
 from mechcore.motion.compiled import Compiled
 from mechcore.motion.motion import Motion
-from mechcore.topology.graph import contours
+from mechcore.topology.graph import vector_loops
 
 Array = Any
 CHUNK = 4096  # numbers in an array that is worked on: small enough to stay in the cache
@@ -90,9 +90,9 @@ def _motion(compiled: Compiled, points: Mapping[tuple[str, str], Array], time: A
             a, b = (place.get((link, name)) for link, name in zip(joint.links, names, strict=True))
             joint = replace(joint, a=joint.a if a is None else a, b=joint.b if b is None else b)
         joints.append(joint)
-    closed = contours(model.ends, joints, model.tree)
-    loops = tuple(loop_sum(c, model.angles, model.turn) for c in closed)
-    variant = replace(model, joints=tuple(joints), contours=closed, loops=loops, varied=place)
+    closed = vector_loops(model.ends, joints, model.tree)
+    sums = tuple(loop_sum(c, model.angles, model.turn) for c in closed)
+    variant = replace(model, joints=tuple(joints), loops=closed, loop_sums=sums, varied=place)
     modes, laws = compiled.assembly.modes, tuple(d.law for d in model.mechanism.drives)
     state = place_all(variant, [v[0] for v in values], modes)
 

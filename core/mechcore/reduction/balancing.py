@@ -1,6 +1,6 @@
 """Counterweights that balance the shaking force of a four-bar fully and of a slider-crank in part.
 
-Four-bar (R. S. Berkof and G. G. Lowen, 1969): with the contour closed, the sum of m r_S over the links is a constant plus one
+Four-bar (R. S. Berkof and G. G. Lowen, 1969): with the loop closed, the sum of m r_S over the links is a constant plus one
 multiple of the crank's vector and one of the rocker's; counterweights on these two links take both multiples to zero, for any
 motion of the crank. Slider-crank: a counterweight on the crank balances the masses that turn with it and a stated fraction of those
 that go to and fro (the rod divided by its centre of mass between crank pin and gudgeon pin).

@@ -1,11 +1,11 @@
 """The graph of a mechanism: links are vertices, pairs are edges.
 
 From it come the angles (links joined by pairs that do not turn share one), a spanning tree rooted at the frame, and one
-independent contour (closed vector polygon) for every pair that the tree leaves out.
+independent loop (closed vector polygon) for every pair that the tree leaves out.
 
-The tree decides how small the blocks of the contour equations can be. It is the minimum spanning tree under the order in which
-the pairs' constraints are solved in absolute coordinates; by the cycle property of such trees no contour then runs through a
-pair that is solved later than the pair that closes it, so the contours fall apart into the same groups, whatever the numbering.
+The tree decides how small the blocks of the loop equations can be. It is the minimum spanning tree under the order in which
+the pairs' constraints are solved in absolute coordinates; by the cycle property of such trees no loop then runs through a
+pair that is solved later than the pair that closes it, so the loops fall apart into the same groups, whatever the numbering.
 """
 
 from __future__ import annotations
@@ -48,11 +48,11 @@ class Tree:
     order: tuple[int, ...]
     parent: tuple[int, ...]  # of each link; -1 for the frame
     joint: tuple[int, ...]  # of each link; -1 for the frame
-    closing: tuple[int, ...]  # joints that close a contour
+    closing: tuple[int, ...]  # joints that close a loop
 
 
 @dataclass(frozen=True)
-class Contour:
+class Loop:
     """One closed polygon. Its sum is ``point on the first link of the closing joint - point on the second``.
 
     ``links``: (link, coefficient in that link's frame [m]); ``slides``: (joint, guide's link, direction in its frame).
@@ -166,8 +166,8 @@ def spanning_tree(n: int, ends: Sequence[tuple[int, int]], order: Order, equatio
     return Tree(order=tuple(found), parent=tuple(parent), joint=tuple(joint), closing=closing)
 
 
-def contours(ends: Sequence[tuple[int, int]], joints: Sequence[Joint], tree: Tree) -> tuple[Contour, ...]:
-    """One contour for each closing joint, with the coefficients of a link that enters twice added up."""
+def vector_loops(ends: Sequence[tuple[int, int]], joints: Sequence[Joint], tree: Tree) -> tuple[Loop, ...]:
+    """One loop for each closing joint, with the coefficients of a link that enters twice added up."""
     depth = [0] * len(tree.parent)
     for k in tree.order:
         depth[k] = depth[tree.parent[k]] + 1
@@ -198,7 +198,7 @@ def contours(ends: Sequence[tuple[int, int]], joints: Sequence[Joint], tree: Tre
                 up = parent
             else:
                 down = parent
-        out.append(Contour(closing=c, links=tuple(sorted(vectors.items())), slides=tuple(slides)))
+        out.append(Loop(closing=c, links=tuple(sorted(vectors.items())), slides=tuple(slides)))
     return tuple(out)
 
 

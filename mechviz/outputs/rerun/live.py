@@ -95,7 +95,7 @@ def _room(run: Run, solids: Solids) -> NDArray[np.float64]:
     box, motion = np.array(solids.bounds, float), run.motion
     frame = motion.mechanism.frame
     more = ROOM * solids.size
-    for pair in (p for p in motion.mechanism.pairs if frame in p.links and not motion.model.contours):
+    for pair in (p for p in motion.mechanism.pairs if frame in p.links and not motion.model.loops):
         at = motion.pair_position(pair.name)[0]
         more = float(np.hypot(*np.maximum(box[1, :2] - at, at - box[0, :2])))
         box[:, :2] = np.minimum(box[0, :2], at - more), np.maximum(box[1, :2], at + more)

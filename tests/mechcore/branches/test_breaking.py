@@ -137,7 +137,7 @@ def test_a_geared_follower_of_a_turning_rocker_keeps_its_turns():
 
 @pytest.mark.parametrize("order", [("planet", "rocker"), ("rocker", "planet")])
 def test_forces_of_a_gear_that_a_moving_link_carries(order):
-    """The planet's wheel partner is pinned to the carrier by the contour's closing pair."""
+    """The planet's wheel partner is pinned to the carrier by the loop's closing pair."""
     base = four_bar(E=(2.0, 0.0), AB=0.5, BD=1.8, DE=1.5, start=1.0, coupler_point=(1.0, 0.7))
     m = replace(
         base,

@@ -48,7 +48,7 @@ def one_frame(program, constants, drives, near):
         return vectors.still + arms + sum(d * turned[s] * slide[j] for j, s, d in vectors.slides)
 
     for block in program.blocks:
-        loops = [program.loops[c] for c in block.contours]
+        loops = [program.loop_equations[c] for c in block.loops]
         targets = [total(loop.target, rot) for loop in loops]
         arms = [[total(arm, delta) for arm in loop.arms] for loop in loops]
 
@@ -107,8 +107,8 @@ def test_order_of_solution_reads_like_a_textbook():
     words = solution_order(compile_mechanism(mechviz.load("contour-lever").mechanism).model)
     assert [line.strip() for line in words[1:4]] == [
         "1. drive O turns crank",
-        "2. S: (a + s d) e = c, contour 1: angle of block, lever, displacement S",
-        "3. T: a e + s d = c, contour 2: angle of coupler, displacement T",
+        "2. S: (a + s d) e = c, loop 1: angle of block, lever, displacement S",
+        "3. T: a e + s d = c, loop 2: angle of coupler, displacement T",
     ]
     assert [line.strip() for line in words[5:7]] == [
         "1. T: moments on coupler, forces along T: force in D",

@@ -1,4 +1,4 @@
-"""The core's parts: block order, angles and contours, closed forms, limits, long runs, and what is not computed."""
+"""The core's parts: block order, angles and loops, closed forms, limits, long runs, and what is not computed."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from mechcore.kinematics import dyads as cf
 from mechcore.laws.timed import ConstantSpeed, Oscillation
 from mechcore.motion.reach import reachable_ranges
 from mechcore.motion.solve import compile_mechanism, default_times, solve_motion
-from mechcore.motion.structure import contour_pairs, groups, gruebler, rank_mobility, redundant_pairs
+from mechcore.motion.structure import groups, gruebler, loop_pairs, rank_mobility, redundant_pairs
 from mechcore.spec.loads import Force
 from mechcore.spec.mechanism import Drive, Link, Mechanism, Prismatic
 from mechcore.topology.order import block_order, maximum_matching
@@ -147,7 +147,7 @@ def test_mobility_formula(row):
     assert row["p5"] + row["p4"] - row["n"] == row["independent_contours"]
 
 
-def test_mobility_groups_and_contours_of_known_mechanisms():
+def test_mobility_groups_and_loops_of_known_mechanisms():
     geometry = case("lever_contour", "lever-canonical-zones")["inputs"]["geometry"]
     six = compile_mechanism(watt_six_bar(case("linkages", "sixbar-watt")["inputs"], speed=1.0))
     for mechanism, kinds in (
@@ -161,9 +161,9 @@ def test_mobility_groups_and_contours_of_known_mechanisms():
         n, p5, p4, w = gruebler(compiled.model)
         motion = solve_motion(compiled, [0.1])
         assert w == rank_mobility(motion) == 1
-        assert len(compiled.model.contours) == p5 + p4 - n
+        assert len(compiled.model.loops) == p5 + p4 - n
         assert [f"{g.assur_class} {g.kind}" for g in groups(compiled.model)] == kinds
-    assert {frozenset(c) for c in contour_pairs(six.model)} == {frozenset("ABDE"), frozenset("EHKN")}
+    assert {frozenset(c) for c in loop_pairs(six.model)} == {frozenset("ABDE"), frozenset("EHKN")}
 
 
 def test_order_of_links_and_pairs_does_not_matter():
@@ -457,13 +457,13 @@ def test_prismatic_guides_on_either_link_agree():
     np.testing.assert_allclose(b.effort("O"), a.effort("O"), rtol=1e-10, atol=1e-10)
 
 
-# -- contour equations in words ---------------------------------------------------------------------------------------------------
-def test_printed_contour_equations_hold_with_the_solved_motion():
+# -- loop equations in words ---------------------------------------------------------------------------------------------------
+def test_printed_loop_equations_hold_with_the_solved_motion():
     """Parse the printed equations, put the solved velocities and accelerations in, and see them vanish."""
     import re
 
     import mechviz
-    from mechcore.motion.equations import contour_equations, contour_residuals
+    from mechcore.motion.equations import loop_equations, loop_residuals
 
     geometry = case("lever_contour", "lever-canonical-zones")["inputs"]["geometry"]
     for mechanism in (
@@ -474,7 +474,7 @@ def test_printed_contour_equations_hold_with_the_solved_motion():
         mechviz.load("cam-oscillating-roller").mechanism,  # at 1 rad on its rise
     ):
         motion = move(mechanism, [mechanism.drives[0].law(0.0)[0] + 1.0], 3.0, 2.0)
-        assert np.abs(contour_residuals(motion)).max(initial=0.0) < 1e-12
+        assert np.abs(loop_residuals(motion)).max(initial=0.0) < 1e-12
         spin = [float(np.broadcast_to(motion.speeds.spin[s], 1)[0]) for s in motion.model.angles.spin]
         accel = [float(np.broadcast_to(motion.accelerations.spin[s], 1)[0]) for s in motion.model.angles.spin]
         values = {}
@@ -485,8 +485,8 @@ def test_printed_contour_equations_hold_with_the_solved_motion():
         for joint in motion.model.joints:
             if joint.slide is not None:
                 _, values[f"v_{joint.name}"], values[f"a_{joint.name}"] = motion.coordinate(joint.name)[0]
-        lines = [x for x in contour_equations(motion) if x.endswith("= 0")]
-        assert len(lines) == 6 * len(motion.model.contours) + 2 * len(motion.model.relations)
+        lines = [x for x in loop_equations(motion) if x.endswith("= 0")]
+        assert len(lines) == 6 * len(motion.model.loops) + 2 * len(motion.model.relations)
         for line in lines:
             terms = re.findall(r"([+-][\d.e+-]+)?\s*\+?\s*((?:[wevaA-Z]_[\w,]+(?:\^2)?\s*)+)", line.split("=")[0])
             assert terms or line.strip() == "0 = 0", line

@@ -169,7 +169,7 @@ def test_class_three_group_that_no_chain_of_dyads_solves():
 
 
 @pytest.mark.parametrize("kind", ["contour-fourbar", "contour-slider-crank"])
-def test_contour_equations_relative_motions(kind):
+def test_loop_equations_relative_motions(kind):
     c = case("misc", kind)
     i, rows = c["inputs"], c["expected"]
     theta = column(rows, "theta_1_deg") * np.pi / 180.0

@@ -149,7 +149,7 @@ def eight_bar(at: dict[str, complex]) -> Mechanism:
 
 
 def test_every_mode_of_eight_bars_is_found():
-    """One block of six links and three contours, at random places of the pins."""
+    """One block of six links and three loops, at random places of the pins."""
     rng = np.random.default_rng(3)
     counts = []
     for k in range(13):
@@ -158,7 +158,7 @@ def test_every_mode_of_eight_bars_is_found():
             continue
         model = build_model(eight_bar(at))
         (block,) = model.blocks
-        assert (block.kind, len(block.angles), len(block.contours)) == ("general", 6, 3)
+        assert (block.kind, len(block.angles), len(block.loops)) == ("general", 6, 3)
         modes = group_modes(model, block, initial_state(model, [np.float64(0.0)]))
         leg = block.angles.index(model.angles.group[model.index["leg_B"]])
         found = np.exp(1j * (modes[:, leg] + np.angle(at["P"] - at["B"])))

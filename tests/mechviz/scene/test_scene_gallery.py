@@ -1,4 +1,4 @@
-"""The gallery: every scene loads, runs, closes its contours, and is the mechanism that its references describe."""
+"""The gallery: every scene loads, runs, closes its loops, and is the mechanism that its references describe."""
 
 from __future__ import annotations
 
@@ -112,7 +112,7 @@ def test_jansen_leg_starts_as_it_is_drawn():
     np.testing.assert_allclose(1e3 * motion_of("jansen-leg").point("foot", "H")[0], [-22.22, -91.74], atol=1e-9)
 
 
-def test_contour_lever_is_the_article_s():
+def test_loop_lever_is_the_article_s():
     """Reference case lever-canonical-zones at the start, 38 degrees, where the run-up begins."""
     motion = motion_of("contour-lever")
     assert motion.drives[0][0][[0, -1]] == pytest.approx(np.radians([38.0, 128.0]))
@@ -306,10 +306,10 @@ def test_near_flat_four_bar_keeps_its_mode_and_says_how_near_it_comes():
     assert 500.0 < motion.condition.max() < 2000.0, "about one over the root of the margin"
 
 
-@pytest.mark.parametrize(("name", "contours", "links"), [("eight-bar", 3, 6), ("stephenson-six-bar", 2, 4)])
-def test_large_groups_are_one_simultaneous_block(name, contours, links):
+@pytest.mark.parametrize(("name", "loops", "links"), [("eight-bar", 3, 6), ("stephenson-six-bar", 2, 4)])
+def test_large_groups_are_one_simultaneous_block(name, loops, links):
     (block,) = motion_of(name).model.blocks
-    assert (block.kind, len(block.contours), len(block.angles)) == ("general", contours, links)
+    assert (block.kind, len(block.loops), len(block.angles)) == ("general", loops, links)
 
 
 def test_micro_gripper_is_symmetric_and_the_same_in_millimetres():

@@ -147,7 +147,7 @@ def with_rates(motion: Motion, rates: Sequence[Array], second: Sequence[Array] |
     drives = [(d[0], r, a) for d, r, a in zip(motion.drives, rates, second, strict=True)]
     patches = motion.patches and _scaled(motion, rates)
     m = Motion(motion.model, motion.time, drives, motion.state, motion.angles, patches, accuracy=motion.accuracy)
-    m.contours, m.columns, m.origins, m.states = motion.contours, motion.columns, motion.origins, motion.states
+    m.loop_vectors, m.columns, m.origins, m.states = motion.loop_vectors, motion.columns, motion.origins, motion.states
     return m
 
 
