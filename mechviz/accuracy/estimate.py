@@ -81,7 +81,7 @@ def estimate_errors(run: Run) -> ErrorEstimate:
     """The estimates of a run, from what it has computed; of a motion under forces also from a companion."""
     motion = run.motion
     condition = np.minimum(np.nan_to_num(np.asarray(motion.condition, float), nan=np.inf), LARGEST_CONDITION)
-    size = motion.model.size
+    size = motion.model.length_scale
     position = condition * (np.asarray(motion.closure) / size + ROUNDING * _travel(motion, size))
     if run.accuracy.differentiation == "exact":
         bend = 1.0 + _bend(motion)
@@ -158,7 +158,7 @@ def _peaks(motion: Any) -> tuple[float, float]:
     if stands_still(motion):
         pace = pace_of_rest(motion)
         return pace, pace * pace
-    size = motion.model.size
+    size = motion.model.length_scale
     speed = acceleration = 0.0
     for link in motion.model.links[1:]:
         for k in (0, 1, 2):
@@ -181,7 +181,7 @@ def _cancelled(run: Run, every: list[Quantity]) -> float:
     is_force = {q.name: q.name.startswith("reaction") for q in found}
     force = max([*(peak(q.values) for q in found if is_force[q.name]), *(peak(v[:, :2]) for v in loads)], default=0.0)
     moments = [*(peak(q.values) for q in found if not is_force[q.name]), *(peak(v[:, 2]) for v in loads)]
-    moment = max([*moments, force * run.motion.model.size])
+    moment = max([*moments, force * run.motion.model.length_scale])
     worst = 0.0
     for q in found:
         largest, own = force if is_force[q.name] else moment, peak(q.values)
@@ -303,5 +303,5 @@ def poses_apart(one: Any, other: Any) -> Real:
     worst = np.zeros(one.frames)
     for link in one.model.links[1:]:
         miss = np.abs(one.pose(link) - other.pose(link))
-        worst = np.maximum(worst, np.maximum(miss[:, :2].max(axis=1) / one.model.size, miss[:, 2]))
+        worst = np.maximum(worst, np.maximum(miss[:, :2].max(axis=1) / one.model.length_scale, miss[:, 2]))
     return worst

@@ -40,7 +40,7 @@ def kept_dials(run: Run) -> Accuracy:
     if dials.target is None:
         filled = {"profile": dials.profile or PROFILE, "numbers": dials.numbers or "float64"}
         return replace(dials, **filled)
-    chord = dials.chord if dials.chord is not None else max(dials.target, FINEST) * run.motion.model.size
+    chord = dials.chord if dials.chord is not None else max(dials.target, FINEST) * run.motion.model.length_scale
     found = quantities(run.motion, run.forces)
     return replace(
         dials,

@@ -61,7 +61,7 @@ def quantities(motion: Any, forces: Any) -> list[Quantity]:
 
 
 def _kinematics(motion: Any) -> Iterator[Quantity]:
-    size = motion.model.size
+    size = motion.model.length_scale
     moving = links_of(motion)[1:]
     rows = {k: (motion.pose(k), motion.velocity(k), motion.acceleration(k)) for k in moving}
     pace = pace_of_rest(motion) if stands_still(motion) else 0.0
@@ -82,7 +82,7 @@ def stands_still(motion: Any) -> bool:
     """Whether no link ever moves by more than rounding."""
     if motion.frames < 2:
         return False
-    unit = np.array([motion.model.size, motion.model.size, 1.0])
+    unit = np.array([motion.model.length_scale, motion.model.length_scale, 1.0])
     return all(bool((np.ptp(motion.pose(k), axis=0) <= STILL * unit).all()) for k in motion.model.links[1:])
 
 
@@ -95,13 +95,13 @@ def _points(motion: Any) -> Iterator[Quantity]:
     """Places of traced points: on a link that turns evenly they still go along an arc."""
     for link, point in motion.mechanism.traced:
         x, v, a = (np.asarray(motion.point(link, point, d)) for d in (0, 1, 2))
-        yield Quantity(f"point {point} of {link}", "position", x, motion.model.size, v, a)
+        yield Quantity(f"point {point} of {link}", "position", x, motion.model.length_scale, v, a)
 
 
 def _forces(motion: Any, forces: Any) -> Iterator[Quantity]:
     reactions = {j.name: forces.reaction(j.name) for j in joints_of(motion)}
     largest = _peak([r[:, :2] for r in reactions.values()])
-    moment = max(_peak([r[:, 2:] for r in reactions.values()]), LEAST * largest * motion.model.size)
+    moment = max(_peak([r[:, 2:] for r in reactions.values()]), LEAST * largest * motion.model.length_scale)
     for name, r in reactions.items():
         if largest:
             yield Quantity(f"reaction {name}", "reaction", r[:, :2], max(_peak([r[:, :2]]), LEAST * largest))

@@ -87,7 +87,7 @@ def position_errors(motion: Motion) -> dict[str, Real]:
     exact = extended(motion)
     if exact is None:
         return {}
-    size, moving = motion.model.size, range(1, len(motion.model.links))
+    size, moving = motion.model.length_scale, range(1, len(motion.model.links))
     worst = np.zeros(motion.frames)
     for k in moving:
         place = np.abs(np.asarray(exact.origin(k) - np.asarray(motion.origin(k), np.clongdouble))) / size

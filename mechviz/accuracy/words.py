@@ -73,7 +73,7 @@ def _motion(run: Run, target: float) -> str:
 def _kept(run: Run, target: float) -> str:
     kept = run.kept
     assert kept.chord is not None
-    relative = kept.chord / run.motion.model.size
+    relative = kept.chord / run.motion.model.length_scale
     finer = "" if relative <= target * (1 + 1e-9) else f", no finer than {FINEST:g} of the size unless chord says so"
     forces = " (links are to be in balance to 1e-8)" if run.forces is not None and kept.numbers == "float64" else ""
     every = "every recorded frame" if kept.pictures == 1 else f"every {kept.pictures}th recorded frame"

@@ -90,7 +90,7 @@ def judged(name: str, holds: Any) -> Check:
 
 def moved(motion: Motion, found: str, checks: Iterable[Check], forces: Forces | None = None, events: Iterable[str] = ()) -> Outcome:
     """The outcome of a motion: its loops have to close to rounding beside whatever else is checked."""
-    size = motion.model.size
+    size = motion.model.length_scale
     residual = float(np.max(motion.closure)) / size
     every = [*checks, Check("loops close", residual, 1e-12)]
     if forces is not None:

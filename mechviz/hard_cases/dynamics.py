@@ -33,7 +33,7 @@ def _outcome(simulation: Simulation, found: str, checks: list[Check], *, drift: 
     """The outcome of a simulation: loops close and energy is accounted for, beside what else is checked."""
     t = np.linspace(0.0, simulation.duration, frames)
     motion = simulation.motion(t)
-    residual = float(np.max(motion.closure)) / simulation.compiled.model.size
+    residual = float(np.max(motion.closure)) / simulation.compiled.model.length_scale
     every = [*checks, Check("loops close", residual, 1e-12)]
     if drift is not None:
         every.append(Check("energy", float(np.max(np.abs(simulation.drift(t)))), drift))

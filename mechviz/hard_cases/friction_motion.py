@@ -24,7 +24,7 @@ def _simulated(simulation: Any, found: str, checks: list[Check]) -> Outcome:
     drift = float(np.max(np.abs(simulation.drift(t))))
     kinds = [h.kind for h in simulation.events]
     events = tuple(f"{kinds.count(k)} {k}" for k in dict.fromkeys(kinds))
-    residual = float(np.max(motion.closure)) / simulation.compiled.model.size
+    residual = float(np.max(motion.closure)) / simulation.compiled.model.length_scale
     return Outcome(found, (*checks, Check("energy", drift, 1e-7)), residual, float(np.max(motion.condition)), events)
 
 

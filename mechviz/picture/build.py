@@ -221,7 +221,7 @@ def _paths(run: Run, solids: Solids, heights: Heights) -> Iterator[Lines]:
 def joint_nodes(run: Run, solids: Solids) -> Iterator[Points]:
     """A dot at every joint with its name, or all names at the first of those that lie at the same place all the time."""
     places = {name: run.motion.pair_position(name) for name in run.numbers.joints}
-    near = 1e-6 * run.motion.model.size
+    near = 1e-6 * run.motion.model.length_scale
     heaps: list[tuple[Real, list[str]]] = []
     for name, place in places.items():
         known = next((names for other, names in heaps if np.abs(other - place).max(initial=0.0) < near), None)

@@ -39,9 +39,9 @@ def onto_centres(run: Run, heavy: Sequence[str]) -> Callable[[Sequence[str], Rea
         for link in links:
             at = centre_of(link) if link in heavy else None
             if at is not None and place.shape == at.shape:
-                if (np.abs(place[:1] - at[:1]) > FAR * motion.model.size).any():
+                if (np.abs(place[:1] - at[:1]) > FAR * motion.model.length_scale).any():
                     continue  # most places are elsewhere, which the first frame tells
-                room = NEAR * (motion.model.size + np.abs(np.nan_to_num(at)).max(initial=0.0))
+                room = NEAR * (motion.model.length_scale + np.abs(np.nan_to_num(at)).max(initial=0.0))
                 if not (np.abs(np.nan_to_num(place - at)) > room).any():
                     return np.where(np.isfinite(place), at, place)
         return place

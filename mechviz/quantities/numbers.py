@@ -102,14 +102,14 @@ def numbers_of(run: Run) -> Numbers:
         traced=tuple(point_name(*key) for key in mechanism.traced),
         tables={table.path: table for table in tables(run)},
         cycle=cycle_of(run),
-        length_scale=motion.model.size,
+        length_scale=motion.model.length_scale,
         tolerance=closure_tolerance(run),
     )
 
 
 def closure_tolerance(run: Run) -> float:
     """Closure [m] up to which all is well."""
-    return max(TOLERANCE, run.accuracy.position) * run.motion.model.size
+    return max(TOLERANCE, run.accuracy.position) * run.motion.model.length_scale
 
 
 def cycle_of(run: Run) -> float:

@@ -41,7 +41,7 @@ def rounding_of_efforts(run: Run, unit: str) -> float:
     largest = max(
         (float(np.nanmax(np.abs(run.forces.reaction(j.name)[:, :2]), initial=0.0)) for j in joints_of(run.motion)), default=0.0
     )
-    return ROUND_OFF * largest * (1.0 if unit == "m" else run.motion.model.size)
+    return ROUND_OFF * largest * (1.0 if unit == "m" else run.motion.model.length_scale)
 
 
 def tables(run: Run) -> list[Table]:
@@ -112,7 +112,7 @@ def _placed(onto: Any, joint: JointInfo, place: Callable[[str], Real]) -> Real:
 
 
 def _reaction(forces: Forces, joint: str) -> Real:
-    return without_noise(forces.reaction(joint), forces.motion.model.size)
+    return without_noise(forces.reaction(joint), forces.motion.model.length_scale)
 
 
 def _column(values: Callable[[str], Real], name: str) -> Real:

@@ -40,7 +40,7 @@ def _rotary(found: Vibrations) -> list[bool]:
 
 def _shape(found: Vibrations, mode: Mode) -> Any:
     """The mode's shape with its largest part one: one radian, or the mechanism's size where that counts as much."""
-    size = found.equilibrium.compiled.model.size
+    size = found.equilibrium.compiled.model.length_scale
     scale = np.array([1.0 if r else size for r in _rotary(found)])
     return mode.shape / np.abs(mode.shape / scale).max()
 
@@ -164,7 +164,7 @@ def _amplitude(found: Vibrations, k: int, fraction: float) -> float:
     motion = eq.motion_with(found.modes[k].shape)
     moved = [float(np.hypot(*motion.point(link.name, name, 1)[0])) for link in model.mechanism.links for name in link.points]
     turned = [abs(float(motion.velocity(link)[0, 2])) for link in model.links[1:]]
-    bounds = [fraction * model.size / max(moved, default=0.0)] if max(moved, default=0.0) > 0 else []
+    bounds = [fraction * model.length_scale / max(moved, default=0.0)] if max(moved, default=0.0) > 0 else []
     bounds += [LARGEST_TURN * min(1.0, fraction / 0.08) / max(turned)] if max(turned, default=0.0) > 0 else []
     return min(bounds)
 
@@ -205,7 +205,7 @@ def _sketch(scene: Scene, found: Vibrations) -> dict[Place, Any]:
 def _same_place(scene: Scene, found: Vibrations) -> bool:
     """Whether a scene starts with every link where it is in the equilibrium."""
     start, wanted = solve_motion(compile_mechanism(scene.mechanism), np.zeros(1)), found.equilibrium.motion
-    size = wanted.model.size
+    size = wanted.model.length_scale
     for link in wanted.model.links[1:]:
         a, b = start.pose(link)[0], wanted.pose(link)[0]
         if np.abs(a[:2] - b[:2]).max() > 1e-7 * size or abs(np.exp(1j * (a[2] - b[2])) - 1.0) > 1e-7:

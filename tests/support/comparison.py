@@ -51,10 +51,10 @@ def differences(change: Change, base: Result, other: Result) -> dict[str, float]
         deviation = float(np.abs(got - want).max(initial=0.0)) / peak
         out[name] = deviation if np.isfinite(deviation) else np.inf
 
-    length = base.motion.model.size * L
+    length = base.motion.model.length_scale * L
     rate = abs(change.pace)
     fast = max(float(np.abs(base.motion.velocity(k.name)[:, 2]).max()) for k in m.links if k.name != FRAME)
-    fast = max(fast, *(float(np.abs(base.motion.velocity(k.name)[:, :2]).max()) / base.motion.model.size for k in m.links))
+    fast = max(fast, *(float(np.abs(base.motion.velocity(k.name)[:, :2]).max()) / base.motion.model.length_scale for k in m.links))
     for k in m.links:
         if k.name == FRAME:
             continue
@@ -72,7 +72,7 @@ def differences(change: Change, base: Result, other: Result) -> dict[str, float]
         [1e-9, *(float(np.abs(r.values[:, :2]).max()) for r in base.forces.loads.values())]
         + [float(np.abs(base.forces.reaction(p.name)[:, :2]).max()) for p in m.pairs if not isinstance(p, sp.Cylinder)]
     )
-    arm = base.motion.model.size
+    arm = base.motion.model.length_scale
     strongest = max(strongest, *(float(np.abs(r.values[:, 2]).max(initial=0.0)) / arm for r in base.forces.loads.values()), 1e-9)
     strongest = max(strongest, *(damping(x, fast, arm) for x in m.loads), 0.0)
     for p in m.pairs:

@@ -141,6 +141,6 @@ def balance_of_links(forces: Forces) -> float:
         force = sum(f for f, _, _ in acting)
         moments = [mm + (at - origin)[:, 0] * f[:, 1] - (at - origin)[:, 1] * f[:, 0] for f, mm, at in acting]
         largest_force = max(np.abs(f).max() for f, _, _ in acting) or 1.0
-        largest_moment = max(max(np.abs(mm).max() for mm in moments), 1e-3 * largest_force * m.model.size)
+        largest_moment = max(max(np.abs(mm).max() for mm in moments), 1e-3 * largest_force * m.model.length_scale)
         worst = max(worst, np.abs(force).max() / largest_force, np.abs(sum(moments)).max() / largest_moment)
     return worst

@@ -16,6 +16,6 @@ def wheel(name: str, *, mass: float = 1.0, inertia: float = 0.2, centre=(0.0, 0.
 
 def sound(forces, tolerance: float = 1e-10) -> None:
     """Balance of every link, power, and closure."""
-    assert forces.motion.closure.max() < 1e-12 * forces.motion.model.size
+    assert forces.motion.closure.max() < 1e-12 * forces.motion.model.length_scale
     assert np.abs(forces.power_balance).max() < tolerance
     assert balance_of_links(forces) < tolerance

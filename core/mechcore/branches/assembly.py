@@ -47,10 +47,10 @@ def assemble(model: Model, drives: Sequence[float], *, others: bool = True) -> A
         with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
             if block.kind in TWO_MODES:
                 miss = float(gap(model, block, state))
-                if miss > 1e-14 * model.size:
+                if miss > 1e-14 * model.length_scale:
                     faults.append(_apart(model, block, miss, _fitting_mode(model, drives) if others else ""))
                     break
-                if block.kind != "theta_slide" and span(model, block, state) <= 1e-14 * model.size:
+                if block.kind != "theta_slide" and span(model, block, state) <= 1e-14 * model.length_scale:
                     faults.append(_unspanned(block))
                     break
                 mode, fault = _mode(model, block, state, stated.get(block.name, ()))
@@ -218,7 +218,7 @@ def _place_of(model: Model, block: Block, state: State, mode: float) -> str:
                 return "a place that other groups decide"
             z = z + sign * vector * model.turn[link] * rot
         k = p
-    noise = 1e-12 * model.size
+    noise = 1e-12 * model.length_scale
     x, y = (0.0 if abs(part) < noise else part for part in (complex(z).real, complex(z).imag))
     return f"x = {as_length(x, 4)}, y = {as_length(y, 4)}"
 
@@ -267,7 +267,7 @@ def _sketched_mode(model: Model, block: Block, state: State) -> float | None:
             else:
                 slide = sketched_slide(model, i)
                 if slide is not None:
-                    error, told = error + abs(value - slide) / model.size, True
+                    error, told = error + abs(value - slide) / model.length_scale, True
         if not told:
             return None
         errors.append(error)
@@ -307,7 +307,7 @@ def _start_of_general(model: Model, block: Block, state: State) -> tuple[Real | 
     guess = np.array([np.nan if a is None else a for a in angles] + [np.nan if s is None else s for s in slides])
     n = len(block.angles)
     error = np.abs(np.exp(1j * found[:, :n]) - np.exp(1j * guess[:n]))
-    error = np.nansum(error, axis=-1) + np.nansum(np.abs(found[:, n:] - guess[n:]), axis=-1) / model.size
+    error = np.nansum(error, axis=-1) + np.nansum(np.abs(found[:, n:] - guess[n:]), axis=-1) / model.length_scale
     best = np.argsort(error)
     if len(best) > 1 and error[best[1]] - error[best[0]] < 1e-6:
         return None, [
@@ -362,7 +362,7 @@ def group_modes(model: Model, block: Block, state: State, *, starts: int = 400, 
     """
     rng = np.random.default_rng(12345)  # the same answer every time
     n, k = len(block.angles), len(block.slides)
-    x = np.concatenate([rng.uniform(-np.pi, np.pi, (starts, n)), rng.uniform(-2.0, 2.0, (starts, k)) * model.size], axis=-1)
+    x = np.concatenate([rng.uniform(-np.pi, np.pi, (starts, n)), rng.uniform(-2.0, 2.0, (starts, k)) * model.length_scale], axis=-1)
     if near:
         x[0] = [0.0 if v is None else v for v in near]
     trial = state.copy()
@@ -374,7 +374,7 @@ def group_modes(model: Model, block: Block, state: State, *, starts: int = 400, 
         found[:, :n] = (found[:, :n] + np.pi) % (2.0 * np.pi) - np.pi
     unique: list[tuple[Real, Real]] = []
     for row in found:
-        key = np.concatenate([np.exp(1j * row[:n]), row[n:] / model.size])
+        key = np.concatenate([np.exp(1j * row[:n]), row[n:] / model.length_scale])
         if all(np.abs(key - other).max() > 1e-6 for other, _ in unique):
             unique.append((key, row))
     rows = sorted((row for _, row in unique), key=lambda r: [round(float(v), 9) for v in r])

@@ -240,7 +240,7 @@ def _at(model: Model, assembly: Assembly, drives: Drives, p: float, starts: dict
         if block.kind != "general":
             continue
         matrix, _ = matrix_of(c)
-        matrix[..., : len(block.angles)] /= model.size
+        matrix[..., : len(block.angles)] /= model.length_scale
         x[block.name] = state.newton[block.name].x
         spins = [model.angles.spins_of[g][0] for g in block.angles]
         extra = [sum(s * speed[d] for d, s in model.angles.spin_drives[k]) for k in spins]

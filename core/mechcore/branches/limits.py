@@ -71,7 +71,7 @@ def _missing(model: Model, assembly: Assembly, drives: Drives, row: Any, p: floa
 
 def _fold(model: Model, assembly: Assembly, drives: Drives, block: Block, row: Any, near: float) -> float | None:
     """Where the curve of a followed group turns back, next to a row of its walk."""
-    scale = np.concatenate([np.ones(len(block.angles)), np.full(len(block.slides), model.size)])
+    scale = np.concatenate([np.ones(len(block.angles)), np.full(len(block.slides), model.length_scale)])
     start, p0 = np.asarray(row[1][block.name], float) / scale, float(row[0])
     h = 0.1 * near
 

@@ -106,7 +106,7 @@ def course_of(
         least, most, stands = way_of(laws[0], first, last)
         low, high = min(low, least), max(high, most)
     turning = model.joints[model.joint_index[drives[0].pair]].coordinate == "angle"
-    step = STEP["angle"] if turning else STEP["slide"] * model.size
+    step = STEP["angle"] if turning else STEP["slide"] * model.length_scale
     unit = (ConstantSpeed(0.0, 1.0),)  # the parameter is the drive's position
     for turns in CYCLES if turning else ():
         if high - low <= 1.01 * TURN * turns:
@@ -150,7 +150,7 @@ def _reaches_dead_points(course: Course) -> bool:
     positions = _positions(course.laws, (), time)
     state = place_all(model, positions, assembly.modes, course.starts(time), patches, assembly.constants)
     sums = (value(loop, state.rot, state.slide) for loop in model.loop_sums)
-    return all(np.abs(left).max() <= CLOSED * model.size for left in sums)
+    return all(np.abs(left).max() <= CLOSED * model.length_scale for left in sums)
 
 
 def way_of(law: Law, first: float, last: float) -> tuple[float, float, bool]:
@@ -341,7 +341,7 @@ def _change(course: Course, p: float, name: str, rest: Sequence[float], sample: 
     def placed(at: Real) -> Any:
         return place_all(model, _positions(course.laws, rest, at), assembly.modes, track.starts(at), constants=assembly.constants)
 
-    scale = np.where(np.arange(len(block.angles) + len(block.slides)) < len(block.angles), 1.0, model.size)
+    scale = np.where(np.arange(len(block.angles) + len(block.slides)) < len(block.angles), 1.0, model.length_scale)
     best: tuple[float, float, float] | None = None
     width = sample
     for _ in range(8):
@@ -366,7 +366,7 @@ def _change(course: Course, p: float, name: str, rest: Sequence[float], sample: 
 
 def _determinant(model: Model, block: Block, state: Any) -> Real:
     matrix, _ = matrix_of(columns(model, block, all_vectors(model, state)))
-    matrix[..., : len(block.angles)] /= model.size
+    matrix[..., : len(block.angles)] /= model.length_scale
     return np.linalg.det(matrix)
 
 
@@ -385,5 +385,5 @@ def _closes(course: Course, end: float) -> bool:
     p = np.array([course.start, end])
     state = place_all(model, _positions(course.laws, (), p), assembly.modes, track.starts(p), constants=assembly.constants)
     away = [np.abs(np.diff(np.broadcast_to(rot, 2)))[0] for rot in state.rot]
-    away += [np.abs(np.diff(np.broadcast_to(s, 2)))[0] / model.size for s in state.slide.values()]
+    away += [np.abs(np.diff(np.broadcast_to(s, 2)))[0] / model.length_scale for s in state.slide.values()]
     return bool(max(away, default=0.0) < 1e-8)

@@ -31,7 +31,7 @@ MOST_WAYPOINTS = 200  # steps from a waypoint: what lies farther off is a trial 
 def steps_of(model: Model) -> Real:
     """Steps of the drives (d,) [rad or m] that are short enough to follow positions and angles."""
     joints = [model.joints[model.joint_index[d.pair]] for d in model.mechanism.drives]
-    return np.array([STEP["angle"] if j.coordinate == "angle" else STEP["slide"] * model.size for j in joints])
+    return np.array([STEP["angle"] if j.coordinate == "angle" else STEP["slide"] * model.length_scale for j in joints])
 
 
 @dataclass(frozen=True, eq=False)
@@ -422,7 +422,7 @@ class _Table:
                 return
             _, state, _ = place(np.array([[self.at], [end]]))
             away = [np.abs(np.diff(np.broadcast_to(rot, 2)))[0] for rot in state.rot]
-            away += [np.abs(np.diff(np.broadcast_to(s, 2)))[0] / self.model.size for s in state.slide.values()]
+            away += [np.abs(np.diff(np.broadcast_to(s, 2)))[0] / self.model.length_scale for s in state.slide.values()]
             if max(away) < SAME:
                 self.period = turns * self.turn
                 return

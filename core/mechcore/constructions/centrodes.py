@@ -36,7 +36,7 @@ def polodes(motion: Motion, link: str) -> Polodes:
     rate = frames_of(unit.origin_velocities[k], n)
     with np.errstate(invalid="ignore", divide="ignore"):
         arm = 1j * rate / turn  # from the link's origin
-    size = model.size
+    size = model.length_scale
     rigid = ~np.isfinite(arm) | (np.abs(turn) * size <= 1e-12 * np.fmax(np.abs(rate), np.abs(turn) * size))
     arm[rigid] = np.nan + 1j * np.nan
     fixed = frames_of(motion.origins[k], n) + arm

@@ -95,7 +95,7 @@ def _reaction(forces: Forces, pair: str, ends: dict[str, tuple[int, ...]], own: 
     place = {c: forces.position(c) @ np.array([1.0, 1.0j]) for c in here}
     arm = place[pair] - place[inner[0]]
     length = np.abs(arm)
-    if np.any(length <= 1e-12 * model.size):
+    if np.any(length <= 1e-12 * model.length_scale):
         return whole
     unit = arm / length
     moment: Array = np.zeros(forces.motion.frames)

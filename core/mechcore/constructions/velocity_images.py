@@ -47,7 +47,7 @@ class Slide:
 
 def layout(model: Model) -> tuple[list[Corner], list[Span], list[Slide]]:
     """Corners, spans in the order of the hand method (driven links first, then group by group) and slides of a mechanism."""
-    near = 1e-9 * model.size
+    near = 1e-9 * model.length_scale
     heaps: list[list[Key]] = []
 
     def heap(key: Key) -> list[Key]:
@@ -102,7 +102,7 @@ def _label(model: Model, keys: list[Key], joint_at: dict[Key, str]) -> str:
     names: dict[str, int] = {}
     for k, local in keys:
         for name, z in model.points[k].items():
-            if abs(z - local) <= 1e-9 * model.size:
+            if abs(z - local) <= 1e-9 * model.length_scale:
                 names[name] = names.get(name, 0) + 1
     if names:
         return max(names, key=lambda n: (names[n], -len(n)))

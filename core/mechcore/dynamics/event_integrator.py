@@ -111,7 +111,7 @@ class EventIntegrator:
         model = compiled.model
         self.coordinates = {d.pair: i for i, d in enumerate(drives)}
         angle = [model.joints[model.joint_index[d.pair]].coordinate == "angle" for d in drives]
-        self.scale = np.array([*(1.0 if a else model.size for a in angle), *(1.0 for _ in integrating(compiled))])
+        self.scale = np.array([*(1.0 if a else model.length_scale for a in angle), *(1.0 for _ in integrating(compiled))])
         at = partial(motion_at, compiled)
         read = self.coordinates if compiled.angles.exact else {}
         self.stops.use(compiled)
@@ -371,7 +371,7 @@ class EventIntegrator:
             return out
         for name, contact in self.separation.contacts.items():
             if name in self.separated:
-                noise = TOUCH * (1.0 if contact.rotary else self.compiled.model.size)
+                noise = TOUCH * (1.0 if contact.rotary else self.compiled.model.length_scale)
                 out.append((name, self.separation.overlap(name, self.separated), noise))
             else:
                 out.append((name, self._parting(name), 0.0))

@@ -155,7 +155,7 @@ def _check_turns(compiled: Compiled, free: Sequence[Drive], duration: float, fau
     model = compiled.model
     for d in free:
         rotary = model.rotary(d.pair)
-        speed = abs(float(d.law(0.0)[1])) / (TURN if rotary else TURN * model.size)
+        speed = abs(float(d.law(0.0)[1])) / (TURN if rotary else TURN * model.length_scale)
         if speed * duration > MOST_TURNS:
             far = f"{speed * duration:.6g} " + ("turns" if rotary else "circumferences of a circle of the size of the mechanism")
             why = f"at this speed it would go {far} in {duration:.6g} s; motions are followed over {MOST_TURNS:,} at most."

@@ -229,7 +229,7 @@ class Simulation:
         t = np.array([self.start])
         held = sum(abs(float(np.ravel(potential(segment.motion(t)))[0])) for segment, _ in self._rows(t))
         weight = float(np.hypot(*mechanism.gravity)) * sum(mass for mass, *_ in model.masses[1:])
-        return held + (weight * model.size if "gravity" in mechanism.effects else 0.0)
+        return held + (weight * model.length_scale if "gravity" in mechanism.effects else 0.0)
 
     def _boundaries(self, end: float = np.inf) -> Real:
         """Times until ``end`` [s] between which the motion is one smooth function."""

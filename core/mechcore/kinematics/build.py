@@ -72,7 +72,7 @@ def build_model(mechanism: Mechanism) -> Model:
         blocks=blocks,
         free=_free_pairs(loose, turning, joints, ends),
         turn=turn,
-        size=size,
+        length_scale=size,
         index=index,
         joint_index=joint_index,
         bodies=parts.links,

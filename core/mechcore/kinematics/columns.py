@@ -175,7 +175,7 @@ def condition(model: Model, block: Block, cols: Columns) -> Values:
     """Condition number of a block's columns, lengths in units of the mechanism's size (inf where singular)."""
     k = len(block.angles)
     if cols.pair is not None:
-        first: list[Any] = [c / model.size if i < k else c for i, c in enumerate(cols.pair)]
+        first: list[Any] = [c / model.length_scale if i < k else c for i, c in enumerate(cols.pair)]
         total: Any = sum(np.real(c) ** 2 + np.imag(c) ** 2 for c in first)
         product = abs(cross(first[0], first[1]))
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
@@ -185,7 +185,7 @@ def condition(model: Model, block: Block, cols: Columns) -> Values:
         return 1.0
     matrix, _ = matrix_of(cols)
     matrix = matrix.copy()
-    matrix[..., :k] /= model.size
+    matrix[..., :k] /= model.length_scale
     s = np.linalg.svd(np.nan_to_num(matrix), compute_uv=False)
     with np.errstate(divide="ignore", invalid="ignore"):
         return np.where(s[..., -1] > 0, s[..., 0] / s[..., -1], np.inf)

@@ -23,7 +23,7 @@ def dead_point_margin(model: Model, block: Block, state: State) -> list[Values]:
         r, y = np.abs(arms[0]), (target * np.conj(guides[0])).imag
         return [(r - y) * (r + y) / r**2]
     r2, y = target.real**2 + target.imag**2, (arms[0] * np.conj(guides[0])).imag
-    return [(r2 - y * y) / model.size**2]
+    return [(r2 - y * y) / model.length_scale**2]
 
 
 def gap(model: Model, block: Block, state: State) -> Values:

@@ -53,7 +53,7 @@ class Model:
     blocks: tuple[Block, ...]
     free: tuple[str, ...]  # pairs around freedoms that no drive takes
     turn: tuple[complex, ...]  # of each link: rotation from its spin's axes to its own
-    size: float  # characteristic length [m]
+    length_scale: float  # largest extent of a moving link [m]
     index: Mapping[str, int] = field(default_factory=dict)  # of links
     joint_index: Mapping[str, int] = field(default_factory=dict)
 
@@ -84,7 +84,7 @@ class Model:
 
     def coordinate_scale(self, pair: str) -> float:
         """Typical size of a pair's coordinate: 1 rad, or the length scale of the mechanism [m]."""
-        return 1.0 if self.rotary(pair) else self.size
+        return 1.0 if self.rotary(pair) else self.length_scale
 
     @cached_property
     def points(self) -> tuple[dict[str, complex], ...]:

@@ -54,7 +54,7 @@ def smooth(model: Model, block: Block, state: State, time: Array, instant: float
     if not len(near) or len(fit) < 2 or np.ptp(away[fit]) < 1.9:
         return 0.0, None
     values = unknowns_of(model, block, state, fit)
-    scale = np.where(np.arange(values.shape[1]) < len(block.angles), 1.0, model.size)
+    scale = np.where(np.arange(values.shape[1]) < len(block.angles), 1.0, model.length_scale)
     with np.errstate(**QUIET):
         coefficients = np.linalg.pinv(chebyshev.chebvander(away[fit], DEGREE)) @ values
         tail = float(np.max(np.abs(coefficients[-2:]) / scale))

@@ -100,7 +100,7 @@ def _place_relation(model: Model, block: Block, state: State) -> None:
 
 def _place_general(model: Model, block: Block, state: State, start: Any) -> None:
     """Newton on all loops of the block; lengths in units of the mechanism's size."""
-    size = model.size
+    size = model.length_scale
     n_angles = len(block.angles)
     residual = equations(model, block, state)
     scale = np.concatenate([np.ones(n_angles), np.full(len(block.slides), size)])
@@ -123,7 +123,7 @@ def _turn(model: Model, state: State, group: int, e: Plane) -> None:
 def equations(model: Model, block: Block, state: State, frames: Index | None = None) -> Callable[[Real], tuple[Real, Real]]:
     """A block's loops and relations as a function of its unknowns (..., n), slides in units of the size: what is left of them
     (..., m), lengths in units of the mechanism's size, and the derivatives (..., m, n). ``frames``: at these only."""
-    size, n_angles = model.size, len(block.angles)
+    size, n_angles = model.length_scale, len(block.angles)
 
     def at(value: Any) -> Any:
         return value / size if frames is None or not np.ndim(value) else value[frames] / size
@@ -176,7 +176,7 @@ def apply(model: Model, block: Block, state: State, patch: Patch, *, onto: bool 
     """Put a patch's positions into ``state``; ``onto`` the loops, as far as these determine them."""
     values = patch.values
     if onto and len(patch.frames):
-        scale = np.concatenate([np.ones(len(block.angles)), np.full(len(block.slides), model.size)])
+        scale = np.concatenate([np.ones(len(block.angles)), np.full(len(block.slides), model.length_scale)])
         left, jacobian = equations(model, block, state, patch.frames)(values / scale)
         correction = (np.linalg.pinv(np.nan_to_num(jacobian), rcond=DETERMINED) @ left[..., None])[..., 0]
         values = values - np.where(np.isfinite(correction), correction, 0.0) * scale

@@ -78,7 +78,7 @@ def least_miss(model: Model, block: Block, state: State) -> Array:
         with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
             found = _minimised(partial(_opened, closing, signs), x)
         least = np.fmin(least, np.fmin.reduce(found, axis=-1))
-    return least * model.size
+    return least * model.length_scale
 
 
 def _openings(model: Model, block: Block) -> list[Array]:

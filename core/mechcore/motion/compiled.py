@@ -44,7 +44,7 @@ class Compiled:
     @cached_property
     def near(self) -> float:
         """Positions of the drives below this [rad or m] are within reach of a run, whatever they start from."""
-        return TURN * MOST_TURNS * min(1.0, self.model.size) - max((abs(q) for q in self.start), default=0.0)
+        return TURN * MOST_TURNS * min(1.0, self.model.length_scale) - max((abs(q) for q in self.start), default=0.0)
 
     @cached_property
     def followed(self) -> bool:

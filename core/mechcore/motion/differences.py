@@ -69,6 +69,6 @@ def numerical_rates(motion: Motion, derivative: int) -> Rates:
 
     for block in model.blocks:
         solved = [slope(motion.group_angle(g), 1.0) for g in block.angles]
-        solved += [slope(motion.state.slide[j], model.size) for j in block.slides]
+        solved += [slope(motion.state.slide[j], model.length_scale) for j in block.slides]
         rates.settle(model, block, solved)
     return rates

@@ -37,7 +37,7 @@ def loop_equations(motion: Motion, frame: int = 0) -> list[str]:
         bodies = [0 if not steps else steps[0][1], *(q for _, _, q in steps)]
         names = [model.joints[j].name for j, _, _ in steps]
         lines += ["", f"loop {number}: {'-'.join(map(str, bodies))} through {', '.join(names)}"]
-        term, along = partial(_term, least=1e-12 * model.size), partial(_term, least=1e-12)  # of lengths and of directions
+        term, along = partial(_term, least=1e-12 * model.length_scale), partial(_term, least=1e-12)  # of lengths and of directions
         spins: list[str] = []
         first: list[str] = []
         second: list[str] = []

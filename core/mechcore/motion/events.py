@@ -164,7 +164,7 @@ def _limits(motion: Motion) -> Iterator[Event]:
 
 def _still(motion: Motion, rows: Real) -> float:
     """A speed that is rounding noise: that of a coordinate that moves by 1e-9 of its scale over the run."""
-    scale = max(motion.model.size, float(np.abs(rows[:, 0]).max(initial=0.0)))
+    scale = max(motion.model.length_scale, float(np.abs(rows[:, 0]).max(initial=0.0)))
     return NOISE * scale / max(float(np.ptp(motion.time)), 1e-300)
 
 
@@ -248,7 +248,7 @@ def _ratios(motion: Motion, asked: Sequence[str]) -> Iterator[Event]:
     step = float(np.max(np.diff(motion.time), initial=0.0))
     for pair, ratio in velocity_ratios(motion).items():
         finite = ratio[np.isfinite(ratio)]
-        if not len(finite) or np.ptp(finite) <= NOISE * motion.model.size:
+        if not len(finite) or np.ptp(finite) <= NOISE * motion.model.length_scale:
             continue
         t, _ = peak(motion, partial(_squared_ratio, pair))
         near = dead[np.abs(dead - t) <= 2.0 * step] if np.isfinite(t) else dead

@@ -41,9 +41,9 @@ def _ranges(compiled: Compiled, samples: int) -> list[tuple[float, float]]:
     model = compiled.model
     q0 = compiled.start[0]
     rotary = model.joints[model.joint_index[model.mechanism.drives[0].pair]].coordinate == "angle"
-    half = 0.5 * TURN if rotary else 5.0 * model.size
+    half = 0.5 * TURN if rotary else 5.0 * model.length_scale
     if compiled.followed:
-        step = STEP["angle"] if rotary else STEP["slide"] * model.size
+        step = STEP["angle"] if rotary else STEP["slide"] * model.length_scale
         full = half * (2.0 if rotary else 1.0)
         lead = (ConstantSpeed(0.0, 1.0),)  # the parameter is the first drive's position
         course = walk(model, compiled.assembly, lead, q0, q0 - full, q0 + full, step, step / 12.0, others=compiled.start[1:])
@@ -107,7 +107,7 @@ def range_beside(compiled: Compiled, time: Real) -> tuple[float, float] | None:
         return None
     first, *others = model.mechanism.drives
     rotary, q0 = model.rotary(first.pair), compiled.start[0]
-    half = 0.5 * TURN if rotary else 5.0 * model.size
+    half = 0.5 * TURN if rotary else 5.0 * model.length_scale
     t = np.linspace(float(np.min(time)), float(np.max(time)), int(np.clip(2 * len(time), SAMPLES, MOST_SAMPLES)))
     places = [np.broadcast_to(np.asarray(d.law(t)[0], float), t.shape) for d in others]
 

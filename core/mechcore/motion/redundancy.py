@@ -39,7 +39,7 @@ def least_norm(
     rhs = np.zeros((*shape, 3 * n))
     for k in range(1, n + 1):
         rhs[..., 3 * k - 3], rhs[..., 3 * k - 2] = -np.real(force[k]), -np.imag(force[k])
-        rhs[..., 3 * k - 1] = -np.asarray(moment[k]) / model.size
+        rhs[..., 3 * k - 1] = -np.asarray(moment[k]) / model.length_scale
     x = (np.linalg.pinv(matrix, rcond=RANK) @ rhs[..., None])[..., 0]
     left = np.abs((matrix @ x[..., None])[..., 0] - rhs).max(axis=-1)
     size = np.abs(rhs).max(initial=0.0) or 1.0
@@ -55,7 +55,7 @@ def least_norm(
         if what == "force":
             transmitted[i] = (transmitted[i][0] + value * direction, transmitted[i][1])
         elif what == "couple":
-            transmitted[i] = (transmitted[i][0], transmitted[i][1] + value * model.size)
+            transmitted[i] = (transmitted[i][0], transmitted[i][1] + value * model.length_scale)
         else:
             place, along = model.relations[i].contact(motion, flanks[i])
             contacts[model.relations[i].name] = (place, value * along)
@@ -98,7 +98,7 @@ def _equilibrium(motion: Motion, flanks: Mapping[int, Array]) -> tuple[Array, li
             return
         matrix[:, 3 * k - 3, column] += sign * np.real(f)
         matrix[:, 3 * k - 2, column] += sign * np.imag(f)
-        matrix[:, 3 * k - 1, column] += sign * np.imag(np.conj(arm) * f) / model.size
+        matrix[:, 3 * k - 1, column] += sign * np.imag(np.conj(arm) * f) / model.length_scale
 
     for column, (what, i, direction) in enumerate(labels):
         if what == "force":
@@ -120,5 +120,5 @@ def _equilibrium(motion: Motion, flanks: Mapping[int, Array]) -> tuple[Array, li
                 couple = relation.bearing.couple(motion, place, along)
                 for link, sign in ((relation.links[0], 1.0), (relation.bearing.carrier, -1.0)):
                     if (k := model.index[link]) != 0:
-                        matrix[:, 3 * k - 1, column] += sign * couple / model.size
+                        matrix[:, 3 * k - 1, column] += sign * couple / model.length_scale
     return matrix, labels

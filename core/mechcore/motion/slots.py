@@ -51,7 +51,7 @@ def room_in_slots(model: Model, state: State) -> list[Values]:
 
 def within_slots(motion: Motion) -> Flags:
     """Whether all pins and sliders are between their ends (F,)."""
-    slack = SLACK * motion.model.size
+    slack = SLACK * motion.model.length_scale
     found: Flags = np.ones(motion.frames, bool)
     for _, _, excess in _excesses(motion):
         found = found & ~(excess(motion) > slack)
@@ -60,7 +60,7 @@ def within_slots(motion: Motion) -> Flags:
 
 def escapes(motion: Motion) -> list[Escape]:
     """Where a motion carries pins and sliders beyond their ends, between its frames too."""
-    slack, found = SLACK * motion.model.size, []
+    slack, found = SLACK * motion.model.length_scale, []
     for joint, end, excess in _excesses(motion):
         values = excess(motion)
         outside = values > slack

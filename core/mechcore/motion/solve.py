@@ -160,10 +160,14 @@ def _check_way(compiled: Compiled, positions: Sequence[Real]) -> None:
     for drive, start, q in zip(model.mechanism.drives, compiled.start, positions, strict=True):
         way = max(abs(float(q[0]) - start), abs(float(q[-1]) - start))
         rotary = model.rotary(drive.pair)
-        turns = way / (TURN if rotary else TURN * model.size)
+        turns = way / (TURN if rotary else TURN * model.length_scale)
         if turns > MOST_TURNS * (1.0 + 1e-9):
-            far = f"{turns:.6g} turns" if rotary else f"{as_length(way)}, {way / model.size:.6g} times the size of the mechanism"
-            most = f"{MOST_TURNS:,} turns" if rotary else as_length(TURN * MOST_TURNS * model.size)
+            far = (
+                f"{turns:.6g} turns"
+                if rotary
+                else f"{as_length(way)}, {way / model.length_scale:.6g} times the size of the mechanism"
+            )
+            most = f"{MOST_TURNS:,} turns" if rotary else as_length(TURN * MOST_TURNS * model.length_scale)
             why = f"it goes {far} from its start; motions are followed over {most} at most."
             raise MechanismError(Fault(f"joints.{drive.pair}.drive", why, "Run fewer cycles, or give it a shorter travel."))
 
@@ -211,7 +215,7 @@ def _faults(compiled: Compiled, motion: Motion, course: Course | None, parameter
             miss = np.zeros(motion.frames)
             for c in block.loops:
                 miss = np.maximum(miss, np.abs(motion.closure_error(c)))
-            bad = ~(miss <= max(1e-9, 10.0 * compiled.accuracy.position) * model.size) & ~failed
+            bad = ~(miss <= max(1e-9, 10.0 * compiled.accuracy.position) * model.length_scale) & ~failed
             worst = float(np.fmax.reduce(np.where(bad, miss, 0.0), initial=0.0))
         else:
             bad = ~_placed(model, block, motion) & ~failed

@@ -57,7 +57,7 @@ def rank_mobility(motion: Motion, frame: int = 0, *, tolerance: float = 1e-9) ->
             continue
         block = np.zeros((2, 3 * (n + 1)))
         for k, side, sign in ((p, 0, 1.0), (q, 1, -1.0)):
-            arm = complex(np.broadcast_to(motion.arm(k, j, side), motion.frames)[frame]) / model.size
+            arm = complex(np.broadcast_to(motion.arm(k, j, side), motion.frames)[frame]) / model.length_scale
             block[0, column[k]], block[1, column[k] + 1] = sign, sign
             block[0, column[k] + 2], block[1, column[k] + 2] = -sign * arm.imag, sign * arm.real
         if joint.slide is not None:
@@ -113,7 +113,7 @@ def _constraint_row(model: Model, motion: Motion, constraint: LinearConstraint, 
         angles += [(link, slope * c) for link, c in relation.curve.angles]
         slides += [(j, slope * c) for j, c in constraint.curve.slides]
     for link, c in angles:
-        row[0, 3 * model.index[link] + 2] += c / model.size
+        row[0, 3 * model.index[link] + 2] += c / model.length_scale
     for j, c in slides:
         p, q = model.ends[j]
         joint = model.joints[j]
@@ -121,7 +121,7 @@ def _constraint_row(model: Model, motion: Motion, constraint: LinearConstraint, 
         owner, other = (p, q) if joint.guide == 0 else (q, p)
         at = complex(np.broadcast_to(motion.joint_point(j), motion.frames)[frame])
         for k, sign in ((other, 1.0), (owner, -1.0)):  # rate of the coordinate: relative velocity at the sliding point
-            arm = (at - complex(np.broadcast_to(motion.origins[k], motion.frames)[frame])) / model.size
+            arm = (at - complex(np.broadcast_to(motion.origins[k], motion.frames)[frame])) / model.length_scale
             row[0, 3 * k] += sign * c * d.real
             row[0, 3 * k + 1] += sign * c * d.imag
             row[0, 3 * k + 2] += sign * c * (d.imag * arm.real - d.real * arm.imag)

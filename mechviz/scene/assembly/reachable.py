@@ -83,7 +83,7 @@ def _put_together(mechanism: Mechanism) -> Compiled:
         model = build_model(mechanism)
         if any(block.kind == "general" for block in model.blocks):
             raise
-        step = TURN / STEPS if model.rotary(first.pair) else 10.0 * model.size / STEPS
+        step = TURN / STEPS if model.rotary(first.pair) else 10.0 * model.length_scale / STEPS
         for k in range(2, STEPS + 2):
             law = Rest(float(first.law(0.0)[0]) + step * (k // 2) * (-1.0) ** k)
             with suppress(MechanismError):
@@ -99,7 +99,7 @@ def _swing(mechanism: Mechanism, pair: str, cycle: float) -> Law:
     others = tuple(d for d in mechanism.drives if d.pair != pair)
     held = (Drive(pair=pair, law=Rest(law.start)), *others)
     compiled = _put_together(replace(mechanism, drives=held, loads=(), effects=()))
-    rotary, size = compiled.model.rotary(pair), compiled.model.size
+    rotary, size = compiled.model.rotary(pair), compiled.model.length_scale
     path = f"joints.{pair}.drive.range"
     if cycle:
         beside = range_beside(compiled, np.array([0.0, cycle]))

@@ -268,7 +268,7 @@ def _integrator(run: Run, budget: float) -> Iterator[Point]:
 
 def _tessellation(run: Run, budget: float) -> Iterator[Point]:
     """Chordal error of the largest round shape against the time of the meshes, the present setting among them."""
-    size = run.motion.model.size
+    size = run.motion.model.length_scale
     asked = [float(np.clip(chord * size / 0.2, 1e-9, 1.0)) for chord in CHORDS]
     for distance in [None, *asked]:
         chosen = run if distance is None else replace(run, accuracy=replace(run.accuracy, chord=distance))
@@ -307,7 +307,7 @@ def _recording(run: Run, record: Callable[..., object]) -> Iterator[Point]:
 
 def _profiles(run: Run, budget: float) -> Iterator[Point]:
     """Points of cam profiles: how far the polygon is from the profile, relative to the mechanism's size as a target is."""
-    cams, size = plane_cams(run), run.motion.model.size
+    cams, size = plane_cams(run), run.motion.model.length_scale
 
     def draw(count: int) -> list[Any]:
         return [profile_points(placed, count) for placed in cams]

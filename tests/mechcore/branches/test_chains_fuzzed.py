@@ -55,7 +55,7 @@ def test_a_chain_moves_or_is_refused(loops, modes, law, frames):
         except MechanismError as e:
             assert "cannot be assembled" in str(e) or "at the same point" in str(e)
             return
-        assert motion.closure.max() < 1e-11 * motion.model.size
+        assert motion.closure.max() < 1e-11 * motion.model.length_scale
         for link in motion.model.links[1:]:
             assert np.isfinite(motion.pose(link)).all()
             motion.velocity(link), motion.acceleration(link)

@@ -55,7 +55,7 @@ def test_both_branches_for_a_thousand_turns(mode, ratio):
     t = np.sort(t[t >= 0.0])
     motion = solve_motion(compile_mechanism(parallelogram(mode)), t)
     np.testing.assert_allclose(motion.velocity("rocker")[:, 2], ratio(t + 0.5), atol=1e-10)
-    assert motion.closure.max() < 1e-12 * motion.model.size
+    assert motion.closure.max() < 1e-12 * motion.model.length_scale
     assert len(motion.changes) == 2000
     assert not any(c.dead for c in motion.changes)
     np.testing.assert_allclose([c.time for c in motion.changes], np.arange(1, 2001) * np.pi - 0.5, atol=1e-9)
@@ -208,7 +208,7 @@ def test_coupled_antiparallelograms(modes, turns, frame):
         np.concatenate([np.linspace(0.0, 2 * TURN, 1441), np.arange(1, 4) * np.pi - 0.5, np.arange(1, 4) * np.pi - 0.501])
     )
     motion = solve_motion(compile_mechanism(coupled(modes, turns, frame)), t)
-    assert motion.closure.max() < 1e-12 * motion.model.size
+    assert motion.closure.max() < 1e-12 * motion.model.length_scale
     angle, speed, acceleration = t + 0.5, np.ones_like(t), np.zeros_like(t)
     for i in range(len(modes)):
         angle = angle + turns[i]
@@ -289,7 +289,7 @@ def test_kite_on_both_branches_for_a_thousand_turns(mode):
     along = 2.0 * np.cos(half) + far * np.sqrt(9.0 - 4.0 * np.sin(half) ** 2)
     d = along * np.exp(1j * half)
     np.testing.assert_allclose(motion.point("coupler", "D"), np.stack([d.real, d.imag], axis=-1), atol=1e-9)
-    assert motion.closure.max() < 1e-12 * motion.model.size
+    assert motion.closure.max() < 1e-12 * motion.model.length_scale
     assert len(motion.changes) == 1000
 
 

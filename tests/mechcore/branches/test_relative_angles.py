@@ -138,7 +138,7 @@ def simulated(text: str):
 def test_motion_under_torsion_springs_is_that_of_absolute_coordinates(name):
     """Of one freedom and of several, through changes of the leading pairs, with gears and with a group without a closed form."""
     run, body, states = simulated(MOVING[name])
-    scale = run.motion.model.size
+    scale = run.motion.model.length_scale
     for k, link in enumerate(body.names):
         pose, want = run.motion.pose(link), states["q"][:, 3 * k : 3 * k + 3]
         assert pose[:, :2] == pytest.approx(want[:, :2], abs=1e-7 * scale), link

@@ -43,7 +43,7 @@ def geared_parallelogram(mode: str, sizes: tuple[int, int] = (20, 30)) -> Mechan
 def test_a_wheel_on_a_parallelogram_for_a_thousand_turns(mode, ratio):
     t = np.sort(np.concatenate([np.arange(1, 2001) * np.pi - 0.5, np.linspace(0.0, 1000 * TURN, 20_001)]))
     motion = solve_motion(compile_mechanism(geared_parallelogram(mode)), t)
-    assert motion.closure.max() < 1e-12 * motion.model.size
+    assert motion.closure.max() < 1e-12 * motion.model.length_scale
     np.testing.assert_allclose(motion.velocity("rocker")[:, 2], ratio(t), atol=1e-9)
     np.testing.assert_allclose(motion.velocity("pinion")[:, 2], -2.0 / 3.0 * ratio(t), atol=1e-9)
     sense = 1.0 if mode == "left" else -1.0
@@ -304,7 +304,7 @@ def test_a_geared_crank_that_is_back_only_after_three_turns(side):
     )
     t = np.linspace(0.0, 7 * TURN, 2001)
     motion = solve_motion(compile_mechanism(m), t)
-    assert motion.closure.max() < 1e-12 * motion.model.size
+    assert motion.closure.max() < 1e-12 * motion.model.length_scale
     w = motion.pose("w")[:, 2]
     np.testing.assert_allclose(motion.velocity("w")[:, 2], -2.0 / 3.0, rtol=1e-12)
     parallel = np.abs(motion.velocity("v")[0, 2] + 2.0 / 3.0) < 1e-9

@@ -100,7 +100,7 @@ def test_another_executor_needs_nothing_but_the_program(name):
         )
         rot, slide = one_frame(compiled.model.program, compiled.assembly.constants, drives, near)
         assert np.allclose(rot, near[0], rtol=0.0, atol=1e-9)
-        assert all(abs(slide[j] - s) < 1e-9 * compiled.model.size for j, s in near[1].items())
+        assert all(abs(slide[j] - s) < 1e-9 * compiled.model.length_scale for j, s in near[1].items())
 
 
 def test_order_of_solution_reads_like_a_textbook():

@@ -41,7 +41,7 @@ def test_three_parallel_cranks():
     assert gruebler(motion.model)[3] == 0 and rank_mobility(motion) == 1
     np.testing.assert_allclose(motion.velocity("bar")[:, 2], 0.0, atol=1e-12)
     np.testing.assert_allclose(motion.velocity("c3")[:, 2], 2.0, atol=1e-11)
-    assert motion.closure.max() < 1e-12 * motion.model.size
+    assert motion.closure.max() < 1e-12 * motion.model.length_scale
     assert balance_of_links(forces) < 1e-10
     assert np.abs(forces.power_balance).max() < 1e-10
     assert set(indeterminate(motion)) == set("ABDEGH"), "all three cranks can be stressed against each other"
@@ -51,7 +51,7 @@ def test_the_reactions_are_the_shortest_that_balance():
     """Any other solution, made by adding a self-stress, is longer: the answer is orthogonal to the self-stress."""
     forces = load(three_cranks(), [0.3], 2.0, 1.0)
     motion = forces.motion
-    size = motion.model.size
+    size = motion.model.length_scale
     # self-stress: tensions t_k along the cranks on the bar with no resultant force and no moment
     u = (motion.point("c1", "B") - motion.point("c1", "A"))[0]
     u = u / np.hypot(*u)
@@ -199,7 +199,7 @@ def test_a_double_parallelogram():
     assert gruebler(motion.model)[3] == 0 and rank_mobility(motion) == 1
     for link, speed in (("bar", 0.0), ("rung", 0.0), ("c2", 2.0)):
         np.testing.assert_allclose(motion.velocity(link)[:, 2], speed, atol=1e-11)
-    assert motion.closure.max() < 1e-12 * motion.model.size
+    assert motion.closure.max() < 1e-12 * motion.model.length_scale
     assert balance_of_links(forces) < 1e-10 and np.abs(forces.power_balance).max() < 1e-10
     assert set(indeterminate(motion)) == set("ABDEPQ"), "the bars can be stressed against each other through the cranks"
     assert not forces.reaction("P").any() and not forces.reaction("Q").any(), (

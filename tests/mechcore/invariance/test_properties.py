@@ -28,7 +28,7 @@ settings.load_profile("mechviz")
 def check(mechanism: Mechanism) -> None:
     forces = load(mechanism, ANGLES, SPEED, ACCELERATION)
     m = forces.motion
-    assert m.closure.max() <= 1e-12 * m.model.size
+    assert m.closure.max() <= 1e-12 * m.model.length_scale
     assert np.abs(forces.power_balance).max() <= 1e-9
     assert balance_of_links(forces) <= 1e-9
 

@@ -90,12 +90,12 @@ def test_turn_ten_thousand_equals_turn_one(build):
     full = {"crank": 1.0, "pinion": -1.5}
     for link in first.model.links[1:]:
         went = np.array([0.0, 0.0, turns * TURN * full.get(link, 0.0)])
-        size = first.model.size
+        size = first.model.length_scale
         np.testing.assert_allclose(last.pose(link) - went, first.pose(link), rtol=0, atol=1e-10 * max(1.0, size))
         for found in ("velocity", "acceleration"):  # a drive at 62,832 rad is known to 7e-12
             want, got = getattr(first, found)(link), getattr(last, found)(link)
             np.testing.assert_allclose(got, want, rtol=0, atol=1e-9 * max(np.abs(want).max(), 1.0))
-    assert last.closure.max() <= 1e-12 * last.model.size
+    assert last.closure.max() <= 1e-12 * last.model.length_scale
     if build is not triad:
         a, b = (solve_forces(m) for m in (first, last))
         for pair in (p.name for p in first.mechanism.pairs):

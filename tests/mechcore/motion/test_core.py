@@ -181,7 +181,7 @@ def test_third_parallel_crank_is_redundant_and_moves_exactly():
     motion = move(m, np.linspace(-0.5, 1.5, 21))
     assert gruebler(motion.model)[3] == 0 and rank_mobility(motion) == 1
     assert redundant_pairs(motion.model)
-    assert motion.closure.max() < 1e-12 * motion.model.size
+    assert motion.closure.max() < 1e-12 * motion.model.length_scale
     np.testing.assert_allclose(motion.velocity("bar")[:, 2], 0.0, atol=1e-12)
     np.testing.assert_allclose(motion.velocity("c3")[:, 2], 1.0, atol=1e-12)
     wrong = drawn(
@@ -265,7 +265,7 @@ def test_the_limit_position_itself_is_reached():
     limit = next(c for c in case("linkages", "fourbar-limits")["expected"] if c["AB"] == 0.22)["crank_angle_limit_stretched"]
     flat = four_bar(E=(0.3, 0.0), AB=0.22, BD=0.16, DE=0.21, start=0.5)
     motion = move(flat, [0.5, limit])
-    assert motion.closure.max() < 1e-12 * motion.model.size
+    assert motion.closure.max() < 1e-12 * motion.model.length_scale
     assert motion.condition[1] > 1e6
 
 

@@ -32,7 +32,7 @@ def telescope(guide: int) -> Mechanism:
 def agree(motion):
     """Every named point and its derivatives, both ways; returns the signs with which slides entered."""
     m, signs = motion.model, set()
-    size = [max(float(np.abs(motion.origin(k, d)).max()) for k in range(len(m.links))) + m.size for d in range(3)]
+    size = [max(float(np.abs(motion.origin(k, d)).max()) for k in range(len(m.links))) + m.length_scale for d in range(3)]
     for k, link in enumerate(m.links):
         for name, local in m.points[k].items():
             signs |= {float((d / m.guides[j][1]).real) for j, _, d in m.named_points[link, name].slides}

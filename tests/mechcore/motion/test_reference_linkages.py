@@ -165,7 +165,7 @@ def test_class_three_group_that_no_chain_of_dyads_solves():
     close(motion.pose("ternary"), np.column_stack([column(rows, k) for k in ("x", "y", "phi")]), 1e-9)
     close(motion.velocity("ternary"), np.column_stack([column(rows, k) for k in ("v_x", "v_y", "omega")]), 1e-9)
     close(motion.acceleration("ternary"), np.column_stack([column(rows, k) for k in ("a_x", "a_y", "eps")]), 1e-9)
-    assert (motion.closure < 1e-12 * motion.model.size).all()
+    assert (motion.closure < 1e-12 * motion.model.length_scale).all()
 
 
 @pytest.mark.parametrize("kind", ["contour-fourbar", "contour-slider-crank"])

@@ -68,7 +68,7 @@ def test_digits_that_balances_need_are_kept_and_long_turns_are_not_rounded():
 def test_pins_are_within_the_target_of_circles(target):
     """The middles of the sides of the pins in the meshes themselves, against the circles through their corners."""
     run = run_scene(load("crank-rocker"), accuracy=target)
-    size, worst, largest = run.motion.model.size, 0.0, 0.0
+    size, worst, largest = run.motion.model.length_scale, 0.0, 0.0
     for solid in solids_of(run).links.values():
         for part, kind in zip(solid.parts, solid.kinds, strict=True):
             if kind != "pin":
@@ -101,7 +101,7 @@ def test_profiles_are_within_the_target_of_the_cam(target, monkeypatch):
     line = LineString([(z.real, z.imag) for z in np.append(drawn[-1], drawn[-1][0])])
     exact = placed.contour(np.linspace(0.0, placed.contour.count, 7001))[0]
     away = float(distance(line, points(exact.real, exact.imag)).max())
-    size = run.motion.model.size
+    size = run.motion.model.length_scale
     assert 0.0 < away <= target * size
     assert away >= 0.3 * target * size or len(drawn[-1]) <= 180
     assert profile_away(placed.contour, len(drawn[-1])) == pytest.approx(away, rel=0.1)
@@ -109,7 +109,7 @@ def test_profiles_are_within_the_target_of_the_cam(target, monkeypatch):
 
 def test_meshes_get_no_finer_than_can_be_seen_and_say_so():
     run = run_scene(load("crank-rocker"), accuracy=1e-8)
-    assert run.kept.chord == pytest.approx(FINEST * run.motion.model.size)
+    assert run.kept.chord == pytest.approx(FINEST * run.motion.model.length_scale)
     assert "no finer than 1e-05 of the size" in target_words(run)[-1]
     stated = run_scene(load("crank-rocker"), accuracy=accuracy_for(1e-8, chord=1e-4))
     assert stated.kept.chord == 1e-4
@@ -214,5 +214,5 @@ def test_traced_points_go_along_arcs_even_where_links_turn_evenly():
         trace=["B"],
     )
     run = run_scene(scene, accuracy=1e-3)
-    away = 0.1 / run.motion.model.size * (1.0 - np.cos(np.pi / run.fit.frames))
+    away = 0.1 / run.motion.model.length_scale * (1.0 - np.cos(np.pi / run.fit.frames))
     assert 0.1e-3 < away <= 1e-3 and away == pytest.approx(run.fit.error, rel=1e-3)

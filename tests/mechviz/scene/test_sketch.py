@@ -79,7 +79,7 @@ def test_a_sketch_of_any_frame_gives_the_motion_that_it_is_taken_from(name):
         again = solve_motion(compile_mechanism(replace(mechanism, sketch=sketch, modes={})), motion.time)
         for link in moving:
             a, b = again.pose(link), motion.pose(link)
-            np.testing.assert_allclose(a[:, :2], b[:, :2], atol=1e-8 * compiled.model.size)
+            np.testing.assert_allclose(a[:, :2], b[:, :2], atol=1e-8 * compiled.model.length_scale)
             np.testing.assert_allclose(np.exp(1j * a[:, 2]), np.exp(1j * b[:, 2]), atol=1e-8)
 
 

@@ -199,7 +199,7 @@ def senses(motion: Motion) -> Real:
     rates = np.stack([e.rate for e in elements], axis=1)
     turning = np.max([np.abs(w) * np.ones(motion.frames) for w in motion.speeds.spin], axis=0, initial=0.0)
     sliding = np.max([np.abs(x) * np.ones(motion.frames) for x in motion.speeds.slide.values()], axis=0, initial=0.0)
-    size = np.maximum(turning, sliding / motion.model.size)[:, None]
+    size = np.maximum(turning, sliding / motion.model.length_scale)[:, None]
     return np.where(np.abs(rates) <= REST * size * scales_of(motion.model, elements), 0.0, np.sign(rates))
 
 

@@ -128,7 +128,7 @@ def _same(motion: Motion, other: Compiled, q: Real, v: Real, t: float) -> bool:
     there = motion_at(other, q[None], v[None], np.array([t]))
     for link in motion.model.links[1:]:
         a, b = motion.pose(link)[0], there.pose(link)[0]
-        if not np.abs(a[:2] - b[:2]).max() <= SAME * motion.model.size or not abs(np.exp(1j * (a[2] - b[2])) - 1.0) <= SAME:
+        if not np.abs(a[:2] - b[:2]).max() <= SAME * motion.model.length_scale or not abs(np.exp(1j * (a[2] - b[2])) - 1.0) <= SAME:
             return False
     energies = [np.array([kinetic_energy(m)[0], np.ravel(potential(m))[0]]) for m in (motion, there)]
     return bool(np.abs(energies[0] - energies[1]).max() <= 1e3 * SAME * max(1e-300, np.abs(energies[0]).max()))
@@ -161,7 +161,7 @@ def curve_around(compiled: Compiled, q: float, tolerance: float) -> tuple[Curve 
         turn = whole_turn(compiled, q, tolerance=tolerance, usable=lambda unit: bool(np.all(_own_share(unit) >= POOR)))
         if turn is not None:
             return turn, None
-    reach = TURN if rotary else 4.0 * model.size
+    reach = TURN if rotary else 4.0 * model.length_scale
     x = beside_singular(compiled, q + reach * np.linspace(-1.0, 1.0, 2 * SAMPLES - 1))
     share = _share(compiled, x)
     here = int(np.searchsorted(x, q))
@@ -221,7 +221,7 @@ def _rates(motion: Motion) -> dict[str, Real]:
                 first, second = model.ends[j]
                 with np.errstate(invalid="ignore"):  # infinite where a group is singular
                     rate = speeds.spin[spin[second]] - speeds.spin[spin[first]]
-            out[joint.name] = rate if joint.coordinate == "angle" else rate / model.size
+            out[joint.name] = rate if joint.coordinate == "angle" else rate / model.length_scale
     return {name: np.abs(rate) if np.ndim(rate) else np.full(motion.shape, abs(rate)) for name, rate in out.items()}
 
 
@@ -281,7 +281,7 @@ def _is_at(compiled: Compiled, q: float, poses: Mapping[str, tuple[float, float,
     for link, pose in poses.items():
         found = at.pose(link)[0]
         if (
-            not np.abs(found[:2] - pose[:2]).max() <= 1e-9 * at.model.size
+            not np.abs(found[:2] - pose[:2]).max() <= 1e-9 * at.model.length_scale
             or not abs(np.exp(1j * (found[2] - pose[2])) - 1.0) <= 1e-9
         ):
             return False

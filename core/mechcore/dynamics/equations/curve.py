@@ -249,7 +249,7 @@ def _clear_of(changes: Changes, start: float, q: float) -> float:
 
 def _comes_back(motion: Motion, once: NDArray[Any], twice: NDArray[Any]) -> bool:
     """Whether every link is, at frames ``twice``, where it was at frames ``once``."""
-    model, size = motion.model, motion.model.size
+    model, size = motion.model, motion.model.length_scale
     links = range(1, len(model.links))
     places = [p[twice] - p[once] for p in map(motion.origin, links) if np.ndim(p)]
     turns = [r[twice] - r[once] for r in map(motion.rotation, links) if np.ndim(r)]

@@ -119,14 +119,14 @@ class Element:
 
 def scales_of(model: Model, elements: Sequence[Element]) -> Real:
     """What counts as a large displacement of each element (e,): 1 rad, or the length scale of the mechanism [m]."""
-    return np.array([1.0 if e.what == "turn" else model.size for e in elements])
+    return np.array([1.0 if e.what == "turn" else model.length_scale for e in elements])
 
 
 def elements_of(motion: Motion, flanks: Mapping[int, Array] | None = None) -> list[Element]:
     """All elements of a mechanism, in the order of its pairs. ``flanks``: relation -> multiplier (F,) whose sign says on which of
     its two sides a cam presses; without it all press where they push."""
     turning = max((_peak(w) for w in motion.speeds.spin), default=0.0)
-    moving = max([turning * motion.model.size, *(_peak(v) for v in motion.speeds.slide.values())])
+    moving = max([turning * motion.model.length_scale, *(_peak(v) for v in motion.speeds.slide.values())])
     least = {"turn": NOISE * turning, "slide": NOISE * moving}
     return [
         _element(motion, pair, *parts, least, flanks or {}, nth)
