@@ -79,7 +79,8 @@ def _guessed(recording: Recording) -> Iterator[NodePart]:
                 found = ("lines", f"friction.{joint}.{what}", ["joint", joint], "friction", "")
             case _:
                 continue
-        yield NodePart(entity=path, height=0.0, **dict(zip(("kind", "key", "owner", "group", "parent"), found, strict=True)))
+        part: dict[str, Any] = dict(zip(("kind", "key", "owner", "group", "parent"), found, strict=True))
+        yield NodePart(entity=path, height=0.0, **part)
 
 
 class _Reader:
@@ -92,7 +93,7 @@ class _Reader:
     def node(self, entry: NodePart) -> Node | None:
         """The node of an entry; None of arrows, which follow from the numbers, and of what was never drawn."""
         path = entry.entity
-        common = {
+        common: dict[str, Any] = {
             "key": entry.key,
             "owner": entry.owner,
             "group": entry.group,
