@@ -23,6 +23,7 @@ from mechviz.picture.arrows import Arrows, arrows_of, key_of
 from mechviz.picture.nodes import Body, Lines, Mesh, Picture, Points, Poses
 from mechviz.picture.overlays import overlay_nodes
 from mechviz.picture.proportions import ARC_RADIUS, about_z, arc_height, arrow_height, path_height
+from mechviz.picture.section_diagrams import section_nodes
 from mechviz.picture.springs import COLOR as COIL
 from mechviz.picture.springs import Coil, find_coils
 from mechviz.picture.strut_glyphs import find_strut_glyphs
@@ -79,6 +80,7 @@ def picture_of(run: Run, solids: Solids, arrows: Arrows | None = None, known: Pi
         *_paths(run, solids, heights),
         *joint_nodes(run, solids),
         *overlay_nodes(run, solids),
+        *section_nodes(run, solids),
         *arrows.nodes(_arrow_heights(run, solids, arrows, heights), solids.z_top),
     ]
     numbers = run.numbers

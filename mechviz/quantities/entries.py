@@ -46,12 +46,12 @@ BY_UNIT = {"N": "force", "N m": "moment", "m": "position"}
 LENGTHS = {("Fx", "Fy"): "|F|", ("vx", "vy"): "|v|", ("ax", "ay"): "|a|"}
 """Components of which the length is a curve of its own."""
 
-APART = ("motion", "contact", "lift", "drive", "stress")
+APART = ("motion", "contact", "lift", "drive", "stress", "bearing", "sections")
 """Tables of which every column is a quantity of its own."""
 
 KINDS = {"joints": "joint", "links": "link", "points": "point", "cams": "cam", "loads": "load", "servos": "servo"}
-ORDER = ("drive", "joints", "links", "points", "cams", "loads", "servos", "energy", "power")
-TABLES = ("motion", "pose", "position", "velocity", "acceleration", "reaction", "friction", "contact", "lift", "stress")
+ORDER = ("drive", "joints", "links", "points", "sections", "cams", "loads", "servos", "energy", "power")
+TABLES = ("motion", "pose", "position", "velocity", "acceleration", "reaction", "friction", "bearing", "contact", "lift", "stress")
 """In the order in which the quantities of an item are offered."""
 
 
@@ -130,6 +130,8 @@ def _of_table(path: Path, columns: Columns, n: Names) -> Iterator[Entry]:
         case ("loads", *names):
             known = (0, 1, 3, 4) if names[0] == "gravity" and len(names) > 1 else (0, 1, 2, 3, 4)
             yield from made(("load", *names), f"load {' '.join(names)}", "load", known)
+        case ("sections", name):
+            yield from made(("link", name), f"link {name}", "sections")
         case (kind, name, what) if kind in KINDS:
             yield from made((KINDS[kind], name), f"{KINDS[kind]} {name}", what)
         case ("answers", name, item):

@@ -1,4 +1,5 @@
-"""The numbers of a run's studies as tables: force systems, reduction, shaking, substitute masses, closing errors of polygons."""
+"""The numbers of a run's studies as tables: force systems, reduction, shaking, substitute masses, section forces,
+closing errors of polygons."""
 
 from __future__ import annotations
 
@@ -7,6 +8,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mechcore.arrays import Real
+from mechcore.forces.sections.section_forces import SectionForces
 from mechviz.quantities.items import Columns, Table
 
 if TYPE_CHECKING:
@@ -62,6 +65,14 @@ def study_tables(run: Run) -> Iterator[Table]:
             mass = np.full(len(body.places), body.masses[k])
             values = np.column_stack([body.places[:, k], body.forces[:, k], mass])
             yield Table((*path, str(k + 1)), f"{name}.mass {k + 1}", columns, values)
+    for name, along in studies.sections.items():
+        columns = (("normal force", "N"), ("shear force", "N"), ("bending moment", "N m"), ("bending moment at", "m"))
+        extremes = [along.extreme(along.normal).values, along.extreme(along.shear).values]
+        extremes += [along.bending.values, along.bending.stations]
+        for stress, word in ((along.bending_stress, "bending stress"), (along.stress, "normal stress")):
+            if stress is not None:
+                columns, extremes = (*columns, (word, "Pa")), [*extremes, stress]
+        yield Table(("data", "sections", name), name, columns, np.column_stack(extremes))
 
 
 def study_lines(run: Run) -> list[str]:
@@ -102,3 +113,21 @@ def _lines(run: Run) -> Iterator[str]:
             yield f"static replacement of {name}: {masses}, with a correction couple of up to {most:.5g} N m"
             continue
         yield f"substitute masses of {name}: {body.found.message}; shown is solution {body.chosen + 1}: {masses}"
+    for name, forces in studies.sections.items():
+        yield f"section forces of {name}: {_section_words(forces, run.motion.time)}"
+
+
+def _section_words(found: SectionForces, time: Real) -> str:
+    """Ranges and the largest bending moment, with its place and time."""
+    size = np.abs(found.bending.values)
+    if not np.isfinite(size).any():
+        return "not known, it jams over the whole run"
+    k = int(np.nanargmax(size))
+    low, high = float(np.nanmin(found.normal)), float(np.nanmax(found.normal))
+    words = f"N {low:.5g} to {high:.5g} N, |V| up to {float(np.nanmax(np.abs(found.shear))):.5g} N, largest bending moment "
+    place, length = 1e3 * found.bending.stations[k], 1e3 * found.axis.length
+    words += f"{found.bending.values[k]:.5g} N m at {place:.5g} mm of its {length:.5g} mm, {time[k]:.5g} s"
+    if found.bending_stress is not None and found.stress is not None:
+        bending, normal = (1e-6 * float(np.nanmax(s)) for s in (found.bending_stress, found.stress))
+        words += f"; bending stress up to {bending:.5g} MPa, with the normal force {normal:.5g} MPa"
+    return words

@@ -11,6 +11,7 @@ import numpy as np
 from mechcore.forces.cam_rating import AnyCam, contact_force, contact_stress, drawn_lift, drawn_rows, pair_of, placed_cams
 from mechcore.forces.kinetostatics import Forces, LoadResult
 from mechcore.forces.powers import power_labels, power_table
+from mechcore.forces.sections.guide_bearing import bearing_ends, bearings
 from mechcore.motion import metrics
 from mechcore.motion.motion import Motion
 from mechcore.spec.clearance import journals_of
@@ -87,6 +88,7 @@ def _points(run: Run) -> Iterator[Table]:
 def _joints(run: Run) -> Iterator[Table]:
     motion, forces = run.motion, run.forces
     onto = onto_centres(run, links_with_mass(run))
+    guides = {pair.name: pair for pair in bearings(motion.mechanism)}
     for joint in joints_of(motion):
         path, name, unit = ("data", "joints", joint.name), joint.name, joint.unit
         what = "slide" if unit == "m" else "angle"
@@ -98,6 +100,9 @@ def _joints(run: Run) -> Iterator[Table]:
             columns: Columns = (*_WRENCH[:2], ("couple", "N m"))
             reaction = partial(_reaction, forces, name)
             yield Table((*path, "reaction"), f"{name}.reaction", columns, reaction)
+            if name in guides:
+                both: Columns = (("bearing force behind", "N"), ("bearing force ahead", "N"))
+                yield Table((*path, "bearing"), f"{name}.bearing", both, partial(bearing_ends, forces, guides[name]))
             if name in journals_of(motion.model.mechanism):
                 yield _journal(run, name)
             if forces.friction is not None and name in forces.friction.pairs:

@@ -164,6 +164,12 @@ class SceneBuilder:
         """Substitute masses of a link, such as ``{"at": "B"}, {"at": "C"}, {"y": 0.2}``; what is not given is found."""
         return self._add("substitutes", link, {"masses": list(masses), "solution": solution, "static": static})
 
+    def section_forces(
+        self, link: str, *, along: Sequence[str] | None = None, section: Mapping[str, Any] | None = None
+    ) -> SceneBuilder:
+        """Section forces along a link, whose cross-section may be ``{"diameter": ...}`` or ``{"height": ..., "width": ...}``."""
+        return self._add("sections", link, {"along": None if along is None else list(along), "section": section})
+
     def gravity(self, x: Value, y: Value) -> SceneBuilder:
         """Acceleration of gravity [m/s^2]."""
         self._data["gravity"] = [x, y]

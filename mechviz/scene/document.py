@@ -33,7 +33,7 @@ from mechviz.scene.kinds.free_motion import Method, Tolerance, WatchDocument
 from mechviz.scene.kinds.friction import FrictionDefaults
 from mechviz.scene.kinds.joints.document import PairDocument
 from mechviz.scene.kinds.loads.document import LoadDocument
-from mechviz.scene.kinds.studies import PlanName, ShakingDocument, SubstituteDocument, SystemDocument
+from mechviz.scene.kinds.studies import PlanName, SectionsDocument, ShakingDocument, SubstituteDocument, SystemDocument
 from mechviz.scene.names import LinkName
 
 EffectName = Literal["inertia", "gravity", "friction"]
@@ -211,6 +211,8 @@ class SceneDocument(Table):
     """Force systems by name: the loads on a link, reduced and drawn."""
     substitutes: dict[Name, SubstituteDocument] = Field(default={})
     """Substitute masses, by the name of the link that they replace."""
+    sections: dict[Name, SectionsDocument] = Field(default={})
+    """Links along which section forces are wanted, by name."""
 
 
 FORMER = {"pairs": "joints"}

@@ -135,7 +135,7 @@ def _topic(data: Mapping[str, Any]) -> str:
         return cams
     if "friction" in keys or "friction" in data:
         return friction
-    if data.keys() & {"systems", "substitutes", "reduced", "shaking"} or (not data["joints"] and "effects" in data):
+    if data.keys() & {"systems", "substitutes", "reduced", "shaking", "sections"} or (not data["joints"] and "effects" in data):
         return reduction
     if keys & {"gear", "belt", "rack", "rolling"}:
         return gears

@@ -14,6 +14,7 @@ from mechviz.outputs.page.shapes import hex_of, pack_bodies, pack_drawables, pac
 from mechviz.outputs.presentation import Presentation
 from mechviz.outputs.rerun.nodes import COLORS
 from mechviz.picture.nodes import Picture
+from mechviz.picture.section_diagrams import DIAGRAMS, HIDDEN
 from mechviz.quantities.catalogue import Catalogue
 from mechviz.quantities.vectors import FAMILIES, FORCE_FAMILIES, round_value
 
@@ -32,6 +33,7 @@ GROUPS = {
     "funicular": "Funicular",
     "substitutes": "Substitute masses",
     "equivalent": "Equivalent linkages",
+    **{group: diagram.title for group, diagram in DIAGRAMS.items()},
 }
 """What can be shown and hidden beside the families of arrows."""
 
@@ -139,5 +141,5 @@ def _groups(picture: Picture, drawn: list[dict[str, Any]]) -> list[dict[str, Any
             value = round_value(LEGEND * float(np.ptp(picture.bounds, axis=0)[:2].max()) * per_metre)
             entry |= {"length": value / per_metre, "value": f"{value:g} {family.unit}"}
         found.append(entry)
-    found += [{"name": k, "label": v, "shown": True} for k, v in GROUPS.items() if k in present]
+    found += [{"name": k, "label": v, "shown": k not in HIDDEN} for k, v in GROUPS.items() if k in present]
     return found

@@ -22,6 +22,7 @@ from mechviz.outputs.rerun.plots import (
     study_outputs,
 )
 from mechviz.outputs.rerun.polygons import OVERLAYS
+from mechviz.picture.section_diagrams import DIAGRAMS, HIDDEN
 from mechviz.quantities.items import links_with_mass, pair_unit
 from mechviz.quantities.vectors import FORCE_FAMILIES, plotted_against
 
@@ -120,7 +121,9 @@ def _pictures(run: Run, bounds: Mapping[str, np.ndarray]) -> list[Any]:
     forces = [f"vectors/{family}" for family in FORCE_FAMILIES]
     views = []
     if run.forces is not None:
-        views.append(picture("Mechanism with forces", [*forces, "legend/forces"], bounds["forces"]))
+        views.append(picture("Mechanism with forces", [*forces, "legend/forces", "sections/bending_moment"], bounds["forces"]))
+        if run.studies.sections:
+            views += [picture(DIAGRAMS[group].title, [f"sections/{group}"], bounds["forces"]) for group in HIDDEN]
     if _has_points(run):
         views.append(picture("Mechanism with velocities and accelerations", [*motion, "legend/motion"], bounds["motion"]))
     return views or [picture("Mechanism", [], bounds["motion"])]

@@ -28,7 +28,10 @@ Spans = tuple[tuple[float, float], ...]
 MOMENTS = ("torque", "drag torque", "viscous torque", "torsion spring", "torsion damper")
 """Kinds of loads that are moments, even where they are zero."""
 
-STUDIES = ("systems", "reduced", "shaking", "substitutes")
+ENDS = ("behind", "ahead")
+"""Of the bearing of a guide, in its direction."""
+
+STUDIES = ("systems", "reduced", "shaking", "substitutes", "sections")
 
 NOISE = 1e-9  # of the largest value of the same unit
 
@@ -129,6 +132,8 @@ def _peaks(recording: Recording, model: Model) -> list[Peak]:
         found.append(_peak(recording, path, f"reaction {joint}", "N", [0, 1]))
         if model.joints[joint].type == "prismatic":
             found.append(_peak(recording, path, f"couple {joint}", "N m", [2], signed=True))
+            ends = ("data", "joints", joint, "bearing")
+            found += [_peak(recording, ends, f"bearing force {end} {joint}", "N", [k], signed=True) for k, end in enumerate(ENDS)]
     for joint in model.joints:
         path = ("data", "joints", joint, "friction")
         rubs = _peak(recording, path, f"friction force {joint}", "N", [0, 1])
@@ -168,7 +173,7 @@ def _studies(recording: Recording) -> list[Peak]:
             name, _, unit = name.partition(" [")
             if name == "Fx":
                 found.append(_peak(recording, parts, f"force {of}", unit, [k, k + 1]))
-            elif name != "Fy" and name.split()[-1] not in ("x", "y"):
+            elif name != "Fy" and name.split()[-1] not in ("x", "y", "at"):
                 found.append(_peak(recording, parts, f"{name} {of}", unit, [k], signed=True))
     return [p for p in found if p is not None]
 

@@ -71,6 +71,10 @@ def _guessed(recording: Recording) -> Iterator[NodePart]:
                 found = ("lines", f"equivalent.{joint}", ["joint", joint], "equivalent", "")
             case ("polygons", "equivalent", joint, "pins"):
                 found = ("points", f"equivalent.{joint}.pins", ["joint", joint], "equivalent", "")
+            case ("sections", group, link):
+                found = ("lines", f"section.{link}.{group}", ["link", link], group, "")
+            case ("sections", group, link, "largest"):
+                found = ("points", f"section.{link}.{group}.largest", ["link", link], group, "")
             case ("polygons", "substitutes", link):
                 found = ("points", f"substitutes.{link}", ["link", link], "substitutes", "")
             case ("polygons", "substitutes", link, "forces"):

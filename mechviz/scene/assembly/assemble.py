@@ -32,7 +32,7 @@ from mechviz.scene.kinds.friction import clearances_of, idle_effect
 from mechviz.scene.kinds.joints.base import drawn_angle
 from mechviz.scene.kinds.joints.document import PairDocument, check_joints, drawn_place, modes_of, pair_spec
 from mechviz.scene.kinds.loads.document import check_loads, load_specs
-from mechviz.scene.kinds.studies import needs_inertia, studies_of
+from mechviz.scene.kinds.studies import axis_faults, needs_inertia, studies_of
 from mechviz.scene.names import check_names, split_point
 from mechviz.scene.reading.recovery import Reading
 from mechviz.scene.reading.references import (
@@ -171,6 +171,9 @@ def assemble(
         traced=tuple(traced),
         standstill=still,
     )
+    faults = [*axis_faults(mechanism)]
+    if faults:
+        return None, faults
     mechanism, faults = with_swings(mechanism, [key for key, drive in driven.items() if drive.range == REACHABLE])
     if faults:
         return None, faults

@@ -1,15 +1,18 @@
 """What a scene can ask for beside motion, forces and answers: plans, polodes, force systems, reduction, shaking, substitute
-masses."""
+masses, section forces."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING, Annotated, Any, Literal, get_args
 
 from pydantic import Field, model_validator
 
-from mechcore.errors import Fault
-from mechcore.spec.studies import PLANS, ShakingStudy, Studies, SubstituteStudy, SystemStudy
+from mechcore.errors import Fault, MechanismError
+from mechcore.forces.sections.axis import axis_of
+from mechcore.spec.mechanism import Mechanism
+from mechcore.spec.studies import PLANS, CrossSection, SectionStudy, ShakingStudy, Studies, SubstituteStudy, SystemStudy
 from mechviz.scene.faults import did_you_mean, listing
 from mechviz.scene.fields import (
     Flag,
@@ -24,6 +27,7 @@ from mechviz.scene.fields import (
     is_whole,
     refuse,
 )
+from mechviz.scene.kinds.bodies import lumps_of
 from mechviz.scene.names import LinkName
 
 if TYPE_CHECKING:
@@ -106,6 +110,41 @@ class SubstituteDocument(Table):
     """Two masses at two given places: the link's mass and centre, and a correction couple for the rest."""
 
 
+class CrossSectionDocument(Table):
+    """The cross-section of a link, from which its stresses follow: round or rectangular, solid or hollow."""
+
+    diameter: Size | None = None
+    """Round: its outer diameter."""
+    height: Size | None = None
+    """Rectangular: its side across the link's axis, in the plane of the motion."""
+    width: Size | None = None
+    """Rectangular: its side across the plane of the motion."""
+    wall: Size | None = None
+    """Thickness of the wall of a hollow one. Default: it is solid."""
+
+    @model_validator(mode="after")
+    def _one_form(self) -> CrossSectionDocument:
+        sides = [key for key in ("height", "width") if getattr(self, key) is not None]
+        if not self.sound("diameter", "height", "width"):
+            return self
+        if self.diameter is not None:
+            refuse([(k, f"{k} stands beside diameter.", f"Leave out {k}, or diameter.") for k in sides])
+        elif len(sides) < 2:
+            missing = "'width' is missing." if "height" in sides else "'height' is missing."
+            none = ("", "a cross-section without diameter, height and width.", "Give a diameter, or height and width.")
+            refuse([(sides[0], missing, "Give both, or a diameter.") if sides else none])
+        return self
+
+
+class SectionsDocument(Table):
+    """Section forces along a link: normal force, shear force and bending moment."""
+
+    along: Annotated[list[Text], Field(min_length=2, max_length=100)] | None = None
+    """Points of the link through which its axis runs. Default: the line through the points at which joints and loads act."""
+    section: CrossSectionDocument | None = None
+    """Its cross-section. Default: no stresses."""
+
+
 def needs_inertia(document: SceneDocument, link: str) -> bool:
     """Whether a study needs mass, centre and inertia of a link even though no effect names inertia."""
     return bool(document.reduced) or document.shaking is not None or link in document.substitutes
@@ -171,6 +210,23 @@ def check_studies(document: SceneDocument, links: Mapping[str, list[str] | None]
             if m.at is not None and m.at != "centre":
                 yield from _point(f"{path}.masses[{k}].at", name, m.at, links)
 
+    for name, sections in document.sections.items():
+        path = f"sections.{name}"
+        yield from _link(path, name, links, complete, document.frame)
+        for k, point in enumerate(sections.along or ()):
+            yield from _point(f"{path}.along[{k}]", name, point, links)
+        if not document.effects and not document.loads:
+            yield Fault(path, "section forces of a scene without any force.", 'Name loads, or effects such as "inertia".')
+
+
+def axis_faults(mechanism: Mechanism) -> Iterator[Fault]:
+    """Faults of links whose section forces are wanted and whose axis is not clear."""
+    for study in mechanism.studies.sections:
+        try:
+            axis_of(mechanism, study.link, study.points)
+        except MechanismError as error:
+            yield from error.faults
+
 
 def _link(path: str, name: str, links: Mapping[str, Any], complete: bool, frame: str) -> Iterator[Fault]:
     if name == frame:
@@ -219,7 +275,40 @@ def studies_of(
         reduced=tuple(reduced),
         shaking=None if document.shaking is None else _shaking(document.shaking, convert),
         substitutes=tuple(substitutes),
+        sections=tuple(_sections(name, entry, document, placement, convert) for name, entry in document.sections.items()),
     )
+
+
+def _sections(
+    name: str, entry: SectionsDocument, document: SceneDocument, placement: Placement, convert: Converter
+) -> SectionStudy:
+    section = None if entry.section is None else _cross_section(entry.section, convert, f"sections.{name}.section")
+    link = document.links.get(name)
+    lumps = [] if link is None else lumps_of(link.lumps, placement.points.get(name, {}), convert, f"links.{name}.lumps")
+    masses = tuple((b.mass, *b.centre, b.inertia) for b in lumps)
+    return SectionStudy(link=name, points=tuple(entry.along or ()), section=section, masses=masses)
+
+
+def _cross_section(s: CrossSectionDocument, convert: Converter, path: str) -> CrossSection | None:
+    """Area and section modulus: of a hollow section what is left of the outer without the inner."""
+    known = [key for key in ("diameter", "height", "width") if getattr(s, key) is not None]
+    sides = {key: convert.si(getattr(s, key), "length", f"{path}.{key}") for key in known}
+    inner = dict.fromkeys(sides, 0.0)
+    if s.wall is not None:
+        wall = convert.si(s.wall, "length", f"{path}.wall")
+        inner = {key: side - 2.0 * wall for key, side in sides.items()}
+        if min(inner.values(), default=1.0) <= 0.0:
+            convert.note(
+                f"{path}.wall", "twice the wall fills the section.", "Give a thinner wall, or leave it out for a solid section."
+            )
+            return None
+    if "diameter" in sides:
+        d, i = sides["diameter"], inner["diameter"]
+        return CrossSection(area=math.pi / 4.0 * (d**2 - i**2), modulus=math.pi / 32.0 * (d**4 - i**4) / d)
+    if len(sides) < 2:
+        return None
+    h, b, hi, bi = sides["height"], sides["width"], inner["height"], inner["width"]
+    return CrossSection(area=b * h - bi * hi, modulus=(b * h**3 - bi * hi**3) / (6.0 * h))
 
 
 def _shaking(s: ShakingDocument, convert: Converter) -> ShakingStudy:

@@ -200,7 +200,7 @@ def _blank(cls: type[Table]) -> Table:
     return table
 
 
-_SECTIONS = ("links", "joints", "sketch", "loads", "watch", "systems", "substitutes")
+_SECTIONS = ("links", "joints", "sketch", "loads", "watch", "systems", "substitutes", "sections")
 
 
 @dataclass

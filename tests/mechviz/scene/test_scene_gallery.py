@@ -44,7 +44,7 @@ def test_the_gallery_has_what_it_promises():
         "polodes-four-bar", "cardan-circles", "four-forces", "parallel-forces", "substitute-masses", "reduced-inertia",
         "shaking-four-bar", "shaking-engine", "percussion-centre", "inertia-translation", "inertia-uniform-translation",
         "inertia-rotation-about-centre", "inertia-uniform-rotation-about-centre", "inertia-uniform-rotation",
-        "counterweighted-four-bar", "lumped-rod",
+        "counterweighted-four-bar", "lumped-rod", "connecting-rod-bending",
         "coupled-antiparallelograms", "parallelogram-six-bar", "four-bar-chain",
         "engine-mounts", "servo-arm", "stribeck-block", "lifted-boom", "thrown-wrench",
     }  # fmt: skip

@@ -106,6 +106,7 @@ def axis_points(mechanism: Mechanism, link: Link) -> tuple[str, ...]:
     why = f"the axis of '{link.name}' is not clear: its points {named} do not lie on one line."
     if len(link.points) == 1:
         why = f"'{link.name}' has one point, '{named}', and no axis."
+        raise MechanismError(Fault(f"sections.{link.name}", why, "Give the link another point at the other end of its axis."))
     raise MechanismError(Fault(f"sections.{link.name}", why, 'Say where it runs: along = ["A", "B"], points of the link.'))
 
 

@@ -63,6 +63,14 @@ def guide_load(forces: Forces, pair: Prismatic) -> GuideLoad:
     return GuideLoad(middle, direction, bearing.length, force.imag, couple, force.real, rubbing)
 
 
+def bearing_ends(forces: Forces, pair: Prismatic) -> Real:
+    """Forces across the guide at the two ends of a sliding pair's bearing (F, 2) [N], as `GuideLoad.ends`."""
+    out = np.empty((forces.motion.frames, 2))
+    for rows, part in forces.parts:
+        out[rows] = guide_load(part, pair).ends
+    return out
+
+
 def over_frames(motion: Motion, value: Complex) -> Complex:
     """A value, or one for all frames, over the frames (F,)."""
     return np.broadcast_to(np.asarray(value), (motion.frames,))

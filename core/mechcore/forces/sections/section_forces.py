@@ -9,10 +9,11 @@ textbook of statics, such as Gross, Hauger, Schröder, Wall, Technische Mechanik
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import NamedTuple
+from operator import attrgetter
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -74,8 +75,9 @@ class Extreme:
 class SectionForces:
     """Section forces of a link: ``normal``, ``shear`` [N], ``moment`` [N m] (F, n) at ``stations`` (F, n) [m] along its ``axis``.
 
-    Stations rise; where something acts at a point there are two, before and behind it. ``places`` (F, n) are complex, in the link's
-    frame [m]. ``unbalanced`` (F,) [N] is what is left of the forces on the whole link, moments over the axis' length included.
+    Stations rise; where something acts at a point there are two, before and behind it. ``places`` [m] of the axis and its
+    ``directions`` there (F, n) are complex, in the link's frame. ``bending``: the moment that is largest in size. ``unbalanced``
+    (F,) [N] is what is left of the forces on the whole link, moments over the axis' length included.
     """
 
     link: str
@@ -83,6 +85,7 @@ class SectionForces:
     section: CrossSection | None
     stations: Real
     places: Complex
+    directions: Complex
     normal: Real
     shear: Real
     moment: Real
@@ -109,26 +112,48 @@ class SectionForces:
 
 def section_forces(forces: Forces, study: SectionStudy) -> SectionForces:
     """Section forces along a link. Raises `MechanismError` where the link's axis is not clear."""
-    motion = forces.motion
-    axis = axis_of(motion.mechanism, study.link, study.points)
+    axis = axis_of(forces.motion.mechanism, study.link, study.points)
     with np.errstate(**QUIET):
-        acting = _Acting(forces, study, axis)
-        cuts = acting.cuts()
-        normal, shear, moment = acting.inside(cuts)
-        start = Cuts(np.zeros((motion.frames, 1)), np.array(-1.0))
-        whole, turning = acting.beyond(start)
-        return SectionForces(
-            link=study.link,
-            axis=axis,
-            section=study.section,
-            stations=cuts.stations,
-            places=axis.place(cuts),
-            normal=normal,
-            shear=shear,
-            moment=moment,
-            bending=acting.largest_moment(cuts, moment),
-            unbalanced=np.abs(whole[:, 0]) + np.abs(turning[:, 0]) / axis.length,
-        )
+        found = [(rows, _of_part(part, study, axis)) for rows, part in forces.parts]
+    if len(found) == 1:
+        return found[0][1]
+    width = max(part.stations.shape[1] for _, part in found)
+
+    def joined(value: Callable[[SectionForces], Any]) -> Any:
+        first = value(found[0][1])
+        out = np.empty((forces.motion.frames, *((width,) if first.ndim == 2 else ())), first.dtype)
+        for rows, part in found:
+            v = value(part)
+            out[rows] = v if v.ndim == 1 else np.concatenate([v, np.repeat(v[:, -1:], width - v.shape[1], axis=1)], axis=1)
+        return out
+
+    arrays = {name: joined(attrgetter(name)) for name in _ARRAYS}
+    bending = Extreme(*(joined(attrgetter(f"bending.{name}")) for name in ("values", "stations")))
+    return replace(found[0][1], bending=bending, **arrays)
+
+
+def _of_part(forces: Forces, study: SectionStudy, axis: Axis) -> SectionForces:
+    """Section forces of a motion with one model."""
+    acting = _Acting(forces, study, axis)
+    cuts = acting.cuts()
+    normal, shear, moment = acting.inside(cuts)
+    whole, turning = acting.beyond(Cuts(np.zeros((forces.motion.frames, 1)), np.array(-1.0)))
+    return SectionForces(
+        link=study.link,
+        axis=axis,
+        section=study.section,
+        stations=cuts.stations,
+        places=axis.place(cuts),
+        directions=axis.directions[axis.segment(cuts)],
+        normal=normal,
+        shear=shear,
+        moment=moment,
+        bending=acting.largest_moment(cuts, moment),
+        unbalanced=np.abs(whole[:, 0]) + np.abs(turning[:, 0]) / axis.length,
+    )
+
+
+_ARRAYS = ("stations", "places", "directions", "normal", "shear", "moment", "unbalanced")
 
 
 class _Acting:

@@ -22,6 +22,7 @@ from mechviz.outputs.viewer.world.lines import segments
 from mechviz.outputs.viewer.world.solids import link_path
 from mechviz.picture.constructions import Drawing, rows_of
 from mechviz.picture.nodes import ArrowSet, Lines, Node, Points
+from mechviz.picture.section_diagrams import DIAGRAMS, HIDDEN
 
 Array = NDArray[np.complex128]
 Real = NDArray[np.float64]
@@ -42,6 +43,7 @@ OVERLAYS = {
     "Funicular polygon": ("funicular",),
     "Equivalent linkages": ("equivalent",),
     "Substitute masses": ("substitutes",),
+    **{diagram.title: (group,) for group, diagram in DIAGRAMS.items()},
 }
 """Groups of the picture by the words of their switch."""
 
@@ -143,6 +145,7 @@ class PlanNodes:
         for words, groups in OVERLAYS.items():
             drawn = [node for node in show.picture.nodes if node.group in groups]
             if drawn:
+                self._on.setdefault(words, drawn[0].group not in HIDDEN)
                 self._add(words, self._overlay(drawn))
 
     def __len__(self) -> int:
