@@ -125,6 +125,21 @@ def test_nothing_private_crosses_modules() -> None:
                 assert not private, f"{name} imports {private} from {node.module}"
 
 
+def test_every_refusal_has_a_remedy() -> None:
+    """What to do is said with what is wrong, and stands by itself."""
+    places = {"Fault": 2, "fault": 1, "note": 2, "OutputError": 1, "RecordingError": 1}
+    for name, path in modules().items():
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            called = getattr(node, "func", None)
+            place = places.get(getattr(called, "id", getattr(called, "attr", "")))
+            if isinstance(node, ast.Call) and place is not None and not any(isinstance(a, ast.Starred) for a in node.args):
+                given = {k.arg: k.value for k in node.keywords}
+                remedy = node.args[place] if len(node.args) > place else given.get("remedy")
+                assert remedy is not None, f"{name}, line {node.lineno}: no remedy"
+                words = ast.unparse(remedy).lstrip("f").strip("'\"")
+                assert words and not words.startswith("Or "), f"{name}, line {node.lineno}: {words!r}"
+
+
 def test_types_of_arrays_are_defined_once() -> None:
     core = {name: path.read_text(encoding="utf-8") for name, path in modules().items() if name.startswith("mechcore.")}
     assert not [name for name, text in core.items() if "\nReal = " in text and name != "mechcore.arrays"]

@@ -20,6 +20,10 @@ from mechviz.meshes.shading import Color
 Profile = tuple[tuple[float, float], ...]
 
 
+class ShapeError(ValueError):
+    """A part that cannot be made: its proportions are beyond what its outline can be drawn with."""
+
+
 @dataclass(frozen=True)
 class Shell:
     """A closed triangle mesh: vertices (V, 3) and faces (N, 3), counter-clockwise seen from outside."""
@@ -132,6 +136,8 @@ def plate(
     A groove runs around its outer edge.
     """
     outline = clean(outline)
+    if not isinstance(outline, Polygon) or outline.is_empty:
+        raise ShapeError("the outline of a part falls apart")
     rings = [_coords(ring) for ring in (outline.exterior, *outline.interiors)]
     insets = _insets(rings, bevel, turned)
     if insets is None:  # the outline is too fine for a bevel
@@ -284,7 +290,7 @@ def _triangulate(rings: Sequence[np.ndarray]) -> np.ndarray:
         if len(triangles) == expected:
             break
     else:
-        raise ValueError("a face of a part could not be divided into triangles")
+        raise ShapeError("a face of a part cannot be divided into triangles")
     a, b, c3 = points[triangles[:, 0]], points[triangles[:, 1]], points[triangles[:, 2]]
     area = ((b - a)[:, 0] * (c3 - a)[:, 1] - (b - a)[:, 1] * (c3 - a)[:, 0]).sum()
     return triangles if area > 0.0 else triangles[:, ::-1]

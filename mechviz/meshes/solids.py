@@ -10,10 +10,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 import shapely
 from shapely.affinity import scale
+from shapely.errors import GEOSException
 from shapely.geometry import Polygon
 
+from mechcore.errors import Fault, MechanismError
 from mechcore.spec.mechanism import Mechanism
-from mechviz.meshes.extrude import Part, Shell, joined_shells
+from mechviz.meshes.extrude import Part, ShapeError, Shell, joined_shells
 from mechviz.meshes.heights import Heights, find_heights
 from mechviz.meshes.kinds.bands import Loop
 from mechviz.meshes.kinds.spatial_cams import Spin, spatial_parts
@@ -87,8 +89,22 @@ def build_solids(
     poses: x, y, angle (F, 3) [m, m, rad] of every link over the run; layers are chosen so that nothing collides at
     these frames. Without them layers follow from the pairs alone. `tolerance` is the largest distance between a circle
     and its chords, in radii of the circle; `chord` [m] is one that holds for all circles instead: as many sides as the largest
-    needs, at most 2048. `profile`: points of a cam's profile.
+    needs, at most 2048. `profile`: points of a cam's profile. Raises `MechanismError` where links differ too much in size.
     """
+    try:
+        return _build(mechanism, poses, tolerance, chord, profile)
+    except (ShapeError, GEOSException) as error:
+        spans = {link.name: float(np.max(np.ptp([*link.points.values()], axis=0), initial=0.0)) for link in mechanism.links}
+        long, short = max(spans, key=lambda k: spans[k]), min((k for k in spans if spans[k]), key=lambda k: spans[k], default="")
+        beside = f", and link '{short}' {spans[short]:.3g} m" if short and short != long else ""
+        words = f"the solids cannot be made: {error}; this link is {spans[long]:.3g} m long{beside}."
+        raise MechanismError(Fault(f"links.{long}", words, "Check their points and units.")) from None
+
+
+def _build(
+    mechanism: Mechanism, poses: Mapping[str, np.ndarray] | None, tolerance: float, chord: float | None, profile: int
+) -> Solids:
+    """The solids of `build_solids`."""
     model = build_model(mechanism, poses, _sides(tolerance, 128), profile)
     if chord is not None:
         model = replace(model, segments=_sides(chord / (model.size * largest_circle(model)), 512))

@@ -65,7 +65,7 @@ def describe(value: Any) -> str:
 
 def _finite(value: Any, wanted: str) -> float:
     if isinstance(value, bool) or not isinstance(value, int | float):
-        raise fault(f"{describe(value)} where {wanted} is wanted.")
+        raise fault(f"{describe(value)} where {wanted} is wanted.", "Write a number without quotes, such as 0.5.")
     try:
         number = float(value)
     except OverflowError:
@@ -191,13 +191,13 @@ def _text(value: Any) -> str:
     try:
         value.encode()
     except UnicodeEncodeError:
-        raise fault("a text with characters that no file can hold (lone surrogates).") from None
+        raise fault("a text with characters that no file can hold (lone surrogates).", "Write other ones.") from None
     return value
 
 
 def _flag(value: Any) -> bool:
     if not isinstance(value, bool):
-        raise fault(f"{describe(value)} where true or false is wanted.")
+        raise fault(f"{describe(value)} where true or false is wanted.", "Write true or false, without quotes.")
     return value
 
 

@@ -227,15 +227,12 @@ class PlacedCam:
         """The least base circle without undercut, in words."""
         if self.cam.wedge:
             return "Stretch the segments."
-        guide = self.cam.follower.guide
         try:
             zero = self.cam.follower.base_coordinate(self.base)
             fits = least_base(self.cam.law.raised(-zero), self.cam.follower, Requirement(), self.cam.turn)
         except MechanismError:
             return "Take a smoother law or longer segments."
-        if isinstance(guide, Translating) and isinstance(self.cam.follower.face, Flat):
-            return f"Give a base circle of at least {as_length(fits.base)}."
-        return f"Or give a base circle of at least {as_length(fits.base)}."
+        return f"Give a base circle of at least {as_length(fits.base)}."
 
     # -- over a motion ------------------------------------------------------------------------------------------------
 

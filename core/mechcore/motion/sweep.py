@@ -56,10 +56,14 @@ def sweep(
     varied = {key: np.asarray(xy, float) for key, xy in points.items()}
     for link, point in varied:
         if link not in model.index or point not in model.bodies[link].points:
-            raise MechanismError(Fault("sweep", f"there is no point '{point}' on a link '{link}'."))
+            raise MechanismError(
+                Fault("sweep", f"there is no point '{point}' on a link '{link}'.", "Name a link and one of its points.")
+            )
     designs = {len(xy) for xy in varied.values()}
     if len(designs) != 1:
-        raise MechanismError(Fault("sweep", "the points are given for different numbers of designs, or for none."))
+        raise MechanismError(
+            Fault("sweep", "the points are given for different numbers of designs, or for none.", "Give as many of each.")
+        )
     count = designs.pop()
     values = [tuple(np.broadcast_to(x, time.shape) for x in d.law(time)) for d in model.mechanism.drives]
     chunk = max(1, CHUNK // len(time))

@@ -55,7 +55,9 @@ def with_clearances(mechanism: Mechanism, clearances: Mapping[str, Clearance]) -
             faults.append(Fault(f"joints.{name}", "clearance is for revolute joints.", "Name a revolute joint."))
         for key in ("radial", "stiffness"):
             if not getattr(c, key) > 0.0:
-                faults.append(Fault(f"joints.{name}.clearance", f"its {key} of {getattr(c, key):g} is not positive.", ""))
+                faults.append(
+                    Fault(f"joints.{name}.clearance", f"its {key} of {getattr(c, key):g} is not positive.", "Give a positive one.")
+                )
     if faults:
         raise MechanismError(faults)
     links, drives, loads = list(mechanism.links), list(mechanism.drives), list(mechanism.loads)

@@ -44,7 +44,8 @@ def load_faults(mechanism: Mechanism) -> list[Fault]:
         if name not in EFFECTS
     ]
     names = [load.name for load in mechanism.loads]
-    found += [Fault(f"loads.{name}", "two loads have this name.") for name in sorted({n for n in names if names.count(n) > 1})]
+    twice = sorted({name for name in names if names.count(name) > 1})
+    found += [Fault(f"loads.{name}", "two loads have this name.", "Rename one of them.") for name in twice]
     for load in mechanism.loads:
         path = f"loads.{load.name}"
         found += [Fault(path, *words) for words in (*_values(load), *_names(mechanism, load))]

@@ -17,24 +17,27 @@ def check_items(m: Mechanism) -> None:
     faults = []
     links = {link.name: link for link in m.links}
     if len(links) != len(m.links):
-        faults.append(Fault("links", "two links have the same name."))
+        faults.append(Fault("links", "two links have the same name.", "Rename one of them."))
     if len({p.name for p in m.pairs}) != len(m.pairs):
-        faults.append(Fault("joints", "two pairs have the same name."))
+        faults.append(Fault("joints", "two pairs have the same name.", "Rename one of them."))
     if m.frame not in links:
-        faults.append(Fault("frame", f"there is no link '{m.frame}'."))
+        faults.append(Fault("frame", f"there is no link '{m.frame}'.", f"There are: {', '.join(links)}."))
     for p in m.pairs:
         points: tuple[str | None, str | None] = getattr(p, "points", (None, None))  # relations join no points
         for link, point in zip(p.links, points, strict=True):
             if link not in links:
-                faults.append(Fault(f"joints.{p.name}", f"there is no link '{link}'."))
+                faults.append(Fault(f"joints.{p.name}", f"there is no link '{link}'.", f"There are: {', '.join(links)}."))
             elif point is not None and point not in links[link].points:
-                faults.append(Fault(f"joints.{p.name}", f"link '{link}' has no point '{point}'."))
+                faults.append(
+                    Fault(f"joints.{p.name}", f"link '{link}' has no point '{point}'.", "Add it to the link, or name another.")
+                )
         if p.links[0] == p.links[1]:
-            faults.append(Fault(f"joints.{p.name}", "joins a link to itself."))
+            faults.append(Fault(f"joints.{p.name}", "joins a link to itself.", "Name two links."))
     pairs = {name for p in m.pairs for name in coordinates_of(p)}
-    faults += [Fault(f"drives.{d.pair}", "drives a pair that does not exist.") for d in m.drives if d.pair not in pairs]
+    unknown = [d.pair for d in m.drives if d.pair not in pairs]
+    faults += [Fault(f"drives.{name}", "drives a pair that does not exist.", "Name a pair that does.") for name in unknown]
     if len({d.pair for d in m.drives}) != len(m.drives):
-        faults.append(Fault("drives", "a pair has two drives."))
+        faults.append(Fault("drives", "a pair has two drives.", "Leave out one of them."))
     if not faults:
         faults += load_faults(m)
     if faults:

@@ -219,7 +219,7 @@ def _write_video(pictures: Iterator[bytes], path: Path, rate: int, ffmpeg: str) 
                 told.seek(0)
                 words = told.read().decode(errors="replace").strip()
                 why = words.splitlines()[-1] if words else "it gave no reason"
-                raise OutputError(f"ffmpeg could not make the film: {why}.", code=1)
+                raise OutputError(f"ffmpeg could not make the film: {why}.", "Write a .gif, which needs no ffmpeg.", 1)
         finally:
             if process.poll() is None:
                 process.kill()

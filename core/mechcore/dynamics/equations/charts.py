@@ -256,7 +256,11 @@ def best_chart(
     found = carried_on(compile_mechanism(mechanism, compiled.accuracy), np.array([coordinate]), 0.0, motion)
     if not _is_at(found, coordinate, poses):
         raise MechanismError(
-            Fault("dynamics", f"two branches meet where {pair} takes over from {compiled.mechanism.drives[0].pair}.", "")
+            Fault(
+                "dynamics",
+                f"two branches meet where {pair} takes over from {compiled.mechanism.drives[0].pair}.",
+                "Start elsewhere, or give it another speed.",
+            )
         )
     return CurveChart(found, *curve_around(found, coordinate, tolerance)), coordinate, rate if v else 0.0
 

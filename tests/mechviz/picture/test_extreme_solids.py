@@ -1,0 +1,19 @@
+"""Solids of links that no drawing can hold are refused by name, not by a fault of the geometry."""
+
+from __future__ import annotations
+
+import pytest
+
+from mechcore.errors import MechanismError
+from mechviz.picture.build import solids_of
+from mechviz.runs import run_scene
+from recordings import gallery_scene
+
+
+def test_a_link_of_many_light_years_is_named():
+    scene = gallery_scene("rack-and-pinion")
+    x, _ = scene.document.links["rack"].points["R"]
+    run = run_scene(scene.changed({("links", "rack", "points", "R"): [x, 1e29]}), frames=8)
+    with pytest.raises(MechanismError, match="links.rack: the solids cannot be made") as error:
+        solids_of(run)
+    assert error.value.faults[0].remedy
