@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from mechviz.accuracy.kept import plain_stride
 from mechviz.outputs.rerun.paths import entity
+from mechviz.outputs.rerun.stream_file import RecordingError
 from mechviz.picture.proportions import about_z
 from mechviz.quantities.items import Table, pair_unit
 
@@ -20,6 +21,8 @@ if TYPE_CHECKING:
 
 Real = NDArray[np.float64]
 Index = NDArray[np.int64]
+
+MOST_TICKS = 2.0**63  # of a timeline: ns, thousandths of a degree or of a millimetre
 
 SMALLEST_DRAWN = 0.05  # [m]
 
@@ -80,6 +83,10 @@ class Timelines:
 
 
 def _integers(values: Real) -> Index:
+    """Whole numbers for a timeline. Raises `RecordingError` of what it cannot count."""
+    if np.size(values) and not np.max(np.abs(values)) < MOST_TICKS:
+        words = "The run takes more time, or its drives go farther, than a recording can count (292 years, 2.5e13 turns, 9e12 m)."
+        raise RecordingError(words, "Check the speeds and periods of the drives, or record fewer cycles.")
     return np.round(values).astype(np.int64)
 
 

@@ -64,6 +64,14 @@ def test_many_recordings_in_one_process_keep_no_threads_files_or_memory(tmp_path
     assert held() == before and resident() < size + 15.0  # 3 MB each, when threads stayed
 
 
+def test_a_run_of_a_thousand_centuries_is_refused(tmp_path):
+    scene = load("double-parallelogram")
+    run = run_scene(scene.changed({("joints", "A", "drive", "oscillation", "period"): 1e12}), frames=8)
+    with pytest.raises(RecordingError, match="292 years") as error:
+        write_recording(run, tmp_path / "a.rrd")
+    assert error.value.remedy and not list(tmp_path.iterdir())
+
+
 def test_a_path_is_free_again_where_no_thread_can_be_made(tmp_path, monkeypatch):
     def none_left(self) -> None:
         raise RuntimeError("can't start new thread")
