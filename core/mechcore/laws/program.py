@@ -111,10 +111,7 @@ def _filled(laws: list[SegmentLaw], states: list[State], overs: list[float], rep
                     known(k, order, there)
 
     def join(k: int) -> None:
-        try:
-            curves[k] = laws[k].join(states[k], states[k + 1], overs[k])
-        except MechanismError as error:
-            raise MechanismError([replace(f, path=f"program[{k}].{f.path}") for f in error.faults]) from None
+        curves[k] = _joined(laws[k], states[k], states[k + 1], overs[k], k)
 
     for k, law in enumerate(laws):
         if not law.meets:
@@ -136,6 +133,14 @@ def _filled(laws: list[SegmentLaw], states: list[State], overs: list[float], rep
     return [curves[k] for k in range(n)]
 
 
+def _joined(law: SegmentLaw, start: State, end: State, over: float, k: int) -> MotionCurve:
+    """The curve of segment ``k``, whose faults name it."""
+    try:
+        return law.join(start, end, over)
+    except MechanismError as error:
+        raise MechanismError([replace(f, path=f"program[{k}].{f.path}") for f in error.faults]) from None
+
+
 def _least_jerk(
     laws: list[SegmentLaw], states: list[State], overs: list[float], unknown: list[tuple[int, int]], repeats: bool
 ) -> list[float]:
@@ -154,8 +159,8 @@ def _least_jerk(
         mine = [(i, p) for i, p in enumerate(unknown) if p[0] in (k, k + 1)]
         zero = [[0.0 if v is None else v for v in states[j]] for j in (k, k + 1)]
 
-        def jerk(ends: list[list[float]], law: SegmentLaw = law, h: float = h) -> Real:
-            curve = law.join(tuple(ends[0]), tuple(ends[1]), h)
+        def jerk(ends: list[list[float]], law: SegmentLaw = law, h: float = h, k: int = k) -> Real:
+            curve = _joined(law, tuple(ends[0]), tuple(ends[1]), h, k)
             out = []
             for p in curve.pieces:
                 value = np.empty((1, nodes.size))

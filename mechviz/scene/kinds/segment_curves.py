@@ -156,9 +156,9 @@ def _law(given: LawDocument, over: float, axes: Axes, path: str) -> SegmentLaw |
         powers = None if given.powers is None else tuple(given.powers)
         return Spline(points, given.degree) if kind == "spline" else Polynomial(points, powers)
     if kind == "least" and given.least is not None and is_whole(given):
-        limits = {ORDERS[key]: value for key, value in given.limits.items()}
-        if any(value <= 0.0 for value in limits.values()):  # noted where the table was read
+        if any(key not in ORDERS or value <= 0.0 for key, value in given.limits.items()):  # noted where the table was read
             return None
+        limits = {ORDERS[key]: value for key, value in given.limits.items()}
         return LeastPeak(given.least, limits, None if given.smooth is None else ORDERS[given.smooth], given.steps)
     return None
 
@@ -187,11 +187,8 @@ def _curve(given: CurveDocument, over: float, axes: Axes, order: int, path: str)
             rows.append((h.order, sine, cosine))
             if not 0.0 < h.order <= _MOST_WAVES:
                 convert.note(f"{place}.order", f"{h.order:g} waves in the range.", f"Give a positive number, up to {_MOST_WAVES}.")
-        if (
-            len(convert.faults) == before
-            and is_whole(given)
-            and not any(map(math.isnan, (mean, *(v for row in rows for v in row))))
-        ):
+        known = is_whole(given) and not any(map(math.isnan, (mean, *(v for row in rows for v in row))))
+        if len(convert.faults) == before and known:
             curve = fourier_curve(over, mean, rows)
     return curve
 

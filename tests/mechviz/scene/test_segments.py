@@ -287,6 +287,8 @@ def test_the_gantry_of_the_gallery_keeps_its_axes_in_step():
         ({"to": 20, "law": {"least": "jerk", "limits": {"velocity": "x"}}}, "law.limits.velocity"),
         ({"to": 20, "law": {"least": "jerk", "limits": {"velocity": -2}}}, "law.limits"),
         ({"to": 20, "law": {"spline": []}}, "law.spline"),
+        ({"to": 20, "law": {"least": "jerk", "limits": {"push": 1}}}, "law.limits.push"),
+        ({"to": [20, "free"], "law": {"polynomial": [{"at": 60, "to": ["free", 1, 1]}], "powers": [*range(3, 11)]}}, "law"),
         ({"to": 20, "law": {}}, "law"),
         ({"law": {"position": {**TABLE, "at": [0, 20, 40, 60, 80, 100, 110]}}}, "law.position.at"),
     ],
