@@ -141,6 +141,12 @@ class Scene3D:
         for part in (self.stage, self._paths, self._lines):
             part.darken(dark)
 
+    def look(self, client: viser.ClientHandle, preset: str) -> None:
+        """Bring a browser's camera to one of the presets, fitted to the mechanism as it is now."""
+        self.bounds = self._box(self.current)
+        self.cameras.follow_bounds(self.bounds, self._core(self.current))
+        self.cameras.look(client, preset)
+
     def switch_mark(self, name: str, on: bool) -> None:
         """Show or hide one of ``marks``."""
         self.marks[name](on)
