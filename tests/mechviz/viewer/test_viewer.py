@@ -213,6 +213,21 @@ def test_every_construction_is_drawn_beside_or_on_the_mechanism_and_has_a_switch
         assert nodes[0].visible
 
 
+def test_of_section_forces_the_bending_moments_are_shown_at_first():
+    run = run_scene(scene.load("connecting-rod-bending"), frames=24)
+    with Viewer(run, port=0) as viewer:
+        constructions = viewer.scene.plans.constructions
+        for name, on in (("Bending moments", True), ("Shear forces", False), ("Normal forces", False)):
+            assert viewer.switches.marks[name].value == on
+            assert all(node.visible == on for node in constructions[name].nodes)
+        viewer.scene.switch_mark("Shear forces", True)
+        viewer.set_frame(5)
+        outline = run.studies.sections["rod"]
+        lines = constructions["Shear forces"].nodes[0].points
+        assert lines[0, 0, :2] == pytest.approx(run.motion.point("rod", "B")[5], abs=1e-6)
+        assert len(lines) > outline.stations.shape[1]
+
+
 def test_a_scene_without_constructions_has_none_in_the_viewer(kinematic):
     with Viewer(kinematic, port=0) as viewer:
         assert len(viewer.scene.plans) == 0

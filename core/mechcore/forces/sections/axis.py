@@ -67,7 +67,7 @@ class Axis:
         k = self.segment(cuts)
         return self.vertices[k] + (cuts.stations - self.stations[k]) * self.directions[k]
 
-    def nearest(self, place: Complex) -> Real:
+    def nearest(self, place: complex | Complex) -> Real:
         """The station of the axis nearest to each place of the link's frame [m]."""
         z = np.asarray(place)[..., None] - self.vertices[:-1]
         lengths = np.diff(self.stations)

@@ -6,6 +6,7 @@ The bearing's length and place are those of the pair's friction (`mechcore.spec.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -71,6 +72,6 @@ def bearing_ends(forces: Forces, pair: Prismatic) -> Real:
     return out
 
 
-def over_frames(motion: Motion, value: Complex) -> Complex:
+def over_frames(motion: Motion, value: Any) -> Any:
     """A value, or one for all frames, over the frames (F,)."""
     return np.broadcast_to(np.asarray(value), (motion.frames,))

@@ -181,7 +181,7 @@ class _Acting:
                 self._act(load.place, load.force, load.moment)
         self._reactions()
 
-    def _act(self, place: Complex, force: Complex, couple: Complex) -> None:
+    def _act(self, place: Any, force: Any, couple: Any) -> None:
         """A load at a place of the world."""
         motion = self.forces.motion
         at = (over_frames(motion, place) - self.origin) * self.back

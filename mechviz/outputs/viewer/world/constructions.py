@@ -156,6 +156,10 @@ class PlanNodes:
         """Whether something is drawn that changes from frame to frame."""
         return any(self._on[name] and c.moves for name, c in self.constructions.items())
 
+    def is_on(self, name: str) -> bool:
+        """Whether a construction is drawn; True of names that are none."""
+        return self._on.get(name, True)
+
     def switch(self, name: str, on: bool) -> None:
         """Draw a construction from the next ``show`` on, or no more."""
         self._on[name] = on
