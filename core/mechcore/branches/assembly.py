@@ -83,18 +83,21 @@ def assemble(model: Model, drives: Sequence[float], *, others: bool = True) -> A
 
 
 def _idle_modes(model: Model, stated: Mapping[str, Sequence[str]]) -> list[Fault]:
-    """The faults of assembly modes at pairs that no group is known by and that decide none of two modes."""
-    used = {pair for pairs in stated.values() for pair in pairs} | {block.name for block in model.blocks}
-    near = ", ".join(sorted(block.name for block in model.blocks if block.kind in TWO_MODES)) or "none"
-    return [
-        Fault(
-            f"joints.{pair}",
-            f"an assembly mode ('{word}') is stated here, but this pair decides nothing.",
-            f"Pairs at which a group can be put together in two ways: {near}.",
-        )
-        for pair, word in model.mechanism.modes.items()
-        if pair not in used
-    ]
+    """The faults of assembly modes that decide nothing: at pairs that no group of two modes places."""
+    used = {pair for pairs in stated.values() for pair in pairs}
+    near = ", ".join(sorted(block.name for block in model.blocks if block.kind in TWO_MODES))
+    choice = f" Pairs at which a group can be put together in two ways: {near}." if near else ""
+    larger = {block.name for block in model.blocks if block.kind == "general"}
+    faults = []
+    for pair, word in model.mechanism.modes.items():
+        if pair in used:
+            continue
+        why, remedy = "this pair decides nothing.", "Leave it out: there is one way only."
+        if pair in larger:
+            why, remedy = "this group may have more than two.", "Give a [sketch] instead: the nearest one is taken."
+        why = f"an assembly mode ('{word}') is stated here, but {why}"
+        faults.append(Fault(f"joints.{pair}.{KEYS[word]}", why, remedy + choice))
+    return faults
 
 
 def _fitting_mode(model: Model, drives: Sequence[float]) -> str:

@@ -23,7 +23,7 @@ from mechcore.motion.reach import reachable_ranges
 from mechcore.motion.solve import compile_mechanism, default_times, solve_motion
 from mechcore.motion.structure import groups, gruebler, loop_pairs, rank_mobility, redundant_pairs
 from mechcore.spec.loads import Force
-from mechcore.spec.mechanism import Drive, Link, Mechanism, Prismatic
+from mechcore.spec.mechanism import Drive, Link, Mechanism, PinSlot, Prismatic
 from mechcore.topology.order import block_order, maximum_matching
 
 ROCKER = {"E": (0.3, 0.05), "AB": 0.22, "BD": 0.16, "DE": 0.21}
@@ -277,6 +277,27 @@ def test_mode_faults_say_what_to_write():
     assert "this pair decides nothing" in faults_of(replace(m, modes={"D": "left", "A": "right"}))
     text = faults_of(replace(class_three(), sketch={}))
     assert "2 at the start" in text and "[sketch]" in text
+
+
+def test_modes_are_refused_where_a_group_has_no_two():
+    """A pin in a slot and a guide fit together in one way; a triad in several, which a word does not choose from."""
+    links = (
+        Link(name="frame", points={"O": (0.0, 0.0), "G": (0.1, 0.0)}),
+        Link(name="lever", points={"O": (0.0, 0.0), "T": (0.1, 0.0)}),
+        Link(name="valve", points={"T": (0.0, 0.0)}),
+    )
+    slot = PinSlot(name="T", links=("valve", "lever"), points=("T", "T"), along=(1.0, 0.0))
+    guide = Prismatic(name="S", links=("frame", "valve"), points=("G", "T"), along=(0.0, 1.0))
+    drives = (Drive(pair="O", law=ConstantSpeed(0.1, 1.0)),)
+    pairs = (pin("O", "frame", "lever"), slot, guide)
+    one_way = Mechanism(name="valve", frame="frame", links=links, pairs=pairs, drives=drives)
+    compile_mechanism(one_way)
+    text = faults_of(replace(one_way, modes={"T": "ahead"}))
+    assert "joints.T.branch: an assembly mode ('ahead') is stated here" in text and "Leave it out: there is one way only." in text
+    triad = class_three()
+    (name,) = (block.name for block in compile_mechanism(triad).model.blocks if block.kind == "general")
+    text = faults_of(replace(triad, modes={name: "left"}))
+    assert f"joints.{name}.side" in text and "[sketch]" in text
 
 
 @pytest.mark.parametrize(
