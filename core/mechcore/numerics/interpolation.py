@@ -47,7 +47,7 @@ def interpolant(nodes: Real, values: Real, slopes: Real | None = None) -> Callab
     def at(x: ArrayLike) -> Real:
         x = np.asarray(x, float)
         found = between(nodes, values, x.ravel(), 1 if slopes is None else 3, slopes)
-        return found.reshape(*x.shape, *values.shape[1:])
+        return found.reshape((*x.shape, *values.shape[1:]))
 
     return at
 
