@@ -43,17 +43,17 @@ def extended(motion: Motion) -> Motion | None:
     if model.relations or motion.patches or any(b.redundant for b in model.blocks):
         return None
     drives = [np.asarray(d[0], LONG) for d in motion.drives]
-    deltas: list[Any] = [np.ones((), np.clongdouble)] * len(model.angles.spin_group)
-    for spin, terms in model.program.driven_spins:
+    deltas: list[Any] = [np.ones((), np.clongdouble)] * len(model.angles.class_group)
+    for rotation_class, terms in model.program.driven_rotations:
         total: Any = np.ones((), np.clongdouble)
         for d, sign in terms:
             total = total * (np.cos(drives[d]) + 1j * sign * np.sin(drives[d]))
-        deltas[spin] = total
+        deltas[rotation_class] = total
     groups: dict[int, Any] = {}
     state = motion.state.copy()
-    for g, spins in enumerate(model.angles.spins_of):
-        if g and spins:
-            e = np.asarray(motion.state.rot[spins[0]], np.clongdouble) * np.conj(deltas[spins[0]])
+    for g, classes in enumerate(model.angles.classes_of):
+        if g and classes:
+            e = np.asarray(motion.state.rot[classes[0]], np.clongdouble) * np.conj(deltas[classes[0]])
             groups[g] = e / np.abs(e)
     state.slide = {j: np.asarray(s, LONG) for j, s in state.slide.items()}
     for j, d in model.program.driven_slides:
@@ -62,7 +62,7 @@ def extended(motion: Motion) -> Motion | None:
     def turn() -> None:
         state.rot = [
             deltas[s] if g == 0 else groups[g] * deltas[s] if g in groups else motion.state.rot[s]
-            for s, g in enumerate(model.angles.spin_group)
+            for s, g in enumerate(model.angles.class_group)
         ]
 
     turn()
@@ -97,7 +97,7 @@ def position_errors(motion: Motion) -> dict[str, Real]:
     if all(b.dyad for b in motion.model.blocks):
         for name, derivative in (("velocity", 1), ("acceleration", 2)):
             places = [(exact.origin(k, derivative), motion.origin(k, derivative)) for k in moving]
-            own, other = ((m.speeds if derivative == 1 else m.accelerations).spin for m in (exact, motion))
+            own, other = ((m.speeds if derivative == 1 else m.accelerations).angular for m in (exact, motion))
             found[name] = np.maximum(_apart(places, motion.frames), _apart(list(zip(own, other, strict=True)), motion.frames))
     return found
 

@@ -174,7 +174,7 @@ def _solution(model: Model, block: Block, state: State, mode: float) -> dict[tup
     with np.errstate(invalid="ignore", divide="ignore"):
         place(model, block, trial, mode)
     out: dict[tuple[str, int], complex | float] = {
-        ("angle", g): complex(trial.rot[s] / state.delta[s]) for g in block.angles for s in [model.angles.spins_of[g][0]]
+        ("angle", g): complex(trial.rot[s] / state.delta[s]) for g in block.angles for s in [model.angles.classes_of[g][0]]
     }
     out |= {("slide", j): float(trial.slide[j]) for j in block.slides}
     return out
@@ -204,7 +204,7 @@ def _place_of(model: Model, block: Block, state: State, mode: float) -> str:
     joint = model.joints[j]
     side = 1 if joint.slide is not None and joint.guide == 0 else 0
     k = model.ends[j][side]
-    start = trial.rot[model.angles.spin[k]]
+    start = trial.rot[model.angles.rotation_class[k]]
     if start is None:
         return "a place that other groups decide"
     z = (joint.b if side else joint.a) * model.turn[k] * start
@@ -216,7 +216,7 @@ def _place_of(model: Model, block: Block, state: State, mode: float) -> str:
             vector = tj.b if s else tj.a
             if tj.slide is not None and tj.guide == s:
                 vector = vector + float(trial.slide.get(i, 0.0)) * tj.slide
-            rot = trial.rot[model.angles.spin[link]]
+            rot = trial.rot[model.angles.rotation_class[link]]
             if rot is None:
                 return "a place that other groups decide"
             z = z + sign * vector * model.turn[link] * rot

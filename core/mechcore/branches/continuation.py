@@ -242,9 +242,9 @@ def _at(model: Model, assembly: Assembly, drives: Drives, p: float, starts: dict
         matrix, _ = matrix_of(c)
         matrix[..., : len(block.angles)] /= model.length_scale
         x[block.name] = state.newton[block.name].x
-        spins = [model.angles.spins_of[g][0] for g in block.angles]
-        extra = [sum(s * speed[d] for d, s in model.angles.spin_drives[k]) for k in spins]
-        turning = [rates.spin[k] - e for k, e in zip(spins, extra, strict=True)]
+        classes = [model.angles.classes_of[g][0] for g in block.angles]
+        extra = [sum(s * speed[d] for d, s in model.angles.class_drives[k]) for k in classes]
+        turning = [rates.angular[k] - e for k, e in zip(classes, extra, strict=True)]
         slope[block.name] = np.array([*turning, *(rates.slide[j] for j in block.slides)], float)
         det[block.name] = float(np.linalg.det(matrix)) if matrix.shape[-1] == matrix.shape[-2] else 0.0
         if not np.isfinite(slope[block.name]).all():

@@ -126,14 +126,14 @@ def _open_mode(model: Model, block: Block, state: State) -> float | None:
             base = model.joints[hinge]
             p = joint.a if model.ends[j][0] == link else joint.b
             h = base.a if model.ends[hinge][0] == link else base.b
-            return complex((p - h) * model.turn[link] * trial.rot[model.angles.spin[link]])
+            return complex((p - h) * model.turn[link] * trial.rot[model.angles.rotation_class[link]])
 
         a, b, d = 0j, at(jb, kb), at(jd, kd)
         coupler = next(k for k in model.ends[jb] if k != kb)
         jc, jbt = model.joints[inner], model.joints[jb]
         pc = jc.a if model.ends[inner][0] == coupler else jc.b
         pb = jbt.a if model.ends[jb][0] == coupler else jbt.b
-        c = b + complex((pc - pb) * model.turn[coupler] * trial.rot[model.angles.spin[coupler]])
+        c = b + complex((pc - pb) * model.turn[coupler] * trial.rot[model.angles.rotation_class[coupler]])
         return _segments_cross(a, b, c, d) or _segments_cross(b, c, d, a)
 
     plus, minus = crossing(1.0), crossing(-1.0)

@@ -220,7 +220,7 @@ def _sampled(
                 c, fine = _smoothed(model, block, state, time, c, period, step, finer, blurred)
                 found.append(c)
                 resolved &= fine
-            if by_drive and block.angles and not np.isfinite(np.sum(state.rot[model.angles.spins_of[block.angles[0]][0]])):
+            if by_drive and block.angles and not np.isfinite(np.sum(state.rot[model.angles.classes_of[block.angles[0]][0]])):
                 return None, True
     return Changes(period=period, found=tuple(found), laws=laws, by_drive=by_drive, gaps=tuple(gaps)), resolved
 

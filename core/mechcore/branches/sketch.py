@@ -23,7 +23,7 @@ def sketched_angle(model: Model, group: int, state: State) -> float | None:
     for k in turning.links_of[group]:
         name = model.links[k]
         if name in model.mechanism.sketch:
-            extra = cmath.phase(complex(state.delta[turning.spin[k]]))
+            extra = cmath.phase(complex(state.delta[turning.rotation_class[k]]))
             return model.mechanism.sketch[name][2] - turning.offset[k] - extra
     return None
 

@@ -36,12 +36,12 @@ def steps_of(model: Model) -> Real:
 
 @dataclass(frozen=True, eq=False)
 class Waypoint:
-    """A place of a motion: time [s] and positions of the drives (d,). Once they are known: angles of the spins (s,), and starts of
-    the groups that have to be followed, as in `Assembly`."""
+    """A place of a motion: time [s] and positions of the drives (d,). Once they are known: angles of the rotation classes (s,), and
+    starts of the groups that have to be followed, as in `Assembly`."""
 
     time: float
     drives: Real
-    spins: Real | None = None
+    class_angles: Real | None = None
     starts: Starts | None = None
 
 
@@ -160,11 +160,11 @@ def _ranges_of_tables(mechanism: Mechanism) -> dict[str, Range]:
     return found
 
 
-def start_pose(model: Model, spins: Real) -> StartPose:
-    """The start pose of a mechanism whose spins have the angles ``spins`` (s, ...) there."""
+def start_pose(model: Model, class_angles: Real) -> StartPose:
+    """The start pose of a mechanism whose rotation classes have the angles ``class_angles`` (s, ...) there."""
     turning = model.angles
     return StartPose(
-        {link: spins[turning.spin[k]] + turning.offset[k] for k, link in enumerate(model.links)},
+        {link: class_angles[turning.rotation_class[k]] + turning.offset[k] for k, link in enumerate(model.links)},
         dict(zip(model.links, turning.group, strict=True)),
         _ranges_of_tables(model.mechanism),
     )
@@ -184,19 +184,19 @@ SAMPLES = 256  # of a law's cycle, for its largest speed
 
 
 def raw_angles(model: Model, drives: Sequence[Array], state: State, shape: tuple[int, ...]) -> Real:
-    """Angles of all spins (s, *shape) [rad] at solved positions; of groups with a closed form within one turn."""
+    """Angles of all rotation classes (s, *shape) [rad] at solved positions; of groups with a closed form within one turn."""
     turning = model.angles
-    out = np.zeros((len(turning.spin_group), *shape))
-    for group, spins in enumerate(turning.spins_of):
+    out = np.zeros((len(turning.class_group), *shape))
+    for group, classes in enumerate(turning.classes_of):
         angle: Array = 0.0
         if group in state.angle:
             angle = state.angle[group]
         elif group:
             angle = wrapped_angle(model, state, group)
-        for spin in spins:
-            out[spin] = angle
-            for d, sign in turning.spin_drives[spin]:
-                out[spin] += sign * drives[d]
+        for rotation_class in classes:
+            out[rotation_class] = angle
+            for d, sign in turning.class_drives[rotation_class]:
+                out[rotation_class] += sign * drives[d]
     return out
 
 
@@ -245,17 +245,16 @@ def _follow(
 class LinkAngles:
     """Unwrapped angles of the links at the frames of a motion.
 
-    ``raw``: angles of the spins (s, ...) up to whole turns; ``near``: the same followed along the way there, to within half a turn.
-    ``exact``: the drives' positions are the coordinates of their joints; else these have gone on by whole turns.
-    """
+    ``raw``: angles of the rotation classes (s, ...) up to whole turns; ``near``: the same followed along the way there, to within
+    half a turn. ``exact``: the drives' positions are the coordinates of their joints; else these have gone on by whole turns."""
 
     def __init__(self, model: Model, start: StartPose, raw: Callable[[], Real], near: Callable[[Real], Real], exact: bool = True):
         self.model, self.start, self.exact = model, start, exact
         self._raw, self._near = raw, near
 
     @lazy
-    def spins(self) -> Real:
-        """Angles of the spins (s, ...) [rad]."""
+    def class_angles(self) -> Real:
+        """Angles of the rotation classes (s, ...) [rad]."""
         raw = self._raw()
         near = self._near(raw)
         return raw if near is raw else np.asarray(raw + TURN * np.round((near - raw) / TURN))
@@ -263,7 +262,7 @@ class LinkAngles:
     def link(self, k: int) -> Real:
         """Angle of a link's frame in the world [rad]."""
         turning = self.model.angles
-        return np.asarray(self.spins[turning.spin[k]] + turning.offset[k])
+        return np.asarray(self.class_angles[turning.rotation_class[k]] + turning.offset[k])
 
     def relative(self, p: int, q: int, about: Range | None = None) -> Real:
         """Angle of link ``q`` minus that of link ``p`` [rad]; ``about``: it starts nearest to this range."""
@@ -278,7 +277,7 @@ class LinkAngles:
 
 
 class UnwrappedAngles:
-    """Angles of the spins of a compiled mechanism along its motion, from a place where they are known."""
+    """Angles of the rotation classes of a compiled mechanism along its motion, from a place where they are known."""
 
     def __init__(self, model: Model, start: StartPose, at: Waypoint, exact: bool = True):
         self.model, self.start, self.at, self.exact = model, start, at, exact
@@ -306,15 +305,15 @@ class UnwrappedAngles:
 
     def still(self, frames: Frames) -> LinkAngles:
         """Angles at the frames of a mechanism that no drive moves."""
-        return self._of(frames, lambda raw: np.asarray(self.at.spins)[:, None])
+        return self._of(frames, lambda raw: np.asarray(self.at.class_angles)[:, None])
 
     def _table(self, laws: tuple[Law, ...]) -> _Table:
-        spins = np.asarray(self.at.spins)
+        class_angles = np.asarray(self.at.class_angles)
         if laws:
-            return _Table(self.model, 0.0, spins, _time_step(laws, self.steps), math.inf, laws)
+            return _Table(self.model, 0.0, class_angles, _time_step(laws, self.steps), math.inf, laws)
         (drive,) = self.model.mechanism.drives
         turns = self.model.joints[self.model.joint_index[drive.pair]].coordinate == "angle"
-        return _Table(self.model, float(self.at.drives[0]), spins, float(self.steps[0]), TURN if turns else math.inf)
+        return _Table(self.model, float(self.at.drives[0]), class_angles, float(self.steps[0]), TURN if turns else math.inf)
 
     def _of(self, frames: Frames, near: Callable[[Real], Real]) -> LinkAngles:
         return LinkAngles(self.model, self.start, partial(raw_angles, self.model, *frames), near, self.exact)
@@ -349,13 +348,13 @@ class UnwrappedAngles:
 
     def _known(self, way: list[Waypoint], used: NDArray[Any], place: Place) -> Real:
         """Angles (s, n) at the waypoints ``used`` (n,), those before them followed where they are not known yet."""
-        last = next(k for k in range(int(used[-1]), -1, -1) if way[k].spins is not None)
+        last = next(k for k in range(int(used[-1]), -1, -1) if way[k].class_angles is not None)
         if last < used[-1]:
             x = np.array([_row(w) for w in way[last : used[-1] + 1]])
-            raw = np.column_stack([np.asarray(way[last].spins), raw_angles(self.model, *place(x[1:]))])
-            for k, spins in enumerate(self._followed(x, raw, None, place).T, last):
-                way[k] = replace(way[k], spins=spins)
-        return np.array([way[k].spins for k in used]).T
+            raw = np.column_stack([np.asarray(way[last].class_angles), raw_angles(self.model, *place(x[1:]))])
+            for k, class_angles in enumerate(self._followed(x, raw, None, place).T, last):
+                way[k] = replace(way[k], class_angles=class_angles)
+        return np.array([way[k].class_angles for k in used]).T
 
 
 def _row(at: Waypoint) -> Real:
@@ -375,14 +374,14 @@ def _time_step(laws: Sequence[Law], steps: Real) -> float:
 
 
 class _Table:
-    """Angles of the spins along one parameter, as far as they have been asked for: around ``at``, where they are known.
+    """Angles of the rotation classes along one parameter, as far as they have been asked for: around ``at``, where they are known.
 
     ``turn``: after so much of the parameter the mechanism may be back where it was.
     """
 
-    def __init__(self, model: Model, at: float, spins: Real, step: float, turn: float, laws: tuple[Law, ...] = ()):
-        self.model, self.at, self.spins, self.step, self.turn, self.laws = model, at, spins, step, turn, laws
-        self.known = np.array([at]), spins[:, None]  # replaced as one: another thread may ask
+    def __init__(self, model: Model, at: float, class_angles: Real, step: float, turn: float, laws: tuple[Law, ...] = ()):
+        self.model, self.at, self.class_angles, self.step, self.turn, self.laws = model, at, class_angles, step, turn, laws
+        self.known = np.array([at]), class_angles[:, None]  # replaced as one: another thread may ask
         self.ends = [False, False]  # whether it leads no farther, down and up
         self.period: float | None = None
         self.tried = 0  # turns after which it has been looked whether the mechanism is back
@@ -391,7 +390,7 @@ class _Table:
         """Angles (s, n) at parameters (n,), to within half a turn; frames that are a path from the start need no others."""
         x = parameter
         if np.abs(np.diff(x, prepend=self.at)).max(initial=0.0) <= self.step * (1.0 + 1e-9):
-            turned = np.diff(raw, prepend=self.spins[:, None])
+            turned = np.diff(raw, prepend=self.class_angles[:, None])
             turns = np.round(turned / TURN)
             if np.abs(turned - TURN * turns).max(initial=0.0) <= LARGEST:
                 return np.asarray(raw - TURN * np.cumsum(turns, axis=1)) if turns.any() else raw

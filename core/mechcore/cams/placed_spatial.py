@@ -367,9 +367,9 @@ class PlacedSpatial(PlacedRoller):
         t = self._touch(motion)
         pulls = np.broadcast_to(np.real(flank) < 0.0, (motion.frames,)) if self.form else np.zeros(motion.frames, bool)
         point = self._point(t, pulls)
-        speed = motion.speeds.spin
-        spin = motion.model.angles.spin
-        turning = speed[spin[motion.model.index[self.links[0]]]] - speed[spin[motion.model.index[self.carrier]]]
+        speed = motion.speeds.angular
+        rotation_class = motion.model.angles.rotation_class
+        turning = speed[rotation_class[motion.model.index[self.links[0]]]] - speed[rotation_class[motion.model.index[self.carrier]]]
         pace = np.broadcast_to(turning, (motion.frames,))[:, None]
         rate = self.sense * self.law(self.argument(motion))[1][:, None] * pace  # of the follower's coordinate
         slip = rate * self.cam.mount.carried(point) - pace * np.cross([0.0, 0.0, 1.0], point)
@@ -437,11 +437,11 @@ def roller_speed(motion: Motion, cam: PlacedCam | PlacedInverse | PlacedSpatial,
     normal, centre = s.ground_normal * world, cam.place(motion, s.reference[0])
     flank = np.where(np.asarray(force) < 0.0, -1.0, 1.0) if cam.groove else 1.0
     place = centre - flank * radius * normal
-    spin = motion.model.angles.spin
+    rotation_class = motion.model.angles.rotation_class
     k, f = (motion.model.index[name] for name in cam.links)
 
     def velocity(link: int, at: Any) -> Any:
-        return motion.origin_velocities[link] + 1j * motion.speeds.spin[spin[link]] * (at - motion.origins[link])
+        return motion.origin_velocities[link] + 1j * motion.speeds.angular[rotation_class[link]] * (at - motion.origins[link])
 
     tangent = 1j * normal
     slip = np.real(np.conj(tangent) * (velocity(f, centre) - velocity(k, place)))
@@ -451,7 +451,9 @@ def roller_speed(motion: Motion, cam: PlacedCam | PlacedInverse | PlacedSpatial,
 def _moved(motion: Motion, link: str, at: Any) -> Any:
     """Velocity [m/s] of a link's material at a place of the world."""
     k = motion.model.index[link]
-    return motion.origin_velocities[k] + 1j * motion.speeds.spin[motion.model.angles.spin[k]] * (at - motion.origins[k])
+    return motion.origin_velocities[k] + 1j * motion.speeds.angular[motion.model.angles.rotation_class[k]] * (
+        at - motion.origins[k]
+    )
 
 
 def _in_slot(motion: Motion, cam: PlacedInverse, force: Any) -> Real:
@@ -469,7 +471,11 @@ def _in_space(motion: Motion, cam: PlacedSpatial, force: Any, above: int) -> Rea
     flank = np.broadcast_to(np.asarray(above or force, float), (motion.frames,))
     across, _, _ = cam.rubbing(motion, flank)
     side = np.where(flank < 0.0, -1.0, 1.0) if cam.form else 1.0
-    arm = 0.0 if cam.blank.kind == "globoid" else motion.speeds.spin[motion.model.angles.spin[motion.model.index[cam.links[1]]]]
+    arm = (
+        0.0
+        if cam.blank.kind == "globoid"
+        else motion.speeds.angular[motion.model.angles.rotation_class[motion.model.index[cam.links[1]]]]
+    )
     return np.array(np.broadcast_to(side * across.rate / cam.face.radius + arm, (motion.frames,)))
 
 

@@ -32,7 +32,7 @@ def polodes(motion: Motion, link: str) -> Polodes:
         raise MechanismError(Fault("polodes", f"'{link}' is no moving link.", "Name a moving link."))
     k, n = model.index[link], motion.frames
     unit = per_unit(motion)
-    turn = np.real(frames_of(unit.speeds.spin[model.angles.spin[k]], n))
+    turn = np.real(frames_of(unit.speeds.angular[model.angles.rotation_class[k]], n))
     rate = frames_of(unit.origin_velocities[k], n)
     with np.errstate(invalid="ignore", divide="ignore"):
         arm = 1j * rate / turn  # from the link's origin

@@ -49,12 +49,12 @@ def _plan(motion: Motion, order: int) -> Plan:
         if b.fixed:
             continue
         r = b.of(motion, 0) - a.of(motion, 0)
-        w = motion.speeds.spin[model.angles.spin[s.link]]
+        w = motion.speeds.angular[model.angles.rotation_class[s.link]]
         tail = b.label if a.fixed else _pair(b.label, a.label)
         if order == 1:
             parts = [("relative" if not a.fixed else "absolute", f"v_{tail}", 1j * w * r)]
         else:
-            e = motion.accelerations.spin[model.angles.spin[s.link]]
+            e = motion.accelerations.angular[model.angles.rotation_class[s.link]]
             parts = [("normal", f"a_{tail}^n", -w * w * r), ("tangential", f"a_{tail}^t", 1j * e * r)]
         gap = np.fmax(gap, _chain(edges, at[s.start], parts, at[s.end]))
         if a.fixed:
@@ -84,13 +84,13 @@ def _sliding(
     c = corners[slide.corner]
     d = motion.guide(slide.joint)
     under = c.of(motion, 0) - motion.origins[slide.guide]
-    w = motion.speeds.spin[model.angles.spin[slide.guide]]
+    w = motion.speeds.angular[model.angles.rotation_class[slide.guide]]
     rate = motion.speeds.slide[slide.joint]
     if order == 1:
         start = frames_of(motion.origin_velocities[slide.guide] + 1j * w * under, n)
         parts = [("sliding" if slide.guide else "absolute", _slid("v", c.label, model.links[slide.guide], slide.guide), rate * d)]
     else:
-        e = motion.accelerations.spin[model.angles.spin[slide.guide]]
+        e = motion.accelerations.angular[model.angles.rotation_class[slide.guide]]
         start = frames_of(motion.origin_accelerations[slide.guide] + (1j * e - w * w) * under, n)
         second = motion.accelerations.slide[slide.joint]
         parts = [("sliding", f"a_{c.label}^r", second * d)]

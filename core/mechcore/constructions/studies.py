@@ -158,8 +158,11 @@ def _substitute(study: SubstituteStudy, motion: Motion) -> SubstituteResult:
     masses, places = found.solutions[study.solution - 1]
     turned = (places @ np.array([1.0, 1.0j]))[None, :] * np.broadcast_to(motion.rotation(k), motion.frames)[:, None]
     arms = np.stack([turned.real, turned.imag], axis=-1)
-    spin = motion.model.angles.spin[k]
-    omega, alpha = (np.broadcast_to(v, motion.frames) for v in (motion.speeds.spin[spin], motion.accelerations.spin[spin]))
+    rotation_class = motion.model.angles.rotation_class[k]
+    omega, alpha = (
+        np.broadcast_to(v, motion.frames)
+        for v in (motion.speeds.angular[rotation_class], motion.accelerations.angular[rotation_class])
+    )
     correction = excess * np.array(alpha) if study.static else None
     single = -masses[:, None] * acceleration_field(arms, motion.centre_of_mass(study.link, 2), omega, alpha)
     return SubstituteResult(

@@ -43,8 +43,8 @@ def rate(at: Configuration, pair: str) -> Values:
         first, second = model.joints[j].links
     else:
         first, second = next(r.links for r in model.relations if r.name == pair)
-    spin = model.angles.spin
-    return at.speeds.spin[spin[model.index[second]]] - at.speeds.spin[spin[model.index[first]]]
+    rotation_class = model.angles.rotation_class
+    return at.speeds.angular[rotation_class[model.index[second]]] - at.speeds.angular[rotation_class[model.index[first]]]
 
 
 def factor_of(at: Configuration, factor: Factor | None, load: str) -> Real | float:

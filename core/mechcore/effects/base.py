@@ -60,12 +60,12 @@ class PointLoad(NamedTuple):
 
 
 class KnownLoad(NamedTuple):
-    """A `PointLoad` as a step of a program: the link, its spin, the point in the axes of that, and
+    """A `PointLoad` as a step of a program: the link, its rotation class, the point in the axes of that, and
     -mass times its place as a sum; None where that is too long or there is no mass."""
 
     load: PointLoad
     link: int
-    spin: int
+    rotation_class: int
     arm: Array
     opposed: VectorSum | None
 
@@ -75,14 +75,14 @@ class KnownLoad(NamedTuple):
         if mass:
             resisting = -mass * at.of_point(link, point, 2) if self.opposed is None else at.summed(self.opposed, 2)
             force = added(resisting, force)
-        return force, -inertia * at.accelerations.spin[self.spin] if inertia else 0.0
+        return force, -inertia * at.accelerations.angular[self.rotation_class] if inertia else 0.0
 
 
 def known_load(model: Model, load: PointLoad) -> KnownLoad:
     """A load at a point as a step."""
     place = model.point_sum(load.link, load.point) if load.mass else None
     opposed = None if place is None else place.scaled(-load.mass)
-    return KnownLoad(load, load.link, model.angles.spin[load.link], load.point * model.turn[load.link], opposed)
+    return KnownLoad(load, load.link, model.angles.rotation_class[load.link], load.point * model.turn[load.link], opposed)
 
 
 def point_of(at: Configuration, wrench: Wrench) -> Array:
@@ -92,18 +92,19 @@ def point_of(at: Configuration, wrench: Wrench) -> Array:
 
 
 def power_of(at: Configuration, wrench: Wrench) -> Array:
-    """Power that a wrench puts into its link, and into the other one [W]: force times velocity plus moment times spin."""
+    """Power that a wrench puts into its link, and into the other one [W]: force times velocity plus moment times angular
+    velocity."""
     total: Array = 0.0
     for k, arm, sign in ((wrench.link, wrench.arm, 1.0), (wrench.other, wrench.other_arm, -1.0)):
         if not k:  # there is no other link, or it is the frame
             continue
-        spin = at.speeds.spin[at.model.angles.spin[k]]
+        omega = at.speeds.angular[at.model.angles.rotation_class[k]]
         if not nothing(wrench.force):
             velocity = at.origin_velocities[k]
             if not nothing(arm):
-                velocity = velocity + 1j * spin * arm
+                velocity = velocity + 1j * omega * arm
             total = total + sign * np.real(np.conj(wrench.force) * velocity)
-        total = total + sign * wrench.moment * spin
+        total = total + sign * wrench.moment * omega
     return total
 
 

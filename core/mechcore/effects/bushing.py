@@ -24,8 +24,8 @@ class _Bushed(Effect):
         (k, first), (m, second) = ((at.model.index[link], at.model.points[at.model.index[link]][p]) for link, p in self.ends)
         away = at.of_point(m, second, derivative) - at.of_point(k, first, derivative)
         if derivative:
-            spin = at.speeds.spin[at.model.angles.spin[k]]
-            away = away - 1j * spin * (at.of_point(m, second) - at.of_point(k, first))
+            omega = at.speeds.angular[at.model.angles.rotation_class[k]]
+            away = away - 1j * omega * (at.of_point(m, second) - at.of_point(k, first))
         return away * np.conj(at.rotation(k))
 
     def between(self, at: Configuration, x: Real, y: Real, moment: Real) -> list[Wrench]:

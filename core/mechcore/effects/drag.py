@@ -22,7 +22,7 @@ class MediumDrag(Effect):
         load, model = self.load, at.model
         k = model.index[load.link]
         if load.point is None:
-            w = at.speeds.spin[model.angles.spin[k]]
+            w = at.speeds.angular[model.angles.rotation_class[k]]
             return [Wrench(self.name, "drag torque", k, 0j, -(load.linear + load.quadratic * np.abs(w)) * w, 0j, self.cause)]
         local = model.points[k][load.point]
         v = at.of_point(k, local, 1)

@@ -33,5 +33,5 @@ def kinetic_energy(motion: Motion) -> Real:
             v = motion.of_point(k, centre, 1)
             total = total + 0.5 * mass * (v.real**2 + v.imag**2)
         if k and inertia:
-            total = total + 0.5 * inertia * motion.speeds.spin[motion.model.angles.spin[k]] ** 2
+            total = total + 0.5 * inertia * motion.speeds.angular[motion.model.angles.rotation_class[k]] ** 2
     return total

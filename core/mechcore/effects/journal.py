@@ -125,9 +125,9 @@ class JournalFriction(_Journal):
         on_journal = -lost * normal
         moment: Real | float = 0.0
         if load.friction:
-            spin, model = at.speeds.spin, at.model
+            angular, model = at.speeds.angular, at.model
             bearing, _, shaft = (model.index[k] for k in load.links)
-            turning = spin[model.angles.spin[shaft]] - spin[model.angles.spin[bearing]]
+            turning = angular[model.angles.rotation_class[shaft]] - angular[model.angles.rotation_class[bearing]]
             slip = np.real(np.conj(1j * normal) * rate) + load.radius * turning
             rub = load.friction * (force + lost) * slip / np.sqrt(slip * slip + load.slow**2)
             on_journal = on_journal - rub * 1j * normal

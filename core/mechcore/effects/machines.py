@@ -28,7 +28,7 @@ class _ByCharacteristic(Effect):
         if self.on.pair is not None:
             return np.asarray(rate(at, self.on.pair))
         assert self.on.link is not None
-        return np.asarray(at.speeds.spin[at.model.angles.spin[at.model.index[self.on.link]]])
+        return np.asarray(at.speeds.angular[at.model.angles.rotation_class[at.model.index[self.on.link]]])
 
     def wrenches(self, at: Configuration) -> list[Wrench]:
         effort = self.torque(self.speed(at))

@@ -130,7 +130,7 @@ def totals(at: Any) -> tuple[list[Any], list[Any], Callable[[], list[Wrench]]]:
         f, couple = load.acting(at)
         force[k], moment[k] = added(force[k], f), added(moment[k], couple)
         if not (nothing(load.arm) or nothing(f)):
-            moment[k] = added(moment[k], crossed(load.arm * rot[load.spin], f))
+            moment[k] = added(moment[k], crossed(load.arm * rot[load.rotation_class], f))
 
     def formed() -> list[Wrench]:
         return [

@@ -46,6 +46,6 @@ class AngleDamper(Effect):
 
     def wrenches(self, at: Configuration) -> list[Wrench]:
         first, second = (at.model.index[k] for k in self.load.links)
-        spin = at.model.angles.spin
-        moment = self.load.coefficient * (at.speeds.spin[spin[second]] - at.speeds.spin[spin[first]])
+        rotation_class = at.model.angles.rotation_class
+        moment = self.load.coefficient * (at.speeds.angular[rotation_class[second]] - at.speeds.angular[rotation_class[first]])
         return [Wrench(self.name, "torsion damper", first, 0j, moment, 0j, self.cause, second)]

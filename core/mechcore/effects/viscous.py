@@ -46,8 +46,8 @@ class ViscousFriction(Effect):
 
     def _wheels(self, at: Configuration, relation: Relation) -> Wrench:
         first, second = (at.model.index[k] for k in relation.links)
-        spin = at.model.angles.spin
-        effort = -self.load.coefficient * (at.speeds.spin[spin[second]] - at.speeds.spin[spin[first]])
+        rotation_class = at.model.angles.rotation_class
+        effort = -self.load.coefficient * (at.speeds.angular[rotation_class[second]] - at.speeds.angular[rotation_class[first]])
         place = relation.contact(at, 1.0)[0]  # type: ignore[arg-type]  # a configuration is all that it looks at
         arms = place - at.origins[second], place - at.origins[first]
         return Wrench(self.name, "viscous torque", second, 0j, effort, arms[0], self.cause, first, arms[1])
@@ -58,7 +58,7 @@ class ViscousFriction(Effect):
         tangent = 1j * unit_vectors(normal)
         arms = [place - at.origins[k] for k in (first, second)]
         speeds = [
-            at.origin_velocities[k] + 1j * at.speeds.spin[at.model.angles.spin[k]] * arm
+            at.origin_velocities[k] + 1j * at.speeds.angular[at.model.angles.rotation_class[k]] * arm
             for k, arm in zip((first, second), arms, strict=True)
         ]
         slip = np.real(np.conj(tangent) * (speeds[1] - speeds[0]))
@@ -67,11 +67,11 @@ class ViscousFriction(Effect):
 
     def _belt(self, at: Configuration, relation: Relation) -> list[Wrench]:
         carrier = at.model.index[relation.angles[2][0]]
-        spin = at.model.angles.spin
+        rotation_class = at.model.angles.rotation_class
         found = []
         for link, radius in relation.angles[:2]:
             k = at.model.index[link]
-            turning = at.speeds.spin[spin[k]] - at.speeds.spin[spin[carrier]]
+            turning = at.speeds.angular[rotation_class[k]] - at.speeds.angular[rotation_class[carrier]]
             moment = -0.5 * self.load.coefficient * radius**2 * turning
             arm = at.origins[k] - at.origins[carrier]
             found.append(Wrench(f"{self.name}/{link}", "viscous torque", k, 0j, moment, 0j, self.cause, carrier, arm))

@@ -17,10 +17,10 @@ from mechcore.topology.graph import leaves_first
 
 
 class Arm(NamedTuple):
-    """Where a joint's force acts on a link: at a vector in the axes of a spin, and beyond it at what the joint has slid there, if
-    it carries the guide of a ``slide``: (link, joint, side)."""
+    """Where a joint's force acts on a link: at a vector in the axes of a rotation class, and beyond it at what the joint has slid
+    there, if it carries the guide of a ``slide``: (link, joint, side)."""
 
-    spin: int
+    rotation_class: int
     vector: complex | Complex
     slide: tuple[int, int, int] | None
 
@@ -137,4 +137,4 @@ def _arm_of(model: Model, wanted: frozenset[int], k: int, j: int, side: int) -> 
     still = isinstance(at, complex) and at == 0 and not slides
     if still or k not in wanted:
         return None
-    return Arm(model.angles.spin[k], at * model.turn[k], (k, j, side) if slides else None)
+    return Arm(model.angles.rotation_class[k], at * model.turn[k], (k, j, side) if slides else None)

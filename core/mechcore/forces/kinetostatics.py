@@ -193,7 +193,7 @@ class Forces:
             # forces at right angles to the motion all the time, or on links that stand still: what is left of the powers is
             # rounding of |F| |v| in all the joints that the forces pass through
             pace = max((float(np.nanmax(np.abs(v), initial=0.0)) for v in m.origin_velocities), default=0.0)
-            pace = max([pace, *(m.model.length_scale * float(np.nanmax(np.abs(w), initial=0.0)) for w in m.speeds.spin)])
+            pace = max([pace, *(m.model.length_scale * float(np.nanmax(np.abs(w), initial=0.0)) for w in m.speeds.angular)])
             pushes = (float(np.nanmax(np.abs(w.force), initial=0.0)) for w in self.applied)
             twists = (float(np.nanmax(np.abs(w.moment), initial=0.0)) / m.model.length_scale for w in self.applied)
             largest = max(largest, 1e-6 * pace * max([*pushes, *twists], default=0.0))

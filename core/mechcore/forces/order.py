@@ -27,8 +27,8 @@ def solution_order(model: Model) -> list[str]:
     Loops have the numbers that they have among the loop equations.
     """
     program, back = model.program, model.once(balance_program)
-    steps = [f"{_drives(model, turned.drives)} turn{'s' * (len(turned.drives) == 1)} {_turned(model, turned.spin)}"
-             for turned in program.driven_spins]  # fmt: skip
+    steps = [f"{_drives(model, turned.drives)} turn{'s' * (len(turned.drives) == 1)} {_turned(model, turned.rotation_class)}"
+             for turned in program.driven_rotations]  # fmt: skip
     steps += [f"drive {model.joints[j].name} moves along its guide" for j, _ in program.driven_slides]
     steps += [_solved(model, block) for block in program.blocks]
     lines = ["order of solution, e = exp(i angle): forwards to positions, velocities and accelerations"]
@@ -46,12 +46,12 @@ def _drives(model: Model, drives: tuple[tuple[int, int], ...]) -> str:
     return f"drive{'s' * (len(names) > 1)} {' and '.join(names)}"
 
 
-def _turned(model: Model, spin: int) -> str:
-    """The links of a spin, with what they turn against where that is not the frame."""
-    links = ", ".join(model.links[k] for k, s in enumerate(model.angles.spin) if s == spin)
-    group = model.angles.spin_group[spin]
-    others = [model.links[k] for k in model.angles.links_of[group] if model.angles.spin[k] != spin]
-    return links if group == model.angles.spin_group[FRAME] else f"{links} against {', '.join(others)}"
+def _turned(model: Model, rotation_class: int) -> str:
+    """The links of a rotation class, with what they turn against where that is not the frame."""
+    links = ", ".join(model.links[k] for k, s in enumerate(model.angles.rotation_class) if s == rotation_class)
+    group = model.angles.class_group[rotation_class]
+    others = [model.links[k] for k in model.angles.links_of[group] if model.angles.rotation_class[k] != rotation_class]
+    return links if group == model.angles.class_group[FRAME] else f"{links} against {', '.join(others)}"
 
 
 def _solved(model: Model, block: Block) -> str:

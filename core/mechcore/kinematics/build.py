@@ -80,11 +80,11 @@ def build_model(mechanism: Mechanism) -> Model:
 
 
 def loop_sum(loop: Loop, turning: Angles, turn: tuple[complex, ...]) -> VectorSum:
-    """The vectors round a loop, summed up by spins: zero where it closes."""
+    """The vectors round a loop, summed up by rotation classes: zero where it closes."""
     arms: dict[int, Any] = {}
     for k, vector in loop.links:
-        arms[turning.spin[k]] = arms.get(turning.spin[k], 0j) + vector * turn[k]
-    return vector_sum(arms, [(j, turning.spin[k], d * turn[k]) for j, k, d in loop.slides])
+        arms[turning.rotation_class[k]] = arms.get(turning.rotation_class[k], 0j) + vector * turn[k]
+    return vector_sum(arms, [(j, turning.rotation_class[k], d * turn[k]) for j, k, d in loop.slides])
 
 
 def _size(m: Mechanism) -> float:
@@ -109,7 +109,7 @@ def _linear_constraint(
     for link, c in relation.angles:
         k = index[link]
         groups[turning.group[k]] = groups.get(turning.group[k], 0.0) + c
-        for d, sign in turning.spin_drives[turning.spin[k]]:
+        for d, sign in turning.class_drives[turning.rotation_class[k]]:
             drives[d] = drives.get(d, 0.0) + c * sign
         offset += c * turning.offset[k]
     scale = max((abs(c) for _, c in relation.angles), default=0.0)
@@ -169,8 +169,8 @@ def _blocks(
     unknown = list(columns)
     pattern: list[list[int]] = []
     for c in sums:
-        groups = {turning.spin_group[s] for s, a in c.arms if np.abs(a).max() > 1e-14 * size}
-        groups |= {turning.spin_group[g] for _, g, _ in c.slides}
+        groups = {turning.class_group[s] for s, a in c.arms if np.abs(a).max() > 1e-14 * size}
+        groups |= {turning.class_group[g] for _, g, _ in c.slides}
         row = [columns["angle", g] for g in sorted(groups - {0})]
         row += [columns["slide", j] for j, _, _ in c.slides if j not in driven]
         pattern += [row, row]
@@ -227,7 +227,7 @@ def _kind(
         return "theta_theta"
     if len(slides) == 2:
         return "slide_slide"
-    carrier = next(turning.spin_group[g] for j, g, _ in sums[own[0]].slides if j == slides[0])
+    carrier = next(turning.class_group[g] for j, g, _ in sums[own[0]].slides if j == slides[0])
     return "arm_slide" if carrier == group[0] else "theta_slide"
 
 

@@ -22,8 +22,8 @@ from mechcore.numerics.newton import solve_many
 
 
 class Vectors(NamedTuple):
-    """A loop's vectors in the world, all known: (spin, Z) of the spins that turn, slides included, and (joint, spin, D) of its
-    guides."""
+    """A loop's vectors in the world, all known: (class, Z) of the rotation classes that turn, slides included, and (joint, class,
+    D) of its guides."""
 
     arms: list[tuple[int, Plane]]
     slides: list[tuple[int, int, Plane]]
@@ -52,11 +52,11 @@ def _vectors(loop: LoopEquation, state: State) -> Vectors:
     rot, slide = state.rot, state.slide
     slides = [(j, s, d * rot[s]) for j, s, d in loop.guides]
     arms = []
-    for spin, a, carried in loop.vectors:
-        z = a * rot[spin]
+    for rotation_class, a, carried in loop.vectors:
+        z = a * rot[rotation_class]
         for i in carried:
             z = z + slide[slides[i][0]] * slides[i][2]
-        arms.append((spin, z))
+        arms.append((rotation_class, z))
     return Vectors(arms, slides)
 
 

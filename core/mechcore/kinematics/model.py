@@ -52,7 +52,7 @@ class Model:
     multi_turn: tuple[int, ...]  # groups with a closed form whose angle a relation needs beyond one turn
     blocks: tuple[Block, ...]
     free: tuple[str, ...]  # pairs around freedoms that no drive takes
-    turn: tuple[complex, ...]  # of each link: rotation from its spin's axes to its own
+    turn: tuple[complex, ...]  # of each link: rotation from its rotation class's axes to its own
     length_scale: float  # largest extent of a moving link [m]
     index: Mapping[str, int] = field(default_factory=dict)  # of links
     joint_index: Mapping[str, int] = field(default_factory=dict)
@@ -108,9 +108,10 @@ class Model:
 
     @cached_property
     def guides(self) -> Mapping[int, tuple[int, complex]]:
-        """Of every sliding joint the spin that its guide turns with, and the guide's direction in that spin's axes."""
+        """Of every sliding joint the rotation class that its guide turns with, and the guide's direction in that rotation class's
+        axes."""
         own = {j: (self.ends[j][joint.guide], joint.slide) for j, joint in enumerate(self.joints) if joint.slide is not None}
-        return {j: (self.angles.spin[k], d * self.turn[k]) for j, (k, d) in own.items()}
+        return {j: (self.angles.rotation_class[k], d * self.turn[k]) for j, (k, d) in own.items()}
 
     @cached_property
     def designs(self) -> tuple[int, ...]:
@@ -155,8 +156,8 @@ class Model:
 
         def put(link: int, vector: Any, sign: float) -> None:
             if not nothing(vector):
-                spin = self.angles.spin[link]
-                arms[spin] = arms.get(spin, 0j) + sign * vector * self.turn[link]
+                rotation_class = self.angles.rotation_class[link]
+                arms[rotation_class] = arms.get(rotation_class, 0j) + sign * vector * self.turn[link]
 
         put(k, local, 1.0)
         while k:
@@ -166,8 +167,8 @@ class Model:
             put(p, joint.a if side else joint.b, 1.0)
             put(k, joint.b if side else joint.a, -1.0)
             if joint.slide is not None:
-                spin, d = self.guides[j]
-                slides.append((j, spin, d if joint.guide != side else -d))
+                rotation_class, d = self.guides[j]
+                slides.append((j, rotation_class, d if joint.guide != side else -d))
             if len(arms) + len(slides) > MOST:
                 return None
             k = p

@@ -83,7 +83,7 @@ def loop_terms(model: Model, block: Block, state: State, number: int = 0) -> tup
     loop = model.program.loop_equations[block.loops[number]]
     rot, delta, slide = state.rot, state.delta, state.slide
     arms = [value(arm, delta, slide) if arm.arms or arm.slides else arm.still for arm in loop.arms]
-    guides = [d * (rot if carrier < 0 else delta)[spin] for _, carrier, spin, d in loop.slides]
+    guides = [d * (rot if carrier < 0 else delta)[rotation_class] for _, carrier, rotation_class, d in loop.slides]
     return value(loop.target, rot, slide), arms, guides
 
 
@@ -115,9 +115,9 @@ def _place_general(model: Model, block: Block, state: State, start: Any) -> None
 
 
 def _turn(model: Model, state: State, group: int, e: Plane) -> None:
-    for spin in model.angles.spins_of[group]:
-        delta = state.delta[spin]
-        state.rot[spin] = e if isinstance(delta, complex) and delta == 1 else e * delta
+    for rotation_class in model.angles.classes_of[group]:
+        delta = state.delta[rotation_class]
+        state.rot[rotation_class] = e if isinstance(delta, complex) and delta == 1 else e * delta
 
 
 def equations(model: Model, block: Block, state: State, frames: Index | None = None) -> Callable[[Real], tuple[Real, Real]]:
@@ -188,10 +188,10 @@ def apply(model: Model, block: Block, state: State, patch: Patch, *, onto: bool 
             whole[patch.frames] = values[:, i] + 2.0 * np.pi * np.round((rough - values[:, i]) / (2.0 * np.pi))
             state.angle[g] = whole
         e = np.exp(1j * values[:, i])
-        for spin in model.angles.spins_of[g]:
-            rot, delta = np.array(state.rot[spin]), state.delta[spin]
+        for rotation_class in model.angles.classes_of[g]:
+            rot, delta = np.array(state.rot[rotation_class]), state.delta[rotation_class]
             rot[patch.frames] = e * (delta[patch.frames] if isinstance(delta, np.ndarray) else delta)
-            state.rot[spin] = rot
+            state.rot[rotation_class] = rot
     for i, j in enumerate(block.slides, len(block.angles)):
         slide = np.array(state.slide[j])
         slide[patch.frames] = values[:, i]

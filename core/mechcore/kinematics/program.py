@@ -1,8 +1,8 @@
 """The order of solution as data: what the drives decide, then what every block solves. Nothing here depends on time.
 
-Plane vectors are complex numbers. Every set of links that turns together (a *spin*, see `graph.Angles`) has one rotation
-``E = exp(i angle)``. Each vector of a mechanism, round a loop or to a point, is a `VectorSum` over spins and sliding joints; its
-derivatives are the same sum over the derivatives of E and of s E. A program runs forwards for positions, velocities and
+Plane vectors are complex numbers. Every set of links that turns together (a *rotation class*, see `graph.Angles`) has one rotation
+``E = exp(i angle)``. Each vector of a mechanism, round a loop or to a point, is a `VectorSum` over rotation classes and sliding
+joints; its derivatives are the same sum over the derivatives of E and of s E. A program runs forwards for positions, velocities and
 accelerations; `mechcore.forces.balance` has the way back, from the last block to the drives.
 
 Everything is indices, numbers and kinds of steps, so that numpy is one executor among others: only the nonlinear term of a relation
@@ -26,14 +26,15 @@ Unknown = tuple[str, int]  # ("angle", group) or ("slide", joint)
 
 
 class VectorSum(NamedTuple):
-    """``still + sum of A E`` over spins that turn ``+ sum of d E s`` over sliding joints, d a unit vector in the axes of its spin.
+    """``still + sum of A E`` over rotation classes that turn ``+ sum of d E s`` over sliding joints, d a unit vector in the axes of
+    its rotation class.
 
     In a sweep the vectors ``still`` and A are arrays (designs, 1).
     """
 
     still: complex | Complex
-    arms: tuple[tuple[int, complex | Complex], ...]  # (spin, A)
-    slides: tuple[tuple[int, int, complex], ...]  # (joint, spin, d)
+    arms: tuple[tuple[int, complex | Complex], ...]  # (class, A)
+    slides: tuple[tuple[int, int, complex], ...]  # (joint, class, d)
 
     def scaled(self, factor: float) -> VectorSum:
         """The sum times a number."""
@@ -75,10 +76,10 @@ class LinearConstraint:
         return tuple(dict.fromkeys([*(("angle", g) for g in angles), *(("slide", j) for j in slides)]))
 
 
-class DrivenSpin(NamedTuple):
-    """A step: drives turn a spin against its group, by the sum of sign times position."""
+class DrivenRotation(NamedTuple):
+    """A step: drives turn a rotation class against its group, by the sum of sign times position."""
 
-    spin: int
+    rotation_class: int
     drives: tuple[tuple[int, int], ...]  # (drive, sign)
 
 
@@ -118,11 +119,11 @@ class Block:
 
 
 class UnknownSlide(NamedTuple):
-    """A displacement that a block solves, on a guide with direction d in the axes of its spin."""
+    """A displacement that a block solves, on a guide with direction d in the axes of its rotation class."""
 
     joint: int
     carrier: int  # number of the block's angle that turns the guide; -1 where the guide is known
-    spin: int
+    rotation_class: int
     direction: complex
 
 
@@ -131,9 +132,8 @@ class LoopEquation(NamedTuple):
 
     For positions the vectors of the unknowns add up to a ``target``: ``arms`` are the vectors that each unknown angle of the block
     turns, in axes that turn with it. For rates the loop's vectors in the world are known: ``vectors`` are those that turn, each
-    (spin, A, numbers of the ``guides`` whose displacements belong to it), ``guides`` all slides (joint, spin, d); ``columns`` says
-    which of them each unknown moves, ``known_vectors`` and ``known_guides`` which have rates that are known beforehand.
-    """
+    (class, A, numbers of the ``guides`` whose displacements belong to it), ``guides`` all slides (joint, class, d); ``columns``
+    says which of them each unknown moves, ``known_vectors`` and ``known_guides`` which have rates that are known beforehand."""
 
     target: VectorSum
     arms: tuple[VectorSum, ...]
@@ -148,12 +148,12 @@ class LoopEquation(NamedTuple):
 class Program(NamedTuple):
     """All that positions and rates of a mechanism follow from: steps in the order in which they are taken, and their tables."""
 
-    driven_spins: tuple[DrivenSpin, ...]
+    driven_rotations: tuple[DrivenRotation, ...]
     driven_slides: tuple[DrivenSlide, ...]
     blocks: tuple[Block, ...]
     loop_equations: tuple[LoopEquation, ...]  # by the numbers in `Block.loops`
     constraints: tuple[LinearConstraint, ...]  # by the numbers in `Block.relations`
-    spins_of: tuple[tuple[int, ...], ...]  # the spins that each group turns
+    classes_of: tuple[tuple[int, ...], ...]  # the rotation classes that each group turns
 
 
 def compile_program(
@@ -166,29 +166,29 @@ def compile_program(
     """The program of a mechanism whose loops are closed ``sums``, sorted into blocks in solving order."""
     block_of = {c: b for b in blocks for c in b.loops}
     return Program(
-        driven_spins=tuple(DrivenSpin(s, drives) for s, drives in enumerate(angles.spin_drives) if drives),
+        driven_rotations=tuple(DrivenRotation(s, drives) for s, drives in enumerate(angles.class_drives) if drives),
         driven_slides=tuple(driven_slides),
         blocks=tuple(blocks),
         loop_equations=tuple(_equation(total, block_of[c], angles) for c, total in enumerate(sums)),
         constraints=tuple(constraints),
-        spins_of=angles.spins_of,
+        classes_of=angles.classes_of,
     )
 
 
 def _equation(total: VectorSum, block: Block, angles: Angles) -> LoopEquation:
-    group = angles.spin_group
+    group = angles.class_group
     known_slides = [slide for slide in total.slides if slide[0] not in block.slides]
 
     def arm(g: int) -> VectorSum:
-        fixed = [a for s, a in total.arms if group[s] == g and not angles.spin_drives[s]]
-        turned = tuple((s, a) for s, a in total.arms if group[s] == g and angles.spin_drives[s])
+        fixed = [a for s, a in total.arms if group[s] == g and not angles.class_drives[s]]
+        turned = tuple((s, a) for s, a in total.arms if group[s] == g and angles.class_drives[s])
         return VectorSum(summed(fixed), turned, tuple(slide for slide in known_slides if group[slide[1]] == g))
 
-    def unknown_slide(j: int, spin: int, d: complex) -> UnknownSlide:
-        carrier = block.angles.index(group[spin]) if group[spin] in block.angles else -1
-        return UnknownSlide(j, carrier, spin, d)
+    def unknown_slide(j: int, rotation_class: int, d: complex) -> UnknownSlide:
+        carrier = block.angles.index(group[rotation_class]) if group[rotation_class] in block.angles else -1
+        return UnknownSlide(j, carrier, rotation_class, d)
 
-    spins = _turning(total)
+    classes = _turning(total)
     constant = dict(total.arms)
     return LoopEquation(
         target=VectorSum(
@@ -198,16 +198,16 @@ def _equation(total: VectorSum, block: Block, angles: Angles) -> LoopEquation:
         ),
         arms=tuple(arm(g) for g in block.angles),
         slides=tuple(unknown_slide(*slide) for j in block.slides for slide in total.slides if slide[0] == j),
-        vectors=tuple((s, constant.get(s, 0j), tuple(i for i, x in enumerate(total.slides) if x[1] == s)) for s in spins),
+        vectors=tuple((s, constant.get(s, 0j), tuple(i for i, x in enumerate(total.slides) if x[1] == s)) for s in classes),
         guides=total.slides,
         columns=tuple(moved_by(total, u, angles) for u in block.unknowns),
-        known_vectors=tuple(i for i, s in enumerate(spins) if group[s] not in block.angles or angles.spin_drives[s]),
+        known_vectors=tuple(i for i, s in enumerate(classes) if group[s] not in block.angles or angles.class_drives[s]),
         known_guides=tuple(i for i, (j, _, _) in enumerate(total.slides) if j not in block.slides),
     )
 
 
 def _turning(total: VectorSum) -> list[int]:
-    """The spins of a loop's vectors that turn, in the order of `LoopEquation.vectors`."""
+    """The rotation classes of a loop's vectors that turn, in the order of `LoopEquation.vectors`."""
     return list(dict.fromkeys([*(s for s, _ in total.arms), *(s for _, s, _ in total.slides if s != FRAME)]))
 
 
@@ -216,10 +216,10 @@ def moved_by(total: VectorSum, unknown: Unknown, angles: Angles) -> tuple[int, .
     what, i = unknown
     if what == "slide":
         return tuple(n for n, (j, _, _) in enumerate(total.slides) if j == i)
-    return tuple(n for n, s in enumerate(_turning(total)) if angles.spin_group[s] == i)
+    return tuple(n for n, s in enumerate(_turning(total)) if angles.class_group[s] == i)
 
 
 def vector_sum(arms: Mapping[int, Any], slides: Sequence[tuple[int, int, complex]]) -> VectorSum:
-    """A sum of vectors by spins, of which that of the frame rests."""
+    """A sum of vectors by rotation classes, of which that of the frame rests."""
     turning = tuple((s, a) for s, a in arms.items() if s != FRAME and np.any(a != 0))
     return VectorSum(arms.get(FRAME, 0j), turning, tuple(slides))

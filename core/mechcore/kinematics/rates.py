@@ -26,11 +26,12 @@ Patches = Mapping[int, Sequence[Replaces]]
 
 
 class Rates:
-    """First rates of all spins [rad/s] and of all sliding joints [m/s]; second rates where the first are known ``before``.
+    """First rates of all rotation classes [rad/s] and of all sliding joints [m/s]; second rates where the first are known
+    ``before``.
 
-    ``factor``: derivative of each spin's rotation E over E, i omega or i alpha - omega^2. Until the block of a spin is solved, what
-    is known beforehand: what drives add to it, and the centripetal part. Plain zeros stand for what does not change.
-    """
+    ``factor``: derivative of each rotation class's rotation E over E, i omega or i alpha - omega^2. Until the block of a rotation
+    class is solved, what is known beforehand: what drives add to it, and the centripetal part. Plain zeros stand for what does not
+    change."""
 
     def __init__(
         self, model: Model, drives: Sequence[Values], bends: Mapping[int, Real] | None = None, before: Rates | None = None
@@ -38,10 +39,10 @@ class Rates:
         self.drives = drives
         self.bends: Mapping[int, Real] = bends or {}  # of the relations' curves
         self.before = before
-        n = len(model.angles.spin_group)
-        self.spin: list[Values] = [0.0] * n
+        n = len(model.angles.class_group)
+        self.angular: list[Values] = [0.0] * n
         self.factor: list[Plane] = [0j] * n if before is None else [0j if nothing(f) else f * f for f in before.factor]
-        for s, ((first, way), *more) in model.program.driven_spins:
+        for s, ((first, way), *more) in model.program.driven_rotations:
             rate = drives[first] if way == 1 else -drives[first]
             for d, sign in more:
                 rate = rate + sign * drives[d]
@@ -49,9 +50,9 @@ class Rates:
         self.slide: dict[int, Values] = {j: drives[d] for j, d in model.program.driven_slides}
         self.group: dict[int, Values] = {}
 
-    def _turn(self, spin: int, rate: Values, turn: Plane) -> None:
-        self.spin[spin] = added(self.spin[spin], rate)
-        self.factor[spin] = added(self.factor[spin], turn)
+    def _turn(self, rotation_class: int, rate: Values, turn: Plane) -> None:
+        self.angular[rotation_class] = added(self.angular[rotation_class], rate)
+        self.factor[rotation_class] = added(self.factor[rotation_class], turn)
 
     def settle(self, model: Model, block: Block, solved: Sequence[Values]) -> None:
         """Take over a block's solved rates."""
@@ -72,8 +73,8 @@ class Rates:
 
     def _settle_group(self, model: Model, group: int, rate: Values, turn: Plane) -> None:
         self.group[group] = rate
-        for spin in model.program.spins_of[group]:
-            self._turn(spin, rate, turn)
+        for rotation_class in model.program.classes_of[group]:
+            self._turn(rotation_class, rate, turn)
 
     def drift(self, loop: LoopEquation, vectors: Vectors) -> Plane:
         """What the rates of a loop's sum are while the rates of its unknowns are zero."""
@@ -81,7 +82,7 @@ class Rates:
         if before is None:
             terms = [factor[arms[i][0]] * arms[i][1] for i in loop.known_vectors]
         else:
-            terms = [factor[spin] * z for spin, z in arms]
+            terms = [factor[rotation_class] * z for rotation_class, z in arms]
         if slides:
             if before is not None:
                 turns = before.factor
@@ -131,7 +132,7 @@ def velocities(
     patches: Patches | None = None,
     bends: Mapping[int, Real] | None = None,
 ) -> Rates:
-    """First rates of all spins and slides."""
+    """First rates of all rotation classes and slides."""
     return _solved(model, vectors, cols, Rates(model, drive_speeds, bends), patches)
 
 
@@ -143,7 +144,7 @@ def accelerations(
     drive_accelerations: Sequence[Values],
     patches: Patches | None = None,
 ) -> Rates:
-    """Second rates of all spins and slides, given the first."""
+    """Second rates of all rotation classes and slides, given the first."""
     return _solved(model, vectors, cols, Rates(model, drive_accelerations, speeds.bends, speeds), patches)
 
 

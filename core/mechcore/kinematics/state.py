@@ -17,11 +17,10 @@ from mechcore.numerics.frames import added, product, rotation_of, summed
 
 @dataclass
 class State:
-    """Rotations of all spins and displacements of all sliding joints, filled in block by block.
+    """Rotations of all rotation classes and displacements of all sliding joints, filled in block by block.
 
-    ``delta``: rotation of each spin against its group (from drives); ``rot``: rotation of each spin, None while unknown.
-    ``newton`` says, by block name, how Newton ended where it was used.
-    """
+    ``delta``: rotation of each rotation class against its group (from drives); ``rot``: rotation of each rotation class, None while
+    unknown. ``newton`` says, by block name, how Newton ended where it was used."""
 
     drives: Sequence[Values]
     delta: list[Plane]
@@ -83,30 +82,32 @@ def initial_state(
     near: Mapping[str, Values] | None = None,
     tolerance: float = DEFAULT.position,
 ) -> State:
-    """State with everything that the drives' positions alone decide: spins of the frame's group, driven slides.
+    """State with everything that the drives' positions alone decide: rotation classes of the frame's group, driven slides.
 
     ``constants`` of the relations; ``near``: rough angles "angle <group>" that decide the turn where relations need it.
     """
     program = model.program
     turned: dict[tuple[int, int], Plane] = {}
-    delta: list[Plane] = [1 + 0j] * len(model.angles.spin_group)
+    delta: list[Plane] = [1 + 0j] * len(model.angles.class_group)
     made: dict[tuple[tuple[int, int], ...], Plane] = {}
-    for spin, terms in program.driven_spins:
+    for rotation_class, terms in program.driven_rotations:
         for term in terms:
             if term not in turned:
                 drive, sign = term
                 turned[term] = rotation_of(drives[drive] if sign == 1 else sign * drives[drive])
-        before = made.get(terms[:-1])  # along a chain of drives each spin has one more than the last
-        delta[spin] = made[terms] = product([turned[term] for term in terms]) if before is None else before * turned[terms[-1]]
+        before = made.get(terms[:-1])  # along a chain of drives each rotation class has one more than the last
+        delta[rotation_class] = made[terms] = (
+            product([turned[term] for term in terms]) if before is None else before * turned[terms[-1]]
+        )
     rot: list[Any] = [None] * len(delta)
-    for spin in program.spins_of[0]:
-        rot[spin] = delta[spin]
+    for rotation_class in program.classes_of[0]:
+        rot[rotation_class] = delta[rotation_class]
     slide = {j: drives[d] for j, d in program.driven_slides}
     return State(drives=drives, delta=delta, rot=rot, slide=slide, constants=constants, near=near or {}, tolerance=tolerance)
 
 
 def value(total: VectorSum, rot: Sequence[Plane], slide: Mapping[int, Values]) -> Plane:
-    """A sum of vectors, with the rotations of its spins and the displacements along its guides."""
+    """A sum of vectors, with the rotations of its rotation classes and the displacements along its guides."""
     still, arms, slides = total
     terms = [a * rot[s] for s, a in arms]
     if slides:
@@ -153,8 +154,8 @@ def _argument(model: Model, curve: NonlinearTerm, state: State) -> Values:
 
 def wrapped_angle(model: Model, state: State, group: int) -> Values:
     """A group's angle within one turn."""
-    spin = model.angles.spins_of[group][0]
-    return np.angle(state.rot[spin] * np.conj(state.delta[spin]))
+    rotation_class = model.angles.classes_of[group][0]
+    return np.angle(state.rot[rotation_class] * np.conj(state.delta[rotation_class]))
 
 
 def real_angle(model: Model, state: State, group: int) -> Values:

@@ -25,7 +25,7 @@ def loop_equations(motion: Motion, frame: int = 0) -> list[str]:
     """Lines of text: the legend, then for every loop its velocity and acceleration equations, with numbers at a frame, and the
     equation of every gear, rack, belt, rolling or cam pair."""
     model = motion.model
-    turning = [s != model.angles.spin[0] for s in model.angles.spin]
+    turning = [s != model.angles.rotation_class[0] for s in model.angles.rotation_class]
     lines = ["bodies  " + ", ".join(f"{i} {name}" for i, name in enumerate(model.links))]
     lines.append(
         "w_ij = w_i - w_j [rad/s], e_ij alike [rad/s2]; v_A, a_A: sliding velocity and acceleration along the guide of pair A;"
@@ -38,7 +38,7 @@ def loop_equations(motion: Motion, frame: int = 0) -> list[str]:
         names = [model.joints[j].name for j, _, _ in steps]
         lines += ["", f"loop {number}: {'-'.join(map(str, bodies))} through {', '.join(names)}"]
         term, along = partial(_term, least=1e-12 * model.length_scale), partial(_term, least=1e-12)  # of lengths and of directions
-        spins: list[str] = []
+        omegas: list[str] = []
         first: list[str] = []
         second: list[str] = []
         spin2: list[str] = []
@@ -49,7 +49,7 @@ def loop_equations(motion: Motion, frame: int = 0) -> list[str]:
             z = complex(np.broadcast_to(motion.joint_point(j), motion.frames)[frame])
             if joint.turns:
                 w = f"w_{q},{p}"
-                spins.append(w)
+                omegas.append(w)
                 first.append(term(z.imag, w))
                 second.append(term(-z.real, w))
                 spin2.append(f"e_{q},{p}")
@@ -72,7 +72,7 @@ def loop_equations(motion: Motion, frame: int = 0) -> list[str]:
             x2.append(term(-way.real, f"w_{q}^2"))
             y2.append(term(-way.imag, f"w_{q}^2"))
         lines.append("  velocities")
-        lines += [f"    {' + '.join(spins) or '0'} = 0", f"    {''.join(first) or '0 '}= 0", f"    {''.join(second) or '0 '}= 0"]
+        lines += [f"    {' + '.join(omegas) or '0'} = 0", f"    {''.join(first) or '0 '}= 0", f"    {''.join(second) or '0 '}= 0"]
         lines.append("  accelerations")
         lines += [f"    {' + '.join(spin2) or '0'} = 0", f"    {''.join(x2) or '0 '}= 0", f"    {''.join(y2) or '0 '}= 0"]
     for number, relation in enumerate(model.relations):
@@ -119,8 +119,8 @@ def loop_residuals(motion: Motion, frame: int = 0) -> list[complex]:
         total = 0j
         for j, p, q in _around(model, loop.closing):
             z = complex(np.broadcast_to(motion.joint_point(j), motion.frames)[frame])
-            spin = [np.broadcast_to(motion.speeds.spin[model.angles.spin[k]], motion.frames)[frame] for k in (p, q)]
-            total += -1j * z * (spin[1] - spin[0])
+            omega = [np.broadcast_to(motion.speeds.angular[model.angles.rotation_class[k]], motion.frames)[frame] for k in (p, q)]
+            total += -1j * z * (omega[1] - omega[0])
             joint = model.joints[j]
             if joint.slide is not None:
                 d = complex(np.broadcast_to(motion.guide(j), motion.frames)[frame])

@@ -72,10 +72,13 @@ def instant_centres(motion: Motion) -> dict[tuple[str, str], Real]:
     each other, in the direction in which it lies. n (n - 1) / 2 of them."""
     unit = per_unit(motion)
     m = motion.model
-    spins: Rates = unit.speeds
+    rates: Rates = unit.speeds
     out = {}
     with np.errstate(divide="ignore", invalid="ignore"):
-        turns = [np.broadcast_to(np.asarray(spins.spin[m.angles.spin[k]], float), motion.frames) for k in range(len(m.links))]
+        turns = [
+            np.broadcast_to(np.asarray(rates.angular[m.angles.rotation_class[k]], float), motion.frames)
+            for k in range(len(m.links))
+        ]
         still = [
             np.broadcast_to(v - 1j * w * o, motion.frames)  # velocity of the link's point that is at the world's origin
             for v, w, o in zip(unit.origin_velocities, turns, unit.origins, strict=True)
@@ -98,8 +101,8 @@ def transmission_angles(motion: Motion) -> dict[str, Real]:
     out = {}
     for block in (b for b in m.blocks if b.kind == "theta_theta"):
         arms: dict[int, Array] = dict.fromkeys(block.angles, 0j)
-        for spin, z in motion.loop_vectors[block.loops[0]].arms:
-            group = m.angles.spin_group[spin]
+        for rotation_class, z in motion.loop_vectors[block.loops[0]].arms:
+            group = m.angles.class_group[rotation_class]
             if group in arms:
                 arms[group] = arms[group] + z
         a, b = (arms[g] for g in block.angles)

@@ -105,12 +105,12 @@ class Motion:
     def velocity(self, link: str) -> Real:
         """First derivative of the pose (F, 3) [m/s, rad/s]."""
         k = self.model.index[link]
-        return self._rows(self.origin(k, 1), self.speeds.spin[self.model.angles.spin[k]])
+        return self._rows(self.origin(k, 1), self.speeds.angular[self.model.angles.rotation_class[k]])
 
     def acceleration(self, link: str) -> Real:
         """Second derivative of the pose (F, 3) [m/s^2, rad/s^2]."""
         k = self.model.index[link]
-        return self._rows(self.origin(k, 2), self.accelerations.spin[self.model.angles.spin[k]])
+        return self._rows(self.origin(k, 2), self.accelerations.angular[self.model.angles.rotation_class[k]])
 
     def point(self, link: str, point: str, derivative: int = 0) -> Real:
         """Position (F, 2) [m] of a named point of a link, or its first or second derivative."""
@@ -144,8 +144,8 @@ class Motion:
     def relative_angle(self, first: str, second: str, pair: str) -> Real:
         """Angle of the second link minus that of the first, as the coordinate of a pair, and its first two derivatives (F, 3)."""
         p, q = self.model.index[first], self.model.index[second]
-        a, b = self.model.angles.spin[p], self.model.angles.spin[q]
-        rates = (r.spin[b] - r.spin[a] for r in (self.speeds, self.accelerations))
+        a, b = self.model.angles.rotation_class[p], self.model.angles.rotation_class[q]
+        rates = (r.angular[b] - r.angular[a] for r in (self.speeds, self.accelerations))
         values = (self.angles.relative(p, q, self.angles.start.ranges.get(pair)), *rates)
         return np.stack([np.broadcast_to(x, self.shape) for x in values], axis=-1)
 
@@ -170,7 +170,7 @@ class Motion:
 
     @lazy
     def speeds(self) -> Rates:
-        """First rates of all spins and slides."""
+        """First rates of all rotation classes and slides."""
         if self.accuracy.differentiation != "exact":
             return numerical_rates(self, 1)
         rates = [d[1] for d in self._drives]
@@ -179,7 +179,7 @@ class Motion:
 
     @lazy
     def accelerations(self) -> Rates:
-        """Second rates of all spins and slides."""
+        """Second rates of all rotation classes and slides."""
         if self.accuracy.differentiation != "exact":
             return numerical_rates(self, 2)
         rates = [d[2] for d in self._drives]
@@ -189,11 +189,11 @@ class Motion:
     # -- plane vectors as complex numbers, links and joints as indices ------------------------------------------------
     def rotation(self, k: int) -> Array:
         """exp(i angle) of a link's frame."""
-        turn, rot = self.model.turn[k], self.state.rot[self.model.angles.spin[k]]
+        turn, rot = self.model.turn[k], self.state.rot[self.model.angles.rotation_class[k]]
         return rot if turn == 1 else turn * rot
 
     def turned(self, derivative: int) -> Sequence[Array]:
-        """Rotations E of all spins, or their first or second derivatives, i omega E or (i alpha - omega^2) E."""
+        """Rotations E of all rotation classes, or their first or second derivatives, i omega E or (i alpha - omega^2) E."""
         return self.state.rot if derivative == 0 else self._turned_once if derivative == 1 else self._turned_twice
 
     @lazy
@@ -205,19 +205,19 @@ class Motion:
         return list(map(mul, self.accelerations.factor, self.state.rot))
 
     def slid(self, j: int, derivative: int = 0) -> Array:
-        """s E of a sliding joint, its displacement turned with its guide's spin, or its first or second derivative."""
+        """s E of a sliding joint, its displacement turned with its guide's rotation class, or its first or second derivative."""
         key = j, derivative
         if key not in self._slid:
-            spin, _ = self.model.guides[j]
+            rotation_class, _ = self.model.guides[j]
             s = (self.state if derivative == 0 else self.speeds if derivative == 1 else self.accelerations).slide[j]
-            if spin != FRAME:
-                once = self.speeds.factor[spin] if derivative else 0j
+            if rotation_class != FRAME:
+                once = self.speeds.factor[rotation_class] if derivative else 0j
                 if derivative == 1:
                     s = added(s, once * self.state.slide[j])
                 elif derivative == 2:
                     s = added(s, 2.0 * once * self.speeds.slide[j])
-                    s = added(s, self.accelerations.factor[spin] * self.state.slide[j])
-                s = s * self.state.rot[spin]
+                    s = added(s, self.accelerations.factor[rotation_class] * self.state.slide[j])
+                s = s * self.state.rot[rotation_class]
             self._slid[key] = s
         return self._slid[key]
 
@@ -226,12 +226,12 @@ class Motion:
         if derivative == 0 and isinstance(local, complex):
             found = self._offsets.get((k, local))
             if found is None:
-                rotation = self.state.rot[self.model.angles.spin[k]]
+                rotation = self.state.rot[self.model.angles.rotation_class[k]]
                 found = self._offsets[k, local] = (local * self.model.turn[k]) * rotation if local else 0j
             return found
         if nothing(local):
             return 0j
-        return (local * self.model.turn[k]) * self.turned(derivative)[self.model.angles.spin[k]]
+        return (local * self.model.turn[k]) * self.turned(derivative)[self.model.angles.rotation_class[k]]
 
     def angle(self, k: int) -> Array:
         """Angle of a link's frame [rad], continuous from the start pose."""
@@ -240,13 +240,15 @@ class Motion:
     def group_angle(self, group: int) -> Array:
         """Angle of a group of links that turn together [rad], without what drives turn within it, from the start pose on."""
         turning = self.model.angles
-        spin = turning.spins_of[group][0]
-        return self.angles.spins[spin] - sum(sign * self.drives[d][0] for d, sign in turning.spin_drives[spin])
+        rotation_class = turning.classes_of[group][0]
+        return self.angles.class_angles[rotation_class] - sum(
+            sign * self.drives[d][0] for d, sign in turning.class_drives[rotation_class]
+        )
 
     def guide(self, j: int) -> Array:
         """Direction of a sliding joint's guide in the world."""
-        spin, direction = self.model.guides[j]
-        return direction * self.state.rot[spin]
+        rotation_class, direction = self.model.guides[j]
+        return direction * self.state.rot[rotation_class]
 
     def arm(self, k: int, j: int, side: int, derivative: int = 0) -> Array:
         """Vector from the origin of link ``k`` to its point of joint ``j`` (slide included), or its derivative."""
@@ -347,14 +349,14 @@ class Motion:
 
     def _loop_rate(self, v: Vectors, derivative: int) -> Array:
         total: Array = 0j
-        for spin, z in v.arms:
-            w = self.speeds.spin[spin]
-            total = total + (1j * w * z if derivative == 1 else (1j * self.accelerations.spin[spin] - w * w) * z)
-        for j, spin, d in v.slides:
+        for rotation_class, z in v.arms:
+            w = self.speeds.angular[rotation_class]
+            total = total + (1j * w * z if derivative == 1 else (1j * self.accelerations.angular[rotation_class] - w * w) * z)
+        for j, rotation_class, d in v.slides:
             if derivative == 1:
                 total = total + self.speeds.slide[j] * d
             else:
-                total = total + (self.accelerations.slide[j] + 2j * self.speeds.spin[spin] * self.speeds.slide[j]) * d
+                total = total + (self.accelerations.slide[j] + 2j * self.speeds.angular[rotation_class] * self.speeds.slide[j]) * d
         return total
 
     def _largest(self, residuals: list[Array]) -> Real:

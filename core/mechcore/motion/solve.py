@@ -56,8 +56,10 @@ def compile_mechanism(mechanism: Mechanism, accuracy: Accuracy = DEFAULT) -> Com
     start = tuple(float(d.law(0.0)[0]) for d in mechanism.drives)
     assembly = _assembled(model, start, accuracy)
     changes = find_changes(model, assembly.modes, assembly.starts)
-    spins = raw_angles(model, start, assembly.state, ())
-    angles = UnwrappedAngles(model, start_pose(model, spins), Waypoint(-np.inf, np.array(start), spins, assembly.starts))
+    class_angles = raw_angles(model, start, assembly.state, ())
+    angles = UnwrappedAngles(
+        model, start_pose(model, class_angles), Waypoint(-np.inf, np.array(start), class_angles, assembly.starts)
+    )
     return Compiled(model=model, assembly=assembly, start=start, angles=angles, changes=changes, accuracy=accuracy)
 
 
@@ -234,7 +236,7 @@ def _all_placed(model: Model, motion: Motion) -> bool:
     for block in model.blocks:
         if block.redundant or block.kind == "general":
             return False  # these have more to check than that they are there
-        x = motion.state.rot[model.angles.spins_of[block.angles[0]][0]] if block.angles else motion.state.slide[block.slides[0]]
+        x = motion.state.rot[model.angles.classes_of[block.angles[0]][0]] if block.angles else motion.state.slide[block.slides[0]]
         if not cmath.isfinite(np.add.reduce(x, axis=None)):
             return False
     return True
@@ -243,7 +245,7 @@ def _all_placed(model: Model, motion: Motion) -> bool:
 def _placed(model: Model, block: Block, motion: Motion) -> Flags:
     ok = np.ones(motion.frames, bool)
     for g in block.angles:
-        ok &= np.isfinite(motion.state.rot[model.angles.spins_of[g][0]])
+        ok &= np.isfinite(motion.state.rot[model.angles.classes_of[g][0]])
     for j in block.slides:
         ok &= np.isfinite(motion.state.slide[j])
     return ok

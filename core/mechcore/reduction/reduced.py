@@ -104,9 +104,9 @@ def reduce_mechanism(motion: Motion, link: str, point: str | None = None, loads:
 
 def _derivatives(unit: Motion) -> tuple[list[Array], list[Array]]:
     """Angles of all links, differentiated once and twice by the drive's coordinate."""
-    spins = unit.model.angles.spin
+    classes = unit.model.angles.rotation_class
     links = range(len(unit.model.links))
-    return [unit.speeds.spin[spins[k]] for k in links], [unit.accelerations.spin[spins[k]] for k in links]
+    return [unit.speeds.angular[classes[k]] for k in links], [unit.accelerations.angular[classes[k]] for k in links]
 
 
 def _rows(motion: Motion, values: Array) -> Real:

@@ -73,6 +73,6 @@ def shaking(motion: Motion, about: ArrayLike = (0.0, 0.0), masses: Sequence[tupl
             force = force + single
             most = max(most, float(np.nanmax(np.abs(single), initial=0.0)))
             moment = moment + cross(motion.of_point(k, centre) - o, single)
-            moment = moment - inertia * motion.accelerations.spin[model.angles.spin[k]]
+            moment = moment - inertia * motion.accelerations.angular[model.angles.rotation_class[k]]
     rows = np.column_stack([force.real, force.imag])
     return Shaking(force=rows, moment=np.asarray(moment, float), about=(o.real, o.imag), single=most)

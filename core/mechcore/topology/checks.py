@@ -74,7 +74,7 @@ def check_spare_angles(m: Mechanism, turning: Angles, joints: tuple[Joint, ...],
     faults = []
     for j in turning.spare:
         p, q = ends[j]
-        if turning.spin[p] != turning.spin[q] or joints[j].turns:
+        if turning.rotation_class[p] != turning.rotation_class[q] or joints[j].turns:
             why = "its angle is decided twice: by its own drive or guide and by other drives."
             faults.append(Fault(f"joints.{joints[j].name}", why, "Take one of these drives away."))
             continue

@@ -17,27 +17,26 @@ from dataclasses import dataclass
 from mechcore.joints.base import Joint
 from mechcore.topology.order import Order, block_order
 
-FRAME = 0  # the frame among the links; also the set of links that do not turn among the `Angles.spin`
+FRAME = 0  # the frame among the links; also the set of links that do not turn among the `Angles.rotation_class`
 
 
 @dataclass(frozen=True)
 class Angles:
     """Which links turn together. Link k has the angle ``x[group[k]] + offset[k] + sum of sign * drive position``.
 
-    Group 0 holds the frame and is known. ``spin`` numbers the sets of links that turn at exactly the same speed (same group and
-    same drives); ``spin_group`` and ``spin_drives`` say what each of them is. ``edges`` are the joints that fix a relative
-    angle and form a forest; ``spare`` those that fix an angle which is fixed already.
-    """
+    Group 0 holds the frame and is known. ``rotation_class`` numbers the sets of links that turn at exactly the same speed (same
+    group and same drives); ``class_group`` and ``class_drives`` say what each of them is. ``edges`` are the joints that fix a
+    relative angle and form a forest; ``spare`` those that fix an angle which is fixed already."""
 
     group: tuple[int, ...]
     offset: tuple[float, ...]
-    spin: tuple[int, ...]
-    spin_group: tuple[int, ...]
-    spin_drives: tuple[tuple[tuple[int, int], ...], ...]  # (drive, sign)
+    rotation_class: tuple[int, ...]
+    class_group: tuple[int, ...]
+    class_drives: tuple[tuple[tuple[int, int], ...], ...]  # (drive, sign)
     edges: tuple[int, ...]
     spare: tuple[int, ...]
     groups: int
-    spins_of: tuple[tuple[int, ...], ...]  # the spins of each group
+    classes_of: tuple[tuple[int, ...], ...]  # the rotation classes of each group
     links_of: tuple[tuple[int, ...], ...]  # the links of each group
 
 
@@ -101,7 +100,7 @@ def angles(n: int, ends: Sequence[tuple[int, int]], joints: Sequence[Joint], dri
                 stack.append(q)
     keys: dict[tuple[int, tuple[tuple[int, int], ...]], int] = {}
     members: list[list[int]] = [[] for _ in range(groups)]
-    spin = tuple(keys.setdefault((group[k], tuple(sorted(drives[k].items()))), len(keys)) for k in range(n))
+    rotation_class = tuple(keys.setdefault((group[k], tuple(sorted(drives[k].items()))), len(keys)) for k in range(n))
     for s, (g, _) in enumerate(keys):
         members[g].append(s)
     links: list[list[int]] = [[] for _ in range(groups)]
@@ -110,13 +109,13 @@ def angles(n: int, ends: Sequence[tuple[int, int]], joints: Sequence[Joint], dri
     return Angles(
         group=tuple(group),
         offset=tuple(offset),
-        spin=spin,
-        spin_group=tuple(g for g, _ in keys),
-        spin_drives=tuple(d for _, d in keys),
+        rotation_class=rotation_class,
+        class_group=tuple(g for g, _ in keys),
+        class_drives=tuple(d for _, d in keys),
         edges=tuple(edges),
         spare=tuple(spare),
         groups=groups,
-        spins_of=tuple(map(tuple, members)),
+        classes_of=tuple(map(tuple, members)),
         links_of=tuple(map(tuple, links)),
     )
 

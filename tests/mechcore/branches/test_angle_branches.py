@@ -278,6 +278,6 @@ def test_a_trial_of_the_integrator_may_lie_anywhere(text, far):
     compiled = compile_mechanism(mechviz.loads(text).mechanism)
     q = np.array(compiled.start)
     both = np.array([q + 0.01, q + far])
-    found = motion_at(compiled, both, np.zeros_like(both), np.array([0.0, 1e-3])).angles.spins
-    alone = motion_at(compiled, both[:1], np.zeros_like(both[:1]), np.zeros(1)).angles.spins
+    found = motion_at(compiled, both, np.zeros_like(both), np.array([0.0, 1e-3])).angles.class_angles
+    alone = motion_at(compiled, both[:1], np.zeros_like(both[:1]), np.zeros(1)).angles.class_angles
     assert found.shape[1] == 2 and found[:, 0] == pytest.approx(alone[:, 0], abs=1e-12)

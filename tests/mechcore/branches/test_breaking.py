@@ -179,8 +179,8 @@ def test_three_drives_in_series_are_assembled_where_they_stand():
     motion = solve_motion(compiled, [0.0])
     for name, angle in (("a", 0.3), ("b", -0.2), ("c", 0.5)):
         k = compiled.model.index[name]
-        spin = compiled.model.angles.spin[k]
-        assert np.angle(complex(compiled.assembly.state.rot[spin])) == pytest.approx(angle)
+        rotation_class = compiled.model.angles.rotation_class[k]
+        assert np.angle(complex(compiled.assembly.state.rot[rotation_class])) == pytest.approx(angle)
         assert motion.pose(name)[0, 2] == pytest.approx(angle)
 
 

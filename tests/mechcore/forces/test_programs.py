@@ -39,9 +39,9 @@ def one_frame(program, constants, drives, near):
     """Rotations and displacements at one frame: every block by Newton's method, from ``near`` (rotations, displacements)."""
     angle: dict[int, float] = {}
     delta, slide = [1.0] * len(near[0]), {j: drives[d] for j, d in program.driven_slides}
-    for spin, terms in program.driven_spins:
-        delta[spin] = cmath.exp(1j * sum(sign * drives[d] for d, sign in terms))
-    rot = [delta[s] if s in program.spins_of[0] else None for s in range(len(delta))]
+    for rotation_class, terms in program.driven_rotations:
+        delta[rotation_class] = cmath.exp(1j * sum(sign * drives[d] for d, sign in terms))
+    rot = [delta[s] if s in program.classes_of[0] else None for s in range(len(delta))]
 
     def total(vectors, turned):
         arms = sum(a * turned[s] for s, a in vectors.arms)
@@ -69,7 +69,7 @@ def one_frame(program, constants, drives, near):
             return np.array(rows)
 
         at_start = [
-            near[2].get(g, cmath.phase(near[0][program.spins_of[g][0]] / delta[program.spins_of[g][0]])) for g in block.angles
+            near[2].get(g, cmath.phase(near[0][program.classes_of[g][0]] / delta[program.classes_of[g][0]])) for g in block.angles
         ]
         x = np.array([*at_start, *(near[1][j] for j in block.slides)])
         x = x + 1e-3
@@ -78,7 +78,7 @@ def one_frame(program, constants, drives, near):
             x = x - np.linalg.lstsq(columns, residual(x), rcond=1e-9)[0]
         for g, q in zip(block.angles, x, strict=False):
             angle[g] = q
-            for s in program.spins_of[g]:
+            for s in program.classes_of[g]:
                 rot[s] = cmath.exp(1j * q) * delta[s]
         slide |= dict(zip(block.slides, x[len(block.angles) :], strict=True))
     return rot, slide

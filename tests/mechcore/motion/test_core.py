@@ -496,13 +496,13 @@ def test_printed_loop_equations_hold_with_the_solved_motion():
     ):
         motion = move(mechanism, [mechanism.drives[0].law(0.0)[0] + 1.0], 3.0, 2.0)
         assert np.abs(loop_residuals(motion)).max(initial=0.0) < 1e-12
-        spin = [float(np.broadcast_to(motion.speeds.spin[s], 1)[0]) for s in motion.model.angles.spin]
-        accel = [float(np.broadcast_to(motion.accelerations.spin[s], 1)[0]) for s in motion.model.angles.spin]
+        omega = [float(np.broadcast_to(motion.speeds.angular[s], 1)[0]) for s in motion.model.angles.rotation_class]
+        accel = [float(np.broadcast_to(motion.accelerations.angular[s], 1)[0]) for s in motion.model.angles.rotation_class]
         values = {}
-        for i in range(len(spin)):
-            values[f"w_{i}"], values[f"e_{i}"] = spin[i], accel[i]
-            for j in range(len(spin)):
-                values[f"w_{i},{j}"], values[f"e_{i},{j}"] = spin[i] - spin[j], accel[i] - accel[j]
+        for i in range(len(omega)):
+            values[f"w_{i}"], values[f"e_{i}"] = omega[i], accel[i]
+            for j in range(len(omega)):
+                values[f"w_{i},{j}"], values[f"e_{i},{j}"] = omega[i] - omega[j], accel[i] - accel[j]
         for joint in motion.model.joints:
             if joint.slide is not None:
                 _, values[f"v_{joint.name}"], values[f"a_{joint.name}"] = motion.coordinate(joint.name)[0]

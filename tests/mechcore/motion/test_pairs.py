@@ -226,7 +226,7 @@ def test_wheel_rolls_without_slipping(side):
     np.testing.assert_allclose(contact[:, 1], 0.0 if side == "left" else 0.2, atol=1e-15)
     k = forces.motion.model.index["wheel"]
     at = np.array([complex(*p) for p in contact])
-    slip = forces.motion.origin_velocities[k] + 1j * forces.motion.speeds.spin[forces.motion.model.angles.spin[k]] * (
+    slip = forces.motion.origin_velocities[k] + 1j * forces.motion.speeds.angular[forces.motion.model.angles.rotation_class[k]] * (
         at - forces.motion.origins[k]
     )
     assert np.abs(slip).max() < 1e-14

@@ -106,8 +106,8 @@ def test_the_coriolis_part_stands_across_the_lever_and_is_2_omega_v():
 def test_a_plan_shows_where_links_do_not_fit():
     """Mutation: with a wrong speed of one link the plan no longer closes."""
     motion = bar_motion()
-    spin = motion.model.angles.spin[motion.model.index["rocker"]]
-    motion.speeds.spin[spin] = motion.speeds.spin[spin] * 1.001
+    rotation_class = motion.model.angles.rotation_class[motion.model.index["rocker"]]
+    motion.speeds.angular[rotation_class] = motion.speeds.angular[rotation_class] * 1.001
     assert velocity_plan(motion).closing.max() > 1e-5
 
 

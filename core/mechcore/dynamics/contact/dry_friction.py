@@ -220,12 +220,12 @@ def _respond(motion: Motion, units: Sequence[Motion], elements: Sequence[Element
         mass, centre, inertia = model.masses[k]
         if not (mass or inertia):
             continue
-        spin = model.angles.spin[k]
+        rotation_class = model.angles.rotation_class[k]
         a: Any = 0j
         alpha: Any = 0.0
         for f, unit in enumerate(units):
             a = a + answers[:, :, f].T * unit.of_point(k, centre, 1)
-            alpha = alpha + answers[:, :, f].T * unit.speeds.spin[spin]
+            alpha = alpha + answers[:, :, f].T * unit.speeds.angular[rotation_class]
         force[k] = force[k] - mass * a
         moment[k] = moment[k] - inertia * alpha - cross(centre * motion.rotation(k), mass * a)
     together = transmit(motion, force, moment, base[2])

@@ -197,7 +197,7 @@ def senses(motion: Motion) -> Real:
     """Which way all elements slide (n, e): 1, -1, or 0 where their speeds are nothing beside those of the mechanism."""
     elements = elements_of(motion)
     rates = np.stack([e.rate for e in elements], axis=1)
-    turning = np.max([np.abs(w) * np.ones(motion.frames) for w in motion.speeds.spin], axis=0, initial=0.0)
+    turning = np.max([np.abs(w) * np.ones(motion.frames) for w in motion.speeds.angular], axis=0, initial=0.0)
     sliding = np.max([np.abs(x) * np.ones(motion.frames) for x in motion.speeds.slide.values()], axis=0, initial=0.0)
     size = np.maximum(turning, sliding / motion.model.length_scale)[:, None]
     return np.where(np.abs(rates) <= REST * size * scales_of(motion.model, elements), 0.0, np.sign(rates))

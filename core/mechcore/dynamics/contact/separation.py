@@ -216,7 +216,7 @@ class FollowerSeparation:
             if c.cam.bed is not None:
                 found.append(abs(float(motion.coordinate(c.cam.bed)[0, 1])) / c.cam.cam.law.length * TURN)
             else:
-                found.append(abs(float(motion.velocity(c.cam.links[0])[0, 2] - _spin(motion, c.cam.carrier))))
+                found.append(abs(float(motion.velocity(c.cam.links[0])[0, 2] - _angular_velocity(motion, c.cam.carrier))))
         return max(found)
 
 
@@ -231,7 +231,7 @@ def pressing(motion: Motion, forces: Any, name: str) -> Real:
     return np.asarray(force)
 
 
-def _spin(motion: Motion, link: str) -> float:
+def _angular_velocity(motion: Motion, link: str) -> float:
     return 0.0 if link == motion.mechanism.frame else float(motion.velocity(link)[0, 2])
 
 

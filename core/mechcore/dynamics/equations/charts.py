@@ -208,7 +208,7 @@ def _own_share(motion: Motion) -> Real:
 def _rates(motion: Motion) -> dict[str, Real]:
     """Sizes of the rates of all pairs' coordinates (n,), displacements over the mechanism's size; any of these can lead."""
     model, speeds = motion.model, motion.speeds
-    spin = model.angles.spin
+    rotation_class = model.angles.rotation_class
     pairs = {p.name for p in motion.mechanism.pairs}  # of a cylinder the slide, not the pins that it brings along
     out: dict[str, Any] = {}
     for j, joint in enumerate(model.joints):
@@ -220,7 +220,7 @@ def _rates(motion: Motion) -> dict[str, Real]:
             else:
                 first, second = model.ends[j]
                 with np.errstate(invalid="ignore"):  # infinite where a group is singular
-                    rate = speeds.spin[spin[second]] - speeds.spin[spin[first]]
+                    rate = speeds.angular[rotation_class[second]] - speeds.angular[rotation_class[first]]
             out[joint.name] = rate if joint.coordinate == "angle" else rate / model.length_scale
     return {name: np.abs(rate) if np.ndim(rate) else np.full(motion.shape, abs(rate)) for name, rate in out.items()}
 
@@ -245,7 +245,7 @@ def best_chart(
         place = _place_on(chart, coordinate, rate) if chart.compiled.mechanism.drives[0].pair == pair else None
         if place is not None and _is_at(chart.compiled, place, poses):
             again = carried_on(chart.compiled, np.array([place]), 0.0, motion)
-            before, after = (motion_at(c, *_at_rest(place)).angles.spins for c in (chart.compiled, again))
+            before, after = (motion_at(c, *_at_rest(place)).angles.class_angles for c in (chart.compiled, again))
             if np.abs(after - before).max() < 1.0:
                 return chart, place, rate if v else 0.0
             if isinstance(chart.curve, Curve) and not counted:

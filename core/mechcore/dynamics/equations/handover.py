@@ -46,17 +46,17 @@ def enter(compiled: Compiled, q: Real, t: float, motion: Motion) -> Compiled:
 
 
 def _entered(compiled: Compiled, q: Real, t: float, motion: Motion) -> Waypoint:
-    """Where a chart takes a motion over from another one, the angles of its spins known."""
+    """Where a chart takes a motion over from another one, the angles of its rotation classes known."""
     model, old = compiled.model, motion.model
     placed = motion_at(compiled, q[None], np.zeros_like(q)[None], np.array([t]))
-    spins = raw_angles(model, [d[0] for d in placed.drives], placed.state, (1,))[:, 0]
+    class_angles = raw_angles(model, [d[0] for d in placed.drives], placed.state, (1,))[:, 0]
     for k, link in enumerate(model.links):
         if link in old.index:
-            spin = model.angles.spin[k]
+            rotation_class = model.angles.rotation_class[k]
             there = float(motion.angle(old.index[link])[0]) - model.angles.offset[k]
-            spins[spin] += TURN * np.round((there - spins[spin]) / TURN)
+            class_angles[rotation_class] += TURN * np.round((there - class_angles[rotation_class]) / TURN)
     (at,) = waypoints(compiled, q[None], np.array([t]))
-    return replace(at, spins=spins)
+    return replace(at, class_angles=class_angles)
 
 
 def _starts(compiled: Compiled, at: Waypoint, motion: Motion) -> Starts:
@@ -65,9 +65,11 @@ def _starts(compiled: Compiled, at: Waypoint, motion: Motion) -> Starts:
     turning = model.angles
 
     def group(waypoint: Waypoint, g: int) -> float:
-        spin = turning.spins_of[g][0]
-        assert waypoint.spins is not None
-        return float(waypoint.spins[spin]) - sum(sign * float(waypoint.drives[d]) for d, sign in turning.spin_drives[spin])
+        rotation_class = turning.classes_of[g][0]
+        assert waypoint.class_angles is not None
+        return float(waypoint.class_angles[rotation_class]) - sum(
+            sign * float(waypoint.drives[d]) for d, sign in turning.class_drives[rotation_class]
+        )
 
     known, found = first.starts or {}, {}
     for block in model.blocks:

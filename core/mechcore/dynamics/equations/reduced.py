@@ -191,14 +191,14 @@ def reduced_equations(motion: Motion, units: Sequence[Motion]) -> ReducedEquatio
         mass, centre, moment = model.masses[k]
         if not (mass or moment):
             continue
-        spin = model.angles.spin[k]
+        rotation_class = model.angles.rotation_class[k]
         speeds = [u.of_point(k, centre, 1) for u in units]
-        spins = [u.speeds.spin[spin] for u in units]
-        a, alpha = motion.of_point(k, centre, 2), motion.accelerations.spin[spin]
+        turning = [u.speeds.angular[rotation_class] for u in units]
+        a, alpha = motion.of_point(k, centre, 2), motion.accelerations.angular[rotation_class]
         for i in range(f):
-            bias[:, i] += mass * np.real(np.conj(speeds[i]) * a) + moment * spins[i] * alpha
+            bias[:, i] += mass * np.real(np.conj(speeds[i]) * a) + moment * turning[i] * alpha
             for j in range(i + 1):
-                inertia[:, i, j] += mass * np.real(np.conj(speeds[i]) * speeds[j]) + moment * spins[i] * spins[j]
+                inertia[:, i, j] += mass * np.real(np.conj(speeds[i]) * speeds[j]) + moment * turning[i] * turning[j]
     for i in range(f):
         inertia[:, : i + 1, i] = inertia[:, i, : i + 1]
     force = np.zeros((n, f))

@@ -125,7 +125,7 @@ def scales_of(model: Model, elements: Sequence[Element]) -> Real:
 def elements_of(motion: Motion, flanks: Mapping[int, Array] | None = None) -> list[Element]:
     """All elements of a mechanism, in the order of its pairs. ``flanks``: relation -> multiplier (F,) whose sign says on which of
     its two sides a cam presses; without it all press where they push."""
-    turning = max((_peak(w) for w in motion.speeds.spin), default=0.0)
+    turning = max((_peak(w) for w in motion.speeds.angular), default=0.0)
     moving = max([turning * motion.model.length_scale, *(_peak(v) for v in motion.speeds.slide.values())])
     least = {"turn": NOISE * turning, "slide": NOISE * moving}
     return [
@@ -226,8 +226,10 @@ def _of_cam(
         factor = factor * np.where(np.real(flank) < 0.0, geometry.face.radius / pair.second[1], 1.0)
     place, direction = geometry.contact(motion, flank)
     along = 1j * unit_vectors(direction)
-    spin = motion.model.angles.spin
-    speed = [motion.origin_velocities[k] + 1j * motion.speeds.spin[spin[k]] * (place - motion.origins[k]) for k in links]
+    rotation_class = motion.model.angles.rotation_class
+    speed = [
+        motion.origin_velocities[k] + 1j * motion.speeds.angular[rotation_class[k]] * (place - motion.origins[k]) for k in links
+    ]
     rate = np.array(np.broadcast_to(np.real(np.conj(along) * (speed[1] - speed[0])), (motion.frames,)))
     sign = _sign(rate, least)
     return Element(pair.name, "slide", "contact", friction, factor, factor, mu, links, -1, along, rate, sign, place)
@@ -240,8 +242,8 @@ def _sign(rate: Real, least: float) -> Real:
 def relative_rate(motion: Motion, rates: Any, what: str, j: int, links: tuple[int, int]) -> Real:
     """Rate (F,) that does work on an element's unit wrench; ``rates`` are the motion's speeds or accelerations."""
     if what == "turn":
-        spin = motion.model.angles.spin
-        value = rates.spin[spin[links[1]]] - rates.spin[spin[links[0]]]
+        rotation_class = motion.model.angles.rotation_class
+        value = rates.angular[rotation_class[links[1]]] - rates.angular[rotation_class[links[0]]]
     else:
         value = rates.slide[j]
     return np.array(np.broadcast_to(np.asarray(value, float), (motion.frames,)))

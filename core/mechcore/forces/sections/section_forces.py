@@ -174,7 +174,7 @@ class _Acting:
         self.lines: list[_Along] = []
         for load in acting_on(forces, k):
             if load.kind == "inertia":
-                self.turn = self.turn - motion.accelerations.factor[model.angles.spin[k]]
+                self.turn = self.turn - motion.accelerations.factor[model.angles.rotation_class[k]]
             if load.kind in ("inertia", "gravity"):
                 self.field = self.field + (load.force / mass if mass else 0.0) * self.back
             else:
