@@ -129,7 +129,7 @@ def _drawn(
     stroke: str,
     height: int,
 ) -> Iterator[str]:
-    """Arrows, lines and names as SVG elements; what moves with a link only is left out."""
+    """Arrows, lines, points and names as SVG elements; what moves with a link only is left out."""
     if "link" in d:
         return
     frames, name = header["frames"], d["group"]
@@ -151,6 +151,15 @@ def _drawn(
                 yield from _arrow(
                     place(start), place(start + vector), colors[k % len(colors)], widths[k % len(widths)], 0.01 * height
                 )
+        return
+    if d["kind"] == "points":
+        spots = place(_at(arrays[d["points"]].reshape(frames if d["moves"] else 1, -1), frame).reshape(-1, 2))
+        for k, (x, y) in enumerate(spots):
+            if np.isfinite([x, y]).all():
+                radius, color = 0.5 * widths[k % len(widths)], colors[k % len(colors)]
+                yield f'<circle cx="{x:.1f}" cy="{y:.1f}" r="{radius:.1f}" fill="{color}"/>'
+                if d["labels"] and d["labels"][k]:
+                    yield f'<text x="{x + 6:.1f}" y="{y + 16:.1f}" fill="{stroke}" font-size="12">{escape(d["labels"][k])}</text>'
         return
     strips: list[Real] = []
     if d["kind"] == "strips":

@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 
 import mechviz
+from mechviz.outputs.images.drawing import svg_of
+from mechviz.outputs.presentation import presentation_of
 from mechviz.outputs.rerun.inspection import format_inspection, inspect
 from mechviz.outputs.rerun.writer import write_recording
 from mechviz.picture.build import picture_of, solids_of
@@ -122,6 +124,12 @@ def test_diagrams_stand_on_their_links_and_go_with_them():
     assert tallest == pytest.approx(0.16 * solids.size, rel=1e-3)
     dots = list(picture.of(Points, "bending_moment"))
     assert [dot.labels[0].startswith("|M| ≤ ") for dot in dots] == [True, True]
+
+
+def test_a_drawing_marks_the_largest_moment():
+    run = run_scene(ROD, frames=24)
+    drawing = svg_of(presentation_of(run))
+    assert drawing.count("<circle") == 1 and "|M| ≤ " in drawing
 
 
 def test_a_bar_that_falls_freely_breaks_at_a_third_of_its_length():
