@@ -165,20 +165,20 @@ def _words(error: Any) -> str:
 
 
 class Kind(NamedTuple):
-    """What a component holds: numbers, whole numbers (``whole``), ``text`` or ``truth``; vectors of ``width`` of them; ``count``:
+    """What a component holds: numbers, whole numbers (``whole``), ``text`` or ``truth``; vectors of ``width`` of them; ``each``:
     how many a row has. ``drawn``: it has to be finite and not too far away."""
 
     leaf: str = "number"
     width: int = 0
     drawn: bool = True
-    count: int | None = None
+    each: int | None = None
 
 
 COMPONENTS: Mapping[str, Kind] = {
     "Scalars:scalars": Kind(drawn=False),
-    "Transform3D:translation": Kind(width=3, count=1),
-    "Transform3D:quaternion": Kind(width=4, count=1),
-    "Transform3D:scale": Kind(width=3, count=1),
+    "Transform3D:translation": Kind(width=3, each=1),
+    "Transform3D:quaternion": Kind(width=4, each=1),
+    "Transform3D:scale": Kind(width=3, each=1),
     "Mesh3D:vertex_positions": Kind(width=3),
     "Mesh3D:vertex_normals": Kind(width=3),
     "Mesh3D:triangle_indices": Kind("whole", 3),
@@ -189,24 +189,24 @@ COMPONENTS: Mapping[str, Kind] = {
     "Arrows3D:vectors": Kind(width=3),
     "LineStrips3D:strips": Kind(width=3),
     "LineStrips2D:strips": Kind(width=2),
-    "StateChange:state": Kind("text", count=1),
+    "StateChange:state": Kind("text", each=1),
     "StateConfiguration:values": Kind("text"),
-    "TextDocument:text": Kind("text", count=1),
-    "TextLog:text": Kind("text", count=1),
-    "TextLog:level": Kind("text", count=1),
+    "TextDocument:text": Kind("text", each=1),
+    "TextLog:text": Kind("text", each=1),
+    "TextLog:level": Kind("text", each=1),
     "SeriesLines:names": Kind("text"),
-    "item": Kind("text", count=1),
-    "message": Kind("text", count=1),
-    "title": Kind("text", count=1),
-    "unit": Kind("text", count=1),
-    "x_title": Kind("text", count=1),
-    "y_title": Kind("text", count=1),
-    "per_metre": Kind(count=1),
-    "least": Kind(count=1),
-    "turn": Kind(count=1),
-    "ranges": Kind(count=4),
-    "whole": Kind("truth", count=1),
-    "equal": Kind("truth", count=1),
+    "item": Kind("text", each=1),
+    "message": Kind("text", each=1),
+    "title": Kind("text", each=1),
+    "unit": Kind("text", each=1),
+    "x_title": Kind("text", each=1),
+    "y_title": Kind("text", each=1),
+    "per_metre": Kind(each=1),
+    "least": Kind(each=1),
+    "turn": Kind(each=1),
+    "ranges": Kind(each=4),
+    "whole": Kind("truth", each=1),
+    "equal": Kind("truth", each=1),
 }
 FIELDS: Mapping[str, Kind] = {"radii": Kind(), "colors": Kind("whole"), "labels": Kind("text")}
 """Of every archetype that has them."""
@@ -335,8 +335,8 @@ def _read_column(column: Any, kind: Kind, name: str, moving: bool) -> Any:
         raise ValueError("has rows without values")
     column = column.drop_null()
     lengths = np.diff(np.asarray(column.offsets))
-    if kind.count is not None and np.any(lengths != kind.count):
-        raise ValueError(f"has {lengths[lengths != kind.count][0]} values in a row instead of {kind.count}")
+    if kind.each is not None and np.any(lengths != kind.each):
+        raise ValueError(f"has {lengths[lengths != kind.each][0]} values in a row instead of {kind.each}")
     values = column.flatten()
     if pa.types.is_list(values.type) and name.endswith(":strips"):
         values = values.flatten()
