@@ -16,14 +16,16 @@ from mechcore.motion.motion import Motion
 from mechcore.motion.solve import compile_mechanism, default_times, solve_motion
 
 if TYPE_CHECKING:
-    from mechcore.dynamics import Simulation, simulate
+    from mechcore.dynamics.simulate import simulate
+    from mechcore.dynamics.simulation import Simulation
 
 
 def __getattr__(name: str) -> Any:
-    """Motion under forces on first use: scipy loads with it."""
-    if name not in ("Simulation", "simulate"):
+    """Motion under forces on first use."""
+    module = {"Simulation": "simulation", "simulate": "simulate"}.get(name)
+    if module is None:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    return getattr(import_module("mechcore.dynamics"), name)
+    return getattr(import_module(f"mechcore.dynamics.{module}"), name)
 
 
 __all__ = [

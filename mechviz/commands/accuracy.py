@@ -13,7 +13,8 @@ import typer
 
 from mechcore.accuracy import accuracy_for
 from mechviz.commands.common import check_targets, fail, interruptible, progress_bar
-from mechviz.commands.solving import QuickOpt, SceneArg, clear_errors, load_scene
+from mechviz.commands.loading import SceneArg, clear_errors, load_scene
+from mechviz.commands.solving import QuickOpt
 from mechviz.figures import check_ending, save_chart
 from mechviz.hard_cases import all_cases
 from mechviz.hard_cases.case import FAMILIES, as_data, summary, table

@@ -10,20 +10,8 @@ from typing import Annotated, Any
 import typer
 
 from mechviz.commands.common import check_targets, fail, interruptible, progress_bar
-from mechviz.commands.solving import (
-    AccuracyOpt,
-    CyclesOpt,
-    FramesOpt,
-    KeepOpt,
-    ReachableOpt,
-    SceneArg,
-    check_trust,
-    clear_errors,
-    load_scene,
-    quantity_of,
-    solve,
-    warn_of_accuracy,
-)
+from mechviz.commands.loading import ReachableOpt, SceneArg, clear_errors, load_scene, quantity_of
+from mechviz.commands.solving import AccuracyOpt, CyclesOpt, FramesOpt, KeepOpt, check_trust, solve, warn_of_accuracy
 from mechviz.outputs.exports.cam_profiles import export_profiles
 from mechviz.outputs.exports.gltf import export_glb
 from mechviz.outputs.exports.gltf_marks import ARROWS

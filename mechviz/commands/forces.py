@@ -15,20 +15,8 @@ from mechcore.forces.flywheel import flywheel
 from mechcore.spec.mechanism import CamDrawn
 from mechcore.texts import Text
 from mechviz.commands.common import check_targets, fail, interruptible
-from mechviz.commands.solving import (
-    AccuracyOpt,
-    CyclesOpt,
-    FramesOpt,
-    KeepOpt,
-    ReachableOpt,
-    SceneArg,
-    check_trust,
-    clear_errors,
-    load_scene,
-    quantity_of,
-    solve,
-    warn_of_accuracy,
-)
+from mechviz.commands.loading import ReachableOpt, SceneArg, clear_errors, load_scene, quantity_of
+from mechviz.commands.solving import AccuracyOpt, CyclesOpt, FramesOpt, KeepOpt, check_trust, solve, warn_of_accuracy
 from mechviz.quantities.power_table import flywheel_lines, force_lines, power_csv, sized_lines, steady_lines
 from mechviz.scene.cams.ratings import step_fault, whole_step
 from mechviz.scene.convert import LARGEST

@@ -15,7 +15,8 @@ from mechcore.laws.catalogue import RISES, rise
 from mechcore.laws.curve import MotionCurve
 from mechcore.laws.factors import peak_factors
 from mechviz.commands.common import fail, interruptible
-from mechviz.commands.solving import FramesOpt, clear_errors, load_scene
+from mechviz.commands.loading import clear_errors, load_scene
+from mechviz.commands.solving import FramesOpt
 from mechviz.figures import COLOURS, chart, check_ending, save_chart
 from mechviz.files import check_target
 from mechviz.studies.law_comparison import USUAL, compare_laws, comparison_figure, comparison_lines

@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+import gc
 import io
 import math
 import os
@@ -30,6 +31,8 @@ COMMANDS = {
         "show": "Print a scene's TOML text: a starting point for your own.",
         "schema": "Print the JSON Schema of scene files, for editors.",
         "check": "Validate a scene and print its mobility, groups, loops, assembly modes and reachable range.",
+    },
+    "plan": {
         "plan": "Print what will be computed for a scene, what not, and why; with --cost what each stage and effect costs.",
     },
     "forces": {
@@ -181,6 +184,7 @@ def main() -> None:
         sys.stdout.flush()
     except OSError as error:  # help, too, may go to a full disk
         code = no_output(error)
+    gc.freeze()  # the end need not look through all modules for garbage
     sys.exit(code)
 
 

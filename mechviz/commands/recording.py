@@ -9,18 +9,8 @@ from typing import Annotated
 import typer
 
 from mechviz.commands.common import check_targets, fail, interruptible, progress_bar, say
-from mechviz.commands.solving import (
-    AccuracyOpt,
-    CyclesOpt,
-    FramesOpt,
-    KeepOpt,
-    ReachableOpt,
-    SceneArg,
-    check_trust,
-    clear_errors,
-    load_scene,
-    solve,
-)
+from mechviz.commands.loading import ReachableOpt, SceneArg, clear_errors, load_scene
+from mechviz.commands.solving import AccuracyOpt, CyclesOpt, FramesOpt, KeepOpt, check_trust, solve
 from mechviz.outputs.rerun.inspection import format_inspection
 from mechviz.outputs.rerun.inspection import inspect as inspect_recording
 from mechviz.outputs.rerun.live import live

@@ -1,4 +1,4 @@
-"""``mechviz show``, ``schema``, ``check`` and ``plan``: what a scene says and what will be computed for it."""
+"""``mechviz show``, ``schema`` and ``check``: what a scene says."""
 
 from __future__ import annotations
 
@@ -7,12 +7,10 @@ from typing import Annotated
 
 import typer
 
-from mechcore.effects.plan import make_plan
 from mechviz.commands.common import say
-from mechviz.commands.solving import ReachableOpt, SceneArg, clear_errors, load_scene
+from mechviz.commands.loading import ReachableOpt, SceneArg, clear_errors, load_scene
 from mechviz.scene.scene import json_schema
-from mechviz.studies.cost import cost_lines, measure
-from mechviz.studies.report import check_lines, plan_lines
+from mechviz.studies.report import check_lines
 
 
 def show(scene: SceneArg) -> None:
@@ -42,16 +40,3 @@ def check(
     """Validate a scene and print its mobility, groups, loops, assembly modes and reachable range."""
     with clear_errors(scene):
         print("\n".join(check_lines(load_scene(scene, reachable=reachable), equations=equations, modes=modes)))
-
-
-def plan(
-    scene: SceneArg,
-    cost: Annotated[bool, typer.Option("--cost", help="also measure what each stage and effect costs")] = False,
-) -> None:
-    """Print what will be computed for a scene, what not, and why; with --cost what each stage and effect costs."""
-    with clear_errors(scene):
-        loaded = load_scene(scene)
-        print(loaded.title)
-        print("\n".join(plan_lines(make_plan(loaded.mechanism))))
-        if cost:
-            print("\n".join(cost_lines(measure(loaded), loaded.frames + 1)))

@@ -9,7 +9,8 @@ from typing import Annotated
 import typer
 
 from mechviz.commands.common import check_targets, fail, interruptible, progress_bar, say
-from mechviz.commands.solving import KeepOpt, check_trust, clear_errors, load_scene, solve
+from mechviz.commands.loading import clear_errors, load_scene
+from mechviz.commands.solving import KeepOpt, check_trust, solve
 from mechviz.files import replacing
 from mechviz.outputs.images.browser import find_chromium
 from mechviz.outputs.images.drawing import write_svg

@@ -8,7 +8,8 @@ from typing import Annotated
 import typer
 
 from mechviz.commands.common import check_targets, fail, interruptible, say
-from mechviz.commands.solving import SceneArg, clear_errors, load_scene, quantity_of, solve
+from mechviz.commands.loading import SceneArg, clear_errors, load_scene, quantity_of
+from mechviz.commands.solving import solve
 from mechviz.outputs.rerun.writer import write_recording
 from mechviz.scene.scene import Scene, dump
 from mechviz.studies.balance import balance_scene

@@ -8,16 +8,8 @@ from typing import Annotated
 import typer
 
 from mechviz.commands.common import fail
-from mechviz.commands.solving import (
-    AccuracyOpt,
-    CyclesOpt,
-    FramesOpt,
-    ReachableOpt,
-    clear_errors,
-    load_scene,
-    solve,
-    warn_of_accuracy,
-)
+from mechviz.commands.loading import ReachableOpt, clear_errors, load_scene
+from mechviz.commands.solving import AccuracyOpt, CyclesOpt, FramesOpt, solve, warn_of_accuracy
 from mechviz.outputs.rerun.reader import Recording
 from mechviz.outputs.viewer.app import serve, serve_while
 from mechviz.outputs.viewer.server import ViewerError

@@ -1,7 +1,7 @@
 """Quantities of a scene: bare numbers in the scene's units, or texts such as ``"60 rpm"``, to SI units and radians.
 
 Conversions are made in decimal arithmetic and rounded once, so that ``"80 mm"``, ``80`` in a scene in mm and ``0.08``
-in a scene in m are the same double. The unit registry is our own and small: an angle is a dimension of its own here,
+in a scene in m are the same double. The table of units is our own and small: an angle is a dimension of its own here,
 which keeps turns per minute and cycles per second apart (the usual registries take both for 1/s and are off by 2 pi
 without a word).
 """
@@ -14,7 +14,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from decimal import Decimal
 from functools import cache
-from typing import Any
 
 from mechcore.texts import shown
 from mechviz.scene.faults import closest
@@ -25,40 +24,41 @@ QUANTITY_PATTERN = r"^\s*[+-]?([0-9]+(\.[0-9]*)?|\.[0-9]+)([eE][+-]?[0-9]+)?\s*(
 _QUANTITY = re.compile(
     r"\s*(?P<number>[+-]?(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)(?:[eE][+-]?[0-9]+)?)\s*(?P<unit>(?:[A-Za-zµμ°(]|1\s*/).*?)\s*"
 )
-_UNIT_TEXT = re.compile(r"[A-Za-zµμ°Ω·*/^()0-9.²³⁻¹\s-]{1,60}")
+_TOKEN = re.compile(r"\s*(?:(?P<name>[A-Za-zµμ°Ω]+)|(?P<power>[⁻¹²³]+)|(?P<number>-?[0-9]+)|(?P<sign>\*\*|[*·/^()]))\s*")
+_LONGEST = 60  # characters of a unit
 
-_DEFINITIONS = """
-nano- = 1e-9 = n-
-micro- = 1e-6 = µ- = μ- = u-
-milli- = 1e-3 = m-
-centi- = 1e-2 = c-
-deci- = 1e-1 = d-
-kilo- = 1e3 = k-
-mega- = 1e6 = M-
-giga- = 1e9 = G-
-metre = [length] = m = meter
-gram = [mass] = g
-second = [time] = s = sec
-radian = [angle] = rad
-turn = 6.28318530717958647692528676655900577 * radian = rev = revolution
-degree = turn / 360 = deg = °
-arcminute = degree / 60 = arcmin
-minute = 60 * second = min
-hour = 3600 * second = h
-rpm = turn / minute
-hertz = 1 / second = Hz
-newton = kilogram * metre / second**2 = N
-joule = newton * metre = J
-watt = joule / second = W
-pascal = newton / metre**2 = Pa
-bar = 1e5 * pascal
-tonne = 1000 * kilogram = t
-inch = 0.0254 * metre = in
-foot = 0.3048 * metre = ft
-pound = 0.45359237 * kilogram = lb
-pound_force = 4.4482216152605 * newton = lbf
-kilogram_force = 9.80665 * newton = kgf
-"""
+_PREFIXES = {
+    "nano": -9, "n": -9, "micro": -6, "µ": -6, "μ": -6, "u": -6, "milli": -3, "m": -3, "centi": -2, "c": -2, "deci": -1, "d": -1,
+    "kilo": 3, "k": 3, "mega": 6, "M": 6, "giga": 9, "G": 9,
+}  # fmt: skip
+
+_BASES = ("[angle]", "[length]", "[mass]", "[time]")
+
+_TURN = "6.28318530717958647692528676655900577"
+_DEFINITIONS = (  # names, how many, of what; the first four measure one dimension each
+    ("radian rad", "1", "[angle]"),
+    ("metre m meter", "1", "[length]"),
+    ("gram g", "1e-3", "[mass]"),  # factors are those to SI units
+    ("second s sec", "1", "[time]"),
+    ("turn rev revolution", _TURN, "rad"),
+    ("degree deg °", Decimal(_TURN) / 360, "rad"),
+    ("arcminute arcmin", Decimal(_TURN) / 21600, "rad"),
+    ("minute min", "60", "s"),
+    ("hour h", "3600", "s"),
+    ("rpm", "1", "turn/min"),
+    ("hertz Hz", "1", "1/s"),
+    ("newton N", "1", "kg m/s^2"),
+    ("joule J", "1", "N m"),
+    ("watt W", "1", "J/s"),
+    ("pascal Pa", "1", "N/m^2"),
+    ("bar", "1e5", "Pa"),
+    ("tonne t", "1000", "kg"),
+    ("inch in", "0.0254", "m"),
+    ("foot ft", "0.3048", "m"),
+    ("pound lb", "0.45359237", "kg"),
+    ("lbf", "4.4482216152605", "N"),
+    ("kgf", "9.80665", "N"),
+)
 
 _SYMBOLS = (
     "m", "mm", "cm", "um", "in", "ft", "rad", "deg", "turn", "rpm", "kg", "g", "lb", "s", "ms", "min", "Hz", "N", "kN",
@@ -157,29 +157,99 @@ class QuantityError(ValueError):
         self.remedy = remedy
 
 
+@dataclass(frozen=True)
+class Unit:
+    """How many SI units it is, and its powers of angle, length, mass and time."""
+
+    factor: Decimal = Decimal(1)
+    powers: tuple[int, ...] = (0, 0, 0, 0)
+
+    def times(self, other: Unit, power: int = 1) -> Unit:
+        """The product with a power of another unit."""
+        powers = tuple(a + power * b for a, b in zip(self.powers, other.powers, strict=True))
+        return Unit(self.factor * other.factor**power, powers)
+
+
 @cache
-def _registry() -> Any:
-    import pint  # a third of a second: only for scenes, not for the gallery's list
+def _definitions() -> dict[str, Unit]:
+    """The units without prefixes, by each of their names."""
+    found: dict[str, Unit] = {}
+    for names, number, of in _DEFINITIONS:
+        unit = Unit(powers=tuple(int(base == of) for base in _BASES)) if of in _BASES else _product(of, found)
+        found |= dict.fromkeys(names.split(), Unit().times(unit).times(Unit(Decimal(number))))
+    return found
 
-    registry: Any = pint.UnitRegistry(None, non_int_type=Decimal)
-    registry.load_definitions([line for line in _DEFINITIONS.splitlines() if line])
-    return registry
+
+def _named(name: str, known: Mapping[str, Unit]) -> Unit | None:
+    """The unit of a name, perhaps with a prefix or in the plural; None where there is none."""
+    for word in (name, name.removesuffix("s") if len(name) > 2 else name):
+        if word in known:
+            return known[word]
+        for prefix, power in _PREFIXES.items():
+            unit = known.get(word.removeprefix(prefix)) if word.startswith(prefix) else None
+            if unit is not None:
+                return unit.times(Unit(Decimal(10) ** power))
+    return None
+
+
+def _product(text: str, known: Mapping[str, Unit]) -> Unit:
+    """The unit that a formula such as ``kg m^2/s`` or ``N m/(rad s)`` names: products and quotients from left to right, whole
+    powers first. Raises `ValueError` where it is none."""
+    place, tokens = 0, []
+    while place < len(text):
+        match = _TOKEN.match(text, place)
+        if match is None or place > _LONGEST:
+            raise ValueError(text)
+        tokens.append((str(match.lastgroup), match[str(match.lastgroup)]))
+        place = match.end()
+    tokens = [("sign", "/") if token == ("name", "per") else token for token in tokens]
+
+    def factor() -> Unit:
+        kind, token = tokens.pop(0)
+        if token == "(":
+            unit: Unit | None = product()
+            if not tokens or tokens.pop(0)[1] != ")":
+                raise ValueError(text)
+        else:
+            unit = _named(token, known) if kind == "name" else Unit() if token == "1" else None
+        if unit is None:
+            raise ValueError(text)
+        power = 1
+        if tokens and tokens[0][0] == "power":
+            power = int(tokens.pop(0)[1].translate(str.maketrans("⁻¹²³", "-123")))
+        elif len(tokens) > 1 and tokens[0][1] in ("^", "**"):
+            power = int(tokens[1][1])
+            del tokens[:2]
+        return Unit().times(unit, power)
+
+    def product() -> Unit:
+        unit = factor()
+        while tokens and tokens[0][1] != ")":
+            sign = tokens.pop(0)[1] if tokens[0][1] in ("*", "·", "/") else "*"
+            if not tokens:
+                raise ValueError(text)
+            unit = unit.times(factor(), -1 if sign == "/" else 1)
+        return unit
+
+    if not tokens:
+        raise ValueError(text)
+    unit = product()
+    if tokens:
+        raise ValueError(text)
+    return unit
 
 
 @cache
-def _unit(text: str) -> Any:
+def _unit(text: str) -> Unit:
     """The unit that a text such as ``N m`` or ``kg m^2`` names."""
-    plain = re.sub(r"([A-Za-zµμ])([23])\b", r"\1^\2", text)  # people write m2 for m^2
-    registry = _registry()
-    if _UNIT_TEXT.fullmatch(plain):
-        try:
-            return registry.parse_units(plain)
-        except Exception:  # pint raises errors of half a dozen unrelated classes; all of them mean the same to a reader
-            pass
+    try:
+        return _product(re.sub(r"([A-Za-zµμ])([23])\b", r"\1^\2", text), _definitions())  # people write m2 for m^2
+    except (ValueError, ArithmeticError):  # a power of many digits is no unit either
+        pass
     if text in _SPACED:
         raise QuantityError(f"unknown unit '{text}'.", f"Put a space between the units: '{_SPACED[text]}'.")
     words = re.findall(r"[A-Za-zµμ°]+", text)
-    unknown = next((word for word in words if word.lower() == "nan" or word not in registry), text)  # pint takes "nan" for a number
+    unknown = next((word for word in words if _named(word, _definitions()) is None), text)
     near = closest(unknown, _SYMBOLS)
     raise QuantityError(
         f"unknown unit '{unknown}'.",
@@ -187,12 +257,15 @@ def _unit(text: str) -> Any:
     )
 
 
-def _words(unit: Any) -> str:
+def _words(unit: Unit) -> str:
     """What a unit measures, in words."""
     for kind in KINDS.values():
-        if unit.dimensionality == _registry().parse_units(kind.si).dimensionality:
+        if unit.powers == _unit(kind.si).powers:
             return kind.words
-    return f"of the dimension {unit.dimensionality}"
+    named = {base: f"{base} ** {abs(n)}" if abs(n) > 1 else base for base, n in zip(_BASES, unit.powers, strict=True)}
+    above = [named[base] for base, n in zip(_BASES, unit.powers, strict=True) if n > 0]
+    below = [named[base] for base, n in zip(_BASES, unit.powers, strict=True) if n < 0]
+    return f"of the dimension {' / '.join([' * '.join(above) or '1', *below])}"
 
 
 @cache
@@ -200,9 +273,8 @@ def unit_factor(text: str, kind: str) -> Decimal:
     """How many SI units of its kind one unit is; QuantityError where the unit measures something else."""
     unit = _unit(text)
     wanted = KINDS[kind]
-    target = _registry().parse_units(wanted.si)
-    if unit.dimensionality == target.dimensionality:
-        return Decimal(_registry().Quantity(Decimal(1), unit).to(target).magnitude)
+    if unit.powers == _unit(wanted.si).powers:  # whose factor is 1
+        return unit.factor
     found = _words(unit)
     if (found, kind) == ("a frequency", "angular speed"):
         raise QuantityError(f"{found}, {wanted.words} is wanted.", "Write turns as rpm or turn/s, angles as deg/s or rad/s.")

@@ -109,7 +109,8 @@ def test_run_stays_a_function_whatever_is_imported():
 
 def test_the_core_offers_motion_under_forces_when_it_is_asked_for():
     import mechcore
-    from mechcore.dynamics import Simulation, simulate
+    from mechcore.dynamics.simulate import simulate
+    from mechcore.dynamics.simulation import Simulation
 
     assert mechcore.simulate is simulate and mechcore.Simulation is Simulation
     with pytest.raises(AttributeError, match="nonsense"):

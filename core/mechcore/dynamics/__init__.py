@@ -5,12 +5,3 @@ simulation = simulate(mechanism, 2.0, tolerance=1e-9)
 motion = simulation.motion(np.linspace(0.0, 2.0, 361))
 forces = simulation.forces(motion)
 """
-
-from mechcore.dynamics.contact.separation import SeparableCam
-from mechcore.dynamics.event_integrator import Method
-from mechcore.dynamics.events import EventTrigger, SimulationEvent, Stop
-from mechcore.dynamics.simulate import simulate
-from mechcore.dynamics.simulation import Simulation, cross_check
-from mechcore.laws.timed import Free
-
-__all__ = ["EventTrigger", "Free", "Method", "SeparableCam", "Simulation", "SimulationEvent", "Stop", "cross_check", "simulate"]

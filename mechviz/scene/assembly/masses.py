@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
-from shapely.geometry import Polygon
 
 from mechcore.errors import MechanismError
 from mechcore.laws.timed import Free
@@ -20,6 +20,9 @@ from mechviz.scene.document import LinkDocument, SceneDocument
 from mechviz.scene.faults import did_you_mean
 from mechviz.scene.fields import Unknown
 from mechviz.scene.kinds.bodies import MassDocument, body_of, lumps_of
+
+if TYPE_CHECKING:
+    from shapely.geometry import Polygon
 
 Vec2 = tuple[float, float]
 

@@ -10,7 +10,6 @@ from pathlib import PurePath
 from typing import TYPE_CHECKING, Annotated, Any, Literal, get_args
 
 import numpy as np
-import shapely
 from pydantic import Discriminator, Field, Tag, model_validator
 
 from mechcore.errors import MechanismError
@@ -20,6 +19,8 @@ from mechviz.scene.faults import did_you_mean
 from mechviz.scene.fields import Angle, Density, Mass, Number, Point, Size, Table, Text, Unknown, is_whole, refuse
 
 if TYPE_CHECKING:
+    import shapely
+
     from mechviz.scene.convert import Converter
 
 
@@ -344,6 +345,8 @@ def _mesh(m: MassDocument, density: float | None, mass: float | None, convert: C
 
 def polygon_of(corners: Sequence[Vec2], bulges: Sequence[float] | None) -> shapely.Polygon | None:
     """An outline with its arcs as chords, or None where it crosses itself or has no area."""
+    import shapely
+
     z = np.array([complex(*c) for c in corners])
     ring: list[complex] = []
     for a, b, bulge in zip(z, np.roll(z, -1), bulges or [0.0] * len(z), strict=False):
@@ -358,12 +361,16 @@ def polygon_of(corners: Sequence[Vec2], bulges: Sequence[float] | None) -> shape
 
 def plate_of(points: Sequence[Vec2], radius: float) -> shapely.Polygon | None:
     """A plate with round ends about points."""
+    import shapely
+
     known = [p for p in points if all(map(math.isfinite, p))]
     return shapely.MultiPoint(known).convex_hull.buffer(radius, quad_segs=STEPS) if known and radius > 0.0 else None
 
 
 def misplaced(material: shapely.Polygon, holes: Sequence[tuple[Vec2, float]]) -> Iterator[tuple[int, str]]:
     """Numbers of holes (centre, radius) that cannot be cut, with what is wrong."""
+    import shapely
+
     for k, (centre, radius) in enumerate(holes):
         if not all(map(math.isfinite, (*centre, radius))):
             continue

@@ -30,7 +30,7 @@ from mechviz.scene.builder import SceneBuilder
 from mechviz.scene.faults import SceneError
 from mechviz.scene.folder import gallery
 from mechviz.scene.scene import Scene, dump, load, loads
-from mechviz.scene.units import KINDS, Units, parse
+from mechviz.scene.units import KINDS, Units, parse, unit_factor
 
 NAMES = [entry.name for entry in gallery()]
 
@@ -99,10 +99,22 @@ def test_the_scene_of_the_examples_becomes_this_mechanism():
         ("400 g", "mass", 0.4),
         ("2 kN", "force", 2000.0),
         ("2 min", "time", 120.0),
+        ("2 minutes", "time", 120.0),
+        ("3 N m/(rad s)", "torsional integral gain", 3.0),
+        ("3 N m / rad / s", "torsional integral gain", 3.0),
+        ("3 N m per rad s⁻¹", "torsional integral gain", 3.0),
+        ("3 kg/s**2", "stiffness", 3.0),
+        ("2 kilonewton·centimetre^-1", "stiffness", 2e5),
     ],
 )
 def test_a_text_with_a_unit_is_converted_to_the_last_digit(text, kind, si):
     assert parse(text, kind) == (pytest.approx(si, rel=3e-16) if "angle" in kind or "angular" in kind else si)
+
+
+@pytest.mark.parametrize("unit", ["m^", "m/", "m*/s", "(m", "m)", "()", "m^0.5", "m^-", "2", "m 2", "Ns", "mx", "m" * 99])
+def test_a_text_that_is_no_unit_is_said_to_be_none(unit):
+    with pytest.raises(ValueError, match="unknown unit"):
+        unit_factor(unit, "length")
 
 
 def test_lengths_in_millimetres_are_the_doubles_that_metres_give():

@@ -1,0 +1,61 @@
+"""What commands share that read scenes: their argument, faults of scenes as messages, quantities of options."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from mechcore.errors import MechanismError
+from mechviz.commands.common import fail, orderly, say
+from mechviz.scene.assembly.reachable import swinging
+from mechviz.scene.faults import SceneError
+from mechviz.scene.kinds.segments import former_laws
+from mechviz.scene.scene import Scene, load
+from mechviz.scene.units import QuantityError, Units
+
+SceneArg = Annotated[str, typer.Argument(metavar="SCENE", help="gallery name or path of a scene file (.toml)")]
+ReachableOpt = Annotated[bool, typer.Option("--reachable", help="run the drive as far as it can go and back, not a full turn")]
+
+
+@contextmanager
+def clear_errors(source: str) -> Iterator[None]:
+    """`orderly`, and the faults of a scene as a message that names the scene."""
+    with orderly():
+        try:
+            yield
+        except MechanismError as e:
+            fail(str(e if isinstance(e, SceneError) else SceneError(Path(source).name, e.faults)))
+
+
+def load_scene(source: str, *, reachable: bool = False) -> Scene:
+    """A scene of the gallery or of a file; ``reachable``: its drive runs as far as it can and back."""
+    scene = load(source)
+    for place, former, present in former_laws(scene.document):
+        say(f"note: {place}: the law '{former}' is called '{present}' now, and read as that.")
+    if not reachable:
+        return scene
+    changes = swinging(scene.document)
+    if not changes:
+        fail("--reachable is for scenes with one drive, which says a speed and no travel or range.")
+    return scene.changed(changes)
+
+
+def quantity_of(scene: Scene, text: str | None, option: str, kind: str) -> float | None:
+    """A quantity of a kind, in SI units, from an option: a text with a unit, or a number in the scene's units."""
+    if text is None:
+        return None
+    try:
+        value: float | str = float(text)
+    except ValueError:
+        value = text
+    if isinstance(value, float) and not math.isfinite(value):
+        fail(f"--{option}: {text} is not a finite number. Give a finite one.")
+    try:
+        return Units(**scene.document.units.model_dump()).si(value, kind)
+    except QuantityError as e:
+        fail(f"--{option}: {e} {e.remedy}")
