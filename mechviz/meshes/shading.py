@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 Color = tuple[int, int, int, int]  # red, green, blue, alpha, each 0-255
 
@@ -90,8 +91,17 @@ def _fans(faces: np.ndarray, normal: np.ndarray) -> np.ndarray:
     smooth = (normal[a // 3] * normal[b // 3]).sum(axis=1) > _CREASE
     a, b = a[smooth], b[smooth]  # both ends of an edge join a corner of one face to a corner of the other
     first, second = np.concatenate([low[a], high[a]]), np.concatenate([low[b], high[b]])
-    from scipy.sparse import coo_matrix
-    from scipy.sparse.csgraph import connected_components
+    return components(faces.size, first, second)
 
-    graph = coo_matrix((np.ones(len(first)), (first, second)), shape=(faces.size, faces.size))
-    return connected_components(graph, directed=False)[1]
+
+def components(count: int, first: NDArray[np.intp], second: NDArray[np.intp]) -> NDArray[np.intp]:
+    """The connected component (count,) of each of ``count`` vertices of a graph with edges ``first`` - ``second`` (E,), numbered in
+    the order in which they appear."""
+    least = np.arange(count)  # a vertex of its component, in the end the first one
+    while (apart := least[first] != least[second]).any():
+        first, second = first[apart], second[apart]
+        a, b = least[first], least[second]
+        np.minimum.at(least, np.maximum(a, b), np.minimum(a, b))
+        while (further := least[least]).tobytes() != least.tobytes():
+            least = further
+    return np.unique(least, return_inverse=True)[1]

@@ -113,6 +113,8 @@ def write_recording(
         import rerun  # noqa: F401
     with stage("solid meshes"):
         solids = solids or solids_of(run)
+    with stage("error estimates"):
+        _ = run.errors  # once: the tables, the notes and the summary tell them
     with stage("tables, arrows and events"):
         picture = picture_of(run, solids)
         every = picture_stride(run)
@@ -148,8 +150,6 @@ def write_recording(
         blueprint = make_blueprint(run, {name: enlarged * box for name, box in bounds.items()}, events, views, diagrams, spans)
         statics = find_statics(content)
     with recording_file(path, blueprint, recording_id, run.scene.title or run.scene.name) as part:
-        with stage("error estimates"):
-            accuracy_words(run)  # estimates them once: the notes and the summary tell them
         with stage("writing"):
             describe_run(part.stream, run, solids, picture, stages, every, complete=False)
             for static in statics:

@@ -8,6 +8,8 @@ from typing import Any
 import numpy as np
 import pytest
 import shapely
+from scipy.sparse import coo_matrix
+from scipy.sparse.csgraph import connected_components
 from shapely import affinity
 from solid_checks import FRAMES, check_shapes, in_world, meeting_links, moved, placed, section
 
@@ -16,7 +18,7 @@ from mechcore.joints.parts import build_pairs
 from mechcore.spec.mechanism import Mechanism
 from mechviz.meshes.kinds.teeth import ADDENDUM, BACKLASH, DEDENDUM, external_wheel, rack_teeth, ring_teeth
 from mechviz.meshes.model import build_model
-from mechviz.meshes.shading import BELT, PIN
+from mechviz.meshes.shading import BELT, PIN, components
 from mechviz.meshes.solids import Solids, build_solids
 from mechviz.scene.builder import SceneBuilder
 
@@ -472,3 +474,10 @@ def test_a_slider_on_two_guides_is_one_piece(built):
     for block in parts_of(solids, "slider", "block"):
         middle = block.bounds.mean(axis=0)[:2]
         assert (plate.bounds[0, :2] < middle).all() and (middle < plate.bounds[1, :2]).all()
+
+
+@pytest.mark.parametrize(("count", "edges"), [(1, 0), (60, 40), (900, 800), (900, 3000)])
+def test_components_are_numbered_as_scipy_numbers_them(count, edges):
+    first, second = np.random.default_rng(edges).integers(0, count, (2, edges))
+    graph = coo_matrix((np.ones(edges), (first, second)), shape=(count, count))
+    assert np.array_equal(components(count, first, second), connected_components(graph, directed=False)[1])

@@ -8,9 +8,8 @@ from typing import Any
 import numpy as np
 import viser
 from numpy.typing import NDArray
-from scipy.sparse import coo_matrix
-from scipy.sparse.csgraph import connected_components
 
+from mechviz.meshes.shading import components
 from mechviz.outputs.viewer.view_model import Body, Piece, ViewModel
 from mechviz.outputs.viewer.viser_adapter import Posed
 from mechviz.picture.nodes import Body as BodyNode
@@ -24,8 +23,7 @@ def shells(piece: Piece) -> NDArray[np.int64]:
     places, same = np.unique(piece.vertices, axis=0, return_inverse=True)
     corners = same.reshape(-1)[piece.faces.astype(np.int64)]
     edges = np.concatenate([corners[:, [0, 1]], corners[:, [1, 2]]])
-    graph = coo_matrix((np.ones(len(edges)), (edges[:, 0], edges[:, 1])), shape=(len(places), len(places)))
-    return np.asarray(connected_components(graph, directed=False)[1][same.reshape(-1)], np.int64)
+    return np.asarray(components(len(places), edges[:, 0], edges[:, 1])[same.reshape(-1)], np.int64)
 
 
 def sectioned(body: Body, height: float) -> Body:
