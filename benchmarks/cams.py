@@ -76,12 +76,12 @@ def errors() -> dict[str, float]:
     rows = CASE["expected"]
     s = CAM.at([row["theta"] for row in rows])
     want = {k: [row["roller"][k] for row in rows] for k in rows[0]["roller"]}
-    pairs = {
+    joints = {
         "profile": (s.working, np.array([complex(*p) for p in want["profile_point"]])),
         "pressure angle": (s.pressure_angle, np.array(want["pressure_angle"])),
         "radius of curvature": (s.radius, np.array(want["profile_curvature_radius"])),
     }
-    return {k: float(np.abs(got - w).max() / np.abs(w).max()) for k, (got, w) in pairs.items()}
+    return {k: float(np.abs(got - w).max() / np.abs(w).max()) for k, (got, w) in joints.items()}
 
 
 def main() -> None:

@@ -338,8 +338,8 @@ def exudyn_squeezer(i: dict[str, Any], steps: int, duration: float = 0.03) -> Ca
         cx, cy = links[name].centre if name != "frame" else (0.0, 0.0)
         return x - cx, y - cy
 
-    pairs = [(parent or "frame", name, at) for name, parent, at in TREE] + [("K2", k, "F") for k in ("K3", "K4", "K6")]
-    for first, second, at in pairs:
+    joints = [(parent or "frame", name, at) for name, parent, at in TREE] + [("K2", k, "F") for k in ("K3", "K4", "K6")]
+    for first, second, at in joints:
         scene.pin(bodies[first], place(first, at), bodies[second], place(second, at))
     ends = [
         scene.mbs.AddMarker(scene.items.MarkerBodyPosition(bodyNumber=bodies[b], localPosition=[*place(b, p), 0.0]))

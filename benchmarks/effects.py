@@ -77,20 +77,20 @@ LOADS: dict[str, Load] = {
     "torsion damper": TorsionDamper(name="torsion damper", links=("frame", "crank"), coefficient=1.0),
     "drag of a point": Drag(name="drag", link="rod", point="C", linear=1.0, quadratic=1.0),
     "drag of a link": Drag(name="drag", link="crank", linear=1.0, quadratic=1.0),
-    "viscous friction, revolute": Viscous(name="viscous", pair="A", coefficient=1.0),
-    "viscous friction, sliding": Viscous(name="viscous", pair="S", coefficient=1.0),
-    "gas pressure, compressor": GasPressure(name="gas", pair="S", area=5e-3, cycle=CYCLE, top=0.18),
+    "viscous friction, revolute": Viscous(name="viscous", joint="A", coefficient=1.0),
+    "viscous friction, sliding": Viscous(name="viscous", joint="S", coefficient=1.0),
+    "gas pressure, compressor": GasPressure(name="gas", joint="S", area=5e-3, cycle=CYCLE, top=0.18),
     "gas pressure, four strokes": next(load for load in ENGINE.loads if load.name == "gas"),
     "DC motor": DcMotor(name="motor", link="crank", stall_torque=50.0, no_load_speed=170.0),
-    "induction motor": InductionMotor(name="motor", pair="A", breakdown_torque=50.0, breakdown_slip=0.2, synchronous_speed=160.0),
+    "induction motor": InductionMotor(name="motor", joint="A", breakdown_torque=50.0, breakdown_slip=0.2, synchronous_speed=160.0),
     "machine of constant power": ConstantPower(name="motor", link="crank", power=2e3, torque_limit=50.0),
-    "servo": Servo(name="servo", pair="A", target=ConstantSpeed(0.0, 160.0), proportional=10.0, derivative=1.0),
+    "servo": Servo(name="servo", joint="A", target=ConstantSpeed(0.0, 160.0), proportional=10.0, derivative=1.0),
     "governor": Governor(name="governor", link="crank", set_speed=160.0, gain=1.0, least=0.0, most=50.0),
 }
 ON_BELT: dict[str, Load] = {
     "torque": Torque(name="torque", link="drum", moment=-1.0),
-    "belt tension": BeltTension(name="tension", pair="V", slack=100.0, coefficient=0.3),
-    "viscous friction, belt": Viscous(name="viscous", pair="V", coefficient=1.0),
+    "belt tension": BeltTension(name="tension", joint="V", slack=100.0, coefficient=0.3),
+    "viscous friction, belt": Viscous(name="viscous", joint="V", coefficient=1.0),
 }
 
 
@@ -102,12 +102,14 @@ ON_JOURNAL: dict[str, Load] = {
 
 
 def rough(mechanism: Mechanism) -> Mechanism:
-    """With dry friction in every pair."""
-    pins = {p.name: replace(p, friction=Friction(coefficient=0.1, radius=0.01)) for p in mechanism.pairs if isinstance(p, Revolute)}
-    guides = {
-        p.name: replace(p, friction=Friction(coefficient=0.1, length=0.05)) for p in mechanism.pairs if isinstance(p, Prismatic)
+    """With dry friction in every joint."""
+    pins = {
+        p.name: replace(p, friction=Friction(coefficient=0.1, radius=0.01)) for p in mechanism.joints if isinstance(p, Revolute)
     }
-    return replace(mechanism, pairs=tuple({**pins, **guides}.get(p.name, p) for p in mechanism.pairs))
+    guides = {
+        p.name: replace(p, friction=Friction(coefficient=0.1, length=0.05)) for p in mechanism.joints if isinstance(p, Prismatic)
+    }
+    return replace(mechanism, joints=tuple({**pins, **guides}.get(p.name, p) for p in mechanism.joints))
 
 
 def cases() -> dict[str, dict[str, Mechanism]]:
@@ -115,7 +117,7 @@ def cases() -> dict[str, dict[str, Mechanism]]:
     where an effect or load of the registry has no case."""
     engine = {name: replace(BARE, loads=(load,)) for name, load in LOADS.items()}
     engine |= {name: replace(BARE, effects=(name,)) for name in ("gravity", "inertia")}
-    engine["constant force and dry friction in all pairs"] = rough(replace(BARE, loads=(CONSTANT,), effects=("friction",)))
+    engine["constant force and dry friction in all joints"] = rough(replace(BARE, loads=(CONSTANT,), effects=("friction",)))
     engine["the whole engine"] = ENGINE
     belt = {name: replace(BELT, loads=(load,)) for name, load in ON_BELT.items()}
     loose = {name: replace(LOOSE, loads=(load,)) for name, load in ON_JOURNAL.items()}

@@ -29,8 +29,8 @@ LOAD = SCENE.mechanism.loads[0]
 def mechviz_run(frames: int):
     time = np.linspace(0.0, LAW.duration, frames, endpoint=False)
     forces = solve_forces(solve_motion(COMPILED, time))
-    reactions = [forces.reaction(p.name) for p in SCENE.mechanism.pairs]
-    return forces.effort(SCENE.mechanism.drives[0].pair), reactions
+    reactions = [forces.reaction(p.name) for p in SCENE.mechanism.joints]
+    return forces.effort(SCENE.mechanism.drives[0].joint), reactions
 
 
 def plain_run(frames: int):

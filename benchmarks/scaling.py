@@ -24,17 +24,17 @@ from mechcore.spec.mechanism import Drive, Link, Mechanism, Revolute
 def chain(n: int) -> Mechanism:
     """N four-bars in a row: n + 1 upright links and n couplers of 1 m, the first upright driven."""
     links = [Link(name="frame", points={f"A{i}": (float(i), 0.0) for i in range(n + 1)})]
-    pairs = []
+    joints = []
     for i in range(n + 1):
         links.append(Link(name=f"v{i}", points={"A": (0.0, 0.0), "B": (0.0, 1.0)}))
-        pairs.append(Revolute(name=f"A{i}", links=("frame", f"v{i}"), points=(f"A{i}", "A")))
+        joints.append(Revolute(name=f"A{i}", links=("frame", f"v{i}"), points=(f"A{i}", "A")))
     for i in range(n):
         links.append(Link(name=f"h{i}", points={"L": (0.0, 0.0), "R": (1.0, 0.0)}))
-        pairs.append(Revolute(name=f"L{i}", links=(f"v{i}", f"h{i}"), points=("B", "L")))
-        pairs.append(Revolute(name=f"R{i}", links=(f"h{i}", f"v{i + 1}"), points=("R", "B")))
+        joints.append(Revolute(name=f"L{i}", links=(f"v{i}", f"h{i}"), points=("B", "L")))
+        joints.append(Revolute(name=f"R{i}", links=(f"h{i}", f"v{i + 1}"), points=("R", "B")))
     sketch = {f"v{i}": (float(i), 0.0, 0.0) for i in range(n + 1)} | {f"h{i}": (float(i), 1.0, 0.0) for i in range(n)}
-    drive = Drive(pair="A0", law=ConstantSpeed(0.0, 1.0))
-    return Mechanism(name="chain", frame="frame", links=tuple(links), pairs=tuple(pairs), drives=(drive,), sketch=sketch)
+    drive = Drive(joint="A0", law=ConstantSpeed(0.0, 1.0))
+    return Mechanism(name="chain", frame="frame", links=tuple(links), joints=tuple(joints), drives=(drive,), sketch=sketch)
 
 
 def loops(sizes: tuple[int, ...]) -> None:
@@ -79,8 +79,8 @@ def designs(count: int) -> None:
         name="four-bar",
         frame="frame",
         links=tuple(Link(name=k, points=p) for k, p in points.items()),
-        pairs=tuple(Revolute(name=k, links=e, points=(k, k)) for k, e in ends.items()),
-        drives=(Drive(pair="A", law=ConstantSpeed(0.0, 1.0)),),
+        joints=tuple(Revolute(name=k, links=e, points=(k, k)) for k, e in ends.items()),
+        drives=(Drive(joint="A", law=ConstantSpeed(0.0, 1.0)),),
         modes={"C": "left"},
     )
     compiled = compile_mechanism(mechanism)

@@ -92,15 +92,15 @@ def chain(stages: int) -> Scene:
     frame = {f"O{k}": [300.0 * k, 0.0] for k in range(stages + 1)}
     links: dict[str, Any] = {"frame": {"points": frame}, "crank0": {"points": {"O0": [0, 0], "B0": [60, 0]}}}
     swing = {"oscillation": {"centre": 90, "amplitude": 20, "period": "2 s"}}
-    pairs: dict[str, Any] = {"O0": {"revolute": ["frame", "crank0"], "drive": swing}}
+    joints: dict[str, Any] = {"O0": {"revolute": ["frame", "crank0"], "drive": swing}}
     for k in range(stages):
         links[f"coupler{k}"] = {"points": {f"B{k}": [0, 0], f"C{k}": [300, 0]}}
         links[f"crank{k + 1}"] = {"points": {f"O{k + 1}": [0, 0], f"C{k}": [60, 0], f"B{k + 1}": [0, 60]}}
-        pairs[f"B{k}"] = {"revolute": [f"crank{k}", f"coupler{k}"]}
-        pairs[f"C{k}"] = {"revolute": [f"coupler{k}", f"crank{k + 1}"], "side": "left"}
-        pairs[f"O{k + 1}"] = {"revolute": [f"crank{k + 1}", "frame"]}
+        joints[f"B{k}"] = {"revolute": [f"crank{k}", f"coupler{k}"]}
+        joints[f"C{k}"] = {"revolute": [f"coupler{k}", f"crank{k + 1}"], "side": "left"}
+        joints[f"O{k + 1}"] = {"revolute": [f"crank{k + 1}", "frame"]}
     return Scene.build(
-        name="chain", title=f"{2 * stages + 1} bodies", units={"length": "mm", "angle": "deg"}, links=links, pairs=pairs
+        name="chain", title=f"{2 * stages + 1} bodies", units={"length": "mm", "angle": "deg"}, links=links, joints=joints
     )
 
 
@@ -147,13 +147,13 @@ def edit() -> None:
     with Viewer(
         run_scene(mechviz.load("kinetostatic-four-bar")), port=0
     ) as viewer:  # the server alone, as when a slider is dragged
-        viewer.studio.wait(rested=True)
-        crank = next(p for p in viewer.studio.parameters if p.label == "crank A–B")
+        viewer.session.wait(rested=True)
+        crank = next(p for p in viewer.session.parameters if p.label == "crank A–B")
         spent, walls = [], []
         for value in 0.1 + 0.02 * np.sin(np.arange(MOVES + 10)):
             start, clock = time.process_time(), time.perf_counter()
-            viewer.studio.move(crank, round(float(value), 5))
-            viewer.studio.wait()
+            viewer.session.move(crank, round(float(value), 5))
+            viewer.session.wait()
             spent.append(1e3 * (time.process_time() - start))
             walls.append(1e3 * (time.perf_counter() - clock))
         print(
@@ -173,14 +173,14 @@ def _drag(chromium: Any, free: bool) -> None:
     with Viewer(run_scene(mechviz.load("kinetostatic-four-bar")), port=0) as viewer:
         page = opened(chromium, viewer, ["/mechanism/coupler"], free)
         page.wait_for_timeout(3000)
-        viewer.studio.wait(rested=True)
+        viewer.session.wait(rested=True)
         slider, spent = viewer.inspector.controls.sliders["links.crank.points.B[0]"]._impl.uuid, Spent(page)
         found, solved, server = [], [], 0.0
         for k, value in enumerate(0.1 + 0.02 * np.sin(np.arange(MOVES + 10))):
             if k == 10:
                 before, server = spent(), time.process_time()
             found.append(page.evaluate(MOVE, [slider, round(float(value), 5), "/mechanism/coupler"]))
-            solved.append(viewer.studio.status.seconds * 1e3)
+            solved.append(viewer.session.status.seconds * 1e3)
         server = 1e3 * (time.process_time() - server) / MOVES
         print(f"edit: {KIND[free]}: a move costs {server:.1f} ms of the server, {spent.since(before, MOVES)}")
         page.close()
@@ -233,7 +233,7 @@ def play() -> None:
     """Processor time of the server while 51 bodies play at 60 frames a second, sent frame by frame and played by the browser."""
     run = run_scene(chain(25), frames=360)
     with Viewer(run, port=0) as viewer:
-        viewer.studio.wait(rested=True)
+        viewer.session.wait(rested=True)
         dense(viewer)
         idle = cpu(2.0)
         for box in viewer.switches.families:
@@ -281,7 +281,7 @@ def many() -> None:
     """Twenty browsers at once, each frame sent to all of them."""
     run = run_scene(mechviz.load("kinetostatic-four-bar"))
     with Viewer(run, port=0) as viewer:
-        viewer.studio.wait(rested=True)
+        viewer.session.wait(rested=True)
         dense(viewer)
         playback.LARGEST = 0
         viewer.inspector.playback.change()
@@ -338,7 +338,7 @@ def sent(frames: int) -> None:
     """Hours of play sent by the server, frame after frame with nothing between them, each fifth with plots and numbers."""
     run = run_scene(mechviz.load("kinetostatic-four-bar"))
     with Viewer(run, port=0) as viewer:
-        viewer.studio.wait(rested=True)
+        viewer.session.wait(rested=True)
         other = subprocess.Popen(
             [sys.executable, "-c", LISTEN.format(port=viewer.port, count=1, seconds=1e6)], stdout=subprocess.DEVNULL
         )
@@ -360,7 +360,7 @@ def page(frames: int) -> None:
 
     run = run_scene(mechviz.load("kinetostatic-four-bar"))
     with Viewer(run, port=0) as viewer, sync_playwright() as playwright:
-        viewer.studio.wait(rested=True)
+        viewer.session.wait(rested=True)
         chromium = browser(playwright)
         page = opened(chromium, viewer, ["/mechanism/coupler"], True)
         viewer.play()

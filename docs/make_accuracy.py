@@ -204,7 +204,7 @@ def hard_pictures() -> None:
         [(1e3 * x, shown, BLUE, "")],
     )
 
-    stop = Stop(name="wall", pair="O", at=-np.pi / 2 + 0.5, side="lower", restitution=0.5)
+    stop = Stop(name="wall", joint="O", at=-np.pi / 2 + 0.5, side="lower", restitution=0.5)
     simulation = simulate(pendulum(0.4, 1.5, 0.35, 1.0), 1.6, stops=[stop], tolerance=1e-9)
     t = np.linspace(0.0, 1.6, 1201)
     angle = np.degrees(simulation(t)[0][:, 0] + np.pi / 2)

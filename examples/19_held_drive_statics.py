@@ -3,7 +3,7 @@
 import mechviz as mv
 
 scene = mv.load("kinetostatic-four-bar")
-drive = scene.mechanism.drives[0].pair  # the joint that is driven
+drive = scene.mechanism.drives[0].joint  # the joint that is driven
 
 for angle in (30, 60, 90):
     held = scene.changed({("joints", drive, "drive"): {"speed": 0, "start": f"{angle} deg"}})

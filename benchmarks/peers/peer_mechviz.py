@@ -29,8 +29,8 @@ def four_bar(accuracy=None, rates=(0, 1, 2)):
         name="four-bar",
         frame="frame",
         links=tuple(Link(name=k, points=v) for k, v in points.items()),
-        pairs=tuple(Revolute(name=k, links=v, points=(k, k)) for k, v in ends.items()),
-        drives=(Drive(pair="A", law=ConstantSpeed(0.0, p.speed)),),
+        joints=tuple(Revolute(name=k, links=v, points=(k, k)) for k, v in ends.items()),
+        drives=(Drive(joint="A", law=ConstantSpeed(0.0, p.speed)),),
         modes={"C": "left"},
     )
     compiled = compile_mechanism(mechanism, accuracy or DEFAULT)
@@ -62,13 +62,13 @@ def slider_crank(accuracy=None):
             Link(name="rod", points={"B": o, "C": (p.l, 0.0)}, mass=p.m[1], centre=(p.s2, 0.0), inertia=p.j[1]),
             Link(name="slider", points={"C": o}, mass=p.m[2]),
         ),
-        pairs=(
+        joints=(
             Revolute(name="O", links=("frame", "crank"), points=("O", "O")),
             Revolute(name="B", links=("crank", "rod"), points=("B", "B")),
             Revolute(name="C", links=("rod", "slider"), points=("C", "C")),
             Prismatic(name="S", links=("frame", "slider"), points=("G", "C")),
         ),
-        drives=(Drive(pair="O", law=ConstantSpeed(0.0, p.speed)),),
+        drives=(Drive(joint="O", law=ConstantSpeed(0.0, p.speed)),),
         effects=("inertia", "gravity"),
         gravity=(0.0, -GRAVITY),
         loads=(Force(name="F", link="slider", point="C", vector=(p.force, 0.0)),),
@@ -115,8 +115,8 @@ def triad(stop):
         name="triad",
         frame="frame",
         links=tuple(Link(name=k, points=v) for k, v in points.items()),
-        pairs=tuple(Revolute(name=k, links=v, points=(k, k)) for k, v in ends.items()),
-        drives=(Drive(pair="O", law=ConstantSpeed(0.0, p.speed)),),
+        joints=tuple(Revolute(name=k, links=v, points=(k, k)) for k, v in ends.items()),
+        drives=(Drive(joint="O", law=ConstantSpeed(0.0, p.speed)),),
         sketch={**sketch, "plate": p.start},
     )
     compiled = compile_mechanism(mechanism, Accuracy(position=stop))

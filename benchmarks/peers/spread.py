@@ -30,9 +30,9 @@ def with_rates(solve, order, speed, turn):
     for (point, derivative), x in list(found.items()):
         if derivative:
             continue
-        pairs = [(np.roll(x, -k, axis=0), np.roll(x, k, axis=0)) for k in range(1, order // 2 + 1)]
-        first = sum(w * (a - b) for w, (a, b) in zip(FIRST[order], pairs, strict=True))
-        second = SECOND[order][0] * x + sum(w * (a + b) for w, (a, b) in zip(SECOND[order][1:], pairs, strict=True))
+        joints = [(np.roll(x, -k, axis=0), np.roll(x, k, axis=0)) for k in range(1, order // 2 + 1)]
+        first = sum(w * (a - b) for w, (a, b) in zip(FIRST[order], joints, strict=True))
+        second = SECOND[order][0] * x + sum(w * (a + b) for w, (a, b) in zip(SECOND[order][1:], joints, strict=True))
         found[point, 1], found[point, 2] = first / step, second / step**2
     return found
 

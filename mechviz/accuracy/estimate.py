@@ -110,7 +110,7 @@ def estimate_errors(run: Run) -> ErrorEstimate:
 
 
 def lost_turns(motion: Any) -> Real:
-    """Whole turns [rad] by which angles of links and coordinates of pairs have jumped until each frame (F,), the largest of all:
+    """Whole turns [rad] by which angles of links and coordinates of joints have jumped until each frame (F,), the largest of all:
     where one goes on by a turn more or less than its rates at both frames say. Loads by such an angle are wrong from there on."""
     worst, step = np.zeros(motion.frames), np.diff(motion.time)
     rows = [motion.coordinate(c.name).T for c in motion.model.connections]

@@ -108,9 +108,9 @@ def _forces(motion: Any, forces: Any) -> Iterator[Quantity]:
         if _peak([r[:, 2:]]) > LEAST * moment:
             yield Quantity(f"couple {name}", "reaction", r[:, 2:], _peak([r[:, 2:]]))
     for drive in motion.mechanism.drives:
-        effort = forces.effort(drive.pair)[:, None]
+        effort = forces.effort(drive.joint)[:, None]
         if _peak([effort]) > 0.0:
-            yield Quantity(f"effort {drive.pair}", "reaction", effort, _peak([effort]))
+            yield Quantity(f"effort {drive.joint}", "reaction", effort, _peak([effort]))
 
 
 def _peak(values: list[Real]) -> float:
@@ -158,7 +158,7 @@ def _passages(rows: NDArray[np.intp], part: Any) -> Iterator[Passage]:
     for block, cols in zip(part.model.blocks, part.columns, strict=True):
         if block.kind in ("check", "relation"):
             continue
-        if cols.pair is not None:
+        if cols.direct is not None:
             determinant: Any = 1.0 / cols.inverse
         else:
             matrix, _ = matrix_of(cols)

@@ -32,7 +32,7 @@ def fail(text: str, code: int = 2) -> NoReturn:
 
 UNTRUSTED = 3  # exit code where results do not balance or close
 UNFORESEEN = 70  # exit code of a fault of the program, as in sysexits.h
-NAMED = ("path", "joint", "pair", "link", "load", "drive", "name")  # what the code calls the item of the scene that it works on
+NAMED = ("path", "joint", "joint", "link", "load", "drive", "name")  # what the code calls the item of the scene that it works on
 
 
 def unforeseen(error: BaseException, *, shown: bool) -> int:

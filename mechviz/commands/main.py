@@ -45,7 +45,7 @@ COMMANDS = {
     },
     "studies": {
         "balance": "Balance the shaking force of a four-bar or slider-crank by counterweights; show it before and after.",
-        "vibrations": "Find the equilibrium of a scene with free pairs, and its natural frequencies, damping ratios and modes.",
+        "vibrations": "Find the equilibrium of a scene with free joints, and its natural frequencies, damping ratios and modes.",
     },
     "view": {
         "view": "Show a scene in the browser at http://127.0.0.1:PORT until Ctrl-C, to look at and to edit; or play a recording.",

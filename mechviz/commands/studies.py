@@ -65,9 +65,9 @@ def vibrations(
         Path | None, typer.Option("--output", "-o", help="write the mode as a recording (.rrd) or as a scene (.toml)")
     ] = None,
 ) -> None:
-    """Find the equilibrium of a scene with free pairs, and its natural frequencies, damping ratios and modes.
+    """Find the equilibrium of a scene with free joints, and its natural frequencies, damping ratios and modes.
 
-    The mechanism is let down from the start of its free pairs to where it stays at rest; about that place its equations of motion
+    The mechanism is let down from the start of its free joints to where it stays at rest; about that place its equations of motion
     are linearised. In a mode all parts move in step at one frequency; every small free motion is a sum of modes. Shapes are
     printed with their largest part one, and are mass-normalised in the table.
 

@@ -21,7 +21,7 @@ from mechcore.laws.program import Segment, program
 from mechcore.laws.timed import ConstantSpeed
 from mechcore.motion.solve import compile_mechanism, solve_motion
 from mechcore.spec.loads import Spring
-from mechcore.spec.mechanism import CamPair, Drive, Link, Mechanism, Prismatic, Revolute
+from mechcore.spec.mechanism import CamJoint, Drive, Link, Mechanism, Prismatic, Revolute
 from mechviz.hard_cases.case import Case, Outcome, compare, judged, moved, refused
 from mechviz.hard_cases.mechanisms import TURN
 
@@ -184,7 +184,7 @@ def _separation() -> Outcome:
     return Outcome(f"lost at {found.speed:.9g} rad/s, {np.degrees(found.angle):.6g}°", tuple(checks), events=("contact lost",))
 
 
-def _pair(face: object, **more: object) -> Mechanism:
+def _joint(face: object, **more: object) -> Mechanism:
     """A translating follower with its spring, driven at 20 rad/s."""
     return Mechanism(
         name="cam",
@@ -194,21 +194,21 @@ def _pair(face: object, **more: object) -> Mechanism:
             Link(name="cam", points={"O": (0.0, 0.0)}, mass=1.2, centre=(0.003, 0.002), inertia=2e-3),
             Link(name="follower", points={"T": (0.0, 0.0), "E": (0.0, 0.06)}, mass=0.4, centre=(0.0, 0.03)),
         ),
-        pairs=(
+        joints=(
             Revolute(name="O", links=("frame", "cam"), points=("O", "O")),
             Prismatic(name="S", links=("frame", "follower"), points=("G", "T"), along=(0.0, 1.0)),
-            CamPair(name="K", links=("cam", "follower"), guide="S", point="T", face=face, **{"lift": LIFT, "base": 0.04, **more}),  # type: ignore[arg-type]  # what each case varies
+            CamJoint(name="K", links=("cam", "follower"), guide="S", point="T", face=face, **{"lift": LIFT, "base": 0.04, **more}),  # type: ignore[arg-type]  # what each case varies
         ),
-        drives=(Drive(pair="O", law=ConstantSpeed(0.3, 20.0)),),
+        drives=(Drive(joint="O", law=ConstantSpeed(0.3, 20.0)),),
         loads=(Spring(name="spring", links=("frame", "follower"), points=("H", "E"), stiffness=4e3, free_length=0.2),),
         effects=("inertia", "gravity"),
     )  # fmt: skip
 
 
 def _loses_contact() -> Outcome:
-    """The pair itself reports the stretch in which its contact would have to pull; its edge by hand."""
-    m = _pair(Roller(0.01))
-    m = replace(m, drives=(Drive(pair="O", law=ConstantSpeed(0.0, 200.0)),))
+    """The joint itself reports the stretch in which its contact would have to pull; its edge by hand."""
+    m = _joint(Roller(0.01))
+    m = replace(m, drives=(Drive(joint="O", law=ConstantSpeed(0.0, 200.0)),))
     motion = solve_motion(compile_mechanism(m), np.linspace(0.0, TURN / 200.0, 721))
     forces = solve_forces(motion)
     theta = np.linspace(0.0, TURN, 721)
@@ -280,12 +280,12 @@ def _jerk() -> Outcome:
 
 
 def _unreachable() -> Outcome:
-    return refused(lambda: compile_mechanism(_pair(Roller(0.05), base=0.002)), "undercut.*radius of 50 mm on a pitch curve")
+    return refused(lambda: compile_mechanism(_joint(Roller(0.05), base=0.002)), "undercut.*radius of 50 mm on a pitch curve")
 
 
 def _not_closed() -> Outcome:
     lift = program([Segment(2.0, 0.01), Segment(2.0, 0.0)])
-    return refused(lambda: compile_mechanism(_pair(Roller(0.01), lift=lift)), r"229\.183°", r"Add a dwell of 130\.817")
+    return refused(lambda: compile_mechanism(_joint(Roller(0.01), lift=lift)), r"229\.183°", r"Add a dwell of 130\.817")
 
 
 def _base_circle() -> Outcome:

@@ -21,16 +21,16 @@ def _redundant() -> Outcome:
         Link(name="frame", points=points),
         Link(name="bar", points={"B": (0.0, 0.0), "D": (3.0, 0.0), "H": (1.5, 0.0)}, mass=4.0),
     ]
-    pairs = []
+    joints = []
     for crank, (foot, head) in {"c1": ("A", "B"), "c2": ("E", "D"), "c3": ("G", "H")}.items():
         links.append(Link(name=crank, points={foot: (0.0, 0.0), head: (0.6, 0.8)}))
-        pairs += [pin(foot, "frame", crank), pin(head, crank, "bar")]
+        joints += [pin(foot, "frame", crank), pin(head, crank, "bar")]
     m = Mechanism(
         name="three cranks",
         frame="frame",
         links=tuple(links),
-        pairs=tuple(pairs),
-        drives=(Drive(pair="A", law=ConstantSpeed(0.0, 1.0)),),
+        joints=tuple(joints),
+        drives=(Drive(joint="A", law=ConstantSpeed(0.0, 1.0)),),
         effects=("gravity",),
         sketch={"bar": (0.6, 0.8, 0.0), "c1": (0.0, 0.0, 0.0), "c2": (3.0, 0.0, 0.0), "c3": (1.5, 0.0, 0.0)},
     )
@@ -47,7 +47,7 @@ def _redundant() -> Outcome:
 
 def _contradiction() -> Outcome:
     m = four_bar(0.28, 0.1, 0.3, 0.25)
-    both = replace(m, drives=(*m.drives, Drive(pair="E", law=ConstantSpeed(1.6252677045288113, 1.0))), modes={})
+    both = replace(m, drives=(*m.drives, Drive(joint="E", law=ConstantSpeed(1.6252677045288113, 1.0))), modes={})
     return refused(
         lambda: solve_motion(compile_mechanism(both), np.linspace(0.0, 1.0, 21)), "contradict each other", "Take 1 of the 2"
     )
@@ -66,8 +66,8 @@ def _geared_turns() -> Outcome:
     m = replace(
         base,
         links=(frame, *base.links[1:], Link(name="pinion", points={"c": (0.0, 0.0)})),
-        pairs=(
-            *base.pairs,
+        joints=(
+            *base.joints,
             Revolute(name="W", links=("frame", "pinion"), points=("W", "c")),
             Gear(name="G", links=("rocker", "pinion"), carrier="frame", sizes=(20, 30)),
         ),
@@ -85,8 +85,8 @@ def _loop_of_slides() -> Outcome:
         name="slides",
         frame="frame",
         links=tuple(Link(name=n, points={"O": (0.0, 0.0)}) for n in ("frame", "a", "b")),
-        pairs=(slide("1", "frame", "a", (1.0, 0.2)), slide("2", "a", "b", (0.0, 1.0)), slide("3", "frame", "b", (1.0, 1.0))),
-        drives=(Drive(pair="1", law=ConstantSpeed(0.1, 1.0, travel=0.5)),),
+        joints=(slide("1", "frame", "a", (1.0, 0.2)), slide("2", "a", "b", (0.0, 1.0)), slide("3", "frame", "b", (1.0, 1.0))),
+        drives=(Drive(joint="1", law=ConstantSpeed(0.1, 1.0, travel=0.5)),),
     )
     motion = solve_motion(compile_mechanism(m), np.linspace(0.0, 0.5, 5))
     q = motion.coordinate("1")[:, 0]

@@ -128,8 +128,8 @@ def _triple_rocker() -> Outcome:
     for k, length in (("crank", 0.7), ("coupler", 0.6), ("rocker", 0.8)):
         v, w = motion.centre_of_mass(k, 1), motion.velocity(k)[:, 2]
         energy += length * (0.5 * (v**2).sum(axis=1) + G * motion.centre_of_mass(k)[:, 1]) + 0.5 * length**3 / 12 * w**2
-    leads = {p.compiled.mechanism.drives[0].pair for p in simulation.segments}
-    checks = [compare("energy stays", energy, energy[0], 1e-8), judged("another pair leads in between", len(leads) > 1)]
+    leads = {p.compiled.mechanism.drives[0].joint for p in simulation.segments}
+    checks = [compare("energy stays", energy, energy[0], 1e-8), judged("another joint leads in between", len(leads) > 1)]
     return _outcome(simulation, f"led by {', '.join(sorted(leads))}", checks)
 
 
@@ -140,7 +140,7 @@ def _start_in_a_dead_point() -> Outcome:
 
 def _zeno() -> Outcome:
     """A pendulum that bounces on a stop at its lowest place: each bounce e times as fast."""
-    stop = Stop(name="wall", pair="O", at=-np.pi / 2 + 0.5, side="lower", restitution=0.5)
+    stop = Stop(name="wall", joint="O", at=-np.pi / 2 + 0.5, side="lower", restitution=0.5)
     simulation = simulate(pendulum(0.4, 1.5, 0.35, 1.0), 20.0, stops=[stop], tolerance=1e-9)
     speed = np.sqrt(2.0 * 1.5 * G * 0.35 * (np.cos(0.5) - np.cos(1.0)) / 0.4)
     hits = [h.time for h in simulation.events if h.kind == "impact"]
@@ -155,7 +155,7 @@ def _zeno() -> Outcome:
 
 def _stiff() -> Outcome:
     """c q' = -m g d sin q: tan(q/2) decays with exp(-m g d t / c); the speed follows with 1e-5 s."""
-    oil = Viscous(name="oil", pair="O", coefficient=4e4)
+    oil = Viscous(name="oil", joint="O", coefficient=4e4)
     m = pendulum(0.4, 1.5, 0.35, 1.0, loads=(oil,))
     simulation = simulate(m, 200.0, method="radau", tolerance=1e-6)
     want = 2.0 * np.arctan(np.tan(0.5) * np.exp(-1.5 * G * 0.35 * 200.0 / 4e4))
@@ -175,8 +175,8 @@ def _double(effects: tuple[str, ...], tolerance: float, starts: tuple[float, flo
             Link(name="upper", points={"O": (0.0, 0.0), "J": (1.0, 0.0)}, mass=1.0, centre=(0.5, 0.0), inertia=1.0 / 12),
             Link(name="lower", points={"J": (0.0, 0.0)}, mass=0.7, centre=(0.4, 0.0), inertia=0.7 * 0.64 / 12),
         ),
-        pairs=(pin("O", "frame", "upper"), pin("J", "upper", "lower")),
-        drives=(Drive(pair="O", law=Free(q1, w1)), Drive(pair="J", law=Free(q2, w2))),
+        joints=(pin("O", "frame", "upper"), pin("J", "upper", "lower")),
+        drives=(Drive(joint="O", law=Free(q1, w1)), Drive(joint="J", law=Free(q2, w2))),
         effects=effects,
     )
 
@@ -223,7 +223,7 @@ def _there_and_back() -> Outcome:
 
 def _knee() -> Outcome:
     """The lower joint hits a stop without loss: no impulse on the upper joint's coordinate, energy stays."""
-    stop = Stop(name="knee", pair="J", at=-1.0, side="lower", restitution=1.0)
+    stop = Stop(name="knee", joint="J", at=-1.0, side="lower", restitution=1.0)
     simulation = simulate(_double(("inertia",), 1e-10, (-0.5, 0.0, 0.0, -3.0)), 2.0, stops=[stop], tolerance=1e-10)
     hit = next(h for h in simulation.events if h.kind == "impact").time
     (q,), (v,) = (x for x in simulation([hit])[:2])
@@ -236,7 +236,7 @@ def _knee() -> Outcome:
 
 def _release() -> Outcome:
     pull = Torque(name="pull", link="body", moment=6.0, factor=Factor(function=lambda t: np.sin(np.asarray(t)), of="time"))
-    stop = Stop(name="wall", pair="O", at=-np.pi / 2, side="upper")
+    stop = Stop(name="wall", joint="O", at=-np.pi / 2, side="upper")
     simulation = simulate(pendulum(0.4, 1.5, 0.35, 0.0, loads=(pull,)), 5.0, stops=[stop], tolerance=1e-9)
     kinds = [h.kind for h in simulation.events[:2]]
     checks = [
@@ -247,7 +247,7 @@ def _release() -> Outcome:
 
 
 def _watch() -> Outcome:
-    bottom = EventTrigger(name="bottom", pair="O", at=-np.pi / 2, ends=True)
+    bottom = EventTrigger(name="bottom", joint="O", at=-np.pi / 2, ends=True)
     simulation = simulate(pendulum(0.4, 1.5, 0.35, 1.0), 100.0, watches=[bottom], tolerance=1e-11)
     want = np.sqrt(0.4 / (1.5 * G * 0.35)) * ellipk(np.sin(0.5) ** 2)
     return _outcome(

@@ -29,9 +29,9 @@ def friction_in(forces: Forces) -> FrictionResult:
     return forces.friction
 
 
-def with_friction(pair: Any, friction: Friction) -> Any:
-    """A pair of a kind that can have friction, with it."""
-    return replace(pair, friction=friction)
+def with_friction(joint: Any, friction: Friction) -> Any:
+    """A joint of a kind that can have friction, with it."""
+    return replace(joint, friction=friction)
 
 
 def _before_the_jam() -> Outcome:
@@ -82,7 +82,7 @@ def _self_locking() -> Outcome:
 def _reversal() -> Outcome:
     """A slider-crank through its dead centre: friction of the piston is zero at rest and changes its sign around it."""
     m = slider_crank(0.05, 0.18, loads=(Force(name="F", link="piston", point="C", vector=(-9.0, -2.0)),), effects=("friction",))
-    m = replace(m, pairs=(*m.pairs[:-1], with_friction(m.pairs[-1], Friction(coefficient=0.2))))
+    m = replace(m, joints=(*m.joints[:-1], with_friction(m.joints[-1], Friction(coefficient=0.2))))
     forces = load_at(m, [-1e-4, 0.0, 1e-4], 1.0)
     x = friction_in(forces).wrench("S")[:, 0]
     checks = [
@@ -138,8 +138,8 @@ def _rolling() -> Outcome:
         name="wheel",
         frame="frame",
         links=(Link(name="frame", points={"O": (0.0, 0.3)}), Link(name="wheel", points={"W": (0.0, 0.0)}, mass=40.0)),
-        pairs=(Rolling(name="R", links=("frame", "wheel"), points=("O", "W"), radius=0.3, friction=Friction(lever=0.004)),),
-        drives=(Drive(pair="R", law=ConstantSpeed(0.0, 1.0)),),
+        joints=(Rolling(name="R", links=("frame", "wheel"), points=("O", "W"), radius=0.3, friction=Friction(lever=0.004)),),
+        drives=(Drive(joint="R", law=ConstantSpeed(0.0, 1.0)),),
         effects=("gravity", "friction"),
     )
     forces = load_at(m, [0.0, 0.5], -2.0)
@@ -153,8 +153,8 @@ def _rolling() -> Outcome:
 
 def _hidden_load() -> Outcome:
     m = slider_crank(0.05, 0.2, loads=(Force(name="F", link="piston", point="C", vector=(-50.0, 0.0)),), effects=("friction",))
-    rough = with_friction(m.pairs[-1], Friction(coefficient=0.1))
-    doubled = replace(m, pairs=(*m.pairs[:-1], rough, Prismatic(name="S2", links=("frame", "piston"), points=("O", "C"))))
+    rough = with_friction(m.joints[-1], Friction(coefficient=0.1))
+    doubled = replace(m, joints=(*m.joints[:-1], rough, Prismatic(name="S2", links=("frame", "piston"), points=("O", "C"))))
     return refused(lambda: load_at(doubled, np.linspace(0.0, 6.0, 31)), "statics does not tell what presses on S")
 
 
@@ -164,7 +164,7 @@ def _small_coefficients() -> Outcome:
     plain = slider_crank(0.05, 0.18, loads=(Force(name="F", link="piston", point="C", vector=(-900.0, 0.0)),))
     m = replace(
         plain,
-        pairs=tuple(with_friction(p, journal) if isinstance(p, Revolute) else p for p in plain.pairs),
+        joints=tuple(with_friction(p, journal) if isinstance(p, Revolute) else p for p in plain.joints),
         effects=("friction",),
     )
     theta = np.linspace(0.1, 6.0, 60)

@@ -61,11 +61,11 @@ def _stick_slip() -> Outcome:
             Link(name="belt", points={"G": (0.0, 0.0)}),
             Link(name="mass", points={"P": (0.0, 0.0)}, mass=1.0),
         ),
-        pairs=(
+        joints=(
             Prismatic(name="belt", links=("frame", "belt"), points=("G", "G")),
             Prismatic(name="S", links=("belt", "mass"), points=("G", "P"), friction=Friction(coefficient=kinetic, static=static)),
         ),
-        drives=(Drive(pair="belt", law=ConstantSpeed(0.0, belt, travel=1.0)), Drive(pair="S", law=Free(0.0, 0.0))),
+        drives=(Drive(joint="belt", law=ConstantSpeed(0.0, belt, travel=1.0)), Drive(joint="S", law=Free(0.0, 0.0))),
         effects=("inertia", "gravity", "friction"),
         loads=(
             Force(
@@ -88,8 +88,10 @@ def _painleve() -> Outcome:
             Link(name="frame", points={"G": (0.0, 0.0)}),
             Link(name="sleeve", points={"P": (0.0, 0.0)}, mass=1.0, centre=(0.0, 0.4), inertia=0.05),
         ),
-        pairs=(Prismatic(name="S", links=("frame", "sleeve"), points=("G", "P"), friction=Friction(coefficient=3.0, length=0.01)),),
-        drives=(Drive(pair="S", law=Free(0.0, 1.0)),),
+        joints=(
+            Prismatic(name="S", links=("frame", "sleeve"), points=("G", "P"), friction=Friction(coefficient=3.0, length=0.01)),
+        ),
+        drives=(Drive(joint="S", law=Free(0.0, 1.0)),),
         effects=("inertia", "gravity", "friction"),
         loads=(Force(name="push", link="sleeve", point="P", vector=(1.0, 0.0)),),
     )
@@ -99,7 +101,7 @@ def _painleve() -> Outcome:
 def _brake() -> Outcome:
     """A wheel of 2 kg m^2 at 30 rad/s under a brake of 5 N m stops after J w / M, having turned J w^2 / (2 M), and stays."""
     m = pendulum(2.0, 0.0, 0.0, np.pi / 2, speed=30.0, effects=("inertia", "friction"))
-    m = replace(m, pairs=(replace(pin("O", "frame", "body"), friction=Friction(brake=5.0)),))
+    m = replace(m, joints=(replace(pin("O", "frame", "body"), friction=Friction(brake=5.0)),))
     simulation = simulate(m, 15.0, tolerance=1e-10)
     stops = [h.time for h in simulation.events if h.kind == "stick"]
     turned = float(simulation([15.0])[0][0, 0])

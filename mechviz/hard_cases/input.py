@@ -96,7 +96,7 @@ def _units() -> Outcome:
 
 
 def seven_slips() -> dict[str, Any]:
-    """The crank-rocker with seven slips, two of them in the same pair."""
+    """The crank-rocker with seven slips, two of them in the same joint."""
     return _changed(
         links__rocker__mas=1,
         links__crank__points={"A": [0, 0], "B": ["60 kg", 0]},
@@ -147,7 +147,7 @@ def _strange_names() -> Outcome:
 
 
 def _order() -> Outcome:
-    """Links and pairs in any order, pairs with their links exchanged: the same motion."""
+    """Links and joints in any order, joints with their links exchanged: the same motion."""
     base = _solved(Scene.build(**BASE))
     data = json.loads(json.dumps(BASE))
     data["links"] = dict(reversed(data["links"].items()))
@@ -198,7 +198,7 @@ CASES = (
     Case("nanometres and megametres", "input", "lengths of 6e-8 m and 6e7 m", "the same angles", _tiny_and_huge),
     Case("written and read again", "input", "numbers over 24 decades through a text", "bit for bit", _read_write_read),
     Case("names of any script", "input", "fractions, Greek, Cyrillic, Chinese, apostrophes", "the same motion", _strange_names),
-    Case("any order", "input", "links and pairs listed backwards, links of pairs exchanged", "the same motion", _order),
+    Case("any order", "input", "links and joints listed backwards, links of joints exchanged", "the same motion", _order),
     Case("not TOML", "input", "a bracket is missing", "one fault with its line", _not_toml),
     Case(
         "not a number",
@@ -231,7 +231,7 @@ CASES = (
     Case(
         "a link that hangs on nothing",
         "input",
-        "a pair was forgotten",
+        "a joint was forgotten",
         "refused by name",
         _spoiled(("links.idle", "", ""), links__idle={"points": {"Q": [0, 0]}}),
     ),

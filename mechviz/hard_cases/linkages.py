@@ -54,7 +54,7 @@ def _flat_margin() -> Outcome:
 
 def _dead_points() -> Outcome:
     m = slider_crank(1.0, 3.0)
-    driven = replace(m, drives=(Drive(pair="S", law=Oscillation(3.0, 1.0, 1.0)),), modes={"B": "left"})
+    driven = replace(m, drives=(Drive(joint="S", law=Oscillation(3.0, 1.0, 1.0)),), modes={"B": "left"})
     motion = solve_motion(compile_mechanism(driven), np.linspace(0.0, 3.0, 541))
     angle = motion.pose("crank")[:, 2]
     s = np.cos(angle) + np.sqrt(9.0 - np.sin(angle) ** 2)
@@ -68,7 +68,7 @@ def _dead_points() -> Outcome:
 
 
 def _beyond() -> Outcome:
-    m = replace(slider_crank(1.0, 3.0), drives=(Drive(pair="S", law=Oscillation(3.0, 1.01, 1.0)),), modes={"B": "left"})
+    m = replace(slider_crank(1.0, 3.0), drives=(Drive(joint="S", law=Oscillation(3.0, 1.01, 1.0)),), modes={"B": "left"})
     return refused(
         lambda: solve_motion(compile_mechanism(m), np.linspace(0.0, 1.0, 361)), r"keep the drive within \[2000 mm, 4000 mm\]"
     )
@@ -93,7 +93,7 @@ def _from_a_change_point() -> Outcome:
 
 def _stops_on_it() -> Outcome:
     law = zones(start=0.5, speed=1.0, run_up=0.5, steady=1.0, braking=np.pi - 2.0)
-    m = replace(four_bar(2.0, 1.0, 2.0, 1.0, start=0.5), drives=(Drive(pair="A", law=law),))
+    m = replace(four_bar(2.0, 1.0, 2.0, 1.0, start=0.5), drives=(Drive(joint="A", law=law),))
     motion = solve_motion(compile_mechanism(m), np.linspace(0.0, law.duration, 1441))
     checks = [
         compare("ends flat", motion.pose("crank")[-1, 2], np.pi, 1e-15),
@@ -107,20 +107,20 @@ def _coupled() -> Outcome:
     """Three antiparallelograms in a row, frame 2 and cranks 1, all flat at once: ratio (1 - d^2)/(1 + d^2 - 2 d cos)."""
     n, d = 3, 2.0
     links = [Link(name="frame", points={f"A{i}": (d * i, 0.0) for i in range(n + 1)})]
-    pairs = []
+    joints = []
     for i in range(n + 1):
         links.append(Link(name=f"c{i}", points={"A": (0.0, 0.0), "X": (1.0, 0.0)}))
-        pairs.append(Revolute(name=f"A{i}", links=("frame", f"c{i}"), points=(f"A{i}", "A")))
+        joints.append(Revolute(name=f"A{i}", links=("frame", f"c{i}"), points=(f"A{i}", "A")))
     for i in range(n):
         links.append(Link(name=f"k{i}", points={"L": (0.0, 0.0), "R": (d, 0.0)}))
-        pairs.append(Revolute(name=f"L{i}", links=(f"c{i}", f"k{i}"), points=("X", "L")))
-        pairs.append(Revolute(name=f"R{i}", links=(f"k{i}", f"c{i + 1}"), points=("R", "X")))
+        joints.append(Revolute(name=f"L{i}", links=(f"c{i}", f"k{i}"), points=("X", "L")))
+        joints.append(Revolute(name=f"R{i}", links=(f"k{i}", f"c{i + 1}"), points=("R", "X")))
     m = Mechanism(
         name="coupled",
         frame="frame",
         links=tuple(links),
-        pairs=tuple(pairs),
-        drives=(Drive(pair="A0", law=ConstantSpeed(0.5, 1.0)),),
+        joints=tuple(joints),
+        drives=(Drive(joint="A0", law=ConstantSpeed(0.5, 1.0)),),
         modes={f"R{i}": ("right", "left")[i % 2] for i in range(n)},
     )
     t = np.unique(np.concatenate([np.linspace(0.0, 2 * TURN, 1441), np.arange(1, 4) * np.pi - 0.5]))
@@ -166,7 +166,7 @@ def _triad() -> Outcome:
 def _double_rocker() -> Outcome:
     """Driven exactly to where coupler and rocker are in line, by the law of cosines; it goes on to the other side."""
     limit = float(np.arccos((0.3**2 + 0.22**2 - (0.16 + 0.21) ** 2) / (2 * 0.3 * 0.22)))
-    m = replace(four_bar(0.3, 0.22, 0.16, 0.21), drives=(Drive(pair="A", law=Oscillation(0.0, limit, 0.25)),))
+    m = replace(four_bar(0.3, 0.22, 0.16, 0.21), drives=(Drive(joint="A", law=Oscillation(0.0, limit, 0.25)),))
     motion = solve_motion(compile_mechanism(m), np.linspace(0.0, 8.0, 1601))
     times = [c.time for c in motion.changes]
     checks = [

@@ -19,7 +19,7 @@ Bodies = Mapping[str, tuple[float, Sequence[float], float]]
 
 
 def pin(name: str, first: str, second: str, at: str | None = None) -> Revolute:
-    """A revolute pair whose point has its name, or ``at``."""
+    """A revolute joint whose point has its name, or ``at``."""
     return Revolute(name=name, links=(first, second), points=(at or name, at or name))
 
 
@@ -44,13 +44,13 @@ def four_bar(
         name="four-bar",
         frame="frame",
         links=tuple(body(name, where, bodies) for name, where in points.items()),
-        pairs=(
+        joints=(
             pin("A", "frame", "crank"),
             pin("B", "crank", "coupler"),
             pin("D", "coupler", "rocker"),
             pin("E", "frame", "rocker"),
         ),
-        drives=(Drive(pair="A", law=ConstantSpeed(start, speed)),),
+        drives=(Drive(joint="A", law=ConstantSpeed(start, speed)),),
         loads=loads,
         effects=effects,
         modes={"D": mode},
@@ -72,13 +72,13 @@ def slider_crank(
         name="slider-crank",
         frame="frame",
         links=tuple(body(name, where, bodies) for name, where in points.items()),
-        pairs=(
+        joints=(
             pin("O", "frame", "crank"),
             pin("B", "crank", "rod"),
             pin("C", "rod", "piston"),
             Prismatic(name="S", links=("frame", "piston"), points=("O", "C")),
         ),
-        drives=(Drive(pair="O", law=ConstantSpeed(0.0, speed)),),
+        drives=(Drive(joint="O", law=ConstantSpeed(0.0, speed)),),
         loads=loads,
         effects=effects,
         modes={"S": "ahead"},
@@ -89,23 +89,23 @@ def chain(n: int, drive: Any) -> Mechanism:
     """The linkage of the IFToMM benchmark: n unit parallelograms in a row of uniform bars of 1 kg, all flat at the same instant."""
     bar: dict[str, Any] = {"mass": 1.0, "centre": (0.5, 0.0), "inertia": 1.0 / 12.0}
     links = [Link(name="frame", points={f"A{k}": (float(k), 0.0) for k in range(n + 1)})]
-    pairs: list[Revolute] = []
+    joints: list[Revolute] = []
     sketch = {}
     for k in range(n + 1):
         links.append(Link(name=f"upright{k}", points={f"A{k}": (0.0, 0.0), f"B{k}": (1.0, 0.0)}, **bar))
-        pairs.append(pin(f"A{k}", "frame", f"upright{k}"))
+        joints.append(pin(f"A{k}", "frame", f"upright{k}"))
         sketch[f"upright{k}"] = (float(k), 0.0, np.pi / 2)
     for k in range(n):
         links.append(Link(name=f"bar{k}", points={f"B{k}": (0.0, 0.0), f"B{k + 1}": (1.0, 0.0)}, **bar))
-        pairs.append(pin(f"B{k}", f"upright{k}", f"bar{k}"))
-        pairs.append(pin(f"C{k}", f"bar{k}", f"upright{k + 1}", f"B{k + 1}"))
+        joints.append(pin(f"B{k}", f"upright{k}", f"bar{k}"))
+        joints.append(pin(f"C{k}", f"bar{k}", f"upright{k + 1}", f"B{k + 1}"))
         sketch[f"bar{k}"] = (float(k), 1.0, 0.0)
     return Mechanism(
         name="chain",
         frame="frame",
         links=tuple(links),
-        pairs=tuple(pairs),
-        drives=(Drive(pair="A0", law=drive),),
+        joints=tuple(joints),
+        drives=(Drive(joint="A0", law=drive),),
         effects=("inertia", "gravity") if isinstance(drive, Free) else (),
         sketch=sketch,
     )
@@ -127,13 +127,13 @@ def bars(frame: float, crank: float, coupler: float, rocker: float, angle: float
             bar("coupler", "B", "D", coupler),
             bar("rocker", "E", "D", rocker),
         ),
-        pairs=(
+        joints=(
             pin("A", "frame", "crank"),
             pin("B", "crank", "coupler"),
             pin("D", "coupler", "rocker"),
             pin("E", "frame", "rocker"),
         ),
-        drives=(Drive(pair="A", law=Free(angle, speed)),),
+        drives=(Drive(joint="A", law=Free(angle, speed)),),
         effects=("inertia", "gravity"),
         modes={"D": "left"},
     )
@@ -149,8 +149,8 @@ def pendulum(
         name="pendulum",
         frame="frame",
         links=(Link(name="frame", points={"O": (0.0, 0.0)}), link),
-        pairs=(pin("O", "frame", "body"),),
-        drives=(Drive(pair="O", law=Free(angle - np.pi / 2, speed)),),
+        joints=(pin("O", "frame", "body"),),
+        drives=(Drive(joint="O", law=Free(angle - np.pi / 2, speed)),),
         effects=effects,
         loads=loads,
     )
@@ -159,7 +159,7 @@ def pendulum(
 def at(mechanism: Mechanism, positions: Any, speed: float = 1.0, acceleration: float = 0.0) -> Motion:
     """Motion at positions (n,) of the first drive."""
     q = np.atleast_1d(np.asarray(positions, float))
-    given = {mechanism.drives[0].pair: (q, np.full_like(q, speed), np.full_like(q, acceleration))}
+    given = {mechanism.drives[0].joint: (q, np.full_like(q, speed), np.full_like(q, acceleration))}
     return solve_motion(compile_mechanism(mechanism), np.arange(len(q)), drives=given)
 
 

@@ -53,7 +53,7 @@ def _p2() -> Outcome:
     a2 = -(speed**2) * b + (1j * eps - w**2) * 0.07 * rod
     a3 = -(speed**2) * b + (1j * eps - w**2) * l * rod
     n = len(theta)
-    a, rhs = np.zeros((n, 8, 8)), np.zeros((n, 8))  # Ox Oy Bx By Cx Cy N M; each on the second link of its pair
+    a, rhs = np.zeros((n, 8, 8)), np.zeros((n, 8))  # Ox Oy Bx By Cx Cy N M; each on the second link of its joint
     s1, s2, s2c = 0.2 * b - b, -0.07 * rod, (l - 0.07) * rod  # from centres: crank to B (minus), rod to B, rod to C
     a[:, 0, 0] = a[:, 1, 1] = 1.0
     a[:, 0, 2] = a[:, 1, 3] = -1.0

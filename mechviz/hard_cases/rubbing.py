@@ -21,7 +21,7 @@ def sleeve(x: float, length: float, mu: float, *, weight: float = 30.0, **more: 
             Link(name="sleeve", points={"S": (0.0, 0.0), "L": (x, 0.0)}),
             Link(name="lift", points={"X": (0.0, 0.0)}),
         ),
-        pairs=(
+        joints=(
             Prismatic(
                 name="S",
                 links=("frame", "sleeve"),
@@ -32,7 +32,7 @@ def sleeve(x: float, length: float, mu: float, *, weight: float = 30.0, **more: 
             Prismatic(name="H", links=("frame", "lift"), points=("X", "X"), along=(0.0, 1.0)),
             PinSlot(name="T", links=("lift", "sleeve"), points=("X", "L")),
         ),
-        drives=(Drive(pair="H", law=ConstantSpeed(0.0, 0.1)),),
+        drives=(Drive(joint="H", law=ConstantSpeed(0.0, 0.1)),),
         loads=(Force(name="W", link="sleeve", point="S", vector=(0.0, -weight)),),
         effects=("friction",),
     )
@@ -48,7 +48,7 @@ def incline(alpha: float, mu: float, *, mass: float = 2.0, speed: float = 0.1) -
             Link(name="block", points={"P": (0.0, 0.0)}, mass=mass),
             Link(name="pusher", points={"Q": (0.0, 0.0)}),
         ),
-        pairs=(
+        joints=(
             Prismatic(
                 name="P",
                 links=("frame", "block"),
@@ -59,7 +59,7 @@ def incline(alpha: float, mu: float, *, mass: float = 2.0, speed: float = 0.1) -
             Prismatic(name="H", links=("frame", "pusher"), points=("O", "Q")),
             PinSlot(name="T", links=("pusher", "block"), points=("Q", "P"), along=(0.0, 1.0)),
         ),
-        drives=(Drive(pair="H", law=ConstantSpeed(0.2, speed)),),
+        drives=(Drive(joint="H", law=ConstantSpeed(0.2, speed)),),
         effects=("gravity", "friction"),
     )
 
@@ -70,8 +70,8 @@ def bearing(e: float, friction: Friction) -> Mechanism:
         name="bearing",
         frame="frame",
         links=(Link(name="frame", points={"O": (0.0, 0.0)}), Link(name="block", points={"S": (0.0, 0.0), "E": (e, 0.0)})),
-        pairs=(Prismatic(name="S", links=("frame", "block"), points=("O", "S"), friction=friction),),
-        drives=(Drive(pair="S", law=ConstantSpeed(0.0, 1.0)),),
+        joints=(Prismatic(name="S", links=("frame", "block"), points=("O", "S"), friction=friction),),
+        drives=(Drive(joint="S", law=ConstantSpeed(0.0, 1.0)),),
         loads=(Force(name="F", link="block", point="E", vector=(0.0, -100.0)),),
         effects=("friction",),
     )
@@ -88,12 +88,12 @@ def gears(lever: float, sign: float = 1.0) -> Mechanism:
             Link(name="one", points={"A": (0.0, 0.0)}),
             Link(name="two", points={"B": (0.0, 0.0)}),
         ),
-        pairs=(
+        joints=(
             Revolute(name="A", links=("frame", "one"), points=("A", "A"), friction=journal),
             Revolute(name="B", links=("frame", "two"), points=("B", "B"), friction=journal),
             Gear(name="G", links=("one", "two"), carrier="frame", sizes=(20, 40), friction=Friction(lever=lever)),
         ),
-        drives=(Drive(pair="A", law=ConstantSpeed(0.0, 1.0)),),
+        drives=(Drive(joint="A", law=ConstantSpeed(0.0, 1.0)),),
         loads=(Torque(name="M", link="two", moment=40.0 * sign),),
         effects=("friction",),
     )
@@ -106,8 +106,8 @@ def block(friction: Friction, x0: float, v0: float, stiffness: float) -> Mechani
         name="oscillator",
         frame="frame",
         links=(Link(name="frame", points={"G": (0.0, 0.0)}), Link(name="mass", points={"P": (0.0, 0.0)}, mass=1.0)),
-        pairs=(Prismatic(name="S", links=("frame", "mass"), points=("G", "P"), friction=friction),),
-        drives=(Drive(pair="S", law=Free(x0, v0)),),
+        joints=(Prismatic(name="S", links=("frame", "mass"), points=("G", "P"), friction=friction),),
+        drives=(Drive(joint="S", law=Free(x0, v0)),),
         effects=("inertia", "gravity", "friction"),
         loads=(Force(name="spring", link="mass", point="P", vector=(1.0, 0.0), factor=pull),),
     )

@@ -22,7 +22,7 @@ class Piece:
     outline: Polygon
     group: str
     kind: str  # "plate", "wheel", "block", "rail", "belt", "barrel" or "rod"
-    mates: frozenset[str] = frozenset()  # pairs in which it meshes: what is in the same pair does not clash with it
+    mates: frozenset[str] = frozenset()  # joints in which it meshes: what is in the same joint does not clash with it
     height: tuple[float, float] = (0.0, 1.0)  # from the bottom to the top of the layer's plates
     groove: float = 0.0  # depth of a groove for a belt around it
     profile: Profile = ()  # a barrel or rod: (radius, distance along its line) instead of a flat part

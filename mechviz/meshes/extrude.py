@@ -314,4 +314,4 @@ class Part:
     shell: Shell
     color: Color | None  # None: the colour of the link
     space: tuple[Prism, ...]
-    mates: frozenset[str] = frozenset()  # pairs in which it meshes: it does not clash with what is in the same pair
+    mates: frozenset[str] = frozenset()  # joints in which it meshes: it does not clash with what is in the same joint

@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 import shapely
 
-from mechcore.joints.parts import build_pairs
+from mechcore.joints.parts import build_joints
 from mechcore.spec.mechanism import Mechanism, Vec2
 from mechviz.meshes.extrude import Part
 from mechviz.meshes.model import Model
@@ -97,7 +97,7 @@ def find_heights(
     """The heights of a mechanism's joints and parts; ``top`` [m] is before everything."""
     near = _NEAR * model.proportions.r
     joints = {}
-    for joint in build_pairs(mechanism).joints:
+    for joint in build_joints(mechanism).joints:
         spots = {
             link: (at.real / model.size, at.imag / model.size) for link, at in zip(joint.links, (joint.a, joint.b), strict=True)
         }

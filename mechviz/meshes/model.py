@@ -8,10 +8,10 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from shapely.geometry import Point
 
-from mechcore.joints.base import Builder, Joint
-from mechcore.joints.parts import build_pairs
+from mechcore.joints.base import Builder, LoopJoint
+from mechcore.joints.parts import build_joints
 from mechcore.spec.loads import Force
-from mechcore.spec.mechanism import CamPair, Link, Mechanism, PinSlot, Prismatic, Rolling, Vec2
+from mechcore.spec.mechanism import CamJoint, Link, Mechanism, PinSlot, Prismatic, Rolling, Vec2
 from mechviz.meshes.kinds.cam_profiles import CamDrawing, cam_extents, find_cams
 from mechviz.meshes.kinds.cylinders import Telescope, find_telescopes
 from mechviz.meshes.kinds.inverse_cams import InverseDrawing, find_inverse
@@ -67,7 +67,7 @@ class Proportions:
 
 @dataclass(frozen=True)
 class Axle:
-    """Revolute pairs that share one axis: a pin through all their links. Radii are in units of the size.
+    """Revolute joints that share one axis: a pin through all their links. Radii are in units of the size.
 
     The pin of a slotted link is one too; then ``centres`` does not name the link with the slot.
     """
@@ -84,7 +84,7 @@ class Axle:
         return 1.04 * self.pin
 
     def hole_in(self, link: str) -> float:
-        """Radius of the hole in a link: wider by the play of a pair with clearance, so that the pin stays inside."""
+        """Radius of the hole in a link: wider by the play of a joint with clearance, so that the pin stays inside."""
         return self.hole + self.play.get(link, 0.0)
 
     @property
@@ -95,9 +95,9 @@ class Axle:
 
 @dataclass(frozen=True)
 class Guide:
-    """A prismatic pair: a block that slides along a rail."""
+    """A prismatic joint: a block that slides along a rail."""
 
-    pair: str
+    joint: str
     rail: str
     block: str
     origin: Vec2  # a point of the guide line, in the rail's frame
@@ -111,7 +111,7 @@ class Guide:
 class Slot:
     """A pin in a slot."""
 
-    pair: str
+    joint: str
     link: str  # with the slot
     pin: str  # the link with the pin
     origin: Vec2  # a point of the slot's middle line, in its link's frame
@@ -150,7 +150,7 @@ class Model:
     cams: tuple[CamDrawing, ...] = ()
     inverse: tuple[InverseDrawing, ...] = ()
     spatial: tuple[SpatialDrawing, ...] = ()  # barrel, end and globoidal cams
-    guide_points: Mapping[str, Vec2] = field(default_factory=dict)  # prismatic pair -> its point on the ground, where there is one
+    guide_points: Mapping[str, Vec2] = field(default_factory=dict)  # prismatic joint -> its point on the ground, where there is one
 
     def pins(self, link: str) -> list[Vec2]:
         """Pin centres of a link, in its frame."""
@@ -162,7 +162,7 @@ def build_model(mechanism: Mechanism, poses: Mapping[str, np.ndarray] | None, se
 
     ``segments``: sides of a full circle; ``profile``: points of a cam's profile.
     """
-    parts = build_pairs(mechanism)
+    parts = build_joints(mechanism)
     links = tuple(parts.links.values())
     moving = _usable_poses(mechanism.frame, links, poses)
     size = _size(mechanism, parts, moving)
@@ -184,9 +184,9 @@ def build_model(mechanism: Mechanism, poses: Mapping[str, np.ndarray] | None, se
     marks = {link: () if any(link in (t.barrel, t.rod) for t in telescopes) else own for link, own in marks.items()}
     axles = tuple(_keyed(_axle(c, clusters, marks, proportions), cams, mechanism.frame, proportions.r) for c in clusters)
     axles = tuple(replace(axle, play=_play(axle, scaled)) for axle in axles)
-    guides = [j for j in others if j.name not in {t.pair for t in telescopes}]
-    slots = [pair for pair in mechanism.pairs if isinstance(pair, PinSlot)]
-    ends = {pair.name: (pair.ends[0] / size, pair.ends[1] / size) for pair in slots if pair.ends is not None}
+    guides = [j for j in others if j.name not in {t.joint for t in telescopes}]
+    slots = [joint for joint in mechanism.joints if isinstance(joint, PinSlot)]
+    ends = {joint.name: (joint.ends[0] / size, joint.ends[1] / size) for joint in slots if joint.ends is not None}
     return Model(
         frame=mechanism.frame,
         links=tuple(link.name for link in links),
@@ -218,12 +218,12 @@ def largest_circle(model: Model) -> float:
     return max(radii)
 
 
-def _ground_points(frame: str, joints: Sequence[Joint]) -> dict[str, Vec2]:
-    """Where the sliding pairs on the ground have their points on it."""
+def _ground_points(frame: str, joints: Sequence[LoopJoint]) -> dict[str, Vec2]:
+    """Where the sliding joints on the ground have their points on it."""
     return {j.name: _xy(j.a if j.links[0] == frame else j.b) for j in joints if j.kind == "prismatic" and frame in j.links}
 
 
-def _scaled(joint: Joint, size: float) -> Joint:
+def _scaled(joint: LoopJoint, size: float) -> LoopJoint:
     """A joint with its points in units of the size."""
     return replace(joint, a=joint.a / size, b=joint.b / size)
 
@@ -251,7 +251,10 @@ def _size(mechanism: Mechanism, parts: Builder, poses: Mapping[str, np.ndarray])
     """The larger side of the box around the mechanism's points and wheels over the run [m]; 10 mm if it has no extent."""
     clouds, extents = [], [0.0]
     used = {
-        (link, p) for pair in mechanism.pairs if hasattr(pair, "points") for link, p in zip(pair.links, pair.points, strict=True)
+        (link, p)
+        for joint in mechanism.joints
+        if hasattr(joint, "points")
+        for link, p in zip(joint.links, joint.points, strict=True)
     }
     rims: dict[str, list[Vec2]] = {}
     for wheel in find_wheels(mechanism, parts, 1.0, {}).wheels:
@@ -285,8 +288,8 @@ Marks = Mapping[str, tuple[Vec2, ...]]  # link -> points of its outline that car
 Cluster = tuple[dict[str, Vec2], str]  # link -> centre, and the owner of the pin
 
 
-def _clusters(mechanism: Mechanism, joints: Sequence[Joint]) -> list[Cluster]:
-    """Revolute pairs gathered by their axis: pairs at the same place of a common link share one pin."""
+def _clusters(mechanism: Mechanism, joints: Sequence[LoopJoint]) -> list[Cluster]:
+    """Revolute joints gathered by their axis: joints at the same place of a common link share one pin."""
     groups: list[Cluster] = []
     for joint in joints:
         if joint.kind == "revolute":
@@ -310,10 +313,11 @@ def _clusters(mechanism: Mechanism, joints: Sequence[Joint]) -> list[Cluster]:
 
 def _marks(mechanism: Mechanism, points: Points, clusters: list[Cluster]) -> Marks:
     """Points that belong to a link's outline without a pin: all named points, except those that only place a guide."""
-    lines = [pair for pair in mechanism.pairs if isinstance(pair, Prismatic | PinSlot | Rolling)]
-    guides = {(link, p) for pair in lines for link, p in zip(pair.links, pair.points, strict=True)}
-    guides |= {(pair.links[1], pair.point) for pair in mechanism.pairs if isinstance(pair, CamPair) and pair.spatial is not None
-               and pair.spatial.kind == "globoid"}  # fmt: skip
+    lines = [joint for joint in mechanism.joints if isinstance(joint, Prismatic | PinSlot | Rolling)]
+    guides = {(link, p) for joint in lines for link, p in zip(joint.links, joint.points, strict=True)}
+    guides |= {(joint.links[1], joint.point) for joint in mechanism.joints if isinstance(joint, CamJoint) and joint.spatial is not
+    None
+               and joint.spatial.kind == "globoid"}  # fmt: skip
     wanted = set(mechanism.traced) | {(load.link, load.point) for load in mechanism.loads if isinstance(load, Force)}
     marks = {}
     for link, named in points.items():
@@ -361,7 +365,7 @@ def _axle(cluster: Cluster, clusters: list[Cluster], marks: Marks, size: Proport
 
 
 def _play(axle: Axle, poses: Mapping[str, np.ndarray]) -> dict[str, float]:
-    """How far an axle's pin goes from the axis in links whose pairs with it have clearance, over the run."""
+    """How far an axle's pin goes from the axis in links whose joints with it have clearance, over the run."""
     if axle.owner not in poses:
         return {}
     pin = place(np.array([axle.centres[axle.owner]]), poses[axle.owner])[:, 0]
@@ -387,7 +391,7 @@ def _keyed(axle: Axle, cams: Sequence[CamDrawing], frame: str, r: float) -> Axle
     return axle
 
 
-def _travel(joint: Joint, poses: Mapping[str, np.ndarray]) -> tuple[float, float]:
+def _travel(joint: LoopJoint, poses: Mapping[str, np.ndarray]) -> tuple[float, float]:
     """Where the other link's point goes along the guide of a joint over the run, from the guide's point."""
     if not poses:
         return (-_DEFAULT_TRAVEL, _DEFAULT_TRAVEL)
@@ -400,11 +404,11 @@ def _travel(joint: Joint, poses: Mapping[str, np.ndarray]) -> tuple[float, float
     return (float(moved.min()), float(moved.max()))
 
 
-def _slot(joint: Joint, poses: Mapping[str, np.ndarray], ends: Vec2 | None) -> Slot:
+def _slot(joint: LoopJoint, poses: Mapping[str, np.ndarray], ends: Vec2 | None) -> Slot:
     """A slot as long as it is stated (``ends``), else as the run needs it."""
     origin, point = (joint.b, joint.a) if joint.guide else (joint.a, joint.b)
     return Slot(
-        pair=joint.name,
+        joint=joint.name,
         link=joint.links[joint.guide],
         pin=joint.links[1 - joint.guide],
         origin=_xy(origin),
@@ -416,13 +420,13 @@ def _slot(joint: Joint, poses: Mapping[str, np.ndarray], ends: Vec2 | None) -> S
 
 def _guide(
     mechanism: Mechanism,
-    joint: Joint,
+    joint: LoopJoint,
     poses: Mapping[str, np.ndarray],
     clusters: list[Cluster],
     marks: Marks,
     size: Proportions,
 ) -> Guide:
-    """Which link of a prismatic pair is drawn as the rail and which as the block, and how far the block travels.
+    """Which link of a prismatic joint is drawn as the rail and which as the block, and how far the block travels.
 
     The link that carries the guide line is the rail, unless it is only a block at a pin while the other one is long
     (an oscillating cylinder: the guide turns about a fixed pin and a rod slides through it).
@@ -435,7 +439,7 @@ def _guide(
     travel = _travel(joint, poses)
 
     def compact(link: str, at: Vec2) -> bool:
-        if any(isinstance(p, Prismatic) and p.name != joint.name and p.links[p.guide] == link for p in mechanism.pairs):
+        if any(isinstance(p, Prismatic) and p.name != joint.name and p.links[p.guide] == link for p in mechanism.joints):
             return False
         pins = [centres[link] for centres, _ in clusters if link in centres]
         return all(_distance(xy, at) < 2.0 * size.r for xy in [*pins, *marks[link]])

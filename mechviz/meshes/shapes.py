@@ -39,14 +39,14 @@ def draft_pieces(model: Model) -> Draft:
     plain = group_cams(model, draft, group_wheels(model, draft))
     group_telescopes(model, draft)
     group_slots(model, draft)
-    forms = {guide.pair: _form(model, guide) for guide in model.guides}
+    forms = {guide.joint: _form(model, guide) for guide in model.guides}
     homes = _homes(model, draft, forms)
     plates = {
         name: _plate(model, name, forms) for name in model.links if name != model.frame and name not in homes and name not in plain
     }
     join_welds(model, draft, plates)
     for guide in model.guides:
-        _draw_guide(model, draft, guide, forms[guide.pair], at_home=homes.get(guide.block) == guide.pair)
+        _draw_guide(model, draft, guide, forms[guide.joint], at_home=homes.get(guide.block) == guide.joint)
     draw_wheels(model, draft)
     draw_cams(model, draft)
     draw_inverse(model, draft)
@@ -99,18 +99,18 @@ def _on_material(model: Model, guide: Guide) -> Guide:
 
 
 def _homes(model: Model, draft: Draft, forms: Mapping[str, str]) -> dict[str, str]:
-    """Blocks without a plate of their own -> the pair in whose rail they lie; merges their groups with the rail's."""
+    """Blocks without a plate of their own -> the joint in whose rail they lie; merges their groups with the rail's."""
     homes: dict[str, str] = {}
     for guide in model.guides:
         block, rail = guide.block, guide.rail
-        if block == model.frame or block in homes or forms[guide.pair] == "saddle" or not _compact(model, guide):
+        if block == model.frame or block in homes or forms[guide.joint] == "saddle" or not _compact(model, guide):
             continue
         if rail == model.frame:
-            homes[block] = guide.pair
+            homes[block] = guide.joint
             continue
         old, new = draft.groups[block], draft.groups[rail]
         if old != new and not joined(model, draft, old, new):
-            homes[block] = guide.pair
+            homes[block] = guide.joint
             draft.merge(old, new)
     return homes
 
@@ -119,7 +119,7 @@ def _draw_guide(model: Model, draft: Draft, guide: Guide, form: str, *, at_home:
     """The block (or jaws) of a guide and, on the frame, its rails."""
     r = model.proportions.r
     if form == "rails":
-        group = draft.groups[guide.block] if at_home else f"rails of {guide.pair}"
+        group = draft.groups[guide.block] if at_home else f"rails of {guide.joint}"
         block = _block(model, guide, half_width=1.25 * r, whole=at_home)
         draft.pieces.append(Piece(guide.block, block, group, "block"))
         low, high = _span(model, guide, whole=at_home)
@@ -159,7 +159,7 @@ def _plate(model: Model, link: str, forms: Mapping[str, str]) -> Polygon:
     extra: list[Polygon] = []
     slots: list[Polygon] = []
     for guide in model.guides:
-        form = forms[guide.pair]
+        form = forms[guide.joint]
         if guide.rail == link:
             low, high = _span(model, guide, whole=form == "slot")
             radius = size.slotted if form == "slot" else size.r
@@ -199,7 +199,7 @@ def _compact(model: Model, guide: Guide) -> bool:
     """
     if any(drawing.driven == guide.block for drawing in model.inverse):
         return False
-    if any(guide.block in (other.rail, other.block) and other.pair != guide.pair for other in model.guides):
+    if any(guide.block in (other.rail, other.block) and other.joint != guide.joint for other in model.guides):
         return False
     r = model.proportions.r
     points = [*model.pins(guide.block), *model.marks[guide.block]]

@@ -87,7 +87,7 @@ def build_solids(
     """Solid parts for every link of a mechanism.
 
     poses: x, y, angle (F, 3) [m, m, rad] of every link over the run; layers are chosen so that nothing collides at
-    these frames. Without them layers follow from the pairs alone. `tolerance` is the largest distance between a circle
+    these frames. Without them layers follow from the joints alone. `tolerance` is the largest distance between a circle
     and its chords, in radii of the circle; `chord` [m] is one that holds for all circles instead: as many sides as the largest
     needs, at most 2048. `profile`: points of a cam's profile. Raises `MechanismError` where links differ too much in size.
     """

@@ -61,7 +61,7 @@ def owner_of(item: Vector | Moment) -> tuple[str, str]:
 def friction_circles(run: Run) -> frozenset[str]:
     """Pins whose friction is drawn as a circle, which the line of action touches."""
     friction = None if run.forces is None else run.forces.friction
-    return frozenset() if friction is None else frozenset(e.pair for e in friction.elements if e.kind == "pin")
+    return frozenset() if friction is None else frozenset(e.joint for e in friction.elements if e.kind == "pin")
 
 
 def arrows_of(run: Run, size: float) -> Arrows:

@@ -162,11 +162,11 @@ def _friction(run: Run, solids: Solids) -> Iterator[Lines]:
     for e in friction.elements:
         if e.kind != "pin":
             continue
-        place, reaction = forces.position(e.pair), forces.reaction(e.pair)
+        place, reaction = forces.position(e.joint), forces.reaction(e.joint)
         size = np.hypot(reaction[:, 0], reaction[:, 1])
         with np.errstate(invalid="ignore", divide="ignore"):
             along = reaction[:, :2] / size[:, None]
-            arm = friction.wrench(e.pair)[:, 2] / size  # the moment about the pin is that of the force on its line of action
+            arm = friction.wrench(e.joint)[:, 2] / size  # the moment about the pin is that of the force on its line of action
         touch = place + arm[:, None] * np.column_stack([along[:, 1], -along[:, 0]])
         half = ACTION * solids.size * along
         circle = place[:, None] + (e.limit if e.friction.stribeck else e.factor) * around
@@ -174,10 +174,10 @@ def _friction(run: Run, solids: Solids) -> Iterator[Lines]:
         for name, strip in (("circle", circle), ("line", line)):
             there = np.asarray(np.isfinite(strip).all(axis=(1, 2)))
             yield Lines(
-                f"friction.{e.pair}.{name}",
-                ("joint", e.pair),
+                f"friction.{e.joint}.{name}",
+                ("joint", e.joint),
                 "friction",
-                ("vectors", "friction", e.pair, name),
+                ("vectors", "friction", e.joint, name),
                 height,
                 (np.where(there[:, None, None], _in_space(strip, height), np.float32(np.nan)),),
                 (FRICTION,),
@@ -222,7 +222,7 @@ def _paths(run: Run, solids: Solids, heights: Heights) -> Iterator[Lines]:
 
 def joint_nodes(run: Run, solids: Solids) -> Iterator[Points]:
     """A dot at every joint with its name, or all names at the first of those that lie at the same place all the time."""
-    places = {name: run.motion.pair_position(name) for name in run.numbers.joints}
+    places = {name: run.motion.joint_position(name) for name in run.numbers.joints}
     near = 1e-6 * run.motion.model.length_scale
     heaps: list[tuple[Real, list[str]]] = []
     for name, place in places.items():

@@ -190,7 +190,7 @@ def resultants(run: Run, size: float) -> list[tuple[Array, Array]]:
 
 
 def chain_strips(run: Run, size: float) -> list[tuple[str, list[Array]]]:
-    """Equivalent linkages by pair: bars and outlines of blocks as strips (F, points), shrunk to a point where at infinity."""
+    """Equivalent linkages by joint: bars and outlines of blocks as strips (F, points), shrunk to a point where at infinity."""
     out = []
     half, width = BLOCK[0] * size, BLOCK[1] * size
     corners = np.array([half + 1j * width, -half + 1j * width, -half - 1j * width, half - 1j * width, half + 1j * width])
@@ -202,7 +202,8 @@ def chain_strips(run: Run, size: float) -> list[tuple[str, list[Array]]]:
 
 
 def chain_pins(run: Run, size: float) -> list[tuple[str, list[tuple[str, Array]]]]:
-    """Pins of equivalent linkages by pair, each with its label (F,), NaN beyond any picture. Only those that are no pins anyway."""
+    """Pins of equivalent linkages by joint, each with its label (F,), NaN beyond any picture. Only those that are no pins
+    anyway."""
     shown = ("K", "N1", "N2")
     found = []
     for name, chain in run.studies.equivalents.items():

@@ -66,9 +66,9 @@ def find_strut_glyphs(run: Run, size: float) -> Iterator[StrutGlyph]:
     yield from _bushings(run, size)
     for load in motion.mechanism.loads:
         if isinstance(load, TorsionSpring):
-            pin = next((p for p in motion.mechanism.pairs if set(p.links) == set(load.links) and hasattr(p, "points")), None)
+            pin = next((p for p in motion.mechanism.joints if set(p.links) == set(load.links) and hasattr(p, "points")), None)
             if pin is not None:
-                centre = motion.pair_position(pin.name)
+                centre = motion.joint_position(pin.name)
                 angles = [motion.pose(link)[:, 2] for link in load.links]
                 yield StrutGlyph(load.name, "torsion spring", _around(centre, angles[0], angles[1], size))
 

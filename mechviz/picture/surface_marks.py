@@ -13,7 +13,7 @@ from mechcore.cams.followers import Roller
 from mechcore.cams.placed import PlacedCam
 from mechcore.cams.placed_spatial import PlacedInverse, PlacedSpatial, roller_angle
 from mechcore.forces.cam_rating import contact_force, placed_cams
-from mechcore.spec.mechanism import CamPair
+from mechcore.spec.mechanism import CamJoint
 from mechviz.picture.proportions import about_z
 
 if TYPE_CHECKING:
@@ -84,23 +84,23 @@ def find_rollers(run: Run, solids: Solids) -> list[SurfaceMark]:
     """
     if run.simulation is not None or not any(r.geometry is not None for r in run.motion.model.relations):
         return []
-    pairs = {pair.name: pair for pair in run.motion.mechanism.pairs if isinstance(pair, CamPair)}
+    joints = {joint.name: joint for joint in run.motion.mechanism.joints if isinstance(joint, CamJoint)}
     links = {link.name: link for link in run.motion.mechanism.links}
     found: list[SurfaceMark] = []
     for cam in placed_cams(run.motion):
         if not isinstance(cam.face, Roller):
             continue
         force = 1.0 if run.forces is None else np.nan_to_num(contact_force(run.forces, cam), nan=1.0)
-        pair = pairs[cam.name]
+        joint = joints[cam.name]
         link = cam.links[0] if isinstance(cam, PlacedInverse) else cam.links[1]
-        at = links[link].points.get(pair.point, (0.0, 0.0))
+        at = links[link].points.get(joint.point, (0.0, 0.0))
         if isinstance(cam, PlacedSpatial):
             if not cam.blank.rollers:
                 found += (_along if cam.blank.kind == "globoid" else _beside)(run, solids, cam, link, at, force)
             continue
         wanted = [(cam.name, cam, at, force)]
-        if isinstance(cam, PlacedCam) and cam.mate is not None and pair.second is not None:
-            wanted.append((f"{cam.name} second", cam.mate, links[link].points[pair.second[0]], 1.0))
+        if isinstance(cam, PlacedCam) and cam.mate is not None and joint.second is not None:
+            wanted.append((f"{cam.name} second", cam.mate, links[link].points[joint.second[0]], 1.0))
         for name, rolling, (x, y), pressed in wanted:
             assert isinstance(rolling.face, Roller)
             radius = rolling.face.radius
@@ -228,7 +228,7 @@ def find_belt_marks(run: Run, solids: Solids) -> Iterator[SurfaceMark]:
             at, direction = loop.at(way + k * loop.length / MARKS)
             path = np.column_stack([at.real, at.imag, np.full(len(at), height)])
             first = (float(path[0, 0]), float(path[0, 1]), height)
-            yield SurfaceMark("belt", f"{loop.pair} {k + 1}", loop.carrier, first, direction, *box, path=path)
+            yield SurfaceMark("belt", f"{loop.joint} {k + 1}", loop.carrier, first, direction, *box, path=path)
 
 
 def way_of(run: Run, loop: Loop) -> Real:

@@ -16,7 +16,7 @@ from mechcore.forces.load_events import load_events
 from mechcore.motion.events import SINGULAR, Event, find_events
 from mechcore.spec.loads import BeltTension
 from mechcore.texts import as_force, as_torque
-from mechviz.quantities.items import joints_of, pair_unit
+from mechviz.quantities.items import joint_unit, joints_of
 from mechviz.quantities.power_table import steady_lines
 from mechviz.quantities.tables import rounding_of_efforts
 
@@ -32,7 +32,7 @@ def simulation_events(run: Run) -> list[Event]:
     found = [Event(float(h.time), "WARN" if h.kind == "lost" else "INFO", h.item, h.text) for h in simulation.events]
     # a coordinate that forces move turns back often, and where it hits a stop only seemingly between two frames
     if run.steady is not None:
-        found.insert(0, Event(0.0, "INFO", run.steady.pair, steady_lines(run.steady)[0]))
+        found.insert(0, Event(0.0, "INFO", run.steady.joint, steady_lines(run.steady)[0]))
     found += [e for e in find_events(run.motion) if not e.text.startswith("limit position")]
     return found + list(_cam_limits(run, simulation))
 
@@ -41,7 +41,7 @@ def _cam_limits(run: Run, simulation: Simulation) -> Iterator[Event]:
     """Pressure angles and faces of cams beyond their limits, while their followers touch them."""
     if not run.motion.frames or not any(r.geometry is not None for r in run.motion.model.relations):
         return
-    lanes, lifting = lanes_of(simulation), {each.pair for each in simulation.separable_cams}
+    lanes, lifting = lanes_of(simulation), {each.joint for each in simulation.separable_cams}
     for cam in placed_cams(run.motion):
         changes = lanes[cam.name] if cam.name in lifting else [(0.0, "touches")]
         place = np.searchsorted([t for t, _ in changes], run.motion.time, side="right") - 1
@@ -49,14 +49,14 @@ def _cam_limits(run: Run, simulation: Simulation) -> Iterator[Event]:
 
 
 def lanes_of(simulation: Simulation) -> dict[str, list[tuple[float, str]]]:
-    """Times [s] and states by lane: a pair with friction slips or sticks, a stop is free or rested on; at the start and at every
+    """Times [s] and states by lane: a joint with friction slips or sticks, a stop is free or rested on; at the start and at every
     change."""
     lanes: dict[str, list[tuple[float, str]]] = {}
     for stop in simulation.stops:
         lanes[f"stop {stop.name}"] = [(0.0, "free")]
     for liftoff in simulation.separable_cams:
-        lanes[liftoff.pair] = [(0.0, "touches")]
-    rubs = {pair: f"{pair} friction" if pair in lanes else pair for pair in simulation.rubbing}
+        lanes[liftoff.joint] = [(0.0, "touches")]
+    rubs = {joint: f"{joint} friction" if joint in lanes else joint for joint in simulation.rubbing}
     for lane in rubs.values():
         lanes[lane] = [(0.0, "sticks")]
     for h in simulation.events:
@@ -123,12 +123,12 @@ def peak_events(run: Run) -> list[Event]:
     sound = motion.condition <= SINGULAR
     found = []
     for drive in motion.mechanism.drives:
-        what, shown = ("force", as_force) if pair_unit(motion, drive.pair) == "m" else ("torque", as_torque)
-        effort = forces.effort(drive.pair)
-        k = _largest(effort, sound, rounding_of_efforts(run, pair_unit(motion, drive.pair)))
+        what, shown = ("force", as_force) if joint_unit(motion, drive.joint) == "m" else ("torque", as_torque)
+        effort = forces.effort(drive.joint)
+        k = _largest(effort, sound, rounding_of_efforts(run, joint_unit(motion, drive.joint)))
         if k is not None:
             text = f"largest driving {what} of the run, {shown(float(effort[k]), 5)}"
-            found.append(Event(float(motion.time[k]), "INFO", drive.pair, text))
+            found.append(Event(float(motion.time[k]), "INFO", drive.joint, text))
     sizes = {j.name: np.hypot(*forces.reaction(j.name)[:, :2].T) for j in joints_of(motion)}
     places = {name: _largest(size, sound) for name, size in sizes.items()}
     known = [(float(sizes[name][k]), name, k) for name, k in places.items() if k is not None]

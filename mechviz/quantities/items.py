@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechcore.motion.motion import Motion
-from mechcore.spec.clearance import journals_of, made_pairs
+from mechcore.spec.clearance import journals_of, made_joints
 
 if TYPE_CHECKING:
     from mechviz.runs import Run
@@ -46,7 +46,7 @@ class Table:
 
 @dataclass(frozen=True)
 class JointInfo:
-    """A joint that transmits forces: a pair of the mechanism, or one that a pair brings along (the pins of a cylinder)."""
+    """A joint that transmits forces: a joint of the mechanism, or one that a joint brings along (the pins of a cylinder)."""
 
     name: str
     kind: str
@@ -55,11 +55,11 @@ class JointInfo:
 
 
 def joints_of(motion: Motion) -> list[JointInfo]:
-    """All joints of a mechanism, in the order of its pairs as far as they are pairs; gears, belts and racks come last."""
+    """All joints of a mechanism, in the order of its joints as far as they are joints; gears, belts and racks come last."""
     model = motion.model
     journals = journals_of(model.mechanism)
     bearing = {name: load.links[::2] for name, load in journals.items()}
-    made = made_pairs(model.mechanism)
+    made = made_joints(model.mechanism)
     found = [
         JointInfo(
             j.name,
@@ -75,14 +75,14 @@ def joints_of(motion: Motion) -> list[JointInfo]:
 
 
 def links_of(motion: Motion) -> list[str]:
-    """All links, the frame first, those that a pair brings along among them; without those of clearance and planar joints."""
-    made = made_pairs(motion.model.mechanism)
+    """All links, the frame first, those that a joint brings along among them; without those of clearance and planar joints."""
+    made = made_joints(motion.model.mechanism)
     return [name for name in motion.model.links if name not in made]
 
 
-def pair_unit(motion: Motion, pair: str) -> str:
+def joint_unit(motion: Motion, joint: str) -> str:
     """Unit of a joint's coordinate."""
-    return next(j.unit for j in joints_of(motion) if j.name == pair)
+    return next(j.unit for j in joints_of(motion) if j.name == joint)
 
 
 def links_with_mass(run: Run) -> list[str]:

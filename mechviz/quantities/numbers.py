@@ -97,7 +97,7 @@ def numbers_of(run: Run) -> Numbers:
         frame=mechanism.frame,
         links=tuple(links_of(motion)),
         joints={j.name: j for j in joints_of(motion)},
-        drives=tuple(d.pair for d in mechanism.drives),
+        drives=tuple(d.joint for d in mechanism.drives),
         loads={name: LoadInfo(load.kind, tuple(load.links)) for name, load in loads.items()},
         traced=tuple(point_name(*key) for key in mechanism.traced),
         tables={table.path: table for table in tables(run)},

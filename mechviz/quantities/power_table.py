@@ -63,7 +63,7 @@ def force_lines(forces: Forces) -> list[str]:
         when = ", ".join(f"{a:.4g} to {b:.4g} s" for a, b in share.delivers[:6]) or "never"
         more = f" and {len(share.delivers) - 6} times more" if len(share.delivers) > 6 else ""
         lines.append(
-            f"drive {share.pair} delivers power {when}{more}: {share.supplied:.5g} J in all; it takes {share.absorbed:.5g} J back"
+            f"drive {share.joint} delivers power {when}{more}: {share.supplied:.5g} J in all; it takes {share.absorbed:.5g} J back"
         )
     return lines
 

@@ -91,7 +91,7 @@ def _lines(run: Run) -> Iterator[str]:
     for name, chain in studies.equivalents.items():
         bars = ", ".join("".join(ends) for ends in chain.bars) or "no bar"
         sliding = f" and {len(chain.blocks)} sliding block{'s' if len(chain.blocks) > 1 else ''}" if chain.blocks else ""
-        yield f"equivalent linkage of {name}: {bars}{sliding}; it moves like the pair, up to accelerations"
+        yield f"equivalent linkage of {name}: {bars}{sliding}; it moves like the joint, up to accelerations"
     for name, system in studies.systems.items():
         kinds = sorted(set(map(str, system.drawing.kind)))
         worst = float(np.nanmax(system.drawing.closing, initial=0.0))

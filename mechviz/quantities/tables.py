@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mechcore.forces.cam_rating import AnyCam, contact_force, contact_stress, drawn_lift, drawn_rows, pair_of, placed_cams
+from mechcore.forces.cam_rating import AnyCam, contact_force, contact_stress, drawn_lift, drawn_rows, joint_of, placed_cams
 from mechcore.forces.kinetostatics import Forces, LoadResult
 from mechcore.forces.powers import power_labels, power_table
 from mechcore.forces.sections.guide_bearing import bearing_ends, bearings
@@ -17,7 +17,17 @@ from mechcore.motion.motion import Motion
 from mechcore.spec.clearance import journals_of
 from mechcore.spec.loads import Servo
 from mechviz.quantities.exactness import onto_centres, without_noise
-from mechviz.quantities.items import ERROR_COLUMNS, Columns, JointInfo, Real, Table, joints_of, links_of, links_with_mass, pair_unit
+from mechviz.quantities.items import (
+    ERROR_COLUMNS,
+    Columns,
+    JointInfo,
+    Real,
+    Table,
+    joint_unit,
+    joints_of,
+    links_of,
+    links_with_mass,
+)
 from mechviz.quantities.study_tables import study_tables
 from mechviz.quantities.vectors import centre_name, point_name
 
@@ -88,13 +98,13 @@ def _points(run: Run) -> Iterator[Table]:
 def _joints(run: Run) -> Iterator[Table]:
     motion, forces = run.motion, run.forces
     onto = onto_centres(run, links_with_mass(run))
-    guides = {pair.name: pair for pair in bearings(motion.mechanism)}
+    guides = {joint.name: joint for joint in bearings(motion.mechanism)}
     for joint in joints_of(motion):
         path, name, unit = ("data", "joints", joint.name), joint.name, joint.unit
         what = "slide" if unit == "m" else "angle"
         rates: Columns = ((what, unit), (f"{what}_rate", f"{unit}/s"), (f"{what}_acceleration", f"{unit}/s^2"))
         yield Table((*path, "motion"), f"{name}.motion", rates, partial(motion.coordinate, name))
-        place = motion.pair_position if forces is None else forces.position
+        place = motion.joint_position if forces is None else forces.position
         yield Table((*path, "position"), f"{name}.position", _POSE[:2], partial(_placed, onto, joint, place))
         if forces is not None:
             columns: Columns = (*_WRENCH[:2], ("couple", "N m"))
@@ -105,7 +115,7 @@ def _joints(run: Run) -> Iterator[Table]:
                 yield Table((*path, "bearing"), f"{name}.bearing", both, partial(bearing_ends, forces, guides[name]))
             if name in journals_of(motion.model.mechanism):
                 yield _journal(run, name)
-            if forces.friction is not None and name in forces.friction.pairs:
+            if forces.friction is not None and name in forces.friction.joints:
                 yield Table((*path, "friction"), f"{name}.friction", columns, partial(forces.friction.wrench, name))
                 loss = partial(_column, forces.friction.losses, name)
                 yield Table((*path, "friction_loss"), f"{name}.friction", (("loss", "W"),), loss)
@@ -129,13 +139,13 @@ def _as_column(values: Callable[[], Real]) -> Real:
     return np.reshape(values(), (-1, 1))
 
 
-def _journal(run: Run, pair: str) -> Table:
+def _journal(run: Run, joint: str) -> Table:
     """Where the journal is in its bearing, in the axes of the bearing's link, and how far they are apart (negative: pressed in)."""
-    load = journals_of(run.motion.model.mechanism)[pair]
+    load = journals_of(run.motion.model.mechanism)[joint]
     x, y = (run.motion.coordinate(name)[:, 0] for name in load.slides)
     columns: Columns = (("x", "m"), ("y", "m"), ("gap", "m"))
     values = np.column_stack([x, y, load.radial - np.hypot(x, y)])
-    return Table(("data", "joints", pair, "journal"), f"{pair}.journal", columns, values)
+    return Table(("data", "joints", joint, "journal"), f"{joint}.journal", columns, values)
 
 
 def _cams(run: Run) -> Iterator[Table]:
@@ -152,7 +162,7 @@ def _cams(run: Run) -> Iterator[Table]:
         unit = "m" if cam.arm == 0.0 else "rad"
         per = "m" if cam.bed else "rad"
         lifts: Columns = (("lift", unit), ("lift_rate", f"{unit}/{per}"), ("lift_acceleration", f"{unit}/{per}^2"))
-        if run.simulation is not None and any(each.pair == cam.name for each in run.simulation.separable_cams):
+        if run.simulation is not None and any(each.joint == cam.name for each in run.simulation.separable_cams):
             joined: Any = motion  # of a motion under forces
             gap = run.simulation.gap(cam.name, joined)
             yield Table(("data", "cams", cam.name, "gap"), cam.name, (("gap", unit),), gap[:, None])
@@ -175,19 +185,19 @@ def _contact(run: Run, cam: AnyCam) -> Real:
 
 def _rated(run: Run, cam: Any, lifts: Columns) -> Iterator[Table]:
     """What a scene asks for beside: Hertz pressure, the drawn lift and its error."""
-    pair = pair_of(run.motion, cam)
-    if pair.rating is not None and pair.rating.width is not None and run.forces is not None:
+    joint = joint_of(run.motion, cam)
+    if joint.rating is not None and joint.rating.width is not None and run.forces is not None:
         columns: Columns = (("hertz_pressure", "Pa"), ("half_width", "m"))
 
-        def stress(forces: Forces = run.forces, rating: CamRating = pair.rating) -> Real:
+        def stress(forces: Forces = run.forces, rating: CamRating = joint.rating) -> Real:
             found = contact_stress(forces, cam, rating)
             return np.column_stack([found.pressure, found.half_width])
 
         yield Table(("data", "cams", cam.name, "stress"), f"{cam.name}.stress", columns, stress)
-    if pair.drawn is not None:
+    if joint.drawn is not None:
         names = (*((f"drawn_{name}", unit) for name, unit in lifts), *((f"{name}_error", unit) for name, unit in lifts))
 
-        def drawn(lift: Any = pair.drawn) -> Real:
+        def drawn(lift: Any = joint.drawn) -> Real:
             return drawn_rows(run.motion, cam, drawn_lift(cam, lift))
 
         yield Table(("data", "cams", cam.name, "graphical"), f"{cam.name}.graphical", names, drawn)
@@ -197,7 +207,7 @@ def _drives(run: Run) -> Iterator[Table]:
     motion, forces = run.motion, run.forces
     units = {joint.name: joint.unit for joint in joints_of(motion)}
     for drive in motion.mechanism.drives:
-        unit = units[drive.pair]
+        unit = units[drive.joint]
         effort = ("force", "N") if unit == "m" else ("torque", "N m")
         columns: Columns = (
             ("coordinate", unit),
@@ -206,17 +216,17 @@ def _drives(run: Run) -> Iterator[Table]:
             effort,
             ("power", "W"),
         )
-        yield Table(("data", "drive", drive.pair), f"{drive.pair}.drive", columns, partial(_driven, run, drive.pair))
+        yield Table(("data", "drive", drive.joint), f"{drive.joint}.drive", columns, partial(_driven, run, drive.joint))
         if forces is not None:
-            wrench = partial(forces.wrench, drive.pair)
-            yield Table(("data", "drive", drive.pair, "wrench"), f"{drive.pair}.drive_wrench", _WRENCH, wrench)
+            wrench = partial(forces.wrench, drive.joint)
+            yield Table(("data", "drive", drive.joint, "wrench"), f"{drive.joint}.drive_wrench", _WRENCH, wrench)
 
 
-def _driven(run: Run, pair: str) -> Real:
+def _driven(run: Run, joint: str) -> Real:
     """Coordinate, speed, acceleration, effort and power of a drive (F, 5); no effort was computed of pure kinematics."""
     nothing = np.full(run.motion.frames, np.nan)
-    efforts = (nothing, nothing) if run.forces is None else (run.forces.effort(pair), run.forces.power(pair))
-    return np.column_stack([run.motion.coordinate(pair), *efforts])
+    efforts = (nothing, nothing) if run.forces is None else (run.forces.effort(joint), run.forces.power(joint))
+    return np.column_stack([run.motion.coordinate(joint), *efforts])
 
 
 def _answers(run: Run) -> Iterator[Table]:
@@ -245,7 +255,7 @@ def _answer(compute: Callable[[], Any], key: Any) -> Real:
 def _led(motion: Motion, servo: Servo, chosen: slice) -> Real:
     """Chosen columns of target, coordinate, and how far it is behind (F, n) [rad or m]."""
     target = np.broadcast_to(servo.target(motion.time)[0], motion.time.shape)
-    reached = motion.coordinate(servo.pair)[:, 0]
+    reached = motion.coordinate(servo.joint)[:, 0]
     return np.column_stack([target, reached, target - reached])[:, chosen]
 
 
@@ -259,7 +269,7 @@ def _loads(run: Run) -> Iterator[Table]:
         yield Table(("data", "loads", *parts), f"{name}.load", columns, partial(_load, onto, load))
     for servo in run.motion.mechanism.loads:
         if isinstance(servo, Servo):
-            path, unit = ("data", "servos", servo.name), pair_unit(run.motion, servo.pair)
+            path, unit = ("data", "servos", servo.name), joint_unit(run.motion, servo.joint)
             both: Columns = (("target", unit), ("reached", unit))
             yield Table((*path, "position"), servo.name, both, partial(_led, run.motion, servo, slice(0, 2)))
             yield Table((*path, "error"), servo.name, (("error", unit),), partial(_led, run.motion, servo, slice(2, 3)))

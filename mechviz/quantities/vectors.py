@@ -36,11 +36,11 @@ class Family:
 FAMILIES: Mapping[str, Family] = {
     f.name: f
     for f in (
-        Family("reaction", "Reactions", "force of a joint on the second link of its pair", "N", (206, 32, 58)),
+        Family("reaction", "Reactions", "force of a joint on the second link of its joint", "N", (206, 32, 58)),
         Family("applied", "Applied loads", "forces and torques that the scene applies", "N", (240, 120, 0)),
         Family("gravity", "Gravity", "weight at the centre of mass", "N", (112, 78, 38)),
         Family("inertia", "Inertia", "resultant -m a on its line of action", "N", (146, 44, 178)),
-        Family("friction", "Friction", "dry friction on the second link of its pair", "N", (190, 150, 0)),
+        Family("friction", "Friction", "dry friction on the second link of its joint", "N", (190, 150, 0)),
         Family("drive", "Drive", "torque or force that the drive must supply", "N", (0, 140, 70)),
         Family("velocity", "Velocity", "of traced points and centres of mass", "m/s", (22, 110, 220)),
         Family("acceleration", "Acceleration", "of traced points and centres of mass", "m/s²", (0, 158, 170)),
@@ -123,10 +123,10 @@ def plotted_against(run: Run) -> str | None:
         if not isinstance(drive.law, Piecewise) or any(len(c) > 3 for c in drive.law.coefficients):
             continue
         position, rate, _ = drive.law(np.array([drive.law.knots[0], drive.law.knots[-1]]))
-        steps = np.diff(run.motion.coordinate(drive.pair)[:, 0])
+        steps = np.diff(run.motion.coordinate(drive.joint)[:, 0])
         rests = np.abs(rate).max() <= 1e-9 * abs(position[1] - position[0]) / drive.law.duration
         if rests and np.any(steps) and (np.all(steps >= 0.0) or np.all(steps <= 0.0)):
-            return drive.pair
+            return drive.joint
     return None
 
 

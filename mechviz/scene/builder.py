@@ -112,7 +112,7 @@ class SceneBuilder:
         return self
 
     def friction(self, **defaults: Any) -> SceneBuilder:
-        """Friction of all revolute, sliding and slot pairs that do not say otherwise.
+        """Friction of all revolute, sliding and slot joints that do not say otherwise.
 
         ``coefficient``, ``radius`` of pins, ``length`` of bearings.
         """
@@ -139,9 +139,9 @@ class SceneBuilder:
         self._data.setdefault("polodes", []).extend(links)
         return self
 
-    def equivalent(self, *pairs: str) -> SceneBuilder:
+    def equivalent(self, *joints: str) -> SceneBuilder:
         """Cams, gears, racks, pins in slots whose equivalent linkages are drawn."""
-        self._data.setdefault("equivalent", []).extend(pairs)
+        self._data.setdefault("equivalent", []).extend(joints)
         return self
 
     def reduce(self, *places: str) -> SceneBuilder:
@@ -181,7 +181,7 @@ class SceneBuilder:
         return self
 
     def watch(self, name: str, **entry: Any) -> SceneBuilder:
-        """A value to look out for while forces move the mechanism, by the keys of a scene file: ``pair="A", at="90 deg"``."""
+        """A value to look out for while forces move the mechanism, by the keys of a scene file: ``joint="A", at="90 deg"``."""
         return self._add("watch", name, entry)
 
     def run(

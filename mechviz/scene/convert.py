@@ -108,7 +108,7 @@ class Converter:
 
 
 def likely_sort(table: Table) -> str:
-    """ "length" if a value of a table is one with its unit, else "angle": for drives whose pair is not known."""
+    """ "length" if a value of a table is one with its unit, else "angle": for drives whose joint is not known."""
     for text in _texts(table.model_dump(exclude_none=True, warnings=False)):
         for kind in ("length", "linear speed"):
             try:

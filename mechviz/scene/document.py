@@ -31,7 +31,7 @@ from mechviz.scene.kinds.accuracy import AccuracyEntry
 from mechviz.scene.kinds.bodies import LumpDocument, MassDocument, MassEntry
 from mechviz.scene.kinds.free_motion import Method, Tolerance, WatchDocument
 from mechviz.scene.kinds.friction import FrictionDefaults
-from mechviz.scene.kinds.joints.document import PairDocument
+from mechviz.scene.kinds.joints.document import JointDocument
 from mechviz.scene.kinds.loads.document import LoadDocument
 from mechviz.scene.kinds.studies import PlanName, SectionsDocument, ShakingDocument, SubstituteDocument, SystemDocument
 from mechviz.scene.names import LinkName
@@ -191,14 +191,14 @@ class SceneDocument(Table):
     shaking: ShakingDocument | None = None
     """Shaking force and moment on the frame."""
     friction: FrictionDefaults | None = None
-    """Friction of all revolute, sliding and slot pairs that do not say otherwise, used only where effects names friction."""
+    """Friction of all revolute, sliding and slot joints that do not say otherwise, used only where effects names friction."""
     run: RunDocument = RunDocument()
     """How much of the motion is computed."""
     accuracy: AccuracyEntry | None = None
     """Wanted relative error, such as 1e-6, from which all dials of accuracy follow; or a table of dials."""
     links: dict[Name, LinkDocument] = Field(default={})
     """The links by name, the fixed one among them."""
-    joints: dict[Name, PairDocument] = Field(default={})
+    joints: dict[Name, JointDocument] = Field(default={})
     """The joints (kinematic pairs) by name. A joint joins the points of its two links that have its own name, unless `at` names
     others."""
     sketch: dict[Name, SketchEntry] = Field(default={})
@@ -217,6 +217,8 @@ class SceneDocument(Table):
 
 FORMER = {"pairs": "joints"}
 """Former names of keys of a scene, which are read as the present ones for ever."""
+FORMER_INNER = {"pair": "joint"}
+"""The same within the entries of watch and loads."""
 
 
 def value_at(value: Any, path: Place) -> Any:

@@ -6,7 +6,6 @@ What the core says of a mechanism is told in the words of its scene: its units, 
 from __future__ import annotations
 
 import difflib
-import re
 import textwrap
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -167,22 +166,24 @@ def fault_of_scene(scene: Scene, fault: Fault) -> Fault:
 
 
 def path_as_written(former: Mapping[str, str], path: str) -> str:
-    """A path of the document with the name that the scene's text has for its first key; ``former``: present name -> former one."""
-    first = re.split(r"[.\[]", path, maxsplit=1)[0]
-    return former.get(first, first) + path[len(first) :]
+    """A path of the document with the keys that the scene's text has; ``former``: places with present keys -> with former ones."""
+    for place, written in former.items():
+        if path == place or path.startswith((f"{place}.", f"{place}[")):
+            return written + path[len(place) :]
+    return path
 
 
 def document_path(document: SceneDocument, path: str) -> str:
     """The longest beginning of a path of the core that the document has a place for; as it is where it is of something else.
 
-    The core knows parts that a pair brings along (``H.base`` of the cylinder ``H``) and names drives apart from their pairs.
+    The core knows parts that a joint brings along (``H.base`` of the cylinder ``H``) and names drives apart from their joints.
     """
     first, _, rest = path.partition(".")
     section = _SECTIONS.get(first, first)
     if section.partition("[")[0] not in type(document).model_fields:
         return path
     found, place = section, getattr(document, section, None)
-    if section == "links" and rest and _split(place, rest)[0] is None:  # a link that a pair brings along
+    if section == "links" and rest and _split(place, rest)[0] is None:  # a link that a joint brings along
         found, place = "joints", document.joints
     if found == "joints":
         rest = _in_scene(document, rest)
@@ -198,10 +199,10 @@ def document_path(document: SceneDocument, path: str) -> str:
 def _in_scene(document: SceneDocument, path: str) -> str:
     """A path inside the joints, with what the core's joint calls otherwise as its scene calls it."""
     name, inner = _split(document.joints, path)
-    pair = document.joints.get(name or "")
-    if pair is None or pair.traits.core_path is None or not inner:
+    joint = document.joints.get(name or "")
+    if joint is None or joint.traits.core_path is None or not inner:
         return path
-    return f"{name}.{pair.traits.core_path(pair, inner)}"
+    return f"{name}.{joint.traits.core_path(joint, inner)}"
 
 
 def _split(place: Any, path: str) -> tuple[str | None, str]:

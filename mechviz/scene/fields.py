@@ -84,7 +84,7 @@ class Quantity:
     """Marks a number in the scene's units, or a text with a unit of one of the kinds; ``least`` bounds it from below; ``word`` is a
     text that stands for a value which follows from others.
 
-    Of several kinds, the pair that is driven decides, and the check is left to it. Pydantic calls the two methods.
+    Of several kinds, the joint that is driven decides, and the check is left to it. Pydantic calls the two methods.
     """
 
     kinds: tuple[str, ...]
@@ -156,7 +156,7 @@ TorsionalGain = Annotated[float | str, Quantity(("torsional damping",), "above z
 Effort = Annotated[float | str, Quantity(("torque", "force"), "zero")]
 Frequency = Annotated[float | str, Quantity(("frequency",), "above zero")]
 Gravity = Annotated[float | str, Quantity(("gravity",))]
-# of a revolute pair or of a prismatic one
+# of a revolute joint or of a prismatic one
 Coordinate = Annotated[float | str, Quantity(("angle", "length"))]
 Distance = Annotated[float | str, Quantity(("angle", "length"), "above zero")]
 Range = Annotated[float | str, Quantity(("angle", "length"), "zero")]

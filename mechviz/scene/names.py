@@ -15,7 +15,7 @@ from mechviz.scene.faults import did_you_mean, listing, path_text
 from mechviz.scene.fields import Table, Text, Unknown
 
 if TYPE_CHECKING:
-    from mechviz.scene.kinds.joints.document import PairDocument
+    from mechviz.scene.kinds.joints.document import JointDocument
     from mechviz.scene.reading.recovery import Reading
 
 
@@ -26,8 +26,8 @@ class Reference:
 
     to: Literal["link", "point", "joint"]
     kinds: tuple[str, ...] = ()
-    what: str = "pair"
-    fits: Callable[[PairDocument], bool] | None = None
+    what: str = "joint"
+    fits: Callable[[JointDocument], bool] | None = None
 
 
 LinkName = Annotated[Text, Reference("link")]
@@ -72,7 +72,7 @@ def _known(reading: Reading, path: str, name: str, reference: Reference) -> Iter
         return known_link(reading, path, name)
     if reference.to == "point":
         return known_place(reading, path, name)
-    return known_pair(reading, path, name, reference.kinds, reference.what, reference.fits)
+    return known_joint(reading, path, name, reference.kinds, reference.what, reference.fits)
 
 
 def link_names(reading: Reading) -> list[str]:
@@ -87,11 +87,11 @@ def point_names(reading: Reading, link: str) -> list[str] | None:
     return list(found.points) if found is not None and found.sound("points") else None
 
 
-def points_of_pair(name: str, pair: PairDocument) -> tuple[str, str]:
+def points_of_joint(name: str, joint: JointDocument) -> tuple[str, str]:
     """The joined points of the first and of the second link."""
-    if pair.at is None:
+    if joint.at is None:
         return name, name
-    return (pair.at, pair.at) if isinstance(pair.at, str) else (pair.at[0], pair.at[1])
+    return (joint.at, joint.at) if isinstance(joint.at, str) else (joint.at[0], joint.at[1])
 
 
 def known_link(reading: Reading, path: str, link: str) -> Iterator[Fault]:
@@ -142,34 +142,34 @@ def known_place(reading: Reading, path: str, text: str, *, links: bool = False) 
     )
 
 
-def known_pair(
+def known_joint(
     reading: Reading,
     path: str,
-    pair: str | None,
+    joint: str | None,
     kinds: Collection[str] = (),
-    what: str = "pair",
-    fits: Callable[[PairDocument], bool] | None = None,
+    what: str = "joint",
+    fits: Callable[[JointDocument], bool] | None = None,
 ) -> Iterator[Fault]:
-    """A fault where there is no such pair that moves, of one of some kinds, or that ``fits``; such pairs are called ``what``."""
-    if pair is None or isinstance(pair, Unknown) or pair in reading.shapeless or "*" in reading.broken["joints"]:
+    """A fault where there is no such joint that moves, of one of some kinds, or that ``fits``; such joints are called ``what``."""
+    if joint is None or isinstance(joint, Unknown) or joint in reading.shapeless or "*" in reading.broken["joints"]:
         return
-    pairs = reading.document.joints
+    joints = reading.document.joints
     fits = fits or (lambda p: not kinds or p.kind in kinds)
-    fitting = [name for name, p in pairs.items() if fits(p)]
-    if pair not in pairs:
-        yield Fault(path, f"there is no pair '{pair}'.", did_you_mean(pair, fitting, what="Pairs"))
-    elif pair not in fitting:
+    fitting = [name for name, p in joints.items() if fits(p)]
+    if joint not in joints:
+        yield Fault(path, f"there is no joint '{joint}'.", did_you_mean(joint, fitting, what="Joints"))
+    elif joint not in fitting:
         remedy = f"Name a {what}: {listing(fitting)}." if fitting else f"The scene has no {what}."
-        yield Fault(path, f"'{pair}' is {pairs[pair].traits.words}, no {what}.", remedy)
-    elif pairs[pair].kind == "weld":
-        yield Fault(path, f"'{pair}' is a weld, which does not move.", "Name another pair.")
+        yield Fault(path, f"'{joint}' is {joints[joint].traits.words}, no {what}.", remedy)
+    elif joints[joint].kind == "weld":
+        yield Fault(path, f"'{joint}' is a weld, which does not move.", "Name another joint.")
 
 
 def known_drive(reading: Reading, path: str, drive: str | None) -> Iterator[Fault]:
-    """A fault where there is no such pair with a drive, or a free one."""
-    pairs = reading.document.joints
-    driven = [name for name, pair in pairs.items() if pair.led]
+    """A fault where there is no such joint with a drive, or a free one."""
+    joints = reading.document.joints
+    driven = [name for name, joint in joints.items() if joint.led]
     if drive is None or isinstance(drive, Unknown) or drive in {*driven, *reading.shapeless} or "*" in reading.broken["joints"]:
         return
-    what = f"pair '{drive}' has no drive." if drive in pairs else f"there is no pair '{drive}'."
-    yield Fault(path, what, did_you_mean(drive, driven, what="Driven pairs"))
+    what = f"joint '{drive}' has no drive." if drive in joints else f"there is no joint '{drive}'."
+    yield Fault(path, what, did_you_mean(drive, driven, what="Driven joints"))

@@ -18,7 +18,7 @@ from mechviz.scene.annotations import Place
 from mechviz.scene.assembly.assemble import assemble
 from mechviz.scene.assembly.simulation import SimulationSpec
 from mechviz.scene.convert import Converter
-from mechviz.scene.document import FORMER, SceneDocument, with_values
+from mechviz.scene.document import FORMER, FORMER_INNER, SceneDocument, with_values
 from mechviz.scene.faults import SceneError, in_file_order, path_as_written
 from mechviz.scene.folder import SceneFolder, copy_files
 from mechviz.scene.kinds.accuracy import accuracy_of
@@ -75,9 +75,9 @@ class Scene:
     @property
     def files(self) -> dict[str, bytes]:
         """The files that it names, by these names: meshes of masses, profiles of cams."""
-        links, pairs = self.document.links.values(), self.document.joints.values()
+        links, joints = self.document.links.values(), self.document.joints.values()
         names = [link.mass.mesh for link in links if isinstance(link.mass, MassDocument)]
-        names += [pair.profile.file for pair in pairs if pair.profile is not None]
+        names += [joint.profile.file for joint in joints if joint.profile is not None]
         return {name: self.folder.read(name) for name in names if name is not None}
 
     @property
@@ -190,7 +190,24 @@ def _read(raw: Mapping[str, Any], name: str, folder: SceneFolder, *, source: str
     ]
     if twice:
         raise SceneError(file or name, twice)
-    return _assembled(read_document({FORMER.get(k, k): v for k, v in raw.items()}), name, folder, former, source, file)
+    data = {FORMER.get(key, key): value for key, value in raw.items()}
+    for section in ("watch", "loads"):
+        if isinstance(data.get(section), Mapping):
+            data[section] = {key: _with_present_keys(data[section][key], f"{section}.{key}", former) for key in data[section]}
+    return _assembled(read_document(data), name, folder, former, source, file)
+
+
+def _with_present_keys(value: Any, path: str, former: dict[str, str]) -> Any:
+    """A part of a scene's data with the present names of keys; ``former`` takes the former ones by their places."""
+    if not isinstance(value, Mapping):
+        return value
+    found = {}
+    for key, inner in value.items():
+        new = key if FORMER_INNER.get(key, key) in value else FORMER_INNER.get(key, key)
+        if new != key:
+            former[f"{path}.{new}"] = f"{path}.{key}"
+        found[new] = _with_present_keys(inner, f"{path}.{new}", former)
+    return found
 
 
 def _assembled(

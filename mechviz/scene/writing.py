@@ -1,4 +1,4 @@
-"""Scenes as TOML text, laid out as a person would write it: one line for each link and pair where it fits."""
+"""Scenes as TOML text, laid out as a person would write it: one line for each link and joint where it fits."""
 
 from __future__ import annotations
 

@@ -16,8 +16,8 @@ from mechcore.cams.placed import PlacedCam
 from mechcore.cams.placed_spatial import PlacedSpatial
 from mechcore.errors import MechanismError
 from mechcore.forces.cam_events import lost_ranges
-from mechcore.forces.cam_rating import AnyCam, contact_force, contact_stress, drawn_lift, least_springs, pair_of, placed_cams
-from mechcore.spec.mechanism import CamDrawn, CamPair
+from mechcore.forces.cam_rating import AnyCam, contact_force, contact_stress, drawn_lift, joint_of, least_springs, placed_cams
+from mechcore.spec.mechanism import CamDrawn, CamJoint
 from mechcore.texts import Text, UnitSystem, as_angle, as_coordinate, as_force, as_length, as_quantity
 
 if TYPE_CHECKING:
@@ -53,7 +53,7 @@ def cam_facts(motion: Motion, forces: Forces | None, *, margin: float | None = N
     """What a run tells of all cams; ``margin`` [N] instead of the scene's, for the least spring."""
     found: list[CamFact] = []
     for cam in placed_cams(motion):
-        rows = _facts(motion, forces, cam, pair_of(motion, cam), margin)
+        rows = _facts(motion, forces, cam, joint_of(motion, cam), margin)
         found += [CamFact(cam.name, what, Text(words), passed, stated) for what, words, passed, stated in rows]
     return found
 
@@ -68,21 +68,21 @@ def cam_lines(motion: Motion, facts: list[CamFact], units: UnitSystem) -> list[s
     """Every cam with what is known of it, as lines in the units of a scene."""
     lines: list[str] = []
     for cam in placed_cams(motion):
-        lines += ["", Text(f"cam {cam.name}: {_kind(pair_of(motion, cam), cam)}", units)]
+        lines += ["", Text(f"cam {cam.name}: {_kind(joint_of(motion, cam), cam)}", units)]
         lines += [f"  {fact.what:<18} {fact.text.in_units(units)}" for fact in facts if fact.cam == cam.name]
     return lines[1:]
 
 
-def _kind(pair: CamPair, cam: AnyCam) -> str:
-    kind = pair.spatial.kind if pair.spatial is not None else "wedge" if pair.bed else "inverse" if pair.inverse else "disc"
-    face = type(pair.face).__name__.lower()
-    size = getattr(pair.face, "radius", None)
+def _kind(joint: CamJoint, cam: AnyCam) -> str:
+    kind = joint.spatial.kind if joint.spatial is not None else "wedge" if joint.bed else "inverse" if joint.inverse else "disc"
+    face = type(joint.face).__name__.lower()
+    size = getattr(joint.face, "radius", None)
     face = {"arc": "mushroom", "flat": "flat face"}.get(face, face) + (f" of {as_length(size)}" if size else "")
     moves = "translating" if cam.arm == 0.0 else "oscillating"
-    return f"{kind}, {moves} follower with a {face}, closure by {pair.closure}"
+    return f"{kind}, {moves} follower with a {face}, closure by {joint.closure}"
 
 
-def _facts(motion: Motion, forces: Forces | None, cam: AnyCam, pair: CamPair, margin: float | None) -> Iterator[Row]:
+def _facts(motion: Motion, forces: Forces | None, cam: AnyCam, joint: CamJoint, margin: float | None) -> Iterator[Row]:
     force = None if forces is None else contact_force(forces, cam)
     rows = cam.rows(motion, 1.0 if force is None else np.nan_to_num(force, nan=1.0))
     x = cam.argument(motion)
@@ -98,19 +98,19 @@ def _facts(motion: Motion, forces: Forces | None, cam: AnyCam, pair: CamPair, ma
         words = f"up to {as_angle(steep[k], 5)} at {_place(cam, x[k])}"
         yield _judged("pressure angle", words, float(steep[k]), cam.pressure_limit, _degrees)
     sharp = np.where(rows.radius > 0.0, rows.radius, np.inf)
-    if np.isfinite(sharp).any() and not exact and not pair.inverse:
+    if np.isfinite(sharp).any() and not exact and not joint.inverse:
         k = int(np.argmin(sharp))
         words = f"least radius of the convex profile {as_length(sharp[k], 5)} at {_place(cam, x[k])}"
         yield "curvature", words, None, False
     if force is not None and forces is not None and np.isfinite(force).any():
-        yield from _loaded(forces, cam, pair, force, margin)
-    if pair.drawn is not None:
-        yield "graphical method", _drawn_words(cam, pair.drawn, drawn_lift(cam, pair.drawn).largest), None, False
+        yield from _loaded(forces, cam, joint, force, margin)
+    if joint.drawn is not None:
+        yield "graphical method", _drawn_words(cam, joint.drawn, drawn_lift(cam, joint.drawn).largest), None, False
 
 
-def _loaded(forces: Forces, cam: AnyCam, pair: CamPair, force: Real, margin: float | None) -> Iterator[Row]:
+def _loaded(forces: Forces, cam: AnyCam, joint: CamJoint, force: Real, margin: float | None) -> Iterator[Row]:
     """Contact force (F,) [N], Hertz pressure and the spring that is needed."""
-    rating, x = pair.rating, cam.argument(forces.motion)
+    rating, x = joint.rating, cam.argument(forces.motion)
     low, high = int(np.nanargmin(force)), int(np.nanargmax(force))
     need = margin if margin is not None else None if rating is None else rating.margin
     words = f"{as_force(force[low], 5)} at {_place(cam, x[low])} to {as_force(force[high], 5)} at {_place(cam, x[high])}"
@@ -249,7 +249,7 @@ def drawn_lines(motion: Motion, units: UnitSystem, drawn: CamDrawn | None = None
     """
     lines: list[str] = []
     for cam in placed_cams(motion):
-        how = drawn or pair_of(motion, cam).drawn
+        how = drawn or joint_of(motion, cam).drawn
         if how is None:
             continue
         try:

@@ -13,7 +13,7 @@ from mechcore.cams.forces import roller_range
 from mechcore.cams.limits import Requirement, best_offset, find_limits, least_base
 from mechcore.cams.placed import PlacedCam
 from mechcore.errors import MechanismError
-from mechcore.forces.cam_rating import contact_force, pair_of, placed_cams
+from mechcore.forces.cam_rating import contact_force, joint_of, placed_cams
 from mechcore.texts import Text, UnitSystem, as_angle, as_length
 
 if TYPE_CHECKING:
@@ -53,7 +53,7 @@ def _sizes(cam: PlacedCam, motion: Motion, forces: Forces | None, want: Requirem
     made = cam.cam if cam.intended is None else cam.intended
     follower, turn = made.follower, made.turn
     lift = made.law.raised(-follower.base_coordinate(cam.base))
-    hub = pair_of(motion, cam).hub
+    hub = joint_of(motion, cam).hub
     try:
         found = least_base(lift, follower, want, turn, hub)
         yield "base circle", f"{as_length(cam.base, 6)} now, least {as_length(found.base, 6)}; decided by: {found.decides}"
@@ -78,7 +78,7 @@ def _roller_words(cam: PlacedCam, motion: Motion, forces: Forces | None, want: R
     made = cam.cam if cam.intended is None else cam.intended
     greatest = find_limits(made).greatest_roller
     most = math.inf if greatest is None else max(greatest.value - (want.radius or 0.0), 0.0)
-    rating = pair_of(motion, cam).rating
+    rating = joint_of(motion, cam).rating
     words = f"{as_length(made.follower.radius)} now, on the same pitch curve"
     upper = "" if math.isinf(most) else f"up to {as_length(most, 6)}"
     if forces is None or rating is None or rating.width is None or rating.limit is None or cam.form:

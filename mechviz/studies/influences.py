@@ -73,9 +73,9 @@ def answer_of(scene: Scene) -> Answer:
             curve[f"reaction {joint.name}"] = np.hypot(*forces.reaction(joint.name)[:, :2].T)
         reaction = max((float(np.nanmax(c)) for c in curve.values()), default=float("nan"))
         for drive in motion.mechanism.drives:
-            slides = next(j.unit for j in joints_of(motion) if j.name == drive.pair) == "m"
-            values = forces.effort(drive.pair)
-            curve[f"effort {drive.pair}"] = values
+            slides = next(j.unit for j in joints_of(motion) if j.name == drive.joint) == "m"
+            values = forces.effort(drive.joint)
+            curve[f"effort {drive.joint}"] = values
             peak = float(np.nanmax(np.abs(values)))
             if not peak <= effort:
                 effort, unit = peak, "N" if slides else "N m"

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from mechcore.cams.placed import PlacedCam
 from mechcore.errors import Fault, MechanismError
-from mechcore.forces.cam_rating import AnyCam, contact_force, least_springs, pair_of, placed_cams
+from mechcore.forces.cam_rating import AnyCam, contact_force, joint_of, least_springs, placed_cams
 from mechcore.laws.curve import MotionCurve
 from mechcore.laws.factors import jumps, peak
 from mechcore.texts import Text, UnitSystem, as_angle, as_coordinate, as_force, as_length, as_quantity, as_torque
@@ -55,7 +55,7 @@ def compare_laws(
     scene: Scene, cam: str | None, laws: Mapping[str, tuple[str, Mapping[str, float]]], frames: int | None
 ) -> list[LawOnCam]:
     """The scene's cam as it is and with each of the laws (shown name -> law, parameters). MechanismError where it has none."""
-    able = [name for name, pair in scene.document.joints.items() if pair.profile is not None and pair.profile.lift is not None]
+    able = [name for name, joint in scene.document.joints.items() if joint.profile is not None and joint.profile.lift is not None]
     if not able or cam not in (None, *able):
         missing = f"'{cam}' is no cam with a lift." if cam is not None else "the scene has no cam with a lift."
         raise MechanismError(Fault("joints", missing, f"Name one of {', '.join(able)}." if able else "Choose one that has."))
@@ -89,20 +89,21 @@ def with_law(scene: Scene, cam: str, law: str, parameters: Mapping[str, float]) 
 def _solved(shown: str, scene: Scene, name: str, frames: int | None) -> LawOnCam:
     run = run_scene(scene, frames=frames)
     cam: AnyCam = next(c for c in placed_cams(run.motion) if c.name == name)
-    pair = pair_of(run.motion, cam)
+    joint = joint_of(run.motion, cam)
     rows = cam.rows(run.motion)
-    drive = run.motion.mechanism.drives[0].pair
+    drive = run.motion.mechanism.drives[0].joint
     effort = None if run.forces is None else np.asarray(run.forces.effort(drive))
     springs = []
     if run.forces is not None and not cam.form:
-        margin = 0.0 if pair.rating is None or pair.rating.margin is None else pair.rating.margin
+        margin = 0.0 if joint.rating is None or joint.rating.margin is None else joint.rating.margin
         try:
             found = least_springs(run.forces, cam, margin)
             springs = ["none" if s.stiffness is None else as_quantity(s.stiffness, "stiffness", 4) for s in found]
         except MechanismError as error:
             springs = [Text.of(error.faults[0].message).source]
     return LawOnCam(
-        shown, cam.bed is None, cam.arm != 0.0, pair.lift, cam.argument(run.motion), rows.pressure_angle, _radius(cam, rows.radius),
+        shown, cam.bed is None, cam.arm != 0.0, joint.lift, cam.argument(run.motion), rows.pressure_angle, _radius(cam,
+        rows.radius),
         effort, None if run.forces is None else contact_force(run.forces, cam), ", ".join(springs),
     )  # fmt: skip
 

@@ -8,7 +8,7 @@ from mechcore.laws.curve import MotionCurve
 from mechcore.laws.factors import ORDER_NAMES, jumps
 from mechcore.laws.program import CLOCK, Follow
 from mechcore.laws.timed import Law, Piecewise
-from mechcore.spec.mechanism import CamPair, Mechanism
+from mechcore.spec.mechanism import CamJoint, Mechanism
 from mechviz.scene.units import Units
 
 _MOST_PLACES = 8  # in one line
@@ -19,10 +19,10 @@ def continuity_words(mechanism: Mechanism, units: Units) -> Iterator[str]:
     for drive in mechanism.drives:
         curve, kind = _curve(drive.law)
         if curve is not None and len(curve.pieces) > 1:
-            yield f"{drive.pair}: {_words(curve, kind, units)}"
-    for pair in mechanism.pairs:
-        if isinstance(pair, CamPair) and pair.lift is not None:
-            yield f"{pair.name}: {_words(pair.lift, 'length' if pair.bed else 'angle', units)}"
+            yield f"{drive.joint}: {_words(curve, kind, units)}"
+    for joint in mechanism.joints:
+        if isinstance(joint, CamJoint) and joint.lift is not None:
+            yield f"{joint.name}: {_words(joint.lift, 'length' if joint.bed else 'angle', units)}"
 
 
 def _curve(law: Law) -> tuple[MotionCurve | None, str]:

@@ -92,7 +92,7 @@ def _marks(tip: NDArray[np.complex128], angle: Real, axes: PolarAxes, colour: st
 
 def _angle(motion: Motion) -> Real:
     """Angle of the first drive (F,) [rad]; of one that slides, the part of the run as an angle."""
-    drive = motion.mechanism.drives[0].pair
+    drive = motion.mechanism.drives[0].joint
     if motion.model.joints[motion.model.joint_index[drive]].coordinate == "angle":
         return np.asarray(motion.coordinate(drive)[:, 0], float)
     span = float(np.ptp(motion.time)) or 1.0

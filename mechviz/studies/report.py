@@ -24,10 +24,10 @@ from mechcore.motion.motion import Motion
 from mechcore.motion.reach import reachable_ranges
 from mechcore.motion.redundancy import indeterminate
 from mechcore.motion.solve import compile_mechanism, default_times, solve_motion
-from mechcore.motion.structure import groups, gruebler, loop_pairs, rank_mobility, redundant_pairs
-from mechcore.spec.clearance import journals_of, made_pairs
+from mechcore.motion.structure import groups, gruebler, loop_joints, rank_mobility, redundant_joints
+from mechcore.spec.clearance import journals_of, made_joints
 from mechcore.spec.loads import BeltTension, Factor, GasPressure, GasSpring, Spring
-from mechcore.spec.mechanism import CamPair, Mechanism, PinSlot, Planar
+from mechcore.spec.mechanism import CamJoint, Mechanism, PinSlot, Planar
 from mechcore.texts import Text
 from mechviz.quantities.items import joints_of
 from mechviz.scene.faults import in_scene_words
@@ -48,7 +48,7 @@ def check_lines(scene: Scene, *, equations: bool = False, modes: bool = False) -
     compiled = compile_mechanism(scene.mechanism)
     model = compiled.model
     loose = journals_of(scene.mechanism)
-    free = [d.pair for d in scene.mechanism.drives if isinstance(d.law, Free)]
+    free = [d.joint for d in scene.mechanism.drives if isinstance(d.law, Free)]
     times = np.zeros(1) if free else default_times(scene.mechanism, scene.frames, scene.cycles)  # forces decide what comes after
     motion = solve_motion(compiled, times)
     n, p5, p4, w = gruebler(model)
@@ -64,20 +64,20 @@ def check_lines(scene: Scene, *, equations: bool = False, modes: bool = False) -
         span = f"over {scene.cycles * scene.mechanism.cycle:g} s" if scene.mechanism.cycle else "at one instant, time zero"
         lines.append(f"statics    nothing moves: reactions {span}")
     if scene.simulation is not None:
-        lifting = [f"whether the follower of {cam.pair} stays on it" for cam in scene.simulation.separable_cams]
-        moving = [p for p in free if p not in made_pairs(scene.mechanism)]
+        lifting = [f"whether the follower of {cam.joint} stays on it" for cam in scene.simulation.separable_cams]
+        moving = [p for p in free if p not in made_joints(scene.mechanism)]
         moved = [f"the motion of {', '.join(moving)}"] if moving else []
-        moved += [f"the motion of {p.links[1]}, a free body" for p in scene.mechanism.pairs if isinstance(p, Planar)]
-        moved += [f"the motion of the journal of {pair} in its bearing" for pair in loose]
+        moved += [f"the motion of {p.links[1]}, a free body" for p in scene.mechanism.joints if isinstance(p, Planar)]
+        moved += [f"the motion of the journal of {joint} in its bearing" for joint in loose]
         duration, turns = scene.simulation.duration, scene.simulation.steady
         span = f"{duration:g} s" if duration == duration else "one cycle"
         begin = f", from the steady state whose cycle is {turns} turn{'s' * (turns > 1)}" if turns else ""
         lines.append(f"dynamics   forces decide {', '.join(moved + lifting)}, for {span}{begin}")
         for s in scene.simulation.stops:
-            lines.append(f"           stop {s.name} of {s.pair}, restitution {s.restitution:g}")
+            lines.append(f"           stop {s.name} of {s.joint}, restitution {s.restitution:g}")
         for look in scene.simulation.watches:
             lines.append(f"           watched: {look.name}{', ends the motion' if look.ends else ''}")
-    redundant = redundant_pairs(model)
+    redundant = redundant_joints(model)
     if redundant:
         lines.append(f"redundant  constraints are left over at {', '.join(redundant)}")
         if 0 < rank > w:
@@ -86,7 +86,7 @@ def check_lines(scene: Scene, *, equations: bool = False, modes: bool = False) -
     lines.append("groups     in the order in which they are solved")
     lines += [f"  {i}. {g}; {'driven' if g.solved_by == 'drive' else g.solved_by}" for i, g in enumerate(groups(model), 1)]
     lines.append(f"loops      {len(model.loops)} independent")
-    lines += [f"  {i}. {' - '.join(pairs)}" for i, pairs in enumerate(loop_pairs(model), 1)]
+    lines += [f"  {i}. {' - '.join(joints)}" for i, joints in enumerate(loop_joints(model), 1)]
     lines += [f"law        {words}" for words in continuity_words(scene.mechanism, scene.units)]
     lines += [f"table      {e.item}: {e.text}" for e in overshoots(scene.mechanism)]
     lines += _modes(compiled)
@@ -106,7 +106,7 @@ def check_lines(scene: Scene, *, equations: bool = False, modes: bool = False) -
         lines.append(
             f"passes     {count} change or dead point{'s' if count != 1 else ''}, the first at {motion.changes[0].time:.6g} s"
         )
-    decided = [cam.pair for cam in scene.simulation.separable_cams] if scene.simulation is not None else []
+    decided = [cam.joint for cam in scene.simulation.separable_cams] if scene.simulation is not None else []
     loaded = bool(scene.mechanism.effects or scene.mechanism.loads)
     forces = solve_forces(motion) if loaded and not free else None
     if forces is not None:
@@ -115,11 +115,11 @@ def check_lines(scene: Scene, *, equations: bool = False, modes: bool = False) -
         lines += _contact(forces, scene.units, decided)
         if any(isinstance(load, BeltTension) and load.coefficient for load in scene.mechanism.loads):
             lines += _belts(forces, scene.units)
-    cams = [pair for pair in scene.mechanism.pairs if isinstance(pair, CamPair)]
+    cams = [joint for joint in scene.mechanism.joints if isinstance(joint, CamJoint)]
     if cams:
         known = law_facts(motion) if free or decided else cam_facts(motion, forces)  # forces decide what a run makes of them
         lines += _section("limits", [f"{f.cam}: {f.what} {f.text.in_units(scene.units)}" for f in known if f.failed])
-        if any(pair.rating is not None or pair.drawn is not None for pair in cams) and not free:
+        if any(joint.rating is not None or joint.drawn is not None for joint in cams) and not free:
             lines += ["", *cam_lines(motion, known, scene.units)]
     if free or decided:
         lines += _section("a run", [f"tells {words}" for words in _told_by_runs(scene.mechanism)])
@@ -143,7 +143,7 @@ def _friction(forces: Forces, units: Units) -> list[str]:
 def _contact(forces: Forces, units: Units, decided: list[str]) -> list[str]:
     """Where followers that are only pressed on their cams would leave them, but for those where forces decide it (``decided``)."""
     motion = forces.motion
-    if not any(isinstance(p, CamPair) for p in motion.mechanism.pairs):
+    if not any(isinstance(p, CamJoint) for p in motion.mechanism.joints):
         return []
     pressed = [cam.name for cam in placed_cams(motion) if not cam.form and cam.name not in decided]
     if not pressed:
@@ -158,8 +158,8 @@ def _belts(forces: Forces, units: Units) -> list[str]:
     """What belts can carry, and where they slip."""
     motion = forces.motion
     loads = [load for load in motion.mechanism.loads if isinstance(load, BeltTension) and load.coefficient]
-    most = {load.pair: units.show(belt_grip(motion, load).most, "force", 5) for load in loads}
-    lines = [f"{pair} carries up to {force} without slipping (Euler, Eytelwein)" for pair, force in most.items()]
+    most = {load.joint: units.show(belt_grip(motion, load).most, "force", 5) for load in loads}
+    lines = [f"{joint} carries up to {force} without slipping (Euler, Eytelwein)" for joint, force in most.items()]
     slips = [f"{e.item}: {e.in_units(units).text}" for e in belt_events(forces)]
     return _section("belt", [*lines, *(slips or ["no belt slips over the run"])])
 
@@ -183,7 +183,7 @@ def _led(drives: int, free: list[str]) -> str:
 
 def _grashof(compiled: Compiled, units: Units) -> list[str]:
     return [
-        f"four-bar   {'-'.join(loop.pairs)}: {loop.type}, Grashof margin {units.show(loop.margin, 'length')}"
+        f"four-bar   {'-'.join(loop.joints)}: {loop.type}, Grashof margin {units.show(loop.margin, 'length')}"
         for loop in grashof(compiled.model)
     ]
 
@@ -213,7 +213,7 @@ def _outputs(motion: Motion, scene: Scene) -> list[str]:
         kind = "angle" if found.rotary else "length"
         size, low, high = (scene.units.show(value, kind, 5) for value in (found.length, _plain(found.low), _plain(found.high)))
         ratio = "" if np.isnan(found.time_ratio) else f"; time ratio {found.time_ratio:.5g}"
-        lines.append(f"{found.pair}: {'range' if found.rotary else 'stroke'} {size}, {low} to {high}{ratio}")
+        lines.append(f"{found.joint}: {'range' if found.rotary else 'stroke'} {size}, {low} to {high}{ratio}")
     return _section("output", lines)
 
 
@@ -224,7 +224,7 @@ def _loads(motion: Motion, units: Units) -> list[str]:
 
 def _idle(scene: Scene, compiled: Compiled, ranges: list[tuple[float, float]]) -> list[str]:
     """Loads whose table the motion under forces can never reach, as far as that is known beforehand."""
-    first = scene.mechanism.drives[0].pair
+    first = scene.mechanism.drives[0].joint
     duration = scene.simulation.duration if scene.simulation is not None else np.nan
     lines = []
     for load in scene.mechanism.loads:
@@ -232,7 +232,7 @@ def _idle(scene: Scene, compiled: Compiled, ranges: list[tuple[float, float]]) -
         words = ""
         if factor is not None and factor.of == "time" and np.isfinite(duration):
             words = idle_table(load, False, 0.0, duration)
-        elif factor is not None and factor.of == "position" and factor.pair in (None, first) and len(ranges) == 1:
+        elif factor is not None and factor.of == "position" and factor.joint in (None, first) and len(ranges) == 1:
             words = idle_table(load, compiled.model.rotary(first), *ranges[0])
         lines += [f"{load.name}: {Text(words, scene.units)}"] if words else []
     return _section("load", lines)
@@ -241,28 +241,28 @@ def _idle(scene: Scene, compiled: Compiled, ranges: list[tuple[float, float]]) -
 def _told_by_runs(mechanism: Mechanism) -> list[str]:
     """What a scene limits that nobody knows before forces have decided the motion."""
     found = []
-    for pair in mechanism.pairs:
-        if isinstance(pair, CamPair):
-            rating = pair.rating
+    for joint in mechanism.joints:
+        if isinstance(joint, CamJoint):
+            rating = joint.rating
             limits = {
                 "Hertz pressure": rating is not None and rating.limit is not None,
                 "contact force": rating is not None and rating.margin is not None,
-                "pressure angle": pair.contour is not None and pair.pressure_limit is not None,  # else its law tells
+                "pressure angle": joint.contour is not None and joint.pressure_limit is not None,  # else its law tells
             }
-            found += [f"whether the {what} at {pair.name} keeps its limit" for what, stated in limits.items() if stated]
+            found += [f"whether the {what} at {joint.name} keeps its limit" for what, stated in limits.items() if stated]
     for load in mechanism.loads:
         if isinstance(load, Spring) and load.solid_length is not None:
             found.append(f"whether {load.name} is squeezed below its solid length")
         elif isinstance(load, GasSpring | GasPressure):
             found.append(f"whether {load.name} stays within its stroke")
         elif isinstance(load, BeltTension) and load.coefficient:
-            found.append(f"whether the belt {load.pair} slips")
+            found.append(f"whether the belt {load.joint} slips")
     return found
 
 
 def _reach(compiled: Compiled, ranges: list[tuple[float, float]], units: Units) -> list[str]:
     drive = compiled.mechanism.drives[0]
-    rotary = compiled.model.rotary(drive.pair)
+    rotary = compiled.model.rotary(drive.joint)
     kind = "angle" if rotary else "length"
     full = rotary and len(ranges) == 1 and ranges[0][1] - ranges[0][0] > 2.0 * np.pi - 1e-9
     spans = [f"{units.show(_plain(a), kind, 7)} to {units.show(_plain(b), kind, 7)}" for a, b in ranges]
@@ -270,7 +270,7 @@ def _reach(compiled: Compiled, ranges: list[tuple[float, float]], units: Units) 
     beside = ", the others at their start" if len(compiled.mechanism.drives) > 1 else ""
     reach = "a full turn" if full else spans[0] if spans else "the start only"
     how = ' (range = "reachable" runs it there and back)' if spans and not full and isinstance(drive.law, ConstantSpeed) else ""
-    lines = [f"reach      {what} {drive.pair}: {reach}{beside}{how}"]
+    lines = [f"reach      {what} {drive.joint}: {reach}{beside}{how}"]
     if len(spans) > 1:  # the first one is where the run starts
         lines.append(
             f"           no way leads from there to {', '.join(spans[1:])}, where the stated modes can be put together, too"
@@ -281,12 +281,12 @@ def _reach(compiled: Compiled, ranges: list[tuple[float, float]], units: Units) 
 def _slots(motion: Motion, units: Units) -> list[str]:
     """How far pins go in slots that have no ends: a real slot may be shorter, as that of a Geneva drive."""
     lines = []
-    for pair in motion.mechanism.pairs:
-        if isinstance(pair, PinSlot) and pair.ends is None:
-            way = motion.coordinate(pair.name)[:, 0]
+    for joint in motion.mechanism.joints:
+        if isinstance(joint, PinSlot) and joint.ends is None:
+            way = motion.coordinate(joint.name)[:, 0]
             low, high = (units.show(_plain(float(x)), "length", 6) for x in (way.min(), way.max()))
             lines.append(
-                f"slot       {pair.name}: its pin goes from {low} to {high}; no length says where the slot ends and lets it go"
+                f"slot       {joint.name}: its pin goes from {low} to {high}; no length says where the slot ends and lets it go"
             )
     return lines
 
@@ -309,7 +309,7 @@ def plan_lines(plan: Plan) -> list[str]:
 def statics_lines(forces: Forces, units: Units) -> list[str]:
     """Reaction of every joint on its second link and effort of every drive; over time those of the frame where it is largest."""
     motion = forces.motion
-    driven = [drive.pair for drive in motion.mechanism.drives]
+    driven = [drive.joint for drive in motion.mechanism.drives]
     rows: list[tuple[str, ...]] = [("joint", "on", "Fx", "Fy", "force", "couple", "drive")]
     for joint in joints_of(motion):
         reaction = forces.reaction(joint.name)

@@ -29,13 +29,13 @@ SLOW = 0.5  # displayed frequency of a mode that does not vibrate [Hz]
 def vibrations_of(scene: Scene, *, seek: Seek = "stable") -> Vibrations:
     """Small vibrations about the equilibrium that a scene's free coordinates fall to. Raises `SceneError`, `MechanismError`."""
     if scene.simulation is None:
-        remedy = "Let forces move a pair: free = { position = 0 } instead of its drive."
+        remedy = "Let forces move a joint: free = { position = 0 } instead of its drive."
         raise SceneError(scene.name, Fault("joints", "every motion is prescribed: nothing can vibrate.", remedy))
     return small_vibrations(scene.mechanism, seek=seek, stops=scene.simulation.stops)
 
 
 def _rotary(found: Vibrations) -> list[bool]:
-    return [found.equilibrium.compiled.model.rotary(p) for p in found.pairs]
+    return [found.equilibrium.compiled.model.rotary(p) for p in found.joints]
 
 
 def _shape(found: Vibrations, mode: Mode) -> Any:
@@ -63,7 +63,7 @@ def vibration_lines(scene: Scene, found: Vibrations) -> list[str]:
     rotary = _rotary(found)
     at = np.where(np.abs(eq.position) < 1e-12, 0.0, eq.position)
     shown = [scene.units.show(x, "angle" if r else "length") for x, r in zip(at, rotary, strict=True)]
-    places = [f"{p} = {x}" for p, x in zip(found.pairs, shown, strict=True)]
+    places = [f"{p} = {x}" for p, x in zip(found.joints, shown, strict=True)]
     words = {
         "stable": "stable: a small disturbance makes it vibrate about this place",
         "neutral": "neutral: it stays where it is put, in at least one direction",
@@ -79,7 +79,7 @@ def vibration_lines(scene: Scene, found: Vibrations) -> list[str]:
     ]
     units = ["rad" if r else "m" for r in rotary]
     heads = ["mode", "frequency [Hz]", "damping ratio", "damped [Hz]", "dies away"]
-    rows = [[*heads, *(f"{p} [{u}]" for p, u in zip(found.pairs, units, strict=True))]]
+    rows = [[*heads, *(f"{p} [{u}]" for p, u in zip(found.joints, units, strict=True))]]
     rows += [_row(found, k) for k in range(len(found.modes))]
     widths = [max(len(row[k]) for row in rows) for k in range(len(rows[0]))]
     lines += ["  ".join(cell.rjust(w) for cell, w in zip(row, widths, strict=True)) for row in rows]
@@ -89,7 +89,7 @@ def vibration_lines(scene: Scene, found: Vibrations) -> list[str]:
 def vibrations_csv(found: Vibrations, path: Path) -> Path:
     """The modes as a table: frequencies, damping, exponents, mass-normalised shapes (phi' M phi = 1), in SI units."""
     heads = ["mode", "kind", "frequency_Hz", "damping_ratio", "damped_frequency_Hz"]
-    heads += ["exponent_1_re", "exponent_1_im", "exponent_2_re", "exponent_2_im", *(f"shape_{p}" for p in found.pairs)]
+    heads += ["exponent_1_re", "exponent_1_im", "exponent_2_re", "exponent_2_im", *(f"shape_{p}" for p in found.joints)]
     with replacing(path) as temporary, open(temporary, "w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file)
         writer.writerow(heads)
@@ -115,8 +115,8 @@ def mode_scene(scene: Scene, found: Vibrations, number: int, *, amplitude: float
         faults.append(Fault("amplitude", f"{amplitude:g} is no part of the mechanism's size.", "Give a number such as 0.08."))
     for name, entry in scene.document.joints.items():
         if entry.traits.pose:
-            remedy = "Hold it by two sliding pairs and a pin in a row instead, to see its modes move."
-            faults.append(Fault(f"joints.{name}", "a mode is shown by driven pairs, and a free body has none.", remedy))
+            remedy = "Hold it by two sliding joints and a pin in a row instead, to see its modes move."
+            faults.append(Fault(f"joints.{name}", "a mode is shown by driven joints, and a free body has none.", remedy))
     if faults:
         raise SceneError(scene.name, faults)
     mode, eq = found.modes[number - 1], found.equilibrium
@@ -124,16 +124,16 @@ def mode_scene(scene: Scene, found: Vibrations, number: int, *, amplitude: float
     frequency = mode.frequency if mode.kind == "vibration" else SLOW
     changes = _without_forces_of_motion(scene)
     for drive in eq.compiled.mechanism.drives:
-        pair = drive.pair
-        if pair in found.pairs:
-            i = found.pairs.index(pair)
+        joint = drive.joint
+        if joint in found.joints:
+            i = found.joints.index(joint)
             centre, part = float(eq.position[i]), float(parts[i])
             rotary = _rotary(found)[i]
         else:
             centre, part = float(drive.law(np.zeros(1))[0][0]), 0.0
             model = eq.compiled.model
-            rotary = model.joints[model.joint_index[pair]].coordinate == "angle"
-        changes["joints", pair, "drive"] = _harmonic(centre, part, frequency, "rad" if rotary else "m")
+            rotary = model.joints[model.joint_index[joint]].coordinate == "angle"
+        changes["joints", joint, "drive"] = _harmonic(centre, part, frequency, "rad" if rotary else "m")
     speed = f"{mode.frequency:.4g} Hz" if mode.kind == "vibration" else f"{mode.kind}, not to its own time"
     changes["title",] = f"{scene.title}: mode {number} of {len(found.modes)}, {speed}"
     changes["teaches",] = "A mode of vibration: all parts move in step and pass the equilibrium at the same instant."
@@ -173,10 +173,10 @@ def _without_forces_of_motion(scene: Scene) -> dict[Place, Any]:
     """The changes that leave out what only a motion under forces has, dry friction, and loads that change with time."""
     document = scene.document
     changes: dict[Place, Any] = {("watch",): None, ("effects",): [e for e in document.effects if e != "friction"]}
-    for name, pair in document.joints.items():
-        changes |= {("joints", name, key): None for key in ("free", "stops") if getattr(pair, key)}
-        for key in ("static", "stribeck") if pair.friction is not None else ():
-            if getattr(pair.friction, key) is not None:
+    for name, joint in document.joints.items():
+        changes |= {("joints", name, key): None for key in ("free", "stops") if getattr(joint, key)}
+        for key in ("static", "stribeck") if joint.friction is not None else ():
+            if getattr(joint.friction, key) is not None:
                 changes["joints", name, "friction", key] = None
     for name, load in document.loads.items():
         timed = "time" in (load.table and load.table.of, load.polynomial and load.polynomial.of)
@@ -189,9 +189,9 @@ def _sketch(scene: Scene, found: Vibrations) -> dict[Place, Any]:
     """The changes that state the places of all links at the equilibrium instead of the assembly modes of the start."""
     document = scene.document
     changes: dict[Place, Any] = {}
-    for name, pair in document.joints.items():
-        if not pair.traits.own_mode:
-            changes |= {("joints", name, key): None for key in pair.traits.modes if getattr(pair, key) is not None}
+    for name, joint in document.joints.items():
+        if not joint.traits.own_mode:
+            changes |= {("joints", name, key): None for key in joint.traits.modes if getattr(joint, key) is not None}
     if any(isinstance(link.points, list) for link in document.links.values()):
         return changes  # the sketch is their shape
     motion, sketch = found.equilibrium.motion, {}

@@ -42,17 +42,17 @@ class Constraints:
 
     def __init__(self, m: sp.Mechanism, poses: dict[str, tuple[float, float, float]], start: dict[str, float]):
         self.m = m
-        self.held: dict[str, float] = {}  # coordinates of pairs that rest on stops
+        self.held: dict[str, float] = {}  # coordinates of joints that rest on stops
         self._framed: Any = (None, None)
         self._known: Any = (None, None, None)
         self.names = [k.name for k in m.links if k.name != m.frame]
         self.body = {m.frame: 0} | {k: i + 1 for i, k in enumerate(self.names)}
         self.link = {k.name: k for k in m.links}
-        self.pair: dict[str, Any] = {p.name: p for p in m.pairs}
+        self.joint: dict[str, Any] = {p.name: p for p in m.joints}
         self.start = start  # coordinates at the start
         self.base = {}  # what angles are ahead of the difference of the bodies' angles at the start
-        self.cams = [Cam(p, self) for p in m.pairs if isinstance(p, sp.CamPair) and type(p.face).__name__ != "Flat"]
-        self.flats = [Cam(p, self) for p in m.pairs if isinstance(p, sp.CamPair) and type(p.face).__name__ == "Flat"]
+        self.cams = [Cam(p, self) for p in m.joints if isinstance(p, sp.CamJoint) and type(p.face).__name__ != "Flat"]
+        self.flats = [Cam(p, self) for p in m.joints if isinstance(p, sp.CamJoint) and type(p.face).__name__ == "Flat"]
         self.n = 3 * len(self.names) + len(self.cams)
         self.poses = poses
         moving = [self.link[k] for k in self.names]
@@ -65,37 +65,37 @@ class Constraints:
             q[3 * k : 3 * k + 3] = poses[name]
         self.q0 = q
         for i, cam in enumerate(self.cams):
-            q[3 * len(self.names) + i] = cam.pair.sense * (q[3 * cam.cam - 1]) + cam.pair.phase
+            q[3 * len(self.names) + i] = cam.joint.sense * (q[3 * cam.cam - 1]) + cam.joint.phase
         self.constant = np.zeros(len(self.linear))
         self._known = (None, None, None)
         self.constant = self._evaluate(q, None)[0][len(self.revolute) * 2 + len(self.slot) :][: len(self.linear)]
         for i, (_, _, known) in enumerate(self.linear):
             if known is not None:
                 self.constant[i] = known + TURN * np.round((self.constant[i] - known) / TURN)
-        self.base = {name: self.turned(q, *self.ends(p)) for name, p in self.pair.items() if self.ends(p)}
+        self.base = {name: self.turned(q, *self.ends(p)) for name, p in self.joint.items() if self.ends(p)}
 
     # -- what the specs say -------------------------------------------------------------------------------------------
     def at(self, link: str, point: str) -> complex:
         return complex(*self.link[link].points[point])
 
-    def ends(self, pair: Any) -> tuple[int, int]:
-        return self.body[pair.links[0]], self.body[pair.links[1]]
+    def ends(self, joint: Any) -> tuple[int, int]:
+        return self.body[joint.links[0]], self.body[joint.links[1]]
 
     @staticmethod
-    def direction(pair: Any) -> complex:
-        z = complex(*pair.along)
+    def direction(joint: Any) -> complex:
+        z = complex(*joint.along)
         return z / abs(z)
 
     def _parts(self) -> None:
         """Coincident points, slots, linear constraints of angles and slides, slides, distances."""
         self.revolute: list[str] = []
         self.slot: list[str] = []
-        self.slide: dict[str, int] = {}  # pair -> number of its slide
+        self.slide: dict[str, int] = {}  # joint -> number of its slide
         self.linear: list[tuple[dict[int, float], dict[int, float], float | None]] = []
         self.linear_of: dict[str, int] = {}
         ends: list[tuple[int, complex, int, complex]] = []
         slots: list[tuple[int, complex, int, complex, complex]] = []
-        for p in self.m.pairs:
+        for p in self.m.joints:
             if isinstance(p, sp.Revolute | sp.Weld):
                 (a, b), (i, j) = p.links, p.points
                 self.revolute.append(p.name)
@@ -117,14 +117,14 @@ class Constraints:
             if isinstance(p, sp.Rolling):
                 r = p.radius if p.side == "left" else -p.radius
                 self._tie(p.name, {self.body[p.links[1]]: r, self.body[p.links[0]]: -r}, {self.slide[p.name]: 1.0}, None)
-        for p in self.m.pairs:
+        for p in self.m.joints:
             if isinstance(p, sp.Rack):
-                slider = self.pair[p.slider]
+                slider = self.joint[p.slider]
                 carrier = next(k for k in slider.links if k != p.links[1])
                 r = p.radius if p.side == "left" else -p.radius
                 moves = 1.0 if slider.links[slider.guide] == carrier else -1.0
                 self._tie(p.name, {self.body[p.links[0]]: -r, self.body[carrier]: r}, {self.slide[p.slider]: moves}, None)
-        self.cylinders = [p for p in self.m.pairs if isinstance(p, sp.Cylinder)]
+        self.cylinders = [p for p in self.m.joints if isinstance(p, sp.Cylinder)]
         pad = ends or [(0, 0j, 0, 0j)]
         self.pin_body = np.array([[a, c] for a, _, c, _ in pad]).T
         self.pin_at = np.array([[b, d] for _, b, _, d in pad]).T
@@ -180,7 +180,7 @@ class Constraints:
 
     def axis_on(self, wheel: str, carrier: str) -> complex:
         """The axis of a wheel that is pinned to its carrier, in the carrier's axes."""
-        p = next(p for p in self.m.pairs if isinstance(p, sp.Revolute) and set(p.links) == {wheel, carrier})
+        p = next(p for p in self.m.joints if isinstance(p, sp.Revolute) and set(p.links) == {wheel, carrier})
         return self.at(carrier, p.points[p.links.index(carrier)])
 
     def gear_radii(self, p: sp.Gear) -> tuple[float, float]:
@@ -271,7 +271,7 @@ class Constraints:
             c, c1, c2 = cam.curve(q[s])
             body, other = cam.cam, cam.follower
             arm_c = turn[body] * (cam.own + c)
-            arm_f = turn[other] * self.at(cam.pair.links[1], cam.pair.point)
+            arm_f = turn[other] * self.at(cam.joint.links[1], cam.joint.point)
             d = origin[other] + arm_f - origin[body] - arm_c
             one = self._at(np.array([other]), np.array([arm_f])) - self._at(np.array([body]), np.array([arm_c]))
             one[0, s] = -turn[body] * c1
@@ -284,24 +284,24 @@ class Constraints:
         for cam in self.flats:
             # distance of the face from the cam's axis as a function of the cam's angle against the follower's
             body, other = cam.cam, cam.follower
-            f = turn[other] * self.at(cam.pair.links[1], cam.pair.point)
+            f = turn[other] * self.at(cam.joint.links[1], cam.joint.point)
             a = turn[body] * cam.own
             d = origin[other] + f - origin[body] - a
             angle0 = cam.up * np.exp(-1j * self._flat_angle(cam))
             u = turn[other] * angle0  # the normal turns with the follower
-            x = cam.pair.sense * (angle[body] - (angle[other] - self._flat_angle(cam))) + cam.pair.phase
+            x = cam.joint.sense * (angle[body] - (angle[other] - self._flat_angle(cam))) + cam.joint.phase
             h, h1, h2 = cam.lift(x)
             jd = self._at(np.array([other]), np.array([f])) - self._at(np.array([body]), np.array([a]))
             spin = np.zeros((1, self.n))
             spin[0, 3 * other - 1] = 1.0
             slope = np.zeros((1, self.n))
-            slope[0, 3 * body - 1] += cam.pair.sense
-            slope[0, 3 * other - 1] -= cam.pair.sense
+            slope[0, 3 * body - 1] += cam.joint.sense
+            slope[0, 3 * other - 1] -= cam.joint.sense
             zf = np.conj(u) * d
-            rate = cam.pair.sense * (w[body] - w[other])
+            rate = cam.joint.sense * (w[body] - w[other])
             d1 = vel[other] + 1j * w[other] * f - vel[body] - 1j * w[body] * a
             d2 = -(w[other] ** 2) * f + w[body] ** 2 * a
-            residuals.append(np.array([zf.real - cam.pair.base - h]))
+            residuals.append(np.array([zf.real - cam.joint.base - h]))
             rows.append((np.conj(u) * jd - 1j * zf * spin).real - h1 * slope)
             quadratic.append(np.array([(np.conj(u) * (d2 - 2j * w[other] * d1 - w[other] ** 2 * d)).real - h2 * rate * rate]))
         if not residuals:
@@ -310,7 +310,7 @@ class Constraints:
 
     def _flat_angle(self, cam: Cam) -> float:
         """Angle of a flat follower's frame where its guide stands still."""
-        return self.poses[cam.pair.links[1]][2]
+        return self.poses[cam.joint.links[1]][2]
 
     def _at(self, body: Array, arm: Array) -> Array:
         """Complex Jacobian (k, n) of points with these arms."""
@@ -321,8 +321,8 @@ class Constraints:
         return out
 
     def measured(self, name: str, q: Array, v: Array | None = None) -> tuple[float, Array, float]:
-        """Coordinate of a pair, its gradient (n,), and the quadratic part of its second rate."""
-        p = self.pair[name]
+        """Coordinate of a joint, its gradient (n,), and the quadratic part of its second rate."""
+        p = self.joint[name]
         if name in self.slide:
             self.evaluate(q, v)
             i = self.slide[name]
@@ -350,7 +350,8 @@ class Constraints:
         return self.start[name] + self.turned(q, a, b) - self.base[name], row, 0.0
 
     def system(self, t: float, q: Array, v: Array | None, driven: bool | tuple[str, ...] = True, more: tuple[str, ...] = ()) -> Any:
-        """Residuals, Jacobian, rates by time, quadratic parts of all constraints, the drives' last, then pairs that stand still."""
+        """Residuals, Jacobian, rates by time, quadratic parts of all constraints, the drives' last, then joints that stand
+        still."""
         g, j, k = self.evaluate(q, v)
         gs, js, ks, rates = [g], [j], [k], [np.zeros(len(g))]
         for d in self.m.drives:
@@ -360,7 +361,7 @@ class Constraints:
                 want: Any = (d.law.start, d.law.speed, 0.0)
             else:
                 want = law_at(d.law, t)
-            value, row, quad = self.measured(d.pair, q, v)
+            value, row, quad = self.measured(d.joint, q, v)
             gs.append(np.array([value - want[0]]))
             js.append(row[None])
             ks.append(np.array([quad - want[2]]))

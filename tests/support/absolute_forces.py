@@ -38,7 +38,7 @@ class Loaded(Constraints):
         if f.of == "time":
             x = t
         elif f.of in ("position", "velocity"):
-            x = self.coordinate(f.pair or self.m.drives[0].pair, q, v)[f.of == "velocity"]
+            x = self.coordinate(f.joint or self.m.drives[0].joint, q, v)[f.of == "velocity"]
         else:
             assert f.point is not None
             body, local = self.body[f.point[0]], self.at(*f.point)
@@ -52,8 +52,8 @@ class Loaded(Constraints):
         return float(f.function(x))
 
     def effort(self, name: str, q: Array, value: float) -> Wrench:
-        """An effort in a pair: on its second link in the direction of its coordinate."""
-        p = self.pair[name]
+        """An effort in a joint: on its second link in the direction of its coordinate."""
+        p = self.joint[name]
         if name not in self.slide and not isinstance(p, sp.Cylinder):
             a, b = self.ends(p)
             local = self.at(p.links[1], p.points[1])
@@ -108,18 +108,18 @@ class Loaded(Constraints):
             u = self.point(q, b, local, v)
             return Wrench(b, -(x.linear + x.quadratic * abs(u)) * u, 0.0, self.point(q, b, local))
         if isinstance(x, sp.Viscous):
-            p = self.pair[x.pair]
+            p = self.joint[x.joint]
             if isinstance(p, sp.Rolling):
                 a, b = self.ends(p)
                 return Wrench(b, 0j, -x.coefficient * (spin[b] - spin[a]), self.point(q, b, 0j), a)
-            return self.effort(x.pair, q, -x.coefficient * self.coordinate(x.pair, q, v)[1])
+            return self.effort(x.joint, q, -x.coefficient * self.coordinate(x.joint, q, v)[1])
         if isinstance(x, sp.DcMotor):
-            assert x.pair is not None
-            w = self.coordinate(x.pair, q, v)[1]
-            return self.effort(x.pair, q, x.stall_torque * (1.0 - w / x.no_load_speed))
+            assert x.joint is not None
+            w = self.coordinate(x.joint, q, v)[1]
+            return self.effort(x.joint, q, x.stall_torque * (1.0 - w / x.no_load_speed))
         assert isinstance(x, sp.GasPressure)
-        p = self.pair[x.pair]
-        s, rate = self.coordinate(x.pair, q, v)
+        p = self.joint[x.joint]
+        s, rate = self.coordinate(x.joint, q, v)
         ahead = x.head == "ahead"
         depth = x.top - s if ahead else s - x.top
         if not 0.0 <= depth <= x.cycle.stroke:
@@ -136,7 +136,7 @@ class Loaded(Constraints):
         else:
             pressure = float(c.pressure(np.array(depth), np.array(outward), np.array(True)))
         push = (pressure - x.back) * x.area * (-1.0 if ahead else 1.0)
-        on = self.effort(x.pair, q, push)
+        on = self.effort(x.joint, q, push)
         return on if p.guide == 0 else Wrench(on.other or 0, -on.force, 0.0, on.place, on.body)  # on the piston
 
     def applied(self, t: float, q: Array, v: Array) -> list[Wrench]:
@@ -195,47 +195,47 @@ class Loaded(Constraints):
 
     def contact(self, name: str, p: float, q: Array) -> list[Wrench]:
         """What the teeth or a belt really transmit, of the multiplier of a relation; rolling and cams say it themselves."""
-        pair = self.pair[name]
-        if isinstance(pair, sp.Gear):
-            carrier = self.body[pair.carrier]
-            c1, c2 = (self.axis_on(k, pair.carrier) for k in pair.links)
-            r1, _ = self.gear_radii(pair)
-            out = (c2 - c1) / abs(c2 - c1) * (-1.0 if pair.internal else 1.0)
+        joint = self.joint[name]
+        if isinstance(joint, sp.Gear):
+            carrier = self.body[joint.carrier]
+            c1, c2 = (self.axis_on(k, joint.carrier) for k in joint.links)
+            r1, _ = self.gear_radii(joint)
+            out = (c2 - c1) / abs(c2 - c1) * (-1.0 if joint.internal else 1.0)
             place, turn = self.point(q, carrier, c1 + r1 * out), self.frames(q)[1][carrier]
-            lean = abs(p) * np.tan(pair.pressure_angle)
-            return [Wrench(self.body[pair.links[1]], (-p * 1j * out + lean * out) * turn, 0.0, place, self.body[pair.links[0]])]
-        if isinstance(pair, sp.Belt):
-            carrier = self.body[pair.carrier]
-            c1, c2 = (self.axis_on(k, pair.carrier) for k in pair.links)
-            axis, (r1, r2) = (c2 - c1) / abs(c2 - c1), pair.radii
-            k = (r1 + r2 if pair.crossed else r1 - r2) / abs(c2 - c1)
+            lean = abs(p) * np.tan(joint.pressure_angle)
+            return [Wrench(self.body[joint.links[1]], (-p * 1j * out + lean * out) * turn, 0.0, place, self.body[joint.links[0]])]
+        if isinstance(joint, sp.Belt):
+            carrier = self.body[joint.carrier]
+            c1, c2 = (self.axis_on(k, joint.carrier) for k in joint.links)
+            axis, (r1, r2) = (c2 - c1) / abs(c2 - c1), joint.radii
+            k = (r1 + r2 if joint.crossed else r1 - r2) / abs(c2 - c1)
             side = -1j if p >= 0 else 1j
             n = (k + side * np.sqrt(1.0 - k * k)) * axis
             along = (1j if p >= 0 else -1j) * n
             assert (np.conj(along) * axis).real > 0.0
             turn = self.frames(q)[1][carrier]
             place = self.point(q, carrier, c1 + r1 * n)
-            return [Wrench(self.body[pair.links[1]], -abs(p) * along * turn, 0.0, place, self.body[pair.links[0]])]
-        assert isinstance(pair, sp.Rack)
-        slider = self.pair[pair.slider]
-        carrier_name = next(k for k in slider.links if k != pair.links[1])
+            return [Wrench(self.body[joint.links[1]], -abs(p) * along * turn, 0.0, place, self.body[joint.links[0]])]
+        assert isinstance(joint, sp.Rack)
+        slider = self.joint[joint.slider]
+        carrier_name = next(k for k in slider.links if k != joint.links[1])
         carrier = self.body[carrier_name]
         assert slider.links[slider.guide] == carrier_name
         u = self.direction(slider)
-        towards = (-1j if pair.side == "left" else 1j) * u
-        place = self.point(q, carrier, self.axis_on(pair.links[0], carrier_name) + pair.radius * towards)
+        towards = (-1j if joint.side == "left" else 1j) * u
+        place = self.point(q, carrier, self.axis_on(joint.links[0], carrier_name) + joint.radius * towards)
         turn = self.frames(q)[1][carrier]
-        lean = abs(p) * np.tan(pair.pressure_angle) * towards
-        return [Wrench(self.body[pair.links[1]], (p * u + lean) * turn, 0.0, place, self.body[pair.links[0]])]
+        lean = abs(p) * np.tan(joint.pressure_angle) * towards
+        return [Wrench(self.body[joint.links[1]], (p * u + lean) * turn, 0.0, place, self.body[joint.links[0]])]
 
     def reactions(self, t: float, q: Array, v: Array, a: Array, more: tuple[str, ...] = ()) -> dict[str, Any]:
-        """Reactions (force, couple on the second link) by pair, efforts by driven pair, forces of stops, wrenches of loads."""
+        """Reactions (force, couple on the second link) by joint, efforts by driven joint, forces of stops, wrenches of loads."""
         j = self.system(t, q, v, True, more)[1]
         loads = self.applied(t, q, v)
         big, quad = self.masses(q, v)
         demand = big @ a - quad - self.generalised(loads, q)
-        free = {d.pair for d in self.m.drives if isinstance(d.law, Free)}
-        ties = [r for r in self.linear_of if isinstance(self.pair[r], sp.Gear | sp.Belt | sp.Rack)]
+        free = {d.joint for d in self.m.drives if isinstance(d.law, Free)}
+        ties = [r for r in self.linear_of if isinstance(self.joint[r], sp.Gear | sp.Belt | sp.Rack)]
         lead = 2 * len(self.revolute) + len(self.slot)
 
         def multipliers(demand: Array, without: list[int]) -> Array:
@@ -284,12 +284,12 @@ class Loaded(Constraints):
             couple = p[lead + self.linear_of[name]] if name in self.linear_of else 0.0
             out[name] = complex(p[i], p[n + i]), couple + float(np.real(drag.get(name, 0.0)))
         for i, name in enumerate(self.slot):
-            pair = self.pair[name]
-            guide = getattr(pair, "guide", 0)
+            joint = self.joint[name]
+            guide = getattr(joint, "guide", 0)
             u = turn[self.slot_body[0, i]] * self.slot_along[i]
             force = p[2 * n + i] * 1j * u
             couple = 0.0
-            if isinstance(pair, sp.Rolling):
+            if isinstance(joint, sp.Rolling):
                 force += p[lead + self.linear_of[name]] * u
             elif name in self.linear_of:
                 couple = p[lead + self.linear_of[name]]
@@ -298,28 +298,28 @@ class Loaded(Constraints):
             out[name] = w.force, 0.0
         row = lead + len(self.linear)
         for cam in self.cams:
-            out[cam.pair.name] = complex(p[row], p[row + 1]), 0.0
+            out[cam.joint.name] = complex(p[row], p[row + 1]), 0.0
             row += 2
         for cam in self.flats:
-            out[cam.pair.name] = p[row] * turn[cam.follower] * cam.up * np.exp(-1j * self._flat_angle(cam)), 0.0
+            out[cam.joint.name] = p[row] * turn[cam.follower] * cam.up * np.exp(-1j * self._flat_angle(cam)), 0.0
             row += 1
-        drives = [d.pair for d in self.m.drives if d.pair not in free]
+        drives = [d.joint for d in self.m.drives if d.joint not in free]
         efforts = {name: float(p[row + i]) for i, name in enumerate(drives)}
         row += len(drives)
         held = {name: float(p[row + i]) for i, name in enumerate(more)}
         for cylinder in self.cylinders:  # its rod carries what drives it and what brakes it
             total = self.effort(cylinder.name, q, efforts.get(cylinder.name, 0.0)).force
-            total += sum(w.force for x, w in zip(self.m.loads, loads, strict=False) if getattr(x, "pair", None) == cylinder.name)
+            total += sum(w.force for x, w in zip(self.m.loads, loads, strict=False) if getattr(x, "joint", None) == cylinder.name)
             out[cylinder.name + ".eye"] = -total, 0.0
         miss = np.abs(j.T @ p - demand).max() if not ties and rubs is None else 0.0
         return {"reactions": out, "efforts": efforts, "held": held, "loads": loads, "miss": miss}
 
     def _friction_of(self, q: Array, v: Array) -> Any:
-        """A function of all multipliers: what dry friction puts on the second link of every pair that has some."""
+        """A function of all multipliers: what dry friction puts on the second link of every joint that has some."""
         n = len(self.revolute)
         lead = 2 * n + len(self.slot)
         elements = []
-        for p in self.m.pairs:
+        for p in self.m.joints:
             f = getattr(p, "friction", None)
             if f is None:
                 continue

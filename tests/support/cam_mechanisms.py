@@ -9,7 +9,7 @@ from mechcore.laws.curve import MotionCurve
 from mechcore.laws.program import Segment, constant_breadth, program
 from mechcore.laws.timed import ConstantSpeed
 from mechcore.spec.loads import Force, Spring
-from mechcore.spec.mechanism import CamPair, Drive, Link, Mechanism, Prismatic, Revolute
+from mechcore.spec.mechanism import CamJoint, Drive, Link, Mechanism, Prismatic, Revolute
 
 DEG = math.pi / 180.0
 SPEED = 20.0  # rad/s
@@ -37,17 +37,17 @@ def translating(
     foot, top = -1j * offset * u, (0.2 - 1j * offset) * u
     frame = Link(name="frame", points={"O": (0.0, 0.0), "G": (foot.real, foot.imag), "H": (top.real, top.imag)})
     follower = Link(name="follower", points={"T": (0.0, 0.0), "E": (0.0, 0.06)}, mass=0.4, centre=(0.002, 0.03), inertia=1e-4)
-    pair = {"lift": lift(stroke), "base": base, **more}
+    joint = {"lift": lift(stroke), "base": base, **more}
     return Mechanism(
         name="translating",
         frame="frame",
         links=(frame, _cam_link(), follower),
-        pairs=(
+        joints=(
             Revolute(name="O", links=("frame", "cam"), points=("O", "O")),
             Prismatic(name="S", links=("frame", "follower"), points=("G", "T"), along=(u.real, u.imag), angle=(slope - 90.0) * DEG),
-            CamPair(name="K", links=("cam", "follower"), guide="S", point="T", face=face, **pair),
+            CamJoint(name="K", links=("cam", "follower"), guide="S", point="T", face=face, **joint),
         ),
-        drives=(Drive(pair="O", law=ConstantSpeed(start=0.3, speed=speed * pair.get("sense", 1))),),
+        drives=(Drive(joint="O", law=ConstantSpeed(start=0.3, speed=speed * joint.get("sense", 1))),),
         loads=(Spring(name="spring", links=("frame", "follower"), points=("H", "E"), stiffness=4e3, free_length=0.2),),
         effects=("inertia", "gravity"),
     )
@@ -63,17 +63,17 @@ def oscillating(face, *, pivot=(0.1, 0.01), arm: float = 0.09, base: float = 0.0
         centre=(0.03, 0.002),
         inertia=1e-4,
     )
-    pair = {"lift": lift(stroke), "base": base, **more}
+    joint = {"lift": lift(stroke), "base": base, **more}
     return Mechanism(
         name="oscillating",
         frame="frame",
         links=(frame, _cam_link(), follower),
-        pairs=(
+        joints=(
             Revolute(name="O", links=("frame", "cam"), points=("O", "O")),
             Revolute(name="P", links=("frame", "follower"), points=("P", "P")),
-            CamPair(name="K", links=("cam", "follower"), guide="P", point="T", face=face, **pair),
+            CamJoint(name="K", links=("cam", "follower"), guide="P", point="T", face=face, **joint),
         ),
-        drives=(Drive(pair="O", law=ConstantSpeed(start=0.3, speed=SPEED * pair.get("sense", 1))),),
+        drives=(Drive(joint="O", law=ConstantSpeed(start=0.3, speed=SPEED * joint.get("sense", 1))),),
         loads=(Force(name="push", link="follower", point="E", vector=(10.0, -60.0)),),
         effects=("inertia", "gravity"),
     )
@@ -94,15 +94,15 @@ def wedge(face, *, along=(1.0, 0.0), oscillates: bool = False, sense: int = 1, p
         name="wedge",
         frame="frame",
         links=(frame, slider, follower),
-        pairs=(
+        joints=(
             Prismatic(name="B", links=("frame", "cam"), points=("B", "B"), along=along),
             held,
-            CamPair(
+            CamJoint(
                 name="K", links=("cam", "follower"), guide="S", point="T", lift=curve, face=face, base=0.02, bed="B", sense=sense,
                 phase=phase,
             ),
         ),
-        drives=(Drive(pair="B", law=ConstantSpeed(start=0.0, speed=0.5, travel=0.12)),),
+        drives=(Drive(joint="B", law=ConstantSpeed(start=0.0, speed=0.5, travel=0.12)),),
         loads=(Force(name="push", link="follower", point="T", vector=(5.0, -80.0)),),
         effects=("inertia", "gravity"),
     )  # fmt: skip

@@ -15,18 +15,18 @@ def coupled(modes: tuple[str, ...], turns: tuple[float, ...], frame: float):
 
     n = len(modes)
     links = [Link(name="frame", points={f"A{i}": (frame * i, 0.0) for i in range(n + 1)})]
-    pairs = []
+    joints = []
     for i in range(n + 1):
         ahead = turns[i]
         links.append(Link(name=f"c{i}", points={"A": (0.0, 0.0), "in": (1.0, 0.0), "out": (np.cos(ahead), np.sin(ahead))}))
-        pairs.append(Revolute(name=f"A{i}", links=("frame", f"c{i}"), points=(f"A{i}", "A")))
+        joints.append(Revolute(name=f"A{i}", links=("frame", f"c{i}"), points=(f"A{i}", "A")))
     for i in range(n):
         links.append(Link(name=f"k{i}", points={"L": (0.0, 0.0), "R": (frame, 0.0)}))
-        pairs.append(Revolute(name=f"L{i}", links=(f"c{i}", f"k{i}"), points=("out", "L")))
-        pairs.append(Revolute(name=f"R{i}", links=(f"k{i}", f"c{i + 1}"), points=("R", "in")))
-    drive = Drive(pair="A0", law=ConstantSpeed(0.5, 1.0))
+        joints.append(Revolute(name=f"L{i}", links=(f"c{i}", f"k{i}"), points=("out", "L")))
+        joints.append(Revolute(name=f"R{i}", links=(f"k{i}", f"c{i + 1}"), points=("R", "in")))
+    drive = Drive(joint="A0", law=ConstantSpeed(0.5, 1.0))
     modes_at = {f"R{i}": m for i, m in enumerate(modes)}
-    return Mechanism(name="coupled", frame="frame", links=tuple(links), pairs=tuple(pairs), drives=(drive,), modes=modes_at)
+    return Mechanism(name="coupled", frame="frame", links=tuple(links), joints=tuple(joints), drives=(drive,), modes=modes_at)
 
 
 def misses_by(margin: float):

@@ -70,15 +70,15 @@ def differences(change: Change, base: Result, other: Result) -> dict[str, float]
             note(f"{ask} angle {k.name}", now[:, 2], angle, least / rate**n)
     strongest = max(
         [1e-9, *(float(np.abs(r.values[:, :2]).max()) for r in base.forces.loads.values())]
-        + [float(np.abs(base.forces.reaction(p.name)[:, :2]).max()) for p in m.pairs if not isinstance(p, sp.Cylinder)]
+        + [float(np.abs(base.forces.reaction(p.name)[:, :2]).max()) for p in m.joints if not isinstance(p, sp.Cylinder)]
     )
     arm = base.motion.model.length_scale
     strongest = max(strongest, *(float(np.abs(r.values[:, 2]).max(initial=0.0)) / arm for r in base.forces.loads.values()), 1e-9)
     strongest = max(strongest, *(damping(x, fast, arm) for x in m.loads), 0.0)
-    for p in m.pairs:
+    for p in m.joints:
         name = change.names[p.name]
         sign = -1.0 if p.name in change.swapped else 1.0
-        if not isinstance(p, sp.CamPair | sp.Weld):
+        if not isinstance(p, sp.CamJoint | sp.Weld):
             gain, shift = change.coordinate(p.name)
             was, now = base.motion.coordinate(p.name), other.motion.coordinate(name)
             slides = isinstance(p, sp.Prismatic | sp.PinSlot | sp.Rolling | sp.Cylinder)
@@ -93,12 +93,12 @@ def differences(change: Change, base: Result, other: Result) -> dict[str, float]
             note(f"reaction {part}", plane(now), sign * F * change.vector(plane(was)), F * strongest)
             note(f"couple {part}", now[:, 2], sign * s * F * L * was[:, 2], F * L * arm * strongest)
     for d in m.drives:
-        p = next(p for p in m.pairs if p.name == d.pair)
+        p = next(p for p in m.joints if p.name == d.joint)
         slides = isinstance(p, sp.Prismatic | sp.PinSlot | sp.Rolling | sp.Cylinder)
-        sign = 1.0 if slides else (-1.0 if d.pair in change.swapped else 1.0) * s * L
+        sign = 1.0 if slides else (-1.0 if d.joint in change.swapped else 1.0) * s * L
         if not isinstance(d.law, Free):
             least = F * strongest * (1.0 if slides else L * arm)
-            note(f"effort {d.pair}", other.forces.effort(change.names[d.pair]), sign * F * base.forces.effort(d.pair), least)
+            note(f"effort {d.joint}", other.forces.effort(change.names[d.joint]), sign * F * base.forces.effort(d.joint), least)
     for name, was in base.forces.loads.items():
         key = change.names.get(name, name)
         if name.startswith("gravity/"):
@@ -136,6 +136,6 @@ def happened(change: Change, base: Result, other: Result) -> float:
     duration = float(other.case.time[-1])
     far = 0.0
     for label in {x[1:] for x in was}:
-        pairs = zip([x[0] for x in was if x[1:] == label], [x[0] for x in now if x[1:] == label], strict=True)
-        far = max(far, *(abs(a - b) / duration for a, b in pairs))
+        joints = zip([x[0] for x in was if x[1:] == label], [x[0] for x in now if x[1:] == label], strict=True)
+        far = max(far, *(abs(a - b) / duration for a, b in joints))
     return far

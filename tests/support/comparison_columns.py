@@ -46,7 +46,7 @@ def class_three() -> Mechanism:
             Link(name="b", points={"N1": (0.0, 0.0), "Q": (i["lb"], 0.0)}),
             Link(name="c", points={"N2": (0.0, 0.0), "R": (i["lc"], 0.0)}),
         ),
-        pairs=(
+        joints=(
             pin("O", "frame", "crank"),
             pin("B", "crank", "a"),
             pin("P", "a", "ternary"),
@@ -55,6 +55,6 @@ def class_three() -> Mechanism:
             pin("N1", "frame", "b"),
             pin("N2", "frame", "c"),
         ),
-        drives=(Drive(pair="O", law=ConstantSpeed(0.0, i["omega_1"])),),
+        drives=(Drive(joint="O", law=ConstantSpeed(0.0, i["omega_1"])),),
         sketch=rough,
     )

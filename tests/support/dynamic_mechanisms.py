@@ -22,8 +22,8 @@ def pendulum(
         name="pendulum",
         frame="frame",
         links=(Link(name="frame", points={"O": (0.0, 0.0)}), body),
-        pairs=(pin("O", "frame", "body"),),
-        drives=(Drive(pair="O", law=Free(angle - np.pi / 2, speed)),),
+        joints=(pin("O", "frame", "body"),),
+        drives=(Drive(joint="O", law=Free(angle - np.pi / 2, speed)),),
         effects=("inertia", "gravity"),
         gravity=(0.0, -g),
         loads=loads,
@@ -38,14 +38,14 @@ def double_pendulum(i: dict[str, Any]) -> Mechanism:
         Link(name="lower", points={"J": (0.0, 0.0)}, mass=i["m2"], centre=(i["a2"], 0.0), inertia=i["J2"]),
     )
     free = (
-        Drive(pair="O", law=Free(i["theta_1"] - np.pi / 2, i["omega_1"])),
-        Drive(pair="J", law=Free(i["theta_2"] - i["theta_1"], i["omega_2"] - i["omega_1"])),
+        Drive(joint="O", law=Free(i["theta_1"] - np.pi / 2, i["omega_1"])),
+        Drive(joint="J", law=Free(i["theta_2"] - i["theta_1"], i["omega_2"] - i["omega_1"])),
     )
     return Mechanism(
         name="double pendulum",
         frame="frame",
         links=links,
-        pairs=(pin("O", "frame", "upper"), pin("J", "upper", "lower")),
+        joints=(pin("O", "frame", "upper"), pin("J", "upper", "lower")),
         drives=free,
         effects=("inertia", "gravity"),
     )
@@ -59,7 +59,7 @@ def slider_crank(i: dict[str, Any]) -> Mechanism:
         pull = Factor(function=lambda x: -stiffness * (x - free), of="x", point=("slider", "C"))
         loads += [
             Force(name="spring", link="slider", point="C", vector=(1.0, 0.0), factor=pull),
-            Viscous(name="damper", pair="guide", coefficient=i["damper_c"]),
+            Viscous(name="damper", joint="guide", coefficient=i["damper_c"]),
         ]
     return Mechanism(
         name="slider-crank",
@@ -70,13 +70,13 @@ def slider_crank(i: dict[str, Any]) -> Mechanism:
             Link(name="rod", points={"B": (0.0, 0.0), "C": (i["l"], 0.0)}, mass=i["m2"], centre=tuple(i["C2"]), inertia=i["J2"]),
             Link(name="slider", points={"C": (0.0, 0.0)}, mass=i["m3"]),
         ),
-        pairs=(
+        joints=(
             pin("O", "frame", "crank"),
             pin("B", "crank", "rod"),
             pin("C", "rod", "slider"),
             Prismatic(name="guide", links=("frame", "slider"), points=("G", "C")),
         ),
-        drives=(Drive(pair="O", law=Free(i["theta_1_0"], i["omega_1_0"])),),
+        drives=(Drive(joint="O", law=Free(i["theta_1_0"], i["omega_1_0"])),),
         effects=("inertia", "gravity"),
         loads=tuple(loads),
         modes={"C": "ahead"},
@@ -95,13 +95,13 @@ def free_four_bar(i: dict[str, Any]) -> Mechanism:
         name="four-bar",
         frame="frame",
         links=links,
-        pairs=(
+        joints=(
             pin("A", "frame", "crank"),
             pin("B", "crank", "coupler"),
             pin("D", "coupler", "rocker"),
             pin("E", "rocker", "frame"),
         ),
-        drives=(Drive(pair="A", law=Free(i["theta_1_0"], i["omega_1_0"])),),
+        drives=(Drive(joint="A", law=Free(i["theta_1_0"], i["omega_1_0"])),),
         effects=("inertia", "gravity"),
         modes={"D": "left" if i["branch"] == 1 else "right"},
     )
@@ -113,7 +113,7 @@ def chain(n: int) -> Mechanism:
 
 
 def squeezer(i: dict[str, Any]) -> Mechanism:
-    """Andrews' squeezing mechanism, reference case andrews-squeezer; crank angle beta at pair O."""
+    """Andrews' squeezing mechanism, reference case andrews-squeezer; crank angle beta at joint O."""
     q = i["initial_q"]
     b, first, g = q["beta"], q["Theta"], q["gamma"]
     de, ep = q["delta"], q["epsilon"]
@@ -133,7 +133,7 @@ def squeezer(i: dict[str, Any]) -> Mechanism:
         Link(name="K6", points={"H": (0, 0), "F": (i["zf"], 0)}, mass=i["m6"], centre=(i["zf"] - i["fa"], 0), inertia=i["I6"]),
         Link(name="K7", points={"A": (0, 0), "H": (0, -i["u"])}, mass=i["m7"], centre=(i["ub"], -i["ua"]), inertia=i["I7"]),
     )
-    pairs = (
+    joints = (
         pin("O", "frame", "K1"),
         pin("P", "K1", "K2"),
         pin("F3", "K2", "K3", at="F"),
@@ -162,8 +162,8 @@ def squeezer(i: dict[str, Any]) -> Mechanism:
         name="squeezer",
         frame="frame",
         links=links,
-        pairs=pairs,
-        drives=(Drive(pair="O", law=Free(b)),),
+        joints=joints,
+        drives=(Drive(joint="O", law=Free(b)),),
         effects=("inertia",),
         loads=loads,
         sketch=sketch,
@@ -187,14 +187,14 @@ def swinging_five_bar(*, stiffness: float = 0.3, speeds: tuple[float, float] = (
             bar("right rod", "D", "C", 0.22),
             bar("right", "E", "D", 0.14),
         ),
-        pairs=(
+        joints=(
             pin("A", "frame", "left"),
             pin("B", "left", "left rod"),
             pin("C", "left rod", "right rod"),
             pin("D", "right", "right rod"),
             pin("E", "frame", "right"),
         ),
-        drives=(Drive(pair="A", law=Free(2.2, speeds[0])), Drive(pair="E", law=Free(0.9, speeds[1]))),
+        drives=(Drive(joint="A", law=Free(2.2, speeds[0])), Drive(joint="E", law=Free(0.9, speeds[1]))),
         effects=("inertia", "gravity"),
         modes={"C": "left"},
         loads=(

@@ -15,10 +15,10 @@ from mechcore.spec.mechanism import Drive, Friction, Link, Mechanism, PinSlot, P
 
 
 def rub(mechanism: Mechanism, **frictions: Friction) -> Mechanism:
-    """The mechanism with friction in some pairs, and the effect named."""
-    pairs: Any = tuple(replace(p, friction=frictions[p.name]) if p.name in frictions else p for p in mechanism.pairs)
+    """The mechanism with friction in some joints, and the effect named."""
+    joints: Any = tuple(replace(p, friction=frictions[p.name]) if p.name in frictions else p for p in mechanism.joints)
     effects = mechanism.effects if "friction" in mechanism.effects else (*mechanism.effects, "friction")
-    return replace(mechanism, pairs=pairs, effects=effects)
+    return replace(mechanism, joints=joints, effects=effects)
 
 
 def reference_slider_crank(scale: float = 1.0) -> tuple[Mechanism, dict[str, Any]]:
@@ -68,7 +68,7 @@ def follower(alpha: float, a: float, b: float, mu: float, load: float) -> Mechan
             Link(name="follower", points={"T": (0.0, 0.0)}),
             Link(name="wedge", points={"O": (0.0, 0.0)}),
         ),
-        pairs=(
+        joints=(
             Prismatic(
                 name="S",
                 links=("frame", "follower"),
@@ -79,31 +79,31 @@ def follower(alpha: float, a: float, b: float, mu: float, load: float) -> Mechan
             Prismatic(name="H", links=("frame", "wedge"), points=("O", "O")),
             PinSlot(name="K", links=("wedge", "follower"), points=("O", "T"), along=(np.cos(alpha), -np.sin(alpha))),
         ),
-        drives=(Drive(pair="H", law=ConstantSpeed(0.0, 0.1)),),
+        drives=(Drive(joint="H", law=ConstantSpeed(0.0, 0.1)),),
         loads=(Force(name="P", link="follower", point="T", vector=(0.0, -load)),),
         effects=("friction",),
     )
 
 
 def law_of_friction(forces: Forces) -> float:
-    """Largest relative error of Coulomb's law over all pairs and frames, from reactions and motions alone; jams left out."""
+    """Largest relative error of Coulomb's law over all joints and frames, from reactions and motions alone; jams left out."""
     worst = 0.0
     m = forces.motion
     still = 1e-9
-    for pair in m.mechanism.pairs:
-        f = getattr(pair, "friction", None)
+    for joint in m.mechanism.joints:
+        f = getattr(joint, "friction", None)
         if f is None:
             continue
-        rate = m.coordinate(pair.name)[:, 1]
+        rate = m.coordinate(joint.name)[:, 1]
         direction = np.where(np.abs(rate) > still * np.nanmax(np.abs(rate)), np.sign(rate), 0.0)
-        reaction, friction = forces.reaction(pair.name), forces.friction.wrench(pair.name)
-        if isinstance(pair, Revolute):
+        reaction, friction = forces.reaction(joint.name), forces.friction.wrench(joint.name)
+        if isinstance(joint, Revolute):
             wanted = -direction * f.coefficient * f.radius * np.hypot(reaction[:, 0], reaction[:, 1])
             got, scale = friction[:, 2], f.coefficient * f.radius * np.hypot(reaction[:, 0], reaction[:, 1])
             own = np.abs(reaction[:, 2] - friction[:, 2])
         else:
-            j = m.model.joint_index[pair.name]
-            u = np.broadcast_to(m.guide(j), (m.frames,)) * (1.0 if pair.guide == 0 else -1.0)
+            j = m.model.joint_index[joint.name]
+            u = np.broadcast_to(m.guide(j), (m.frames,)) * (1.0 if joint.guide == 0 else -1.0)
             force = reaction[:, 0] + 1j * reaction[:, 1]
             n, along = np.real(np.conj(1j * u) * force), np.real(np.conj(u) * force)
             c = reaction[:, 2]

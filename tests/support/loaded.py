@@ -56,7 +56,7 @@ def factors(draw, mechanism):
     signals = [Sine(frequency=draw(positive)), Step(at=0.4), Ramp(begin=0.1, end=0.7), Chirp(frequencies=(1.0, 3.0), duration=0.5)]
     function = draw(st.sampled_from([smooth, table, np.cos, *(signals if of == "time" else [])]))
     if of in ("position", "velocity"):
-        return Factor(function=function, of=of, pair=draw(st.sampled_from([None, *(p.name for p in mechanism.pairs)])))
+        return Factor(function=function, of=of, joint=draw(st.sampled_from([None, *(p.name for p in mechanism.joints)])))
     link = mechanism.links[2]
     return (
         Factor(function=function, of=of, point=(link.name, next(iter(link.points))))
@@ -74,8 +74,8 @@ def loads(draw, mechanism):
     ends = {"links": (second.name, "frame"), "points": (point, "Q")}
     moving = {"links": (last, first), "points": ("Z", next(reversed(mechanism.links[1].points)))}
     turning = draw(st.sampled_from([(first, second.name), ("frame", second.name), (second.name, last)]))
-    pair = draw(st.sampled_from([p.name for p in mechanism.pairs]))
-    turning_pairs = [p.name for p in mechanism.pairs if isinstance(p, Revolute)]
+    joint = draw(st.sampled_from([p.name for p in mechanism.joints]))
+    turning_joints = [p.name for p in mechanism.joints if isinstance(p, Revolute)]
     made = [
         Force(name="force", link=second.name, point=point, vector=(draw(number), draw(number)), factor=draw(factors(mechanism))),
         Force(name="between", link=first, point="Y", vector=(draw(number), 1.0), against=last, axes="link"),
@@ -99,8 +99,8 @@ def loads(draw, mechanism):
         BushingDamper(name="rubber", **moving, damping=(draw(positive), 0.0, draw(positive))),
         Drag(name="drag", link=second.name, point=point, linear=draw(positive), quadratic=draw(positive)),
         Drag(name="paddle", link=first, linear=draw(positive), quadratic=draw(positive)),
-        Viscous(name="viscous", pair=pair, coefficient=draw(positive)),
-        DcMotor(name="dc", pair=draw(st.sampled_from(turning_pairs)), stall_torque=draw(positive), no_load_speed=-draw(positive)),
+        Viscous(name="viscous", joint=joint, coefficient=draw(positive)),
+        DcMotor(name="dc", joint=draw(st.sampled_from(turning_joints)), stall_torque=draw(positive), no_load_speed=-draw(positive)),
         InductionMotor(
             name="induction",
             link=second.name,
@@ -111,15 +111,15 @@ def loads(draw, mechanism):
         ConstantPower(name="constant power", link=last, power=draw(positive), torque_limit=draw(positive)),
         Servo(
             name="servo",
-            pair=draw(st.sampled_from(turning_pairs)),
+            joint=draw(st.sampled_from(turning_joints)),
             target=draw(st.sampled_from([Oscillation(0.0, 1.0, 0.3), SignalPosition(0.4, Ramp(begin=0.1, end=0.9))])),
             proportional=draw(positive),
             derivative=draw(positive),
         ),
         Governor(name="governor", link=first, set_speed=draw(number), gain=draw(positive), least=-5.0, most=draw(positive)),
     ]
-    sliding = [p.name for p in mechanism.pairs if isinstance(p, Prismatic)]
-    made += [Actuator(name="ram", pair=name, force=draw(number), factor=draw(factors(mechanism))) for name in sliding]
+    sliding = [p.name for p in mechanism.joints if isinstance(p, Prismatic)]
+    made += [Actuator(name="ram", joint=name, force=draw(number), factor=draw(factors(mechanism))) for name in sliding]
     assert {type(load) for load in made} | {GasPressure, BeltTension, JournalContact, JournalLoss} == set(LOADS), (
         "a load of the registry is never drawn"
     )
@@ -139,8 +139,8 @@ def belted(mechanism: Mechanism) -> Mechanism:
     fan = Link(name="fan", points={"W": (0.0, 0.0)}, mass=0.7, centre=(0.1, 0.05), inertia=0.2)
     frame = replace(frame, points={**frame.points, "W": (-3.0, -4.0)})
     belt = Belt(name="V", links=(crank.name, "fan"), carrier="frame", radii=(0.3, 0.7))
-    pairs = (*mechanism.pairs, Revolute(name="W", links=("frame", "fan"), points=("W", "W")), belt)
-    return replace(mechanism, links=(frame, crank, *mechanism.links[2:], fan), pairs=pairs)
+    joints = (*mechanism.joints, Revolute(name="W", links=("frame", "fan"), points=("W", "W")), belt)
+    return replace(mechanism, links=(frame, crank, *mechanism.links[2:], fan), joints=joints)
 
 
 @st.composite
@@ -150,9 +150,9 @@ def loaded(draw, kind):
     chosen = draw(loads(mechanism))
     if draw(st.booleans()):
         mechanism = belted(mechanism)
-        chosen += (BeltTension(name="tension", pair="V", slack=draw(positive), coefficient=draw(st.floats(0.0, 0.5))),)
-        chosen += (Viscous(name="windage", pair="V", coefficient=draw(positive)),)
-    if any(p.name == "S" for p in mechanism.pairs) and draw(st.booleans()):
+        chosen += (BeltTension(name="tension", joint="V", slack=draw(positive), coefficient=draw(st.floats(0.0, 0.5))),)
+        chosen += (Viscous(name="windage", joint="V", coefficient=draw(positive)),)
+    if any(p.name == "S" for p in mechanism.joints) and draw(st.booleans()):
         chosen += (draw(gas(mechanism)),)
     assert set(EFFECTS) == {"inertia", "gravity", "friction"}, "an effect of the registry is never drawn"
     effects = draw(st.sampled_from([(), ("inertia",), ("gravity",), ("inertia", "gravity")]))
@@ -178,7 +178,7 @@ def gas(draw, mechanism):
         )
     )
     return GasPressure(
-        name="gas", pair="S", area=0.1, cycle=cycle, top=high if head == "ahead" else low, head=head, back=1e2, fires=0.3
+        name="gas", joint="S", area=0.1, cycle=cycle, top=high if head == "ahead" else low, head=head, back=1e2, fires=0.3
     )
 
 

@@ -15,7 +15,7 @@ from mechcore.laws.timed import ConstantSpeed, Law
 from mechcore.motion.motion import Motion
 from mechcore.motion.solve import compile_mechanism, solve_motion
 from mechcore.spec.loads import Force, Load
-from mechcore.spec.mechanism import Drive, Link, Mechanism, Pair, Prismatic, Revolute
+from mechcore.spec.mechanism import Drive, Joint, Link, Mechanism, Prismatic, Revolute
 from mechviz.hard_cases.mechanisms import pin
 
 REFERENCE = Path(__file__).resolve().parents[2] / "tests" / "reference"
@@ -61,13 +61,13 @@ def four_bar(
         name="four-bar",
         frame="frame",
         links=tuple(links),
-        pairs=(
+        joints=(
             pin("A", "frame", "crank"),
             pin("B", "crank", "coupler"),
             pin("D", "coupler", "rocker"),
             pin("E", "frame", "rocker"),
         ),
-        drives=(Drive(pair="A", law=ConstantSpeed(start, speed)),),
+        drives=(Drive(joint="A", law=ConstantSpeed(start, speed)),),
         effects=effects,
         loads=loads,
         modes={"D": mode},
@@ -104,13 +104,13 @@ def slider_crank(
         name="slider-crank",
         frame="frame",
         links=tuple(links),
-        pairs=(
+        joints=(
             pin("O", "frame", "crank"),
             pin("B", "crank", "rod"),
             pin("C", "rod", "piston"),
             Prismatic(name="S", links=("frame", "piston"), points=("G", "C")),
         ),
-        drives=(Drive(pair="O", law=ConstantSpeed(start, speed)),),
+        drives=(Drive(joint="O", law=ConstantSpeed(start, speed)),),
         effects=effects,
         loads=loads,
         modes={"S": branch},
@@ -143,7 +143,7 @@ def lever(geometry: Mapping[str, Any], *, law: Law, masses: Mapping[str, Any] | 
             Link(name="rod", points={"C": (0.0, 0.0), "D": (g["CD"], 0.0)}, **body(4)),
             Link(name="slider", points={"D": (0.0, 0.0)}, **body(5)),
         ),
-        pairs=(
+        joints=(
             pin("O", "frame", "crank"),
             pin("A", "crank", "block"),
             Prismatic(name="L", links=("lever", "block"), points=("B", "A")),
@@ -152,7 +152,7 @@ def lever(geometry: Mapping[str, Any], *, law: Law, masses: Mapping[str, Any] | 
             pin("D", "rod", "slider"),
             Prismatic(name="S", links=("frame", "slider"), points=("G", "D")),
         ),
-        drives=(Drive(pair="O", law=law),),
+        drives=(Drive(joint="O", law=law),),
         effects=("inertia", "gravity") if masses else (),
         loads=loads,
         modes={"L": "ahead", "S": "ahead" if g["branch_D"] == 1 else "behind"},
@@ -195,21 +195,21 @@ def drawn(
             )
         )
         sketch[name] = (x, y, 0.0)
-    pairs: list[Pair] = []
+    joints: list[Joint] = []
     for p, on in where.items():
         for i, (first, second) in enumerate(itertools.pairwise(on)):
-            pairs.append(Revolute(name=p if i == 0 else f"{p}{i}", links=(first, second), points=(p, p)))
+            joints.append(Revolute(name=p if i == 0 else f"{p}{i}", links=(first, second), points=(p, p)))
     for p, direction in (guides or {}).items():
         made.append(Link(name=f"slider{p}", points={p: (0.0, 0.0)}))
         sketch[f"slider{p}"] = (points[p][0], points[p][1], 0.0)
-        pairs.append(Revolute(name=p, links=(where[p][0], f"slider{p}"), points=(p, p)))
-        pairs.append(Prismatic(name=f"guide{p}", links=("frame", f"slider{p}"), points=(p, p), along=(direction[0], direction[1])))
+        joints.append(Revolute(name=p, links=(where[p][0], f"slider{p}"), points=(p, p)))
+        joints.append(Prismatic(name=f"guide{p}", links=("frame", f"slider{p}"), points=(p, p), along=(direction[0], direction[1])))
     return Mechanism(
         name="drawn",
         frame="frame",
         links=tuple(made),
-        pairs=tuple(pairs),
-        drives=(Drive(pair=drive, law=law),),
+        joints=tuple(joints),
+        drives=(Drive(joint=drive, law=law),),
         effects=effects,
         loads=loads,
         gravity=gravity,
@@ -230,7 +230,7 @@ def watt_six_bar(i: Mapping[str, Any], *, speed: float) -> Mechanism:
             Link(name="link", points={"H": (0.0, 0.0), "K": (i["HK"], 0.0)}),
             Link(name="output", points={"N": (0.0, 0.0), "K": (i["KN"], 0.0)}),
         ),
-        pairs=(*base.pairs, pin("H", "rocker", "link"), pin("K", "link", "output"), pin("N", "frame", "output")),
+        joints=(*base.joints, pin("H", "rocker", "link"), pin("K", "link", "output"), pin("N", "frame", "output")),
         drives=base.drives,
         modes={"D": "left", "K": "left" if i["branch2"] == 1 else "right"},
     )
@@ -242,7 +242,7 @@ def move(mechanism: Mechanism, theta: Any, omega: float = 1.0, eps: float = 0.0)
     return solve_motion(
         compile_mechanism(mechanism),
         np.arange(len(q)),
-        drives={mechanism.drives[0].pair: (q, np.full_like(q, omega), np.full_like(q, eps))},
+        drives={mechanism.drives[0].joint: (q, np.full_like(q, omega), np.full_like(q, eps))},
     )
 
 

@@ -52,7 +52,7 @@ class Change:
     back: Any = None  # the motion that is run backwards
 
     def __post_init__(self) -> None:
-        names = [k.name for k in self.case.mechanism.links] + [p.name for p in self.case.mechanism.pairs]
+        names = [k.name for k in self.case.mechanism.links] + [p.name for p in self.case.mechanism.joints]
         names += [x.name for x in self.case.mechanism.loads]
         new = {n: n for n in names}
         swapped: frozenset[str] = frozenset()
@@ -60,7 +60,7 @@ class Change:
             rng = np.random.default_rng(self.mixed)
             new = {n: f"{'zkbqa'[int(rng.integers(5))]}{int(i)}" for n, i in zip(names, rng.permutation(len(names)), strict=True)}
             joints = (sp.Revolute, sp.Prismatic, sp.PinSlot, sp.Weld, sp.Belt, sp.Gear)
-            able = [p.name for p in self.case.mechanism.pairs if isinstance(p, joints) and not getattr(p, "internal", False)]
+            able = [p.name for p in self.case.mechanism.joints if isinstance(p, joints) and not getattr(p, "internal", False)]
             swapped = frozenset(n for n in able if rng.integers(2))
         object.__setattr__(self, "names", new)
         object.__setattr__(self, "swapped", swapped)
@@ -105,28 +105,28 @@ class Change:
             shift += wrapped(there) - there
         return self.sense, shift
 
-    def coordinate(self, pair: str) -> tuple[float, float]:
-        """Gain and shift of a pair's coordinate."""
-        p = next(p for p in self.case.mechanism.pairs if p.name == pair)
+    def coordinate(self, joint: str) -> tuple[float, float]:
+        """Gain and shift of a joint's coordinate."""
+        p = next(p for p in self.case.mechanism.joints if p.name == joint)
         if isinstance(p, sp.Prismatic | sp.PinSlot | sp.Rolling | sp.Cylinder):
             return self.length, 0.0
-        sign = -1.0 if pair in self.swapped else 1.0
+        sign = -1.0 if joint in self.swapped else 1.0
         gain, shift = self.angle(*p.links)
         gain, shift = sign * gain, sign * shift
-        if pair in self.case.start and not any(d.pair == pair for d in self.case.mechanism.drives):
-            there = gain * self.begin(pair) + shift
+        if joint in self.case.start and not any(d.joint == joint for d in self.case.mechanism.drives):
+            there = gain * self.begin(joint) + shift
             shift += wrapped(there) - there
         return gain, shift
 
-    def begin(self, pair: str) -> float:
-        return self.case.start[pair] if self.back is None else float(self.back.coordinate(pair)[-1, 0])
+    def begin(self, joint: str) -> float:
+        return self.case.start[joint] if self.back is None else float(self.back.coordinate(joint)[-1, 0])
 
     def open_start(self, first: str, second: str) -> float | None:
         """Where the angle of two links starts, in (-pi, pi]; None where the drives state it."""
         m = self.case.mechanism
-        rotary = {p.name for p in m.pairs if isinstance(p, sp.Revolute)}
-        starts = {d.pair: float(d.law(np.zeros(1))[0][0]) for d in m.drives if d.pair in rotary}
-        return self.case.turned(first, second) if stated(m.pairs, starts, first, second) is None else None
+        rotary = {p.name for p in m.joints if isinstance(p, sp.Revolute)}
+        starts = {d.joint: float(d.law(np.zeros(1))[0][0]) for d in m.drives if d.joint in rotary}
+        return self.case.turned(first, second) if stated(m.joints, starts, first, second) is None else None
 
     @property
     def exact_turns(self) -> bool:
@@ -143,19 +143,19 @@ class Change:
             z = self.length * complex(self.vector(complex(x, y)))
             sketch[link] = (z.real, z.imag, wrapped(self.sense * angle + (0.0 if link == FRAME else self.turn)))
         links = [self.link(k) for k in m.links]
-        pairs = [self.pair(p) for p in m.pairs]
+        joints = [self.joint(p) for p in m.joints]
         loads = [self.load(x) for x in m.loads]
         drives = [self.drive(d) for d in m.drives]
         if self.mixed is not None:
             rng = np.random.default_rng(self.mixed + 1)
-            for items in (links, pairs, loads, drives):
+            for items in (links, joints, loads, drives):
                 rng.shuffle(items)  # type: ignore[arg-type]
         g = complex(self.vector(complex(*m.gravity))) * self.length / self.time**2
         made = replace(
             m,
             frame=self.names[FRAME],
             links=tuple(links),
-            pairs=tuple(pairs),
+            joints=tuple(joints),
             loads=tuple(loads),
             drives=tuple(drives),
             gravity=(g.real, g.imag),
@@ -167,8 +167,8 @@ class Change:
         stops, watches = tuple(map(self.stop, c.stops)), tuple(map(self.watch, c.watches))
         return replace(c, mechanism=made, time=time, stops=stops, watches=watches)
 
-    def mode(self, pair: str, mode: str) -> str:
-        return {"left": "right", "right": "left"}.get(mode, mode) if self.mirrored != (pair in self.swapped) else mode
+    def mode(self, joint: str, mode: str) -> str:
+        return {"left": "right", "right": "left"}.get(mode, mode) if self.mirrored != (joint in self.swapped) else mode
 
     def link(self, k: sp.Link) -> sp.Link:
         return replace(
@@ -183,7 +183,7 @@ class Change:
     def other(self, side: str) -> str:
         return {"left": "right", "right": "left"}[side] if self.mirrored else side
 
-    def pair(self, p: Any) -> Any:
+    def joint(self, p: Any) -> Any:
         n, L = self.names, self.length
         more: dict[str, Any] = {"name": n[p.name], "links": tuple(n[k] for k in p.links)}
         f = getattr(p, "friction", None)
@@ -202,7 +202,7 @@ class Change:
             more["radii"] = (L * p.radii[0], L * p.radii[1])
         if isinstance(p, sp.Rack):
             more |= {"slider": n[p.slider], "radius": L * p.radius, "side": self.other(p.side)}
-        if isinstance(p, sp.CamPair):
+        if isinstance(p, sp.CamJoint):
             more |= self.cam(p)
         made = replace(p, **more)
         if p.name not in self.swapped:
@@ -220,9 +220,9 @@ class Change:
             again["radii"] = made.radii[::-1]
         return replace(made, **again)
 
-    def cam(self, p: sp.CamPair) -> dict[str, Any]:
+    def cam(self, p: sp.CamJoint) -> dict[str, Any]:
         L = self.length
-        guide = next(x for x in self.case.mechanism.pairs if x.name == p.guide)
+        guide = next(x for x in self.case.mechanism.joints if x.name == p.guide)
         assert p.lift is not None
         rise = L if isinstance(guide, sp.Prismatic) else 1.0
         lift = MotionCurve(tuple(x.scaled(1.0, rise) for x in p.lift.pieces), p.lift.start, p.lift.repeats)
@@ -256,23 +256,23 @@ class Change:
         return Piecewise(tuple(s * k for k in knots), tuple(tuple(c) for c in rows), advance)
 
     def drive(self, d: sp.Drive) -> sp.Drive:
-        gain, shift = self.coordinate(d.pair)
+        gain, shift = self.coordinate(d.joint)
         if isinstance(d.law, Free):
             q, v = d.law.start, d.law.speed
             if self.back is not None:
-                q, v = self.back.coordinate(d.pair)[-1, :2]
-            return sp.Drive(pair=self.names[d.pair], law=Free(float(gain * q + shift), float(gain * v / self.pace)))
-        return sp.Drive(pair=self.names[d.pair], law=self.law(d.law, gain, shift))
+                q, v = self.back.coordinate(d.joint)[-1, :2]
+            return sp.Drive(joint=self.names[d.joint], law=Free(float(gain * q + shift), float(gain * v / self.pace)))
+        return sp.Drive(joint=self.names[d.joint], law=self.law(d.law, gain, shift))
 
     def stop(self, s: Stop) -> Stop:
-        gain, shift = self.coordinate(s.pair)
+        gain, shift = self.coordinate(s.joint)
         side: Any = s.side if gain > 0.0 else {"upper": "lower", "lower": "upper"}[s.side]
-        return replace(s, pair=self.names[s.pair], at=gain * s.at + shift, side=side)
+        return replace(s, joint=self.names[s.joint], at=gain * s.at + shift, side=side)
 
     def watch(self, w: EventTrigger) -> EventTrigger:
-        assert w.pair is not None
-        gain, shift = self.coordinate(w.pair)
-        return replace(w, pair=self.names[w.pair], at=gain * w.at + shift)
+        assert w.joint is not None
+        gain, shift = self.coordinate(w.joint)
+        return replace(w, joint=self.names[w.joint], at=gain * w.at + shift)
 
     def factor(self, f: sp.Factor | None) -> sp.Factor | None:
         if f is None:
@@ -282,11 +282,11 @@ class Change:
         if f.of == "time":
             gain, shift = (self.time, 0.0) if self.back is None else (-self.time, self.time * float(self.case.time[-1]))
         elif f.of in ("position", "velocity"):
-            assert f.pair is not None
-            gain, shift = self.coordinate(f.pair)
+            assert f.joint is not None
+            gain, shift = self.coordinate(f.joint)
             if f.of == "velocity":
                 gain, shift = gain / self.pace, 0.0
-            more["pair"] = self.names[f.pair]
+            more["joint"] = self.names[f.joint]
         else:
             assert f.point is not None
             more["point"] = (self.names[f.point[0]], f.point[1])
@@ -316,8 +316,8 @@ class Change:
                 more[key] = n[getattr(x, key)]
         if hasattr(x, "links"):
             more["links"] = tuple(n[k] for k in x.links)
-        if getattr(x, "pair", None) is not None:
-            more["pair"] = n[x.pair]
+        if getattr(x, "joint", None) is not None:
+            more["joint"] = n[x.joint]
         if hasattr(x, "factor"):
             more["factor"] = self.factor(x.factor)
         if isinstance(x, sp.Force):
@@ -341,13 +341,13 @@ class Change:
             rate = L if x.point is not None else 1.0
             return replace(x, **more, linear=F * arm / rate * abs(T) * x.linear, quadratic=F * arm / rate**2 * T**2 * x.quadratic)
         if isinstance(x, sp.Viscous):
-            p = next(p for p in self.case.mechanism.pairs if p.name == x.pair)
+            p = next(p for p in self.case.mechanism.joints if p.name == x.joint)
             slides = isinstance(p, sp.Prismatic | sp.PinSlot | sp.Cylinder)
             return replace(x, **more, coefficient=F * abs(T) * (1.0 / L if slides else L) * x.coefficient)
         if isinstance(x, sp.GasSpring):
             return replace(x, **more, force=F * x.force, extended=L * x.extended, gas_length=L * x.gas_length)
         if isinstance(x, sp.DcMotor):
-            gain, _ = self.coordinate(x.pair)  # type: ignore[arg-type]
+            gain, _ = self.coordinate(x.joint)  # type: ignore[arg-type]
             return replace(x, **more, stall_torque=gain * F * L * x.stall_torque, no_load_speed=gain / abs(T) * x.no_load_speed)
         assert isinstance(x, sp.GasPressure)
         p = F / L**2

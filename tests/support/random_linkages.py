@@ -105,8 +105,8 @@ def six_bars(draw):
             link("link", {"H": (0.0, 0.0), "K": ((total + difference) / 2, 0.0)}),
             link("output", {"N": (0.0, 0.0), "K": ((total - difference) / 2, 0.0)}),
         ),
-        pairs=(*base.pairs, pin("H", "rocker", "link"), pin("K", "link", "output"), pin("N", "output", "frame")),
-        drives=(Drive(pair="A", law=ConstantSpeed(0.0, 1.0)),),
+        joints=(*base.joints, pin("H", "rocker", "link"), pin("K", "link", "output"), pin("N", "output", "frame")),
+        drives=(Drive(joint="A", law=ConstantSpeed(0.0, 1.0)),),
         effects=EFFECTS,
         loads=base.loads,
         modes={**base.modes, "K": draw(st.sampled_from(["left", "right"]))},
@@ -129,7 +129,7 @@ def balance_of_links(forces: Forces) -> float:
             if link.name in p.links:
                 sign = 1.0 if p.links[1] == link.name else -1.0
                 at = forces.position(p.name)
-                driven = [forces.wrench(p.name)] if p.name in {d.pair for d in m.mechanism.drives} else []
+                driven = [forces.wrench(p.name)] if p.name in {d.joint for d in m.mechanism.drives} else []
                 for wrench in (forces.reaction(p.name), *driven):
                     acting.append((sign * wrench[:, :2], sign * wrench[:, 2], at))
         for result in forces.loads.values():

@@ -35,14 +35,14 @@ from mechcore.spec.loads import (
 )
 from mechcore.spec.mechanism import (
     Belt,
-    CamPair,
+    CamJoint,
     Cylinder,
     Drive,
     Friction,
     Gear,
+    Joint,
     Link,
     Mechanism,
-    Pair,
     PinSlot,
     Prismatic,
     Rack,
@@ -60,12 +60,12 @@ def wrapped(angle: float) -> float:
     return float(-np.remainder(np.pi - angle, TURN) + np.pi)
 
 
-def stated(pairs: Any, starts: Any, first: str, second: str) -> float | None:
-    """The angle of two links where rigid joints and driven pairs, which start at ``starts``, say it; whole turns included."""
+def stated(joints: Any, starts: Any, first: str, second: str) -> float | None:
+    """The angle of two links where rigid joints and driven joints, which start at ``starts``, say it; whole turns included."""
     found = {first: 0.0}
     while True:
         size = len(found)
-        for p in pairs:
+        for p in joints:
             angle = starts.get(p.name) if isinstance(p, Revolute) else getattr(p, "angle", None)
             if angle is not None:
                 a, b = p.links
@@ -81,7 +81,7 @@ def unit(angle: float) -> complex:
     return cmath.exp(1j * angle)
 
 
-def pair_of(z: complex) -> tuple[float, float]:
+def joint_of(z: complex) -> tuple[float, float]:
     return (z.real, z.imag)
 
 
@@ -93,7 +93,7 @@ class Case:
     seed: int
     mechanism: Mechanism
     time: np.ndarray
-    start: dict[str, float] = field(default_factory=dict)  # pair -> coordinate at the start, angles in (-pi, pi]
+    start: dict[str, float] = field(default_factory=dict)  # joint -> coordinate at the start, angles in (-pi, pi]
     poses: dict[str, tuple[float, float, float]] = field(default_factory=dict)  # link -> x, y, angle at the start
     stops: tuple[Stop, ...] = ()
     watches: tuple[EventTrigger, ...] = ()
@@ -131,9 +131,9 @@ class Draft:
         self.rng = rng
         self.poses: dict[str, tuple[complex, float]] = {FRAME: (0j, 0.0)}
         self.points: dict[str, dict[str, complex]] = {FRAME: {}}  # in the world
-        self.pairs: list[Pair] = []
+        self.joints: list[Joint] = []
         self.driven: list[str] = []
-        self.slides: list[str] = []  # pairs whose coordinate is a length
+        self.slides: list[str] = []  # joints whose coordinate is a length
         self.coordinate: dict[str, float] = {}
         self.massless: set[str] = set()
         self.fixed: set[str] = set()  # links that cannot turn against the frame
@@ -171,7 +171,7 @@ class Draft:
         return (z - origin) * unit(-angle)
 
     def along(self, link: str, direction: complex) -> tuple[float, float]:
-        return pair_of(direction * unit(-self.poses[link][1]) * self.uniform(0.5, 2.0))
+        return joint_of(direction * unit(-self.poses[link][1]) * self.uniform(0.5, 2.0))
 
     def turned(self, first: str, second: str) -> float:
         """Angle of the second link's frame minus that of the first's, in (-pi, pi]."""
@@ -182,12 +182,12 @@ class Draft:
         return ((second, first), True) if swapped else ((first, second), False)
 
     def new(self, letter: str) -> str:
-        return f"{letter}{len(self.pairs)}"
+        return f"{letter}{len(self.joints)}"
 
     def pin(self, first: str, second: str, z: complex) -> str:
         (a, b), _ = self._order(first, second)
         name = self.new("R")
-        self.pairs.append(Revolute(name=name, links=(a, b), points=(self.put(a, z), self.put(b, z))))
+        self.joints.append(Revolute(name=name, links=(a, b), points=(self.put(a, z), self.put(b, z))))
         self.coordinate[name] = self.turned(a, b)
         return name
 
@@ -200,7 +200,7 @@ class Draft:
         name = self.new("S" if kind is Prismatic else "P")
         more = {"angle": self.poses[b][1] - self.poses[a][1]} if kind is Prismatic else {}
         made = {"name": name, "links": (a, b), "points": (on[a], on[b]), "along": self.along(guide, direction)}
-        self.pairs.append(kind(**made, guide=1 if swapped else 0, **more))
+        self.joints.append(kind(**made, guide=1 if swapped else 0, **more))
         self.coordinate[name] = s
         self.slides.append(name)
         if kind is Prismatic and guide in self.fixed | {FRAME}:
@@ -211,7 +211,7 @@ class Draft:
         name = self.new("W")
         points = (self.put(first, z), self.put(second, z))
         angle = self.poses[second][1] - self.poses[first][1]
-        self.pairs.append(Weld(name=name, links=(first, second), points=points, angle=angle))
+        self.joints.append(Weld(name=name, links=(first, second), points=points, angle=angle))
         return name
 
     def near(self, link: str) -> complex:
@@ -251,7 +251,7 @@ class Draft:
         self.pin(second, rocker, e)
         joint = self.pin(bar, rocker, d)
         left = ((e - b) * (d - b).conjugate()).imag < 0.0  # of the line from the bar's other pin to the rocker's
-        self.modes[joint] = "left" if left == (self.pairs[-1].links[0] == bar) else "right"
+        self.modes[joint] = "left" if left == (self.joints[-1].links[0] == bar) else "right"
         return self.among([bar, rocker])
 
     def rrp(self, first: str, b: complex, second: str = FRAME) -> str:
@@ -335,7 +335,7 @@ class Draft:
         links, sizes = (first, wheel), (n1, n2)
         name = self.new("G")
         more = {"pressure_angle": self.uniform(0.0, 0.5)}
-        self.pairs.append(Gear(name=name, links=links, carrier=FRAME, sizes=sizes, internal=internal, **more))
+        self.joints.append(Gear(name=name, links=links, carrier=FRAME, sizes=sizes, internal=internal, **more))
         self.coordinate[name] = self.turned(*links)
         return self.among([self.rrr, self.rrp])(wheel, pin)
 
@@ -350,7 +350,7 @@ class Draft:
         links = (planet, FRAME) if internal else self.among([(planet, FRAME), (FRAME, planet)])
         sizes = (self.uniform(10, 20), self.uniform(30, 60)) if internal else (self.uniform(10, 40), self.uniform(10, 40))
         more = {"pressure_angle": self.uniform(0.0, 0.5)}
-        self.pairs.append(Gear(name=name, links=links, carrier=first, sizes=sizes, internal=internal, **more))
+        self.joints.append(Gear(name=name, links=links, carrier=first, sizes=sizes, internal=internal, **more))
         self.coordinate[name] = self.turned(*links)
         return self.among([self.rrr, self.rrp])(planet, pin)
 
@@ -362,7 +362,7 @@ class Draft:
         links, _ = self._order(first, pulley)
         name = self.new("V")
         radii = (self.uniform(0.05, 0.24), self.uniform(0.05, 0.24))
-        self.pairs.append(Belt(name=name, links=links, carrier=FRAME, radii=radii, crossed=self.either()))
+        self.joints.append(Belt(name=name, links=links, carrier=FRAME, radii=radii, crossed=self.either()))
         self.coordinate[name] = self.turned(*links)
         return self.among([self.rrr, self.rrp])(pulley, pin)
 
@@ -376,7 +376,7 @@ class Draft:
         guide = self.slider(FRAME, rack, c1 + direction * beside, direction)
         name = self.new("Z")
         more = {"slider": guide, "radius": radius, "side": "left" if left else "right", "pressure_angle": self.uniform(0.0, 0.5)}
-        self.pairs.append(Rack(name=name, links=(first, rack), **more))
+        self.joints.append(Rack(name=name, links=(first, rack), **more))
         self.coordinate[name] = self.turned(first, rack)
         return self.among([self.rrr, self.rrp])(rack, self.near(rack))
 
@@ -390,7 +390,7 @@ class Draft:
         name = self.new("O")
         points = (self.put(second, centre - s * direction), self.put(wheel, centre))
         more = {"radius": self.uniform(0.1, 0.3), "side": self.among(["left", "right"])}
-        self.pairs.append(Rolling(name=name, links=(second, wheel), points=points, along=self.along(second, direction), **more))
+        self.joints.append(Rolling(name=name, links=(second, wheel), points=points, along=self.along(second, direction), **more))
         self.coordinate[name] = s
         self.slides.append(name)
         self.pin(first, rod, b)
@@ -435,7 +435,7 @@ class Draft:
         name = self.new("K")
         point = self.put(follower, tip)
         made = {"name": name, "links": (first, follower), "guide": guide, "point": point, "face": face}
-        self.pairs.append(CamPair(**made, **more))
+        self.joints.append(CamJoint(**made, **more))
         self.cams.append(name)
         return self.among([self.rrr, self.rrp])(follower, self.near(follower))
 
@@ -447,7 +447,7 @@ class Draft:
         turn = self.uniform(-np.pi, np.pi)
         base, eye = pivot + 0.6 * unit(turn), pivot + 0.7 * unit(turn + self.among([-1, 1]) * self.uniform(0.9, 1.8))
         name = self.new("C")
-        self.pairs.append(Cylinder(name=name, links=(FRAME, boom), points=(self.put(FRAME, base), self.put(boom, eye))))
+        self.joints.append(Cylinder(name=name, links=(FRAME, boom), points=(self.put(FRAME, base), self.put(boom, eye))))
         self.coordinate[name] = abs(eye - base)
         self.slides.append(name)
         self.driven = [name]
@@ -455,7 +455,7 @@ class Draft:
 
     def _pivot(self, link: str) -> complex:
         """Where a link is pinned to the frame."""
-        for p in self.pairs:
+        for p in self.joints:
             if isinstance(p, Revolute) and set(p.links) == {FRAME, link}:
                 return self.points[FRAME][p.points[p.links.index(FRAME)]]
         raise AssertionError(link)
@@ -480,18 +480,18 @@ class Draft:
             return None
         if pick == 2:
             return Factor(function=Wave(1.0, 0.5, self.uniform(2.0, 9.0), 1.0), of="time")
-        joints = [p.name for p in self.pairs if isinstance(p, Revolute | Prismatic | PinSlot | Rolling | Cylinder)]
-        pair = self.among(joints)
-        q = self.coordinate[pair]
+        joints = [p.name for p in self.joints if isinstance(p, Revolute | Prismatic | PinSlot | Rolling | Cylinder)]
+        joint = self.among(joints)
+        q = self.coordinate[joint]
         if pick in (3, 4):  # straight lines about the start
-            wide = 1.0 if pair in self.slides else 3.0
+            wide = 1.0 if joint in self.slides else 3.0
             x = np.sort(self.rng.uniform(-wide, wide, 6)) + np.linspace(-0.1, 0.1, 6) + q
-            return Factor(function=Table(tuple(x), tuple(self.rng.uniform(-1.0, 1.0, 6)), smooth=False), pair=pair)
+            return Factor(function=Table(tuple(x), tuple(self.rng.uniform(-1.0, 1.0, 6)), smooth=False), joint=joint)
         if pick == 5:
-            rate = self.uniform(1.0, 3.0) if pair in self.slides else float(self.rng.integers(1, 3))
-            return Factor(function=Wave(0.5, 1.0, rate, self.uniform(0.0, 6.0)), pair=pair)
+            rate = self.uniform(1.0, 3.0) if joint in self.slides else float(self.rng.integers(1, 3))
+            return Factor(function=Wave(0.5, 1.0, rate, self.uniform(0.0, 6.0)), joint=joint)
         if pick == 6:
-            return Factor(function=Polynomial((0.5, 0.1, -0.02), per=self.uniform(1.0, 2.0)), of="velocity", pair=pair)
+            return Factor(function=Polynomial((0.5, 0.1, -0.02), per=self.uniform(1.0, 2.0)), of="velocity", joint=joint)
         if pick == 7:
             return Factor(function=Wave(1.0, 0.5, 0.4, np.pi / 2), of="speed", point=self.any_point(self.among(self.moving())))
         of = self.among(["x", "y", "vx", "vy"])
@@ -501,7 +501,7 @@ class Draft:
         link = self.among(self.moving())
         against = self.among([None, None, *(k for k in self.poses if k != link)])
         kind = int(self.rng.integers(13))
-        sliding = [p.name for p in self.pairs if isinstance(p, Prismatic)]
+        sliding = [p.name for p in self.joints if isinstance(p, Prismatic)]
         if kind <= 1:
             vector = (self.uniform(-30, 30), self.uniform(-30, 30))
             axes = self.among(["world", "link"])
@@ -518,7 +518,7 @@ class Draft:
             other = self.among([k for k in self.poses if k != link])
             if link in self.fixed and other in self.fixed | {FRAME}:
                 return Torque(name=name, link=link, moment=1.0)
-            known = stated(self.pairs, {p: self.coordinate[p] for p in self.driven if p not in self.slides}, link, other)
+            known = stated(self.joints, {p: self.coordinate[p] for p in self.driven if p not in self.slides}, link, other)
             free = (self.turned(link, other) if known is None else known) + self.uniform(-2.0, 2.0)
             return TorsionSpring(name=name, links=(link, other), stiffness=self.uniform(1, 8), free_angle=free)
         if kind == 6:
@@ -531,51 +531,51 @@ class Draft:
             point = None if self.either() else self.any_point(link)[1]
             return Drag(name=name, link=link, point=point, linear=self.uniform(0, 0.5), quadratic=self.uniform(0, 0.2))
         if kind == 9:
-            pair = self.among([p.name for p in self.pairs if isinstance(p, Revolute | Prismatic | PinSlot | Rolling | Cylinder)])
-            return Viscous(name=name, pair=pair, coefficient=self.uniform(0, 0.5))
+            joint = self.among([p.name for p in self.joints if isinstance(p, Revolute | Prismatic | PinSlot | Rolling | Cylinder)])
+            return Viscous(name=name, joint=joint, coefficient=self.uniform(0, 0.5))
         if kind == 10 and sliding:
-            pair = self.among(sliding)
+            joint = self.among(sliding)
             stroke, head = 6.0, self.among(["ahead", "behind"])
-            top = self.coordinate[pair] + (3.0 if head == "ahead" else -3.0)
+            top = self.coordinate[joint] + (3.0 if head == "ahead" else -3.0)
             cycle: Any = Compressor(stroke=stroke, suction=1e2, delivery=3e2)
             if self.either():
                 cycle = Diagram(stroke=stroke, outward=lambda x: 3e2 - 20.0 * x, inward=lambda x: 1e2 + 10.0 * x)
-            return GasPressure(name=name, pair=pair, area=0.02, cycle=cycle, top=top, head=head, back=1.5e2)
+            return GasPressure(name=name, joint=joint, area=0.02, cycle=cycle, top=top, head=head, back=1.5e2)
         if kind == 11:
             (a, p), (b, q), length = self.two_points()
             more = {"force": self.uniform(5, 30), "extended": 2.0 * length, "gas_length": 2.2 * length}
             return GasSpring(name=name, links=(a, b), points=(p, q), exponent=self.among([1.0, 1.4]), **more)
-        pins = [p.name for p in self.pairs if isinstance(p, Revolute)]
+        pins = [p.name for p in self.joints if isinstance(p, Revolute)]
         if not pins:
             return Torque(name=name, link=link, moment=1.0)
-        pair = self.among(pins)
-        return DcMotor(name=name, pair=pair, stall_torque=self.uniform(1, 5), no_load_speed=self.uniform(5, 20))
+        joint = self.among(pins)
+        return DcMotor(name=name, joint=joint, stall_torque=self.uniform(1, 5), no_load_speed=self.uniform(5, 20))
 
     # -- the whole ----------------------------------------------------------------------------------------------------
     def links(self) -> tuple[Link, ...]:
         made = []
         for name, points in self.points.items():
-            own = {p: pair_of(self.local(name, z)) for p, z in points.items()}
+            own = {p: joint_of(self.local(name, z)) for p, z in points.items()}
             if name == FRAME:
                 made.append(Link(name=name, points=own))
                 continue
-            centre = pair_of(self.local(name, self.near(name)))
+            centre = joint_of(self.local(name, self.near(name)))
             mass, inertia = self.uniform(0.2, 2.0), self.uniform(0.01, 0.2)
             made.append(Link(name=name, points=own, mass=mass, centre=centre, inertia=inertia))
         return tuple(made)
 
     def frictions(self) -> None:
         """Mild dry friction in some joints."""
-        for k, p in enumerate(self.pairs):
+        for k, p in enumerate(self.joints):
             if self.uniform(0, 1) < 0.5:
                 continue
             if isinstance(p, Revolute):
-                self.pairs[k] = replace(p, friction=Friction(coefficient=self.uniform(0.02, 0.2), radius=self.uniform(0.01, 0.05)))
+                self.joints[k] = replace(p, friction=Friction(coefficient=self.uniform(0.02, 0.2), radius=self.uniform(0.01, 0.05)))
             elif isinstance(p, Prismatic):
                 length = self.among([0.0, 0.3, 0.8])
-                self.pairs[k] = replace(p, friction=Friction(coefficient=self.uniform(0.02, 0.12), length=length))
+                self.joints[k] = replace(p, friction=Friction(coefficient=self.uniform(0.02, 0.12), length=length))
             elif isinstance(p, PinSlot):
-                self.pairs[k] = replace(p, friction=Friction(coefficient=self.uniform(0.02, 0.12)))
+                self.joints[k] = replace(p, friction=Friction(coefficient=self.uniform(0.02, 0.12)))
 
 
 GROUPS: dict[str, str] = {
@@ -647,7 +647,7 @@ def draw(kind: str, seed: int, *, travel: float = TURN, forces: bool | None = No
 
 
 def _without(d: Draft, link: str) -> Draft:
-    d.pairs = [p for p in d.pairs if link not in p.links]
+    d.joints = [p for p in d.joints if link not in p.links]
     for table in (d.poses, d.points):
         table.pop(link)
     return d
@@ -685,13 +685,13 @@ def _finished(
         else:
             part = size * min(travel, 3.0) * np.array([0.3, 0.4, 0.3])
             law = zones(start=q, speed=speed, run_up=part[0], steady=part[1], braking=part[2])
-        drives.append(Drive(pair=name, law=law))
+        drives.append(Drive(joint=name, law=law))
     told = d.said and bool(rng.uniform() < 0.5)
     mechanism = Mechanism(
         name=f"{kind} {seed}",
         frame=FRAME,
         links=d.links(),
-        pairs=tuple(d.pairs),
+        joints=tuple(d.joints),
         drives=tuple(drives),
         modes=d.modes if told else {},
         loads=loads,
@@ -710,16 +710,16 @@ def _looked_for(d: Draft, free: bool) -> tuple[tuple[Stop, ...], tuple[EventTrig
     """A stop and a watch near the start of a motion under forces, or none."""
     if not free:
         return (), ()
-    joints = [p.name for p in d.pairs if isinstance(p, Revolute | Prismatic | PinSlot | Rolling)]
+    joints = [p.name for p in d.joints if isinstance(p, Revolute | Prismatic | PinSlot | Rolling)]
     stops, watches = [], []
     if d.uniform(0, 1) < 0.5:
-        pair = d.among(joints)
+        joint = d.among(joints)
         side = d.among(["upper", "lower"])
-        far = d.uniform(0.05, 0.4) * (0.5 if pair in d.slides else 1.0)
-        at = d.coordinate[pair] + (far if side == "upper" else -far)
-        stops.append(Stop(name="stop", pair=pair, at=at, side=side, restitution=d.among([0.0, d.uniform(0.3, 1.0)])))
+        far = d.uniform(0.05, 0.4) * (0.5 if joint in d.slides else 1.0)
+        at = d.coordinate[joint] + (far if side == "upper" else -far)
+        stops.append(Stop(name="stop", joint=joint, at=at, side=side, restitution=d.among([0.0, d.uniform(0.3, 1.0)])))
     if d.uniform(0, 1) < 0.5:
-        pair = d.among(joints)
-        far = d.uniform(-0.4, 0.4) * (0.5 if pair in d.slides else 1.0)
-        watches.append(EventTrigger(name="watch", pair=pair, at=d.coordinate[pair] + far))
+        joint = d.among(joints)
+        far = d.uniform(-0.4, 0.4) * (0.5 if joint in d.slides else 1.0)
+        watches.append(EventTrigger(name="watch", joint=joint, at=d.coordinate[joint] + far))
     return tuple(stops), tuple(watches)

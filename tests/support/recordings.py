@@ -46,7 +46,7 @@ class Made:
 
     @cached_property
     def mechanism(self) -> Mechanism:
-        """The mechanism as the scene in the file describes it; pairs with clearance are drawn as ideal ones."""
+        """The mechanism as the scene in the file describes it; joints with clearance are drawn as ideal ones."""
         return as_drawn(self.recording.scene().mechanism)
 
     @cached_property

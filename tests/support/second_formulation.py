@@ -50,7 +50,7 @@ class Second(Loaded):
     def strike(self, t: float, q: Array, v: Array, stop: Stop, more: tuple[str, ...]) -> Array:
         """Velocities after an impact on a stop."""
         _, j, r, _ = self.system(t, q, v, True, more)
-        _, row, _ = self.measured(stop.pair, q, v)
+        _, row, _ = self.measured(stop.joint, q, v)
         big, _ = self.masses(q, v)
         j = np.vstack([j, row])
         r = np.append(r, -stop.restitution * float(row @ v))
@@ -80,7 +80,7 @@ class Second(Loaded):
                 out["condition"] = max(out["condition"], float(np.linalg.cond(self.system(s, x, None)[1])))
 
         for _ in range(400):
-            more = tuple(s.pair for s in resting)
+            more = tuple(s.joint for s in resting)
 
             def slope(t: float, y: Array, more: tuple[str, ...] = more) -> Array:
                 q, v = y[: self.n], y[self.n :]
@@ -92,12 +92,12 @@ class Second(Loaded):
                 sign = 1.0 if s.side == "upper" else -1.0
 
                 def approaching(t: float, y: Array, s: Stop = s, sign: float = sign) -> float:
-                    return sign * self.measured(s.pair, y[: self.n], y[self.n :])[1] @ y[self.n :]
+                    return sign * self.measured(s.joint, y[: self.n], y[self.n :])[1] @ y[self.n :]
 
                 approaching.direction = -1.0  # type: ignore[attr-defined]
                 nearest.append(approaching)
                 if s in resting:
-                    index = more.index(s.pair)
+                    index = more.index(s.joint)
 
                     def pulls(t: float, y: Array, i: int = index, sign: float = sign, more: tuple[str, ...] = more) -> float:
                         p = self.accelerations(t, y[: self.n], y[self.n :], more)[1]
@@ -108,7 +108,7 @@ class Second(Loaded):
                 else:
 
                     def near(t: float, y: Array, s: Stop = s, sign: float = sign) -> float:
-                        return sign * (self.measured(s.pair, y[: self.n])[0] - s.at)
+                        return sign * (self.measured(s.joint, y[: self.n])[0] - s.at)
 
                     event = near
                     event.direction = 1.0
@@ -140,13 +140,13 @@ class Second(Loaded):
                 resting.remove(s)
                 out["events"].append((t, "release", s.name))
                 continue
-            before = float(self.measured(s.pair, q, v)[1] @ v)
+            before = float(self.measured(s.joint, q, v)[1] @ v)
             out["events"].append((t, "impact", s.name))
             v = self.strike(t, q, v, s, more)
             after = s.restitution * abs(before)
-            self.held[s.pair] = s.at
+            self.held[s.joint] = s.at
             pressing = self.accelerations(t, q, v, more)[0]
-            gaining = sign * float(self.measured(s.pair, q, v)[1] @ pressing + self.measured(s.pair, q, v)[2])
+            gaining = sign * float(self.measured(s.joint, q, v)[1] @ pressing + self.measured(s.joint, q, v)[2])
             if gaining > 0.0 and 2.0 * after < SHORTEST * end * gaining:
                 resting.append(s)
                 v = self.strike(t, q, v, replace(s, restitution=0.0), more)

@@ -11,9 +11,9 @@ import shapely
 import trimesh
 from sections import section
 
-from mechcore.joints.parts import build_pairs
+from mechcore.joints.parts import build_joints
 from mechcore.motion.solve import compile_mechanism, default_times, solve_motion
-from mechcore.spec.mechanism import CamPair, Link, Mechanism, Pair
+from mechcore.spec.mechanism import CamJoint, Joint, Link, Mechanism
 from mechviz.meshes.solids import Solids
 
 FRAMES = 48
@@ -30,14 +30,14 @@ def moved(mechanism: Mechanism) -> tuple[Mechanism, Poses]:
     return mechanism, {link: np.asarray(motion.pose(link)) for link in motion.model.links}
 
 
-def mechanism(points: Mapping[str, Mapping[str, tuple[float, float]]], *pairs: Pair) -> Mechanism:
+def mechanism(points: Mapping[str, Mapping[str, tuple[float, float]]], *joints: Joint) -> Mechanism:
     links = tuple(Link(name=name, points=where) for name, where in points.items())
-    return Mechanism(name="test", frame="frame", links=links, pairs=pairs)
+    return Mechanism(name="test", frame="frame", links=links, joints=joints)
 
 
 def check_shapes(solids: Solids, spec: Mechanism) -> None:
     """Every link has closed parts, and display arrays that fit them."""
-    assert list(solids.links) == list(build_pairs(spec).links), "every link, those of cylinders included"
+    assert list(solids.links) == list(build_joints(spec).links), "every link, those of cylinders included"
     for name, solid in solids.links.items():
         assert solid.parts, name
         assert len(solid.kinds) == len(solid.parts)
@@ -77,7 +77,7 @@ def meeting_links(spec: Mechanism, poses: Poses, solids: Solids, every: int = 3)
     scaled = {name: trimesh.Trimesh(m.vertices / solids.size, m.faces, process=False) for name, m in meshes.items()}
     heights = np.unique(np.round(np.concatenate([m.vertices[:, 2] for m in scaled.values()]), 6))
     still = np.zeros_like(next(iter(poses.values())))
-    touching = {frozenset(p.links) for p in spec.pairs if isinstance(p, CamPair)}  # to the tolerance of their tessellation
+    touching = {frozenset(p.links) for p in spec.joints if isinstance(p, CamJoint)}  # to the tolerance of their tessellation
     found = set()
     for z in 0.5 * (heights[1:] + heights[:-1]):
         cut = {name: section(mesh, z) for name, mesh in scaled.items() if mesh.bounds[0, 2] < z < mesh.bounds[1, 2]}

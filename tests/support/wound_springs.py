@@ -27,7 +27,7 @@ SPRING = 'spring = { torsion_spring = ["crank", "coupler"], stiffness = "2 N m/r
 
 
 TABLE = """
-push = { torque = "40 N m", on = "rocker", table = { position = [-60, 20, 60], factor = [0, 1, 0.5], pair = "B", smooth = false } }
+push = { torque = "40 N m", on = "rocker", table = { position = [-60, 20, 60], factor = [0, 1, 0.5], joint = "B", smooth = false } }
 """
 
 
@@ -62,7 +62,7 @@ B = { revolute = ["crank", "rod"], stops = [{ at = 190, side = "upper", restitut
 C = { revolute = ["rod", "piston"] }
 S = { prismatic = ["frame", "piston"], at = ["G", "C"], along = [1, 0], branch = "behind" }
 [watch]
-passed = { pair = "B", at = 185 }
+passed = { joint = "B", at = 185 }
 [run]
 frames = 100
 duration = "100 ms"

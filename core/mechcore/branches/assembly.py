@@ -83,20 +83,20 @@ def assemble(model: Model, drives: Sequence[float], *, others: bool = True) -> A
 
 
 def _idle_modes(model: Model, stated: Mapping[str, Sequence[str]]) -> list[Fault]:
-    """The faults of assembly modes that decide nothing: at pairs that no group of two modes places."""
-    used = {pair for pairs in stated.values() for pair in pairs}
+    """The faults of assembly modes that decide nothing: at joints that no group of two modes places."""
+    used = {joint for joints in stated.values() for joint in joints}
     near = ", ".join(sorted(block.name for block in model.blocks if block.kind in TWO_MODES))
-    choice = f" Pairs at which a group can be put together in two ways: {near}." if near else ""
+    choice = f" Joints at which a group can be put together in two ways: {near}." if near else ""
     larger = {block.name for block in model.blocks if block.kind == "general"}
     faults = []
-    for pair, word in model.mechanism.modes.items():
-        if pair in used:
+    for joint, word in model.mechanism.modes.items():
+        if joint in used:
             continue
-        why, remedy = "this pair decides nothing.", "Leave it out: there is one way only."
-        if pair in larger:
+        why, remedy = "this joint decides nothing.", "Leave it out: there is one way only."
+        if joint in larger:
             why, remedy = "this group may have more than two.", "Give a [sketch] instead: the nearest one is taken."
         why = f"an assembly mode ('{word}') is stated here, but {why}"
-        faults.append(Fault(f"joints.{pair}.{KEYS[word]}", why, remedy + choice))
+        faults.append(Fault(f"joints.{joint}.{KEYS[word]}", why, remedy + choice))
     return faults
 
 
@@ -123,7 +123,7 @@ def fitting_statements(model: Model, drives: Sequence[float]) -> str:
             assemble(replace(model, mechanism=replace(model.mechanism, sketch={}, modes=modes)), drives, others=False)
         except MechanismError:
             continue
-        found.append(" and ".join(f'{KEYS[word]} = "{word}" at {pair}' for pair, word in modes.items()))
+        found.append(" and ".join(f'{KEYS[word]} = "{word}" at {joint}' for joint, word in modes.items()))
     return f", or state the assembly mode of the start instead: {' or '.join(found)} fits there" if found else ""
 
 
@@ -143,10 +143,10 @@ def _unspanned(block: Block) -> Fault:
     )
 
 
-def _mode(model: Model, block: Block, state: State, pairs: Sequence[str]) -> tuple[float, list[Fault]]:
-    """The sign of a block with two assembly modes, stated at ``pairs`` or else as it is sketched."""
-    if pairs:
-        return stated_sign(model, block, state, pairs)
+def _mode(model: Model, block: Block, state: State, joints: Sequence[str]) -> tuple[float, list[Fault]]:
+    """The sign of a block with two assembly modes, stated at ``joints`` or else as it is sketched."""
+    if joints:
+        return stated_sign(model, block, state, joints)
     sketched = _sketched_mode(model, block, state)
     if sketched is not None:
         return sketched, []
@@ -181,7 +181,7 @@ def _solution(model: Model, block: Block, state: State, mode: float) -> dict[tup
 
 
 def _mode_words(model: Model, block: Block, state: State, modes: Sequence[float]) -> list[str]:
-    """Both modes of a block in words, by what tells them apart: the place of its pair, else displacement and angles."""
+    """Both modes of a block in words, by what tells them apart: the place of its joint, else displacement and angles."""
     places = [f"{block.name} is at {_place_of(model, block, state, mode)}" for mode in modes]
     if len(set(places)) == len(places):
         return places
@@ -196,7 +196,7 @@ def _mode_words(model: Model, block: Block, state: State, modes: Sequence[float]
 
 
 def _place_of(model: Model, block: Block, state: State, mode: float) -> str:
-    """Where the block's pair is in one mode, for a message."""
+    """Where the block's joint is in one mode, for a message."""
     trial = state.copy()
     with np.errstate(invalid="ignore", divide="ignore"):
         place(model, block, trial, mode)

@@ -24,42 +24,42 @@ KEYS = {
 
 
 def stated_modes(model: Model) -> dict[str, list[str]]:
-    """Block of two modes -> the pairs at which the mechanism states its mode, any of those that the block places.
+    """Block of two modes -> the joints at which the mechanism states its mode, any of those that the block places.
 
-    A pair belongs to the last group that it needs in order of solution: an outer pin of a dyad to the dyad, not to what bears it.
+    A joint belongs to the last group that it needs in order of solution: an outer pin of a dyad to the dyad, not to what bears it.
     """
     last = {unknown: k for k, block in enumerate(model.blocks) if block.loops for unknown in block.unknowns}
     found: dict[str, list[str]] = {}
-    for pair in model.mechanism.modes:
-        j = model.joint_index.get(pair)
+    for joint in model.mechanism.modes:
+        j = model.joint_index.get(joint)
         if j is None:
             continue
         unknowns = [("slide", j), *(("angle", model.angles.group[k]) for k in model.ends[j])]
         k = max(last.get(x, -1) for x in unknowns)
         if k >= 0 and model.blocks[k].kind in TWO_MODES:
-            found.setdefault(model.blocks[k].name, []).append(pair)
+            found.setdefault(model.blocks[k].name, []).append(joint)
     return found
 
 
-def stated_sign(model: Model, block: Block, state: State, pairs: Sequence[str]) -> tuple[float, list[Fault]]:
-    """The sign of a block of two modes as it is stated at ``pairs``, and the faults of words that do not fit it or each other."""
+def stated_sign(model: Model, block: Block, state: State, joints: Sequence[str]) -> tuple[float, list[Fault]]:
+    """The sign of a block of two modes as it is stated at ``joints``, and the faults of words that do not fit it or each other."""
     modes = model.mechanism.modes
     signs, faults = [], []
-    for pair in pairs:
-        sign, fault = _sign(model, block, state, pair, modes[pair])
+    for joint in joints:
+        sign, fault = _sign(model, block, state, joint, modes[joint])
         signs.append(sign)
         faults += fault
         if not faults and sign != signs[0]:
-            why = f"'{modes[pair]}' contradicts '{modes[pairs[0]]}' at {pairs[0]}: both say how the same group is put together."
-            faults.append(Fault(f"joints.{pair}.{KEYS[modes[pair]]}", why, "Keep one of them."))
+            why = f"'{modes[joint]}' contradicts '{modes[joints[0]]}' at {joints[0]}: both say how the same group is put together."
+            faults.append(Fault(f"joints.{joint}.{KEYS[modes[joint]]}", why, "Keep one of them."))
     return signs[0], faults
 
 
-def _sign(model: Model, block: Block, state: State, pair: str, word: str) -> tuple[float, list[Fault]]:
-    """The sign of a block of two modes by the word at one pair."""
+def _sign(model: Model, block: Block, state: State, joint: str, word: str) -> tuple[float, list[Fault]]:
+    """The sign of a block of two modes by the word at one joint."""
     words = WORDS[block.kind]
     if word in words:
-        return (1.0 if word == words[0] else -1.0) * orientation(model, block, pair), []
+        return (1.0 if word == words[0] else -1.0) * orientation(model, block, joint), []
     if word in ("open", "crossed") and block.kind == "theta_theta":
         found = _open_mode(model, block, state)
         if found is not None:
@@ -68,28 +68,28 @@ def _sign(model: Model, block: Block, state: State, pair: str, word: str) -> tup
     else:
         message = f"'{word}' is not an assembly mode of this group."
         remedy = f"Use {' or '.join(words)}."
-    return 1.0, [Fault(f"joints.{pair}", message, remedy)]
+    return 1.0, [Fault(f"joints.{joint}", message, remedy)]
 
 
 def other_modes(mechanism: Mechanism, beside: str = "") -> Iterator[tuple[Mechanism, str]]:
     """The mechanism with one of its stated assembly modes turned into the other, and a remedy that says so; without the mode of
-    the pair ``beside``."""
-    for pair, word in mechanism.modes.items():
-        if pair != beside and word in OTHER:
+    the joint ``beside``."""
+    for joint, word in mechanism.modes.items():
+        if joint != beside and word in OTHER:
             other = OTHER[word]
-            remedy = f', or take the other mode at {pair}, {KEYS[word]} = "{other}"'
-            yield replace(mechanism, modes={**mechanism.modes, pair: other}), remedy
+            remedy = f', or take the other mode at {joint}, {KEYS[word]} = "{other}"'
+            yield replace(mechanism, modes={**mechanism.modes, joint: other}), remedy
 
 
-def orientation(model: Model, block: Block, pair: str) -> float:
-    """+1 if the words stated at ``pair`` mean the closed form's +1 mode, -1 if its -1 mode.
+def orientation(model: Model, block: Block, joint: str) -> float:
+    """+1 if the words stated at ``joint`` mean the closed form's +1 mode, -1 if its -1 mode.
 
-    'left': seen from the first link's other pin to the second link's other pin, the pair between the two links lies on the left;
-    first and second are those of that pair, wherever the word stands. The closed form has its first unknown group first. 'ahead':
+    'left': seen from the first link's other pin to the second link's other pin, the joint between the two links lies on the left;
+    first and second are those of that joint, wherever the word stands. The closed form has its first unknown group first. 'ahead':
     of the two displacements along the guide the larger one.
     """
     if block.kind == "theta_theta":
-        groups = [model.angles.group[k] for k in model.ends[model.joint_index[pair]]]
+        groups = [model.angles.group[k] for k in model.ends[model.joint_index[joint]]]
         if set(groups) != set(block.angles):
             return orientation(model, block, block.name)
         return 1.0 if groups[0] == block.angles[0] else -1.0

@@ -122,7 +122,7 @@ def find_changes(model: Model, modes: Sequence[float], starts: Mapping[str, Real
     drives = model.mechanism.drives
     if not drives or starts or model.relations or not any(b.kind in TWO_MODES for b in model.blocks):
         return None
-    first = model.joints[model.joint_index[drives[0].pair]]
+    first = model.joints[model.joint_index[drives[0].joint]]
     if len(drives) == 1 and first.coordinate == "angle":
         turn = (ConstantSpeed(float(drives[0].law(0.0)[0]), 1.0),)
         found = _until_closed(model, modes, 2.0 * np.pi, turn, by_drive=True)
@@ -145,7 +145,7 @@ def needs_span(model: Model) -> bool:
         if not moves(d.law):
             continue
         way = float(d.law(d.law.duration)[0] - d.law(0.0)[0])
-        if model.joints[model.joint_index[d.pair]].coordinate == "angle":
+        if model.joints[model.joint_index[d.joint]].coordinate == "angle":
             way -= 2.0 * np.pi * round(way / (2.0 * np.pi))
         if abs(way) > 1e-9 or abs(d.law.duration - model.mechanism.cycle) > 1e-12 * d.law.duration:
             return True
@@ -183,7 +183,7 @@ def _sampled(
     changes, whether more samples would not tell more."""
     period = cycles * cycle
     probe = np.linspace(0.0, period, 2001)
-    rotary = [model.joints[model.joint_index[d.pair]].coordinate == "angle" for d in model.mechanism.drives]
+    rotary = [model.joints[model.joint_index[d.joint]].coordinate == "angle" for d in model.mechanism.drives]
     fastest = max((float(np.max(np.abs(law(probe)[1]))) for law, r in zip(laws, rotary, strict=True) if r), default=0.0)
     samples = min(max(SAMPLES, int(np.ceil(cycle * fastest * SAMPLES / (2.0 * np.pi)))), max(SAMPLES, MOST // cycles))
     coarse, step = cycle / samples, cycle / samples / finer

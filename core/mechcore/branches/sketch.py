@@ -29,7 +29,7 @@ def sketched_angle(model: Model, group: int, state: State) -> float | None:
 
 
 def sketched_slide(model: Model, j: int) -> float | None:
-    """A sliding pair's sketched displacement [m], where both links are in the sketch (the frame always is)."""
+    """A sliding joint's sketched displacement [m], where both links are in the sketch (the frame always is)."""
     joint = model.joints[j]
     sketch = {k: v for k, v in model.mechanism.sketch.items() if k in joint.links}
     if model.links[0] in joint.links:
@@ -52,12 +52,12 @@ def sketched_drives(model: Model, start: Sequence[float]) -> tuple[float, ...] |
         return None
     drawn, away = list(start), False
     for k, (drive, q) in enumerate(zip(model.mechanism.drives, start, strict=True)):
-        place = _sketched_drive(model, drive.pair)
+        place = _sketched_drive(model, drive.joint)
         if place is None:
             continue
-        rotary = model.rotary(drive.pair)
+        rotary = model.rotary(drive.joint)
         way = math.remainder(place - q, TURN) if rotary else place - q
-        if abs(way) > AT_START * model.coordinate_scale(drive.pair):
+        if abs(way) > AT_START * model.coordinate_scale(drive.joint):
             drawn[k], away = q + way, True
     return tuple(drawn) if away else None
 
@@ -69,27 +69,27 @@ def _decides(model: Model) -> bool:
 
 
 def _sketched_drive(model: Model, name: str) -> float | None:
-    """The coordinate of a driven joint as it is drawn [rad or m]; None where it is not."""
+    """The coordinate of a driven loop_joint as it is drawn [rad or m]; None where it is not."""
     poses = {model.mechanism.frame: (0.0, 0.0, 0.0), **model.mechanism.sketch}
-    pair = next((pair for pair in model.mechanism.pairs if name in coordinates_of(pair)), None)
-    if isinstance(pair, Cylinder):
-        if not poses.keys() >= set(pair.links):
+    joint = next((joint for joint in model.mechanism.joints if name in coordinates_of(joint)), None)
+    if isinstance(joint, Cylinder):
+        if not poses.keys() >= set(joint.links):
             return None
         links = {link.name: link for link in model.mechanism.links}
         ends = []
-        for link, point in zip(pair.links, pair.points, strict=True):
+        for link, point in zip(joint.links, joint.points, strict=True):
             x, y, angle = poses[link]
             ends.append(complex(x, y) + complex(*links[link].points[point]) * cmath.exp(1j * angle))
         return abs(ends[1] - ends[0])
     j = model.joint_index[name]
-    joint = model.joints[j]
-    if joint.slide is not None:
+    loop_joint = model.joints[j]
+    if loop_joint.slide is not None:
         return sketched_slide(model, j)
-    first, second = joint.links
+    first, second = loop_joint.links
     return poses[second][2] - poses[first][2] if first in poses and second in poses else None
 
 
 def at_sketch(mechanism: Mechanism, drawn: Sequence[float], start: Sequence[float]) -> Mechanism:
     """The mechanism with drives that lead evenly from where it is drawn to the start, in a second."""
     laws = [Piecewise(knots=(0.0, 1.0), coefficients=((a, b - a),), advance=b - a) for a, b in zip(drawn, start, strict=True)]
-    return replace(mechanism, drives=tuple(Drive(pair=d.pair, law=law) for d, law in zip(mechanism.drives, laws, strict=True)))
+    return replace(mechanism, drives=tuple(Drive(joint=d.joint, law=law) for d, law in zip(mechanism.drives, laws, strict=True)))

@@ -105,7 +105,7 @@ def course_of(
     if not given:
         least, most, stands = way_of(laws[0], first, last)
         low, high = min(low, least), max(high, most)
-    turning = model.joints[model.joint_index[drives[0].pair]].coordinate == "angle"
+    turning = model.joints[model.joint_index[drives[0].joint]].coordinate == "angle"
     step = STEP["angle"] if turning else STEP["slide"] * model.length_scale
     unit = (ConstantSpeed(0.0, 1.0),)  # the parameter is the drive's position
     for turns in CYCLES if turning else ():

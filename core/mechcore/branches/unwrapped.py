@@ -30,7 +30,7 @@ MOST_WAYPOINTS = 200  # steps from a waypoint: what lies farther off is a trial 
 
 def steps_of(model: Model) -> Real:
     """Steps of the drives (d,) [rad or m] that are short enough to follow positions and angles."""
-    joints = [model.joints[model.joint_index[d.pair]] for d in model.mechanism.drives]
+    joints = [model.joints[model.joint_index[d.joint]] for d in model.mechanism.drives]
     return np.array([STEP["angle"] if j.coordinate == "angle" else STEP["slide"] * model.length_scale for j in joints])
 
 
@@ -131,8 +131,8 @@ class StartPose:
         """The same with ranges of joints that have stops: these come first. Beside a single stop there is a turn of room."""
         found: dict[str, list[float]] = {}
         for stop in stops:
-            low, high = found.setdefault(stop.pair, [-math.inf, math.inf])
-            found[stop.pair] = [low, min(high, stop.at)] if stop.side == "upper" else [max(low, stop.at), high]
+            low, high = found.setdefault(stop.joint, [-math.inf, math.inf])
+            found[stop.joint] = [low, min(high, stop.at)] if stop.side == "upper" else [max(low, stop.at), high]
         ranges = dict(self.ranges)
         for joint, (low, high) in found.items():
             if high == math.inf:
@@ -154,9 +154,9 @@ def _ranges_of_tables(mechanism: Mechanism) -> dict[str, Range]:
     for load in mechanism.loads:
         factor = getattr(load, "factor", None)
         table = None if factor is None else factor.function
-        if factor is not None and factor.of == "position" and factor.pair and isinstance(table, Table) and table.period is None:
-            low, high = found.get(factor.pair, (math.inf, -math.inf))
-            found[factor.pair] = min(low, table.x[0]), max(high, table.x[-1])
+        if factor is not None and factor.of == "position" and factor.joint and isinstance(table, Table) and table.period is None:
+            low, high = found.get(factor.joint, (math.inf, -math.inf))
+            found[factor.joint] = min(low, table.x[0]), max(high, table.x[-1])
     return found
 
 
@@ -312,7 +312,7 @@ class UnwrappedAngles:
         if laws:
             return _Table(self.model, 0.0, class_angles, _time_step(laws, self.steps), math.inf, laws)
         (drive,) = self.model.mechanism.drives
-        turns = self.model.joints[self.model.joint_index[drive.pair]].coordinate == "angle"
+        turns = self.model.joints[self.model.joint_index[drive.joint]].coordinate == "angle"
         return _Table(self.model, float(self.at.drives[0]), class_angles, float(self.steps[0]), TURN if turns else math.inf)
 
     def _of(self, frames: Frames, near: Callable[[Real], Real]) -> LinkAngles:

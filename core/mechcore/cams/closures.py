@@ -43,7 +43,7 @@ def breadth(law: MotionCurve, count: int = 1440) -> Breadth:
 def conjugate(
     cam: Cam, radius: float, *, span: float | None = None, offset: float = 0.0, arm: float | None = None, angle: float | None = None
 ) -> tuple[Cam, float]:
-    """The second cam of a form-closed pair on the same shaft, and the angle [rad] by which its own axes are turned on the shaft.
+    """The second cam of a form-closed joint on the same shaft, and the angle [rad] by which its own axes are turned on the shaft.
 
     Translating follower: a second roller ``span`` below the first, on the line x = ``offset``; oscillating: on a second ``arm`` at
     the fixed ``angle`` from the first, on the other side of O.

@@ -475,7 +475,7 @@ _NEAR = 1e-9  # parts of a chord by which it may miss the other, and of the prof
 def self_crossing(contour: Contour) -> complex | None:
     """A place [m] where a closed contour crosses or touches itself, None of a simple one; by its chords.
 
-    Two chords that are no neighbours meet where ``a + t r = b + s q`` has both parameters in [0, 1]; pairs whose middles are
+    Two chords that are no neighbours meet where ``a + t r = b + s q`` has both parameters in [0, 1]; joints whose middles are
     farther apart than the longest chord cannot.
     """
     from scipy.spatial import cKDTree

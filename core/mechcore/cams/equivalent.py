@@ -1,7 +1,7 @@
 """The equivalent linkage: the higher pair of cam and follower replaced by two lower pairs at the centres of curvature.
 
 At one position the link from the cam's centre of curvature K to the follower's reference point T has the same velocities and
-accelerations as the cam (not the same jerk). Where the cam is straight K goes to infinity and a sliding pair takes its
+accelerations as the cam (not the same jerk). Where the cam is straight K goes to infinity and a sliding joint takes its
 place; under a flat face the link is a block on the face that is pivoted at K.
 """
 

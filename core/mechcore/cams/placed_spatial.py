@@ -25,8 +25,8 @@ Array = Any
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class PlacedRoller:
-    """``links`` are those of the pair. A place w of the theory's ground axes in the plane lies at ``centre + axes w`` on the
-    ``carrier``; ``guide`` is the pair that guides the driven link, ``bed`` the one on which a driving link slides.
+    """``links`` are those of the joint. A place w of the theory's ground axes in the plane lies at ``centre + axes w`` on the
+    ``carrier``; ``guide`` is the joint that guides the driven link, ``bed`` the one on which a driving link slides.
 
     ``own``: where the theory's origin lies in the axes of the link that carries the groove.
     """

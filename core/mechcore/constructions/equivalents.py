@@ -1,7 +1,7 @@
 """Equivalent linkages: higher pairs (class IV) replaced by lower ones (class V) at the centres of curvature, at every frame.
 
 Up to accelerations the touching profiles act like a link between their centres of curvature, pinned to the two links there; where a
-profile is straight its centre lies at infinity and a sliding pair takes the place of the pin. Cams: centre of curvature of the cam
+profile is straight its centre lies at infinity and a sliding joint takes the place of the pin. Cams: centre of curvature of the cam
 (under a roller of the path of its centre). Teeth are involutes: their centres of curvature are the points in which the line of
 action touches the base circles. A pin in a slot: its block.
 """
@@ -19,12 +19,12 @@ from mechcore.cams.followers import Flat, Oscillating
 from mechcore.errors import Fault, MechanismError
 from mechcore.forces.kinetostatics import Forces
 from mechcore.motion.motion import Motion
-from mechcore.spec.mechanism import CamPair, Gear, PinSlot, Rack
+from mechcore.spec.mechanism import CamJoint, Gear, PinSlot, Rack
 
 Array = Any
 
-REPLACED = (CamPair, Gear, Rack, PinSlot)
-"""Kinds of pairs that have an equivalent linkage."""
+REPLACED = (CamJoint, Gear, Rack, PinSlot)
+"""Kinds of joints that have an equivalent linkage."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,34 +37,34 @@ class Block:
 
 @dataclass(frozen=True, eq=False)
 class Equivalent:
-    """What replaces a pair, in the world: ``pins`` by name (F,) [m], NaN at infinity, ``bars`` from pin to pin, ``blocks``."""
+    """What replaces a joint, in the world: ``pins`` by name (F,) [m], NaN at infinity, ``bars`` from pin to pin, ``blocks``."""
 
-    pair: str
+    joint: str
     pins: dict[str, Complex]
     bars: tuple[tuple[str, str], ...]
     blocks: tuple[Block, ...] = ()
 
 
-def equivalent(motion: Motion, pair: str, forces: Forces | None = None) -> Equivalent:
+def equivalent(motion: Motion, joint: str, forces: Forces | None = None) -> Equivalent:
     """The equivalent linkage of a cam, gear, rack or pin in a slot. With ``forces`` that of the flank that carries.
 
-    Raises `MechanismError` for other kinds of pairs.
+    Raises `MechanismError` for other kinds of joints.
     """
-    spec = next((p for p in motion.mechanism.pairs if p.name == pair), None)
+    spec = next((p for p in motion.mechanism.joints if p.name == joint), None)
     if not isinstance(spec, REPLACED):
-        why = f"there is no pair '{pair}'." if spec is None else f"'{pair}' is a lower pair, or no contact of two profiles."
+        why = f"there is no joint '{joint}'." if spec is None else f"'{joint}' is a lower pair, or no contact of two profiles."
         raise MechanismError(Fault("equivalent", why, "Name a cam, gear, rack or pin in a slot."))
-    if isinstance(spec, CamPair):
+    if isinstance(spec, CamJoint):
         return _cam(motion, spec)
     if isinstance(spec, PinSlot):
-        j = motion.model.joint_index[pair]
+        j = motion.model.joint_index[joint]
         place = _rows(motion, motion.joint_point(j))
-        return Equivalent(pair, {"": place}, (), (Block(place, _rows(motion, motion.guide(j))),))
+        return Equivalent(joint, {"": place}, (), (Block(place, _rows(motion, motion.guide(j))),))
     return _teeth(motion, spec, forces)
 
 
-def _cam(motion: Motion, pair: CamPair) -> Equivalent:
-    placed = next(r for r in motion.model.relations if r.name == pair.name).geometry
+def _cam(motion: Motion, joint: CamJoint) -> Equivalent:
+    placed = next(r for r in motion.model.relations if r.name == joint.name).geometry
     s = placed.at(motion)
     found = equivalent_linkage(s)
     flat = isinstance(placed.cam.follower.face, Flat)
@@ -84,36 +84,36 @@ def _cam(motion: Motion, pair: CamPair) -> Equivalent:
     blocks = [Block(pins["T"], np.where(flat | straight, along, np.nan))]
     if placed.cam.wedge:  # it moves straight on: its centre of curvature is pinned to a block on its bed
         blocks.append(Block(pins["K"], np.where(straight, np.nan, _rows(motion, world))))
-    return Equivalent(pair.name, pins, tuple(bars), tuple(b for b in blocks if np.isfinite(b.along).any()))
+    return Equivalent(joint.name, pins, tuple(bars), tuple(b for b in blocks if np.isfinite(b.along).any()))
 
 
-def _teeth(motion: Motion, pair: Gear | Rack, forces: Forces | None) -> Equivalent:
-    relation = next(r for r in motion.model.relations if r.name == pair.name)
+def _teeth(motion: Motion, joint: Gear | Rack, forces: Forces | None) -> Equivalent:
+    relation = next(r for r in motion.model.relations if r.name == joint.name)
     pitch, force = relation.contact(motion, 1.0)  # the flank that pushes the second link along with a positive multiplier
     line = force / np.abs(force)
-    if isinstance(pair, Rack):
-        side = 1.0 if pair.side == "left" else -1.0
-        tangent = line * np.exp(1j * side * pair.pressure_angle)
+    if isinstance(joint, Rack):
+        side = 1.0 if joint.side == "left" else -1.0
+        tangent = line * np.exp(1j * side * joint.pressure_angle)
         across = -1j * side * tangent  # from the pinion's axis to the pitch point
-        first: Array = pitch - pair.radius * across
+        first: Array = pitch - joint.radius * across
     else:
-        across = line * np.exp(1j * (pair.pressure_angle - 0.5 * np.pi))
+        across = line * np.exp(1j * (joint.pressure_angle - 0.5 * np.pi))
         tangent = 1j * across
         (_, r1), (_, r2) = relation.angles[:2]
         first, second = pitch - r1 * across, pitch + r2 * across
     if forces is not None:  # the other flank is its mirror image
-        reaction = forces.reaction(pair.name)[:, :2] @ np.array([1.0, 1.0j])
+        reaction = forces.reaction(joint.name)[:, :2] @ np.array([1.0, 1.0j])
         away = np.real(np.conj(tangent) * reaction) < 0.0
         line = np.where(away, 2.0 * np.real(np.conj(tangent) * line) * tangent - line, line)
     pins = {"O1": first, "N1": _foot(first, pitch, line)}
-    if isinstance(pair, Rack):  # its flank is straight: the rod's end slides along it
+    if isinstance(joint, Rack):  # its flank is straight: the rod's end slides along it
         pins["C"] = pitch
         bars: tuple[tuple[str, str], ...] = (("O1", "N1"), ("N1", "C"))
         blocks: tuple[Block, ...] = (Block(_rows(motion, pitch), _rows(motion, 1j * line)),)
     else:
         pins |= {"N2": _foot(second, pitch, line), "O2": second}
         bars, blocks = (("O1", "N1"), ("N1", "N2"), ("N2", "O2")), ()
-    return Equivalent(pair.name, {name: _rows(motion, z) for name, z in pins.items()}, bars, blocks)
+    return Equivalent(joint.name, {name: _rows(motion, z) for name, z in pins.items()}, bars, blocks)
 
 
 def _foot(point: Array, on: Array, along: Array) -> Array:

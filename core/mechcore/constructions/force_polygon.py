@@ -3,7 +3,7 @@
 At an outer pin of a group the reaction is taken apart along and across its link. The part across (t) comes from the moments about
 the link's inner pin, as by hand, and not from the solved reactions; the part along (n) is that of the solved reaction. So
 the polygon
-closes only if moments and reactions agree. In a dyad the reaction of the inner pair is the diagonal that closes the polygon
+closes only if moments and reactions agree. In a dyad the reaction of the inner joint is the diagonal that closes the polygon
 of each of its links.
 """
 
@@ -67,33 +67,33 @@ def _mine(ends: tuple[int, ...], own: list[int]) -> int:
     return next(k for k in ends if k in own)
 
 
-def _wrench(forces: Forces, pair: str) -> tuple[Array, Array]:
-    """Force and couple on a pair's second link, drive included, at the pair's position."""
-    total = forces.reaction(pair)
-    j = forces.motion.model.joint_index.get(pair)
+def _wrench(forces: Forces, joint: str) -> tuple[Array, Array]:
+    """Force and couple on a joint's second link, drive included, at the joint's position."""
+    total = forces.reaction(joint)
+    j = forces.motion.model.joint_index.get(joint)
     if j is not None and j in forces.motion.model.driven:
-        total = total + forces.wrench(pair)
+        total = total + forces.wrench(joint)
     return total[:, 0] + 1j * total[:, 1], total[:, 2]
 
 
-def _on(forces: Forces, pair: str, ends: dict[str, tuple[int, ...]], link: int) -> Array:
-    return _wrench(forces, pair)[0] * (1.0 if ends[pair][1] == link else -1.0)
+def _on(forces: Forces, joint: str, ends: dict[str, tuple[int, ...]], link: int) -> Array:
+    return _wrench(forces, joint)[0] * (1.0 if ends[joint][1] == link else -1.0)
 
 
-def _reaction(forces: Forces, pair: str, ends: dict[str, tuple[int, ...]], own: list[int]) -> list[tuple[str, str, Array]]:
+def _reaction(forces: Forces, joint: str, ends: dict[str, tuple[int, ...]], own: list[int]) -> list[tuple[str, str, Array]]:
     """An outer reaction on the group: normal then tangential part where its link allows it, else as a whole."""
     model: Model = forces.motion.model
-    link = _mine(ends[pair], own)
-    force = _on(forces, pair, ends, link)
+    link = _mine(ends[joint], own)
+    force = _on(forces, joint, ends, link)
     here = [c for c, e in ends.items() if link in e]
     inner = [c for c in here if set(ends[c]) <= set(own)]
     kinds = {c.name: c.kind for c in model.connections}
     driven = {model.joints[j].name for j in model.driven}
-    whole = [("reaction", f"R_{pair}", force)]
-    if len(here) != 2 or len(inner) != 1 or kinds[pair] != "revolute" or kinds[inner[0]] != "revolute" or set(here) & driven:
+    whole = [("reaction", f"R_{joint}", force)]
+    if len(here) != 2 or len(inner) != 1 or kinds[joint] != "revolute" or kinds[inner[0]] != "revolute" or set(here) & driven:
         return whole
     place = {c: forces.position(c) @ np.array([1.0, 1.0j]) for c in here}
-    arm = place[pair] - place[inner[0]]
+    arm = place[joint] - place[inner[0]]
     length = np.abs(arm)
     if np.any(length <= 1e-12 * model.length_scale):
         return whole
@@ -105,4 +105,4 @@ def _reaction(forces: Forces, pair: str, ends: dict[str, tuple[int, ...]], own: 
         moment = moment + _wrench(forces, c)[1] * (1.0 if ends[c][1] == link else -1.0)
     across = -moment / length * 1j * unit
     along = np.real(force * np.conj(unit)) * unit
-    return [("reaction normal", f"R_{pair}^n", along), ("reaction tangential", f"R_{pair}^t", across)]
+    return [("reaction normal", f"R_{joint}^n", along), ("reaction tangential", f"R_{joint}^t", across)]

@@ -50,7 +50,7 @@ def _plan(motion: Motion, order: int) -> Plan:
             continue
         r = b.of(motion, 0) - a.of(motion, 0)
         w = motion.speeds.angular[model.angles.rotation_class[s.link]]
-        tail = b.label if a.fixed else _pair(b.label, a.label)
+        tail = b.label if a.fixed else _joint(b.label, a.label)
         if order == 1:
             parts = [("relative" if not a.fixed else "absolute", f"v_{tail}", 1j * w * r)]
         else:
@@ -125,7 +125,7 @@ def _chain(edges: list[Edge], start: np.ndarray, parts: list, target: np.ndarray
     return np.abs(at - target)
 
 
-def _pair(a: str, b: str) -> str:
+def _joint(a: str, b: str) -> str:
     return f"{a}{b}" if len(a) == 1 and len(b) == 1 else f"{a}/{b}"
 
 

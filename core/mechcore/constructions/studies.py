@@ -182,8 +182,8 @@ def _static(mass: float, inertia: float, points: list[PointMass]) -> tuple[Subst
     if len(points) != 2 or any(p.mass is not None or p.x is None or p.y is None for p in points):
         raise MechanismError(Fault("", "a static replacement has two masses at given places.", "Give each its place, and no mass."))
     places = np.array([[p.x, p.y] for p in points], float)
-    pair = static_replacement(mass, inertia, *places)
-    return Substitution(((np.array(pair.masses), places),), "static replacement by two masses"), pair.excess
+    joint = static_replacement(mass, inertia, *places)
+    return Substitution(((np.array(joint.masses), places),), "static replacement by two masses"), joint.excess
 
 
 def _shaken(result: StudyResults, study: ShakingStudy, motion: Motion) -> StudyResults:

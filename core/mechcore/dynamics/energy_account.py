@@ -80,7 +80,7 @@ def powers_of(motion: Motion, forces: Forces) -> Real:
             out[:, column] += power_of(motion, w)
     for d in motion.mechanism.drives:
         if not isinstance(d.law, Free):
-            out[:, 1] += forces.power(d.pair)
+            out[:, 1] += forces.power(d.joint)
     if forces.friction is not None:
         out[:, 2] += forces.friction.power
     return out

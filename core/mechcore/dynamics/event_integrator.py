@@ -57,7 +57,7 @@ PRESCRIBED_SAMPLES = 24  # of a window: places at which prescribed sliding is lo
 SOON = 1e-7  # of the duration: which way prescribed sliding goes is looked up so much later
 TOO_STRAINED = 20.0  # the same, from which on the change of coordinates loses digits: it is made before
 HALVINGS = 10  # of a window, to find where that is
-LOST = 50.0  # rate of some pair per unit rate of the coordinates, beyond which they are at a dead point
+LOST = 50.0  # rate of some joint per unit rate of the coordinates, beyond which they are at a dead point
 CHECKED = np.linspace(0.0, 1.0, 9)  # of a window: places at which loads are asked whether their laws hold
 WAYPOINTS = np.linspace(0.25, 1.0, 4)  # of a window
 SHIFTED = 0.01  # of a segment: what is known of it helps where it begins no farther from there
@@ -109,8 +109,8 @@ class EventIntegrator:
         self.compiled, self.system = compiled, system
         drives = [d for d in compiled.mechanism.drives if isinstance(d.law, Free)]
         model = compiled.model
-        self.coordinates = {d.pair: i for i, d in enumerate(drives)}
-        angle = [model.joints[model.joint_index[d.pair]].coordinate == "angle" for d in drives]
+        self.coordinates = {d.joint: i for i, d in enumerate(drives)}
+        angle = [model.joints[model.joint_index[d.joint]].coordinate == "angle" for d in drives]
         self.scale = np.array([*(1.0 if a else model.length_scale for a in angle), *(1.0 for _ in integrating(compiled))])
         at = partial(motion_at, compiled)
         read = self.coordinates if compiled.angles.exact else {}
@@ -245,7 +245,7 @@ class EventIntegrator:
                 q, v = self._land(time, q, v, k) if k in self.separated else self._let_go(time, q, v, k)
             else:
                 watch = self.looks[k][0]
-                rotary = watch.pair is not None and self._rotary(watch.pair)
+                rotary = watch.joint is not None and self._rotary(watch.joint)
                 self.log.tell(SimulationEvent(time, "end" if watch.ends else "watch", watch.name, _passed(watch, rotary=rotary)))
                 ended = ended or watch.ends
         return end, q, v, ended
@@ -275,7 +275,7 @@ class EventIntegrator:
         return None
 
     def _take_over(self, q: Real, v: Real, before: tuple[float, float]) -> tuple[Real, Real]:
-        """Another pair leads from now on; coordinates and rates in its chart. ``before``: position and speed where the last one
+        """Another joint leads from now on; coordinates and rates in its chart. ``before``: position and speed where the last one
         began to lead, or something hit. Kinetic energies of both tables agree, while rates next to a dead point lose digits."""
         chart, place, rate = best_chart(self.compiled, float(q[0]), float(v[0]), self.known, table_tolerance(self.tolerance))
         tables = [known.curve.table for known in self.known if isinstance(known.curve, Curve)]
@@ -427,7 +427,7 @@ class EventIntegrator:
         """A follower that a stop holds up leaves the cam that falls away below it; coordinates and rates after it."""
         sense = -1.0 if stop.side == "upper" else 1.0
         for name, contact in {} if self.separation is None else self.separation.contacts.items():
-            if name not in self.separated and contact.guide == stop.pair and contact.away == sense:
+            if name not in self.separated and contact.guide == stop.joint and contact.away == sense:
                 q, v = self._let_go(t, q, v, name)
         return q, v
 
@@ -464,13 +464,13 @@ class EventIntegrator:
         friction = partial(self.friction.equations_of, rests=self.stops.rests)
         return float(self.separation.parting(name, fewer, friction)(q[None], v[None], np.array([t]))[0])
 
-    def _rotary(self, pair: str) -> bool:
-        return self.compiled.model.rotary(pair)
+    def _rotary(self, joint: str) -> bool:
+        return self.compiled.model.rotary(joint)
 
 
 def _passed(watch: EventTrigger, *, rotary: bool) -> str:
-    """What a watch has seen, in words; ``rotary``: its pair turns."""
-    what = watch.pair if watch.pair is not None else ".".join(watch.point or ())
+    """What a watch has seen, in words; ``rotary``: its joint turns."""
+    what = watch.joint if watch.joint is not None else ".".join(watch.point or ())
     if watch.of == "velocity":
         return f"velocity of {what} passes {as_quantity(watch.at, 'angular speed' if rotary else 'linear speed')}"
     return f"{watch.of} of {what} passes {as_coordinate(watch.at, rotary=rotary)}"

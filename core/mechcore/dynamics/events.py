@@ -28,13 +28,13 @@ Gauge = Callable[[Real, Real, Real], Real]
 
 @dataclass(frozen=True, kw_only=True)
 class Stop:
-    """An end stop of a pair: its coordinate cannot pass ``at`` [rad or m]. ``side`` "upper": it stays below, "lower": above.
+    """An end stop of a joint: its coordinate cannot pass ``at`` [rad or m]. ``side`` "upper": it stays below, "lower": above.
 
     ``restitution`` (0 to 1) is Newton's coefficient: relative speed after the impact over that before.
     """
 
     name: str
-    pair: str
+    joint: str
     at: float
     side: Literal["upper", "lower"] = "upper"
     restitution: float = 0.0
@@ -44,17 +44,17 @@ def with_slot_ends(mechanism: Mechanism, stops: Sequence[Stop]) -> tuple[Stop, .
     """Stops of a mechanism with the ends of its slots, guides and cylinders, but for those that a stated stop comes before."""
     found = list(stops)
     for name, (low, high) in mechanism.ends.items():
-        own = [s for s in stops if s.pair == name]
+        own = [s for s in stops if s.joint == name]
         if not any(s.side == "lower" and s.at >= low for s in own):
-            found.append(Stop(name=f"{name} lower end", pair=name, at=low, side="lower"))
+            found.append(Stop(name=f"{name} lower end", joint=name, at=low, side="lower"))
         if not any(s.side == "upper" and s.at <= high for s in own):
-            found.append(Stop(name=f"{name} upper end", pair=name, at=high))
+            found.append(Stop(name=f"{name} upper end", joint=name, at=high))
     return tuple(found)
 
 
 @dataclass(frozen=True, kw_only=True)
 class EventTrigger:
-    """A value to look out for: ``of`` "position" or "velocity" of a ``pair``, or "x", "y" of a ``point`` (link, point), passes
+    """A value to look out for: ``of`` "position" or "velocity" of a ``joint``, or "x", "y" of a ``point`` (link, point), passes
     ``at``.
 
     ``rising`` True or False: only in that direction. ``ends``: the motion ends there.
@@ -62,7 +62,7 @@ class EventTrigger:
 
     name: str
     of: Literal["position", "velocity", "x", "y"] = "position"
-    pair: str | None = None
+    joint: str | None = None
     point: tuple[str, str] | None = None
     at: float = 0.0
     rising: bool | None = None
@@ -88,16 +88,16 @@ def event_function_of(
 ) -> Gauge:
     """What a stop or a watch measures, minus its limit; free coordinates are read off, all else is computed from the motion."""
     of = watch.of if isinstance(watch, EventTrigger) else "position"
-    if watch.pair in coordinates and of in ("position", "velocity"):
-        i = coordinates[watch.pair]
+    if watch.joint in coordinates and of in ("position", "velocity"):
+        i = coordinates[watch.joint]
         return lambda q, v, t: (q if of == "position" else v)[:, i] - watch.at
 
     def measured(q: Real, v: Real, t: Real) -> Real:
         motion = motion_at(q, v, t)
         value: Any
         if of in ("position", "velocity"):
-            assert watch.pair is not None
-            value = motion.coordinate(watch.pair)[:, 0 if of == "position" else 1]
+            assert watch.joint is not None
+            value = motion.coordinate(watch.joint)[:, 0 if of == "position" else 1]
         else:
             assert isinstance(watch, EventTrigger) and watch.point is not None
             value = motion.point(*watch.point)[:, 0 if of == "x" else 1]

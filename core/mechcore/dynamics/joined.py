@@ -27,7 +27,7 @@ class JoinedMotion(Motion):
     """A `Motion` whose results by name are put together: its frames come from several motions of the same mechanism.
 
     ``mechanism``: as it is to be seen from outside, if not as it was solved; ``again``: the same motion at other times (n,);
-    ``coordinates``: pairs whose coordinate and its rates (F, 3) are known, whole turns included. ``model``: with all pairs, where
+    ``coordinates``: joints whose coordinate and its rates (F, 3) are known, whole turns included. ``model``: with all joints, where
     some parts lack one, a cam that its follower has left; by default the first part's.
     """
 
@@ -57,7 +57,7 @@ class JoinedMotion(Motion):
     @property
     def drives(self) -> list[tuple[Real, Real, Real]]:
         """Position, speed and acceleration (F,) of each drive of the mechanism [rad or m, s]."""
-        rows = [self.coordinate(d.pair) for d in self.mechanism.drives]
+        rows = [self.coordinate(d.joint) for d in self.mechanism.drives]
         return [(r[:, 0], r[:, 1], r[:, 2]) for r in rows]
 
     @property
@@ -75,9 +75,9 @@ class JoinedMotion(Motion):
     def over_parts(self, compute: Callable[..., T], *values: Any) -> T:
         return together(self.frames, [(rows, compute(m, *(v[rows] for v in values))) for rows, m in self._parts])
 
-    def _relation(self, pair: str) -> Any:
-        """The pair as a relation; None where it is a joint."""
-        return None if pair in self.model.joint_index else next(r for r in self.model.relations if r.name == pair)
+    def _relation(self, joint: str) -> Any:
+        """The joint as a relation; None where it is a joint."""
+        return None if joint in self.model.joint_index else next(r for r in self.model.relations if r.name == joint)
 
     def pose(self, link: str) -> Real:
         """x, y [m] and angle [rad], continuous from the start pose (F, 3)."""
@@ -95,20 +95,20 @@ class JoinedMotion(Motion):
     def centre_of_mass(self, link: str, derivative: int = 0) -> Real:
         return self.over_parts(lambda m: m.centre_of_mass(link, derivative))
 
-    def coordinate(self, pair: str) -> Real:
-        """Relative coordinate of a pair and its first two derivatives (F, 3)."""
-        if pair in self._coordinates:
-            return self._coordinates[pair]
-        relation = self._relation(pair)
+    def coordinate(self, joint: str) -> Real:
+        """Relative coordinate of a joint and its first two derivatives (F, 3)."""
+        if joint in self._coordinates:
+            return self._coordinates[joint]
+        relation = self._relation(joint)
         if relation is None:
-            return self.over_parts(lambda m: m.coordinate(pair))
+            return self.over_parts(lambda m: m.coordinate(joint))
         first, second = relation.links
-        return self.over_parts(lambda m: m.relative_angle(first, second, pair))
+        return self.over_parts(lambda m: m.relative_angle(first, second, joint))
 
-    def pair_position(self, pair: str) -> Real:
-        relation = self._relation(pair)
+    def joint_position(self, joint: str) -> Real:
+        relation = self._relation(joint)
         if relation is None:
-            return self.over_parts(lambda m: m.pair_position(pair))
+            return self.over_parts(lambda m: m.joint_position(joint))
         return self.over_parts(lambda m: m._rows(relation.contact(m, 1.0)[0]))
 
     @cached_property
@@ -172,28 +172,28 @@ class JoinedForces(Forces):
     def parts(self) -> Sequence[tuple[Index, Forces]]:
         return self._parts
 
-    def reaction(self, pair: str) -> Real:
-        """Everything that the pair transmits; where its coordinate leads a part, the drive has nothing to do; zero while a
+    def reaction(self, joint: str) -> Real:
+        """Everything that the joint transmits; where its coordinate leads a part, the drive has nothing to do; zero while a
         follower has left its cam."""
-        return self._join(lambda f: _transmitted(f, pair) if _has(f, pair) else np.zeros((f.motion.frames, 3)))
+        return self._join(lambda f: _transmitted(f, joint) if _has(f, joint) else np.zeros((f.motion.frames, 3)))
 
-    def pressed(self, pair: str) -> Real:
-        """What the pair transmits without what friction adds to it."""
-        return self._join(lambda f: f.pressed(pair) if _has(f, pair) else np.zeros((f.motion.frames, 3)))
+    def pressed(self, joint: str) -> Real:
+        """What the joint transmits without what friction adds to it."""
+        return self._join(lambda f: f.pressed(joint) if _has(f, joint) else np.zeros((f.motion.frames, 3)))
 
-    def position(self, pair: str) -> Real:
-        relation = self.motion._relation(pair)
-        return self._join(lambda f: f.position(pair) if _has(f, pair) else f.motion._rows(relation.contact(f.motion, 1.0)[0]))
+    def position(self, joint: str) -> Real:
+        relation = self.motion._relation(joint)
+        return self._join(lambda f: f.position(joint) if _has(f, joint) else f.motion._rows(relation.contact(f.motion, 1.0)[0]))
 
-    def effort(self, pair: str) -> Real:
-        """What the drive of a pair exerts, zero where the pair is not driven (F,)."""
-        return self._join(lambda f: f.effort(pair) if _drives(f, pair) else np.zeros(f.motion.frames))
+    def effort(self, joint: str) -> Real:
+        """What the drive of a joint exerts, zero where the joint is not driven (F,)."""
+        return self._join(lambda f: f.effort(joint) if _drives(f, joint) else np.zeros(f.motion.frames))
 
-    def wrench(self, pair: str) -> Real:
-        return self._join(lambda f: f.wrench(pair) if _drives(f, pair) else np.zeros((f.motion.frames, 3)))
+    def wrench(self, joint: str) -> Real:
+        return self._join(lambda f: f.wrench(joint) if _drives(f, joint) else np.zeros((f.motion.frames, 3)))
 
-    def power(self, pair: str) -> Real:
-        return self._join(lambda f: f.power(pair) if _drives(f, pair) else np.zeros(f.motion.frames))
+    def power(self, joint: str) -> Real:
+        return self._join(lambda f: f.power(joint) if _drives(f, joint) else np.zeros(f.motion.frames))
 
     def power_by_cause(self, causes: Sequence[str]) -> Real:
         return self._join(lambda f: f.power_by_cause(causes))
@@ -215,12 +215,12 @@ class JoinedForces(Forces):
         """All loads but inertia by name, those of end stops among them, zero while nothing rests on them."""
         out: dict[str, LoadResult] = {}
         for name, stop in self._stops.items():
-            links = next(p.links for p in self.motion.mechanism.pairs if p.name == stop.pair)
+            links = next(p.links for p in self.motion.mechanism.joints if p.name == stop.joint)
 
-            def held(f: Forces, name: str = name, pair: str = stop.pair) -> Real:
+            def held(f: Forces, name: str = name, joint: str = stop.joint) -> Real:
                 if name in f.loads:
                     return f.loads[name].values
-                return np.column_stack([np.zeros((f.motion.frames, 3)), f.motion.pair_position(pair)])
+                return np.column_stack([np.zeros((f.motion.frames, 3)), f.motion.joint_position(joint)])
 
             out[name] = LoadResult(name, STOP, STOP, (links[1], links[0]), self._join(held))
         for name, load in self._parts[0][1].loads.items():
@@ -252,7 +252,7 @@ class JoinedForces(Forces):
 
 
 class JoinedFriction(FrictionResult):
-    """Dry friction of the pairs over several motions; results have a leading frame axis and go by the names of the joints."""
+    """Dry friction of the joints over several motions; results have a leading frame axis and go by the names of the joints."""
 
     def __init__(self, forces: JoinedForces):
         self._forces = forces
@@ -261,29 +261,29 @@ class JoinedFriction(FrictionResult):
         self.jammed = np.zeros(forces.motion.frames, bool)
         self.stability = np.ones(forces.motion.frames)
 
-    def _join(self, value: Callable[[Any], Real], columns: int, pair: str | None = None) -> Real:
+    def _join(self, value: Callable[[Any], Real], columns: int, joint: str | None = None) -> Real:
         none = (columns,) if columns else ()
 
         def known(f: Forces) -> Real:
-            rubs = f.friction is not None and (pair is None or pair in f.friction.pairs)
+            rubs = f.friction is not None and (joint is None or joint in f.friction.joints)
             return value(f.friction) if rubs else np.zeros((f.motion.frames, *none))
 
         return self._forces._join(known)
 
-    def applied(self, pair: str) -> Real:
+    def applied(self, joint: str) -> Real:
         """What friction adds to the force and couple on the second link (F, 3)."""
-        return self._join(lambda f: f.applied(pair), 3, pair)
+        return self._join(lambda f: f.applied(joint), 3, joint)
 
-    def wrench(self, pair: str) -> Real:
-        """Friction on the pair's second link: Fx, Fy [N] and couple [N m], stated at the pair's position (F, 3)."""
-        return self._join(lambda f: f.wrench(pair), 3, pair)
+    def wrench(self, joint: str) -> Real:
+        """Friction on the joint's second link: Fx, Fy [N] and couple [N m], stated at the joint's position (F, 3)."""
+        return self._join(lambda f: f.wrench(joint), 3, joint)
 
-    def normal_load(self, pair: str) -> Real:
-        return self._join(lambda f: f.normal_load(pair), 0, pair)
+    def normal_load(self, joint: str) -> Real:
+        return self._join(lambda f: f.normal_load(joint), 0, joint)
 
-    def losses(self, pair: str) -> Real:
-        """Power that friction in a pair turns into heat (F,) [W]."""
-        return self._join(lambda f: f.losses(pair), 0, pair)
+    def losses(self, joint: str) -> Real:
+        """Power that friction in a joint turns into heat (F,) [W]."""
+        return self._join(lambda f: f.losses(joint), 0, joint)
 
     @cached_property
     def power(self) -> Real:
@@ -291,28 +291,28 @@ class JoinedFriction(FrictionResult):
         return self._join(lambda f: f.power, 0)
 
     def mean_losses(self) -> dict[str, float]:
-        """Mean power that friction takes in each pair over the run [W]."""
+        """Mean power that friction takes in each joint over the run [W]."""
         time = self._forces.motion.time
         span = float(np.ptp(time)) or 1.0
-        return {p: float(np.trapezoid(self.losses(p), time)) / span for p in self.pairs}
+        return {p: float(np.trapezoid(self.losses(p), time)) / span for p in self.joints}
 
 
-def _has(forces: Forces, pair: str) -> bool:
+def _has(forces: Forces, joint: str) -> bool:
     model = forces.motion.model
-    return pair in model.joint_index or any(r.name == pair for r in model.relations)
+    return joint in model.joint_index or any(r.name == joint for r in model.relations)
 
 
-def _transmitted(forces: Forces, pair: str) -> Real:
-    """What a pair transmits; where it has clearance, the moment of friction in the bearing as well (F, 3)."""
-    found = forces.reaction(pair)
+def _transmitted(forces: Forces, joint: str) -> Real:
+    """What a joint transmits; where it has clearance, the moment of friction in the bearing as well (F, 3)."""
+    found = forces.reaction(joint)
     for w in forces.applied:
-        if w.kind == RUBBING and w.name == rubbing_name(pair):
+        if w.kind == RUBBING and w.name == rubbing_name(joint):
             found = found + np.column_stack([np.zeros((forces.motion.frames, 2)), w.moment])
     return found
 
 
-def _drives(forces: Forces, pair: str) -> bool:
-    return any(d.pair == pair for d in forces.motion.mechanism.drives)
+def _drives(forces: Forces, joint: str) -> bool:
+    return any(d.joint == joint for d in forces.motion.mechanism.drives)
 
 
 def _power_of(forces: Forces, k: int) -> Real:

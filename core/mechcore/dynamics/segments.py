@@ -17,7 +17,7 @@ from mechcore.dynamics.equations.reduced import free_of, motion_at, tangents
 from mechcore.dynamics.events import Stop
 from mechcore.dynamics.integration.refinement import Known
 from mechcore.dynamics.integration.windows import Solution
-from mechcore.effects.base import pair_wrench, sum_up
+from mechcore.effects.base import joint_wrench, sum_up
 from mechcore.forces.equilibrium import transmit
 from mechcore.forces.kinetostatics import Forces, solve_forces
 from mechcore.laws.timed import Free
@@ -35,7 +35,8 @@ def stop_name(stop: Stop) -> str:
 def segment_forces(motion: Motion, system: Any, q: Real, v: Real, resting: Sequence[Stop]) -> Forces:
     """All reactions of a motion in which one system holds; q, v (n, f): free coordinates and their rates.
 
-    ``resting``: stops that something rests on. What it takes to hold that is a load on the two links of the stop's pair; nothing is
+    ``resting``: stops that something rests on. What it takes to hold that is a load on the two links of the stop's joint; nothing
+    is
     left for the free coordinates to do.
     """
     rubs = isinstance(system, DrySystem)
@@ -43,12 +44,12 @@ def segment_forces(motion: Motion, system: Any, q: Real, v: Real, resting: Seque
     if not resting:
         return forces
     free = [i for i, d in enumerate(motion.mechanism.drives) if isinstance(d.law, Free)]
-    rows, _ = jacobian_of(motion, tangents(motion, free), [stop.pair for stop in resting])
-    efforts = np.stack([forces.effort(motion.mechanism.drives[i].pair) for i in free], axis=1)
+    rows, _ = jacobian_of(motion, tangents(motion, free), [stop.joint for stop in resting])
+    efforts = np.stack([forces.effort(motion.mechanism.drives[i].joint) for i in free], axis=1)
     inner = rows @ rows.swapaxes(1, 2)
     found = np.linalg.solve(inner, rows @ efforts[..., None])[..., 0]
     held = [
-        pair_wrench(motion, stop.pair, effort, name=stop_name(stop), kind=STOP, cause=STOP)
+        joint_wrench(motion, stop.joint, effort, name=stop_name(stop), kind=STOP, cause=STOP)
         for stop, effort in zip(resting, found.T, strict=True)
     ]
     if rubs:
@@ -93,7 +94,7 @@ class Segment:
     @property
     def independent(self) -> list[str]:
         """Joints whose coordinates are independent."""
-        return [self.compiled.mechanism.drives[i].pair for i in free_of(self.compiled)]
+        return [self.compiled.mechanism.drives[i].joint for i in free_of(self.compiled)]
 
     def known(self, scale: Real) -> Known:
         """What it says to one who looks for the same motion again; ``scale`` (f,): typical sizes of its coordinates."""

@@ -145,7 +145,7 @@ def _validate(compiled: Compiled, duration: float, tolerance: float, separable_c
     free = [d for d in mechanism.drives if isinstance(d.law, Free)]
     _check_turns(compiled, free, duration, faults)
     if not free and not separable_cams:
-        faults.append(Fault("joints", "every drive is prescribed: no coordinate is free.", "Give a pair a free start."))
+        faults.append(Fault("joints", "every drive is prescribed: no coordinate is free.", "Give a joint a free start."))
     if faults:
         raise MechanismError(faults)
 
@@ -154,12 +154,12 @@ def _check_turns(compiled: Compiled, free: Sequence[Drive], duration: float, fau
     """Starts so fast that nobody would wait for all the turns, as of prescribed drives."""
     model = compiled.model
     for d in free:
-        rotary = model.rotary(d.pair)
+        rotary = model.rotary(d.joint)
         speed = abs(float(d.law(0.0)[1])) / (TURN if rotary else TURN * model.length_scale)
         if speed * duration > MOST_TURNS:
             far = f"{speed * duration:.6g} " + ("turns" if rotary else "circumferences of a circle of the size of the mechanism")
             why = f"at this speed it would go {far} in {duration:.6g} s; motions are followed over {MOST_TURNS:,} at most."
-            faults.append(Fault(f"joints.{d.pair}.free.speed", why, "Start slower, or run a shorter time."))
+            faults.append(Fault(f"joints.{d.joint}.free.speed", why, "Start slower, or run a shorter time."))
 
 
 def _weigh(compiled: Compiled, q: Real, system: Any) -> None:
@@ -200,6 +200,6 @@ def _rest(compiled: Compiled, q: Real, v: Real, system: Any) -> SimulationEvent 
     size = float(np.nanmax(force[1:], initial=0.0))
     if not float(force[0].max()) <= BALANCED * size:
         return None
-    names = ", ".join(d.pair for d in drives)
+    names = ", ".join(d.joint for d in drives)
     why = "the forces have no arm or balance here, start a little beside it to see it move" if size else "no force acts on it"
-    return SimulationEvent(0.0, "equilibrium", drives[0].pair, f"{names}: at rest in an equilibrium, it stays: {why}")
+    return SimulationEvent(0.0, "equilibrium", drives[0].joint, f"{names}: at rest in an equilibrium, it stays: {why}")

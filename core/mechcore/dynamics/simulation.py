@@ -56,8 +56,8 @@ class Simulation:
 
     @property
     def rubbing(self) -> tuple[str, ...]:
-        """Pairs whose dry friction counts, in the order of the mechanism's joints."""
-        return braked(self.compiled.mechanism.pairs) if "friction" in self.compiled.mechanism.effects else ()
+        """Joints whose dry friction counts, in the order of the mechanism's joints."""
+        return braked(self.compiled.mechanism.joints) if "friction" in self.compiled.mechanism.effects else ()
 
     @property
     def start(self) -> float:
@@ -109,14 +109,14 @@ class Simulation:
         return [(self.segments[k], np.flatnonzero(which == k)) for k in np.unique(which)]
 
     def _original(self, segment: Segment, t: Real) -> Real:
-        """The free coordinates that were stated, and their rates (3, n, f), where other pairs lead."""
+        """The free coordinates that were stated, and their rates (3, n, f), where other joints lead."""
         motion = segment.motion(t)
-        return np.stack([motion.coordinate(pair).T for pair in self._stated], axis=-1)
+        return np.stack([motion.coordinate(joint).T for joint in self._stated], axis=-1)
 
     @cached_property
     def _stated(self) -> list[str]:
-        """Pairs of the free coordinates."""
-        return [self.compiled.mechanism.drives[i].pair for i in free_of(self.compiled)]
+        """Joints of the free coordinates."""
+        return [self.compiled.mechanism.drives[i].joint for i in free_of(self.compiled)]
 
     def motion(self, t: ArrayLike) -> Motion:
         """The mechanism's motion at times (F,) [s], in several parts where charts or phases change."""
@@ -129,7 +129,7 @@ class Simulation:
 
     @property
     def _model(self) -> Any:
-        """The model that has all pairs, where some segments lack a cam."""
+        """The model that has all joints, where some segments lack a cam."""
         return self.compiled.model if self.separable_cams else None
 
     def view(self, t: ArrayLike) -> JoinedMotion:
@@ -143,10 +143,10 @@ class Simulation:
         return JoinedMotion(t, parts, mechanism=shown, again=self.view, coordinates=self.coordinates(t), model=self._model)
 
     def coordinates(self, t: Real) -> dict[str, Real]:
-        """The free coordinates with their rates (n, 3), by pair: whole turns are known here."""
+        """The free coordinates with their rates (n, 3), by joint: whole turns are known here."""
         found = np.stack(self(t), axis=-1)
-        free = [d.pair for d in self.compiled.mechanism.drives if isinstance(d.law, Free)]
-        return {pair: found[:, i] for i, pair in enumerate(free)}
+        free = [d.joint for d in self.compiled.mechanism.drives if isinstance(d.law, Free)]
+        return {joint: found[:, i] for i, joint in enumerate(free)}
 
     def forces(self, motion: Motion) -> Forces:
         """All joint reactions of a motion of this simulation, by the kinetostatic core.

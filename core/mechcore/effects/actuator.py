@@ -1,16 +1,16 @@
-"""An actuator of constant force: between two points along their line, or along a sliding pair."""
+"""An actuator of constant force: between two points along their line, or along a sliding joint."""
 
 from __future__ import annotations
 
 from mechcore.effects.along_line import Line
 from mechcore.effects.argument import factor_of
-from mechcore.effects.base import Configuration, Wrench, pair_wrench
+from mechcore.effects.base import Configuration, Wrench, joint_wrench
 from mechcore.effects.prescribed import Varied
 from mechcore.spec.loads import Actuator
 
 
 class ConstantThrust(Varied, Line):
-    """``force`` times the factor pushes the two points apart, or the pair's links in the direction of its coordinate."""
+    """``force`` times the factor pushes the two points apart, or the joint's links in the direction of its coordinate."""
 
     kind = "actuator"
 
@@ -20,6 +20,6 @@ class ConstantThrust(Varied, Line):
 
     def wrenches(self, at: Configuration) -> list[Wrench]:
         thrust = self.load.force * factor_of(at, self.load.factor, self.name)
-        if self.load.pair is not None:
-            return [pair_wrench(at, self.load.pair, thrust, name=self.name, kind=self.kind, cause=self.cause)]
+        if self.load.joint is not None:
+            return [joint_wrench(at, self.load.joint, thrust, name=self.name, kind=self.kind, cause=self.cause)]
         return self.between(at, -thrust * self.direction(at, self.vector(at)))

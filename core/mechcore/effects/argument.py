@@ -20,29 +20,29 @@ def needs_of(factor: Factor | None) -> frozenset[str]:
     return frozenset({"positions"})
 
 
-def coordinate(at: Configuration, pair: str) -> Real:
-    """Relative coordinate of a pair [rad or m], driven or not; nothing else is computed."""
+def coordinate(at: Configuration, joint: str) -> Real:
+    """Relative coordinate of a joint [rad or m], driven or not; nothing else is computed."""
     model = at.model
-    j = model.joint_index.get(pair)
+    j = model.joint_index.get(joint)
     if j is not None and model.joints[j].coordinate == "slide":
         return at.drives[model.driven[j]][0] if j in model.driven else at.state.slide[j]
     if j is not None and j in model.driven and at.angles.exact:
         return at.drives[model.driven[j]][0]
-    return at.angles.joint(pair)
+    return at.angles.joint(joint)
 
 
-def rate(at: Configuration, pair: str) -> Values:
-    """Rate of a pair's relative coordinate [rad/s or m/s]."""
+def rate(at: Configuration, joint: str) -> Values:
+    """Rate of a joint's relative coordinate [rad/s or m/s]."""
     model = at.model
-    if pair in model.joint_index:
-        j = model.joint_index[pair]
+    if joint in model.joint_index:
+        j = model.joint_index[joint]
         if j in model.driven:
             return at.drives[model.driven[j]][1]
         if model.joints[j].coordinate == "slide":
             return at.speeds.slide[j]
         first, second = model.joints[j].links
     else:
-        first, second = next(r.links for r in model.relations if r.name == pair)
+        first, second = next(r.links for r in model.relations if r.name == joint)
     rotation_class = model.angles.rotation_class
     return at.speeds.angular[rotation_class[model.index[second]]] - at.speeds.angular[rotation_class[model.index[first]]]
 
@@ -105,8 +105,8 @@ def _argument(at: Configuration, factor: Factor) -> Values:
     if factor.of == "time":
         return at.time
     if factor.of in ("position", "velocity"):
-        pair = factor.pair if factor.pair is not None else at.model.mechanism.drives[0].pair
-        return coordinate(at, pair) if factor.of == "position" else rate(at, pair)
+        joint = factor.joint if factor.joint is not None else at.model.mechanism.drives[0].joint
+        return coordinate(at, joint) if factor.of == "position" else rate(at, joint)
     assert factor.point is not None
     k = at.model.index[factor.point[0]]
     local = at.model.points[k][factor.point[1]]

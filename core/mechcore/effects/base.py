@@ -144,8 +144,8 @@ CAUSES = {
     "dry friction": "about constant size, against the relative velocity",
     "inertia": "-m a and -J alpha (d'Alembert)",
     "process": "what the machine is there for, or what drives it: gas, cutting, lifting, prescribed forces",
-    "drive": "torque or force of a driven pair",
-    "stop": "what an end stop holds while a pair rests on it",
+    "drive": "torque or force of a driven joint",
+    "stop": "what an end stop holds while a joint rests on it",
 }
 """Causes of forces, as the lecture classes them (by origin), each with its meaning."""
 
@@ -268,14 +268,14 @@ class Effect:
         return self.cause in ("gravity", "elastic")
 
 
-def pair_wrench(at: Configuration, pair: str, effort: Array, *, name: str, kind: str, cause: str) -> Wrench:
-    """``effort`` [N m or N] in the direction of a pair's coordinate: on its second link, the opposite on its first."""
+def joint_wrench(at: Configuration, joint: str, effort: Array, *, name: str, kind: str, cause: str) -> Wrench:
+    """``effort`` [N m or N] in the direction of a joint's coordinate: on its second link, the opposite on its first."""
     model = at.model
-    j = model.joint_index[pair]
-    joint, (first, second) = model.joints[j], model.ends[j]
+    j = model.joint_index[joint]
+    loop_joint, (first, second) = model.joints[j], model.ends[j]
     place = at.joint_point(j)
     arm, other_arm = place - at.origins[second], place - at.origins[first]
-    if joint.coordinate == "angle":
+    if loop_joint.coordinate == "angle":
         return Wrench(name, kind, second, 0j, effort, arm, cause, first, other_arm)
-    along = at.guide(j) * (1.0 if joint.guide == 0 else -1.0)  # the coordinate grows where the link without the guide goes
+    along = at.guide(j) * (1.0 if loop_joint.guide == 0 else -1.0)  # the coordinate grows where the link without the guide goes
     return Wrench(name, kind, second, effort * along, 0.0, arm, cause, first, other_arm)

@@ -41,7 +41,7 @@ class BeltPull(Effect):
         self.load = load
 
     def wrenches(self, at: Configuration) -> list[Wrench]:
-        relation = next(r for r in at.model.relations if r.name == self.load.pair)
+        relation = next(r for r in at.model.relations if r.name == self.load.joint)
         first, second = (at.model.index[k] for k in relation.links)
         place, pull, _ = spans(at, relation)
         force = self.load.slack * pull

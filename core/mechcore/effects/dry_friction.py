@@ -1,4 +1,4 @@
-"""Dry friction in pairs: it depends on the reactions, and these on it, so that both are solved together (`solve`)."""
+"""Dry friction in joints: it depends on the reactions, and these on it, so that both are solved together (`solve`)."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from mechcore.effects.base import Effect
 
 
 class DryFriction(Effect):
-    """Stands for the friction of all pairs where effects are listed; what it adds comes with the reactions, see `needs`."""
+    """Stands for the friction of all joints where effects are listed; what it adds comes with the reactions, see `needs`."""
 
     cause = "dry friction"
     needs = frozenset({"positions", "velocities", "reactions"})

@@ -27,7 +27,7 @@ class CylinderGas(Effect):
 
     def _from_top(self, at: Configuration) -> Real:
         """Distance of the piston from top dead centre [m]."""
-        return (self.load.top - coordinate(at, self.load.pair)) * (1.0 if self.load.head == "ahead" else -1.0)
+        return (self.load.top - coordinate(at, self.load.joint)) * (1.0 if self.load.head == "ahead" else -1.0)
 
     def displacement(self, at: Configuration) -> Real:
         """Distance of the piston from top dead centre [m], within the stroke."""
@@ -40,7 +40,7 @@ class CylinderGas(Effect):
         if low < -OVER * stroke or high > (1.0 + OVER) * stroke:
             sign = -1.0 if load.head == "ahead" else 1.0
             why = (
-                f"the piston leaves its stroke: the coordinate of {load.pair} runs from {as_length(load.top + sign * low)} to "
+                f"the piston leaves its stroke: the coordinate of {load.joint} runs from {as_length(load.top + sign * low)} to "
                 f"{as_length(load.top + sign * high)}; stated are top = {as_length(load.top)}, stroke = {as_length(stroke)}, "
                 f"head {load.head}."
             )
@@ -50,14 +50,14 @@ class CylinderGas(Effect):
         """Displacement [m], whether the piston moves away from the head, whether the gas fires in this turn."""
         load = self.load
         x = self.displacement(at)
-        speed = rate(at, load.pair)
+        speed = rate(at, load.joint)
         outward = np.asarray(speed <= 0.0 if load.head == "ahead" else speed >= 0.0)
         firing = np.ones(np.shape(outward), bool)
         if load.cycle.strokes == 4:
             # the piston says where a stroke ends, the crank only which turn it is: counted from a quarter of a turn before the
             # top dead centre in strokes that lead away from it, and up to a quarter of a turn behind it in those that lead to it
-            pair = load.drive if load.drive is not None else at.model.mechanism.drives[0].pair
-            turned = (coordinate(at, pair) - load.fires) * np.where(rate(at, pair) < 0.0, -1.0, 1.0)
+            joint = load.drive if load.drive is not None else at.model.mechanism.drives[0].joint
+            turned = (coordinate(at, joint) - load.fires) * np.where(rate(at, joint) < 0.0, -1.0, 1.0)
             firing = np.mod(turned + np.where(outward, 0.5 * np.pi, 1.5 * np.pi), 4.0 * np.pi) < 2.0 * np.pi
         return x, outward, firing
 
@@ -76,7 +76,7 @@ class CylinderGas(Effect):
 
     def wrenches(self, at: Configuration) -> list[Wrench]:
         load, model = self.load, at.model
-        j = model.joint_index[load.pair]
+        j = model.joint_index[load.joint]
         guide = model.joints[j].guide
         piston, cylinder = model.ends[j][1 - guide], model.ends[j][guide]
         push = (self.pressure(at) - load.back) * load.area

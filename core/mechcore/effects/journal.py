@@ -2,7 +2,8 @@
 
 The normal force is that of Hunt and Crossley (Coefficient of restitution interpreted as damping in vibroimpact, 1975),
 F = k d^n (1 + a d'), d the indentation; it needs no memory of the impact, pulls never, and starts and ends at zero. The effects
-act on the massless journal of a `mechcore.spec.clearance` pair, so that the revolute pair that holds it transmits the whole force.
+act on the massless journal of a `mechcore.spec.clearance` joint, so that the revolute joint that holds it transmits the whole
+force.
 """
 
 from __future__ import annotations
@@ -15,12 +16,12 @@ from mechcore.spec.loads import JournalContact, JournalLoss
 
 PRESSING, LOSING, RUBBING = "contact", "contact loss", "contact friction"
 IN_PAIRS = (PRESSING, LOSING, RUBBING)
-"""Kinds of these wrenches: what they amount to is the reaction of their pair."""
+"""Kinds of these wrenches: what they amount to is the reaction of their joint."""
 
 
-def rubbing_name(pair: str) -> str:
-    """Name of the moment of friction in the bearing of a pair with clearance."""
-    return f"{pair} friction"
+def rubbing_name(joint: str) -> str:
+    """Name of the moment of friction in the bearing of a joint with clearance."""
+    return f"{joint} friction"
 
 
 def loss_factor(restitution: float, speed: float) -> float:
@@ -51,7 +52,7 @@ class _Journal(Effect):
 
     def eccentricity(self, at: Configuration, derivative: int = 0) -> Complex:
         """Journal's centre from the bearing's, or its rate, in the axes of the bearing's link (complex)."""
-        x, y = (at.drives[at.model.driven[at.model.joint_index[pair]]][derivative] for pair in self.load.slides)
+        x, y = (at.drives[at.model.driven[at.model.joint_index[joint]]][derivative] for joint in self.load.slides)
         return np.asarray(x + 1j * y)
 
     def indentation(self, at: Configuration) -> tuple[Real, Complex, Real]:
@@ -74,7 +75,7 @@ class _Journal(Effect):
         found = [Wrench(name, kind, journal, turned, 0.0, 0j, self.cause, bearing, place - at.origins[bearing])]
         if moment is not None and np.any(moment):
             arms = place - at.origins[shaft], place - at.origins[bearing]
-            found.append(Wrench(rubbing_name(load.pair), RUBBING, shaft, 0j, moment, arms[0], self.cause, bearing, arms[1]))
+            found.append(Wrench(rubbing_name(load.joint), RUBBING, shaft, 0j, moment, arms[0], self.cause, bearing, arms[1]))
         return found
 
     @property

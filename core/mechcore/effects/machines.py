@@ -1,4 +1,4 @@
-"""Machines that drive by a characteristic: torque as a function of speed, on a link or between the links of a revolute pair."""
+"""Machines that drive by a characteristic: torque as a function of speed, on a link or between the links of a revolute joint."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import numpy as np
 
 from mechcore.arrays import Index, Real
 from mechcore.effects.argument import rate
-from mechcore.effects.base import Configuration, Effect, Wrench, pair_wrench
+from mechcore.effects.base import Configuration, Effect, Wrench, joint_wrench
 from mechcore.spec.loads import ConstantPower, DcMotor, Governor, InductionMotor, Machine
 
 
@@ -24,16 +24,16 @@ class _ByCharacteristic(Effect):
         raise TypeError(f"{type(self).__name__} has no characteristic")
 
     def speed(self, at: Configuration) -> Real:
-        """Angular velocity of the link, or rate of the pair [rad/s]."""
-        if self.on.pair is not None:
-            return np.asarray(rate(at, self.on.pair))
+        """Angular velocity of the link, or rate of the joint [rad/s]."""
+        if self.on.joint is not None:
+            return np.asarray(rate(at, self.on.joint))
         assert self.on.link is not None
         return np.asarray(at.speeds.angular[at.model.angles.rotation_class[at.model.index[self.on.link]]])
 
     def wrenches(self, at: Configuration) -> list[Wrench]:
         effort = self.torque(self.speed(at))
-        if self.on.pair is not None:
-            return [pair_wrench(at, self.on.pair, effort, name=self.name, kind=self.kind, cause=self.cause)]
+        if self.on.joint is not None:
+            return [joint_wrench(at, self.on.joint, effort, name=self.name, kind=self.kind, cause=self.cause)]
         assert self.on.link is not None
         return [Wrench(self.name, self.kind, at.model.index[self.on.link], 0j, effort, 0j, self.cause)]
 

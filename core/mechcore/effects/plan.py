@@ -41,7 +41,7 @@ def make_plan(mechanism: Mechanism, outputs: Iterable[str] = OUTPUTS) -> Plan:
     wanted = set(outputs)
     effects = effects_of(mechanism)
     loads = effects[len(mechanism.effects) :]
-    free = [d.pair for d in mechanism.drives if isinstance(d.law, Free)]
+    free = [d.joint for d in mechanism.drives if isinstance(d.law, Free)]
     do_forces = bool(effects) and bool(wanted & {"forces", "energy"})
     computed: list[Step] = [Step("positions", "always")]
     if free:
@@ -78,14 +78,16 @@ def make_plan(mechanism: Mechanism, outputs: Iterable[str] = OUTPUTS) -> Plan:
     for load in loads:
         step(f"load {load.name}", do_forces, f"{load.cause}, from {_listed(sorted(load.needs))}", "forces are not asked for")
     none = "forces are not asked for" if effects else "the scene lists no effects and no loads: pure kinematics"
-    rubbing = ", ".join(braked(mechanism.pairs))
+    rubbing = ", ".join(braked(mechanism.joints))
     do_friction = do_forces and "friction" in mechanism.effects and bool(rubbing)
     how = "kinetostatics under the effects and loads above, "
-    how += "solved together with the friction in the pairs" if do_friction else "frictionless"
+    how += "solved together with the friction in the joints" if do_friction else "frictionless"
     step("reactions and drive efforts", do_forces, how, none)
     step("energy and power balance", do_forces and bool(wanted & {"energy", "health"}), "check of the forces", none)
     if "friction" not in mechanism.effects or not rubbing:
-        idle = f"{rubbing} have coefficients, but the scene does not list it in effects" if rubbing else "no pair has a coefficient"
+        idle = (
+            f"{rubbing} have coefficients, but the scene does not list it in effects" if rubbing else "no joint has a coefficient"
+        )
     else:
         idle = "forces are not asked for"
     step("effect friction", do_friction, f"dry friction in {rubbing}: iterates until it fits the reactions", idle)

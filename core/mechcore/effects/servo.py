@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from mechcore.arrays import Real
 from mechcore.effects.argument import coordinate, rate
-from mechcore.effects.base import Configuration, Effect, Wrench, pair_wrench
+from mechcore.effects.base import Configuration, Effect, Wrench, joint_wrench
 from mechcore.errors import Fault, MechanismError
 from mechcore.laws.timed import Law
 from mechcore.spec.loads import Servo
@@ -31,16 +31,16 @@ class PositionServo(Effect):
         return self.load.integral != 0.0
 
     def state_rate(self, at: Configuration) -> Real:
-        return self.load.target(at.time)[0] - coordinate(at, self.load.pair)
+        return self.load.target(at.time)[0] - coordinate(at, self.load.joint)
 
     def wrenches(self, at: Configuration) -> list[Wrench]:
         load = self.load
         effort = load.proportional * self.state_rate(at)
         if load.derivative:
-            effort = effort + load.derivative * (load.target(at.time)[1] - rate(at, load.pair))
+            effort = effort + load.derivative * (load.target(at.time)[1] - rate(at, load.joint))
         if self.integrates:
             if self.name not in at.states:
                 why = "the integral of its error is known in motions under forces only."
-                raise MechanismError(Fault(f"loads.{self.name}", why, "Let its pair be free, or leave the integral out."))
+                raise MechanismError(Fault(f"loads.{self.name}", why, "Let its joint be free, or leave the integral out."))
             effort = effort + load.integral * at.states[self.name]
-        return [pair_wrench(at, load.pair, effort, name=self.name, kind="servo", cause=self.cause)]
+        return [joint_wrench(at, load.joint, effort, name=self.name, kind="servo", cause=self.cause)]

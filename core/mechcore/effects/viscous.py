@@ -1,4 +1,4 @@
-"""Viscous friction in a pair: against the relative motion of its two links, in proportion to its speed."""
+"""Viscous friction in a joint: against the relative motion of its two links, in proportion to its speed."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import numpy as np
 
 from mechcore.arrays import unit_vectors
 from mechcore.effects.argument import rate
-from mechcore.effects.base import Configuration, Effect, Wrench, pair_wrench
+from mechcore.effects.base import Configuration, Effect, Wrench, joint_wrench
 from mechcore.spec.loads import Viscous
 
 if TYPE_CHECKING:
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 
 class ViscousFriction(Effect):
-    """What is stated acts on the pair's second link, its opposite on the first.
+    """What is stated acts on the joint's second link, its opposite on the first.
 
     Revolute: a moment. Prismatic, pin in slot, cylinder: a force along the guide. Rolling, gear, rack: a couple against the
     relative rotation, as teeth and rims slide or roll over each other in proportion to it. Cam: a force along the common tangent
@@ -33,13 +33,13 @@ class ViscousFriction(Effect):
         self.load = load
 
     def wrenches(self, at: Configuration) -> list[Wrench]:
-        model, pair = at.model, self.load.pair
-        relation = next((r for r in model.relations if r.name == pair), None)
+        model, joint = at.model, self.load.joint
+        relation = next((r for r in model.relations if r.name == joint), None)
         if relation is None:
-            turns = model.joints[model.joint_index[pair]].coordinate == "angle"
+            turns = model.joints[model.joint_index[joint]].coordinate == "angle"
             kind = "viscous torque" if turns else "viscous"
-            effort = -self.load.coefficient * rate(at, pair)
-            return [pair_wrench(at, pair, effort, name=self.name, kind=kind, cause=self.cause)]
+            effort = -self.load.coefficient * rate(at, joint)
+            return [joint_wrench(at, joint, effort, name=self.name, kind=kind, cause=self.cause)]
         if relation.kind == "belt":
             return self._belt(at, relation)
         return [self._cam(at, relation) if relation.kind == "cam" else self._wheels(at, relation)]

@@ -9,7 +9,7 @@ import numpy as np
 from mechcore.arrays import Flags, Real
 from mechcore.cams.followers import Flat
 from mechcore.cams.placed import PlacedCam
-from mechcore.forces.cam_rating import AnyCam, contact_force, contact_stress, drawn_lift, pair_of, placed_cams
+from mechcore.forces.cam_rating import AnyCam, contact_force, contact_stress, drawn_lift, joint_of, placed_cams
 from mechcore.forces.crossings import crossing
 from mechcore.forces.kinetostatics import Forces
 from mechcore.laws.factors import jumps
@@ -33,11 +33,11 @@ def cam_events(motion: Motion, forces: Forces | None) -> list[Event]:
         found += limit_events(motion, cam)
         if forces is not None and not cam.form:
             found += _lost(forces, cam)
-        pair = pair_of(motion, cam)
-        if forces is not None and pair.rating is not None:
-            found += _rated(forces, cam, pair.rating)
-        if pair.drawn is not None:
-            found.append(_drawn(motion, cam, pair.drawn))
+        joint = joint_of(motion, cam)
+        if forces is not None and joint.rating is not None:
+            found += _rated(forces, cam, joint.rating)
+        if joint.drawn is not None:
+            found.append(_drawn(motion, cam, joint.drawn))
     return sorted(found, key=lambda e: e.time)
 
 
@@ -124,9 +124,9 @@ def _lost(forces: Forces, cam: AnyCam) -> Iterator[Event]:
 def _turning(motion: Motion, t: float) -> str:
     """How fast the first drive turns, in words; empty where it slides."""
     drives = motion.mechanism.drives
-    if not drives or not any(p.name == drives[0].pair and isinstance(p, Revolute) for p in motion.mechanism.pairs):
+    if not drives or not any(p.name == drives[0].joint and isinstance(p, Revolute) for p in motion.mechanism.joints):
         return ""
-    return f" at {abs(_at(motion, motion.coordinate(drives[0].pair)[:, 1], t)) * 30.0 / np.pi:.5g} rpm"
+    return f" at {abs(_at(motion, motion.coordinate(drives[0].joint)[:, 1], t)) * 30.0 / np.pi:.5g} rpm"
 
 
 def _lacking(forces: Forces, cam: AnyCam, first: int, last: int) -> float:

@@ -17,7 +17,7 @@ from mechcore.forces.kinetostatics import Forces, solve_forces
 from mechcore.motion.motion import Motion
 from mechcore.motion.solve import compile_mechanism, solve_motion
 from mechcore.spec.loads import Spring
-from mechcore.spec.mechanism import CamDrawn, CamPair, CamRating, braked
+from mechcore.spec.mechanism import CamDrawn, CamJoint, CamRating, braked
 
 AnyCam = PlacedCam | PlacedSpatial | PlacedInverse
 
@@ -27,9 +27,9 @@ def placed_cams(motion: Motion) -> list[AnyCam]:
     return [r.geometry for r in motion.model.relations if isinstance(r.geometry, AnyCam)]
 
 
-def pair_of(motion: Motion, cam: AnyCam) -> CamPair:
+def joint_of(motion: Motion, cam: AnyCam) -> CamJoint:
     """What the mechanism says of a cam."""
-    return next(p for p in motion.mechanism.pairs if p.name == cam.name and isinstance(p, CamPair))
+    return next(p for p in motion.mechanism.joints if p.name == cam.name and isinstance(p, CamJoint))
 
 
 def contact_force(forces: Forces, cam: AnyCam) -> Real:
@@ -119,7 +119,7 @@ def least_springs(forces: Forces, cam: AnyCam, margin: float) -> list[LeastSprin
     """
     motion = forces.motion
     mechanism = motion.mechanism
-    if "friction" in mechanism.effects and braked(mechanism.pairs):
+    if "friction" in mechanism.effects and braked(mechanism.joints):
         raise MechanismError(
             Fault(
                 "effects",

@@ -46,7 +46,7 @@ class BeltGrip:
     """``wraps`` of the two pulleys [rad], and the greatest force [N] that a belt with this tension carries without slipping:
     slack tension times (exp(coefficient times the smaller wrap) - 1)."""
 
-    pair: str
+    joint: str
     wraps: tuple[float, float]
     slack: float
     most: float
@@ -54,14 +54,14 @@ class BeltGrip:
 
 def belt_grip(motion: Motion, load: BeltTension) -> BeltGrip:
     """The wraps of a belt and what it can carry; without a coefficient (a toothed belt, a chain) without limit."""
-    pair = next(p for p in motion.mechanism.pairs if p.name == load.pair)
-    assert isinstance(pair, Belt)
-    lean = spans(motion, next(r for r in motion.model.relations if r.name == load.pair))[2]
+    joint = next(p for p in motion.mechanism.joints if p.name == load.joint)
+    assert isinstance(joint, Belt)
+    lean = spans(motion, next(r for r in motion.model.relations if r.name == load.joint))[2]
     first = 2.0 * math.pi - 2.0 * math.acos(lean)
-    wraps = (first, first if pair.crossed else 2.0 * math.pi - first)
+    wraps = (first, first if joint.crossed else 2.0 * math.pi - first)
     ratio = load.coefficient * min(wraps)
     most = load.slack * math.expm1(ratio) if 0.0 < ratio < MOST else math.inf
-    return BeltGrip(load.pair, wraps, load.slack, most)
+    return BeltGrip(load.joint, wraps, load.slack, most)
 
 
 def belt_events(forces: Forces) -> list[Event]:
@@ -74,7 +74,7 @@ def belt_events(forces: Forces) -> list[Event]:
         grip = belt_grip(motion, load)
 
         def margin(f: Forces, grip: BeltGrip = grip) -> Real:
-            return np.asarray(grip.most - np.hypot(*f.reaction(grip.pair)[:, :2].T), float)
+            return np.asarray(grip.most - np.hypot(*f.reaction(grip.joint)[:, :2].T), float)
 
         left, time = margin(forces), motion.time
         for first, last in runs(left < -1e-9 * grip.most):
@@ -90,5 +90,5 @@ def belt_events(forces: Forces) -> list[Event]:
                 f"slack span, coefficient {load.coefficient:g}, wrap {as_angle(min(grip.wraps), 4)}). The motion goes on as if it "
                 "held"
             )
-            found.append(Event(start, "WARN", load.pair, text, carried))
+            found.append(Event(start, "WARN", load.joint, text, carried))
     return sorted(found, key=lambda e: e.time)

@@ -39,21 +39,21 @@ def flywheel(forces: Forces, fluctuation: float, drive: str | None = None, *, sm
     speed or the fluctuation is not positive.
     """
     motion = forces.motion
-    pairs = [d.pair for d in motion.mechanism.drives]
-    pair = pairs[0] if drive is None else drive
-    if pair not in pairs:
-        raise MechanismError(Fault("flywheel", f"pair '{pair}' has no drive.", f"Driven pairs: {', '.join(pairs)}."))
-    if motion.model.joints[motion.model.joint_index[pair]].coordinate != "angle":
-        raise MechanismError(Fault("flywheel", f"the drive of '{pair}' does not turn.", "A flywheel needs a shaft that turns."))
-    position, speed, _ = motion.drives[pairs.index(pair)]
+    joints = [d.joint for d in motion.mechanism.drives]
+    joint = joints[0] if drive is None else drive
+    if joint not in joints:
+        raise MechanismError(Fault("flywheel", f"joint '{joint}' has no drive.", f"Driven joints: {', '.join(joints)}."))
+    if motion.model.joints[motion.model.joint_index[joint]].coordinate != "angle":
+        raise MechanismError(Fault("flywheel", f"the drive of '{joint}' does not turn.", "A flywheel needs a shaft that turns."))
+    position, speed, _ = motion.drives[joints.index(joint)]
     omega = float(speed[0])
     if omega == 0.0 or np.ptp(speed) > 1e-9 * abs(omega):
         raise MechanismError(
-            Fault("flywheel", f"the drive of '{pair}' does not run at constant speed.", "Give it a constant speed.")
+            Fault("flywheel", f"the drive of '{joint}' does not run at constant speed.", "Give it a constant speed.")
         )
     if smooth is None:
         smooth = not any(_jumps(load) for load in motion.mechanism.loads)
-    return flywheel_of_torque(position, forces.effort(pair), omega, fluctuation, smooth=smooth)
+    return flywheel_of_torque(position, forces.effort(joint), omega, fluctuation, smooth=smooth)
 
 
 def _jumps(load: Load) -> bool:

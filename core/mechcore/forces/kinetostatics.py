@@ -77,53 +77,55 @@ class Forces:
         return tuple(self._applied() if callable(self._applied) else self._applied)
 
     # -- results by name ----------------------------------------------------------------------------------------------
-    def reaction(self, pair: str) -> Real:
-        """Fx, Fy [N] on the pair's second link at `position`, and couple [N m], friction included, without the drive (F, 3)."""
-        rows = self._normal(pair)
-        return rows if self.friction is None else rows + self.friction.applied(pair)
+    def reaction(self, joint: str) -> Real:
+        """Fx, Fy [N] on the joint's second link at `position`, and couple [N m], friction included, without the drive (F, 3)."""
+        rows = self._normal(joint)
+        return rows if self.friction is None else rows + self.friction.applied(joint)
 
-    def _normal(self, pair: str) -> Real:
+    def _normal(self, joint: str) -> Real:
         """The reaction without what friction adds to it."""
-        if pair in self._contacts:
-            force: Array = self._contacts[pair][1]
-            if pair in self.motion.model.joint_index:  # rolling: the normal force passes through the wheel's centre and the contact
-                force = force + self._transmitted[self._joint(pair)][0] - self._drive(self._joint(pair))[0]
+        if joint in self._contacts:
+            force: Array = self._contacts[joint][1]
+            if (
+                joint in self.motion.model.joint_index
+            ):  # rolling: the normal force passes through the wheel's centre and the contact
+                force = force + self._transmitted[self._joint(joint)][0] - self._drive(self._joint(joint))[0]
             return self._rows(force, 0.0)
         model = self.motion.model
-        j = model.joint_index[pair]
+        j = model.joint_index[joint]
         force, couple = self._transmitted[j]
         if j not in model.driven:
-            return rows_of(self._shape, force, added(couple, self._carried(pair)) if model.relations else couple)
+            return rows_of(self._shape, force, added(couple, self._carried(joint)) if model.relations else couple)
         if model.joints[j].coordinate == "angle":  # the drive is all of the couple
-            return rows_of(self._shape, force, self._carried(pair) if model.relations else 0.0)
+            return rows_of(self._shape, force, self._carried(joint) if model.relations else 0.0)
         drive_force, drive_moment = self._drive(j)
         return self._rows(added(force, drive_force, -1), added(couple, drive_moment, -1))
 
-    def pressed(self, pair: str) -> Real:
-        """The reaction of a pair without what friction adds to it: Fx, Fy [N], couple [N m] (F, 3)."""
-        return self._normal(pair)
+    def pressed(self, joint: str) -> Real:
+        """The reaction of a joint without what friction adds to it: Fx, Fy [N], couple [N m] (F, 3)."""
+        return self._normal(joint)
 
-    def position(self, pair: str) -> Real:
-        """Where the reaction of a pair is stated (F, 2) [m]: at the pin, the sliding point, the pitch point, the contact."""
-        if pair in self._contacts:
-            return self._rows(self._contacts[pair][0], 0.0)[:, :2]
-        return self.motion.pair_position(pair)
+    def position(self, joint: str) -> Real:
+        """Where the reaction of a joint is stated (F, 2) [m]: at the pin, the sliding point, the pitch point, the contact."""
+        if joint in self._contacts:
+            return self._rows(self._contacts[joint][0], 0.0)[:, :2]
+        return self.motion.joint_position(joint)
 
-    def wrench(self, pair: str) -> Real:
-        """What a drive exerts on the pair's second link: Fx, Fy [N], moment [N m] at the pair's position (F, 3)."""
-        j = self._joint(pair)
+    def wrench(self, joint: str) -> Real:
+        """What a drive exerts on the joint's second link: Fx, Fy [N], moment [N m] at the joint's position (F, 3)."""
+        j = self._joint(joint)
         force, moment = self._drive(j)
-        if pair in self._contacts:  # a driven wheel: the force acts at its centre, the pair is where it touches
-            moment = moment + cross(self.motion.joint_point(j) - self._contacts[pair][0], force)
+        if joint in self._contacts:  # a driven wheel: the force acts at its centre, the joint is where it touches
+            moment = moment + cross(self.motion.joint_point(j) - self._contacts[joint][0], force)
         return self._rows(force, moment)
 
-    def effort(self, pair: str) -> Real:
+    def effort(self, joint: str) -> Real:
         """Driving torque [N m] or force [N] along the guide in the direction of the drive's coordinate (F,)."""
-        return self._over_frames(self._effort(self._joint(pair)))
+        return self._over_frames(self._effort(self._joint(joint)))
 
-    def power(self, pair: str) -> Real:
+    def power(self, joint: str) -> Real:
         """Power that a drive puts into the mechanism (F,) [W]."""
-        return self.effort(pair) * self.motion.drives[self.motion.model.driven[self._joint(pair)]][1]
+        return self.effort(joint) * self.motion.drives[self.motion.model.driven[self._joint(joint)]][1]
 
     def inertia(self, link: str) -> Real:
         """Inertia force Fx, Fy [N] and moment about the centre of mass [N m] (F, 3); zero where inertia is not asked for."""
@@ -153,7 +155,7 @@ class Forces:
     @cached_property
     def power_supplied(self) -> Real:
         """Power of all drives (F,) [W]."""
-        names = [d.pair for d in self.motion.mechanism.drives]
+        names = [d.joint for d in self.motion.mechanism.drives]
         return sum((self.power(p) for p in names), np.zeros(self.motion.frames))
 
     def powers(self) -> list[tuple[Wrench, Real]]:
@@ -183,7 +185,7 @@ class Forces:
     def power_residual(self) -> tuple[Real, float]:
         """Power supplied plus power of all loads and inertia (F,) [W], and the largest single power of the run."""
         m = self.motion
-        parts = [self.power(d.pair) for d in m.mechanism.drives]
+        parts = [self.power(d.joint) for d in m.mechanism.drives]
         parts += [self._over_frames(power_of(m, w)) for w in self.applied]
         if self.friction is not None:
             parts.append(self.friction.power)
@@ -234,18 +236,18 @@ class Forces:
         return np.column_stack([self.kinetic_energy, self.potential_energy, self.work, self.dissipated])
 
     # -- inside -------------------------------------------------------------------------------------------------------
-    def _carried(self, pair: str) -> Array:
+    def _carried(self, joint: str) -> Array:
         """Couple on the second link that the bearings of a shaft in the plane carry."""
         total: Array = 0.0
         for relation in self.motion.model.relations:
             if relation.bearing is not None:
                 for name, sign in relation.bearing.joints:
-                    if name == pair:
+                    if name == joint:
                         total = total + sign * relation.bearing.couple(self.motion, *self._contacts[relation.name])
         return total
 
-    def _joint(self, pair: str) -> int:
-        return self.motion.model.joint_index[pair]
+    def _joint(self, joint: str) -> int:
+        return self.motion.model.joint_index[joint]
 
     def _effort(self, j: int) -> Array:
         force, couple = self._transmitted[j]
@@ -280,7 +282,7 @@ def solve_forces(motion: Motion) -> Forces:
     for effect in model.once(applied_effects):
         if effect.limited:
             effect.check(motion)
-    if "friction" in model.mechanism.effects and braked(model.mechanism.pairs):
+    if "friction" in model.mechanism.effects and braked(model.mechanism.joints):
         applied = wrenches(motion)
         return Forces(motion, applied, *solve_friction(motion, applied, *sum_up(applied, len(model.links))))
     with np.errstate(**QUIET):

@@ -28,7 +28,7 @@ def load_events(motion: Motion, mechanism: Mechanism | None = None) -> Iterator[
     mechanism = mechanism or motion.mechanism
     for load in mechanism.loads if motion.frames else ():
         if isinstance(load, Force | Torque | Actuator):
-            yield from _idle(motion, load, [drive.pair for drive in mechanism.drives])
+            yield from _idle(motion, load, [drive.joint for drive in mechanism.drives])
         elif isinstance(load, Spring) and load.solid_length is not None:
             yield from _squeezed(motion, load, load.solid_length)
 
@@ -61,22 +61,22 @@ def _idle(motion: Motion, load: Force | Torque | Actuator, drives: list[str]) ->
     if not np.any(stated):
         yield Event(float(motion.time[0]), "INFO", load.name, "never acts: it is zero", 0.0)
     elif factor is not None and isinstance(factor.function, Table):
-        pair = factor.pair or next(iter(drives), "")
-        argument = _argument(motion, factor, pair)
+        joint = factor.joint or next(iter(drives), "")
+        argument = _argument(motion, factor, joint)
         if not np.isfinite(argument).all():
             return
-        rotary = factor.of in ("position", "velocity") and motion.model.rotary(pair)
+        rotary = factor.of in ("position", "velocity") and motion.model.rotary(joint)
         words = idle_table(load, rotary, float(argument.min()), float(argument.max()))
         if words:
             yield Event(float(motion.time[0]), "WARN", load.name, words, 0.0)
 
 
-def _argument(motion: Motion, factor: Factor, pair: str) -> Real:
-    """What a factor depends on over the frames (F,); ``pair``: the one whose coordinate or rate it is."""
+def _argument(motion: Motion, factor: Factor, joint: str) -> Real:
+    """What a factor depends on over the frames (F,); ``joint``: the one whose coordinate or rate it is."""
     if factor.of == "time":
         return motion.time
     if factor.of in ("position", "velocity"):
-        return motion.coordinate(pair)[:, int(factor.of == "velocity")]
+        return motion.coordinate(joint)[:, int(factor.of == "velocity")]
     assert factor.point is not None
     rows = motion.point(*factor.point, int(factor.of not in ("x", "y")))
     return np.hypot(*rows.T) if factor.of == "speed" else rows[:, int(factor.of.endswith("y"))]
@@ -84,7 +84,7 @@ def _argument(motion: Motion, factor: Factor, pair: str) -> Real:
 
 def _argument_words(factor: Factor) -> str:
     if factor.of in ("position", "velocity"):
-        return f"the {factor.of} of {factor.pair or 'the first drive'}"
+        return f"the {factor.of} of {factor.joint or 'the first drive'}"
     return "the time" if factor.point is None else f"the {factor.of} of {'.'.join(factor.point)}"
 
 

@@ -42,7 +42,7 @@ def solution_order(model: Model) -> list[str]:
 
 
 def _drives(model: Model, drives: tuple[tuple[int, int], ...]) -> str:
-    names = [model.mechanism.drives[d].pair for d, _ in drives]
+    names = [model.mechanism.drives[d].joint for d, _ in drives]
     return f"drive{'s' * (len(names) > 1)} {' and '.join(names)}"
 
 

@@ -85,14 +85,14 @@ def works(power: Real, time: Real) -> tuple[float, float]:
 
 
 def label_of(kind: str, name: str) -> str:
-    """The name of a force, with what it is where the name alone is a pair's."""
+    """The name of a force, with what it is where the name alone is a joint's."""
     return f"{kind} {name}" if kind in ("drive", "friction") else name
 
 
 def power_labels(forces: Forces) -> tuple[str, ...]:
     """Labels of all items of the table of powers, without the table."""
-    drives = [label_of("drive", d.pair) for d in forces.motion.mechanism.drives]
-    rubbing = [] if forces.friction is None else [label_of("friction", pair) for pair in forces.friction.pairs]
+    drives = [label_of("drive", d.joint) for d in forces.motion.mechanism.drives]
+    rubbing = [] if forces.friction is None else [label_of("friction", joint) for joint in forces.friction.joints]
     return (*drives, *(label_of(w.kind, w.name) for w in forces.applied), *rubbing)
 
 
@@ -101,11 +101,13 @@ def power_table(forces: Forces) -> PowerTable:
     motion = forces.motion
     uses = {load.name: load.use for load in motion.mechanism.loads}
     rows: list[tuple[str, str, str, Literal["external", "internal"], Real]] = [
-        (d.pair, "drive", "drive", "external", forces.power(d.pair)) for d in motion.mechanism.drives
+        (d.joint, "drive", "drive", "external", forces.power(d.joint)) for d in motion.mechanism.drives
     ]
     rows += [(w.name, w.kind, w.cause, _place(w), power) for w, power in forces.powers()]
     if forces.friction is not None:
-        rows += [(pair, "friction", "dry friction", "internal", -forces.friction.losses(pair)) for pair in forces.friction.pairs]
+        rows += [
+            (joint, "friction", "dry friction", "internal", -forces.friction.losses(joint)) for joint in forces.friction.joints
+        ]
     largest = max((float(np.nanmax(np.abs(row[-1]), initial=0.0)) for row in rows), default=0.0)
     return PowerTable(
         items=tuple(
@@ -160,7 +162,7 @@ def _classed(
 class Share:
     """What a drive does over a run: its power (F,) [W], works [J], and the times [s] between which it delivers power."""
 
-    pair: str
+    joint: str
     power: Real
     supplied: float
     absorbed: float
@@ -172,12 +174,12 @@ def drive_shares(forces: Forces) -> tuple[Share, ...]:
     motion = forces.motion
     if not motion.mechanism.drives:
         raise MechanismError(Fault("drives", "the mechanism has no drive.", "Add one."))
-    powers = {d.pair: forces.power(d.pair) for d in motion.mechanism.drives}
+    powers = {d.joint: forces.power(d.joint) for d in motion.mechanism.drives}
     small = SMALL * max(float(np.nanmax(np.abs(p), initial=0.0)) for p in powers.values())
     found = []
-    for pair, power in powers.items():
+    for joint, power in powers.items():
         supplied, absorbed = works(power, motion.time)
-        found.append(Share(pair, power, supplied, absorbed, _positive(power - small, motion.time)))
+        found.append(Share(joint, power, supplied, absorbed, _positive(power - small, motion.time)))
     return tuple(found)
 
 

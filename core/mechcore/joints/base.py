@@ -8,18 +8,18 @@ from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, Literal
 
 from mechcore.errors import Fault, MechanismError
-from mechcore.spec.mechanism import Link, Mechanism, Pair, Revolute, Weld
+from mechcore.spec.mechanism import Joint, Link, Mechanism, Revolute, Weld
 
 if TYPE_CHECKING:
     from mechcore.motion.motion import Motion
 
 
 @dataclass(frozen=True, kw_only=True)
-class Joint:
-    """One pair as the loop equations see it; plane vectors are complex numbers.
+class LoopJoint:
+    """One joint as the loop equations see it; plane vectors are complex numbers.
 
     The point ``a`` of the first link and ``b`` of the second coincide, except that where there is a ``slide`` direction the
-    other link's point lies at ``s * slide`` from the guide's, on the guide. If the pair does not ``turn``, the second link's
+    other link's point lies at ``s * slide`` from the guide's, on the guide. If the joint does not ``turn``, the second link's
     angle is the first's plus ``angle``.
     """
 
@@ -39,7 +39,7 @@ class Joint:
 
     @property
     def coordinate(self) -> Literal["angle", "slide"]:
-        """What a drive on this pair prescribes."""
+        """What a drive on this joint prescribes."""
         return "slide" if self.slide is not None else "angle"
 
 
@@ -59,7 +59,7 @@ class Curve:
 
     function: Callable[[Any], Any]
     angles: tuple[tuple[str, float], ...] = ()  # (link, coefficient)
-    slides: tuple[tuple[str, float], ...] = ()  # (sliding pair, coefficient)
+    slides: tuple[tuple[str, float], ...] = ()  # (sliding joint, coefficient)
     shift: float = 0.0
 
 
@@ -68,7 +68,7 @@ class Bearing:
     """What a shaft's bearings carry where the force of a relation does not lie in the plane as its torque does.
 
     The force on the second link acts at the contact, the opposite there on the first; beside it a couple acts on the first link,
-    the opposite on the ``carrier``. ``joints``: (revolute pair, +1 where its second link is on the side of the first link of the
+    the opposite on the ``carrier``. ``joints``: (revolute joint, +1 where its second link is on the side of the first link of the
     relation) through which the couple passes from the carrier.
     """
 
@@ -89,39 +89,39 @@ class Relation:
     kind: str
     links: tuple[str, str]
     angles: tuple[tuple[str, float], ...]  # (link, coefficient [m])
-    slides: tuple[tuple[str, float], ...]  # (sliding pair, coefficient)
+    slides: tuple[tuple[str, float], ...]  # (sliding joint, coefficient)
     contact: Callable[[Motion, Any], tuple[Any, Any]]  # (motion, multiplier) -> place [m], force on the second link per multiplier
     curve: Curve | None = None
     constant: float | None = None  # [m], of the links' own angles and of displacements
     bearing: Bearing | None = None
-    geometry: Any = None  # what else the pair knows, for those who draw or record it
+    geometry: Any = None  # what else the joint knows, for those who draw or record it
 
 
 @dataclass
 class Builder:
-    """Collects the parts while a mechanism is compiled. ``links`` grows where a pair brings links along."""
+    """Collects the parts while a mechanism is compiled. ``links`` grows where a joint brings links along."""
 
     mechanism: Mechanism
     links: dict[str, Link]
-    joints: list[Joint] = field(default_factory=list)
+    joints: list[LoopJoint] = field(default_factory=list)
     relations: list[Relation] = field(default_factory=list)
 
-    def ends(self, pair: Any) -> tuple[Link, Link]:
-        """The two links of a pair."""
-        return self.links[pair.links[0]], self.links[pair.links[1]]
+    def ends(self, joint: Any) -> tuple[Link, Link]:
+        """The two links of a joint."""
+        return self.links[joint.links[0]], self.links[joint.links[1]]
 
-    def axis_between(self, pair: Pair, link: str, carrier: str) -> tuple[complex, complex]:
+    def axis_between(self, joint: Joint, link: str, carrier: str) -> tuple[complex, complex]:
         """The axis about which ``link`` turns on ``carrier``, in the carrier's frame and in the link's.
 
         They may be pinned to each other, or to the same place of others (several links on one shaft, a wheel welded to its shaft).
         """
-        return self._way_between(pair, link, carrier)[:2]
+        return self._way_between(joint, link, carrier)[:2]
 
-    def bearings_between(self, pair: Pair, link: str, carrier: str) -> tuple[tuple[str, float], ...]:
-        """The revolute pairs about that axis on the way from ``carrier`` to ``link``, +1 where the second is nearer to it."""
-        return self._way_between(pair, link, carrier)[2]
+    def bearings_between(self, joint: Joint, link: str, carrier: str) -> tuple[tuple[str, float], ...]:
+        """The revolute joints about that axis on the way from ``carrier`` to ``link``, +1 where the second is nearer to it."""
+        return self._way_between(joint, link, carrier)[2]
 
-    def _way_between(self, pair: Pair, link: str, carrier: str) -> tuple[complex, complex, tuple[tuple[str, float], ...]]:
+    def _way_between(self, joint: Joint, link: str, carrier: str) -> tuple[complex, complex, tuple[tuple[str, float], ...]]:
         reached: list[tuple[str, complex, complex, tuple[tuple[str, float], ...]]] = [(link, z, z, ()) for z in self._axes_of(link)]
         for k, z, own, way in reached:  # grows while it is walked through: nearest first
             if k == carrier:
@@ -129,13 +129,13 @@ class Builder:
             for other, there, through in self._on_the_same_axis(k, z):
                 if not any(other == seen[0] and self._same(other, there, seen[1]) for seen in reached):
                     reached.append((other, there, own, way + through))
-        others = sorted({k for p in self.mechanism.pairs if isinstance(p, Revolute) and link in p.links for k in p.links} - {link})
+        others = sorted({k for p in self.mechanism.joints if isinstance(p, Revolute) and link in p.links for k in p.links} - {link})
         known = f" It is pinned to {', '.join(repr(k) for k in others)}." if others else ""
         raise MechanismError(
             Fault(
-                f"joints.{pair.name}",
+                f"joints.{joint.name}",
                 f"'{link}' is not pinned to '{carrier}', which is to carry it, nor to anything on the same axis.{known}",
-                f"Add a revolute pair between them, or name the carrier that '{link}' is pinned to.",
+                f"Add a revolute joint between them, or name the carrier that '{link}' is pinned to.",
             )
         )
 
@@ -143,7 +143,7 @@ class Builder:
         """Where a link, with all that is welded to it, is pinned to others, in the link's frame."""
         rigid = [(link, 0j, 1 + 0j)]  # link, origin and rotation of its frame
         for k, origin, turn in rigid:  # grows while it is walked through
-            for p in self.mechanism.pairs:
+            for p in self.mechanism.joints:
                 if isinstance(p, Weld) and k in p.links:
                     side = p.links.index(k)
                     other = p.links[1 - side]
@@ -154,7 +154,7 @@ class Builder:
         return [
             origin + turn * point_of(self.links[k], name)
             for k, origin, turn in rigid
-            for p in self.mechanism.pairs
+            for p in self.mechanism.joints
             if isinstance(p, Revolute)
             for end, name in zip(p.links, p.points, strict=True)
             if end == k
@@ -163,7 +163,7 @@ class Builder:
     def _on_the_same_axis(self, link: str, z: complex) -> list[tuple[str, complex, tuple[tuple[str, float], ...]]]:
         """Where the axis through ``z`` of a link goes through the links pinned to it there, or welded to it, and the pin."""
         out: list[tuple[str, complex, tuple[tuple[str, float], ...]]] = []
-        for p in self.mechanism.pairs:
+        for p in self.mechanism.joints:
             if not isinstance(p, Revolute | Weld) or link not in p.links:
                 continue
             side = p.links.index(link)
@@ -180,5 +180,5 @@ class Builder:
         return abs(a - b) <= 1e-9 * max(abs(complex(*xy)) for xy in self.links[link].points.values())
 
     def add_points(self, link: str, **points: tuple[float, float]) -> None:
-        """Give a link more points, for a pair that needs them."""
+        """Give a link more points, for a joint that needs them."""
         self.links[link] = replace(self.links[link], points={**self.links[link].points, **points})

@@ -12,15 +12,15 @@ from mechcore.spec.mechanism import Belt
 from mechcore.texts import as_length
 
 
-def build(pair: Belt, builder: Builder) -> None:
-    c1, c2 = (builder.axis_between(pair, link, pair.carrier)[0] for link in pair.links)
+def build(joint: Belt, builder: Builder) -> None:
+    c1, c2 = (builder.axis_between(joint, link, joint.carrier)[0] for link in joint.links)
     distance = abs(c2 - c1)
-    r1, r2 = pair.radii
-    sense = 1.0 if pair.crossed else -1.0
-    if min(r1, r2) <= 0.0 or distance <= (r1 + r2 if pair.crossed else abs(r1 - r2)):
+    r1, r2 = joint.radii
+    sense = 1.0 if joint.crossed else -1.0
+    if min(r1, r2) <= 0.0 or distance <= (r1 + r2 if joint.crossed else abs(r1 - r2)):
         raise MechanismError(
             Fault(
-                f"joints.{pair.name}",
+                f"joints.{joint.name}",
                 f"pulleys of radius {as_length(r1)} and {as_length(r2)} do not fit on axes {as_length(distance)} apart.",
                 "Move the axes apart or make the pulleys smaller.",
             )
@@ -33,7 +33,7 @@ def build(pair: Belt, builder: Builder) -> None:
 
         The multiplier counts along the direction in which the first pulley's rim moves when it turns counter-clockwise.
         """
-        k = motion.model.index[pair.carrier]
+        k = motion.model.index[joint.carrier]
         turn = motion.rotation(k)
         side = np.where(np.real(multiplier) >= 0, 1.0, -1.0)
         out = (lean + side * 1j * np.sqrt(1.0 - lean**2)) * axis  # at its tangent point the rim moves away from the second pulley
@@ -41,10 +41,10 @@ def build(pair: Belt, builder: Builder) -> None:
 
     builder.relations.append(
         Relation(
-            name=pair.name,
+            name=joint.name,
             kind="belt",
-            links=pair.links,
-            angles=((pair.links[0], r1), (pair.links[1], sense * r2), (pair.carrier, -r1 - sense * r2)),
+            links=joint.links,
+            angles=((joint.links[0], r1), (joint.links[1], sense * r2), (joint.carrier, -r1 - sense * r2)),
             slides=(),
             contact=contact,
         )

@@ -10,16 +10,16 @@ import numpy as np
 from mechcore.errors import Fault, MechanismError
 from mechcore.joints.base import Bearing, Builder, Curve, Relation, point_of
 from mechcore.laws.curve import MotionCurve, Piece
-from mechcore.spec.mechanism import CamPair, Prismatic
+from mechcore.spec.mechanism import CamJoint, Prismatic
 
 _KEYS = {"base": "base", "lift": "lift", "radius": "face.radius"}
-"""What a cam's geometry calls what a `CamPair` states."""
+"""What a cam's geometry calls what a `CamJoint` states."""
 
 Terms = tuple[tuple[str, float], ...]
 
 
 def relate(
-    pair: CamPair,
+    joint: CamJoint,
     builder: Builder,
     placed: Any,
     follower: tuple[Terms, Terms, float],
@@ -38,9 +38,9 @@ def relate(
     angles, slides, constant = follower
     builder.relations.append(
         Relation(
-            name=pair.name,
+            name=joint.name,
             kind="cam",
-            links=pair.links,
+            links=joint.links,
             angles=angles,
             slides=slides,
             contact=placed.contact,
@@ -52,16 +52,16 @@ def relate(
     )
 
 
-def fault_of(pair: CamPair, key: str, message: str, remedy: str) -> MechanismError:
-    return MechanismError(Fault(f"joints.{pair.name}" + (f".{key}" if key else ""), message, remedy))
+def fault_of(joint: CamJoint, key: str, message: str, remedy: str) -> MechanismError:
+    return MechanismError(Fault(f"joints.{joint.name}" + (f".{key}" if key else ""), message, remedy))
 
 
-def renamed(pair: CamPair, fault: Fault) -> Fault:
-    """A fault of the geometry, said of the pair and what it states."""
+def renamed(joint: CamJoint, fault: Fault) -> Fault:
+    """A fault of the geometry, said of the joint and what it states."""
     if fault.path.startswith("joints."):
         return fault
     key = _KEYS.get(fault.path.partition(".")[2], "")
-    return Fault(f"joints.{pair.name}" + (f".{key}" if key else ""), fault.message, fault.remedy)
+    return Fault(f"joints.{joint.name}" + (f".{key}" if key else ""), fault.message, fault.remedy)
 
 
 def guide_in(carrier: str, guide: Prismatic) -> tuple[complex, float]:
@@ -83,15 +83,15 @@ def place_on(builder: Builder, carrier: str, guide: Prismatic, at: complex) -> c
     return own + turn * (at - other)
 
 
-def bed_of(pair: CamPair, builder: Builder, carrier: str, what: str) -> Prismatic:
-    """The pair on which the driving link slides."""
-    bed = next((p for p in builder.mechanism.pairs if p.name == pair.bed), None)
-    if not isinstance(bed, Prismatic) or set(bed.links) != {pair.links[0], carrier}:
+def bed_of(joint: CamJoint, builder: Builder, carrier: str, what: str) -> Prismatic:
+    """The joint on which the driving link slides."""
+    bed = next((p for p in builder.mechanism.joints if p.name == joint.bed), None)
+    if not isinstance(bed, Prismatic) or set(bed.links) != {joint.links[0], carrier}:
         raise fault_of(
-            pair,
+            joint,
             "bed",
-            f"'{pair.bed}' is not a prismatic pair of '{pair.links[0]}' on '{carrier}', which carries {what}.",
-            f"Guide '{pair.links[0]}' on '{carrier}'.",
+            f"'{joint.bed}' is not a prismatic joint of '{joint.links[0]}' on '{carrier}', which carries {what}.",
+            f"Guide '{joint.links[0]}' on '{carrier}'.",
         )
     return bed
 

@@ -12,39 +12,39 @@ from mechcore.errors import MechanismError
 from mechcore.joints.base import Builder, point_of
 from mechcore.joints.cam_guides import Terms, bed_of, fault_of, guide_in, levelled, place_on, relate, renamed
 from mechcore.laws.curve import MotionCurve
-from mechcore.spec.mechanism import CamPair, Prismatic, Revolute
+from mechcore.spec.mechanism import CamJoint, Prismatic, Revolute
 from mechcore.texts import as_angle
 
 
-def build_inverse(pair: CamPair, builder: Builder, carrier: str, guide: Prismatic | Revolute) -> None:
+def build_inverse(joint: CamJoint, builder: Builder, carrier: str, guide: Prismatic | Revolute) -> None:
     """The roller on the driving link, a crank or a slide, the groove on the driven link."""
-    driving = builder.links[pair.links[0]]
-    if pair.point not in driving.points:
+    driving = builder.links[joint.links[0]]
+    if joint.point not in driving.points:
         known = ", ".join(driving.points)
-        raise fault_of(pair, "point", f"link '{driving.name}' has no point '{pair.point}'.", f"Its points: {known}.")
-    law = pair.lift
+        raise fault_of(joint, "point", f"link '{driving.name}' has no point '{joint.point}'.", f"Its points: {known}.")
+    law = joint.lift
     assert law is not None
-    if pair.bed is None and not law.length < 2.0 * math.pi:
+    if joint.bed is None and not law.length < 2.0 * math.pi:
         raise fault_of(
-            pair, "lift", f"the segments cover {as_angle(law.length)}: where the crank turns round, it cannot drive.",
+            joint, "lift", f"the segments cover {as_angle(law.length)}: where the crank turns round, it cannot drive.",
             "Let the crank swing, and give its range.",
         )  # fmt: skip
-    if not isinstance(pair.face, Roller):
-        raise fault_of(pair, "follower", "a groove without a roller.", "Give groove = ...")
-    if pair.sense < 0:
-        raise fault_of(pair, "sense", "an inverse cam's law is read counter-clockwise.", "Leave it out, and mirror the segments.")
-    way = (-pair.phase, law.length - pair.phase)
-    law = levelled(MotionCurve(law.raised(pair.base).pieces, -pair.phase))
-    tip, straight = point_of(driving, pair.point), None
-    if pair.bed is None:
-        axis, own = builder.axis_between(pair, pair.links[0], carrier)
+    if not isinstance(joint.face, Roller):
+        raise fault_of(joint, "follower", "a groove without a roller.", "Give groove = ...")
+    if joint.sense < 0:
+        raise fault_of(joint, "sense", "an inverse cam's law is read counter-clockwise.", "Leave it out, and mirror the segments.")
+    way = (-joint.phase, law.length - joint.phase)
+    law = levelled(MotionCurve(law.raised(joint.base).pieces, -joint.phase))
+    tip, straight = point_of(driving, joint.point), None
+    if joint.bed is None:
+        axis, own = builder.axis_between(joint, joint.links[0], carrier)
         tip -= own
         if tip == 0.0:
-            raise fault_of(pair, "point", "it is the crank's own axis.", "Name the roller's centre.")
+            raise fault_of(joint, "point", "it is the crank's own axis.", "Name the roller's centre.")
         arm = abs(tip)
-        terms: tuple[Terms, Terms] = ((pair.links[0], 1.0), (carrier, -1.0)), ()
+        terms: tuple[Terms, Terms] = ((joint.links[0], 1.0), (carrier, -1.0)), ()
     else:
-        bed = bed_of(pair, builder, carrier, "the driven link")
+        bed = bed_of(joint, builder, carrier, "the driven link")
         forward, sign = guide_in(carrier, bed)
         straight, axis = sign * forward, place_on(builder, carrier, bed, tip)
         arm, terms = 0.0, ((), ((bed.name, 1.0),))
@@ -62,22 +62,23 @@ def build_inverse(pair: CamPair, builder: Builder, carrier: str, guide: Prismati
         if sign < 0.0:
             law = MotionCurve(tuple(p.scaled(1.0, -1.0) for p in law.pieces), law.start)
     else:
-        pivot, origin = builder.axis_between(pair, pair.links[1], carrier)
+        pivot, origin = builder.axis_between(joint, joint.links[1], carrier)
         if straight is None and pivot == axis:
-            raise fault_of(pair, "guide", "the driven link's pivot lies on the crank's axis.", "Move it away from there.")
+            raise fault_of(joint, "guide", "the driven link's pivot lies on the crank's axis.", "Move it away from there.")
         axes, centre, hub, mount = 1 + 0j, pivot, axis - pivot, 1 + 0j
         if straight is not None:  # metres per unit of the driven link's angle: to the middle of the roller's way
             arm = abs(hub + straight * 0.5 * (way[0] + way[1])) or 0.5 * (way[1] - way[0])
-        angles = ((pair.links[1], -arm), (carrier, arm))
+        angles = ((joint.links[1], -arm), (carrier, arm))
     phase = cmath.phase(tip) - cmath.phase(axes) if straight is None else 0.0
     straight = None if straight is None else straight / axes
-    cam = InverseCam(law, hub, arm, pair.face.radius, not isinstance(guide, Prismatic), phase, straight)
+    cam = InverseCam(law, hub, arm, joint.face.radius, not isinstance(guide, Prismatic), phase, straight)
     placed = PlacedInverse(
-        name=pair.name, links=pair.links, carrier=carrier, guide=pair.guide, cam=cam, way=way, centre=centre, axes=axes, own=origin,
-        mount=mount, tip=point_of(driving, pair.point), sense=pair.sense, bed=pair.bed, pressure_limit=pair.pressure_limit,
+        name=joint.name, links=joint.links, carrier=carrier, guide=joint.guide, cam=cam, way=way, centre=centre, axes=axes,
+        own=origin,
+        mount=mount, tip=point_of(driving, joint.point), sense=joint.sense, bed=joint.bed, pressure_limit=joint.pressure_limit,
     )  # fmt: skip
     try:
         placed.check()
     except MechanismError as error:
-        raise MechanismError([renamed(pair, f) for f in error.faults]) from None
-    relate(pair, builder, placed, (angles, joints, 0.0), terms)
+        raise MechanismError([renamed(joint, f) for f in error.faults]) from None
+    relate(joint, builder, placed, (angles, joints, 0.0), terms)

@@ -1,7 +1,8 @@
 """Kinematic pairs: what each kind allows, in the common forms that the rest of the core works with.
 
-A lower pair is a `Joint` (points that coincide or slide); gears, belts, racks, rolling and cams add a `Relation`.
-To add a pair: its spec in ``mechcore.spec.mechanism``, one file here with a function ``build(pair, builder)``, one line in `KINDS`.
+A lower pair is a `LoopJoint` (points that coincide or slide); gears, belts, racks, rolling and cams add a `Relation`.
+To add a joint: its spec in ``mechcore.spec.mechanism``, one file here with a function ``build(joint, builder)``, one line in
+`KINDS`.
 """
 
 from __future__ import annotations
@@ -13,7 +14,7 @@ from mechcore.joints import belt, cam, cylinder, gear, pin_slot, planar, prismat
 from mechcore.joints.base import Builder
 from mechcore.spec.mechanism import (
     Belt,
-    CamPair,
+    CamJoint,
     Cylinder,
     Gear,
     Mechanism,
@@ -37,13 +38,13 @@ KINDS: dict[type, Callable[[Any, Builder], None]] = {
     Rack: rack.build,
     Cylinder: cylinder.build,
     Planar: planar.build,
-    CamPair: cam.build,
+    CamJoint: cam.build,
 }
 
 
-def build_pairs(mechanism: Mechanism) -> Builder:
+def build_joints(mechanism: Mechanism) -> Builder:
     """Joints, relations and links of a whole mechanism."""
     builder = Builder(mechanism=mechanism, links={link.name: link for link in mechanism.links})
-    for pair in mechanism.pairs:
-        KINDS[type(pair)](pair, builder)
+    for joint in mechanism.joints:
+        KINDS[type(joint)](joint, builder)
     return builder

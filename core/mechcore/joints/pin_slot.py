@@ -2,22 +2,22 @@
 
 from __future__ import annotations
 
-from mechcore.joints.base import Builder, Joint, point_of
+from mechcore.joints.base import Builder, LoopJoint, point_of
 from mechcore.spec.mechanism import PinSlot
 
 
-def build(pair: PinSlot, builder: Builder) -> None:
-    first, second = builder.ends(pair)
-    along = complex(*pair.along)
+def build(joint: PinSlot, builder: Builder) -> None:
+    first, second = builder.ends(joint)
+    along = complex(*joint.along)
     builder.joints.append(
-        Joint(
-            name=pair.name,
+        LoopJoint(
+            name=joint.name,
             kind="pin_slot",
-            links=pair.links,
-            a=point_of(first, pair.points[0]),
-            b=point_of(second, pair.points[1]),
+            links=joint.links,
+            a=point_of(first, joint.points[0]),
+            b=point_of(second, joint.points[1]),
             turns=True,
             slide=along / abs(along),
-            guide=pair.guide,
+            guide=joint.guide,
         )
     )

@@ -1,24 +1,24 @@
-"""Prismatic pair: a point of one link on a straight guide of the other, the relative angle fixed."""
+"""Prismatic joint: a point of one link on a straight guide of the other, the relative angle fixed."""
 
 from __future__ import annotations
 
-from mechcore.joints.base import Builder, Joint, point_of
+from mechcore.joints.base import Builder, LoopJoint, point_of
 from mechcore.spec.mechanism import Prismatic
 
 
-def build(pair: Prismatic, builder: Builder) -> None:
-    first, second = builder.ends(pair)
-    along = complex(*pair.along)
+def build(joint: Prismatic, builder: Builder) -> None:
+    first, second = builder.ends(joint)
+    along = complex(*joint.along)
     builder.joints.append(
-        Joint(
-            name=pair.name,
+        LoopJoint(
+            name=joint.name,
             kind="prismatic",
-            links=pair.links,
-            a=point_of(first, pair.points[0]),
-            b=point_of(second, pair.points[1]),
+            links=joint.links,
+            a=point_of(first, joint.points[0]),
+            b=point_of(second, joint.points[1]),
             turns=False,
-            angle=pair.angle,
+            angle=joint.angle,
             slide=along / abs(along),
-            guide=pair.guide,
+            guide=joint.guide,
         )
     )

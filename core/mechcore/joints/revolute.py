@@ -1,20 +1,20 @@
-"""Revolute pair: two points coincide, the angle is free."""
+"""Revolute joint: two points coincide, the angle is free."""
 
 from __future__ import annotations
 
-from mechcore.joints.base import Builder, Joint, point_of
+from mechcore.joints.base import Builder, LoopJoint, point_of
 from mechcore.spec.mechanism import Revolute
 
 
-def build(pair: Revolute, builder: Builder) -> None:
-    first, second = builder.ends(pair)
+def build(joint: Revolute, builder: Builder) -> None:
+    first, second = builder.ends(joint)
     builder.joints.append(
-        Joint(
-            name=pair.name,
+        LoopJoint(
+            name=joint.name,
             kind="revolute",
-            links=pair.links,
-            a=point_of(first, pair.points[0]),
-            b=point_of(second, pair.points[1]),
+            links=joint.links,
+            a=point_of(first, joint.points[0]),
+            b=point_of(second, joint.points[1]),
             turns=True,
         )
     )

@@ -4,22 +4,22 @@ from __future__ import annotations
 
 from typing import Any
 
-from mechcore.joints.base import Builder, Joint, Relation, point_of
+from mechcore.joints.base import Builder, LoopJoint, Relation, point_of
 from mechcore.spec.mechanism import Rolling
 
 
-def build(pair: Rolling, builder: Builder) -> None:
-    edge, wheel = builder.ends(pair)
-    along = complex(*pair.along) / abs(complex(*pair.along))
-    side = 1.0 if pair.side == "left" else -1.0
+def build(joint: Rolling, builder: Builder) -> None:
+    edge, wheel = builder.ends(joint)
+    along = complex(*joint.along) / abs(complex(*joint.along))
+    side = 1.0 if joint.side == "left" else -1.0
     towards = -1j * along * side
     builder.joints.append(
-        Joint(
-            name=pair.name,
+        LoopJoint(
+            name=joint.name,
             kind="rolling",
-            links=pair.links,
-            a=point_of(edge, pair.points[0]),
-            b=point_of(wheel, pair.points[1]),
+            links=joint.links,
+            a=point_of(edge, joint.points[0]),
+            b=point_of(wheel, joint.points[1]),
             turns=True,
             slide=along,
             guide=0,
@@ -27,19 +27,19 @@ def build(pair: Rolling, builder: Builder) -> None:
     )
 
     def contact(motion: Any, multiplier: Any) -> tuple[Any, Any]:
-        k = motion.model.index[pair.links[0]]
+        k = motion.model.index[joint.links[0]]
         turn = motion.rotation(k)
-        centre = motion.joint_point(motion.model.joint_index[pair.name])
+        centre = motion.joint_point(motion.model.joint_index[joint.name])
         # the relation's first link is the edge, whose point moves backwards as the wheel's coordinate grows
-        return centre + pair.radius * towards * turn, -along * turn
+        return centre + joint.radius * towards * turn, -along * turn
 
     builder.relations.append(
         Relation(
-            name=pair.name,
+            name=joint.name,
             kind="rolling",
-            links=pair.links,
-            angles=((pair.links[1], side * pair.radius), (pair.links[0], -side * pair.radius)),
-            slides=((pair.name, 1.0),),
+            links=joint.links,
+            angles=((joint.links[1], side * joint.radius), (joint.links[0], -side * joint.radius)),
+            slides=((joint.name, 1.0),),
             contact=contact,
         )
     )

@@ -11,121 +11,124 @@ from mechcore.cams.spatial import Barrel, BarrelArm, Globoid, SpatialCam
 from mechcore.joints.base import Builder, point_of
 from mechcore.joints.cam_guides import fault_of, guide_in, place_on
 from mechcore.laws.curve import MotionCurve
-from mechcore.spec.mechanism import CamPair, Prismatic, Revolute, SpatialBlank
+from mechcore.spec.mechanism import CamJoint, Prismatic, Revolute, SpatialBlank
 from mechcore.texts import as_angle, as_length
 
 LEAST_ROLLERS = 6  # of a turret: those between ribs are up to one and a half steps from the middle, a quarter of a turn at most
 _SQUARE = 1e-9  # how far off perpendicular or on the line counts as exact
 
 
-def place_spatial(pair: CamPair, builder: Builder, carrier: str, guide: Prismatic | Revolute) -> Any:
+def place_spatial(joint: CamJoint, builder: Builder, carrier: str, guide: Prismatic | Revolute) -> Any:
     """The placed cam; raises where its parts do not lie as its kind wants them."""
-    blank = pair.spatial
-    assert blank is not None and pair.lift is not None
-    if not isinstance(pair.face, Roller):
-        raise fault_of(pair, "follower", "spatial cams are followed by rollers here.", "Give roller = ...")
-    law = pair.lift
+    blank = joint.spatial
+    assert blank is not None and joint.lift is not None
+    if not isinstance(joint.face, Roller):
+        raise fault_of(joint, "follower", "spatial cams are followed by rollers here.", "Give roller = ...")
+    law = joint.lift
     if blank.rollers:
-        _check_turret(pair, blank, guide, law)
+        _check_turret(joint, blank, guide, law)
     elif abs(law.length - 2.0 * math.pi) > 1e-9 or abs(law.advance) > 1e-12 * float(abs(law.limits(0)[0]).max()):
-        raise fault_of(pair, "profile.lift", "it does not close after a whole turn.", "Let it return to its start.")
+        raise fault_of(joint, "profile.lift", "it does not close after a whole turn.", "Let it return to its start.")
     law = law if law.repeats else law.repeating()
-    centre, own = builder.axis_between(pair, pair.links[0], carrier)
-    at = point_of(builder.links[pair.links[1]], pair.point)
-    pivot, arm, r = None, 0.0, pair.face.radius
+    centre, own = builder.axis_between(joint, joint.links[0], carrier)
+    at = point_of(builder.links[joint.links[1]], joint.point)
+    pivot, arm, r = None, 0.0, joint.face.radius
     stated = None if blank.axis is None else complex(*blank.axis) / abs(complex(*blank.axis))
     if isinstance(guide, Prismatic):
         if blank.kind == "globoid":
-            raise fault_of(pair, "follower.guide", "a globoidal cam moves an arm.", "Guide the follower by a revolute pair.")
+            raise fault_of(joint, "follower.guide", "a globoidal cam moves an arm.", "Guide the follower by a revolute joint.")
         up = guide_in(carrier, guide)[0]
         if stated is not None and abs((stated * up.conjugate()).imag) > _SQUARE:
-            raise fault_of(pair, "profile.axis", "the follower does not slide along it.", "Leave it out.")
+            raise fault_of(joint, "profile.axis", "the follower does not slide along it.", "Leave it out.")
         axes, place = up / 1j, place_on(builder, carrier, guide, at)
         off = ((place - centre) / axes).real
         if abs(off) > _SQUARE * max(abs(place), abs(centre)):
             raise fault_of(
-                pair,
+                joint,
                 "follower.point",
                 f"the roller's axis passes the cam's axis at {as_length(abs(off))}.",
                 "Guide it over the axis.",
             )
         mount: Any = Barrel()
-        start = pair.base
+        start = joint.base
     else:
-        pivot, hinge = builder.axis_between(pair, pair.links[1], carrier)
+        pivot, hinge = builder.axis_between(joint, joint.links[1], carrier)
         arm = abs(at - hinge)
         if arm == 0.0:
-            raise fault_of(pair, "follower.point", "it is the follower's own pivot.", "Name the middle of the roller.")
+            raise fault_of(joint, "follower.point", "it is the follower's own pivot.", "Name the middle of the roller.")
         if blank.kind == "globoid":
             if pivot == centre:
-                raise fault_of(pair, "follower.guide", "the arm's pivot lies on the cam's pin.", "Move it away from the axis.")
+                raise fault_of(joint, "follower.guide", "the arm's pivot lies on the cam's pin.", "Move it away from the axis.")
             axes = (pivot - centre) / abs(pivot - centre)
             if stated is not None and abs((stated * (1j * axes).conjugate()).imag) > _SQUARE:
-                raise fault_of(pair, "profile.axis", "it is not perpendicular to the line to the arm's pivot.", "Leave it out.")
+                raise fault_of(joint, "profile.axis", "it is not perpendicular to the line to the arm's pivot.", "Leave it out.")
             mount, height = Globoid(abs(pivot - centre)), 0.0
         else:
             if blank.kind == "rib":
                 raise fault_of(
-                    pair, "profile.rib", "two rollers on an arm do not keep to a rib.", "Give barrel = ..., or a guide that slides."
+                    joint,
+                    "profile.rib",
+                    "two rollers on an arm do not keep to a rib.",
+                    "Give barrel = ..., or a guide that slides.",
                 )
             if stated is None:
                 raise fault_of(
-                    pair, "profile.axis", "missing: an arm does not say where the cam's axis points.", "Give axis = [1, 0]."
+                    joint, "profile.axis", "missing: an arm does not say where the cam's axis points.", "Give axis = [1, 0]."
                 )
             axes = stated / 1j
             w = (pivot - centre) / axes
             if w.real <= 0.0:
-                raise fault_of(pair, "profile.axis", "the arm's pivot lies to the left of it.", "Turn the axis round.")
+                raise fault_of(joint, "profile.axis", "the arm's pivot lies to the left of it.", "Turn the axis round.")
             mount, height = BarrelArm((w.real, w.imag), arm), w.imag
-        sine = 0.0 if blank.rollers else (pair.base - height) / arm
+        sine = 0.0 if blank.rollers else (joint.base - height) / arm
         if not -1.0 < sine < 1.0:
             raise fault_of(
-                pair, "profile.base", f"the arm does not reach {as_length(pair.base)} along the axis.",
+                joint, "profile.base", f"the arm does not reach {as_length(joint.base)} along the axis.",
                 f"Give between {as_length(height - arm)} and {as_length(height + arm)}.",
             )  # fmt: skip
         start = math.asin(sine) if not blank.rollers else -0.5 * law.advance
-    inner, outer = _reach(pair, blank, arm)
+    inner, outer = _reach(joint, blank, arm)
     if blank.rollers:
-        _check_room(pair, blank, mount, r, arm, inner)
+        _check_room(joint, blank, mount, r, arm, inner)
     placed = PlacedSpatial(
-        name=pair.name, links=pair.links, carrier=carrier, guide=pair.guide,
-        cam=SpatialCam(law.raised(start), mount, r, inner, outer, pair.sense), blank=blank, centre=centre, axes=axes, own=own,
-        pivot=pivot, arm=arm, base=pair.base, form=pair.closure == "form", sense=pair.sense, phase=pair.phase,
-        pressure_limit=pair.pressure_limit,
+        name=joint.name, links=joint.links, carrier=carrier, guide=joint.guide,
+        cam=SpatialCam(law.raised(start), mount, r, inner, outer, joint.sense), blank=blank, centre=centre, axes=axes, own=own,
+        pivot=pivot, arm=arm, base=joint.base, form=joint.closure == "form", sense=joint.sense, phase=joint.phase,
+        pressure_limit=joint.pressure_limit,
     )  # fmt: skip
     placed.check()
     return placed
 
 
-def _check_turret(pair: CamPair, blank: SpatialBlank, guide: Prismatic | Revolute, law: MotionCurve) -> None:
+def _check_turret(joint: CamJoint, blank: SpatialBlank, guide: Prismatic | Revolute, law: MotionCurve) -> None:
     """An indexing cam moves its turret on by one roller in every turn."""
     if blank.kind not in ("barrel", "globoid") or not isinstance(guide, Revolute):
         raise fault_of(
-            pair, "profile", "a turret of rollers turns about a pivot.", "Give barrel or globoid, and guide = a revolute pair."
+            joint, "profile", "a turret of rollers turns about a pivot.", "Give barrel or globoid, and guide = a revolute joint."
         )
-    if pair.closure != "form":
-        raise fault_of(pair, "closure", "the rollers of a turret run between ribs.", "Give closure = 'form'.")
+    if joint.closure != "form":
+        raise fault_of(joint, "closure", "the rollers of a turret run between ribs.", "Give closure = 'form'.")
     if blank.rollers < LEAST_ROLLERS:
         why = f"a turret of {blank.rollers}: the ribs would have to follow its rollers around to its other side."
-        raise fault_of(pair, f"profile.{blank.kind}.rollers", why, f"Give {LEAST_ROLLERS} or more.")
+        raise fault_of(joint, f"profile.{blank.kind}.rollers", why, f"Give {LEAST_ROLLERS} or more.")
     step = 2.0 * math.pi / blank.rollers
     if abs(law.length - 2.0 * math.pi) > 1e-9 or abs(abs(law.advance) - step) > 1e-9:
         raise fault_of(
-            pair, "profile.lift",
+            joint, "profile.lift",
             f"in {as_angle(law.length)} it ends at {as_angle(law.advance)}: a turret of {blank.rollers} "
             "rollers goes on by one of them every turn.",
             f"Let it end at {as_angle(step)} after a whole turn.",
         )  # fmt: skip
 
 
-def _check_room(pair: CamPair, blank: SpatialBlank, mount: Any, r: float, arm: float, inner: float) -> None:
+def _check_room(joint: CamJoint, blank: SpatialBlank, mount: Any, r: float, arm: float, inner: float) -> None:
     """Between two rollers there is room for a rib, and those of a barrel stay over it while they are in it."""
     step = 2.0 * math.pi / blank.rollers
     room = room_of_rollers(blank, arm, inner)
     if not r < room:
         apart = 2.0 * (inner if blank.kind == "globoid" else arm) * math.sin(0.5 * step)
         raise fault_of(
-            pair, "follower.roller",
+            joint, "follower.roller",
             f"{blank.rollers} rollers of {as_length(r)} stand {as_length(apart)} apart: no rib between them.",
             f"Give less than {as_length(room, 4)}, or fewer rollers.",
         )  # fmt: skip
@@ -133,22 +136,22 @@ def _check_room(pair: CamPair, blank: SpatialBlank, mount: Any, r: float, arm: f
         far = max(abs(mount.pivot[0] - arm * math.cos(k * step)) for k in (0.0, 1.5))
         if not far < 0.9 * inner:
             raise fault_of(
-                pair, "profile.barrel",
+                joint, "profile.barrel",
                 f"the rollers pass its axis at up to {as_length(far)}, its core has {as_length(inner)}.",
                 "Give more rollers or a larger barrel, or a pivot as far from the axis as the rollers.",
             )  # fmt: skip
 
 
-def _reach(pair: CamPair, blank: SpatialBlank, arm: float) -> tuple[float, float]:
+def _reach(joint: CamJoint, blank: SpatialBlank, arm: float) -> tuple[float, float]:
     """The range of the roller's axis that touches: from the cam's axis, or from the pivot of a globoid's arm [m]."""
     if blank.kind == "globoid":
         if not 0.0 < blank.depth < 2.0 * arm:
             why = f"a depth of {as_length(blank.depth)} about the end of an arm of {as_length(arm)}."
-            raise fault_of(pair, "profile.globoid.depth", why, "Give a smaller one.")
+            raise fault_of(joint, "profile.globoid.depth", why, "Give a smaller one.")
         return arm - 0.5 * blank.depth, arm + 0.5 * blank.depth
     if not 0.0 < blank.depth < blank.radius:
         raise fault_of(
-            pair,
+            joint,
             f"profile.{blank.kind}.depth",
             f"a depth of {as_length(blank.depth)} in a radius of {as_length(blank.radius)}.",
             "Give a smaller one.",

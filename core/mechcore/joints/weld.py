@@ -2,20 +2,20 @@
 
 from __future__ import annotations
 
-from mechcore.joints.base import Builder, Joint, point_of
+from mechcore.joints.base import Builder, LoopJoint, point_of
 from mechcore.spec.mechanism import Weld
 
 
-def build(pair: Weld, builder: Builder) -> None:
-    first, second = builder.ends(pair)
+def build(joint: Weld, builder: Builder) -> None:
+    first, second = builder.ends(joint)
     builder.joints.append(
-        Joint(
-            name=pair.name,
+        LoopJoint(
+            name=joint.name,
             kind="weld",
-            links=pair.links,
-            a=point_of(first, pair.points[0]),
-            b=point_of(second, pair.points[1]),
+            links=joint.links,
+            a=point_of(first, joint.points[0]),
+            b=point_of(second, joint.points[1]),
             turns=False,
-            angle=pair.angle,
+            angle=joint.angle,
         )
     )

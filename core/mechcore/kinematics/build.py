@@ -1,4 +1,4 @@
-"""Compiling a mechanism: links and pairs as indices, loops, blocks in solving order."""
+"""Compiling a mechanism: links and joints as indices, loops, blocks in solving order."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 
 from mechcore.errors import Fault, MechanismError
-from mechcore.joints.base import Joint, Relation
-from mechcore.joints.parts import build_pairs
+from mechcore.joints.base import LoopJoint, Relation
+from mechcore.joints.parts import build_joints
 from mechcore.kinematics.model import Model
 from mechcore.kinematics.program import Block, LinearConstraint, NonlinearTerm, VectorSum, vector_sum
 from mechcore.spec.mechanism import Mechanism
@@ -23,20 +23,20 @@ from mechcore.topology.order import block_order
 def build_model(mechanism: Mechanism) -> Model:
     """Compile a mechanism: graph, loops, blocks. Raises `MechanismError` where the description contradicts itself."""
     check_items(mechanism)
-    parts = build_pairs(mechanism)
+    parts = build_joints(mechanism)
     names = (mechanism.frame, *(k for k in parts.links if k != mechanism.frame))
     index = {k: i for i, k in enumerate(names)}
     joints = tuple(parts.joints)
     joint_index = {j.name: i for i, j in enumerate(joints)}
     ends = tuple((index[j.links[0]], index[j.links[1]]) for j in joints)
-    turned = [k for d in mechanism.drives if d.pair in joint_index for k in joints[joint_index[d.pair]].links]
+    turned = [k for d in mechanism.drives if d.joint in joint_index for k in joints[joint_index[d.joint]].links]
     decided = {k for k in turned if turned.count(k) > 1} | {k for r in parts.relations for k, _ in r.angles}
     check_lengths(joints, ends, names, decided)
-    undrivable = [d.pair for d in mechanism.drives if d.pair not in joint_index or not joints[joint_index[d.pair]].freedoms]
+    undrivable = [d.joint for d in mechanism.drives if d.joint not in joint_index or not joints[joint_index[d.joint]].freedoms]
     if undrivable:
         why = "has no coordinate that a drive could prescribe."
-        raise MechanismError([Fault(f"joints.{p}.drive", why, "Drive a revolute or sliding pair instead.") for p in undrivable])
-    driven = {joint_index[d.pair]: i for i, d in enumerate(mechanism.drives)}
+        raise MechanismError([Fault(f"joints.{p}.drive", why, "Drive a revolute or sliding joint instead.") for p in undrivable])
+    driven = {joint_index[d.joint]: i for i, d in enumerate(mechanism.drives)}
     n = len(names)
 
     turning = angles(n, ends, joints, driven)
@@ -45,7 +45,7 @@ def build_model(mechanism: Mechanism) -> Model:
     tree = spanning_tree(n, ends, order, equations)
     if len(tree.order) < n - 1:
         lost = [k for i, k in enumerate(names) if i and tree.parent[i] < 0]
-        raise MechanismError([Fault(f"links.{k}", "no chain of pairs joins it to the frame.", "Add a pair.") for k in lost])
+        raise MechanismError([Fault(f"links.{k}", "no chain of joints joins it to the frame.", "Add a joint.") for k in lost])
     closed = vector_loops(ends, joints, tree)
     turn = tuple(cmath.exp(1j * o) for o in turning.offset)
     sums = tuple(loop_sum(c, turning, turn) for c in closed)
@@ -70,7 +70,7 @@ def build_model(mechanism: Mechanism) -> Model:
         constraints=constraints,
         multi_turn=tuple(sorted(multi_turn)),
         blocks=blocks,
-        free=_free_pairs(loose, turning, joints, ends),
+        free=_free_joints(loose, turning, joints, ends),
         turn=turn,
         length_scale=size,
         index=index,
@@ -146,7 +146,7 @@ def _check_curves(blocks: tuple[Block, ...], constraints: tuple[LinearConstraint
                     Fault(
                         f"joints.{constraints[r].name}",
                         "here the follower drives the cam: a dwell or a reversal then leaves the cam's place open.",
-                        "Drive the cam (its revolute pair, or what turns it), and let it drive the follower.",
+                        "Drive the cam (its revolute joint, or what turns it), and let it drive the follower.",
                     )
                 )
     if faults:
@@ -158,7 +158,7 @@ def _blocks(
     closing: tuple[int, ...],
     constraints: tuple[LinearConstraint, ...],
     turning: Angles,
-    joints: tuple[Joint, ...],
+    joints: tuple[LoopJoint, ...],
     ends: tuple[tuple[int, int], ...],
     driven: Mapping[int, int],
     size: float,
@@ -197,7 +197,7 @@ def _blocks(
                 loops=own,
                 angles=group,
                 slides=slides,
-                name=joints[_inner_pair(own, group, slides, closing, between)].name if own else constraints[own_relations[0]].name,
+                name=joints[_inner_joint(own, group, slides, closing, between)].name if own else constraints[own_relations[0]].name,
                 redundant=2 * len(own) + len(own_relations) - len(unknowns),
                 relations=own_relations,
             )
@@ -231,7 +231,7 @@ def _kind(
     return "arm_slide" if carrier == group[0] else "theta_slide"
 
 
-def _inner_pair(
+def _inner_joint(
     own: tuple[int, ...],
     group: tuple[int, ...],
     slides: tuple[int, ...],
@@ -244,10 +244,10 @@ def _inner_pair(
     return slides[0] if slides else closing[own[0]]
 
 
-def _free_pairs(
-    loose: list[tuple[str, int]], turning: Angles, joints: tuple[Joint, ...], ends: tuple[tuple[int, int], ...]
+def _free_joints(
+    loose: list[tuple[str, int]], turning: Angles, joints: tuple[LoopJoint, ...], ends: tuple[tuple[int, int], ...]
 ) -> tuple[str, ...]:
-    """Pairs next to unknowns that nothing determines, in words a user knows."""
+    """Joints next to unknowns that nothing determines, in words a user knows."""
     groups = {i for what, i in loose if what == "angle"}
     slides = {i for what, i in loose if what == "slide"}
     return tuple(

@@ -31,14 +31,15 @@ class Vectors(NamedTuple):
 
 class Columns(NamedTuple):
     """``table[c][u]``: derivative of the c-th loop of a block by its u-th unknown, plain zero where it does not depend on it;
-    ``constraints[r][u]``: of its r-th relation. Where there is one loop and two unknowns (every dyad) ``pair`` and ``dual``
+    ``constraints[r][u]``: of its r-th relation. Where there is one loop and two unknowns (every dyad) ``direct`` and ``dual``
     stand for the table: the two columns, both turned back by a right angle, and the dual basis, such that unknown k of ``columns @
-    x + r = 0`` is ``Im(r dual[k])``; the force that balances the generalised forces q is ``(q[0] pair[1] - q[1] pair[0]) inverse``,
+    x + r = 0`` is ``Im(r dual[k])``; the force that balances the generalised forces q is ``(q[0] direct[1] - q[1] direct[0])
+    inverse``,
     where ``1 / inverse`` is their cross product."""
 
     table: tuple[tuple[Plane, ...], ...]
     constraints: tuple[tuple[Values, ...], ...] = ()
-    pair: tuple[Any, Any] | None = None
+    direct: tuple[Any, Any] | None = None
     dual: tuple[Any, Any] | None = None
     inverse: Any = None
 
@@ -76,7 +77,7 @@ def columns(model: Model, block: Block, vectors: Sequence[Vectors]) -> Columns:
         inverse = 1.0 / (mirrored * v).imag
         over = imaginary(inverse)
         dual = (v * over).conjugate() if isinstance(v, np.ndarray) else -v.conjugate() * over  # a resting guide's is one number
-        return Columns((), pair=(u, v), dual=(dual, mirrored * over), inverse=inverse)
+        return Columns((), direct=(u, v), dual=(dual, mirrored * over), inverse=inverse)
     unknowns = block.unknowns
     table = tuple(
         tuple(column(vectors[c], x, numbers) for x, numbers in zip(unknowns, loops[c].columns, strict=True)) for c in block.loops
@@ -134,8 +135,8 @@ def transposed(block: Block, cols: Columns, q: list[Values]) -> tuple[list[Plane
     """Loop forces (complex) and relation forces that balance the generalised forces ``q`` of the block's unknowns."""
     if block.kind == "relation":
         return [], [q[0] / cols.constraints[0][0]]
-    if cols.pair is not None:
-        (u, v), (a, b) = cols.pair, q
+    if cols.direct is not None:
+        (u, v), (a, b) = cols.direct, q
         return [added(0j if nothing(a) else v * (a * cols.inverse), 0j if nothing(b) else u * (b * cols.inverse), -1)], []
     first = cols.table[0]
     if len(cols.table) == 1 and len(first) == 1 and not cols.constraints:  # one left over: the shortest force that balances
@@ -153,10 +154,10 @@ def transposed(block: Block, cols: Columns, q: list[Values]) -> tuple[list[Plane
 
 def matrix_of(cols: Columns) -> tuple[Real, tuple[int, ...]]:
     """The columns as real matrices (..., 2 loops + relations, unknowns)."""
-    if cols.pair is not None:
-        shape = np.broadcast_shapes(*(np.shape(c) for c in cols.pair))
+    if cols.direct is not None:
+        shape = np.broadcast_shapes(*(np.shape(c) for c in cols.direct))
         matrix = np.empty((*shape, 2, 2))
-        for k, c in enumerate(cols.pair):  # turned back by a right angle: i c is the column
+        for k, c in enumerate(cols.direct):  # turned back by a right angle: i c is the column
             matrix[..., 0, k], matrix[..., 1, k] = -np.imag(c), np.real(c)
         return matrix, shape
     shape = np.broadcast_shapes(*(np.shape(c) for row in cols.table for c in row if not nothing(c)))
@@ -174,8 +175,8 @@ def matrix_of(cols: Columns) -> tuple[Real, tuple[int, ...]]:
 def condition(model: Model, block: Block, cols: Columns) -> Values:
     """Condition number of a block's columns, lengths in units of the mechanism's size (inf where singular)."""
     k = len(block.angles)
-    if cols.pair is not None:
-        first: list[Any] = [c / model.length_scale if i < k else c for i, c in enumerate(cols.pair)]
+    if cols.direct is not None:
+        first: list[Any] = [c / model.length_scale if i < k else c for i, c in enumerate(cols.direct)]
         total: Any = sum(np.real(c) ** 2 + np.imag(c) ** 2 for c in first)
         product = abs(cross(first[0], first[1]))
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):

@@ -1,6 +1,6 @@
 """Closed forms for the loop equations with two unknowns: these solve every dyad (Assur group of class II).
 
-In the loop form there are only four, whatever the order of revolute and prismatic pairs in the group:
+In the loop form there are only four, whatever the order of revolute and prismatic joints in the group:
 
 ============== ================================== ==================
 `theta_theta`  ``A e1 + B e2 = C``                RRR

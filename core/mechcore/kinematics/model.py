@@ -1,6 +1,6 @@
-"""A mechanism compiled: links and pairs as indices, loops, blocks in solving order. Nothing here depends on time.
+"""A mechanism compiled: links and joints as indices, loops, blocks in solving order. Nothing here depends on time.
 
-The unknowns are the angles of the groups of links that turn together, and the displacements of the sliding pairs without a drive:
+The unknowns are the angles of the groups of links that turn together, and the displacements of the sliding joints without a drive:
 nothing else. `Model.program` is the order of solution.
 """
 
@@ -13,7 +13,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from mechcore.joints.base import Joint, Relation
+from mechcore.joints.base import LoopJoint, Relation
 from mechcore.kinematics.program import Block, DrivenSlide, LinearConstraint, Program, VectorSum, compile_program, vector_sum
 from mechcore.numerics.frames import nothing
 from mechcore.spec.mechanism import Link, Mechanism
@@ -26,7 +26,7 @@ MOST = 6  # vectors of a point's sum: beyond, it is cheaper to go from link to l
 
 @dataclass(frozen=True)
 class Connection:
-    """A pair as results know it: ``links`` are its first and second."""
+    """A joint as results know it: ``links`` are its first and second."""
 
     name: str
     kind: str
@@ -39,7 +39,7 @@ class Model:
 
     mechanism: Mechanism
     links: tuple[str, ...]  # the frame first
-    joints: tuple[Joint, ...]
+    joints: tuple[LoopJoint, ...]
     ends: tuple[tuple[int, int], ...]  # of each joint
     driven: Mapping[int, int]  # joint -> drive
     angles: Angles
@@ -51,14 +51,14 @@ class Model:
     constraints: tuple[LinearConstraint, ...]  # of the relations
     multi_turn: tuple[int, ...]  # groups with a closed form whose angle a relation needs beyond one turn
     blocks: tuple[Block, ...]
-    free: tuple[str, ...]  # pairs around freedoms that no drive takes
+    free: tuple[str, ...]  # joints around freedoms that no drive takes
     turn: tuple[complex, ...]  # of each link: rotation from its rotation class's axes to its own
     length_scale: float  # largest extent of a moving link [m]
     index: Mapping[str, int] = field(default_factory=dict)  # of links
     joint_index: Mapping[str, int] = field(default_factory=dict)
 
     varied: Mapping[tuple[str, str], Any] = field(default_factory=dict)  # (link, point) -> places in a sweep (designs, 1)
-    bodies: Mapping[str, Link] = field(default_factory=dict)  # all links, those that pairs bring along included
+    bodies: Mapping[str, Link] = field(default_factory=dict)  # all links, those that joints bring along included
 
     all_together: bool = False  # whether reactions are solved for all joints together even where blocks would do
 
@@ -78,13 +78,13 @@ class Model:
         joints = [Connection(j.name, j.kind, j.links) for j in self.joints]
         return (*joints, *(Connection(r.name, r.kind, r.links) for r in self.relations if r.name not in self.joint_index))
 
-    def rotary(self, pair: str) -> bool:
-        """Whether a pair's coordinate is an angle [rad], not a displacement [m]; a relation of wheels counts as one that turns."""
-        return pair not in self.joint_index or self.joints[self.joint_index[pair]].coordinate == "angle"
+    def rotary(self, joint: str) -> bool:
+        """Whether a joint's coordinate is an angle [rad], not a displacement [m]; a relation of wheels counts as one that turns."""
+        return joint not in self.joint_index or self.joints[self.joint_index[joint]].coordinate == "angle"
 
-    def coordinate_scale(self, pair: str) -> float:
-        """Typical size of a pair's coordinate: 1 rad, or the length scale of the mechanism [m]."""
-        return 1.0 if self.rotary(pair) else self.length_scale
+    def coordinate_scale(self, joint: str) -> float:
+        """Typical size of a joint's coordinate: 1 rad, or the length scale of the mechanism [m]."""
+        return 1.0 if self.rotary(joint) else self.length_scale
 
     @cached_property
     def points(self) -> tuple[dict[str, complex], ...]:

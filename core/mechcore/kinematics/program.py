@@ -103,7 +103,7 @@ class Block:
     loops: tuple[int, ...]  # numbers of its loops
     angles: tuple[int, ...]  # unknown groups
     slides: tuple[int, ...]  # unknown sliding joints
-    name: str  # the pair by which users know the group
+    name: str  # the joint by which users know the group
     redundant: int = 0  # equations that are left over
     relations: tuple[int, ...] = ()  # numbers of its constraints
 

@@ -59,14 +59,14 @@ class Compiled:
 def drive_values(
     mechanism: Mechanism, time: Real, given: Mapping[str, tuple[ArrayLike, ArrayLike, ArrayLike]] | None = None
 ) -> DriveValues:
-    """Where the drives are at times (F,) by their laws, or as ``given`` by the names of their pairs."""
+    """Where the drives are at times (F,) by their laws, or as ``given`` by the names of their joints."""
     values: DriveValues = []
     for d in mechanism.drives:
         if given is None and isinstance(d.law, ConstantSpeed):  # rates that do not change cost nothing as single numbers
             turned = d.law.speed * time
             values.append((turned + d.law.start if d.law.start else turned, float(d.law.speed), 0.0))
             continue
-        q, v, a = (np.asarray(x, float) for x in (given[d.pair] if given is not None and d.pair in given else d.law(time)))
+        q, v, a = (np.asarray(x, float) for x in (given[d.joint] if given is not None and d.joint in given else d.law(time)))
         if not q.shape == v.shape == a.shape == time.shape:
             q, v, a = (np.broadcast_to(x, time.shape) for x in (q, v, a))
         values.append((q, v, a))
@@ -138,7 +138,7 @@ def _angles(compiled: Compiled, frames: Frames, time: Real, *, in_time: bool) ->
 
     def placed(time: Real, given: Real | None = None) -> Frames:
         rest = np.zeros(len(time))
-        led = None if given is None else {d.pair: (q, rest, rest) for d, q in zip(drives, given.T, strict=True)}
+        led = None if given is None else {d.joint: (q, rest, rest) for d, q in zip(drives, given.T, strict=True)}
         motion = follow(compiled, time, led)
         return [d[0] for d in motion.drives], motion.state, motion.shape
 

@@ -1,6 +1,6 @@
 """The loop equations of a mechanism in readable form, as the contour-graph method writes them (planar case).
 
-Round a loop 0-1-...-n-0, with the pair A_i joining body i-1 to body i, r_i its place, w_ij = w_i - w_j:
+Round a loop 0-1-...-n-0, with the joint A_i joining body i-1 to body i, r_i its place, w_ij = w_i - w_j:
 
     sum w_(i,i-1) = 0                                         sum e_(i,i-1) = 0
     sum ( y_i w_(i,i-1), -x_i w_(i,i-1)) + sum v_i = 0        the same with e and relative accelerations
@@ -23,14 +23,14 @@ from mechcore.motion.motion import Motion
 
 def loop_equations(motion: Motion, frame: int = 0) -> list[str]:
     """Lines of text: the legend, then for every loop its velocity and acceleration equations, with numbers at a frame, and the
-    equation of every gear, rack, belt, rolling or cam pair."""
+    equation of every gear, rack, belt, rolling or cam joint."""
     model = motion.model
     turning = [s != model.angles.rotation_class[0] for s in model.angles.rotation_class]
     lines = ["bodies  " + ", ".join(f"{i} {name}" for i, name in enumerate(model.links))]
     lines.append(
-        "w_ij = w_i - w_j [rad/s], e_ij alike [rad/s2]; v_A, a_A: sliding velocity and acceleration along the guide of pair A;"
+        "w_ij = w_i - w_j [rad/s], e_ij alike [rad/s2]; v_A, a_A: sliding velocity and acceleration along the guide of joint A;"
     )
-    lines.append("places of the pairs in metres, at the start; positive angles counter-clockwise")
+    lines.append("places of the joints in metres, at the start; positive angles counter-clockwise")
 
     for number, loop in enumerate(model.loops, 1):
         steps = _around(model, loop.closing)
@@ -57,7 +57,7 @@ def loop_equations(motion: Motion, frame: int = 0) -> list[str]:
                 y2.append(term(-z.real, f"e_{q},{p}"))
             if joint.slide is not None:
                 d = complex(np.broadcast_to(motion.guide(j), motion.frames)[frame])
-                # relative velocity of body q's point at the pair against body p's, in the direction in which the coordinate grows
+                # relative velocity of body q's point at the joint against body p's, in the direction in which the coordinate grows
                 d = d if model.ends[j][joint.guide] == p else -d
                 carrier = model.ends[j][joint.guide]
                 first.append(along(d.real, f"v_{joint.name}"))

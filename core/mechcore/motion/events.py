@@ -60,7 +60,7 @@ def overshoots(mechanism: Mechanism) -> Iterator[Event]:
     """Splines of loads and drives that leave the range of the two rows between which they are, and how far."""
     factors = [(load.name, getattr(load, "factor", None)) for load in mechanism.loads]
     tables: list[tuple[str, Any]] = [(name, factor.function) for name, factor in factors if factor is not None]
-    for name, table in [*tables, *((drive.pair, drive.law) for drive in mechanism.drives)]:
+    for name, table in [*tables, *((drive.joint, drive.law) for drive in mechanism.drives)]:
         if isinstance(table, Table | TableLaw):
             far, row = table.overshoot
             if far > OVERSHOOT:
@@ -103,10 +103,10 @@ def _at(motion: Motion, rows: Real, t: float) -> float:
     return float(rows[k, 0] + d * (rows[k, 1] + 0.5 * d * rows[k, 2]))
 
 
-def _words(motion: Motion, pair: str, value: float) -> str:
-    if abs(value) < 1e-9 * np.max(np.abs(motion.coordinate(pair)), initial=0.0):  # rounding
+def _words(motion: Motion, joint: str, value: float) -> str:
+    if abs(value) < 1e-9 * np.max(np.abs(motion.coordinate(joint)), initial=0.0):  # rounding
         value = 0.0
-    rotary = motion.model.rotary(pair)
+    rotary = motion.model.rotary(joint)
     return as_coordinate(value, rotary=rotary, digits=4 if rotary else 5)
 
 
@@ -120,46 +120,46 @@ def at_drive(motion: Motion, t: float) -> str:
     places = []
     for d in motion.mechanism.drives:
         led = motion.again is not None  # by the laws, which are exact between frames too
-        value = float(d.law(t)[0]) if led else _at(motion, motion.coordinate(d.pair), t)
-        places.append(f"drive {d.pair} at {_words(motion, d.pair, value)}")
+        value = float(d.law(t)[0]) if led else _at(motion, motion.coordinate(d.joint), t)
+        places.append(f"drive {d.joint} at {_words(motion, d.joint, value)}")
     return ", ".join(places)
 
 
-def _exactly(motion: Motion, pair: str, times: Real) -> Real:
+def _exactly(motion: Motion, joint: str, times: Real) -> Real:
     """A coordinate (n,) at times between frames, solved for again where laws lead the motion."""
-    rows = motion.coordinate(pair)
+    rows = motion.coordinate(joint)
     rough = np.array([_at(motion, rows, float(t)) for t in times])
     if motion.again is None or not len(times):
         return rough
-    return np.asarray(motion.again(times).coordinate(pair)[:, 0])
+    return np.asarray(motion.again(times).coordinate(joint)[:, 0])
 
 
 def limit_positions(motion: Motion) -> Iterator[tuple[str, Real, Real]]:
-    """Undriven pairs at the frame that move, each with the times [s] of its limit positions, where the link turns back while the
+    """Undriven joints at the frame that move, each with the times [s] of its limit positions, where the link turns back while the
     drives go on, and its coordinates there [rad or m]."""
-    driven = {d.pair for d in motion.mechanism.drives}
+    driven = {d.joint for d in motion.mechanism.drives}
     stops: list[Any] = [turning_points(motion.time, q[1], q[2]) for q in motion.drives]
     reversals = np.concatenate([np.zeros(0), *stops])
     near = 1e-6 * max(float(np.ptp(motion.time)), 1e-300) if motion.frames else 0.0
-    for pair in motion.mechanism.pairs:
-        if pair.name in driven or motion.mechanism.frame not in pair.links:
+    for joint in motion.mechanism.joints:
+        if joint.name in driven or motion.mechanism.frame not in joint.links:
             continue
-        rows = motion.coordinate(pair.name)
+        rows = motion.coordinate(joint.name)
         if not np.isfinite(rows).all() or np.abs(rows[:, 1]).max(initial=0.0) <= _still(motion, rows):
             continue
         times = turning_points(motion.time, rows[:, 1], rows[:, 2])
         times = np.sort([t for t in times if not np.any(np.abs(reversals - t) < near)])
-        times = zeros(motion, partial(_rates, pair.name), times)
-        yield pair.name, times, _exactly(motion, pair.name, times)
+        times = zeros(motion, partial(_rates, joint.name), times)
+        yield joint.name, times, _exactly(motion, joint.name, times)
 
 
 def _limits(motion: Motion) -> Iterator[Event]:
-    for pair, times, values in limit_positions(motion):
-        rows = motion.coordinate(pair)
+    for joint, times, values in limit_positions(motion):
+        rows = motion.coordinate(joint)
         for t, value in zip(times, values, strict=True):
             side = "largest" if np.interp(t, motion.time, rows[:, 2]) < 0 else "smallest"
-            text = _placed(f"limit position: coordinate {side}, {_words(motion, pair, value)}", motion, float(t))
-            yield Event(float(t), "INFO", pair, text, float(value))
+            text = _placed(f"limit position: coordinate {side}, {_words(motion, joint, value)}", motion, float(t))
+            yield Event(float(t), "INFO", joint, text, float(value))
 
 
 def _still(motion: Motion, rows: Real) -> float:
@@ -172,17 +172,19 @@ def _drive_events(motion: Motion) -> Iterator[Event]:
     """Starts, stops and reversals of drives, and the zone boundaries of their laws."""
     first, last = (float(motion.time[0]), float(motion.time[-1])) if motion.frames else (0.0, 0.0)
     for drive in motion.mechanism.drives:
-        rows = motion.coordinate(drive.pair)
+        rows = motion.coordinate(drive.joint)
         q = rows[:, 0]
         for t in turning_points(motion.time, rows[:, 1], rows[:, 2]):
-            where = _words(motion, drive.pair, _at(motion, rows, float(t)))
-            yield Event(float(t), "INFO", drive.pair, f"drive reverses at {where}")
+            where = _words(motion, drive.joint, _at(motion, rows, float(t)))
+            yield Event(float(t), "INFO", drive.joint, f"drive reverses at {where}")
         rests = runs(np.abs(rows[:, 1]) <= NOISE * np.abs(rows[:, 1]).max(initial=0.0))
         for start, end in rests if len(rests) and (rests[0][1] - rests[0][0] + 1 < motion.frames) else ():
             if start > 0 and (end > start or end == motion.frames - 1):
-                yield Event(float(motion.time[start]), "INFO", drive.pair, f"drive stops at {_words(motion, drive.pair, q[start])}")
+                yield Event(
+                    float(motion.time[start]), "INFO", drive.joint, f"drive stops at {_words(motion, drive.joint, q[start])}"
+                )
             if end < motion.frames - 1 and (end > start or start == 0):
-                yield Event(float(motion.time[end]), "INFO", drive.pair, f"drive starts at {_words(motion, drive.pair, q[end])}")
+                yield Event(float(motion.time[end]), "INFO", drive.joint, f"drive starts at {_words(motion, drive.joint, q[end])}")
         if not np.array_equal(drive.law(motion.time)[0], rows[:, 0]):
             continue  # the motion was made with other drive values than the law's
         if not moves(drive.law):
@@ -193,10 +195,10 @@ def _drive_events(motion: Motion) -> Iterator[Event]:
         step = (last - first) / max(motion.frames - 1, 1)
         for t in np.ravel(cycles[:, None] * drive.law.duration + breaks):
             if first < t < last and not np.any(np.abs(edges - t) < step):  # a start or stop has been reported already
-                where = _words(motion, drive.pair, float(drive.law(t)[0]))
+                where = _words(motion, drive.joint, float(drive.law(t)[0]))
                 shock = getattr(drive.law, "shock", None)  # programs know what jumps there
                 what = f": {shock(float(t))}" if shock is not None and shock(float(t)) else ""
-                yield Event(float(t), "INFO", drive.pair, f"zone boundary of the drive's law at {where}{what}")
+                yield Event(float(t), "INFO", drive.joint, f"zone boundary of the drive's law at {where}{what}")
 
 
 def _singular(motion: Motion) -> Iterator[Event]:
@@ -223,13 +225,13 @@ def _extremes(motion: Motion) -> Iterator[Event]:
     """Where the answers that a scene asks for become extreme, between frames too."""
     asked = motion.mechanism.answers
     if "transmission_angle" in asked:
-        for pair in transmission_angles(motion):
-            t, flat = peak(motion, partial(_squared_cosine, pair))
+        for joint in transmission_angles(motion):
+            t, flat = peak(motion, partial(_squared_cosine, joint))
             if np.isfinite(t):
-                angle = float(_there(motion, partial(_transmission_angle, pair), t))
+                angle = float(_there(motion, partial(_transmission_angle, joint), t))
                 level: Literal["INFO", "WARN"] = "WARN" if flat > np.cos(np.radians(POOR)) ** 2 else "INFO"
                 text = _placed(f"worst transmission angle of the run, {as_angle(angle, 4)}", motion, t)
-                yield Event(t, level, pair, text, angle)
+                yield Event(t, level, joint, text, angle)
     if "velocity_ratio" in asked or "mechanical_advantage" in asked:
         yield from _ratios(motion, asked)
     if "curvature" in asked:
@@ -242,69 +244,69 @@ def _extremes(motion: Motion) -> Iterator[Event]:
 
 def _ratios(motion: Motion, asked: Sequence[str]) -> Iterator[Event]:
     """Extremes of velocity ratios, and of the mechanical advantage, which is the reciprocal of those at the frame."""
-    first = motion.mechanism.drives[0].pair
+    first = motion.mechanism.drives[0].joint
     at_frame = {c.name for c in motion.model.connections if motion.mechanism.frame in c.links and c.name != first}
     dead = np.array([c.time for c in motion.changes if c.dead])
     step = float(np.max(np.diff(motion.time), initial=0.0))
-    for pair, ratio in velocity_ratios(motion).items():
+    for joint, ratio in velocity_ratios(motion).items():
         finite = ratio[np.isfinite(ratio)]
         if not len(finite) or np.ptp(finite) <= NOISE * motion.model.length_scale:
             continue
-        t, _ = peak(motion, partial(_squared_ratio, pair))
+        t, _ = peak(motion, partial(_squared_ratio, joint))
         near = dead[np.abs(dead - t) <= 2.0 * step] if np.isfinite(t) else dead
         if len(near):
             t, value = float(near[0]), np.inf
             words = "velocity ratio without bound at the drive's dead point"
         else:
-            value = float(_there(motion, partial(_ratio, pair), t))
+            value = float(_there(motion, partial(_ratio, joint), t))
             words = f"largest velocity ratio of the run, {value:.5g}"
         if "velocity_ratio" in asked:
-            yield Event(t, "INFO", pair, _placed(words, motion, t), value)
-        if "mechanical_advantage" in asked and pair in at_frame:
+            yield Event(t, "INFO", joint, _placed(words, motion, t), value)
+        if "mechanical_advantage" in asked and joint in at_frame:
             least = 0.0 if np.isinf(value) else 1.0 / abs(value)
             words = f"smallest mechanical advantage of the run, {least:.5g}"
-            yield Event(t, "INFO", pair, _placed(words, motion, t), least)
-            yield from _toggles(motion, pair)
+            yield Event(t, "INFO", joint, _placed(words, motion, t), least)
+            yield from _toggles(motion, joint)
 
 
-def _toggles(motion: Motion, pair: str) -> Iterator[Event]:
-    """Where the mechanical advantage of a pair grows without bound: its velocity ratio passes through zero."""
+def _toggles(motion: Motion, joint: str) -> Iterator[Event]:
+    """Where the mechanical advantage of a joint grows without bound: its velocity ratio passes through zero."""
 
     def rows(m: Motion) -> Real:
         """The ratio and its rate in time: the second derivative by the drive times the drive's speed."""
-        unit = per_unit(m).coordinate(pair)
+        unit = per_unit(m).coordinate(joint)
         return np.stack([unit[:, 1], unit[:, 2] * m.drives[0][1]], axis=-1)
 
     own = rows(motion)
     for t in zeros(motion, rows, turning_points(motion.time, own[:, 0], own[:, 1])):
         text = _placed("mechanical advantage without bound (toggle)", motion, float(t))
-        yield Event(float(t), "INFO", pair, text, np.inf)
+        yield Event(float(t), "INFO", joint, text, np.inf)
 
 
-def _transmission_angle(pair: str, m: Motion) -> Real:
-    return transmission_angles(m)[pair]
+def _transmission_angle(joint: str, m: Motion) -> Real:
+    return transmission_angles(m)[joint]
 
 
-def _squared_cosine(pair: str, m: Motion) -> Real:
+def _squared_cosine(joint: str, m: Motion) -> Real:
     """Largest where the angle is farthest from a right one, and smooth, other than the angle, where links lie in one line."""
-    return np.asarray(np.cos(transmission_angles(m)[pair]) ** 2)
+    return np.asarray(np.cos(transmission_angles(m)[joint]) ** 2)
 
 
-def _ratio(pair: str, m: Motion) -> Real:
-    return per_unit(m).coordinate(pair)[:, 1]
+def _ratio(joint: str, m: Motion) -> Real:
+    return per_unit(m).coordinate(joint)[:, 1]
 
 
-def _squared_ratio(pair: str, m: Motion) -> Real:
-    return np.asarray(_ratio(pair, m) ** 2)
+def _squared_ratio(joint: str, m: Motion) -> Real:
+    return np.asarray(_ratio(joint, m) ** 2)
 
 
 def _bend(link: str, point: str, m: Motion) -> Real:
     return np.asarray(np.abs(curvature(m, link, point)))
 
 
-def _rates(pair: str, m: Motion) -> Real:
+def _rates(joint: str, m: Motion) -> Real:
     """Speed and acceleration of a coordinate (F, 2)."""
-    return m.coordinate(pair)[:, 1:]
+    return m.coordinate(joint)[:, 1:]
 
 
 def _there(motion: Motion, quantity: Callable[[Motion], Real], t: float) -> float:
@@ -340,7 +342,7 @@ class Stroke:
     a cycle; NaN of others. Source: R. L. Norton, Design of Machinery, "quick-return".
     """
 
-    pair: str
+    joint: str
     rotary: bool
     low: float
     high: float
@@ -353,12 +355,12 @@ class Stroke:
 
 
 def strokes(motion: Motion, cycles: int = 1) -> list[Stroke]:
-    """The strokes of all undriven pairs at the frame that move, over a run of so many ``cycles``."""
-    return [_stroke(motion, pair, times, values, cycles) for pair, times, values in limit_positions(motion)]
+    """The strokes of all undriven joints at the frame that move, over a run of so many ``cycles``."""
+    return [_stroke(motion, joint, times, values, cycles) for joint, times, values in limit_positions(motion)]
 
 
-def _stroke(motion: Motion, pair: str, times: Real, values: Real, cycles: int) -> Stroke:
-    rows = motion.coordinate(pair)
+def _stroke(motion: Motion, joint: str, times: Real, values: Real, cycles: int) -> Stroke:
+    rows = motion.coordinate(joint)
     low, high = float(min([rows[:, 0].min(), *values])), float(max([rows[:, 0].max(), *values]))
     start, period = float(motion.time[0]), float(np.ptp(motion.time)) / cycles
     rests = np.abs(rows[[0, -1], 1]).max() <= REST * np.abs(rows[:, 1]).max()
@@ -370,4 +372,4 @@ def _stroke(motion: Motion, pair: str, times: Real, values: Real, cycles: int) -
         if len(ends) == 2:
             there = float(ends[1] - ends[0])
             ratio = max(there, period - there) / min(there, period - there)
-    return Stroke(pair, motion.model.rotary(pair), low, high, ratio)
+    return Stroke(joint, motion.model.rotary(joint), low, high, ratio)

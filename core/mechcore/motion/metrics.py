@@ -57,7 +57,7 @@ def answered(answer: str, m: Model) -> list[Any]:
         case "velocity_ratio":
             return [c.name for c in m.connections if c.kind != "weld"]
         case "mechanical_advantage":
-            first = m.mechanism.drives[0].pair
+            first = m.mechanism.drives[0].joint
             return [c.name for c in m.connections if c.kind != "weld" and m.mechanism.frame in c.links and c.name != first]
         case "instant_centre":
             return list(combinations(m.links, 2))
@@ -112,13 +112,13 @@ def transmission_angles(motion: Motion) -> dict[str, Real]:
 
 
 def velocity_ratios(motion: Motion) -> dict[str, Real]:
-    """Rate of every pair's coordinate per unit rate of the first drive (F,) [rad/rad, m/rad ...]."""
+    """Rate of every joint's coordinate per unit rate of the first drive (F,) [rad/rad, m/rad ...]."""
     unit = per_unit(motion)
     return {name: unit.coordinate(name)[:, 1] for name in answered("velocity_ratio", motion.model)}
 
 
 def mechanical_advantage(motion: Motion) -> dict[str, Real]:
-    """Output torque or force per input torque or force of an ideal mechanism (F,), for every pair joined to the frame.
+    """Output torque or force per input torque or force of an ideal mechanism (F,), for every joint joined to the frame.
 
     By the power balance it is the reciprocal of the velocity ratio; infinite where the output stands still (dead point, toggle).
     """
@@ -141,32 +141,32 @@ def curvature(motion: Motion, link: str, point: str) -> Real:
 
 @dataclass(frozen=True)
 class Grashof:
-    """A four-bar loop: its pairs, its link lengths [m] in the order of those pairs, its margin and its type.
+    """A four-bar loop: its joints, its link lengths [m] in the order of those joints, its margin and its type.
 
     ``margin``: p + q - s - l [m]; positive where the shortest link can turn fully (Grashof), 0 at a change-point linkage.
     """
 
-    pairs: tuple[str, ...]
+    joints: tuple[str, ...]
     lengths: tuple[float, ...]
     margin: float
     type: str
 
 
 def grashof(model: Model) -> tuple[Grashof, ...]:
-    """Every four-bar loop (four links, four revolute pairs) among the loops."""
+    """Every four-bar loop (four links, four revolute joints) among the loops."""
     out = []
     for c in model.loops:
         arms = [(k, abs(v)) for k, v in c.links if abs(v) > 0]
         if len(arms) != 4 or c.slides:
             continue
         inside = {k for k, _ in arms}
-        pairs = [j for j, e in enumerate(model.ends) if set(e) <= inside and model.joints[j].turns]
-        if len(pairs) != 4:
+        joints = [j for j, e in enumerate(model.ends) if set(e) <= inside and model.joints[j].turns]
+        if len(joints) != 4:
             continue
         length = dict(arms)
-        drive = next((d for d in model.driven if d in pairs), None)
+        drive = next((d for d in model.driven if d in joints), None)
         ground = 0 if 0 in inside else min(inside)
-        near = [k for j in pairs for k in model.ends[j] if ground in model.ends[j] and k != ground]
+        near = [k for j in joints for k in model.ends[j] if ground in model.ends[j] and k != ground]
         crank = next((k for k in near if drive is not None and k in model.ends[drive]), near[0])
         rocker = next(k for k in near if k != crank)
         coupler = next(k for k in inside if k not in (ground, crank, rocker))
@@ -175,7 +175,7 @@ def grashof(model: Model) -> tuple[Grashof, ...]:
         s = sorted((a, b, c_, d))
         out.append(
             Grashof(
-                pairs=tuple(model.joints[j].name for j in pairs),
+                joints=tuple(model.joints[j].name for j in joints),
                 lengths=(a, b, c_, d),
                 margin=s[1] + s[2] - s[0] - s[3],
                 type=grashof_type(a, b, c_, d),

@@ -1,4 +1,4 @@
-"""How a mechanism moves: positions, and on request velocities, accelerations, poses, points, pair coordinates, health."""
+"""How a mechanism moves: positions, and on request velocities, accelerations, poses, points, joint coordinates, health."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ class Motion:
 
     ``time`` (F,) [s]; ``drives`` holds position, speed and acceleration (F,) of each drive; a rate that does not change may be
     given as one number. Results have a leading frame axis.
-    Links, pairs and points go by their names; ``link.point`` names a point of a link.
+    Links, joints and points go by their names; ``link.point`` names a point of a link.
     """
 
     def __init__(
@@ -125,36 +125,36 @@ class Motion:
         k = self.model.index[link]
         return self._rows(self.of_point(k, self.model.masses[k][1], derivative))
 
-    def coordinate(self, pair: str) -> Real:
-        """Relative coordinate of a pair and its first two derivatives (F, 3): angle [rad], or displacement [m] where it slides.
+    def coordinate(self, joint: str) -> Real:
+        """Relative coordinate of a joint and its first two derivatives (F, 3): angle [rad], or displacement [m] where it slides.
 
-        Of a gear, belt or rack pair: angle of its second link minus that of its first.
+        Of a gear, belt or rack joint: angle of its second link minus that of its first.
         """
         model = self.model
-        j = model.joint_index.get(pair)
+        j = model.joint_index.get(joint)
         if j is not None and j in model.driven and (self.angles.exact or model.joints[j].coordinate == "slide"):
             values: Sequence[Values] = self.drives[model.driven[j]]
         elif j is not None and model.joints[j].coordinate == "slide":
             values = (self.state.slide[j], self.speeds.slide[j], self.accelerations.slide[j])
         else:
-            first, second = next(c.links for c in model.connections if c.name == pair)
-            return self.relative_angle(first, second, pair)
+            first, second = next(c.links for c in model.connections if c.name == joint)
+            return self.relative_angle(first, second, joint)
         return np.stack([np.broadcast_to(x, self.shape) for x in values], axis=-1)
 
-    def relative_angle(self, first: str, second: str, pair: str) -> Real:
-        """Angle of the second link minus that of the first, as the coordinate of a pair, and its first two derivatives (F, 3)."""
+    def relative_angle(self, first: str, second: str, joint: str) -> Real:
+        """Angle of the second link minus that of the first, as the coordinate of a joint, and its first two derivatives (F, 3)."""
         p, q = self.model.index[first], self.model.index[second]
         a, b = self.model.angles.rotation_class[p], self.model.angles.rotation_class[q]
         rates = (r.angular[b] - r.angular[a] for r in (self.speeds, self.accelerations))
-        values = (self.angles.relative(p, q, self.angles.start.ranges.get(pair)), *rates)
+        values = (self.angles.relative(p, q, self.angles.start.ranges.get(joint)), *rates)
         return np.stack([np.broadcast_to(x, self.shape) for x in values], axis=-1)
 
-    def pair_position(self, pair: str) -> Real:
-        """Where a pair is in the world (F, 2) [m]: its pin, the sliding link's point, or the contact of a gear, rack or belt."""
-        if pair not in self.model.joint_index:
-            relation = next(r for r in self.model.relations if r.name == pair)
+    def joint_position(self, joint: str) -> Real:
+        """Where a joint is in the world (F, 2) [m]: its pin, the sliding link's point, or the contact of a gear, rack or belt."""
+        if joint not in self.model.joint_index:
+            relation = next(r for r in self.model.relations if r.name == joint)
             return self._rows(relation.contact(self, 1.0)[0])
-        return self._rows(self.joint_point(self.model.joint_index[pair]))
+        return self._rows(self.joint_point(self.model.joint_index[joint]))
 
     # -- solved stages ------------------------------------------------------------------------------------------------
     @lazy

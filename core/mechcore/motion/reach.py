@@ -31,8 +31,8 @@ def reachable_ranges(compiled: Compiled, *, samples: int = 1441) -> list[tuple[f
     it is known.
     """
     ranges = _ranges(compiled, samples)
-    pairs = compiled.mechanism.pairs
-    if any(isinstance(pair, Cylinder) and pair.name == compiled.mechanism.drives[0].pair for pair in pairs):
+    joints = compiled.mechanism.joints
+    if any(isinstance(joint, Cylinder) and joint.name == compiled.mechanism.drives[0].joint for joint in joints):
         return [(max(low, 0.0), high) for low, high in ranges if high > 0.0]  # the distance of two points
     return ranges
 
@@ -40,7 +40,7 @@ def reachable_ranges(compiled: Compiled, *, samples: int = 1441) -> list[tuple[f
 def _ranges(compiled: Compiled, samples: int) -> list[tuple[float, float]]:
     model = compiled.model
     q0 = compiled.start[0]
-    rotary = model.joints[model.joint_index[model.mechanism.drives[0].pair]].coordinate == "angle"
+    rotary = model.joints[model.joint_index[model.mechanism.drives[0].joint]].coordinate == "angle"
     half = 0.5 * TURN if rotary else 5.0 * model.length_scale
     if compiled.followed:
         step = STEP["angle"] if rotary else STEP["slide"] * model.length_scale
@@ -57,9 +57,9 @@ def _ranges(compiled: Compiled, samples: int) -> list[tuple[float, float]]:
         low, high = q0 - half, q0 + half
 
     def solved(q: Real) -> Motion:
-        given = {d.pair: (np.full_like(q, s), np.zeros_like(q), np.zeros_like(q)) for d, s in zip(
+        given = {d.joint: (np.full_like(q, s), np.zeros_like(q), np.zeros_like(q)) for d, s in zip(
             model.mechanism.drives, compiled.start, strict=True)}  # fmt: skip
-        given[model.mechanism.drives[0].pair] = (q, np.ones_like(q), np.zeros_like(q))
+        given[model.mechanism.drives[0].joint] = (q, np.ones_like(q), np.zeros_like(q))
         return follow(compiled, np.zeros(len(q)), given)
 
     def assembled(q: Real) -> Flags:
@@ -106,7 +106,7 @@ def range_beside(compiled: Compiled, time: Real) -> tuple[float, float] | None:
     if compiled.followed:
         return None
     first, *others = model.mechanism.drives
-    rotary, q0 = model.rotary(first.pair), compiled.start[0]
+    rotary, q0 = model.rotary(first.joint), compiled.start[0]
     half = 0.5 * TURN if rotary else 5.0 * model.length_scale
     t = np.linspace(float(np.min(time)), float(np.max(time)), int(np.clip(2 * len(time), SAMPLES, MOST_SAMPLES)))
     places = [np.broadcast_to(np.asarray(d.law(t)[0], float), t.shape) for d in others]

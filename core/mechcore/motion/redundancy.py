@@ -64,7 +64,7 @@ def least_norm(
 
 
 def indeterminate(motion: Motion) -> tuple[str, ...]:
-    """Pairs whose reactions statics does not determine, at the run's best conditioned frame."""
+    """Joints whose reactions statics does not determine, at the run's best conditioned frame."""
     model = motion.model
     matrix, labels = _equilibrium(motion, {})
     frame = int(np.argmin(np.where(np.isfinite(motion.condition), motion.condition, np.inf)))

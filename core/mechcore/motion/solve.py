@@ -50,7 +50,7 @@ def compile_mechanism(mechanism: Mechanism, accuracy: Accuracy = DEFAULT) -> Com
             Fault(
                 "drives",
                 f"the mechanism has {freedoms} that no drive takes: nothing decides the motion at {where}.",
-                f"Add {drives}, such as drive = {{ speed = 0 }}, at {to} of these pairs, or fix a link.",
+                f"Add {drives}, such as drive = {{ speed = 0 }}, at {to} of these joints, or fix a link.",
             )
         )
     start = tuple(float(d.law(0.0)[0]) for d in mechanism.drives)
@@ -83,7 +83,7 @@ def _assembled(model: Model, start: tuple[float, ...], accuracy: Accuracy) -> As
         sketch = {name: (float(p[x]), float(p[y]), float(p[angle])) for name, p in poses.items()}
         return assemble(replace(model, mechanism=replace(mechanism, sketch=sketch)), start)
     led_by = zip(mechanism.drives, drawn, strict=True)
-    places = ", ".join(f"{d.pair} = {as_coordinate(q, rotary=model.rotary(d.pair), digits=4)}" for d, q in led_by)
+    places = ", ".join(f"{d.joint} = {as_coordinate(q, rotary=model.rotary(d.joint), digits=4)}" for d, q in led_by)
     why = f"the sketch is drawn at {places}, and the mechanism cannot be led from there to the start: it"
     remedy = f"Sketch the mechanism where its drives start{fitting_statements(model, start)}"
     said = [(f.path, Text.of(f.message).source, Text.of(f.remedy).source) for f in faults]
@@ -92,7 +92,7 @@ def _assembled(model: Model, start: tuple[float, ...], accuracy: Accuracy) -> As
 
 def _round_the_other_way(model: Model, drawn: Sequence[float], start: Sequence[float]) -> list[tuple[float, ...]]:
     """The start a turn on, so that the only drive comes to it from the other side, where that drive turns."""
-    if len(start) != 1 or not model.rotary(model.mechanism.drives[0].pair):
+    if len(start) != 1 or not model.rotary(model.mechanism.drives[0].joint):
         return []
     return [(start[0] - float(np.copysign(TURN, start[0] - drawn[0])),)]
 
@@ -114,8 +114,8 @@ def solve_motion(
 ) -> Motion:
     """Motion at times (F,) [s].
 
-    ``drives`` replaces the laws by given positions, speeds and accelerations (F,) of driven pairs. Where the mechanism cannot be
-    assembled, ``strict`` raises `MechanismError` naming the pair, the range and the gap; else those frames are NaN.
+    ``drives`` replaces the laws by given positions, speeds and accelerations (F,) of driven joints. Where the mechanism cannot be
+    assembled, ``strict`` raises `MechanismError` naming the joint, the range and the gap; else those frames are NaN.
     """
     if not strict:
         return follow(compiled, time, drives)
@@ -147,7 +147,7 @@ def _check_statics(motion: Motion) -> None:
     worst = float(motion.condition[0])
     if rank_mobility(motion) if not motion.mechanism.drives else not worst <= SINGULAR:
         why = f"nothing moves, but its joints do not hold it here against every load (condition number {worst:.2g})."
-        raise MechanismError(Fault("drives", why, "Add a pair or a drive that holds it, or let it stand in another position."))
+        raise MechanismError(Fault("drives", why, "Add a joint or a drive that holds it, or let it stand in another position."))
 
 
 def _check_way(compiled: Compiled, positions: Sequence[Real]) -> None:
@@ -161,7 +161,7 @@ def _check_way(compiled: Compiled, positions: Sequence[Real]) -> None:
     model = compiled.model
     for drive, start, q in zip(model.mechanism.drives, compiled.start, positions, strict=True):
         way = max(abs(float(q[0]) - start), abs(float(q[-1]) - start))
-        rotary = model.rotary(drive.pair)
+        rotary = model.rotary(drive.joint)
         turns = way / (TURN if rotary else TURN * model.length_scale)
         if turns > MOST_TURNS * (1.0 + 1e-9):
             far = (
@@ -171,7 +171,7 @@ def _check_way(compiled: Compiled, positions: Sequence[Real]) -> None:
             )
             most = f"{MOST_TURNS:,} turns" if rotary else as_length(TURN * MOST_TURNS * model.length_scale)
             why = f"it goes {far} from its start; motions are followed over {most} at most."
-            raise MechanismError(Fault(f"joints.{drive.pair}.drive", why, "Run fewer cycles, or give it a shorter travel."))
+            raise MechanismError(Fault(f"joints.{drive.joint}.drive", why, "Run fewer cycles, or give it a shorter travel."))
 
 
 def _check_gaps(compiled: Compiled, changes: Changes, time: Real) -> None:
@@ -197,8 +197,8 @@ def _check_gaps_on(compiled: Compiled, course: Course, time: Real, parameter: Re
         if course.by_time:
             motion = follow(compiled, inside)
         else:
-            pair = compiled.mechanism.drives[0].pair
-            given = {pair: (inside, np.ones_like(inside), np.zeros_like(inside))}
+            joint = compiled.mechanism.drives[0].joint
+            given = {joint: (inside, np.ones_like(inside), np.zeros_like(inside))}
             motion = follow(compiled, np.zeros(len(inside)), given)
         faults = _faults(compiled, motion, course, inside, time)
         if faults:
@@ -297,7 +297,7 @@ def _in_other_mode(compiled: Compiled, block: Block, time: Real) -> str:
 
 def _out_of_slot(compiled: Compiled, motion: Motion, escape: Escape) -> Fault:
     """Words for a pin or slider that would leave its slot, guide or cylinder."""
-    joint = next(pair for pair in compiled.mechanism.pairs if pair.name == escape.joint)
+    joint = next(joint for joint in compiled.mechanism.joints if joint.name == escape.joint)
     what = {PinSlot: "the pin leaves its slot", Prismatic: "the slider leaves its guide"}.get(type(joint), "it leaves its stroke")
     longer = {PinSlot: "the slot", Prismatic: "the guide"}.get(type(joint), "it")
     frames = _ranges(motion, escape.frames)  # none where it is between two of them
@@ -312,7 +312,7 @@ def _ranges(motion: Motion, bad: Flags) -> str:
     """Positions of the first drive at frames (F,), in words; none of a structure without drives."""
     if not motion.mechanism.drives:
         return ""
-    shown = partial(as_coordinate, rotary=motion.model.rotary(motion.mechanism.drives[0].pair))
+    shown = partial(as_coordinate, rotary=motion.model.rotary(motion.mechanism.drives[0].joint))
     q = motion.drives[0][0]
     ranges = []
     for start, end in _runs(bad):
@@ -321,7 +321,7 @@ def _ranges(motion: Motion, bad: Flags) -> str:
         digits = 6 if high - low > 1e-5 * max(abs(low), abs(high)) or high == low else 12
         ranges.append(f"from {shown(low, digits=digits)} to {shown(high, digits=digits)}")
     more = f" and {len(ranges) - 3} more ranges" if len(ranges) > 3 else ""
-    return f" for positions of drive {motion.mechanism.drives[0].pair} {', '.join(ranges[:3])}{more}"
+    return f" for positions of drive {motion.mechanism.drives[0].joint} {', '.join(ranges[:3])}{more}"
 
 
 def _within_reach(compiled: Compiled, motion: Motion, bad: Flags, time: Real) -> str:
@@ -330,14 +330,14 @@ def _within_reach(compiled: Compiled, motion: Motion, bad: Flags, time: Real) ->
     if not compiled.mechanism.drives:
         return ""
     drives = compiled.mechanism.drives
-    shown = partial(as_coordinate, rotary=compiled.model.rotary(drives[0].pair), digits=7)
+    shown = partial(as_coordinate, rotary=compiled.model.rotary(drives[0].joint), digits=7)
     if len(drives) == 1:
         reach = reachable_ranges(compiled)  # none where the mechanism fits together in single positions only
         how = ', as range = "reachable" does' if isinstance(drives[0].law, ConstantSpeed) else ""
         return f", or keep the drive within [{shown(reach[0][0])}, {shown(reach[0][1])}]{how}" if reach else ""
     within = range_beside(compiled, time)
     if within is not None:
-        return f", or keep drive {drives[0].pair} within [{shown(within[0])}, {shown(within[1])}] beside the others"
+        return f", or keep drive {drives[0].joint} within [{shown(within[0])}, {shown(within[1])}] beside the others"
     end = float(motion.time[max(int(np.argmax(bad)) - 1, 0)])
     return f", or end the motion at {end:.6g} s ({at_drive(motion, end)})" if bad.any() and end > float(np.min(time)) else ""
 

@@ -16,21 +16,21 @@ ROMAN = ("", "I", "II", "III", "IV", "V", "VI", "VII", "VIII")
 
 @dataclass(frozen=True)
 class Group:
-    """A structural group in solving order. ``kind``: the pair letters of a dyad such as RRR (outer, inner, outer)."""
+    """A structural group in solving order. ``kind``: the joint letters of a dyad such as RRR (outer, inner, outer)."""
 
     links: tuple[str, ...]
-    pairs: tuple[str, ...]
+    joints: tuple[str, ...]
     assur_class: str  # "I" for a driven link, "II" for dyads, ...
     kind: str
     solved_by: str  # "drive", "closed form" or "Newton"
 
     def __str__(self) -> str:
         kind = f" {self.kind}" if self.kind else ""
-        return f"class {self.assur_class}{kind}: {', '.join(self.links)} (pairs {', '.join(self.pairs)})"
+        return f"class {self.assur_class}{kind}: {', '.join(self.links)} (joints {', '.join(self.joints)})"
 
 
 def gruebler(model: Model) -> tuple[int, int, int, int]:
-    """Planar mobility by Gruebler-Kutzbach: n moving links, p5 pairs with one freedom, p4 with two, W = 3n - 2 p5 - p4."""
+    """Planar mobility by Gruebler-Kutzbach: n moving links, p5 joints with one freedom, p4 with two, W = 3n - 2 p5 - p4."""
     rolling = {r.name for r in model.relations} & set(model.joint_index)  # a slot and a relation: together one freedom
     n = len(model.links) - 1
     p5 = sum(1 for j in model.joints if j.freedoms == 1) + len(rolling)
@@ -40,10 +40,11 @@ def gruebler(model: Model) -> tuple[int, int, int, int]:
 
 
 def rank_mobility(motion: Motion, frame: int = 0, *, tolerance: float = 1e-9) -> int:
-    """Freedoms that the constraints of all pairs, drives left out, really leave at a frame: 3n minus the numerical rank.
+    """Freedoms that the constraints of all joints, drives left out, really leave at a frame: 3n minus the numerical rank.
 
     Differs from `gruebler` where constraints are redundant. Constraints in absolute coordinates (x, y, angle of every link) with
-    lengths in units of the mechanism's size, rank from the singular values. Links that hang on one pair have its freedoms: they are
+    lengths in units of the mechanism's size, rank from the singular values. Links that hang on one joint have its freedoms: they
+    are
     counted without their constraints, so that long chains cost nothing.
     """
     model = motion.model
@@ -79,7 +80,7 @@ def rank_mobility(motion: Motion, frame: int = 0, *, tolerance: float = 1e-9) ->
 
 
 def _hanging(model: Model) -> dict[int, int]:
-    """Links that hang on one pair alone, when those that hang on them are taken away, by the numbers of these pairs."""
+    """Links that hang on one joint alone, when those that hang on them are taken away, by the numbers of these joints."""
     bound = {0} | {model.index[link] for r in model.relations for link, _ in (*r.angles, *(r.curve.angles if r.curve else ()))}
     slides = [j for t in model.constraints for j, _ in (*t.slides, *(t.curve.slides if t.curve else ()))]
     bound |= {k for j in slides for k in model.ends[j]}
@@ -131,7 +132,7 @@ def _constraint_row(model: Model, motion: Motion, constraint: LinearConstraint, 
 def groups(model: Model) -> tuple[Group, ...]:
     """Structural groups in an order in which they can be solved: driven links first, then Assur groups.
 
-    A group is a smallest set of links that its pairs, among themselves and to what is solved already, determine: 3n constraints.
+    A group is a smallest set of links that its joints, among themselves and to what is solved already, determine: 3n constraints.
     """
     last = len(model.order.blocks)
     rank = [0] * len(model.links)
@@ -163,8 +164,8 @@ def groups(model: Model) -> tuple[Group, ...]:
         own = next(({k} for k in fresh if k not in solved and count({k}) >= 3), None)
         if own is None:
             fresh = []
-            pairs = (set(e) for e, _ in constraints if len(set(e)) == 2 and not set(e) & solved)
-            own = next((p for p in pairs if count(p) >= 6), None)
+            joints = (set(e) for e, _ in constraints if len(set(e)) == 2 and not set(e) & solved)
+            own = next((p for p in joints if count(p) >= 6), None)
         if own is None:
             own = set()
             for k in left:
@@ -179,31 +180,31 @@ def groups(model: Model) -> tuple[Group, ...]:
     return tuple(found)
 
 
-def _group(model: Model, own: Sequence[int], pairs: Sequence[int]) -> Group:
+def _group(model: Model, own: Sequence[int], joints: Sequence[int]) -> Group:
     inside = set(own)
-    inner = [j for j in pairs if set(model.ends[j]) <= inside]
-    outer = [j for j in pairs if j not in inner]
+    inner = [j for j in joints if set(model.ends[j]) <= inside]
+    outer = [j for j in joints if j not in inner]
     names = tuple(model.links[k] for k in own)
-    pair_names = tuple(model.joints[j].name for j in pairs)
+    joint_names = tuple(model.joints[j].name for j in joints)
     general = any(b.kind == "general" and any(model.angles.group[k] in b.angles for k in own) for b in model.blocks)
-    driven = any(j in model.driven for j in pairs)
+    driven = any(j in model.driven for j in joints)
     if driven and len(own) == 1:
-        return Group(names, pair_names, "I", "", "drive")
+        return Group(names, joint_names, "I", "", "drive")
     if len(own) == 1:
         meshing = {r.name for r in model.relations if names[0] in r.links}
-        over = sum(3 - model.joints[j].freedoms for j in pairs) > 3
-        how = "geared" if meshing else "redundant" if over else "with a higher pair" if len(pairs) > 1 else "fixed"
-        return Group(names, pair_names, "I", how, "closed form")
+        over = sum(3 - model.joints[j].freedoms for j in joints) > 3
+        how = "geared" if meshing else "redundant" if over else "with a higher pair" if len(joints) > 1 else "fixed"
+        return Group(names, joint_names, "I", how, "closed form")
     kind = ""
     if len(own) == 2 and len(inner) == 1 and len(outer) == 2:
         first = next(j for j in outer if own[0] in model.ends[j])
         second = next(j for j in outer if j != first)
         kind = "".join(model.joints[j].kind[0].upper() for j in (first, inner[0], second))
         kind = max(kind, kind[::-1])  # RRP and PRR are one kind
-    return Group(names, pair_names, _class_of(model, own, inner, pairs), kind, "Newton" if general else "closed form")
+    return Group(names, joint_names, _class_of(model, own, inner, joints), kind, "Newton" if general else "closed form")
 
 
-def _class_of(model: Model, own: Sequence[int], inner: Sequence[int], pairs: Sequence[int]) -> str:
+def _class_of(model: Model, own: Sequence[int], inner: Sequence[int], joints: Sequence[int]) -> str:
     """Class after Assur and Artobolevsky: II for dyads, III where a link carries three joints, k for an inner loop of k."""
     if len(own) <= 2:
         return "II" if len(own) == 2 else "I"
@@ -213,7 +214,7 @@ def _class_of(model: Model, own: Sequence[int], inner: Sequence[int], pairs: Seq
         near[p].append(q)
         near[q].append(p)
     longest = 0
-    for j in inner:  # shortest inner loop through each pair
+    for j in inner:  # shortest inner loop through each joint
         p, q = model.ends[j]
         distance, queue = {p: 0}, [p]
         while queue:
@@ -224,13 +225,13 @@ def _class_of(model: Model, own: Sequence[int], inner: Sequence[int], pairs: Seq
                     queue.append(other)
         if q in distance:
             longest = max(longest, distance[q] + 1)
-    most = max(sum(1 for j in pairs if k in model.ends[j]) for k in own)
+    most = max(sum(1 for j in joints if k in model.ends[j]) for k in own)
     number = max(longest, 3 if most >= 3 else 2)
     return ROMAN[number] if number < len(ROMAN) else str(number)
 
 
-def loop_pairs(model: Model) -> tuple[tuple[str, ...], ...]:
-    """The pairs of each independent loop, in the order of the way round from the tree's side to the closing pair."""
+def loop_joints(model: Model) -> tuple[tuple[str, ...], ...]:
+    """The joints of each independent loop, in the order of the way round from the tree's side to the closing joint."""
     out = []
     for c in model.loops:
         p, q = model.ends[c.closing]
@@ -252,8 +253,8 @@ def loop_pairs(model: Model) -> tuple[tuple[str, ...], ...]:
     return tuple(out)
 
 
-def redundant_pairs(model: Model) -> tuple[str, ...]:
-    """Pairs at which constraints are left over: their reactions are not determined by statics alone."""
+def redundant_joints(model: Model) -> tuple[str, ...]:
+    """Joints at which constraints are left over: their reactions are not determined by statics alone."""
     names = [model.joints[j].name for j in model.angles.spare]
     names += [b.name for b in model.blocks if b.redundant]
     return tuple(dict.fromkeys(names))

@@ -86,7 +86,7 @@ def sweep(
 def _motion(compiled: Compiled, points: Mapping[tuple[str, str], Array], time: Array, values: Any) -> Motion:
     model = compiled.model
     place = {key: (xy[:, 0] + 1j * xy[:, 1])[:, None] for key, xy in points.items()}
-    ends = {p.name: getattr(p, "points", None) for p in model.mechanism.pairs}
+    ends = {p.name: getattr(p, "points", None) for p in model.mechanism.joints}
     joints = []
     for joint in model.joints:
         names = ends.get(joint.name)

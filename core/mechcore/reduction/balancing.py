@@ -49,9 +49,9 @@ def find_linkage(m: Mechanism) -> FourBar | SliderCrank:
     """The four-bar or slider-crank that a mechanism is; `MechanismError` where it is neither."""
     links = {k.name: k for k in m.links}
     wanted = Fault("balance", "the mechanism is neither a four-bar nor a slider-crank.", "Balance other mechanisms link by link.")
-    turning = [p for p in m.pairs if isinstance(p, Revolute)]
-    sliding = [p for p in m.pairs if isinstance(p, Prismatic)]
-    if len(m.links) != 4 or len(m.pairs) != 4 or len(m.drives) != 1 or len(turning) + len(sliding) != 4 or len(sliding) > 1:
+    turning = [p for p in m.joints if isinstance(p, Revolute)]
+    sliding = [p for p in m.joints if isinstance(p, Prismatic)]
+    if len(m.links) != 4 or len(m.joints) != 4 or len(m.drives) != 1 or len(turning) + len(sliding) != 4 or len(sliding) > 1:
         raise MechanismError(wanted)
 
     def between(a: str, b: str) -> Revolute:
@@ -60,17 +60,17 @@ def find_linkage(m: Mechanism) -> FourBar | SliderCrank:
                 return p
         raise MechanismError(wanted)
 
-    def at(pair: Revolute, link: str) -> complex:
-        return complex(*links[link].points[pair.points[pair.links.index(link)]])
+    def at(joint: Revolute, link: str) -> complex:
+        return complex(*links[link].points[joint.points[joint.links.index(link)]])
 
     def mate(link: str, *known: str) -> str:
-        near = {k for p in m.pairs if link in p.links for k in p.links} - {link, *known}
+        near = {k for p in m.joints if link in p.links for k in p.links} - {link, *known}
         if len(near) != 1:
             raise MechanismError(wanted)
         return near.pop()
 
     ground = m.frame
-    at_ground = [k for p in m.pairs if ground in p.links for k in p.links if k != ground]
+    at_ground = [k for p in m.joints if ground in p.links for k in p.links if k != ground]
     if len(set(at_ground)) != 2:
         raise MechanismError(wanted)
     if sliding:
@@ -79,7 +79,7 @@ def find_linkage(m: Mechanism) -> FourBar | SliderCrank:
         slider = next(k for k in sliding[0].links if k != ground)
         crank = next(k for k in at_ground if k != slider)
     else:
-        driven = next((p for p in turning if p.name == m.drives[0].pair), turning[0])
+        driven = next((p for p in turning if p.name == m.drives[0].joint), turning[0])
         crank = next((k for k in driven.links if k in at_ground), at_ground[0])
         slider = next(k for k in at_ground if k != crank)
     rod = mate(crank, ground)

@@ -59,7 +59,7 @@ def _rms(values: Real) -> float:
 def shaking(motion: Motion, about: ArrayLike = (0.0, 0.0), masses: Sequence[tuple[float, complex, float]] | None = None) -> Shaking:
     """Shaking force -sum m a_S and shaking moment sum (r x (-m a_S) - J_S alpha) about a fixed point, over all moving links.
 
-    ``masses``: (mass, centre, J_S) of every link, frame first, in place of the model's own. Equal to what all pairs on the
+    ``masses``: (mass, centre, J_S) of every link, frame first, in place of the model's own. Equal to what all joints on the
     frame and the drives together exert on it under inertia alone.
     """
     model = motion.model

@@ -182,7 +182,7 @@ class _Task:
                 value = -float(sums[few](at)) / mu
                 known[near[0], few] = value
                 left += mu * value**2
-            out += [{**known, **pair} for pair in _line_and_conic(m, far, many, at, float(sums[many](at)), left)]
+            out += [{**known, **joint} for joint in _line_and_conic(m, far, many, at, float(sums[many](at)), left)]
         return out
 
     def _one_of_each(
@@ -226,10 +226,10 @@ class _Task:
 
 
 def _line_and_conic(
-    m: list[Polynomial], pair: list[int], what: str, at: float, linear: float, left: float
+    m: list[Polynomial], joint: list[int], what: str, at: float, linear: float, left: float
 ) -> list[dict[Unknown, float]]:
     """mu u + nu v = -linear and mu u^2 + nu v^2 = -left, for the unknown coordinates u, v of two masses."""
-    p, q = sorted(pair, key=lambda i: -abs(float(m[i](at))))
+    p, q = sorted(joint, key=lambda i: -abs(float(m[i](at))))
     mu, nu = float(m[p](at)), float(m[q](at))
     if abs(nu) <= ROUNDING:
         raise _undetermined(f"mass {q + 1} comes out as zero: its place has no influence.", "Choose otherwise.")

@@ -1,7 +1,7 @@
-"""Revolute pairs with clearance: a mechanism in which their journals move freely in their bearings.
+"""Revolute joints with clearance: a mechanism in which their journals move freely in their bearings.
 
-The pair is taken apart: a massless journal slides across and along on the bearing's link, which gives it two free coordinates, and
-the pair itself joins the shaft to the journal. Two loads between bearing and journal press where they touch. What the pair
+The joint is taken apart: a massless journal slides across and along on the bearing's link, which gives it two free coordinates, and
+the joint itself joins the shaft to the journal. Two loads between bearing and journal press where they touch. What the joint
 transmits is then the contact force. A mechanism without clearance stays what it is.
 """
 
@@ -14,7 +14,7 @@ from typing import Any
 from mechcore.errors import Fault, MechanismError
 from mechcore.laws.timed import Free
 from mechcore.spec.loads import JournalContact, JournalLoss
-from mechcore.spec.mechanism import Drive, Link, Mechanism, Pair, Planar, Prismatic, Revolute
+from mechcore.spec.mechanism import Drive, Joint, Link, Mechanism, Planar, Prismatic, Revolute
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -35,23 +35,23 @@ class Clearance:
     start: tuple[float, float] = (0.0, 0.0)
 
 
-def made_names(pair: str) -> tuple[str, str]:
-    """Names of the two links, and of the two sliding pairs, that a pair with clearance is made of."""
-    return f"{pair}.across", f"{pair}.journal"
+def made_names(joint: str) -> tuple[str, str]:
+    """Names of the two links, and of the two sliding joints, that a joint with clearance is made of."""
+    return f"{joint}.across", f"{joint}.journal"
 
 
 def with_clearances(mechanism: Mechanism, clearances: Mapping[str, Clearance]) -> Mechanism:
-    """The mechanism with ``clearances`` in some of its revolute pairs, by name; itself where there are none.
+    """The mechanism with ``clearances`` in some of its revolute joints, by name; itself where there are none.
 
     Their journals start in the middle of their bearings, or where stated, at rest against them. Raises `MechanismError`.
     """
     if not clearances:
         return mechanism
-    pairs = {p.name: p for p in mechanism.pairs}
+    joints = {p.name: p for p in mechanism.joints}
     faults = []
     for name, c in clearances.items():
-        pair = pairs.get(name)
-        if not isinstance(pair, Revolute):
+        joint = joints.get(name)
+        if not isinstance(joint, Revolute):
             faults.append(Fault(f"joints.{name}", "clearance is for revolute joints.", "Name a revolute joint."))
         for key in ("radial", "stiffness"):
             if not getattr(c, key) > 0.0:
@@ -61,67 +61,67 @@ def with_clearances(mechanism: Mechanism, clearances: Mapping[str, Clearance]) -
     if faults:
         raise MechanismError(faults)
     links, drives, loads = list(mechanism.links), list(mechanism.drives), list(mechanism.loads)
-    made: list[Pair] = []
-    for pair in mechanism.pairs:
-        if pair.name not in clearances:
-            made.append(pair)
+    made: list[Joint] = []
+    for joint in mechanism.joints:
+        if joint.name not in clearances:
+            made.append(joint)
             continue
-        assert isinstance(pair, Revolute)
-        c, (across, journal) = clearances[pair.name], made_names(pair.name)
-        bearing, shaft = pair.links
+        assert isinstance(joint, Revolute)
+        c, (across, journal) = clearances[joint.name], made_names(joint.name)
+        bearing, shaft = joint.links
         links += [Link(name=across, points={"O": (0.0, 0.0)}), Link(name=journal, points={"O": (0.0, 0.0)})]
         made += [
-            Prismatic(name=across, links=(bearing, across), points=(pair.points[0], "O"), along=(1.0, 0.0)),
+            Prismatic(name=across, links=(bearing, across), points=(joint.points[0], "O"), along=(1.0, 0.0)),
             Prismatic(name=journal, links=(across, journal), points=("O", "O"), along=(0.0, 1.0)),
-            replace(pair, links=(journal, shaft), points=("O", pair.points[1]), friction=None),
+            replace(joint, links=(journal, shaft), points=("O", joint.points[1]), friction=None),
         ]
-        drives += [Drive(pair=across, law=Free(c.start[0])), Drive(pair=journal, law=Free(c.start[1]))]
+        drives += [Drive(joint=across, law=Free(c.start[0])), Drive(joint=journal, law=Free(c.start[1]))]
         common: dict[str, Any] = {
-            "pair": pair.name,
+            "joint": joint.name,
             "links": (bearing, journal, shaft),
             "slides": (across, journal),
-            "point": pair.points[0],
+            "point": joint.points[0],
             "radial": c.radial,
             "stiffness": c.stiffness,
             "exponent": c.exponent,
         }
-        loads.append(JournalContact(name=f"{pair.name} contact", **common))
+        loads.append(JournalContact(name=f"{joint.name} contact", **common))
         if c.loss or c.friction:
-            loads.append(JournalLoss(name=f"{pair.name} losses", **common, loss=c.loss, friction=c.friction, radius=c.radius))
-    return replace(mechanism, links=tuple(links), pairs=tuple(made), drives=tuple(drives), loads=tuple(loads))
+            loads.append(JournalLoss(name=f"{joint.name} losses", **common, loss=c.loss, friction=c.friction, radius=c.radius))
+    return replace(mechanism, links=tuple(links), joints=tuple(made), drives=tuple(drives), loads=tuple(loads))
 
 
 def journals_of(mechanism: Mechanism) -> dict[str, JournalContact]:
-    """The pairs with clearance, each with what presses in it."""
-    return {load.pair: load for load in mechanism.loads if type(load) is JournalContact}
+    """The joints with clearance, each with what presses in it."""
+    return {load.joint: load for load in mechanism.loads if type(load) is JournalContact}
 
 
-def made_pairs(mechanism: Mechanism) -> frozenset[str]:
-    """Names of the links and joints that stand for clearance or make up planar pairs: they are neither drawn nor recorded."""
-    journals = [name for pair in journals_of(mechanism) for name in made_names(pair)]
-    return frozenset(journals).union(*(p.coordinates for p in mechanism.pairs if isinstance(p, Planar)))
+def made_joints(mechanism: Mechanism) -> frozenset[str]:
+    """Names of the links and joints that stand for clearance or make up planar joints: they are neither drawn nor recorded."""
+    journals = [name for joint in journals_of(mechanism) for name in made_names(joint)]
+    return frozenset(journals).union(*(p.coordinates for p in mechanism.joints if isinstance(p, Planar)))
 
 
 def as_drawn(mechanism: Mechanism) -> Mechanism:
-    """The mechanism with ideal revolute pairs instead of clearance and without planar pairs, which hold nothing."""
-    if any(isinstance(p, Planar) for p in mechanism.pairs):
-        mechanism = replace(mechanism, pairs=tuple(p for p in mechanism.pairs if not isinstance(p, Planar)))
+    """The mechanism with ideal revolute joints instead of clearance and without planar joints, which hold nothing."""
+    if any(isinstance(p, Planar) for p in mechanism.joints):
+        mechanism = replace(mechanism, joints=tuple(p for p in mechanism.joints if not isinstance(p, Planar)))
     journals = journals_of(mechanism)
     if not journals:
         return mechanism
-    made = made_pairs(mechanism)
-    pairs: list[Pair] = []
-    for pair in mechanism.pairs:
-        if pair.name in journals:
-            assert isinstance(pair, Revolute)
-            j = journals[pair.name]
-            pairs.append(replace(pair, links=(j.links[0], pair.links[1]), points=(j.point, pair.points[1])))
-        elif pair.name not in made:
-            pairs.append(pair)
+    made = made_joints(mechanism)
+    joints: list[Joint] = []
+    for joint in mechanism.joints:
+        if joint.name in journals:
+            assert isinstance(joint, Revolute)
+            j = journals[joint.name]
+            joints.append(replace(joint, links=(j.links[0], joint.links[1]), points=(j.point, joint.points[1])))
+        elif joint.name not in made:
+            joints.append(joint)
     return replace(
         mechanism,
         links=tuple(k for k in mechanism.links if k.name not in made),
-        pairs=tuple(pairs),
-        drives=tuple(d for d in mechanism.drives if d.pair not in made),
+        joints=tuple(joints),
+        drives=tuple(d for d in mechanism.drives if d.joint not in made),
         loads=tuple(load for load in mechanism.loads if not isinstance(load, JournalContact)),
     )

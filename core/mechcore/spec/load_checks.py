@@ -37,7 +37,7 @@ _NOT_NEGATIVE = ("stiffness", "free_length", "linear", "quadratic", "coefficient
 
 
 def load_faults(mechanism: Mechanism) -> list[Fault]:
-    """Every fault of the loads and effects of a mechanism; its links and pairs are known to be sound."""
+    """Every fault of the loads and effects of a mechanism; its links and joints are known to be sound."""
     found = [
         Fault("effects", f"there is no effect '{name}'.", f"Known: {', '.join(EFFECTS)}.")
         for name in mechanism.effects
@@ -95,30 +95,30 @@ def _names(m: Mechanism, load: Load) -> Iterator[tuple[str, str]]:
     for link, point in places:
         if link in links and point not in links[link].points:
             yield f"link '{link}' has no point '{point}'.", ""
-    pairs = {p.name: p for p in m.pairs}
+    joints = {p.name: p for p in m.joints}
     if isinstance(load, Viscous | GasPressure):
         gas = isinstance(load, GasPressure)
-        if load.pair not in pairs:
-            yield f"there is no pair '{load.pair}'.", ""
-        elif isinstance(pairs[load.pair], Weld | Planar) or (gas and not isinstance(pairs[load.pair], Prismatic | Cylinder)):
-            what = "sliding pair" if gas else "pair that moves"
-            yield f"'{load.pair}' is no {what}.", f"Name a {what}."
-    if isinstance(load, Servo) and not isinstance(pairs.get(load.pair), Revolute | Prismatic | PinSlot | Cylinder):
-        yield f"'{load.pair}' is no revolute or sliding pair.", "Name a revolute or sliding pair."
+        if load.joint not in joints:
+            yield f"there is no joint '{load.joint}'.", ""
+        elif isinstance(joints[load.joint], Weld | Planar) or (gas and not isinstance(joints[load.joint], Prismatic | Cylinder)):
+            what = "sliding joint" if gas else "joint that moves"
+            yield f"'{load.joint}' is no {what}.", f"Name a {what}."
+    if isinstance(load, Servo) and not isinstance(joints.get(load.joint), Revolute | Prismatic | PinSlot | Cylinder):
+        yield f"'{load.joint}' is no revolute or sliding joint.", "Name a revolute or sliding joint."
     if isinstance(load, Actuator):
-        if (load.pair is None) != (len(load.links) == len(load.points) == 2):
-            yield "it has to act between two points or along a pair.", "Give one of them."
-        elif load.pair is not None and not isinstance(pairs.get(load.pair), Prismatic | PinSlot | Cylinder):
-            yield f"'{load.pair}' is no sliding pair.", "Name a sliding pair, or two points."
-    if isinstance(load, BeltTension) and not isinstance(pairs.get(load.pair), Belt):
-        yield f"'{load.pair}' is no belt or chain.", "Name a belt or chain."
+        if (load.joint is None) != (len(load.links) == len(load.points) == 2):
+            yield "it has to act between two points or along a joint.", "Give one of them."
+        elif load.joint is not None and not isinstance(joints.get(load.joint), Prismatic | PinSlot | Cylinder):
+            yield f"'{load.joint}' is no sliding joint.", "Name a sliding joint, or two points."
+    if isinstance(load, BeltTension) and not isinstance(joints.get(load.joint), Belt):
+        yield f"'{load.joint}' is no belt or chain.", "Name a belt or chain."
     if isinstance(load, Machine):
-        if (load.link is None) == (load.pair is None):
-            yield "it has to act on a link or on a pair.", "Give one of them."
-        elif load.pair is not None and not isinstance(pairs.get(load.pair), Revolute):
-            yield f"'{load.pair}' is no revolute pair.", "Name a revolute joint, or a link."
-    if isinstance(load, GasPressure) and load.drive is not None and load.drive not in pairs:
-        yield f"there is no pair '{load.drive}'.", ""
+        if (load.link is None) == (load.joint is None):
+            yield "it has to act on a link or on a joint.", "Give one of them."
+        elif load.joint is not None and not isinstance(joints.get(load.joint), Revolute):
+            yield f"'{load.joint}' is no revolute joint.", "Name a revolute joint, or a link."
+    if isinstance(load, GasPressure) and load.drive is not None and load.drive not in joints:
+        yield f"there is no joint '{load.drive}'.", ""
 
 
 def _factor(m: Mechanism, factor: Factor) -> Iterator[tuple[str, str]]:
@@ -126,7 +126,7 @@ def _factor(m: Mechanism, factor: Factor) -> Iterator[tuple[str, str]]:
         if factor.point is None:
             yield f"its factor depends on {factor.of}, but of which point?", "Give its point."
     elif factor.of in ("position", "velocity"):
-        if factor.pair is None and not m.drives:
-            yield "its factor depends on the position of a drive, and there is none.", "Name a pair."
-        elif factor.pair is not None and factor.pair not in {p.name for p in m.pairs}:
-            yield f"there is no pair '{factor.pair}'.", ""
+        if factor.joint is None and not m.drives:
+            yield "its factor depends on the position of a drive, and there is none.", "Name a joint."
+        elif factor.joint is not None and factor.joint not in {p.name for p in m.joints}:
+            yield f"there is no joint '{factor.joint}'.", ""

@@ -38,13 +38,13 @@ class Factor:
 
     ``function`` takes an array of arguments and returns as many factors: a `Table`, a `Polynomial`, a signal of time
     (`mechcore.laws.signals`) or any Python callable. ``of`` names the argument: the ``time`` [s]; ``position`` or ``velocity``,
-    coordinate or rate of a ``pair`` [rad or m, per s], driven or not, by default of the first drive; ``x``, ``y``, ``vx``, ``vy``
+    coordinate or rate of a ``joint`` [rad or m, per s], driven or not, by default of the first drive; ``x``, ``y``, ``vx``, ``vy``
     or ``speed`` of a ``point`` (link, point) [m, m/s].
     """
 
     function: Callable[[Any], Any]
     of: Literal["time", "position", "velocity", "x", "y", "vx", "vy", "speed"] = "position"
-    pair: str | None = None
+    joint: str | None = None
     point: tuple[str, str] | None = None
 
     def __call__(self, argument: ArrayLike) -> Real:
@@ -127,12 +127,12 @@ class GasSpring(_Load):
 @dataclass(frozen=True, kw_only=True)
 class Actuator(_Load):
     """An actuator of constant ``force`` [N] times ``factor``: it pushes two points apart along their line, or the links of a
-    sliding ``pair`` in the direction of its coordinate."""
+    sliding ``joint`` in the direction of its coordinate."""
 
     force: float
-    links: tuple[str, ...] = ()  # two, and as many points, or a pair instead
+    links: tuple[str, ...] = ()  # two, and as many points, or a joint instead
     points: tuple[str, ...] = ()
-    pair: str | None = None
+    joint: str | None = None
     factor: Factor | None = None
 
 
@@ -196,10 +196,10 @@ class Drag(_Load):
 
 @dataclass(frozen=True, kw_only=True)
 class Viscous(_Load):
-    """Viscous friction in a pair of any kind that moves: ``-coefficient`` times the speed of its relative motion, on its second
+    """Viscous friction in a joint of any kind that moves: ``-coefficient`` times the speed of its relative motion, on its second
     link; see `mechcore.effects.viscous.ViscousFriction` for each kind."""
 
-    pair: str
+    joint: str
     coefficient: float  # revolute, rolling, gear, rack: [N m s/rad]; prismatic, pin in slot, cylinder, cam, belt: [N s/m]
 
 
@@ -210,21 +210,21 @@ class BeltTension(_Load):
     With a ``coefficient`` of friction between belt and pulleys it is told where the belt would slip; 0: it cannot.
     """
 
-    pair: str
+    joint: str
     slack: float  # [N]
     coefficient: float = 0.0
 
 
 @dataclass(frozen=True, kw_only=True)
 class GasPressure(_Load):
-    """The pressure of a gas on a piston that a sliding pair guides in its cylinder, by an indicator diagram.
+    """The pressure of a gas on a piston that a sliding joint guides in its cylinder, by an indicator diagram.
 
-    The piston is the pair's link without the guide. ``top`` is the pair's coordinate at top dead centre [m]; the cylinder's head
+    The piston is the joint's link without the guide. ``top`` is the joint's coordinate at top dead centre [m]; the cylinder's head
     is ``ahead`` of the piston (at greater coordinates) or ``behind`` it. ``back``: pressure on the piston's other side [Pa].
     A four-stroke cycle fires where the coordinate of ``drive`` (the first, if not named) is ``fires`` [rad], every two turns.
     """
 
-    pair: str
+    joint: str
     area: float  # [m^2]
     cycle: Cycle
     top: float
@@ -236,10 +236,10 @@ class GasPressure(_Load):
 
 @dataclass(frozen=True, kw_only=True)
 class _Machine(_Load):
-    """Acts on a link, from outside, by its angular velocity w; or between the links of a revolute ``pair``, by its rate w."""
+    """Acts on a link, from outside, by its angular velocity w; or between the links of a revolute ``joint``, by its rate w."""
 
     link: str | None = None
-    pair: str | None = None
+    joint: str | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -283,13 +283,13 @@ class Governor(_Machine):
 
 @dataclass(frozen=True, kw_only=True)
 class Servo(_Load):
-    """A position servo between the links of a revolute or sliding ``pair``, in a motion under forces.
+    """A position servo between the links of a revolute or sliding ``joint``, in a motion under forces.
 
-    With the error e, by which the pair's coordinate is behind its ``target``, the torque or force is
+    With the error e, by which the joint's coordinate is behind its ``target``, the torque or force is
     ``proportional e + derivative e' + integral z``, z the integral of e since the start.
     """
 
-    pair: str
+    joint: str
     target: Law
     proportional: float  # [N m/rad or N/m]
     derivative: float = 0.0  # [N m s/rad or N s/m]
@@ -298,13 +298,13 @@ class Servo(_Load):
 
 @dataclass(frozen=True, kw_only=True)
 class JournalContact(_Load):
-    """What presses between bearing and journal of a revolute ``pair`` with clearance; `mechcore.spec.clearance` makes it.
+    """What presses between bearing and journal of a revolute ``joint`` with clearance; `mechcore.spec.clearance` makes it.
 
-    ``links``: bearing, massless journal, shaft; ``slides``: the pairs whose coordinates are the journal's place in the bearing;
+    ``links``: bearing, massless journal, shaft; ``slides``: the joints whose coordinates are the journal's place in the bearing;
     ``point`` of the bearing. In contact ``stiffness d (d / radial)^(exponent - 1)`` [N], d the indentation [m].
     """
 
-    pair: str
+    joint: str
     links: tuple[str, str, str]
     slides: tuple[str, str]
     point: str

@@ -1,7 +1,7 @@
 """What a mechanism is: frozen descriptions in SI units and radians, names instead of indices.
 
-A link is a rigid body with named points in its own frame. A pair joins one point of a first link to one point of a second.
-A drive prescribes the relative coordinate of a pair. A load acts on a link. Nothing here computes anything.
+A link is a rigid body with named points in its own frame. A joint joins one point of a first link to one point of a second.
+A drive prescribes the relative coordinate of a joint. A load acts on a link. Nothing here computes anything.
 """
 
 from __future__ import annotations
@@ -26,14 +26,14 @@ Vec2 = tuple[float, float]
 EFFECTS: Mapping[str, str] = {
     "inertia": "inertia forces -m a_S and moments -J_S alpha of the links that have a mass",
     "gravity": "weight m g of the links that have a mass",
-    "friction": "dry friction in the pairs that have a coefficient, solved together with the reactions",
+    "friction": "dry friction in the joints that have a coefficient, solved together with the reactions",
 }
 """Effects that a scene can name, beside the loads that it lists one by one."""
 
 ANSWERS: Mapping[str, str] = {
     "transmission_angle": "angle between the two links of every RRR group, at their common pin",
-    "velocity_ratio": "rate of every pair's coordinate per unit rate of the first drive",
-    "mechanical_advantage": "output effort per input effort of the ideal mechanism, at every pair on the frame",
+    "velocity_ratio": "rate of every joint's coordinate per unit rate of the first drive",
+    "mechanical_advantage": "output effort per input effort of the ideal mechanism, at every joint on the frame",
     "instant_centre": "point of equal velocity of every two links",
     "curvature": "curvature of the paths of the traced points",
 }
@@ -54,7 +54,7 @@ class Link:
 
 @dataclass(frozen=True, kw_only=True)
 class Friction:
-    """Dry (Coulomb) friction in a pair, always against its relative motion; used only if the effect "friction" is named.
+    """Dry (Coulomb) friction in a joint, always against its relative motion; used only if the effect "friction" is named.
 
     Revolute: moment ``coefficient * radius * |R|``, R the whole reaction; ``exact``: the friction circle's own radius
     ``radius * sin(atan(coefficient))`` instead. Prismatic: force ``coefficient * (|N1| + |N2|)`` along the guide, N1 and N2 the
@@ -63,7 +63,7 @@ class Friction:
     ``height`` is the distance of the two faces of the guide on which the friction acts. Pin in a slot: ``coefficient * |N|``, and
     with a ``radius`` the moment ``coefficient * radius * |N|`` against the pin's turning. Rolling, gear, rack: couple
     ``lever * |N|`` against the relative rotation, N the force across the contact. With a ``stribeck`` speed vs of revolute,
-    prismatic and slot pairs the coefficient at a speed v of the sliding surfaces is
+    prismatic and slot joints the coefficient at a speed v of the sliding surfaces is
     ``coefficient + (static - coefficient) exp(-(v / vs)^2)``. Cylinder: ``coefficient * |F|`` along it, F the
     force that drives it (its mechanical losses), and ``brake``, the friction of its seals.
     """
@@ -83,7 +83,7 @@ class Friction:
 
 @dataclass(frozen=True, kw_only=True)
 class Revolute:
-    """A revolute pair: a pin through ``points[0]`` of ``links[0]`` and ``points[1]`` of ``links[1]``.
+    """A revolute joint: a pin through ``points[0]`` of ``links[0]`` and ``points[1]`` of ``links[1]``.
 
     Its coordinate is the angle of the second link's frame minus that of the first's [rad].
     """
@@ -96,7 +96,7 @@ class Revolute:
 
 @dataclass(frozen=True, kw_only=True)
 class Prismatic:
-    """A prismatic pair: the point of one link slides along a straight guide on the other, without turning.
+    """A prismatic joint: the point of one link slides along a straight guide on the other, without turning.
 
     ``guide`` (0 or 1) says which of ``links`` carries the guide line, which passes through that link's point in the
     direction ``along`` (in the frame of the guide's link; its length does not matter). The coordinate is the signed
@@ -192,7 +192,7 @@ class Belt:
 
 @dataclass(frozen=True, kw_only=True)
 class Rack:
-    """A pinion and a rack: ``links`` are (pinion, rack); ``slider`` names the prismatic pair that guides the rack on the link to
+    """A pinion and a rack: ``links`` are (pinion, rack); ``slider`` names the prismatic joint that guides the rack on the link to
     which the pinion is pinned. The pinion lies on the stated ``side`` of the direction of that guide."""
 
     name: str
@@ -209,7 +209,7 @@ class Cylinder:
     """A cylinder (hydraulic, electric ...) between a point of the first link and a point of the second, at its ends pinned.
 
     Compiled to two links without mass, ``<name>.barrel`` and ``<name>.rod``, with pins ``<name>.base`` and ``<name>.eye`` and a
-    prismatic pair ``<name>``, whose coordinate is the distance of the two points [m]. ``ends``: its least and greatest length.
+    prismatic joint ``<name>``, whose coordinate is the distance of the two points [m]. ``ends``: its least and greatest length.
     """
 
     name: str
@@ -221,7 +221,7 @@ class Cylinder:
 
 @dataclass(frozen=True, kw_only=True)
 class Planar:
-    """A planar pair: the second link moves freely in the plane of the first; nothing is transmitted.
+    """A planar joint: the second link moves freely in the plane of the first; nothing is transmitted.
 
     Its coordinates ``<name>.x``, ``<name>.y`` [m] are the place of the second link's ``point`` (none: its frame's origin) in the
     first link's frame, ``<name>`` [rad] the angle of the second link's frame minus that of the first's. Each needs a drive or is
@@ -283,12 +283,12 @@ class CamDrawn:
 
 
 @dataclass(frozen=True, kw_only=True)
-class CamPair:
+class CamJoint:
     """A plane cam and its follower: ``links`` are (cam, follower), both guided on one link, the carrier.
 
-    ``guide`` names the pair that guides the follower on the carrier: prismatic (the follower lifts in the direction of the guide,
+    ``guide`` names the joint that guides the follower on the carrier: prismatic (the follower lifts in the direction of the guide,
     which points away from the cam) or revolute. ``point`` of the follower is the knife's tip, the centre of the roller or of
-    the mushroom's arc, a point of the flat face. A disc cam turns about a pin on the carrier; with ``bed``, the prismatic pair
+    the mushroom's arc, a point of the flat face. A disc cam turns about a pin on the carrier; with ``bed``, the prismatic joint
     that guides it, the cam is a wedge.
 
     ``lift`` over the cam's angle [rad] or way [m]: metres of a translating follower, radians of an oscillating one, above where it
@@ -329,30 +329,30 @@ class CamPair:
     drawn: CamDrawn | None = None
 
 
-Pair = Revolute | Prismatic | Weld | PinSlot | Rolling | Gear | Belt | Rack | Cylinder | Planar | CamPair
+Joint = Revolute | Prismatic | Weld | PinSlot | Rolling | Gear | Belt | Rack | Cylinder | Planar | CamJoint
 
 
-def coordinates_of(pair: Pair) -> tuple[str, ...]:
-    """The names by which drives know a pair's coordinates: its own, of a planar pair three."""
-    return pair.coordinates if isinstance(pair, Planar) else (pair.name,)
+def coordinates_of(joint: Joint) -> tuple[str, ...]:
+    """The names by which drives know a joint's coordinates: its own, of a planar joint three."""
+    return joint.coordinates if isinstance(joint, Planar) else (joint.name,)
 
 
-def friction_of(pair: Pair) -> Friction | None:
-    """What a pair says about friction, if it can have any and has some."""
-    f: Friction | None = getattr(pair, "friction", None)
-    return f if f is not None and (f.lever if isinstance(pair, Rolling | Gear | Rack) else f.coefficient or f.brake) else None
+def friction_of(joint: Joint) -> Friction | None:
+    """What a joint says about friction, if it can have any and has some."""
+    f: Friction | None = getattr(joint, "friction", None)
+    return f if f is not None and (f.lever if isinstance(joint, Rolling | Gear | Rack) else f.coefficient or f.brake) else None
 
 
-def braked(pairs: Sequence[Pair]) -> tuple[str, ...]:
-    """Names of the pairs that have friction, whether or not the effect is named."""
-    return tuple(p.name for p in pairs if friction_of(p) is not None)
+def braked(joints: Sequence[Joint]) -> tuple[str, ...]:
+    """Names of the joints that have friction, whether or not the effect is named."""
+    return tuple(p.name for p in joints if friction_of(p) is not None)
 
 
 @dataclass(frozen=True, kw_only=True)
 class Drive:
-    """The coordinate of a pair prescribed as a function of time: angle [rad] of a revolute, displacement [m] of a prismatic."""
+    """The coordinate of a joint prescribed as a function of time: angle [rad] of a revolute, displacement [m] of a prismatic."""
 
-    pair: str
+    joint: str
     law: Law
 
 
@@ -366,12 +366,12 @@ class Mechanism:
     name: str
     frame: str
     links: tuple[Link, ...]
-    pairs: tuple[Pair, ...]
+    joints: tuple[Joint, ...]
     drives: tuple[Drive, ...] = ()
     loads: tuple[Load, ...] = ()
     effects: tuple[str, ...] = ()  # names from EFFECTS; what is not named is not computed
     gravity: Vec2 = (0.0, -9.81)  # [m/s^2], used only if the effect "gravity" is named
-    modes: Mapping[str, str] = field(default_factory=dict)  # pair -> "left" | "right" | "ahead" | "behind" | "open" | "crossed"
+    modes: Mapping[str, str] = field(default_factory=dict)  # joint -> "left" | "right" | "ahead" | "behind" | "open" | "crossed"
     sketch: Mapping[str, tuple[float, float, float]] = field(default_factory=dict)  # link -> rough x, y, angle at the start
     traced: tuple[tuple[str, str], ...] = ()  # (link, point) whose paths are wanted
     answers: tuple[str, ...] = ()  # names from ANSWERS
@@ -386,8 +386,8 @@ class Mechanism:
     @cached_property
     def ends(self) -> Mapping[str, tuple[float, float]]:
         """Least and greatest coordinates [m] that slots, guides and cylinders allow, by joint; of those that have ends."""
-        guided = (pair for pair in self.pairs if isinstance(pair, PinSlot | Prismatic | Cylinder))
-        return {pair.name: pair.ends for pair in guided if pair.ends is not None}
+        guided = (joint for joint in self.joints if isinstance(joint, PinSlot | Prismatic | Cylinder))
+        return {joint.name: joint.ends for joint in guided if joint.ends is not None}
 
     @property
     def cycle(self) -> float:

@@ -74,7 +74,7 @@ class Studies:
 
     plans: tuple[str, ...] = ()  # names from PLANS
     polodes: tuple[str, ...] = ()  # links
-    equivalent: tuple[str, ...] = ()  # pairs
+    equivalent: tuple[str, ...] = ()  # joints
     systems: tuple[SystemStudy, ...] = ()
     reduced: tuple[tuple[str, str | None], ...] = ()  # (link, point or None)
     shaking: ShakingStudy | None = None
@@ -85,7 +85,9 @@ class Studies:
         """Name and meaning of each study that is asked for."""
         found = [(f"plan {name}", PLANS[name]) for name in self.plans]
         found += [(f"polodes {link}", "ways of the instant centre on the frame and on the link") for link in self.polodes]
-        found += [(f"equivalent {pair}", "the linkage of lower pairs that moves like this higher pair") for pair in self.equivalent]
+        found += [
+            (f"equivalent {joint}", "the linkage of lower pairs that moves like this higher pair") for joint in self.equivalent
+        ]
         found += [(f"system {s.name}", f"loads on {s.link} reduced, with their funicular polygon") for s in self.systems]
         found += [
             (f"reduced to {link if point is None else f'{link}.{point}'}", "reduced mass and force of the whole mechanism")

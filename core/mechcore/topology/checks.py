@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from mechcore.errors import Fault, MechanismError
-from mechcore.joints.base import Joint
+from mechcore.joints.base import LoopJoint
 from mechcore.spec.load_checks import load_faults
 from mechcore.spec.mechanism import Mechanism, coordinates_of
 from mechcore.texts import as_angle
@@ -18,11 +18,11 @@ def check_items(m: Mechanism) -> None:
     links = {link.name: link for link in m.links}
     if len(links) != len(m.links):
         faults.append(Fault("links", "two links have the same name.", "Rename one of them."))
-    if len({p.name for p in m.pairs}) != len(m.pairs):
-        faults.append(Fault("joints", "two pairs have the same name.", "Rename one of them."))
+    if len({p.name for p in m.joints}) != len(m.joints):
+        faults.append(Fault("joints", "two joints have the same name.", "Rename one of them."))
     if m.frame not in links:
         faults.append(Fault("frame", f"there is no link '{m.frame}'.", f"There are: {', '.join(links)}."))
-    for p in m.pairs:
+    for p in m.joints:
         points: tuple[str | None, str | None] = getattr(p, "points", (None, None))  # relations join no points
         for link, point in zip(p.links, points, strict=True):
             if link not in links:
@@ -33,18 +33,20 @@ def check_items(m: Mechanism) -> None:
                 )
         if p.links[0] == p.links[1]:
             faults.append(Fault(f"joints.{p.name}", "joins a link to itself.", "Name two links."))
-    pairs = {name for p in m.pairs for name in coordinates_of(p)}
-    unknown = [d.pair for d in m.drives if d.pair not in pairs]
-    faults += [Fault(f"drives.{name}", "drives a pair that does not exist.", "Name a pair that does.") for name in unknown]
-    if len({d.pair for d in m.drives}) != len(m.drives):
-        faults.append(Fault("drives", "a pair has two drives.", "Leave out one of them."))
+    joints = {name for p in m.joints for name in coordinates_of(p)}
+    unknown = [d.joint for d in m.drives if d.joint not in joints]
+    faults += [Fault(f"drives.{name}", "drives a joint that does not exist.", "Name a joint that does.") for name in unknown]
+    if len({d.joint for d in m.drives}) != len(m.drives):
+        faults.append(Fault("drives", "a joint has two drives.", "Leave out one of them."))
     if not faults:
         faults += load_faults(m)
     if faults:
         raise MechanismError(faults)
 
 
-def check_lengths(joints: tuple[Joint, ...], ends: tuple[tuple[int, int], ...], names: tuple[str, ...], decided: set[str]) -> None:
+def check_lengths(
+    joints: tuple[LoopJoint, ...], ends: tuple[tuple[int, int], ...], names: tuple[str, ...], decided: set[str]
+) -> None:
     """A moving link that is only pinned, all pins at one point, leaves its own angle to nothing: it has no length.
 
     Shafts and wheels are such links too: their angle is ``decided``, and passed on, by gears, belts or drives at both ends.
@@ -69,7 +71,7 @@ def check_lengths(joints: tuple[Joint, ...], ends: tuple[tuple[int, int], ...], 
         raise MechanismError(faults)
 
 
-def check_spare_angles(m: Mechanism, turning: Angles, joints: tuple[Joint, ...], ends: tuple[tuple[int, int], ...]) -> None:
+def check_spare_angles(m: Mechanism, turning: Angles, joints: tuple[LoopJoint, ...], ends: tuple[tuple[int, int], ...]) -> None:
     """Joints that fix an angle which others have fixed already must agree with them."""
     faults = []
     for j in turning.spare:

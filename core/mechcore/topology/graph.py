@@ -1,11 +1,11 @@
-"""The graph of a mechanism: links are vertices, pairs are edges.
+"""The graph of a mechanism: links are vertices, joints are edges.
 
-From it come the angles (links joined by pairs that do not turn share one), a spanning tree rooted at the frame, and one
-independent loop (closed vector polygon) for every pair that the tree leaves out.
+From it come the angles (links joined by joints that do not turn share one), a spanning tree rooted at the frame, and one
+independent loop (closed vector polygon) for every joint that the tree leaves out.
 
 The tree decides how small the blocks of the loop equations can be. It is the minimum spanning tree under the order in which
-the pairs' constraints are solved in absolute coordinates; by the cycle property of such trees no loop then runs through a
-pair that is solved later than the pair that closes it, so the loops fall apart into the same groups, whatever the numbering.
+the joints' constraints are solved in absolute coordinates; by the cycle property of such trees no loop then runs through a
+joint that is solved later than the joint that closes it, so the loops fall apart into the same groups, whatever the numbering.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ import heapq
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from mechcore.joints.base import Joint
+from mechcore.joints.base import LoopJoint
 from mechcore.topology.order import Order, block_order
 
 FRAME = 0  # the frame among the links; also the set of links that do not turn among the `Angles.rotation_class`
@@ -62,7 +62,7 @@ class Loop:
     slides: tuple[tuple[int, int, complex], ...]
 
 
-def angles(n: int, ends: Sequence[tuple[int, int]], joints: Sequence[Joint], driven: dict[int, int]) -> Angles:
+def angles(n: int, ends: Sequence[tuple[int, int]], joints: Sequence[LoopJoint], driven: dict[int, int]) -> Angles:
     """Merge links whose relative angle is fixed or driven. ``driven``: joint -> drive."""
     near: list[list[tuple[int, int, float, int]]] = [[] for _ in range(n)]  # joint, other link, offset, direction
     for j, (joint, (p, q)) in enumerate(zip(joints, ends, strict=True)):
@@ -121,7 +121,7 @@ def angles(n: int, ends: Sequence[tuple[int, int]], joints: Sequence[Joint], dri
 
 
 def structure(
-    n: int, ends: Sequence[tuple[int, int]], joints: Sequence[Joint], driven: dict[int, int]
+    n: int, ends: Sequence[tuple[int, int]], joints: Sequence[LoopJoint], driven: dict[int, int]
 ) -> tuple[Order, tuple[tuple[int, ...], ...]]:
     """The constraints in absolute coordinates x, y, angle of every moving link: their block order, and each joint's equations."""
     pattern: list[list[int]] = []
@@ -165,7 +165,7 @@ def spanning_tree(n: int, ends: Sequence[tuple[int, int]], order: Order, equatio
     return Tree(order=tuple(found), parent=tuple(parent), joint=tuple(joint), closing=closing)
 
 
-def vector_loops(ends: Sequence[tuple[int, int]], joints: Sequence[Joint], tree: Tree) -> tuple[Loop, ...]:
+def vector_loops(ends: Sequence[tuple[int, int]], joints: Sequence[LoopJoint], tree: Tree) -> tuple[Loop, ...]:
     """One loop for each closing joint, with the coefficients of a link that enters twice added up."""
     depth = [0] * len(tree.parent)
     for k in tree.order:

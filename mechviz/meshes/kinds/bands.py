@@ -15,7 +15,7 @@ class Loop:
     """A belt's middle line in the axes of its carrier [m]: over the far side of the first pulley counter-clockwise, along a span to
     the second, over that (clockwise where the spans cross) and back."""
 
-    pair: str
+    joint: str
     carrier: str
     pulley: str  # the link of the first pulley
     centres: tuple[complex, complex]

@@ -1,4 +1,4 @@
-"""What is drawn of cam pairs: profiles and places, in units of the mechanism's size."""
+"""What is drawn of cam joints: profiles and places, in units of the mechanism's size."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from shapely.geometry import Polygon
 
 from mechcore.cams.followers import Oscillating
 from mechcore.joints.base import Builder, point_of
-from mechcore.spec.mechanism import CamPair, Mechanism, Vec2
+from mechcore.spec.mechanism import CamJoint, Mechanism, Vec2
 
 if TYPE_CHECKING:
     from mechcore.cams.placed import PlacedCam
@@ -22,10 +22,10 @@ _SAMPLES = 1080  # points of a profile
 
 @dataclass(frozen=True, eq=False)
 class CamDrawing:
-    """A cam pair as it is drawn. ``tip`` in the follower's axes; ``turn`` takes the theory's ground axes into them (for an
+    """A cam joint as it is drawn. ``tip`` in the follower's axes; ``turn`` takes the theory's ground axes into them (for an
     oscillating follower at the position ``theta``)."""
 
-    pair: str
+    joint: str
     cam: str
     follower: str
     placed: PlacedCam
@@ -42,7 +42,7 @@ class CamDrawing:
 
     @property
     def own_guides(self) -> tuple[str, ...]:
-        """Prismatic pairs that are drawn here."""
+        """Prismatic joints that are drawn here."""
         return (*((self.guide,) if self.grounded else ()), *((self.placed.bed,) if self.bed and self.placed.bed else ()))
 
 
@@ -64,8 +64,8 @@ def find_cams(mechanism: Mechanism, parts: Builder, size: float, samples: int = 
     """All cams of a mechanism; ``samples``: points of each profile."""
     by_name = {r.name: r.geometry for r in parts.relations}
     found: list[CamDrawing] = []
-    for p in mechanism.pairs:
-        if isinstance(p, CamPair) and p.spatial is None and not p.inverse:
+    for p in mechanism.joints:
+        if isinstance(p, CamJoint) and p.spatial is None and not p.inverse:
             placed = by_name[p.name]
             found.append(_drawing(mechanism, parts, p, p.point, placed, size, samples))
             if placed.mate is not None and p.second is not None:
@@ -75,29 +75,29 @@ def find_cams(mechanism: Mechanism, parts: Builder, size: float, samples: int = 
 
 
 def _drawing(
-    mechanism: Mechanism, parts: Builder, pair: CamPair, point: str, placed: PlacedCam, size: float, samples: int
+    mechanism: Mechanism, parts: Builder, joint: CamJoint, point: str, placed: PlacedCam, size: float, samples: int
 ) -> CamDrawing:
     z = profile_points(placed, samples)
     if placed.bed is not None:
         deep = -0.25 * float(np.ptp(z.real))
         z = np.concatenate([[complex(z[0].real, deep), complex(z[-1].real, deep)], z[::-1]])
     on_link = (placed.own + placed.mount * z) / size
-    tip = point_of(parts.links[pair.links[1]], point)
+    tip = point_of(parts.links[joint.links[1]], point)
     theta = placed.cam.law.start
     guide = placed.cam.follower.guide
     if isinstance(guide, Oscillating):
-        _, own = parts.axis_between(pair, pair.links[1], placed.carrier)
+        _, own = parts.axis_between(joint, joint.links[1], placed.carrier)
         arm = placed.cam.at([theta]).reference[0][0] - guide.pivot
         turn = (tip - own) / abs(tip - own) * abs(arm) / arm
     else:
-        joint = next(j for j in parts.joints if j.name == pair.guide)
-        first = joint.links[0] == placed.carrier
-        turn = placed.axes * np.exp(1j * (-joint.angle if first else joint.angle))
+        loop_joint = next(j for j in parts.joints if j.name == joint.guide)
+        first = loop_joint.links[0] == placed.carrier
+        turn = placed.axes * np.exp(1j * (-loop_joint.angle if first else loop_joint.angle))
     at_frame = placed.carrier == mechanism.frame
     return CamDrawing(
-        pair=pair.name,
-        cam=pair.links[0],
-        follower=pair.links[1],
+        joint=joint.name,
+        cam=joint.links[0],
+        follower=joint.links[1],
         placed=placed,
         size=size,
         profile=Polygon(np.column_stack([on_link.real, on_link.imag])).buffer(0.0),
@@ -105,7 +105,7 @@ def _drawing(
         tip=(tip.real / size, tip.imag / size),
         turn=complex(turn),
         theta=theta,
-        guide=pair.guide,
+        guide=joint.guide,
         grounded=at_frame and not isinstance(guide, Oscillating),
         bed=at_frame and placed.bed is not None,
     )

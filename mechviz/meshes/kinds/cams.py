@@ -37,7 +37,7 @@ def group_cams(model: Model, draft: Draft, taken: set[str]) -> set[str]:
         plain.add(drawing.cam)
         draft.merge(draft.groups[drawing.cam], draft.groups[drawing.follower])
     for cam in model.cams:
-        group = f"cam {cam.pair}" if cam.mate_of is None else f"second cam {cam.pair}"
+        group = f"cam {cam.joint}" if cam.mate_of is None else f"second cam {cam.joint}"
         home = cam.cam not in plain and cam.cam != model.frame and _holds(model, cam)
         if home:
             plain.add(cam.cam)
@@ -89,7 +89,7 @@ def draw_cams(model: Model, draft: Draft) -> None:
 
 def _draw_cam(model: Model, draft: Draft, cam: CamDrawing, group: str, *, home: bool) -> None:
     r = model.proportions.r
-    mates = frozenset([cam.pair])
+    mates = frozenset([cam.joint])
     kind = "plate" if home else "wheel"
     draft.pieces.append(Piece(cam.cam, cam.profile, group, kind, mates))
     if cam.placed.groove and not cam.bed:
@@ -132,7 +132,7 @@ def _draw_bed(model: Model, draft: Draft, cam: CamDrawing, group: str) -> None:
     ends = [placed.centre / cam.size + placed.axes * complex(x, deep - 0.05 * r) for x in (high, low)]
     a, b = ((z.real, z.imag) for z in ends)
     bar = outline.hatched_bar(b, a, r, thickness=0.42 * r)
-    draft.pieces.append(Piece(model.frame, bar, group, "rail", frozenset([cam.pair])))
+    draft.pieces.append(Piece(model.frame, bar, group, "rail", frozenset([cam.joint])))
 
 
 @dataclass(frozen=True, eq=False)
@@ -227,7 +227,7 @@ def _draw_head(model: Model, draft: Draft, cam: CamDrawing, group: str) -> None:
     r = model.proportions.r
     head = _head(model, cam)
     shape = _moved(head.touching, complex(*cam.tip), cam.turn)
-    draft.pieces.append(Piece(cam.follower, shape, group, "wheel", frozenset([cam.pair])))
+    draft.pieces.append(Piece(cam.follower, shape, group, "wheel", frozenset([cam.joint])))
     if draft.groups.get(cam.follower) != group and cam.follower in draft.groups:
         inside = shape.buffer(-0.12 * r)
         spot = outline.disc(cam.tip, 0.6 * r, model.segments).intersection(inside if not inside.is_empty else shape)
@@ -239,7 +239,7 @@ def _draw_head(model: Model, draft: Draft, cam: CamDrawing, group: str) -> None:
 def _draw_stem(model: Model, draft: Draft, cam: CamDrawing, group: str) -> None:
     """A translating follower on a guide of the ground: head, stem and rails."""
     r, placed = model.proportions.r, cam.placed
-    head, mates = _head(model, cam), frozenset([cam.pair])
+    head, mates = _head(model, cam), frozenset([cam.joint])
     own = draft.groups[cam.follower]
     half = 0.75 * r
     s = _cycle(cam)

@@ -1,4 +1,4 @@
-"""Cylinders: which sliding pairs are drawn as barrel and rod, and in which line these lie."""
+"""Cylinders: which sliding joints are drawn as barrel and rod, and in which line these lie."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import cmath
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from mechcore.joints.base import Joint
+from mechcore.joints.base import LoopJoint
 from mechcore.spec.mechanism import Cylinder, Mechanism, Prismatic, Revolute, Vec2
 
 _SAME = 1e-6  # of the mechanism's size
@@ -16,7 +16,7 @@ _SAME = 1e-6  # of the mechanism's size
 class Telescope:
     """Barrel and rod of a cylinder. A line is a pin and the direction from the barrel's pin to the rod's, in the link's frame."""
 
-    pair: str
+    joint: str
     barrel: str
     rod: str
     travel: tuple[float, float]  # distance of the pins over the run
@@ -29,19 +29,19 @@ class Telescope:
 
 def find_telescopes(
     mechanism: Mechanism,
-    joints: Sequence[Joint],
-    sliding: Sequence[Joint],
+    joints: Sequence[LoopJoint],
+    sliding: Sequence[LoopJoint],
     marks: Mapping[str, Sequence[Vec2]],
     travels: Mapping[str, tuple[float, float]],
     r: float,
 ) -> tuple[Telescope, ...]:
-    """The cylinders of a mechanism, in units of its size, and the sliding pairs that are one in all but name.
+    """The cylinders of a mechanism, in units of its size, and the sliding joints that are one in all but name.
 
-    Such a pair joins two moving links that have nothing else than a pin each, on the line along which they slide, and whose pins
-    never come close to each other. Where nothing drives the pair and only one of the links is more than its pin, that one is a
+    Such a joint joins two moving links that have nothing else than a pin each, on the line along which they slide, and whose pins
+    never come close to each other. Where nothing drives the joint and only one of the links is more than its pin, that one is a
     lever with a block on it, and drawn as one.
     """
-    named = {pair.name for pair in mechanism.pairs if isinstance(pair, Cylinder)}
+    named = {joint.name for joint in mechanism.joints if isinstance(joint, Cylinder)}
     found = []
     for joint in sliding:
         if joint.name in named:
@@ -55,8 +55,8 @@ def find_telescopes(
 
 def _in_all_but_name(
     mechanism: Mechanism,
-    joints: Sequence[Joint],
-    joint: Joint,
+    joints: Sequence[LoopJoint],
+    joint: LoopJoint,
     marks: Mapping[str, Sequence[Vec2]],
     travel: tuple[float, float],
 ) -> Telescope | None:
@@ -76,7 +76,7 @@ def _in_all_but_name(
         if any(abs(z.imag) > _SAME for z in on_line):
             return None
         places[link], pins[link] = on_line[-1].real, pin
-    driven = any(drive.pair == joint.name for drive in mechanism.drives)
+    driven = any(drive.joint == joint.name for drive in mechanism.drives)
     long = [bool(marks[link]) or abs(pins[link] - lines[link][0]) > _SAME for link in lines]
     if not driven and long[0] != long[1]:
         return None
@@ -99,13 +99,13 @@ def _in_all_but_name(
     return Telescope(joint.name, barrel, rod, (near, far), line(barrel), line(rod))
 
 
-def _only_pin(mechanism: Mechanism, joints: Sequence[Joint], pair: str, link: str) -> complex | None:
-    """Where the pins of a link are, if it has nothing else beside a pair and all of them are at one place."""
-    if any(link in p.links and p.name != pair and not isinstance(p, Revolute) for p in mechanism.pairs):
+def _only_pin(mechanism: Mechanism, joints: Sequence[LoopJoint], joint: str, link: str) -> complex | None:
+    """Where the pins of a link are, if it has nothing else beside a joint and all of them are at one place."""
+    if any(link in p.links and p.name != joint and not isinstance(p, Revolute) for p in mechanism.joints):
         return None
     at = [j.b if j.links[1] == link else j.a for j in joints if j.kind == "revolute" and link in j.links]
     return at[0] if at and all(abs(z - at[0]) < _SAME for z in at) else None
 
 
 def _pinned_to(mechanism: Mechanism, link: str, other: str) -> bool:
-    return any(not isinstance(p, Prismatic) and {link, other} <= set(p.links) for p in mechanism.pairs)
+    return any(not isinstance(p, Prismatic) and {link, other} <= set(p.links) for p in mechanism.joints)

@@ -30,7 +30,7 @@ def _pin_axle(model: Model, slot: Slot) -> int:
 def group_slots(model: Model, draft: Draft) -> None:
     """A pin reaches through the layer of the slot that it slides in."""
     for slot in model.slots:
-        group = f"rails of {slot.pair}" if slot.link == model.frame else draft.groups[slot.link]
+        group = f"rails of {slot.joint}" if slot.link == model.frame else draft.groups[slot.link]
         draft.through.setdefault(_pin_axle(model, slot), set()).add(group)
 
 
@@ -49,7 +49,7 @@ def draw_slots(model: Model, draft: Draft) -> None:
     for slot in model.slots:
         if slot.link != model.frame:
             continue
-        group = f"rails of {slot.pair}"
+        group = f"rails of {slot.joint}"
         low, high = slot.travel
         strips = outline.guide_rails(slot.origin, slot.along, low - 1.6 * r, high + 1.6 * r, 1.15 * r, r)
         draft.pieces += [Piece(model.frame, strip, group, "rail") for strip in strips]
@@ -121,7 +121,7 @@ def lug(model: Model, link: str) -> list[outline.Disc]:
 def draw_telescopes(model: Model, draft: Draft) -> None:
     for telescope in model.telescopes:
         group = draft.groups[telescope.barrel]
-        mates = frozenset([telescope.pair])
+        mates = frozenset([telescope.joint])
         ends = ((telescope.barrel, "barrel"), (telescope.rod, "rod"))
         for (link, kind), profile in zip(ends, _profiles(model, telescope), strict=True):
             xs, radii = [x for _, x in profile], [radius for radius, _ in profile]

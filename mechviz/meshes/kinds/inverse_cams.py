@@ -9,7 +9,7 @@ import numpy as np
 from shapely.geometry import LineString, Point, Polygon
 
 from mechcore.joints.base import Builder
-from mechcore.spec.mechanism import CamPair, Mechanism, Vec2
+from mechcore.spec.mechanism import CamJoint, Mechanism, Vec2
 from mechviz.meshes import outline
 from mechviz.meshes.draft import Draft, Neck, Piece
 
@@ -25,7 +25,7 @@ _ROLLER = 256  # sides of the roller
 class InverseDrawing:
     """``groove``: what the roller sweeps out of the driven link, in its axes; ``tip`` in the crank's."""
 
-    pair: str
+    joint: str
     crank: str
     driven: str
     groove: Polygon
@@ -38,10 +38,10 @@ def find_inverse(mechanism: Mechanism, parts: Builder, size: float) -> tuple[Inv
     """All inverse cams of a mechanism."""
     by_name = {r.name: r.geometry for r in parts.relations}
     found = []
-    for pair in mechanism.pairs:
-        if not isinstance(pair, CamPair) or not pair.inverse:
+    for joint in mechanism.joints:
+        if not isinstance(joint, CamJoint) or not joint.inverse:
             continue
-        placed = by_name[pair.name]
+        placed = by_name[joint.name]
         low, high = placed.way
         margin = 0.06 * (high - low)
         theta = np.linspace(low - margin, high + margin, _SAMPLES)
@@ -51,19 +51,19 @@ def find_inverse(mechanism: Mechanism, parts: Builder, size: float) -> tuple[Inv
         out = [w[0] + 1.6 * radius * (w[0] - w[8]) / abs(w[0] - w[8]), w[-1] + 1.6 * radius * (w[-1] - w[-9]) / abs(w[-1] - w[-9])]
         tip = (placed.tip.real / size, placed.tip.imag / size)
         first, last = ((z.real, z.imag) for z in out)
-        found.append(InverseDrawing(pair.name, pair.links[0], pair.links[1], groove, (first, last), tip, radius))
+        found.append(InverseDrawing(joint.name, joint.links[0], joint.links[1], groove, (first, last), tip, radius))
     return tuple(found)
 
 
 def _group(drawing: InverseDrawing) -> str:
-    return f"groove {drawing.pair}"
+    return f"groove {drawing.joint}"
 
 
 def draw_inverse(model: Model, draft: Draft) -> None:
     """Pieces of all inverse cams."""
     r = model.proportions.r
     for drawing in model.inverse:
-        group, mates = _group(drawing), frozenset([drawing.pair])
+        group, mates = _group(drawing), frozenset([drawing.joint])
         body = drawing.groove.buffer(max(1.3 * r, 0.9 * drawing.radius), quad_segs=32).difference(drawing.groove)
         draft.pieces.append(Piece(drawing.driven, outline.polygons(body)[0], group, "wheel", mates))
         for end in drawing.ends:

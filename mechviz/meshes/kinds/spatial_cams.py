@@ -15,7 +15,7 @@ from shapely.geometry import LineString, Polygon
 from shapely.ops import unary_union
 
 from mechcore.joints.base import Builder, point_of
-from mechcore.spec.mechanism import CamPair, Mechanism, Vec2
+from mechcore.spec.mechanism import CamJoint, Mechanism, Vec2
 from mechviz.meshes.extrude import Part, Prism, Shell, bored, plate, revolve
 from mechviz.meshes.kinds.spatial_cam_edges import around, circle, core_rings, edge, rib
 from mechviz.meshes.outline import disc, key_outline, keyed_bore, keyway_reach
@@ -38,7 +38,7 @@ _CLEAR = 0.04  # of the groove's depth: the roller's end above its floor
 class SpatialDrawing:
     """A spatial cam as it is drawn. ``tip`` in the follower's axes; ``turn`` takes the theory's plane axes into them at angle 0."""
 
-    pair: str
+    joint: str
     cam: str
     follower: str
     placed: PlacedSpatial
@@ -80,22 +80,22 @@ def find_spatial(mechanism: Mechanism, parts: Builder, size: float) -> tuple[Spa
     """All spatial cams of a mechanism."""
     by_name = {r.name: r.geometry for r in parts.relations}
     found = []
-    for pair in mechanism.pairs:
-        if not isinstance(pair, CamPair) or pair.spatial is None:
+    for joint in mechanism.joints:
+        if not isinstance(joint, CamJoint) or joint.spatial is None:
             continue
-        placed = by_name[pair.name]
-        tip = point_of(parts.links[pair.links[1]], pair.point)
+        placed = by_name[joint.name]
+        tip = point_of(parts.links[joint.links[1]], joint.point)
         hinge, up = None, 0j
         if placed.pivot is not None:
-            own = parts.axis_between(pair, pair.links[1], placed.carrier)[1]
+            own = parts.axis_between(joint, joint.links[1], placed.carrier)[1]
             hinge = (own.real / size, own.imag / size)
         else:
-            joint = next(j for j in parts.joints if j.name == pair.guide)
-            first = joint.links[0] == placed.carrier
-            up = complex(1j * placed.axes * np.exp(1j * (-joint.angle if first else joint.angle)))
+            loop_joint = next(j for j in parts.joints if j.name == joint.guide)
+            first = loop_joint.links[0] == placed.carrier
+            up = complex(1j * placed.axes * np.exp(1j * (-loop_joint.angle if first else loop_joint.angle)))
         found.append(
             SpatialDrawing(
-                pair.name, pair.links[0], pair.links[1], placed, size, (placed.own.real / size, placed.own.imag / size),
+                joint.name, joint.links[0], joint.links[1], placed, size, (placed.own.real / size, placed.own.imag / size),
                 (tip.real / size, tip.imag / size), hinge, up,
             )
         )  # fmt: skip
@@ -214,7 +214,7 @@ def _cam_parts(model: Model, drawing: SpatialDrawing, height: float) -> list[Par
     radius = _FIT * shaft
     keyed = keyway_reach(radius) < 0.95 * least
     bore = keyed_bore(axis, radius, shaft, (1.0, 0.0), _BORE) if keyed else disc(axis, shaft, _BORE)
-    mates = frozenset([drawing.pair])
+    mates = frozenset([drawing.joint])
     spot = disc(drawing.bore, 0.2 * r, 12)
 
     def part(link: str, kind: str, shell: Shell, color: Any = None) -> Part:
@@ -259,7 +259,7 @@ def _rollers(model: Model, levels: Levels, drawing: SpatialDrawing, height: floa
     placed, size = drawing.placed, drawing.size
     radius, pin = placed.cam.radius / size, 0.55 * placed.cam.radius / size
     depth = placed.blank.depth / size
-    mates = frozenset([drawing.pair])
+    mates = frozenset([drawing.joint])
     inner, outer = placed.cam.inner / size, placed.cam.outer / size
     if drawing.flat:
         assert drawing.hinge is not None
@@ -308,4 +308,4 @@ def _turret(model: Model, levels: Levels, drawing: SpatialDrawing, shape: Polygo
     low, high = low + 0.1 * (high - low), high - 0.1 * (high - low)  # the link itself shows on it
     outline = shape.difference(disc(drawing.hinge, 1.02 * model.proportions.r, 48))
     shell = plate(outline, (low, high), 0.0)
-    return [Part(drawing.follower, "wheel", shell, None, (Prism(outline, low, high),), frozenset([drawing.pair]))]
+    return [Part(drawing.follower, "wheel", shell, None, (Prism(outline, low, high),), frozenset([drawing.joint]))]

@@ -33,7 +33,7 @@ class Wheel:
     centre: Vec2  # in the link's frame
     radius: float  # of the rolling or pitch circle
     kind: Literal["gear", "ring", "pulley", "roller"]
-    pairs: tuple[str, ...]  # in which it takes part
+    joints: tuple[str, ...]  # in which it takes part
     teeth: int = 0
     angle: float = 0.0  # pressure angle [rad]
     phase: float = 0.0  # angle of a tooth in the link's frame [rad]
@@ -49,7 +49,7 @@ class RackBar:
     """A toothed bar. Its pitch line passes ``origin`` in the direction ``along``; teeth point to the left of it."""
 
     link: str
-    pair: str
+    joint: str
     slider: str
     carrier: str
     origin: Vec2
@@ -64,7 +64,7 @@ class Track:
     """The straight edge that a wheel rolls on: through ``origin`` along ``along``, the wheel on its left."""
 
     link: str
-    pair: str
+    joint: str
     origin: Vec2
     along: Vec2
     travel: tuple[float, float]  # of the contact, from ``origin``
@@ -76,7 +76,7 @@ class Band:
     """A belt or chain around two pulleys, in the frame of their carrier."""
 
     carrier: str
-    pair: str
+    joint: str
     centres: tuple[Vec2, Vec2]
     wheels: tuple[int, int]
     crossed: bool
@@ -121,28 +121,28 @@ class _Finder:
         """Angle of a link at the start [rad]."""
         return float(self.pose(link)[0, 2])
 
-    def axes(self, pair: Gear | Belt) -> tuple[list[complex], list[complex]]:
+    def axes(self, joint: Gear | Belt) -> tuple[list[complex], list[complex]]:
         """Axes of both wheels, on the carrier and on the wheels' links."""
-        found = [self.parts.axis_between(pair, link, pair.carrier) for link in pair.links]
+        found = [self.parts.axis_between(joint, link, joint.carrier) for link in joint.links]
         return [on_carrier / self.size for on_carrier, _ in found], [own / self.size for _, own in found]
 
     def add(self, wheel: Wheel) -> int:
-        """The number of a wheel; the same toothing in two pairs is one wheel."""
+        """The number of a wheel; the same toothing in two joints is one wheel."""
         for k, old in enumerate(self.wheels):
             same = (old.link, old.kind) == (wheel.link, wheel.kind) and abs(old.radius - wheel.radius) < _SAME
             if same and math.dist(old.centre, wheel.centre) < _SAME and (old.teeth == wheel.teeth or 0 in (old.teeth, wheel.teeth)):
-                self.wheels[k] = replace(old, teeth=max(old.teeth, wheel.teeth), pairs=(*old.pairs, *wheel.pairs))
+                self.wheels[k] = replace(old, teeth=max(old.teeth, wheel.teeth), joints=(*old.joints, *wheel.joints))
                 return k
         self.wheels.append(wheel)
         return len(self.wheels) - 1
 
-    def gear(self, pair: Gear) -> None:
-        (c1, c2), own = self.axes(pair)
-        n1, n2 = pair.sizes
-        total = n2 - n1 if pair.internal else n1 + n2
+    def gear(self, joint: Gear) -> None:
+        (c1, c2), own = self.axes(joint)
+        n1, n2 = joint.sizes
+        total = n2 - n1 if joint.internal else n1 + n2
         distance = abs(c2 - c1)
-        stated = all(float(n).is_integer() and _FEWEST <= n <= _MOST for n in pair.sizes)
-        kinds: tuple[Literal["gear", "ring"], ...] = ("gear", "ring" if pair.internal else "gear")
+        stated = all(float(n).is_integer() and _FEWEST <= n <= _MOST for n in joint.sizes)
+        kinds: tuple[Literal["gear", "ring"], ...] = ("gear", "ring" if joint.internal else "gear")
         found = [
             self.add(
                 Wheel(
@@ -150,38 +150,38 @@ class _Finder:
                     centre=(at.real, at.imag),
                     radius=n * distance / total,
                     kind=kind,
-                    pairs=(pair.name,),
+                    joints=(joint.name,),
                     teeth=int(n) if stated else 0,
-                    angle=pair.pressure_angle,
+                    angle=joint.pressure_angle,
                 )
             )
-            for link, at, n, kind in zip(pair.links, own, pair.sizes, kinds, strict=True)
+            for link, at, n, kind in zip(joint.links, own, joint.sizes, kinds, strict=True)
         ]
-        outward = (c2 - c1) / distance * cmath.exp(1j * self.turn(pair.carrier))
-        first = -outward if pair.internal else outward
-        self.meshes.append((found[0], found[1], first, first if pair.internal else -outward))
+        outward = (c2 - c1) / distance * cmath.exp(1j * self.turn(joint.carrier))
+        first = -outward if joint.internal else outward
+        self.meshes.append((found[0], found[1], first, first if joint.internal else -outward))
 
-    def belt(self, pair: Belt) -> None:
-        centres, own = self.axes(pair)
+    def belt(self, joint: Belt) -> None:
+        centres, own = self.axes(joint)
         first, second = (
-            self.add(Wheel(link, (at.real, at.imag), radius / self.size, "pulley", (pair.name,)))
-            for link, at, radius in zip(pair.links, own, pair.radii, strict=True)
+            self.add(Wheel(link, (at.real, at.imag), radius / self.size, "pulley", (joint.name,)))
+            for link, at, radius in zip(joint.links, own, joint.radii, strict=True)
         )
         c1, c2 = ((c.real, c.imag) for c in centres)
-        self.bands.append(Band(pair.carrier, pair.name, (c1, c2), (first, second), pair.crossed))
+        self.bands.append(Band(joint.carrier, joint.name, (c1, c2), (first, second), joint.crossed))
 
-    def rolling(self, pair: Rolling) -> None:
-        edge, wheel = pair.links
-        over, centre = (self.point(link, name) for link, name in zip(pair.links, pair.points, strict=True))
-        radius = pair.radius / self.size
-        number = self.add(Wheel(wheel, (centre.real, centre.imag), radius, "roller", (pair.name,)))
-        sign = 1.0 if pair.side == "left" else -1.0  # the track has the wheel on its left
-        along = sign * complex(*pair.along) / abs(complex(*pair.along))
+    def rolling(self, joint: Rolling) -> None:
+        edge, wheel = joint.links
+        over, centre = (self.point(link, name) for link, name in zip(joint.links, joint.points, strict=True))
+        radius = joint.radius / self.size
+        number = self.add(Wheel(wheel, (centre.real, centre.imag), radius, "roller", (joint.name,)))
+        sign = 1.0 if joint.side == "left" else -1.0  # the track has the wheel on its left
+        along = sign * complex(*joint.along) / abs(complex(*joint.along))
         origin = over - 1j * radius * along
         seen = self.seen(wheel, centre, edge)
         s = np.real((seen - over) * np.conj(along)) if self.poses else np.zeros(1)
         travel = (float(s.min()), float(s.max()))
-        self.tracks.append(Track(edge, pair.name, (origin.real, origin.imag), (along.real, along.imag), travel, number))
+        self.tracks.append(Track(edge, joint.name, (origin.real, origin.imag), (along.real, along.imag), travel, number))
 
     def seen(self, link: str, point: complex, other: str) -> np.ndarray:
         """Places (F,) of a point of a link in the frame of another one over the run."""
@@ -189,20 +189,20 @@ class _Finder:
         world = pose[:, 0] + 1j * pose[:, 1] + point * np.exp(1j * pose[:, 2])
         return np.asarray((world - base[:, 0] - 1j * base[:, 1]) * np.exp(-1j * base[:, 2]))
 
-    def rack(self, pair: Rack) -> None:
-        pinion, bar = pair.links
-        slider = next(p for p in self.mechanism.pairs if p.name == pair.slider)
+    def rack(self, joint: Rack) -> None:
+        pinion, bar = joint.links
+        slider = next(p for p in self.mechanism.joints if p.name == joint.slider)
         assert isinstance(slider, Prismatic)
         carrier = slider.links[0] if slider.links[1] == bar else slider.links[1]
-        on_carrier, at = (z / self.size for z in self.parts.axis_between(pair, pinion, carrier))
-        wheel = Wheel(pinion, (at.real, at.imag), pair.radius / self.size, "gear", (pair.name,), angle=pair.pressure_angle)
+        on_carrier, at = (z / self.size for z in self.parts.axis_between(joint, pinion, carrier))
+        wheel = Wheel(pinion, (at.real, at.imag), joint.radius / self.size, "gear", (joint.name,), angle=joint.pressure_angle)
         number = self.add(wheel)
         along = complex(*slider.along) / abs(complex(*slider.along))
         # direction of the guide in the carrier's and in the rack's frame
         twist = cmath.exp(1j * (slider.angle if slider.links[1] == bar else -slider.angle))
         on_bar = along if slider.links[slider.guide] == bar else along / twist
         guide = on_bar * twist
-        sign = 1.0 if pair.side == "left" else -1.0
+        sign = 1.0 if joint.side == "left" else -1.0
         contact = on_carrier - 1j * sign * guide * wheel.radius
         touch = self.seen(carrier, contact, bar)
         along = sign * on_bar  # teeth on its left, towards the pinion
@@ -210,8 +210,8 @@ class _Finder:
         s = np.real((touch - origin) * np.conj(along))
         made = RackBar(
             link=bar,
-            pair=pair.name,
-            slider=pair.slider,
+            joint=joint.name,
+            slider=joint.slider,
             carrier=carrier,
             origin=(origin.real, origin.imag),
             along=(along.real, along.imag),
@@ -315,17 +315,17 @@ class _Finder:
 def find_wheels(mechanism: Mechanism, parts: Builder, size: float, poses: Poses) -> Wheels:
     """Wheels, racks, tracks and bands of a mechanism; ``poses`` (F, 3) in units of the size, empty if not known."""
     finder = _Finder(mechanism, parts, size, poses)
-    for pair in mechanism.pairs:
-        if isinstance(pair, Gear):
-            finder.gear(pair)
-        elif isinstance(pair, Belt):
-            finder.belt(pair)
-        elif isinstance(pair, Rolling):
-            finder.rolling(pair)
-        elif isinstance(pair, Rack):
-            finder.rack(pair)
+    for joint in mechanism.joints:
+        if isinstance(joint, Gear):
+            finder.gear(joint)
+        elif isinstance(joint, Belt):
+            finder.belt(joint)
+        elif isinstance(joint, Rolling):
+            finder.rolling(joint)
+        elif isinstance(joint, Rack):
+            finder.rack(joint)
     finder.number_teeth()
     finder.set_phases()
     meshes = tuple((i, j) for i, j, _, _ in finder.meshes)
-    carriers = frozenset(pair.carrier for pair in mechanism.pairs if isinstance(pair, Gear | Belt))
+    carriers = frozenset(joint.carrier for joint in mechanism.joints if isinstance(joint, Gear | Belt))
     return Wheels(tuple(finder.wheels), meshes, finder.bars(), tuple(finder.tracks), tuple(finder.bands), carriers)

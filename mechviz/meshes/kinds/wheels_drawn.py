@@ -53,7 +53,7 @@ def draw_wheels(model: Model, draft: Draft) -> None:
     """Pieces of all wheels, racks, tracks and belts."""
     for k, wheel in enumerate(model.wheels.wheels):
         group = draft.wheels[k]
-        mates = frozenset(wheel.pairs) if wheel.kind in ("gear", "ring") else frozenset()
+        mates = frozenset(wheel.joints) if wheel.kind in ("gear", "ring") else frozenset()
         kind = "plate" if wheel.kind != "ring" and draft.groups.get(wheel.link) == group else "wheel"
         groove = _FLANGE * _belt(model) if wheel.kind == "pulley" else 0.0
         draft.pieces.append(Piece(wheel.link, _body(model, wheel), group, kind, mates, groove=groove))
@@ -300,7 +300,7 @@ def _draw_rack(model: Model, draft: Draft, bar: RackBar) -> None:
     a, b = bar.along
     shape = affinity.affine_transform(shape, [m * a, -m * b, m * b, m * a, *bar.origin])
     plain = draft.groups[bar.link] == group
-    draft.pieces.append(Piece(bar.link, shape, group, "plate" if plain else "wheel", frozenset([bar.pair])))
+    draft.pieces.append(Piece(bar.link, shape, group, "plate" if plain else "wheel", frozenset([bar.joint])))
     if not plain:
         neck = outline.disc(_bar_hold(model, bar), 0.6 * r, model.segments)
         draft.necks.append(Neck(bar.link, neck, (draft.groups[bar.link], group)))
@@ -335,7 +335,7 @@ def find_loop(model: Model, band: Band) -> Loop:
     """Where a belt runs, in sizes of the mechanism."""
     first, second = (model.wheels.wheels[k] for k in band.wheels)
     c1, c2 = (complex(*c) for c in band.centres)
-    return Loop(band.pair, band.carrier, first.link, (c1, c2), (first.radius, second.radius), band.crossed, _belt(model))
+    return Loop(band.joint, band.carrier, first.link, (c1, c2), (first.radius, second.radius), band.crossed, _belt(model))
 
 
 def _draw_band(model: Model, draft: Draft, band: Band) -> None:

@@ -27,8 +27,8 @@ class Costs:
     ):
         self.clash, self.front, self.height, self.span = weights
         n = len(conflicts)
-        pairs = [(g, h) for g in range(n) for h in range(g) if conflicts[g] >> h & 1]
-        self._pairs = np.array(pairs, np.intp).reshape(-1, 2).T
+        joints = [(g, h) for g in range(n) for h in range(g) if conflicts[g] >> h & 1]
+        self._joints = np.array(joints, np.intp).reshape(-1, 2).T
         width = max((len(post.groups) for post in posts), default=1)
         self._groups = (
             np.array([[*post.groups, *[post.groups[0]] * (width - len(post.groups))] for post in posts], np.intp)
@@ -54,7 +54,7 @@ class Costs:
         """
         at = np.ascontiguousarray(layers.T)  # (n, T): sums then run over whole rows
         top = at.max(axis=0)
-        first, second = at[self._pairs[0]], at[self._pairs[1]]
+        first, second = at[self._joints[0]], at[self._joints[1]]
         same = (first == second) & (first >= 0) if partial else first == second
         clashes = np.add.reduce(same, axis=0, dtype=np.int64)
         which, price = self._behind

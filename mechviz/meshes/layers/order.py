@@ -149,7 +149,7 @@ def _moved(layers: Layers) -> Layers:
     placed[:, group, :, :, group] = levels[:, None]
     first, second = np.tril_indices(n, -1)
     swapped = np.repeat(layers[:, None], len(first), axis=1)
-    pair = np.arange(len(first))
-    swapped[:, pair, first], swapped[:, pair, second] = layers[:, second], layers[:, first]
+    joint = np.arange(len(first))
+    swapped[:, joint, first], swapped[:, joint, second] = layers[:, second], layers[:, first]
     over = (tops[:, None] - layers)[:, None]
     return np.concatenate([over, placed.reshape(count, -1, n), swapped], axis=1)

@@ -97,7 +97,7 @@ def _neck_reach(neck: Neck) -> _Reach:
 def _meetings(
     model: Model, draft: Draft, reaches: list[_Reach], number: Mapping[str, int]
 ) -> tuple[list[int], list[int], list[tuple[int, ...]]]:
-    """Bit masks: for every group those that it meets at some frame (or is joined to by a pair), for every pin or neck those that
+    """Bit masks: for every group those that it meets at some frame (or is joined to by a joint), for every pin or neck those that
     would run into it; and for every pin or neck the others that it meets: those of one link never move apart."""
     conflicts, hits = [0] * len(number), [0] * len(reaches)
     near: list[list[int]] = [[] for _ in reaches]

@@ -150,10 +150,10 @@ def _strut_glyphs(run: Run, solids: Solids) -> list[Mark]:
         found += _strut(f"{strut.kind} {strut.name}", a, b, size, solids.z_top + POT * size)
     for load in motion.mechanism.loads:
         if isinstance(load, TorsionSpring):
-            pin = next((p for p in motion.mechanism.pairs if set(p.links) == set(load.links) and hasattr(p, "points")), None)
+            pin = next((p for p in motion.mechanism.joints if set(p.links) == set(load.links) and hasattr(p, "points")), None)
             if pin is not None:
                 first, second = (motion.pose(link)[:, 2] for link in load.links)
-                found.append(_spiral(f"spring {load.name}", motion.pair_position(pin.name), first, second, size, solids.z_top))
+                found.append(_spiral(f"spring {load.name}", motion.joint_position(pin.name), first, second, size, solids.z_top))
         elif isinstance(load, Bushing):
             (outer, hole), (inner, pivot) = zip(load.links, load.points, strict=True)
             places = motion.point(outer, hole), motion.point(inner, pivot)

@@ -23,7 +23,7 @@ from mechviz.outputs.rerun.plots import (
 )
 from mechviz.outputs.rerun.polygons import OVERLAYS
 from mechviz.picture.section_diagrams import DIAGRAMS, HIDDEN
-from mechviz.quantities.items import links_with_mass, pair_unit
+from mechviz.quantities.items import joint_unit, links_with_mass
 from mechviz.quantities.vectors import FORCE_FAMILIES, plotted_against
 
 if TYPE_CHECKING:
@@ -93,7 +93,7 @@ def make_blueprint(
 def opening_timeline(run: Run) -> str:
     """The drive's angle or displacement for a drive that starts and stops, whose zones are stated over it; else time."""
     axis = plotted_against(run)
-    return "time" if axis is None else {"rad": "drive_mdeg", "m": "drive_um"}[pair_unit(run.motion, axis)]
+    return "time" if axis is None else {"rad": "drive_mdeg", "m": "drive_um"}[joint_unit(run.motion, axis)]
 
 
 def _pace(run: Run) -> dict[str, float]:
@@ -102,7 +102,7 @@ def _pace(run: Run) -> dict[str, float]:
     if axis is None:
         return {"playback_speed": _playback_speed(run)}
     ticks = float(np.ptp(run.motion.coordinate(axis)[:, 0]))
-    ticks = 1e3 * np.degrees(ticks) if pair_unit(run.motion, axis) == "rad" else 1e6 * ticks
+    ticks = 1e3 * np.degrees(ticks) if joint_unit(run.motion, axis) == "rad" else 1e6 * ticks
     return {"fps": float(ticks) / SECONDS_A_CYCLE}
 
 
@@ -317,7 +317,7 @@ def _below(run: Run, events: Sequence[Event]) -> Any:
         name = "States" if run.simulation is not None else "Friction: states"
         views.insert(1 if events else 0, rrb.StateTimelineView(origin="/state", name=name))
     if run.forces is not None and run.forces.friction is not None:
-        losses = tuple((entity("data", "joints", p, "friction_loss"), ()) for p in run.forces.friction.pairs)
+        losses = tuple((entity("data", "joints", p, "friction_loss"), ()) for p in run.forces.friction.joints)
         views.insert(1 if events else 0, _plot(Output("Friction losses [W]", losses)))
     views.append(rrb.TextDocumentView(origin="/notes", name="Notes"))
     return rrb.Tabs(*views, active_tab=0 if events else len(views) - 1)  # health is a line along zero: notes say more

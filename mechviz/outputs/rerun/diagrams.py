@@ -16,12 +16,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechcore.effects.gas import CylinderGas
-from mechcore.spec.clearance import made_pairs
+from mechcore.spec.clearance import made_joints
 from mechcore.spec.loads import GasPressure
 from mechviz.outputs.rerun.paths import entity, packed
 from mechviz.outputs.rerun.plots import PALETTE
 from mechviz.outputs.rerun.streams import Index, Static, Stream
-from mechviz.quantities.items import joints_of, pair_unit
+from mechviz.quantities.items import joint_unit, joints_of
 
 if TYPE_CHECKING:
     from mechviz.runs import Run
@@ -116,14 +116,14 @@ def _indicator(run: Run) -> Diagram | None:
 def _phase(run: Run) -> Diagram | None:
     """Velocity against position of what swings: free coordinates where forces decide the motion, else what the mechanism moves."""
     motion = run.motion
-    made = made_pairs(run.scene.mechanism)
-    free = [] if run.simulation is None else [d.pair for d in run.scene.mechanism.drives if d.pair not in made]
+    made = made_joints(run.scene.mechanism)
+    free = [] if run.simulation is None else [d.joint for d in run.scene.mechanism.drives if d.joint not in made]
     names = free or _followers(run)
     swinging = [n for n in names if _swings(motion.coordinate(n)[:, 0])]
     if not swinging:
         return None
-    unit = pair_unit(motion, swinging[0])
-    chosen = [n for n in swinging if pair_unit(motion, n) == unit][:MOST]
+    unit = joint_unit(motion, swinging[0])
+    chosen = [n for n in swinging if joint_unit(motion, n) == unit][:MOST]
     what, u, factor = ("displacement", "mm", 1e3) if unit == "m" else ("angle", "°", 180.0 / np.pi)
     curves = tuple(Curve(n, factor * motion.coordinate(n)[:, 0], motion.coordinate(n)[:, 1]) for n in chosen)
     title = f"Phase: velocity [{unit}/s] against {what} [{u}]" + (f", {chosen[0]}" if len(chosen) == 1 else "")
@@ -133,7 +133,7 @@ def _phase(run: Run) -> Diagram | None:
 def _followers(run: Run) -> list[str]:
     """What the mechanism moves: sliders at the frame that no drive moves, then rockers."""
     mechanism = run.motion.mechanism
-    driven = {d.pair for d in mechanism.drives}
+    driven = {d.joint for d in mechanism.drives}
     free = [j for j in joints_of(run.motion) if mechanism.frame in j.links and j.name not in driven]
     return [j.name for unit in ("m", "rad") for j in free if j.unit == unit]
 
@@ -170,13 +170,13 @@ def _overlaid(run: Run) -> Diagram | None:
     motion = run.motion
     if run.forces is None or not motion.mechanism.drives:
         return None
-    pair = motion.mechanism.drives[0].pair
-    angle = np.degrees(motion.coordinate(pair)[:, 0])
+    joint = motion.mechanism.drives[0].joint
+    angle = np.degrees(motion.coordinate(joint)[:, 0])
     steps = np.diff(angle)
-    if pair_unit(motion, pair) != "rad" or np.ptp(angle) < 365.0 or not (np.all(steps >= 0.0) or np.all(steps <= 0.0)):
+    if joint_unit(motion, joint) != "rad" or np.ptp(angle) < 365.0 or not (np.all(steps >= 0.0) or np.all(steps <= 0.0)):
         return None
-    curve = Curve(pair, np.mod(angle, 360.0), run.forces.effort(pair))
-    title = f"Driving torque [N m] against the angle of {pair} [°], turns overlaid"
+    curve = Curve(joint, np.mod(angle, 360.0), run.forces.effort(joint))
+    title = f"Driving torque [N m] against the angle of {joint} [°], turns overlaid"
     return Diagram("torque over angle", title, "drive angle [°]", "[N m]", (curve,), turn=360.0)
 
 

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechcore.effects.plan import OUTPUTS, make_plan
-from mechcore.spec.clearance import made_pairs
+from mechcore.spec.clearance import made_joints
 from mechviz.outputs.rerun.blueprint import picture as mechanism_view
 from mechviz.outputs.rerun.nodes import picture_statics, picture_streams
 from mechviz.outputs.rerun.plots import plot_styles
@@ -95,8 +95,8 @@ def _room(run: Run, solids: Solids) -> NDArray[np.float64]:
     box, motion = np.array(solids.bounds, float), run.motion
     frame = motion.mechanism.frame
     more = ROOM * solids.size
-    for pair in (p for p in motion.mechanism.pairs if frame in p.links and not motion.model.loops):
-        at = motion.pair_position(pair.name)[0]
+    for joint in (p for p in motion.mechanism.joints if frame in p.links and not motion.model.loops):
+        at = motion.joint_position(joint.name)[0]
         more = float(np.hypot(*np.maximum(box[1, :2] - at, at - box[0, :2])))
         box[:, :2] = np.minimum(box[0, :2], at - more), np.maximum(box[1, :2], at + more)
         more = 0.0
@@ -108,9 +108,9 @@ def _blueprint(scene: Scene, room: NDArray[np.float64]) -> Any:
     """The mechanism, and the free coordinates and energies over the time, which the view follows."""
     import rerun.blueprint as rrb
 
-    made = made_pairs(scene.mechanism)
-    free = [d.pair for d in scene.mechanism.drives if d.pair not in made]
-    plots = [rrb.TimeSeriesView(name=pair, origin="/", contents=[f"+ /data/joints/{pair}/motion"]) for pair in free[:3]]
+    made = made_joints(scene.mechanism)
+    free = [d.joint for d in scene.mechanism.drives if d.joint not in made]
+    plots = [rrb.TimeSeriesView(name=joint, origin="/", contents=[f"+ /data/joints/{joint}/motion"]) for joint in free[:3]]
     if make_plan(scene.mechanism, set(OUTPUTS)).has("reactions and drive efforts"):
         plots.append(rrb.TimeSeriesView(name="Energy [J]", origin="/", contents=["+ /data/energy"]))
     return rrb.Blueprint(

@@ -70,8 +70,8 @@ LANES = {
 
 
 def find_lanes(run: Run) -> tuple[dict[str, list[tuple[float, str]]], Mapping[str, tuple[str, tuple[int, int, int]]]]:
-    """Changes of state (time [s], state) by lane, and labels and colours of the states: of pairs with friction and the mechanism
-    (slips, at rest, jammed); where forces decide the motion of pairs, stops and cams."""
+    """Changes of state (time [s], state) by lane, and labels and colours of the states: of joints with friction and the mechanism
+    (slips, at rest, jammed); where forces decide the motion of joints, stops and cams."""
     if run.simulation is not None:
         return lanes_of(run.simulation), LANES
     return ({} if run.forces is None else friction_lanes(run.forces)), STATES

@@ -10,11 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechcore.forces.cam_rating import placed_cams
-from mechcore.spec.clearance import journals_of, made_pairs
-from mechcore.spec.mechanism import CamPair
+from mechcore.spec.clearance import journals_of, made_joints
+from mechcore.spec.mechanism import CamJoint
 from mechviz.outputs.rerun.paths import entity, packed
 from mechviz.outputs.rerun.streams import Index, Static, Stream
-from mechviz.quantities.items import JointInfo, Table, joints_of, pair_unit
+from mechviz.quantities.items import JointInfo, Table, joint_unit, joints_of
 from mechviz.quantities.tables import rounding_of_efforts
 from mechviz.quantities.vectors import point_name
 
@@ -124,7 +124,7 @@ def cam_outputs(run: Run) -> list[Output]:
     found = [Output(lift, tuple((entity("data", "cams", name, "lift"), (True, False, False)) for name in names), single=single)]
     for k, title in ((3, "Pressure angle [rad]"), *(((2, "Contact force [N]"),) if run.forces is not None else ())):
         found.append(Output(title, tuple((path, tuple(i == k for i in range(6))) for path in contacts), single=single))
-    rated = {p.name: p for p in run.motion.mechanism.pairs if isinstance(p, CamPair) and p.name in names}
+    rated = {p.name: p for p in run.motion.mechanism.joints if isinstance(p, CamJoint) and p.name in names}
     stressed = [n for n, p in rated.items() if p.rating is not None and p.rating.width is not None and run.forces is not None]
     if stressed:
         paths = tuple((entity("data", "cams", n, "stress"), (True, False)) for n in stressed)
@@ -139,7 +139,7 @@ def cam_outputs(run: Run) -> list[Output]:
 def _moved(run: Run) -> tuple[list[JointInfo], list[tuple[str, str]]]:
     """The joints whose motion is plotted, or else the points."""
     mechanism = run.motion.mechanism
-    driven = {d.pair for d in mechanism.drives}
+    driven = {d.joint for d in mechanism.drives}
     at_frame = [j for j in joints_of(run.motion) if mechanism.frame in j.links and j.name not in driven]
     sliders = [j for j in at_frame if j.unit == "m"][:MOST]
     points = list(mechanism.traced)[:MOST]
@@ -177,11 +177,11 @@ def _efforts(run: Run) -> list[Gathered]:
         return []
     found = []
     for unit, path, name, u in (("rad", "torque", "Driving torque", "N m"), ("m", "force", "Driving force", "N")):
-        pairs = [d.pair for d in run.motion.mechanism.drives if pair_unit(run.motion, d.pair) == unit]
-        if pairs:
-            values = np.column_stack([forces.effort(p) for p in pairs])
-            alone = (entity("data", "drive", pairs[0]), (False, False, False, True, False)) if len(pairs) == 1 else None
-            series = tuple(f"{p} [{u}]" for p in pairs)
+        joints = [d.joint for d in run.motion.mechanism.drives if joint_unit(run.motion, d.joint) == unit]
+        if joints:
+            values = np.column_stack([forces.effort(p) for p in joints])
+            alone = (entity("data", "drive", joints[0]), (False, False, False, True, False)) if len(joints) == 1 else None
+            series = tuple(f"{p} [{u}]" for p in joints)
             least = rounding_of_efforts(run, unit)
             found.append(Gathered(("plots", path), f"{name} [{u}]", series, values, alone, least))
     return found
@@ -199,10 +199,10 @@ def _speeds(run: Run) -> list[Gathered]:
     if run.simulation is None:
         return []
     found = []
-    prescribed = {d.pair for d in run.motion.mechanism.drives} | made_pairs(run.scene.mechanism)
-    pairs = [d.pair for d in run.scene.mechanism.drives if d.pair not in prescribed]
+    prescribed = {d.joint for d in run.motion.mechanism.drives} | made_joints(run.scene.mechanism)
+    joints = [d.joint for d in run.scene.mechanism.drives if d.joint not in prescribed]
     for unit, path in (("rad", "angular speed"), ("m", "speed")):
-        some = [p for p in pairs if pair_unit(run.motion, p) == unit]
+        some = [p for p in joints if joint_unit(run.motion, p) == unit]
         if some:
             rates = np.column_stack([run.motion.coordinate(p)[:, 1] for p in some])
             alone = (entity("data", "joints", some[0], "motion"), (False, True, False)) if len(some) == 1 else None
@@ -212,7 +212,7 @@ def _speeds(run: Run) -> list[Gathered]:
 
 
 def _gaps(run: Run) -> list[Output]:
-    """How far journals and bearings of pairs with clearance are apart."""
+    """How far journals and bearings of joints with clearance are apart."""
     journals = journals_of(run.scene.mechanism)
     if not journals:
         return []

@@ -13,7 +13,7 @@ from mechviz.accuracy.kept import plain_stride
 from mechviz.outputs.rerun.paths import entity
 from mechviz.outputs.rerun.stream_file import RecordingError
 from mechviz.picture.proportions import about_z
-from mechviz.quantities.items import Table, pair_unit
+from mechviz.quantities.items import Table, joint_unit
 
 if TYPE_CHECKING:
     from mechviz.runs import Run
@@ -57,8 +57,8 @@ class Timelines:
         motion = run.motion
         found: dict[str, Index] = {}
         for drive in motion.mechanism.drives:
-            position = motion.coordinate(drive.pair)[:, 0]
-            if pair_unit(motion, drive.pair) == "rad":
+            position = motion.coordinate(drive.joint)[:, 0]
+            if joint_unit(motion, drive.joint) == "rad":
                 found.setdefault("drive_mdeg", _integers(np.degrees(position) * 1e3))
             else:
                 found.setdefault("drive_um", _integers(position * 1e6))

@@ -53,7 +53,7 @@ class Viewer:
     """
 
     def __init__(self, shown: Run | Recording, port: int = 8080, folder: Path | None = None, *, growing: bool = False):
-        self._studio: EditSession | None = None
+        self._session: EditSession | None = None
         self._growth: Growth | None = None
         self.opening: threading.Thread | None = None
         self._folder = folder or (shown.path.resolve().parent if isinstance(shown, Recording) else Path.cwd())
@@ -134,7 +134,7 @@ class Viewer:
 
     def _edit(self, run: Run, note: str) -> None:
         """Show a run that can be edited."""
-        self._studio = EditSession(
+        self._session = EditSession(
             run,
             present=lambda show: self.inspector.present(show),
             told=lambda status: self.inspector.tell(status),
@@ -142,8 +142,8 @@ class Viewer:
             settled=lambda: self.inspector.settle(),
             failed=lambda error: report(self.server, "Editing", error),
         )
-        self._build(self._studio.show, note, None)
-        self._studio.weigh()
+        self._build(self._session.show, note, None)
+        self._session.weigh()
 
     def _build(self, show: ViewModel, note: str, edit: Callable[[], None] | None) -> None:
         server = self.server
@@ -160,7 +160,7 @@ class Viewer:
             self._undraw,
             remote=playback,
         )
-        self.inspector = Inspector(server, show, self.player, self._studio, self._folder, callback, playback, note, edit)
+        self.inspector = Inspector(server, show, self.player, self._session, self._folder, callback, playback, note, edit)
         self.player.start()
         self.set_frame(show.opening)
 
@@ -176,16 +176,16 @@ class Viewer:
             self.player.refresh()
 
     @property
-    def studio(self) -> EditSession:
+    def session(self) -> EditSession:
         """Where the scene is edited. Raises `ViewerError` of a recording that is only played."""
-        if self._studio is None:
+        if self._session is None:
             raise ViewerError("A recording is played as it is: press 'Edit this scene' first.")
-        return self._studio
+        return self._session
 
     @property
     def run(self) -> Run:
         """The run as it is shown now."""
-        return self.studio.run
+        return self.session.run
 
     @property
     def scene(self) -> Scene3D:
@@ -236,8 +236,8 @@ class Viewer:
         """Stop playing and serving; harmless if done before."""
         if hasattr(self, "player"):
             self.player.close()
-        if self._studio is not None:
-            self._studio.close()
+        if self._session is not None:
+            self._session.close()
         stop_server(self.server)
 
     def __enter__(self) -> Viewer:

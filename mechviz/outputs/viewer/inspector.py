@@ -43,7 +43,8 @@ LEFT_WIDTH, RIGHT_WIDTH = 300, 370  # [px]
 
 
 class Inspector:
-    """The panels: editing and switches on the left, plots on the right, the timeline below. ``studio`` is None where nothing can be
+    """The panels: editing and switches on the left, plots on the right, the timeline below. ``session`` is None where nothing can
+    be
     edited: of a recording that does not carry its scene.
 
     ``draw(frame, playing)`` brings everything to a frame, ``present(show)`` takes another run.
@@ -54,14 +55,14 @@ class Inspector:
         server: viser.ViserServer,
         show: ViewModel,
         player: Player,
-        studio: EditSession | None,
+        session: EditSession | None,
         folder: Path,
         callback: Callback,
         playback: BrowserPlayback,
         note: str = "",
         edit: Any = None,
     ):
-        self._server, self._player, self._studio = server, player, studio
+        self._server, self._player, self._session = server, player, session
         self._lock = threading.RLock()
         self._tracing = self._closed = False
         self._slow, self._followed = 0.0, show
@@ -84,39 +85,39 @@ class Inspector:
             self.edit = gui.add_button("Edit this scene", icon=viser.Icon.EDIT, hint="solve the recorded scene, and change it")
             self.edit.on_click(callback("Opening the scene", lambda _: edit()))
         self.saver = None
-        if studio is not None:
-            self.saver = Saver(server, lambda: studio.run, studio.source, folder, callback)
+        if session is not None:
+            self.saver = Saver(server, lambda: session.run, session.source, folder, callback)
         tabs = gui.add_tab_group()
         self.controls: Controls | None = None
         self.effects: EffectsTab | None = None
         self.pivots: Pivots | None = None
         self.accuracy: AccuracyTab | None = None
-        if studio is not None:
+        if session is not None:
             tab = tabs.add_tab("Edit", viser.Icon.ADJUSTMENTS)
             with tab:
                 self.compare = gui.add_checkbox("Compare with the scene as opened", False)
                 self.handles = gui.add_checkbox("Drag pivots", False, hint="handles on the points of the fixed link")
             self.compare.on_update(callback("Comparing", lambda _: self._compare(bool(self.compare.value))))
             self.handles.on_update(callback("Showing handles", lambda _: self._handles(bool(self.handles.value))))
-            self.controls = Controls(server, tab, studio, callback)
-            self.pivots = Pivots(server, studio, callback)
-            self.effects = EffectsTab(server, tabs.add_tab("Effects", viser.Icon.SCALE), studio, callback)
-            self.accuracy = AccuracyTab(server, tabs.add_tab("Accuracy"), studio, callback)
+            self.controls = Controls(server, tab, session, callback)
+            self.pivots = Pivots(server, session, callback)
+            self.effects = EffectsTab(server, tabs.add_tab("Effects", viser.Icon.SCALE), session, callback)
+            self.accuracy = AccuracyTab(server, tabs.add_tab("Accuracy"), session, callback)
         view = tabs.add_tab("View", viser.Icon.EYE)
         self.switches = Switches(server, view, self.scene, player, drawn, self._changed, self._darken)
-        if studio is None:
+        if session is None:
             with tabs.add_tab("About", viser.Icon.INFO_CIRCLE):
                 gui.add_html(show.notes)
         with view, gui.add_folder("Legend"):
             self._legend = gui.add_html("")
         right = gui.add_panel()
         self.plots = Plots(server, right.add_tab("Plots", viser.Icon.CHART_LINE), show, callback)
-        self.closer = DetailPanel(server, right.add_tab(CLOSER, viser.Icon.ZOOM_IN), show, drawn, self._picked)
-        if studio is not None:
-            with self.closer.tab:
+        self.detail = DetailPanel(server, right.add_tab(CLOSER, viser.Icon.ZOOM_IN), show, drawn, self._picked)
+        if session is not None:
+            with self.detail.tab:
                 self.trace = gui.add_checkbox("Trace the point that I click", False, hint="adds a point to the link, and its path")
             self.trace.on_update(callback("Tracing", lambda _: self._trace(bool(self.trace.value))))
-        self.diagrams = Diagrams(server, right.add_tab("Diagrams", viser.Icon.VECTOR), show, callback, studio)
+        self.diagrams = Diagrams(server, right.add_tab("Diagrams", viser.Icon.VECTOR), show, callback, session)
         right.dock_right()
         right.set_width(RIGHT_WIDTH)
         self.timeline = Timeline(server, show, player, callback)
@@ -157,7 +158,7 @@ class Inspector:
                     self.pivots.update(show)
                 self.scene.show(frame)
             send_now(self._server, PATIENCE)
-            hurried = self._studio is not None and self._studio.overtaken and show.frames == self._plotted.frames
+            hurried = self._session is not None and self._session.overtaken and show.frames == self._plotted.frames
             if not hurried or time.perf_counter() - self._drew > PLOTS:
                 with self._server.atomic():
                     self._plot(show, frame)
@@ -178,8 +179,8 @@ class Inspector:
         """Bring along what need not follow every move of a slider: a closer look, diagrams, health and events, switches."""
         self._slow = time.perf_counter()
         self._followed = show
-        self.closer.update(show, frame)
-        self.closer.show(frame, False)
+        self.detail.update(show, frame)
+        self.detail.show(frame, False)
         self.diagrams.update(show, frame)
         self.diagrams.show(frame, False)
         self.timeline.update(show)
@@ -194,7 +195,7 @@ class Inspector:
             scene = self.scene.tracks()
             if scene is None:
                 return None
-            others = [*self.timeline.tracks(), *self.plots.tracks(), *self.closer.tracks()]
+            others = [*self.timeline.tracks(), *self.plots.tracks(), *self.detail.tracks()]
             return Tracks(
                 self.show.time,
                 uuid_of(self.timeline.slider),
@@ -283,7 +284,7 @@ class Inspector:
     def _panels(self, frame: int, playing: bool) -> None:
         self.timeline.show(frame, playing)
         self.plots.show(frame, playing)
-        self.closer.show(frame, playing)
+        self.detail.show(frame, playing)
         self.diagrams.show(frame, playing)
 
     def _changed(self) -> None:
@@ -327,15 +328,15 @@ class Inspector:
         self.scene.links.pick(name if kind == "link" else "")
 
     def _clicked_link(self, link: str, event: Any) -> None:
-        if self._tracing and self._studio is not None:
+        if self._tracing and self._session is not None:
             spot = traced_at(self.show, link, self._player.frame, event.ray_origin, event.ray_direction)
-            self._studio.change(f"trace {link}", lambda draft: with_traced(draft, link, spot))
+            self._session.change(f"trace {link}", lambda draft: with_traced(draft, link, spot))
             return
         known = items_of(self.show)
         cams = [j.name for j in self.show.numbers.joints.values() if j.links[0] == link and f"cam {j.name}" in known]
         item = f"cam {cams[0]}" if cams else f"link {link}"
         if item in known:
-            self._alone(self.closer.look_at, item)
+            self._alone(self.detail.look_at, item)
             open_tab(event.client, CLOSER)
 
     def _clicked_joints(self, names: tuple[str, ...], event: Any) -> None:
@@ -343,7 +344,7 @@ class Inspector:
         for name in names:
             for kind in ("cam", "joint", "drive"):
                 if f"{kind} {name}" in known:
-                    self._alone(self.closer.look_at, f"{kind} {name}")
+                    self._alone(self.detail.look_at, f"{kind} {name}")
                     open_tab(event.client, CLOSER)
                     return
 

@@ -65,7 +65,7 @@ class _Value:
 class EditSession:
     """A scene in work. ``present(show)`` brings what is shown to the browsers, ``told(status)`` says how a change went,
     ``contributed(...)`` what each effect does, ``settled()`` that for a while nothing has been changed. They are called from the
-    studio's own threads."""
+    session's own threads."""
 
     def __init__(
         self,
@@ -282,8 +282,8 @@ def _peak(run: Run) -> float:
     forces, drives = run.forces, run.motion.mechanism.drives
     if forces is None:
         return 0.0
-    efforts = [forces.effort(d.pair) for d in drives[:1]] or [
-        np.hypot(*forces.reaction(pair.name)[:, :2].T) for pair in run.motion.mechanism.pairs
+    efforts = [forces.effort(d.joint) for d in drives[:1]] or [
+        np.hypot(*forces.reaction(joint.name)[:, :2].T) for joint in run.motion.mechanism.joints
     ]
     return max((float(np.max(np.abs(e), initial=0.0, where=np.isfinite(e))) for e in efforts), default=0.0)
 

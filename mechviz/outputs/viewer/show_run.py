@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechcore.accuracy import Accuracy
-from mechcore.joints.parts import build_pairs
+from mechcore.joints.parts import build_joints
 from mechcore.spec.loads import Force
 from mechcore.spec.mechanism import Mechanism
 from mechviz.meshes.solids import Solids
@@ -41,7 +41,7 @@ class Built:
     solids: Solids
     bodies: Mapping[str, Body]
     poses: Mapping[str, Real]  # over the run for which they were built
-    cams: Mapping[str, tuple[str, Any]]  # by pair, see `cam_profiles`
+    cams: Mapping[str, tuple[str, Any]]  # by joint, see `cam_profiles`
 
     def fits(self, run: Run) -> bool:
         """Whether a run looks the same: masses, loads and the speed of the drives do not change any solid."""
@@ -54,7 +54,7 @@ def _drawn(mechanism: Mechanism) -> tuple[Any, ...]:
     """What solids depend on, apart from how the links move: what acts at a point is carried by the link's shape."""
     points = [(link.name, link.points) for link in mechanism.links]
     loaded = [(load.link, load.point) for load in mechanism.loads if isinstance(load, Force)]
-    return points, mechanism.pairs, mechanism.traced, loaded, [drive.pair for drive in mechanism.drives]
+    return points, mechanism.joints, mechanism.traced, loaded, [drive.joint for drive in mechanism.drives]
 
 
 def build(run: Run) -> Built:
@@ -128,7 +128,7 @@ def show_of_run(run: Run, built: Built, before: ViewModel | None = None) -> View
 
 def points_of(mechanism: Mechanism) -> dict[str, Mapping[str, tuple[float, float]]]:
     """The points of all links, those that a joint brings along among them."""
-    return {link.name: link.points for link in build_pairs(mechanism).links.values()}
+    return {link.name: link.points for link in build_joints(mechanism).links.values()}
 
 
 def polodes_of(run: Run) -> dict[str, Rolling]:

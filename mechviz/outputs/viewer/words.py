@@ -104,8 +104,8 @@ def editing(seconds: float, can_undo: bool, can_redo: bool, swings: Iterable[str
     text = "Drag a slider, or type a value: everything is computed anew while you drag." if not can_undo and not can_redo else ""
     if seconds > 0.0:
         text = f'<span style="color:#0f8a5f">✓</span> solved in {number(round(seconds * 1e3))} ms{"" if not text else ". " + text}'
-    for pair in swings:
-        text += f"<div>Drive {escape(pair)} runs as far as it can go and back: <code>range = &quot;reachable&quot;</code></div>"
+    for joint in swings:
+        text += f"<div>Drive {escape(joint)} runs as far as it can go and back: <code>range = &quot;reachable&quot;</code></div>"
     return _block(f'<div role="status">{text or "As opened."}</div>', "font-size:0.8em;line-height:1.35;opacity:0.85")
 
 

@@ -30,7 +30,7 @@ from mechviz.scene.kinds.accuracy import accuracy_faults
 from mechviz.scene.kinds.drive_laws import jumping_speeds, law_of
 from mechviz.scene.kinds.friction import clearances_of, idle_effect
 from mechviz.scene.kinds.joints.base import drawn_angle
-from mechviz.scene.kinds.joints.document import PairDocument, check_joints, drawn_place, modes_of, pair_spec
+from mechviz.scene.kinds.joints.document import JointDocument, check_joints, drawn_place, joint_spec, modes_of
 from mechviz.scene.kinds.loads.document import check_loads, load_specs
 from mechviz.scene.kinds.studies import axis_faults, needs_inertia, studies_of
 from mechviz.scene.names import check_names, split_point
@@ -72,7 +72,7 @@ def assemble(
     if faults:
         reading = sketch_as_meant(reading)
     faults += check_joints(reading)
-    touched = {key: touched_links(reading, key, pair) for key, pair in (reading.document.joints | reading.shapeless).items()}
+    touched = {key: touched_links(reading, key, joint) for key, joint in (reading.document.joints | reading.shapeless).items()}
     certain = not reading.shapeless and all(sure for _, sure in touched.values())
     joined = {
         key: links for key, (links, _) in touched.items() if key in reading.shapeless or reading.document.joints[key].traits.places
@@ -99,45 +99,45 @@ def assemble(
         if points:
             own = None if link.gravity is None else convert.vector(link.gravity, "gravity", f"links.{key}.gravity")
             links.append(Link(name=key, points=points, mass=mass, centre=centre, inertia=inertia, gravity=own))
-    made_pairs = [
-        pair_spec(key, pair, document, placement, convert) for key, pair in document.joints.items() if len(pair.kinds) == 1
+    made_joints = [
+        joint_spec(key, joint, document, placement, convert) for key, joint in document.joints.items() if len(joint.kinds) == 1
     ]
-    pairs = [pair for pair in made_pairs if pair is not None]
+    joints = [joint for joint in made_joints if joint is not None]
     if not reading.faults:
-        idle_effect(document.effects, document.joints, [friction_of(pair) for pair in pairs], convert)
+        idle_effect(document.effects, document.joints, [friction_of(joint) for joint in joints], convert)
     laws: dict[str, Law] = {}
     masters: dict[str, Law | None] = {}
     moved = document.joints | reading.shapeless
-    driven = {key: pair.drive for key, pair in moved.items() if pair.drive is not None}
+    driven = {key: joint.drive for key, joint in moved.items() if joint.drive is not None}
     lasts = stated_duration(document, Converter.of(document.units, folder))  # its faults are noted where the run is read
     for key in sorted(driven, key=lambda k: driven[k].program is not None):  # programs may follow the others
-        pair, path = moved[key], f"joints.{key}.drive"
-        clear = pair.traits.driven if len(pair.kinds) == 1 else ""
+        joint, path = moved[key], f"joints.{key}.drive"
+        clear = joint.traits.driven if len(joint.kinds) == 1 else ""
         sort = clear or likely_sort(driven[key])
-        drawn = drawn_angle(pair, placement) if clear == "angle" else 0.0
+        drawn = drawn_angle(joint, placement) if clear == "angle" else 0.0
         law = law_of(
             driven[key], sort, convert, path, drawn=drawn, cycles=document.run.cycles, lasts=lasts, masters=masters, drives=driven
         )
         if law is not None:
-            _check_length(pair, law, convert, path)
+            _check_length(joint, law, convert, path)
             laws[key] = law
         if sort == "angle" and driven[key].program is None and driven[key].range != REACHABLE:
             masters[key] = law
     starts: dict[str, Free] = {}
-    for key, pair in moved.items():
-        if pair.free is not None and len(pair.kinds) == 1 and pair.traits.pose:
-            names, drawn_at = Planar(name=key, links=pair.links).coordinates, drawn_place(pair, placement)
-            starts |= planar_starts(pair.free, names, convert, f"joints.{key}.free", drawn=drawn_at)
-        elif pair.free is not None and pair.drive is None and len(pair.kinds) == 1:
-            sort, path = pair.traits.driven, f"joints.{key}.free"
-            drawn = drawn_angle(pair, placement) if sort == "angle" else 0.0
-            start = free_law(pair.free, sort or likely_sort(pair.free), convert, path, drawn=drawn)
+    for key, joint in moved.items():
+        if joint.free is not None and len(joint.kinds) == 1 and joint.traits.pose:
+            names, drawn_at = Planar(name=key, links=joint.links).coordinates, drawn_place(joint, placement)
+            starts |= planar_starts(joint.free, names, convert, f"joints.{key}.free", drawn=drawn_at)
+        elif joint.free is not None and joint.drive is None and len(joint.kinds) == 1:
+            sort, path = joint.traits.driven, f"joints.{key}.free"
+            drawn = drawn_angle(joint, placement) if sort == "angle" else 0.0
+            start = free_law(joint.free, sort or likely_sort(joint.free), convert, path, drawn=drawn)
             if start is not None:
-                _check_length(pair, start, convert, path)
+                _check_length(joint, start, convert, path)
                 starts[key] = start
     convert.faults += jumping_speeds(laws, free=bool(starts))
     led = {**laws, **starts}
-    drives = [Drive(pair=name, law=led[name]) for pair in pairs for name in coordinates_of(pair) if name in led]
+    drives = [Drive(joint=name, law=led[name]) for joint in joints for name in coordinates_of(joint) if name in led]
     drives.sort(key=lambda drive: not moves(drive.law))  # one that moves is the first, by which a run is told
     watched = {w.point: at for w in document.watch.values() if w.point and (at := split_point(reading, w.point)) is not None}
     faults += simulation_faults(reading)
@@ -159,7 +159,7 @@ def assemble(
         name=name,
         frame=document.frame,
         links=tuple(links),
-        pairs=tuple(pairs),
+        joints=tuple(joints),
         drives=tuple(drives),
         loads=tuple(load for made in loads.values() for load in made),
         effects=tuple(document.effects),
@@ -186,10 +186,10 @@ def assemble(
     return Assembly(mechanism, simulation, convert.kinds), []
 
 
-def _check_length(pair: PairDocument, law: Law, convert: Converter, path: str) -> None:
+def _check_length(joint: JointDocument, law: Law, convert: Converter, path: str) -> None:
     """The drive of a cylinder prescribes the distance of two points, which has to be positive."""
     start = float(law(0.0)[0])
-    if pair.kinds == ["cylinder"] and start <= 0.0:
+    if joint.kinds == ["cylinder"] and start <= 0.0:
         convert.note(
             path,
             f"the cylinder's length starts at {as_length(start)}.",

@@ -28,14 +28,14 @@ Vec2 = tuple[float, float]
 
 
 def links_that_cannot_turn(document: SceneDocument, touched: Mapping[str, tuple[set[str], bool]]) -> set[str]:
-    """Links that a chain of sliding pairs and welds holds parallel to the fixed one.
+    """Links that a chain of sliding joints and welds holds parallel to the fixed one.
 
-    ``touched`` has the links of every pair, and whether they are known; a pair of which little is known may be a guide.
+    ``touched`` has the links of every joint, and whether they are known; a joint of which little is known may be a guide.
     """
     rigid = []
     for name, (links, sure) in touched.items():
-        pair = document.joints.get(name)
-        if pair is None or len(pair.kinds) > 1 or pair.traits.parallel or not sure:
+        joint = document.joints.get(name)
+        if joint is None or len(joint.kinds) > 1 or joint.traits.parallel or not sure:
             rigid.append(links)
     held, grew = {document.frame}, True
     while grew:

@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 from mechviz.scene.convert import Converter
 from mechviz.scene.document import Pose, SceneDocument
 from mechviz.scene.names import (
-    points_of_pair,
+    points_of_joint,
 )
 from mechviz.scene.units import Units
 
@@ -79,9 +79,9 @@ def _add_frame_points(document: SceneDocument, placement: Placement, world: dict
 
 def _share_pins(document: SceneDocument, world: dict[str, Vec2]) -> None:
     """A pin or weld that joins points of different names puts both at one place."""
-    for name, pair in document.joints.items():
-        if pair.traits.coincide:
-            a, b = points_of_pair(name, pair)
+    for name, joint in document.joints.items():
+        if joint.traits.coincide:
+            a, b = points_of_joint(name, joint)
             for known, other in ((a, b), (b, a)):
                 if known in world:
                     world.setdefault(other, world[known])
@@ -129,7 +129,7 @@ def _draw(
 
 
 def _fit(document: SceneDocument, placement: Placement, world: Mapping[str, Vec2]) -> None:
-    """Rough poses from two sketched points, or from one and an angle that a sliding pair or weld hands on."""
+    """Rough poses from two sketched points, or from one and an angle that a sliding joint or weld hands on."""
     for name, local in placement.points.items():
         known = [point for point in local if point in world]
         if name not in placement.poses and len(known) > 1:
@@ -141,11 +141,11 @@ def _fit(document: SceneDocument, placement: Placement, world: Mapping[str, Vec2
     grew = True
     while grew:
         grew = False
-        for pair in document.joints.values():
-            if not pair.traits.parallel:
+        for joint in document.joints.values():
+            if not joint.traits.parallel:
                 continue
-            first, second = pair.links
-            turn = angle_of(document, pair.angle)
+            first, second = joint.links
+            turn = angle_of(document, joint.angle)
             for known_link, other, sign in ((first, second, 1.0), (second, first, -1.0)):
                 local = placement.points.get(other, {})
                 sketched = [point for point in local if point in world]
@@ -157,7 +157,7 @@ def _fit(document: SceneDocument, placement: Placement, world: Mapping[str, Vec2
 
 
 def angle_of(document: SceneDocument, angle: float | str | None) -> float:
-    """The stated angle of a sliding pair or weld [rad], 0 where none is stated."""
+    """The stated angle of a sliding joint or weld [rad], 0 where none is stated."""
     return 0.0 if angle is None else Units(**document.units.model_dump()).si(angle, "angle")
 
 

@@ -34,7 +34,7 @@ TURN = 2.0 * math.pi
 
 def swinging(document: SceneDocument) -> Mapping[tuple[str | int, ...], Any]:
     """The changes that let the drive of a document swing within its reach: none where no drive could."""
-    led = [name for name, pair in document.joints.items() if pair.led]
+    led = [name for name, joint in document.joints.items() if joint.led]
     drive = document.joints[led[0]].drive if len(led) == 1 else None
     if drive is None or drive.laws != ["speed"] or drive.signals or not magnitude(drive.speed or 0.0):
         return {}
@@ -43,18 +43,18 @@ def swinging(document: SceneDocument) -> Mapping[tuple[str | int, ...], Any]:
 
 def swings(scene: Scene) -> tuple[str, ...]:
     """The drives of a scene that run to their limits and back; not those that may, but can turn fully."""
-    asked = {name for name, pair in scene.document.joints.items() if pair.drive is not None and pair.drive.range == REACHABLE}
-    return tuple(d.pair for d in scene.mechanism.drives if d.pair in asked and isinstance(d.law, Oscillation))
+    asked = {name for name, joint in scene.document.joints.items() if joint.drive is not None and joint.drive.range == REACHABLE}
+    return tuple(d.joint for d in scene.mechanism.drives if d.joint in asked and isinstance(d.law, Oscillation))
 
 
-def with_swings(mechanism: Mechanism, pairs: list[str]) -> tuple[Mechanism, list[Fault]]:
-    """The mechanism in which the drives of these pairs, at constant speeds so far, run to their limits and back."""
+def with_swings(mechanism: Mechanism, joints: list[str]) -> tuple[Mechanism, list[Fault]]:
+    """The mechanism in which the drives of these joints, at constant speeds so far, run to their limits and back."""
     faults: list[Fault] = []
-    for pair in pairs:
-        path = f"joints.{pair}.drive.range"
-        others = [d.law for d in mechanism.drives if d.pair != pair and moves(d.law)]
+    for joint in joints:
+        path = f"joints.{joint}.drive.range"
+        others = [d.law for d in mechanism.drives if d.joint != joint and moves(d.law)]
         cycles = {math.inf if isinstance(law, Free) else law.duration for law in others}
-        if len(pairs) > 1:
+        if len(joints) > 1:
             why = "two drives that run as far as they can leave each other's reach open"
         elif len(cycles) > 1:
             why = "how far it can go beside other drives is told over their cycle, and theirs differ"
@@ -64,11 +64,11 @@ def with_swings(mechanism: Mechanism, pairs: list[str]) -> tuple[Mechanism, list
             faults.append(Fault(path, f"{why}.", "Give it a range = [least, greatest]."))
             continue
         try:
-            laws = {pair: _swing(mechanism, pair, max(cycles, default=0.0))}
+            laws = {joint: _swing(mechanism, joint, max(cycles, default=0.0))}
         except MechanismError as error:
             faults += [Fault(path, f.message, f.remedy) for f in error.faults if f.path == path]
             continue  # what else is wrong is found out, and said, when it is run
-        drives = tuple(replace(d, law=laws.get(d.pair, d.law)) for d in mechanism.drives)
+        drives = tuple(replace(d, law=laws.get(d.joint, d.law)) for d in mechanism.drives)
         mechanism = replace(mechanism, drives=drives)
     return mechanism, faults
 
@@ -83,7 +83,7 @@ def _put_together(mechanism: Mechanism) -> Compiled:
         model = build_model(mechanism)
         if any(block.kind == "general" for block in model.blocks):
             raise
-        step = TURN / STEPS if model.rotary(first.pair) else 10.0 * model.length_scale / STEPS
+        step = TURN / STEPS if model.rotary(first.joint) else 10.0 * model.length_scale / STEPS
         for k in range(2, STEPS + 2):
             law = Rest(float(first.law(0.0)[0]) + step * (k // 2) * (-1.0) ** k)
             with suppress(MechanismError):
@@ -91,16 +91,16 @@ def _put_together(mechanism: Mechanism) -> Compiled:
         raise error
 
 
-def _swing(mechanism: Mechanism, pair: str, cycle: float) -> Law:
+def _swing(mechanism: Mechanism, joint: str, cycle: float) -> Law:
     """The law of one drive: a harmonic oscillation whose largest speed is the stated one, or that speed where it can turn fully.
     ``cycle``: of other drives that move [s], during which it must not come to a limit. Raises `MechanismError`."""
-    law = next(d.law for d in mechanism.drives if d.pair == pair)
+    law = next(d.law for d in mechanism.drives if d.joint == joint)
     assert isinstance(law, ConstantSpeed)
-    others = tuple(d for d in mechanism.drives if d.pair != pair)
-    held = (Drive(pair=pair, law=Rest(law.start)), *others)
+    others = tuple(d for d in mechanism.drives if d.joint != joint)
+    held = (Drive(joint=joint, law=Rest(law.start)), *others)
     compiled = _put_together(replace(mechanism, drives=held, loads=(), effects=()))
-    rotary, size = compiled.model.rotary(pair), compiled.model.length_scale
-    path = f"joints.{pair}.drive.range"
+    rotary, size = compiled.model.rotary(joint), compiled.model.length_scale
+    path = f"joints.{joint}.drive.range"
     if cycle:
         beside = range_beside(compiled, np.array([0.0, cycle]))
         if beside is None:

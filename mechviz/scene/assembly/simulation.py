@@ -21,7 +21,7 @@ from mechviz.scene.reading.recovery import Reading
 
 _NEEDS_DRIVE = ("velocity_ratio", "mechanical_advantage")
 _STUDIES = ("plans", "polodes", "equivalent", "reduced", "shaking", "systems", "substitutes")
-_ADD_FREE = 'Leave it out, or let forces move a pair: free = { speed = "10 rpm" } instead of its drive.'
+_ADD_FREE = 'Leave it out, or let forces move a joint: free = { speed = "10 rpm" } instead of its drive.'
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,9 +37,9 @@ class SimulationSpec:
     steady: int | None = None  # turns of the cycle in whose steady state the run starts; then no duration (NaN) is one cycle
 
 
-def stop_name(pair: str, stop: StopDocument) -> str:
-    """The name of a stop of a pair in events and loads."""
-    return stop.name or f"{pair} {stop.side}"
+def stop_name(joint: str, stop: StopDocument) -> str:
+    """The name of a stop of a joint in events and loads."""
+    return stop.name or f"{joint} {stop.side}"
 
 
 def _rate_kind(sort: str) -> str:
@@ -56,7 +56,7 @@ def free_law(given: FreeDocument, sort: str, convert: Converter, path: str, *, d
 def planar_starts(
     given: FreeDocument, names: tuple[str, str, str], convert: Converter, path: str, *, drawn: tuple[float, float, float]
 ) -> dict[str, Free]:
-    """Starts of the coordinates x, y and angle of a planar pair by their ``names``; ``drawn``: where they are not stated [m, m,
+    """Starts of the coordinates x, y and angle of a planar joint by their ``names``; ``drawn``: where they are not stated [m, m,
     rad]. A coordinate whose values have a fault, which is noted, is missing."""
     found = {}
     for name, key, rate, place in zip(names, ("x", "y", "angle"), ("vx", "vy", "omega"), drawn, strict=True):
@@ -78,30 +78,30 @@ def simulation_spec(
     if not starts and not any(entry.liftoff or entry.clearance for entry in document.joints.values()):
         return None
     separable_cams = tuple(
-        SeparableCam(pair=name, restitution=entry.liftoff.restitution)
+        SeparableCam(joint=name, restitution=entry.liftoff.restitution)
         for name, entry in document.joints.items()
         if entry.liftoff is not None
     )
 
     stops, watches = [], []
-    for pair, entry in document.joints.items():
+    for joint, entry in document.joints.items():
         for k, s in enumerate(entry.stops):
-            path = f"joints.{pair}.stops[{k}]"
+            path = f"joints.{joint}.stops[{k}]"
             at = convert.si(s.at, entry.coordinate, f"{path}.at")
-            start = starts.get(pair)
+            start = starts.get(joint)
             if start is not None and (start.start > at if s.side == "upper" else start.start < at):
                 beyond = "above" if s.side == "upper" else "below"
                 why = f"the motion starts {beyond} this {s.side} stop."
                 convert.note(f"{path}.at", why, "Start on the other side, or move the stop.")
-            stops.append(Stop(name=stop_name(pair, s), pair=pair, at=at, side=s.side, restitution=s.restitution))
+            stops.append(Stop(name=stop_name(joint, s), joint=joint, at=at, side=s.side, restitution=s.restitution))
     for name, w in document.watch.items():
         sort = "length"
-        if w.pair is not None and w.pair in document.joints:
-            sort = document.joints[w.pair].coordinate
+        if w.joint is not None and w.joint in document.joints:
+            sort = document.joints[w.joint].coordinate
         kind = _rate_kind(sort) if w.what == "velocity" else sort
         at = convert.si(w.at, kind, f"watch.{name}.at")
         point = None if w.point is None else points.get(w.point)
-        watches.append(EventTrigger(name=name, of=w.what, pair=w.pair, point=point, at=at, rising=w.rising, ends=w.ends))
+        watches.append(EventTrigger(name=name, of=w.what, joint=w.joint, point=point, at=at, rising=w.rising, ends=w.ends))
     run = document.run
     duration = math.nan if run.duration is None else _duration(document, convert)
     tolerance = TOLERANCE if run.tolerance is None else run.tolerance
@@ -115,7 +115,7 @@ def standstill(document: SceneDocument, laws: Iterable[Law], convert: Converter)
     if document.run.duration is None:
         return max((law.lasts for law in laws if isinstance(law, Rest)), default=0.0)
     if any(map(moves, laws)):
-        remedy = "Leave it out: cycles says how long it goes on. Or let forces move a pair, free = ... instead of its drive."
+        remedy = "Leave it out: cycles says how long it goes on. Or let forces move a joint, free = ... instead of its drive."
         convert.note("run.duration", "nothing is free: the drive decides the motion.", remedy)
     return _duration(document, convert)
 
@@ -140,13 +140,13 @@ def _duration(document: SceneDocument, convert: Converter) -> float:
 def simulation_faults(reading: Reading) -> Iterator[Fault]:
     """What does not fit together about free coordinates, in what could be read."""
     document = reading.document
-    run, pairs = document.run, document.joints
-    free = [name for name, pair in pairs.items() if pair.free is not None]
-    lifting = [name for name, pair in pairs.items() if pair.liftoff is not None]
-    loose = [name for name, pair in pairs.items() if pair.clearance is not None]
+    run, joints = document.run, document.joints
+    free = [name for name, joint in joints.items() if joint.free is not None]
+    lifting = [name for name, joint in joints.items() if joint.liftoff is not None]
+    loose = [name for name, joint in joints.items() if joint.clearance is not None]
     yield from clearance_faults(document)
     if not free and not lifting and not loose:
-        if not reading.shapeless and not any("free" in pair.unread for pair in pairs.values()):
+        if not reading.shapeless and not any("free" in joint.unread for joint in joints.values()):
             yield from _idle(document)
         return
     what = f"{free[0]} is free" if free else f"{lifting[0]} has liftoff" if lifting else f"{loose[0]} has clearance"
@@ -165,30 +165,30 @@ def simulation_faults(reading: Reading) -> Iterator[Fault]:
     for key in _STUDIES:
         if getattr(document, key):
             yield Fault(key, f"{what}: {key} are made for prescribed motions.", "Leave it out, or prescribe a drive.")
-    for name, pair in pairs.items():
-        if pair.kinds == ["cam"] and pair.liftoff is None and free:
+    for name, joint in joints.items():
+        if joint.kinds == ["cam"] and joint.liftoff is None and free:
             why = f"{what}: cams are computed for prescribed motions."
             remedy = "Prescribe a drive instead, or let the follower leave the cam: liftoff = { restitution = 0.3 }."
             yield Fault(f"joints.{name}", why, remedy)
-        if pair.liftoff is not None and pair.closure == "form":
+        if joint.liftoff is not None and joint.closure == "form":
             yield Fault(f"joints.{name}.liftoff", "a form-closed follower cannot leave its cam.", 'Write closure = "force".')
     yield from _stops(document)
 
 
 def _idle(document: SceneDocument) -> Iterator[Fault]:
     """Keys that only a motion under forces has."""
-    driven = any(pair.led for pair in document.joints.values())
+    driven = any(joint.led for joint in document.joints.values())
     why = f"nothing is free: {'the drive decides the motion' if driven else 'nothing moves'}."
     for key in ("steady", "tolerance", "method"):
         if getattr(document.run, key) is not None:
             yield Fault(f"run.{key}", why, _ADD_FREE if driven else _ADD_FREE.replace(" instead of its drive", ""))
     yield from () if driven else _without_drives(document)
-    for name, pair in document.joints.items():
-        if pair.stops:
+    for name, joint in document.joints.items():
+        if joint.stops:
             yield Fault(f"joints.{name}.stops", "nothing is free: a drive goes through stops.", _ADD_FREE)
     for name, load in document.loads.items():
         if load.servo is not None:
-            yield Fault(f"loads.{name}.servo", "nothing is free: a servo moves a pair under forces.", _ADD_FREE)
+            yield Fault(f"loads.{name}.servo", "nothing is free: a servo moves a joint under forces.", _ADD_FREE)
     for name in document.watch:
         yield Fault(f"watch.{name}", "nothing is free: only a motion under forces is watched.", _ADD_FREE)
 
@@ -201,22 +201,22 @@ def _without_drives(document: SceneDocument) -> Iterator[Fault]:
             yield Fault(f"answers[{k}]", f"{answer} is told per unit speed of a drive, and {why}.", "Leave it out.")
     for key in _STUDIES[:-2]:
         if getattr(document, key):
-            yield Fault(key, f"{why}: {key} are made for motions.", "Leave it out, or give a pair a drive.")
+            yield Fault(key, f"{why}: {key} are made for motions.", "Leave it out, or give a joint a drive.")
     for name, load in document.loads.items():
         for key in ("table", "polynomial"):
             factor = getattr(load, key)
-            if factor is not None and factor.of in ("position", "velocity") and not (factor.pair or factor.drive):
-                remedy = 'Name a pair, pair = "...", or let it be a factor of time.'
+            if factor is not None and factor.of in ("position", "velocity") and not (factor.joint or factor.drive):
+                remedy = 'Name a joint, joint = "...", or let it be a factor of time.'
                 yield Fault(f"loads.{name}.{key}", f"{why} whose {factor.of} the factor could depend on.", remedy)
         if load.gas is not None and load.drive is None:
-            yield Fault(f"loads.{name}", f"{why} that tells the strokes of the gas.", "Give a pair a drive, such as speed = 0.")
+            yield Fault(f"loads.{name}", f"{why} that tells the strokes of the gas.", "Give a joint a drive, such as speed = 0.")
 
 
 def _stops(document: SceneDocument) -> Iterator[Fault]:
     names: set[str] = set()
-    for pair, entry in document.joints.items():
+    for joint, entry in document.joints.items():
         for k, stop in enumerate(entry.stops):
-            name, path = stop_name(pair, stop), f"joints.{pair}.stops[{k}]"
+            name, path = stop_name(joint, stop), f"joints.{joint}.stops[{k}]"
             if name in names:
                 yield Fault(path, f"two stops are called '{name}'.", "Give one of them a name = ...")
             if f"stop {name}" in document.loads:

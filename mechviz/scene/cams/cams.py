@@ -1,4 +1,4 @@
-"""Cam pairs of a scene: the document of profile and follower, its references, and the pair of the core."""
+"""Cam joints of a scene: the document of profile and follower, its references, and the joint of the core."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 from pydantic import Field, model_validator
 
 from mechcore.cams.followers import Arc, Flat, Knife, Roller
-from mechcore.spec.mechanism import CamPair, Friction, Pair, SpatialBlank
+from mechcore.spec.mechanism import CamJoint, Friction, Joint, SpatialBlank
 from mechcore.texts import as_angle
 from mechviz.scene.cams.profiles import SHAPES, given_contour
 from mechviz.scene.cams.ratings import graphical_of, rating_of
@@ -34,7 +34,7 @@ from mechviz.scene.units import magnitude
 
 if TYPE_CHECKING:
     from mechviz.scene.convert import Converter
-    from mechviz.scene.kinds.joints.document import PairDocument
+    from mechviz.scene.kinds.joints.document import JointDocument
 
 
 SOLIDS: tuple[Literal["barrel", "rib", "end", "globoid"], ...] = ("barrel", "rib", "end", "globoid")
@@ -67,7 +67,7 @@ class FollowerDocument(Table):
     flat: Flag | None = None
     """A flat face, true."""
     guide: Text
-    """The prismatic or revolute pair that guides the follower; the guide points away from the cam."""
+    """The prismatic or revolute joint that guides the follower; the guide points away from the cam."""
     point: Text
     """The follower's point: knife's tip, centre of the roller or of the mushroom's arc, a point of the flat face.
     Of a groove the roller's centre, a point of the cam's link."""
@@ -171,7 +171,7 @@ class ProfileDocument(Table):
     phase: Coordinate = 0.0
     """Added to the cam's coordinate: the law is ahead by this much."""
     bed: Text | None = None
-    """Wedge: the prismatic pair that guides the cam, instead of a pin. Groove: that guides the link with the roller."""
+    """Wedge: the prismatic joint that guides the cam, instead of a pin. Groove: that guides the link with the roller."""
     pressure_limit: Angle | None = None
     """A larger pressure angle is an event."""
     curvature_limit: Size | None = None
@@ -244,10 +244,10 @@ class ProfileDocument(Table):
         return self
 
 
-def cam_pair(name: str, pair: PairDocument, oscillates: bool, friction: Friction | None, convert: Converter) -> Pair | None:
-    """The core's pair, None where a fault was noted."""
+def cam_joint(name: str, joint: JointDocument, oscillates: bool, friction: Friction | None, convert: Converter) -> Joint | None:
+    """The core's joint, None where a fault was noted."""
     path = f"joints.{name}"
-    profile, follower = pair.profile, pair.follower
+    profile, follower = joint.profile, joint.follower
     if profile is None or follower is None:
         return None
     before = len(convert.faults)
@@ -286,18 +286,18 @@ def cam_pair(name: str, pair: PairDocument, oscillates: bool, friction: Friction
         lift = lift_curve(profile.lift, Axes(convert, across, along), f"{path}.profile.lift", 0.0, round_again)
     elif len(convert.faults) == before:
         contour = given_contour(profile, base, f"{path}.profile", convert)
-    rating = None if pair.rating is None else rating_of(pair.rating, f"{path}.rating", convert)
-    if pair.rating is not None and pair.rating.margin is not None and pair.closure == "form":
+    rating = None if joint.rating is None else rating_of(joint.rating, f"{path}.rating", convert)
+    if joint.rating is not None and joint.rating.margin is not None and joint.closure == "form":
         convert.note(f"{path}.rating.margin", "a groove or yoke holds the follower whatever the force.", "Leave it out.")
-    drawn = None if pair.graphical is None else graphical_of(pair.graphical, across, f"{path}.graphical", convert)
+    drawn = None if joint.graphical is None else graphical_of(joint.graphical, across, f"{path}.graphical", convert)
     other = profile.bed is not None or follower.groove is not None or any(getattr(profile, key) is not None for key in SOLIDS)
-    if pair.graphical is not None and other:
+    if joint.graphical is not None and other:
         convert.note(f"{path}.graphical", "the method turns a plane disc cam step by step.", "Leave it out for other cams.")
     if len(convert.faults) > before or math.isnan(base) or math.isnan(phase) or face is None or (lift is None) == (contour is None):
         return None
-    return CamPair(
+    return CamJoint(
         name=name,
-        links=pair.links,
+        links=joint.links,
         guide=follower.guide,
         point=follower.point,
         lift=lift,
@@ -309,7 +309,7 @@ def cam_pair(name: str, pair: PairDocument, oscillates: bool, friction: Friction
         sense=-1 if profile.sense == "cw" else 1,
         phase=phase,
         side=follower.side or "left",
-        closure=pair.closure or "force",
+        closure=joint.closure or "force",
         second=second,
         friction=friction,
         inverse=follower.groove is not None,

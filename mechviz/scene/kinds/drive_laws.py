@@ -20,7 +20,7 @@ from mechviz.scene.units import magnitude
 
 
 class _Coordinate:
-    """Positions, speeds and accelerations of a driven pair: angles of a revolute one, lengths of a prismatic one."""
+    """Positions, speeds and accelerations of a driven joint: angles of a revolute one, lengths of a prismatic one."""
 
     def __init__(self, convert: Converter, sort: str, path: str):
         self.convert, self.path = convert, path
@@ -57,8 +57,8 @@ def law_of(
     """The law of a drive, None where a fault was noted.
 
     ``sort`` is "angle" or "length"; ``drawn`` is the position [rad or m] from which a drive without a start starts; ``lasts`` is
-    how long the run goes on [s], if it says so; ``masters`` are the laws of the driven revolute pairs that a program may follow,
-    ``drives`` all driven pairs, from which it may take its knots.
+    how long the run goes on [s], if it says so; ``masters`` are the laws of the driven revolute joints that a program may follow,
+    ``drives`` all driven joints, from which it may take its knots.
     """
     coordinate = _Coordinate(convert, sort, path)
     before = len(convert.faults)

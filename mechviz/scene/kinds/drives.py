@@ -92,15 +92,15 @@ class DriveTable(Table):
 
 
 class DriveDocument(Table):
-    """A prescribed motion of a pair: exactly one of speed (with or without zones), oscillation, segments, table or program."""
+    """A prescribed motion of a joint: exactly one of speed (with or without zones), oscillation, segments, table or program."""
 
     speed: Rate | None = None
     """Constant speed, the steady speed of zones, or what a signal multiplies; its sign is the direction. 0: the drive holds its
-    pair."""
+    joint."""
     start: State | None = None
     """Position at the start; for segments and programs also [position, velocity, acceleration, jerk]."""
     travel: Range | None = None
-    """Distance of one cycle at constant speed. Default one turn; sliding pairs must give it."""
+    """Distance of one cycle at constant speed. Default one turn; sliding joints must give it."""
     range: Reach | None = None
     """Instead of start and travel: [least, greatest] position of one cycle at constant speed. Or "reachable": as far as the
     mechanism can go and back from the start, with this speed in the middle; a full turn where it can."""

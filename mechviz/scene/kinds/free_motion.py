@@ -55,26 +55,26 @@ class FreeDocument(Table):
     speed: Rate = 0.0
     """Speed at the start."""
     x: Length | None = None
-    """Planar pair: place of the second link's point in the first link's frame at the start. Default: as drawn, or 0."""
+    """Planar joint: place of the second link's point in the first link's frame at the start. Default: as drawn, or 0."""
     y: Length | None = None
-    """Planar pair: the same across."""
+    """Planar joint: the same across."""
     angle: Angle | None = None
-    """Planar pair: angle from the first link's frame to the second's at the start. Default: as drawn, or 0."""
+    """Planar joint: angle from the first link's frame to the second's at the start. Default: as drawn, or 0."""
     vx: Speed = 0.0
-    """Planar pair: rate of x at the start."""
+    """Planar joint: rate of x at the start."""
     vy: Speed = 0.0
-    """Planar pair: rate of y at the start."""
+    """Planar joint: rate of y at the start."""
     omega: AngularSpeed = 0.0
-    """Planar pair: rate of the angle at the start."""
+    """Planar joint: rate of the angle at the start."""
 
     def strangers(self, planar: bool) -> list[str]:
-        """Keys that do not go with a planar pair, or with any other one."""
+        """Keys that do not go with a planar joint, or with any other one."""
         own = {"x", "y", "angle", "vx", "vy", "omega"}
         return sorted(self.model_fields_set - own if planar else self.model_fields_set & own)
 
 
 class StopDocument(Table):
-    """An end stop of a pair, which its coordinate cannot pass."""
+    """An end stop of a joint, which its coordinate cannot pass."""
 
     at: Coordinate
     """Position of the stop."""
@@ -83,7 +83,7 @@ class StopDocument(Table):
     restitution: Restitution = 0.0
     """Newton's coefficient of restitution: speed after the impact over that before. Default 0: it stays there."""
     name: Name | None = None
-    """Its name in events and loads. Default: the pair's name and the side."""
+    """Its name in events and loads. Default: the joint's name and the side."""
 
 
 class LiftoffDocument(Table):
@@ -96,12 +96,12 @@ class LiftoffDocument(Table):
 class WatchDocument(Table):
     """A value to look out for while the motion is found: an event where it is passed, and the end of the run if wanted."""
 
-    pair: Annotated[Text, Reference("joint")] | None = None
-    """The pair whose position or velocity is watched. Give this or point."""
+    joint: Annotated[Text, Reference("joint")] | None = None
+    """The joint whose position or velocity is watched. Give this or point."""
     point: PointName | None = None
     """The point, "link.point", whose x or y is watched."""
     of: Literal["position", "velocity", "x", "y"] | None = None
-    """What is watched: "position" (default) or "velocity" of a pair, "x" (default) or "y" of a point."""
+    """What is watched: "position" (default) or "velocity" of a joint, "x" (default) or "y" of a point."""
     at: Level = 0.0
     """The value."""
     rising: Flag | None = None
@@ -112,12 +112,12 @@ class WatchDocument(Table):
     @model_validator(mode="after")
     def _one_thing(self) -> WatchDocument:
         found = []
-        if (self.pair is None) == (self.point is None):
-            what = "neither a pair nor a point" if self.pair is None else "a pair and a point at once"
-            found.append(("", f"{what} to watch.", 'Give one of them, such as pair = "A".'))
+        if (self.joint is None) == (self.point is None):
+            what = "neither a joint nor a point" if self.joint is None else "a joint and a point at once"
+            found.append(("", f"{what} to watch.", 'Give one of them, such as joint = "A".'))
         elif self.of is not None and (self.of in ("x", "y")) != (self.point is not None):
             sort = '"x" or "y"' if self.point is not None else '"position" or "velocity"'
-            found.append(("of", f"'{self.of}' of a {'point' if self.point is not None else 'pair'}.", f"Write {sort}."))
+            found.append(("of", f"'{self.of}' of a {'point' if self.point is not None else 'joint'}.", f"Write {sort}."))
         refuse(found)
         return self
 

@@ -1,4 +1,4 @@
-"""Dry friction in a scene: the table of a pair, the scene's own for all pairs, and what becomes of them in the core."""
+"""Dry friction in a scene: the table of a joint, the scene's own for all joints, and what becomes of them in the core."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from mechviz.scene.fields import Effort, Flag, Length, Quantity, Size, Speed, Ta
 if TYPE_CHECKING:
     from mechviz.scene.convert import Converter
     from mechviz.scene.document import SceneDocument
-    from mechviz.scene.kinds.joints.document import PairDocument
+    from mechviz.scene.kinds.joints.document import JointDocument
 
 
 MOST = 1000.0
@@ -40,7 +40,7 @@ Coefficient = Annotated[float, PlainValidator(_coefficient), WithJsonSchema({"ty
 
 
 class FrictionDocument(Table):
-    """Dry friction in a pair. It acts only where `effects` names friction."""
+    """Dry friction in a joint. It acts only where `effects` names friction."""
 
     coefficient: Coefficient | None = None
     """Coefficient of friction. Default: the scene's. Cylinder: friction over the force that drives it, without a default."""
@@ -50,7 +50,7 @@ class FrictionDocument(Table):
     """Stribeck speed s: at a speed v of the sliding surfaces the coefficient is coefficient + (static - coefficient) exp(-(v/s)^2).
     Default: it is that of sliding as soon as it slides."""
     radius: Size | None = None
-    """Revolute, pin in slot, roller of a cam: radius of the pin. Default of a revolute pair: the scene's."""
+    """Revolute, pin in slot, roller of a cam: radius of the pin. Default of a revolute joint: the scene's."""
     exact: Flag | None = None
     """Revolute: friction circle of the radius r sin(atan(coefficient)) instead of the usual r times coefficient."""
     length: Size | None = None
@@ -62,22 +62,22 @@ class FrictionDocument(Table):
     height: Size | None = None
     """Prismatic: distance of the two faces of the guide that the friction acts on. Default 0: on the line of the guide."""
     brake: Effort | None = None
-    """Revolute, prismatic, cylinder: friction moment or force that does not depend on what presses on the pair: a brake, seals."""
+    """Revolute, prismatic, cylinder: friction moment or force that does not depend on what presses on the joint: a brake, seals."""
     lever: Size | None = None
     """Rolling, gear, rack: lever arm of the force across the contact, against the rolling."""
 
 
 class FrictionDefaults(Table):
-    """Friction of all revolute, sliding and slot pairs that do not say otherwise."""
+    """Friction of all revolute, sliding and slot joints that do not say otherwise."""
 
     coefficient: Coefficient | None = None
-    """Coefficient of friction of every revolute, prismatic and slot pair without its own."""
+    """Coefficient of friction of every revolute, prismatic and slot joint without its own."""
     radius: Size | None = None
-    """Radius of the pin of every revolute pair without its own. Without any a revolute pair has no friction."""
+    """Radius of the pin of every revolute joint without its own. Without any a revolute joint has no friction."""
     length: Size | None = None
-    """Length of the bearing of every prismatic pair without its own."""
+    """Length of the bearing of every prismatic joint without its own."""
     exact: Flag = False
-    """Whether revolute pairs that do not say otherwise have the exact friction circle."""
+    """Whether revolute joints that do not say otherwise have the exact friction circle."""
 
 
 @dataclass(frozen=True)
@@ -222,16 +222,16 @@ def friction_spec(
     return rubs.make(_Table(f"{path}.friction", own, default, table is not None, convert))
 
 
-def idle_effect(effects: list[Any], pairs: Mapping[str, PairDocument], found: list[Friction | None], convert: Converter) -> None:
-    """Note a fault where friction is named and no pair has any."""
-    if "friction" in effects and pairs and not any(f is not None for f in found):
-        rubbing = [f"joints.{name}" for name, pair in pairs.items() if pair.friction is not None]
+def idle_effect(effects: list[Any], joints: Mapping[str, JointDocument], found: list[Friction | None], convert: Converter) -> None:
+    """Note a fault where friction is named and no joint has any."""
+    if "friction" in effects and joints and not any(f is not None for f in found):
+        rubbing = [f"joints.{name}" for name, joint in joints.items() if joint.friction is not None]
         if any(f.path == at or f.path.startswith((f"{at}.", f"{at}[")) for f in convert.faults for at in rubbing):
-            return  # a pair with friction is faulty itself
-        first = next((name for name, pair in pairs.items() if pair.traits.rubs is not None), "")
-        where = f"joints.{first}" if first else "a pair"
+            return  # a joint with friction is faulty itself
+        first = next((name for name, joint in joints.items() if joint.traits.rubs is not None), "")
+        where = f"joints.{first}" if first else "a joint"
         remedy = f'Write friction = {{ coefficient = 0.1, radius = "5 mm" }} at {where}, or leave friction out.'
-        convert.note("effects", "friction is named, but no pair has any.", remedy)
+        convert.note("effects", "friction is named, but no joint has any.", remedy)
 
 
 LineStiffness = Annotated[float | str, Quantity(("stiffness",), "above zero")]
@@ -253,7 +253,7 @@ def _exponent(value: Any) -> float:
 
 
 class ClearanceDocument(Table):
-    """Clearance of a revolute pair: its journal moves freely in its bearing until they touch."""
+    """Clearance of a revolute joint: its journal moves freely in its bearing until they touch."""
 
     radial: Size
     """Radius of the bearing less that of the journal."""
@@ -275,27 +275,27 @@ class ClearanceDocument(Table):
 
 def clearance_faults(document: SceneDocument) -> Iterator[Fault]:
     """What does not fit together about clearances, in what could be read."""
-    for name, pair in document.joints.items():
-        c, path = pair.clearance, f"joints.{name}.clearance"
-        if c is None or pair.kinds != ["revolute"]:
+    for name, joint in document.joints.items():
+        c, path = joint.clearance, f"joints.{name}.clearance"
+        if c is None or joint.kinds != ["revolute"]:
             continue
         if c.restitution < 1.0 and c.speed is None and c.sound("speed"):
             yield Fault(path, "a restitution at which speed? Slower impacts lose less.", 'Add speed = "0.5 m/s".')
         if c.friction and c.radius is None and c.sound("radius"):
             yield Fault(path, "friction without the radius of the journal.", 'Add radius = "10 mm".')
-        if pair.friction is not None:
-            why = "friction of a pair with clearance is that between its journal and its bearing."
+        if joint.friction is not None:
+            why = "friction of a joint with clearance is that between its journal and its bearing."
             yield Fault(f"joints.{name}.friction", why, "Give friction and radius in the table of the clearance.")
-        if pair.stops:
-            yield Fault(f"joints.{name}.stops", "stops in a pair with clearance.", "Leave out one of them.")
+        if joint.stops:
+            yield Fault(f"joints.{name}.stops", "stops in a joint with clearance.", "Leave out one of them.")
         for made in (f"{name}.across", f"{name}.journal"):
             if made in document.links or made in document.joints:
                 yield Fault(path, f"its journal needs the name '{made}', which is taken.", "Give that another name.")
 
 
 def clearances_of(document: SceneDocument, convert: Converter) -> dict[str, Clearance]:
-    """The core's clearances by pair, in SI units; faults of their values are noted."""
-    given = {name: pair.clearance for name, pair in document.joints.items() if pair.clearance is not None}
+    """The core's clearances by joint, in SI units; faults of their values are noted."""
+    given = {name: joint.clearance for name, joint in document.joints.items() if joint.clearance is not None}
     if not given:
         return {}
     out = {}

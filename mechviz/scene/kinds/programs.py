@@ -26,9 +26,9 @@ class ProgramDocument(Table):
     speed: Rate | None = None
     """Speed of a master shaft of its own. Give this, master or knots."""
     master: Text | None = None
-    """The driven revolute pair whose angle is the master. Give this, speed or knots."""
+    """The driven revolute joint whose angle is the master. Give this, speed or knots."""
     knots: Text | None = None
-    """The driven pair whose segments, over time or a master angle, give their ranges to this program too: axes in step."""
+    """The driven joint whose segments, over time or a master angle, give their ranges to this program too: axes in step."""
     phase: Angle = 0.0
     """Added to the master angle: the program runs earlier by this much."""
     segments: Annotated[list[ProgramSegment], Field(min_length=1)]
@@ -97,7 +97,7 @@ def _other(name: str, drives: Mapping[str, DriveDocument], convert: Converter, p
     """The drive whose segments give the knots; None where there is none, which is noted."""
     able = {k: d for k, d in drives.items() if d.segments is not None or (d.program is not None and d.program.knots is None)}
     if name not in able and not isinstance(name, Unknown):
-        why = f"'{name}' is no driven pair with segments of its own."
+        why = f"'{name}' is no driven joint with segments of its own."
         convert.note(path, why, f"Name one of {', '.join(able)}." if able else "Give speed = ... or master = ... instead.")
     return able.get(name)
 
@@ -109,7 +109,7 @@ def _master(given: ProgramDocument, convert: Converter, path: str, masters: Mapp
     if given.master not in masters and not isinstance(given.master, Unknown):
         convert.note(
             f"{path}.program.master",
-            f"'{given.master}' is no driven revolute pair with a law of its own.",
+            f"'{given.master}' is no driven revolute joint with a law of its own.",
             f"Name one of {', '.join(masters)}." if masters else "Give speed = ... instead.",
         )
     return masters.get(given.master)  # None also where the master's own law is faulty

@@ -165,7 +165,7 @@ def signal_of(key: str, given: Table, convert: Converter, path: str) -> Signal |
 
 
 ARGUMENTS = ("position", "velocity", "time", "x", "y", "vx", "vy", "speed")
-"""What a factor can depend on: coordinate or rate of a pair, the time, place or velocity of a point."""
+"""What a factor can depend on: coordinate or rate of a joint, the time, place or velocity of a point."""
 
 _OF_PAIRS, _OF_POINTS = ("position", "velocity"), ("x", "y", "vx", "vy", "speed")
 
@@ -179,12 +179,12 @@ def _smooth(value: Any) -> Smoothness:
 Smooth = Annotated[Smoothness, PlainValidator(_smooth), WithJsonSchema({"anyOf": [{"type": "boolean"}, {"const": "spline"}]})]
 
 
-def _names(of: str, pair: str | None, drive: str | None, point: str | None) -> list[tuple[str, str, str]]:
-    """Faults where the name of a pair or point does not go with what the factor depends on."""
+def _names(of: str, joint: str | None, drive: str | None, point: str | None) -> list[tuple[str, str, str]]:
+    """Faults where the name of a joint or point does not go with what the factor depends on."""
     found = []
-    if pair is not None and drive is not None:
-        found.append(("drive", "pair and drive at once.", "Keep one of them."))
-    for key, value in (("pair", pair), ("drive", drive)):
+    if joint is not None and drive is not None:
+        found.append(("drive", "joint and drive at once.", "Keep one of them."))
+    for key, value in (("joint", joint), ("drive", drive)):
         if value is not None and of not in _OF_PAIRS:
             found.append((key, f"{key} does not go with {of}.", f"Leave out {key}."))
     if of in _OF_POINTS and point is None:
@@ -198,9 +198,9 @@ class FactorTable(Table):
     """A factor as a function of one of position, velocity, time, x, y, vx, vy, speed."""
 
     position: Annotated[list[Coordinate], Field(min_length=2)] | None = None
-    """Increasing coordinates of a pair, by default of the first drive."""
+    """Increasing coordinates of a joint, by default of the first drive."""
     velocity: Annotated[list[Rate], Field(min_length=2)] | None = None
-    """Increasing rates of the coordinate of a pair."""
+    """Increasing rates of the coordinate of a joint."""
     time: Annotated[list[Time], Field(min_length=2)] | None = None
     """Increasing times."""
     x: Annotated[list[Length], Field(min_length=2)] | None = None
@@ -221,9 +221,9 @@ class FactorTable(Table):
     """true: a cubic between any two points that stays between them (monotone, PCHIP); "spline": a cubic spline with continuous
     second derivatives, which may overshoot; false: straight lines."""
     drive: Text | None = None
-    """Position, velocity: the driven pair. Default: the first one."""
-    pair: Text | None = None
-    """Position, velocity: any pair, driven or not."""
+    """Position, velocity: the driven joint. Default: the first one."""
+    joint: Text | None = None
+    """Position, velocity: any joint, driven or not."""
     point: Text | None = None
     """x, y, vx, vy, speed: the point, as "link.point"."""
 
@@ -235,7 +235,7 @@ class FactorTable(Table):
     def _same_length(self) -> FactorTable:
         refuse(one_of(self, ARGUMENTS, "the table"))
         rows = getattr(self, self.of)
-        found = _names(self.of, self.pair, self.drive, self.point)
+        found = _names(self.of, self.joint, self.drive, self.point)
         if self.sound(self.of, "factor") and len(rows) != len(self.factor):
             plural = f"{self.of}s" if self.of in ("position", "time", "speed") else f"values of {self.of}"
             found.append(("", f"{len(rows)} {plural} and {len(self.factor)} factors.", f"Give one factor for each {self.of}."))
@@ -249,19 +249,19 @@ class FactorPolynomial(Table):
     """A factor as a polynomial: the sum of coefficients[k] (argument / per)^k."""
 
     of: Literal["position", "velocity", "time", "x", "y", "vx", "vy", "speed"]
-    """What it depends on: coordinate or rate of a pair, the time, place or velocity of a point."""
+    """What it depends on: coordinate or rate of a joint, the time, place or velocity of a point."""
     coefficients: Annotated[list[Number], Field(min_length=1)]
     """Coefficients, the constant one first."""
     per: Argument | None = None
     """What the argument is divided by. Default: one of the scene's units."""
     drive: Text | None = None
-    """Position, velocity: the driven pair. Default: the first one."""
-    pair: Text | None = None
-    """Position, velocity: any pair, driven or not."""
+    """Position, velocity: the driven joint. Default: the first one."""
+    joint: Text | None = None
+    """Position, velocity: any joint, driven or not."""
     point: Text | None = None
     """x, y, vx, vy, speed: the point, as "link.point"."""
 
     @model_validator(mode="after")
     def _named(self) -> FactorPolynomial:
-        refuse(_names(self.of, self.pair, self.drive, self.point))
+        refuse(_names(self.of, self.joint, self.drive, self.point))
         return self

@@ -162,15 +162,15 @@ def check_studies(document: SceneDocument, links: Mapping[str, list[str] | None]
         yield Fault(f"plans[{document.plans.index('force')}]", "a force plan of a scene without any force.", remedy)
     for k, name in enumerate(document.polodes):
         yield from _link(f"polodes[{k}]", name, links, complete, document.frame)
-    fitting = [name for name, pair in document.joints.items() if pair.kinds and pair.traits.higher]
+    fitting = [name for name, joint in document.joints.items() if joint.kinds and joint.traits.higher]
     for k, name in enumerate(document.equivalent):
         if not complete or not is_whole(name) or name in fitting:
             continue
         if name in document.joints:
-            remedy = f"Name {listing(fitting)}." if fitting else "Leave it out: the scene has no such pair."
+            remedy = f"Name {listing(fitting)}." if fitting else "Leave it out: the scene has no such joint."
             yield Fault(f"equivalent[{k}]", f"'{name}' is no cam, gear, rack or pin in a slot.", remedy)
         else:
-            yield Fault(f"equivalent[{k}]", f"there is no pair '{name}'.", did_you_mean(name, fitting, what="Higher pairs"))
+            yield Fault(f"equivalent[{k}]", f"there is no joint '{name}'.", did_you_mean(name, fitting, what="Higher pairs"))
     for k, text in enumerate(document.reduced):
         link, _, point = text.partition(".")
         if text in links or not point:
@@ -178,7 +178,7 @@ def check_studies(document: SceneDocument, links: Mapping[str, list[str] | None]
         else:
             yield from _link(f"reduced[{k}]", link, links, complete, document.frame)
             yield from _point(f"reduced[{k}]", link, point, links)
-    driven = [name for name, pair in document.joints.items() if pair.drive is not None]
+    driven = [name for name, joint in document.joints.items() if joint.drive is not None]
     if document.reduced and len(driven) > 1:
         yield Fault(
             "reduced", f"the scene has {len(driven)} drives: its energy does not depend on one speed alone.", "Leave it out."

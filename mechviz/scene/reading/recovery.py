@@ -17,7 +17,7 @@ from mechviz.scene.annotations import hints_of, inner_types, peel
 from mechviz.scene.document import SceneDocument
 from mechviz.scene.faults import closest, path_text
 from mechviz.scene.fields import Quantity, Table, UnitName, Unknown
-from mechviz.scene.kinds.joints.document import PairDocument
+from mechviz.scene.kinds.joints.document import JointDocument
 from mechviz.scene.reading.words import Loc, meant_keys, missing_key, misspelt, unknown_key, words_of
 
 _NOTHING = object()
@@ -208,14 +208,14 @@ class Reading:
     """What could be read of a scene, with stand-ins for what could not.
 
     ``broken`` names the items of each section that are not wholly known, "*" where the section itself is not;
-    ``shapeless`` holds the pairs of which not even the kind is known, which the document leaves out.
+    ``shapeless`` holds the joints of which not even the kind is known, which the document leaves out.
     """
 
     document: SceneDocument
     raw: Mapping[str, Any]
     faults: list[Fault] = field(default_factory=list)
     broken: Mapping[str, set[str]] = field(default_factory=lambda: {section: set() for section in _SECTIONS})
-    shapeless: dict[str, PairDocument] = field(default_factory=dict)
+    shapeless: dict[str, JointDocument] = field(default_factory=dict)
 
     @cached_property
     def owners(self) -> dict[str, list[str]]:
@@ -233,8 +233,8 @@ class Reading:
 
     @property
     def undriven(self) -> set[str]:
-        """Pairs of which it is not known whether they are driven."""
-        return {name for name, pair in self.shapeless.items() if pair.led or {"drive", "free"} & pair.unread}
+        """Joints of which it is not known whether they are driven."""
+        return {name for name, joint in self.shapeless.items() if joint.led or {"drive", "free"} & joint.unread}
 
 
 def _ends(path: str) -> list[int]:
@@ -258,8 +258,8 @@ def read_document(raw: Mapping[str, Any]) -> Reading:
             broken[section].add("*")
         else:
             broken[section] |= {name for name in items if f"{section}.{name}" in faulty}
-    shapeless = {name: pair for name, pair in document.joints.items() if not pair.kinds}
-    pairs = {name: pair for name, pair in document.joints.items() if pair.kinds}
-    known = document.model_copy(update={"joints": pairs})
+    shapeless = {name: joint for name, joint in document.joints.items() if not joint.kinds}
+    joints = {name: joint for name, joint in document.joints.items() if joint.kinds}
+    known = document.model_copy(update={"joints": joints})
     known.mark_unread(document.unread)
     return Reading(known, raw, faults, broken, shapeless)

@@ -16,14 +16,14 @@ from mechviz.scene.annotations import Place, replaced
 from mechviz.scene.document import Pose, value_at
 from mechviz.scene.faults import did_you_mean, listing, nearest
 from mechviz.scene.fields import Unknown
-from mechviz.scene.kinds.joints.document import PairDocument
+from mechviz.scene.kinds.joints.document import JointDocument
 from mechviz.scene.kinds.studies import check_studies
 from mechviz.scene.names import (
     known_link,
     known_point,
     link_names,
     point_names,
-    points_of_pair,
+    points_of_joint,
     references,
 )
 from mechviz.scene.reading.recovery import Meant, Reading
@@ -32,7 +32,7 @@ from mechviz.scene.reading.recovery import Meant, Reading
 def check_references(reading: Reading) -> Iterator[Fault]:
     """Every fault of reference beside those of names of links, points and joints, in what could be read."""
     document = reading.document
-    yield from _pairs(reading)
+    yield from _joints(reading)
     yield from _sketch(reading)
     for key, names in (("effects", document.effects), ("answers", document.answers)):
         for k, name in enumerate(names):
@@ -55,41 +55,43 @@ def check_link_names(reading: Reading) -> Iterator[Fault]:
     elif "*" not in reading.broken["links"] and not isinstance(document.frame, Unknown) and document.frame not in document.links:
         remedy = did_you_mean(document.frame, link_names(reading), what='Name the fixed link with frame = "..."; links')
         yield Fault("frame", f"there is no link '{document.frame}' to be the fixed one.", remedy)
-    for name, pair in document.joints.items():
-        unclear = any(isinstance(link, Unknown) or link not in document.links for link in pair.links)
-        if pair.guide is not None and not isinstance(pair.guide, Unknown) and pair.guide not in pair.links and not unclear:
-            remedy = did_you_mean(pair.guide, pair.links, what="Links")
-            yield Fault(f"joints.{name}.guide", f"'{pair.guide}' is not one of the two links.", remedy)
+    for name, joint in document.joints.items():
+        unclear = any(isinstance(link, Unknown) or link not in document.links for link in joint.links)
+        if joint.guide is not None and not isinstance(joint.guide, Unknown) and joint.guide not in joint.links and not unclear:
+            remedy = did_you_mean(joint.guide, joint.links, what="Links")
+            yield Fault(f"joints.{name}.guide", f"'{joint.guide}' is not one of the two links.", remedy)
     for name, entry in document.sketch.items():
         if isinstance(entry, Pose):
             yield from known_link(reading, f"sketch.{name}", name)
 
 
-def _pairs(reading: Reading) -> Iterator[Fault]:
+def _joints(reading: Reading) -> Iterator[Fault]:
     document = reading.document
     if not document.joints and not reading.shapeless and "*" not in reading.broken["joints"]:
         yield Fault("joints", "the scene has no joints.", "Add a table [joints] that joins the links.")
-    for name, pair in document.joints.items():
+    for name, joint in document.joints.items():
         path = f"joints.{name}"
-        if len(pair.kinds) > 1:
+        if len(joint.kinds) > 1:
             continue
-        points = zip(pair.links, points_of_pair(name, pair), strict=True) if pair.traits.joins else ()
+        points = zip(joint.links, points_of_joint(name, joint), strict=True) if joint.traits.joins else ()
         for k, (link, point) in enumerate(points):
-            where = path if pair.at is None else f"{path}.at" if isinstance(pair.at, str) else f"{path}.at[{k}]"
-            remedy = "" if pair.at is not None else 'Add the point to the link, or name the joined points with at = ["...", "..."].'
+            where = path if joint.at is None else f"{path}.at" if isinstance(joint.at, str) else f"{path}.at[{k}]"
+            remedy = (
+                "" if joint.at is not None else 'Add the point to the link, or name the joined points with at = ["...", "..."].'
+            )
             yield from known_point(reading, where, link, point, remedy)
-        if pair.traits.pose and isinstance(pair.at, str):
-            yield from known_point(reading, f"{path}.at", pair.links[1], pair.at)
-        elif pair.traits.pose and pair.at is not None:
-            yield Fault(f"{path}.at", "names two points.", f"Name one point of '{pair.links[1]}'.")
-        if pair.along is not None and isinstance(pair.along[0], str):
-            guide = pair.guide if pair.guide in pair.links else pair.links[0]
-            for k, point in enumerate(pair.along):
+        if joint.traits.pose and isinstance(joint.at, str):
+            yield from known_point(reading, f"{path}.at", joint.links[1], joint.at)
+        elif joint.traits.pose and joint.at is not None:
+            yield Fault(f"{path}.at", "names two points.", f"Name one point of '{joint.links[1]}'.")
+        if joint.along is not None and isinstance(joint.along[0], str):
+            guide = joint.guide if joint.guide in joint.links else joint.links[0]
+            for k, point in enumerate(joint.along):
                 yield from known_point(reading, f"{path}.along[{k}]", guide, str(point))
 
 
 def check_joining(reading: Reading, touched: Mapping[str, Iterable[str]]) -> Iterator[Fault]:
-    """Is it one mechanism? ``touched`` says which links each pair joins, or may join."""
+    """Is it one mechanism? ``touched`` says which links each joint joins, or may join."""
     document = reading.document
     if "*" in reading.broken["joints"] or not touched:
         return
@@ -109,13 +111,13 @@ def check_joining(reading: Reading, touched: Mapping[str, Iterable[str]]) -> Ite
         if link not in reached:
             yield Fault(
                 f"links.{link}",
-                f"no chain of pairs joins it to '{document.frame}'.",
-                "Add the pair that is missing, or remove the link.",
+                f"no chain of joints joins it to '{document.frame}'.",
+                "Add the joint that is missing, or remove the link.",
             )
 
 
 def check_trace(reading: Reading, *, certain: bool) -> Iterator[Fault]:
-    """Points that are traced; ``certain`` says whether it is known which points the pairs join."""
+    """Points that are traced; ``certain`` says whether it is known which points the joints join."""
     trace = reading.document.trace
     whole = "*" not in reading.broken["links"] and all(point_names(reading, link) is not None for link in link_names(reading))
     for k, text in enumerate(trace):
@@ -153,9 +155,9 @@ def resolve_trace(reading: Reading, text: str) -> tuple[str, str] | Fault:
     together, grew = {owners[0]}, True
     while grew:
         grew = False
-        for name, pair in reading.document.joints.items():
-            if pair.traits.coincide and points_of_pair(name, pair) == (text, text):
-                a, b = pair.links
+        for name, joint in reading.document.joints.items():
+            if joint.traits.coincide and points_of_joint(name, joint) == (text, text):
+                a, b = joint.links
                 if (a in together) != (b in together):
                     together |= {a, b}
                     grew = True
@@ -205,8 +207,8 @@ def links_as_meant(reading: Reading) -> Reading:
             changes[leaf.path] = Unknown(leaf.value) if near in siblings else near
     sketch = {(_nearest(name, links) if isinstance(entry, Pose) else name): entry for name, entry in document.sketch.items()}
     document = replaced(document, {**changes, ("sketch",): sketch})
-    guides = {name: pair for name, pair in document.joints.items() if pair.guide is not None and pair.guide not in pair.links}
-    near_guides = {name: _nearest(pair.guide or "", pair.links) for name, pair in guides.items()}
+    guides = {name: joint for name, joint in document.joints.items() if joint.guide is not None and joint.guide not in joint.links}
+    near_guides = {name: _nearest(joint.guide or "", joint.links) for name, joint in guides.items()}
     changes = {("joints", name, "guide"): None if isinstance(near, Unknown) else near for name, near in near_guides.items()}
     return replace(reading, document=replaced(document, changes))
 
@@ -224,11 +226,11 @@ def _owners(reading: Reading, point: str) -> list[str]:
     return [*reading.owners.get(point, ()), *reading.pointless]
 
 
-def touched_links(reading: Reading, name: str, pair: PairDocument) -> tuple[set[str], bool]:
-    """The links that a pair joins, and whether that is certain: for a name that is not known, every link with the point."""
-    sure, links = bool(pair.kinds), set()
-    points = points_of_pair(name, pair)
-    for k, link in enumerate(pair.links if sure else (Unknown(), Unknown())):
+def touched_links(reading: Reading, name: str, joint: JointDocument) -> tuple[set[str], bool]:
+    """The links that a joint joins, and whether that is certain: for a name that is not known, every link with the point."""
+    sure, links = bool(joint.kinds), set()
+    points = points_of_joint(name, joint)
+    for k, link in enumerate(joint.links if sure else (Unknown(), Unknown())):
         if isinstance(link, Unknown) or link not in reading.document.links:
             sure = False
             links |= set(_owners(reading, points[k]) if not isinstance(points[k], Unknown) else link_names(reading))

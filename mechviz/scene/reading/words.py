@@ -107,10 +107,10 @@ def _wrong_length(path: str, loc: Loc, value: Any, context: Mapping[str, Any]) -
     """A list or table with too few or too many entries."""
     n = len(value) if isinstance(value, list | dict) else context.get("actual_length", 0)
     if loc[-1] in KINDS:
-        found = f"names {n} link{'' if n == 1 else 's'}, a pair joins two."
+        found = f"names {n} link{'' if n == 1 else 's'}, a joint joins two."
         if n < 3 or loc[-1] != "revolute":
             return Fault(path, found, 'Write it like ["frame", "crank"].')
-        remedy = f'A pin through {n} links is {n - 1} pairs with at = "{loc[1]}": the first link with each of the others.'
+        remedy = f'A pin through {n} links is {n - 1} joints with at = "{loc[1]}": the first link with each of the others.'
         return Fault(path, found, remedy)
     found = f"has {n} entr{'y' if n == 1 else 'ies'}." if n else "is empty."
     least, most = context.get("min_length"), context.get("max_length")

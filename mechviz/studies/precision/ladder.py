@@ -177,8 +177,8 @@ def _differentiation(run: Run, budget: float) -> Iterator[Point]:
             accuracy = Accuracy(**options)
             found = quantities(_solve(run, accuracy, time)[0], None)
             named = {q.name: q for q in found}
-            pairs = [(q, named[q.name]) for q in exact if q.kind != "position" and q.name in named]
-            errors = [float(np.nanmax(np.abs(b.values - a.values))) / a.scale for a, b in pairs]
+            joints = [(q, named[q.name]) for q in exact if q.kind != "position" and q.name in named]
+            errors = [float(np.nanmax(np.abs(b.values - a.values))) / a.scale for a, b in joints]
             if words == "exact":
                 errors = [float(np.nanmax(_rates_error(run, time)))]
             spent = timed(partial(_solve, run, accuracy, time), budget)

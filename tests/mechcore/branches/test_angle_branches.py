@@ -40,18 +40,18 @@ def case(text: str, times: int = 31) -> Case:
         if hasattr(load, "links"):
             changes["links"] = tuple(map(named, load.links))
         loads.append(replace(load, **changes))
-    pairs = []
-    for pair in m.pairs:
-        carrier = {"carrier": named(pair.carrier)} if hasattr(pair, "carrier") else {}
-        pairs.append(replace(pair, links=tuple(map(named, pair.links)), **carrier))
+    joints = []
+    for joint in m.joints:
+        carrier = {"carrier": named(joint.carrier)} if hasattr(joint, "carrier") else {}
+        joints.append(replace(joint, links=tuple(map(named, joint.links)), **carrier))
     links = tuple(replace(k, name=named(k.name)) for k in m.links)
-    m = replace(m, frame=FRAME, links=links, pairs=tuple(pairs), loads=tuple(loads))
+    m = replace(m, frame=FRAME, links=links, joints=tuple(joints), loads=tuple(loads))
     first = solve_motion(compile_mechanism(m), [0.0])
     end = scene.simulation.duration if scene.simulation else m.drives[0].law.duration
     found = Case("focused", 3, m, np.linspace(0.0, end, times))
     return replace(
         found,
-        start={p.name: float(first.coordinate(p.name)[0, 0]) for p in m.pairs},
+        start={p.name: float(first.coordinate(p.name)[0, 0]) for p in m.joints},
         poses={k: tuple(map(float, first.pose(k)[0])) for k in first.model.links},
         stops=scene.simulation.stops if scene.simulation else (),
         watches=scene.simulation.watches if scene.simulation else (),
@@ -65,7 +65,7 @@ BOUNCING = FIVE_BAR.replace(
 ).replace(
     "[sketch]",
     """[watch]
-passed = { pair = "D", at = 200 }
+passed = { joint = "D", at = 200 }
 [sketch]""",
 )
 CASES = {
@@ -116,10 +116,10 @@ def test_an_angle_is_one_function_of_time_however_it_is_asked_for():
     rng = np.random.default_rng(1)
     mixed = rng.permutation(len(dense))
     motion = solve_motion(compiled, dense)
-    for pair, q in want.items():
+    for joint, q in want.items():
         for at in (mixed, np.array([1080]), np.array([700, 3]), np.arange(0, 1081, 216)):
-            assert solve_motion(compiled, dense[at]).coordinate(pair)[:, 0] == pytest.approx(q[at], abs=1e-9)
-            assert motion.again(dense[at]).coordinate(pair)[:, 0] == pytest.approx(q[at], abs=1e-9)
+            assert solve_motion(compiled, dense[at]).coordinate(joint)[:, 0] == pytest.approx(q[at], abs=1e-9)
+            assert motion.again(dense[at]).coordinate(joint)[:, 0] == pytest.approx(q[at], abs=1e-9)
     given = {"A": (want["A"][mixed], np.ones(1081), np.zeros(1081))}
     apart = solve_motion(compiled, np.zeros(1081), drives=given)
     assert apart.coordinate("E")[:, 0] == pytest.approx(want["E"][mixed], abs=1e-9)
@@ -134,11 +134,11 @@ def test_turns_are_counted_over_long_runs(turns):
     compiled = compile_mechanism(replace(compiled.mechanism, drives=(speed,)))
     last = solve_motion(compiled, [abs(turns) + 0.25])
     quarter = solve_motion(compiled, np.linspace(0.0, 0.25, 9))
-    for pair in "ABDE":
-        whole = TURN * turns * (pair in "AE")
-        gone = last.coordinate(pair)[0, 0] - quarter.coordinate(pair)[-1, 0]
+    for joint in "ABDE":
+        whole = TURN * turns * (joint in "AE")
+        gone = last.coordinate(joint)[0, 0] - quarter.coordinate(joint)[-1, 0]
         assert gone == pytest.approx(whole, abs=1e-6 * max(1.0, abs(whole)))
-        assert quarter.coordinate(pair)[0, 0] == pytest.approx(first.coordinate(pair)[0, 0], abs=1e-12)
+        assert quarter.coordinate(joint)[0, 0] == pytest.approx(first.coordinate(joint)[0, 0], abs=1e-12)
 
 
 def test_several_drives_are_followed_in_time():
@@ -146,11 +146,11 @@ def test_several_drives_are_followed_in_time():
     end = 3.0 * max(d.law.duration for d in compiled.mechanism.drives)
     dense = np.linspace(0.0, end, 2161)
     want, some = solve_motion(compiled, dense), np.arange(0, 2161, 540)
-    for pair in compiled.model.joint_index:
-        q = want.coordinate(pair)[:, 0]
-        assert (np.abs(np.diff(q)).max() < 1.0 and -np.pi < q[0] <= np.pi) or pair in {d.pair for d in compiled.mechanism.drives}
-        assert solve_motion(compiled, dense[some]).coordinate(pair)[:, 0] == pytest.approx(q[some], abs=1e-9)
-        assert solve_motion(compiled, dense[[2000]]).coordinate(pair)[0, 0] == pytest.approx(q[2000], abs=1e-9)
+    for joint in compiled.model.joint_index:
+        q = want.coordinate(joint)[:, 0]
+        assert (np.abs(np.diff(q)).max() < 1.0 and -np.pi < q[0] <= np.pi) or joint in {d.joint for d in compiled.mechanism.drives}
+        assert solve_motion(compiled, dense[some]).coordinate(joint)[:, 0] == pytest.approx(q[some], abs=1e-9)
+        assert solve_motion(compiled, dense[[2000]]).coordinate(joint)[0, 0] == pytest.approx(q[2000], abs=1e-9)
 
 
 def test_designs_of_a_sweep_start_and_turn_as_each_alone():
@@ -165,8 +165,8 @@ def test_designs_of_a_sweep_start_and_turn_as_each_alone():
             for link in compiled.mechanism.links
         )
         alone = solve_motion(compile_mechanism(replace(compiled.mechanism, links=links)), time)
-        for pair in "BDE":
-            assert found.results[pair][k] == pytest.approx(alone.coordinate(pair)[:, 0], abs=1e-9)
+        for joint in "BDE":
+            assert found.results[joint][k] == pytest.approx(alone.coordinate(joint)[:, 0], abs=1e-9)
 
 
 @pytest.mark.parametrize("name", ["five-bar", "stop"])
@@ -176,11 +176,11 @@ def test_a_motion_under_forces_has_the_same_angles_at_single_times(name):
     dense = run.view(made.time)
     rng = np.random.default_rng(2)
     mixed = rng.permutation(len(made.time))
-    for pair in made.mechanism.pairs:
-        q = dense.coordinate(pair.name)[:, 0]
+    for joint in made.mechanism.joints:
+        q = dense.coordinate(joint.name)[:, 0]
         for at in (mixed, np.array([29]), np.array([17, 2])):
             order = np.argsort(at)
-            assert run.view(made.time[at[order]]).coordinate(pair.name)[:, 0] == pytest.approx(q[at[order]], abs=1e-9)
+            assert run.view(made.time[at[order]]).coordinate(joint.name)[:, 0] == pytest.approx(q[at[order]], abs=1e-9)
 
 
 # -- where they start -------------------------------------------------------------------------------------------------
@@ -190,7 +190,7 @@ def pose(angle: float, stops: tuple[Stop, ...] = (), tables: dict[str, tuple[flo
 
 
 def stop(at: float, side: str) -> Stop:
-    return Stop(name=side, pair="B", at=np.radians(at), side=side)
+    return Stop(name=side, joint="B", at=np.radians(at), side=side)
 
 
 @pytest.mark.parametrize(
@@ -233,7 +233,7 @@ def test_a_joint_starts_in_the_range_of_tables_over_it(angle, table, starts):
 
 def test_a_table_beyond_half_a_turn_is_read_where_the_joint_is():
     """With a table from 100 to 280 deg the rocker's joint starts there, with one from -260 to -80 deg a turn lower."""
-    table = 'table = {{ position = [{}, {}], factor = [0, 1], pair = "E", smooth = false }}'
+    table = 'table = {{ position = [{}, {}], factor = [0, 1], joint = "E", smooth = false }}'
     load = 'push = {{ torque = "3 N m", on = "rocker", ' + table + " }}"
     one, other = (run_scene(four_bar(load.format(low, low + 180))) for low in (100, -260))
     first = np.degrees(one.motion.coordinate("E")[:, 0])
@@ -261,7 +261,7 @@ def test_a_watch_is_passed_at_the_turn_that_it_names():
     free = replace(compiled.mechanism.drives[0], law=Free(np.radians(170.0), 10.0))
     mechanism = replace(compiled.mechanism, links=links, drives=(free,), effects=("inertia",))
     first = np.degrees(solve_motion(compiled, [0.0]).coordinate("E")[0, 0])
-    looks = tuple(EventTrigger(name=str(at), pair="E", at=np.radians(at)) for at in (-260.0, 100.0, 460.0, 820.0))
+    looks = tuple(EventTrigger(name=str(at), joint="E", at=np.radians(at)) for at in (-260.0, 100.0, 460.0, 820.0))
     found = simulate(mechanism, 3.0, watches=looks)
     passed = [float(h.item) for h in found.events]
     last = np.degrees(found.view([3.0]).coordinate("E")[0, 0])

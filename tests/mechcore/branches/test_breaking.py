@@ -23,7 +23,7 @@ TURN = 2.0 * np.pi
 def parallelogram(law) -> Mechanism:
     m = four_bar(E=(2.0, 0.0), AB=1.0, BD=2.0, DE=1.0, start=1.0)
     start = float(law(0.0)[0])
-    return replace(m, drives=(Drive(pair="A", law=law),), modes={"D": "left" if np.sin(start + 1e-9) > 0 else "right"})
+    return replace(m, drives=(Drive(joint="A", law=law),), modes={"D": "left" if np.sin(start + 1e-9) > 0 else "right"})
 
 
 DWELL = Piecewise(
@@ -78,13 +78,13 @@ def two_parallelograms(first, second_law) -> Mechanism:
             links=tuple(rename.get(k, k) for k in p.links),
             points=tuple(pins.get(x, x) if k == "frame" else x for k, x in zip(p.links, p.points, strict=True)),
         )
-        for p in a.pairs
+        for p in a.joints
     ]
     return replace(
         a,
         links=(frame, *a.links[1:], *(replace(x, name=rename[x.name]) for x in a.links[1:])),
-        pairs=(*a.pairs, *second),
-        drives=(*a.drives, Drive(pair="A2", law=second_law)),
+        joints=(*a.joints, *second),
+        drives=(*a.drives, Drive(joint="A2", law=second_law)),
         modes={"D": "left", "D2": "left"},
     )
 
@@ -123,8 +123,8 @@ def test_a_geared_follower_of_a_turning_rocker_keeps_its_turns():
     m = replace(
         base,
         links=(frame, *base.links[1:], wheel("pinion")),
-        pairs=(
-            *base.pairs,
+        joints=(
+            *base.joints,
             Revolute(name="W", links=("frame", "pinion"), points=("W", "c")),
             Gear(name="G", links=("rocker", "pinion"), carrier="frame", sizes=(20, 30)),
         ),
@@ -137,13 +137,13 @@ def test_a_geared_follower_of_a_turning_rocker_keeps_its_turns():
 
 @pytest.mark.parametrize("order", [("planet", "rocker"), ("rocker", "planet")])
 def test_forces_of_a_gear_that_a_moving_link_carries(order):
-    """The planet's wheel partner is pinned to the carrier by the loop's closing pair."""
+    """The planet's wheel partner is pinned to the carrier by the loop's closing joint."""
     base = four_bar(E=(2.0, 0.0), AB=0.5, BD=1.8, DE=1.5, start=1.0, coupler_point=(1.0, 0.7))
     m = replace(
         base,
         links=(*base.links, wheel("planet")),
-        pairs=(
-            *base.pairs,
+        joints=(
+            *base.joints,
             Revolute(name="P", links=("coupler", "planet"), points=("P", "c")),
             Gear(name="G", links=order, carrier="coupler", sizes=(20, 30)),
         ),
@@ -153,13 +153,13 @@ def test_forces_of_a_gear_that_a_moving_link_carries(order):
     sound(load(m, THETA, 2.0, 1.0))
 
 
-def test_reaction_of_a_driven_rolling_pair_leaves_the_drive_out():
+def test_reaction_of_a_driven_rolling_joint_leaves_the_drive_out():
     m = Mechanism(
         name="wheel",
         frame="frame",
         links=(Link(name="frame", points={"O": (0.0, 0.5)}), wheel("wheel")),
-        pairs=(Rolling(name="W", links=("frame", "wheel"), points=("O", "c"), radius=0.5),),
-        drives=(Drive(pair="W", law=ConstantSpeed(0.0, 1.0, travel=2.0)),),
+        joints=(Rolling(name="W", links=("frame", "wheel"), points=("O", "c"), radius=0.5),),
+        drives=(Drive(joint="W", law=ConstantSpeed(0.0, 1.0, travel=2.0)),),
         loads=(Torque(name="M", link="wheel", moment=3.0),),
     )
     forces = load(m, [0.0, 1.0])
@@ -173,7 +173,7 @@ def test_three_drives_in_series_are_assembled_where_they_stand():
     base = drawn(points, {"a": "OP", "b": "PQ", "c": "QH", "d": "HT", "e": "TF"}, "OF", drive="O", law=ConstantSpeed(0.3, 0.1))
     m = replace(
         base,
-        drives=tuple(Drive(pair=p, law=ConstantSpeed(q, 0.1)) for p, q in (("O", 0.3), ("P", -0.5), ("Q", 0.7))),
+        drives=tuple(Drive(joint=p, law=ConstantSpeed(q, 0.1)) for p, q in (("O", 0.3), ("P", -0.5), ("Q", 0.7))),
     )
     compiled = compile_mechanism(replace(m, sketch={}, modes={"T": "left"}))
     motion = solve_motion(compiled, [0.0])
@@ -193,14 +193,14 @@ def test_a_block_of_slides_only():
         name="slides",
         frame="frame",
         links=tuple(Link(name=n, points={"O": (0.0, 0.0)}, mass=1.0) for n in names),
-        pairs=(
+        joints=(
             slide("1", "frame", "a", (1.0, 0.2)),
             slide("2", "a", "b", (0.0, 1.0)),
             slide("3", "frame", "b", (1.0, 1.0)),
             slide("4", "b", "c", (1.0, 0.3)),
             slide("5", "c", "a", (0.2, 1.0)),
         ),
-        drives=(Drive(pair="1", law=ConstantSpeed(0.1, 1.0, travel=0.5)),),
+        drives=(Drive(joint="1", law=ConstantSpeed(0.1, 1.0, travel=0.5)),),
         effects=("gravity",),
     )
     forces = solve_forces(solve_motion(compile_mechanism(m), np.linspace(0.0, 0.5, 5)))
@@ -219,7 +219,7 @@ def test_pins_at_the_same_place_in_another_order():
     m = four_bar(E=(0.28, 0.0), AB=0.1, BD=0.3, DE=0.25, effects=("gravity",), bodies={"coupler": (1.0, (0.1, 0.0), 0.0)})
     turned = replace(
         m,
-        pairs=(
+        joints=(
             pin("A", "frame", "crank"),
             pin("B", "coupler", "crank"),
             pin("D", "rocker", "coupler"),
@@ -241,7 +241,7 @@ def test_two_groups_with_a_limit_each():
     m = replace(
         base,
         links=(frame, crank, *base.links[2:], rod, last),
-        pairs=(*base.pairs, pin("F", "crank", "rod"), pin("G", "rod", "last"), pin("H", "frame", "last")),
+        joints=(*base.joints, pin("F", "crank", "rod"), pin("G", "rod", "last"), pin("H", "frame", "last")),
         modes={**base.modes, "G": "left"},
     )
     low, high = reachable_ranges(compile_mechanism(m))[0]
@@ -264,7 +264,7 @@ def test_a_motion_below_rounding_is_not_searched_for_changes():
     for lengths in ((0.31, 0.43, 0.29), (0.97, 1.13, 0.41)):
         far = sum(lengths) * np.exp(1j * turn)
         base = four_bar(E=(far.real, far.imag), AB=lengths[0], BD=lengths[1], DE=lengths[2], start=turn)
-        m = replace(base, drives=(Drive(pair="A", law=Oscillation(turn, 1e-12, 1.0)),))
+        m = replace(base, drives=(Drive(joint="A", law=Oscillation(turn, 1e-12, 1.0)),))
         compiled = compile_mechanism(m)
         assert compiled.changes is not None and len(compiled.changes.found) < 10
         assert solve_motion(compiled, default_times(m, 20)).closure.max() < 1e-9
@@ -273,6 +273,6 @@ def test_a_motion_below_rounding_is_not_searched_for_changes():
 def test_the_range_that_fails_is_that_of_all_its_frames():
     """A drive that turns back within the range: its ends are not where the range was entered and left."""
     base = four_bar(E=(1.0, 0.0), AB=0.9, BD=0.6, DE=0.7, start=0.4)  # limit: B and E farther apart than 1.3
-    m = replace(base, drives=(Drive(pair="A", law=Oscillation(0.4, 1.4, 1.0)),))
+    m = replace(base, drives=(Drive(joint="A", law=Oscillation(0.4, 1.4, 1.0)),))
     with pytest.raises(MechanismError, match=r"from 8[67][0-9.]+° to 103\.132°"):  # up to 1.8 rad
         solve_motion(compile_mechanism(m), default_times(m, 360))

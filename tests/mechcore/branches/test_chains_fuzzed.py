@@ -25,13 +25,13 @@ def chain(loops: list[Loop], modes: list[str], law) -> Mechanism:
     links = [Link(name="frame", points={f"A{i}": (float(x), 0.0) for i, x in enumerate(feet)})]
     links += [Link(name=f"v{i}", points={"A": (0.0, 0.0), "B": (arm, 0.0)}) for i, arm in enumerate(arms)]
     links += [Link(name=f"h{i}", points={"L": (0.0, 0.0), "R": (loop[2], 0.0)}) for i, loop in enumerate(loops)]
-    pairs = [Revolute(name=f"A{i}", links=("frame", f"v{i}"), points=(f"A{i}", "A")) for i in range(len(arms))]
+    joints = [Revolute(name=f"A{i}", links=("frame", f"v{i}"), points=(f"A{i}", "A")) for i in range(len(arms))]
     for i in range(len(loops)):
-        pairs.append(Revolute(name=f"L{i}", links=(f"v{i}", f"h{i}"), points=("B", "L")))
-        pairs.append(Revolute(name=f"R{i}", links=(f"h{i}", f"v{i + 1}"), points=("R", "B")))
-    drives = (Drive(pair="A0", law=law),)
+        joints.append(Revolute(name=f"L{i}", links=(f"v{i}", f"h{i}"), points=("B", "L")))
+        joints.append(Revolute(name=f"R{i}", links=(f"h{i}", f"v{i + 1}"), points=("R", "B")))
+    drives = (Drive(joint="A0", law=law),)
     stated = {f"R{i}": mode for i, mode in enumerate(modes)}
-    return Mechanism(name="chain", frame="frame", links=tuple(links), pairs=tuple(pairs), drives=drives, modes=stated)
+    return Mechanism(name="chain", frame="frame", links=tuple(links), joints=tuple(joints), drives=drives, modes=stated)
 
 
 lengths = st.sampled_from([1.0, 2.0, 3.0, 4.0])

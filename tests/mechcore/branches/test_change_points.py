@@ -110,7 +110,7 @@ def test_positions_near_a_flat_position_are_right_to_the_conditioning_limit():
 def test_piston_drives_the_crank_through_its_dead_points(speed):
     m = slider_crank(r=1.0, l=3.0)
     law = Oscillation(3.0, 1.0, abs(speed))  # reaches both limits, 2 and 4, exactly
-    driven = replace(m, drives=(Drive(pair="S", law=law),), modes={"B": "left" if speed > 0 else "right"})
+    driven = replace(m, drives=(Drive(joint="S", law=law),), modes={"B": "left" if speed > 0 else "right"})
     motion = solve_motion(compile_mechanism(driven), np.linspace(0.0, 3.0 / abs(speed), 541))
     angle = motion.pose("crank")[:, 2]
     assert abs(abs(angle[-1] - angle[0]) - 3 * TURN) < 1e-9, "three strokes to and fro are three turns"
@@ -123,7 +123,7 @@ def test_piston_drives_the_crank_through_its_dead_points(speed):
 
 def test_a_drive_that_would_go_beyond_its_dead_point_is_refused_with_the_range():
     m = slider_crank(r=1.0, l=3.0)
-    beyond = replace(m, drives=(Drive(pair="S", law=Oscillation(3.0, 1.01, 1.0)),), modes={"B": "left"})
+    beyond = replace(m, drives=(Drive(joint="S", law=Oscillation(3.0, 1.01, 1.0)),), modes={"B": "left"})
     with pytest.raises(Exception, match=r"keep the drive within \[2000 mm, 4000 mm\]"):
         solve_motion(compile_mechanism(beyond), np.linspace(0.0, 1.0, 361))
 
@@ -136,7 +136,7 @@ def test_starting_on_a_change_point_continues_on_the_stated_side():
 
 def test_reversing_drive_comes_back_the_same_way():
     m = parallelogram("left")
-    there = replace(m, drives=(Drive(pair="A", law=Oscillation(0.5, 4.0, 1.0)),))
+    there = replace(m, drives=(Drive(joint="A", law=Oscillation(0.5, 4.0, 1.0)),))
     motion = solve_motion(compile_mechanism(there), np.linspace(0.0, 1.0, 721))
     np.testing.assert_allclose(motion.pose("rocker")[:, 2], motion.pose("crank")[:, 2], atol=1e-12)
     assert isinstance(m.drives[0].law, ConstantSpeed)
@@ -146,7 +146,7 @@ def test_double_rocker_goes_through_its_limits():
     """Driven exactly to the limit angle of the reference: dead points, the motion goes on to the other side and comes back."""
     limit = next(c for c in case("linkages", "fourbar-limits")["expected"] if c["AB"] == 0.22)["crank_angle_limit_stretched"]
     m = four_bar(E=(0.3, 0.0), AB=0.22, BD=0.16, DE=0.21)
-    driven = replace(m, drives=(Drive(pair="A", law=Oscillation(0.0, limit, 0.25)),))
+    driven = replace(m, drives=(Drive(joint="A", law=Oscillation(0.0, limit, 0.25)),))
     motion = solve_motion(compile_mechanism(driven), np.linspace(0.0, 8.0, 1601))
     assert motion.closure.max() < 1e-12
     assert [c.dead for c in motion.changes] == [True] * 4
@@ -156,7 +156,7 @@ def test_double_rocker_goes_through_its_limits():
     acceleration = motion.acceleration("rocker")[:, 2]
     by_difference = (speed[2:] - speed[:-2]) / (motion.time[2:] - motion.time[:-2])
     assert np.abs(by_difference - acceleration[1:-1])[150:250].max() < 1e-3, "without a kink"
-    beyond = replace(m, drives=(Drive(pair="A", law=Oscillation(0.0, limit + 1e-3, 0.25)),))
+    beyond = replace(m, drives=(Drive(joint="A", law=Oscillation(0.0, limit + 1e-3, 0.25)),))
     with pytest.raises(Exception, match="keep the drive within"):
         solve_motion(compile_mechanism(beyond), np.linspace(0.0, 8.0, 1601))
 
@@ -166,17 +166,17 @@ def chain(n: int):
     from mechcore.spec.mechanism import Link, Mechanism, Revolute
 
     links = [Link(name="frame", points={f"A{i}": (float(i), 0.0) for i in range(n + 1)})]
-    pairs = []
+    joints = []
     for i in range(n + 1):
         links.append(Link(name=f"v{i}", points={"A": (0.0, 0.0), "B": (0.0, 1.0)}))
-        pairs.append(Revolute(name=f"A{i}", links=("frame", f"v{i}"), points=(f"A{i}", "A")))
+        joints.append(Revolute(name=f"A{i}", links=("frame", f"v{i}"), points=(f"A{i}", "A")))
     for i in range(n):
         links.append(Link(name=f"h{i}", points={"L": (0.0, 0.0), "R": (1.0, 0.0)}))
-        pairs.append(Revolute(name=f"L{i}", links=(f"v{i}", f"h{i}"), points=("B", "L")))
-        pairs.append(Revolute(name=f"R{i}", links=(f"h{i}", f"v{i + 1}"), points=("R", "B")))
+        joints.append(Revolute(name=f"L{i}", links=(f"v{i}", f"h{i}"), points=("B", "L")))
+        joints.append(Revolute(name=f"R{i}", links=(f"h{i}", f"v{i + 1}"), points=("R", "B")))
     sketch = {f"v{i}": (float(i), 0.0, 0.0) for i in range(n + 1)} | {f"h{i}": (float(i), 1.0, 0.0) for i in range(n)}
-    drive = Drive(pair="A0", law=ConstantSpeed(0.0, 1.0))
-    return Mechanism(name="chain", frame="frame", links=tuple(links), pairs=tuple(pairs), drives=(drive,), sketch=sketch)
+    drive = Drive(joint="A0", law=ConstantSpeed(0.0, 1.0))
+    return Mechanism(name="chain", frame="frame", links=tuple(links), joints=tuple(joints), drives=(drive,), sketch=sketch)
 
 
 @pytest.mark.parametrize(("n", "frames"), [(1, 721), (8, 721), (40, 145), (300, 9)])
@@ -263,7 +263,7 @@ def test_next_to_a_sliver_all_is_well(margin):
     compiled = compile_mechanism(m)
     assert not compiled.changes.found and not compiled.changes.gaps
     solve_motion(compiled, default_times(m, 7))
-    short = replace(misses_by(margin), drives=(Drive(pair="A", law=Oscillation(1.5, 1.5, 1.0)),))
+    short = replace(misses_by(margin), drives=(Drive(joint="A", law=Oscillation(1.5, 1.5, 1.0)),))
     motion = solve_motion(compile_mechanism(short), np.linspace(0.0, 1.0, 91))
     assert motion.closure.max() < 1e-12
 

@@ -130,13 +130,13 @@ def simulated(text: str):
     first = run.simulation.view([0.0])
     mechanism = run.scene.mechanism
     poses = {k: tuple(map(float, first.pose(k)[0])) for k in first.model.links}
-    body = Second(mechanism, poses, {d.pair: float(d.law(0.0)[0]) for d in mechanism.drives})
+    body = Second(mechanism, poses, {d.joint: float(d.law(0.0)[0]) for d in mechanism.drives})
     return run, body, body.run(run.motion.time)
 
 
 @pytest.mark.parametrize("name", MOVING)
 def test_motion_under_torsion_springs_is_that_of_absolute_coordinates(name):
-    """Of one freedom and of several, through changes of the leading pairs, with gears and with a group without a closed form."""
+    """Of one freedom and of several, through changes of the leading joints, with gears and with a group without a closed form."""
     run, body, states = simulated(MOVING[name])
     scale = run.motion.model.length_scale
     for k, link in enumerate(body.names):

@@ -60,7 +60,7 @@ def test_marks_lie_on_the_faces_of_the_rollers(name):
 
 @pytest.mark.parametrize("name", ["cam-conjugate", "cam-barrel-rib", "cam-end", "cam-inverse"])
 def test_every_roller_of_a_cam_is_marked_and_rolls_off_its_flank(name):
-    """Both rollers of a pair; over a turn each rolls off the length of its flank, or comes back where the crank only swings."""
+    """Both rollers of a joint; over a turn each rolls off the length of its flank, or comes back where the crank only swings."""
     run = run_scene(mechviz.load(name))
     solids = solids_of(run)
     marks = find_rollers(run, solids)

@@ -79,8 +79,8 @@ def test_a_recording_shows_it():
 @pytest.mark.parametrize(
     ("actuator", "words"),
     [
-        ('actuator = "A"', "loads.push.actuator: 'A' is a revolute pair, no sliding pair. Name a sliding pair: 'S'."),
-        ('actuator = "X"', "loads.push.actuator: there is no pair 'X'."),
+        ('actuator = "A"', "loads.push.actuator: 'A' is a revolute joint, no sliding joint. Name a sliding joint: 'S'."),
+        ('actuator = "X"', "loads.push.actuator: there is no joint 'X'."),
         ('actuator = ["frame.P", "arm.X"]', "loads.push.actuator[1]: link 'arm' has no point 'X'."),
         ('actuator = ["arm.S", "arm.A"]', "loads.push.actuator: both points are on 'arm'. Name points of two links."),
         ('actuator = ["arm.S", "arm.S"]', "loads.push.actuator: acts between 'arm.S' and itself."),

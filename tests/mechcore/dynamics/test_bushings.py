@@ -157,9 +157,9 @@ def test_a_mode_of_a_free_body_cannot_be_shown():
     scene = mechviz.loads(made())
     found = vibrations_of(scene)
     assert len(found.modes) == 3 and "body.x [m]" in "\n".join(vibration_lines(scene, found))
-    with pytest.raises(mechviz.SceneError, match="a mode is shown by driven pairs, and a free body has none") as refused:
+    with pytest.raises(mechviz.SceneError, match="a mode is shown by driven joints, and a free body has none") as refused:
         mode_scene(scene, found, 1)
-    assert refused.value.faults[0].path == "joints.body" and "two sliding pairs and a pin" in refused.value.faults[0].remedy
+    assert refused.value.faults[0].path == "joints.body" and "two sliding joints and a pin" in refused.value.faults[0].remedy
 
 
 @pytest.mark.parametrize(

@@ -25,8 +25,8 @@ def with_pinion(m: Mechanism, wheel: str, centre: tuple[float, float], sizes: tu
     return replace(
         m,
         links=(frame, *m.links[1:], Link(name="pinion", points={"c": (0.0, 0.0)})),
-        pairs=(
-            *m.pairs,
+        joints=(
+            *m.joints,
             Revolute(name="W", links=("frame", "pinion"), points=("W", "c")),
             Gear(name="G", links=(wheel, "pinion"), carrier="frame", sizes=sizes),
         ),
@@ -90,7 +90,7 @@ def simultaneous(
         Link(name="rod", points={"P": (0.0, 0.0), "C": (1.2, 0.0)}),
         Link(name="crank", points={"C0": (0.0, 0.0), "C": (1.3, 0.0)}),
     )
-    pairs = (
+    joints = (
         pin("A0", "frame", "r1"),
         pin("A", "r1", "bar"),
         pin("B", "bar", "r2"),
@@ -99,8 +99,8 @@ def simultaneous(
         pin("C", "rod", "crank"),
         pin("C0", "frame", "crank"),
     )
-    drives = (Drive(pair=drive, law=law or ConstantSpeed(start, 1.0)),)
-    return Mechanism(name="six-bar", frame="frame", links=links, pairs=pairs, drives=drives, sketch=sketch)
+    drives = (Drive(joint=drive, law=law or ConstantSpeed(start, 1.0)),)
+    return Mechanism(name="six-bar", frame="frame", links=links, joints=joints, drives=drives, sketch=sketch)
 
 
 @pytest.mark.parametrize("mode", ["left", "right"])
@@ -112,9 +112,9 @@ def test_a_simultaneous_group_through_change_points_on_the_parallel_branch(mode)
         Link(name="rod", points={"P": (0.0, 0.0), "C": (1.2, 0.0)}),
         Link(name="r", points={"O": (0.0, 0.0), "P": (1.0, 0.0)}),
     )
-    pairs = (pin("C0", "frame", "crank"), pin("C", "crank", "rod"), pin("P", "rod", "r"), pin("O", "frame", "r"))
-    drives = (Drive(pair="C0", law=ConstantSpeed(0.7, 1.0)),)
-    same = Mechanism(name="four-bar", frame="frame", links=links, pairs=pairs, drives=drives, modes={"P": mode})
+    joints = (pin("C0", "frame", "crank"), pin("C", "crank", "rod"), pin("P", "rod", "r"), pin("O", "frame", "r"))
+    drives = (Drive(joint="C0", law=ConstantSpeed(0.7, 1.0)),)
+    same = Mechanism(name="four-bar", frame="frame", links=links, joints=joints, drives=drives, modes={"P": mode})
     t = np.linspace(0.0, 3 * TURN, 1081)
     a = solve_motion(compile_mechanism(same), t)
     turn = a.pose("r")[0, 2]
@@ -165,7 +165,7 @@ def test_a_simultaneous_group_through_a_change_point_on_the_crossed_branch():
 
 def driven_by_piston(law: Law, mode: str = "left") -> Mechanism:
     m = with_pinion(slider_crank(r=1.0, l=3.0), "crank", (0.0, -2.0))
-    return replace(m, drives=(Drive(pair="S", law=law),), modes={"B": mode})
+    return replace(m, drives=(Drive(joint="S", law=law),), modes={"B": mode})
 
 
 @pytest.mark.parametrize(("mode", "phase"), [("left", 0.0), ("right", 1.2)])
@@ -220,7 +220,7 @@ def test_a_sliver_on_a_walk_is_refused(margin):
 def test_a_walk_that_starts_on_a_change_point_or_beside_it_goes_the_stated_way(mode, at, speed, off):
     """A wheel on the rocker has its group followed; without one the same group is solved by its closed form."""
     base = four_bar(E=(2.0, 0.0), AB=1.0, BD=2.0, DE=1.0, start=at + off, mode=mode)
-    base = replace(base, drives=(Drive(pair="A", law=ConstantSpeed(at + off, speed)),))
+    base = replace(base, drives=(Drive(joint="A", law=ConstantSpeed(at + off, speed)),))
     t = np.linspace(0.0, 2.0 * TURN, 91)
     plain = solve_motion(compile_mechanism(base), t)
     geared = solve_motion(compile_mechanism(with_pinion(base, "rocker", (3.5, 0.0))), t)
@@ -266,13 +266,13 @@ def test_a_wheel_on_a_rocker_that_comes_close_to_its_limit_keeps_its_turn(seed):
         a, b, c, d = rng.uniform(0.3, 1.5, 4)
         base = with_pinion(four_bar(E=(d, 0.0), AB=a, BD=b, DE=c, start=0.0), "rocker", (d + 2.0, 0.0))
         try:
-            low, high = reachable_ranges(compile_mechanism(replace(base, drives=(Drive(pair="A", law=ConstantSpeed(1.0, 1.0)),))))[
+            low, high = reachable_ranges(compile_mechanism(replace(base, drives=(Drive(joint="A", law=ConstantSpeed(1.0, 1.0)),))))[
                 0
             ]
         except MechanismError:
             continue
     middle, half = 0.5 * (low + high), 0.5 * (high - low)
-    m = replace(base, drives=(Drive(pair="A", law=Oscillation(middle, half * (1.0 - 1e-7), 1.0)),))
+    m = replace(base, drives=(Drive(joint="A", law=Oscillation(middle, half * (1.0 - 1e-7), 1.0)),))
     t = np.linspace(0.0, 1.0, 401)
     motion = solve_motion(compile_mechanism(m), t)
     assert motion.closure.max() < 1e-12
@@ -294,8 +294,8 @@ def test_a_geared_crank_that_is_back_only_after_three_turns(side):
     m = replace(
         first,
         links=(frame, *first.links[1:], *second),
-        pairs=(
-            *first.pairs,
+        joints=(
+            *first.joints,
             *(Revolute(name=n, links=(a, b), points=(p, q)) for n, a, b, p, q in pins),
             Gear(name="G", links=("c0", "w"), carrier="frame", sizes=(20, 30)),
         ),

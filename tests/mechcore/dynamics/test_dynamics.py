@@ -165,7 +165,7 @@ def test_order_of_the_collocation(rule, nodes: int):
 
     driven = dataclasses.replace(
         body,
-        drives=(Drive(pair="O", law=Free(0.7 - np.pi / 2, 1.2)),),
+        drives=(Drive(joint="O", law=Free(0.7 - np.pi / 2, 1.2)),),
         loads=(Torque(name="wanted", link="body", moment=1.0, factor=Factor(function=torque, of="time")),),
     )
     system = Chart(compile_mechanism(driven))
@@ -218,7 +218,7 @@ def test_time_reversal_returns_to_the_start():
     there = simulate(double_pendulum(i), 1.0, tolerance=1e-11)
     q, v, _ = (x[0] for x in there([1.0]))
     mechanism = dataclasses.replace(
-        double_pendulum(i), drives=tuple(Drive(pair=p, law=Free(q[k], -v[k])) for k, p in enumerate(("O", "J")))
+        double_pendulum(i), drives=tuple(Drive(joint=p, law=Free(q[k], -v[k])) for k, p in enumerate(("O", "J")))
     )
     back, speed, _ = (x[0] for x in simulate(mechanism, 1.0, tolerance=1e-11)([1.0]))
     assert back == pytest.approx([d.law.start for d in double_pendulum(i).drives], abs=1e-9)
@@ -226,7 +226,7 @@ def test_time_reversal_returns_to_the_start():
 
 
 def test_stiff_damping_wants_radau():
-    body = pendulum(inertia=0.4, mass=1.5, distance=0.35, angle=1.0, loads=(Viscous(name="oil", pair="O", coefficient=4e4),))
+    body = pendulum(inertia=0.4, mass=1.5, distance=0.35, angle=1.0, loads=(Viscous(name="oil", joint="O", coefficient=4e4),))
     stiff = simulate(body, 200.0, method="radau", tolerance=1e-6)
     plain = simulate(body, 200.0, method="gauss", tolerance=1e-6)
     assert stiff([200.0])[0][0, 0] == pytest.approx(plain([200.0])[0][0, 0], abs=1e-5)
@@ -243,7 +243,7 @@ def test_at_rest_in_an_equilibrium_it_stays_there():
 
 
 def test_a_stop_reflects_and_takes_energy():
-    stop = Stop(name="wall", pair="O", at=-np.pi / 2, side="lower", restitution=0.6)
+    stop = Stop(name="wall", joint="O", at=-np.pi / 2, side="lower", restitution=0.6)
     simulation = simulate(pendulum(inertia=0.4, mass=1.5, distance=0.35, angle=1.0), 20.0, stops=[stop], tolerance=1e-10)
     hits = [h for h in simulation.events if h.kind == "impact"]
     speed = np.sqrt(2 * 1.5 * 9.81 * 0.35 * (1 - np.cos(1.0)) / 0.4)
@@ -256,7 +256,7 @@ def test_a_stop_reflects_and_takes_energy():
 
 
 def test_bouncing_ends_in_contact():
-    stop = Stop(name="wall", pair="O", at=-np.pi / 2 + 0.5, side="lower", restitution=0.5)
+    stop = Stop(name="wall", joint="O", at=-np.pi / 2 + 0.5, side="lower", restitution=0.5)
     simulation = simulate(pendulum(inertia=0.4, mass=1.5, distance=0.35, angle=1.0), 20.0, stops=[stop], tolerance=1e-9)
     assert simulation.events[-1].kind == "contact"
     assert simulation.events[-1].time < 10.0
@@ -271,7 +271,7 @@ def test_bouncing_ends_in_contact():
 def test_resting_contact_is_released_when_the_load_turns():
     pull = Torque(name="pull", link="body", moment=6.0, factor=Factor(function=lambda t: np.sin(np.asarray(t)), of="time"))
     body = pendulum(inertia=0.4, mass=1.5, distance=0.35, angle=0.0, loads=(pull,))
-    stop = Stop(name="wall", pair="O", at=-np.pi / 2, side="upper", restitution=0.0)
+    stop = Stop(name="wall", joint="O", at=-np.pi / 2, side="upper", restitution=0.0)
     simulation = simulate(body, 5.0, stops=[stop], tolerance=1e-9)
     assert [h.kind for h in simulation.events[:2]] == ["contact", "release"]
     assert simulation.events[1].time == pytest.approx(np.pi, abs=1e-7)
@@ -281,7 +281,7 @@ def test_resting_contact_is_released_when_the_load_turns():
 def test_an_impact_spreads_over_the_mechanism():
     """Momentum about O and energy of a double pendulum whose lower joint hits a stop without loss."""
     i = case("dynamics", "double-pendulum-rods")["inputs"]
-    stop = Stop(name="knee", pair="J", at=-1.0, side="lower", restitution=1.0)
+    stop = Stop(name="knee", joint="J", at=-1.0, side="lower", restitution=1.0)
     m = double_pendulum({**i, "theta_1": 1.0, "theta_2": 1.0, "omega_1": 0.0, "omega_2": -3.0})
     m = dataclasses.replace(m, effects=("inertia",))
     simulation = simulate(m, 2.0, stops=[stop], tolerance=1e-10)
@@ -298,8 +298,8 @@ def test_an_impact_spreads_over_the_mechanism():
 
 def test_watch_finds_and_ends():
     body = pendulum(inertia=0.4, mass=1.5, distance=0.35, angle=1.0)
-    bottom = EventTrigger(name="bottom", pair="O", at=-np.pi / 2)
-    end = EventTrigger(name="second top", of="velocity", pair="O", at=0.0, rising=True, ends=True)
+    bottom = EventTrigger(name="bottom", joint="O", at=-np.pi / 2)
+    end = EventTrigger(name="second top", of="velocity", joint="O", at=0.0, rising=True, ends=True)
     simulation = simulate(body, 100.0, watches=[bottom, end], tolerance=1e-11)
     from scipy.special import ellipk
 
@@ -361,7 +361,7 @@ def test_dead_points_of_the_stated_coordinate_are_ordinary_points(lengths: tuple
     frame, crank, coupler, rocker = lengths
     mechanism = bars(frame=frame, crank=crank, coupler=coupler, rocker=rocker, angle=1.2, speed=5.0)
     simulation = simulate(mechanism, 3.0, tolerance=1e-10)
-    assert len({segment.compiled.mechanism.drives[0].pair for segment in simulation.segments}) > 1
+    assert len({segment.compiled.mechanism.drives[0].joint for segment in simulation.segments}) > 1
     t = np.linspace(0.0, 3.0, 601)
     motion = simulation.motion(t)
     assert motion.closure.max() < 1e-12
@@ -374,10 +374,10 @@ def test_dead_points_of_the_stated_coordinate_are_ordinary_points(lengths: tuple
     for link in ("crank", "coupler", "rocker"):
         angle, rate = around[0].pose(link)[:, 2].reshape(-1, 3), around[0].velocity(link)[:, 2].reshape(-1, 3)
         assert (angle[:, 2] - angle[:, 0]) / (2 * h) == pytest.approx(rate[:, 1], abs=1e-4 * np.abs(rate).max())
-    # the same motion, stated at another pair
+    # the same motion, stated at another joint
     start = simulation.motion([0.0])
     q, w, _ = start.coordinate("E")[0]
-    other = dataclasses.replace(mechanism, drives=(Drive(pair="E", law=Free(float(q), float(w))),), modes={})
+    other = dataclasses.replace(mechanism, drives=(Drive(joint="E", law=Free(float(q), float(w))),), modes={})
     other = dataclasses.replace(other, sketch={k: tuple(start.pose(k)[0]) for k in ("crank", "coupler", "rocker")})
     again = simulate(other, 3.0, tolerance=1e-10).motion(t)
     for link in ("crank", "coupler", "rocker"):
@@ -403,7 +403,7 @@ def test_bad_input_is_refused_in_words():
     with pytest.raises(MechanismError, match="no duration"):
         simulate(body, -1.0)
     with pytest.raises(MechanismError, match=r"joints.O.stops.*starts 57.2958° above the upper stop 's' at -90°"):
-        simulate(body, 1.0, stops=[Stop(name="s", pair="O", at=-np.pi / 2)])
+        simulate(body, 1.0, stops=[Stop(name="s", joint="O", at=-np.pi / 2)])
 
 
 def test_panels_follow_a_function_to_rounding():
@@ -485,13 +485,13 @@ def test_a_rocker_that_is_all_the_mass_there_is(share: float):
     assert turn < 5.0 and float(found([turn])[0][0, 0]) == pytest.approx(0.5 + 2 * np.pi, abs=1e-8)
 
 
-def test_a_start_next_to_a_dead_point_of_its_own_pair():
-    """There another pair leads at once: the motion of a double rocker, run back from the end of its way in, returns."""
+def test_a_start_next_to_a_dead_point_of_its_own_joint():
+    """There another joint leads at once: the motion of a double rocker, run back from the end of its way in, returns."""
     body = bars(frame=1.0, crank=0.7, coupler=0.6, rocker=0.8, angle=1.2, speed=0.0)
     there = simulate(body, 3.0, tolerance=1e-11)
     q, v, _ = there([3.0])
     poses = {link.name: tuple(map(float, there.motion([3.0]).pose(link.name)[0])) for link in body.links[1:]}
-    drive = Drive(pair="A", law=Free(float(q[0, 0]), -float(v[0, 0])))
+    drive = Drive(joint="A", law=Free(float(q[0, 0]), -float(v[0, 0])))
     back = simulate(dataclasses.replace(body, drives=(drive,), sketch=poses, modes={}), 3.0, tolerance=1e-11)
     assert back.segments[0].compiled is not back.compiled
     q, v, _ = back([3.0])

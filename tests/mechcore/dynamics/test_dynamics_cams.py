@@ -22,7 +22,7 @@ from mechcore.forces.kinetostatics import solve_forces
 from mechcore.laws.timed import ConstantSpeed, Free
 from mechcore.motion.solve import compile_mechanism, solve_motion
 from mechcore.spec.loads import Force, Torque
-from mechcore.spec.mechanism import CamPair, Drive, Friction, Mechanism
+from mechcore.spec.mechanism import CamJoint, Drive, Friction, Mechanism
 from mechviz.outputs.rerun.reader import Recording
 from mechviz.outputs.rerun.writer import write_recording
 from mechviz.quantities.events import lanes_of, simulation_events
@@ -34,11 +34,11 @@ G = 9.81
 
 
 def at_speed(mechanism: Mechanism, speed: float) -> Mechanism:
-    return replace(mechanism, drives=(Drive(pair="O", law=ConstantSpeed(start=0.0, speed=speed)),))
+    return replace(mechanism, drives=(Drive(joint="O", law=ConstantSpeed(start=0.0, speed=speed)),))
 
 
 def lift_of(mechanism: Mechanism):
-    return next(p.lift for p in mechanism.pairs if isinstance(p, CamPair))
+    return next(p.lift for p in mechanism.joints if isinstance(p, CamJoint))
 
 
 def onset() -> tuple[Mechanism, float, float]:
@@ -55,7 +55,7 @@ def contact_at(mechanism: Mechanism, speed: float) -> np.ndarray:
 
 
 def turns(mechanism: Mechanism, speed: float, count: float = 1.0, e: float = 0.3):
-    return simulate(at_speed(mechanism, speed), count * 2 * np.pi / speed, separable_cams=[SeparableCam(pair="K", restitution=e)])
+    return simulate(at_speed(mechanism, speed), count * 2 * np.pi / speed, separable_cams=[SeparableCam(joint="K", restitution=e)])
 
 
 def test_onset_speed_and_place_agree_with_the_closed_form():
@@ -145,10 +145,10 @@ def test_a_free_camshaft_feels_the_impact():
     mechanism, speed, _ = onset()
     free = replace(
         mechanism,
-        drives=(Drive(pair="O", law=Free(0.0, 1.12 * speed)),),
+        drives=(Drive(joint="O", law=Free(0.0, 1.12 * speed)),),
         loads=(*mechanism.loads, Torque(name="motor", link="cam", moment=5.0)),
     )
-    found = simulate(free, 0.03, separable_cams=[SeparableCam(pair="K", restitution=0.5)])
+    found = simulate(free, 0.03, separable_cams=[SeparableCam(joint="K", restitution=0.5)])
     hits = np.array([h.time for h in found.events if h.kind == "impact"])
     knocks = found(hits + 1e-7)[1] - found(hits - 1e-7)[1]
     assert np.abs(knocks).max() > 1e-3 * speed
@@ -174,7 +174,7 @@ def test_what_is_not_named_is_not_looked_at(monkeypatch):
 def test_bad_input_is_refused_in_words():
     mechanism, speed, _ = onset()
     with pytest.raises(MechanismError, match="no cam that its follower could leave"):
-        simulate(at_speed(mechanism, speed), 0.1, separable_cams=[SeparableCam(pair="S")])
+        simulate(at_speed(mechanism, speed), 0.1, separable_cams=[SeparableCam(joint="S")])
     text = mechviz.load("valve-float").text
     for old, new, words in (
         ('frames = 960\nduration = "180 ms"', "frames = 960", "'duration' is missing"),
@@ -202,8 +202,8 @@ def test_valve_float_is_recorded_with_lane_gap_and_events(tmp_path: Path):
     gap = found.scalars("data", "cams", "K", "gap")[1]
     assert gap.max() > 2e-3 and gap.min() > -1e-12
     # held by the closed form: not before the speed at which the spring is too weak
-    pair = next(p for p in scene.mechanism.pairs if isinstance(p, CamPair))
-    slow = first_separation(Closure(0.11, 24e3, 0.046 - (0.066 - 0.025 - 0.012), 0.0), pair.lift)
+    joint = next(p for p in scene.mechanism.joints if isinstance(p, CamJoint))
+    slow = first_separation(Closure(0.11, 24e3, 0.046 - (0.066 - 0.025 - 0.012), 0.0), joint.lift)
     assert slow is not None
     speed = np.interp(run.simulation.events[0].time, run.motion.time, run.motion.coordinate("O")[:, 1])
     assert slow.speed < speed < 1.05 * slow.speed
@@ -211,11 +211,11 @@ def test_valve_float_is_recorded_with_lane_gap_and_events(tmp_path: Path):
 
 def with_brake(mechanism: Mechanism, brake: float, coefficient: float = 0.0) -> Mechanism:
     """The same with dry friction in the follower's guide."""
-    pairs = tuple(
+    joints = tuple(
         replace(p, friction=Friction(coefficient=coefficient, brake=brake, length=0.03)) if p.name == "S" else p
-        for p in mechanism.pairs
+        for p in mechanism.joints
     )
-    return replace(mechanism, pairs=pairs, effects=(*mechanism.effects, "friction"))
+    return replace(mechanism, joints=joints, effects=(*mechanism.effects, "friction"))
 
 
 def test_dry_friction_in_the_guide_shifts_the_onset_as_statics_says():
@@ -270,11 +270,11 @@ def test_a_follower_that_its_guide_holds_hangs_where_the_cam_has_left_it():
     assert np.ptp(found.view(t).coordinate("S")[:, 0]) < 1e-12
     with pytest.raises(MechanismError, match=r"joints\.K\.friction: friction between a cam and its follower while forces move"):
         rough = with_brake(mechanism, 6.0)
-        pairs = tuple(replace(p, friction=Friction(coefficient=0.1)) if p.name == "K" else p for p in rough.pairs)
+        joints = tuple(replace(p, friction=Friction(coefficient=0.1)) if p.name == "K" else p for p in rough.joints)
         simulate(
-            replace(rough, pairs=pairs, drives=(Drive(pair="O", law=Free(0.3, 20.0)),)),
+            replace(rough, joints=joints, drives=(Drive(joint="O", law=Free(0.3, 20.0)),)),
             0.1,
-            separable_cams=[SeparableCam(pair="K")],
+            separable_cams=[SeparableCam(joint="K")],
         )
 
 

@@ -36,8 +36,8 @@ def four_bar(
         name="four-bar",
         frame="frame",
         links=tuple(links),
-        pairs=tuple(pin(name, *between) for name, between in ends.items()),
-        drives=(Drive(pair="A", law=Free(start, speed)),),
+        joints=tuple(pin(name, *between) for name, between in ends.items()),
+        drives=(Drive(joint="A", law=Free(start, speed)),),
         modes={"C": side},
         effects=("inertia", "gravity") if gravity else ("inertia",),
     )
@@ -78,14 +78,14 @@ def test_a_change_point_four_bar_turns_six_times(name: str):
     assert np.abs(found.drift(t)).max() < 1e-9
 
 
-@pytest.mark.parametrize("pair", "BCD")
-def test_a_change_point_four_bar_led_by_another_pair(pair: str):
+@pytest.mark.parametrize("joint", "BCD")
+def test_a_change_point_four_bar_led_by_another_joint(joint: str):
     sizes = (2.0, 4.0, 3.0, 5.0)
     mechanism, linkage = four_bar(sizes, "left", np.pi / 3, -12.0, gravity=False)
     at = solve_motion(compile_mechanism(mechanism), [0.0])
-    start, speed, _ = (float(x) for x in at.coordinate(pair)[0])
+    start, speed, _ = (float(x) for x in at.coordinate(joint)[0])
     poses = {name: tuple(float(x) for x in at.pose(name)[0]) for name in LINKS}
-    led = replace(mechanism, drives=(Drive(pair=pair, law=Free(start, speed)),), modes={}, sketch=poses)
+    led = replace(mechanism, drives=(Drive(joint=joint, law=Free(start, speed)),), modes={}, sketch=poses)
     t, angles = change_point_way(sizes, linkage, side_of(mechanism), np.pi / 3, -12.0, 3.0, 24)
     found = simulate(led, float(t[-1]), tolerance=1e-11)
     assert np.abs(np.exp(1j * angles_of(found.motion(t))) - np.exp(1j * angles)).max() < 1e-9
@@ -125,7 +125,7 @@ def test_a_change_point_beside_which_an_arm_is_short_is_found():
     at = solve_motion(compile_mechanism(mechanism), [0.0])
     poses = {name: tuple(float(x) for x in at.pose(name)[0]) for name in LINKS}
     start = float(at.coordinate("B")[0, 0])
-    driven = replace(mechanism, drives=(Drive(pair="B", law=Free(start)),), modes={}, sketch=poses)
+    driven = replace(mechanism, drives=(Drive(joint="B", law=Free(start)),), modes={}, sketch=poses)
     compiled = compile_mechanism(driven)
     changes = find_changes(compiled.model, compiled.assembly.modes, {})
     assert changes is not None
@@ -135,7 +135,7 @@ def test_a_change_point_beside_which_an_arm_is_short_is_found():
 NEAR = {
     "turns fully": ((1.0, 3.0, 2.0, 4.0), "left", np.pi / 3, 12.0, 1.0),
     "swings": ((1.0, 3.0, 2.0, 4.0), "left", np.pi / 3, 12.0, -1.0),
-    "led by four pairs in turn": ((1.951153927, 1.524597255, 1.087410565, 0.660855893), "left", 1.57766, 18.545, -1.0),
+    "led by four joints in turn": ((1.951153927, 1.524597255, 1.087410565, 0.660855893), "left", 1.57766, 18.545, -1.0),
 }
 
 
@@ -163,8 +163,8 @@ def test_six_bars_near_a_change_point(gap: float, rod: float):
     ]
     frame = replace(frame, points={**frame.points, "G": (1.5, -1.2)})
     coupler = replace(coupler, points={**coupler.points, "P": (0.7, 0.3)})
-    pairs = (*mechanism.pairs, pin("P", "coupler", "rod"), pin("Q", "rod", "bar"), pin("G", "frame", "bar"))
-    six = replace(mechanism, links=(frame, crank, coupler, rocker, *bars), pairs=pairs, modes={"C": "left", "Q": "left"})
+    joints = (*mechanism.joints, pin("P", "coupler", "rod"), pin("Q", "rod", "bar"), pin("G", "frame", "bar"))
+    six = replace(mechanism, links=(frame, crank, coupler, rocker, *bars), joints=joints, modes={"C": "left", "Q": "left"})
     to_point = ((0, 0.8 + 0j), (1, 0.7 + 0.3j))
     bodies = (*four.bodies, Body(0.5, rod**2 / 24, rod / 2, to_point), Body(0.5, 2.4**2 / 24, 1.2, ()))
     linkage = Linkage(bodies, (*four.loops, ((*to_point, (3, rod), (4, -2.4)), -1.5 + 1.2j)))

@@ -1,4 +1,4 @@
-"""Several freedoms through places where their coordinates do not decide the configuration: other pairs lead there."""
+"""Several freedoms through places where their coordinates do not decide the configuration: other joints lead there."""
 
 from __future__ import annotations
 
@@ -28,16 +28,16 @@ def falling() -> Mechanism:
 
 
 def leads(simulation) -> list[str]:
-    return ["".join(d.pair for d in p.compiled.mechanism.drives) for p in simulation.segments]
+    return ["".join(d.joint for d in p.compiled.mechanism.drives) for p in simulation.segments]
 
 
-def restated(mechanism: Mechanism, simulation, t: float, pairs: str, sense: float = 1.0) -> Mechanism:
-    """The mechanism as a simulation has it at a time, with other free pairs, and its speeds in either sense."""
+def restated(mechanism: Mechanism, simulation, t: float, joints: str, sense: float = 1.0) -> Mechanism:
+    """The mechanism as a simulation has it at a time, with other free joints, and its speeds in either sense."""
     motion = simulation.motion([t])
     drives = []
-    for pair in pairs:
-        q, v, _ = motion.coordinate(pair)[0]
-        drives.append(Drive(pair=pair, law=Free(float(q), sense * float(v))))
+    for joint in joints:
+        q, v, _ = motion.coordinate(joint)[0]
+        drives.append(Drive(joint=joint, law=Free(float(q), sense * float(v))))
     poses = {link.name: tuple(map(float, motion.pose(link.name)[0])) for link in mechanism.links[1:]}
     return replace(mechanism, drives=tuple(drives), modes={}, sketch=poses)
 
@@ -55,8 +55,8 @@ def test_rods_come_in_line_and_go_on(fallen):
     assert motion.closure.max() < 1e-12
     assert np.abs(fallen.drift(TIMES)).max() < 1e-9
     q, v, _ = fallen(TIMES)
-    for k, pair in enumerate("AE"):  # the stated coordinates go on being told, without a jump of a turn
-        assert np.exp(1j * q[:, k]) == pytest.approx(np.exp(1j * motion.coordinate(pair)[:, 0]), abs=1e-9)
+    for k, joint in enumerate("AE"):  # the stated coordinates go on being told, without a jump of a turn
+        assert np.exp(1j * q[:, k]) == pytest.approx(np.exp(1j * motion.coordinate(joint)[:, 0]), abs=1e-9)
     assert np.abs(np.diff(q, axis=0)).max() < 1.5 * np.abs(v).max() * TIMES[1]
     forces = fallen.forces(motion)
     assert np.abs(forces.power_balance).max() < 1e-9
@@ -80,7 +80,7 @@ def test_time_reversal_leads_back_through_all_charts(fallen):
 def test_springs_count_their_turns_through_all_charts():
     body = swinging_five_bar(stiffness=0.1, speeds=(9.0, 2.0))
     found = simulate(replace(body, loads=body.loads[:1]), END, tolerance=1e-8)
-    assert any("A" not in pairs for pairs in leads(found))
+    assert any("A" not in joints for joints in leads(found))
     assert np.abs(found.drift(TIMES)).max() < 1e-7
     q, v, _ = found(TIMES)
     assert np.abs(np.diff(q, axis=0) - TIMES[1] * 0.5 * (v[1:] + v[:-1])).max() < 0.3  # no jump of a turn
@@ -88,7 +88,7 @@ def test_springs_count_their_turns_through_all_charts():
 
 def test_beside_a_prescribed_drive():
     """One arm turns evenly: the only free coordinate is handed on where the rods come in line."""
-    body = replace(falling(), drives=(Drive(pair="A", law=ConstantSpeed(2.2, -3.0, 9.0)), falling().drives[1]))
+    body = replace(falling(), drives=(Drive(joint="A", law=ConstantSpeed(2.2, -3.0, 9.0)), falling().drives[1]))
     found = simulate(body, END, tolerance=1e-8)
     assert {"AE", "DA", "BA"} <= set(leads(found))
     assert found.motion(TIMES).coordinate("A")[:, 1] == pytest.approx(-3.0, abs=1e-12)
@@ -118,12 +118,12 @@ def test_friction_goes_on_where_other_coordinates_lead(fallen, freedoms):
         bars = {"crank": 0.4, "coupler": 0.25, "rocker": 0.3}
         bodies = {name: (2.0 * x, (0.5 * x, 0.0), x**3 / 6.0) for name, x in bars.items()}
         base = four_bar(0.5, *bars.values(), start=0.2, bodies=bodies, effects=("inertia", "gravity"))
-        base = replace(base, drives=(Drive(pair="A", law=Free(0.2, -6.0)),))
+        base = replace(base, drives=(Drive(joint="A", law=Free(0.2, -6.0)),))
         braked, link, moment, end = "E", "rocker", 0.2, 0.24
     else:
         base, braked, link, moment, end = restated(falling(), fallen, 0.5, "AE"), "A", "left", 0.01, 0.4
-    pairs = tuple(replace(p, friction=Friction(brake=moment)) if p.name == braked else p for p in base.pairs)
-    rubbing = simulate(replace(base, pairs=pairs, effects=(*base.effects, "friction")), end, tolerance=1e-10)
+    joints = tuple(replace(p, friction=Friction(brake=moment)) if p.name == braked else p for p in base.joints)
+    rubbing = simulate(replace(base, joints=joints, effects=(*base.effects, "friction")), end, tolerance=1e-10)
     t = np.linspace(0.0, end, 25)
     motion = rubbing.motion(t)
     sense = np.sign(motion.coordinate(braked)[:, 1])
@@ -146,12 +146,12 @@ def test_a_shaft_whose_gear_does_not_come_back_after_a_turn_goes_on_in_either_se
         name="geared",
         frame="frame",
         links=(Link(name="frame", points={"A": (0.0, 0.0), "B": (0.3, 0.0)}), pinion, wheel),
-        pairs=(
+        joints=(
             pin("A", "frame", "pinion"),
             pin("B", "frame", "wheel"),
             Gear(name="G", links=("pinion", "wheel"), carrier="frame", sizes=(14.0, 51.0)),
         ),
-        drives=(Drive(pair="A", law=Free(0.3 * sense, 20.0 * sense)),),
+        drives=(Drive(joint="A", law=Free(0.3 * sense, 20.0 * sense)),),
         effects=("inertia", "gravity"),
         sketch={"wheel": (0.3, 0.0, 0.0 if sense > 0 else np.pi)},
     )
@@ -167,14 +167,14 @@ def test_a_shaft_whose_gear_does_not_come_back_after_a_turn_goes_on_in_either_se
 
 
 def test_a_cylinder_that_stands_still_for_an_instant_hands_over_to_the_boom():
-    """Its base turns fastest where its length is least, but is no pair of the mechanism; the boom is a pendulum."""
+    """Its base turns fastest where its length is least, but is no joint of the mechanism; the boom is a pendulum."""
     boom = Link(name="boom", points={"O": (0.0, 0.0), "Q": (0.45, 0.0)}, mass=1.0, centre=(0.4, 0.0), inertia=0.01)
     mechanism = Mechanism(
         name="boom",
         frame="frame",
         links=(Link(name="frame", points={"O": (0.0, 0.0), "P": (0.5, 0.0)}), boom),
-        pairs=(pin("O", "frame", "boom"), Cylinder(name="C", links=("frame", "boom"), points=("P", "Q"))),
-        drives=(Drive(pair="C", law=Free(0.4, -2.0)),),
+        joints=(pin("O", "frame", "boom"), Cylinder(name="C", links=("frame", "boom"), points=("P", "Q"))),
+        drives=(Drive(joint="C", law=Free(0.4, -2.0)),),
         effects=("inertia", "gravity"),
         sketch={"boom": (0.0, 0.0, 0.9)},
     )
@@ -188,7 +188,7 @@ def test_a_cylinder_that_stands_still_for_an_instant_hands_over_to_the_boom():
 
 
 def test_other_coordinates_lead_before_digits_are_lost():
-    """A window of this five-bar ends where some pair turns 80 times as fast as those that lead: they change within the window."""
+    """A window of this five-bar ends where some joint turns 80 times as fast as those that lead: they change within the window."""
     mechanism = replace(swinging_five_bar(speeds=(8.96, 0.32)), loads=())
     found = simulate(mechanism, END, tolerance=1e-11)
     assert len(found.segments) > 1

@@ -145,11 +145,11 @@ def random_loads(rng: np.random.Generator) -> dict[str, str]:
         load = (
             "torque = '0.6 N m', on = 'coupler'" if of in ("position", "velocity") else "force = [3, 2], on = 'coupler', at = 'C'"
         )
-        pair = ", pair = 'B'" if of in ("position", "velocity") and rng.random() < 0.5 else ""
-        found[f"table {of}"] = f"{load}, table = {{ {of} = [{', '.join(at)}], factor = {factors}, smooth = false{more}{pair} }}"
+        joint = ", joint = 'B'" if of in ("position", "velocity") and rng.random() < 0.5 else ""
+        found[f"table {of}"] = f"{load}, table = {{ {of} = [{', '.join(at)}], factor = {factors}, smooth = false{more}{joint} }}"
         per = f"'{wide:g} {unit}'"
         found[f"polynomial {of}"] = (
-            f"{load}, polynomial = {{ of = '{of}', coefficients = [{some(-1, 1)}, {some(-1, 0)}], per = {per}{more}{pair} }}"
+            f"{load}, polynomial = {{ of = '{of}', coefficients = [{some(-1, 1)}, {some(-1, 0)}], per = {per}{more}{joint} }}"
         )
     return found | {
         "jack": f"actuator = ['frame.H', 'coupler.E'], thrust = '{some(-9, 9)} N', sine = {{ frequency = '{some(2, 9)} Hz' }}",
@@ -192,7 +192,7 @@ def checked(text: str) -> Any:
         out = np.zeros((len(t), len(wanted) + 1))
         for rows, values in parts:
             out[rows, :-1] = np.stack(values, axis=1)
-        drives = [d.pair for d in view.mechanism.drives]
+        drives = [d.joint for d in view.mechanism.drives]
         if drives:
             out[:, -1] = found.forces(view).power(drives[0])
         return out
@@ -249,9 +249,9 @@ def test_a_load_by_table_is_read_where_the_mechanism_is(of: str):
     found = simulate(scene.mechanism, 0.4, tolerance=1e-8)
     view = found.view(np.linspace(0.0, 0.4, 60))
     (load,) = scene.mechanism.loads
-    pair = load.factor.pair or "A"
+    joint = load.factor.joint or "A"
     e, v = view.point("coupler", "E"), view.point("coupler", "E", 1)
-    q = view.coordinate(pair)
+    q = view.coordinate(joint)
     argument = {
         "position": q[:, 0], "velocity": q[:, 1], "time": view.time, "x": e[:, 0], "y": e[:, 1], "vx": v[:, 0], "vy": v[:, 1],
         "speed": np.hypot(*v.T),
@@ -274,15 +274,15 @@ def hatch(stops=(), speed=0.0, end=1.2):
             Link(name="frame", points={"O": (0.0, 0.0), "P": (0.0, -0.3)}),
             Link(name="hatch", points={"O": (0.0, 0.0), "Q": (0.4, 0.0)}, mass=4.0, centre=(0.5, 0.0), inertia=0.3),
         ),
-        pairs=(pin("O", "frame", "hatch"),),
-        drives=(Drive(pair="O", law=Free(0.3, speed)),),
+        joints=(pin("O", "frame", "hatch"),),
+        drives=(Drive(joint="O", law=Free(0.3, speed)),),
         effects=("inertia", "gravity"),
         loads=(strut,),
     )
     return simulate(mechanism, end, tolerance=1e-10, stops=stops)
 
 
-@pytest.mark.parametrize("stops", [(), (Stop(name="end", pair="O", at=0.45, restitution=0.4),)])
+@pytest.mark.parametrize("stops", [(), (Stop(name="end", joint="O", at=0.45, restitution=0.4),)])
 def test_a_gas_spring_is_asked_only_where_the_motion_goes(stops):
     """Its table over a turn, and windows that reach beyond a stop, try lengths that it does not have; energy is kept between."""
     found = hatch(stops, speed=1.5 if stops else 0.0)

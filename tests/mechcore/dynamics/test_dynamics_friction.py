@@ -16,7 +16,7 @@ from mechcore.errors import MechanismError
 from mechcore.laws.signals import Step
 from mechcore.laws.timed import ConstantSpeed, Free
 from mechcore.spec.loads import Factor, Force
-from mechcore.spec.mechanism import Drive, Friction, Link, Mechanism, Pair, Prismatic, Revolute
+from mechcore.spec.mechanism import Drive, Friction, Joint, Link, Mechanism, Prismatic, Revolute
 
 
 def _spring(stiffness: float, link: str = "mass") -> Force:
@@ -39,8 +39,8 @@ def oscillator(mass: float, stiffness: float, mu: float, x0: float, v0: float = 
         name="oscillator",
         frame="frame",
         links=(Link(name="frame", points={"G": (0.0, 0.0)}), Link(name="mass", points={"P": (0.0, 0.0)}, mass=mass)),
-        pairs=(_sliding("S", "frame", "mass", ("G", "P"), Friction(coefficient=mu)),),
-        drives=(Drive(pair="S", law=Free(x0, v0)),),
+        joints=(_sliding("S", "frame", "mass", ("G", "P"), Friction(coefficient=mu)),),
+        drives=(Drive(joint="S", law=Free(x0, v0)),),
         effects=("inertia", "gravity", "friction"),
         loads=(_spring(stiffness),),
     )
@@ -48,7 +48,7 @@ def oscillator(mass: float, stiffness: float, mu: float, x0: float, v0: float = 
 
 def on_a_belt(i: dict[str, Any], *, start: float = 0.0) -> Mechanism:
     """Reference case friction-stick-slip: a mass on a moving belt, held by a spring."""
-    pairs: tuple[Pair, ...] = (
+    joints: tuple[Joint, ...] = (
         _sliding("belt", "frame", "belt", ("G", "G")),
         _sliding("S", "belt", "mass", ("G", "P"), Friction(coefficient=i["mu_k"], static=i["mu_s"])),
     )
@@ -60,10 +60,10 @@ def on_a_belt(i: dict[str, Any], *, start: float = 0.0) -> Mechanism:
             Link(name="belt", points={"G": (0.0, 0.0)}),
             Link(name="mass", points={"P": (0.0, 0.0)}, mass=i["m"]),
         ),
-        pairs=pairs,
+        joints=joints,
         drives=(
-            Drive(pair="belt", law=ConstantSpeed(0.0, i["v_belt"], travel=1.0)),
-            Drive(pair="S", law=Free(start, 0.0)),
+            Drive(joint="belt", law=ConstantSpeed(0.0, i["v_belt"], travel=1.0)),
+            Drive(joint="S", law=Free(start, 0.0)),
         ),
         effects=("inertia", "gravity", "friction"),
         loads=(_spring(i["k"]),),
@@ -99,9 +99,9 @@ def test_pendulum_with_a_brake_in_its_pin():
     reference = case("friction", "friction-pendulum-constant-torque")
     i, angles = reference["inputs"], [a["theta"] for a in reference["expected"]["turning_angles"]]
     body = pendulum(inertia=i["J_O"], mass=i["m"], distance=i["d"], angle=np.radians(i["theta0_deg"]), g=i["g"])
-    pin = dataclasses.replace(body.pairs[0], friction=Friction(brake=i["T_f"]))
+    pin = dataclasses.replace(body.joints[0], friction=Friction(brake=i["T_f"]))
     simulation = simulate(
-        dataclasses.replace(body, pairs=(pin,), effects=("inertia", "gravity", "friction")), 20.0, tolerance=1e-10
+        dataclasses.replace(body, joints=(pin,), effects=("inertia", "gravity", "friction")), 20.0, tolerance=1e-10
     )
     turns = [h for h in simulation.events if h.time > 0]
     found = [float(simulation([h.time])[0][0, 0]) + np.pi / 2 for h in turns]
@@ -114,8 +114,8 @@ def test_pendulum_whose_friction_depends_on_the_reaction():
     reference = case("friction", "friction-pendulum-reaction-dependent")
     i, e = reference["inputs"], reference["expected"]
     body = pendulum(inertia=i["J_O"], mass=i["m"], distance=i["d"], angle=i["theta0"], g=i["g"])
-    pin = dataclasses.replace(body.pairs[0], friction=Friction(coefficient=i["mu"], radius=i["r_pin"]))
-    body = dataclasses.replace(body, pairs=(pin,), effects=("inertia", "gravity", "friction"))
+    pin = dataclasses.replace(body.joints[0], friction=Friction(coefficient=i["mu"], radius=i["r_pin"]))
+    body = dataclasses.replace(body, joints=(pin,), effects=("inertia", "gravity", "friction"))
     simulation = simulate(body, 30.0, tolerance=1e-10)
     turns = [h.time for h in simulation.events if h.time > 0]
     for time, angle in zip(turns, e["turning_angles"][1:], strict=False):
@@ -147,16 +147,16 @@ def test_stick_slip_is_periodic():
 
 
 def test_slider_crank_runs_down_and_stays():
-    """Friction in all pairs at once: the crank comes to rest; every loss is friction's; the balance holds in every frame."""
+    """Friction in all joints at once: the crank comes to rest; every loss is friction's; the balance holds in every frame."""
     i = case("dynamics", "forward-slider-crank")["inputs"]
     mechanism = slider_crank({**i, "torque": 0.0, "omega_1_0": 30.0})
-    pairs = []
-    for pair in mechanism.pairs:
+    joints = []
+    for joint in mechanism.joints:
         friction = (
-            Friction(coefficient=0.15, length=0.04) if isinstance(pair, Prismatic) else Friction(coefficient=0.1, radius=0.01)
+            Friction(coefficient=0.15, length=0.04) if isinstance(joint, Prismatic) else Friction(coefficient=0.1, radius=0.01)
         )
-        pairs.append(dataclasses.replace(pair, friction=friction))
-    mechanism = dataclasses.replace(mechanism, pairs=tuple(pairs), effects=("inertia", "gravity", "friction"))
+        joints.append(dataclasses.replace(joint, friction=friction))
+    mechanism = dataclasses.replace(mechanism, joints=tuple(joints), effects=("inertia", "gravity", "friction"))
     simulation = simulate(mechanism, 6.0, tolerance=1e-8)
     assert {h.kind for h in simulation.events} <= {"stick", "slip"}
     q, v, a = (x[:, 0] for x in simulation([5.9, 6.0]))
@@ -182,7 +182,7 @@ def test_two_masses_stick_one_after_the_other():
     def apart(x: Any) -> Any:
         return 400.0 * (np.asarray(x) - 0.5)
 
-    link = Factor(function=apart, of="position", pair="between")
+    link = Factor(function=apart, of="position", joint="between")
     mechanism = Mechanism(
         name="two",
         frame="frame",
@@ -192,13 +192,13 @@ def test_two_masses_stick_one_after_the_other():
             Link(name="second", points={"P": (0.0, 0.0)}, mass=2.0),
             Link(name="rod", points={"P": (0.0, 0.0)}),
         ),
-        pairs=(
+        joints=(
             _sliding("left", "frame", "first", ("G", "P"), grip),
             _sliding("right", "frame", "second", ("G", "P"), grip),
             _sliding("between", "first", "rod", ("P", "P")),
             Prismatic(name="tied", links=("rod", "second"), points=("P", "P"), along=(0.0, 1.0)),
         ),
-        drives=(Drive(pair="left", law=Free(0.0, 0.0)), Drive(pair="right", law=Free(0.6, 0.0))),
+        drives=(Drive(joint="left", law=Free(0.0, 0.0)), Drive(joint="right", law=Free(0.6, 0.0))),
         effects=("inertia", "gravity", "friction"),
         loads=(
             Force(name="pull", link="first", point="P", vector=(1.0, 0.0), factor=link),
@@ -228,8 +228,8 @@ def test_jam_in_motion_is_refused_in_words():
             Link(name="frame", points={"G": (0.0, 0.0)}),
             Link(name="sleeve", points={"P": (0.0, 0.0)}, mass=1.0, centre=(0.0, 0.4), inertia=0.05),
         ),
-        pairs=(_sliding("S", "frame", "sleeve", ("G", "P"), steep),),
-        drives=(Drive(pair="S", law=Free(0.0, 1.0)),),
+        joints=(_sliding("S", "frame", "sleeve", ("G", "P"), steep),),
+        drives=(Drive(joint="S", law=Free(0.0, 1.0)),),
         effects=("inertia", "gravity", "friction"),
         loads=(Force(name="push", link="sleeve", point="P", vector=(1.0, 0.0)),),
     )
@@ -237,7 +237,7 @@ def test_jam_in_motion_is_refused_in_words():
         simulate(mechanism, 1.0)
 
 
-def test_the_only_pair_that_rubs_turns_back_at_dead_points_while_the_crank_goes_on():
+def test_the_only_joint_that_rubs_turns_back_at_dead_points_while_the_crank_goes_on():
     """There its relative speed is zero, but nothing rests: friction has to change its sense, and it never drives."""
     import mechviz
 
@@ -257,7 +257,7 @@ def test_the_only_pair_that_rubs_turns_back_at_dead_points_while_the_crank_goes_
 def test_friction_brakes_after_an_impact_too(e: float):
     """A block slides to a wall and back: v^2 falls by 2 mu g a metre on both ways, to e^2 of it at the wall."""
     mechanism = dataclasses.replace(oscillator(2.0, 0.0, 0.3, 0.0, 3.0), loads=())
-    found = simulate(mechanism, 2.0, stops=[Stop(name="wall", pair="S", at=0.6, restitution=e)])
+    found = simulate(mechanism, 2.0, stops=[Stop(name="wall", joint="S", at=0.6, restitution=e)])
     back = e**2 * (9.0 - 2 * 0.3 * 9.81 * 0.6) / (2 * 0.3 * 9.81)
     q, v, _ = found([2.0])
     assert q[0, 0] == pytest.approx(0.6 - back, abs=1e-9) and abs(v[0, 0]) < 1e-12
@@ -276,13 +276,13 @@ def test_a_load_that_jumps_breaks_what_sticks_loose(beside: str):
         m = dataclasses.replace(
             m,
             links=(*m.links, Link(name="other", points={"P": (0.0, 0.0)}, mass=1.0)),
-            pairs=(*m.pairs, _sliding("T", "frame", "other", ("G", "P"))),
-            drives=(*m.drives, Drive(pair="T", law=Free(0.0, 1.0))),
+            joints=(*m.joints, _sliding("T", "frame", "other", ("G", "P"))),
+            drives=(*m.drives, Drive(joint="T", law=Free(0.0, 1.0))),
         )
     if beside == "a stop":
         back = Force(name="back", link="mass", point="P", vector=(-8.0, 0.0))
         m = dataclasses.replace(m, loads=(back, dataclasses.replace(push, vector=(16.0, 0.0))))
-        stops = [Stop(name="wall", pair="S", at=0.0, side="lower")]
+        stops = [Stop(name="wall", joint="S", at=0.0, side="lower")]
     found = simulate(m, 1.0, stops=stops)
     acceleration = (8.0 - 0.3 * 2.0 * 9.81) / 2.0
     assert found.events[-1].text == "S slides in the + direction" and found.events[-1].time == pytest.approx(0.5, abs=1e-12)
@@ -292,7 +292,7 @@ def test_a_load_that_jumps_breaks_what_sticks_loose(beside: str):
 
 
 def test_what_rests_on_a_stop_between_two_moving_masses_slides_on_together():
-    """One mass runs into another and pushes it along: contact at a pair that no free coordinate is, friction of both."""
+    """One mass runs into another and pushes it along: contact at a joint that no free coordinate is, friction of both."""
     mechanism = Mechanism(
         name="two",
         frame="frame",
@@ -302,16 +302,16 @@ def test_what_rests_on_a_stop_between_two_moving_masses_slides_on_together():
             Link(name="front", points={"P": (0.0, 0.0)}, mass=2.0),
             Link(name="rod", points={"P": (0.0, 0.0)}),
         ),
-        pairs=(
+        joints=(
             _sliding("rear", "frame", "rear", ("G", "P"), Friction(coefficient=0.1)),
             _sliding("front", "frame", "front", ("G", "P"), Friction(coefficient=0.3)),
             _sliding("between", "rear", "rod", ("P", "P")),
             Prismatic(name="tied", links=("rod", "front"), points=("P", "P"), along=(0.0, 1.0)),
         ),
-        drives=(Drive(pair="rear", law=Free(0.0, 3.0)), Drive(pair="front", law=Free(0.5, 0.0))),
+        drives=(Drive(joint="rear", law=Free(0.0, 3.0)), Drive(joint="front", law=Free(0.5, 0.0))),
         effects=("inertia", "gravity", "friction"),
     )
-    found = simulate(mechanism, 1.0, stops=[Stop(name="buffer", pair="between", at=0.2, side="lower")])
+    found = simulate(mechanism, 1.0, stops=[Stop(name="buffer", joint="between", at=0.2, side="lower")])
     assert [h.kind for h in found.events if h.item == "buffer"][:2] == ["impact", "contact"]
     speed = np.sqrt(9.0 - 2 * 0.1 * 9.81 * 0.3) / 3.0  # of both after the impact
     brake = (0.1 * 1.0 + 0.3 * 2.0) * 9.81 / 3.0
@@ -366,19 +366,19 @@ def test_stops_impacts_and_prescribed_drives_beside_friction(lead: str, kinds: s
     assert np.ptp(energies[:, 0] + energies[:, 1] - energies[:, 2] + energies[:, 3]) < 1e-8 * size
     assert np.all(np.diff(energies[:, 3]) > -1e-12 * size) and energies[-1, 3] > 0.1 * size
     assert np.abs(forces.power_balance).max() < 1e-12
-    for pair, radius in (
+    for joint, radius in (
         ("O", 0.002),
         ("J", 0.003),
-    ):  # friction is at its limit while the pair slides
-        reaction = np.hypot(*forces.reaction(pair)[:, :2].T)
-        moment, rate = forces.friction.wrench(pair)[:, 2], view.coordinate(pair)[:, 1]
+    ):  # friction is at its limit while the joint slides
+        reaction = np.hypot(*forces.reaction(joint)[:, :2].T)
+        moment, rate = forces.friction.wrench(joint)[:, 2], view.coordinate(joint)[:, 1]
         slides = np.abs(rate) > 1e-6
         assert moment[slides] == pytest.approx(-np.sign(rate[slides]) * radius * reaction[slides], rel=1e-9)
         assert np.all(np.abs(moment) <= radius / 0.15 * 0.2 * reaction * (1 + 1e-9) + 1e-12)
 
 
 @pytest.mark.parametrize("tolerance", [1e-8, 1e-9, 1e-10])
-def test_a_stop_with_friction_at_its_pair_lets_go_and_never_pulls(tolerance):
+def test_a_stop_with_friction_at_its_joint_lets_go_and_never_pulls(tolerance):
     """The lower bar rests on a stop, friction holds it for an instant after the load on the stop has gone, then it leaves."""
     bar = {"mass": 1.2, "centre": (0.15, 0.0), "inertia": 0.009}
     links = (
@@ -387,16 +387,16 @@ def test_a_stop_with_friction_at_its_pair_lets_go_and_never_pulls(tolerance):
         Link(name="lower", points={"J": (0.0, 0.0)}, mass=0.9, centre=(0.13, 0.0), inertia=0.00507),
     )
     hinge = Friction(coefficient=0.2, radius=0.01)
-    pairs = (
+    joints = (
         Revolute(name="O", links=("frame", "upper"), points=("O", "O")),
         Revolute(name="J", links=("upper", "lower"), points=("J", "J"), friction=hinge),
     )
-    start = (Drive(pair="O", law=Free(np.radians(40.0), 0.0)), Drive(pair="J", law=Free(np.radians(50.0), 0.0)))
+    start = (Drive(joint="O", law=Free(np.radians(40.0), 0.0)), Drive(joint="J", law=Free(np.radians(50.0), 0.0)))
     m = Mechanism(
-        name="d", frame="frame", links=links, pairs=pairs, drives=start, effects=("inertia", "gravity", "friction"), loads=()
+        name="d", frame="frame", links=links, joints=joints, drives=start, effects=("inertia", "gravity", "friction"), loads=()
     )
-    stop = Stop(name="low", pair="J", at=float(np.radians(45.0)), side="lower", restitution=0.4)
-    high = Stop(name="high", pair="J", at=float(np.radians(55.0)), side="upper", restitution=1.0)
+    stop = Stop(name="low", joint="J", at=float(np.radians(45.0)), side="lower", restitution=0.4)
+    high = Stop(name="high", joint="J", at=float(np.radians(55.0)), side="upper", restitution=1.0)
     run = simulate(m, 0.92, tolerance=tolerance, stops=[stop, high])
     held = []
     for segment in run.segments:

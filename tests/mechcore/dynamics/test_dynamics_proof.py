@@ -61,24 +61,24 @@ def manufactured(name: str) -> tuple[Mechanism, list[Wanted]]:
     body = MANUFACTURED[name]()
     laws = [Wanted(d.law.start, k) for k, d in enumerate(body.drives)]
     driven = compile_mechanism(
-        replace(body, drives=tuple(Drive(pair=d.pair, law=w) for d, w in zip(body.drives, laws, strict=True)))
+        replace(body, drives=tuple(Drive(joint=d.joint, law=w) for d, w in zip(body.drives, laws, strict=True)))
     )
     known: dict[bytes, dict[str, np.ndarray]] = {}
 
     def efforts(t: np.ndarray) -> dict[str, np.ndarray]:
         if t.tobytes() not in known:
-            forces = solve_forces(solve_motion(driven, t, drives={d.pair: w(t) for d, w in zip(body.drives, laws, strict=True)}))
-            known[t.tobytes()] = {d.pair: forces.effort(d.pair) for d in body.drives}
+            forces = solve_forces(solve_motion(driven, t, drives={d.joint: w(t) for d, w in zip(body.drives, laws, strict=True)}))
+            known[t.tobytes()] = {d.joint: forces.effort(d.joint) for d in body.drives}
         return known[t.tobytes()]
 
-    def torque(pair: str) -> Torque:
-        (link,) = (k for p in body.pairs if p.name == pair for k in p.links if k != body.frame)
-        factor = Factor(function=lambda t: efforts(np.atleast_1d(np.asarray(t, float)))[pair], of="time")
-        return Torque(name=f"wanted {pair}", link=link, moment=1.0, factor=factor)
+    def torque(joint: str) -> Torque:
+        (link,) = (k for p in body.joints if p.name == joint for k in p.links if k != body.frame)
+        factor = Factor(function=lambda t: efforts(np.atleast_1d(np.asarray(t, float)))[joint], of="time")
+        return Torque(name=f"wanted {joint}", link=link, moment=1.0, factor=factor)
 
-    free = tuple(Drive(pair=d.pair, law=Free(float(w(0.0)[0]), float(w(0.0)[1]))) for d, w in zip(body.drives, laws, strict=True))
+    free = tuple(Drive(joint=d.joint, law=Free(float(w(0.0)[0]), float(w(0.0)[1]))) for d, w in zip(body.drives, laws, strict=True))
     loads = tuple(load for load in body.loads if load.name != "torque")
-    return replace(body, drives=free, loads=(*loads, *(torque(d.pair) for d in body.drives))), laws
+    return replace(body, drives=free, loads=(*loads, *(torque(d.joint) for d in body.drives))), laws
 
 
 def end_of(mechanism: Mechanism, rule, windows: int, span: float) -> np.ndarray:
@@ -137,7 +137,7 @@ def test_scipy_finds_the_same_motion_from_the_same_equations(method: str):
 
 def test_scipy_agrees_between_impacts_and_releases():
     body = pendulum(inertia=0.4, mass=1.5, distance=0.35, angle=1.2)
-    stop = Stop(name="wall", pair="O", at=-np.pi / 2, side="lower", restitution=0.5)
+    stop = Stop(name="wall", joint="O", at=-np.pi / 2, side="lower", restitution=0.5)
     found = simulate(body, 1.5, stops=[stop], tolerance=1e-11)
     assert len(found.segments) > 2 and cross_check(found) < 1e-8
 
@@ -153,7 +153,7 @@ def test_four_bars_keep_their_energy_and_come_back_when_time_is_reversed(crank, 
     there = simulate(body, 1.0, tolerance=1e-11, method="gauss")
     assert np.abs(there.drift(np.linspace(0.0, 1.0, 11))).max() < 1e-9
     q, v, _ = (float(x[0, 0]) for x in there([1.0]))
-    turned = replace(body, drives=(Drive(pair="A", law=Free(q, -v)),), modes={}, sketch=poses(there))
+    turned = replace(body, drives=(Drive(joint="A", law=Free(q, -v)),), modes={}, sketch=poses(there))
     back = simulate(turned, 1.0, tolerance=1e-11, method="gauss")([1.0])
     assert back[0][0, 0] == pytest.approx(angle, abs=1e-7) and -back[1][0, 0] == pytest.approx(speed, abs=1e-6)
 
@@ -182,11 +182,11 @@ def test_a_pendulum_on_a_cart_keeps_its_momentum_along_the_rail(cart, bob, lengt
             Link(name="cart", points={"P": (0.0, 0.0)}, mass=cart),
             Link(name="bob", points={"P": (0.0, 0.0)}, mass=bob, centre=(length, 0.0), inertia=0.1 * bob * length**2),
         ),
-        pairs=(
+        joints=(
             Prismatic(name="S", links=("frame", "cart"), points=("G", "P")),
             Revolute(name="P", links=("cart", "bob"), points=("P", "P")),
         ),
-        drives=(Drive(pair="S", law=Free(0.0, speed)), Drive(pair="P", law=Free(angle, spin))),
+        drives=(Drive(joint="S", law=Free(0.0, speed)), Drive(joint="P", law=Free(angle, spin))),
         effects=("inertia", "gravity"),
     )
     found = simulate(body, 1.0, tolerance=1e-11)
@@ -211,7 +211,7 @@ def test_at_rest_on_a_dead_point_it_stays_and_says_why():
     assert found([2.0])[0][0, 0] == 0.0
     (word,) = found.events
     assert word.kind == "equilibrium" and "no arm" in word.text
-    beside = simulate(replace(body, drives=(Drive(pair="O", law=Free(1e-3)),)), 2.0)
+    beside = simulate(replace(body, drives=(Drive(joint="O", law=Free(1e-3)),)), 2.0)
     assert not beside.events and abs(np.ptp(beside(np.linspace(0, 2, 50))[0])) > 1.0
 
 
@@ -248,7 +248,7 @@ def test_nearly_massless_links_and_mass_ratios_of_1e9(coupler: float):
 def test_a_stop_at_the_very_place_where_the_swing_turns_back(beyond: float):
     """Grazing: touched with no speed or hardly any; the swing goes on, no energy to speak of is lost, and nothing loops."""
     body = pendulum(inertia=0.4, mass=1.5, distance=0.35, angle=1.0)
-    stop = Stop(name="wall", pair="O", at=-1.0 - np.pi / 2 + beyond, side="lower", restitution=0.3)
+    stop = Stop(name="wall", joint="O", at=-1.0 - np.pi / 2 + beyond, side="lower", restitution=0.3)
     found = simulate(body, 5.0, stops=[stop], tolerance=1e-11)
     assert len(found.events) < 12
     free = simulate(body, 5.0, tolerance=1e-11)
@@ -308,7 +308,7 @@ B = { revolute = ["crank", "rod"] }
 C = { revolute = ["rod", "piston"] }
 S = { prismatic = ["frame", "piston"], at = ["A", "C"], along = [1, 0], branch = "ahead", friction = { length = "60 mm" } }
 [watch]
-back = { pair = "S", at = 150, rising = false }
+back = { joint = "S", at = 150, rising = false }
 [loads]
 motor = { dc_motor = "A", stall_torque = "4 N m", no_load_speed = "200 rpm" }
 oil = { viscous = "S", linear = "25 N s/m" }

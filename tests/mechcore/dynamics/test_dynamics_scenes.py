@@ -36,7 +36,7 @@ def fault_of(text: str, *changes: tuple[str, str]) -> str:
 # --- reading and writing ----------------------------------------------------------------------------------------------
 
 
-def test_a_free_pair_is_read_in_the_units_of_the_scene_and_written_back():
+def test_a_free_joint_is_read_in_the_units_of_the_scene_and_written_back():
     scene = mechviz.loads(STOPPED + '[watch]\nlow = { point = "bar.E", of = "y", at = -390, rising = false, ends = true }\n')
     (drive,) = scene.mechanism.drives
     assert isinstance(drive.law, Free)
@@ -44,7 +44,7 @@ def test_a_free_pair_is_read_in_the_units_of_the_scene_and_written_back():
     spec = scene.simulation
     assert spec is not None and (spec.duration, spec.tolerance, spec.method) == (2.0, 1e-9, "auto")
     lower, upper = spec.stops
-    assert (lower.name, lower.pair, lower.side, lower.restitution) == ("O lower", "O", "lower", 0.5)
+    assert (lower.name, lower.joint, lower.side, lower.restitution) == ("O lower", "O", "lower", 0.5)
     assert lower.at == pytest.approx(np.radians(-100.0)) and upper.name == "roof" and upper.restitution == 0.0
     (watch,) = spec.watches
     assert (watch.point, watch.of, watch.rising, watch.ends) == (("bar", "E"), "y", False, True)
@@ -60,7 +60,7 @@ def test_prescribed_drives_stand_beside_free_coordinates():
     text = text.replace('free = { position = -30, speed = "10 rpm" }', 'drive = { speed = "60 rpm" }')
     text += 'E = { revolute = ["bar", "low"], free = { position = 20 } }\n'
     run = run_scene(mechviz.loads(text))
-    assert [d.pair for d in run.motion.mechanism.drives] == ["O"]
+    assert [d.joint for d in run.motion.mechanism.drives] == ["O"]
     assert run.motion.coordinate("O")[:, 1] == pytest.approx(2 * np.pi)
     assert np.abs(run.forces.effort("O")).max() > 1.0
     assert np.abs(run.simulation.drift(run.motion.time)).max() < 1e-7
@@ -79,7 +79,7 @@ def test_prescribed_drives_stand_beside_free_coordinates():
         ((("free =", 'drive = { speed = "1 rpm" }, free ='),), "free and drive at once"),
         ((('"2 s"', '"2 m"'),), "run.duration"),
         ((('"10 rpm"', '"10 mm/s"'),), "joints.O.free.speed"),
-        ((("free = {", 'side = "left", free = {'),), "side on a free pair, whose position its start decides."),
+        ((("free = {", 'side = "left", free = {'),), "side on a free joint, whose position its start decides."),
         ((("frames = 100", "frames = 100\ncycles = 2"),), "2 cycles of a motion that forces decide."),
         ((("frames = 100", 'frames = 100\nmethod = "gaus"'),), "Did you mean 'gauss'?"),
         ((("frames = 100", "frames = 100\ntolerance = 2"),), "2 is no tolerance."),
@@ -97,9 +97,9 @@ def test_prescribed_drives_stand_beside_free_coordinates():
         ),
         ((("[run]", 'plans = ["velocity"]\n[run]'),), "plans are made for prescribed motions"),
         ((("[run]", 'answers = ["velocity_ratio"]\n[run]'),), "velocity_ratio is told per unit speed of a drive"),
-        ((("[joints]", '[watch]\nw = { pair = "P" }\n[joints]'),), "there is no pair 'P'"),
-        ((("[joints]", '[watch]\nw = { pair = "O", of = "x" }\n[joints]'),), "'x' of a pair."),
-        ((("[joints]", '[watch]\nw = { pair = "O", point = "bar.E" }\n[joints]'),), "a pair and a point at once to watch."),
+        ((("[joints]", '[watch]\nw = { joint = "P" }\n[joints]'),), "there is no joint 'P'"),
+        ((("[joints]", '[watch]\nw = { joint = "O", of = "x" }\n[joints]'),), "'x' of a joint."),
+        ((("[joints]", '[watch]\nw = { joint = "O", point = "bar.E" }\n[joints]'),), "a joint and a point at once to watch."),
         ((("[joints]", '[watch]\nw = { point = "bar.F" }\n[joints]'),), "link 'bar' has no point 'F'"),
     ],
 )
@@ -116,7 +116,7 @@ def test_faults_name_the_item_and_the_remedy(changes, words):
             (('duration = "2 s"', ""), ('rpm" } }', 'rpm" }, stops = [{ at = 40, side = "upper" }] }')),
             "joints.O.stops nothing is free",
         ),
-        ((('duration = "2 s"', ""), ("[joints]", '[watch]\nw = { pair = "O" }\n[joints]')), "watch.w nothing is free"),
+        ((('duration = "2 s"', ""), ("[joints]", '[watch]\nw = { joint = "O" }\n[joints]')), "watch.w nothing is free"),
     ],
 )
 def test_what_only_a_motion_under_forces_has_is_refused_elsewhere(changes, words):
@@ -155,7 +155,7 @@ def test_a_stop_holds_what_rests_on_it_and_every_link_is_in_balance():
 
 def test_a_watch_ends_the_motion_there_and_the_frames_fill_what_is_left():
     text = PENDULUM.replace("position = -30", "position = 0").replace('speed = "10 rpm"', "speed = 0")
-    run = run_scene(mechviz.loads(text + '[watch]\nbottom = { pair = "O", at = -90, ends = true }\n'))
+    run = run_scene(mechviz.loads(text + '[watch]\nbottom = { joint = "O", at = -90, ends = true }\n'))
     assert run.motion.frames == 101 and run.motion.time[-1] == run.simulation.duration < 2.0
     assert run.motion.coordinate("O")[-1, 0] == pytest.approx(-np.pi / 2, abs=1e-9)
     # a bar about its end: omega^2 = 3 g / l
@@ -184,7 +184,7 @@ def test_recorded_energies_close_and_happenings_are_there(name: str):
     assert np.ptp(balance) <= 60.0 * run.simulation.tolerance * size
     assert np.all(np.diff(dissipated) >= -1e-9 * size)
     assert np.abs(found.scalars("health", "energy_drift")[1]).max() < 30.0 * run.simulation.tolerance
-    prescribed = [d.pair for d in run.scene.mechanism.drives if not isinstance(d.law, Free)]
+    prescribed = [d.joint for d in run.scene.mechanism.drives if not isinstance(d.law, Free)]
     assert found.model["drives"] == prescribed
     texts = " ".join(e.text for e in found.events)
     assert all(Text.of(h.text).in_units(run.scene.units) in texts for h in run.simulation.events)
@@ -258,7 +258,7 @@ def test_runs_that_nobody_would_wait_for_are_refused_by_the_scene_s_keys(changes
         run_scene(mechviz.loads(text))
 
 
-def test_a_start_beyond_a_stop_of_a_pair_that_is_led_is_told_in_units():
+def test_a_start_beyond_a_stop_of_a_joint_that_is_led_is_told_in_units():
     text = next(e for e in mechviz.gallery() if e.name == "valve-float").path.read_text()
     text = text.replace("angle = 180 }", 'angle = 180, stops = [{ at = -90, side = "upper" }] }')
     with pytest.raises(MechanismError, match=r"(?s)joints\.S\.stops.*starts 60.5 mm above the upper stop 'S upper' at -90 mm"):

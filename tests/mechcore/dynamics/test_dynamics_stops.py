@@ -1,4 +1,4 @@
-"""End stops at pairs whose coordinates depend on several others, prescribed drives among them."""
+"""End stops at joints whose coordinates depend on several others, prescribed drives among them."""
 
 from __future__ import annotations
 
@@ -24,48 +24,48 @@ from mechcore.spec.mechanism import Drive, Mechanism
 def half_driven(speed: float = 0.8) -> Mechanism:
     """A five-bar whose left arm turns at a prescribed speed; the right one swings freely on its spring."""
     body = swinging_five_bar(stiffness=1.0)
-    return replace(body, drives=(Drive(pair="A", law=ConstantSpeed(2.2, speed, 4.0)), body.drives[1]))
+    return replace(body, drives=(Drive(joint="A", law=ConstantSpeed(2.2, speed, 4.0)), body.drives[1]))
 
 
-def coordinate(compiled, pair: str, q, t) -> np.ndarray:
+def coordinate(compiled, joint: str, q, t) -> np.ndarray:
     q = np.asarray(q, float)
-    return motion_at(compiled, q, np.zeros_like(q), np.asarray(t, float)).coordinate(pair)[:, 0]
+    return motion_at(compiled, q, np.zeros_like(q), np.asarray(t, float)).coordinate(joint)[:, 0]
 
 
-@pytest.mark.parametrize("pair", ["B", "C", "E"])
-def test_rates_of_a_stop_are_those_of_finite_differences(pair: str):
+@pytest.mark.parametrize("joint", ["B", "C", "E"])
+def test_rates_of_a_stop_are_those_of_finite_differences(joint: str):
     """Along the motion itself, and in the free coordinate alone, the drive standing still."""
     compiled = compile_mechanism(half_driven())
     q, v, t, h = np.array([0.9]), np.array([3.0]), 0.1, 1e-4
     system = Chart(compiled)
     a = system(q[None], v[None], np.array([t]))[0]
-    x = coordinate(compiled, pair, [q - h * v + 0.5 * h * h * a, q, q + h * v + 0.5 * h * h * a], [t - h, t, t + h])
+    x = coordinate(compiled, joint, [q - h * v + 0.5 * h * h * a, q, q + h * v + 0.5 * h * h * a], [t - h, t, t + h])
     row = q[None], v[None], np.array([t])
-    rate, second = motion_at(compiled, *row, a[None]).coordinate(pair)[0, 1:]
+    rate, second = motion_at(compiled, *row, a[None]).coordinate(joint)[0, 1:]
     assert rate == pytest.approx((x[2] - x[0]) / (2 * h), rel=1e-6)
     assert second == pytest.approx((x[2] - 2 * x[1] + x[0]) / h**2, rel=1e-5)
-    x = coordinate(compiled, pair, [q - h, q + h], [t, t])
-    assert jacobian_of(*moving(compiled, *row), [pair])[0][0, 0, 0] == pytest.approx((x[1] - x[0]) / (2 * h), rel=1e-6)
+    x = coordinate(compiled, joint, [q - h, q + h], [t, t])
+    assert jacobian_of(*moving(compiled, *row), [joint])[0][0, 0, 0] == pytest.approx((x[1] - x[0]) / (2 * h), rel=1e-6)
 
 
-@pytest.mark.parametrize(("pair", "restitution"), [("B", 0.5), ("C", 0.0), ("C", 0.7)])
-def test_a_stop_at_a_pair_that_a_prescribed_drive_moves_as_well(pair: str, restitution: float):
+@pytest.mark.parametrize(("joint", "restitution"), [("B", 0.5), ("C", 0.0), ("C", 0.7)])
+def test_a_stop_at_a_joint_that_a_prescribed_drive_moves_as_well(joint: str, restitution: float):
     """The stop turns its own coordinate back and holds that, while the drive goes on; works close."""
     compiled = compile_mechanism(half_driven())
     loose = simulate(compiled, 1.0, tolerance=1e-10)
-    at = loose.motion(np.linspace(0.0, 1.0, 400)).coordinate(pair)[:, 0]
+    at = loose.motion(np.linspace(0.0, 1.0, 400)).coordinate(joint)[:, 0]
     limit = float(at[0] + 0.4 * (at.max() - at[0]))
-    found = simulate(compiled, 1.0, tolerance=1e-10, stops=[Stop(name="s", pair=pair, at=limit, restitution=restitution)])
+    found = simulate(compiled, 1.0, tolerance=1e-10, stops=[Stop(name="s", joint=joint, at=limit, restitution=restitution)])
     kinds = [h.kind for h in found.events]
     assert "impact" in kinds and ("contact" in kinds) == (restitution == 0.0)
-    assert found.motion(np.linspace(0.0, 1.0, 400)).coordinate(pair)[:, 0].max() < limit + 1e-9
+    assert found.motion(np.linspace(0.0, 1.0, 400)).coordinate(joint)[:, 0].max() < limit + 1e-9
     first = next(h.time for h in found.events if h.kind == "impact")
-    before, after = (found.motion([first + s * 1e-9]).coordinate(pair)[0, 1] for s in (-1, 1))
+    before, after = (found.motion([first + s * 1e-9]).coordinate(joint)[0, 1] for s in (-1, 1))
     assert after == pytest.approx(-restitution * before, rel=1e-5, abs=1e-6)
     if restitution == 0.0:
         end = next((h.time for h in found.events if h.kind == "release"), 1.0)
         rest = found.motion(np.linspace(first + 1e-6, end - 1e-6, 50))
-        assert np.ptp(rest.coordinate(pair)[:, 0]) < 1e-9
+        assert np.ptp(rest.coordinate(joint)[:, 0]) < 1e-9
         assert np.ptp(rest.coordinate("E")[:, 0]) > 1e-3  # what is free goes on moving
         forces = found.forces(rest)
         assert np.abs(forces.effort("E")).max() < 1e-9 * np.abs(forces.loads["stop s"].values).max()
@@ -77,14 +77,14 @@ def test_a_stop_holds_a_combination_of_two_free_coordinates():
     compiled = compile_mechanism(swinging_five_bar(stiffness=1.0, speeds=(6.0, 2.0)))
     at = simulate(compiled, 0.5, tolerance=1e-9).motion(np.linspace(0.0, 0.5, 400)).coordinate("C")[:, 0]
     limit = float(at[0] + 0.5 * (at.max() - at[0]))
-    found = simulate(compiled, 0.5, tolerance=1e-10, stops=[Stop(name="s", pair="C", at=limit)])
+    found = simulate(compiled, 0.5, tolerance=1e-10, stops=[Stop(name="s", joint="C", at=limit)])
     first = next(h.time for h in found.events if h.kind == "contact")
     end = next((h.time for h in found.events if h.kind == "release"), 0.5)
     rest = found.motion(np.linspace(first + 1e-6, end - 1e-6, 50))
     assert np.ptp(rest.coordinate("C")[:, 0]) < 1e-9
-    assert min(np.ptp(rest.coordinate(pair)[:, 0]) for pair in ("A", "E")) > 1e-4
+    assert min(np.ptp(rest.coordinate(joint)[:, 0]) for joint in ("A", "E")) > 1e-4
     forces = found.forces(rest)
-    assert max(np.abs(forces.effort(pair)).max() for pair in ("A", "E")) < 1e-9 * np.abs(forces.loads["stop s"].values).max()
+    assert max(np.abs(forces.effort(joint)).max() for joint in ("A", "E")) < 1e-9 * np.abs(forces.loads["stop s"].values).max()
     assert np.abs(found.drift(np.linspace(0.0, 0.5, 100))).max() < 1e-8
 
 
@@ -100,9 +100,9 @@ def test_an_impact_throws_what_rests_on_another_stop_off_it_or_presses_it_on(sid
     m = rods(theta_1=0.3, theta_2=-0.4, omega_1=0.0, omega_2=2.0)
     push = Torque(name="push", link="upper", moment=30.0 if side == "upper" else -30.0)
     at = [float(d.law(0.0)[0]) for d in m.drives]
-    stops = [Stop(name="hit", pair="J", at=at[1], restitution=0.4), Stop(name="rest", pair="O", at=at[0], side=side)]
+    stops = [Stop(name="hit", joint="J", at=at[1], restitution=0.4), Stop(name="rest", joint="O", at=at[0], side=side)]
     run = simulate(replace(m, loads=(push,)), 1e-3, stops=stops)
-    after = [float(run.motion([1e-15]).coordinate(pair)[0, 1]) for pair in ("O", "J")]
+    after = [float(run.motion([1e-15]).coordinate(joint)[0, 1]) for joint in ("O", "J")]
     assert after[1] == pytest.approx(-0.8, rel=1e-9)
     assert (after[0] == 0.0) if stays else (after[0] > 0.1)
     inertia = reduce(compile_mechanism(m), np.array([at]), np.zeros((1, 2)), np.zeros(1)).inertia[0]
@@ -148,7 +148,7 @@ def test_what_a_stop_without_restitution_has_caught_falls_back_from_rest(angle: 
     """Gravity draws it away from the stop: one impact, and then the pendulum that starts at rest there."""
     sign = 1.0 if side == "upper" else -1.0
     body = {"inertia": 0.4, "mass": 1.5, "distance": 0.35}
-    stop = Stop(name="s", pair="O", at=sign * angle - np.pi / 2, side=side)
+    stop = Stop(name="s", joint="O", at=sign * angle - np.pi / 2, side=side)
     run = simulate(pendulum(**body, angle=0.0, speed=6.0 * sign), 1.0, tolerance=1e-11, stops=[stop])
     assert [h.kind for h in run.events if h.time < 0.5] == ["impact"]
     after = np.linspace(1e-3, 0.25, 9)
@@ -161,8 +161,8 @@ def test_bounces_between_two_stops_end_in_rest_whatever_their_order_and_units(re
     """Ever shorter bounces, now on the one, now on the other; the same where all lengths are a thousand times larger."""
     i = case("dynamics", "double-pendulum-rods")["inputs"] | {"theta_1": 0.3, "theta_2": 0.5, "omega_1": -1.0, "omega_2": -1.0}
     stops = [
-        Stop(name=name, pair=pair, at=at, side="lower", restitution=e)
-        for name, pair, at, e in zip("ab", "OJ", (0.2 - np.pi / 2, 0.1), restitution, strict=True)
+        Stop(name=name, joint=joint, at=at, side="lower", restitution=e)
+        for name, joint, at, e in zip("ab", "OJ", (0.2 - np.pi / 2, 0.1), restitution, strict=True)
     ]
     large = {key: i[key] * 1e3 for key in ("L1", "a1", "a2")} | {key: i[key] * 1e6 for key in ("J1", "J2")}
     runs = [simulate(double_pendulum(i), 0.3, stops=s) for s in (stops, stops[::-1])]
@@ -180,7 +180,7 @@ def test_a_load_that_jumps_lifts_what_rests_on_a_stop(at: float):
     """No load passes zero there: the stop would have to pull from one instant to the next."""
     lift = Torque(name="lift", link="body", moment=8.0, factor=Factor(function=Step(at=at), of="time"))
     body = {"inertia": 0.4, "mass": 1.5, "distance": 0.35, "angle": 1.0}
-    stop = Stop(name="s", pair="O", at=1.0 - np.pi / 2, side="lower")
+    stop = Stop(name="s", joint="O", at=1.0 - np.pi / 2, side="lower")
     run = simulate(pendulum(**body, loads=(lift,)), 1.0, tolerance=1e-11, stops=[stop])
     assert [(h.kind, h.item) for h in run.events] == [("contact", "s"), ("release", "s")]
     assert run.events[1].time == pytest.approx(at, abs=1e-12)

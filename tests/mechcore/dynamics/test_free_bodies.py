@@ -1,4 +1,4 @@
-"""Free bodies by a planar pair: flight, seen from links that stand still or turn, beside loops; what is recorded and refused."""
+"""Free bodies by a planar joint: flight, seen from links that stand still or turn, beside loops; what is recorded and refused."""
 
 from __future__ import annotations
 
@@ -70,12 +70,12 @@ def test_it_starts_as_drawn():
     text = THROWN.replace("START", "free = {}").replace("{ P = [-100, -50], Q = [100, -50], T = [0, 120] }", '["P", "Q", "T"]')
     text += "[sketch]\nP = [100, 50]\nQ = [100, 250]\nT = [-70, 150]\n"
     scene = mechviz.loads(text)
-    q = {d.pair: d.law.start for d in scene.mechanism.drives}
+    q = {d.joint: d.law.start for d in scene.mechanism.drives}
     assert q == pytest.approx({"body.x": -0.07, "body.y": 0.15, "body": np.pi / 2}, abs=1e-12)
     assert simulate(scene.mechanism, 0.1).motion(0.0).point("plate", "Q")[0] == pytest.approx([0.1, 0.25])
 
 
-def test_beside_a_loop_that_changes_its_leading_pair():
+def test_beside_a_loop_that_changes_its_leading_joint():
     """A four-bar whose crank passes its dead points and a body that hangs on it by a spring, against the same as two scenes."""
     loop = """
         crank = { points = { A = [0, 0], B = [150, 0] }, mass = "1 kg", shape = "bar" }
@@ -115,14 +115,14 @@ def test_a_recording_knows_nothing_of_what_it_is_made_of(tmp_path):
     [
         (
             "free = { position = 3 }",
-            "position does not go with a planar pair. Its start has x, y, angle, vx, vy and omega.",
+            "position does not go with a planar joint. Its start has x, y, angle, vx, vy and omega.",
         ),
         ("friction = { coefficient = 1 }", "joints.body: 'free' is missing. Add free = { y ="),
-        ('drive = { speed = "60 rpm" }', "joints.body.drive: drive does not go with a planar pair. Its start is free ="),
+        ('drive = { speed = "60 rpm" }', "joints.body.drive: drive does not go with a planar joint. Its start is free ="),
         ('free = { x = "3 deg" }', "joints.body.free.x"),
         ('free = { vx = "3 m" }', "joints.body.free.vx"),
         ("free = { xx = 3 }", "joints.body.free: unknown key 'xx'."),
-        ("free = {}, branch = 'ahead'", "branch does not go with a planar pair"),
+        ("free = {}, branch = 'ahead'", "branch does not go with a planar joint"),
     ],
 )
 def test_what_is_wrong_with_a_free_body_is_said(start, words):
@@ -151,9 +151,9 @@ def test_what_does_not_fit_a_free_body_is_said(old, new, words):
     assert words in "\n".join(map(str, error.value.faults))
 
 
-def test_a_revolute_pair_starts_with_an_angle_and_a_speed():
+def test_a_revolute_joint_starts_with_an_angle_and_a_speed():
     text = THROWN.replace("START", "free = { x = 3 }").replace("planar", "revolute").replace('"T"', '["O", "T"]')
-    with pytest.raises(mechviz.SceneError, match=r"x does not go with a revolute pair. Its start has position and speed"):
+    with pytest.raises(mechviz.SceneError, match=r"x does not go with a revolute joint. Its start has position and speed"):
         mechviz.loads(text)
 
 
@@ -162,8 +162,8 @@ def test_a_coordinate_without_a_drive_is_named():
         name="lost",
         frame="frame",
         links=(Link(name="frame", points={"O": (0.0, 0.0)}), Link(name="body", points={"C": (0.0, 0.0)}, mass=1.0, inertia=1.0)),
-        pairs=(Planar(name="B", links=("frame", "body")),),
-        drives=(Drive(pair="B.x", law=Free(0.0)), Drive(pair="B", law=Free(0.0))),
+        joints=(Planar(name="B", links=("frame", "body")),),
+        drives=(Drive(joint="B.x", law=Free(0.0)), Drive(joint="B", law=Free(0.0))),
         effects=("inertia",),
     )
     with pytest.raises(MechanismError, match=r"B\.y"):

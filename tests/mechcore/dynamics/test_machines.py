@@ -27,8 +27,8 @@ def wheel(load: Load | None = None, *, speed: float = 0.0, friction: Friction | 
         name="wheel",
         frame="frame",
         links=(Link(name="frame", points={"O": (0.0, 0.0)}), Link(name="wheel", points={"O": (0.0, 0.0)}, inertia=INERTIA)),
-        pairs=(Revolute(name="O", links=("frame", "wheel"), points=("O", "O"), friction=friction),),
-        drives=(Drive(pair="O", law=Free(0.0, speed)),),
+        joints=(Revolute(name="O", links=("frame", "wheel"), points=("O", "O"), friction=friction),),
+        drives=(Drive(joint="O", law=Free(0.0, speed)),),
         effects=("inertia",) if friction is None else ("inertia", "friction"),
         loads=() if load is None else (load,),
     )
@@ -38,7 +38,7 @@ def speeds(mechanism: Mechanism) -> np.ndarray:
     return simulate(mechanism, TIMES[-1], tolerance=1e-11)(TIMES)[1][:, 0]
 
 
-@pytest.mark.parametrize("on", [{"link": "wheel"}, {"pair": "O"}])
+@pytest.mark.parametrize("on", [{"link": "wheel"}, {"joint": "O"}])
 @pytest.mark.parametrize("way", [1.0, -1.0])
 def test_dc_motor_starts_up_exponentially(on: dict[str, str], way: float):
     motor = DcMotor(name="motor", **on, stall_torque=20.0 * way, no_load_speed=150.0 * way)  # type: ignore[arg-type]
@@ -49,14 +49,14 @@ def test_dc_motor_starts_up_exponentially(on: dict[str, str], way: float):
 def test_induction_motor_starts_up_by_kloss():
     """J ws ds/dt = -2 Mb / (s / sb + sb / s), integrated: t = J ws / (2 Mb) ((1 - s^2) / (2 sb) - sb ln s)."""
     breakdown, most, synchronous = 60.0, 0.2, 157.0
-    motor = InductionMotor(name="m", pair="O", breakdown_torque=breakdown, breakdown_slip=most, synchronous_speed=synchronous)
+    motor = InductionMotor(name="m", joint="O", breakdown_torque=breakdown, breakdown_slip=most, synchronous_speed=synchronous)
     slip = 1.0 - speeds(wheel(motor)) / synchronous
     time = INERTIA * synchronous / (2.0 * breakdown) * ((1.0 - slip**2) / (2.0 * most) - most * np.log(slip))
     assert time == pytest.approx(TIMES, abs=1e-9)
 
 
 def test_kloss_has_its_greatest_torque_at_the_breakdown_slip():
-    motor = InductionMotor(name="m", pair="O", breakdown_torque=60.0, breakdown_slip=0.2, synchronous_speed=-157.0)
+    motor = InductionMotor(name="m", joint="O", breakdown_torque=60.0, breakdown_slip=0.2, synchronous_speed=-157.0)
     w = np.linspace(-200.0, 50.0, 25001)
     torque = Induction(motor).torque(w)
     assert torque.min() == pytest.approx(-60.0, rel=1e-6)
@@ -71,12 +71,12 @@ def test_constant_power_after_the_limit():
     late = np.sqrt(corner**2 + 2 * power * np.maximum(TIMES - until, 0) / INERTIA)
     expected = np.where(until > TIMES, limit / INERTIA * TIMES, late)
     for way in (1.0, -1.0):
-        machine = ConstantPower(name="m", pair="O", power=power, torque_limit=way * limit)
+        machine = ConstantPower(name="m", joint="O", power=power, torque_limit=way * limit)
         assert speeds(wheel(machine)) == pytest.approx(way * expected, abs=1e-9)
 
 
 def test_governor_reaches_its_set_speed():
-    governor = Governor(name="g", pair="O", set_speed=30.0, gain=2.0, least=0.0, most=10.0)
+    governor = Governor(name="g", joint="O", set_speed=30.0, gain=2.0, least=0.0, most=10.0)
     until = (30.0 - 10.0 / 2.0) * INERTIA / 10.0
     late = 30.0 - 5.0 * np.exp(-2.0 / INERTIA * np.maximum(TIMES - until, 0.0))
     assert speeds(wheel(governor)) == pytest.approx(np.where(until > TIMES, 10.0 / INERTIA * TIMES, late), abs=1e-9)
@@ -94,8 +94,8 @@ def test_a_brake_stops_and_holds():
     assert forces.friction.applied("O")[:, 2] == pytest.approx(np.where(t < stop, -5.0, -2.0))
 
 
-def test_a_brake_in_a_driven_pair_costs_its_torque():
-    driven = dataclasses.replace(wheel(friction=Friction(brake=5.0)), drives=(Drive(pair="O", law=ConstantSpeed(0.0, 3.0)),))
+def test_a_brake_in_a_driven_joint_costs_its_torque():
+    driven = dataclasses.replace(wheel(friction=Friction(brake=5.0)), drives=(Drive(joint="O", law=ConstantSpeed(0.0, 3.0)),))
     forces = solve_forces(solve_motion(compile_mechanism(driven), np.linspace(0.0, 1.0, 5)))
     assert forces.effort("O") == pytest.approx(np.full(5, 5.0))
 
@@ -148,7 +148,7 @@ def test_machines_in_scenes_drive_and_are_written_back(kind: str):
 @pytest.mark.parametrize(
     ("kind", "old", "new", "words"),
     [
-        ("dc", '"O"', '"P"', "there is no pair 'P'"),
+        ("dc", '"O"', '"P"', "there is no joint 'P'"),
         ("dc", "1500", "-1500", "opposite directions"),
         ("dc", '"20 N m"', '"20 N"', "loads.motor.stall_torque"),
         ("dc", ', no_load_speed = "1500 rpm"', "", "'no_load_speed' is missing"),
@@ -166,10 +166,10 @@ def test_faults_of_machines_in_scenes(kind: str, old: str, new: str, words: str)
 
 def test_the_core_refuses_machines_that_make_no_sense():
     for load, words in (
-        (DcMotor(name="m", stall_torque=1.0, no_load_speed=1.0), "a link or on a pair"),
-        (DcMotor(name="m", pair="X", stall_torque=1.0, no_load_speed=1.0), "no revolute pair"),
-        (DcMotor(name="m", pair="O", stall_torque=1.0, no_load_speed=0.0), "is zero"),
-        (Governor(name="m", pair="O", set_speed=1.0, gain=1.0, least=1.0, most=0.0), "no less than"),
+        (DcMotor(name="m", stall_torque=1.0, no_load_speed=1.0), "a link or on a joint"),
+        (DcMotor(name="m", joint="X", stall_torque=1.0, no_load_speed=1.0), "no revolute joint"),
+        (DcMotor(name="m", joint="O", stall_torque=1.0, no_load_speed=0.0), "is zero"),
+        (Governor(name="m", joint="O", set_speed=1.0, gain=1.0, least=1.0, most=0.0), "no less than"),
     ):
         with pytest.raises(MechanismError, match=words):
             simulate(wheel(load), 1.0)

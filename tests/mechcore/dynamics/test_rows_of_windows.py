@@ -60,13 +60,13 @@ def test_what_else_happens_between_corners_is_met_as_before(monkeypatch, beside)
     loads, method, stops = (pull,), "auto", ()
     if beside == "a table of position":
         bent = Table((-3.0, -1.2, -1.0, 3.0), (1.0, 0.2, -0.5, -1.0), smooth=False)
-        loads += (Torque(name="bent", link="body", moment=1.0, factor=Factor(function=bent, of="position", pair="O")),)
+        loads += (Torque(name="bent", link="body", moment=1.0, factor=Factor(function=bent, of="position", joint="O")),)
     body = pendulum(inertia=0.3, mass=1.0, distance=0.4, angle=0.5, loads=loads)
     if beside == "friction":
-        pin = replace(body.pairs[0], friction=Friction(coefficient=0.3, radius=0.05))
-        body = replace(body, pairs=(pin,), effects=(*body.effects, "friction"))
+        pin = replace(body.joints[0], friction=Friction(coefficient=0.3, radius=0.05))
+        body = replace(body, joints=(pin,), effects=(*body.effects, "friction"))
     elif beside == "a stop":
-        stops = (Stop(name="end", pair="O", at=-1.3, side="lower", restitution=0.5),)
+        stops = (Stop(name="end", joint="O", at=-1.3, side="lower", restitution=0.5),)
     elif beside == "two freedoms":
         base = double_pendulum(case("dynamics", "double-pendulum-rods")["inputs"])
         body = replace(base, loads=(replace(pull, link="lower"),))

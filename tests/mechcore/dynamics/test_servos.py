@@ -243,8 +243,8 @@ integral = "400 N m/(rad s)"
 """
 
 
-def test_it_leads_through_dead_points_of_the_free_pair():
-    """Other pairs lead the equations meanwhile; the integral goes on."""
+def test_it_leads_through_dead_points_of_the_free_joint():
+    """Other joints lead the equations meanwhile; the integral goes on."""
     by_crank = CRANK.replace("AFREE", ", free = { position = 45 }").replace("SFREE", "")
     by_slide = CRANK.replace("AFREE", "").replace("SFREE", ", free = { position = 362.2582728609198 }")
     t = np.linspace(0.0, 1.0, 51)
@@ -266,7 +266,7 @@ def test_small_vibrations_are_those_of_its_gains():
 def test_a_prescribed_motion_knows_no_integral():
     mechanism = scene('target = "10 mm"').mechanism
     (servo,) = mechanism.loads
-    driven = replace(mechanism, drives=(Drive(pair="S", law=ConstantSpeed(0.0, 0.1, travel=0.1)),))
+    driven = replace(mechanism, drives=(Drive(joint="S", law=ConstantSpeed(0.0, 0.1, travel=0.1)),))
     with pytest.raises(MechanismError, match=r"loads.servo: the integral of its error is known in motions under forces only"):
         solve_forces(solve_motion(compile_mechanism(driven), [0.0, 0.5]))
     assert isinstance(servo, Servo)
@@ -315,12 +315,12 @@ def test_what_is_wrong_with_a_servo_is_said(target, gains, words):
     assert words in "\n".join(map(str, error.value.faults))
 
 
-def test_a_servo_needs_a_free_motion_and_a_free_pair():
+def test_a_servo_needs_a_free_motion_and_a_free_joint():
     driven = 'drive = { oscillation = { amplitude = 30, period = "1 s" } }'
     with pytest.raises(mechviz.SceneError) as error:
         scene("target = 3", free=driven)
     words = "\n".join(map(str, error.value.faults))
-    assert "loads.servo.servo: nothing is free: a servo moves a pair under forces." in words
-    assert "the drive of 'S' decides its motion, whatever a servo does. Let the pair be free" in words
-    with pytest.raises(mechviz.SceneError, match="there is no pair 'X'"):
+    assert "loads.servo.servo: nothing is free: a servo moves a joint under forces." in words
+    assert "the drive of 'S' decides its motion, whatever a servo does. Let the joint be free" in words
+    with pytest.raises(mechviz.SceneError, match="there is no joint 'X'"):
         mechviz.loads(ARM.replace('servo = "A"', 'servo = "X"'))

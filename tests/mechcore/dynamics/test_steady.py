@@ -29,8 +29,8 @@ def wheel(*loads: Load, speed: float = 10.0, inertia: float = 2.0, **more) -> Me
             Link(name="frame", points={"O": (0.0, 0.0)}),
             Link(name="rotor", points={"O": (0.0, 0.0)}, mass=1.0, inertia=inertia),
         ),
-        pairs=(Revolute(name="O", links=("frame", "rotor"), points=("O", "O"), **more),),
-        drives=(Drive(pair="O", law=Free(0.3, speed)),),
+        joints=(Revolute(name="O", links=("frame", "rotor"), points=("O", "O"), **more),),
+        drives=(Drive(joint="O", law=Free(0.3, speed)),),
         effects=("inertia", "friction") if more else ("inertia",),
         loads=loads,
     )
@@ -42,7 +42,7 @@ def lobes(size: float, mean: float = 0.0) -> Torque:
         name="lobes",
         link="rotor",
         moment=-1.0,
-        factor=Factor(function=lambda q: mean + size * np.cos(2 * q), of="position", pair="O"),
+        factor=Factor(function=lambda q: mean + size * np.cos(2 * q), of="position", joint="O"),
     )
 
 
@@ -62,7 +62,7 @@ def test_without_losses_every_speed_is_steady_and_the_stated_one_is_taken():
 def test_constant_torque_and_oil_run_evenly_with_the_closed_multiplier(sense: float):
     """w = T / c; w^2 relaxes along the way as exp(-c / (J w) phi), to first order: its disturbance by exp(-2 pi c / (J w))."""
     run = steady_run(
-        wheel(Torque(name="T", link="rotor", moment=6.0 * sense), Viscous(name="c", pair="O", coefficient=0.4), speed=sense)
+        wheel(Torque(name="T", link="rotor", moment=6.0 * sense), Viscous(name="c", joint="O", coefficient=0.4), speed=sense)
     )
     assert run.speed == pytest.approx(15.0 * sense, rel=1e-12) and run.fluctuation < 1e-12
     assert run.period == pytest.approx(TURN / 15.0, rel=1e-12)
@@ -100,7 +100,7 @@ def test_a_long_simulation_from_rest_ends_in_it():
 def test_dry_friction_is_that_of_the_simulation():
     """A brake of 3 N m beside a motor: w from the motor's line; and friction by reaction in a slider-crank."""
     run = steady_run(
-        wheel(DcMotor(name="m", pair="O", stall_torque=9.0, no_load_speed=30.0), lobes(2.0), friction=Friction(brake=3.0))
+        wheel(DcMotor(name="m", joint="O", stall_torque=9.0, no_load_speed=30.0), lobes(2.0), friction=Friction(brake=3.0))
     )
     assert run.mean == pytest.approx(20.0, rel=1e-3)
     text = mechviz.load("crushing-press").text.replace(
@@ -117,7 +117,7 @@ def test_dry_friction_is_that_of_the_simulation():
 
 def test_sizing_approaches_the_usual_formula_as_the_fluctuation_gets_small():
     """Excess work of the lobes: 10 J; J = 10 / (delta w^2); off by a part that is proportional to delta."""
-    motor = DcMotor(name="m", pair="O", stall_torque=60.0, no_load_speed=30.0)
+    motor = DcMotor(name="m", joint="O", stall_torque=60.0, no_load_speed=30.0)
     machine = wheel(motor, lobes(10.0, 20.0), inertia=1e-3)
     off = []
     for delta in (0.02, 0.01, 0.005):
@@ -129,9 +129,9 @@ def test_sizing_approaches_the_usual_formula_as_the_fluctuation_gets_small():
 
 
 def test_a_flywheel_that_is_large_enough_is_left_alone_and_one_that_stalls_is_found():
-    machine = wheel(DcMotor(name="m", pair="O", stall_torque=60.0, no_load_speed=30.0), lobes(10.0, 20.0), inertia=50.0)
+    machine = wheel(DcMotor(name="m", joint="O", stall_torque=60.0, no_load_speed=30.0), lobes(10.0, 20.0), inertia=50.0)
     assert size_flywheel(machine, 0.05).inertia == 0.0
-    light = wheel(DcMotor(name="m", pair="O", stall_torque=12.0, no_load_speed=30.0), lobes(25.0, 5.0), inertia=1e-3)
+    light = wheel(DcMotor(name="m", joint="O", stall_torque=12.0, no_load_speed=30.0), lobes(25.0, 5.0), inertia=1e-3)
     with pytest.raises(MechanismError, match="does not get through the cycle"):
         steady_run(light)
     sized = size_flywheel(light, 0.05)
@@ -140,12 +140,12 @@ def test_a_flywheel_that_is_large_enough_is_left_alone_and_one_that_stalls_is_fo
 
 def test_what_has_no_steady_run_is_refused_in_words():
     with pytest.raises(MechanismError, match="brake at every speed"):
-        steady_run(wheel(Viscous(name="c", pair="O", coefficient=0.4)))
+        steady_run(wheel(Viscous(name="c", joint="O", coefficient=0.4)))
     with pytest.raises(MechanismError, match="drive more than they brake at every speed"):
         steady_run(wheel(Torque(name="T", link="rotor", moment=6.0)))
     with pytest.raises(MechanismError, match="depends on time"):
         steady_run(wheel(Torque(name="T", link="rotor", moment=6.0, factor=Factor(function=np.sin, of="time"))))
-    with pytest.raises(MechanismError, match="one free pair that turns"):
+    with pytest.raises(MechanismError, match="one free joint that turns"):
         steady_run(started("swinging-double-pendulum"))
 
 
@@ -165,4 +165,4 @@ def test_the_scene_starts_in_it_and_lasts_a_cycle():
     with pytest.raises(mechviz.SceneError, match="nothing is free"):
         mechviz.loads(driven)
     two = CliRunner().invoke(app, ["forces", "swinging-double-pendulum", "--steady", "1"])
-    assert two.exit_code == 2 and "one free pair" in two.output
+    assert two.exit_code == 2 and "one free joint" in two.output

@@ -148,5 +148,5 @@ def test_wheels_have_no_stribeck_speed():
     [joints]
     A = { rolling = ["frame", "wheel"], radius = 1, friction = { lever = 0.01, stribeck = 1 }, drive = { speed = 1, travel = 1 } }
     """
-    with pytest.raises(mechviz.SceneError, match="stribeck does not go with the friction of a rolling pair"):
+    with pytest.raises(mechviz.SceneError, match="stribeck does not go with the friction of a rolling joint"):
         mechviz.loads(text)

@@ -52,8 +52,8 @@ def carts(*, masses, springs, dampers=(), start=(0.03, 0.0), loads=(), effects=(
         name="carts",
         frame="frame",
         links=tuple(links),
-        pairs=tuple(Prismatic(name=f"S{k}", links=("frame", name), points=(f"G{k}", "P")) for k, name in enumerate(names)),
-        drives=tuple(Drive(pair=f"S{k}", law=Free(s)) for k, s in enumerate(start)),
+        joints=tuple(Prismatic(name=f"S{k}", links=("frame", name), points=(f"G{k}", "P")) for k, name in enumerate(names)),
+        drives=tuple(Drive(joint=f"S{k}", law=Free(s)) for k, s in enumerate(start)),
         effects=effects,
         loads=(*made, *loads),
     )
@@ -72,8 +72,8 @@ def flywheels(inertias, stiffnesses, dampers=()) -> Mechanism:
         name="flywheels",
         frame="frame",
         links=(Link(name="frame", points={"O": (0.0, 0.0)}), *wheels),
-        pairs=tuple(Revolute(name=f"O{k}", links=("frame", n), points=("O", "O")) for k, n in enumerate(names)),
-        drives=tuple(Drive(pair=f"O{k}", law=Free(0.2 * k)) for k in range(len(names))),
+        joints=tuple(Revolute(name=f"O{k}", links=("frame", n), points=("O", "O")) for k, n in enumerate(names)),
+        drives=tuple(Drive(joint=f"O{k}", law=Free(0.2 * k)) for k in range(len(names))),
         effects=("inertia",),
         loads=tuple(loads),
     )
@@ -134,7 +134,7 @@ def test_damping_ratios_below_and_above_the_critical_one():
 
 
 def test_eigenvalues_of_any_damping_satisfy_the_quadratic_problem():
-    """One strong damper on the last of three carts: one pair creeps, modes are no longer decoupled."""
+    """One strong damper on the last of three carts: one joint creeps, modes are no longer decoupled."""
     mechanism = carts(
         masses=(1.0, 2.0, 1.5), springs=(300.0, 200.0, 400.0, 0.0), dampers=(0.0, 1.0, 2.0, 120.0), start=(0.0, 0.01, 0.0)
     )
@@ -171,7 +171,7 @@ def test_the_simulated_small_motion_is_the_linear_one(damped: bool):
     errors = []
     for size in (8e-3, 4e-3):
         if damped:
-            drives = tuple(Drive(pair=d.pair, law=Free(size * x)) for d, x in zip(base.drives, (1.0, -0.5), strict=True))
+            drives = tuple(Drive(joint=d.joint, law=Free(size * x)) for d, x in zip(base.drives, (1.0, -0.5), strict=True))
             mechanism = replace(base, drives=drives)
             away = size * np.array([1.0, -0.5])
         else:
@@ -191,8 +191,8 @@ def test_a_four_bar_swings_as_its_linearised_equation_says():
     falling = bars(frame=1.0, crank=0.7, coupler=0.6, rocker=0.8, angle=1.2, speed=0.0)
     found = small_vibrations(falling)
     eq = found.equilibrium
-    (pair,), (q,) = eq.pairs, eq.position
-    near = replace(eq.compiled.mechanism, drives=(Drive(pair=pair, law=Free(q + 1e-3)),))
+    (joint,), (q,) = eq.joints, eq.position
+    near = replace(eq.compiled.mechanism, drives=(Drive(joint=joint, law=Free(q + 1e-3)),))
     period = 1.0 / found.modes[0].frequency
     back = simulate(near, period, tolerance=1e-9)(np.array([0.5 * period, period]))[0][:, 0]
     assert (back - q) / 1e-3 == pytest.approx([-1.0, 1.0], abs=2e-3)
@@ -221,7 +221,7 @@ def test_upright_four_bars_stand_unstably():
 
 
 def test_a_follower_force_makes_it_flutter():
-    """Two carts, the second pushed by what the first one does: no potential, and one pair of exponents grows."""
+    """Two carts, the second pushed by what the first one does: no potential, and one joint of exponents grows."""
     push = Factor(function=lambda x: x, of="x", point=("cart0", "P"))
     loads = (Force(name="push", link="cart1", point="P", vector=(-400.0, 0.0), factor=push),)
     found = small_vibrations(
@@ -240,7 +240,7 @@ def test_what_has_no_equilibrium_is_refused_in_words():
         small_vibrations(wheel)
     hanging = pendulum(inertia=0.2, mass=1.0, distance=0.3, angle=0.5)
     with pytest.raises(MechanismError, match=r"lies 21.2451° beyond 'shelf'"):
-        small_vibrations(hanging, stops=(Stop(name="shelf", pair="O", at=-1.2, side="lower"),))
+        small_vibrations(hanging, stops=(Stop(name="shelf", joint="O", at=-1.2, side="lower"),))
     prescribed = replace(hanging, effects=("gravity",))
     with pytest.raises(MechanismError, match="inertia is not named"):
         small_vibrations(prescribed)
@@ -267,8 +267,8 @@ def test_in_a_mode_inertia_and_loads_balance_without_the_drives():
         motion = solve_motion(compile_mechanism(mode.mechanism), time)
         forces = solve_forces(motion)
         left.append(max(np.abs(forces.effort(p)).max() for p in ("O", "J")) / amplitude)
-        for pair, x in zip(found.pairs, found.modes[1].shape, strict=True):
-            moved = motion.coordinate(pair)[:, 0] - motion.coordinate(pair)[0, 0]
+        for joint, x in zip(found.joints, found.modes[1].shape, strict=True):
+            moved = motion.coordinate(joint)[:, 0] - motion.coordinate(joint)[0, 0]
             ratio = moved[12] / (motion.coordinate("O")[12, 0] - motion.coordinate("O")[0, 0])
             assert ratio == pytest.approx(x / found.modes[1].shape[0], rel=1e-9)
     assert left[0] / left[1] == pytest.approx(4.0, rel=0.1)
@@ -285,8 +285,8 @@ def test_a_mode_of_a_chain_beside_a_prescribed_drive_and_with_friction():
     assert np.ptp(motion.coordinate("R")[:, 0]) < 1e-11 < 1e-3 < np.ptp(motion.coordinate("G")[:, 0])
 
 
-def test_the_mode_of_a_four_bar_starts_where_another_pair_leads():
-    """The triple rocker comes to rest beyond a dead point of its free pair, on another branch of its assembly."""
+def test_the_mode_of_a_four_bar_starts_where_another_joint_leads():
+    """The triple rocker comes to rest beyond a dead point of its free joint, on another branch of its assembly."""
     scene = mechviz.load("swinging-triple-rocker")
     found = vibrations_of(scene)
     mode = mode_scene(scene, found, 1, amplitude=0.02)

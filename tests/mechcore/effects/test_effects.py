@@ -99,7 +99,7 @@ def every_load() -> Mechanism:
             vector=(1.0, 2.0),
             factor=Factor(function=np.cos, of="x", point=("rocker", "Z")),
         ),
-        Torque(name="by speed", link="rocker", moment=2.0, factor=Factor(function=np.cos, of="velocity", pair="D")),
+        Torque(name="by speed", link="rocker", moment=2.0, factor=Factor(function=np.cos, of="velocity", joint="D")),
         Actuator(name="actuator", **between, force=3.0),
         Spring(name="spring", **between, stiffness=3.0, free_length=1.0),
         Damper(name="damper", **between, linear=3.0),
@@ -109,12 +109,12 @@ def every_load() -> Mechanism:
         Bushing(name="bushing", **between, stiffness=(3.0, 2.0, 1.0)),
         BushingDamper(name="rubber", **between, damping=(3.0, 2.0, 1.0)),
         Drag(name="drag", link="coupler", point="B", quadratic=1.0),
-        Viscous(name="viscous", pair="D", coefficient=1.0),
+        Viscous(name="viscous", joint="D", coefficient=1.0),
         DcMotor(name="dc", link="rocker", stall_torque=2.0, no_load_speed=30.0),
-        InductionMotor(name="induction", pair="D", breakdown_torque=2.0, breakdown_slip=0.2, synchronous_speed=30.0),
+        InductionMotor(name="induction", joint="D", breakdown_torque=2.0, breakdown_slip=0.2, synchronous_speed=30.0),
         ConstantPower(name="constant power", link="rocker", power=3.0, torque_limit=5.0),
-        Servo(name="servo", pair="D", target=Oscillation(0.0, 1.0, 1.0), proportional=3.0, derivative=1.0),
-        Servo(name="spring servo", pair="D", target=Oscillation(0.0, 1.0, 1.0), proportional=3.0),
+        Servo(name="servo", joint="D", target=Oscillation(0.0, 1.0, 1.0), proportional=3.0, derivative=1.0),
+        Servo(name="spring servo", joint="D", target=Oscillation(0.0, 1.0, 1.0), proportional=3.0),
         Governor(name="governor", link="rocker", set_speed=2.0, gain=1.0, least=-3.0, most=3.0),
     )
     return replace(m, loads=loads, effects=("inertia", "gravity"))
@@ -127,11 +127,11 @@ def test_effects_need_what_they_declare(monkeypatch):
         original = getattr(__import__("mechcore.motion.motion", fromlist=["x"]), quantity)
         monkeypatch.setattr(f"mechcore.motion.motion.{quantity}", lambda *a, q=quantity, f=original: (calls.append(q), f(*a))[1])
     slider = slider_crank(r=1.0, l=3.0)
-    pressure = GasPressure(name="gas", pair="S", area=0.1, cycle=Compressor(stroke=2.0, suction=1e5, delivery=5e5), top=4.0)
+    pressure = GasPressure(name="gas", joint="S", area=0.1, cycle=Compressor(stroke=2.0, suction=1e5, delivery=5e5), top=4.0)
     seen = set()
-    pair = next(p.name for p in slider.pairs if isinstance(p, Revolute))
+    joint = next(p.name for p in slider.joints if isinstance(p, Revolute))
     pressed = Clearance(radial=1e-3, stiffness=1e5, loss=1.0, friction=0.1, radius=0.05, start=(1.1e-3, 0.0))
-    loose = with_clearances(slider, {pair: pressed})
+    loose = with_clearances(slider, {joint: pressed})
     for mechanism in (every_load(), replace(slider, loads=(pressure,)), drum(1.0), loose):
         compiled = compile_mechanism(mechanism)
         for effect in effects_of(mechanism):
@@ -151,8 +151,8 @@ def slide(law, loads) -> Mechanism:
         name="slide",
         frame="frame",
         links=(Link(name="frame", points={"O": (0.0, 0.0), "W": (-0.5, 0.0)}), Link(name="slider", points={"P": (0.0, 0.0)})),
-        pairs=(Prismatic(name="S", links=("frame", "slider"), points=("O", "P")),),
-        drives=(Drive(pair="S", law=law),),
+        joints=(Prismatic(name="S", links=("frame", "slider"), points=("O", "P")),),
+        drives=(Drive(joint="S", law=law),),
         loads=loads,
     )
 
@@ -168,7 +168,7 @@ def test_damper_over_a_harmonic_stroke():
         lost = np.pi * linear * w * amplitude**2 + 8.0 / 3.0 * quadratic * w**2 * amplitude**3
         assert forces.energy[-1, 3] == pytest.approx(lost, rel=1e-9)
         assert forces.energy[-1, 2] == pytest.approx(lost, rel=1e-9)  # the drive has put it in
-        dashpot = run(slide(law, (Viscous(name="v", pair="S", coefficient=40.0),)), 2000)
+        dashpot = run(slide(law, (Viscous(name="v", joint="S", coefficient=40.0),)), 2000)
         assert dashpot.energy[-1, 3] == pytest.approx(np.pi * 40.0 * w * amplitude**2, rel=1e-9)
 
 
@@ -176,12 +176,12 @@ def test_viscous_friction_and_gas_do_not_depend_on_which_link_is_named_first():
     law = Oscillation(0.1, 0.05, 2.0)
     cycle = Diagram(stroke=0.1, outward=lambda x: 3e5 + 0.0 * x, inward=lambda x: 2e5 + 0.0 * x)
     loads = (
-        Viscous(name="v", pair="S", coefficient=40.0),
-        GasPressure(name="g", pair="S", area=0.01, cycle=cycle, top=0.15, back=1e5),
+        Viscous(name="v", joint="S", coefficient=40.0),
+        GasPressure(name="g", joint="S", area=0.01, cycle=cycle, top=0.15, back=1e5),
     )
     one = slide(law, loads)
-    turned = replace(one.pairs[0], links=("slider", "frame"), points=("P", "O"), guide=1)
-    a, b = run(one, 200), run(replace(one, pairs=(turned,)), 200)
+    turned = replace(one.joints[0], links=("slider", "frame"), points=("P", "O"), guide=1)
+    a, b = run(one, 200), run(replace(one, joints=(turned,)), 200)
     np.testing.assert_allclose(b.effort("S"), a.effort("S"), rtol=1e-12, atol=1e-9)
     for forces in (a, b):
         lost = forces.power_by_cause(["viscous"])
@@ -235,7 +235,7 @@ def compressor(cycle, area=0.005, offset=0.0, head="ahead"):
     branch = "ahead" if head == "ahead" else "behind"
     m = slider_crank(r=r, l=rod * r, e=offset, speed=100.0, branch=branch)
     top = (r + rod * r) * (1.0 if head == "ahead" else -1.0)
-    return replace(m, loads=(GasPressure(name="gas", pair="S", area=area, cycle=cycle, top=top, head=head, back=1e5),))
+    return replace(m, loads=(GasPressure(name="gas", joint="S", area=area, cycle=cycle, top=top, head=head, back=1e5),))
 
 
 @pytest.mark.parametrize("head", ["ahead", "behind"])
@@ -326,8 +326,8 @@ def test_zero_free_length_spring_balances_an_arm_exactly():
             Link(name="frame", points={"O": (0.0, 0.0), "H": (0.0, anchor)}),
             Link(name="arm", points={"O": (0.0, 0.0), "B": (along, 0.0)}, mass=mass, centre=(length, 0.0)),
         ),
-        pairs=(pin("O", "frame", "arm"),),
-        drives=(Drive(pair="O", law=ConstantSpeed(0.1, 1.0)),),
+        joints=(pin("O", "frame", "arm"),),
+        drives=(Drive(joint="O", law=ConstantSpeed(0.1, 1.0)),),
         loads=(Spring(name="s", links=("frame", "arm"), points=("H", "B"), stiffness=stiffness, free_length=0.0),),
         effects=("gravity",),
     )
@@ -345,7 +345,7 @@ def test_drag_and_torsion_on_a_turning_crank():
     paddle = run(replace(m, loads=(Drag(name="d", link="crank", linear=2.0, quadratic=0.5),)), 60)
     np.testing.assert_allclose(paddle.effort("A"), (2.0 + 0.5 * 6.0) * 6.0, rtol=1e-12)
     damper = run(replace(m, loads=(TorsionDamper(name="d", links=("frame", "crank"), coefficient=0.7),)), 60)
-    viscous = run(replace(m, loads=(Viscous(name="d", pair="A", coefficient=0.7),)), 60)
+    viscous = run(replace(m, loads=(Viscous(name="d", joint="A", coefficient=0.7),)), 60)
     np.testing.assert_allclose(damper.effort("A"), 0.7 * 6.0, rtol=1e-12)
     np.testing.assert_allclose(viscous.effort("A"), 0.7 * 6.0, rtol=1e-12)
     spring = run(
@@ -390,8 +390,8 @@ def test_factors_of_everything():
         "speed": np.hypot(*motion.point(*at, 1).T),
     }
     for of, values in expected.items():
-        pair, point = ("D" if of in ("position", "velocity") else None), (at if of[-1] in "xyd" and of != "time" else None)
-        factor = Factor(function=lambda x: x, of=of, pair=pair, point=point)
+        joint, point = ("D" if of in ("position", "velocity") else None), (at if of[-1] in "xyd" and of != "time" else None)
+        factor = Factor(function=lambda x: x, of=of, joint=joint, point=point)
         forces = run(replace(m, loads=(Force(name="F", link="rocker", point="D", vector=(1.0, 0.0), factor=factor),)), 24)
         np.testing.assert_allclose(forces.loads["F"].values[:, 0], values, atol=1e-12, err_msg=of)
     polynomial = Polynomial((1.0, 0.0, 3.0), per=2.0)
@@ -405,22 +405,22 @@ FAULTY = [
     (Force(name="F", **ON, factor=Factor(function=lambda x: x * np.nan)), "no finite number at 0"),
     (Force(name="F", **ON, factor=Factor(function=lambda x: np.ones(3))), "loads.F: .*fails|gives"),
     (Force(name="F", **ON, factor=Factor(function=np.cos, of="speed")), "of which point"),
-    (Force(name="F", **ON, factor=Factor(function=np.cos, pair="X")), "no pair 'X'"),
+    (Force(name="F", **ON, factor=Factor(function=np.cos, joint="X")), "no joint 'X'"),
     (Force(name="F", **{**ON, "link": "crnk"}), "no link 'crnk'"),
     (Force(name="F", **{**ON, "point": "Q"}), "has no point 'Q'"),
     (Spring(name="F", links=("crank", "crank"), points=("A", "B"), stiffness=1, free_length=0), "'crank' and itself"),
     (Spring(name="F", **BETWEEN, stiffness=-1, free_length=0), "stiffness of -1 is negative"),
-    (Actuator(name="F", force=1.0), "between two points or along a pair"),
-    (Actuator(name="F", **BETWEEN, pair="A", force=1.0), "between two points or along a pair"),
-    (Actuator(name="F", pair="A", force=1.0), "'A' is no sliding pair"),
-    (Servo(name="F", pair="X", target=Oscillation(0.0, 1.0, 1.0), proportional=1.0), "'X' is no revolute or sliding pair"),
-    (Servo(name="F", pair="A", target=Oscillation(0.0, 1.0, 1.0), proportional=-1.0), "proportional of -1 is negative"),
+    (Actuator(name="F", force=1.0), "between two points or along a joint"),
+    (Actuator(name="F", **BETWEEN, joint="A", force=1.0), "between two points or along a joint"),
+    (Actuator(name="F", joint="A", force=1.0), "'A' is no sliding joint"),
+    (Servo(name="F", joint="X", target=Oscillation(0.0, 1.0, 1.0), proportional=1.0), "'X' is no revolute or sliding joint"),
+    (Servo(name="F", joint="A", target=Oscillation(0.0, 1.0, 1.0), proportional=-1.0), "proportional of -1 is negative"),
     (Bushing(name="F", **BETWEEN, stiffness=(1.0, -2.0, 1.0)), "stiffness of -2 is negative"),
     (BushingDamper(name="F", **BETWEEN, damping=(1.0, np.nan, 1.0)), "damping is nan"),
     (Damper(name="F", **BETWEEN), "neither a linear nor a quadratic"),
     (GasSpring(name="F", **BETWEEN, force=1, extended=9, gas_length=0), "gas_length of 0 is zero"),
-    (Viscous(name="F", pair="X", coefficient=1), "no pair 'X'"),
-    (GasPressure(name="F", pair="A", area=1, cycle=Compressor(stroke=1, suction=1, delivery=2), top=0), "'A' is no sliding"),
+    (Viscous(name="F", joint="X", coefficient=1), "no joint 'X'"),
+    (GasPressure(name="F", joint="A", area=1, cycle=Compressor(stroke=1, suction=1, delivery=2), top=0), "'A' is no sliding"),
     (Torque(name="F", link="crank", moment=float("nan")), "moment is nan"),
 ]
 

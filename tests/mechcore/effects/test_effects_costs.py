@@ -93,7 +93,7 @@ def test_forces_of_position_alone_need_no_accelerations(calls):
 def test_each_effect_is_evaluated_once_for_the_reactions(calls):
     mechanism = mechviz.load("plunger-in-drag").mechanism
     forces = solve_forces(solve_motion(compile_mechanism(mechanism), default_times(mechanism, 60)))
-    forces.reaction(mechanism.pairs[0].name)
+    forces.reaction(mechanism.joints[0].name)
     assert calls["MediumDrag"] == calls["Inertia"] == calls["Gravity"] == calls["reactions"] == 1
     assert calls["ViscousFriction"] == 2  # two loads of that kind
 

@@ -138,7 +138,7 @@ def test_flywheel_of_a_mechanism_evens_out_its_speed():
     ("options", "message"),
     [
         ({"fluctuation": 0.0}, "fluctuation of 0"),
-        ({"fluctuation": 0.02, "drive": "X"}, "pair 'X' has no drive.*Driven pairs: O"),
+        ({"fluctuation": 0.02, "drive": "X"}, "joint 'X' has no drive.*Driven joints: O"),
     ],
 )
 def test_flywheels_that_make_no_sense_are_refused(options, message):
@@ -150,7 +150,7 @@ def test_flywheels_that_make_no_sense_are_refused(options, message):
 
 def test_two_drives_share_the_work():
     forces = run_scene(mechviz.load("two-motors"), frames=480).forces
-    shares = {s.pair: s for s in drive_shares(forces)}
+    shares = {s.joint: s for s in drive_shares(forces)}
     assert set(shares) == {"A", "E"}
     table = power_table(forces)
     lost = sum(i.absorbed for i in table.items if i.cause in ("viscous", "medium"))

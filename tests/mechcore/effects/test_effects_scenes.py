@@ -47,7 +47,7 @@ guide = { viscous = "S", linear = "5 N s/m" }
 air = { $GAS, head = "ahead", back = "1 bar", compressor = { suction = "1 bar", delivery = "700 kPa" } }
 motor = { $GAS, four_stroke = { ratio = 9, rise = 3 }, fires = 360, drive = "A" }
 card = { $GAS, diagram = { displacement = [0, 80], outward = ["6 bar", 1e5], inward = [2e5, 1e5] } }
-""".replace("$GAS", CYLINDER).replace("$BY_SPEED", '{ velocity = [-300, 300], factor = [1, -1], pair = "S" }')
+""".replace("$GAS", CYLINDER).replace("$BY_SPEED", '{ velocity = [-300, 300], factor = [1, -1], joint = "S" }')
 FOUR = """
 card = { $GAS, diagram = { displacement = [0, 80], power = [9e5, 2e5], exhaust = [1e5, 1e5], \
 intake = [1e5, 1e5], compression = [8e5, 1e5] } }
@@ -59,7 +59,7 @@ def test_loads_in_si():
     found = {load.name: load for load in scene.mechanism.loads}
     assert list(found) == list(tomllib.loads(ALL))
     force, torque = found["force"], found["torque"]
-    assert isinstance(force, Force) and force.against == "frame" and force.factor.of == "velocity" and force.factor.pair == "S"
+    assert isinstance(force, Force) and force.against == "frame" and force.factor.of == "velocity" and force.factor.joint == "S"
     assert force.factor([-0.3, 0.0, 0.3]) == pytest.approx([1.0, 0.0, -1.0])
     assert isinstance(torque, Torque) and torque.factor([2.0]) == pytest.approx([3.0])
     assert found["wind"].factor.point == ("rod", "C") and found["wind"].factor([0.002]) == pytest.approx([4.0])  # of mm/s
@@ -76,8 +76,8 @@ def test_loads_in_si():
     assert found["brake"] == TorsionDamper(name="brake", links=("frame", "crank"), coefficient=0.1)
     assert found["water"] == Drag(name="water", link="piston", point="T", linear=3.0)
     assert found["fan"] == Drag(name="fan", link="crank", quadratic=0.002)
-    assert found["oil"] == Viscous(name="oil", pair="A", coefficient=0.02)
-    assert found["guide"] == Viscous(name="guide", pair="S", coefficient=5.0)
+    assert found["oil"] == Viscous(name="oil", joint="A", coefficient=0.02)
+    assert found["guide"] == Viscous(name="guide", joint="S", coefficient=5.0)
     air, motor, card = found["air"], found["motor"], found["card"]
     assert isinstance(air, GasPressure) and air.area == pytest.approx(math.pi * 0.04**2) and air.top == 0.19 and air.back == 1e5
     assert air.cycle == Compressor(stroke=0.08, suction=1e5, delivery=7e5, exponent=1.3, clearance=0.05)
@@ -93,8 +93,8 @@ def test_what_is_written_reads_back_the_same():
     scene = mechviz.loads(BASE + ALL + FOUR.replace("card", "card2"))
     again = mechviz.loads(scene.to_toml())
     assert again == scene and again.to_toml() == scene.to_toml()
-    pairs = zip(again.mechanism.loads, scene.mechanism.loads, strict=True)
-    assert all(a == b for a, b in pairs if not getattr(a, "factor", None) and not isinstance(a, GasPressure))
+    joints = zip(again.mechanism.loads, scene.mechanism.loads, strict=True)
+    assert all(a == b for a, b in joints if not getattr(a, "factor", None) and not isinstance(a, GasPressure))
 
 
 GAS = 's = { gas = "S", bore = 1, top = 1, stroke = 8, '
@@ -123,7 +123,7 @@ FAULTS = [
     ('s = { torsion_spring = ["frame", "crank"], stiffness = "1 N/m" }', "loads.s.stiffness", "torsional stiffness", "N m/rad"),
     ('s = { drag = "frame", linear = "1 N m s/rad" }', "loads.s.drag", "fixed link", "moving"),
     ('s = { drag = "crank.Z", linear = 1 }', "loads.s.drag", "no point 'Z'", "'A', 'B'"),
-    ('s = { viscous = "Z", linear = 1 }', "loads.s.viscous", "no pair 'Z'", "'A', 'B', 'C', 'S'"),
+    ('s = { viscous = "Z", linear = 1 }', "loads.s.viscous", "no joint 'Z'", "'A', 'B', 'C', 'S'"),
     (
         's = { gas = "A", bore = 1, top = 1, stroke = 1, compressor = { suction = 1, delivery = 2 } }',
         "loads.s.gas",
@@ -154,7 +154,7 @@ FAULTS = [
     (FORCE + 'against = "rod" }', "loads.s.against", "against itself", "another"),
     (FORCE + "table = { speed = [0, 1], factor = [0, 1] } }", "loads.s.table", "which point", "point ="),
     (FORCE + "table = { time = [0, 1], position = [0, 1], factor = [0, 1] } }", "loads.s.table", "at once", "Keep one"),
-    (FORCE + 'table = { time = [0, 1], factor = [0, 1], pair = "S" } }', "loads.s.table.pair", "not go with time", "out"),
+    (FORCE + 'table = { time = [0, 1], factor = [0, 1], joint = "S" } }', "loads.s.table.joint", "not go with time", "out"),
     (
         FORCE + 'polynomial = { of = "spd", point = "rod.C", coefficients = [1] } }',
         "loads.s.polynomial.of",
@@ -162,10 +162,10 @@ FAULTS = [
         "speed",
     ),
     (
-        FORCE + 'polynomial = { of = "position", pair = "Q", coefficients = [1] } }',
-        "loads.s.polynomial.pair",
-        "no pair 'Q'",
-        "Pairs",
+        FORCE + 'polynomial = { of = "position", joint = "Q", coefficients = [1] } }',
+        "loads.s.polynomial.joint",
+        "no joint 'Q'",
+        "Joints",
     ),
     (FORCE + "stiffness = 3 }", "loads.s.stiffness", "does not go with a force", "Leave out"),
     (FORCE + 'use = "bad" }', "loads.s.use", "'bad' is not one of", "one of these"),

@@ -40,12 +40,12 @@ def test_a_loop_is_closed_and_runs_along_itself(crossed):
         assert np.abs(at - centre).min() == pytest.approx(radius)
 
 
-@pytest.mark.parametrize("pair", ["V", "X"])
-def test_a_mark_on_a_pulley_turns_with_it(pair):
+@pytest.mark.parametrize("joint", ["V", "X"])
+def test_a_mark_on_a_pulley_turns_with_it(joint):
     """With the second one, too, whose angle the solver finds and the marks do not look at."""
-    (loop,) = [k for k in SOLIDS.loops if k.pair == pair]
-    motion, second = DRIVE.run.motion, {"V": "drum", "X": "fan"}[pair]
-    marks = [m for m in find_belt_marks(DRIVE.run, SOLIDS) if m.name.startswith(pair)]
+    (loop,) = [k for k in SOLIDS.loops if k.joint == joint]
+    motion, second = DRIVE.run.motion, {"V": "drum", "X": "fan"}[joint]
+    marks = [m for m in find_belt_marks(DRIVE.run, SOLIDS) if m.name.startswith(joint)]
     assert len(marks) == MARKS and np.ptp(way_of(DRIVE.run, loop)) == pytest.approx(loop.radii[0] * 6.0 * np.pi)
     seen = 0
     for mark in marks:
@@ -69,7 +69,7 @@ def test_marks_lie_on_the_belts_that_are_drawn():
         assert belt.bounds[:, 2] == pytest.approx([loop.low, loop.high])
         shape = section(belt, height)
         for mark in find_belt_marks(DRIVE.run, SOLIDS):
-            if mark.name.startswith(loop.pair):
+            if mark.name.startswith(loop.joint):
                 places = mark.places()
                 assert np.all(places[:, 2] == pytest.approx(height))
                 assert all(shape.contains(Point(x, y)) for x, y in places[::20, :2])

@@ -1,4 +1,4 @@
-"""Clearance of revolute pairs: free flight, impact, rest, the limit of the ideal pair, balances; scenes and their faults."""
+"""Clearance of revolute joints: free flight, impact, rest, the limit of the ideal joint, balances; scenes and their faults."""
 
 from __future__ import annotations
 
@@ -34,8 +34,8 @@ def ball(**clearance) -> Mechanism:
         name="ball",
         frame="frame",
         links=(Link(name="frame", points={"O": (0.0, 0.0)}), body),
-        pairs=(Revolute(name="O", links=("frame", "ball"), points=("O", "O")),),
-        drives=(Drive(pair="O", law=Free(0.0, clearance.pop("spin", 0.0))),),
+        joints=(Revolute(name="O", links=("frame", "ball"), points=("O", "O")),),
+        drives=(Drive(joint="O", law=Free(0.0, clearance.pop("spin", 0.0))),),
         effects=("inertia", "gravity"),
     )
     return with_clearances(ideal, {"O": Clearance(**{"radial": 0.01, "stiffness": 1e7} | clearance)})
@@ -57,7 +57,7 @@ def test_an_impact_has_the_stated_restitution_whatever_the_stiffness(restitution
     """Without weight: the ball comes in at the stated speed and leaves with the stated part of it; energy and losses close."""
     speed = 0.4
     made = ball(loss=loss_factor(restitution, speed), exponent=exponent, stiffness=3e6)
-    drives = tuple(replace(d, law=Free(0.0, speed)) if d.pair == "O.across" else d for d in made.drives)
+    drives = tuple(replace(d, law=Free(0.0, speed)) if d.joint == "O.across" else d for d in made.drives)
     found = simulate(replace(made, drives=drives, effects=("inertia",)), 0.06, tolerance=1e-11)
     _, v, _ = found([0.0, 0.045])
     assert v[0, 1] == speed and v[1, 1] == pytest.approx(-restitution * speed, rel=1e-8)
@@ -72,7 +72,7 @@ def test_a_contact_of_hertz_is_as_exact_as_asked_for(exponent: float):
     the contact (Johnson, Contact Mechanics, 11.4, for 3/2): 2 d / v times the integral of 1 / sqrt(1 - x^(n + 1)), 0 to 1."""
     speed, stiffness, radial, mass = 0.4, 3e6, 0.01, 2.0
     made = ball(exponent=exponent, stiffness=stiffness)
-    drives = tuple(replace(d, law=Free(0.0, speed)) if d.pair == "O.across" else d for d in made.drives)
+    drives = tuple(replace(d, law=Free(0.0, speed)) if d.joint == "O.across" else d for d in made.drives)
     compiled = compile_mechanism(replace(made, drives=drives, effects=("inertia",)))
     p = 1.0 / (exponent + 1.0)
     deepest = (0.5 * mass * speed**2 / (stiffness * radial ** (1.0 - exponent) * p)) ** p
@@ -94,7 +94,7 @@ def test_it_comes_to_rest_on_the_bottom_pressed_in_by_its_weight():
     assert held == pytest.approx([0.0, 2.0 * 9.81], abs=1e-2)
 
 
-def test_friction_in_the_bearing_brakes_the_spin_by_the_moment_that_the_pair_shows():
+def test_friction_in_the_bearing_brakes_the_spin_by_the_moment_that_the_joint_shows():
     made = ball(loss=2.0, stiffness=2e5, friction=0.2, radius=0.05, start=(0.0, -0.01), spin=30.0)
     found = simulate(made, 0.2, tolerance=1e-8)
     t = np.linspace(0.12, 0.2, 9)
@@ -114,10 +114,10 @@ def crank() -> Mechanism:
             "m3": 0.8, "torque": 0.0, "theta_1_0": 0.3, "omega_1_0": 0.0,
         }
     )  # fmt: skip
-    return replace(base, drives=(Drive(pair="O", law=ConstantSpeed(start=0.3, speed=15.0)),), effects=("inertia",), loads=())
+    return replace(base, drives=(Drive(joint="O", law=ConstantSpeed(start=0.3, speed=15.0)),), effects=("inertia",), loads=())
 
 
-def test_reactions_approach_those_of_the_ideal_pair_as_the_clearance_vanishes():
+def test_reactions_approach_those_of_the_ideal_joint_as_the_clearance_vanishes():
     """Over half a turn in which the load changes sides, after a settling quarter: deviations of the reactions from the ideal ones
     and of the piston from its place fall with the clearance."""
     ideal = crank()
@@ -255,7 +255,7 @@ def test_a_recording_shows_the_ideal_links_and_the_gap(tmp_path):
         ("restitution = 0.5", "restitution = 0.5, exponent = 0.5", "no exponent of a contact"),
         ('stiffness = "200 N/mm"', 'stiffness = "200 N m/rad"', "torsional stiffness"),
         ('effects = ["inertia"]', "effects = []", "B has clearance, motion under forces needs masses"),
-        ("[joints.B]", "[joints.B]\nfriction = { coefficient = 0.1 }", "friction of a pair with clearance"),
+        ("[joints.B]", "[joints.B]\nfriction = { coefficient = 0.1 }", "friction of a joint with clearance"),
         ('duration = "0.4 s"', "cycles = 2", "'duration' is missing: how long does B move?"),
         ("frame = {", '"B.journal" = { points = { A = [0, 0] } }\nframe = {', "which is taken"),
         ('C = { revolute = ["rod", "piston"] }', 'C = { revolute = ["rod", "piston"], clearance = {} }', "radial"),

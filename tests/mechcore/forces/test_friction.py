@@ -1,4 +1,4 @@
-"""Dry friction in pairs: the reference cases, closed forms, and what holds whatever the coefficients are."""
+"""Dry friction in joints: the reference cases, closed forms, and what holds whatever the coefficients are."""
 
 from __future__ import annotations
 
@@ -32,8 +32,8 @@ def test_reference_slider_crank():
     rows = c["expected"]
     forces = load(m, column(rows, "theta_1"), c["inputs"]["omega_1"], c["inputs"]["eps_1"])
     wanted = [r["with_friction"] for r in rows]
-    for pair, key in (("O", "R_O_on_1"), ("B", "R_B_on_2"), ("C", "R_C_on_3")):
-        close(forces.reaction(pair)[:, :2], column(wanted, key), 1e-14)
+    for joint, key in (("O", "R_O_on_1"), ("B", "R_B_on_2"), ("C", "R_C_on_3")):
+        close(forces.reaction(joint)[:, :2], column(wanted, key), 1e-14)
     close(forces.reaction("S")[:, 1], column(wanted, "N_guide_on_3"), 1e-14)
     close(forces.reaction("S")[:, 2], column(wanted, "M_guide_on_3"), 1e-13)  # a small difference of large moments
     close(forces.effort("O"), column(wanted, "drive_torque"), 1e-14)
@@ -52,8 +52,8 @@ def test_reference_four_bar():
     rows = [r for r in c["expected"] if r["theta_1_deg"] != 180]
     forces = load(m, column(rows, "theta_1"), speed)
     wanted = [r["with_friction"] for r in rows]
-    for pair, key in (("A", "R_A_on_1"), ("B", "R_B_on_2"), ("D", "R_D_on_3"), ("E", "R_E_on_3")):
-        close(forces.reaction(pair)[:, :2], column(wanted, key), 1e-12)
+    for joint, key in (("A", "R_A_on_1"), ("B", "R_B_on_2"), ("D", "R_D_on_3"), ("E", "R_E_on_3")):
+        close(forces.reaction(joint)[:, :2], column(wanted, key), 1e-12)
     close(forces.effort("A"), column(wanted, "drive_torque"), 1e-12)
     close(-forces.friction.power, column(wanted, "friction_power_loss"), 1e-12)
     assert np.abs(forces.power_balance).max() < 1e-14
@@ -78,8 +78,8 @@ def test_reference_four_bar_where_a_pin_is_at_rest():
     assert found[0] != pytest.approx(found[1], rel=1e-3)
     assert at.effort("A")[0] == pytest.approx(np.mean(found), rel=1e-4)
     side = (before, after)[int(np.argmin(abs(np.array(found) - row["drive_torque"])))]
-    for pair, key in (("A", "R_A_on_1"), ("B", "R_B_on_2"), ("D", "R_D_on_3"), ("E", "R_E_on_3")):
-        np.testing.assert_allclose(limit(side.reaction(pair)[:, :2]), row[key], rtol=1e-11)
+    for joint, key in (("A", "R_A_on_1"), ("B", "R_B_on_2"), ("D", "R_D_on_3"), ("E", "R_E_on_3")):
+        np.testing.assert_allclose(limit(side.reaction(joint)[:, :2]), row[key], rtol=1e-11)
 
 
 @pytest.mark.parametrize("row", case("friction", "friction-incline")["expected"])
@@ -96,7 +96,7 @@ def test_reference_incline(row):
         assert forces.friction.self_locking[0] == locked
     # let go of while it moves up, the block slows down as the reference says: then its drive has nothing to do
     mass_only = replace(incline(row["alpha"], row["mu"]), effects=("gravity", "inertia", "friction"))
-    along = replace(mass_only, drives=(Drive(pair="P", law=ConstantSpeed(0.2, 0.1)),))
+    along = replace(mass_only, drives=(Drive(joint="P", law=ConstantSpeed(0.2, 0.1)),))
     assert load(along, [0.2], 0.1, -row["deceleration_if_moving_up"]).effort("P")[0] == pytest.approx(0.0, abs=1e-12 * weight)
 
 
@@ -140,8 +140,8 @@ def test_a_force_whose_line_cuts_the_friction_circle_cannot_turn_the_pin(arm, ex
         name="lever",
         frame="frame",
         links=(Link(name="frame", points={"O": (0.0, 0.0)}), lever),
-        pairs=(pin,),
-        drives=(Drive(pair="O", law=ConstantSpeed(0.0, 1.0)),),
+        joints=(pin,),
+        drives=(Drive(joint="O", law=ConstantSpeed(0.0, 1.0)),),
         loads=(Force(name="F", link="lever", point="P", vector=(0.0, -80.0), axes="link"),),
         effects=("friction",),
     )
@@ -167,7 +167,7 @@ def test_pin_by_hand(exact):
         name="wheel",
         frame="frame",
         links=(Link(name="frame", points={"A": (0.0, 0.0)}), Link(name="wheel", points={"A": (0.0, 0.0), "Q": (0.2, 0.0)})),
-        pairs=(
+        joints=(
             Revolute(
                 name="A",
                 links=("frame", "wheel"),
@@ -175,7 +175,7 @@ def test_pin_by_hand(exact):
                 friction=Friction(coefficient=mu, radius=r, exact=exact),
             ),
         ),
-        drives=(Drive(pair="A", law=ConstantSpeed(0.0, 1.0)),),
+        drives=(Drive(joint="A", law=ConstantSpeed(0.0, 1.0)),),
         loads=(Force(name="W", link="wheel", point="A", vector=(0.0, -weight)),),
         effects=("friction",),
     )
@@ -197,8 +197,8 @@ def test_ends_of_a_bearing_press_on_the_same_side_or_on_opposite_sides():
                 name="bearing",
                 frame="frame",
                 links=(Link(name="frame", points={"O": (0.0, 0.0)}), Link(name="block", points={"S": (0.0, 0.0), "E": (e, 0.0)})),
-                pairs=(Prismatic(name="S", links=links, points=points, guide=guide, friction=Friction(coefficient=mu, length=b)),),
-                drives=(Drive(pair="S", law=ConstantSpeed(0.0, 1.0)),),
+                joints=(Prismatic(name="S", links=links, points=points, guide=guide, friction=Friction(coefficient=mu, length=b)),),
+                drives=(Drive(joint="S", law=ConstantSpeed(0.0, 1.0)),),
                 loads=(Force(name="F", link="block", point="E", vector=(0.0, -f)),),
                 effects=("friction",),
             )
@@ -221,10 +221,10 @@ def test_height_of_the_guide_by_hand(speed):
         name="bearing",
         frame="frame",
         links=(Link(name="frame", points={"O": (0.0, 0.0)}), Link(name="block", points={"S": (0.0, 0.0), "E": (e, 0.0)})),
-        pairs=(
+        joints=(
             Prismatic(name="S", links=("frame", "block"), points=("O", "S"), friction=Friction(coefficient=mu, length=b, height=d)),
         ),
-        drives=(Drive(pair="S", law=ConstantSpeed(0.0, 1.0)),),
+        drives=(Drive(joint="S", law=ConstantSpeed(0.0, 1.0)),),
         loads=(Force(name="F", link="block", point="E", vector=(0.0, -f)),),
         effects=("friction",),
     )
@@ -251,8 +251,8 @@ def test_rolling_resistance_needs_the_torque_of_the_lever():
         name="wheel",
         frame="frame",
         links=(Link(name="frame", points={"O": (0.0, radius)}), Link(name="wheel", points={"W": (0.0, 0.0)}, mass=mass)),
-        pairs=(Rolling(name="R", links=("frame", "wheel"), points=("O", "W"), radius=radius, friction=Friction(lever=lever)),),
-        drives=(Drive(pair="R", law=ConstantSpeed(0.0, 1.0)),),
+        joints=(Rolling(name="R", links=("frame", "wheel"), points=("O", "W"), radius=radius, friction=Friction(lever=lever)),),
+        drives=(Drive(joint="R", law=ConstantSpeed(0.0, 1.0)),),
         effects=("gravity", "friction"),
     )
     for speed in (2.0, -2.0):
@@ -300,8 +300,8 @@ def test_friction_may_ask_for_the_other_flank():
 def test_gears_whose_teeth_rub_too_much_jam_and_have_no_force():
     forces = load(gears(0.5), [0.0, 1.0], 5.0)
     assert forces.friction.jammed.all() and forces.friction.jammed_by(0) == ("G",)
-    for pair in "ABG":
-        assert np.isnan(forces.reaction(pair)[:, :2]).all()
+    for joint in "ABG":
+        assert np.isnan(forces.reaction(joint)[:, :2]).all()
     assert np.isnan(forces.effort("A")).all()
 
 
@@ -316,7 +316,7 @@ def test_pin_in_a_slot():
             Link(name="crank", points={"O": (0.0, 0.0), "A": (r, 0.0)}),
             Link(name="yoke", points={"S": (0.0, 0.0)}),
         ),
-        pairs=(
+        joints=(
             Revolute(name="O", links=("frame", "crank"), points=("O", "O")),
             Prismatic(name="H", links=("frame", "yoke"), points=("O", "S")),
             PinSlot(
@@ -327,7 +327,7 @@ def test_pin_in_a_slot():
                 friction=Friction(coefficient=mu, radius=0.01),
             ),
         ),
-        drives=(Drive(pair="O", law=ConstantSpeed(0.0, 4.0)),),
+        drives=(Drive(joint="O", law=ConstantSpeed(0.0, 4.0)),),
         loads=(Force(name="F", link="yoke", point="S", vector=(f, 0.0)),),
         effects=("friction",),
     )
@@ -348,12 +348,12 @@ def test_offset_of_a_bearing_that_slides_along():
         name="bearing",
         frame="frame",
         links=(Link(name="frame", points={"O": (0.0, 0.0)}), Link(name="block", points={"S": (0.0, 0.0), "E": (0.05, 0.0)})),
-        pairs=(
+        joints=(
             Prismatic(
                 name="S", links=("frame", "block"), points=("O", "S"), friction=Friction(coefficient=mu, length=b, offset=0.03)
             ),
         ),
-        drives=(Drive(pair="S", law=ConstantSpeed(0.0, 1.0)),),
+        drives=(Drive(joint="S", law=ConstantSpeed(0.0, 1.0)),),
         loads=(Force(name="F", link="block", point="E", vector=(0.0, -f)),),
         effects=("friction",),
     )
@@ -388,8 +388,8 @@ def test_time_reversal_changes_the_sign_of_friction():
     ahead = load(m, TURN[:-1] + 0.01, 40.0)
     back = load(m, TURN[:-1] + 0.01, -40.0)
     middle = load(replace(m, effects=("inertia", "gravity")), TURN[:-1] + 0.01, 40.0)
-    for pair in ("O", "B", "C"):
-        plus, minus = ahead.friction.wrench(pair), back.friction.wrench(pair)
+    for joint in ("O", "B", "C"):
+        plus, minus = ahead.friction.wrench(joint), back.friction.wrench(joint)
         np.testing.assert_allclose(plus[:, 2], -minus[:, 2], rtol=0, atol=1e-5 * np.abs(plus[:, 2]).max())
     gain = ahead.effort("O") - middle.effort("O")
     np.testing.assert_allclose(gain, middle.effort("O") - back.effort("O"), rtol=0, atol=1e-5 * np.abs(gain).max() + 1e-12)
@@ -407,8 +407,8 @@ def test_balance_energy_and_efficiency():
     assert np.abs(forces.power_balance).max() < 1e-13
     friction = forces.friction
     assert friction.power.max() <= 0.0
-    for pair in friction.pairs:
-        assert friction.losses(pair).min() >= 0.0
+    for joint in friction.joints:
+        assert friction.losses(joint).min() >= 0.0
     assert forces.dissipated[0] == 0.0 and (np.diff(forces.dissipated) > 0).all()
     kinetic, potential, work, lost = forces.energy.T
     left = kinetic + potential - (kinetic + potential)[0] - work + lost
@@ -440,7 +440,7 @@ def test_friction_at_rest_is_zero_and_the_sign_changes_around_it():
     assert set(dead.friction.state("O")) == {"slips +"}
 
 
-def test_a_pair_that_never_moves_rubs_nowhere():
+def test_a_joint_that_never_moves_rubs_nowhere():
     """The coupler of a parallelogram does not turn; a pin between it and a link at rest to it has no friction."""
     m = replace(
         incline(0.3, 0.2),
@@ -448,11 +448,11 @@ def test_a_pair_that_never_moves_rubs_nowhere():
     )
     m = replace(
         m,
-        pairs=(
-            *m.pairs,
+        joints=(
+            *m.joints,
             Revolute(name="Z", links=("block", "lid"), points=("P", "P"), friction=Friction(coefficient=0.3, radius=0.01)),
         ),
-        drives=(*m.drives, Drive(pair="Z", law=ConstantSpeed(0.0, 0.0))),
+        drives=(*m.drives, Drive(joint="Z", law=ConstantSpeed(0.0, 0.0))),
     )
     forces = load_two(m)
     assert set(forces.friction.state("Z")) == {"at rest"}
@@ -494,7 +494,7 @@ def test_redundant_constraints_are_refused_where_they_hide_the_normal_load():
     """A slider in two parallel guides: how they share its load is not a matter of statics; one pin outside it is."""
     m = slider_crank(r=0.05, l=0.2, loads=(Force(name="F", link="piston", point="C", vector=(-50.0, 0.0)),))
     second = Prismatic(name="S2", links=("frame", "piston"), points=("G", "C"))
-    doubled = replace(m, pairs=(*m.pairs, second))
+    doubled = replace(m, joints=(*m.joints, second))
     with pytest.raises(MechanismError, match="statics does not tell what presses on S"):
         load(rub(doubled, S=Friction(coefficient=0.1)), TURN, 1.0)
     journal = Friction(coefficient=0.1, radius=0.01)

@@ -19,16 +19,16 @@ from mechcore.spec.mechanism import Belt, Friction, Mechanism, Revolute
 
 @st.composite
 def frictions(draw, mechanism: Mechanism) -> Mechanism:
-    """Some or all pairs with friction; radii and lengths in the size of the cranks (1 m)."""
+    """Some or all joints with friction; radii and lengths in the size of the cranks (1 m)."""
     found = {}
-    for pair in mechanism.pairs:
-        if isinstance(pair, Belt) or not draw(st.booleans()):
+    for joint in mechanism.joints:
+        if isinstance(joint, Belt) or not draw(st.booleans()):
             continue
         mu = draw(st.floats(0.01, 1.5))
-        if isinstance(pair, Revolute):
-            found[pair.name] = Friction(coefficient=mu, radius=draw(st.floats(0.01, 0.5)))
+        if isinstance(joint, Revolute):
+            found[joint.name] = Friction(coefficient=mu, radius=draw(st.floats(0.01, 0.5)))
         else:
-            found[pair.name] = Friction(coefficient=mu, length=draw(st.sampled_from([0.0, 0.2, 1.0])))
+            found[joint.name] = Friction(coefficient=mu, length=draw(st.sampled_from([0.0, 0.2, 1.0])))
     return rub(mechanism, **found) if found else mechanism
 
 
@@ -36,7 +36,7 @@ def at(mechanism: Mechanism, frames: np.ndarray) -> Forces:
     """Forces at some of the frames alone, at the times that they have."""
     rows = np.flatnonzero(frames)
     drive = ANGLES[rows], np.full(len(rows), SPEED), np.full(len(rows), ACCELERATION)
-    return solve_forces(solve_motion(compile_mechanism(mechanism), rows, drives={mechanism.drives[0].pair: drive}))
+    return solve_forces(solve_motion(compile_mechanism(mechanism), rows, drives={mechanism.drives[0].joint: drive}))
 
 
 def check(mechanism: Mechanism) -> None:
@@ -47,8 +47,8 @@ def check(mechanism: Mechanism) -> None:
     jammed = friction.jammed
     assert np.isnan(forces.effort("A" if "A" in forces.motion.model.joint_index else "O")[jammed]).all()
     assert np.nanmax(friction.residual, initial=0.0) < 1e-11
-    for pair in friction.pairs:
-        assert np.nanmin(friction.losses(pair), initial=0.0) >= 0.0
+    for joint in friction.joints:
+        assert np.nanmin(friction.losses(joint), initial=0.0) >= 0.0
     if jammed.all():
         return
     assert all(friction.jammed_by(f) for f in np.flatnonzero(jammed))

@@ -50,7 +50,7 @@ FAULTS = [
     ("joints/B/friction", 0.1, "joints.B.friction", "where a table is wanted"),
     ("friction", {"coefficient": -1}, "friction.coefficient", "-1 is negative."),
     ("friction", {"lever": 1}, "friction", "unknown key 'lever'."),
-    ("effects", ["friction"], "effects", "friction is named, but no pair has any."),
+    ("effects", ["friction"], "effects", "friction is named, but no joint has any."),
 ]
 
 
@@ -66,7 +66,7 @@ def test_more_faults():
     found = faults_of(changed(("joints/D", slide)))
     assert any(f.path == "joints.D.friction.height" and "length" in f.remedy for f in found)
     rolling = {"rolling": ["frame", "rocker"], "at": "C", "radius": 1, "friction": {"coefficient": 0.1}}
-    assert any("does not go with the friction of a rolling pair" in f.message for f in faults_of(changed(("joints/D", rolling))))
+    assert any("does not go with the friction of a rolling joint" in f.message for f in faults_of(changed(("joints/D", rolling))))
     weld = {"weld": ["frame", "rocker"], "at": "C", "friction": {"coefficient": 0.1}}
     assert any(f.message == "friction does not go with a weld." for f in faults_of(changed(("joints/D", weld))))
 
@@ -93,7 +93,7 @@ S = { prismatic = ["frame", "piston"], at = ["G", "C"], friction = { bearing = "
 F = { force = [-10, 0], on = "piston" }
 """
     scene = mechviz.loads(text)
-    found = {p.name: p.friction for p in scene.mechanism.pairs}
+    found = {p.name: p.friction for p in scene.mechanism.joints}
     assert found["A"] == Friction(coefficient=0.1, radius=0.005)
     assert found["B"] == Friction(coefficient=0.2, radius=0.005, exact=True)
     assert found["C"].coefficient == 0.0
@@ -119,8 +119,8 @@ def test_the_builder_has_friction():
     b.force("F", (-10, 0), on="piston")
     scene = b.scene()
     assert isinstance(scene, Scene)
-    assert {p.name: p.friction.coefficient for p in scene.mechanism.pairs} == {"A": 0.1, "B": 0.1, "C": 0.1, "S": 0.3}
-    assert scene.mechanism.pairs[1].friction.radius == 0.008
+    assert {p.name: p.friction.coefficient for p in scene.mechanism.joints} == {"A": 0.1, "B": 0.1, "C": 0.1, "S": 0.3}
+    assert scene.mechanism.joints[1].friction.radius == 0.008
 
 
 # -- events -----------------------------------------------------------------------------------------------------------
@@ -128,7 +128,7 @@ def test_the_sleeve_jams_at_b_over_two_mu_whatever_the_frames():
     for frames in (7, 100):
         forces = forces_of("jamming-sleeve", frames)
         (jam,) = find_jams(forces)
-        assert jam.pairs == ("S",)
+        assert jam.joints == ("S",)
         # the arm of 40 mm grows by 40 mm/s to 80 / (2 * 0.2) = 200 mm
         assert jam.start == pytest.approx(4.0, abs=1e-7) and jam.end == pytest.approx(5.0)
         warnings = [e for e in friction_events(forces) if e.level == "WARN"]
@@ -148,15 +148,15 @@ def test_a_jam_between_two_frames_is_found(excess):
     m = replace(
         m,
         links=(*m.links, cart),
-        pairs=(
-            m.pairs[0],
+        joints=(
+            m.joints[0],
             Prismatic(name="X", links=("frame", "cart"), points=("O", "X")),
             Prismatic(name="H", links=("cart", "lift"), points=("X", "X"), along=(0.0, 1.0)),
             PinSlot(name="T", links=("sleeve", "lift"), points=("S", "X")),
         ),
         drives=(
-            Drive(pair="X", law=Oscillation(centre=peak - 0.1, amplitude=0.1, frequency=0.5, phase=-np.pi / 2)),
-            Drive(pair="H", law=ConstantSpeed(0.0, 0.01)),
+            Drive(joint="X", law=Oscillation(centre=peak - 0.1, amplitude=0.1, frequency=0.5, phase=-np.pi / 2)),
+            Drive(joint="H", law=ConstantSpeed(0.0, 0.01)),
         ),
     )
     times = np.linspace(0.0, 2.0, 12)  # the greatest arm, at 1 s, lies between two of them
@@ -167,7 +167,7 @@ def test_a_jam_between_two_frames_is_found(excess):
     # critical where peak - 0.1 - 0.1 cos(pi t) = b / (2 mu)
     edge = np.arccos(1.0 - excess * b / (2 * mu) / 0.1) / np.pi
     assert (jam.start, jam.end) == pytest.approx((1.0 - edge, 1.0 + edge), abs=1e-7)
-    assert jam.pairs == ("S",)
+    assert jam.joints == ("S",)
 
 
 def test_the_wedge_locks_itself_and_a_steeper_one_does_not():
@@ -205,10 +205,10 @@ def test_recorded_friction_is_part_of_the_balance(name):
     m = made(name)
     forces = m.run.forces
     friction = forces.friction
-    for pair in friction.pairs:
-        np.testing.assert_array_equal(m.data("joints", pair, "friction"), friction.wrench(pair))
-        np.testing.assert_array_equal(m.data("joints", pair, "friction_loss")[:, 0], friction.losses(pair))
-        assert m.recording.has("state", pair)
+    for joint in friction.joints:
+        np.testing.assert_array_equal(m.data("joints", joint, "friction"), friction.wrench(joint))
+        np.testing.assert_array_equal(m.data("joints", joint, "friction_loss")[:, 0], friction.losses(joint))
+        assert m.recording.has("state", joint)
     assert m.recording.has("state", "mechanism")
     if not friction.jammed.any():
         assert balance_of_links(forces) < 1e-11
@@ -220,12 +220,12 @@ def test_recorded_friction_is_part_of_the_balance(name):
 def test_pins_show_their_friction_circle_and_the_line_that_touches_it():
     m = made("four-bar-friction-circles")
     forces = m.run.forces
-    for pair in ("A", "B", "C", "D"):
-        assert m.recording.has("vectors", "friction", pair, "circle") and m.recording.has("vectors", "friction", pair, "line")
-        reaction = forces.reaction(pair)
+    for joint in ("A", "B", "C", "D"):
+        assert m.recording.has("vectors", "friction", joint, "circle") and m.recording.has("vectors", "friction", joint, "line")
+        reaction = forces.reaction(joint)
         arm = np.abs(reaction[:, 2]) / np.hypot(reaction[:, 0], reaction[:, 1])
         turning = forces.friction.elements[0].sign != 0
-        slipping = np.array([s.startswith("slips") for s in forces.friction.state(pair)])
+        slipping = np.array([s.startswith("slips") for s in forces.friction.state(joint)])
         np.testing.assert_allclose(arm[turning & slipping], 0.01, rtol=1e-9)  # mu r = 0.4 * 25 mm
     assert not made("crank-rocker").recording.has("vectors", "friction", "A", "circle")
 

@@ -59,12 +59,12 @@ def test_the_reactions_are_the_shortest_that_balance():
     t = np.linalg.svd(np.array([np.ones(3), x]))[2][2]
     pins = {"A": t[0], "B": t[0], "E": t[1], "D": t[1], "G": t[2], "H": t[2]}
     inner = 0.0
-    for pair, tension in pins.items():
-        spec = next(p for p in motion.mechanism.pairs if p.name == pair)
+    for joint, tension in pins.items():
+        spec = next(p for p in motion.mechanism.joints if p.name == joint)
         towards = 1.0 if spec.links[1] in ("c1", "c2", "c3") else -1.0
-        at_frame = pair in "AEG"
+        at_frame = joint in "AEG"
         pull = tension * (1.0 if at_frame else -1.0) * towards  # on the second link
-        inner += forces.reaction(pair)[0, :2] @ u * pull
+        inner += forces.reaction(joint)[0, :2] @ u * pull
     scale = np.abs([forces.reaction(p)[0] for p in pins]).max()
     assert abs(inner) < 1e-9 * scale
     assert size == pytest.approx(3.0)
@@ -84,11 +84,11 @@ def double_guide(angle: float = 0.0) -> Mechanism:
             Link(name="frame", points={"P": (0.0, 0.0), "Q": (0.0, 0.2)}),
             Link(name="table", points={"P": (0.0, 0.0), "Q": (0.3, 0.2)}, mass=10.0, centre=(0.1, 0.1), inertia=0.2),
         ),
-        pairs=(
+        joints=(
             Prismatic(name="P", links=("frame", "table"), points=("P", "P")),
             Prismatic(name="Q", links=("frame", "table"), points=("Q", "Q"), angle=angle),
         ),
-        drives=(Drive(pair="P", law=ConstantSpeed(0.0, 0.1, travel=1.0)),),
+        drives=(Drive(joint="P", law=ConstantSpeed(0.0, 0.1, travel=1.0)),),
         effects=("inertia", "gravity"),
         loads=(Force(name="F", link="table", point="Q", vector=(-50.0, 0.0)),),
     )
@@ -112,11 +112,11 @@ def test_guides_that_are_not_parallel_are_refused():
 
 def test_contradicting_drives_are_named():
     m = four_bar(E=(0.28, 0.0), AB=0.1, BD=0.3, DE=0.25)
-    both = replace(m, drives=(*m.drives, Drive(pair="E", law=ConstantSpeed(1.6252677045288113, 1.0))), modes={})
+    both = replace(m, drives=(*m.drives, Drive(joint="E", law=ConstantSpeed(1.6252677045288113, 1.0))), modes={})
     with pytest.raises(MechanismError, match=r"drives contradict each other.*Take 1 of the 2 drives away"):
         solve_motion(compile_mechanism(both), np.linspace(0.0, 1.0, 21))
-    twice = replace(m, drives=(*m.drives, Drive(pair="X", law=ConstantSpeed(0.0, 2.0))), modes={"D": "left"})
-    twice = replace(twice, pairs=(*m.pairs, replace(m.pairs[0], name="X")))
+    twice = replace(m, drives=(*m.drives, Drive(joint="X", law=ConstantSpeed(0.0, 2.0))), modes={"D": "left"})
+    twice = replace(twice, joints=(*m.joints, replace(m.joints[0], name="X")))
     with pytest.raises(MechanismError, match="decided twice"):
         compile_mechanism(twice)
 
@@ -143,7 +143,7 @@ def chain_of_four() -> Mechanism:
 
 def test_more_than_one_freedom_left_is_counted():
     with pytest.raises(
-        MechanismError, match=r"2 freedoms that no drive takes: .* at B, C\. Add 2 drives, such as .*, at 2 of these pairs"
+        MechanismError, match=r"2 freedoms that no drive takes: .* at B, C\. Add 2 drives, such as .*, at 2 of these joints"
     ):
         compile_mechanism(chain_of_four())
 
@@ -153,7 +153,7 @@ def test_impossible_input_has_its_own_message_each():
     m = four_bar(E=(0.28, 0.0), AB=0.1, BD=0.3, DE=0.25)
     apart = four_bar(E=(1.0, 0.0), AB=0.1, BD=0.3, DE=0.25)
     none = tuple(replace(x, points={"B": (0.1, 0.0), "D": (0.1, 0.0)}) if x.name == "coupler" else x for x in m.links)
-    both = replace(m, drives=(*m.drives, Drive(pair="E", law=ConstantSpeed(1.6252677045288113, 1.0))), modes={})
+    both = replace(m, drives=(*m.drives, Drive(joint="E", law=ConstantSpeed(1.6252677045288113, 1.0))), modes={})
     wrong = drawn({**POINTS, "H": (2.1, 0.81)}, LINKS, "AEG", drive="A", law=ConstantSpeed(0.0, 1.0))
     cases = {
         "cannot be assembled at the start": apart,
@@ -177,7 +177,7 @@ def test_a_group_between_coincident_points_is_named():
     m = four_bar(E=(0.1, 0.0), AB=0.1, BD=0.3, DE=0.3, start=0.0)  # B is where E is
     with pytest.raises(MechanismError, match="outer pins of its group are at the same point at the start"):
         compile_mechanism(m)
-    late = solve_motion(compile_mechanism(replace(m, drives=(Drive(pair="A", law=ConstantSpeed(0.1, 1.0)),))), [0.0, 7.0])
+    late = solve_motion(compile_mechanism(replace(m, drives=(Drive(joint="A", law=ConstantSpeed(0.1, 1.0)),))), [0.0, 7.0])
     assert late.closure.max() < 1e-14
     loop = {"A": (0, 0), "B": (1, 0), "C": (1.5, 1), "D": (0.2, 1.0)}
     free = drawn(loop, {"a": "ABD", "b": "BC", "c": "DC"}, "A", drive="C", law=ConstantSpeed(0.5, 1.0))
@@ -217,10 +217,10 @@ def test_the_reactions_of_a_double_parallelogram_are_the_shortest():
     assert abs(forces.reaction("P")).max() > 1.0
     stress = {"B": -1.0, "D": 1.0, "P": 2.0, "Q": -2.0, "A": 1.0, "E": -1.0}  # x, on the bars; on the cranks
     inner = scale = 0.0
-    for pair, x in stress.items():
-        spec = next(p for p in forces.motion.mechanism.pairs if p.name == pair)
+    for joint, x in stress.items():
+        spec = next(p for p in forces.motion.mechanism.joints if p.name == joint)
         bar = next((k for k in ("bar", "rung") if k in spec.links), spec.links[0])
         sign = 1.0 if spec.links[1] == bar or spec.links[0] == "frame" else -1.0
-        inner += sign * x * forces.reaction(pair)[0, 0]
-        scale = max(scale, abs(forces.reaction(pair)[0]).max())
+        inner += sign * x * forces.reaction(joint)[0, 0]
+        scale = max(scale, abs(forces.reaction(joint)[0]).max())
     assert abs(inner) < 1e-10 * scale

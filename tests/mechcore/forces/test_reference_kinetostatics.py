@@ -28,9 +28,9 @@ def test_four_bar(name):
         effects=("inertia", "gravity") if "g" in i else ("inertia",),
     )
     forces = load(m, column(rows, "theta_1"), i["omega_1"], i["eps_1"])
-    for pair, key, sign in (("A", "R_A_on_1", 1), ("B", "R_B_on_2", 1), ("D", "R_D_on_3", 1), ("E", "R_E_on_3", 1)):
-        close(sign * forces.reaction(pair)[:, :2], column(rows, key))
-        np.testing.assert_array_equal(forces.reaction(pair)[:, 2], 0.0)
+    for joint, key, sign in (("A", "R_A_on_1", 1), ("B", "R_B_on_2", 1), ("D", "R_D_on_3", 1), ("E", "R_E_on_3", 1)):
+        close(sign * forces.reaction(joint)[:, :2], column(rows, key))
+        np.testing.assert_array_equal(forces.reaction(joint)[:, 2], 0.0)
     close(forces.effort("A"), column(rows, "drive_torque"))
     for k, link in enumerate(("crank", "coupler", "rocker"), 1):
         close(forces.inertia(link)[:, :2], column(rows, f"inertia_force_{k}"))
@@ -86,9 +86,9 @@ def test_lever_mechanism_with_masses():
     for row in rows:
         f = load(m, [row["alpha"]], row["omega_1"], row["eps_1"])
         scale = np.abs(row["R_B_on_3"]).max()
-        for pair, key in (("O", "R_O_on_1"), ("A", "R_A_on_2"), ("B", "R_B_on_3"), ("C", "R_C_on_4"), ("D", "R_D_on_5")):
-            np.testing.assert_allclose(f.reaction(pair)[0, :2], row[key], rtol=0, atol=1e-10 * scale, err_msg=pair)
-        on_block = f.reaction("L")[0]  # the lever is the pair's first link, the block its second
+        for joint, key in (("O", "R_O_on_1"), ("A", "R_A_on_2"), ("B", "R_B_on_3"), ("C", "R_C_on_4"), ("D", "R_D_on_5")):
+            np.testing.assert_allclose(f.reaction(joint)[0, :2], row[key], rtol=0, atol=1e-10 * scale, err_msg=joint)
+        on_block = f.reaction("L")[0]  # the lever is the joint's first link, the block its second
         u = np.exp(1j * f.motion.pose("lever")[0, 2])
         normal = (np.conj(1j * u) * -(on_block[0] + 1j * on_block[1])).real
         assert normal == pytest.approx(row["N_block_on_lever"], rel=1e-10)

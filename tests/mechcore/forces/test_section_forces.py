@@ -38,9 +38,9 @@ def bar(law: Law, *, effects: tuple[str, ...] = ("inertia",), **more: object) ->
     mass, centre, inertia = BAR
     link = Link(name="bar", points={"A": (0.0, 0.0), "B": (LENGTH, 0.0)}, mass=mass, centre=centre, inertia=inertia)
     frame = Link(name="frame", points={"A": (0.0, 0.0)})
-    drives = (Drive(pair="A", law=law),)
+    drives = (Drive(joint="A", law=law),)
     return Mechanism(
-        name="bar", frame="frame", links=(frame, link), pairs=(pin("A", "frame", "bar"),), drives=drives, effects=effects, **more
+        name="bar", frame="frame", links=(frame, link), joints=(pin("A", "frame", "bar"),), drives=drives, effects=effects, **more
     )  # type: ignore[arg-type]
 
 
@@ -105,11 +105,11 @@ def plunger(bearing: str, *, load: tuple[float, float] = (30.0, -200.0), coeffic
     frame, stem = Link(name="frame", points={"G": (0.0, 0.0)}), Link(name="stem", points=points)
     friction = Friction(coefficient=coefficient, length=0.1, offset=0.02, bearing=bearing)  # type: ignore[arg-type]
     guide = Prismatic(name="S", links=("frame", "stem"), points=("G", "G"), along=(0.0, 1.0), friction=friction)
-    drives = (Drive(pair="S", law=Oscillation(0.0, 0.04, 1.0)),)
+    drives = (Drive(joint="S", law=Oscillation(0.0, 0.04, 1.0)),)
     loads = (Force(name="F", link="stem", point="foot", vector=load),)
     effects = ("friction",) if coefficient else ()
     return Mechanism(
-        name="plunger", frame="frame", links=(frame, stem), pairs=(guide,), drives=drives, loads=loads, effects=effects
+        name="plunger", frame="frame", links=(frame, stem), joints=(guide,), drives=drives, loads=loads, effects=effects
     )
 
 
@@ -121,7 +121,7 @@ def test_the_pressure_of_a_guide_is_linear_along_it(bearing: str) -> None:
     found = section_forces(forces, SectionStudy(link="stem", points=("foot", "top")))
     lift = forces.motion.coordinate("S")[:, 0]
     middle = 0.22 - lift if bearing == "guide" else np.full(len(times), 0.22)  # from the foot
-    load = guide_load(forces, mechanism.pairs[0])  # type: ignore[arg-type]
+    load = guide_load(forces, mechanism.joints[0])  # type: ignore[arg-type]
     # two unknown forces at the ends of the bearing hold the side force of the foot
     ahead = 30.0 * (middle - 0.05) / 0.1  # moments about the other end
     assert np.allclose(np.abs(load.ends[:, 0]), 30.0 + ahead)
@@ -189,7 +189,7 @@ def test_an_axis_with_corners_and_a_load_beside_it() -> None:
     weld = Weld(name="W", links=("frame", "arm"), points=("O", "O"))
     loads = (Force(name="F", link="arm", point="T", vector=(0.0, -50.0)),)
     mechanism = Mechanism(
-        name="bracket", frame="frame", links=(frame, arm), pairs=(weld,), loads=loads, effects=("gravity",), standstill=0.0
+        name="bracket", frame="frame", links=(frame, arm), joints=(weld,), loads=loads, effects=("gravity",), standstill=0.0
     )
     found = sections(mechanism, "arm", points=("O", "K", "T"))
     assert found.unbalanced[0] < 1e-11
@@ -283,7 +283,7 @@ def test_the_axis_of_a_link_runs_through_what_acts_on_it() -> None:
     assert axis_of(loaded, "coupler").length == pytest.approx(0.5)
     aside = replace(mechanism, loads=(Force(name="F", link="coupler", point="P", vector=(1.0, 0.0)),))
     assert axis_of(aside, "coupler").length == pytest.approx(0.4)
-    ternary = replace(mechanism, pairs=(*mechanism.pairs, pin("P", "coupler", "rocker")))
+    ternary = replace(mechanism, joints=(*mechanism.joints, pin("P", "coupler", "rocker")))
     with pytest.raises(MechanismError, match="do not lie on one line"):
         axis_of(ternary, "coupler")
     with pytest.raises(MechanismError, match="at one place"):

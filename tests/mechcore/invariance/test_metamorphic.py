@@ -68,7 +68,7 @@ def read_elsewhere(result: Result, load: Any) -> bool:
     factor = getattr(load, "factor", None)
     if factor is None or factor.of != "position" or not isinstance(factor.function, Table):
         return False
-    turns = float(result.motion.coordinate(factor.pair)[-1, 0]) + TURN * np.arange(-3, 4)
+    turns = float(result.motion.coordinate(factor.joint)[-1, 0]) + TURN * np.arange(-3, 4)
     away = np.maximum(np.maximum(factor.function.x[0] - turns, turns - factor.function.x[-1]), 0.0)
     return bool(away[3] > away.min() + 1e-9)
 
@@ -123,11 +123,11 @@ def test_friction_under_forces_sticks_and_slides_alike_at_every_scale(kind: str,
     """What rests is told from the scale of the motion, and what holds it, where that is not determined, from the length scale."""
     case = draw(kind, seed, forces=True, friction=True)
     pin, guide = sp.Friction(coefficient=0.2, radius=0.02), sp.Friction(coefficient=0.2, length=0.3)
-    pairs = tuple(
+    joints = tuple(
         replace(p, friction=pin if isinstance(p, sp.Revolute) else guide) if isinstance(p, sp.Revolute | sp.Prismatic) else p
-        for p in case.mechanism.pairs
+        for p in case.mechanism.joints
     )
-    mechanism = replace(case.mechanism, pairs=pairs, effects=(*case.mechanism.effects, "friction"))
+    mechanism = replace(case.mechanism, joints=joints, effects=(*case.mechanism.effects, "friction"))
     case = replace(case, mechanism=mechanism, time=np.linspace(0.0, 3.0 * case.time[-1], 25))
     change, base = Change(case, length=length, mass=length**3, time=time), Result(case)
     found = differences(change, base, Result(change.made()))

@@ -71,8 +71,8 @@ def test_forces_are_linear_in_the_loads():
     m = slider_crank(r=1.0, l=3.0, loads=(Force(name="F", link="piston", point="C", vector=(3.0, 1.0)),))
     twice = replace(m, loads=(replace(m.loads[0], vector=(6.0, 2.0)),))
     one, two = load(m, ANGLES), load(twice, ANGLES)
-    for pair in ("O", "B", "C", "S"):
-        np.testing.assert_allclose(two.reaction(pair), 2.0 * one.reaction(pair), rtol=1e-13, atol=1e-13)
+    for joint in ("O", "B", "C", "S"):
+        np.testing.assert_allclose(two.reaction(joint), 2.0 * one.reaction(joint), rtol=1e-13, atol=1e-13)
 
 
 def test_naming_no_effect_computes_no_forces_from_masses():

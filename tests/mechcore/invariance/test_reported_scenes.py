@@ -20,7 +20,7 @@ def test_a_scene_once_wrong_agrees_with_the_second_formulation(path: Path) -> No
     scene = load(path)
     motion, mechanism, simulation = run_scene(scene).motion, scene.mechanism, scene.simulation
     poses = {link.name: tuple(map(float, motion.pose(link.name)[0])) for link in mechanism.links}
-    start = {pair.name: float(motion.coordinate(pair.name)[0, 0]) for pair in mechanism.pairs}
+    start = {joint.name: float(motion.coordinate(joint.name)[0, 0]) for joint in mechanism.joints}
     time = np.linspace(0.0, motion.time[-1], 41)
     case = Case("reported", 0, mechanism, time, start, poses, simulation.stops if simulation else ())
     deviations, condition = compare(case)

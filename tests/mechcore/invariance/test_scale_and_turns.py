@@ -58,10 +58,10 @@ def test_motion_and_forces_in_kilometres_and_ten_kilometres_away(build, scale, s
         for found in ("velocity", "acceleration"):
             want, got = getattr(base.motion, found)(link), getattr(other.motion, found)(link) / [scale, scale, 1.0]
             np.testing.assert_allclose(got, want, rtol=0, atol=near * np.abs(want).max())
-    for pair in (p.name for p in base.motion.mechanism.pairs):
-        want = base.reaction(pair)
-        np.testing.assert_allclose(other.reaction(pair) / [scale, scale, scale**2], want, rtol=0, atol=near * np.abs(want).max())
-    drive = base.motion.mechanism.drives[0].pair
+    for joint in (p.name for p in base.motion.mechanism.joints):
+        want = base.reaction(joint)
+        np.testing.assert_allclose(other.reaction(joint) / [scale, scale, scale**2], want, rtol=0, atol=near * np.abs(want).max())
+    drive = base.motion.mechanism.drives[0].joint
     want = base.effort(drive)
     np.testing.assert_allclose(other.effort(drive) / scale**2, want, rtol=0, atol=near * np.abs(want).max())
     np.testing.assert_allclose(other.motion.condition, base.motion.condition, rtol=1e-6)
@@ -73,7 +73,7 @@ def geared() -> Mechanism:
     frame = replace(m.links[0], points={**m.links[0].points, "W": (-0.1, 0.0)})
     wheel = Link(name="pinion", points={"W": (0.0, 0.0)})
     gear = Gear(name="G", links=("crank", "pinion"), carrier="frame", sizes=(30, 20))
-    return replace(m, links=(frame, *m.links[1:], wheel), pairs=(*m.pairs, pin("W", "frame", "pinion"), gear))
+    return replace(m, links=(frame, *m.links[1:], wheel), joints=(*m.joints, pin("W", "frame", "pinion"), gear))
 
 
 def triad() -> Mechanism:
@@ -98,9 +98,9 @@ def test_turn_ten_thousand_equals_turn_one(build):
     assert last.closure.max() <= 1e-12 * last.model.length_scale
     if build is not triad:
         a, b = (solve_forces(m) for m in (first, last))
-        for pair in (p.name for p in first.mechanism.pairs):
-            want = a.reaction(pair)
-            np.testing.assert_allclose(b.reaction(pair), want, rtol=0, atol=1e-9 * max(np.abs(want).max(), 1.0))
+        for joint in (p.name for p in first.mechanism.joints):
+            want = a.reaction(joint)
+            np.testing.assert_allclose(b.reaction(joint), want, rtol=0, atol=1e-9 * max(np.abs(want).max(), 1.0))
 
 
 @pytest.mark.parametrize("frames", [2, 360])
@@ -122,6 +122,6 @@ def test_drives_that_go_on_for_ever_are_refused_with_the_limit():
         MechanismError, match=r"joints.A.drive: it goes 111111 turns .* over 50,000 turns at most\. Run fewer cycles"
     ):
         solve_motion(compiled, [0.0, np.radians(4e7)])
-    slider = replace(engine(), drives=(Drive(pair="S", law=ConstantSpeed(0.2, 1.0)),), modes={"B": "left"})
+    slider = replace(engine(), drives=(Drive(joint="S", law=ConstantSpeed(0.2, 1.0)),), modes={"B": "left"})
     with pytest.raises(MechanismError, match=r"joints.S.drive: it goes 6e\+07 mm, .* times the size of the mechanism"):
         solve_motion(compile_mechanism(slider), [0.0, 6e4])

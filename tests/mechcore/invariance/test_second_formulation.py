@@ -18,7 +18,7 @@ from mechcore.errors import MechanismError
 from mechcore.forces.kinetostatics import solve_forces
 from mechcore.motion.solve import compile_mechanism, solve_motion
 from mechcore.spec.loads import GasPressure
-from mechcore.spec.mechanism import CamPair, Cylinder
+from mechcore.spec.mechanism import CamJoint, Cylinder
 
 PRESCRIBED = 1e-9  # of the largest value of each quantity, where the constraints are well conditioned
 UNDER_FORCES = 1e-7
@@ -129,15 +129,15 @@ def positions(case: Case, second: Second, motion: Any, q: Any, v: Any, a: Any) -
             if derivative == 0:
                 got[:, 2] -= TURN * np.round((got[0, 2] - want[0, 2]) / TURN)
             out[f"{name} {link}"] = relative(got, want, scale)
-    for pair in case.mechanism.pairs:
-        if isinstance(pair, CamPair) or type(pair).__name__ == "Weld":
+    for joint in case.mechanism.joints:
+        if isinstance(joint, CamJoint) or type(joint).__name__ == "Weld":
             continue
-        rows = np.array([[*second.coordinate(pair.name, x, u)] for x, u in zip(q, v, strict=True)])
-        got = motion.coordinate(pair.name)[:, :2]
-        slides = pair.name in second.slide or isinstance(pair, Cylinder)
+        rows = np.array([[*second.coordinate(joint.name, x, u)] for x, u in zip(q, v, strict=True)])
+        got = motion.coordinate(joint.name)[:, :2]
+        slides = joint.name in second.slide or isinstance(joint, Cylinder)
         # the start of an angle may lie a whole turn away from the drawing, never its course
         begin = 0.0 if slides else TURN * np.round((got[0, 0] - rows[0, 0]) / TURN)
-        out[f"coordinate {pair.name}"] = relative(got - [begin, 0.0], rows, max(1.0, float(np.abs(rows).max())))
+        out[f"coordinate {joint.name}"] = relative(got - [begin, 0.0], rows, max(1.0, float(np.abs(rows).max())))
     return out
 
 
@@ -153,7 +153,7 @@ def efforts(case: Case, second: Second, motion: Any, forces: Any, q: Any, v: Any
         want = np.array([[f["loads"][k].force.real, f["loads"][k].force.imag, f["loads"][k].moment] for f in frames])
         got = loads[load.name].values[:, :3]
         on = loads[load.name].links[0]  # of a cylinder its rod
-        body = second.body[on] if on in second.body else second.body[second.pair[load.pair].links[1]]  # type: ignore[union-attr]
+        body = second.body[on] if on in second.body else second.body[second.joint[load.joint].links[1]]  # type: ignore[union-attr]
         sign = np.array([[1.0 if f["loads"][k].body == body else -1.0] for f in frames])
         big.append(float(np.abs(want).max()))
         out[f"load {load.name} {type(load).__name__}"] = relative(got * sign, want, max(1e-3, float(np.abs(want).max())))

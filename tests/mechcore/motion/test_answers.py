@@ -70,13 +70,13 @@ def test_instant_centre_of_the_elliptic_trammel_is_the_reference_s():
             Link(name="b", points={"B": (0.0, 0.0)}),
             bar,
         ),
-        pairs=(
+        joints=(
             Prismatic(name="x", links=("frame", "a"), points=("O", "A")),
             Prismatic(name="y", links=("frame", "b"), points=("O", "B"), along=(0.0, 1.0)),
             pin("A", "a", "bar"),
             pin("B", "b", "bar"),
         ),
-        drives=(Drive(pair="A", law=ConstantSpeed(np.pi, -1.0)),),
+        drives=(Drive(joint="A", law=ConstantSpeed(np.pi, -1.0)),),
     )
     motion = move(m, np.pi - column(rows, "theta"), -i["theta_dot"])
     close(answers.instant_centres(motion)["frame", "bar"], column(rows, "ic"))

@@ -21,7 +21,7 @@ from mechcore.kinematics import dyads as cf
 from mechcore.laws.timed import ConstantSpeed, Oscillation
 from mechcore.motion.reach import reachable_ranges
 from mechcore.motion.solve import compile_mechanism, default_times, solve_motion
-from mechcore.motion.structure import groups, gruebler, loop_pairs, rank_mobility, redundant_pairs
+from mechcore.motion.structure import groups, gruebler, loop_joints, rank_mobility, redundant_joints
 from mechcore.spec.loads import Force
 from mechcore.spec.mechanism import Drive, Link, Mechanism, PinSlot, Prismatic
 from mechcore.topology.order import block_order, maximum_matching
@@ -47,8 +47,8 @@ from mechcore.spec.mechanism import Drive, Link, Mechanism, Revolute
 from mechcore.laws import ConstantSpeed
 links = Link(name="f", points={"A": (0.0, 0.0)}), Link(name="c", points={"A": (0.0, 0.0)})
 m = Mechanism(name="crank", frame="f", links=links,
-              pairs=(Revolute(name="A", links=("f", "c"), points=("A", "A")),),
-              drives=(Drive(pair="A", law=ConstantSpeed(0.0, 2.0)),))
+              joints=(Revolute(name="A", links=("f", "c"), points=("A", "A")),),
+              drives=(Drive(joint="A", law=ConstantSpeed(0.0, 2.0)),))
 motion = mechcore.solve_motion(mechcore.compile_mechanism(m), [0.0, 0.5])
 print(motion.pose("c")[1, 2])
 loaded = {m.split(".")[0] for m in sys.modules}
@@ -163,14 +163,14 @@ def test_mobility_groups_and_loops_of_known_mechanisms():
         assert w == rank_mobility(motion) == 1
         assert len(compiled.model.loops) == p5 + p4 - n
         assert [f"{g.assur_class} {g.kind}" for g in groups(compiled.model)] == kinds
-    assert {frozenset(c) for c in loop_pairs(six.model)} == {frozenset("ABDE"), frozenset("EHKN")}
+    assert {frozenset(c) for c in loop_joints(six.model)} == {frozenset("ABDE"), frozenset("EHKN")}
 
 
-def test_order_of_links_and_pairs_does_not_matter():
+def test_order_of_links_and_joints_does_not_matter():
     m = watt_six_bar(case("linkages", "sixbar-watt")["inputs"], speed=1.0)
     theta = np.linspace(0, 6, 7)
     a = move(m, theta)
-    b = move(replace(m, links=m.links[::-1], pairs=m.pairs[::-1]), theta)
+    b = move(replace(m, links=m.links[::-1], joints=m.joints[::-1]), theta)
     assert sorted(x.kind for x in a.model.blocks) == sorted(x.kind for x in b.model.blocks)
     np.testing.assert_allclose(b.point("output", "K"), a.point("output", "K"), rtol=1e-13)
 
@@ -180,7 +180,7 @@ def test_third_parallel_crank_is_redundant_and_moves_exactly():
     m = drawn(points, {"c1": "AB", "bar": "BDH", "c2": "ED", "c3": "GH"}, "AEG", drive="A", law=ConstantSpeed(0.0, 1.0))
     motion = move(m, np.linspace(-0.5, 1.5, 21))
     assert gruebler(motion.model)[3] == 0 and rank_mobility(motion) == 1
-    assert redundant_pairs(motion.model)
+    assert redundant_joints(motion.model)
     assert motion.closure.max() < 1e-12 * motion.model.length_scale
     np.testing.assert_allclose(motion.velocity("bar")[:, 2], 0.0, atol=1e-12)
     np.testing.assert_allclose(motion.velocity("c3")[:, 2], 1.0, atol=1e-12)
@@ -196,7 +196,7 @@ def test_third_parallel_crank_is_redundant_and_moves_exactly():
 
 
 # -- drives ---------------------------------------------------------------------------------------------------------------
-def test_drive_on_a_floating_pair_is_the_same_motion():
+def test_drive_on_a_floating_joint_is_the_same_motion():
     """A four-bar driven at its coupler-rocker pin through the angles that the crank-driven one has there."""
     m = four_bar(E=(0.28, 0.0), AB=0.1, BD=0.3, DE=0.25)
     theta = np.linspace(0.4, 2.4, 11)
@@ -204,7 +204,7 @@ def test_drive_on_a_floating_pair_is_the_same_motion():
     d = a.coordinate("D")
     other = replace(
         m,
-        drives=(Drive(pair="D", law=ConstantSpeed(float(d[0, 0]), 1.0)),),
+        drives=(Drive(joint="D", law=ConstantSpeed(float(d[0, 0]), 1.0)),),
         modes={},
         sketch={k: tuple(a.pose(k)[0]) for k in ("crank", "coupler", "rocker")},
     )
@@ -220,7 +220,7 @@ def test_slider_crank_driven_by_its_piston():
     theta = np.linspace(0.3, 2.8, 11)
     a = load(m, theta, 2.0, 1.0)
     s = a.motion.coordinate("S")
-    driven = replace(m, drives=(Drive(pair="S", law=ConstantSpeed(float(s[0, 0]), 1.0)),), modes={"B": "left"})
+    driven = replace(m, drives=(Drive(joint="S", law=ConstantSpeed(float(s[0, 0]), 1.0)),), modes={"B": "left"})
     b = solve_forces(solve_motion(compile_mechanism(driven), np.arange(11), drives={"S": tuple(s.T)}))
     np.testing.assert_allclose(b.motion.velocity("crank")[:, 2], 2.0, rtol=1e-11)
     np.testing.assert_allclose(b.motion.acceleration("crank")[:, 2], 1.0, rtol=1e-9)
@@ -231,7 +231,7 @@ def test_slider_crank_driven_by_its_piston():
 def test_two_drives_of_a_five_bar():
     points = {"A": (0, 0), "B": (-0.2, 0.5), "C": (0.5, 1.1), "D": (1.2, 0.5), "E": (1, 0)}
     m = drawn(points, {"left": "AB", "l2": "BC", "r2": "DC", "right": "ED"}, "AE", drive="A", law=ConstantSpeed(0.0, 1.0))
-    two = replace(m, drives=(*m.drives, Drive(pair="E", law=ConstantSpeed(0.0, -0.5))))
+    two = replace(m, drives=(*m.drives, Drive(joint="E", law=ConstantSpeed(0.0, -0.5))))
     motion = solve_motion(compile_mechanism(two), np.linspace(0, 0.6, 7))
     assert [b.kind for b in motion.model.blocks] == ["theta_theta"]
     np.testing.assert_allclose(motion.velocity("left")[:, 2], 1.0)
@@ -274,7 +274,7 @@ def test_mode_faults_say_what_to_write():
     text = faults_of(replace(m, modes={}))
     assert 'side = "left"' in text and 'side = "right"' in text and "251.7 mm" in text
     assert "'ahead' is not an assembly mode" in faults_of(replace(m, modes={"D": "ahead"}))
-    assert "this pair decides nothing" in faults_of(replace(m, modes={"D": "left", "A": "right"}))
+    assert "this joint decides nothing" in faults_of(replace(m, modes={"D": "left", "A": "right"}))
     text = faults_of(replace(class_three(), sketch={}))
     assert "2 at the start" in text and "[sketch]" in text
 
@@ -288,9 +288,9 @@ def test_modes_are_refused_where_a_group_has_no_two():
     )
     slot = PinSlot(name="T", links=("valve", "lever"), points=("T", "T"), along=(1.0, 0.0))
     guide = Prismatic(name="S", links=("frame", "valve"), points=("G", "T"), along=(0.0, 1.0))
-    drives = (Drive(pair="O", law=ConstantSpeed(0.1, 1.0)),)
-    pairs = (pin("O", "frame", "lever"), slot, guide)
-    one_way = Mechanism(name="valve", frame="frame", links=links, pairs=pairs, drives=drives)
+    drives = (Drive(joint="O", law=ConstantSpeed(0.1, 1.0)),)
+    joints = (pin("O", "frame", "lever"), slot, guide)
+    one_way = Mechanism(name="valve", frame="frame", links=links, joints=joints, drives=drives)
     compile_mechanism(one_way)
     text = faults_of(replace(one_way, modes={"T": "ahead"}))
     assert "joints.T.branch: an assembly mode ('ahead') is stated here" in text and "Leave it out: there is one way only." in text
@@ -301,24 +301,24 @@ def test_modes_are_refused_where_a_group_has_no_two():
 
 
 @pytest.mark.parametrize(
-    ("build", "word", "pairs"),
+    ("build", "word", "joints"),
     [(four_bar, "left", "BDE"), (four_bar, "right", "BDE"), (four_bar, "crossed", "BDE")]
     + [(slider_crank, word, "BCS") for word in ("ahead", "behind")],
 )
-def test_modes_mean_the_same_at_every_joint_that_their_group_places(build, word, pairs):
+def test_modes_mean_the_same_at_every_joint_that_their_group_places(build, word, joints):
     m = four_bar(E=(0.28, 0.0), AB=0.1, BD=0.3, DE=0.25, start=1.0) if build is four_bar else slider_crank(r=0.05, l=0.18, e=0.012)
     time = np.linspace(0.0, 1.0, 5)
-    want = move(replace(m, modes={pairs[-2]: word}), time)
-    for pair in pairs:
-        got = move(replace(m, modes={pair: word}), time)
+    want = move(replace(m, modes={joints[-2]: word}), time)
+    for joint in joints:
+        got = move(replace(m, modes={joint: word}), time)
         for link in want.model.links:
             np.testing.assert_array_equal(got.pose(link), want.pose(link))
-    same = dict.fromkeys(pairs, word)
+    same = dict.fromkeys(joints, word)
     move(replace(m, modes=same), time)
     other = {"left": "right", "right": "left", "crossed": "open", "ahead": "behind", "behind": "ahead"}[word]
     key = {"left": "side", "right": "side", "crossed": "assembly"}.get(word, "branch")
-    text = faults_of(replace(m, modes={**same, pairs[-1]: other}))
-    assert f"joints.{pairs[-1]}.{key}: '{other}' contradicts '{word}' at {pairs[0]}" in text
+    text = faults_of(replace(m, modes={**same, joints[-1]: other}))
+    assert f"joints.{joints[-1]}.{key}: '{other}' contradicts '{word}' at {joints[0]}" in text
 
 
 def test_stated_modes_mean_what_they_say():
@@ -327,7 +327,7 @@ def test_stated_modes_mean_what_they_say():
         p = {x: move(replace(m, modes={"D": word}), [1.0]).point("coupler", x)[0] for x in "BD"}
         b, d, e = p["B"], p["D"], np.array([0.28, 0.0])
         assert (np.cross(np.append(e - b, 0), np.append(d - b, 0))[2] > 0) == left, word
-    reverse = replace(m, pairs=tuple(pin("D", "rocker", "coupler") if x.name == "D" else x for x in m.pairs))
+    reverse = replace(m, joints=tuple(pin("D", "rocker", "coupler") if x.name == "D" else x for x in m.joints))
     p = move(replace(reverse, modes={"D": "left"}), [1.0]).point("coupler", "D")[0]
     assert p[1] < 0, "left as seen from the first link's other pin (E) to the second's (B)"
     s = {w: move(slider_crank(r=1.0, l=3.0, branch=w), [1.0]).coordinate("S")[0, 0] for w in ("ahead", "behind")}
@@ -345,10 +345,10 @@ def test_sketch_chooses_the_mode():
 
 def test_zero_length_and_contradictions_are_refused():
     m = four_bar(E=(0.28, 0.0), AB=0.1, BD=0.3, DE=0.25)
-    with pytest.raises(MechanismError, match="no chain of pairs"):
+    with pytest.raises(MechanismError, match="no chain of joints"):
         compile_mechanism(replace(m, links=(*m.links, Link(name="lost", points={"A": (0.0, 0.0)}))))
     with pytest.raises(MechanismError) as e:
-        compile_mechanism(replace(m, pairs=(*m.pairs, pin("X", "crank", "nowhere"), pin("Y", "crank", "crank"))))
+        compile_mechanism(replace(m, joints=(*m.joints, pin("X", "crank", "nowhere"), pin("Y", "crank", "crank"))))
     assert len(e.value.faults) >= 2, "all faults at once"
 
 
@@ -456,13 +456,13 @@ def test_statics_without_inertia_solve_no_accelerations(monkeypatch):
 
 
 def test_prismatic_guides_on_either_link_agree():
-    """The same shaper with the guide carried by the first or by the second link of the pair."""
+    """The same shaper with the guide carried by the first or by the second link of the joint."""
     geometry = case("lever_contour", "lever-quick-return-shaper")["inputs"]["geometry"]
     m = lever(geometry, law=Oscillation(0.5, 0.3, 1.0))
     swapped = replace(
         m,
-        pairs=tuple(
-            Prismatic(name="L", links=("block", "lever"), points=("A", "B"), guide=1) if p.name == "L" else p for p in m.pairs
+        joints=tuple(
+            Prismatic(name="L", links=("block", "lever"), points=("A", "B"), guide=1) if p.name == "L" else p for p in m.joints
         ),
     )
     bodies = {"block": 0.3, "lever": 2.0}

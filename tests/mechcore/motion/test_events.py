@@ -63,13 +63,13 @@ def slider_crank(law) -> Mechanism:
             Link(name="rod", points={"B": (0, 0), "C": (0.2, 0)}),
             Link(name="slider", points={"C": (0, 0)}),
         ),
-        pairs=(
+        joints=(
             Revolute(name="A", links=("frame", "crank"), points=("A", "A")),
             Revolute(name="B", links=("crank", "rod"), points=("B", "B")),
             Revolute(name="C", links=("rod", "slider"), points=("C", "C")),
             Prismatic(name="S", links=("frame", "slider"), points=("A", "C"), along=(1.0, 0.0)),
         ),
-        drives=(Drive(pair="A", law=law),),
+        drives=(Drive(joint="A", law=law),),
         modes={"S": "ahead"},
     )
 
@@ -174,7 +174,7 @@ def test_extremes_between_frames(frames):
 
 def test_extremes_in_time_do_not_depend_on_the_law():
     """A swinging drive meets the same worst angle at the same place of the drive."""
-    swings = replace(crank_rocker(), drives=(Drive(pair="A", law=Oscillation(0.3, 0.8, 0.7)),))
+    swings = replace(crank_rocker(), drives=(Drive(joint="A", law=Oscillation(0.3, 0.8, 0.7)),))
     events = find_events(move(swings, 50))
     worst = next(e for e in events if "worst transmission" in e.text)
     assert float(swings.drives[0].law(worst.time)[0]) == pytest.approx(0.0, abs=1e-7)
@@ -192,7 +192,7 @@ def test_the_worst_transmission_angle_at_a_change_point():
 def test_the_velocity_ratio_at_a_dead_point_is_named_without_bound():
     m = four_bar(E=(0.3, 0.0), AB=0.22, BD=0.16, DE=0.21)
     limit = float(np.arccos((0.22**2 + 0.3**2 - 0.37**2) / (2 * 0.22 * 0.3)))
-    m = replace(m, answers=("velocity_ratio",), drives=(Drive(pair="A", law=Oscillation(0.0, limit, 0.25)),))
+    m = replace(m, answers=("velocity_ratio",), drives=(Drive(joint="A", law=Oscillation(0.0, limit, 0.25)),))
     motion = solve_motion(compile_mechanism(m), np.linspace(0.0, 2.0, 203))
     found = next(e for e in find_events(motion) if e.item == "E" and "velocity ratio" in e.text)
     assert "without bound" in found.text and found.time == pytest.approx(1.0, abs=1e-6)

@@ -142,7 +142,7 @@ def test_a_program_follows_a_held_master():
     text = four_bar_text("speed = 0, start = 45").replace("[joints]\n", f"[joints]\n{ram}\n")
     text = text.replace("[links]\n", "[links]\nram = { points = { T = [0, 0] } }\n")
     program = 'program = { master = "A", segments = [{ over = 90, to = 8, law = "constant-velocity" }, { over = 270, to = 0 }] }'
-    law = next(d.law for d in mechviz.loads(text.replace("PROGRAM", program)).mechanism.drives if d.pair == "S")
+    law = next(d.law for d in mechviz.loads(text.replace("PROGRAM", program)).mechanism.drives if d.joint == "S")
     assert isinstance(law, Rest) and law.position == pytest.approx(0.004)
 
 
@@ -186,7 +186,7 @@ F = { force = ["10 N", 0], on = "c", at = "C", table = { position = [0, 180], fa
 """
     held = run_scene(mechviz.loads(five.replace("HELD", 'revolute = ["frame", "a"], drive = { speed = 0, start = 70 }')))
     fixed = run_scene(mechviz.loads(five.replace("HELD", 'weld = ["frame", "a"], angle = 70')))
-    assert [d.pair for d in held.motion.mechanism.drives] == ["E", "A"]
+    assert [d.joint for d in held.motion.mechanism.drives] == ["E", "A"]
     assert held.motion.time[-1] == 2.0 and held.motion.frames == fixed.motion.frames
     assert held.forces is not None and fixed.forces is not None
     for link in "abcd":
@@ -202,10 +202,15 @@ def test_core_mechanisms_rest_too():
         Link(name="frame", points={"A": (0.0, 0.0)}),
         Link(name="arm", points={"A": (0.0, 0.0), "B": (0.5, 0.0)}),
     )
-    pair = Revolute(name="A", links=("frame", "arm"), points=("A", "A"))
+    joint = Revolute(name="A", links=("frame", "arm"), points=("A", "A"))
     load = Force(name="F", link="arm", point="B", vector=(0.0, 2.0), factor=Factor(function=np.cos, of="time"))
     made = Mechanism(
-        name="arm", frame="frame", links=links, pairs=(pair,), drives=(Drive(pair="A", law=ConstantSpeed(0.3, 0.0)),), loads=(load,)
+        name="arm",
+        frame="frame",
+        links=links,
+        joints=(joint,),
+        drives=(Drive(joint="A", law=ConstantSpeed(0.3, 0.0)),),
+        loads=(load,),
     )
     motion = solve_motion(compile_mechanism(made), np.linspace(0.0, 1.0, 3))
     assert motion.pose("arm")[:, 2] == pytest.approx(0.3) and len(default_times(made)) == 1
@@ -214,7 +219,9 @@ def test_core_mechanisms_rest_too():
         (drive,) = scene.mechanism.drives
         q = float(drive.law(0.2)[0])
         moved = solve_motion(compile_mechanism(scene.mechanism), np.array([0.2]))
-        start = scene.changed({("joints", drive.pair, "drive"): {"speed": 0, "start": f"{q!r} rad"}, ("run",): {"duration": "1 s"}})
+        start = scene.changed(
+            {("joints", drive.joint, "drive"): {"speed": 0, "start": f"{q!r} rad"}, ("run",): {"duration": "1 s"}}
+        )
         still = solve_motion(compile_mechanism(start.mechanism), default_times(start.mechanism, 5))
         if name != "geared-slider-cranks":  # wheels stand as at their own start
             assert still.pose(scene.mechanism.links[-1].name)[-1, :2] == pytest.approx(
@@ -248,14 +255,14 @@ def test_a_parallelogram_of_three_rods_is_no_structure():
     links = {"frame": {"points": {"A": [0, 0], "B": [1, 0], "C": [2, 0]}}}
     links["plate"] = {"points": {"P": [0, 0], "Q": [1, 0], "R": [2, 0]}}
     links |= {f"rod {k}": {"points": {k: [0, 0], e: [1, 0]}} for k, e in zip("ABC", "PQR", strict=True)}
-    pairs = {k: {"revolute": ["frame", f"rod {k}"]} for k in "ABC"}
-    pairs |= {e: {"revolute": [f"rod {k}", "plate"]} for k, e in zip("ABC", "PQR", strict=True)}
+    joints = {k: {"revolute": ["frame", f"rod {k}"]} for k in "ABC"}
+    joints |= {e: {"revolute": [f"rod {k}", "plate"]} for k, e in zip("ABC", "PQR", strict=True)}
     sketch = {"plate": {"at": [0, 1]}} | {f"rod {k}": {"at": [n, 0], "angle": "90 deg"} for n, k in enumerate("ABC")}
     load = {"W": {"force": [1, 0], "on": "plate", "at": "Q"}}
     with pytest.raises(MechanismError, match="do not hold it"):
-        run_scene(Scene.build(links=links, pairs=pairs, sketch=sketch, loads=load))
-    pairs["C"] = {"weld": ["frame", "rod C"], "angle": "90 deg"}  # braced: the rod bends
-    run = run_scene(Scene.build(links=links, pairs=pairs, sketch=sketch, loads=load))
+        run_scene(Scene.build(links=links, joints=joints, sketch=sketch, loads=load))
+    joints["C"] = {"weld": ["frame", "rod C"], "angle": "90 deg"}  # braced: the rod bends
+    run = run_scene(Scene.build(links=links, joints=joints, sketch=sketch, loads=load))
     assert run.forces is not None and run.forces.reaction("C")[0, 0] == pytest.approx(-1.0)
 
 

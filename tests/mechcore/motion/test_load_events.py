@@ -71,7 +71,7 @@ def force(rest: str) -> str:
     ("loads", "words"),
     [
         (force(", table = { position = [400, 500], factor = [0, 1] }"), "never acts: its table goes from 400° to 500°"),
-        (force(', table = { pair = "D", position = [0, 10], factor = [1, 0] }'), "position of D goes from 100.673° to 153.675°"),
+        (force(', table = { joint = "D", position = [0, 10], factor = [1, 0] }'), "position of D goes from 100.673° to 153.675°"),
         (force(", table = { time = [2, 3], factor = [0, 1] }"), "from 2 s to 3 s, the time goes from 0 s to 1 s"),
         (force(', table = { x = [-90, -80], factor = [1, 0], point = "crank.B" }'), "crank.B goes"),
         (
@@ -153,7 +153,7 @@ def test_stroke_and_time_ratio_of_a_slider_crank():
     for cycles in (1, 3):
         scene = mechviz.loads(f"run = {{ frames = 200, cycles = {cycles} }}\n" + SLIDER_CRANK)
         (found,) = strokes(motion_of(scene), cycles)
-        assert (found.pair, found.rotary) == ("S", False)
+        assert (found.joint, found.rotary) == ("S", False)
         np.testing.assert_allclose([found.low, found.high], [low, high], rtol=1e-12)
         assert found.time_ratio == pytest.approx((np.pi + delta) / (np.pi - delta), rel=1e-9)
     (line,) = [line for line in check_lines(scene) if line.startswith("output")]

@@ -33,8 +33,8 @@ def six_bar(rng: np.random.Generator) -> Mechanism:
         name="six-bar",
         frame="frame",
         links=(Link(name="frame", points=at), *links),
-        pairs=(*(pin(*e) for e in ends), pin("D", "frame", "three")),
-        drives=tuple(Drive(pair=p, law=law) for p, law in zip("ABD", laws, strict=True)),
+        joints=(*(pin(*e) for e in ends), pin("D", "frame", "three")),
+        drives=tuple(Drive(joint=p, law=law) for p, law in zip("ABD", laws, strict=True)),
         modes={"Q": "left"},
     )
 
@@ -85,7 +85,7 @@ def test_three_drives_of_a_six_bar():
                     assert miss_of_dyad(mechanism, np.array(beyond), fine).max() > 0.0
             run = Oscillation(0.5 * (low + high), 0.5 * (high - low), 3.0, float(rng.uniform(0.0, 6.0)))
             others = mechanism.drives[1:]
-            assert not refused(replace(mechanism, drives=(Drive(pair="A", law=run), *others)))
+            assert not refused(replace(mechanism, drives=(Drive(joint="A", law=run), *others)))
         elif end := number(r"end the motion at ([\d.e-]+) s", text):
             ended += 1
             until = np.linspace(0.0, end[0], 2001)
@@ -104,16 +104,16 @@ def platform(rng: np.random.Generator) -> tuple[Mechanism, tuple[np.ndarray, ...
         Link(name="frame", points={f"A{i}": (z.real, z.imag) for i, z in enumerate(pivots)}),
         Link(name="plate", points={f"C{i}": (z.real, z.imag) for i, z in enumerate(plate)}),
     ]
-    pairs, drives, sketch = [], [], {"plate": (pose.real, pose.imag, turned)}
+    joints, drives, sketch = [], [], {"plate": (pose.real, pose.imag, turned)}
     for i in range(3):
         links.append(Link(name=f"crank{i}", points={f"A{i}": (0.0, 0.0), f"B{i}": (float(cranks[i]), 0.0)}))
         links.append(Link(name=f"rod{i}", points={f"B{i}": (0.0, 0.0), f"C{i}": (float(abs(reach[i])), 0.0)}))
         ends = ((f"A{i}", "frame", f"crank{i}"), (f"B{i}", f"crank{i}", f"rod{i}"), (f"C{i}", f"rod{i}", "plate"))
-        pairs += [pin(*e) for e in ends]
+        joints += [pin(*e) for e in ends]
         law = Oscillation(float(starts[i]), float(rng.uniform(0.2, 1.2)), float(rng.integers(1, 3)))
-        drives.append(Drive(pair=f"A{i}", law=law if i else ConstantSpeed(float(starts[0]), 2.0 * np.pi)))
+        drives.append(Drive(joint=f"A{i}", law=law if i else ConstantSpeed(float(starts[0]), 2.0 * np.pi)))
         sketch[f"rod{i}"] = outer[i].real, outer[i].imag, float(np.angle(reach[i]))
-    found = Mechanism(name="platform", frame="frame", links=tuple(links), pairs=tuple(pairs), drives=tuple(drives), sketch=sketch)
+    found = Mechanism(name="platform", frame="frame", links=tuple(links), joints=tuple(joints), drives=tuple(drives), sketch=sketch)
     return found, (pivots, plate, cranks, abs(reach))
 
 

@@ -21,11 +21,11 @@ def telescope(guide: int) -> Mechanism:
             Link(name="arm", points={"O": (0.1, 0.0), "S": (1.0, 0.2)}),
             Link(name="block", points={"S": (0.3, 0.1), "Q": (0.3, 0.4)}),
         ),
-        pairs=(
+        joints=(
             Revolute(name="O", links=("frame", "arm"), points=("O", "O")),
             Prismatic(name="S", links=("arm", "block"), points=("S", "S"), along=(1.0, 0.5), guide=guide, angle=0.3),
         ),
-        drives=(Drive(pair="O", law=Oscillation(0.4, 0.8, 1.1)), Drive(pair="S", law=Oscillation(0.5, 0.2, 0.7))),
+        drives=(Drive(joint="O", law=Oscillation(0.4, 0.8, 1.1)), Drive(joint="S", law=Oscillation(0.5, 0.2, 0.7))),
     )
 
 
@@ -66,8 +66,8 @@ def test_long_chains_go_from_link_to_link():
         name="arm",
         frame="frame",
         links=tuple(links),
-        pairs=tuple(Revolute(name=f"J{i}", links=(names[i], names[i + 1]), points=(f"P{i}", f"P{i}")) for i in range(n)),
-        drives=tuple(Drive(pair=f"J{i}", law=ConstantSpeed(0.1 * i, 0.3)) for i in range(n)),
+        joints=tuple(Revolute(name=f"J{i}", links=(names[i], names[i + 1]), points=(f"P{i}", f"P{i}")) for i in range(n)),
+        drives=tuple(Drive(joint=f"J{i}", law=ConstantSpeed(0.1 * i, 0.3)) for i in range(n)),
     )
     motion = solve_motion(compile_mechanism(arm), TIME)
     assert ("k8", "P9") not in motion.model.named_points

@@ -48,7 +48,7 @@ def limit(crank: float, frame: float, rest: float) -> float:
 
 
 def law_of(scene: Scene) -> Law:
-    return next(d.law for d in scene.mechanism.drives if d.pair in ("A", "S", "H"))
+    return next(d.law for d in scene.mechanism.drives if d.joint in ("A", "S", "H"))
 
 
 def ends(law: Law) -> tuple[float, float]:
@@ -245,24 +245,24 @@ def test_check_and_the_refusal_of_a_full_turn_name_the_key(tmp_path):
 def test_crossing_grashof_with_a_slider_swings():
     told: list[Status] = []
     grashof = ROCKER.replace("[120, 0]", "[20, 0]").replace("C = [110, 0]", "C = [125, 0]")
-    studio = EditSession(
+    session = EditSession(
         run_scene(rocker('speed = "60 rpm"', grashof)), lambda _: None, told.append, lambda _: None, lambda: None, lambda _: None
     )
     try:
-        frame = next(p for p in studio.parameters if p.label == "crank A–B")
-        studio.move(frame, 60.0)
-        assert studio.wait() and told[-1].fault == "" and told[-1].swings == ("A",)
-        assert isinstance(studio.run.scene.mechanism.drives[0].law, Oscillation)
-        assert 'range = "reachable"' in studio.run.scene.to_toml()
-        studio.move(frame, 21.0)
-        assert studio.wait() and told[-1].swings == ()
-        assert isinstance(studio.run.scene.mechanism.drives[0].law, ConstantSpeed)
-        studio.move(frame, 600.0)  # cannot be put together at all
-        assert studio.wait() and "miss each other" in told[-1].fault
-        studio.undo()
-        assert studio.wait() and told[-1].fault == "" and "reachable" not in studio.run.scene.to_toml()
+        frame = next(p for p in session.parameters if p.label == "crank A–B")
+        session.move(frame, 60.0)
+        assert session.wait() and told[-1].fault == "" and told[-1].swings == ("A",)
+        assert isinstance(session.run.scene.mechanism.drives[0].law, Oscillation)
+        assert 'range = "reachable"' in session.run.scene.to_toml()
+        session.move(frame, 21.0)
+        assert session.wait() and told[-1].swings == ()
+        assert isinstance(session.run.scene.mechanism.drives[0].law, ConstantSpeed)
+        session.move(frame, 600.0)  # cannot be put together at all
+        assert session.wait() and "miss each other" in told[-1].fault
+        session.undo()
+        assert session.wait() and told[-1].fault == "" and "reachable" not in session.run.scene.to_toml()
     finally:
-        studio.close()
+        session.close()
 
 
 @pytest.mark.parametrize(

@@ -140,13 +140,13 @@ def test_elliptic_trammel_driven_by_its_angle():
             Link(name="b", points={"B": (0.0, 0.0)}),
             Link(name="bar", points={"A": (0.0, 0.0), "B": (i["L"], 0.0), "P": (i["c"], 0.0)}),
         ),
-        pairs=(
+        joints=(
             Prismatic(name="x", links=("frame", "a"), points=("O", "A")),
             Prismatic(name="y", links=("frame", "b"), points=("O", "B"), along=(0.0, 1.0)),
             pin("A", "a", "bar"),
             pin("B", "b", "bar"),
         ),
-        drives=(Drive(pair="A", law=ConstantSpeed(np.pi, -1.0)),),
+        drives=(Drive(joint="A", law=ConstantSpeed(np.pi, -1.0)),),
     )
     theta = column(rows, "theta")
     motion = move(m, np.pi - theta, -i["theta_dot"], -i["theta_ddot"])
@@ -175,12 +175,12 @@ def test_loop_equations_relative_motions(kind):
     theta = column(rows, "theta_1_deg") * np.pi / 180.0
     if kind == "contour-fourbar":
         motion = move(four_bar(E=i["E"], AB=i["AB"], BD=i["BD"], DE=i["DE"], start=theta[0]), theta, i["omega_1"], i["eps_1"])
-        pairs = {"21": ("B", 1), "32": ("D", 1), "03": ("E", -1)}
+        joints = {"21": ("B", 1), "32": ("D", 1), "03": ("E", -1)}
     else:
         motion = move(slider_crank(r=i["r"], l=i["l"], e=i["e"]), theta, i["omega_1"], i["eps_1"])
-        pairs = {"21": ("B", 1), "32": ("C", 1)}
+        joints = {"21": ("B", 1), "32": ("C", 1)}
         close(motion.coordinate("S")[:, 1], -column(rows, "v_C03"))
         close(motion.coordinate("S")[:, 2], -column(rows, "a_C03"))
-    for key, (pair, sign) in pairs.items():
-        close(sign * motion.coordinate(pair)[:, 1], column(rows, f"omega_{key}"))
-        close(sign * motion.coordinate(pair)[:, 2], column(rows, f"eps_{key}"))
+    for key, (joint, sign) in joints.items():
+        close(sign * motion.coordinate(joint)[:, 1], column(rows, f"omega_{key}"))
+        close(sign * motion.coordinate(joint)[:, 2], column(rows, f"eps_{key}"))

@@ -22,7 +22,7 @@ def collect(motion):
         "pose": motion.pose("rocker"),
         "closure": motion.closure,
         "pin": motion.point("coupler", "D", 2),
-        "pair": motion.pair_position("D"),
+        "joint": motion.joint_position("D"),
     }
 
 

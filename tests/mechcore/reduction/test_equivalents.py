@@ -31,14 +31,14 @@ def xy(z: complex) -> tuple[float, float]:
     return float(z.real), float(z.imag)
 
 
-def moved(links, pairs, sketch, drive: str, start: float):
+def moved(links, joints, sketch, drive: str, start: float):
     """The rates at the start of a linkage that stands as drawn, driven with SPEED and ACCELERATION."""
     m = Mechanism(
         name="linkage",
         frame="frame",
         links=links,
-        pairs=pairs,
-        drives=(Drive(pair=drive, law=ConstantSpeed(start, 1.0, travel=1.0)),),
+        joints=joints,
+        drives=(Drive(joint=drive, law=ConstantSpeed(start, 1.0, travel=1.0)),),
         sketch=sketch,
     )
     return load(m, [start], SPEED, ACCELERATION).motion
@@ -63,15 +63,15 @@ def guided(o: complex, k: complex, t: complex, foot: complex, up: complex, turn:
     poses = {"crank": place, "follower": (t.real, t.imag, float(np.angle(up / 1j)))}
     if face is None:
         rod, at = bar("rod", k, t)
-        links, pairs = (
+        links, joints = (
             (frame, crank, rod, follower),
             (drive, joint("K", "crank", "b", "rod", "a"), joint("T", "rod", "b", "follower", "T"), guide),
         )
         poses["rod"] = at
     else:
         slot = PinSlot(name="K", links=("follower", "crank"), points=("S", "b"), along=xy(face / (up / 1j)))
-        links, pairs = (frame, crank, follower), (drive, slot, guide)
-    return moved(links, pairs, poses, "O", place[2]).coordinate("S")[0, 1:]
+        links, joints = (frame, crank, follower), (drive, slot, guide)
+    return moved(links, joints, poses, "O", place[2]).coordinate("S")[0, 1:]
 
 
 @pytest.mark.parametrize("slope", [90.0, 40.0])
@@ -106,13 +106,13 @@ def four_bar(o: complex, k: complex, t: complex, p: complex) -> tuple[float, flo
     for name, a, b in (("crank", o, k), ("coupler", k, t), ("rocker", p, t)):
         made, sketch[name] = bar(name, a, b)
         links.append(made)
-    pairs = (
+    joints = (
         joint("O", "frame", "O", "crank", "a"),
         joint("K", "crank", "b", "coupler", "a"),
         joint("T", "coupler", "b", "rocker", "b"),
         joint("P", "rocker", "a", "frame", "P"),
     )
-    motion = moved(tuple(links), pairs, sketch, "O", sketch["crank"][2])
+    motion = moved(tuple(links), joints, sketch, "O", sketch["crank"][2])
     return float(motion.velocity("rocker")[0, 2]), float(motion.acceleration("rocker")[0, 2])
 
 
@@ -136,7 +136,7 @@ def test_a_rack_is_pushed_by_a_rod_that_slides_on_its_flank(side):
     m = rack()
     g = (0.0, -0.04) if side == "left" else (0.0, 0.04)
     frame = replace(m.links[0], points={**m.links[0].points, "G": g})
-    m = replace(m, links=(frame, *m.links[1:]), pairs=(*m.pairs[:2], replace(m.pairs[2], side=side)))
+    m = replace(m, links=(frame, *m.links[1:]), joints=(*m.joints[:2], replace(m.joints[2], side=side)))
     motion = load(m, [0.3], SPEED, ACCELERATION).motion
     found = equivalent(motion, "K")
     o, n, c = (complex(found.pins[name][0]) for name in ("O1", "N1", "C"))
@@ -147,12 +147,12 @@ def test_a_rack_is_pushed_by_a_rod_that_slides_on_its_flank(side):
         crank,
         Link(name="rack", points={"C": (0.0, 0.0), "N": xy(n - c)}),
     )
-    pairs = (
+    joints = (
         joint("O", "frame", "O", "crank", "a"),
         PinSlot(name="N", links=("rack", "crank"), points=("N", "b"), along=xy(complex(found.blocks[0].along[0]))),
         Prismatic(name="S", links=("frame", "rack"), points=("G", "C")),
     )
-    rates = moved(links, pairs, {"crank": place, "rack": (*xy(c), 0.0)}, "O", place[2]).coordinate("S")[0, 1:]
+    rates = moved(links, joints, {"crank": place, "rack": (*xy(c), 0.0)}, "O", place[2]).coordinate("S")[0, 1:]
     np.testing.assert_allclose(rates, motion.coordinate("S")[0, 1:], rtol=1e-9)
 
 
@@ -172,7 +172,7 @@ def test_a_wedge_carries_its_centre_of_curvature_on_its_bed():
             made,
             Link(name="follower", points={"T": (0.0, 0.0)}),
         )
-        pairs = (
+        joints = (
             Prismatic(name="B", links=("frame", "cam"), points=("K", "K"), along=xy(bed)),
             joint("K", "cam", "K", "rod", "a"),
             joint("T", "rod", "b", "follower", "T"),
@@ -183,8 +183,8 @@ def test_a_wedge_carries_its_centre_of_curvature_on_its_bed():
             name="w",
             frame="frame",
             links=links,
-            pairs=pairs,
-            drives=(Drive(pair="B", law=ConstantSpeed(0.0, 1.0, travel=1.0)),),
+            joints=joints,
+            drives=(Drive(joint="B", law=ConstantSpeed(0.0, 1.0, travel=1.0)),),
             sketch=poses,
         )
         own = motion.point("cam", next(iter(motion.mechanism.links[1].points)), 1)[f] @ np.array([1.0, 1j])
@@ -203,9 +203,9 @@ def test_a_pin_in_a_slot_is_a_block():
     np.testing.assert_allclose(np.angle(found.blocks[0].along), np.angle(motion.rotation(motion.model.index["lever"])), atol=1e-14)
 
 
-def test_lower_pairs_have_none():
+def test_lower_joints_have_none():
     motion = solve_motion(compile_mechanism(slider_crank(r=1.0, l=3.0)), np.zeros(1))
-    for name, words in (("S", "lower pair"), ("X", "there is no pair")):
+    for name, words in (("S", "lower pair"), ("X", "there is no joint")):
         with pytest.raises(MechanismError, match=words):
             equivalent(motion, name)
 
@@ -229,7 +229,7 @@ def test_scenes_ask_for_them_and_recordings_hold_them(tmp_path):
 def test_where_a_profile_is_straight_nothing_runs_away():
     """The dwells of a flat-faced follower are circles, the flanks of a cam with a straight line have their centre far away."""
     text = mechviz.load("cam-wedge").to_toml()
-    name = next(p.name for p in mechviz.loads(text).mechanism.pairs if type(p).__name__ == "CamPair")
+    name = next(p.name for p in mechviz.loads(text).mechanism.joints if type(p).__name__ == "CamJoint")
     run = run_scene(mechviz.loads(f'equivalent = ["{name}"]\n' + text), frames=80)
     chain = run.studies.equivalents[name]
     assert not np.isfinite(chain.pins["K"]).all() or np.abs(chain.pins["K"]).max() > 1.0
@@ -239,16 +239,16 @@ def test_where_a_profile_is_straight_nothing_runs_away():
 
 
 @pytest.mark.parametrize(
-    ("scene", "pair", "words"),
+    ("scene", "joint", "words"),
     [
         ("cam-equivalent", "O", "'O' is no cam, gear, rack or pin in a slot"),
-        ("cam-equivalent", "c", "there is no pair 'c'"),
-        ("crank-rocker", "A", "the scene has no such pair"),
+        ("cam-equivalent", "c", "there is no joint 'c'"),
+        ("crank-rocker", "A", "the scene has no such joint"),
     ],
 )
-def test_faults(scene, pair, words):
+def test_faults(scene, joint, words):
     text = mechviz.load(scene).to_toml()
     head = [line for line in text.splitlines() if not line.startswith("equivalent")]
     with pytest.raises(mechviz.SceneError) as error:
-        mechviz.loads(f'equivalent = ["{pair}"]\n' + "\n".join(head))
+        mechviz.loads(f'equivalent = ["{joint}"]\n' + "\n".join(head))
     assert words in str(error.value)

@@ -41,7 +41,7 @@ def test_every_plan_of_the_gallery_closes(name):
         assert plan.closing[good].max() <= 1e-9, plan.name
     if motion.mechanism.effects or motion.mechanism.loads:
         forces = solve_forces(motion)
-        solved = np.isfinite(forces.reaction(motion.mechanism.pairs[0].name)).all(axis=1)  # not where friction jams it
+        solved = np.isfinite(forces.reaction(motion.mechanism.joints[0].name)).all(axis=1)  # not where friction jams it
         assert solved.any()
         for plan in force_plans(forces):
             assert np.array_equal(np.isfinite(plan.closing), solved), plan.name
@@ -123,7 +123,7 @@ def test_the_force_plan_of_the_dyad_follows_the_hand_method():
     rows = {p: forces.reaction(p) @ np.array([1, 1j, 0]) for p in "ABDE"}
     assert sides["R_B^n"] + sides["R_B^t"] == pytest.approx(rows["B"], rel=1e-9)  # moments against the solver
     assert sides["R_E^n"] + sides["R_E^t"] == pytest.approx(rows["E"], rel=1e-9)
-    assert sides["R_D"] == pytest.approx(-rows["D"], rel=1e-9)  # on the coupler, the first link of pair D
+    assert sides["R_D"] == pytest.approx(-rows["D"], rel=1e-9)  # on the coupler, the first link of joint D
     inner = next(e for e in dyad.edges if e.kind == "inner")
     assert np.abs(inner.end).max() <= 1e-9 * dyad.largest.max()  # the diagonal leads back to the start
     assert crank.closing.max() <= 1e-12

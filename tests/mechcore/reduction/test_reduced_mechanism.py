@@ -55,8 +55,8 @@ def test_the_equation_of_motion_in_the_drive_gives_the_torque_of_kinetostatics(n
     compiled = compile_mechanism(m)
     motion = solve_motion(compiled, default_times(m, 60, scene.cycles))
     forces = solve_forces(motion)
-    drive = m.drives[0].pair
-    link = next(p for p in m.pairs if p.name == drive).links[1]
+    drive = m.drives[0].joint
+    link = next(p for p in m.joints if p.name == drive).links[1]
     found = reduce_mechanism(motion, link, loads=forces.applied)
     effort = forces.effort(drive)
     assert np.abs(found.balancing - effort).max() <= 1e-9 * np.abs(effort).max()
@@ -108,12 +108,12 @@ def test_several_drives_and_unknown_places_are_refused():
 
 # -- shaking and balancing ----------------------------------------------------------------------------------------------
 @pytest.mark.parametrize("name", ["kinetostatic-four-bar", "slider-crank-compressor", "ten-link-forces"])
-def test_shaking_is_what_pairs_and_drives_do_to_the_frame(name):
+def test_shaking_is_what_joints_and_drives_do_to_the_frame(name):
     m = replace(mechviz.load(name).mechanism, effects=("inertia",), loads=())
     motion = moved(m)
     forces, found = solve_forces(motion), shaking(motion, (0.02, -0.05))
     on_frame, moment = np.zeros((motion.frames, 2)), np.zeros(motion.frames)
-    driven = {d.pair for d in m.drives}
+    driven = {d.joint for d in m.drives}
     for c in motion.model.connections:
         if m.frame in c.links:
             sign = 1.0 if c.links[1] == m.frame else -1.0

@@ -312,9 +312,9 @@ def test_published_two_mass_systems():
         assert masses == pytest.approx([e["m1"], e["m2"]], rel=1e-8)
         assert places[1] == pytest.approx([e["l2"], 0.0], rel=1e-8)
     i, e = case("published", "bevan_2_7")["inputs"], case("published", "bevan_2_7")["exact_here"]
-    pair = static_replacement(i["m"], i["m"] * i["kG"] ** 2, (-i["l1"], 0.0), (i["l3"], 0.0))
-    assert float(pair.correction(i["alpha"])) / i["g_c"] == pytest.approx(e["correction_couple"], rel=1e-8)
-    assert pair.excess == pytest.approx(i["m"] * (i["l1"] * i["l3"] - i["kG"] ** 2), rel=1e-13)
+    joint = static_replacement(i["m"], i["m"] * i["kG"] ** 2, (-i["l1"], 0.0), (i["l3"], 0.0))
+    assert float(joint.correction(i["alpha"])) / i["g_c"] == pytest.approx(e["correction_couple"], rel=1e-8)
+    assert joint.excess == pytest.approx(i["m"] * (i["l1"] * i["l3"] - i["kG"] ** 2), rel=1e-13)
 
 
 @settings(max_examples=50, deadline=None)
@@ -387,12 +387,12 @@ def test_a_double_root_is_one_solution():
 @given(st.floats(0.5, 4), st.floats(0.01, 1), st.floats(0.1, 2), st.floats(0.1, 2), st.floats(-3, 3))
 def test_static_replacement_with_its_correction_couple_is_the_body(mass, inertia, a, b, angle):
     u = np.array([math.cos(angle), math.sin(angle)])
-    pair = static_replacement(mass, inertia, -a * u, b * u)
+    joint = static_replacement(mass, inertia, -a * u, b * u)
     a_s, omega, alpha = np.array([1.0, -2.0]), 3.0, 4.0
-    force, moment = inertia_of_points(pair.masses, [-a * u, b * u], a_s, omega, alpha)
+    force, moment = inertia_of_points(joint.masses, [-a * u, b * u], a_s, omega, alpha)
     own = inertia_wrench(mass, inertia, a_s, alpha)
     assert force == pytest.approx(own[0], rel=1e-12)
-    assert float(moment + pair.correction(alpha)) == pytest.approx(float(own[1]), rel=1e-9, abs=1e-9)
+    assert float(moment + joint.correction(alpha)) == pytest.approx(float(own[1]), rel=1e-9, abs=1e-9)
 
 
 def test_static_replacement_needs_s_on_the_line():

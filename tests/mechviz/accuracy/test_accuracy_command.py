@@ -278,7 +278,7 @@ def test_picking_a_point_in_the_viewer_applies_it(monkeypatch):
         assert {p.options["frames"] for p in tab._points if p.current} == {160}, "as it is, and fitted"
         tab.choice.value = next(o for o in tab.choice.options if "quintics, 128 frames" in o)
         tab._pick(None)
-        assert viewer.studio.wait()
+        assert viewer.session.wait()
         assert viewer.run.scene.frames == 128 and viewer.run.accuracy.interpolation == 5
         timeline = viewer.inspector.timeline
         assert viewer.player.frame == 16 and ">16</span> of 128" in timeline._place.content, "the same part of the run"
@@ -286,12 +286,12 @@ def test_picking_a_point_in_the_viewer_applies_it(monkeypatch):
         viewer.inspector.settle()
         assert [(p.options["frames"], p.method) for p in tab._points if p.current] == [(128, "quintics")], "the ring has moved"
         assert f"between frames {np.nanmax(viewer.run.errors.between):.1e}" in tab.errors.content, "it says so of the present run"
-        viewer.studio.undo()
-        assert viewer.studio.wait()
+        viewer.session.undo()
+        assert viewer.session.wait()
         assert viewer.run.accuracy.interpolation == 3
         tab.wanted.value = "1e-6"
         tab._want(None)
-        assert viewer.studio.wait()
+        assert viewer.session.wait()
         assert (
             viewer.run.scene.accuracy.target == 1e-6 and viewer.run.scene.frames == 265 and viewer.run.errors.between.max() < 1e-6
         )
@@ -326,7 +326,7 @@ def test_effects_that_a_scene_has_not_are_tried_and_not_applied():
     gravity = next(i for i in found if i.name == "gravity")
     assert not gravity.named and 0.0 < gravity.curve < 0.2
     friction = next(i for i in found if i.name == "friction")
-    assert friction.problem, "no pair has a coefficient"
+    assert friction.problem, "no joint has a coefficient"
     assert scene.to_toml() == before
     assert any("friction" in line and friction.problem in line for line in influence_lines(base, found, 0.01))
 

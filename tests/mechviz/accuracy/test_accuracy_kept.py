@@ -210,7 +210,7 @@ def test_traced_points_go_along_arcs_even_where_links_turn_evenly():
     """A wheel on its shaft: its pose is a straight line in time, its rim is none. Sagitta of a chord: r (1 - cos(pi / n))."""
     scene = Scene.build(
         links={"frame": {"points": {"A": [0, 0]}}, "wheel": {"points": {"A": [0, 0], "B": [0.1, 0]}}},
-        pairs={"A": {"revolute": ["frame", "wheel"], "drive": {"speed": "60 rpm"}}},
+        joints={"A": {"revolute": ["frame", "wheel"], "drive": {"speed": "60 rpm"}}},
         trace=["B"],
     )
     run = run_scene(scene, accuracy=1e-3)

@@ -175,7 +175,7 @@ def test_the_side_that_carries_is_the_side_that_rubs(name):
     flat = name == "cam-yoke"
     motion, forces = solved(rubbing(name, "{ coefficient = 0.1 }" if flat else None))
     (cam,) = placed_cams(motion)
-    drive = motion.mechanism.drives[0].pair
+    drive = motion.mechanism.drives[0].joint
     force, speed = contact_force(forces, cam), motion.coordinate(drive)[:, 1]
     assert np.abs(forces.power_balance).max() < 1e-12
     assert (force > 0.0).sum() > 20 and (force < 0.0).sum() > 20

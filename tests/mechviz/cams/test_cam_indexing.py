@@ -113,7 +113,7 @@ def test_scenes_read_as_they_were_written(name):
     scene = mechviz.load(name)
     again = mechviz.loads(scene.to_toml(), scene.name, scene.folder)
     assert again == scene and again.to_toml() == scene.to_toml()
-    assert again.mechanism.pairs[-1].spatial == scene.mechanism.pairs[-1].spatial and scene.mechanism.pairs[-1].spatial.rollers
+    assert again.mechanism.joints[-1].spatial == scene.mechanism.joints[-1].spatial and scene.mechanism.joints[-1].spatial.rollers
 
 
 @pytest.mark.parametrize(

@@ -156,14 +156,14 @@ def test_scenes_ask_for_stress_and_drawing_in_tables_and_events():
         'rating = { width = "6 mm", modulus = ["110 GPa", "210 GPa"], poisson = [0.26, 0.3], limit = "250 MPa", margin = "120 N" }'
     )
     scene = mechviz.loads(BASE.replace("RATING", f"{rated}\ngraphical = {{ step = 15, resolution = 0.1 }}"))
-    pair = next(p for p in scene.mechanism.pairs if p.name == "K")
-    assert pair.rating == CamRating(width=0.006, modulus=(1.1e11, 2.1e11), poisson=(0.26, 0.3), limit=2.5e8, margin=120.0)
-    assert pair.drawn == CamDrawn(step=2.0 * np.pi / 24, resolution=1e-4) and isinstance(pair.face, Roller)
-    again = next(p for p in mechviz.loads(scene.to_toml()).mechanism.pairs if p.name == "K")
-    assert (again.rating, again.drawn) == (pair.rating, pair.drawn)
+    joint = next(p for p in scene.mechanism.joints if p.name == "K")
+    assert joint.rating == CamRating(width=0.006, modulus=(1.1e11, 2.1e11), poisson=(0.26, 0.3), limit=2.5e8, margin=120.0)
+    assert joint.drawn == CamDrawn(step=2.0 * np.pi / 24, resolution=1e-4) and isinstance(joint.face, Roller)
+    again = next(p for p in mechviz.loads(scene.to_toml()).mechanism.joints if p.name == "K")
+    assert (again.rating, again.drawn) == (joint.rating, joint.drawn)
     run = run_scene(scene)
     found = lines_of(run, "K")
-    stress = contact_stress(run.forces, placed_cams(run.motion)[0], pair.rating)
+    stress = contact_stress(run.forces, placed_cams(run.motion)[0], joint.rating)
     np.testing.assert_array_equal(found["stress"].values, np.column_stack([stress.pressure, stress.half_width]))
     assert [c[0] for c in found["graphical"].columns][::3] == ["drawn_lift", "lift_error"]
     texts = [e.text for e in cam_events(run.motion, run.forces)]

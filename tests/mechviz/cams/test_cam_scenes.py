@@ -45,7 +45,7 @@ def test_scenes_read_as_they_were_written(name):
     scene = mechviz.load(name)
     again = mechviz.loads(scene.to_toml(), scene.name, scene.folder)
     assert again == scene and again.to_toml() == scene.to_toml()
-    assert repr(again.mechanism.pairs[-1].face) == repr(scene.mechanism.pairs[-1].face)
+    assert repr(again.mechanism.joints[-1].face) == repr(scene.mechanism.joints[-1].face)
 
 
 @pytest.mark.parametrize(
@@ -57,8 +57,8 @@ def test_scenes_read_as_they_were_written(name):
         ("roller = 10", "roller = 10, knife = true", ["roller"]),
         ("roller = 10", "flat = true, tilt = 95", ["joints.K.follower.tilt", "95"]),
         ("roller = 10", "roller = 10, tilt = 5", ["tilt goes with a flat face"]),
-        ('guide = "S"', 'guide = "Q"', ["joints.K.follower.guide", "no pair 'Q'"]),
-        ('guide = "S"', 'guide = "O"', ["joints.K.follower.guide", "'O' is no prismatic or revolute pair of 'follower'"]),
+        ('guide = "S"', 'guide = "Q"', ["joints.K.follower.guide", "no joint 'Q'"]),
+        ('guide = "S"', 'guide = "O"', ["joints.K.follower.guide", "'O' is no prismatic or revolute joint of 'follower'"]),
         ('point = "T"', 'point = "X"', ["joints.K.follower.point", "no point 'X'"]),
         ("over = 60 }, {", "over = 50 }, {", ["joints.K", "350°", "Add a dwell of 10°"]),
         ("to = 20", 'to = "20 deg"', ["joints.K.profile.lift[0].to"]),

@@ -13,7 +13,7 @@ import mechviz
 from mechcore.cams.forces import hertz, roller_range
 from mechcore.cams.limits import Requirement, find_limits
 from mechcore.errors import MechanismError
-from mechcore.forces.cam_rating import contact_stress, pair_of, placed_cams
+from mechcore.forces.cam_rating import contact_stress, joint_of, placed_cams
 from mechcore.motion.solve import compile_mechanism, default_times, solve_motion
 from mechviz.commands.main import app
 from mechviz.runs import run_scene
@@ -67,7 +67,7 @@ def test_sizes_are_told_and_hold_when_the_scene_has_them():
         r"base = \d+", f"base = {1e3 * (now.base + now.face.radius) - roller}", text, count=1), count=1)  # fmt: skip
     again = run_scene(mechviz.loads(sized), frames=360)
     cam = placed_cams(again.motion)[0]
-    pressure = contact_stress(again.forces, cam, pair_of(again.motion, cam).rating).pressure
+    pressure = contact_stress(again.forces, cam, joint_of(again.motion, cam).rating).pressure
     assert np.nanmax(pressure) == pytest.approx(300e6, rel=1e-5)
 
 

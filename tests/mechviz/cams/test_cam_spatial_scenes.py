@@ -164,12 +164,12 @@ def test_scenes_read_as_they_were_written(name):
     scene = mechviz.load(name)
     again = mechviz.loads(scene.to_toml(), scene.name)
     assert again == scene and again.to_toml() == scene.to_toml()
-    pair, other = (s.mechanism.pairs[-1] for s in (scene, again))
-    assert (pair.spatial, pair.second, pair.base) == (other.spatial, other.second, other.base)
+    joint, other = (s.mechanism.joints[-1] for s in (scene, again))
+    assert (joint.spatial, joint.second, joint.base) == (other.spatial, other.second, other.base)
 
 
 @pytest.mark.parametrize("name", ["cam-conjugate", "cam-conjugate-oscillating"])
-def test_either_roller_of_a_conjugate_pair_stays_on_its_cam(name):
+def test_either_roller_of_a_conjugate_joint_stays_on_its_cam(name):
     """The second profile against the global search of a follower that stands on it; the force never pulls."""
     from mechcore.cams.analysis import analyse
     from mechcore.cams.contour import cam_contour
@@ -282,7 +282,7 @@ def test_a_slide_drives_a_link_with_a_slot(slides):
 @pytest.mark.parametrize(
     ("old", "new", "words"),
     [
-        ('bed = "S"', 'bed = "P"', ["joints.K.profile.bed", "'P' is no prismatic pair of 'slide'"]),
+        ('bed = "S"', 'bed = "P"', ["joints.K.profile.bed", "'P' is no prismatic joint of 'slide'"]),
         ("P = [110, -60]", "P = [10, -60]", ["joints.K", "mm of the slide the groove lies along the motion"]),
     ],
 )

@@ -54,7 +54,7 @@ def test_check_says_what_moves_only_because_its_lengths_agree():
     assert ["it moves only because its lengths and angles agree" in text for text in said.values()] == [True, True, False]
 
 
-def test_modes_whose_pair_stays_at_its_place_are_told_by_displacement_and_angle():
+def test_modes_whose_joint_stays_at_its_place_are_told_by_displacement_and_angle():
     lines = check_lines(load("slotted-lever"), modes=True)
     ahead, behind = after("modes", lines)[1:]
     values = [float(re.search(r"displaced by (\S+) mm", line)[1]) for line in (ahead, behind)]  # type: ignore[index]
@@ -114,7 +114,7 @@ def test_events_name_no_position_that_is_only_rounding(tmp_path: Path):
     "name", ["ü", "a b", "a.b", "a:b", "b'", "日本", "a,b;c", "[0]", "{x}", "%41", "~", "$HOME", "*?", "(a|b)", "1.5"]
 )
 def test_odd_names_go_through_a_recording_and_back(tmp_path: Path, name):
-    """Links, pairs and points of any name: what a reader finds by the names of the model is the motion."""
+    """Links, joints and points of any name: what a reader finds by the names of the model is the motion."""
     text = load("slider-crank-compressor").to_toml()
     quoted = json.dumps(name, ensure_ascii=False)
     for old in ("rod", "B"):

@@ -433,8 +433,8 @@ def test_scenes_drive_several_axes_from_one_master():
 @pytest.mark.parametrize(
     ("keys", "message"),
     [
-        ({"master": "Q"}, "no driven revolute pair"),
-        ({"master": "X"}, "no driven revolute pair"),
+        ({"master": "Q"}, "no driven revolute joint"),
+        ({"master": "X"}, "no driven revolute joint"),
         ({"speed": "60 rpm"}, "speed and master at once"),
         ({"segments": [{"over": 90, "to": 9, "law": "cycloidl"}]}, "Did you mean 'cycloidal'"),
         ({"segments": [{"over": 90, "to": 9, "law": "parabolic", "parameters": {"skw": 1}}]}, "no parameter 'skw'"),

@@ -108,7 +108,7 @@ def numbers(value: Any, path: tuple[Any, ...] = ()) -> Iterator[tuple[Any, ...]]
 
 
 def spoilt(rng: random.Random) -> tuple[str, dict[str, Any]]:
-    """A scene of the gallery with one number of its links, pairs or loads multiplied."""
+    """A scene of the gallery with one number of its links, joints or loads multiplied."""
     name, raw = rng.choice(SCENES)
     raw = copy.deepcopy(raw)
     *parents, key = rng.choice([p for p in numbers(raw) if p[0] in ("links", "joints", "loads")] or [("run",)])

@@ -26,15 +26,15 @@ def platform(legs, base=BASE, plate=PLATE, sketch=None) -> Mechanism:
         *(Link(name=f"leg{i}", points={f"B{i}": (0.0, 0.0), f"P{i}": (float(r), 0.0)}) for i, r in enumerate(legs)),
         Link(name="plate", points={f"P{i}": (complex(z).real, complex(z).imag) for i, z in enumerate(plate)}),
     )
-    pairs = (
+    joints = (
         pin("O", "frame", "crank"),
         pin("B0", "crank", "leg0"),
         pin("B1", "frame", "leg1"),
         pin("B2", "frame", "leg2"),
         *(pin(f"P{i}", f"leg{i}", "plate") for i in range(3)),
     )
-    drives = (Drive(pair="O", law=ConstantSpeed(0.0, 1.0)),)
-    return Mechanism(name="platform", frame="frame", links=links, pairs=pairs, drives=drives, sketch=sketch or {})
+    drives = (Drive(joint="O", law=ConstantSpeed(0.0, 1.0)),)
+    return Mechanism(name="platform", frame="frame", links=links, joints=joints, drives=drives, sketch=sketch or {})
 
 
 def plate_angles(legs, base=BASE, plate=PLATE) -> np.ndarray:
@@ -143,8 +143,8 @@ def eight_bar(at: dict[str, complex]) -> Mechanism:
         name="eight-bar",
         frame="frame",
         links=(frame, *(link(name, points) for name, points in moving.items())),
-        pairs=tuple(pin(k, *pair) for k, pair in joins.items()),
-        drives=(Drive(pair="O", law=ConstantSpeed(0.0, 1.0)),),
+        joints=tuple(pin(k, *joint) for k, joint in joins.items()),
+        drives=(Drive(joint="O", law=ConstantSpeed(0.0, 1.0)),),
     )
 
 

@@ -85,9 +85,9 @@ def test_linkages_computed_by_other_programs(name):
         if "dynamics" in i:
             agree(forces.effort(i["crank"][0])[0], expected["torque"], case, (label, "torque"))
             for p in i["joint_order"]:
-                pair = next(q for q in m.pairs if q.name == p)
-                other = next(x for x in pair.links if x in i["dynamics"]["reaction_sign"])
-                sign = i["dynamics"]["reaction_sign"][other][p] * (1 if pair.links[1] == other else -1)
+                joint = next(q for q in m.joints if q.name == p)
+                other = next(x for x in joint.links if x in i["dynamics"]["reaction_sign"])
+                sign = i["dynamics"]["reaction_sign"][other][p] * (1 if joint.links[1] == other else -1)
                 agree(sign * forces.reaction(p)[0, :2], expected[f"reaction:{p}"], case, (label, p))
 
 

@@ -112,7 +112,7 @@ def test_links_are_drawn_where_their_poses_say(wide):
             palette = page.evaluate(f"mechviz.player.header.links.find((k) => k.name === '{link}').mesh.palette")
             known = np.array([[int(c[i : i + 2], 16) for i in (1, 3, 5)] for c in palette], float)
             known = known[np.argmax(np.ptp(known, axis=1))]  # the link's own, not the grey of pins
-            a, b = (BAR.run.motion.pair_position(p)[frame] for p in ends)
+            a, b = (BAR.run.motion.joint_position(p)[frame] for p in ends)
             across = np.array([-(b - a)[1], (b - a)[0]]) / np.hypot(*(b - a))
             half = -BAR.recording.static("mechanism", "links", link, "mesh", component="Mesh3D:vertex_positions")[:, 1].min()
             for part, inside in ((0.0, True), (0.7, True), (-0.7, True), (-1.5, False)):  # of the plate's half width
@@ -134,7 +134,7 @@ def test_arrows_can_be_shown_and_hidden(wide):
     button.click()
     assert button.get_attribute("aria-pressed") == "true"
     page.evaluate("mechviz.player.drawNow()")
-    assert page.evaluate("mechviz.player.stage.state.arrows") == len(BAR.mechanism.pairs)
+    assert page.evaluate("mechviz.player.stage.state.arrows") == len(BAR.mechanism.joints)
     assert reddish(wide.picture()).sum() > without + 200
 
 
@@ -224,10 +224,10 @@ def test_names_give_way_to_each_other(wide):
     boxes = """[...document.querySelectorAll('#labels span:not([hidden])')].map((s) => {
         const b = s.getBoundingClientRect(); return [b.left, b.top, b.right, b.bottom]; })"""
     page.evaluate("mechviz.player.show('names', true); mechviz.player.view('front'); mechviz.player.drawNow()")
-    assert len(page.evaluate(boxes)) == len(BAR.mechanism.pairs)
+    assert len(page.evaluate(boxes)) == len(BAR.mechanism.joints)
     page.evaluate("mechviz.player.stage.camera.zoom(0.02); mechviz.player.drawNow()")
     seen = page.evaluate(boxes)
-    assert 1 <= len(seen) < len(BAR.mechanism.pairs)
+    assert 1 <= len(seen) < len(BAR.mechanism.joints)
     for k, (left, top, right, bottom) in enumerate(seen):
         for x0, y0, x1, y1 in seen[:k]:
             assert right <= x0 + 1 or x1 <= left + 1 or bottom <= y0 + 6 or y1 <= top + 6
@@ -334,7 +334,7 @@ def test_names_stand_at_their_joints_in_every_view(wide):
         left, top = (page.locator("#labels").bounding_box()[k] for k in ("x", "y"))
         seen = 0
         for joint in ("A", "B", "D", "E"):
-            at = BAR.run.motion.pair_position(joint)[frame]
+            at = BAR.run.motion.joint_position(joint)[frame]
             front = max(z for solid in solids for z in pin_fronts(np.reshape(solid["vertices"], (-1, 3)), solid["pose"], at))
             shown = page.evaluate(TAG, joint)
             if shown is not None:  # names give way to each other

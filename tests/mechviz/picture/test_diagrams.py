@@ -44,7 +44,7 @@ def test_diagrams_of_an_engine():
     assert np.angle(z[1:] / z[:-1]).sum() == pytest.approx(-4.0 * np.pi, abs=0.3)
     # bearing forces: what the frame exerts, drawn to one scale in both directions
     (force,) = polar.curves
-    sign = 1.0 if next(p for p in run.motion.mechanism.pairs if p.name == "A").links[0] == "frame" else -1.0
+    sign = 1.0 if next(p for p in run.motion.mechanism.joints if p.name == "A").links[0] == "frame" else -1.0
     assert np.column_stack([force.x, force.y]) == pytest.approx(sign * run.forces.reaction("A")[:, :2])
     x0, x1, y0, y1 = polar.ranges
     assert (x1 - x0) / WIDTH == pytest.approx((y1 - y0) / HEIGHT)
@@ -70,7 +70,7 @@ def test_only_what_a_run_calls_for(name, expected):
     found = find_diagrams(run)
     assert [d.name for d in found] == expected
     if run.simulation is not None:
-        assert [c.name for c in found[0].curves] == [d.pair for d in run.scene.mechanism.drives]
+        assert [c.name for c in found[0].curves] == [d.joint for d in run.scene.mechanism.drives]
 
 
 def test_curves_are_cut_where_nothing_is_known():

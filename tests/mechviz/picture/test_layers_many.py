@@ -159,16 +159,16 @@ def test_sweeps_meet_where_the_outlines_do_at_some_frame(seed):
     }
     shapes = [outline(rng) for _ in range(12)]
     owners = [links[k % 3] for k in range(12)]
-    pairs = [(i, j) for i in range(12) for j in range(i) if owners[i] != owners[j]]
+    joints = [(i, j) for i in range(12) for j in range(i) if owners[i] != owners[j]]
     true = [
         any(placed(shapes[i], poses[owners[i]][k]).intersects(placed(shapes[j], poses[owners[j]][k])) for k in range(60))
-        for i, j in pairs
+        for i, j in joints
     ]
     assert 0 < sum(true) < len(true)
     sweeps = Sweeps(shapes, owners, poses)
-    assert sweeps.meet(np.array(pairs)).tolist() == true
-    questions = np.arange(len(pairs)) // 5
-    assert sweeps.meet(np.array(pairs), questions).tolist() == [any(true[k : k + 5]) for k in range(0, len(true), 5)]
+    assert sweeps.meet(np.array(joints)).tolist() == true
+    questions = np.arange(len(joints)) // 5
+    assert sweeps.meet(np.array(joints), questions).tolist() == [any(true[k : k + 5]) for k in range(0, len(true), 5)]
 
 
 def test_a_pin_in_its_hole_meets_nothing_until_the_hole_is_too_narrow_or_it_leaves():
@@ -183,7 +183,7 @@ def test_a_pin_in_its_hole_meets_nothing_until_the_hole_is_too_narrow_or_it_leav
         assert sweeps.meet(np.array([[1, 0]])).tolist() == [met]
 
 
-def test_no_pairs_are_no_question():
+def test_no_joints_are_no_question():
     sweeps = Sweeps([box(0, 0, 1, 1)], ["a"], {"a": np.zeros((3, 3))})
     assert sweeps.meet(np.zeros((0, 2), int)).tolist() == []
 

@@ -45,8 +45,8 @@ def parallel_cranks(count: int, spacing: float, length: float) -> tuple[Mechanis
     """Cranks that turn together, each long enough to sweep over its neighbours' ground pivots."""
     points: dict[str, dict[str, tuple[float, float]]] = {"frame": {f"G{k}": (spacing * k, 0.0) for k in range(count)}}
     points |= {f"crank{k}": {f"G{k}": (0.0, 0.0), f"P{k}": (length, 0.0)} for k in range(count)}
-    pairs = [pin(f"G{k}", "frame", f"crank{k}") for k in range(count)]
-    return mechanism(points, *pairs), {f"crank{k}": turning(TURN, spacing * k) for k in range(count)}
+    joints = [pin(f"G{k}", "frame", f"crank{k}") for k in range(count)]
+    return mechanism(points, *joints), {f"crank{k}": turning(TURN, spacing * k) for k in range(count)}
 
 
 def turning_guide() -> tuple[Mechanism, Poses]:
@@ -175,22 +175,22 @@ def test_joined_links_lie_on_different_layers_and_one_pin_reaches_through_both(b
         for kind, part in zip(solid.kinds, solid.parts, strict=True)
         if kind == "pin"
     ]
-    for pair in spec.pairs:
-        if not isinstance(pair, Revolute) or any(solids.links[link].spin for link in pair.links):  # a shaft in the plane
+    for joint in spec.joints:
+        if not isinstance(joint, Revolute) or any(solids.links[link].spin for link in joint.links):  # a shaft in the plane
             continue
         spans = []
-        for link, point in zip(pair.links, pair.points, strict=True):
+        for link, point in zip(joint.links, joint.points, strict=True):
             if link == spec.frame:
                 continue
             solid, at = solids.links[link], points[link][point]
             kinds = ("plate", "block", "wheel")  # the plate first: a block of the same link may lie behind it
             flat = [p for kind in kinds for k, p in zip(solid.kinds, solid.parts, strict=True) if k == kind]
             spans.append(next(p.bounds[:, 2] for p in flat if (p.bounds[0, :2] < at).all() and (at < p.bounds[1, :2]).all()))
-        centre = in_world(points[pair.links[0]][pair.points[0]], start[pair.links[0]])
+        centre = in_world(points[joint.links[0]][joint.points[0]], start[joint.links[0]])
         here = [height for xy, height in pins if np.hypot(*(xy - centre)) < 1e-6 * solids.size]
-        assert any(all(pin[0] <= low and high <= pin[1] for low, high in spans) for pin in here), pair.name
+        assert any(all(pin[0] <= low and high <= pin[1] for low, high in spans) for pin in here), joint.name
         if len(spans) == 2:
-            assert spans[0][1] < spans[1][0] or spans[1][1] < spans[0][0], pair.name
+            assert spans[0][1] < spans[1][0] or spans[1][1] < spans[0][0], joint.name
 
 
 def test_mechanisms_of_all_sizes_look_alike():
@@ -265,10 +265,10 @@ def test_rails_cover_the_travel_of_their_block(built, name):
     spec, poses, solids = built(name)
     frame = solids.links[spec.frame]
     rails = [p.bounds for k, p in zip(frame.kinds, frame.parts, strict=True) if k == "rail"]
-    assert len(rails) == 2 * sum(isinstance(p, Prismatic) and spec.frame in p.links for p in spec.pairs)
+    assert len(rails) == 2 * sum(isinstance(p, Prismatic) and spec.frame in p.links for p in spec.joints)
     for link in spec.links:
         solid = solids.links[link.name]
-        if not any(isinstance(p, Prismatic) and {link.name, spec.frame} == set(p.links) for p in spec.pairs):
+        if not any(isinstance(p, Prismatic) and {link.name, spec.frame} == set(p.links) for p in spec.joints):
             continue
         block = next(p for k, p in zip(solid.kinds, solid.parts, strict=True) if k == "block")
         for x, y, _ in poses[link.name]:
@@ -302,8 +302,8 @@ def test_the_order_of_layers_is_the_best_there_is():
             posts.append(Post(groups, ground=len(groups) == 1, hits=others))
 
         def clashes(layers, conflicts=conflicts, posts=posts):
-            pairs = itertools.combinations(range(len(layers)), 2)
-            same = sum(layers[a] == layers[b] and conflicts[a] >> b & 1 for a, b in pairs)
+            joints = itertools.combinations(range(len(layers)), 2)
+            same = sum(layers[a] == layers[b] and conflicts[a] >> b & 1 for a, b in joints)
             for post in posts:
                 inside = [layers[g] for g in post.groups]
                 hit = [layer for g, layer in enumerate(layers) if post.hits >> g & 1]

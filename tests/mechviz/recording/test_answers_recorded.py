@@ -23,8 +23,8 @@ def test_answers_are_recorded_where_they_are_asked_for(tmp_path):
     ):
         found = compute(motion)
         assert found
-        for pair, values in found.items():
-            np.testing.assert_array_equal(recording.scalars("data", "answers", name, pair)[1][:, 0], values)
+        for joint, values in found.items():
+            np.testing.assert_array_equal(recording.scalars("data", "answers", name, joint)[1][:, 0], values)
     centres = answers.instant_centres(motion)
     assert len(centres) == 6
     for (a, b), place in centres.items():

@@ -52,11 +52,11 @@ def test_what_is_known_can_be_read_and_watched_while_it_runs(scene, tmp_path: Pa
     times, pose = early.scalars("data", "links", link, "pose")
     assert len(times) == seen[2] < run.motion.frames
     assert pose == pytest.approx(run.motion.pose(link)[: len(pose)], abs=1e-9)
-    _, motion = early.scalars("data", "joints", run.scene.mechanism.drives[0].pair, "motion")
-    assert motion == pytest.approx(run.motion.coordinate(run.scene.mechanism.drives[0].pair)[: len(pose)], abs=1e-6)
+    _, motion = early.scalars("data", "joints", run.scene.mechanism.drives[0].joint, "motion")
+    assert motion == pytest.approx(run.motion.coordinate(run.scene.mechanism.drives[0].joint)[: len(pose)], abs=1e-6)
     write_recording(run, path)
     whole = Recording(path)
-    for item in (("energy",), ("joints", run.scene.mechanism.pairs[0].name, "reaction"), ("power",)):
+    for item in (("energy",), ("joints", run.scene.mechanism.joints[0].name, "reaction"), ("power",)):
         known, final = early.scalars("data", *item)[1], whole.scalars("data", *item)[1]
         assert known.shape == final[: len(pose)].shape and known == pytest.approx(
             final[: len(pose)], abs=1e-9 * np.abs(final).max()
@@ -113,9 +113,9 @@ def test_stretches_make_the_whole_with_its_works_and_losses(text: str):
     size = np.abs(energy).max()
     assert so_far.forces.energy == pytest.approx(energy, abs=1e-12 * size)
     assert np.concatenate([b.forces.energy for b in blocks]) == pytest.approx(energy, abs=1e-12 * size)
-    for pair in (p.name for p in scene.mechanism.pairs):
-        assert so_far.motion.coordinate(pair) == pytest.approx(run.motion.coordinate(pair), rel=1e-9, abs=1e-12)
-        assert so_far.forces.reaction(pair) == pytest.approx(run.forces.reaction(pair), rel=1e-7, abs=1e-9)
+    for joint in (p.name for p in scene.mechanism.joints):
+        assert so_far.motion.coordinate(joint) == pytest.approx(run.motion.coordinate(joint), rel=1e-9, abs=1e-12)
+        assert so_far.forces.reaction(joint) == pytest.approx(run.forces.reaction(joint), rel=1e-7, abs=1e-9)
     # what happens at the very end begins no stretch
     assert so_far.simulation.events == run.simulation.events[: len(so_far.simulation.events)]
     assert len(so_far.simulation.events) >= len(run.simulation.events) - 2
@@ -162,7 +162,7 @@ def test_the_viewer_shows_a_motion_from_its_first_frames_on():
             viewer.grow(computing.running.so_far(), computing.duration)
             assert viewer.frame == 0 and viewer.timeline.slider.max == scene.frames  # who looks at something else stays there
             viewer.finish(computing.run)
-            assert viewer.frame == 0 and viewer.run is computing.run and viewer.studio.parameters
+            assert viewer.frame == 0 and viewer.run is computing.run and viewer.session.parameters
 
 
 def test_a_motion_that_ends_early_is_kept_on_show(scene):

@@ -14,7 +14,7 @@ from mechcore.forces.cam_rating import placed_cams
 from mechcore.laws.timed import Free
 from mechcore.motion.events import find_events
 from mechcore.spec.clearance import journals_of
-from mechcore.spec.mechanism import CamPair, Prismatic, Revolute
+from mechcore.spec.mechanism import CamJoint, Prismatic, Revolute
 from recordings import NAMES, Made, gallery_scene, made, motion_of, place, points_of, size_of
 
 MECHANISMS = {name: gallery_scene(name).mechanism for name in NAMES}
@@ -55,28 +55,30 @@ def test_joints_coincide_on_both_links(name):
     m = made(name)
     mechanism = m.mechanism
     points, near = points_of(mechanism), 1e-12 * size_of(mechanism)
-    for pair in mechanism.pairs:
-        if not isinstance(pair, Revolute | Prismatic):
+    for joint in mechanism.joints:
+        if not isinstance(joint, Revolute | Prismatic):
             continue
-        poses = [m.data("links", link, "pose") for link in pair.links]
-        at = [place(q, points[k][p]) for q, k, p in zip(poses, pair.links, pair.points, strict=True)]
-        position = m.data("joints", pair.name, "position")
-        dot = m.recording.rows("mechanism", "joints", pair.name, component="Points3D:positions")
+        poses = [m.data("links", link, "pose") for link in joint.links]
+        at = [place(q, points[k][p]) for q, k, p in zip(poses, joint.links, joint.points, strict=True)]
+        position = m.data("joints", joint.name, "position")
+        dot = m.recording.rows("mechanism", "joints", joint.name, component="Points3D:positions")
         assert np.allclose(dot.values[:, :2], position, rtol=0, atol=1e-6 * (1 + abs(position).max()))
-        if isinstance(pair, Revolute):
-            loose = m.recording.model["joints"][pair.name]["type"] == "revolute with clearance"
-            apart = np.hypot(*m.data("joints", pair.name, "journal")[:, :2].T) if loose else 0.0  # the journal is the second link's
-            assert abs(np.hypot(*(at[0] - at[1]).T) - apart).max() < 4 * near, pair.name
-            assert abs(at[1] - position).max() < 4 * near, pair.name
-        elif isinstance(pair, Prismatic):
-            along = np.array(pair.along) / np.hypot(*pair.along)
-            axis = place(poses[pair.guide] * [0, 0, 1], tuple(along))
-            apart = (at[1] - at[0]) * (1 if pair.guide == 0 else -1)
-            assert abs(axis[:, 0] * apart[:, 1] - axis[:, 1] * apart[:, 0]).max() < 4 * near, f"{pair.name} leaves its guide"
-            slide = m.data("joints", pair.name, "motion")[:, 0]
+        if isinstance(joint, Revolute):
+            loose = m.recording.model["joints"][joint.name]["type"] == "revolute with clearance"
+            apart = (
+                np.hypot(*m.data("joints", joint.name, "journal")[:, :2].T) if loose else 0.0
+            )  # the journal is the second link's
+            assert abs(np.hypot(*(at[0] - at[1]).T) - apart).max() < 4 * near, joint.name
+            assert abs(at[1] - position).max() < 4 * near, joint.name
+        elif isinstance(joint, Prismatic):
+            along = np.array(joint.along) / np.hypot(*joint.along)
+            axis = place(poses[joint.guide] * [0, 0, 1], tuple(along))
+            apart = (at[1] - at[0]) * (1 if joint.guide == 0 else -1)
+            assert abs(axis[:, 0] * apart[:, 1] - axis[:, 1] * apart[:, 0]).max() < 4 * near, f"{joint.name} leaves its guide"
+            slide = m.data("joints", joint.name, "motion")[:, 0]
             assert np.allclose((axis * apart).sum(axis=1), slide, rtol=0, atol=4 * near)
-            turned = poses[1][:, 2] - poses[0][:, 2] - pair.angle
-            assert abs(np.exp(1j * turned) - 1).max() < 1e-12, f"{pair.name} turns"
+            turned = poses[1][:, 2] - poses[0][:, 2] - joint.angle
+            assert abs(np.exp(1j * turned) - 1).max() < 1e-12, f"{joint.name} turns"
 
 
 def smooth(m: Made, motion: Any) -> np.ndarray:
@@ -94,9 +96,9 @@ def smooth(m: Made, motion: Any) -> np.ndarray:
                 breaks += [float(t[rows[k + j]]) for k in bent for j in (0, 1)]
     else:
         breaks = [e.time for e in find_events(motion) if e.text.startswith("drive") or "zone" in e.text]
-    for pair in m.mechanism.pairs:  # where pieces of a cam's law meet its jerk jumps
-        if isinstance(pair, CamPair):
-            k = np.flatnonzero(np.diff(piece_of(m, motion, pair)))
+    for joint in m.mechanism.joints:  # where pieces of a cam's law meet its jerk jumps
+        if isinstance(joint, CamJoint):
+            k = np.flatnonzero(np.diff(piece_of(m, motion, joint)))
             breaks += [float(x) for x in (*t[k], *t[k + 1])]
     near_singular = motion.condition > 20.0  # much happens there between two frames
     assert near_singular.mean() < 0.3
@@ -111,17 +113,17 @@ def bends(m: Made) -> bool:
     return m.run.simulation is not None and any(e.piecewise for e in effects_of(m.mechanism))
 
 
-def piece_of(m: Made, motion: Any, pair: CamPair) -> np.ndarray:
+def piece_of(m: Made, motion: Any, joint: CamJoint) -> np.ndarray:
     """Which piece of a cam's law the follower is on at every frame (F,), counted on over the turns."""
-    if pair.bed:
-        argument = motion.coordinate(pair.bed)[:, 0]
+    if joint.bed:
+        argument = motion.coordinate(joint.bed)[:, 0]
     else:
-        guide = next(p for p in m.mechanism.pairs if p.name == pair.guide)
-        carrier = next(k for k in guide.links if k != pair.links[1])
-        argument = motion.pose(pair.links[0])[:, 2] - motion.pose(carrier)[:, 2]
-    cam = next(c for c in placed_cams(m.run.motion) if c.name == pair.name)
-    knots = cam.knots if pair.lift is None or cam.intended else pair.lift.knots
-    way = cam.sense * argument + pair.phase - knots[0]
+        guide = next(p for p in m.mechanism.joints if p.name == joint.guide)
+        carrier = next(k for k in guide.links if k != joint.links[1])
+        argument = motion.pose(joint.links[0])[:, 2] - motion.pose(carrier)[:, 2]
+    cam = next(c for c in placed_cams(m.run.motion) if c.name == joint.name)
+    knots = cam.knots if joint.lift is None or cam.intended else joint.lift.knots
+    way = cam.sense * argument + joint.phase - knots[0]
     turns, rest = np.divmod(way, knots[-1] - knots[0])
     return turns * len(knots) + np.searchsorted(knots - knots[0], rest, side="right")
 
@@ -316,12 +318,12 @@ def test_properties_and_documents_say_what_was_done(name):
     model = json.loads(p["model"])
     mechanism = m.mechanism
     assert set(model["links"]) >= {link.name for link in mechanism.links} and model["frame"] == mechanism.frame
-    assert set(model["joints"]) >= {q.name for q in mechanism.pairs}
-    for q in mechanism.pairs:
+    assert set(model["joints"]) >= {q.name for q in mechanism.joints}
+    for q in mechanism.joints:
         if isinstance(q, Revolute | Prismatic):
             loose = " with clearance" if q.name in journals_of(m.run.scene.mechanism) else ""
             assert model["joints"][q.name] == {"type": type(q).__name__.lower() + loose, "links": list(q.links)}
-    assert model["drives"] == [d.pair for d in mechanism.drives if not isinstance(d.law, Free)]
+    assert model["drives"] == [d.joint for d in mechanism.drives if not isinstance(d.law, Free)]
     assert m.recording.scene_text == m.run.scene.text
     for step in plan.computed + plan.skipped:
         assert f"**{step.name}**: {step.why}" in m.recording.notes
@@ -332,7 +334,7 @@ def test_all_rows_are_on_all_timelines_at_the_frames(name):
     m = made(name)
     motion = m.run.motion
     ns = np.round(motion.time * 1e9).astype(np.int64)
-    rotary = [d.pair for d in motion.mechanism.drives if isinstance(pair_of(m, d.pair), Revolute)]
+    rotary = [d.joint for d in motion.mechanism.drives if isinstance(joint_of(m, d.joint), Revolute)]
     for path in m.recording.entities:
         if not path.startswith(("/data", "/health", "/mechanism", "/vectors")):
             continue
@@ -346,8 +348,8 @@ def test_all_rows_are_on_all_timelines_at_the_frames(name):
                 assert np.array_equal(rows.drives["drive_mdeg"], np.round(1e3 * degrees).astype(np.int64))
 
 
-def pair_of(m: Made, name: str):
-    return next(p for p in m.run.motion.mechanism.pairs if p.name == name)
+def joint_of(m: Made, name: str):
+    return next(p for p in m.run.motion.mechanism.joints if p.name == name)
 
 
 @pytest.mark.parametrize("name", KINEMATIC)

@@ -40,12 +40,12 @@ def content_of(run):
 def test_marks_lie_on_the_part_that_they_belong_to_and_not_all_before_everything(leg):
     solids = solids_of(leg)
     heights = solids.heights
-    for joint in leg.motion.mechanism.pairs:
+    for joint in leg.motion.mechanism.joints:
         z = heights.of_joint(joint.name)
         tops = [solids.links[link].mesh.vertices[:, 2].max() for link in joint.links]
         assert solids.bounds[0, 2] < z <= max(tops) + 0.05 * solids.size
         assert z <= solids.z_top
-    assert len({round(heights.of_joint(p.name), 6) for p in leg.motion.mechanism.pairs}) > 1, "pins end at different layers"
+    assert len({round(heights.of_joint(p.name), 6) for p in leg.motion.mechanism.joints}) > 1, "pins end at different layers"
     link, point = leg.motion.mechanism.traced[0]
     assert path_height(leg, heights, link, point) >= solids.links[link].mesh.vertices[:, 2].min()
 
@@ -136,15 +136,15 @@ def test_the_viewer_opens_away_from_dead_centres_at_a_large_load(name):
     run = run_scene(mechviz.load(name))
     frame, forces = run.catalogue.opening, run.forces
     assert forces is not None
-    drive = run.motion.mechanism.drives[0].pair
+    drive = run.motion.mechanism.drives[0].joint
     angle = float(np.degrees(run.motion.coordinate(drive)[frame, 0]) % 180.0)
     assert min(angle, 180.0 - angle) > 5.0
-    largest = np.max([np.hypot(*forces.reaction(p.name)[:, :2].T) for p in run.motion.mechanism.pairs], axis=0)
+    largest = np.max([np.hypot(*forces.reaction(p.name)[:, :2].T) for p in run.motion.mechanism.joints], axis=0)
     assert largest[frame] > 0.4 * largest.max()
 
 
 def test_a_kinematic_run_opens_an_eighth_of_a_cycle_in(leg):
-    turned = np.ptp(leg.motion.coordinate(leg.motion.mechanism.drives[0].pair)[[0, leg.catalogue.opening], 0])
+    turned = np.ptp(leg.motion.coordinate(leg.motion.mechanism.drives[0].joint)[[0, leg.catalogue.opening], 0])
     assert np.degrees(turned) == pytest.approx(45.0, abs=6.0)
 
 

@@ -43,15 +43,15 @@ def four_bar(**changes: Any) -> Scene:
 
 def driven(drive: dict[str, Any], **changes: Any) -> Any:
     """The law of the four-bar's crank under another drive."""
-    pairs = {**FOUR_BAR["joints"], "A": {"revolute": ["frame", "crank"], "drive": drive}}
-    return four_bar(joints=pairs, **changes).mechanism.drives[0].law
+    joints = {**FOUR_BAR["joints"], "A": {"revolute": ["frame", "crank"], "drive": drive}}
+    return four_bar(joints=joints, **changes).mechanism.drives[0].law
 
 
-def slider(pair: dict[str, Any], **changes: Any) -> Scene:
-    """A block on the frame, moved by a sliding pair."""
+def slider(joint: dict[str, Any], **changes: Any) -> Scene:
+    """A block on the frame, moved by a sliding joint."""
     links = {"frame": {"points": {"O": [0, 0], "X": [30, 40]}}, "block": {"points": {"O": [0, 0]}}}
-    pair = {"prismatic": ["frame", "block"], "drive": {"oscillation": {"amplitude": 5, "frequency": 2}}, **pair}
-    return Scene.build(units={"length": "mm"}, links=links, joints={"O": pair}, **changes)
+    joint = {"prismatic": ["frame", "block"], "drive": {"oscillation": {"amplitude": 5, "frequency": 2}}, **joint}
+    return Scene.build(units={"length": "mm"}, links=links, joints={"O": joint}, **changes)
 
 
 # --- what a scene says, in SI -----------------------------------------------------------------------------------------
@@ -65,7 +65,7 @@ def test_the_scene_of_the_examples_becomes_this_mechanism():
     assert [link.name for link in m.links] == ["frame", "crank", "coupler", "rocker"]
     assert m.links[2].points == {"B": (0.0, 0.0), "C": (0.18, 0.0), "E": (0.09, 0.07)}
     assert [link.mass for link in m.links] == [0.0, 0.4, 1.1, 0.8]
-    assert m.pairs[2] == Revolute(name="C", links=("coupler", "rocker"), points=("C", "C"))
+    assert m.joints[2] == Revolute(name="C", links=("coupler", "rocker"), points=("C", "C"))
     assert m.drives[0].law == ConstantSpeed(start=0.0, speed=2.0 * math.pi, travel=2.0 * math.pi)
     assert m.modes == {"C": "left"}
     assert m.traced == (("coupler", "E"),)
@@ -151,9 +151,9 @@ def test_every_kind_of_quantity_understands_its_own_example():
 def test_gravity_effects_run_and_frame_are_read():
     links = {key if key != "frame" else "base": {**value} for key, value in FOUR_BAR["links"].items()}
     links["crank"] |= {"mass": 0.4, "shape": "bar"}
-    pairs = json.loads(json.dumps(FOUR_BAR["joints"]).replace('"frame"', '"base"'))
+    joints = json.loads(json.dumps(FOUR_BAR["joints"]).replace('"frame"', '"base"'))
     s = four_bar(
-        links=links, joints=pairs, frame="base", effects=["gravity"], gravity=[0, "-1.62 m/s^2"], run={"frames": 90, "cycles": 3}
+        links=links, joints=joints, frame="base", effects=["gravity"], gravity=[0, "-1.62 m/s^2"], run={"frames": 90, "cycles": 3}
     )
     assert (s.mechanism.frame, s.mechanism.gravity, s.frames, s.cycles) == ("base", (0.0, -1.62), 90, 3)
     assert s.mechanism.effects == s.effects == ("gravity",)
@@ -192,8 +192,8 @@ def test_a_mass_alone_is_fine_where_no_effect_computes_with_it():
 
 def test_a_slider_of_one_point_that_cannot_turn_needs_neither_centre_nor_inertia():
     links = {"frame": {"points": {"O": [0, 0]}}, "block": {"points": {"O": [3, 4]}, "mass": 2}}
-    pairs = {"O": {"prismatic": ["frame", "block"], "drive": {"oscillation": {"amplitude": 1, "frequency": 1}}}}
-    made = Scene.build(links=links, joints=pairs, effects=["inertia"]).mechanism.links[1]
+    joints = {"O": {"prismatic": ["frame", "block"], "drive": {"oscillation": {"amplitude": 1, "frequency": 1}}}}
+    made = Scene.build(links=links, joints=joints, effects=["inertia"]).mechanism.links[1]
     assert (made.mass, made.centre, made.inertia) == (2.0, (3.0, 4.0), 0.0)
 
 
@@ -248,25 +248,25 @@ def test_a_sliding_drive_is_in_lengths():
     assert law == ConstantSpeed(start=-0.005, speed=0.02, travel=0.03)
 
 
-# --- pairs, loads, traces ---------------------------------------------------------------------------------------------
+# --- joints, loads, traces ---------------------------------------------------------------------------------------------
 
 
-def test_prismatic_pairs():
-    assert slider({}).mechanism.pairs[0] == Prismatic(name="O", links=("frame", "block"), points=("O", "O"))
-    made = slider({"at": ["X", "O"], "along": [0, -2], "angle": 1.5}).mechanism.pairs[0]
+def test_prismatic_joints():
+    assert slider({}).mechanism.joints[0] == Prismatic(name="O", links=("frame", "block"), points=("O", "O"))
+    made = slider({"at": ["X", "O"], "along": [0, -2], "angle": 1.5}).mechanism.joints[0]
     assert made == Prismatic(name="O", links=("frame", "block"), points=("X", "O"), along=(0.0, -2.0), angle=1.5)
-    named = slider({"along": ["O", "X"]}).mechanism.pairs[0]
+    named = slider({"along": ["O", "X"]}).mechanism.joints[0]
     assert isinstance(named, Prismatic)
     assert named.along == pytest.approx((0.03, 0.04))
-    second = slider({"guide": "block"}).mechanism.pairs[0]
+    second = slider({"guide": "block"}).mechanism.joints[0]
     assert isinstance(second, Prismatic)
     assert second.guide == 1
 
 
 def test_the_three_ways_to_state_an_assembly_mode():
     for key, word in (("side", "right"), ("assembly", "crossed"), ("branch", "behind")):
-        pairs = {**FOUR_BAR["joints"], "C": {"revolute": ["coupler", "rocker"], key: word}}
-        assert four_bar(joints=pairs).mechanism.modes == {"C": word}
+        joints = {**FOUR_BAR["joints"], "C": {"revolute": ["coupler", "rocker"], key: word}}
+        assert four_bar(joints=joints).mechanism.modes == {"C": word}
 
 
 def test_loads_are_read_in_si():
@@ -329,8 +329,8 @@ def test_drawn_links_take_their_shape_and_place_from_the_sketch():
 
 def test_a_drive_between_drawn_links_starts_at_the_drawn_angle_unless_it_states_another():
     assert Scene.build(**DRAWN).mechanism.drives[0].law(0.0)[0] == pytest.approx(math.pi / 2)
-    pairs = {**DRAWN["joints"], "A": {"revolute": ["frame", "crank"], "drive": {"speed": 1, "start": 30}}}
-    assert Scene.build(**{**DRAWN, "joints": pairs}).mechanism.drives[0].law(0.0)[0] == pytest.approx(math.pi / 6)
+    joints = {**DRAWN["joints"], "A": {"revolute": ["frame", "crank"], "drive": {"speed": 1, "start": 30}}}
+    assert Scene.build(**{**DRAWN, "joints": joints}).mechanism.drives[0].law(0.0)[0] == pytest.approx(math.pi / 6)
 
 
 def test_a_sketch_beside_coordinates_gives_rough_poses_only():
@@ -343,20 +343,20 @@ def test_a_sketch_beside_coordinates_gives_rough_poses_only():
     assert m.drives[0].law(0.0)[0] == 0.0
 
 
-def test_a_sliding_pair_hands_its_angle_to_a_sketched_slider():
+def test_a_sliding_joint_hands_its_angle_to_a_sketched_slider():
     sketched = slider({"angle": 0.5}, sketch={"O": [0, 0]})
     assert sketched.mechanism.sketch == {"block": (0.0, 0.0, 0.5)}
 
 
-def test_a_sliding_pair_between_drawn_links_keeps_the_drawn_angle():
+def test_a_sliding_joint_between_drawn_links_keeps_the_drawn_angle():
     s = Scene.build(
         links={"frame": {"points": ["O"]}, "block": {"points": ["O", "P"]}},
         joints={"O": {"prismatic": ["frame", "block"], "drive": {"oscillation": {"amplitude": 1, "frequency": 1}}}},
         sketch={"O": [0, 0], "P": [0, 2]},
     )
-    pair = s.mechanism.pairs[0]
-    assert isinstance(pair, Prismatic)
-    assert pair.angle == pytest.approx(math.pi / 2)
+    joint = s.mechanism.joints[0]
+    assert isinstance(joint, Prismatic)
+    assert joint.angle == pytest.approx(math.pi / 2)
 
 
 # --- writing and reading again ----------------------------------------------------------------------------------------
@@ -413,12 +413,12 @@ def chains(draw: Any) -> dict[str, Any]:
     """Open chains of links with names, points, masses and drives of all sorts: always valid scenes."""
     names = draw(st.lists(NAME, min_size=2, max_size=5, unique=True))
     links: dict[str, Any] = {}
-    pairs: dict[str, Any] = {}
+    joints: dict[str, Any] = {}
     for k, name in enumerate(names):
         points = {"in": [draw(lengths()), draw(lengths())], "out": [draw(lengths()), draw(lengths())]}
         links[name] = {"points": points, "mass": draw(POSITIVE), "centre": [draw(NUMBERS), 0], "inertia": draw(POSITIVE)}
         if k:
-            pairs[name] = {"revolute": [names[k - 1], name], "at": ["out", "in"], "drive": draw(drives())}
+            joints[name] = {"revolute": [names[k - 1], name], "at": ["out", "in"], "drive": draw(drives())}
     return {
         "title": draw(TEXT),
         "teaches": draw(TEXT),
@@ -427,7 +427,7 @@ def chains(draw: Any) -> dict[str, Any]:
         "effects": draw(st.sampled_from([[], ["inertia"], ["gravity", "inertia"]])),
         "trace": [f"{names[-1]}.out"],
         "links": links,
-        "joints": pairs,
+        "joints": joints,
         "loads": {"F": {"force": [draw(NUMBERS), 1], "on": names[-1], "at": "out"}},
     }
 
@@ -528,11 +528,11 @@ def test_builder_and_text_give_the_same_scene():
     assert loads(scene.text) == scene
 
 
-def test_builder_covers_sliding_pairs_gravity_and_sketches():
+def test_builder_covers_sliding_joints_gravity_and_sketches():
     b = SceneBuilder("s", length="mm").link("frame", ["O"]).link("block", ["O", "P"], mass=1, centre="P", inertia=0.1)
     b.prismatic("O", "frame", "block", along=[0, 1], drive={"oscillation": {"amplitude": 1, "frequency": 1}})
     m = b.sketch(O=(0, 0), P=(3, 4)).gravity(0, -1.62).effect("gravity", "inertia").scene().mechanism
-    assert m.pairs[0] == Prismatic(name="O", links=("frame", "block"), points=("O", "O"), along=(0.0, 1.0), angle=math.atan2(4, 3))
+    assert m.joints[0] == Prismatic(name="O", links=("frame", "block"), points=("O", "O"), along=(0.0, 1.0), angle=math.atan2(4, 3))
     assert m.links[1].centre == pytest.approx((0.005, 0.0))
     assert m.gravity == (0.0, -1.62)
 
@@ -666,3 +666,11 @@ def test_pairs_is_read_as_joints_and_faults_name_it_as_it_is_written():
     assert all(not fault.path.startswith("joints") for fault in error.value.faults), str(error.value)
     assert scene.changed({("pairs", "A", "drive", "speed"): "30 rpm"}).document.joints["A"].drive.speed == "30 rpm"
     assert "[joints]" in scene.to_toml()
+
+
+def test_pair_within_watch_and_loads_is_read_as_joint_and_faults_name_it_as_it_is_written():
+    text = load("engine-start-up").text
+    former = text.replace('{ joint = "A"', '{ pair = "A"')
+    assert former.count("pair =") == 2 and loads(former) == load("engine-start-up")
+    with pytest.raises(SceneError, match=r"watch\.running\.pair  there is no joint 'Q'"):
+        loads(former.replace('running = { pair = "A"', 'running = { pair = "Q"'))

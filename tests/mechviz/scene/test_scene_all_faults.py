@@ -99,7 +99,7 @@ SLIPS = [
     Slip("run/frames", 1, "run.frames", "1 is too small"),
     Slip("run/cycle", 2, "run", "unknown key 'cycle'"),
     Slip("frame", "frmae", "frame", "no link 'frmae'"),
-    Slip("links/lonely", {"points": {"Z": [0, 0]}}, "links.lonely", "no chain of pairs"),
+    Slip("links/lonely", {"points": {"Z": [0, 0]}}, "links.lonely", "no chain of joints"),
     Slip("links/crank/mass", "0.4 Kg", "links.crank.mass", "unknown unit 'Kg'"),
     Slip("links/crank/points/B", [60, 0, 1], "links.crank.points.B", "has 3 entries"),
     Slip("links/crank/shape", "barr", "links.crank.shape", "'barr' is not one of"),
@@ -128,7 +128,7 @@ SLIPS = [
         (f"{D}/travel",),
     ),
     Slip("joints/B/revolute/0", 7, "joints.B.revolute[0]", "7 where a text is wanted"),
-    Slip("joints/B/along", [1, 0], "joints.B.along", "does not go with a revolute pair"),
+    Slip("joints/B/along", [1, 0], "joints.B.along", "does not go with a revolute joint"),
     Slip("joints/C/side", "lefft", "joints.C.side", "'lefft' is not one of"),
     Slip("joints/C/branch", "ahead", "joints.C.branch", "both choose the assembly mode"),
     Slip("joints/C/revolute/1", "roker", "joints.C.revolute[1]", "no link 'roker'"),
@@ -155,7 +155,7 @@ SLIPS = [
     Slip(f"{GAS}/force/1", "5 kg", "loads.gas.force[1]", "a force is wanted"),
     Slip(f"{GAS}/axes", "wrld", "loads.gas.axes", "'wrld' is not one of"),
     Slip(f"{GAS}/table/perod", 360, "loads.gas.table", "unknown key 'perod'"),
-    Slip(f"{GAS}/table/drive", "Y", "loads.gas.table.drive", "there is no pair 'Y'"),
+    Slip(f"{GAS}/table/drive", "Y", "loads.gas.table.drive", "there is no joint 'Y'"),
     Slip(f"{GAS}/table/position/2", 45, "loads.gas.table.position[2]", "does not grow"),
     Slip(f"{GAS}/table/factor", [1, 2], "loads.gas.table", "3 positions and 2 factors"),
     Slip(f"{GAS}/table/smooth", "maybe", "loads.gas.table.smooth", "does not say how the points are joined"),
@@ -213,7 +213,7 @@ def check(slips: list[Slip]) -> None:
     """Every slip is reported, and every report comes of a slip."""
     found = faults_of(slipped(slips))
     wanted = [(slip.path, slip.words) for slip in slips]
-    wanted += [pair for slip in slips for pair in COMPANIONS.get(slip.where, [])]
+    wanted += [joint for slip in slips for joint in COMPANIONS.get(slip.where, [])]
     for path, words in wanted:
         assert any(f.path == path and words in f.message for f in found), (path, words, [s.where for s in slips], found)
     for fault in found:
@@ -230,8 +230,8 @@ def test_the_rich_scene_and_the_gallery_have_no_faults():
 
 def test_the_catalogue_is_large_and_mostly_independent():
     assert len(SLIPS) >= 40
-    pairs = list(combinations(SLIPS, 2))
-    assert sum(independent(a, b) for a, b in pairs) > 0.95 * len(pairs)
+    joints = list(combinations(SLIPS, 2))
+    assert sum(independent(a, b) for a, b in joints) > 0.95 * len(joints)
 
 
 @pytest.mark.parametrize("slip", SLIPS, ids=lambda slip: slip.where)
@@ -240,9 +240,9 @@ def test_a_slip_alone_is_reported_and_nothing_else(slip):
 
 
 def test_two_independent_slips_are_reported_together():
-    pairs = [pair for pair in combinations(SLIPS, 2) if independent(*pair)]
-    for pair in random.Random(2).sample(pairs, k=150):
-        check(list(pair))
+    joints = [joint for joint in combinations(SLIPS, 2) if independent(*joint)]
+    for joint in random.Random(2).sample(joints, k=150):
+        check(list(joint))
 
 
 @pytest.mark.parametrize("seed", range(60))

@@ -15,7 +15,7 @@ from mechviz.scene.document import LinkDocument, SceneDocument
 from mechviz.scene.kinds.drives import DriveDocument
 from mechviz.scene.kinds.friction import ClearanceDocument, FrictionDefaults, FrictionDocument
 from mechviz.scene.kinds.joints.document import KINDS as JOINTS
-from mechviz.scene.kinds.joints.document import PairDocument
+from mechviz.scene.kinds.joints.document import JointDocument
 from mechviz.scene.kinds.loads.document import KINDS as LOADS
 from mechviz.scene.kinds.loads.document import LoadDocument
 from mechviz.scene.kinds.signals import ChirpDocument, RampDocument, SineDocument, StepDocument
@@ -42,9 +42,9 @@ def test_fragments_of_the_page_are_valid(text):
         if "drive" in data:
             DriveDocument.model_validate(data["drive"])
             continue
-        for pair in data.get("joints", {}).values():
-            if list(pair) == ["drive"]:
-                pair["revolute"] = ["frame", "crank"]
+        for joint in data.get("joints", {}).values():
+            if list(joint) == ["drive"]:
+                joint["revolute"] = ["frame", "crank"]
         SceneDocument.model_validate(data)
 
 
@@ -80,7 +80,7 @@ def test_every_package_of_the_wheel_tells_that_it_has_types():
     assert [package for package in wheel["packages"] if not (root / package / "py.typed").is_file()] == []
 
 
-@pytest.mark.parametrize(("table", "kinds"), [(PairDocument, JOINTS), (LoadDocument, LOADS)])
+@pytest.mark.parametrize(("table", "kinds"), [(JointDocument, JOINTS), (LoadDocument, LOADS)])
 def test_every_kind_has_an_example_that_is_valid_and_its_keys_exist(table, kinds):
     for keyword, kind in kinds.items():
         entry = table.model_validate(tomllib.loads(f"entry = {kind.example}")["entry"])
@@ -93,7 +93,7 @@ def test_every_key_of_the_format_is_on_the_page():
     for table in (
         SceneDocument,
         LinkDocument,
-        PairDocument,
+        JointDocument,
         DriveDocument,
         LoadDocument,
         FrictionDocument,

@@ -9,7 +9,7 @@ import mechviz
 from mechcore.forces.kinetostatics import Forces, solve_forces
 from mechcore.motion.motion import Motion
 from mechcore.motion.solve import compile_mechanism, default_times, solve_motion
-from mechcore.motion.structure import groups, gruebler, rank_mobility, redundant_pairs
+from mechcore.motion.structure import groups, gruebler, rank_mobility, redundant_joints
 from recordings import gallery_scene, ran
 
 NAMES = [entry.name for entry in mechviz.gallery()]
@@ -25,7 +25,7 @@ def motion_of(name: str, *, at: float | None = None) -> Motion:
         return solve_motion(compiled, default_times(scene.mechanism, scene.frames, scene.cycles))
     drive = scene.mechanism.drives[0]
     _, speed, acceleration = drive.law(0.0)
-    return solve_motion(compiled, [0.0], drives={drive.pair: ([at], speed, acceleration)})
+    return solve_motion(compiled, [0.0], drives={drive.joint: ([at], speed, acceleration)})
 
 
 def size_of(motion: Motion) -> float:
@@ -248,10 +248,10 @@ def test_excavator_cylinders_carry_what_hangs_on_them():
     """Both cylinders give exactly the power that the arm takes; the boom's is pressed together all the time."""
     forces = forces_of("excavator-arm")
     motion = forces.motion
-    for pair, first, p, second, q in (("C1", "frame", "P", "boom", "Q"), ("C2", "boom", "U", "stick", "V")):
+    for joint, first, p, second, q in (("C1", "frame", "P", "boom", "Q"), ("C2", "boom", "U", "stick", "V")):
         away = motion.point(second, q) - motion.point(first, p)
-        np.testing.assert_allclose(np.hypot(*away.T), motion.coordinate(pair)[:, 0], rtol=1e-12)
-        assert 10.0 < np.abs(forces.effort(pair)).max() < 1e3  # N
+        np.testing.assert_allclose(np.hypot(*away.T), motion.coordinate(joint)[:, 0], rtol=1e-12)
+        assert 10.0 < np.abs(forces.effort(joint)).max() < 1e3  # N
     assert forces.effort("C1").min() > 50.0
     tip = motion.point("bucket", "T")
     assert np.ptp(tip[:, 0]) > 0.1 and np.ptp(tip[:, 1]) > 0.1
@@ -288,13 +288,13 @@ def test_piston_turns_the_crank_through_both_dead_points():
     assert [change.dead for change in motion.changes] == [True] * 4
 
 
-@pytest.mark.parametrize(("name", "pair", "mobility"), [("double-parallelogram", "F", 0), ("two-guides", "T", -1)])
-def test_redundant_constraints_are_named_and_the_motion_is_exact(name, pair, mobility):
+@pytest.mark.parametrize(("name", "joint", "mobility"), [("double-parallelogram", "F", 0), ("two-guides", "T", -1)])
+def test_redundant_constraints_are_named_and_the_motion_is_exact(name, joint, mobility):
     forces = forces_of(name)
     model = forces.motion.model
     assert (gruebler(model)[-1], rank_mobility(forces.motion)) == (mobility, 1)
-    assert pair in redundant_pairs(model)
-    assert np.isfinite(forces.reaction(pair)).all()
+    assert joint in redundant_joints(model)
+    assert np.isfinite(forces.reaction(joint)).all()
 
 
 def test_near_flat_four_bar_keeps_its_mode_and_says_how_near_it_comes():
@@ -349,7 +349,7 @@ def test_a_group_of_one_link_is_called_redundant_only_if_it_is():
     """A valve between its guide and the rocker's pin: 3 - 2 - 1 = 0, the group is determinate."""
     model = compile_mechanism(mechviz.load("valve-spring").mechanism).model
     assert [(g.links, g.kind) for g in groups(model)] == [(("rocker",), ""), (("valve",), "with a higher pair")]
-    assert not redundant_pairs(model)
+    assert not redundant_joints(model)
 
 
 # --- signals, bushings, servos, actuators, free bodies ------------------------------------------------------------------

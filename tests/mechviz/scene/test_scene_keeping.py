@@ -36,7 +36,7 @@ x = 1 # no comment
 crank = { points = { A = [0, 0], B = [1.0, 0] }, mass = "1 kg" }  # the crank
 rod = { mass = 2 }
 
-# about the pairs
+# about the joints
 [joints.K]
 cam = 1    # one
 law = "3-4-5"
@@ -59,7 +59,7 @@ COMMENTS = {
     "# ] an inner list",
     "# all links",
     "# the crank",
-    "# about the pairs",
+    "# about the joints",
     "# one",
     "# its profile",
     "# mm",
@@ -109,7 +109,7 @@ def test_only_what_differs_is_written(changes, lines, comments):
     left = text.splitlines()
     assert sum(bool(line) and line not in left for line in TEXT.splitlines()) == lines
     assert {comment for comment in COMMENTS if comment not in text} == comments
-    for comment, header in (("# about the pairs", "[joints.K]"), ("# its profile", "[joints.K.profile]")):
+    for comment, header in (("# about the joints", "[joints.K]"), ("# its profile", "[joints.K.profile]")):
         if comment in left and header in left:
             assert left[left.index(comment) + 1] == header, "a comment stays above what it is about"
 
@@ -161,7 +161,7 @@ def test_an_edited_scene_keeps_the_comments_of_its_file():
     assert kept_text(opened, opened) == opened.text
 
 
-def test_a_scene_that_says_pairs_keeps_saying_so():
+def test_a_scene_that_says_joints_keeps_saying_so():
     text = scene.load("crank-rocker").text.replace("[joints]", "[pairs]  # as in older files")
     opened = loads(text, "crank-rocker", GALLERY_FOLDER)
     kept = kept_text(opened, opened.changed({("joints", "A", "drive", "speed"): "30 rpm"}))

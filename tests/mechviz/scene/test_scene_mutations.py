@@ -76,12 +76,12 @@ def test_a_long_chain_with_a_fault_in_every_link_is_reported_in_bearable_time():
     n = 1500
     links: dict[str, Any] = {f"l{k}": {"points": {f"P{k}": [0, 0], f"P{k + 1}": [1, 0]}, "mas": 1} for k in range(n)}
     links["frame"] = {"points": {"A": [0, 0]}}
-    pairs: dict[str, Any] = {f"P{k}": {"revolute": [f"l{k - 1}", f"l{k}"]} for k in range(1, n)}
-    pairs["A"] = {"revolute": ["frame", "l0"], "at": ["A", "P0"], "drive": {"speed": "60 rpm"}}
+    joints: dict[str, Any] = {f"P{k}": {"revolute": [f"l{k - 1}", f"l{k}"]} for k in range(1, n)}
+    joints["A"] = {"revolute": ["frame", "l0"], "at": ["A", "P0"], "drive": {"speed": "60 rpm"}}
     for k in range(1, n, 10):
-        pairs[f"P{k}"]["revolute"][0] = f"zz{k}"  # as like the wrong link as the right one
+        joints[f"P{k}"]["revolute"][0] = f"zz{k}"  # as like the wrong link as the right one
     with pytest.raises(SceneError) as error:
-        Scene.build(name="x", links=links, joints=pairs)
+        Scene.build(name="x", links=links, joints=joints)
     paths = [fault.path for fault in error.value.faults]
     assert len(paths) == n + len(range(1, n, 10))
     assert all(path.startswith("links.l") or path.endswith("revolute[0]") for path in paths)
@@ -89,7 +89,7 @@ def test_a_long_chain_with_a_fault_in_every_link_is_reported_in_bearable_time():
 
 def test_the_range_of_a_drive_at_rest_is_a_report():
     data = copy.deepcopy(next(raw for raw in SCENES if raw["title"].startswith("Crank")))
-    name = next(key for key, pair in data["joints"].items() if "drive" in pair)
+    name = next(key for key, joint in data["joints"].items() if "drive" in joint)
     data["joints"][name]["drive"] = {"speed": 0, "range": [0, 5]}
     with pytest.raises(SceneError, match="stands still"):
         Scene.build(**data)

@@ -34,7 +34,7 @@ def test_keywords_of_joints_refer_to_links(places):
 
 
 def test_a_name_that_nothing_is_called_by_is_a_fault_at_its_place(places):
-    words = {"link": "link", "point": "point", "joint": "pair"}
+    words = {"link": "link", "point": "point", "joint": "joint"}
     for (_, sort), (name, place) in places.items():
         with pytest.raises(SceneError) as error:
             load(name).changed({place: "nothing"})

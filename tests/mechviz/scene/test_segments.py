@@ -76,7 +76,7 @@ def axes(**drives):
 
 
 def law(scene, joint="X"):
-    return next(d.law for d in scene.mechanism.drives if d.pair == joint)
+    return next(d.law for d in scene.mechanism.drives if d.joint == joint)
 
 
 def cam(*lift, **profile):
@@ -86,7 +86,7 @@ def cam(*lift, **profile):
 
 
 def lift_of(scene):
-    return next(p.lift for p in scene.mechanism.pairs if p.name == "K")
+    return next(p.lift for p in scene.mechanism.joints if p.name == "K")
 
 
 def faults(build):
@@ -214,7 +214,7 @@ def _lift(**segment):
         (
             lambda: axes(X={"start": 0, "program": {"knots": "O", "segments": [{"to": 3}]}}),
             "joints.X.drive.program.knots",
-            "no driven pair with segments",
+            "no driven joint with segments",
         ),
         (
             lambda: axes(
@@ -269,7 +269,7 @@ def test_a_former_name_of_a_law_is_told():
 
 def test_the_gantry_of_the_gallery_keeps_its_axes_in_step():
     """The three axes rest together, and pass the times that the carriage states without a stop."""
-    laws = {d.pair: d.law for d in mechviz.load("gantry-in-step").mechanism.drives}
+    laws = {d.joint: d.law for d in mechviz.load("gantry-in-step").mechanism.drives}
     assert [law.duration for law in laws.values()] == pytest.approx([2.4] * 3, rel=1e-14)
     for t in (0.3, 1.3, 1.6, 2.4):
         np.testing.assert_allclose([np.ravel(laws[axis](t)[1]) for axis in "XZJ"], 0.0, atol=1e-9)

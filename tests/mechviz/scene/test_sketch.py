@@ -25,12 +25,12 @@ def four_bar(lengths, start, sketch):
             Link(name="coupler", points={"B": (0.0, 0.0), "C": (coupler, 0.0)}),
             Link(name="rocker", points={"D": (0.0, 0.0), "C": (rocker, 0.0)}),
         ),
-        pairs=tuple(
+        joints=tuple(
             Revolute(name=n, links=links, points=(n, n))
             for n, links in (("A", ("frame", "crank")), ("B", ("crank", "coupler")), ("C", ("coupler", "rocker")),
                              ("D", ("frame", "rocker")))
         ),
-        drives=(Drive(pair="A", law=ConstantSpeed(start, 1.0)),),
+        drives=(Drive(joint="A", law=ConstantSpeed(start, 1.0)),),
         sketch=sketch,
     )  # fmt: skip
 
@@ -126,11 +126,11 @@ def test_a_cylinder_is_drawn_by_its_two_points():
             Link(name="frame", points={"O": (0.0, 0.0), "P": (1.0, 0.0)}),
             Link(name="boom", points={"O": (0.0, 0.0), "Q": (2.0, 0.0)}),
         ),
-        pairs=(
+        joints=(
             Revolute(name="O", links=("frame", "boom"), points=("O", "O")),
             Cylinder(name="Z", links=("frame", "boom"), points=("P", "Q")),
         ),
-        drives=(Drive(pair="Z", law=ConstantSpeed(length(-0.3), 0.01, 0.1)),),
+        drives=(Drive(joint="Z", law=ConstantSpeed(length(-0.3), 0.01, 0.1)),),
         sketch={"boom": (0.0, 0.0, -2.9)},
     )
     motion = solve_motion(compile_mechanism(mechanism), [0.0])

@@ -22,7 +22,7 @@ CRANK = "links.crank.points.B[0]"
 @pytest.fixture()
 def viewer() -> Iterator[Viewer]:
     with Viewer(run_scene(scene.load("crank-rocker"), frames=48), port=0) as shown:
-        assert shown.studio.wait(rested=True)
+        assert shown.session.wait(rested=True)
         yield shown
 
 
@@ -95,16 +95,16 @@ def test_an_edit_of_which_the_drawing_fails_is_undone(viewer, browser, monkeypat
     monkeypatch.setattr(SolidNodes, "update", fail)
     send(browser, update(slider, 1.1 * before))
     until(lambda: "no such solids" in caplog.text, "the failure is told")
-    assert viewer.studio.wait(rested=True)
-    assert viewer.run is shown and viewer.inspector.show.run is shown and not viewer.studio.history.can_undo
-    assert "no such solids" in viewer.studio.status.fault
+    assert viewer.session.wait(rested=True)
+    assert viewer.run is shown and viewer.inspector.show.run is shown and not viewer.session.history.can_undo
+    assert "no such solids" in viewer.session.status.fault
     until(lambda: slider.value == before, "the slider goes back")
     answered(viewer, browser)
 
     monkeypatch.undo()
     send(browser, update(slider, 0.9 * before))
     until(lambda: viewer.run is not shown, "the next edit is solved")
-    assert viewer.studio.wait(rested=True) and not viewer.studio.status.fault and viewer.studio.history.can_undo
+    assert viewer.session.wait(rested=True) and not viewer.session.status.fault and viewer.session.history.can_undo
     answered(viewer, browser)
     viewer.set_frame(7)
     angle = viewer.run.motion.pose("rocker")[7, 2]
@@ -113,7 +113,7 @@ def test_an_edit_of_which_the_drawing_fails_is_undone(viewer, browser, monkeypat
 
 
 def test_what_cannot_be_looked_at_closer_is_left_alone(viewer, monkeypatch):
-    closer, real = viewer.inspector.closer, Slot.plot
+    closer, real = viewer.inspector.detail, Slot.plot
     before, other = closer.choice.options[:2]
     closer.look_at(before)
     own = closer.slot.quantity.title

@@ -39,7 +39,7 @@ UPDATES = ({"max": 5.0}, {"removed": True}, {"value": 7, "max": 9}, {}, [], None
 @pytest.fixture(scope="module")
 def viewer() -> Iterator[Viewer]:
     with Viewer(run_scene(scene.load("crank-rocker"), frames=48), port=0) as shown:
-        assert shown.studio.wait(rested=True)
+        assert shown.session.wait(rested=True)
         yield shown
 
 
@@ -93,7 +93,7 @@ def test_each_kind_of_control_takes_its_own_values_only(viewer, browser):
         (viewer.plots.slots[0].choice, ("no such quantity", 3, True, None)),
         (viewer.timeline.buttons, ("Explode", 0, True)),
         (viewer.switches.dark, (1, "true", None, 0.0)),
-        (viewer.inspector.closer.choice, ("link nobody", b"link crank")),
+        (viewer.inspector.detail.choice, ("link nobody", b"link crank")),
     ]
     before, kept = refused(viewer), [control.value for control, _ in controls]
     for control, values in controls:

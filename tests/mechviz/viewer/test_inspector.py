@@ -46,9 +46,9 @@ from mechviz.scene.document import value_at, with_values
 # -- dragging ---------------------------------------------------------------------------------------------------------
 def test_while_dragging_the_picture_is_sent_first_and_plots_follow_at_the_latest_when_it_rests(monkeypatch):
     with Viewer(run_scene(scene.load("crank-rocker"), frames=24), port=0) as viewer:
-        inspector, studio = viewer.inspector, viewer.studio
-        assert studio.wait(rested=True)
-        shows = [show_of_run(run_scene(scene.load("crank-rocker"), frames=24), studio._built, studio.show) for _ in range(4)]
+        inspector, session = viewer.inspector, viewer.session
+        assert session.wait(rested=True)
+        shows = [show_of_run(run_scene(scene.load("crank-rocker"), frames=24), session._built, session.show) for _ in range(4)]
         done: list[str] = []
         for owner, name in ((inspector.scene, "show"), (viewer.server, "flush"), (inspector.plots, "update")):
             real = getattr(owner, name)
@@ -68,19 +68,19 @@ def test_while_dragging_the_picture_is_sent_first_and_plots_follow_at_the_latest
 def test_what_goes_well_is_said_now_and_then_and_once_more_when_it_rests(monkeypatch):
     with Viewer(run_scene(scene.load("crank-rocker"), frames=24), port=0) as viewer:
         controls = viewer.inspector.controls
-        assert viewer.studio.wait(rested=True)
+        assert viewer.session.wait(rested=True)
         key = next(iter(controls.sliders))
         said = []
         for seconds in (0.011, 0.022, 0.033):
-            viewer.studio.status = Status(key=key, seconds=seconds)
+            viewer.session.status = Status(key=key, seconds=seconds)
             monkeypatch.setattr("mechviz.outputs.viewer.panels.controls.SLOW", 1e9 if said else -1.0)
-            controls.tell(viewer.studio.status)
+            controls.tell(viewer.session.status)
             said.append(controls.message.content)
         assert "11 ms" in said[0] and said[1] == said[2] == said[0]
         controls.settle()
         assert "33 ms" in controls.message.content
-        viewer.studio.status = Status("cannot be assembled", key, 1.0)
-        controls.tell(viewer.studio.status)
+        viewer.session.status = Status("cannot be assembled", key, 1.0)
+        controls.tell(viewer.session.status)
         controls.tell(Status(key=key, seconds=0.044))
         assert "44 ms" in controls.message.content, "after a fault at once"
 
@@ -284,7 +284,7 @@ def test_the_newest_request_wins_and_the_last_one_is_always_done():
         worker.close()
 
 
-# -- the studio -------------------------------------------------------------------------------------------------------
+# -- the session -------------------------------------------------------------------------------------------------------
 class Screen:
     def __init__(self) -> None:
         self.shows: list = []
@@ -294,7 +294,7 @@ class Screen:
 
 
 @pytest.fixture
-def studio():
+def session():
     screen = Screen()
     made = EditSession(
         run_scene(scene.load("kinetostatic-four-bar")),
@@ -310,44 +310,44 @@ def studio():
     assert not screen.failures
 
 
-def _value(studio: EditSession, label: str):
-    return next(p for p in studio.parameters if p.label == label)
+def _value(session: EditSession, label: str):
+    return next(p for p in session.parameters if p.label == label)
 
 
-def test_an_edit_solves_the_whole_cycle_anew_and_undo_brings_it_back(studio):
-    before = studio.run.forces.effort("A")
-    studio.move(_value(studio, "crank A–B"), 0.11)
-    assert studio.wait()
-    assert studio.status.fault == "" and value_at(studio.history.present.document, ("links", "crank", "points", "B"))[0] == 0.11
+def test_an_edit_solves_the_whole_cycle_anew_and_undo_brings_it_back(session):
+    before = session.run.forces.effort("A")
+    session.move(_value(session, "crank A–B"), 0.11)
+    assert session.wait()
+    assert session.status.fault == "" and value_at(session.history.present.document, ("links", "crank", "points", "B"))[0] == 0.11
     direct = run_scene(Draft.of(scene.load("kinetostatic-four-bar")).with_value(("links", "crank", "points", "B", 0), 0.11).scene())
-    np.testing.assert_allclose(studio.run.forces.effort("A"), direct.forces.effort("A"), rtol=1e-12)
-    np.testing.assert_allclose(studio.screen.shows[-1].poses["coupler"], direct.motion.pose("coupler"), rtol=1e-12)
-    studio.undo()
-    assert studio.wait()
-    np.testing.assert_allclose(studio.run.forces.effort("A"), before, rtol=1e-12)
+    np.testing.assert_allclose(session.run.forces.effort("A"), direct.forces.effort("A"), rtol=1e-12)
+    np.testing.assert_allclose(session.screen.shows[-1].poses["coupler"], direct.motion.pose("coupler"), rtol=1e-12)
+    session.undo()
+    assert session.wait()
+    np.testing.assert_allclose(session.run.forces.effort("A"), before, rtol=1e-12)
 
 
-def test_solids_are_built_anew_for_lengths_and_not_for_masses(studio, monkeypatch):
+def test_solids_are_built_anew_for_lengths_and_not_for_masses(session, monkeypatch):
     built = []
     monkeypatch.setattr("mechviz.outputs.viewer.session.build", lambda run: built.append(run) or build(run))
-    studio.move(_value(studio, "crank mass"), 1.3)
-    assert studio.wait(rested=True) and not built
-    assert studio.screen.shows[-1].bodies["crank"] is studio.opened.bodies["crank"]
-    studio.move(_value(studio, "crank A–B"), 0.11)
-    assert studio.wait(rested=True) and len(built) == 1
-    assert studio.screen.shows[-1].bodies["crank"] is not studio.opened.bodies["crank"]
+    session.move(_value(session, "crank mass"), 1.3)
+    assert session.wait(rested=True) and not built
+    assert session.screen.shows[-1].bodies["crank"] is session.opened.bodies["crank"]
+    session.move(_value(session, "crank A–B"), 0.11)
+    assert session.wait(rested=True) and len(built) == 1
+    assert session.screen.shows[-1].bodies["crank"] is not session.opened.bodies["crank"]
 
 
-def test_what_cannot_be_assembled_leaves_the_last_good_mechanism_and_says_how_far(studio):
-    shown, run = len(studio.screen.shows), studio.run
-    studio.move(_value(studio, "crank A–B"), 0.9)
-    assert studio.wait()
-    assert "cannot be assembled" in studio.status.fault and studio.status.value == 0.9
-    low, high = studio.status.reach
+def test_what_cannot_be_assembled_leaves_the_last_good_mechanism_and_says_how_far(session):
+    shown, run = len(session.screen.shows), session.run
+    session.move(_value(session, "crank A–B"), 0.9)
+    assert session.wait()
+    assert "cannot be assembled" in session.status.fault and session.status.value == 0.9
+    low, high = session.status.reach
     assert low == pytest.approx(0.02) and high == pytest.approx(0.83, abs=1e-4)  # all the other lengths in line
-    assert studio.run is run and len(studio.screen.shows) == shown and not studio.history.can_undo
-    studio.move(_value(studio, "crank A–B"), 0.12)
-    assert studio.wait() and studio.status.fault == ""
+    assert session.run is run and len(session.screen.shows) == shown and not session.history.can_undo
+    session.move(_value(session, "crank A–B"), 0.12)
+    assert session.wait() and session.status.fault == ""
 
 
 def test_an_undercut_cam_is_refused_with_the_range_of_its_base_circle():
@@ -367,19 +367,19 @@ def test_an_undercut_cam_is_refused_with_the_range_of_its_base_circle():
         made.close()
 
 
-def test_each_effect_is_weighed_by_the_peak_without_it(studio):
-    studio.weigh(asked=True)
+def test_each_effect_is_weighed_by_the_peak_without_it(session):
+    session.weigh(asked=True)
     end = time.monotonic() + 30.0
-    while not studio.screen.found and time.monotonic() < end:
+    while not session.screen.found and time.monotonic() < end:
         time.sleep(0.01)
-    found = {c.name: c for c in studio.screen.found[-1]}
+    found = {c.name: c for c in session.screen.found[-1]}
     assert set(found) == {"inertia", "gravity", "friction", "P"}
     assert found["inertia"].on and not found["gravity"].on
-    without = run_scene(Draft.of(studio.run.scene).with_effect("inertia", False).scene())
-    assert found["inertia"].peak_with == pytest.approx(np.abs(studio.run.forces.effort("A")).max())
+    without = run_scene(Draft.of(session.run.scene).with_effect("inertia", False).scene())
+    assert found["inertia"].peak_with == pytest.approx(np.abs(session.run.forces.effort("A")).max())
     assert found["inertia"].peak_without == pytest.approx(np.abs(without.forces.effort("A")).max())
-    assert np.isnan(found["friction"].seconds) and found["friction"].why.startswith("friction is named, but no pair has any")
-    assert "friction: friction is named" in words.contributions(studio.screen.found[-1], "drive torque")
+    assert np.isnan(found["friction"].seconds) and found["friction"].why.startswith("friction is named, but no joint has any")
+    assert "friction: friction is named" in words.contributions(session.screen.found[-1], "drive torque")
 
 
 def test_of_a_motion_without_drives_effects_are_weighed_by_the_largest_reaction():
@@ -390,7 +390,7 @@ def test_of_a_motion_without_drives_effects_are_weighed_by_the_largest_reaction(
     assert made.wait(rested=True)
     made.close()
     gravity = next(c for c in found[-1] if c.name == "gravity")
-    largest = max(np.hypot(*run.forces.reaction(pair.name)[:, :2].T).max() for pair in run.motion.mechanism.pairs)
+    largest = max(np.hypot(*run.forces.reaction(joint.name)[:, :2].T).max() for joint in run.motion.mechanism.joints)
     assert gravity.peak_with == pytest.approx(largest) and gravity.peak_without == pytest.approx(0.0, abs=1e-9)
     assert f"+{largest:.3g} N<" in words.contributions(found[-1], "reaction")
     unasked = [Contribution("inertia", True, 1.0, np.nan, np.nan)]
@@ -504,7 +504,7 @@ def test_a_recording_is_played_without_computing_anything(tmp_path, monkeypatch)
         x, y, _ = shown.inspector.show.poses["coupler"][17]
         assert shown.server.scene.get_handle_by_name("/mechanism/coupler").position[:2] == pytest.approx((x, y))
         with pytest.raises(ViewerError, match="Edit"):
-            _ = shown.studio
+            _ = shown.session
 
 
 # -- tracing ----------------------------------------------------------------------------------------------------------

@@ -99,8 +99,8 @@ def page(browser, viewer, errors) -> Iterator[Any]:
 @pytest.fixture(autouse=True)
 def as_opened(viewer, page) -> None:
     """Every test starts with the scene as opened, at a frame with large forces."""
-    viewer.studio.reset()
-    assert viewer.studio.wait()
+    viewer.session.reset()
+    assert viewer.session.wait()
     viewer.set_frame(300)
     open_tab(page, "Edit")
     open_tab(page, "Plots")
@@ -127,7 +127,7 @@ def _width(viewer: Viewer) -> float:
 
 def _until_drawn(viewer: Viewer, page: Any) -> None:
     """Until the run is there as it is now, and nothing else is on its way."""
-    assert viewer.studio.wait()
+    assert viewer.session.wait()
     caught_up(viewer, page)
     until(page, lambda: _drawn(viewer, page), "poses in the browser")
 
@@ -226,7 +226,7 @@ def test_effects_are_switched_and_weighed(viewer, page):
     until(page, lambda: not viewer.run.scene.document.loads, "no load")
     page.get_by_label("P", exact=True).check()
     until(page, lambda: "P" in viewer.run.scene.document.loads, "the load with its values")
-    assert viewer.run.scene == viewer.studio.history.opened.scene()
+    assert viewer.run.scene == viewer.session.history.opened.scene()
     peak = np.abs(viewer.run.forces.effort("A")).max()
     page.locator("tr", has_text="inertia").filter(has_text="N m").filter(has_text="ms").first.wait_for()
     assert peak > 0.0
@@ -235,7 +235,7 @@ def test_effects_are_switched_and_weighed(viewer, page):
     until(page, lambda: plan.locator("g").count() == 10, "the plan with inertia and the load again")
     found = plan.locator("g").evaluate_all("gs => gs.map(g => [g.querySelector('title').textContent.split(':')[0], g.dataset.on])")
     assert dict(found)["inertia"] == "1" and dict(found)["gravity"] == "0"
-    assert viewer.studio.wait(rested=True)
+    assert viewer.session.wait(rested=True)
     viewer.inspector.effects.table.content = ""
     row = page.locator("tr", has_text="inertia").filter(has_text="N m").filter(has_text="ms")
     until(page, lambda: row.count() == 0, "no table")
@@ -256,7 +256,7 @@ def test_a_click_on_a_setting_in_the_diagram_of_accuracy_applies_it(viewer, page
     page.locator("g[id^=setting]").filter(has_text="quintics, 90 frames").dispatch_event("click")
     heard(viewer)
     assert tab.choice.value.startswith("frames: quintics, 90 frames")
-    assert viewer.studio.wait()
+    assert viewer.session.wait()
     assert viewer.run.scene.frames == 90 and viewer.run.accuracy.interpolation == 5
 
 
@@ -274,7 +274,7 @@ def test_the_other_assembly_is_chosen_from_a_list(viewer, page):
 
 def test_a_click_on_a_link_and_a_joint_opens_their_values(viewer, page):
     _click(page, viewer, viewer.run.motion.point("coupler", "B")[300] * 0.5 + viewer.run.motion.point("coupler", "D")[300] * 0.5)
-    until(page, lambda: viewer.inspector.closer.item == "link coupler", "the coupler")
+    until(page, lambda: viewer.inspector.detail.item == "link coupler", "the coupler")
     tab = page.get_by_role("tab", name="Look closer", exact=True)
     until(page, lambda: tab.get_attribute("aria-selected") == "true", "its tab has opened")
     row = page.locator("tr", has_text="angular velocity").first
@@ -282,10 +282,10 @@ def test_a_click_on_a_link_and_a_joint_opens_their_values(viewer, page):
     until(page, lambda: f"{wanted:.5g}".replace("-", "−") in row.inner_text(), "its angular velocity")
     page.get_by_label("Look at").click()
     page.get_by_role("option", name="joint B", exact=True).click()
-    until(page, lambda: viewer.inspector.closer.item == "joint B", "chosen with the keyboard or mouse")
+    until(page, lambda: viewer.inspector.detail.item == "joint B", "chosen with the keyboard or mouse")
     force = np.hypot(*viewer.run.forces.reaction("B")[300, :2])
     until(page, lambda: f"{force:.5g}" in page.locator("tr", has_text="reaction").first.inner_text(), "its reaction")
-    assert viewer.inspector.closer.slot.quantity.label == "joint B: reaction"
+    assert viewer.inspector.detail.slot.quantity.label == "joint B: reaction"
 
 
 def test_a_point_that_is_clicked_is_traced(viewer, page):
@@ -304,7 +304,7 @@ def test_the_scene_as_opened_stands_behind_as_a_ghost(viewer, page):
     _type(page, CRANK, "0.13")
     page.get_by_label("Compare with the scene as opened").check()
     page.wait_for_function(SEEN, arg="/opened/crank")
-    x, y, _ = viewer.studio.opened.poses["coupler"][300]
+    x, y, _ = viewer.session.opened.poses["coupler"][300]
     until(page, lambda: np.allclose(page.evaluate(POSE, "/opened/coupler")[4:6], [x, y], atol=1e-4), "as it was opened")
     page.get_by_label("Compare with the scene as opened").uncheck()
     until(page, lambda: not page.evaluate(SEEN, "/opened/crank"), "gone")
@@ -363,7 +363,7 @@ def test_marks_lie_at_their_joints_and_the_mechanism_fills_the_picture(viewer, p
         camera_rests(page)
         left, top, width, height = page.evaluate(CANVAS)
         for joint in ("A", "B", "D", "E"):
-            at = [*viewer.run.motion.pair_position(joint)[viewer.frame], 0.0]
+            at = [*viewer.run.motion.joint_position(joint)[viewer.frame], 0.0]
             at[2] = max(_front(body, show.poses[body.parent][viewer.frame], at) for body in show.picture.of(Body, "solids"))
             drawn, wanted = page.evaluate(PLACE, f"/joints/{joint}/dot"), page.evaluate(PROJECTED, at)
             assert np.hypot(*np.subtract(drawn, wanted)) < 2.0, (label, joint)
@@ -393,7 +393,7 @@ def test_a_section_cuts_the_front_away(viewer, page):
     open_tab(page, "View")
     depth = "name => { let z = -1e9; window.__viserMutable.nodeRefFromName[name].traverse(o => { const p = o.geometry && "
     depth += "o.geometry.attributes.position; if (p) for (let k = 0; k < p.count; k++) z = Math.max(z, p.getZ(k)); }); return z; }"
-    assert viewer.studio.wait(rested=True)  # the solids of this scene, not stretched ones of what an edit before it has made
+    assert viewer.session.wait(rested=True)  # the solids of this scene, not stretched ones of what an edit before it has made
     caught_up(viewer, page)
     before = max(page.evaluate(depth, node) for node in NODES)
     uuid = page.locator("label", has_text="Section").first.get_attribute("for")
@@ -459,8 +459,8 @@ def test_a_plan_is_asked_for_where_diagrams_are_shown_and_what_cannot_be_had_is_
     page.wait_for_function("name => !window.__viserMutable.nodeRefFromName[name]", arg="/drawings/velocity")
     open_tab(page, "Effects")
     box = page.get_by_label("friction", exact=True)
-    box.click()  # no pair has a coefficient
-    page.get_by_text("Friction is named, but no pair has any").first.wait_for(state="attached")
+    box.click()  # no joint has a coefficient
+    page.get_by_text("Friction is named, but no joint has any").first.wait_for(state="attached")
     until(page, lambda: not box.is_checked(), "the switch goes back")
 
 
@@ -543,7 +543,7 @@ def _look_at_a_cam(page: Any, viewer: Viewer) -> None:
     open_tab(page, "Edit")
     caught_up(viewer, page)
     _click(page, viewer, np.array([0.0, -0.02]))
-    until(page, lambda: viewer.inspector.closer.item == "cam K", "a click on the cam")
+    until(page, lambda: viewer.inspector.detail.item == "cam K", "a click on the cam")
     row = page.locator("tr", has_text="contact force").first
     force = next(q for q in viewer.inspector.show.quantities if q.label == "cam K: contact force").values()[0, 0]
     until(page, lambda: f"{force:.5g}" in row.inner_text(), "its contact force")
@@ -558,7 +558,7 @@ def _look_at_a_cam(page: Any, viewer: Viewer) -> None:
     page.get_by_role("option", name="harmonic", exact=True).click()
     until(page, lambda: viewer.run.scene.document.joints["K"].profile.lift[0].law == "harmonic", "another law")
     until(page, lambda: page.get_by_role("alert").count() == 0, "all is well")
-    assert viewer.studio.wait(rested=True)
+    assert viewer.session.wait(rested=True)
     whole = {piece.color for piece in viewer.inspector.show.bodies["cam"].pieces}
     open_tab(page, "View")
     _type(page, "Section", "30")
@@ -588,7 +588,9 @@ def test_a_recording_plays_and_its_scene_can_be_edited(viewer, browser, folder):
             opened.get_by_role("button", name="Edit this scene").click()
             opened.get_by_role("tab", name="Edit", exact=True).wait_for()
             until(
-                opened, lambda: shown._studio is not None and shown.run.motion.frames == 121, "the scene, solved as it was recorded"
+                opened,
+                lambda: shown._session is not None and shown.run.motion.frames == 121,
+                "the scene, solved as it was recorded",
             )
             _type(opened, CRANK, "0.12")
             until(opened, lambda: shown.run.motion.mechanism.links[1].points["B"][0] == pytest.approx(0.12), "edited")

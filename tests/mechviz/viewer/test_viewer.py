@@ -76,7 +76,7 @@ def test_vectors_are_those_of_the_core(compressor):
     forces, motion = compressor.forces, compressor.motion
     assert forces is not None
     np.testing.assert_array_equal(found["reaction"]["B"].value, forces.reaction("B")[:, :2])
-    np.testing.assert_array_equal(found["reaction"]["B"].origin, motion.pair_position("B"))
+    np.testing.assert_array_equal(found["reaction"]["B"].origin, motion.joint_position("B"))
     np.testing.assert_array_equal(found["applied"]["gas"].value, forces.loads["gas"].values[:, :2])
     rod = vectors.centre_name("rod")
     np.testing.assert_array_equal(found["acceleration"][rod].value, motion.centre_of_mass("rod", 2))
@@ -246,10 +246,10 @@ def test_quaternions_turn_about_z():
 
 
 def test_joints_at_one_place_share_a_label(kinematic):
-    joints = {pair.name: kinematic.motion.pair_position(pair.name) for pair in kinematic.motion.mechanism.pairs}
+    joints = {joint.name: kinematic.motion.joint_position(joint.name) for joint in kinematic.motion.mechanism.joints}
     groups = [names for names, _ in joint_groups(joints, 1e-9)]
     assert ["B", "B2"] in groups and ["C", "C2"] in groups
-    assert sum(map(len, groups)) == len(kinematic.motion.mechanism.pairs)
+    assert sum(map(len, groups)) == len(kinematic.motion.mechanism.joints)
 
 
 # -- plots ------------------------------------------------------------------------------------------------------------
@@ -344,8 +344,8 @@ def test_gears_have_quantities_and_reactions_where_they_mesh():
         name="gears",
         frame="frame",
         links=(frame, *wheels),
-        pairs=(*pins, Gear(name="G", links=("pinion", "gear"), carrier="frame", sizes=(20, 40))),
-        drives=(Drive(pair="A", law=ConstantSpeed(0.0, 5.0)),),
+        joints=(*pins, Gear(name="G", links=("pinion", "gear"), carrier="frame", sizes=(20, 40))),
+        drives=(Drive(joint="A", law=ConstantSpeed(0.0, 5.0)),),
         loads=(Torque(name="load", link="gear", moment=-3.0),),
     )
     said = SimpleNamespace(run=SimpleNamespace(model_fields_set={"frames"}))
@@ -580,7 +580,7 @@ def test_arrows_are_those_of_the_frame_and_families_switch(viewer):
     node = viewer.server.scene.get_handle_by_name("/vectors/reaction")
     assert node.visible
     force = viewer.run.forces.reaction("D")[300, :2] / viewer.scene.current.scales.newtons_per_metre
-    at = viewer.run.motion.pair_position("D")[300]
+    at = viewer.run.motion.joint_position("D")[300]
     drawn = [p for p in node.points if np.allclose(p[0, :2], at, atol=1e-6)]
     assert len(drawn) == 1
     np.testing.assert_allclose(drawn[0][1, :2] - at, force, atol=1e-6)

@@ -180,7 +180,7 @@ def test_play_moves_the_mechanism_and_pause_stops_it(viewer, page):
 
 def test_the_browser_plays_by_itself_and_nothing_is_sent_meanwhile(viewer, page):
     traffic: list[int] = []
-    assert viewer.studio.wait(rested=True)  # what each effect contributes has been found and told
+    assert viewer.session.wait(rested=True)  # what each effect contributes has been found and told
     viewer.play()
     until(page, lambda: page.evaluate(PLAYS), "playing in the browser")
     buffer = buffer_of(viewer.server)
@@ -278,11 +278,11 @@ def test_what_has_arrived_is_taken_at_once_and_drawn_in_a_few_frames(viewer, pag
 
 def test_a_long_play_leaves_the_memory_as_it_is(viewer, page):
     """As many frames as in twenty seconds, without the waits between them. Two hours: benchmarks/viewer.py."""
-    session = page.context.new_cdp_session(page)
+    devtools = page.context.new_cdp_session(page)
 
     def heap() -> float:
-        session.send("HeapProfiler.collectGarbage")
-        return float(session.send("Runtime.getHeapUsage")["usedSize"])
+        devtools.send("HeapProfiler.collectGarbage")
+        return float(devtools.send("Runtime.getHeapUsage")["usedSize"])
 
     viewer.play()
     until(page, lambda: page.evaluate(PLAYS), "playing in the browser")

@@ -73,13 +73,13 @@ class GivenFriction(FrictionResult):
     def value(self, i: int) -> Real:
         return self._found.value[:, i]
 
-    def normal_load(self, pair: str) -> Real:
-        i = self._elements_of(pair)[0]
+    def normal_load(self, joint: str) -> Real:
+        i = self._elements_of(joint)[0]
         e = self.elements[i]
         return np.asarray(self._found.limit[:, i] / e.limit if e.limit else np.full(self.motion.frames, np.nan))
 
-    def losses(self, pair: str) -> Real:
-        return -sum((self.value(i) * self._found.rate[:, i] for i in self._elements_of(pair)), np.zeros(self.motion.frames))
+    def losses(self, joint: str) -> Real:
+        return -sum((self.value(i) * self._found.rate[:, i] for i in self._elements_of(joint)), np.zeros(self.motion.frames))
 
 
 def forces_with(motion: Motion, system: DrySystem, q: Real, v: Real, held: Sequence[Wrench] = ()) -> Forces:
@@ -97,7 +97,7 @@ def forces_with(motion: Motion, system: DrySystem, q: Real, v: Real, held: Seque
 class DrySystem:
     """Accelerations (n, f) with friction: ``signs`` (e,) of the elements' relative speeds, 0 where they stick.
 
-    ``breaking``: with the coefficients of sticking everywhere, to see whether it comes loose. ``rests``: pairs that keep their
+    ``breaking``: with the coefficients of sticking everywhere, to see whether it comes loose. ``rests``: joints that keep their
     coordinates, because they rest on end stops; what these hold comes before friction that could do it as well.
     """
 
@@ -108,7 +108,7 @@ class DrySystem:
         self.rests = tuple(rests)
 
     def holding(self, q: Real, v: Real, t: Real) -> Real:
-        """What keeps the pairs at rest (n, p): torque [N m] or force [N] in the direction of each one's coordinate."""
+        """What keeps the joints at rest (n, p): torque [N m] or force [N] in the direction of each one's coordinate."""
         motion, units = moving(self.compiled, q, v, t)
         r, found = reduced_equations(motion, units), self.solve(q, v, t)
         tau = np.stack([rates_of(units, e) for e in elements_of(motion)], axis=1)
@@ -151,7 +151,7 @@ class DrySystem:
             replace(e, sign=np.full(n, -1.0), factor=1.0) if s == 0.0 else e for e, s in zip(elements, self.signs, strict=True)
         ]
         a, k, norms = system(loaded, plain, response)
-        bias = np.stack([relative_rate(loaded, loaded.accelerations, e.what, e.joint, e.links) for e in elements], axis=1)
+        bias = np.stack([relative_rate(loaded, loaded.accelerations, e.what, e.index, e.links) for e in elements], axis=1)
         rate = np.stack([e.rate for e in elements], axis=1)
         value = np.zeros((n, len(elements)))
         slide = np.flatnonzero(self.signs != 0.0)
@@ -187,7 +187,7 @@ class DrySystem:
         worst = elements[slide[int(np.argmax(share))]]
         raise MechanismError(
             Fault(
-                f"joints.{worst.pair}.friction",
+                f"joints.{worst.joint}.friction",
                 f"at t = {t:.6g} s no acceleration is in balance with the friction that it causes (it jams in motion, Painleve).",
                 "Lower the coefficient, or lengthen the bearing.",
             )
@@ -203,11 +203,11 @@ def least_efforts(coupling: Real, scale: Real) -> Real:
 
 def rates_of(units: Sequence[Motion], e: Element) -> Real:
     """Rate of an element per unit rate of every free coordinate (n, f); ``units``: the tangents."""
-    return np.stack([relative_rate(u, u.speeds, e.what, e.joint, e.links) for u in units], axis=-1)
+    return np.stack([relative_rate(u, u.speeds, e.what, e.index, e.links) for u in units], axis=-1)
 
 
 def _respond(motion: Motion, units: Sequence[Motion], elements: Sequence[Element], answers: Real) -> Response:
-    """What pairs transmit under all loads and inertia, and under unit friction with the inertia forces of what it accelerates."""
+    """What joints transmit under all loads and inertia, and under unit friction with the inertia forces of what it accelerates."""
     model, n, e = motion.model, motion.frames, len(elements)
     base = transmit(motion, *sum_up(wrenches(motion), len(model.links)))
     force: list[Any] = [0j] * len(model.links)

@@ -23,13 +23,13 @@ from mechcore.motion.compiled import Compiled
 from mechcore.texts import as_coordinate, as_quantity
 
 TOUCH = 1e-11  # of the scale of a coordinate: nearer a stop is touched; so slow that it goes as far in the duration, it is at rest
-HELD = 1e-11  # rate, in scales, per unit rate of every coordinate, below which prescribed drives or other stops lead a pair
+HELD = 1e-11  # rate, in scales, per unit rate of every coordinate, below which prescribed drives or other stops lead a joint
 PULLS = 1e-9  # part of the largest force beyond which a stop's pull, or what moves something onto it, is more than rounding
 LEAST_BOUNCE = 1e-6  # of the duration: a bounce that is over sooner ends in contact
 SOON = 1e-6  # of the duration: what begins to press so much later does it now
 
 Equations = Callable[[tuple[str, ...], Real], Any]
-"""Equations of motion at an instant, of pairs that rest on stops and rates (f,)."""
+"""Equations of motion at an instant, of joints that rest on stops and rates (f,)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,16 +85,16 @@ class EndStops:
     def use(self, compiled: Compiled) -> None:
         """Go on in other coordinates."""
         self.compiled = compiled
-        self._free = [compiled.mechanism.drives[i].pair for i in free_of(compiled)]
-        read = {pair: i for i, pair in enumerate(self._free)} if compiled.angles.exact else {}
+        self._free = [compiled.mechanism.drives[i].joint for i in free_of(compiled)]
+        read = {joint: i for i, joint in enumerate(self._free)} if compiled.angles.exact else {}
         self._distances = [event_function_of(s, read, partial(motion_at, compiled)) for s in self.stops]
         self._signs = np.array([-1.0 if s.side == "upper" else 1.0 for s in self.stops])
-        self._scales = np.array([compiled.model.coordinate_scale(s.pair) for s in self.stops])
+        self._scales = np.array([compiled.model.coordinate_scale(s.joint) for s in self.stops])
         self._free_scales = coordinate_scales(compiled)
         self._fastest = np.zeros(len(self._free))
 
-    def _rotary(self, pair: str) -> bool:
-        return self.compiled.model.rotary(pair)
+    def _rotary(self, joint: str) -> bool:
+        return self.compiled.model.rotary(joint)
 
     @property
     def rested(self) -> tuple[Stop, ...]:
@@ -103,8 +103,8 @@ class EndStops:
 
     @property
     def rests(self) -> tuple[str, ...]:
-        """Pairs that rest on stops."""
-        return tuple(stop.pair for stop in self.rested)
+        """Joints that rest on stops."""
+        return tuple(stop.joint for stop in self.rested)
 
     def gap(self, k: int, q: Real, v: Real, t: Real) -> Real:
         """How far a coordinate is from its stop (n,) [rad or m], negative beyond it."""
@@ -115,10 +115,10 @@ class EndStops:
         for k, stop in enumerate(self.stops):
             beyond = -float(self.gap(k, q[None], v[None], np.zeros(1))[0])
             if beyond > TOUCH * self._scales[k]:
-                shown = partial(as_coordinate, rotary=self._rotary(stop.pair))
+                shown = partial(as_coordinate, rotary=self._rotary(stop.joint))
                 why = f"the motion starts {shown(beyond)} {'above' if stop.side == 'upper' else 'below'} the {stop.side} stop"
                 why += f" '{stop.name}' at {shown(stop.at)}."
-                raise MechanismError(Fault(f"joints.{stop.pair}.stops", why, "Start on the other side, or move the stop."))
+                raise MechanismError(Fault(f"joints.{stop.joint}.stops", why, "Start on the other side, or move the stop."))
 
     # -- in the course of a segment ------------------------------------------------------------------------------------
     def event_functions(self, q: Real, v: Real, t: float, system: Any) -> list[tuple[Gauge, float, int]]:
@@ -128,7 +128,7 @@ class EndStops:
         for k in range(len(self.stops)):
             if k in self.closed:
                 out.append((partial(self._pull, k, system), self._pulls[k], k))
-            else:  # a pair that rested may have drifted beyond its stop by what integration leaves
+            else:  # a joint that rested may have drifted beyond its stop by what integration leaves
                 beyond = min(float(self.gap(k, q[None], v[None], np.array([t]))[0]), 0.0)
                 out.append((partial(self._beyond, k, beyond), TOUCH * float(self._scales[k]), k))
         return out
@@ -139,7 +139,7 @@ class EndStops:
 
     def _pull(self, k: int, system: Any, q: Real, v: Real, t: Real) -> Real:
         """What a closed stop would have to pull with (n,): negative while something presses on it."""
-        return np.asarray(-self._signs[k] * system.holding(q, v, t)[:, system.rests.index(self.stops[k].pair)])
+        return np.asarray(-self._signs[k] * system.holding(q, v, t)[:, system.rests.index(self.stops[k].joint)])
 
     def end(self, k: int, t: float) -> None:
         """A segment has ended at ``t`` [s] by an event function of a stop."""
@@ -161,7 +161,7 @@ class EndStops:
 
     def meet(self, q: Real, v: Real, t: float, equations: Equations) -> tuple[Real, bool]:
         """Impacts on all stops that are touched at ``t`` [s], and which of them are closed from then on; rates (f,) after it, and
-        whether anything has changed. Raises `MechanismError` where drives or other stops lead a pair through its stop."""
+        whether anything has changed. Raises `MechanismError` where drives or other stops lead a joint through its stop."""
         released, self._released = self._released, False
         touched = self._touched(q, v, t)
         if touched is None:
@@ -195,7 +195,7 @@ class EndStops:
             account_for_impact(self._log, self.compiled, t, q, v, after, lost)
         for k, rate in zip(touched.which, before, strict=True):
             if rate < 0.0:
-                pace = as_quantity(-rate, "angular speed" if self._rotary(self.stops[k].pair) else "linear speed")
+                pace = as_quantity(-rate, "angular speed" if self._rotary(self.stops[k].joint) else "linear speed")
                 self._tell(t, "impact", k, f"hits stop {self.stops[k].name} at {pace}")
         if lost is None and closed == self.closed:
             return v, released
@@ -208,7 +208,7 @@ class EndStops:
         after = touched.part(np.array([k in closed for k in touched.which])).stilled(after)
         if len(self.closed) == len(self._free) == len(self.compiled.mechanism.drives):
             after[: len(self._free)] = 0.0  # nothing moves: what rounding has left would have a direction, as gas and friction ask
-        after[[self._free.index(pair) for pair in self.rests if pair in self._free]] = 0.0
+        after[[self._free.index(joint) for joint in self.rests if joint in self._free]] = 0.0
         return after, True
 
     def _touched(self, q: Real, v: Real, t: float) -> _Touched | None:
@@ -219,13 +219,13 @@ class EndStops:
         if not near:
             return None
         near.sort(key=lambda k: self.stops[k].name)
-        signs, scales, pairs = self._signs[near], self._scales[near], [self.stops[k].pair for k in near]
+        signs, scales, joints = self._signs[near], self._scales[near], [self.stops[k].joint for k in near]
         soon = SOON * self._duration  # a load may begin at zero
         motion, units = moving(self.compiled, np.array([q, q + soon * v]), np.array([v, v]), np.array([t, t + soon]))
         r, f = reduced_equations(motion, units), len(units)
-        rows, second = jacobian_of(motion, units, pairs)
+        rows, second = jacobian_of(motion, units, joints)
         jacobian = signs[:, None] * rows[0]
-        rates = [v[self._free.index(p)] if p in self._free else motion.coordinate(p)[0, 1] for p in pairs]
+        rates = [v[self._free.index(p)] if p in self._free else motion.coordinate(p)[0, 1] for p in joints]
         share = signs * rates - jacobian @ v[:f]
         self._fastest = np.maximum(self._fastest, np.abs(v[:f]))
         least = TOUCH * (np.abs(jacobian) @ self._fastest + np.abs(share) + scales / self._duration)
@@ -245,7 +245,7 @@ class EndStops:
         slow = np.abs(touched.rates(v)) <= touched.least
         closed = {k for k, it in zip(touched.which, slow, strict=True) if it and k in self.closed}
         for _ in range(2 ** len(touched.which) + 1):
-            rests = tuple(self.stops[k].pair for k in sorted(closed))
+            rests = tuple(self.stops[k].joint for k in sorted(closed))
             system = equations(rests, v)
             second = self._second_rates(touched, q, v, t, system)
             for j, k in enumerate(touched.which):
@@ -260,8 +260,8 @@ class EndStops:
             closed ^= {k}
             if not touched.part(np.array([k in closed for k in touched.which])).independent():
                 raise self._led(k, t)
-        why = f"at t = {t:.6g} s friction jams {self.stops[k].pair} on its stop '{self.stops[k].name}'."
-        raise MechanismError(Fault(f"joints.{self.stops[k].pair}.stops", why, "Lower a coefficient of friction."))
+        why = f"at t = {t:.6g} s friction jams {self.stops[k].joint} on its stop '{self.stops[k].name}'."
+        raise MechanismError(Fault(f"joints.{self.stops[k].joint}.stops", why, "Lower a coefficient of friction."))
 
     def _comes(self, touched: _Touched, j: int, q: Real, v: Real, t: float, system: Any, second: Real) -> bool:
         """Whether what touches a stop without speed presses on it, or will as soon as a load grows."""
@@ -276,15 +276,17 @@ class EndStops:
         row = q[None], v[None], np.array([t])
         a = np.asarray(system(*row))
         motion = motion_at(self.compiled, *row, a)
-        pairs = [self.stops[k].pair for k in touched.which]
-        second = [a[0, self._free.index(p)] if p in self._free else motion.coordinate(p)[0, 2] for p in pairs]
+        joints = [self.stops[k].joint for k in touched.which]
+        second = [a[0, self._free.index(p)] if p in self._free else motion.coordinate(p)[0, 2] for p in joints]
         return np.asarray(self._signs[list(touched.which)] * second)
 
     def _led(self, k: int, t: float) -> MechanismError:
         stop = self.stops[k]
-        why = f"at t = {t:.6g} s {stop.pair} strikes its {stop.side} stop, but prescribed drives or other stops lead it: no impulse"
+        why = (
+            f"at t = {t:.6g} s {stop.joint} strikes its {stop.side} stop, but prescribed drives or other stops lead it: no impulse"
+        )
         return MechanismError(
-            Fault(f"joints.{stop.pair}.stops", f"{why} stops it.", "Move the stop beyond the motion, or leave it out.")
+            Fault(f"joints.{stop.joint}.stops", f"{why} stops it.", "Move the stop beyond the motion, or leave it out.")
         )
 
     def _leave(self, k: int, t: float) -> None:
@@ -294,4 +296,4 @@ class EndStops:
 
     def _tell(self, t: float, kind: str, k: int, what: str) -> None:
         stop = self.stops[k]
-        self._log.tell(SimulationEvent(t, kind, stop.name, f"{stop.pair} {what}"))
+        self._log.tell(SimulationEvent(t, kind, stop.name, f"{stop.joint} {what}"))

@@ -59,17 +59,17 @@ class FrictionState:
         return [] if self._phases is None else self._phases.stick_ends(q, v, t)
 
     def settle(self, t: float, q: Real, v: Real, rests: tuple[str, ...], loose: tuple[int, float] | None = None) -> Real:
-        """Decide what slides and what sticks from now on, pairs ``rests`` resting on stops, ``loose`` as in `Phases.decide`;
+        """Decide what slides and what sticks from now on, joints ``rests`` resting on stops, ``loose`` as in `Phases.decide`;
         speeds (f,) after it: nothing is left of what sticks."""
         if self._phases is None:
             return v
-        for pair, word in self._phases.decide(t, q, v, loose, rests):
-            self._tell(t, pair, word)
+        for joint, word in self._phases.decide(t, q, v, loose, rests):
+            self._tell(t, joint, word)
         self._sliding |= dict(zip(self._phases.keys, self._phases.signs, strict=True))
         return self._phases.at_rest(t, q, v)
 
     def follow(self, compiled: Compiled, window: Window) -> None:
-        """Where every drive is prescribed, say which way pairs slide in a window; it ends where that changes."""
+        """Where every drive is prescribed, say which way joints slide in a window; it ends where that changes."""
         if not self.counts:
             return
         middle = np.array([window.start + 0.5 * window.length])
@@ -80,10 +80,10 @@ class FrictionState:
                 self._tell(window.start, key[0], WORDS[float(sign)])
                 self._sliding[key] = float(sign)
 
-    def _tell(self, t: float, pair: str, word: str) -> None:
-        """A pair begins to stick or to slide."""
+    def _tell(self, t: float, joint: str, word: str) -> None:
+        """A joint begins to stick or to slide."""
         kind = "stick" if word == "stick" else "slip"
-        text = f"{pair} sticks" if kind == "stick" else f"{pair} slides in the {word[-1]} direction"
-        found = SimulationEvent(t, kind, pair, text)
-        if found not in self._log.events[-4:]:  # a pair may have friction of several kinds
+        text = f"{joint} sticks" if kind == "stick" else f"{joint} slides in the {word[-1]} direction"
+        found = SimulationEvent(t, kind, joint, text)
+        if found not in self._log.events[-4:]:  # a joint may have friction of several kinds
             self._log.tell(found)

@@ -1,4 +1,4 @@
-"""Phases of dry friction: which pairs slide which way and which stick, what ends that, and what follows."""
+"""Phases of dry friction: which joints slide which way and which stick, what ends that, and what follows."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ SOON_MOVED = 1e-16  # of its scale: what moves by less soon is at rest as well
 class Phases:
     """Which elements slide which way and which stick, and what ends that; ``signs`` (e,) as in `DrySystem`.
 
-    ``rests``: pairs that rest on end stops. ``soon`` [s]: elements that no free coordinate moves, because prescribed drives or
+    ``rests``: joints that rest on end stops. ``soon`` [s]: elements that no free coordinate moves, because prescribed drives or
         stops lead them, slide as they do so much later. ``before``: signs that go on, of the mechanism with other contacts.
     """
 
@@ -48,9 +48,9 @@ class Phases:
     def decide(
         self, t: float, q: Real, v: Real, loose: tuple[int, float] | None = None, rests: tuple[str, ...] = ()
     ) -> list[tuple[str, str]]:
-        """Choose the signs for what follows; pair and word ("stick", "slip +", "slip -") of each that has changed.
+        """Choose the signs for what follows; joint and word ("stick", "slip +", "slip -") of each that has changed.
 
-        ``loose``: an element that has just come loose and, with one freedom, the way in which it moves (else 0). ``rests``: pairs
+        ``loose``: an element that has just come loose and, with one freedom, the way in which it moves (else 0). ``rests``: joints
         that rest on end stops.
         """
         before = self.signs.copy()
@@ -77,7 +77,7 @@ class Phases:
             still &= ~self.prescribed
         if alone and still.all() and abs(float(v[0])) <= least * own[0]:
             self.signs = self._either_way(row) if loose is None else self.directions(row, loose[1])
-        elif alone and still.any():  # the mechanism moves: a pair that turns back there does not stick
+        elif alone and still.any():  # the mechanism moves: a joint that turns back there does not stick
             self.signs = np.where(still, np.where(before == 0.0, 1.0, before), np.sign(rate))
             second = np.sign(self.system().solve(*row).second[0])
             self.signs = np.where(still & (second != 0.0), second, self.signs)
@@ -93,13 +93,13 @@ class Phases:
                 worst = int(np.argmax(np.where(over, np.abs(found.value[0]) / np.maximum(found.limit[0], 1e-300), 0.0)))
                 self.signs[worst] = -np.sign(found.value[0, worst])
         then, now = self._states(before), self._states(self.signs)
-        return [(pair, WORDS[now[pair, what]]) for pair, what in now if now[pair, what] != then[pair, what]]
+        return [(joint, WORDS[now[joint, what]]) for joint, what in now if now[joint, what] != then[joint, what]]
 
     def _states(self, signs: Real) -> dict[tuple[str, str], float]:
-        """Sign by pair and relative motion: it sticks if friction of one kind holds it, whatever else rubs there."""
+        """Sign by joint and relative motion: it sticks if friction of one kind holds it, whatever else rubs there."""
         found: dict[tuple[str, str], float] = {}
-        for (pair, what, _), s in zip(self.keys, signs, strict=True):
-            found[pair, what] = float(s) if found.get((pair, what), s) == s else 0.0
+        for (joint, what, _), s in zip(self.keys, signs, strict=True):
+            found[joint, what] = float(s) if found.get((joint, what), s) == s else 0.0
         return found
 
     def at_rest(self, t: float, q: Real, v: Real) -> Real:
@@ -205,14 +205,14 @@ def senses(motion: Motion) -> Real:
 
 def keys_of(elements: Sequence[Element]) -> list[Key]:
     """What an element is called, whatever other contacts the mechanism has."""
-    return [(e.pair, e.what, e.kind) for e in elements]
+    return [(e.joint, e.what, e.kind) for e in elements]
 
 
 def rubbing(compiled: Compiled, q: Real, v: Real, t: float, before: Mapping[Key, float], soon: float) -> Phases | None:
     """Phases of a mechanism that moves, see `Phases`; None where it has no friction. Raises `MechanismError`."""
     elements = braking_elements(compiled, q, v, t)
     for e in elements:
-        if e.what == "slide" and e.joint < 0:
+        if e.what == "slide" and e.index < 0:
             why = "friction between a cam and its follower while forces move the cam: what sticks there is not found."
-            raise MechanismError(Fault(f"joints.{e.pair}.friction", why, "Prescribe the cam's drive, or leave its friction out."))
+            raise MechanismError(Fault(f"joints.{e.joint}.friction", why, "Prescribe the cam's drive, or leave its friction out."))
     return Phases(compiled, elements, soon, before) if elements else None

@@ -1,7 +1,7 @@
 """Followers that may leave their cams: contact that only presses.
 
 In contact the mechanism moves as it is; a cam whose contact would have to pull lets its follower go: then the follower's own guide
-is one more free coordinate of the mechanism without that pair, until the follower comes back to where the cam holds it. The test
+is one more free coordinate of the mechanism without that joint, until the follower comes back to where the cam holds it. The test
 is the complementarity of contact: the gap's acceleration, were the follower free, has the opposite sign of the contact force.
 """
 
@@ -41,9 +41,9 @@ PARTS = 17
 
 @dataclass(frozen=True, kw_only=True)
 class SeparableCam:
-    """A cam ``pair`` whose follower may leave it; ``restitution`` (0 to 1) of the impact when it comes back (Newton)."""
+    """A cam ``joint`` whose follower may leave it; ``restitution`` (0 to 1) of the impact when it comes back (Newton)."""
 
-    pair: str
+    joint: str
     restitution: float = 0.0
 
 
@@ -73,16 +73,16 @@ class FollowerSeparation:
         self.free = len(free_of(compiled))
         self.contacts: dict[str, _Contact] = {}
         for each in separable_cams:
-            relation = relations.get(each.pair)
+            relation = relations.get(each.joint)
             if relation is None or not isinstance(relation.geometry, PlacedCam) or relation.geometry.form:
                 raise MechanismError(
-                    Fault(f"joints.{each.pair}", "it is no cam that its follower could leave.", "Name a force-closed cam.")
+                    Fault(f"joints.{each.joint}", "it is no cam that its follower could leave.", "Name a force-closed cam.")
                 )
             cam = relation.geometry
             rotary = model.joints[model.joint_index[cam.guide]].coordinate == "angle"
             slope = _slope(compiled, relation, cam.guide)
-            self.contacts[each.pair] = _Contact(
-                name=each.pair,
+            self.contacts[each.joint] = _Contact(
+                name=each.joint,
                 guide=cam.guide,
                 away=float(np.sign(slope)),
                 restitution=each.restitution,
@@ -118,13 +118,13 @@ class FollowerSeparation:
             x, y, angle = motion.pose(link)[0]
             poses[link] = float(x), float(y), float(angle)
         names = [c.guide for c in self.contacts.values()]
-        later = [d.pair for d in mechanism.drives if d.pair in names[names.index(contact.guide) :]]
+        later = [d.joint for d in mechanism.drives if d.joint in names[names.index(contact.guide) :]]
         k = len(mechanism.drives) - len(later)
-        laws = (*mechanism.drives[:k], Drive(pair=contact.guide, law=Free(at, 0.0)), *mechanism.drives[k:])
+        laws = (*mechanism.drives[:k], Drive(joint=contact.guide, law=Free(at, 0.0)), *mechanism.drives[k:])
         # put together as it stands now; from there on the laws lead
-        now = [Drive(pair=d.pair, law=Free(float(x[0][0]), 0.0)) for d, x in zip(mechanism.drives, motion.drives, strict=True)]
+        now = [Drive(joint=d.joint, law=Free(float(x[0][0]), 0.0)) for d, x in zip(mechanism.drives, motion.drives, strict=True)]
         start = (*now[:k], laws[k], *now[k:])
-        loose = replace(mechanism, pairs=tuple(p for p in mechanism.pairs if p.name != contact.name), modes={}, sketch=poses)
+        loose = replace(mechanism, joints=tuple(p for p in mechanism.joints if p.name != contact.name), modes={}, sketch=poses)
         placed = compile_mechanism(replace(loose, drives=start))
         return replace(placed, model=replace(placed.model, mechanism=replace(loose, drives=laws)))
 

@@ -1,6 +1,6 @@
 """Several freedoms: the mechanism in a chart of its configurations, with some of its coordinates free and others held.
 
-A chart is a choice of pair coordinates that, taken as drives, decide the configuration. Positions are solved on the manifold
+A chart is a choice of joint coordinates that, taken as drives, decide the configuration. Positions are solved on the manifold
 itself for every node, so nothing drifts and redundant constraints do no harm.
 """
 
@@ -18,18 +18,18 @@ from mechcore.motion.compiled import Compiled
 from mechcore.motion.motion import Motion
 
 
-def jacobian_of(motion: Motion, units: Sequence[Motion], pairs: Sequence[str]) -> tuple[Real, Real]:
-    """Rates of pairs' coordinates per unit rate of each free coordinate (n, p, f), and their second rates at q'' = 0 (n, p), which
+def jacobian_of(motion: Motion, units: Sequence[Motion], joints: Sequence[str]) -> tuple[Real, Real]:
+    """Rates of joints' coordinates per unit rate of each free coordinate (n, p, f), and their second rates at q'' = 0 (n, p), which
     are also those of prescribed drives; ``motion`` with q'' = 0, ``units`` its tangents."""
-    free = [motion.mechanism.drives[i].pair for i in _free_in(motion)]
-    rows, second = np.zeros((motion.frames, len(pairs), len(units))), np.zeros((motion.frames, len(pairs)))
-    for k, pair in enumerate(pairs):
-        if pair in free:
-            rows[:, k, free.index(pair)] = 1.0
+    free = [motion.mechanism.drives[i].joint for i in _free_in(motion)]
+    rows, second = np.zeros((motion.frames, len(joints), len(units))), np.zeros((motion.frames, len(joints)))
+    for k, joint in enumerate(joints):
+        if joint in free:
+            rows[:, k, free.index(joint)] = 1.0
         else:
-            second[:, k] = motion.coordinate(pair)[:, 2]
+            second[:, k] = motion.coordinate(joint)[:, 2]
             for i, unit in enumerate(units):
-                rows[:, k, i] = unit.coordinate(pair)[:, 1]
+                rows[:, k, i] = unit.coordinate(joint)[:, 1]
     return rows, second
 
 
@@ -38,18 +38,18 @@ def _free_in(motion: Motion) -> list[int]:
 
 
 class Chart:
-    """Accelerations of all coordinates (n, f). Pairs that ``rest`` keep their coordinates, and `holding` gives what that takes."""
+    """Accelerations of all coordinates (n, f). Joints that ``rest`` keep their coordinates, and `holding` gives what that takes."""
 
     def __init__(self, compiled: Compiled, rests: Sequence[str] = ()):
         self.compiled, self.rests = compiled, tuple(rests)
-        free = [compiled.mechanism.drives[i].pair for i in free_of(compiled)]
-        self.held = [free.index(pair) for pair in self.rests if pair in free]
+        free = [compiled.mechanism.drives[i].joint for i in free_of(compiled)]
+        self.held = [free.index(joint) for joint in self.rests if joint in free]
 
     def __call__(self, q: Real, v: Real, t: Real) -> Real:
         return self._solve(q, v, t)[0]
 
     def _solve(self, q: Real, v: Real, t: Real) -> tuple[Real, Real]:
-        """Accelerations (n, f + s), see `with_states`, and what holds the pairs at rest (n, p).
+        """Accelerations (n, f + s), see `with_states`, and what holds the joints at rest (n, p).
 
         From M q'' + h = Q + G' p, G q'' + b = 0.
         """
@@ -63,7 +63,7 @@ class Chart:
         return with_states(found, motion), holding
 
     def holding(self, q: Real, v: Real, t: Real) -> Real:
-        """What keeps the pairs at rest (n, p): torque [N m] or force [N] in the direction of each one's coordinate."""
+        """What keeps the joints at rest (n, p): torque [N m] or force [N] in the direction of each one's coordinate."""
         return self._solve(q, v, t)[1]
 
     def slopes(self, q: Real, v: Real, t: Real, a: Real) -> tuple[Real, Real]:

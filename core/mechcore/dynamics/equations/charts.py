@@ -1,7 +1,7 @@
-"""Charts of the configuration curve: which pair's coordinate leads the mechanism, how far, and the change from one to the next.
+"""Charts of the configuration curve: which joint's coordinate leads the mechanism, how far, and the change from one to the next.
 
 At a dead point of one coordinate another one moves: along the curve itself nothing is special there. A chart is good as long as its
-own coordinate does a fair share of the motion; where it does not, the pair that moves most takes over.
+own coordinate does a fair share of the motion; where it does not, the joint that moves most takes over.
 """
 
 from __future__ import annotations
@@ -30,21 +30,21 @@ from mechcore.motion.solve import compile_mechanism
 from mechcore.spec.mechanism import Drive, Mechanism, Planar, Prismatic, Revolute, coordinates_of
 from mechcore.texts import as_coordinate
 
-STRAINED = 6.0  # rate of some pair per unit rate of the leading coordinates, from which on others take over
+STRAINED = 6.0  # rate of some joint per unit rate of the leading coordinates, from which on others take over
 EASED = 0.5  # of that, at most, with those others
-MANY = 500  # sets of pairs, all of which are looked at
+MANY = 500  # sets of joints, all of which are looked at
 SAME = 1e-9  # of positions and energies: the mechanism is where it was
 
 
 def named(mechanism: Mechanism) -> Mechanism:
-    """The mechanism in whose loads the leading pair is named where it was meant without its name."""
-    first = mechanism.drives[0].pair
+    """The mechanism in whose loads the leading joint is named where it was meant without its name."""
+    first = mechanism.drives[0].joint
     loads = []
     for load in mechanism.loads:
         changes: dict[str, Any] = {}
         factor = getattr(load, "factor", None)
-        if factor is not None and factor.of in ("position", "velocity") and factor.pair is None:
-            changes["factor"] = replace(factor, pair=first)
+        if factor is not None and factor.of in ("position", "velocity") and factor.joint is None:
+            changes["factor"] = replace(factor, joint=first)
         if getattr(load, "drive", first) is None:
             changes["drive"] = first
         loads.append(replace(load, **changes) if changes else load)
@@ -52,20 +52,20 @@ def named(mechanism: Mechanism) -> Mechanism:
 
 
 def strain(compiled: Compiled, q: Real, v: Real, t: float) -> float:
-    """Largest rate of a pair per unit rate of a free coordinate at q, v (f,); displacements over the mechanism's size."""
+    """Largest rate of a joint per unit rate of a free coordinate at q, v (f,); displacements over the mechanism's size."""
     return float(np.abs(_chart_rates(compiled, q, v, t)[2]).max())
 
 
 def _chart_rates(compiled: Compiled, q: Real, v: Real, t: float) -> tuple[Motion, list[str], Real]:
-    """The motion at an instant, pairs that could lead, and their rates per unit rate of each free coordinate (p, f)."""
+    """The motion at an instant, joints that could lead, and their rates per unit rate of each free coordinate (p, f)."""
     motion, units = moving(compiled, q[None], v[None], np.array([t]))
     mechanism, model = compiled.mechanism, compiled.model
-    led = {d.pair for d in mechanism.drives if not isinstance(d.law, Free)}
-    movable = [p for p in mechanism.pairs if isinstance(p, Revolute | Prismatic | Planar)]
+    led = {d.joint for d in mechanism.drives if not isinstance(d.law, Free)}
+    movable = [p for p in mechanism.joints if isinstance(p, Revolute | Prismatic | Planar)]
     names = [name for p in movable for name in coordinates_of(p) if name not in led]
     names = [name for name in names if model.joints[model.joint_index[name]].freedoms]
     size = {name: model.coordinate_scale(name) for name in names}
-    free = [mechanism.drives[i].pair for i in free_of(compiled)]
+    free = [mechanism.drives[i].joint for i in free_of(compiled)]
     rows = [[float(np.ravel(rate(u, name))[0]) * size[f] / size[name] for u, f in zip(units, free, strict=True)] for name in names]
     return motion, names, np.array(rows)
 
@@ -83,13 +83,13 @@ def take_over(compiled: Compiled, q: Real, v: Real, t: float, known: Sequence[Co
     eased[fine] = np.abs(rows @ np.linalg.inv(chosen[fine])).max(axis=(1, 2))
     if not eased.min() <= EASED * np.abs(rows).max():
         return None
-    pairs = [names[k] for k in sets[int(np.argmin(eased))]]
-    found = np.array([motion.coordinate(pair)[0] for pair in pairs])
+    joints = [names[k] for k in sets[int(np.argmin(eased))]]
+    found = np.array([motion.coordinate(joint)[0] for joint in joints])
     place, speeds = found[:, 0], found[:, 1]
-    candidates = [c for c in known if [c.mechanism.drives[i].pair for i in free_of(c)] == pairs]
+    candidates = [c for c in known if [c.mechanism.drives[i].joint for i in free_of(c)] == joints]
     for candidate in (*candidates, None):
         if candidate is None:
-            other = carried_on(_compiled(compiled, motion, pairs, found), place, t, motion)
+            other = carried_on(_compiled(compiled, motion, joints, found), place, t, motion)
         else:
             other = enter(candidate, place, t, motion)
         if _same(motion, other, place, speeds, t):
@@ -98,7 +98,7 @@ def take_over(compiled: Compiled, q: Real, v: Real, t: float, known: Sequence[Co
 
 
 def _sets(rows: Real) -> list[tuple[int, ...]]:
-    """Sets of pairs that could lead; where there are very many, only the one of a pivoted QR decomposition of their rates."""
+    """Sets of joints that could lead; where there are very many, only the one of a pivoted QR decomposition of their rates."""
     p, f = rows.shape
     if comb(p, f) <= MANY:
         return list(combinations(range(p), f))
@@ -108,16 +108,16 @@ def _sets(rows: Real) -> list[tuple[int, ...]]:
     return [tuple(sorted(int(k) for k in qr(rows.T, mode="r", pivoting=True)[1][:f]))]
 
 
-def _compiled(compiled: Compiled, motion: Motion, pairs: Sequence[str], found: Real) -> Compiled:
+def _compiled(compiled: Compiled, motion: Motion, joints: Sequence[str], found: Real) -> Compiled:
     """The mechanism with other free coordinates, put together as it stands now; from there on the laws of drives lead."""
     mechanism = named(compiled.mechanism)
     poses: dict[str, tuple[float, float, float]] = {}
     for link in motion.model.links[1:]:
         x, y, angle = motion.pose(link)[0]
         poses[link] = float(x), float(y), float(angle)
-    free = [Drive(pair=pair, law=Free(float(x[0]), float(x[1]))) for pair, x in zip(pairs, found, strict=True)]
+    free = [Drive(joint=joint, law=Free(float(x[0]), float(x[1]))) for joint, x in zip(joints, found, strict=True)]
     led = [d for d in mechanism.drives if not isinstance(d.law, Free)]
-    still = [Drive(pair=d.pair, law=Free(float(motion.coordinate(d.pair)[0, 0]), 0.0)) for d in led]
+    still = [Drive(joint=d.joint, law=Free(float(motion.coordinate(d.joint)[0, 0]), 0.0)) for d in led]
     placed = compile_mechanism(replace(mechanism, drives=(*free, *still), modes={}, sketch=poses), compiled.accuracy)
     known = replace(mechanism, drives=(*free, *led), modes={}, sketch=poses)
     return replace(placed, model=replace(placed.model, mechanism=known))
@@ -135,7 +135,7 @@ def _same(motion: Motion, other: Compiled, q: Real, v: Real, t: float) -> bool:
 
 
 POOR = 0.05  # share of the motion that a chart's own coordinate must do, at least
-FAIR = 0.2  # below this another pair takes over, well before it gets poor
+FAIR = 0.2  # below this another joint takes over, well before it gets poor
 SAMPLES = 721
 ROOM = 1e-6  # of the range of a chart: one that ends sooner does not take over
 
@@ -151,7 +151,8 @@ class CurveChart:
 
 def curve_around(compiled: Compiled, q: float, tolerance: float) -> tuple[Curve | Chart, tuple[float, float] | None]:
     """The mechanism tabulated over one turn of its coordinate, or as far around ``q`` as its coordinate leads at all; then also
-    the range within which it leads well. At an edge of that, where another pair had better take over at once, no table but a chart.
+    the range within which it leads well. At an edge of that, where another joint had better take over at once, no table but a
+    chart.
 
     Raises `MechanismError` where it does not lead at ``q`` itself.
     """
@@ -168,10 +169,10 @@ def curve_around(compiled: Compiled, q: float, tolerance: float) -> tuple[Curve 
     if not share[here] > POOR:
         raise MechanismError(
             Fault(
-                f"joints.{compiled.mechanism.drives[0].pair}",
+                f"joints.{compiled.mechanism.drives[0].joint}",
                 f"at {as_coordinate(q, rotary=rotary)} its coordinate stands still while the mechanism moves (dead point): its "
                 "speed says nothing there.",
-                "Give the free start at another pair, or start next to the dead point.",
+                "Give the free start at another joint, or start next to the dead point.",
             )
         )
     good = share >= POOR
@@ -192,27 +193,27 @@ def curve_around(compiled: Compiled, q: float, tolerance: float) -> tuple[Curve 
 
 
 def _share(compiled: Compiled, q: Real) -> Real:
-    """Share of the motion that the chart's own coordinate does (n,): its rate over that of the fastest pair; 0 out of reach."""
+    """Share of the motion that the chart's own coordinate does (n,): its rate over that of the fastest joint; 0 out of reach."""
     share = _own_share(motion_at(compiled, q[:, None], np.ones((len(q), 1)), np.zeros(len(q))))
     return np.where(reached(compiled, q), share, 0.0)
 
 
 def _own_share(motion: Motion) -> Real:
     rates = _rates(motion)
-    own = rates[motion.mechanism.drives[0].pair]
+    own = rates[motion.mechanism.drives[0].joint]
     with np.errstate(invalid="ignore", divide="ignore"):
         share = own / np.max(np.array(list(rates.values())), axis=0)
     return np.where(np.isfinite(share), share, 0.0)
 
 
 def _rates(motion: Motion) -> dict[str, Real]:
-    """Sizes of the rates of all pairs' coordinates (n,), displacements over the mechanism's size; any of these can lead."""
+    """Sizes of the rates of all joints' coordinates (n,), displacements over the mechanism's size; any of these can lead."""
     model, speeds = motion.model, motion.speeds
     rotation_class = model.angles.rotation_class
-    pairs = {p.name for p in motion.mechanism.pairs}  # of a cylinder the slide, not the pins that it brings along
+    joints = {p.name for p in motion.mechanism.joints}  # of a cylinder the slide, not the pins that it brings along
     out: dict[str, Any] = {}
     for j, joint in enumerate(model.joints):
-        if joint.freedoms and joint.name in pairs:
+        if joint.freedoms and joint.name in joints:
             if j in model.driven:
                 rate: Values = motion.drives[model.driven[j]][1]
             elif joint.coordinate == "slide":
@@ -228,21 +229,21 @@ def _rates(motion: Motion) -> dict[str, Real]:
 def best_chart(
     compiled: Compiled, q: float, v: float, known: Sequence[CurveChart], tolerance: float
 ) -> tuple[CurveChart, float, float]:
-    """The same mechanism, in the same place, led by the pair that moves most; its coordinate and rate there.
+    """The same mechanism, in the same place, led by the joint that moves most; its coordinate and rate there.
 
     A chart that is ``known`` is taken again where it goes through this place on the same branch.
     """
     motion = motion_at(compiled, np.array([[q]]), np.array([[v if v else 1.0]]), np.zeros(1))
     rates = _rates(motion)
-    pair = max(rates, key=lambda name: float(rates[name][0]))
-    coordinate, rate = (float(x) for x in motion.coordinate(pair)[0, :2])
+    joint = max(rates, key=lambda name: float(rates[name][0]))
+    coordinate, rate = (float(x) for x in motion.coordinate(joint)[0, :2])
     poses: dict[str, tuple[float, float, float]] = {}
     for link in motion.model.links[1:]:
         x, y, angle = motion.pose(link)[0]
         poses[link] = float(x), float(y), float(angle)
     counted = any(e.counts_turns for e in effects_of(compiled.mechanism))
     for chart in known:
-        place = _place_on(chart, coordinate, rate) if chart.compiled.mechanism.drives[0].pair == pair else None
+        place = _place_on(chart, coordinate, rate) if chart.compiled.mechanism.drives[0].joint == joint else None
         if place is not None and _is_at(chart.compiled, place, poses):
             again = carried_on(chart.compiled, np.array([place]), 0.0, motion)
             before, after = (motion_at(c, *_at_rest(place)).angles.class_angles for c in (chart.compiled, again))
@@ -251,14 +252,14 @@ def best_chart(
             if isinstance(chart.curve, Curve) and not counted:
                 return CurveChart(again, replace(chart.curve, compiled=again), chart.valid_range), place, rate if v else 0.0
     mechanism = replace(
-        named(compiled.mechanism), drives=(Drive(pair=pair, law=Free(coordinate, rate if v else 0.0)),), modes={}, sketch=poses
+        named(compiled.mechanism), drives=(Drive(joint=joint, law=Free(coordinate, rate if v else 0.0)),), modes={}, sketch=poses
     )
     found = carried_on(compile_mechanism(mechanism, compiled.accuracy), np.array([coordinate]), 0.0, motion)
     if not _is_at(found, coordinate, poses):
         raise MechanismError(
             Fault(
                 "dynamics",
-                f"two branches meet where {pair} takes over from {compiled.mechanism.drives[0].pair}.",
+                f"two branches meet where {joint} takes over from {compiled.mechanism.drives[0].joint}.",
                 "Start elsewhere, or give it another speed.",
             )
         )
@@ -276,7 +277,7 @@ def _place_on(chart: CurveChart, coordinate: float, rate: float) -> float | None
 
 
 def _rotary(compiled: Compiled) -> bool:
-    return compiled.model.rotary(compiled.mechanism.drives[0].pair)
+    return compiled.model.rotary(compiled.mechanism.drives[0].joint)
 
 
 def _is_at(compiled: Compiled, q: float, poses: Mapping[str, tuple[float, float, float]]) -> bool:

@@ -84,7 +84,7 @@ def free_of(compiled: Compiled) -> list[int]:
 def coordinate_scales(compiled: Compiled) -> Real:
     """What counts as a large displacement of each free coordinate (f,): 1 rad, or the length scale of the mechanism [m]."""
     drives = compiled.mechanism.drives
-    return np.array([compiled.model.coordinate_scale(drives[i].pair) for i in free_of(compiled)])
+    return np.array([compiled.model.coordinate_scale(drives[i].joint) for i in free_of(compiled)])
 
 
 def steps_of_differences(compiled: Compiled, q: Real, v: Real, a: Real) -> tuple[Real, Real]:
@@ -110,10 +110,10 @@ def motion_at(compiled: Compiled, q: Real, v: Real, t: Real, a: Real | None = No
     drives, k = {}, 0
     for d in compiled.mechanism.drives:
         if isinstance(d.law, Free):
-            drives[d.pair] = (q[:, k], v[:, k], none if a is None else a[:, k])
+            drives[d.joint] = (q[:, k], v[:, k], none if a is None else a[:, k])
             k += 1
         else:
-            drives[d.pair] = d.law(t)
+            drives[d.joint] = d.law(t)
     motion = solve_motion(compiled, t, drives=drives, strict=False)
     for i, effect in enumerate(integrating(compiled), start=k):
         motion.states[effect.name] = v[:, i] if i < v.shape[1] else none

@@ -203,7 +203,7 @@ def integrate(
                     "dynamics",
                     f"at t = {t:.9g} s a force changes its law again and again: at rest it pushes back whichever way the mechanism "
                     "moves.",
-                    "An indicator diagram in the middle of a stroke holds like dry friction: give a pair a brake, or let the "
+                    "An indicator diagram in the middle of a stroke holds like dry friction: give a joint a brake, or let the "
                     "machine run through.",
                 )
             )

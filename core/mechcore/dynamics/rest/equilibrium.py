@@ -53,9 +53,9 @@ class Equilibrium:
     steps: int
 
     @property
-    def pairs(self) -> tuple[str, ...]:
-        """The free coordinates' pairs, in the order of ``position``."""
-        return tuple(d.pair for d in self.compiled.mechanism.drives if isinstance(d.law, Free))
+    def joints(self) -> tuple[str, ...]:
+        """The free coordinates' joints, in the order of ``position``."""
+        return tuple(d.joint for d in self.compiled.mechanism.drives if isinstance(d.law, Free))
 
     @property
     def motion(self) -> Motion:
@@ -135,7 +135,7 @@ def find_equilibrium(mechanism: Mechanism | Compiled, *, seek: Seek = "stable", 
     compiled = mechanism if isinstance(mechanism, Compiled) else compile_mechanism(mechanism)
     if not free_of(compiled):
         why = "every drive is prescribed: nothing is free to come to rest."
-        raise MechanismError(Fault("joints", why, "Give a pair a free start instead of its drive."))
+        raise MechanismError(Fault("joints", why, "Give a joint a free start instead of its drive."))
     loose = next(iter(journals_of(compiled.mechanism)), None)
     if loose is not None:  # its force bends within the clearance: differences over any step would mix flight and contact
         why = "a journal in its clearance has a stiffness only where it is pressed: nothing there is linear."
@@ -148,7 +148,7 @@ def find_equilibrium(mechanism: Mechanism | Compiled, *, seek: Seek = "stable", 
         if not np.isfinite(by_q).all():
             if len(q) > 1 or changed > 8:
                 raise _lost(compiled, q)
-            chart, place, _ = best_chart(compiled, float(q[0]), 0.0, [], 1e-9)  # another pair leads past a dead point
+            chart, place, _ = best_chart(compiled, float(q[0]), 0.0, [], 1e-9)  # another joint leads past a dead point
             compiled, q, changed = chart.compiled, np.array([place]), changed + 1
             continue
         largest = float((size * scale).max()) or 1.0
@@ -161,12 +161,12 @@ def find_equilibrium(mechanism: Mechanism | Compiled, *, seek: Seek = "stable", 
             _within(found, with_slot_ends(compiled.mechanism, stops))
             return found
         q = _step(compiled, q, force, step, seek, largest)
-    pair, k = _worst(compiled, force * scale)
-    rotary = compiled.model.rotary(pair)
+    joint, k = _worst(compiled, force * scale)
+    rotary = compiled.model.rotary(joint)
     raise MechanismError(
         Fault(
             "dynamics.equilibrium",
-            f"none found from the start in {MOST} steps: at {as_coordinate(q[k], rotary=rotary)} the loads still push {pair} with "
+            f"none found from the start in {MOST} steps: at {as_coordinate(q[k], rotary=rotary)} the loads still push {joint} with "
             f"{as_quantity(force[k], 'torque' if rotary else 'force')}.",
             "A load that always pushes the same way has no equilibrium: leave it out, or add what holds against it.",
         )
@@ -199,34 +199,34 @@ def _step(compiled: Compiled, q: Real, force: Real, step: Real, seek: Seek, larg
             if seek == "nearest" or work >= 0.0 or closer or abs(work) <= 1e-14 * largest:
                 return np.asarray(q + step)
         elif len(q) == 1 and float(np.abs(step / scale).max()) < 1e-3:
-            return np.asarray(q + step)  # a dead point of the coordinate: another pair takes over there
+            return np.asarray(q + step)  # a dead point of the coordinate: another joint takes over there
         step = 0.5 * step
     raise _lost(compiled, q)
 
 
 def _worst(compiled: Compiled, pushes: Real) -> tuple[str, int]:
     k = int(np.argmax(np.abs(pushes)))
-    return [d.pair for d in compiled.mechanism.drives if isinstance(d.law, Free)][k], k
+    return [d.joint for d in compiled.mechanism.drives if isinstance(d.law, Free)][k], k
 
 
 def _lost(compiled: Compiled, q: Real) -> MechanismError:
-    pairs = [compiled.mechanism.drives[i].pair for i in free_of(compiled)]
-    where = ", ".join(f"{p} at {as_coordinate(x, rotary=compiled.model.rotary(p))}" for p, x in zip(pairs, q, strict=True))
-    why = f"on the way downhill the mechanism cannot follow beyond {where}: a limit of its reach, or a dead point of a free pair."
-    return MechanismError(Fault("dynamics.equilibrium", why, "Start nearer to the equilibrium, or make other pairs free."))
+    joints = [compiled.mechanism.drives[i].joint for i in free_of(compiled)]
+    where = ", ".join(f"{p} at {as_coordinate(x, rotary=compiled.model.rotary(p))}" for p, x in zip(joints, q, strict=True))
+    why = f"on the way downhill the mechanism cannot follow beyond {where}: a limit of its reach, or a dead point of a free joint."
+    return MechanismError(Fault("dynamics.equilibrium", why, "Start nearer to the equilibrium, or make other joints free."))
 
 
 def _within(found: Equilibrium, stops: Sequence[Stop]) -> None:
     """Refuse an equilibrium that lies beyond a stop: the mechanism rests on the stop instead."""
     motion = found.motion
-    known = dict(zip(found.pairs, found.position, strict=True))
+    known = dict(zip(found.joints, found.position, strict=True))
     for s in stops:
-        at = known[s.pair] if s.pair in known else float(motion.coordinate(s.pair)[0, 0])
+        at = known[s.joint] if s.joint in known else float(motion.coordinate(s.joint)[0, 0])
         beyond = (at - s.at) * (1.0 if s.side == "upper" else -1.0)
-        if beyond > 1e-12 * found.compiled.model.coordinate_scale(s.pair):
-            far = as_coordinate(beyond, rotary=found.compiled.model.rotary(s.pair))
+        if beyond > 1e-12 * found.compiled.model.coordinate_scale(s.joint):
+            far = as_coordinate(beyond, rotary=found.compiled.model.rotary(s.joint))
             why = f"the equilibrium lies {far} beyond '{s.name}': the mechanism rests on this stop and does not vibrate freely."
-            raise MechanismError(Fault(f"joints.{s.pair}.stops", why, "Move the stop, or leave it out."))
+            raise MechanismError(Fault(f"joints.{s.joint}.stops", why, "Move the stop, or leave it out."))
 
 
 TURN = 2.0 * np.pi
@@ -315,7 +315,7 @@ def fastest_vibration(compiled: Compiled, q: Real, v: Real) -> Fastest | None:
     modal = np.hypot(float(shape @ forces[-1, 0]) / omega**2, float(shape @ inertia @ v) / omega)
     most = int(np.argmax(np.abs(shapes[:, -1])))
     amplitude = float(modal * np.abs(shapes[most, -1]))
-    rotary = compiled.model.rotary(compiled.mechanism.drives[free_of(compiled)[most]].pair)
+    rotary = compiled.model.rotary(compiled.mechanism.drives[free_of(compiled)[most]].joint)
     swing = as_coordinate(amplitude * scale[most], rotary=rotary, digits=2)
     return Fastest(omega / TURN, amplitude, swing, max(0.5 * brake / omega, 0.0), spring.name, _stiffness(spring))
 

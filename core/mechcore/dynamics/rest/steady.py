@@ -43,7 +43,7 @@ SPEEDS = np.geomspace(1e-2, 1e4, 49)  # [rad/s] at which a mean balance is looke
 
 @dataclass(frozen=True, eq=False)
 class SteadyRun:
-    """A steady run over ``turns`` turns of the free pair from ``start`` [rad] in the ``sense`` 1 or -1.
+    """A steady run over ``turns`` turns of the free joint from ``start`` [rad] in the ``sense`` 1 or -1.
 
     ``period`` [s]; ``mean`` speed over time, ``least`` and ``greatest`` [rad/s], all positive; ``multiplier``: what is left of a
     small disturbance of the energy after a cycle, 1 where nothing depends on the speed. Call it with places (n,) [rad] along the
@@ -51,7 +51,7 @@ class SteadyRun:
     """
 
     compiled: Compiled
-    pair: str
+    joint: str
     start: float
     sense: float
     turns: int
@@ -88,16 +88,16 @@ class SteadyRun:
 def steady_run(mechanism: Mechanism | Compiled, *, turns: int = 1, tolerance: float = 1e-10) -> SteadyRun:
     """The steady run of a machine whose only free coordinate turns; the cycle is ``turns`` turns of it.
 
-    The sense and the first guess of the speed are the free pair's ``speed``, where it has one. Where nothing depends on the speed
+    The sense and the first guess of the speed are the free joint's ``speed``, where it has one. Where nothing depends on the speed
     every speed is steady, and the stated one is taken. Raises `MechanismError` where there is none.
     """
     compiled = mechanism if isinstance(mechanism, Compiled) else compile_mechanism(mechanism)
-    pair, start, speed = _validated(compiled, turns)
+    joint, start, speed = _validated(compiled, turns)
     sense = -1.0 if speed < 0.0 else 1.0
     span = turns * TURN
     if compiled.mechanism.ends:  # a turn that goes beyond them is refused
         x = np.linspace(0.0, span, 720 * turns + 1)
-        solve_motion(compiled, x, drives={pair: (start + sense * x, np.full_like(x, sense), np.zeros_like(x))})
+        solve_motion(compiled, x, drives={joint: (start + sense * x, np.full_like(x, sense), np.zeros_like(x))})
     machine = _Machine(compiled, start, sense)
     level = _balance(machine, span, abs(speed))
     edges = _cut(np.linspace(0.0, span, FIRST * turns + 1), machine, lambda x: np.full(len(x), level))
@@ -107,7 +107,7 @@ def steady_run(mechanism: Mechanism | Compiled, *, turns: int = 1, tolerance: fl
         coefficients = slopes @ RULE.legendre.T
         h = np.diff(edges)
         poor = h * np.abs(coefficients[:, -2:]).max(axis=1) > tolerance * begins.max()
-        run = _run(compiled, pair, start, sense, turns, edges, begins, coefficients, w, multiplier)
+        run = _run(compiled, joint, start, sense, turns, edges, begins, coefficients, w, multiplier)
         more = edges if again else _cut(edges, machine, run)
         if (again and not poor.any()) or len(edges) > MOST:
             return run
@@ -122,9 +122,9 @@ def _validated(compiled: Compiled, turns: int) -> tuple[str, float, float]:
     faults = []
     drives = mechanism.drives
     rotary = len(drives) == 1 and isinstance(drives[0].law, Free)
-    rotary = rotary and model.joints[model.joint_index[drives[0].pair]].coordinate == "angle"
+    rotary = rotary and model.joints[model.joint_index[drives[0].joint]].coordinate == "angle"
     if not rotary:
-        faults.append(Fault("joints", "a steady run needs one free pair that turns, and no drive.", "Let the crank be free."))
+        faults.append(Fault("joints", "a steady run needs one free joint that turns, and no drive.", "Let the crank be free."))
     if turns < 1:
         faults.append(Fault("run.steady", f"a cycle of {turns} turns.", "Give 1, or 2 for a four-stroke engine."))
     if "inertia" not in mechanism.effects:
@@ -138,7 +138,7 @@ def _validated(compiled: Compiled, turns: int) -> tuple[str, float, float]:
         raise MechanismError(faults)
     law = drives[0].law
     assert isinstance(law, Free)
-    return drives[0].pair, law.start, law.speed
+    return drives[0].joint, law.start, law.speed
 
 
 class _Machine:
@@ -212,7 +212,7 @@ def _balance(machine: _Machine, span: float, wanted: float) -> float:
                 "run.steady",
                 f"{why} (mean torque {as_torque(torque[k], 4)} at {as_quantity(speeds[k], 'angular speed', 4)}): there is no "
                 "steady run.",
-                "Check the motor and the loads; the free pair's speed says in which sense it runs.",
+                "Check the motor and the loads; the free joint's speed says in which sense it runs.",
             )
         )
     level = speeds[falls]
@@ -298,12 +298,12 @@ def _solve(machine: _Machine, edges: Real, w: Real, level: float) -> tuple[Real,
 
 
 def _run(
-    compiled: Compiled, pair: str, start: float, sense: float, turns: int,
+    compiled: Compiled, joint: str, start: float, sense: float, turns: int,
     edges: Real, begins: Real, coefficients: Real, w: Real, multiplier: float,
 ) -> SteadyRun:  # fmt: skip
     h = np.diff(edges)
     period = float(np.sum(h[:, None] * WEIGHTS / np.sqrt(2.0 * w)))
-    run = SteadyRun(compiled, pair, start, sense, turns, edges, begins, coefficients, period, multiplier, 0.0, 0.0)
+    run = SteadyRun(compiled, joint, start, sense, turns, edges, begins, coefficients, period, multiplier, 0.0, 0.0)
     places = [edges[:-1], *_standstills(edges, coefficients)]
     found = run(np.concatenate(places))
     return replace(run, least=float(found.min()), greatest=float(found.max()))
@@ -337,7 +337,7 @@ class SizedFlywheel:
 
 
 def with_flywheel(mechanism: Mechanism, inertia: float) -> Mechanism:
-    """The mechanism with a flywheel [kg m^2] on the shaft of its free pair, balanced, about the pin."""
+    """The mechanism with a flywheel [kg m^2] on the shaft of its free joint, balanced, about the pin."""
     name = shaft_of(mechanism)
 
     def heavier(link: Link) -> Link:
@@ -347,18 +347,18 @@ def with_flywheel(mechanism: Mechanism, inertia: float) -> Mechanism:
 
 
 def shaft_of(mechanism: Mechanism) -> str:
-    """The link that turns in the free pair on the frame."""
-    pair = next(p for p in mechanism.pairs if p.name == mechanism.drives[0].pair)
-    turning = [k for k in pair.links if k != mechanism.frame]
+    """The link that turns in the free joint on the frame."""
+    joint = next(p for p in mechanism.joints if p.name == mechanism.drives[0].joint)
+    turning = [k for k in joint.links if k != mechanism.frame]
     if len(turning) != 1:
         raise MechanismError(
-            Fault("flywheel", f"pair {pair.name} is not on the frame.", "A flywheel sits on a shaft in the frame.")
+            Fault("flywheel", f"joint {joint.name} is not on the frame.", "A flywheel sits on a shaft in the frame.")
         )
     return turning[0]
 
 
 def size_flywheel(mechanism: Mechanism, fluctuation: float, *, turns: int = 1, tolerance: float = 1e-10) -> SizedFlywheel:
-    """The least flywheel on the free pair's shaft with which the coefficient of fluctuation does not exceed ``fluctuation``.
+    """The least flywheel on the free joint's shaft with which the coefficient of fluctuation does not exceed ``fluctuation``.
 
     Every trial is a steady run of its own, so that it holds for large fluctuations too, unlike the usual formula
     (`flywheel`), which it approaches as the fluctuation gets small. Secant steps on its reciprocal, nearly linear in

@@ -84,8 +84,8 @@ class Vibrations:
     notes: tuple[str, ...] = ()
 
     @property
-    def pairs(self) -> tuple[str, ...]:
-        return self.equilibrium.pairs
+    def joints(self) -> tuple[str, ...]:
+        return self.equilibrium.joints
 
     @property
     def shapes(self) -> Real:
@@ -172,10 +172,10 @@ def _damping(compiled: Compiled, q: Real) -> Real:
 def _notes(compiled: Compiled) -> list[str]:
     mechanism = compiled.mechanism
     notes = []
-    rubbing = braked(mechanism.pairs) if "friction" in mechanism.effects else ()
+    rubbing = braked(mechanism.joints) if "friction" in mechanism.effects else ()
     if rubbing:
         notes.append(f"dry friction is left out (it holds around the equilibrium, nothing there is linear): {', '.join(rubbing)}")
-    held = [d.pair for d in mechanism.drives if not isinstance(d.law, Free)]
+    held = [d.joint for d in mechanism.drives if not isinstance(d.law, Free)]
     if held:
         notes.append(f"prescribed drives stand still at their start: {', '.join(held)}")
     timed = [load.name for load in mechanism.loads if getattr(getattr(load, "factor", None), "of", None) == "time"]
@@ -198,8 +198,8 @@ def _modes(inertia: Real, damping: Real, stiffness: Real, scale: Real) -> tuple[
     shapes = shapes * np.sign(shapes[largest, np.arange(len(squares))])
     shapes = shapes * scale[:, None]
     k = np.diag(squares) + shapes.T @ (stiffness - symmetric) @ shapes
-    pairs = _eigenvalues(k, shapes.T @ damping @ shapes)
-    return tuple(Mode(shapes[:, i], float(squares[i]), pairs[i]) for i in range(len(squares)))
+    joints = _eigenvalues(k, shapes.T @ damping @ shapes)
+    return tuple(Mode(shapes[:, i], float(squares[i]), joints[i]) for i in range(len(squares)))
 
 
 def _eigenvalues(k: Real, c: Real) -> list[tuple[complex, complex]]:

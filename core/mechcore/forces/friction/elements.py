@@ -1,8 +1,8 @@
-"""Where friction acts: one element for each relative motion that a pair with a coefficient brakes.
+"""Where friction acts: one element for each relative motion that a joint with a coefficient brakes.
 
-An element puts ``lambda`` times a unit wrench on the second link of its pair and the opposite on the first, with
+An element puts ``lambda`` times a unit wrench on the second link of its joint and the opposite on the first, with
 ``lambda = -sign(rate) factor * g``, where ``rate`` is the relative speed that does work on the wrench and ``g`` the normal load:
-the length, or the larger component, of two numbers that are linear in what the pair transmits.
+the length, or the larger component, of two numbers that are linear in what the joint transmits.
 
 Pin: moment mu r |R| (the lecture's formula, R the whole reaction), exactly mu r / sqrt(1 + mu^2) |R| (friction circle).
 Guide with a bearing of length b: the forces N1 and N2 at its ends have N1 + N2 = N and (N2 - N1) b / 2 = C, the couple about
@@ -27,10 +27,10 @@ from mechcore.kinematics.dyads import cross
 from mechcore.kinematics.model import Model
 from mechcore.motion.motion import Motion
 from mechcore.spec.mechanism import (
-    CamPair,
+    CamJoint,
     Cylinder,
     Friction,
-    Pair,
+    Joint,
     PinSlot,
     Prismatic,
     Revolute,
@@ -44,23 +44,23 @@ Kind = Literal["pin", "guide", "normal", "contact", "brake", "drive"]
 Array = Any
 
 STILL = 1e-9
-"""Relative speeds below this part of the pair's largest are rest: friction is undetermined there and counted as zero."""
-NOISE = 1e-12  # the same of the largest speed of the whole mechanism: pairs that never move
+"""Relative speeds below this part of the joint's largest are rest: friction is undetermined there and counted as zero."""
+NOISE = 1e-12  # the same of the largest speed of the whole mechanism: joints that never move
 
 
 @dataclass(frozen=True, eq=False)
 class Element:
     """One braked relative motion. ``rate`` (F,) and its ``sign`` (F,), 0 at rest."""
 
-    pair: str
+    joint: str
     what: Literal["turn", "slide"]
-    kind: Kind  # how the normal load follows from what the pair transmits
+    kind: Kind  # how the normal load follows from what the joint transmits
     friction: Friction
     factor: Any  # moment or force per normal load [m or 1] where it slides, a number or (F,)
     limit: Any  # the same up to which it sticks
     coefficient: Any  # of sliding, a number or (F,)
     links: tuple[int, int]  # first and second
-    joint: int  # -1 for a relation
+    index: int  # of the joint in the model; -1 for a relation
     along: Array  # of a slide: unit vector of the force on the second link for lambda = 1
     rate: Real
     sign: Real
@@ -87,7 +87,7 @@ class Element:
             else:
                 f = sign * value * self.along
                 force[k] = force[k] + f
-                at = motion.joint_point(self.joint) if self.place is None else self.place
+                at = motion.joint_point(self.index) if self.place is None else self.place
                 moment[k] = moment[k] + cross(at - motion.origins[k], f)
         if self.twist is not None:
             for k, couple in ((self.links[0], value * self.twist), (self.carrier, -value * self.twist)):
@@ -97,22 +97,22 @@ class Element:
         self, motion: Motion, transmitted: Sequence[tuple[Array, Array]], contacts: dict[str, tuple[Array, Array]], sign: Array
     ) -> tuple[Array, Array]:
         """The two numbers whose size is the normal load [N]; ``sign`` is the direction of sliding."""
-        if self.kind == "brake":  # its factor is the whole friction, whatever the pair transmits: see `response.system`
+        if self.kind == "brake":  # its factor is the whole friction, whatever the joint transmits: see `response.system`
             return np.ones(motion.frames), np.zeros(motion.frames)
         if self.kind == "contact":
-            force = contacts[self.pair][1] / self.seen
+            force = contacts[self.joint][1] / self.seen
             return np.real(force), np.imag(force)
-        force, couple = transmitted[self.joint]
+        force, couple = transmitted[self.index]
         if self.kind == "pin":
             return np.real(force), np.imag(force)
-        u = motion.guide(self.joint)
+        u = motion.guide(self.index)
         if self.kind == "drive":
             return np.real(np.conj(u) * force), np.zeros(motion.frames)
         n = np.real(np.conj(1j * u) * force)
         f = self.friction
         if self.kind == "normal" or not f.length:
             return n, 0.0 * n
-        middle = motion.state.slide[self.joint] - f.offset if f.bearing == "guide" else -f.offset  # from it to the sliding point
+        middle = motion.state.slide[self.index] - f.offset if f.bearing == "guide" else -f.offset  # from it to the sliding point
         c = couple + middle * n + sign * self.coefficient * 0.5 * f.height * n
         return n, c * (2.0 / f.length)
 
@@ -123,44 +123,44 @@ def scales_of(model: Model, elements: Sequence[Element]) -> Real:
 
 
 def elements_of(motion: Motion, flanks: Mapping[int, Array] | None = None) -> list[Element]:
-    """All elements of a mechanism, in the order of its pairs. ``flanks``: relation -> multiplier (F,) whose sign says on which of
+    """All elements of a mechanism, in the order of its joints. ``flanks``: relation -> multiplier (F,) whose sign says on which of
     its two sides a cam presses; without it all press where they push."""
     turning = max((_peak(w) for w in motion.speeds.angular), default=0.0)
     moving = max([turning * motion.model.length_scale, *(_peak(v) for v in motion.speeds.slide.values())])
     least = {"turn": NOISE * turning, "slide": NOISE * moving}
     return [
-        _element(motion, pair, *parts, least, flanks or {}, nth)
-        for pair in motion.mechanism.pairs
-        for nth, parts in enumerate(_parts(pair))
+        _element(motion, joint, *parts, least, flanks or {}, nth)
+        for joint in motion.mechanism.joints
+        for nth, parts in enumerate(_parts(joint))
     ]
 
 
 def two_sided(motion: Motion) -> bool:
     """Whether friction acts on a cam that can press on either of two sides."""
-    return any(isinstance(p, CamPair) and p.closure == "form" and friction_of(p) is not None for p in motion.mechanism.pairs)
+    return any(isinstance(p, CamJoint) and p.closure == "form" and friction_of(p) is not None for p in motion.mechanism.joints)
 
 
-def _parts(pair: Pair) -> list[tuple[Literal["turn", "slide"], Kind, float]]:
-    """What friction brakes in a pair, by which normal load, with which arm [m or 1] or, of a brake, effort [N m or N]."""
-    f = friction_of(pair)
+def _parts(joint: Joint) -> list[tuple[Literal["turn", "slide"], Kind, float]]:
+    """What friction brakes in a joint, by which normal load, with which arm [m or 1] or, of a brake, effort [N m or N]."""
+    f = friction_of(joint)
     if f is None:
         return []
     found: list[Any] = []
-    if isinstance(pair, Revolute | Prismatic | Cylinder):
-        what: Literal["turn", "slide"] = "turn" if isinstance(pair, Revolute) else "slide"
-        kind = "pin" if what == "turn" else "guide" if isinstance(pair, Prismatic) else "drive"
+    if isinstance(joint, Revolute | Prismatic | Cylinder):
+        what: Literal["turn", "slide"] = "turn" if isinstance(joint, Revolute) else "slide"
+        kind = "pin" if what == "turn" else "guide" if isinstance(joint, Prismatic) else "drive"
         arm = f.radius if what == "turn" else 1.0
         found = [(what, kind, arm)] if f.coefficient and arm else []
         return [*found, (what, "brake", f.brake)] if f.brake else found
-    if isinstance(pair, CamPair):
-        roller = getattr(pair.face, "radius", 0.0) if f.radius else 0.0  # it rolls, and rubs on its pin
+    if isinstance(joint, CamJoint):
+        roller = getattr(joint.face, "radius", 0.0) if f.radius else 0.0  # it rolls, and rubs on its pin
         share = f.radius / roller if roller else 1.0
         found = [("slide", "contact", share)]
-        return found if pair.spatial is None else [*found, ("slide", "contact", np.sqrt(1.0 - share * share))]
-    if isinstance(pair, PinSlot):
+        return found if joint.spatial is None else [*found, ("slide", "contact", np.sqrt(1.0 - share * share))]
+    if isinstance(joint, PinSlot):
         found = [("slide", "normal", 1.0), ("turn", "normal", f.radius)]
         return found if f.radius else found[:1]
-    return [("turn", "normal" if isinstance(pair, Rolling) else "contact", f.lever)]
+    return [("turn", "normal" if isinstance(joint, Rolling) else "contact", f.lever)]
 
 
 def _factor(friction: Friction, kind: Kind, arm: float, coefficient: Array) -> Array:
@@ -179,26 +179,26 @@ def _coefficient(friction: Friction, speed: Array) -> Array:
 
 
 def _element(
-    motion: Motion, pair: Pair, what: Any, kind: Any, arm: float, least: dict[str, float], flanks: Mapping[int, Array], nth: int
+    motion: Motion, joint: Joint, what: Any, kind: Any, arm: float, least: dict[str, float], flanks: Mapping[int, Array], nth: int
 ) -> Element:
     model = motion.model
-    friction = friction_of(pair)
+    friction = friction_of(joint)
     assert friction is not None
-    j = model.joint_index.get(pair.name, -1)
-    first, second = (model.index[k] for k in (pair.links if j < 0 else model.joints[j].links))  # of a cylinder: barrel and rod
-    if isinstance(pair, CamPair):
-        return _of_cam(motion, pair, friction, arm, (first, second), least["slide"], flanks, nth)
+    j = model.joint_index.get(joint.name, -1)
+    first, second = (model.index[k] for k in (joint.links if j < 0 else model.joints[j].links))  # of a cylinder: barrel and rod
+    if isinstance(joint, CamJoint):
+        return _of_cam(motion, joint, friction, arm, (first, second), least["slide"], flanks, nth)
     rate = relative_rate(motion, motion.speeds, what, j, (first, second))
     along = 0j if what == "turn" else motion.guide(j) * (1.0 if model.joints[j].guide == 0 else -1.0)
     mu = _coefficient(friction, rate * friction.radius if what == "turn" else rate)
     factor, limit = (_factor(friction, kind, arm, c) for c in (mu, max(friction.static, friction.coefficient)))
     sign = _sign(rate, least[what])
-    return Element(pair.name, what, kind, friction, factor, limit, mu, (first, second), j, along, rate, sign)
+    return Element(joint.name, what, kind, friction, factor, limit, mu, (first, second), j, along, rate, sign)
 
 
 def _of_cam(
     motion: Motion,
-    pair: CamPair,
+    joint: CamJoint,
     friction: Friction,
     arm: float,
     links: tuple[int, int],
@@ -210,7 +210,7 @@ def _of_cam(
 
     A roller is counted as if it stood still: what drags it along is the friction on its pin, at the same contact.
     """
-    index, relation = next((i, r) for i, r in enumerate(motion.model.relations) if r.name == pair.name)
+    index, relation = next((i, r) for i, r in enumerate(motion.model.relations) if r.name == joint.name)
     geometry, flank = relation.geometry, flanks.get(index, np.ones(motion.frames))
     mu = friction.coefficient
     factor: Any = mu * arm
@@ -219,11 +219,11 @@ def _of_cam(
         r, carrier = rubbing[nth], motion.model.index[relation.bearing.carrier]
         sign = _sign(r.rate, least)
         return Element(
-            pair.name, "slide", "contact", friction, factor, factor, mu, links, -1, r.along, r.rate, sign, r.place, r.twist,
+            joint.name, "slide", "contact", friction, factor, factor, mu, links, -1, r.along, r.rate, sign, r.place, r.twist,
             carrier, seen,
         )  # fmt: skip
-    if pair.second is not None and friction.radius:  # the second roller of a conjugate pair turns on a pin of the same radius
-        factor = factor * np.where(np.real(flank) < 0.0, geometry.face.radius / pair.second[1], 1.0)
+    if joint.second is not None and friction.radius:  # the second roller of a conjugate pair turns on a pin of the same radius
+        factor = factor * np.where(np.real(flank) < 0.0, geometry.face.radius / joint.second[1], 1.0)
     place, direction = geometry.contact(motion, flank)
     along = 1j * unit_vectors(direction)
     rotation_class = motion.model.angles.rotation_class
@@ -232,7 +232,7 @@ def _of_cam(
     ]
     rate = np.array(np.broadcast_to(np.real(np.conj(along) * (speed[1] - speed[0])), (motion.frames,)))
     sign = _sign(rate, least)
-    return Element(pair.name, "slide", "contact", friction, factor, factor, mu, links, -1, along, rate, sign, place)
+    return Element(joint.name, "slide", "contact", friction, factor, factor, mu, links, -1, along, rate, sign, place)
 
 
 def _sign(rate: Real, least: float) -> Real:

@@ -1,4 +1,4 @@
-"""What pairs transmit under the loads and under a unit of friction at every element: the linear part of the problem."""
+"""What joints transmit under the loads and under a unit of friction at every element: the linear part of the problem."""
 
 from __future__ import annotations
 

@@ -23,16 +23,16 @@ CANDIDATES = 24
 
 @dataclass(frozen=True)
 class Jam:
-    """A stretch of time [s] in which the drives cannot move the mechanism, and the pairs whose friction does it."""
+    """A stretch of time [s] in which the drives cannot move the mechanism, and the joints whose friction does it."""
 
     start: float
     end: float
-    pairs: tuple[str, ...]
+    joints: tuple[str, ...]
     reached: float  # smallest proportion of the coefficients with which it could still be moved
 
 
 def sign_changes(forces: Forces) -> list[tuple[float, str]]:
-    """Times [s], between frames too, at which the relative motion of a pair with friction reverses, and the pair."""
+    """Times [s], between frames too, at which the relative motion of a joint with friction reverses, and the joint."""
     friction = forces.friction
     if friction is None:
         return []
@@ -44,10 +44,10 @@ def sign_changes(forces: Forces) -> list[tuple[float, str]]:
 
         def rows(m: Motion, e: Element = e) -> Real:
             """Relative speed and acceleration (F, 2)."""
-            return np.stack([relative_rate(m, of, e.what, e.joint, e.links) for of in (m.speeds, m.accelerations)], axis=-1)
+            return np.stack([relative_rate(m, of, e.what, e.index, e.links) for of in (m.speeds, m.accelerations)], axis=-1)
 
         times = turning_points(motion.time, np.where(e.sign == 0.0, 0.0, e.rate), rows(motion)[:, 1])
-        found += [(float(t), e.pair) for t in zeros(motion, rows, times)]
+        found += [(float(t), e.joint) for t in zeros(motion, rows, times)]
     return sorted(set(found))
 
 
@@ -130,24 +130,24 @@ def friction_events(forces: Forces) -> list[Event]:
         return []
     motion, time = forces.motion, forces.motion.time
     found = [
-        Event(t, "INFO", pair, f"friction changes its sign: the relative motion reverses, {at_drive(motion, t)}")
-        for t, pair in sign_changes(forces)
+        Event(t, "INFO", joint, f"friction changes its sign: the relative motion reverses, {at_drive(motion, t)}")
+        for t, joint in sign_changes(forces)
     ]
     for jam in find_jams(forces):
-        names = ", ".join(jam.pairs)
+        names = ", ".join(jam.joints)
         until = "to the end of the run" if jam.end >= time[-1] else f"until {jam.end:.6g} s"
         text = (
             f"jams {until}: friction in {names} is too strong for any drive effort, {at_drive(motion, jam.start)} to "
             f"{at_drive(motion, jam.end)}; it could be moved with {100.0 * jam.reached:.4g} % of the coefficients"
         )
-        found.append(Event(jam.start, "WARN", jam.pairs[0] if jam.pairs else "mechanism", text))
+        found.append(Event(jam.start, "WARN", jam.joints[0] if jam.joints else "mechanism", text))
     for first, last in runs(friction.ambiguous):
         text = (
             f"more than one state of friction is in equilibrium until {time[last]:.6g} s, {at_drive(motion, float(time[first]))}: "
             "given is the one that grows out of the frictionless state"
         )
         found.append(Event(float(time[first]), "WARN", "mechanism", text))
-    drives = ", ".join(d.pair for d in motion.mechanism.drives) or "mechanism"
+    drives = ", ".join(d.joint for d in motion.mechanism.drives) or "mechanism"
     locked = friction.self_locking
     for first, last in runs(locked):
         start, end = float(time[first]), float(time[last])
@@ -175,18 +175,18 @@ def _cost(forces: Forces, friction: FrictionResult) -> Iterator[Event]:
 
 
 def friction_lanes(forces: Forces) -> dict[str, list[tuple[float, str]]]:
-    """What every pair with friction does, as (time [s], state) from each change on, and the "mechanism" as a whole.
+    """What every joint with friction does, as (time [s], state) from each change on, and the "mechanism" as a whole.
 
-    Pairs: "slips +", "slips -", "at rest", "jammed". Mechanism: "moves", "self-locking", "jammed".
+    Joints: "slips +", "slips -", "at rest", "jammed". Mechanism: "moves", "self-locking", "jammed".
     """
     friction = forces.friction
     if friction is None or not forces.motion.frames:
         return {}
     time = forces.motion.time
     turns: dict[str, list[float]] = {}
-    for t, pair in sign_changes(forces):
-        turns.setdefault(pair, []).append(t)
-    lanes = {p: _lane(time, friction.state(p), turns.get(p, [])) for p in friction.pairs}
+    for t, joint in sign_changes(forces):
+        turns.setdefault(joint, []).append(t)
+    lanes = {p: _lane(time, friction.state(p), turns.get(p, [])) for p in friction.joints}
     whole = np.where(friction.jammed, "jammed", np.where(friction.self_locking, "self-locking", "moves"))
     return {**lanes, "mechanism": _lane(time, list(whole), [])}
 

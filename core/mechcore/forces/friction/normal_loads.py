@@ -353,7 +353,7 @@ def _arrive(a: Real, k: Real, euclidean: Flags, g: Real) -> tuple[Real, Flags, R
 
 
 def _share(a: Real, k: Real, euclidean: Flags, g: Real) -> Real:
-    """How strongly each column of K moves the smallest eigenvalue of I - D K: the pairs whose friction makes the jam (F, n)."""
+    """How strongly each column of K moves the smallest eigenvalue of I - D K: the joints whose friction makes the jam (F, n)."""
     _, matrix = _jacobian(a, k, euclidean, g)
     u, _, vt = np.linalg.svd(matrix)
     left, right = u[:, :, -1], vt[:, -1]

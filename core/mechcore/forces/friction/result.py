@@ -1,4 +1,4 @@
-"""Friction of a motion: what it does in every pair, what it costs, where the mechanism jams or locks itself."""
+"""Friction of a motion: what it does in every joint, what it costs, where the mechanism jams or locks itself."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ from mechcore.motion.motion import Motion
 
 Array = Any
 
-LEAST_SHARE = 0.1  # of the largest share in a jam: pairs below it are not named
+LEAST_SHARE = 0.1  # of the largest share in a jam: joints below it are not named
 
 
 class FrictionResult:
-    """Dry friction in the pairs of a motion; results have a leading frame axis and go by the names of the pairs.
+    """Dry friction in the joints of a motion; results have a leading frame axis and go by the names of the joints.
 
     ``jammed`` (F,): no friction of this direction is in equilibrium with any drive effort; all forces of these frames are NaN.
     ``reached`` (F,): proportion of the stated coefficients up to which the mechanism can be moved, 1 where it does not jam.
@@ -52,24 +52,24 @@ class FrictionResult:
         return several(*system(self.motion, self.elements, self._response), self._solution.loads)
 
     @property
-    def pairs(self) -> tuple[str, ...]:
-        """The pairs that have friction."""
-        return tuple(dict.fromkeys(e.pair for e in self.elements))
+    def joints(self) -> tuple[str, ...]:
+        """The joints that have friction."""
+        return tuple(dict.fromkeys(e.joint for e in self.elements))
 
-    # -- in the pairs -------------------------------------------------------------------------------------------------
+    # -- in the joints -------------------------------------------------------------------------------------------------
     def value(self, i: int) -> Real:
         """Force [N] or moment [N m] of element ``i`` along its unit wrench on the second link (F,); zero at rest."""
         e = self.elements[i]
         return -e.sign * e.factor * self._solution.loads[:, i]
 
-    def normal_load(self, pair: str) -> Real:
-        """Size of what presses on a pair (F,) [N]: |R| of a pin, |N| of a contact, |N1| + |N2| at the two ends of a bearing."""
-        return np.array(self._solution.loads[:, self._elements_of(pair)[0]])
+    def normal_load(self, joint: str) -> Real:
+        """Size of what presses on a joint (F,) [N]: |R| of a pin, |N| of a contact, |N1| + |N2| at the two ends of a bearing."""
+        return np.array(self._solution.loads[:, self._elements_of(joint)[0]])
 
-    def applied(self, pair: str) -> Real:
-        """What friction adds to the force and couple on the second link that the pair transmits anyway (F, 3)."""
+    def applied(self, joint: str) -> Real:
+        """What friction adds to the force and couple on the second link that the joint transmits anyway (F, 3)."""
         out = np.zeros((self.motion.frames, 3))
-        for i in self._elements_of(pair):
+        for i in self._elements_of(joint):
             e, value = self.elements[i], self.value(i)
             if e.what == "turn":
                 out[:, 2] += value
@@ -78,41 +78,41 @@ class FrictionResult:
                 out[:, 1] += value * np.imag(e.along)
         for relation in self.motion.model.relations:  # what bearings of shafts in the plane carry
             for name, sign in relation.bearing.joints if relation.bearing is not None else ():
-                if name == pair:
+                if name == joint:
                     out[:, 2] += sign * sum(self.value(i) * self.elements[i].twist for i in self._elements_of(relation.name))
         return out
 
-    def wrench(self, pair: str) -> Real:
-        """Friction on the pair's second link: Fx, Fy [N] and couple [N m], stated at the pair's position (F, 3)."""
-        out = self.applied(pair)
-        for i in self._elements_of(pair):
+    def wrench(self, joint: str) -> Real:
+        """Friction on the joint's second link: Fx, Fy [N] and couple [N m], stated at the joint's position (F, 3)."""
+        out = self.applied(joint)
+        for i in self._elements_of(joint):
             e = self.elements[i]
             if e.kind == "guide" and e.friction.height:  # it acts on the two faces: N1 + N2 = N makes the couple
                 n = e.normal(self.motion, self._transmitted[0], self._transmitted[1], e.sign)[0]
                 out[:, 2] -= e.sign * e.coefficient * 0.5 * e.friction.height * n
         return out
 
-    def state(self, pair: str) -> list[str]:
-        """What the pair does at every frame: "slips +", "slips -" (the sign of its rate), "at rest" or "jammed"."""
-        sign = self.elements[self._elements_of(pair)[0]].sign
+    def state(self, joint: str) -> list[str]:
+        """What the joint does at every frame: "slips +", "slips -" (the sign of its rate), "at rest" or "jammed"."""
+        sign = self.elements[self._elements_of(joint)[0]].sign
         words = np.where(sign > 0, "slips +", np.where(sign < 0, "slips -", "at rest"))
         return list(np.where(self.jammed, "jammed", words))
 
     def jammed_by(self, frame: int) -> tuple[str, ...]:
-        """The pairs whose friction makes the jam at a frame, the strongest first."""
+        """The joints whose friction makes the jam at a frame, the strongest first."""
         share = self._solution.share[frame]
         order = [i for i in np.argsort(-share) if share[i] >= LEAST_SHARE]
-        return tuple(dict.fromkeys(self.elements[i].pair for i in order))
+        return tuple(dict.fromkeys(self.elements[i].joint for i in order))
 
     # -- power --------------------------------------------------------------------------------------------------------
-    def losses(self, pair: str) -> Real:
-        """Power that friction in a pair turns into heat (F,) [W], never negative."""
-        return -sum((self.value(i) * self.elements[i].rate for i in self._elements_of(pair)), np.zeros(self.motion.frames))
+    def losses(self, joint: str) -> Real:
+        """Power that friction in a joint turns into heat (F,) [W], never negative."""
+        return -sum((self.value(i) * self.elements[i].rate for i in self._elements_of(joint)), np.zeros(self.motion.frames))
 
     @cached_property
     def power(self) -> Real:
         """Power of all friction (F,) [W], never positive."""
-        return -sum((self.losses(p) for p in self.pairs), np.zeros(self.motion.frames))
+        return -sum((self.losses(p) for p in self.joints), np.zeros(self.motion.frames))
 
     @cached_property
     def frictionless_power(self) -> Real:
@@ -131,9 +131,9 @@ class FrictionResult:
         return useful / supplied if supplied > 0.0 else (1.0 if supplied == 0.0 else np.nan)
 
     def mean_losses(self) -> dict[str, float]:
-        """Mean power that friction takes in each pair over the run [W]."""
+        """Mean power that friction takes in each joint over the run [W]."""
         span = float(np.ptp(self.motion.time)) or 1.0
-        return {p: self._integral(self.losses(p)) / span for p in self.pairs}
+        return {p: self._integral(self.losses(p)) / span for p in self.joints}
 
     # -- the other way round ------------------------------------------------------------------------------------------
     @cached_property
@@ -161,8 +161,8 @@ class FrictionResult:
             return np.asarray(driven & (self.back_driving_power >= -1e-12 * p0))
 
     # -- inside -------------------------------------------------------------------------------------------------------
-    def _elements_of(self, pair: str) -> list[int]:
-        found = [i for i, e in enumerate(self.elements) if e.pair == pair]
+    def _elements_of(self, joint: str) -> list[int]:
+        found = [i for i, e in enumerate(self.elements) if e.joint == joint]
         return found
 
     def _integral(self, p: Real) -> float:
@@ -170,7 +170,7 @@ class FrictionResult:
 
     @cached_property
     def _transmitted(self) -> Any:
-        """What the pairs transmit with friction, by superposition."""
+        """What the joints transmit with friction, by superposition."""
         transmitted, contacts, multipliers = self._response.base
         values = [self.value(i) for i in range(len(self.elements))]
         with np.errstate(invalid="ignore"):

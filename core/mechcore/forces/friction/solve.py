@@ -1,10 +1,11 @@
-"""Dry friction in pairs: reactions and friction that depend on each other, solved together for all frames.
+"""Dry friction in joints: reactions and friction that depend on each other, solved together for all frames.
 
-Friction puts a wrench on the two links of a pair, against their relative motion and in proportion to what presses on the pair;
+Friction puts a wrench on the two links of a joint, against their relative motion and in proportion to what presses on the joint;
 that again depends on all friction. `elements` says where friction acts, `response` what a unit of it does, `fixedpoint` finds the
 loads or that there are none (the mechanism jams), `result` holds what comes out, `events` says when it changes.
 
-At rest, where the relative speed of a pair is zero, its friction is undetermined between two limits: zero stands for it, the middle
+At rest, where the relative speed of a joint is zero, its friction is undetermined between two limits: zero stands for it, the
+middle
 of the two-sided limit where the motion reverses. At a jam all forces of the frame are NaN.
 """
 
@@ -35,7 +36,8 @@ def solve_friction(
 ) -> tuple[Any, Any, FrictionResult]:
     """What joints transmit, what relations transmit (as `mechcore.forces.equilibrium.transmit` gives them), and the friction.
 
-    ``force`` and ``moment`` are what loads put on the links. Raises `MechanismError` where statics leaves the normal load of a pair
+    ``force`` and ``moment`` are what loads put on the links. Raises `MechanismError` where statics leaves the normal load of a
+    joint
     with friction undetermined.
     """
     _check(motion)
@@ -65,28 +67,28 @@ def solve_friction(
 def _check(motion: Motion) -> None:
     """Numbers that are no friction, where specs are made without a scene."""
     faults = []
-    for pair in motion.mechanism.pairs:
-        f = friction_of(pair)
+    for joint in motion.mechanism.joints:
+        f = friction_of(joint)
         if f is None:
             continue
-        path = f"joints.{pair.name}.friction"
+        path = f"joints.{joint.name}.friction"
         for name in ("coefficient", "radius", "length", "height", "lever", "brake"):
             value = getattr(f, name)
             if not 0.0 <= value < np.inf:
                 faults.append(Fault(path, f"{name} = {value:g} is no {name}.", "Give a finite number of zero or more."))
-        if isinstance(pair, Revolute) and f.coefficient and f.radius == 0.0:
+        if isinstance(joint, Revolute) and f.coefficient and f.radius == 0.0:
             faults.append(Fault(path, "the pin has no radius, at which friction acts.", "Give radius = ..., or no coefficient."))
     if faults:
         raise MechanismError(faults)
 
 
 def _refuse_indeterminate(motion: Motion) -> None:
-    """Redundant constraints share the load between pairs in a way that rigid links do not tell, and friction depends on it."""
+    """Redundant constraints share the load between joints in a way that rigid links do not tell, and friction depends on it."""
     if not motion.model.redundant:
         return
-    loose = [p for p in indeterminate(motion) if p in braked(motion.mechanism.pairs)]
+    loose = [p for p in indeterminate(motion) if p in braked(motion.mechanism.joints)]
     if loose:
         names = ", ".join(loose)
         why = f"constraints are redundant: statics does not tell what presses on {names}, and so not the friction there."
-        remedy = "Leave out the friction of these pairs, or the constraint that is left over."
+        remedy = "Leave out the friction of these joints, or the constraint that is left over."
         raise MechanismError([Fault(f"joints.{loose[0]}.friction", why, remedy)])

@@ -11,7 +11,7 @@ import numpy as np
 
 from mechcore.arrays import Complex, Flags, Index, Real
 from mechcore.errors import Fault, MechanismError
-from mechcore.spec.mechanism import CamPair, Link, Mechanism
+from mechcore.spec.mechanism import CamJoint, Link, Mechanism
 
 STRAIGHT = 1e-9
 """Distance from a line, relative to its length, up to which points lie on it."""
@@ -125,10 +125,10 @@ def _ends(link: Link, names: Sequence[str]) -> tuple[str, ...]:
 
 def _joint_points(mechanism: Mechanism, link: str) -> list[str]:
     found = []
-    for pair in mechanism.pairs:
-        ends = [*zip(getattr(pair, "links", ()), getattr(pair, "points", ()), strict=False)]
-        if isinstance(pair, CamPair):
-            ends.append((pair.links[0 if pair.inverse else 1], pair.point))
+    for joint in mechanism.joints:
+        ends = [*zip(getattr(joint, "links", ()), getattr(joint, "points", ()), strict=False)]
+        if isinstance(joint, CamJoint):
+            ends.append((joint.links[0 if joint.inverse else 1], joint.point))
         found += [point for k, point in ends if k == link and point is not None]
     return found
 

@@ -200,7 +200,7 @@ class _Acting:
         forces = self.forces
         model = forces.motion.model
         own = model.links[self.k]
-        guides = {pair.name: pair for pair in bearings(model.mechanism)}
+        guides = {joint.name: joint for joint in bearings(model.mechanism)}
         for connection in model.connections:
             if own not in connection.links:
                 continue
@@ -220,9 +220,9 @@ class _Acting:
                 couple = relation.bearing.couple(forces.motion, place, reaction[:, 0] + 1j * reaction[:, 1])
                 self._act(place, 0j, couple if own == relation.links[0] else -couple)
 
-    def _guided(self, pair: Prismatic, sign: float) -> bool:
+    def _guided(self, joint: Prismatic, sign: float) -> bool:
         """Take the pressure of a guide along the segment that it lies on; whether there is one."""
-        load = guide_load(self.forces, pair)
+        load = guide_load(self.forces, joint)
         middle, direction = (load.middle - self.origin) * self.back, load.direction * self.back
         fixed = direction[int(np.argmax(np.isfinite(direction)))]  # it does not turn on either link
         parallel = np.flatnonzero(np.abs(np.imag(fixed * np.conj(self.axis.directions))) <= PARALLEL)

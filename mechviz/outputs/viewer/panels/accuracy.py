@@ -40,8 +40,8 @@ class AccuracyTab:
     """A wanted error, from which all dials follow; and a button that measures the scene's ladder beside everything else: a point of
     its diagrams, or of the list, the quickest first, is applied."""
 
-    def __init__(self, server: viser.ViserServer, tab: viser.GuiTabHandle, studio: EditSession, callback: Callback):
-        self._studio = studio
+    def __init__(self, server: viser.ViserServer, tab: viser.GuiTabHandle, session: EditSession, callback: Callback):
+        self._session = session
         self._points: tuple[Point, ...] = ()
         self._named: dict[str, Point] = {}
         self._measuring: threading.Thread | None = None
@@ -59,7 +59,7 @@ class AccuracyTab:
 
     def update(self) -> None:
         """What the present run says of itself; of a motion under forces that takes another one, so that it waits for measuring."""
-        if self._studio.run.simulation is None:
+        if self._session.run.simulation is None:
             self.errors.content = self._said()
         if self.wanted.value != self._wanted():
             self.wanted.options = self._errors()
@@ -82,7 +82,7 @@ class AccuracyTab:
             self._measuring.join(timeout)
 
     def _measure(self) -> None:
-        run = self._studio.run
+        run = self._session.run
         points = ladder(run.scene, run.accuracy.target, budget=0.02, only=DIALS)
         named: dict[str, Point] = {}
         for dial in dict.fromkeys(p.dial for p in points):
@@ -96,11 +96,11 @@ class AccuracyTab:
 
     def _marked(self, points: list[Point] | tuple[Point, ...]) -> tuple[Point, ...]:
         """The settings, with those in use told from the others."""
-        run = self._studio.run
+        run = self._session.run
         return tuple(replace(p, current=in_use(run, p.dial, p.options)) for p in points)
 
     def _draw(self) -> None:
-        target = self._studio.run.accuracy.target
+        target = self._session.run.accuracy.target
         figure, words = diagram(
             self._points, "A click on a setting applies it", "times on this machine", target, columns=1, size=SIZE
         )
@@ -111,12 +111,12 @@ class AccuracyTab:
     def _pick(self, _: Any) -> None:
         point = self._named.get(str(self.choice.value))
         if point is not None:
-            self._studio.heed_scene()
-            self._studio.change("accuracy", lambda draft: draft.changed(setting_changes(draft.document, point.options)))
+            self._session.heed_scene()
+            self._session.change("accuracy", lambda draft: draft.changed(setting_changes(draft.document, point.options)))
 
     def _wanted(self) -> str:
         """The entry of the wanted error of the present run."""
-        target = self._studio.run.accuracy.target
+        target = self._session.run.accuracy.target
         return next((name for name, value in WANTED.items() if value == target), str(target))
 
     def _errors(self) -> tuple[str, ...]:
@@ -124,10 +124,10 @@ class AccuracyTab:
         return tuple(dict.fromkeys((*WANTED, self._wanted())))
 
     def _want(self, _: Any) -> None:
-        target = WANTED.get(str(self.wanted.value), self._studio.run.accuracy.target)
-        if target != self._studio.run.accuracy.target:
-            self._studio.heed_scene()
-            self._studio.change("accuracy", lambda draft: draft.changed(target_changes(target)))
+        target = WANTED.get(str(self.wanted.value), self._session.run.accuracy.target)
+        if target != self._session.run.accuracy.target:
+            self._session.heed_scene()
+            self._session.change("accuracy", lambda draft: draft.changed(target_changes(target)))
 
     def _said(self) -> str:
-        return "".join(words.hint(line) for line in accuracy_words(self._studio.run))
+        return "".join(words.hint(line) for line in accuracy_words(self._session.run))

@@ -25,8 +25,8 @@ UNDO, REDO, RESET = "↶ Undo", "Redo ↷", "Reset"
 class Controls:
     """The tab in which a scene is edited. ``update(scene)`` takes other values, ``tell(status)`` says how a change went."""
 
-    def __init__(self, server: viser.ViserServer, tab: viser.GuiTabHandle, studio: EditSession, callback: Callback):
-        self._gui, self._tab, self._studio, self._callback = server.gui, tab, studio, callback
+    def __init__(self, server: viser.ViserServer, tab: viser.GuiTabHandle, session: EditSession, callback: Callback):
+        self._gui, self._tab, self._session, self._callback = server.gui, tab, session, callback
         self.sliders: dict[str, viser.GuiSliderHandle[float]] = {}
         self.lists: dict[str, viser.GuiDropdownHandle[str]] = {}
         self._parameters: dict[str, Parameter] = {}
@@ -40,13 +40,13 @@ class Controls:
             self.steps = self._gui.add_button_group("Changes", (UNDO, REDO, RESET))
             self.message = self._gui.add_html("")
         self.steps.on_click(callback("Undoing", lambda _: self._step(self.steps.value)))
-        self._build(studio.run.scene)
-        self.tell(studio.status)
+        self._build(session.run.scene)
+        self.tell(session.status)
 
     def update(self, scene: Scene) -> None:
         """Take the values of a scene; where it has other values than before, other controls."""
         parameters, choices = find_parameters(scene), find_choices(scene)
-        idle = {key for key in self._parameters if key.split(".")[1:2] and key.split(".")[1] in self._studio.history.present.idle}
+        idle = {key for key in self._parameters if key.split(".")[1:2] and key.split(".")[1] in self._session.history.present.idle}
         known = [(p.key, p.unit) for p in self._parameters.values() if p.key not in idle]
         same = [(p.key, p.unit) for p in parameters] == known and [(c.key, c.options) for c in choices] == [
             (c.key, c.options) for c in self._choices.values() if c.key not in idle
@@ -67,7 +67,7 @@ class Controls:
         """Say how a change went: at the top, and below the slider that went too far. What else than a slider was changed, or was
         undone, may concern any control."""
         if not status.fault and status.key not in self.sliders:
-            self.update(self._studio.run.scene)
+            self.update(self._session.run.scene)
         if self._note is not None:
             with contextlib.suppress(RuntimeError):
                 self._note.remove()
@@ -88,16 +88,16 @@ class Controls:
 
     def settle(self) -> None:
         """Nothing is dragged any more: a value that could not be built goes back to the one that is shown."""
-        if self._studio.status.fault:
-            self.update(self._studio.run.scene)
-        elif self._praised is not self._studio.status:
-            self._praise(self._studio.status)
+        if self._session.status.fault:
+            self.update(self._session.run.scene)
+        elif self._praised is not self._session.status:
+            self._praise(self._session.status)
 
     # -- inside -------------------------------------------------------------------------------------------------------
     def _praise(self, status: Status) -> None:
         """Say that all went well."""
         self._faulty, self._praised, self._said = False, status, time.perf_counter()
-        history = self._studio.history
+        history = self._session.history
         self.message.content = words.editing(status.seconds, history.can_undo, history.can_redo, status.swings)
 
     def _build(self, scene: Scene) -> None:
@@ -144,7 +144,7 @@ class Controls:
         self._widen(slider, value)
         if value != slider.value:
             slider.value = value
-        self._studio.move(p, value)
+        self._session.move(p, value)
 
     def _widen(self, slider: Any, value: float) -> None:
         """A typed value may lie beyond the range of the slider, which then reaches as far."""
@@ -157,9 +157,9 @@ class Controls:
         c, chosen = self._choices.get(key), self.lists.get(key)
         if c is not None and chosen is not None and chosen.value in c.options:
             value = chosen.value
-            self._studio.change(c.key, lambda draft: draft.with_value(c.path, value))
+            self._session.change(c.key, lambda draft: draft.with_value(c.path, value))
 
     def _step(self, name: str) -> None:
-        actions: dict[str, Callable[[], None]] = {UNDO: self._studio.undo, REDO: self._studio.redo, RESET: self._studio.reset}
+        actions: dict[str, Callable[[], None]] = {UNDO: self._session.undo, REDO: self._session.redo, RESET: self._session.reset}
         if name in actions:
             actions[name]()

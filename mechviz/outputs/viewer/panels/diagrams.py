@@ -204,19 +204,19 @@ class Diagrams:
         tab: viser.GuiTabHandle,
         show: ViewModel,
         callback: Callback,
-        studio: EditSession | None = None,
+        session: EditSession | None = None,
     ):
         self._moved = 0.0
         self._frame, self._wanted = 0, False
         self._found, self._solved = diagrams_of(show), show.run is not None
-        self._studio = studio
+        self._session = session
         self.asked: dict[tuple[str, str], viser.GuiCheckboxHandle] = {}
         gui = server.gui
         with tab:
             self.choice = gui.add_dropdown("Diagram", tuple(self._found) or ("none",))
             self._picture = gui.add_html("")
             self.seen = gui.add_checkbox("The diagram is seen", False, visible=False)
-            if studio is not None and show.run is not None:
+            if session is not None and show.run is not None:
                 with gui.add_folder("Construct"):
                     for name in get_args(PlanName):
                         self.asked["plans", name] = gui.add_checkbox(f"{name.capitalize()} plan", False, hint=PLANS.get(name))
@@ -257,10 +257,10 @@ class Diagrams:
                 box.value = on
 
     def _ask(self, key: str, name: str, _: Any) -> None:
-        assert self._studio is not None
+        assert self._session is not None
         on = bool(self.asked[key, name].value)
         self._wanted = on
-        self._studio.change(f"{key} {name}", lambda draft: draft.with_named(key, name, on))
+        self._session.change(f"{key} {name}", lambda draft: draft.with_named(key, name, on))
 
     @property
     def watched(self) -> bool:

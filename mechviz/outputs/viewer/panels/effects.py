@@ -181,35 +181,35 @@ def _text(x: float, y: float, text: str, more: str = "") -> str:
 class EffectsTab:
     """A checkbox for every effect and load; ``weighed`` shows what they contribute, ``update`` takes another run."""
 
-    def __init__(self, server: viser.ViserServer, tab: viser.GuiTabHandle, studio: EditSession, callback: Callback):
+    def __init__(self, server: viser.ViserServer, tab: viser.GuiTabHandle, session: EditSession, callback: Callback):
         gui = server.gui
-        self._studio = studio
+        self._session = session
         self.effects: dict[str, viser.GuiCheckboxHandle] = {}
         self.loads: dict[str, viser.GuiCheckboxHandle] = {}
         with tab:
             with gui.add_folder("Effects"):
                 for name, meaning in EFFECTS.items():
-                    box = gui.add_checkbox(name, name in studio.run.scene.effects, hint=meaning)
+                    box = gui.add_checkbox(name, name in session.run.scene.effects, hint=meaning)
                     box.on_update(callback(f"Switching {name}", partial(self._switch_effect, name)))
                     self.effects[name] = box
-            loads = list(studio.history.present.document.loads)
+            loads = list(session.history.present.document.loads)
             if loads:
                 with gui.add_folder("Loads"):
                     for name in loads:
-                        box = gui.add_checkbox(name, name not in studio.history.present.idle)
+                        box = gui.add_checkbox(name, name not in session.history.present.idle)
                         box.on_update(callback(f"Switching {name}", partial(self._switch_load, name)))
                         self.loads[name] = box
             self.table = gui.add_html(words.hint("What each effect contributes is found when the mechanism rests."))
             weigh = gui.add_button("Weigh the effects", hint="find out what each contributes and costs")
-            weigh.on_click(callback("Weighing the effects", lambda _: studio.weigh(asked=True)))
+            weigh.on_click(callback("Weighing the effects", lambda _: session.weigh(asked=True)))
             with gui.add_folder("What was computed"):
-                self.diagram = gui.add_html(self._diagram(studio.show))
-                self.plan = gui.add_html(studio.show.notes)
+                self.diagram = gui.add_html(self._diagram(session.show))
+                self.plan = gui.add_html(session.show.notes)
 
     def update(self, show: ViewModel) -> None:
         """Take the switches and the plan of another run."""
         assert show.run is not None
-        if not self._studio.overtaken:  # else a newer click would be undone until its own answer comes
+        if not self._session.overtaken:  # else a newer click would be undone until its own answer comes
             for boxes, on in ((self.effects, show.run.scene.effects), (self.loads, show.run.scene.document.loads)):
                 for name, box in boxes.items():
                     if box.value != (name in on):
@@ -227,14 +227,14 @@ class EffectsTab:
 
     def weighed(self, found: tuple[Contribution, ...]) -> None:
         """Show what each effect contributes."""
-        drives = self._studio.show.drives
+        drives = self._session.show.drives
         effort = "reaction" if not drives else "drive force" if drives[0].sliding else "drive torque"
         self.table.content = words.contributions(found, effort)
 
     def _switch_effect(self, name: str, _: Any) -> None:
         on = bool(self.effects[name].value)
-        self._studio.change(f"effect {name}", lambda draft: draft.with_effect(name, on))
+        self._session.change(f"effect {name}", lambda draft: draft.with_effect(name, on))
 
     def _switch_load(self, name: str, _: Any) -> None:
         on = bool(self.loads[name].value)
-        self._studio.change(f"load {name}", lambda draft: draft.with_load(name, on))
+        self._session.change(f"load {name}", lambda draft: draft.with_load(name, on))

@@ -32,9 +32,9 @@ class Pivot:
         return self.x.value * self.metres[0], self.y.value * self.metres[1]
 
 
-def pivots_of(studio: EditSession) -> dict[str, Pivot]:
-    """The points of the fixed link that pairs use, by name: from its table of points, or from the sketch."""
-    scene = studio.run.scene
+def pivots_of(session: EditSession) -> dict[str, Pivot]:
+    """The points of the fixed link that joints use, by name: from its table of points, or from the sketch."""
+    scene = session.run.scene
     document = scene.document
     units = Units(**document.units.model_dump())
     found: dict[tuple[str, ...], dict[int, Parameter]] = {}
@@ -43,8 +43,8 @@ def pivots_of(studio: EditSession) -> dict[str, Pivot]:
         if fixed and isinstance(p.path[-1], int):
             found.setdefault(tuple(map(str, p.path[:-1])), {})[p.path[-1]] = p
     frame = {link.name: link for link in scene.mechanism.links}[scene.mechanism.frame]
-    ends = [zip(pair.links, pair.points, strict=True) for pair in scene.mechanism.pairs if hasattr(pair, "points")]
-    used = {point for pair in ends for link, point in pair if link == frame.name}
+    ends = [zip(joint.links, joint.points, strict=True) for joint in scene.mechanism.joints if hasattr(joint, "points")]
+    used = {point for joint in ends for link, point in joint if link == frame.name}
     pivots = {}
     for path, xy in found.items():
         name = path[-1]
@@ -57,8 +57,8 @@ def pivots_of(studio: EditSession) -> dict[str, Pivot]:
 class Pivots:
     """Handles that are made when they are first wanted; ``update`` puts them where the pivots are."""
 
-    def __init__(self, server: viser.ViserServer, studio: EditSession, callback: Callback):
-        self._server, self._studio, self._callback = server, studio, callback
+    def __init__(self, server: viser.ViserServer, session: EditSession, callback: Callback):
+        self._server, self._session, self._callback = server, session, callback
         self._nodes: dict[str, Any] = {}
         self._pivots: Mapping[str, Pivot] = {}
         self._held = ""
@@ -67,7 +67,7 @@ class Pivots:
     def switch(self, on: bool) -> None:
         """Show the handles, or no more."""
         self.on = on
-        self.update(self._studio.show)
+        self.update(self._session.show)
         for node in self._nodes.values():
             node.visible = on
 
@@ -75,7 +75,7 @@ class Pivots:
         """Put the handles where the pivots are, except for the one that is held."""
         if not self.on:
             return
-        self._pivots = pivots_of(self._studio)
+        self._pivots = pivots_of(self._session)
         for name, pivot in self._pivots.items():
             x, y = pivot.place
             if name not in self._nodes:
@@ -101,5 +101,5 @@ class Pivots:
             return
         for k, p in enumerate((pivot.x, pivot.y)):
             value = float(np.clip(place[k] / pivot.metres[k], p.hard_low, p.hard_high))
-            if abs(value - p.value) > 1e-9 * self._studio.show.size / pivot.metres[k]:
-                self._studio.move(p, round(value / p.step) * p.step)
+            if abs(value - p.value) > 1e-9 * self._session.show.size / pivot.metres[k]:
+                self._session.move(p, round(value / p.step) * p.step)

@@ -284,7 +284,7 @@ class PlanNodes:
                             f"{path}/{k}", 0.6 * radius, color=color, cast_shadow=False, receive_shadow=False
                         )
                         dots.append((ball, self._label(f"{path}/{k} name", text, 0.9, "bottom-left")))
-                    nodes += [handle for pair in dots for handle in pair]
+                    nodes += [handle for joint in dots for handle in joint]
                     shows.append(partial(_dot, node, dots))
 
         def show(frame: int) -> None:

@@ -72,10 +72,10 @@ ONTO = 1.01  # of a radius: up to here a place belongs to the disc
 
 
 def cam_profiles(motion: Motion) -> dict[str, tuple[str, Any]]:
-    """By cam pair: its link, and the placed cam whose profile can be followed."""
+    """By cam joint: its link, and the placed cam whose profile can be followed."""
     if not any(r.geometry is not None for r in motion.model.relations):
         return {}
-    links = {pair.name: pair.links[0] for pair in motion.mechanism.pairs}
+    links = {joint.name: joint.links[0] for joint in motion.mechanism.joints}
     return {cam.name: (links[cam.name], cam) for cam in placed_cams(motion) if isinstance(cam, PlacedCam) and cam.mate is None}
 
 

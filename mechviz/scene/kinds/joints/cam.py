@@ -6,8 +6,8 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING, Literal
 
 from mechcore.errors import Fault
-from mechcore.spec.mechanism import Pair
-from mechviz.scene.cams.cams import SOLIDS, FollowerDocument, ProfileDocument, cam_pair
+from mechcore.spec.mechanism import Joint
+from mechviz.scene.cams.cams import SOLIDS, FollowerDocument, ProfileDocument, cam_joint
 from mechviz.scene.cams.ratings import GraphicalDocument, RatingDocument
 from mechviz.scene.faults import did_you_mean
 from mechviz.scene.fields import Table, Unknown
@@ -17,7 +17,7 @@ from mechviz.scene.kinds.joints.base import JointKind, JointMaker
 from mechviz.scene.names import TwoLinks, known_point
 
 if TYPE_CHECKING:
-    from mechviz.scene.kinds.joints.document import PairDocument
+    from mechviz.scene.kinds.joints.document import JointDocument
     from mechviz.scene.reading.recovery import Reading
 
 
@@ -41,20 +41,20 @@ class CamKeys(Table):
     """Cam: the follower may leave it, flies under the forces and lands with an impact; the run then has a duration."""
 
 
-def _cam(m: JointMaker) -> Pair | None:
-    guide = None if m.pair.follower is None else m.document.joints.get(m.pair.follower.guide)
-    return cam_pair(m.name, m.pair, guide is not None and guide.kind == "revolute", m.friction, m.convert)
+def _cam(m: JointMaker) -> Joint | None:
+    guide = None if m.joint.follower is None else m.document.joints.get(m.joint.follower.guide)
+    return cam_joint(m.name, m.joint, guide is not None and guide.kind == "revolute", m.friction, m.convert)
 
 
-def _check_cam(reading: Reading, path: str, pair: PairDocument) -> Iterator[Fault]:
-    """Faults of the pairs and the point that a cam names."""
+def _check_cam(reading: Reading, path: str, joint: JointDocument) -> Iterator[Fault]:
+    """Faults of the joints and the point that a cam names."""
     document = reading.document
-    cam, follower = pair.links
+    cam, follower = joint.links
     wanted: list[tuple[str, str, str, tuple[str, ...]]] = []
-    if pair.follower is not None:
-        wanted.append((f"{path}.follower.guide", pair.follower.guide, follower, ("prismatic", "revolute")))
-    if pair.profile is not None and pair.profile.bed is not None:
-        wanted.append((f"{path}.profile.bed", pair.profile.bed, cam, ("prismatic",)))
+    if joint.follower is not None:
+        wanted.append((f"{path}.follower.guide", joint.follower.guide, follower, ("prismatic", "revolute")))
+    if joint.profile is not None and joint.profile.bed is not None:
+        wanted.append((f"{path}.profile.bed", joint.profile.bed, cam, ("prismatic",)))
     for where, name, link, kinds in wanted:
         if isinstance(name, Unknown) or link not in document.links or reading.shapeless:
             continue
@@ -64,20 +64,20 @@ def _check_cam(reading: Reading, path: str, pair: PairDocument) -> Iterator[Faul
         if name not in guides and "*" not in reading.broken["joints"]:
             words = " or ".join(kinds)
             known = name in document.joints
-            message = f"'{name}' is no {words} pair of '{link}'." if known else f"there is no pair '{name}'."
-            near = did_you_mean(name, guides, what=f"Pairs that guide '{link}'")
-            yield Fault(where, message, near or f"Add a {words} pair that guides '{link}'.")
-    if pair.follower is not None and not isinstance(pair.follower.point, Unknown):
-        owner = follower if pair.follower.groove is None else cam
-        yield from known_point(reading, f"{path}.follower.point", owner, pair.follower.point)
-        if pair.follower.groove is not None and pair.closure != "form" and not pair.unread:
+            message = f"'{name}' is no {words} joint of '{link}'." if known else f"there is no joint '{name}'."
+            near = did_you_mean(name, guides, what=f"Joints that guide '{link}'")
+            yield Fault(where, message, near or f"Add a {words} joint that guides '{link}'.")
+    if joint.follower is not None and not isinstance(joint.follower.point, Unknown):
+        owner = follower if joint.follower.groove is None else cam
+        yield from known_point(reading, f"{path}.follower.point", owner, joint.follower.point)
+        if joint.follower.groove is not None and joint.closure != "form" and not joint.unread:
             yield Fault(f"{path}.follower.groove", "a groove where closure is 'force'.", "Add closure = 'form'.")
-        second = pair.follower.second
+        second = joint.follower.second
         if second is not None and not isinstance(second.point, Unknown):
             yield from known_point(reading, f"{path}.follower.second.point", follower, second.point)
-        if second is not None and pair.closure != "form" and not pair.unread:
+        if second is not None and joint.closure != "form" and not joint.unread:
             yield Fault(f"{path}.follower.second", "a second roller where closure is 'force'.", "Add closure = 'form'.")
-        lone = [key for key in (*SOLIDS, "bed") if getattr(pair.profile, key, None) is not None]
+        lone = [key for key in (*SOLIDS, "bed") if getattr(joint.profile, key, None) is not None]
         if second is not None and lone:
             yield Fault(f"{path}.follower.second", f"a second roller does not go with {lone[0]}.", "Leave it out.")
 
@@ -87,16 +87,16 @@ _OF_THE_CORE = {
     "undercut": "profile.undercut", "guide": "follower.guide", "point": "follower.point", "second": "follower.second",
     "left": "follower.face",
 }  # fmt: skip
-"""What a cam pair of the core states, in a scene; its face is one of `_FACES`."""
+"""What a cam joint of the core states, in a scene; its face is one of `_FACES`."""
 
 _FACES = ("roller", "mushroom", "groove", "flat")
 
 
-def _core_path(pair: PairDocument, path: str) -> str:
-    """A path inside a cam pair of the core, in the scene."""
+def _core_path(joint: JointDocument, path: str) -> str:
+    """A path inside a cam joint of the core, in the scene."""
     key, _, rest = path.partition(".")
-    if key == "face" and pair.follower is not None:
-        return f"follower.{next((face for face in _FACES if getattr(pair.follower, face)), '')}"
+    if key == "face" and joint.follower is not None:
+        return f"follower.{next((face for face in _FACES if getattr(joint.follower, face)), '')}"
     return ".".join(filter(None, (_OF_THE_CORE.get(key, key), rest)))
 
 
@@ -110,7 +110,7 @@ CAMS = {
         keys=("profile", "follower", "closure", "friction", "liftoff", "rating", "graphical"),
         needs={
             "profile": _PROFILE,
-            "follower": '{ roller = "10 mm", guide = "the pair that guides it", point = "the roller\'s centre" }',
+            "follower": '{ roller = "10 mm", guide = "the joint that guides it", point = "the roller\'s centre" }',
         },
         synonyms=("cams",),
         instead={
@@ -120,7 +120,7 @@ CAMS = {
             "guide": "Write follower = { guide = ... }.",
             "slider": "Write follower = { guide = ... }.",
         },
-        undriven="Drive the cam's revolute pair, or its bed, instead.",
+        undriven="Drive the cam's revolute joint, or its bed, instead.",
         viscous="damping",
         rubs=ROLLER,
         joins=False,

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, ClassVar, Literal
 from pydantic import Field, model_validator
 
 from mechcore.errors import Fault
-from mechcore.spec.mechanism import Pair
+from mechcore.spec.mechanism import Joint
 from mechviz.scene.convert import Converter
 from mechviz.scene.fields import Direction, OneOrTwoNames, one_of, refuse
 from mechviz.scene.kinds.drives import DriveDocument
@@ -41,7 +41,7 @@ class CommonKeys(KindTable):
     """The keys of joints of several kinds."""
 
     at: OneOrTwoNames | None = None
-    """Name of the joined point, or [point of the first link, point of the second]. Default: the pair's name.
+    """Name of the joined point, or [point of the first link, point of the second]. Default: the joint's name.
     Planar: the second link's point whose place x, y is told. Default: the origin of its frame."""
     along: Direction | None = None
     """Direction of the guide, slot or edge in the frame of its link. Default [1, 0]."""
@@ -51,18 +51,18 @@ class CommonKeys(KindTable):
     assembly: Literal["open", "crossed"] | None = None
     """Assembly mode of a four-bar, said of the pin between coupler and rocker."""
     branch: Literal["ahead", "behind"] | None = None
-    """Assembly mode of a group with a sliding pair: further along the guide's direction, or further back."""
+    """Assembly mode of a group with a sliding joint: further along the guide's direction, or further back."""
     friction: FrictionDocument | None = None
-    """Dry friction in this pair, where `effects` names friction."""
+    """Dry friction in this joint, where `effects` names friction."""
     drive: DriveDocument | None = None
-    """Prescribed motion of this pair."""
+    """Prescribed motion of this joint."""
     free: FreeDocument | None = None
-    """Instead of a drive: forces decide the motion of this pair, which starts as stated."""
+    """Instead of a drive: forces decide the motion of this joint, which starts as stated."""
     stops: list[StopDocument] = Field(default=[])
-    """End stops of this pair, where something is free."""
+    """End stops of this joint, where something is free."""
 
 
-class PairDocument(CommonKeys, CamKeys, WheelKeys, LowerKeys):
+class JointDocument(CommonKeys, CamKeys, WheelKeys, LowerKeys):
     """A kinematic pair between two links."""
 
     KINDS: ClassVar[Mapping[str, JointKind]] = KINDS
@@ -94,8 +94,8 @@ class PairDocument(CommonKeys, CamKeys, WheelKeys, LowerKeys):
         return next((mode for key in self.traits.modes if (mode := getattr(self, key)) is not None), None)
 
     @model_validator(mode="after")
-    def _one_pair(self) -> PairDocument:
-        found: list[tuple[str, str, str]] = one_of(self, tuple(KINDS), "the pair")
+    def _one_joint(self) -> JointDocument:
+        found: list[tuple[str, str, str]] = one_of(self, tuple(KINDS), "the joint")
         refuse([*found, *self._two_modes(_MODES)] if found else [])
         kind = self.traits
         if self.links[0] == self.links[1]:
@@ -109,7 +109,9 @@ class PairDocument(CommonKeys, CamKeys, WheelKeys, LowerKeys):
         modes = [key for key in kind.modes if getattr(self, key) is not None]
         found += self._two_modes(modes)
         if self.led and modes and not kind.own_mode:
-            what = "a driven pair, whose position the drive" if self.drive is not None else "a free pair, whose position its start"
+            what = (
+                "a driven joint, whose position the drive" if self.drive is not None else "a free joint, whose position its start"
+            )
             found.append((modes[0], f"{modes[0]} on {what} decides.", f"Leave out {modes[0]}."))
         if self.drive is not None and self.free is not None:
             found.append(("free", "free and drive at once: either forces or the drive decide the motion.", "Keep one of them."))
@@ -142,48 +144,48 @@ class PairDocument(CommonKeys, CamKeys, WheelKeys, LowerKeys):
 def check_joints(reading: Reading) -> Iterator[Fault]:
     """Faults of the names that joints refer to beside their links and points, and of the parts that they bring along."""
     taken = {"links": link_names(reading), "joints": list(reading.document.joints)}
-    for name, pair in reading.document.joints.items():
-        if len(pair.kinds) > 1:
+    for name, joint in reading.document.joints.items():
+        if len(joint.kinds) > 1:
             continue
-        if pair.traits.check is not None:
-            yield from pair.traits.check(reading, f"joints.{name}", pair)
-        for section, parts in pair.traits.parts.items():
+        if joint.traits.check is not None:
+            yield from joint.traits.check(reading, f"joints.{name}", joint)
+        for section, parts in joint.traits.parts.items():
             for part in parts:
                 if f"{name}.{part}" in taken[section]:
                     yield Fault(
                         f"{section}.{name}.{part}",
-                        f"the {pair.kind} '{name}' brings along a part of this name.",
-                        f"Rename the {section[:-1]} or the {pair.kind}.",
+                        f"the {joint.kind} '{name}' brings along a part of this name.",
+                        f"Rename the {section[:-1]} or the {joint.kind}.",
                     )
 
 
-def pair_spec(name: str, pair: PairDocument, document: SceneDocument, placement: Placement, convert: Converter) -> Pair | None:
-    """The core's pair; faults of its values are noted. None where too little of it is left."""
-    return pair.traits.make(JointMaker(name, pair, document, placement, convert))
+def joint_spec(name: str, joint: JointDocument, document: SceneDocument, placement: Placement, convert: Converter) -> Joint | None:
+    """The core's joint; faults of its values are noted. None where too little of it is left."""
+    return joint.traits.make(JointMaker(name, joint, document, placement, convert))
 
 
-def drawn_place(pair: PairDocument, placement: Placement) -> tuple[float, float, float]:
-    """The coordinates x, y [m] and angle [rad] of a planar pair as its links are drawn; 0 where they are not."""
-    first, second = pair.links
-    if not placement.drawn.issuperset(pair.links):
+def drawn_place(joint: JointDocument, placement: Placement) -> tuple[float, float, float]:
+    """The coordinates x, y [m] and angle [rad] of a planar joint as its links are drawn; 0 where they are not."""
+    first, second = joint.links
+    if not placement.drawn.issuperset(joint.links):
         return 0.0, 0.0, 0.0
     (x1, y1, a1), (x2, y2, _) = placement.poses[first], placement.poses[second]
-    turned = drawn_angle(pair, placement)
-    point = pair.at if isinstance(pair.at, str) else ""
+    turned = drawn_angle(joint, placement)
+    point = joint.at if isinstance(joint.at, str) else ""
     own = complex(*placement.points.get(second, {}).get(point, (0.0, 0.0)))
     z = complex(x2 - x1, y2 - y1) * cmath.exp(-1j * a1) + own * cmath.exp(1j * turned)
     return z.real, z.imag, turned
 
 
 def modes_of(document: SceneDocument) -> dict[str, str]:
-    """Assembly modes by the name that the core knows the pair by.
+    """Assembly modes by the name that the core knows the joint by.
 
     The side of a cylinder is that of its eye. A cylinder that nothing drives has a positive length, never the other branch.
     """
     modes = {}
-    for name, pair in document.joints.items():
-        if pair.traits.own_mode and not pair.led:
+    for name, joint in document.joints.items():
+        if joint.traits.own_mode and not joint.led:
             modes[name] = "ahead"
-        if pair.mode is not None:
-            modes[f"{name}.eye" if pair.traits.own_mode else name] = pair.mode
+        if joint.mode is not None:
+            modes[f"{name}.eye" if joint.traits.own_mode else name] = joint.mode
     return modes

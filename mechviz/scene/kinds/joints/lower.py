@@ -6,7 +6,7 @@ from typing import Annotated
 
 from pydantic import Discriminator, Field, Tag
 
-from mechcore.spec.mechanism import Cylinder, Pair, PinSlot, Planar, Prismatic, Revolute, Weld
+from mechcore.spec.mechanism import Cylinder, Joint, PinSlot, Planar, Prismatic, Revolute, Weld
 from mechviz.scene.fields import Angle, Length, Size, Table, Text, value_or_list
 from mechviz.scene.kinds.friction import PIN, PIN_IN_SLOT, SEALS, SLIDER, ClearanceDocument
 from mechviz.scene.kinds.joints.base import JointKind, JointMaker
@@ -45,14 +45,14 @@ class LowerKeys(Table):
     """Revolute: clearance between journal and bearing, whose motion forces decide."""
 
 
-def _revolute(m: JointMaker) -> Pair:
-    return Revolute(name=m.name, links=m.pair.links, points=m.points, friction=m.friction)
+def _revolute(m: JointMaker) -> Joint:
+    return Revolute(name=m.name, links=m.joint.links, points=m.points, friction=m.friction)
 
 
-def _prismatic(m: JointMaker) -> Pair:
+def _prismatic(m: JointMaker) -> Joint:
     return Prismatic(
         name=m.name,
-        links=m.pair.links,
+        links=m.joint.links,
         points=m.points,
         along=m.along,
         guide=m.guide,
@@ -62,25 +62,27 @@ def _prismatic(m: JointMaker) -> Pair:
     )
 
 
-def _weld(m: JointMaker) -> Pair:
-    return Weld(name=m.name, links=m.pair.links, points=m.points, angle=m.angle)
+def _weld(m: JointMaker) -> Joint:
+    return Weld(name=m.name, links=m.joint.links, points=m.points, angle=m.angle)
 
 
-def _pin_slot(m: JointMaker) -> Pair:
-    return PinSlot(name=m.name, links=m.pair.links, points=m.points, along=m.along, guide=m.guide, ends=m.ends, friction=m.friction)
+def _pin_slot(m: JointMaker) -> Joint:
+    return PinSlot(
+        name=m.name, links=m.joint.links, points=m.points, along=m.along, guide=m.guide, ends=m.ends, friction=m.friction
+    )
 
 
-def _cylinder(m: JointMaker) -> Pair:
-    return Cylinder(name=m.name, links=m.pair.links, points=m.points, ends=m.ends, friction=m.friction)
+def _cylinder(m: JointMaker) -> Joint:
+    return Cylinder(name=m.name, links=m.joint.links, points=m.points, ends=m.ends, friction=m.friction)
 
 
-def _planar(m: JointMaker) -> Pair:
-    return Planar(name=m.name, links=m.pair.links, point=m.pair.at if isinstance(m.pair.at, str) else None)
+def _planar(m: JointMaker) -> Joint:
+    return Planar(name=m.name, links=m.joint.links, point=m.joint.at if isinstance(m.joint.at, str) else None)
 
 
 LOWER = {
     "revolute": JointKind(
-        words="a revolute pair",
+        words="a revolute joint",
         example='{ revolute = ["frame", "crank"], drive = { speed = "60 rpm" } }',
         make=_revolute,
         keys=("at", "side", "assembly", "branch", "clearance", *MOTION),
@@ -92,7 +94,7 @@ LOWER = {
         coincide=True,
     ),
     "prismatic": JointKind(
-        words="a prismatic pair",
+        words="a prismatic joint",
         example='{ prismatic = ["frame", "piston"], at = ["O", "P"], along = [1, 0] }',
         make=_prismatic,
         keys=("at", "along", "guide", "angle", "length", "branch", *MOTION),
@@ -138,7 +140,7 @@ LOWER = {
         parts={"links": ("barrel", "rod"), "joints": ("base", "eye")},
     ),
     "planar": JointKind(
-        words="a planar pair",
+        words="a planar joint",
         example='{ planar = ["frame", "stone"], free = { y = "1 m", vx = "2 m/s" } }',
         make=_planar,
         keys=("at", "free"),

@@ -10,19 +10,19 @@ from typing import TYPE_CHECKING, Annotated
 from pydantic import Field
 
 from mechcore.errors import Fault
-from mechcore.spec.mechanism import Belt, Gear, Pair, Rack, Rolling
+from mechcore.spec.mechanism import Belt, Gear, Joint, Rack, Rolling
 from mechcore.texts import as_angle, as_length
 from mechviz.scene.convert import Converter
 from mechviz.scene.faults import did_you_mean, listing
 from mechviz.scene.fields import Angle, Flag, Size, Table, Text, Unknown
 from mechviz.scene.kinds.friction import LEVER
 from mechviz.scene.kinds.joints.base import JointKind, JointMaker
-from mechviz.scene.names import LinkName, TwoLinks, link_names, points_of_pair
+from mechviz.scene.names import LinkName, TwoLinks, link_names, points_of_joint
 
 if TYPE_CHECKING:
     from mechviz.scene.assembly.placement import Placement
     from mechviz.scene.document import SceneDocument
-    from mechviz.scene.kinds.joints.document import PairDocument
+    from mechviz.scene.kinds.joints.document import JointDocument
     from mechviz.scene.reading.recovery import Reading
 
 
@@ -60,14 +60,14 @@ class WheelKeys(Table):
     crossed: Flag = False
     """Belt: it crosses between the pulleys and turns them against each other."""
     slider: Text | None = None
-    """Rack: the prismatic pair that guides the rack on the link to which the pinion is pinned."""
+    """Rack: the prismatic joint that guides the rack on the link to which the pinion is pinned."""
 
 
 # -- joints of the core -----------------------------------------------------------------------------------------------
-def _rolling(m: JointMaker) -> Pair:
+def _rolling(m: JointMaker) -> Joint:
     return Rolling(
         name=m.name,
-        links=m.pair.links,
+        links=m.joint.links,
         points=m.points,
         radius=m.radius,
         along=m.along,
@@ -76,30 +76,30 @@ def _rolling(m: JointMaker) -> Pair:
     )
 
 
-def _gear(m: JointMaker) -> Pair:
-    sizes = _radii(m) if m.pair.teeth is None else (float(m.pair.teeth[0]), float(m.pair.teeth[1]))
-    _check_sizes(m.path, m.pair, sizes, m.document, m.placement, m.convert)
+def _gear(m: JointMaker) -> Joint:
+    sizes = _radii(m) if m.joint.teeth is None else (float(m.joint.teeth[0]), float(m.joint.teeth[1]))
+    _check_sizes(m.path, m.joint, sizes, m.document, m.placement, m.convert)
     return Gear(
         name=m.name,
-        links=m.pair.links,
-        carrier=carrier_of(m.document, m.pair) or "",
+        links=m.joint.links,
+        carrier=carrier_of(m.document, m.joint) or "",
         sizes=sizes,
-        internal=m.pair.internal,
+        internal=m.joint.internal,
         pressure_angle=_pressure_angle(m),
         friction=m.friction,
     )
 
 
-def _belt(m: JointMaker) -> Pair:
-    carrier = carrier_of(m.document, m.pair) or ""
-    return Belt(name=m.name, links=m.pair.links, carrier=carrier, radii=_radii(m), crossed=m.pair.crossed)
+def _belt(m: JointMaker) -> Joint:
+    carrier = carrier_of(m.document, m.joint) or ""
+    return Belt(name=m.name, links=m.joint.links, carrier=carrier, radii=_radii(m), crossed=m.joint.crossed)
 
 
-def _rack(m: JointMaker) -> Pair:
+def _rack(m: JointMaker) -> Joint:
     return Rack(
         name=m.name,
-        links=m.pair.links,
-        slider=m.pair.slider or "",
+        links=m.joint.links,
+        slider=m.joint.slider or "",
         radius=m.radius,
         side=m.side,
         pressure_angle=_pressure_angle(m),
@@ -108,16 +108,16 @@ def _rack(m: JointMaker) -> Pair:
 
 
 def _radii(m: JointMaker) -> tuple[float, float]:
-    if m.pair.radii is None:
+    if m.joint.radii is None:
         return math.nan, math.nan
-    first, second = m.convert.row(m.pair.radii, "length", f"{m.path}.radii")
+    first, second = m.convert.row(m.joint.radii, "length", f"{m.path}.radii")
     return first, second
 
 
 def _pressure_angle(m: JointMaker) -> float:
-    if m.pair.pressure_angle is None:
+    if m.joint.pressure_angle is None:
         return Gear.pressure_angle
-    value = m.convert.si(m.pair.pressure_angle, "angle", f"{m.path}.pressure_angle")
+    value = m.convert.si(m.joint.pressure_angle, "angle", f"{m.path}.pressure_angle")
     if not 0.0 <= value < _STEEPEST and not math.isnan(value) and m.convert.certain("angle"):
         m.convert.note(
             f"{m.path}.pressure_angle",
@@ -129,11 +129,11 @@ def _pressure_angle(m: JointMaker) -> float:
 
 # -- names that they refer to -----------------------------------------------------------------------------------------
 def _pinned_to(document: SceneDocument, link: str) -> dict[str, str]:
-    """Links that a revolute pair joins to a link -> that pair, the first one of each."""
+    """Links that a revolute joint joins to a link -> that joint, the first one of each."""
     found: dict[str, str] = {}
-    for name, pair in document.joints.items():
-        if pair.kind == "revolute" and link in pair.links:
-            found.setdefault(pair.links[0] if pair.links[1] == link else pair.links[1], name)
+    for name, joint in document.joints.items():
+        if joint.kind == "revolute" and link in joint.links:
+            found.setdefault(joint.links[0] if joint.links[1] == link else joint.links[1], name)
     return found
 
 
@@ -144,15 +144,15 @@ def _on_one_axis(document: SceneDocument, link: str) -> list[str]:
     """
     found, ends = [link], [(link, "")]
     for here, place in ends:  # grows while it is walked through
-        for name, pair in document.joints.items():
-            if pair.kind not in ("revolute", "weld") or here not in pair.links:
+        for name, joint in document.joints.items():
+            if joint.kind not in ("revolute", "weld") or here not in joint.links:
                 continue
-            at = list(pair.at) if isinstance(pair.at, list) else [pair.at or name] * 2
-            side = pair.links.index(here)
-            if pair.kind == "weld":
-                end = (pair.links[1 - side], "")
+            at = list(joint.at) if isinstance(joint.at, list) else [joint.at or name] * 2
+            side = joint.links.index(here)
+            if joint.kind == "weld":
+                end = (joint.links[1 - side], "")
             elif place in ("", at[side]) or _places(document, here, place) == _places(document, here, at[side]):
-                end = (pair.links[1 - side], at[1 - side])
+                end = (joint.links[1 - side], at[1 - side])
             else:
                 continue
             if end not in ends:
@@ -167,53 +167,53 @@ def _places(document: SceneDocument, link: str, name: str) -> object:
     return known.points.get(name, name) if known is not None and isinstance(known.points, dict) else name
 
 
-def carrier_of(document: SceneDocument, pair: PairDocument) -> str | None:
+def carrier_of(document: SceneDocument, joint: JointDocument) -> str | None:
     """The link that carries both wheels: stated, or the fixed link, or the only one that both are pinned to."""
-    if pair.carrier is not None:
-        return pair.carrier
+    if joint.carrier is not None:
+        return joint.carrier
     both: list[str] = []
     for neighbours in (_pinned_to, _on_one_axis):  # directly, or by way of others on the same axis
-        first, second = (neighbours(document, link) for link in pair.links)
-        both = both or [link for link in first if link in second and link not in pair.links]
+        first, second = (neighbours(document, link) for link in joint.links)
+        both = both or [link for link in first if link in second and link not in joint.links]
     if document.frame in both:
         return document.frame
     return both[0] if len(both) == 1 else None
 
 
 def _unclear(reading: Reading) -> bool:
-    """Whether it is not known of some pair which links it joins, so that it may be the one that is missed."""
-    pairs = reading.document.joints.values()
-    doubtful = any(len(pair.kinds) > 1 or any(isinstance(link, Unknown) for link in pair.links) for pair in pairs)
+    """Whether it is not known of some joint which links it joins, so that it may be the one that is missed."""
+    joints = reading.document.joints.values()
+    doubtful = any(len(joint.kinds) > 1 or any(isinstance(link, Unknown) for link in joint.links) for joint in joints)
     return bool(reading.shapeless) or doubtful or "*" in reading.broken["joints"]
 
 
-def _check_carrier(reading: Reading, path: str, pair: PairDocument) -> Iterator[Fault]:
+def _check_carrier(reading: Reading, path: str, joint: JointDocument) -> Iterator[Fault]:
     document, links = reading.document, link_names(reading)
-    if isinstance(pair.carrier, Unknown):
+    if isinstance(joint.carrier, Unknown):
         return
-    if pair.carrier in pair.links:
+    if joint.carrier in joint.links:
         yield Fault(
             f"{path}.carrier",
-            f"'{pair.carrier}' is one of the wheels.",
+            f"'{joint.carrier}' is one of the wheels.",
             "Name the link to which both wheels are pinned.",
         )
         return
-    if _unclear(reading) or not set(pair.links) <= set(links):
+    if _unclear(reading) or not set(joint.links) <= set(links):
         return  # the pin that is missing may be the one that could not be read
-    carrier = carrier_of(document, pair)
+    carrier = carrier_of(document, joint)
     if carrier is not None:
-        where = path if pair.carrier is None else f"{path}.carrier"
-        for link in pair.links:
+        where = path if joint.carrier is None else f"{path}.carrier"
+        for link in joint.links:
             if carrier not in _on_one_axis(document, link):
                 yield _not_pinned(where, link, carrier, list(_pinned_to(document, link)))
         return
-    first, second = (list(_pinned_to(document, link)) for link in pair.links)
+    first, second = (list(_pinned_to(document, link)) for link in joint.links)
     both = [link for link in first if link in second]
     if both:
-        pinned = f"'{pair.links[0]}' and '{pair.links[1]}' are both pinned to {listing(both)}."
+        pinned = f"'{joint.links[0]}' and '{joint.links[1]}' are both pinned to {listing(both)}."
         yield Fault(path, pinned, "Say which one carries them: carrier = ...")
         return
-    words = "; ".join(f"'{link}' to {listing(own) or 'nothing'}" for link, own in zip(pair.links, (first, second), strict=True))
+    words = "; ".join(f"'{link}' to {listing(own) or 'nothing'}" for link, own in zip(joint.links, (first, second), strict=True))
     yield Fault(
         path,
         f"no link carries both wheels: a pin joins {words}.",
@@ -226,53 +226,53 @@ def _not_pinned(path: str, link: str, carrier: str, others: list[str]) -> Fault:
     return Fault(
         path,
         f"'{link}' is not pinned to '{carrier}', which is to carry it.{known}",
-        f'Add a pair {{ revolute = ["{carrier}", "{link}"], at = ... }}, or name another carrier.',
+        f'Add a joint {{ revolute = ["{carrier}", "{link}"], at = ... }}, or name another carrier.',
     )
 
 
-def _check_rack(reading: Reading, path: str, pair: PairDocument) -> Iterator[Fault]:
+def _check_rack(reading: Reading, path: str, joint: JointDocument) -> Iterator[Fault]:
     document = reading.document
-    pinion, rack = pair.links
-    if _unclear(reading) or pair.slider is None or not {pinion, rack} <= set(link_names(reading)):
+    pinion, rack = joint.links
+    if _unclear(reading) or joint.slider is None or not {pinion, rack} <= set(link_names(reading)):
         return
     guides = [name for name, other in document.joints.items() if other.kind == "prismatic" and rack in other.links]
-    if pair.slider not in guides:
-        known = document.joints.get(pair.slider)
+    if joint.slider not in guides:
+        known = document.joints.get(joint.slider)
         message = (
-            f"there is no pair '{pair.slider}'."
+            f"there is no joint '{joint.slider}'."
             if known is None
-            else f"'{pair.slider}' is no prismatic pair of '{rack}', which it is to guide."
+            else f"'{joint.slider}' is no prismatic joint of '{rack}', which it is to guide."
         )
-        near = did_you_mean(pair.slider, guides, what=f"Prismatic pairs of '{rack}'")
-        remedy = near or f"Add a prismatic pair between '{rack}' and the link that carries '{pinion}'."
+        near = did_you_mean(joint.slider, guides, what=f"Prismatic joints of '{rack}'")
+        remedy = near or f"Add a prismatic joint between '{rack}' and the link that carries '{pinion}'."
         yield Fault(f"{path}.slider", message, remedy)
         return
-    guide = document.joints[pair.slider].links
+    guide = document.joints[joint.slider].links
     carrier = guide[0] if guide[1] == rack else guide[1]
     if carrier not in _on_one_axis(document, pinion):
         yield _not_pinned(path, pinion, carrier, list(_pinned_to(document, pinion)))
 
 
 def _check_sizes(
-    path: str, pair: PairDocument, sizes: tuple[float, float], document: SceneDocument, placement: Placement, convert: Converter
+    path: str, joint: JointDocument, sizes: tuple[float, float], document: SceneDocument, placement: Placement, convert: Converter
 ) -> None:
     """Notes sizes that cannot mesh: a ring that is not larger than its pinion, radii that do not fit the axes' distance [m]."""
     if any(map(math.isnan, sizes)):
         return
-    key = "teeth" if pair.teeth is not None else "radii"
-    if pair.internal and sizes[1] <= sizes[0]:
+    key = "teeth" if joint.teeth is not None else "radii"
+    if joint.internal and sizes[1] <= sizes[0]:
         convert.note(
             f"{path}.{key}",
             "the ring is not larger than the pinion.",
             "An internal gear pair lists the pinion first and the ring second.",
         )
         return
-    distance = _axes_apart(pair, document, placement)
+    distance = _axes_apart(joint, document, placement)
     if key == "teeth" or distance is None:
         return
-    sum_of = sizes[1] - sizes[0] if pair.internal else sizes[0] + sizes[1]
+    sum_of = sizes[1] - sizes[0] if joint.internal else sizes[0] + sizes[1]
     if abs(sum_of - distance) > _FIT * distance and convert.certain("length"):
-        word = "difference" if pair.internal else "sum"
+        word = "difference" if joint.internal else "sum"
         convert.note(
             f"{path}.radii",
             f"their {word} is {as_length(sum_of)}, but the axes are {as_length(distance)} apart.",
@@ -280,16 +280,16 @@ def _check_sizes(
         )
 
 
-def _axes_apart(pair: PairDocument, document: SceneDocument, placement: Placement) -> float | None:
+def _axes_apart(joint: JointDocument, document: SceneDocument, placement: Placement) -> float | None:
     """Distance of the two wheels' axes on their carrier [m], None where it is not known."""
-    carrier = carrier_of(document, pair)
+    carrier = carrier_of(document, joint)
     places = []
-    for link in pair.links:
+    for link in joint.links:
         name = _pinned_to(document, link).get(carrier or "")
         if name is None:
             return None
         pin = document.joints[name]
-        point = points_of_pair(name, pin)[pin.links.index(carrier or "")]
+        point = points_of_joint(name, pin)[pin.links.index(carrier or "")]
         place = placement.points.get(carrier or "", {}).get(point)
         if place is None:
             return None
@@ -298,14 +298,14 @@ def _axes_apart(pair: PairDocument, document: SceneDocument, placement: Placemen
     return None if math.isnan(distance) or distance == 0.0 else distance
 
 
-_WHEELS = "Drive the revolute pair of one of its wheels instead."
+_WHEELS = "Drive the revolute joint of one of its wheels instead."
 _RADII = {"radii": '["50 mm", "100 mm"]'}
 _HELD = "Leave it out: the pins that hold the {} say where they are."
 _BOTH = "Write radii = [first, second]."
 
 WHEELS = {
     "rolling": JointKind(
-        words="a rolling pair",
+        words="a rolling joint",
         example='{ rolling = ["frame", "wheel"], at = ["E", "C"], radius = "50 mm" }',
         make=_rolling,
         keys=("at", "along", "radius", "side", "branch", "friction", "drive", "free", "stops"),
@@ -377,14 +377,14 @@ WHEELS = {
         example='{ rack = ["pinion", "bar"], slider = "S", radius = "40 mm" }',
         make=_rack,
         keys=("slider", "radius", "side", "pressure_angle", "friction"),
-        needs={"slider": "the name of the rack's prismatic pair", "radius": '"50 mm"'},
+        needs={"slider": "the name of the rack's prismatic joint", "radius": '"50 mm"'},
         synonyms=("pinion",),
         instead={
             "radii": "Write radius = ..., the pitch radius of the pinion.",
             "teeth": "Write radius = ..., the pitch radius of the pinion.",
             "at": "Leave it out: the pinion's pin and the rack's guide say where they are.",
         },
-        undriven="Drive the pinion's revolute pair, or the rack's prismatic one, instead.",
+        undriven="Drive the pinion's revolute joint, or the rack's prismatic one, instead.",
         viscous="torsional damping",
         rubs=LEVER,
         joins=False,

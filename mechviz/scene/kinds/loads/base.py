@@ -14,7 +14,7 @@ from mechcore.spec.loads import Load
 from mechviz.scene.convert import Converter
 from mechviz.scene.fields import Number, fault
 from mechviz.scene.kinds.kind import Kind
-from mechviz.scene.names import known_pair, link_names, split_point
+from mechviz.scene.names import known_joint, link_names, split_point
 
 if TYPE_CHECKING:
     from mechviz.scene.document import SceneDocument
@@ -117,4 +117,4 @@ def known_shaft(reading: Reading, path: str, name: str) -> Iterator[Fault]:
     if name == reading.document.frame and name not in reading.document.joints:
         yield Fault(path, f"'{name}' is the fixed link: it does not turn.", "Name a revolute joint or a moving link.")
     elif name not in link_names(reading):
-        yield from known_pair(reading, path, name, ("revolute",), "revolute pair")
+        yield from known_joint(reading, path, name, ("revolute",), "revolute joint")

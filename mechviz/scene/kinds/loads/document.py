@@ -38,7 +38,8 @@ class CommonKeys(KindTable):
     """The keys of loads of several kinds."""
 
     thrust: Force | None = None
-    """Actuator: force with which it pushes apart, or in the direction of its pair's coordinate. Gas spring: force when extended."""
+    """Actuator: force with which it pushes apart, or in the direction of its joint's coordinate. Gas spring: force when
+    extended."""
     linear: Coefficients | None = None
     """Damper, drag, viscous friction, torsion damper: force per speed, or moment per angular speed.
     Bushing: both, [x, y, angle]. Default 0."""
@@ -118,7 +119,7 @@ def check_loads(reading: Reading) -> Iterator[Fault]:
 
 def load_specs(name: str, load: LoadDocument, reading: Reading, convert: Converter, lead: str | None = None) -> tuple[Load, ...]:
     """The load, or the loads that it is made of; none where a name that it refers to is not there (which `check_loads` says), or a
-    part of it is faulty. ``lead``: the first pair whose drive moves, if it is known; factors depend on it that name none."""
+    part of it is faulty. ``lead``: the first joint whose drive moves, if it is known; factors depend on it that name none."""
     made: list[tuple[Load, ...]] = []
     for kind in load.kinds:
         try:

@@ -14,7 +14,7 @@ from mechviz.scene.kinds.loads.base import LoadMaker
 from mechviz.scene.kinds.signals import SIGNALS, FactorPolynomial, FactorTable, signal_of
 from mechviz.scene.names import (
     known_drive,
-    known_pair,
+    known_joint,
     known_place,
     split_point,
 )
@@ -47,9 +47,9 @@ def factor_of(m: LoadMaker) -> Factor | None:
     given: FactorTable | FactorPolynomial | None = m.load.table or m.load.polynomial
     if given is None:
         return None
-    pair = given.pair or given.drive
+    joint = given.joint or given.drive
     point = None if given.point is None else split_point(m.reading, given.point)
-    kind = _argument_kind(m, given.of, pair) or _likely_kind(given)
+    kind = _argument_kind(m, given.of, joint) or _likely_kind(given)
     if isinstance(given, FactorTable):
         function: Table | Polynomial | None = _table(m, given, kind)
     else:
@@ -60,15 +60,15 @@ def factor_of(m: LoadMaker) -> Factor | None:
         )
     if function is None or (given.point is not None and point is None):
         return None
-    return Factor(function=function, of=given.of, pair=pair, point=point)  # type: ignore[arg-type] # one of ARGUMENTS
+    return Factor(function=function, of=given.of, joint=joint, point=point)  # type: ignore[arg-type] # one of ARGUMENTS
 
 
-def _argument_kind(m: LoadMaker, of: str, pair: str | None) -> str | None:
-    """The kind of quantity that a factor depends on; None where its pair is not there."""
+def _argument_kind(m: LoadMaker, of: str, joint: str | None) -> str | None:
+    """The kind of quantity that a factor depends on; None where its joint is not there."""
     if of in _ARGUMENT_KINDS:
         return _ARGUMENT_KINDS[of]
     first = m.lead or next((name for name, p in m.document.joints.items() if p.led), None)
-    found = m.document.joints.get(pair or first or "")
+    found = m.document.joints.get(joint or first or "")
     if found is None or len(found.kinds) > 1:
         return None
     sort = "length" if found.kind in ("prismatic", "pin_slot", "rolling", "cylinder") else "angle"
@@ -76,7 +76,7 @@ def _argument_kind(m: LoadMaker, of: str, pair: str | None) -> str | None:
 
 
 def _likely_kind(given: FactorTable | FactorPolynomial) -> str:
-    """The kind where the pair is not known: that of the values as they are written."""
+    """The kind where the joint is not known: that of the values as they are written."""
     sort = likely_sort(given)
     return sort if given.of == "position" else _RATES.get(sort, "time")
 
@@ -122,6 +122,6 @@ def check_factor(reading: Reading, load: LoadDocument, path: str) -> Iterator[Fa
         given = getattr(load, key)
         if given is not None:
             yield from known_drive(reading, f"{path}.{key}.drive", given.drive)
-            yield from known_pair(reading, f"{path}.{key}.pair", given.pair)
+            yield from known_joint(reading, f"{path}.{key}.joint", given.joint)
             if given.point is not None:
                 yield from known_place(reading, f"{path}.{key}.point", given.point)

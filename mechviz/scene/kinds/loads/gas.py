@@ -102,22 +102,22 @@ class DiagramDocument(Table):
         return self
 
 
-PistonName = Annotated[Text, Reference("joint", ("prismatic", "cylinder"), "sliding pair")]
+PistonName = Annotated[Text, Reference("joint", ("prismatic", "cylinder"), "sliding joint")]
 
 
 class GasKeys(Table):
     """The keyword of gas pressure, and the keys that only it has."""
 
     gas: PistonName | None = None
-    """The sliding pair of the piston on which a gas presses, by an indicator diagram."""
+    """The sliding joint of the piston on which a gas presses, by an indicator diagram."""
     bore: Size | None = None
     """Gas: diameter of the piston."""
     top: Length | None = None
-    """Gas: coordinate of the pair at top dead centre."""
+    """Gas: coordinate of the joint at top dead centre."""
     stroke: Size | None = None
     """Gas: distance of the dead centres."""
     head: Literal["ahead", "behind"] | None = None
-    """Gas: the cylinder's head lies ahead of the piston in the direction of the pair (default), or behind it."""
+    """Gas: the cylinder's head lies ahead of the piston in the direction of the joint (default), or behind it."""
     back: Pressure | None = None
     """Gas: absolute pressure on the other side of the piston. Default 101325 Pa."""
     compressor: CompressorDocument | None = None
@@ -129,7 +129,7 @@ class GasKeys(Table):
     fires: Coordinate | None = None
     """Gas, four strokes: position of the drive at the top dead centre of combustion. Default 0."""
     drive: Text | None = None
-    """Gas, four strokes: the driven pair of the crank. Default: the first one."""
+    """Gas, four strokes: the driven joint of the crank. Default: the first one."""
 
 
 def _gas(m: LoadMaker) -> Load | None:
@@ -141,7 +141,7 @@ def _gas(m: LoadMaker) -> Load | None:
         return None
     return GasPressure(
         **m.common,
-        pair=load.gas,
+        joint=load.gas,
         area=0.25 * math.pi * bore**2,
         cycle=cycle,
         top=m.si("top", "length"),
@@ -222,7 +222,7 @@ GAS = {
         example='{ gas = "S", bore = "8 cm", top = 0.2, stroke = "80 mm", compressor = { suction = "1 bar", delivery = "6 bar" } }',
         make=_gas,
         keys=("bore", "top", "stroke", "head", "back", *_CYCLES, "fires", "drive"),
-        needs={"bore": '"80 mm"', "top": "the pair's coordinate at top dead centre", "stroke": '"80 mm"'},
+        needs={"bore": '"80 mm"', "top": "the joint's coordinate at top dead centre", "stroke": '"80 mm"'},
         one_of=_CYCLES,
         synonyms=("pressure",),
     ),

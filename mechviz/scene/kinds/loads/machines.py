@@ -42,22 +42,22 @@ def _value_or_table(value: Any) -> str:
 Target = Annotated[Annotated[Coordinate, Tag("<value>")] | Annotated[DriveDocument, Tag("<table>")], Discriminator(_value_or_table)]
 
 
-ServoName = Annotated[Text, Reference("joint", ("revolute", "prismatic", "pin_slot", "cylinder"), "revolute or sliding pair")]
+ServoName = Annotated[Text, Reference("joint", ("revolute", "prismatic", "pin_slot", "cylinder"), "revolute or sliding joint")]
 
 
 class MachineKeys(Table):
     """The keywords of these loads, and the keys that only they have."""
 
     dc_motor: Text | None = None
-    """The revolute pair or the link that a DC motor drives: a straight characteristic."""
+    """The revolute joint or the link that a DC motor drives: a straight characteristic."""
     induction_motor: Text | None = None
-    """The revolute pair or the link that an induction motor drives: slip curve of Kloss."""
+    """The revolute joint or the link that an induction motor drives: slip curve of Kloss."""
     constant_power: Text | None = None
-    """The revolute pair or the link that a machine of constant power drives."""
+    """The revolute joint or the link that a machine of constant power drives."""
     governor: Text | None = None
-    """The revolute pair or the link that a machine with a proportional speed governor drives."""
+    """The revolute joint or the link that a machine with a proportional speed governor drives."""
     servo: ServoName | None = None
-    """The revolute or sliding pair whose coordinate a servo leads to a target, in a motion under forces."""
+    """The revolute or sliding joint whose coordinate a servo leads to a target, in a motion under forces."""
     stall_torque: TorqueValue | None = None
     """DC motor: torque at rest; its sign is the direction."""
     no_load_speed: AngularSpeed | None = None
@@ -81,7 +81,7 @@ class MachineKeys(Table):
     target: Target | None = None
     """Servo: the wanted coordinate, times a signal if one is given; or a law of motion, by the keys of a drive."""
     proportional: Stiffness | None = None
-    """Servo: torque per angle, or force per length, that the pair is behind its target."""
+    """Servo: torque per angle, or force per length, that the joint is behind its target."""
     derivative: Coefficient | None = None
     """Servo: torque per angular speed, or force per speed, that it is slower than its target. Default 0."""
     integral: IntegralGain | None = None
@@ -89,8 +89,8 @@ class MachineKeys(Table):
 
 
 def _driven(m: LoadMaker, name: str) -> dict[str, Any]:
-    """The pair or the link that a machine drives."""
-    return {"pair": name} if name in m.document.joints else {"link": name}
+    """The joint or the link that a machine drives."""
+    return {"joint": name} if name in m.document.joints else {"link": name}
 
 
 def _not_zero(m: LoadMaker, **values: float) -> None:
@@ -154,10 +154,10 @@ def _governor(m: LoadMaker) -> Load | None:
 def _servo(m: LoadMaker) -> Load | None:
     load = m.load
     assert load.servo is not None
-    pair = m.document.joints.get(load.servo)
-    if pair is None or len(pair.kinds) > 1:
+    joint = m.document.joints.get(load.servo)
+    if joint is None or len(joint.kinds) > 1:
         return None
-    torsional = "torsional " if pair.coordinate == "angle" else ""
+    torsional = "torsional " if joint.coordinate == "angle" else ""
     gains: dict[str, Any] = {
         "proportional": m.si("proportional", f"{torsional}stiffness"),
         "derivative": m.si("derivative", f"{torsional}damping"),
@@ -165,8 +165,8 @@ def _servo(m: LoadMaker) -> Load | None:
     }
     if load.proportional is not None and not any(gains.values()):
         m.convert.note(f"{m.path}.proportional", "all gains are zero: it does nothing.", "Give one of them a value.")
-    target = _target(m, pair.coordinate)
-    return None if target is None else Servo(**m.common, pair=load.servo, target=target, **gains)
+    target = _target(m, joint.coordinate)
+    return None if target is None else Servo(**m.common, joint=load.servo, target=target, **gains)
 
 
 def _target(m: LoadMaker, sort: str) -> Law | None:
@@ -183,10 +183,10 @@ def _target(m: LoadMaker, sort: str) -> Law | None:
 
 
 def _check_servo(reading: Reading, path: str, name: str) -> Iterator[Fault]:
-    pair = reading.document.joints.get(name)
-    if pair is not None and pair.drive is not None:
+    joint = reading.document.joints.get(name)
+    if joint is not None and joint.drive is not None:
         why = f"the drive of '{name}' decides its motion, whatever a servo does."
-        yield Fault(path, why, "Let the pair be free, and make its drive the target of the servo.")
+        yield Fault(path, why, "Let the joint be free, and make its drive the target of the servo.")
 
 
 _DC = {"stall_torque": '"20 N m", its torque at rest', "no_load_speed": '"1500 rpm"'}
@@ -233,7 +233,7 @@ MACHINES = {
         make=_servo,
         check=_check_servo,
         keys=("target", "proportional", "derivative", "integral", *SIGNALS),
-        needs={"target": '"30 deg", or the keys of a drive', "proportional": '"200 N m/rad" (or "5 N/mm" for a sliding pair)'},
+        needs={"target": '"30 deg", or the keys of a drive', "proportional": '"200 N m/rad" (or "5 N/mm" for a sliding joint)'},
     ),
     "governor": LoadKind(
         words="a speed governor",

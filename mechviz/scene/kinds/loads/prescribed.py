@@ -21,8 +21,8 @@ if TYPE_CHECKING:
     from mechviz.scene.reading.recovery import Reading
 
 
-SlidingPair = Annotated[Text, Reference("joint", ("prismatic", "pin_slot", "cylinder"), "sliding pair")]
-PushedAlong = Annotated[Annotated[SlidingPair, Tag("<value>")] | Annotated[TwoPoints, Tag("<list>")], Discriminator(value_or_list)]
+SlidingJoint = Annotated[Text, Reference("joint", ("prismatic", "pin_slot", "cylinder"), "sliding joint")]
+PushedAlong = Annotated[Annotated[SlidingJoint, Tag("<value>")] | Annotated[TwoPoints, Tag("<list>")], Discriminator(value_or_list)]
 
 
 class PrescribedKeys(Table):
@@ -33,7 +33,7 @@ class PrescribedKeys(Table):
     torque: TorqueValue | None = None
     """A free moment, counter-clockwise positive."""
     actuator: PushedAlong | None = None
-    """The two points that an actuator of constant force pushes apart, or the sliding pair along which it pushes."""
+    """The two points that an actuator of constant force pushes apart, or the sliding joint along which it pushes."""
     on: LinkName | None = None
     """Force, torque: the link that it acts on."""
     at: Text | None = None
@@ -68,7 +68,7 @@ def _torque(m: LoadMaker) -> Load | None:
 def _actuator(m: LoadMaker) -> Load | None:
     on = m.load.actuator
     assert on is not None
-    place: dict[str, Any] | None = {"pair": on} if isinstance(on, str) else m.ends(on)
+    place: dict[str, Any] | None = {"joint": on} if isinstance(on, str) else m.ends(on)
     factor, force = factor_of(m), m.si("thrust", "force")
     return None if place is None else Actuator(**m.common, **place, force=force, factor=factor)
 

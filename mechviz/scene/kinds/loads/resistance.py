@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from mechviz.scene.reading.recovery import Reading
 
 
-MovingPair = Annotated[Text, Reference("joint", what="pair that moves", fits=lambda pair: bool(pair.traits.viscous))]
+MovingJoint = Annotated[Text, Reference("joint", what="joint that moves", fits=lambda joint: bool(joint.traits.viscous))]
 BeltName = Annotated[Text, Reference("joint", ("belt", "chain"), "belt or chain")]
 
 
@@ -29,8 +29,8 @@ class ResistanceKeys(Table):
 
     drag: Text | None = None
     """Resistance of a medium: "link.point" against the velocity of the point, "link" against the rotation of the link."""
-    viscous: MovingPair | None = None
-    """The pair, of any kind that moves, in which viscous friction acts."""
+    viscous: MovingJoint | None = None
+    """The joint, of any kind that moves, in which viscous friction acts."""
     belt_tension: BeltName | None = None
     """The belt or chain that a tensioner keeps tight."""
     slack: ForceValue | None = None
@@ -56,11 +56,11 @@ def _drag(m: LoadMaker) -> Load | None:
 
 def _viscous(m: LoadMaker) -> Load | None:
     assert m.load.viscous is not None
-    pair = m.document.joints.get(m.load.viscous)
-    if pair is None:
+    joint = m.document.joints.get(m.load.viscous)
+    if joint is None:
         return None
-    sort = "torsional damping" if pair.kind in ("revolute", "rolling", "gear", "rack") else "damping"
-    return Viscous(**m.common, pair=m.load.viscous, coefficient=m.si("linear", sort))
+    sort = "torsional damping" if joint.kind in ("revolute", "rolling", "gear", "rack") else "damping"
+    return Viscous(**m.common, joint=m.load.viscous, coefficient=m.si("linear", sort))
 
 
 def _belt_tension(m: LoadMaker) -> Load | None:
@@ -68,10 +68,10 @@ def _belt_tension(m: LoadMaker) -> Load | None:
     slack, coefficient = m.si("slack", "force"), m.load.coefficient or 0.0
     if slack < 0.0:
         m.convert.note(f"{m.path}.slack", f"{as_force(slack)} is negative: belts only pull.", "Give a positive force.")
-    pair = m.document.joints.get(m.load.belt_tension)
-    if coefficient and pair is not None and pair.kind == "chain":
+    joint = m.document.joints.get(m.load.belt_tension)
+    if coefficient and joint is not None and joint.kind == "chain":
         m.convert.note(f"{m.path}.coefficient", "a chain does not slip on its sprockets.", "Leave it out.")
-    return BeltTension(**m.common, pair=m.load.belt_tension, slack=slack, coefficient=coefficient)
+    return BeltTension(**m.common, joint=m.load.belt_tension, slack=slack, coefficient=coefficient)
 
 
 def _check_drag(reading: Reading, path: str, name: str) -> Iterator[Fault]:

@@ -1,4 +1,4 @@
-"""All kinds of pairs in scenes: what they become, what goes with which, and every fault of them with its remedy."""
+"""All kinds of joints in scenes: what they become, what goes with which, and every fault of them with its remedy."""
 
 from __future__ import annotations
 
@@ -42,15 +42,15 @@ BASE: dict[str, Any] = {
 }
 
 
-def changed(**pairs: Any) -> dict[str, Any]:
+def changed(**joints: Any) -> dict[str, Any]:
     data = json.loads(json.dumps(BASE))
-    data["joints"] |= pairs
+    data["joints"] |= joints
     return data
 
 
-def made(pair: dict[str, Any], name: str = "X") -> Any:
-    """The core's pair that an entry becomes."""
-    return Scene.build(**changed(**{name: pair})).mechanism.pairs[-1]
+def made(joint: dict[str, Any], name: str = "X") -> Any:
+    """The core's joint that an entry becomes."""
+    return Scene.build(**changed(**{name: joint})).mechanism.joints[-1]
 
 
 def faults_of(data: dict[str, Any]) -> tuple[Fault, ...]:
@@ -110,7 +110,7 @@ KINDS = [
 
 
 @pytest.mark.parametrize(("entry", "spec"), KINDS, ids=[f"{type(spec).__name__}-{k}" for k, (_, spec) in enumerate(KINDS)])
-def test_every_kind_of_pair_in_si(entry, spec):
+def test_every_kind_of_joint_in_si(entry, spec):
     found = made(entry)
     angles = {key: getattr(found, key) for key in ("angle", "pressure_angle") if hasattr(spec, key)}
     assert found == replace(spec, **angles)
@@ -119,27 +119,27 @@ def test_every_kind_of_pair_in_si(entry, spec):
 
 
 @pytest.mark.parametrize(("entry", "spec"), KINDS)
-def test_every_kind_of_pair_survives_writing_and_reading_and_fits_the_schema(entry, spec):
+def test_every_kind_of_joint_survives_writing_and_reading_and_fits_the_schema(entry, spec):
     data = changed(X=entry)
     scene = Scene.build(**data)
     again = loads(scene.to_toml())
     assert again == scene
-    assert again.mechanism.pairs[-1] == scene.mechanism.pairs[-1]
+    assert again.mechanism.joints[-1] == scene.mechanism.joints[-1]
     assert conforms(data, SCHEMA, SCHEMA)
 
 
 def test_the_carrier_is_the_frame_where_both_wheels_are_pinned_to_it_else_the_only_common_link():
     links = {"frame": {"points": {"O": [0, 0]}}, "arm": {"points": {"O": [0, 0], "P": [5, 0]}}, "sun": {"points": {"O": [0, 0]}},
              "planet": {"points": {"P": [0, 0]}}}  # fmt: skip
-    pairs = {"O": {"revolute": ["frame", "arm"], "drive": TURNING}, "S": {"revolute": ["arm", "sun"], "at": "O"},
+    joints = {"O": {"revolute": ["frame", "arm"], "drive": TURNING}, "S": {"revolute": ["arm", "sun"], "at": "O"},
              "P": {"revolute": ["arm", "planet"]}, "G": {"gear": ["sun", "planet"], "teeth": [2, 3]}}  # fmt: skip
-    assert Scene.build(links=links, joints=pairs).mechanism.pairs[-1].carrier == "arm"
+    assert Scene.build(links=links, joints=joints).mechanism.joints[-1].carrier == "arm"
     assert made({"gear": ["a", "b"], "teeth": [2, 3]}).carrier == "frame"
 
 
-def test_modes_go_to_the_pair_that_decides_them():
-    def modes(**pair: Any) -> dict[str, str]:
-        return dict(Scene.build(**changed(X=pair)).mechanism.modes)
+def test_modes_go_to_the_joint_that_decides_them():
+    def modes(**joint: Any) -> dict[str, str]:
+        return dict(Scene.build(**changed(X=joint)).mechanism.modes)
 
     assert modes(rolling=["frame", "b"], at=["P", "B"], radius=9, side="right", branch="behind") == {"X": "behind"}
     assert modes(rolling=["frame", "b"], at=["P", "B"], radius=9, side="right") == {}, "the side of a wheel is no mode"
@@ -172,15 +172,15 @@ def test_a_cylinder_without_a_drive_follows():
     np.testing.assert_allclose(motion.coordinate("C")[:, 0], np.hypot(*away.T), rtol=1e-12)
 
 
-def test_drives_of_pairs_that_slide_are_lengths():
-    for pair in (
+def test_drives_of_joints_that_slide_are_lengths():
+    for joint in (
         {"pin_slot": ["a", "b"], "at": ["A", "T"]},
         {"rolling": ["frame", "b"], "at": ["P", "B"], "radius": 9},
         {"cylinder": ["frame", "b"], "at": ["P", "T"]},
     ):
-        law = Scene.build(**changed(X={**pair, "drive": SWAYING})).mechanism.drives[-1].law
+        law = Scene.build(**changed(X={**joint, "drive": SWAYING})).mechanism.drives[-1].law
         assert law(0.0)[0] == 0.7
-        (fault,) = faults_of(changed(X={**pair, "drive": {"speed": "9 rpm", "start": 700, "travel": 5}}))
+        (fault,) = faults_of(changed(X={**joint, "drive": {"speed": "9 rpm", "start": 700, "travel": 5}}))
         assert fault.message == "'9 rpm' is an angular speed, a linear speed is wanted."
 
 
@@ -201,14 +201,14 @@ def test_a_weld_between_drawn_links_keeps_the_drawn_angle():
         joints={"O": {"revolute": ["frame", "a"], "drive": TURNING}, "P": {"weld": ["a", "b"]}},
         sketch={"O": [0, 0], "P": [2, 0], "Q": [2, 3]},
     )
-    assert s.mechanism.pairs[-1].angle == pytest.approx(math.pi / 2)
+    assert s.mechanism.joints[-1].angle == pytest.approx(math.pi / 2)
 
 
 def test_a_weld_hands_on_its_angle_to_a_sketched_link_and_holds_what_it_carries_parallel():
     links = {"frame": {"points": {"O": [0, 0]}}, "block": {"points": {"O": [0, 0], "W": [1, 0]}, "mass": 1, "centre": "W"},
              "top": {"points": {"W": [0, 0], "T": [0, 5]}, "mass": 2, "centre": "T"}}  # fmt: skip
-    pairs = {"O": {"prismatic": ["frame", "block"], "drive": SWAYING}, "W": {"weld": ["block", "top"], "angle": 0.5}}
-    s = Scene.build(links=links, joints=pairs, effects=["inertia"], sketch={"O": [0, 0], "W": [1, 0]})
+    joints = {"O": {"prismatic": ["frame", "block"], "drive": SWAYING}, "W": {"weld": ["block", "top"], "angle": 0.5}}
+    s = Scene.build(links=links, joints=joints, effects=["inertia"], sketch={"O": [0, 0], "W": [1, 0]})
     assert s.mechanism.sketch["top"] == pytest.approx((1.0, 0.0, 0.5))
     assert s.mechanism.links[2].inertia == 0.0, "it cannot turn: no moment of inertia is asked for"
 
@@ -254,7 +254,7 @@ def test_the_builder_has_every_kind():
 # --- faults -------------------------------------------------------------------------------------------------------------
 
 FAULTS = [
-    # the pair, path of the fault behind the pair's, what it says, how to mend it
+    # the joint, path of the fault behind the joint's, what it says, how to mend it
     ({"gear": ["a", "b"]}, "", "the gear pair has none of teeth or radii.", "Give one"),
     ({"gear": ["a", "b"], "teeth": [20, 30], "radii": [40, 60]}, "", "teeth and radii at once.", "Keep one"),
     ({"gear": ["a", "b"], "teeth": [20]}, ".teeth", "has 1 entry.", "at least 2"),
@@ -283,8 +283,8 @@ FAULTS = [
     ),
     ({"gear": ["a", "d"], "teeth": [2, 3]}, ".gear[1]", "there is no link 'd'.", "Links"),
     ({"gear": ["a", "a"], "teeth": [2, 3]}, ".gear", "joins 'a' to itself.", "two different"),
-    ({"gear": ["a"], "teeth": [2, 3]}, ".gear", "names 1 link, a pair joins two.", '["frame", "crank"]'),
-    ({"gear": ["a", "b", "c"], "teeth": [2, 3]}, ".gear", "names 3 links, a pair joins two.", '["frame", "crank"]'),
+    ({"gear": ["a"], "teeth": [2, 3]}, ".gear", "names 1 link, a joint joins two.", '["frame", "crank"]'),
+    ({"gear": ["a", "b", "c"], "teeth": [2, 3]}, ".gear", "names 3 links, a joint joins two.", '["frame", "crank"]'),
     ({"gear": ["a", "b"], "teeth": [2, 3], "pressure_angle": 60}, ".pressure_angle", "60° is no pressure angle", "20 deg"),
     ({"gear": ["a", "b"], "teeth": [2, 3], "pressure_angle": -5}, ".pressure_angle", "-5° is no pressure angle", "20 deg"),
     ({"gear": ["a", "b"], "teeth": [2, 3], "at": "A"}, ".at", "at does not go with a gear pair.", "pins that hold"),
@@ -302,11 +302,11 @@ FAULTS = [
     ({"belt": ["a", "b"], "radii": [5, 5], "drive": TURNING}, ".drive", "drive does not go with a belt.", "one of its wheels"),
     ({"chain": ["a", "b"], "radii": [5, 5], "crossed": True}, ".crossed", "crossed does not go with a chain.", "do not cross"),
     ({"chain": ["a", "b"], "teeth": [9, 9]}, ".teeth", "teeth does not go with a chain.", "sprockets"),
-    ({"rack": ["a", "bar"], "radius": 40}, "", "'slider' is missing.", "prismatic pair"),
+    ({"rack": ["a", "bar"], "radius": 40}, "", "'slider' is missing.", "prismatic joint"),
     ({"rack": ["a", "bar"], "slider": "G"}, "", "'radius' is missing.", "Add radius"),
-    ({"rack": ["a", "bar"], "slider": "H", "radius": 40}, ".slider", "there is no pair 'H'.", "'G'"),
-    ({"rack": ["a", "bar"], "slider": "B", "radius": 40}, ".slider", "'B' is no prismatic pair of 'bar'", "'G'"),
-    ({"rack": ["c", "bar"], "slider": "G", "radius": 40}, "", "'c' is not pinned to 'frame'", "Add a pair"),
+    ({"rack": ["a", "bar"], "slider": "H", "radius": 40}, ".slider", "there is no joint 'H'.", "'G'"),
+    ({"rack": ["a", "bar"], "slider": "B", "radius": 40}, ".slider", "'B' is no prismatic joint of 'bar'", "'G'"),
+    ({"rack": ["c", "bar"], "slider": "G", "radius": 40}, "", "'c' is not pinned to 'frame'", "Add a joint"),
     ({"rack": ["a", "bar"], "slider": "G", "radius": -4}, ".radius", "-4 is negative.", "positive"),
     ({"rack": ["a", "bar"], "slider": "G", "radii": [4, 5], "radius": 4}, ".radii", "radii does not go with a rack.", "pinion"),
     ({"rack": ["a", "bar"], "slider": "G", "radius": 4, "drive": TURNING}, ".drive", "drive does not go with a rack.", "pinion's"),
@@ -319,7 +319,7 @@ FAULTS = [
     (
         {"rolling": ["frame", "b"], "at": ["P", "B"], "radius": 5, "branch": "ahead", "drive": SWAYING},
         ".branch",
-        "branch on a driven pair",
+        "branch on a driven joint",
         "Leave out branch.",
     ),
     ({"pin_slot": ["a", "b"], "at": ["A", "T"], "side": "left"}, ".side", "does not go with a pin in a slot.", "branch = 'ahead'"),
@@ -339,16 +339,16 @@ FAULTS = [
 ]
 
 
-@pytest.mark.parametrize(("pair", "path", "message", "remedy"), FAULTS)
-def test_a_fault_of_a_pair_has_path_message_and_remedy(pair, path, message, remedy):
-    found = [fault for fault in faults_of(changed(X=pair)) if fault.path == f"joints.X{path}" and message in fault.message]
-    assert len(found) == 1, faults_of(changed(X=pair))
+@pytest.mark.parametrize(("joint", "path", "message", "remedy"), FAULTS)
+def test_a_fault_of_a_joint_has_path_message_and_remedy(joint, path, message, remedy):
+    found = [fault for fault in faults_of(changed(X=joint)) if fault.path == f"joints.X{path}" and message in fault.message]
+    assert len(found) == 1, faults_of(changed(X=joint))
     assert remedy in found[0].remedy
     assert found[0].message[-1] in ".?"
 
 
 @pytest.mark.parametrize(
-    ("pair", "names"),
+    ("joint", "names"),
     [
         ({"gear": ["a", "b"], "teeth": [20, -3]}, 1),
         ({"gear": ["a", "b"], "radii": [40, -60]}, 1),
@@ -360,11 +360,11 @@ def test_a_fault_of_a_pair_has_path_message_and_remedy(pair, path, message, reme
         ({"rack": ["aa", "bar"], "slider": "G", "radius": -1}, 2),
     ],
 )
-def test_one_slip_is_one_fault(pair, names):
-    assert len(faults_of(changed(X=pair))) == names
+def test_one_slip_is_one_fault(joint, names):
+    assert len(faults_of(changed(X=joint))) == names
 
 
-def test_faults_of_new_pairs_come_with_all_others_in_the_order_of_the_file():
+def test_faults_of_new_joints_come_with_all_others_in_the_order_of_the_file():
     data = changed(
         X={"gear": ["a", "b"], "radii": [40, 50]},
         Y={"belt": ["b", "c"], "radii": [5, 5]},
@@ -381,7 +381,7 @@ def test_faults_of_new_pairs_come_with_all_others_in_the_order_of_the_file():
 def test_gears_do_not_hold_a_link():
     data = changed(X={"gear": ["a", "d"], "teeth": [2, 3], "carrier": "frame"})
     data["links"]["d"] = {"points": {"P": [0, 0]}}
-    assert ("links.d", "no chain of pairs joins it to 'frame'.") in [(f.path, f.message) for f in faults_of(data)]
+    assert ("links.d", "no chain of joints joins it to 'frame'.") in [(f.path, f.message) for f in faults_of(data)]
 
 
 def test_parts_of_a_cylinder_need_their_names():
@@ -394,7 +394,7 @@ def test_parts_of_a_cylinder_need_their_names():
     ]
 
 
-def test_two_links_that_could_both_carry_a_gear_pair_are_named():
+def test_two_links_that_could_both_carry_a_gear_joint_are_named():
     data = changed(X={"gear": ["a", "b"], "teeth": [2, 3]}, Q={"revolute": ["arm", "b"], "at": ["C", "B"]})
     data["joints"]["A"] = {"revolute": ["c", "a"], "at": ["C", "A"], "drive": TURNING}
     data["joints"]["B"] = {"revolute": ["c", "b"], "at": ["C", "B"]}
@@ -430,16 +430,16 @@ def test_the_json_schema_refuses_what_the_reader_refuses(key, value):
 def test_a_wheel_on_the_shaft_of_another_link_is_carried_too():
     links = {"frame": {"points": {"O": [0, 0], "B": [100, 0]}}, "arm": {"points": {"O": [0, 0], "P": [50, 0]}},
              "sun": {"points": {"C": [0, 0]}}, "b": {"points": {"B": [0, 0]}}}  # fmt: skip
-    pairs = {"O": {"revolute": ["frame", "arm"], "drive": TURNING},
+    joints = {"O": {"revolute": ["frame", "arm"], "drive": TURNING},
              "S": {"revolute": ["arm", "sun"], "at": ["O", "C"], "drive": TURNING},
              "B": {"revolute": ["frame", "b"]}, "G": {"gear": ["sun", "b"], "teeth": [20, 30]}}  # fmt: skip
-    scene = Scene.build(units={"length": "mm", "angle": "deg"}, links=links, joints=pairs)
-    assert scene.mechanism.pairs[-1].carrier == "frame"
+    scene = Scene.build(units={"length": "mm", "angle": "deg"}, links=links, joints=joints)
+    assert scene.mechanism.joints[-1].carrier == "frame"
     motion = solve_motion(compile_mechanism(scene.mechanism), [0.0, 0.1])
     np.testing.assert_allclose(motion.velocity("b")[:, 2], -2.0 / 3.0 * motion.velocity("sun")[:, 2])
-    pairs["S"] = {"revolute": ["arm", "sun"], "at": ["P", "C"], "drive": TURNING}  # beside the axis
+    joints["S"] = {"revolute": ["arm", "sun"], "at": ["P", "C"], "drive": TURNING}  # beside the axis
     with pytest.raises(SceneError, match="no link carries both wheels"):
-        Scene.build(units={"length": "mm", "angle": "deg"}, links=links, joints=pairs)
+        Scene.build(units={"length": "mm", "angle": "deg"}, links=links, joints=joints)
 
 
 @pytest.mark.parametrize(("radii", "crossed"), [([150, 40], False), ([60, 40], True)])

@@ -1,4 +1,4 @@
-"""Viscous friction in every kind of pair, seals and losses of cylinders, tension and slip of belts."""
+"""Viscous friction in every kind of joint, seals and losses of cylinders, tension and slip of belts."""
 
 from __future__ import annotations
 
@@ -22,14 +22,14 @@ from mechcore.motion.solve import compile_mechanism, solve_motion
 from mechcore.spec.loads import BeltTension, Factor, Force, Viscous
 from mechcore.spec.mechanism import (
     Belt,
-    CamPair,
+    CamJoint,
     Cylinder,
     Drive,
     Friction,
     Gear,
+    Joint,
     Link,
     Mechanism,
-    Pair,
     Planar,
     Rack,
     Revolute,
@@ -45,7 +45,7 @@ def rolling() -> Mechanism:
     wheel = Rolling(name="K", links=("frame", "a"), points=("O", "c"), radius=0.3)
     links = (Link(name="frame", points={"O": (0.0, 0.3)}), link("a"))
     return Mechanism(
-        name="wheel", frame="frame", links=links, pairs=(wheel,), drives=(Drive(pair="K", law=LAW),), effects=("inertia",)
+        name="wheel", frame="frame", links=links, joints=(wheel,), drives=(Drive(joint="K", law=LAW),), effects=("inertia",)
     )
 
 
@@ -54,13 +54,13 @@ def boom(friction: Friction | None = None, *, driven: bool = True) -> Mechanism:
     frame = Link(name="frame", points={"O": (0.0, 0.0), "P": (0.5, -0.3)})
     arm = Link(name="boom", points={"O": (0.0, 0.0), "Q": (0.9, 0.1)}, mass=40.0, centre=(1.0, 0.0), inertia=9.0)
     cylinder = Cylinder(name="K", links=("frame", "boom"), points=("P", "Q"), friction=friction)
-    drive = Drive(pair="K", law=Oscillation(0.7, 0.2, 0.5)) if driven else Drive(pair="O", law=Oscillation(0.4, 0.3, 0.5))
+    drive = Drive(joint="K", law=Oscillation(0.7, 0.2, 0.5)) if driven else Drive(joint="O", law=Oscillation(0.4, 0.3, 0.5))
     effects = ("inertia", "gravity", "friction") if friction is not None else ("inertia", "gravity")
     return Mechanism(
         name="boom",
         frame="frame",
         links=(frame, arm),
-        pairs=(pin("O", "frame", "boom"), cylinder),
+        joints=(pin("O", "frame", "boom"), cylinder),
         drives=(drive,),
         effects=effects,
         modes={} if driven else {"K": "ahead"},
@@ -84,42 +84,43 @@ EVERY = {
     "flat": translating(Flat()),
     "lever": oscillating(Roller(0.012)),
     "wedge": wedge(Roller(0.01)),
-    "revolute": replace(rack(), pairs=(replace(rack().pairs[0], name="K"), *rack().pairs[1:2], replace(rack().pairs[2], name="Z")),
-                        drives=(Drive(pair="K", law=LAW),)),
-    "prismatic": replace(rack(), pairs=(rack().pairs[0], replace(rack().pairs[1], name="K"),
-                                        replace(rack().pairs[2], name="Z", slider="K"))),
+    "revolute": replace(rack(), joints=(replace(rack().joints[0], name="K"), *rack().joints[1:2], replace(rack().joints[2],
+    name="Z")),
+                        drives=(Drive(joint="K", law=LAW),)),
+    "prismatic": replace(rack(), joints=(rack().joints[0], replace(rack().joints[1], name="K"),
+                                        replace(rack().joints[2], name="Z", slider="K"))),
 }  # fmt: skip
 
 
 def speed(mechanism: Mechanism, motion) -> np.ndarray:
-    """Speed of the relative motion in pair K, from poses and rates alone."""
-    pair = next(p for p in mechanism.pairs if p.name == "K")
-    if isinstance(pair, Revolute | Gear | Rack | Rolling):
-        return motion.velocity(pair.links[1])[:, 2] - motion.velocity(pair.links[0])[:, 2]
-    if isinstance(pair, Belt):
-        turning = [motion.velocity(k)[:, 2] - motion.velocity(pair.carrier)[:, 2] for k in pair.links]
-        np.testing.assert_allclose(np.abs(turning[0]) * pair.radii[0], np.abs(turning[1]) * pair.radii[1], rtol=1e-12)
-        return turning[0] * pair.radii[0]
-    if isinstance(pair, CamPair):
-        place = motion.pair_position("K")
+    """Speed of the relative motion in joint K, from poses and rates alone."""
+    joint = next(p for p in mechanism.joints if p.name == "K")
+    if isinstance(joint, Revolute | Gear | Rack | Rolling):
+        return motion.velocity(joint.links[1])[:, 2] - motion.velocity(joint.links[0])[:, 2]
+    if isinstance(joint, Belt):
+        turning = [motion.velocity(k)[:, 2] - motion.velocity(joint.carrier)[:, 2] for k in joint.links]
+        np.testing.assert_allclose(np.abs(turning[0]) * joint.radii[0], np.abs(turning[1]) * joint.radii[1], rtol=1e-12)
+        return turning[0] * joint.radii[0]
+    if isinstance(joint, CamJoint):
+        place = motion.joint_position("K")
         ends = []
-        for k in pair.links:
+        for k in joint.links:
             arm, (v, w) = place - motion.pose(k)[:, :2], np.split(motion.velocity(k), [2], axis=1)
             ends.append(v + w * np.column_stack([-arm[:, 1], arm[:, 0]]))
         return np.hypot(*(ends[1] - ends[0]).T)  # where they touch they do not move along the normal
     return motion.coordinate("K")[:, 1]
 
 
-def test_every_kind_of_pair_that_moves_is_here():
-    kinds = {type(next(p for p in m.pairs if p.name == "K")) for m in EVERY.values()}
-    assert kinds == set(get_args(Pair)) - {Weld, Planar}
+def test_every_kind_of_joint_that_moves_is_here():
+    kinds = {type(next(p for p in m.joints if p.name == "K")) for m in EVERY.values()}
+    assert kinds == set(get_args(Joint)) - {Weld, Planar}
 
 
 @pytest.mark.parametrize("name", EVERY)
-def test_viscous_friction_in_every_kind_of_pair(name):
+def test_viscous_friction_in_every_kind_of_joint(name):
     """It takes c times the square of the relative speed, the drives pay for it, and every link stays in balance."""
     mechanism = EVERY[name]
-    rough = replace(mechanism, loads=(*mechanism.loads, Viscous(name="oil", pair="K", coefficient=C)))
+    rough = replace(mechanism, loads=(*mechanism.loads, Viscous(name="oil", joint="K", coefficient=C)))
     if any(len(m.drives) > 1 for m in (mechanism,)) or not isinstance(mechanism.drives[0].law, ConstantSpeed):
         times = np.linspace(0.0, 1.7, 15)
         forces, dry = (solve_forces(solve_motion(compile_mechanism(m), times)) for m in (rough, mechanism))
@@ -138,10 +139,10 @@ def test_viscous_friction_in_every_kind_of_pair(name):
 
 def test_a_weld_has_no_friction():
     m = replace(
-        rack(), links=(*rack().links, link("w")), pairs=(*rack().pairs, Weld(name="W", links=("r", "w"), points=("c", "c")))
+        rack(), links=(*rack().links, link("w")), joints=(*rack().joints, Weld(name="W", links=("r", "w"), points=("c", "c")))
     )
-    with pytest.raises(MechanismError, match="'W' is no pair that moves"):
-        compile_mechanism(replace(m, loads=(Viscous(name="oil", pair="W", coefficient=1.0),)))
+    with pytest.raises(MechanismError, match="'W' is no joint that moves"):
+        compile_mechanism(replace(m, loads=(Viscous(name="oil", joint="W", coefficient=1.0),)))
 
 
 # -- cylinders -----------------------------------------------------------------------------------------------------------
@@ -211,7 +212,7 @@ def test_a_belt_slips_where_its_tensions_differ_too_much():
     """A torque that grows in proportion to the angle reaches the limit at a known place, whatever the frames."""
     most = 200.0 * (np.exp(0.3 * (np.pi - 2 * np.arcsin(0.1 / np.hypot(0.5, 0.2)))) - 1.0)
     ramp = Factor(function=Table(x=(0.0, 2.0, 4.0), y=(0.0, 2.0, 0.0), smooth=False), of="time")
-    m = replace(drum(-most * 0.15, factor=ramp), drives=(Drive(pair="A", law=ConstantSpeed(0.0, 1.0)),))
+    m = replace(drum(-most * 0.15, factor=ramp), drives=(Drive(joint="A", law=ConstantSpeed(0.0, 1.0)),))
     for frames in (9, 31):
         forces = solve_forces(solve_motion(compile_mechanism(m), np.linspace(0.0, 4.0, frames)))
         (event,) = belt_events(forces)
@@ -238,7 +239,7 @@ def test_the_tension_makes_friction_in_the_bearings():
 def test_a_tension_of_no_belt_is_refused():
     m = drum(1.0)
     with pytest.raises(MechanismError, match="'A' is no belt or chain"):
-        compile_mechanism(replace(m, loads=(BeltTension(name="T", pair="A", slack=1.0),)))
+        compile_mechanism(replace(m, loads=(BeltTension(name="T", joint="A", slack=1.0),)))
 
 
 # -- scenes --------------------------------------------------------------------------------------------------------------
@@ -270,20 +271,20 @@ M = { torque = "-20 N m", on = "drum" }
 
 def test_scenes_say_it():
     scene = mechviz.loads(SCENE)
-    pairs, found = {p.name: p for p in scene.mechanism.pairs}, {x.name: x for x in scene.mechanism.loads}
-    assert pairs["C"].friction == Friction(coefficient=0.05, brake=80.0)
-    assert found["T"] == BeltTension(name="T", pair="V", slack=150.0, coefficient=0.35)
+    joints, found = {p.name: p for p in scene.mechanism.joints}, {x.name: x for x in scene.mechanism.loads}
+    assert joints["C"].friction == Friction(coefficient=0.05, brake=80.0)
+    assert found["T"] == BeltTension(name="T", joint="V", slack=150.0, coefficient=0.35)
     assert found["oil"].coefficient == pytest.approx(200.0) and found["air"].coefficient == 3.0
     again = mechviz.loads(scene.to_toml())
     assert again == scene and again.mechanism == scene.mechanism
     defaults = mechviz.loads(SCENE + "\n[friction]\ncoefficient = 0.2\n")
-    assert {p.name: p for p in defaults.mechanism.pairs}["C"].friction.coefficient == 0.05
+    assert {p.name: p for p in defaults.mechanism.joints}["C"].friction.coefficient == 0.05
 
 
 @pytest.mark.parametrize(
     ("old", "new", "words"),
     [
-        ('belt_tension = "V"', 'belt_tension = "B"', "'B' is a revolute pair, no belt or chain."),
+        ('belt_tension = "V"', 'belt_tension = "B"', "'B' is a revolute joint, no belt or chain."),
         ('slack = "150 N", ', "", "'slack' is missing."),
         ('slack = "150 N"', 'slack = "-150 N"', "belts only pull"),
         ("coefficient = 0.35", "coefficient = -0.35", "negative"),
@@ -306,7 +307,7 @@ def test_a_rolling_wheel_and_a_force_on_it():
     m = replace(
         rolling(),
         effects=(),
-        loads=(Viscous(name="oil", pair="K", coefficient=C), Force(name="F", link="a", point="c", vector=(0.0, -1.0))),
+        loads=(Viscous(name="oil", joint="K", coefficient=C), Force(name="F", link="a", point="c", vector=(0.0, -1.0))),
     )
     forces = load(m, [0.0, 0.5], 1.2)
     np.testing.assert_allclose(forces.effort("K"), C * (1.2 / 0.3) / 0.3, rtol=1e-13)

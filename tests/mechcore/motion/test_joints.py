@@ -1,4 +1,4 @@
-"""Every kind of pair: motion against its closed form, forces in balance on every link, power closed."""
+"""Every kind of joint: motion against its closed form, forces in balance on every link, power closed."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def planetary() -> Mechanism:
             wheel("planet", centre=(0.003, -0.002)),
             wheel("ring"),
         ),
-        pairs=(
+        joints=(
             pin("O", "frame", "arm"),
             _at("P", "arm", "P", "planet"),
             _at("S", "arm", "O", "sun"),
@@ -43,7 +43,7 @@ def planetary() -> Mechanism:
             Gear(name="sun-planet", links=("sun", "planet"), carrier="arm", sizes=(20, 30)),
             Gear(name="planet-ring", links=("planet", "ring"), carrier="arm", sizes=(30, 80), internal=True),
         ),
-        drives=(Drive(pair="O", law=ConstantSpeed(0.0, 3.0)),),
+        drives=(Drive(joint="O", law=ConstantSpeed(0.0, 3.0)),),
         effects=("inertia", "gravity"),
         loads=(Torque(name="M", link="sun", moment=-7.0),),
     )
@@ -69,22 +69,22 @@ def gear_train(internal: bool = False) -> Mechanism:
             wheel("pinion", centre=(0.01, 0.0)),
             wheel("gear", mass=4.0, inertia=1.0, centre=(0.0, 0.02), P=(0.05, 0.01)),
         ),
-        pairs=(
+        joints=(
             _at("A", "frame", "A", "pinion"),
             _at("B", "frame", "B", "gear"),
             Gear(name="G", links=("pinion", "gear"), carrier="frame", sizes=(17, 51), internal=internal),
         ),
-        drives=(Drive(pair="A", law=ConstantSpeed(0.0, 1.0)),),
+        drives=(Drive(joint="A", law=ConstantSpeed(0.0, 1.0)),),
         effects=("inertia", "gravity"),
         loads=(Force(name="F", link="gear", point="P", vector=(3.0, -9.0), axes="link"),),
         sketch={"gear": (d, 0.03, 0.4)},
     )
 
 
-def test_a_gear_driven_through_a_pair_named_the_other_way_round():
+def test_a_gear_driven_through_a_joint_named_the_other_way_round():
     """The drive's angle is the frame's against the pinion's here, so the pinion turns against it."""
     m = gear_train()
-    turned = replace(m, pairs=(_at("A", "pinion", "c", "frame", "A"), *m.pairs[1:]))
+    turned = replace(m, joints=(_at("A", "pinion", "c", "frame", "A"), *m.joints[1:]))
     a, b = load(m, THETA, 4.0, 5.0), load(turned, -THETA, -4.0, -5.0)
     np.testing.assert_allclose(b.motion.pose("gear")[:, 2], a.motion.pose("gear")[:, 2], rtol=1e-12)
     np.testing.assert_allclose(b.reaction("G"), a.reaction("G"), rtol=1e-9, atol=1e-9)
@@ -92,7 +92,7 @@ def test_a_gear_driven_through_a_pair_named_the_other_way_round():
 
 
 @pytest.mark.parametrize("internal", [False, True])
-def test_gear_pair_ratio_reactions_and_line_of_action(internal):
+def test_gear_joint_ratio_reactions_and_line_of_action(internal):
     m = gear_train(internal)
     forces = load(m, THETA, 4.0, 5.0)
     sign = 1.0 if internal else -1.0
@@ -113,12 +113,12 @@ def test_gear_pair_ratio_reactions_and_line_of_action(internal):
 
 def test_gears_that_cannot_mesh_are_refused():
     m = gear_train(internal=True)
-    wrong = tuple(replace(p, sizes=(51, 17)) if isinstance(p, Gear) else p for p in m.pairs)
+    wrong = tuple(replace(p, sizes=(51, 17)) if isinstance(p, Gear) else p for p in m.joints)
     with pytest.raises(MechanismError, match="cannot mesh"):
-        compile_mechanism(replace(m, pairs=wrong))
-    lost = tuple(replace(p, carrier="gear") if isinstance(p, Gear) else p for p in m.pairs)
+        compile_mechanism(replace(m, joints=wrong))
+    lost = tuple(replace(p, carrier="gear") if isinstance(p, Gear) else p for p in m.joints)
     with pytest.raises(MechanismError, match="not pinned to"):
-        compile_mechanism(replace(m, pairs=lost))
+        compile_mechanism(replace(m, joints=lost))
 
 
 def test_gear_with_pins_off_its_axis_needs_its_phase():
@@ -133,7 +133,7 @@ def test_gear_with_pins_off_its_axis_needs_its_phase():
             Link(name="rod", points={"P": (0.0, 0.0), "S": (0.2, 0.0)}),
             Link(name="s", points={"S": (0.0, 0.0)}),
         ),
-        pairs=(
+        joints=(
             _at("A", "f", "A", "a"),
             _at("B", "f", "B", "b"),
             Gear(name="G", links=("a", "b"), carrier="f", sizes=(1, 1)),
@@ -141,7 +141,7 @@ def test_gear_with_pins_off_its_axis_needs_its_phase():
             pin("S", "rod", "s"),
             Prismatic(name="T", links=("f", "s"), points=("A", "S")),
         ),
-        drives=(Drive(pair="A", law=ConstantSpeed(0.0, 1.0)),),
+        drives=(Drive(joint="A", law=ConstantSpeed(0.0, 1.0)),),
         modes={"T": "ahead"},
     )
     with pytest.raises(MechanismError, match="how 'b' stands at the start"):
@@ -157,12 +157,12 @@ def test_belt_ratio_and_that_it_only_pulls(crossed, moment):
         name="belt",
         frame="frame",
         links=(Link(name="frame", points={"A": (0.0, 0.0), "B": (0.5, 0.2)}), wheel("a"), wheel("b", inertia=0.0, mass=0.0)),
-        pairs=(
+        joints=(
             _at("A", "frame", "A", "a"),
             _at("B", "frame", "B", "b"),
             Belt(name="V", links=("a", "b"), carrier="frame", radii=(0.05, 0.15), crossed=crossed),
         ),
-        drives=(Drive(pair="A", law=ConstantSpeed(0.0, 1.0)),),
+        drives=(Drive(joint="A", law=ConstantSpeed(0.0, 1.0)),),
         loads=(Torque(name="M", link="b", moment=moment),),
         effects=("gravity",),
     )
@@ -185,12 +185,12 @@ def test_rack_and_pinion(side, guide):
             wheel("pinion", centre=(0.01, 0.0)),
             Link(name="rack", points={"R": (0.0, 0.0)}, mass=3.0, centre=(0.1, 0.01)),
         ),
-        pairs=(
+        joints=(
             _at("A", "frame", "A", "pinion"),
             Prismatic(name="S", links=("frame", "rack"), points=("G", "R"), along=(1.0, 0.0), guide=guide),
             Rack(name="Z", links=("pinion", "rack"), slider="S", radius=0.04, side=side),
         ),
-        drives=(Drive(pair="A", law=ConstantSpeed(0.0, 1.0)),),
+        drives=(Drive(joint="A", law=ConstantSpeed(0.0, 1.0)),),
         effects=("inertia", "gravity"),
         loads=(Force(name="F", link="rack", point="R", vector=(-20.0, 0.0)),),
     )
@@ -211,12 +211,12 @@ def test_wheel_rolls_without_slipping(side):
             wheel("wheel", centre=(0.02, 0.01), rim=(0.0, -0.1)),
             Link(name="cart", points={"c": (0.0, 0.0)}, mass=1.0),
         ),
-        pairs=(
+        joints=(
             Rolling(name="W", links=("frame", "wheel"), points=("O", "c"), radius=0.1, side=side),
             pin("c", "cart", "wheel"),
             Prismatic(name="S", links=("frame", "cart"), points=("O", "c")),
         ),
-        drives=(Drive(pair="S", law=ConstantSpeed(0.0, 1.0, travel=1.0)),),
+        drives=(Drive(joint="S", law=ConstantSpeed(0.0, 1.0, travel=1.0)),),
         effects=("inertia", "gravity"),
     )
     forces = load(m, THETA / 10, 0.5, 0.3)
@@ -241,8 +241,8 @@ def test_crank_and_rod_roll_a_wheel():
     m = replace(
         base,
         links=(*base.links[:3], wheel("wheel", mass=3.0, inertia=0.01, centre=(0.02, 0.01))),
-        pairs=(
-            *base.pairs[:2],
+        joints=(
+            *base.joints[:2],
             _at("C", "rod", "C", "wheel"),
             Rolling(name="W", links=("frame", "wheel"), points=("G", "c"), radius=0.1),
         ),
@@ -269,12 +269,12 @@ def test_pin_in_slot_is_the_shaper():
             Link(name="crank", points={"O": (0.0, 0.0), "A": (0.05, 0.0)}),
             Link(name="lever", points={"B": (0.0, 0.0)}, mass=2.0, centre=(0.1, 0.0), inertia=0.02),
         ),
-        pairs=(
+        joints=(
             pin("O", "frame", "crank"),
             pin("B", "frame", "lever"),
             PinSlot(name="A", links=("lever", "crank"), points=("B", "A")),
         ),
-        drives=(Drive(pair="O", law=ConstantSpeed(0.0, 1.0)),),
+        drives=(Drive(joint="O", law=ConstantSpeed(0.0, 1.0)),),
         effects=("inertia", "gravity"),
         modes={"A": "ahead"},
     )
@@ -302,7 +302,7 @@ def test_weld_carries_a_couple_and_moves_as_one():
     m = replace(
         base,
         links=(*base.links[:2], coupler, base.links[3], plate),
-        pairs=(*base.pairs, Weld(name="W", links=("coupler", "plate"), points=("W", "W"), angle=0.5)),
+        joints=(*base.joints, Weld(name="W", links=("coupler", "plate"), points=("W", "W"), angle=0.5)),
     )
     forces = load(m, THETA, 5.0, 3.0)
     np.testing.assert_allclose(forces.motion.pose("plate")[:, 2] - forces.motion.pose("coupler")[:, 2], 0.5, rtol=1e-12)
@@ -319,8 +319,8 @@ def test_cylinder_lifts_a_boom():
             Link(name="frame", points={"O": (0.0, 0.0), "P": (0.5, -0.3)}),
             Link(name="boom", points={"O": (0.0, 0.0), "Q": (0.9, 0.1)}, mass=40.0, centre=(1.0, 0.0), inertia=9.0),
         ),
-        pairs=(pin("O", "frame", "boom"), Cylinder(name="C", links=("frame", "boom"), points=("P", "Q"))),
-        drives=(Drive(pair="C", law=Oscillation(0.7, 0.2, 0.5)),),
+        joints=(pin("O", "frame", "boom"), Cylinder(name="C", links=("frame", "boom"), points=("P", "Q"))),
+        drives=(Drive(joint="C", law=Oscillation(0.7, 0.2, 0.5)),),
         effects=("inertia", "gravity"),
         sketch={"boom": (0.0, 0.0, 0.4)},
     )
@@ -345,8 +345,8 @@ def test_geared_five_bar_with_a_gear_on_the_coupler():
     direct = replace(
         base,
         links=(*base.links[:2], coupler, base.links[3], tip),
-        pairs=(
-            *base.pairs,
+        joints=(
+            *base.joints,
             _at("i", "coupler", "M", "idler"),
             Gear(name="G", links=("crank", "idler"), carrier="coupler", sizes=(20, 40)),
         ),
@@ -378,7 +378,7 @@ def test_two_mechanisms_coupled_by_a_gear():
     m = replace(
         a,
         links=(frame, *(replace(x, mass=1.0, inertia=0.01) for x in a.links[1:]), *(replace(x, mass=2.0, inertia=0.02) for x in b)),
-        pairs=(*a.pairs, *map(second, a.pairs), Gear(name="G", links=("crank", "crank2"), carrier="frame", sizes=(20, 40))),
+        joints=(*a.joints, *map(second, a.joints), Gear(name="G", links=("crank", "crank2"), carrier="frame", sizes=(20, 40))),
         modes={"S": "ahead", "S2": "ahead"},
         sketch={"crank2": (0.0, 0.3, 0.7)},
         effects=("inertia", "gravity"),
@@ -391,10 +391,10 @@ def test_two_mechanisms_coupled_by_a_gear():
     sound(forces)
 
 
-def test_a_drive_on_a_gear_pair_is_refused():
+def test_a_drive_on_a_gear_joint_is_refused():
     m = gear_train()
     with pytest.raises(MechanismError, match="no coordinate that a drive could prescribe"):
-        compile_mechanism(replace(m, drives=(Drive(pair="G", law=ConstantSpeed(0.0, 1.0)),)))
+        compile_mechanism(replace(m, drives=(Drive(joint="G", law=ConstantSpeed(0.0, 1.0)),)))
 
 
 @pytest.mark.parametrize(
@@ -405,7 +405,7 @@ def test_a_drive_on_a_gear_pair_is_refused():
     ],
     ids=["planetary", "gears"],
 )
-def test_mobility_counts_gears_as_higher_pairs(mechanism, formula):
+def test_mobility_counts_gears_as_higher_joints(mechanism, formula):
     from mechcore.motion.structure import gruebler, rank_mobility
 
     motion = move(mechanism, [0.3])
@@ -413,7 +413,7 @@ def test_mobility_counts_gears_as_higher_pairs(mechanism, formula):
     assert gruebler(motion.model)[:3] == (n, p5, p4)
     assert (
         gruebler(motion.model)[3]
-        == 3 * n - 2 * p5 - p4 - 3 * sum(isinstance(p, Weld) for p in mechanism.pairs)
+        == 3 * n - 2 * p5 - p4 - 3 * sum(isinstance(p, Weld) for p in mechanism.joints)
         == (w if w >= 0 else 3 * 4 - 2 * 4 - 2 - 3)
     )
     assert rank_mobility(motion) == 1
@@ -430,12 +430,12 @@ def test_mobility_of_slots_racks_and_rolling():
             Link(name="crank", points={"O": (0.0, 0.0), "A": (0.05, 0.0)}),
             Link(name="lever", points={"B": (0.0, 0.0)}),
         ),
-        pairs=(
+        joints=(
             pin("O", "frame", "crank"),
             pin("B", "frame", "lever"),
             PinSlot(name="A", links=("lever", "crank"), points=("B", "A")),
         ),
-        drives=(Drive(pair="O", law=ConstantSpeed(0.0, 1.0)),),
+        drives=(Drive(joint="O", law=ConstantSpeed(0.0, 1.0)),),
         modes={"A": "ahead"},
     )
     rack = Mechanism(
@@ -446,23 +446,23 @@ def test_mobility_of_slots_racks_and_rolling():
             wheel("pinion"),
             Link(name="rack", points={"R": (0.0, 0.0)}),
         ),
-        pairs=(
+        joints=(
             _at("A", "frame", "A", "pinion"),
             Prismatic(name="S", links=("frame", "rack"), points=("G", "R")),
             Rack(name="Z", links=("pinion", "rack"), slider="S", radius=0.04),
         ),
-        drives=(Drive(pair="A", law=ConstantSpeed(0.0, 1.0)),),
+        drives=(Drive(joint="A", law=ConstantSpeed(0.0, 1.0)),),
     )
     wheeled = Mechanism(
         name="wheel",
         frame="frame",
         links=(Link(name="frame", points={"O": (0.0, 0.1)}), wheel("wheel"), Link(name="cart", points={"c": (0.0, 0.0)})),
-        pairs=(
+        joints=(
             Rolling(name="W", links=("frame", "wheel"), points=("O", "c"), radius=0.1),
             pin("c", "cart", "wheel"),
             Prismatic(name="S", links=("frame", "cart"), points=("O", "c")),
         ),
-        drives=(Drive(pair="S", law=ConstantSpeed(0.0, 1.0, travel=1.0)),),
+        drives=(Drive(joint="S", law=ConstantSpeed(0.0, 1.0, travel=1.0)),),
     )
     for mechanism, counts in ((slot, (2, 2, 1, 1)), (rack, (2, 2, 1, 1)), (wheeled, (2, 3, 0, 0))):
         motion = move(mechanism, [0.3])
@@ -480,8 +480,8 @@ def test_slide_on_a_turning_arm_has_its_coriolis_acceleration():
             Link(name="arm", points={"O": (0.0, 0.0)}),
             Link(name="tool", points={"T": (0.0, 0.0)}, mass=2.0),
         ),
-        pairs=(pin("O", "frame", "arm"), Prismatic(name="S", links=("arm", "tool"), points=("O", "T"))),
-        drives=(Drive(pair="O", law=Oscillation(0.3, 0.8, 0.4)), Drive(pair="S", law=Oscillation(1.0, 0.5, 0.7, 0.2))),
+        joints=(pin("O", "frame", "arm"), Prismatic(name="S", links=("arm", "tool"), points=("O", "T"))),
+        drives=(Drive(joint="O", law=Oscillation(0.3, 0.8, 0.4)), Drive(joint="S", law=Oscillation(1.0, 0.5, 0.7, 0.2))),
         effects=("inertia",),
     )
     forces = solve_forces(solve_motion(compile_mechanism(m), np.linspace(0.0, 2.0, 31)))
@@ -505,15 +505,15 @@ def on_one_shaft(joined: str) -> Mechanism:
         wheel("a"),
         wheel("b"),
     ]
-    pairs = [_at("O", "frame", "O", "arm")]
+    joints = [_at("O", "frame", "O", "arm")]
     if joined == "pins":  # a turns on the shaft, the shaft on the arm, the arm on the frame
-        pairs += [_at("S", "arm", "c", "shaft"), _at("A", "shaft", "c", "a")]
+        joints += [_at("S", "arm", "c", "shaft"), _at("A", "shaft", "c", "a")]
     else:  # a is welded to the shaft, away from the axis
         links[3] = wheel("a", e=(0.05, 0.0))
-        pairs += [_at("A", "arm", "c", "shaft"), Weld(name="W", links=("a", "shaft"), points=("e", "d"))]
-    pairs += [_at("B", "frame", "B", "b"), Gear(name="G", links=("a", "b"), carrier="frame", sizes=(20, 30))]
-    drives = [Drive(pair=p.name, law=ConstantSpeed(0.1, 1.0)) for p in pairs if p.name in ("O", "S", "A")]
-    return Mechanism(name="shaft", frame="frame", links=tuple(links), pairs=tuple(pairs), drives=tuple(drives))
+        joints += [_at("A", "arm", "c", "shaft"), Weld(name="W", links=("a", "shaft"), points=("e", "d"))]
+    joints += [_at("B", "frame", "B", "b"), Gear(name="G", links=("a", "b"), carrier="frame", sizes=(20, 30))]
+    drives = [Drive(joint=p.name, law=ConstantSpeed(0.1, 1.0)) for p in joints if p.name in ("O", "S", "A")]
+    return Mechanism(name="shaft", frame="frame", links=tuple(links), joints=tuple(joints), drives=tuple(drives))
 
 
 @pytest.mark.parametrize(("joined", "speed"), [("pins", 3.0), ("weld", 2.0)])
@@ -529,11 +529,11 @@ def test_wheels_may_share_an_axis_by_way_of_other_links(joined, speed):
 
 def test_a_pin_beside_the_axis_is_not_on_it():
     m = on_one_shaft("pins")
-    beside = tuple(_at("A", "shaft", "d", "a") if p.name == "A" else p for p in m.pairs)
+    beside = tuple(_at("A", "shaft", "d", "a") if p.name == "A" else p for p in m.joints)
     with pytest.raises(
         MechanismError, match=r"'a' is not pinned to 'frame'.* nor to anything on the same axis\. It is pinned to 'shaft'"
     ):
-        compile_mechanism(replace(m, pairs=beside))
+        compile_mechanism(replace(m, joints=beside))
 
 
 @pytest.mark.parametrize(
@@ -547,12 +547,12 @@ def test_belts_that_cannot_fit_are_refused_with_values(radii, crossed, fits):
         name="belt",
         frame="frame",
         links=(Link(name="frame", points={"A": (0.0, 0.0), "B": (0.3, 0.4)}), wheel("a"), wheel("b")),
-        pairs=(
+        joints=(
             _at("A", "frame", "A", "a"),
             _at("B", "frame", "B", "b"),
             Belt(name="V", links=("a", "b"), carrier="frame", radii=radii, crossed=crossed),
         ),
-        drives=(Drive(pair="A", law=ConstantSpeed(0.0, 1.0)),),
+        drives=(Drive(joint="A", law=ConstantSpeed(0.0, 1.0)),),
     )
     if fits:
         compile_mechanism(m)

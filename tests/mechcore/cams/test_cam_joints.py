@@ -1,4 +1,4 @@
-"""Cams as pairs of the core: motion against the law, contact against the profile, forces in balance, faults."""
+"""Cams as joints of the core: motion against the law, contact against the profile, forces in balance, faults."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from mechcore.forces.kinetostatics import solve_forces
 from mechcore.laws.program import Segment, program
 from mechcore.motion.solve import compile_mechanism, solve_motion
 from mechcore.spec.loads import Force
-from mechcore.spec.mechanism import CamPair, Gear, Link, Prismatic, Revolute
+from mechcore.spec.mechanism import CamJoint, Gear, Link, Prismatic, Revolute
 
 
 def solved(mechanism, frames: int = 91):
@@ -127,20 +127,20 @@ def test_a_cam_drives_a_linkage_from_a_geared_shaft_on_a_moving_carrier():
     mechanism = replace(
         FOLLOWERS["roller"],
         links=links,
-        pairs=(
+        joints=(
             Revolute(name="Q", links=("frame", "arm"), points=("Q", "Q")),
             Revolute(name="A", links=("arm", "motor"), points=("A", "A")),
             Revolute(name="O", links=("arm", "cam"), points=("O", "O")),
             Gear(name="Z", links=("motor", "cam"), carrier="arm", sizes=(20.0, 40.0)),
             Prismatic(name="S", links=("arm", "follower"), points=("G", "T"), along=(0.0, 1.0)),
-            CamPair(name="K", links=("cam", "follower"), guide="S", point="T", lift=lift(0.015), face=Roller(0.01), base=0.035),
+            CamJoint(name="K", links=("cam", "follower"), guide="S", point="T", lift=lift(0.015), face=Roller(0.01), base=0.035),
             Revolute(name="E", links=("follower", "coupler"), points=("E", "E")),
             Revolute(name="C", links=("coupler", "lever"), points=("C", "C")),
             Revolute(name="B", links=("arm", "lever"), points=("B", "B")),
         ),
         drives=(
-            replace(FOLLOWERS["roller"].drives[0], pair="A"),
-            replace(FOLLOWERS["roller"].drives[0], pair="Q", law=replace(FOLLOWERS["roller"].drives[0].law, speed=1.3)),
+            replace(FOLLOWERS["roller"].drives[0], joint="A"),
+            replace(FOLLOWERS["roller"].drives[0], joint="Q", law=replace(FOLLOWERS["roller"].drives[0].law, speed=1.3)),
         ),
         modes={"C": "right"},
         loads=(Force(name="F", link="lever", point="C", vector=(30.0, 10.0)),),
@@ -157,7 +157,7 @@ def test_a_cam_drives_a_linkage_from_a_geared_shaft_on_a_moving_carrier():
 
 def _cam(**change):
     m = FOLLOWERS["knife"]
-    return replace(m, pairs=(*m.pairs[:-1], replace(m.pairs[-1], **change)))
+    return replace(m, joints=(*m.joints[:-1], replace(m.joints[-1], **change)))
 
 
 # -- faults ---------------------------------------------------------------------------------------------------------------
@@ -180,7 +180,7 @@ def _cam(**change):
         ),
         (wedge(Flat()), "flat face slides"),
         (_cam(point="X"), "no point 'X'.*T, E"),
-        (_cam(guide="O"), "no revolute or prismatic pair of 'follower'"),
+        (_cam(guide="O"), "no revolute or prismatic joint of 'follower'"),
         (translating(Knife(), lift=program([Segment(2.0, 0.01), Segment(2 * np.pi - 2.0)])), "higher than before"),
     ],
 )
@@ -200,7 +200,7 @@ def test_a_follower_cannot_drive_its_cam():
     m = FOLLOWERS["roller"]
     law = replace(m.drives[0].law, speed=0.01, travel=0.01)
     with pytest.raises(MechanismError, match="the follower drives the cam"):
-        compile_mechanism(replace(m, drives=(replace(m.drives[0], pair="S", law=law),)))
+        compile_mechanism(replace(m, drives=(replace(m.drives[0], joint="S", law=law),)))
 
 
 def test_one_freedom_with_and_without_a_dwell():

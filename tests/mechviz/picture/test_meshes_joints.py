@@ -14,7 +14,7 @@ from shapely import affinity
 from solid_checks import FRAMES, check_shapes, in_world, meeting_links, moved, placed, section
 
 import mechviz
-from mechcore.joints.parts import build_pairs
+from mechcore.joints.parts import build_joints
 from mechcore.spec.mechanism import Mechanism
 from mechviz.meshes.kinds.teeth import ADDENDUM, BACKLASH, DEDENDUM, external_wheel, rack_teeth, ring_teeth
 from mechviz.meshes.model import build_model
@@ -369,8 +369,8 @@ def test_what_is_welded_to_the_ground_stands_on_it(built):
 @pytest.mark.parametrize(("name", "lever", "pin"), [("slotted-lever", "lever", "crank"), ("pin_on_the_frame", "rod", "frame")])
 def test_the_slot_is_as_long_as_the_way_of_its_pin(built, name, lever, pin):
     spec, poses, solids = built(name)
-    pair = next(p for p in spec.pairs if p.name in ("A", "S") and type(p).__name__ == "PinSlot")
-    where = dict(zip(pair.links, pair.points, strict=True))
+    joint = next(p for p in spec.joints if p.name in ("A", "S") and type(p).__name__ == "PinSlot")
+    where = dict(zip(joint.links, joint.points, strict=True))
     local = {link.name: link.points for link in spec.links}[pin][where[pin]]
     (plate,) = parts_of(solids, lever, "plate")
     z = plate.bounds[:, 2].mean() / solids.size
@@ -412,7 +412,7 @@ def test_round_parts_have_openings_by_which_their_turning_shows(built, name):
 def test_every_link_that_the_core_knows_has_a_solid(built):
     for name in ("excavator-arm", "planetary-gear", "belt-drive"):
         spec, _, solids = built(name)
-        assert set(solids.links) == set(build_pairs(spec).links)
+        assert set(solids.links) == set(build_joints(spec).links)
 
 
 def test_a_cylinder_whose_stroke_is_too_long_for_one_barrel_is_drawn_and_reported():
@@ -424,11 +424,11 @@ def test_a_cylinder_whose_stroke_is_too_long_for_one_barrel_is_drawn_and_reporte
     rod, barrel = parts_of(solids, "C.rod", "rod")[0], parts_of(solids, "C.barrel", "barrel")[0]
     longest = max(np.hypot(*(poses["C.rod"] - poses["C.barrel"])[:, :2].T))
     assert longest + rod.bounds[0, 0] < barrel.bounds[1, 0], "the rod never leaves its barrel"
-    assert any("C.rod" in pair for pair in solids.clashes)
+    assert any("C.rod" in joint for joint in solids.clashes)
 
 
 def own_cylinder(order: tuple[str, str], driven: bool, **points: tuple[float, float]):
-    """A boom on a cylinder made of two links and a sliding pair, in either order; ``points`` of the barrel beside its pin."""
+    """A boom on a cylinder made of two links and a sliding joint, in either order; ``points`` of the barrel beside its pin."""
     b = scene("own cylinder").link("frame", O=(0, 0), P=(200, -250)).link("boom", O=(0, 0), Q=(250, 60), E=(500, 0))
     b.link("barrel", P=(0, 0), **points).link("rod", Q=(0, 0), **{f"{name}r": (-x, y) for name, (x, y) in points.items()})
     swing: Mapping[str, Any] = {"oscillation": {"centre": 20, "amplitude": 15, "frequency": 1}}
