@@ -262,3 +262,7 @@ def test_inspect_tells_peaks_of_the_motion_and_of_studies(tmp_path: Path):
     assert studies["force shaking"] == pytest.approx(np.hypot(*run.studies.shaking.force.T).max(), rel=1e-12)
     assert studies["force shaking balanced"] < 0.5 * studies["force shaking"]
     assert "Peaks of the motion" in format_inspection(found) and "Peaks of the studies" in format_inspection(found)
+    turned = run_scene(load("substitute-masses"), frames=60)  # forces along both axes
+    write_recording(turned, tmp_path / "b.rrd")
+    force = next(peak for peak in inspect(tmp_path / "b.rrd").studies if peak.item == "force link.substitutes")
+    assert force.value == pytest.approx(np.hypot(*turned.studies.substitutes["link"].force.T).max(), rel=1e-12)
