@@ -122,6 +122,7 @@ def contacts(rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
 def test_impulses_push_only_where_contacts_leave_with_the_least_speed_whatever_their_order():
     """The conditions of Moreau, and no energy comes from nowhere; without restitution there is always a solution."""
     rng = np.random.default_rng(5)
+    shared = 0
     for _ in range(300):
         mobility, rates = contacts(rng)
         c = len(rates)
@@ -136,10 +137,16 @@ def test_impulses_push_only_where_contacts_leave_with_the_least_speed_whatever_t
             np.testing.assert_allclose(push * after, 0.0, atol=1e-9 * push.max(initial=1.0))
         elif np.linalg.matrix_rank(mobility) == c == (rates < 0.0).sum() and np.ptp(e) == 0.0:
             np.testing.assert_allclose(push * (after + e * rates), 0.0, atol=1e-9 * push.max(initial=1.0))
+        elif np.linalg.matrix_rank(mobility) == c and (rates < 0.0).any():  # own, smallest or none
+            closing, smallest = np.maximum(-rates, 0.0), e[rates < 0.0].min()
+            kept = [np.abs(push * (after - k * closing)).max() <= 1e-9 * push.max() * closing.max() for k in (e, smallest, 0.0)]
+            assert any(kept)
+            shared += kept[1] and not kept[0]
         mixed = rng.permutation(c)
         again = impact(mobility[np.ix_(mixed, mixed)], rates[mixed], e[mixed], np.zeros(c, bool))
         assert again is not None
         np.testing.assert_allclose(rates[mixed] + mobility[np.ix_(mixed, mixed)] @ again[0], after[mixed], atol=1e-9)
+    assert shared  # a case in which the smallest has to hold for all
 
 
 @pytest.mark.parametrize("angle", np.linspace(0.2, 1.4, 7))
