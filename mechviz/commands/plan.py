@@ -1,4 +1,4 @@
-"""``mechviz plan``: what will be computed for a scene."""
+"""``mechviz plan``: what will be computed for a scene. Apart from `scene`, whose commands run nothing and load less."""
 
 from __future__ import annotations
 

@@ -1,8 +1,9 @@
-"""A few lines of script for the page: its title, keys that would otherwise do two things at once, names for screen readers."""
+"""Script for the page: its title and layout, keys that would otherwise do two things at once, names for screen readers."""
 
 from __future__ import annotations
 
 import json
+from importlib.resources import files
 
 import viser
 
@@ -142,3 +143,15 @@ def open_tab(client: viser.ClientHandle | None, name: str) -> None:
     """Open a tab in one browser: viser has no call for it."""
     if client is not None:
         run_script(client, OPEN_TAB.replace("NAME", json.dumps(name)), "open tab")
+
+
+# the timeline as a strip below the picture, a drawer on phones
+LAYOUT = """{ let own = document.getElementById("mechviz-layout");
+  if (!own) { own = document.createElement("style"); own.id = "mechviz-layout"; document.head.append(own); }
+  own.textContent = STYLE; }"""
+
+
+def lay_out(server: viser.ViserServer) -> None:
+    """Give the page of every browser, now and later, the layout of ``layout.css``."""
+    style = files(__package__).joinpath("layout.css").read_text(encoding="utf-8")
+    run_script(server, LAYOUT.replace("STYLE", json.dumps(style)), "layout")

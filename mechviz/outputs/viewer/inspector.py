@@ -12,9 +12,8 @@ from typing import Any
 import viser
 
 from mechviz.outputs.viewer import words
-from mechviz.outputs.viewer.browser import open_tab
+from mechviz.outputs.viewer.browser import lay_out, open_tab
 from mechviz.outputs.viewer.callbacks import Callback
-from mechviz.outputs.viewer.layout import lay_out
 from mechviz.outputs.viewer.panels.accuracy import AccuracyTab
 from mechviz.outputs.viewer.panels.controls import Controls
 from mechviz.outputs.viewer.panels.detail import DetailPanel, items_of
