@@ -1,4 +1,4 @@
-"""What all commands share: messages, exit codes, interruptions, progress bars. Loads neither numpy nor what reads scenes."""
+"""Shared by all commands: messages, exit codes, interruptions, progress bars. Loads neither numpy nor what reads scenes."""
 
 from __future__ import annotations
 

@@ -13,7 +13,7 @@ from mechcore.laws.curve import MotionCurve, Piece
 from mechcore.spec.mechanism import CamJoint, Prismatic
 
 _KEYS = {"base": "base", "lift": "lift", "radius": "face.radius"}
-"""What a cam's geometry calls what a `CamJoint` states."""
+"""Names of a cam's geometry for the fields of a `CamJoint`."""
 
 Terms = tuple[tuple[str, float], ...]
 

@@ -1,4 +1,4 @@
-"""What a mechanism is made of: mobility, structural groups (Assur), loops. Answers for people, from the compiled model."""
+"""Structure of a mechanism: mobility, structural groups (Assur), loops. Answers for people, from the compiled model."""
 
 from __future__ import annotations
 
@@ -48,13 +48,13 @@ def rank_mobility(motion: Motion, frame: int = 0, *, tolerance: float = 1e-9) ->
     counted without their constraints, so that long chains cost nothing.
     """
     model = motion.model
-    hanging = _hanging(model)
-    freedoms = sum(model.joints[j].freedoms for j in hanging)
-    column = {k: 3 * i for i, k in enumerate(k for k in range(len(model.links)) if k not in hanging.values())}
+    leaves = _leaf_links(model)
+    freedoms = sum(model.joints[j].freedoms for j in leaves)
+    column = {k: 3 * i for i, k in enumerate(k for k in range(len(model.links)) if k not in leaves.values())}
     n = len(column) - 1
     rows = []
     for j, (joint, (p, q)) in enumerate(zip(model.joints, model.ends, strict=True)):
-        if j in hanging:
+        if j in leaves:
             continue
         block = np.zeros((2, 3 * (n + 1)))
         for k, side, sign in ((p, 0, 1.0), (q, 1, -1.0)):
@@ -79,7 +79,7 @@ def rank_mobility(motion: Motion, frame: int = 0, *, tolerance: float = 1e-9) ->
     return freedoms + int(3 * n - (s > tolerance * s[0]).sum())
 
 
-def _hanging(model: Model) -> dict[int, int]:
+def _leaf_links(model: Model) -> dict[int, int]:
     """Links that hang on one joint alone, when those that hang on them are taken away, by the numbers of these joints."""
     bound = {0} | {model.index[link] for r in model.relations for link, _ in (*r.angles, *(r.curve.angles if r.curve else ()))}
     slides = [j for t in model.constraints for j, _ in (*t.slides, *(t.curve.slides if t.curve else ()))]

@@ -1,4 +1,4 @@
-"""What can be asked for beside motion, forces and answers; `mechcore.constructions.studies` works it out."""
+"""Studies: requests beside motion, forces and answers; `mechcore.constructions.studies` works it out."""
 
 from __future__ import annotations
 

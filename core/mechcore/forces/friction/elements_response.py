@@ -1,4 +1,4 @@
-"""What joints transmit under the loads and under a unit of friction at every element: the linear part of the problem."""
+"""Joint forces under the loads and under a unit of friction at every element: the linear part of the problem."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the bearing of a sliding joint carries: forces at its two ends, or a pressure that is linear along it.
+"""Loads on the bearing of a sliding joint: forces at its two ends, or a pressure that is linear along it.
 
 The bearing's length and place are those of the joint's friction (`mechcore.spec.mechanism.Friction`), whether it rubs or not.
 """
