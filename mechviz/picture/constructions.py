@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from mechcore.constructions.funicular import Funicular
+from mechcore.constructions.force_polygons import Funicular
 from mechcore.constructions.polygons import Edge, Plan
 
 if TYPE_CHECKING:

@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING, Any
 from mechcore.errors import Fault
 from mechcore.motion.motion import Motion
 from mechcore.motion.solve import compile_mechanism, default_times, solve_motion
-from mechcore.reduction.balancing import Counterweight, counterweights, find_linkage
-from mechcore.reduction.shaking import Shaking, shaking
+from mechcore.reduction.balancing import Counterweight, Shaking, counterweights, find_linkage, shaking
 from mechviz.scene.faults import SceneError, in_scene_words
 
 if TYPE_CHECKING:

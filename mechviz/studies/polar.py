@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechcore.motion.motion import Motion
-from mechcore.reduction.shaking import Shaking, shaking
+from mechcore.reduction.balancing import Shaking, shaking
 from mechviz.figures import COLOURS, chart, save_chart
 from mechviz.files import OutputError
 

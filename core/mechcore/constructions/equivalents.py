@@ -9,19 +9,17 @@ action touches the base circles. A pin in a slot: its block.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
-from mechcore.arrays import Complex
+from mechcore.arrays import Complex, Plane
 from mechcore.cams.equivalent import equivalent_linkage
 from mechcore.cams.followers import Flat, Oscillating
+from mechcore.constructions.polygons import frames_of
 from mechcore.errors import Fault, MechanismError
 from mechcore.forces.kinetostatics import Forces
 from mechcore.motion.motion import Motion
 from mechcore.spec.mechanism import CamJoint, Gear, PinSlot, Rack
-
-Array = Any
 
 REPLACED = (CamJoint, Gear, Rack, PinSlot)
 """Kinds of joints that have an equivalent linkage."""
@@ -58,8 +56,8 @@ def equivalent(motion: Motion, joint: str, forces: Forces | None = None) -> Equi
         return _cam(motion, spec)
     if isinstance(spec, PinSlot):
         j = motion.model.joint_index[joint]
-        place = _rows(motion, motion.joint_point(j))
-        return Equivalent(joint, {"": place}, (), (Block(place, _rows(motion, motion.guide(j))),))
+        place = frames_of(motion.joint_point(j), motion.frames)
+        return Equivalent(joint, {"": place}, (), (Block(place, frames_of(motion.guide(j), motion.frames)),))
     return _teeth(motion, spec, forces)
 
 
@@ -77,13 +75,13 @@ def _cam(motion: Motion, joint: CamJoint) -> Equivalent:
     if isinstance(guide, Oscillating):
         place["P"] = np.full_like(found.centre, guide.pivot)
         bars.append(("T", "P"))
-    pins = {name: _rows(motion, placed.place(motion, z)) for name, z in place.items()}
+    pins = {name: frames_of(placed.place(motion, z), motion.frames) for name, z in place.items()}
     world = placed.axes * motion.rotation(motion.model.index[placed.carrier])
-    along = _rows(motion, 1j * s.ground_normal * world)
+    along = frames_of(1j * s.ground_normal * world, motion.frames)
     straight = np.isnan(found.centre)
     blocks = [Block(pins["T"], np.where(flat | straight, along, np.nan))]
     if placed.cam.wedge:  # it moves straight on: its centre of curvature is pinned to a block on its bed
-        blocks.append(Block(pins["K"], np.where(straight, np.nan, _rows(motion, world))))
+        blocks.append(Block(pins["K"], np.where(straight, np.nan, frames_of(world, motion.frames))))
     return Equivalent(joint.name, pins, tuple(bars), tuple(b for b in blocks if np.isfinite(b.along).any()))
 
 
@@ -95,7 +93,7 @@ def _teeth(motion: Motion, joint: Gear | Rack, forces: Forces | None) -> Equival
         side = 1.0 if joint.side == "left" else -1.0
         tangent = line * np.exp(1j * side * joint.pressure_angle)
         across = -1j * side * tangent  # from the pinion's axis to the pitch point
-        first: Array = pitch - joint.radius * across
+        first: Plane = pitch - joint.radius * across
     else:
         across = line * np.exp(1j * (joint.pressure_angle - 0.5 * np.pi))
         tangent = 1j * across
@@ -109,17 +107,13 @@ def _teeth(motion: Motion, joint: Gear | Rack, forces: Forces | None) -> Equival
     if isinstance(joint, Rack):  # its flank is straight: the rod's end slides along it
         pins["C"] = pitch
         bars: tuple[tuple[str, str], ...] = (("O1", "N1"), ("N1", "C"))
-        blocks: tuple[Block, ...] = (Block(_rows(motion, pitch), _rows(motion, 1j * line)),)
+        blocks: tuple[Block, ...] = (Block(frames_of(pitch, motion.frames), frames_of(1j * line, motion.frames)),)
     else:
         pins |= {"N2": _foot(second, pitch, line), "O2": second}
         bars, blocks = (("O1", "N1"), ("N1", "N2"), ("N2", "O2")), ()
-    return Equivalent(joint.name, {name: _rows(motion, z) for name, z in pins.items()}, bars, blocks)
+    return Equivalent(joint.name, {name: frames_of(z, motion.frames) for name, z in pins.items()}, bars, blocks)
 
 
-def _foot(point: Array, on: Array, along: Array) -> Array:
+def _foot(point: Plane, on: Plane, along: Plane) -> Plane:
     """Foot of the perpendicular from a point to a line."""
     return on + np.real(np.conj(along) * (point - on)) * along
-
-
-def _rows(motion: Motion, z: Array) -> Complex:
-    return np.array(np.broadcast_to(np.asarray(z, complex), (motion.frames,)))

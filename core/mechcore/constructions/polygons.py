@@ -1,4 +1,4 @@
-"""What all graphical constructions are made of: vectors laid end to end, and the places where they are meant to meet.
+"""Polygons of vectors laid end to end, of which graphical constructions are made, and the places where they are meant to meet.
 
 Values are in the quantity's own unit (m/s, m/s^2, N); whoever draws them chooses a scale. Plane vectors are complex, (F,) each.
 """
@@ -6,21 +6,20 @@ Values are in the quantity's own unit (m/s, m/s^2, N); whoever draws them choose
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from mechcore.arrays import Complex, Real
-
-EDGE_KINDS = (
-    "absolute", "relative", "normal", "tangential", "coriolis", "sliding",
-    "reaction", "reaction normal", "reaction tangential", "inner", "load", "inertia", "gravity", "resultant", "ray",
-)  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False)
 class Edge:
-    """A vector (F,) drawn from ``start`` (F,), with the name that stands at it."""
+    """A vector (F,) drawn from ``start`` (F,), with the name that stands at it.
+
+    ``kind``: "absolute", "relative", "normal", "tangential", "coriolis", "sliding" of motions; "reaction", "reaction normal",
+    "reaction tangential", "inner", "load", "inertia", "gravity", "resultant", "ray" of forces.
+    """
 
     name: str
     kind: str
@@ -36,9 +35,8 @@ class Edge:
 class Plan:
     """A polygon of vectors over all frames.
 
-    ``images``: named corners (F,). ``gap`` (F,): the largest distance between where a chain of sides ends and where it has
-    to end, in the
-    plan's ``unit``.
+    ``images``: named corners (F,). ``gap`` (F,): the largest distance between where a chain of sides ends and where it has to end,
+    in the plan's ``unit``.
     """
 
     name: str
@@ -66,6 +64,6 @@ def largest_side(edges: tuple[Edge, ...], frames: int) -> Real:
     return longest
 
 
-def frames_of(value: Any, frames: int) -> Complex:
+def frames_of(value: ArrayLike, frames: int) -> Complex:
     """A value over all frames, complex."""
     return np.array(np.broadcast_to(np.asarray(value, complex), (frames,)))

@@ -7,15 +7,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from typing import Any
 
 import numpy as np
 
 from mechcore.arrays import Real
 from mechcore.constructions.centrodes import Polodes, polodes
 from mechcore.constructions.equivalents import Equivalent, equivalent
-from mechcore.constructions.force_polygon import force_plans
-from mechcore.constructions.funicular import Funicular, funicular
+from mechcore.constructions.force_polygons import Funicular, force_plans, funicular
 from mechcore.constructions.motion_polygons import acceleration_plan, velocity_plan
 from mechcore.constructions.polygons import Plan
 from mechcore.errors import Fault, MechanismError
@@ -23,10 +21,9 @@ from mechcore.forces.acting import acting_on
 from mechcore.forces.kinetostatics import Forces
 from mechcore.forces.sections.section_forces import SectionForces, all_sections
 from mechcore.motion.motion import Motion
-from mechcore.reduction.balancing import Counterweight, counterweights, find_linkage, with_counterweights
+from mechcore.reduction.balancing import Counterweight, Shaking, counterweights, find_linkage, shaking, with_counterweights
 from mechcore.reduction.bodies import acceleration_field
 from mechcore.reduction.reduced import Reduced, reduce_mechanism
-from mechcore.reduction.shaking import Shaking, shaking
 from mechcore.reduction.substitute import PointMass, Substitution, static_replacement, substitute_masses
 from mechcore.reduction.systems import Resultant, reduce_to, resultant
 from mechcore.spec.studies import ShakingStudy, SubstituteStudy, SystemStudy
@@ -194,6 +191,6 @@ def _shaken(result: StudyResults, study: ShakingStudy, motion: Motion) -> StudyR
     better = {link.name: link for link in with_counterweights(motion.mechanism, weights).links}
     masses: list[tuple[float, complex, float]] = []
     for name, known in zip(motion.model.links, motion.model.masses, strict=True):
-        link: Any = better.get(name)
+        link = better.get(name)
         masses.append(known if link is None else (link.mass, complex(*link.centre), link.inertia))
     return replace(result, shaking=own, balanced=shaking(motion, study.about, masses), weights=weights)

@@ -1,4 +1,4 @@
-"""Counterweights that balance the shaking force of a four-bar fully and of a slider-crank in part.
+"""Shaking force and moment on the frame; counterweights that balance the force of four-bars, and of slider-cranks in part.
 
 Four-bar (R. S. Berkof and G. G. Lowen, 1969): with the loop closed, the sum of m r_S over the links is a constant plus one
 multiple of the crank's vector and one of the rocker's; counterweights on these two links take both multiples to zero, for any
@@ -8,12 +8,81 @@ that go to and fro (the rod divided by its centre of mass between crank pin and 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
+import numpy as np
+from numpy.typing import ArrayLike
+
+from mechcore.arrays import Plane, Real, Values
 from mechcore.errors import Fault, MechanismError
+from mechcore.kinematics.dyads import cross
+from mechcore.motion.motion import Motion
 from mechcore.reduction.bodies import Body, combine
 from mechcore.spec.mechanism import Link, Mechanism, Prismatic, Revolute
 from mechcore.texts import as_length
+
+
+@dataclass(frozen=True, eq=False)
+class Shaking:
+    """``force`` (F, 2) [N] and ``moment`` (F,) [N m] about ``about`` [m], on the frame.
+
+    ``single``: the largest inertia force of a single link in the run [N], against which what is left of a balance is judged.
+    """
+
+    force: Real
+    moment: Real
+    about: tuple[float, float]
+    single: float = 0.0
+
+    @property
+    def magnitude(self) -> Real:
+        return np.hypot(self.force[:, 0], self.force[:, 1])
+
+    @property
+    def peak(self) -> float:
+        """Largest shaking force [N]."""
+        return float(np.nanmax(self.magnitude, initial=0.0))
+
+    @property
+    def rms(self) -> float:
+        """Root mean square of the shaking force over the frames (the last, which closes a cycle, left out) [N]."""
+        return _rms(self.magnitude)
+
+    @property
+    def peak_moment(self) -> float:
+        return float(np.nanmax(np.abs(self.moment), initial=0.0))
+
+    @property
+    def rms_moment(self) -> float:
+        return _rms(self.moment)
+
+
+def _rms(values: Real) -> float:
+    used = values[:-1] if len(values) > 1 else values
+    return float(np.sqrt(np.nanmean(used**2)))
+
+
+def shaking(motion: Motion, about: ArrayLike = (0.0, 0.0), masses: Sequence[tuple[float, complex, float]] | None = None) -> Shaking:
+    """Shaking force -sum m a_S and shaking moment sum (r x (-m a_S) - J_S alpha) about a fixed point, over all moving links.
+
+    ``masses``: (mass, centre, J_S) of every link, frame first, in place of the model's own. Equal to what all joints on the
+    frame and the drives together exert on it under inertia alone.
+    """
+    model = motion.model
+    o = complex(*np.asarray(about, float))
+    force: Plane = np.zeros(motion.frames, complex)
+    moment: Values = np.zeros(motion.frames)
+    most = 0.0
+    for k, (mass, centre, inertia) in enumerate(masses or model.masses):
+        if k and (mass or inertia):
+            single = -mass * motion.of_point(k, centre, 2)
+            force = force + single
+            most = max(most, float(np.nanmax(np.abs(single), initial=0.0)))
+            moment = moment + cross(motion.of_point(k, centre) - o, single)
+            moment = moment - inertia * motion.accelerations.angular[model.angles.rotation_class[k]]
+    rows = np.column_stack([force.real, force.imag])
+    return Shaking(force=rows, moment=np.asarray(moment, float), about=(o.real, o.imag), single=most)
 
 
 @dataclass(frozen=True)

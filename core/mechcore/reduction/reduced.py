@@ -8,17 +8,15 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from mechcore.arrays import Real
+from mechcore.arrays import Real, Values
 from mechcore.effects.base import Wrench, power_of
 from mechcore.errors import Fault, MechanismError
 from mechcore.motion.metrics import per_unit
 from mechcore.motion.motion import Motion
-
-Array = Any
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,14 +64,14 @@ def reduce_mechanism(motion: Motion, link: str, point: str | None = None, loads:
         raise MechanismError(Fault("reduced", f"there is no link or point {what}.", "Name a link, or link and point."))
     unit = per_unit(motion)
     first, second = _derivatives(unit)
-    energy: Array = np.zeros(motion.frames)  # sum m |S'|^2 + J theta'^2 and its derivative by q
-    bend: Array = np.zeros(motion.frames)
+    energy: Values = np.zeros(motion.frames)  # sum m |S'|^2 + J theta'^2 and its derivative by q
+    bend: Values = np.zeros(motion.frames)
     for k, (mass, centre, inertia) in enumerate(model.masses):
         if k and (mass or inertia):
             d1, d2 = unit.of_point(k, centre, 1), unit.of_point(k, centre, 2)
             energy = energy + mass * np.abs(d1) ** 2 + inertia * first[k] ** 2
             bend = bend + 2.0 * mass * np.real(np.conj(d1) * d2) + 2.0 * inertia * first[k] * second[k]
-    work: Array = np.zeros(motion.frames)
+    work: Values = np.zeros(motion.frames)
     for w in loads:
         if w.kind != "inertia":
             work = work + power_of(unit, w)  # of both links, where it acts between two
@@ -102,12 +100,12 @@ def reduce_mechanism(motion: Motion, link: str, point: str | None = None, loads:
     )
 
 
-def _derivatives(unit: Motion) -> tuple[list[Array], list[Array]]:
+def _derivatives(unit: Motion) -> tuple[list[Values], list[Values]]:
     """Angles of all links, differentiated once and twice by the drive's coordinate."""
     classes = unit.model.angles.rotation_class
     links = range(len(unit.model.links))
     return [unit.speeds.angular[classes[k]] for k in links], [unit.accelerations.angular[classes[k]] for k in links]
 
 
-def _rows(motion: Motion, values: Array) -> Real:
+def _rows(motion: Motion, values: ArrayLike) -> Real:
     return np.ascontiguousarray(np.broadcast_to(np.asarray(values, float), (motion.frames,)))

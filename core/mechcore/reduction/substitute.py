@@ -11,7 +11,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.polynomial import Polynomial
@@ -105,7 +104,7 @@ class _Task:
             raise _undetermined("all masses are given, so that their sum is not left to follow.", "Leave at least one mass open.")
         return self._by_mass(masses, coordinates)
 
-    def _columns(self, i: int, x: Any, y: Any) -> list[Any]:
+    def _columns(self, i: int, x: float, y: float) -> list[float]:
         return [1.0, x, y, x * x + y * y]
 
     def _by_determinant(self, masses: list[Unknown], coordinates: list[Unknown]) -> list[Mapping[Unknown, float]]:

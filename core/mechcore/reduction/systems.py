@@ -6,7 +6,6 @@ Arrays may have leading axes, such as frames: points and forces (..., n, 2), cou
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -99,8 +98,4 @@ def resultant(points: ArrayLike, forces: ArrayLike, couples: ArrayLike | None = 
         point = on_line - (on_line * unit).sum(axis=-1)[..., None] * unit
     point = np.where(pushes[..., None], point, np.nan)
     about_origin = moment + _cross(middle, force)
-    return Resultant(kind=_array(kind), force=force, moment=about_origin, point=point)
-
-
-def _array(kind: Any) -> NDArray[np.str_]:
-    return np.asarray(kind, dtype=np.str_)
+    return Resultant(kind=np.asarray(kind, dtype=np.str_), force=force, moment=about_origin, point=point)

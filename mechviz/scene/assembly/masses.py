@@ -11,8 +11,7 @@ import numpy as np
 from mechcore.errors import MechanismError
 from mechcore.laws.timed import Free
 from mechcore.motion.solve import compile_mechanism, default_times, solve_motion
-from mechcore.reduction.areas import area_of
-from mechcore.reduction.bodies import Body, combine
+from mechcore.reduction.bodies import Body, area_of, combine
 from mechcore.spec.clearance import as_drawn
 from mechcore.spec.mechanism import Mechanism
 from mechviz.scene.convert import Converter

@@ -13,8 +13,7 @@ import numpy as np
 from pydantic import Discriminator, Field, Tag, model_validator
 
 from mechcore.errors import MechanismError
-from mechcore.reduction.areas import Area, area_of, circle, plate, rounded_hull
-from mechcore.reduction.bodies import SOLIDS, Body, solid
+from mechcore.reduction.bodies import SOLIDS, Area, Body, area_of, circle, plate, rounded_hull, solid
 from mechviz.scene.faults import did_you_mean
 from mechviz.scene.fields import Angle, Density, Mass, Number, Point, Size, Table, Text, Unknown, is_whole, refuse
 

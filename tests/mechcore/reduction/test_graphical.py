@@ -12,10 +12,8 @@ from mechanisms import case, four_bar
 
 import mechviz
 from mechcore.constructions.centrodes import polodes
-from mechcore.constructions.force_polygon import force_plans
-from mechcore.constructions.funicular import funicular
-from mechcore.constructions.motion_polygons import acceleration_plan, velocity_plan
-from mechcore.constructions.velocity_images import layout
+from mechcore.constructions.force_polygons import force_plans, funicular
+from mechcore.constructions.motion_polygons import acceleration_plan, layout, velocity_plan
 from mechcore.forces.kinetostatics import solve_forces
 from mechcore.motion.solve import compile_mechanism, default_times, solve_motion
 from mechcore.reduction.systems import resultant

@@ -17,14 +17,15 @@ from mechcore.motion.solve import compile_mechanism, default_times, solve_motion
 from mechcore.reduction.balancing import (
     Counterweight,
     FourBar,
+    Shaking,
     SliderCrank,
     balance,
     counterweights,
     find_linkage,
+    shaking,
     with_counterweights,
 )
 from mechcore.reduction.reduced import reduce_mechanism
-from mechcore.reduction.shaking import Shaking, shaking
 from mechcore.spec.loads import Force
 
 BODIES = {"crank": (0.8, (0.05, 0.01), 0.001), "coupler": (1.6, (0.14, 0.02), 0.012), "rocker": (1.2, (0.12, -0.01), 0.007)}

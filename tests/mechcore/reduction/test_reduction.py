@@ -11,15 +11,18 @@ from hypothesis import strategies as st
 from mechanisms import case
 
 from mechcore.errors import MechanismError
-from mechcore.reduction.areas import area_of, circle, plate, stadium
 from mechcore.reduction.bodies import (
     SOLIDS,
     Body,
     acceleration_field,
+    area_of,
+    circle,
     combine,
     inertia_of_points,
     inertia_wrench,
     percussion_centre,
+    plate,
+    rounded_hull,
     single_resultant,
     solid,
 )
@@ -199,7 +202,7 @@ def test_areas_with_arcs_against_known_shapes():
 @given(st.floats(0.05, 0.4), vector, st.floats(0.5, 2.0), st.floats(-3, 3))
 def test_arcs_against_many_short_sides(radius, start, length, angle):
     end = (start[0] + length * math.cos(angle), start[1] + length * math.sin(angle))
-    exact = stadium(start, end, radius)
+    exact = rounded_hull([start, end], radius)
     n = 400
     t = np.linspace(0, np.pi, n)
     base = angle + np.pi / 2

@@ -8,7 +8,7 @@ import numpy as np
 from typer.testing import CliRunner
 
 import mechviz
-from mechcore.reduction.shaking import shaking
+from mechcore.reduction.balancing import shaking
 from mechviz.commands.main import app
 from mechviz.runs import run_scene
 from mechviz.studies.balance import balance_scene
