@@ -21,7 +21,7 @@ from mechcore.dynamics.events import SimulationEvent, Stop
 from mechcore.dynamics.integration.windows import Solution
 from mechcore.dynamics.joined import JoinedForces, JoinedMotion
 from mechcore.dynamics.segments import Segment
-from mechcore.effects.inertia import kinetic_energy
+from mechcore.effects.masses import kinetic_energy
 from mechcore.effects.registry import potential
 from mechcore.forces.kinetostatics import Forces, solve_forces
 from mechcore.laws.timed import Free

@@ -1,1 +1,1 @@
-"""One file an effect or load: what it needs and the wrenches that it adds. `registry` lists them."""
+"""Effects and loads by families: what each needs and the wrenches that it adds. `registry` lists them."""

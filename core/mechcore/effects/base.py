@@ -4,18 +4,22 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, ClassVar, NamedTuple, Protocol
+from typing import Any, ClassVar, Generic, NamedTuple, Protocol, TypeVar
 
 import numpy as np
 
+from mechcore.arrays import Index, Plane, Real, Values
 from mechcore.branches.unwrapped import LinkAngles
 from mechcore.kinematics.model import Model
 from mechcore.kinematics.program import VectorSum
 from mechcore.kinematics.rates import Rates
+from mechcore.kinematics.state import State
 from mechcore.laws.timed import Law
+from mechcore.motion.motion import Motion
 from mechcore.numerics.frames import added, crossed, nothing
+from mechcore.spec.loads import Load
 
-Array = Any
+Named = TypeVar("Named", bound=Load)
 
 
 @dataclass(eq=False, slots=True)
@@ -29,12 +33,12 @@ class Wrench:
     name: str
     kind: str  # "inertia", "gravity", "force", "torque", "spring" ...
     link: int
-    force: Array
-    moment: Array
-    arm: Array
+    force: Plane
+    moment: Values
+    arm: Plane
     cause: str = "process"
     other: int | None = None
-    other_arm: Array = 0j
+    other_arm: Plane = 0j
 
     @property
     def links(self) -> tuple[int, ...]:
@@ -48,7 +52,7 @@ class PointLoad(NamedTuple):
     name: str
     kind: str
     link: int
-    point: Array  # in link axes [m]; in a sweep it may vary, (designs, 1)
+    point: Plane  # in link axes [m]; in a sweep it may vary, (designs, 1)
     force: complex = 0j  # in the world [N]
     mass: float = 0.0  # [kg]
     inertia: float = 0.0  # J [kg m^2]
@@ -66,12 +70,13 @@ class KnownLoad(NamedTuple):
     load: PointLoad
     link: int
     rotation_class: int
-    arm: Array
+    arm: Plane
     opposed: VectorSum | None
 
-    def acting(self, at: Any) -> tuple[Array, Array]:
-        """Force [N] and free moment [N m] at a `Configuration`, at a `Motion` where inertia is in it."""
-        _, _, link, point, force, mass, inertia = self.load
+    def acting(self, at: Motion) -> tuple[Plane, Values]:
+        """Force [N] and free moment [N m] at a motion; a `Configuration` will do where no inertia is in it."""
+        _, _, link, point, constant, mass, inertia = self.load
+        force: Plane = constant
         if mass:
             resisting = -mass * at.of_point(link, point, 2) if self.opposed is None else at.summed(self.opposed, 2)
             force = added(resisting, force)
@@ -85,16 +90,16 @@ def known_load(model: Model, load: PointLoad) -> KnownLoad:
     return KnownLoad(load, load.link, model.angles.rotation_class[load.link], load.point * model.turn[load.link], opposed)
 
 
-def point_of(at: Configuration, wrench: Wrench) -> Array:
+def point_of(at: Configuration, wrench: Wrench) -> Plane:
     """Where a wrench acts in the world."""
     origin = at.origins[wrench.link]
     return origin if nothing(wrench.arm) else origin + wrench.arm
 
 
-def power_of(at: Configuration, wrench: Wrench) -> Array:
+def power_of(at: Configuration, wrench: Wrench) -> Values:
     """Power that a wrench puts into its link, and into the other one [W]: force times velocity plus moment times angular
     velocity."""
-    total: Array = 0.0
+    total: Values = 0.0
     for k, arm, sign in ((wrench.link, wrench.arm, 1.0), (wrench.other, wrench.other_arm, -1.0)):
         if not k:  # there is no other link, or it is the frame
             continue
@@ -108,14 +113,14 @@ def power_of(at: Configuration, wrench: Wrench) -> Array:
     return total
 
 
-def sum_up(wrenches: Iterable[Wrench], links: int) -> tuple[list[Array], list[Array]]:
+def sum_up(wrenches: Iterable[Wrench], links: int) -> tuple[list[Plane], list[Values]]:
     """Force on every link and moment about every link's origin.
 
     Forces at the same arm are summed first, one moment for all, and constants before arrays.
     """
-    force: list[Array] = [0j] * links
-    moment: list[Array] = [0.0] * links
-    acting: dict[tuple[int, int], list[Array]] = {}  # (link, arm by identity): link, arm, constant force, force
+    force: list[Plane] = [0j] * links
+    moment: list[Values] = [0.0] * links
+    acting: dict[tuple[int, int], list[Any]] = {}  # (link, arm by identity): link, arm, constant force, force
     for w in wrenches:
         for k, arm, sign in ((w.link, w.arm, 1), (w.other, w.other_arm, -1)):
             if k is None:
@@ -159,26 +164,26 @@ class Configuration(Protocol):
     @property
     def model(self) -> Model: ...
     @property
-    def time(self) -> Any: ...
+    def time(self) -> Real: ...
     @property
-    def drives(self) -> Any: ...
+    def drives(self) -> Sequence[tuple[Real, Real, Real]]: ...
     @property
-    def state(self) -> Any: ...
+    def state(self) -> State: ...
     @property
-    def states(self) -> Mapping[str, Array]: ...
+    def states(self) -> Mapping[str, Real]: ...
     @property
     def angles(self) -> LinkAngles: ...
     @property
     def speeds(self) -> Rates: ...
     @property
-    def origins(self) -> list[Array]: ...
+    def origins(self) -> list[Plane]: ...
     @property
-    def origin_velocities(self) -> list[Array]: ...
-    def rotation(self, k: int) -> Array: ...
-    def offset(self, k: int, local: complex) -> Array: ...
-    def of_point(self, k: int, local: complex, derivative: int = 0) -> Array: ...
-    def guide(self, j: int) -> Array: ...
-    def joint_point(self, j: int, derivative: int = 0) -> Array: ...
+    def origin_velocities(self) -> list[Plane]: ...
+    def rotation(self, k: int) -> Plane: ...
+    def offset(self, k: int, local: Plane) -> Plane: ...
+    def of_point(self, k: int, local: Plane, derivative: int = 0) -> Plane: ...
+    def guide(self, j: int) -> Plane: ...
+    def joint_point(self, j: int, derivative: int = 0) -> Plane: ...
 
 
 class Effect:
@@ -218,7 +223,7 @@ class Effect:
         holds."""
         return False
 
-    def phase(self, at: Configuration) -> Array:
+    def phase(self, at: Configuration) -> Index:
         """A whole number for the form of the law that holds (F,), of effects that are `piecewise`."""
         return np.zeros(np.shape(at.time), int)
 
@@ -244,7 +249,7 @@ class Effect:
         configuration knows it in ``states`` by the name of the effect."""
         return False
 
-    def state_rate(self, at: Configuration) -> Array:
+    def state_rate(self, at: Configuration) -> Real:
         """Rate (F,) of that state."""
         raise TypeError(f"{type(self).__name__} has no state of its own")
 
@@ -253,7 +258,7 @@ class Effect:
         """Whether it is another where an angle has gone on by a whole turn."""
         return False
 
-    def potential(self, at: Configuration) -> Array:
+    def potential(self, at: Configuration) -> Values:
         """Potential energy [J] where the effect has one, else zero: with it, the work is not counted a second time."""
         return 0.0
 
@@ -268,7 +273,47 @@ class Effect:
         return self.cause in ("gravity", "elastic")
 
 
-def joint_wrench(at: Configuration, joint: str, effort: Array, *, name: str, kind: str, cause: str) -> Wrench:
+class LoadEffect(Effect, Generic[Named]):
+    """The effect of a load that a mechanism lists, by the load's name."""
+
+    def __init__(self, load: Named):
+        super().__init__(load.name)
+        self.load = load
+
+
+def relative_speed(at: Configuration, first: int, second: int) -> Values:
+    """Angular velocity of the second link less that of the first [rad/s]."""
+    angular, rotation_class = at.speeds.angular, at.model.angles.rotation_class
+    return angular[rotation_class[second]] - angular[rotation_class[first]]
+
+
+def coordinate(at: Configuration, joint: str) -> Values:
+    """Relative coordinate of a joint [rad or m], driven or not; nothing else is computed."""
+    model = at.model
+    j = model.joint_index.get(joint)
+    if j is not None and model.joints[j].coordinate == "slide":
+        return at.drives[model.driven[j]][0] if j in model.driven else at.state.slide[j]
+    if j is not None and j in model.driven and at.angles.exact:
+        return at.drives[model.driven[j]][0]
+    return at.angles.joint(joint)
+
+
+def rate(at: Configuration, joint: str) -> Values:
+    """Rate of a joint's relative coordinate [rad/s or m/s]."""
+    model = at.model
+    if joint in model.joint_index:
+        j = model.joint_index[joint]
+        if j in model.driven:
+            return at.drives[model.driven[j]][1]
+        if model.joints[j].coordinate == "slide":
+            return at.speeds.slide[j]
+        first, second = model.joints[j].links
+    else:
+        first, second = next(r.links for r in model.relations if r.name == joint)
+    return relative_speed(at, model.index[first], model.index[second])
+
+
+def joint_wrench(at: Configuration, joint: str, effort: Values, *, name: str, kind: str, cause: str) -> Wrench:
     """``effort`` [N m or N] in the direction of a joint's coordinate: on its second link, the opposite on its first."""
     model = at.model
     j = model.joint_index[joint]

@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from mechcore.arrays import Flags, Index, Real
-from mechcore.effects.argument import coordinate, rate
-from mechcore.effects.base import Configuration, Effect, Wrench
+from mechcore.effects.base import Configuration, LoadEffect, Wrench, coordinate, rate
 from mechcore.errors import Fault, MechanismError
 from mechcore.spec.loads import GasPressure
 from mechcore.texts import as_length
@@ -14,20 +13,16 @@ from mechcore.texts import as_length
 OVER = 1e-6  # part of the stroke by which rounding may carry the piston past its dead centres
 
 
-class CylinderGas(Effect):
+class CylinderGas(LoadEffect[GasPressure]):
     """On the piston, and on the cylinder's head the opposite. The branch of the diagram follows from the sense of the motion."""
 
     needs = frozenset({"positions", "velocities"})
-
-    def __init__(self, load: GasPressure):
-        super().__init__(load.name)
-        self.load = load
 
     limited = True
 
     def _from_top(self, at: Configuration) -> Real:
         """Distance of the piston from top dead centre [m]."""
-        return (self.load.top - coordinate(at, self.load.joint)) * (1.0 if self.load.head == "ahead" else -1.0)
+        return np.asarray(self.load.top - coordinate(at, self.load.joint)) * (1.0 if self.load.head == "ahead" else -1.0)
 
     def displacement(self, at: Configuration) -> Real:
         """Distance of the piston from top dead centre [m], within the stroke."""

@@ -8,11 +8,16 @@ force.
 
 from __future__ import annotations
 
+import math
+from typing import TypeVar
+
 import numpy as np
 
 from mechcore.arrays import Complex, Index, Real
-from mechcore.effects.base import Configuration, Effect, Wrench
+from mechcore.effects.base import Configuration, LoadEffect, Wrench, relative_speed
 from mechcore.spec.loads import JournalContact, JournalLoss
+
+Contact = TypeVar("Contact", bound=JournalContact)
 
 PRESSING, LOSING, RUBBING = "contact", "contact loss", "contact friction"
 IN_PAIRS = (PRESSING, LOSING, RUBBING)
@@ -37,7 +42,7 @@ def loss_factor(restitution: float, speed: float) -> float:
     e = restitution
 
     def left(x: float) -> float:
-        return x * (1.0 + e) - np.log1p(x) + np.log1p(-e * x)
+        return x * (1.0 + e) - math.log1p(x) + math.log1p(-e * x)
 
     low, high = 0.5 * (1.0 - e), (1.0 - 1e-15) / e  # the root lies above (1 - e): near it for small losses
     while left(low) < 0.0:
@@ -45,10 +50,8 @@ def loss_factor(restitution: float, speed: float) -> float:
     return float(brentq(left, low, high, xtol=1e-15, rtol=1e-14)) / speed
 
 
-class _Journal(Effect):
+class _Journal(LoadEffect[Contact]):
     """Where the journal is in its bearing; results have a leading frame axis."""
-
-    load: JournalContact | JournalLoss
 
     def eccentricity(self, at: Configuration, derivative: int = 0) -> Complex:
         """Journal's centre from the bearing's, or its rate, in the axes of the bearing's link (complex)."""
@@ -87,14 +90,10 @@ class _Journal(Effect):
         return np.asarray(self.indentation(at)[0] > 0.0, int)
 
 
-class JournalPressure(_Journal):
+class JournalPressure(_Journal[JournalContact]):
     """The elastic part of the contact, k d^n; its energy is zero where they do not touch."""
 
     cause = "elastic"
-
-    def __init__(self, load: JournalContact):
-        super().__init__(load.name)
-        self.load = load
 
     def wrenches(self, at: Configuration) -> list[Wrench]:
         _, normal, force = self.indentation(at)
@@ -105,17 +104,12 @@ class JournalPressure(_Journal):
         return force * np.maximum(depth, 0.0) / (self.load.exponent + 1.0)
 
 
-class JournalFriction(_Journal):
+class JournalFriction(_Journal[JournalLoss]):
     """What is lost in the contact: the part a d' of the normal force, and friction of the coefficient mu between the surfaces,
     smooth at rest: mu N v / sqrt(v^2 + slow^2)."""
 
     cause = "viscous"
     needs = frozenset({"positions", "velocities"})
-    load: JournalLoss
-
-    def __init__(self, load: JournalLoss):
-        super().__init__(load.name)
-        self.load = load
 
     def wrenches(self, at: Configuration) -> list[Wrench]:
         load = self.load
@@ -126,10 +120,8 @@ class JournalFriction(_Journal):
         on_journal = -lost * normal
         moment: Real | float = 0.0
         if load.friction:
-            angular, model = at.speeds.angular, at.model
-            bearing, _, shaft = (model.index[k] for k in load.links)
-            turning = angular[model.angles.rotation_class[shaft]] - angular[model.angles.rotation_class[bearing]]
-            slip = np.real(np.conj(1j * normal) * rate) + load.radius * turning
+            bearing, _, shaft = (at.model.index[k] for k in load.links)
+            slip = np.real(np.conj(1j * normal) * rate) + load.radius * relative_speed(at, bearing, shaft)
             rub = load.friction * (force + lost) * slip / np.sqrt(slip * slip + load.slow**2)
             on_journal = on_journal - rub * 1j * normal
             moment = -load.radius * rub

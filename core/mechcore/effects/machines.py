@@ -1,79 +1,68 @@
-"""Machines that drive by a characteristic: torque as a function of speed, on a link or between the links of a revolute joint."""
+"""Machines: motors by their characteristic, machines of constant power, governors, and position servos."""
 
 from __future__ import annotations
+
+from typing import TypeVar
 
 import numpy as np
 
 from mechcore.arrays import Index, Real
-from mechcore.effects.argument import rate
-from mechcore.effects.base import Configuration, Effect, Wrench, joint_wrench
-from mechcore.spec.loads import ConstantPower, DcMotor, Governor, InductionMotor, Machine
+from mechcore.effects.base import Configuration, LoadEffect, Wrench, coordinate, joint_wrench, rate
+from mechcore.errors import Fault, MechanismError
+from mechcore.laws.timed import Law
+from mechcore.spec.loads import ConstantPower, DcMotor, Governor, InductionMotor, Machine, Servo
+
+Driving = TypeVar("Driving", bound=Machine)
 
 
-class _ByCharacteristic(Effect):
+class _ByCharacteristic(LoadEffect[Driving]):
     """Subclasses say the torque [N m] at an angular velocity [rad/s]."""
 
     kind = "motor"
     needs = frozenset({"positions", "velocities"})
-
-    def __init__(self, load: Machine):
-        super().__init__(load.name)
-        self.on = load
 
     def torque(self, speed: Real) -> Real:
         raise TypeError(f"{type(self).__name__} has no characteristic")
 
     def speed(self, at: Configuration) -> Real:
         """Angular velocity of the link, or rate of the joint [rad/s]."""
-        if self.on.joint is not None:
-            return np.asarray(rate(at, self.on.joint))
-        assert self.on.link is not None
-        return np.asarray(at.speeds.angular[at.model.angles.rotation_class[at.model.index[self.on.link]]])
+        if self.load.joint is not None:
+            return np.asarray(rate(at, self.load.joint))
+        assert self.load.link is not None
+        return np.asarray(at.speeds.angular[at.model.angles.rotation_class[at.model.index[self.load.link]]])
 
     def wrenches(self, at: Configuration) -> list[Wrench]:
         effort = self.torque(self.speed(at))
-        if self.on.joint is not None:
-            return [joint_wrench(at, self.on.joint, effort, name=self.name, kind=self.kind, cause=self.cause)]
-        assert self.on.link is not None
-        return [Wrench(self.name, self.kind, at.model.index[self.on.link], 0j, effort, 0j, self.cause)]
+        if self.load.joint is not None:
+            return [joint_wrench(at, self.load.joint, effort, name=self.name, kind=self.kind, cause=self.cause)]
+        assert self.load.link is not None
+        return [Wrench(self.name, self.kind, at.model.index[self.load.link], 0j, effort, 0j, self.cause)]
 
 
-class DirectCurrent(_ByCharacteristic):
+class DirectCurrent(_ByCharacteristic[DcMotor]):
     """A straight line from the stall torque to the no-load speed; beyond, it brakes."""
-
-    def __init__(self, load: DcMotor):
-        super().__init__(load)
-        self.load = load
 
     def torque(self, speed: Real) -> Real:
         return self.load.stall_torque * (1.0 - speed / self.load.no_load_speed)
 
 
-class Induction(_ByCharacteristic):
+class Induction(_ByCharacteristic[InductionMotor]):
     """Slip curve of Kloss (stator resistance neglected); beyond the synchronous speed it brakes as a generator."""
-
-    def __init__(self, load: InductionMotor):
-        super().__init__(load)
-        self.load = load
 
     def torque(self, speed: Real) -> Real:
         load = self.load
         slip, most = 1.0 - speed / load.synchronous_speed, load.breakdown_slip
         size = np.sign(load.synchronous_speed) * load.breakdown_torque
-        return size * 2.0 * slip * most / (slip * slip + most * most)
+        return np.asarray(size * 2.0 * slip * most / (slip * slip + most * most))
 
 
-class ConstantPowerMachine(_ByCharacteristic):
+class ConstantPowerMachine(_ByCharacteristic[ConstantPower]):
     """A hyperbola, cut off at the torque limit: at low speeds, and while it still turns the other way."""
-
-    def __init__(self, load: ConstantPower):
-        super().__init__(load)
-        self.load = load
 
     def torque(self, speed: Real) -> Real:
         load = self.load
         forward = np.maximum(speed * np.sign(load.torque_limit), load.power / abs(load.torque_limit))
-        return np.sign(load.torque_limit) * load.power / forward
+        return np.asarray(np.sign(load.torque_limit) * load.power / forward)
 
     @property
     def piecewise(self) -> bool:
@@ -81,15 +70,11 @@ class ConstantPowerMachine(_ByCharacteristic):
 
     def phase(self, at: Configuration) -> Index:
         load = self.load
-        return (self.speed(at) * np.sign(load.torque_limit) > load.power / abs(load.torque_limit)).astype(int)
+        return np.asarray(self.speed(at) * np.sign(load.torque_limit) > load.power / abs(load.torque_limit), int)
 
 
-class Governed(_ByCharacteristic):
+class Governed(_ByCharacteristic[Governor]):
     """Proportional to what is missing of the set speed, within its limits."""
-
-    def __init__(self, load: Governor):
-        super().__init__(load)
-        self.load = load
 
     def torque(self, speed: Real) -> Real:
         load = self.load
@@ -103,3 +88,38 @@ class Governed(_ByCharacteristic):
         load = self.load
         wanted = load.gain * (load.set_speed - self.speed(at))
         return (wanted > load.least).astype(int) + (wanted > load.most)
+
+
+class PositionServo(LoadEffect[Servo]):
+    """Effort by the error of the coordinate, its rate, and its integral since the start, which is a state of the motion."""
+
+    def __init__(self, load: Servo):
+        super().__init__(load)
+        self.needs = frozenset({"positions", "time", *(["velocities"] if load.derivative else [])})
+
+    @property
+    def laws(self) -> tuple[Law, ...]:
+        return (self.load.target,)
+
+    @property
+    def counts_turns(self) -> bool:
+        return True
+
+    @property
+    def integrates(self) -> bool:
+        return self.load.integral != 0.0
+
+    def state_rate(self, at: Configuration) -> Real:
+        return self.load.target(at.time)[0] - coordinate(at, self.load.joint)
+
+    def wrenches(self, at: Configuration) -> list[Wrench]:
+        load = self.load
+        effort = load.proportional * self.state_rate(at)
+        if load.derivative:
+            effort = effort + load.derivative * (load.target(at.time)[1] - rate(at, load.joint))
+        if self.integrates:
+            if self.name not in at.states:
+                why = "the integral of its error is known in motions under forces only."
+                raise MechanismError(Fault(f"loads.{self.name}", why, "Let its joint be free, or leave the integral out."))
+            effort = effort + load.integral * at.states[self.name]
+        return [joint_wrench(at, load.joint, effort, name=self.name, kind="servo", cause=self.cause)]

@@ -1,22 +1,103 @@
-"""Applied forces and torques: constant or by a factor, fixed in the world or turning with the link, on one link or two."""
+"""Loads that follow a law of their own: forces and torques on links, actuators, and the factors that multiply them."""
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TypeVar
 
-from mechcore.arrays import Index
-from mechcore.effects.argument import bends, bends_in_time, breaks_of, counts_turns, factor_of, needs_of, phase_of
-from mechcore.effects.base import Configuration, Effect, PointLoad, Wrench
+import numpy as np
+
+from mechcore.arrays import Index, Real, Values
+from mechcore.effects.base import Configuration, LoadEffect, PointLoad, Wrench, coordinate, joint_wrench, rate
+from mechcore.effects.springs import Line
+from mechcore.errors import Fault, MechanismError
 from mechcore.kinematics.model import Model
-from mechcore.spec.loads import Force, Torque
+from mechcore.laws.timed import Table
+from mechcore.spec.loads import Actuator, Factor, Force, Prescribed, Torque
+
+Multiplied = TypeVar("Multiplied", bound=Prescribed)
 
 
-class Varied(Effect):
+def needs_of(factor: Factor | None) -> frozenset[str]:
+    """What must be known to evaluate a factor."""
+    if factor is not None and factor.of in ("velocity", "vx", "vy", "speed"):
+        return frozenset({"positions", "velocities"})
+    if factor is not None and factor.of == "time":
+        return frozenset({"positions", "time"})
+    return frozenset({"positions"})
+
+
+def factor_of(at: Configuration, factor: Factor | None, load: str) -> Real | float:
+    """The factor of a load over the frames. Raises `MechanismError` where its function gives no finite numbers."""
+    if factor is None:
+        return 1.0
+    argument = np.asarray(_argument(at, factor), float)
+    try:
+        value = np.asarray(factor.function(argument), float)
+        value = np.broadcast_to(value, np.broadcast_shapes(argument.shape, value.shape))
+    except Exception as error:  # a user's function may raise anything
+        why = f"the function of its factor fails: {error}."
+        raise MechanismError(Fault(f"loads.{load}", why, "It has to take an array and return as many numbers.")) from error
+    if value.shape != argument.shape:
+        why = f"the function of its factor gives {value.shape} numbers for {argument.shape} arguments."
+        raise MechanismError(Fault(f"loads.{load}", why, "It has to return one number for each argument."))
+    wrong = np.isfinite(argument) & ~np.isfinite(value)
+    if wrong.any():
+        where = float(argument[wrong].flat[0])
+        raise MechanismError(
+            Fault(f"loads.{load}", f"the function of its factor gives no finite number at {where:g}.", "Give it a value there.")
+        )
+    return value
+
+
+def bends(factor: Factor | None) -> bool:
+    """Whether some derivative of a factor jumps: at the points of a table, or where it ends."""
+    f = None if factor is None else factor.function
+    return isinstance(f, Table) and bool(f.knots)
+
+
+def bends_in_time(factor: Factor | None) -> tuple[float, ...]:
+    """Times [s] at which some derivative of a factor jumps, all of them, where it depends on time and does not repeat."""
+    f = None if factor is None or factor.of != "time" else factor.function
+    return tuple(f.knots) if isinstance(f, Table) and f.period is None else ()
+
+
+def counts_turns(factor: Factor | None) -> bool:
+    """Whether a factor may be another after a whole turn of what it depends on."""
+    return factor is not None and factor.of == "position" and getattr(factor.function, "period", None) is None
+
+
+def phase_of(at: Configuration, factor: Factor | None) -> Index:
+    """Between which bends of its table a factor is: a whole number (F,)."""
+    if factor is None or not bends(factor):
+        return np.zeros(np.shape(at.time), int)
+    argument = np.asarray(_argument(at, factor), float)
+    table = factor.function
+    return np.asarray(table.part(argument))  # type: ignore[attr-defined] # a table, as `bends` has seen
+
+
+def breaks_of(factor: Factor | None) -> tuple[float, ...]:
+    """Times [s] at which a factor of time changes its form, as its function tells them."""
+    return () if factor is None or factor.of != "time" else tuple(getattr(factor.function, "breaks", ()))
+
+
+def _argument(at: Configuration, factor: Factor) -> Values:
+    if factor.of == "time":
+        return at.time
+    if factor.of in ("position", "velocity"):
+        joint = factor.joint if factor.joint is not None else at.model.mechanism.drives[0].joint
+        return coordinate(at, joint) if factor.of == "position" else rate(at, joint)
+    assert factor.point is not None
+    k = at.model.index[factor.point[0]]
+    local = at.model.points[k][factor.point[1]]
+    z = np.asarray(at.of_point(k, local, 0 if factor.of in ("x", "y") else 1))
+    return np.abs(z) if factor.of == "speed" else z.real if factor.of in ("x", "vx") else z.imag
+
+
+class Varied(LoadEffect[Multiplied]):
     """A load that a factor multiplies."""
 
-    def __init__(self, load: Any):
-        Effect.__init__(self, load.name)
-        self.load = load
+    def __init__(self, load: Multiplied):
+        super().__init__(load)
         self.needs = needs_of(load.factor)
 
     @property
@@ -35,10 +116,8 @@ class Varied(Effect):
         return phase_of(at, self.load.factor)
 
 
-class AppliedForce(Varied):
+class AppliedForce(Varied[Force]):
     """A force at a named point of a link."""
-
-    load: Force
 
     def wrenches(self, at: Configuration) -> list[Wrench]:
         load, model = self.load, at.model
@@ -61,13 +140,23 @@ class AppliedForce(Varied):
         return [PointLoad(load.name, "force", k, model.points[k][load.point], force=complex(*load.vector))]
 
 
-class AppliedTorque(Varied):
+class AppliedTorque(Varied[Torque]):
     """A free moment on a link."""
-
-    load: Torque
 
     def wrenches(self, at: Configuration) -> list[Wrench]:
         load = self.load
         moment = load.moment * factor_of(at, load.factor, load.name)
         other = None if load.against is None else at.model.index[load.against]
         return [Wrench(load.name, "torque", at.model.index[load.link], 0j, moment, 0j, other=other)]
+
+
+class ConstantThrust(Varied[Actuator], Line[Actuator]):
+    """``force`` times the factor pushes the two points apart, or the joint's links in the direction of its coordinate."""
+
+    kind = "actuator"
+
+    def wrenches(self, at: Configuration) -> list[Wrench]:
+        thrust = self.load.force * factor_of(at, self.load.factor, self.name)
+        if self.load.joint is not None:
+            return [joint_wrench(at, self.load.joint, thrust, name=self.name, kind=self.kind, cause=self.cause)]
+        return self.between(at, -thrust * self.direction(at, self.vector(at)))

@@ -1,6 +1,6 @@
 """Effects: forces that a scene can ask for. Each says what it needs and which wrenches it adds; what is not named is not computed.
 
-To add an effect: one file here with a subclass of `Effect`, one line in `EFFECTS` (effects that a scene names) or `LOADS` (loads
+To add one: a subclass of `Effect` in the module of its family, one line in `EFFECTS` (effects that a scene names) or `LOADS` (loads
 that it lists, by their spec in `mechcore.spec.loads`). All but inertia can be evaluated from positions, velocities and time alone.
 """
 
@@ -9,22 +9,14 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
-from mechcore.effects.actuator import ConstantThrust
-from mechcore.effects.along_line import LineDamper, LineGasSpring, LineSpring
 from mechcore.effects.base import Configuration, Effect, KnownLoad, PointLoad, Wrench, known_load, sum_up
-from mechcore.effects.belts import BeltPull
-from mechcore.effects.bushing import BushingDampers, BushingSprings
-from mechcore.effects.drag import MediumDrag
-from mechcore.effects.dry_friction import DryFriction
 from mechcore.effects.gas import CylinderGas
-from mechcore.effects.gravity import Gravity
-from mechcore.effects.inertia import Inertia
 from mechcore.effects.journal import JournalFriction, JournalPressure
-from mechcore.effects.machines import ConstantPowerMachine, DirectCurrent, Governed, Induction
-from mechcore.effects.prescribed import AppliedForce, AppliedTorque
-from mechcore.effects.servo import PositionServo
-from mechcore.effects.torsion import AngleDamper, AngleSpring
-from mechcore.effects.viscous import ViscousFriction
+from mechcore.effects.machines import ConstantPowerMachine, DirectCurrent, Governed, Induction, PositionServo
+from mechcore.effects.masses import Gravity, Inertia
+from mechcore.effects.prescribed import AppliedForce, AppliedTorque, ConstantThrust
+from mechcore.effects.resistance import BeltPull, DryFriction, MediumDrag, ViscousFriction
+from mechcore.effects.springs import AngleDamper, AngleSpring, BushingDampers, BushingSprings, LineDamper, LineGasSpring, LineSpring
 from mechcore.kinematics.model import Model
 from mechcore.numerics.frames import added, crossed, nothing
 from mechcore.spec.loads import (

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from mechcore.effects.base import Array
+from mechcore.arrays import Plane, Values
 from mechcore.forces.kinetostatics import Forces
 
 LABELS = {"inertia": "B", "gravity": "G"}
@@ -17,9 +17,9 @@ class Acting:
     name: str
     label: str  # short, for drawings
     kind: str
-    force: Array
-    moment: Array
-    place: Array
+    force: Plane
+    moment: Values
+    place: Plane
 
 
 def acting_on(forces: Forces, link: int) -> list[Acting]:

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from mechcore.arrays import Real
-from mechcore.effects.belts import spans
+from mechcore.effects.resistance import spans
 from mechcore.forces.kinetostatics import Forces, solve_forces
 from mechcore.motion.events import Event, at_drive, runs
 from mechcore.motion.motion import Motion

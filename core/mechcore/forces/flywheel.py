@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from mechcore.arrays import Real
-from mechcore.effects.argument import breaks_of
+from mechcore.effects.prescribed import breaks_of
 from mechcore.errors import Fault, MechanismError
 from mechcore.forces.kinetostatics import Forces
 from mechcore.spec.loads import GasPressure, Load, Prescribed

@@ -14,7 +14,7 @@ import numpy as np
 
 from mechcore.arrays import Index, Real
 from mechcore.effects.base import Wrench, point_of, power_of, sum_up
-from mechcore.effects.inertia import kinetic_energy
+from mechcore.effects.masses import kinetic_energy
 from mechcore.effects.registry import applied_effects, potential, totals, wrenches
 from mechcore.forces import equilibrium
 from mechcore.forces.friction.result import FrictionResult

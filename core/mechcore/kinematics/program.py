@@ -18,7 +18,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from mechcore.arrays import Complex
+from mechcore.arrays import Plane
 from mechcore.numerics.frames import summed
 from mechcore.topology.graph import FRAME, Angles
 
@@ -32,8 +32,8 @@ class VectorSum(NamedTuple):
     In a sweep the vectors ``still`` and A are arrays (designs, 1).
     """
 
-    still: complex | Complex
-    arms: tuple[tuple[int, complex | Complex], ...]  # (class, A)
+    still: Plane
+    arms: tuple[tuple[int, Plane], ...]  # (class, A)
     slides: tuple[tuple[int, int, complex], ...]  # (joint, class, d)
 
     def scaled(self, factor: float) -> VectorSum:
@@ -138,7 +138,7 @@ class LoopEquation(NamedTuple):
     target: VectorSum
     arms: tuple[VectorSum, ...]
     slides: tuple[UnknownSlide, ...]
-    vectors: tuple[tuple[int, complex | Complex, tuple[int, ...]], ...]
+    vectors: tuple[tuple[int, Plane, tuple[int, ...]], ...]
     guides: tuple[tuple[int, int, complex], ...]
     columns: tuple[tuple[int, ...], ...]
     known_vectors: tuple[int, ...]

@@ -23,7 +23,6 @@ from mechcore.numerics.frames import QUIET, added, lazy, nothing, rows_of, summe
 from mechcore.spec.mechanism import Mechanism
 from mechcore.topology.graph import FRAME
 
-Array = Any
 T = TypeVar("T")
 
 
@@ -58,10 +57,10 @@ class Motion:
         self.accuracy = accuracy
         self.changes = tuple(changes)  # change points and dead points that the run passes
         # worked out once when first needed
-        self._arms: dict[tuple[int, int, int], Array] = {}
-        self._slid: dict[tuple[int, int], Values | Plane] = {}
-        self._offsets: dict[tuple[int, complex], Array] = {}
-        self._origins: dict[tuple[int, int], Array] = {(0, 0): 0j, (0, 1): 0j, (0, 2): 0j}
+        self._arms: dict[tuple[int, int, int], Plane] = {}
+        self._slid: dict[tuple[int, int], Plane] = {}
+        self._offsets: dict[tuple[int, complex], Plane] = {}
+        self._origins: dict[tuple[int, int], Plane] = {(0, 0): 0j, (0, 1): 0j, (0, 2): 0j}
 
     def __repr__(self) -> str:
         return f"Motion of {self.mechanism.name}: {self.frames} frames, {len(self.model.links)} links"
@@ -187,29 +186,30 @@ class Motion:
             return accelerations(self.model, self.loop_vectors, self.columns, self.speeds, rates, self.patches)
 
     # -- plane vectors as complex numbers, links and joints as indices ------------------------------------------------
-    def rotation(self, k: int) -> Array:
+    def rotation(self, k: int) -> Plane:
         """exp(i angle) of a link's frame."""
-        turn, rot = self.model.turn[k], self.state.rot[self.model.angles.rotation_class[k]]
+        turn = self.model.turn[k]
+        rot: Plane = self.state.rot[self.model.angles.rotation_class[k]]
         return rot if turn == 1 else turn * rot
 
-    def turned(self, derivative: int) -> Sequence[Array]:
+    def turned(self, derivative: int) -> Sequence[Plane]:
         """Rotations E of all rotation classes, or their first or second derivatives, i omega E or (i alpha - omega^2) E."""
         return self.state.rot if derivative == 0 else self._turned_once if derivative == 1 else self._turned_twice
 
     @lazy
-    def _turned_once(self) -> list[Array]:
+    def _turned_once(self) -> list[Plane]:
         return list(map(mul, self.speeds.factor, self.state.rot))
 
     @lazy
-    def _turned_twice(self) -> list[Array]:
+    def _turned_twice(self) -> list[Plane]:
         return list(map(mul, self.accelerations.factor, self.state.rot))
 
-    def slid(self, j: int, derivative: int = 0) -> Array:
+    def slid(self, j: int, derivative: int = 0) -> Plane:
         """s E of a sliding joint, its displacement turned with its guide's rotation class, or its first or second derivative."""
         key = j, derivative
         if key not in self._slid:
             rotation_class, _ = self.model.guides[j]
-            s = (self.state if derivative == 0 else self.speeds if derivative == 1 else self.accelerations).slide[j]
+            s: Any = (self.state if derivative == 0 else self.speeds if derivative == 1 else self.accelerations).slide[j]
             if rotation_class != FRAME:
                 once = self.speeds.factor[rotation_class] if derivative else 0j
                 if derivative == 1:
@@ -221,7 +221,7 @@ class Motion:
             self._slid[key] = s
         return self._slid[key]
 
-    def offset(self, k: int, local: Array, derivative: int = 0) -> Array:
+    def offset(self, k: int, local: Plane, derivative: int = 0) -> Plane:
         """A vector fixed in link ``k`` in the world, or its first or second derivative."""
         if derivative == 0 and isinstance(local, complex):
             found = self._offsets.get((k, local))
@@ -233,24 +233,24 @@ class Motion:
             return 0j
         return (local * self.model.turn[k]) * self.turned(derivative)[self.model.angles.rotation_class[k]]
 
-    def angle(self, k: int) -> Array:
+    def angle(self, k: int) -> Real:
         """Angle of a link's frame [rad], continuous from the start pose."""
         return self.angles.link(k)
 
-    def group_angle(self, group: int) -> Array:
+    def group_angle(self, group: int) -> Real:
         """Angle of a group of links that turn together [rad], without what drives turn within it, from the start pose on."""
         turning = self.model.angles
         rotation_class = turning.classes_of[group][0]
-        return self.angles.class_angles[rotation_class] - sum(
-            sign * self.drives[d][0] for d, sign in turning.class_drives[rotation_class]
-        )
+        driven = sum(sign * self.drives[d][0] for d, sign in turning.class_drives[rotation_class])
+        return np.asarray(self.angles.class_angles[rotation_class] - driven)
 
-    def guide(self, j: int) -> Array:
+    def guide(self, j: int) -> Plane:
         """Direction of a sliding joint's guide in the world."""
         rotation_class, direction = self.model.guides[j]
-        return direction * self.state.rot[rotation_class]
+        rot: Plane = self.state.rot[rotation_class]
+        return direction * rot
 
-    def arm(self, k: int, j: int, side: int, derivative: int = 0) -> Array:
+    def arm(self, k: int, j: int, side: int, derivative: int = 0) -> Plane:
         """Vector from the origin of link ``k`` to its point of joint ``j`` (slide included), or its derivative."""
         key = j, side, derivative
         found = self._arms.get(key)
@@ -262,7 +262,7 @@ class Motion:
             self._arms[key] = found
         return found
 
-    def origin(self, k: int, derivative: int = 0) -> Array:
+    def origin(self, k: int, derivative: int = 0) -> Plane:
         """Position of the origin of a link [m], or its first or second derivative, along the tree from the frame."""
         tree, ends, known = self.model.tree, self.model.ends, self._origins
         way = []
@@ -278,26 +278,26 @@ class Motion:
         return found
 
     @lazy
-    def origins(self) -> list[Array]:
+    def origins(self) -> list[Plane]:
         """Positions of the origins of all links [m]."""
         return [self.origin(k) for k in range(len(self.model.links))]
 
     @lazy
-    def origin_velocities(self) -> list[Array]:
+    def origin_velocities(self) -> list[Plane]:
         return [self.origin(k, 1) for k in range(len(self.model.links))]
 
     @lazy
-    def origin_accelerations(self) -> list[Array]:
+    def origin_accelerations(self) -> list[Plane]:
         return [self.origin(k, 2) for k in range(len(self.model.links))]
 
-    def of_point(self, k: int, local: complex, derivative: int = 0) -> Array:
+    def of_point(self, k: int, local: Plane, derivative: int = 0) -> Plane:
         """World position of a point given in link axes, or its first or second derivative."""
         total = self.model.point_sum(k, local)
         if total is None:
             return added(self.origin(k, derivative), self.offset(k, local, derivative))
         return self.summed(total, derivative)
 
-    def summed(self, total: VectorSum, derivative: int) -> Array:
+    def summed(self, total: VectorSum, derivative: int) -> Plane:
         """A sum of vectors in the world, or its first or second derivative; a new array where it is one."""
         turned, (still, arms, slides) = self.turned(derivative), total
         terms = [a * turned[s] for s, a in arms]
@@ -305,13 +305,13 @@ class Motion:
             terms += [d * self.slid(j, derivative) for j, _, d in slides]
         return summed(terms) if derivative else added(summed(terms), still)
 
-    def joint_point(self, j: int, derivative: int = 0) -> Array:
+    def joint_point(self, j: int, derivative: int = 0) -> Plane:
         """Where a joint is: on the link that does not carry the guide."""
         joint, ends = self.model.joints[j], self.model.ends[j]
         side = 1 if joint.slide is not None and joint.guide == 0 else 0
         return self.of_point(ends[side], joint.b if side else joint.a, derivative)
 
-    def _rows(self, z: Array, angle: Array | None = None, *, fresh: bool = False) -> Real:
+    def _rows(self, z: Plane, angle: Values | None = None, *, fresh: bool = False) -> Real:
         """Plane vectors, and an angle where given, as rows of numbers of their own; ``fresh``: nobody else holds ``z``."""
         if angle is None:
             if not isinstance(z, np.ndarray) or z.shape != self.shape or z.dtype != complex:
@@ -325,7 +325,7 @@ class Motion:
         """Largest loop residual of each frame (F,) [m]."""
         return self._largest([self.closure_error(c) for c in range(len(self.model.loop_sums))])
 
-    def closure_error(self, loop: int) -> Array:
+    def closure_error(self, loop: int) -> Plane:
         """What is left of a loop's sum of vectors [m]."""
         return value(self.model.loop_sums[loop], self.state.rot, self.state.slide)
 
@@ -347,8 +347,8 @@ class Motion:
             worst = np.maximum(worst, condition(self.model, block, cols))
         return worst
 
-    def _loop_rate(self, v: Vectors, derivative: int) -> Array:
-        total: Array = 0j
+    def _loop_rate(self, v: Vectors, derivative: int) -> Plane:
+        total: Plane = 0j
         for rotation_class, z in v.arms:
             w = self.speeds.angular[rotation_class]
             total = total + (1j * w * z if derivative == 1 else (1j * self.accelerations.angular[rotation_class] - w * w) * z)
@@ -359,7 +359,7 @@ class Motion:
                 total = total + (self.accelerations.slide[j] + 2j * self.speeds.angular[rotation_class] * self.speeds.slide[j]) * d
         return total
 
-    def _largest(self, residuals: list[Array]) -> Real:
+    def _largest(self, residuals: list[Plane]) -> Real:
         worst = np.zeros(self.shape)
         for r in residuals:
             worst = np.maximum(worst, np.abs(r))

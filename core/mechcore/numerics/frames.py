@@ -10,11 +10,11 @@ from typing import Any, Generic, TypeVar, overload
 import numpy as np
 from numpy import ndarray
 
-from mechcore.arrays import Real
+from mechcore.arrays import Complex, Plane, Real, Values
 
-Array = Any
 QUIET: Any = {"invalid": "ignore", "divide": "ignore", "over": "ignore"}  # out of reach or singular: NaN or infinite, no warning
 Value = TypeVar("Value")
+Numbers = TypeVar("Numbers", Values, Plane)
 
 
 class lazy(Generic[Value]):
@@ -37,12 +37,12 @@ class lazy(Generic[Value]):
         return value
 
 
-def nothing(a: Array) -> bool:
+def nothing(a: Plane | Values) -> bool:
     """Whether a term is a plain zero (not an array)."""
     return type(a) is not ndarray and bool(a == 0)
 
 
-def added(a: Array, b: Array, sign: int = 1) -> Array:
+def added(a: Numbers, b: Numbers, sign: int = 1) -> Numbers:
     """a + b, or a - b, plain zeros left out."""
     if type(b) is not ndarray and b == 0:
         return a
@@ -51,22 +51,22 @@ def added(a: Array, b: Array, sign: int = 1) -> Array:
     return a + b if sign == 1 else a - b
 
 
-def summed(terms: Sequence[Array]) -> Array:
+def summed(terms: Sequence[Plane]) -> Plane:
     """The sum of terms, plain zero where there are none: one addition less than `sum` takes."""
     return reduce(add, terms) if terms else 0j
 
 
-def product(factors: Sequence[Array]) -> Array:
+def product(factors: Sequence[Plane]) -> Plane:
     """The product of at least one factor."""
     return reduce(mul, factors)
 
 
-def crossed(a: Array, b: Array) -> Array:
+def crossed(a: Plane, b: Plane) -> Values:
     """z component of the cross product of plane vectors, by one complex product (`dyads.cross` is exactly 0 for a = b)."""
     return (a.conjugate() * b).imag
 
 
-def imaginary(a: Array) -> Array:
+def imaginary(a: Values) -> Plane:
     """1j a of real a: filled in, which costs less than a product that first makes ``a`` complex."""
     if not isinstance(a, np.ndarray):
         return 1j * a
@@ -75,7 +75,7 @@ def imaginary(a: Array) -> Array:
     return out
 
 
-def rows_of(shape: tuple[int, ...], z: Array, third: Array) -> Array:
+def rows_of(shape: tuple[int, ...], z: Plane, third: Values) -> Real:
     """Plane vectors and a third number as rows of three (*shape, 3)."""
     out = np.zeros((*shape, 3))
     np.ndarray(shape, complex, out, 0, out.strides[:-1])[...] = z  # both columns at once
@@ -84,7 +84,7 @@ def rows_of(shape: tuple[int, ...], z: Array, third: Array) -> Array:
     return out
 
 
-def purely_imaginary(z: Array) -> Array:
+def purely_imaginary(z: Plane) -> Plane:
     """i Im z, in place where ``z`` is an array."""
     if not isinstance(z, np.ndarray):
         return 1j * z.imag
@@ -92,7 +92,7 @@ def purely_imaginary(z: Array) -> Array:
     return z
 
 
-def rotation_of(angle: Array) -> Array:
+def rotation_of(angle: Values) -> Complex:
     """exp(i angle) of real angles."""
     out = np.empty(angle.shape if isinstance(angle, np.ndarray) else np.shape(angle), complex)
     np.cos(angle, out=out.real)

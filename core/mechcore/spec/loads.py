@@ -197,7 +197,7 @@ class Drag(_Load):
 @dataclass(frozen=True, kw_only=True)
 class Viscous(_Load):
     """Viscous friction in a joint of any kind that moves: ``-coefficient`` times the speed of its relative motion, on its second
-    link; see `mechcore.effects.viscous.ViscousFriction` for each kind."""
+    link; see `mechcore.effects.resistance.ViscousFriction` for each kind."""
 
     joint: str
     coefficient: float  # revolute, rolling, gear, rack: [N m s/rad]; prismatic, pin in slot, cylinder, cam, belt: [N s/m]

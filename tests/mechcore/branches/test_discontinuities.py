@@ -7,7 +7,7 @@ import pytest
 
 import mechviz
 from mechcore.branches.unwrapped import LinkAngles
-from mechcore.effects.torsion import AngleSpring
+from mechcore.effects.springs import AngleSpring
 from mechviz.accuracy.estimate import estimate_errors, lost_turns
 from mechviz.runs import run_scene
 

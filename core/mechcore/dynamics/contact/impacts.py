@@ -13,7 +13,7 @@ import numpy as np
 from mechcore.arrays import Flags, Real
 from mechcore.dynamics.equations.reduced import free_of, motion_at
 from mechcore.dynamics.events import Log
-from mechcore.effects.inertia import kinetic_energy
+from mechcore.effects.masses import kinetic_energy
 from mechcore.motion.compiled import Compiled
 
 ROUNDING = 1e-12  # of the largest rate, of the work of an impact: what is left by rounding

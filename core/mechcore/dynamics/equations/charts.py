@@ -19,8 +19,8 @@ from mechcore.dynamics.equations.chart import Chart
 from mechcore.dynamics.equations.curve import TURN, Curve, beside_singular, tabulate, whole_turn
 from mechcore.dynamics.equations.handover import carried_on, enter
 from mechcore.dynamics.equations.reduced import free_of, motion_at, moving
-from mechcore.effects.argument import rate
-from mechcore.effects.inertia import kinetic_energy
+from mechcore.effects.base import rate
+from mechcore.effects.masses import kinetic_energy
 from mechcore.effects.registry import effects_of, potential
 from mechcore.errors import Fault, MechanismError
 from mechcore.laws.timed import Free

@@ -19,7 +19,7 @@ from mechcore.arrays import Real
 from mechcore.branches.singular_points import Changes
 from mechcore.dynamics.equations.reduced import motion_at, steps_of_differences, with_rates
 from mechcore.effects.base import Effect, power_of
-from mechcore.effects.inertia import kinetic_energy
+from mechcore.effects.masses import kinetic_energy
 from mechcore.effects.registry import effects_of
 from mechcore.errors import MechanismError
 from mechcore.motion.compiled import Compiled, reached
@@ -251,7 +251,7 @@ def _comes_back(motion: Motion, once: NDArray[Any], twice: NDArray[Any]) -> bool
     """Whether every link is, at frames ``twice``, where it was at frames ``once``."""
     model, size = motion.model, motion.model.length_scale
     links = range(1, len(model.links))
-    places = [p[twice] - p[once] for p in map(motion.origin, links) if np.ndim(p)]
-    turns = [r[twice] - r[once] for r in map(motion.rotation, links) if np.ndim(r)]
+    places = [p[twice] - p[once] for p in map(motion.origin, links) if isinstance(p, np.ndarray) and p.ndim]
+    turns = [r[twice] - r[once] for r in map(motion.rotation, links) if isinstance(r, np.ndarray) and r.ndim]
     near = [float(np.abs(np.array(x)).max()) if x else 0.0 for x in (places, turns)]
     return bool(near[0] <= 1e-8 * size and near[1] <= 1e-8)
