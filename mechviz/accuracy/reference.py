@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mechcore.dynamics.equations.chart import Chart
+from mechcore.dynamics.equations.reduced import Chart
 from mechcore.errors import MechanismError
 from mechcore.forces.kinetostatics import solve_forces
 from mechcore.kinematics.columns import rates

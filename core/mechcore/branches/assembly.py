@@ -10,8 +10,17 @@ from itertools import product
 import numpy as np
 
 from mechcore.arrays import Real
-from mechcore.branches.modes import KEYS, TWO_MODES, WORDS, orientation, other_modes, stated_modes, stated_sign
-from mechcore.branches.sketch import sketched_angle, sketched_slide
+from mechcore.branches.modes import (
+    KEYS,
+    TWO_MODES,
+    WORDS,
+    orientation,
+    other_modes,
+    sketched_angle,
+    sketched_slide,
+    stated_modes,
+    stated_sign,
+)
 from mechcore.errors import Fault, MechanismError
 from mechcore.kinematics.margins import gap, span
 from mechcore.kinematics.model import Model

@@ -13,8 +13,8 @@ from numpy.typing import ArrayLike
 from mechcore.accuracy import DEFAULT, Accuracy
 from mechcore.arrays import Flags, Real
 from mechcore.branches.assembly import Assembly, assemble, fitting_statements, other_modes
+from mechcore.branches.modes import at_sketch, sketched_drives
 from mechcore.branches.singular_points import Changes, find_changes
-from mechcore.branches.sketch import at_sketch, sketched_drives
 from mechcore.branches.tracking import Course, way_of
 from mechcore.branches.unwrapped import UnwrappedAngles, Waypoint, raw_angles, start_pose
 from mechcore.errors import Fault, MechanismError

@@ -1,12 +1,13 @@
 """Charts of the configuration curve: which joint's coordinate leads the mechanism, how far, and the change from one to the next.
 
 At a dead point of one coordinate another one moves: along the curve itself nothing is special there. A chart is good as long as its
-own coordinate does a fair share of the motion; where it does not, the joint that moves most takes over.
+own coordinate does a fair share of the motion; where it does not, the joint that moves most takes over. The angles of the links,
+and the groups that have to be followed, go on from where they are.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
 from math import comb
@@ -15,10 +16,9 @@ from typing import Any
 import numpy as np
 
 from mechcore.arrays import Real, Values
-from mechcore.dynamics.equations.chart import Chart
+from mechcore.branches.unwrapped import Starts, UnwrappedAngles, Waypoint, raw_angles
 from mechcore.dynamics.equations.curve import TURN, Curve, beside_singular, tabulate, whole_turn
-from mechcore.dynamics.equations.handover import carried_on, enter
-from mechcore.dynamics.equations.reduced import free_of, motion_at, moving
+from mechcore.dynamics.equations.reduced import Chart, free_of, motion_at, moving
 from mechcore.effects.base import rate
 from mechcore.effects.masses import kinetic_energy
 from mechcore.effects.registry import effects_of, potential
@@ -126,12 +126,19 @@ def _compiled(compiled: Compiled, motion: Motion, joints: Sequence[str], found: 
 def _same(motion: Motion, other: Compiled, q: Real, v: Real, t: float) -> bool:
     """Whether a chart has all links, and all energy, where they are."""
     there = motion_at(other, q[None], v[None], np.array([t]))
-    for link in motion.model.links[1:]:
-        a, b = motion.pose(link)[0], there.pose(link)[0]
-        if not np.abs(a[:2] - b[:2]).max() <= SAME * motion.model.length_scale or not abs(np.exp(1j * (a[2] - b[2])) - 1.0) <= SAME:
-            return False
+    if not _same_poses(motion, there):
+        return False
     energies = [np.array([kinetic_energy(m)[0], np.ravel(potential(m))[0]]) for m in (motion, there)]
     return bool(np.abs(energies[0] - energies[1]).max() <= 1e3 * SAME * max(1e-300, np.abs(energies[0]).max()))
+
+
+def _same_poses(motion: Motion, other: Motion) -> bool:
+    """Whether two motions have all links at the same place in their first frames, but for whole turns."""
+    for link in motion.model.links[1:]:
+        a, b = motion.pose(link)[0], other.pose(link)[0]
+        if not np.abs(a[:2] - b[:2]).max() <= SAME * motion.model.length_scale or not abs(np.exp(1j * (a[2] - b[2])) - 1.0) <= SAME:
+            return False
+    return True
 
 
 POOR = 0.05  # share of the motion that a chart's own coordinate must do, at least
@@ -211,7 +218,7 @@ def _rates(motion: Motion) -> dict[str, Real]:
     model, speeds = motion.model, motion.speeds
     rotation_class = model.angles.rotation_class
     joints = {p.name for p in motion.mechanism.joints}  # of a cylinder the slide, not the pins that it brings along
-    out: dict[str, Any] = {}
+    out: dict[str, Values] = {}
     for j, joint in enumerate(model.joints):
         if joint.freedoms and joint.name in joints:
             if j in model.driven:
@@ -237,25 +244,19 @@ def best_chart(
     rates = _rates(motion)
     joint = max(rates, key=lambda name: float(rates[name][0]))
     coordinate, rate = (float(x) for x in motion.coordinate(joint)[0, :2])
-    poses: dict[str, tuple[float, float, float]] = {}
-    for link in motion.model.links[1:]:
-        x, y, angle = motion.pose(link)[0]
-        poses[link] = float(x), float(y), float(angle)
     counted = any(e.counts_turns for e in effects_of(compiled.mechanism))
     for chart in known:
         place = _place_on(chart, coordinate, rate) if chart.compiled.mechanism.drives[0].joint == joint else None
-        if place is not None and _is_at(chart.compiled, place, poses):
+        if place is not None and _same_poses(motion, motion_at(chart.compiled, *_at_rest(place))):
             again = carried_on(chart.compiled, np.array([place]), 0.0, motion)
             before, after = (motion_at(c, *_at_rest(place)).angles.class_angles for c in (chart.compiled, again))
             if np.abs(after - before).max() < 1.0:
                 return chart, place, rate if v else 0.0
             if isinstance(chart.curve, Curve) and not counted:
                 return CurveChart(again, replace(chart.curve, compiled=again), chart.valid_range), place, rate if v else 0.0
-    mechanism = replace(
-        named(compiled.mechanism), drives=(Drive(joint=joint, law=Free(coordinate, rate if v else 0.0)),), modes={}, sketch=poses
-    )
-    found = carried_on(compile_mechanism(mechanism, compiled.accuracy), np.array([coordinate]), 0.0, motion)
-    if not _is_at(found, coordinate, poses):
+    led = np.array([[coordinate, rate if v else 0.0]])
+    found = carried_on(_compiled(compiled, motion, [joint], led), np.array([coordinate]), 0.0, motion)
+    if not _same_poses(motion, motion_at(found, *_at_rest(coordinate))):
         raise MechanismError(
             Fault(
                 "dynamics",
@@ -280,19 +281,72 @@ def _rotary(compiled: Compiled) -> bool:
     return compiled.model.rotary(compiled.mechanism.drives[0].joint)
 
 
-def _is_at(compiled: Compiled, q: float, poses: Mapping[str, tuple[float, float, float]]) -> bool:
-    """Whether a chart has all links where they are stated, when its coordinate is q."""
-    at = motion_at(compiled, *_at_rest(q))
-    for link, pose in poses.items():
-        found = at.pose(link)[0]
-        if (
-            not np.abs(found[:2] - pose[:2]).max() <= 1e-9 * at.model.length_scale
-            or not abs(np.exp(1j * (found[2] - pose[2])) - 1.0) <= 1e-9
-        ):
-            return False
-    return True
-
-
 def _at_rest(q: float) -> tuple[Real, Real, Real]:
     """A position as `motion_at` takes it."""
     return np.array([[q]]), np.ones((1, 1)), np.zeros(1)
+
+
+def waypoints(compiled: Compiled, q: Real, t: Real) -> list[Waypoint]:
+    """Waypoints at free coordinates (n, f) and times (n,)."""
+    columns = iter(q.T)
+    drives = [next(columns) if isinstance(d.law, Free) else np.asarray(d.law(t)[0], float) for d in compiled.mechanism.drives]
+    return [Waypoint(float(time), row) for time, row in zip(t, np.column_stack([np.zeros((len(t), 0)), *drives]), strict=True)]
+
+
+def carried_on(compiled: Compiled, q: Real, t: float, motion: Motion) -> Compiled:
+    """A mechanism in a new chart, put together at its coordinates q (f,) at time t [s]. The angles of its links go on from those
+    of a ``motion`` (one frame) of the same mechanism there, in another chart."""
+    at = replace(_entered(compiled, q, t, motion), starts=compiled.assembly.starts)
+    found = replace(compiled, angles=UnwrappedAngles(compiled.model, motion.angles.start, at, exact=False))
+    model, angles = compiled.model, motion_at(found, q[None], np.zeros_like(q)[None], np.array([t])).angles
+    turning = [j for j in model.driven if model.joints[j].coordinate == "angle"]
+    gone = (angles.joint(model.joints[j].name)[0] - at.drives[model.driven[j]] for j in turning)
+    found.angles.exact = all(abs(float(x)) < 1.0 for x in gone)
+    return found
+
+
+def enter(compiled: Compiled, q: Real, t: float, motion: Motion) -> Compiled:
+    """A chart that has led the motion before and does so again from its free coordinates q (f,) and the time t [s] on, as
+    `carried_on`."""
+    if len(compiled.mechanism.drives) > 1:
+        at = _entered(compiled, q, t, motion)
+        compiled.angles.way.leave([replace(at, starts=_starts(compiled, at, motion))])
+    return compiled
+
+
+def _entered(compiled: Compiled, q: Real, t: float, motion: Motion) -> Waypoint:
+    """Where a chart takes a motion over from another one, the angles of its rotation classes known."""
+    model, old = compiled.model, motion.model
+    placed = motion_at(compiled, q[None], np.zeros_like(q)[None], np.array([t]))
+    class_angles = raw_angles(model, [d[0] for d in placed.drives], placed.state, (1,))[:, 0]
+    for k, link in enumerate(model.links):
+        if link in old.index:
+            rotation_class = model.angles.rotation_class[k]
+            there = float(motion.angle(old.index[link])[0]) - model.angles.offset[k]
+            class_angles[rotation_class] += TURN * np.round((there - class_angles[rotation_class]) / TURN)
+    (at,) = waypoints(compiled, q[None], np.array([t]))
+    return replace(at, class_angles=class_angles)
+
+
+def _starts(compiled: Compiled, at: Waypoint, motion: Motion) -> Starts:
+    """Starts of the groups that have to be followed, from those at the chart's first waypoint and what has moved since."""
+    model, first = compiled.model, compiled.angles.at
+    turning = model.angles
+
+    def group(waypoint: Waypoint, g: int) -> float:
+        rotation_class = turning.classes_of[g][0]
+        assert waypoint.class_angles is not None
+        return float(waypoint.class_angles[rotation_class]) - sum(
+            sign * float(waypoint.drives[d]) for d, sign in turning.class_drives[rotation_class]
+        )
+
+    known, found = first.starts or {}, {}
+    for block in model.blocks:
+        if block.name in known:
+            turned = [known[block.name][i] + group(at, g) - group(first, g) for i, g in enumerate(block.angles)]
+            old = motion.model.joint_index
+            slid = [float(np.ravel(motion.state.slide[old[model.joints[j].name]])[0]) for j in block.slides]
+            found[block.name] = np.array([*turned, *slid])
+    for g in model.multi_turn:
+        found[f"angle {g}"] = np.asarray(known[f"angle {g}"] + group(at, g) - group(first, g))
+    return found

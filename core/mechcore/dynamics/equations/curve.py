@@ -10,12 +10,10 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from mechcore.arrays import Real
+from mechcore.arrays import Index, Real, Values
 from mechcore.branches.singular_points import Changes
 from mechcore.dynamics.equations.reduced import motion_at, steps_of_differences, with_rates
 from mechcore.effects.base import Effect, power_of
@@ -86,7 +84,7 @@ class Curve:
         """The part of Q (n,) that depends on speed or time."""
         unit = motion_at(self.compiled, q, np.ones_like(v), t)
         moving = with_rates(unit, [v[:, 0]])
-        total: Any = np.zeros(len(t))
+        total: Values = np.zeros(len(t))
         for effect in self.rest:
             for w in effect.wrenches(moving):
                 total = total + power_of(unit, w)
@@ -209,7 +207,7 @@ def _unit(compiled: Compiled, q: Real) -> Motion:
     return motion_at(compiled, q[:, None], np.ones((len(q), 1)), q - q[0])
 
 
-def _force(effect: Effect, unit: Motion) -> Any:
+def _force(effect: Effect, unit: Motion) -> Values:
     """Reduced force of an effect (n,)."""
     return sum((power_of(unit, w) for w in effect.wrenches(unit)), 0.0)
 
@@ -247,7 +245,7 @@ def _clear_of(changes: Changes, start: float, q: float) -> float:
     return q + float(shifts[np.argmax(away.min(axis=(1, 2)))])
 
 
-def _comes_back(motion: Motion, once: NDArray[Any], twice: NDArray[Any]) -> bool:
+def _comes_back(motion: Motion, once: Index, twice: Index) -> bool:
     """Whether every link is, at frames ``twice``, where it was at frames ``once``."""
     model, size = motion.model, motion.model.length_scale
     links = range(1, len(model.links))

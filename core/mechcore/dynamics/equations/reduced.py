@@ -3,26 +3,26 @@
 With the free coordinates q as if they were drives, every velocity is linear in q': v = sum_i v_i q_i'. Hence the reduced inertia
 M_ij = sum m v_i v_j + J w_i w_j, the reduced force Q_i = sum F v_i + M w_i of all loads (virtual power), and the inertia forces
 that are left when q'' = 0, h_i = sum m v_i a_S + J w_i alpha; the equations of motion are M q'' + h = Q (theory of the reduced
-mass, Lagrange's equations of the second kind). Positions are solved on the manifold itself: nothing drifts.
+mass, Lagrange's equations of the second kind). Positions are solved on the manifold itself: nothing drifts, and redundant
+constraints do no harm. A `Chart` is a choice of joint coordinates that, taken as drives, decide the configuration.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 
-from mechcore.arrays import Real
+from mechcore.arrays import Flags, Real
 from mechcore.effects.base import Effect, power_of
 from mechcore.effects.registry import applied_effects, effects_of
+from mechcore.kinematics.state import Patch
 from mechcore.laws.timed import Free
 from mechcore.motion.compiled import Compiled
 from mechcore.motion.motion import Motion
 from mechcore.motion.solve import solve_motion
 
-Array = Any
 STEP = 1e-7  # of a finite difference; slopes only steer Newton's method
 
 
@@ -47,7 +47,7 @@ def solved(matrix: Real, rhs: Real) -> Real:
     try:
         return np.asarray(np.linalg.solve(matrix, rhs[..., None])[..., 0], float)
     except np.linalg.LinAlgError:
-        fine: Any = np.isfinite(matrix).all(axis=(1, 2))
+        fine: Flags = np.asarray(np.isfinite(matrix).all(axis=(1, 2)))
         fine[fine] = np.linalg.det(matrix[fine]) != 0.0
         out = np.full(rhs.shape, np.nan)
         out[fine] = np.linalg.solve(matrix[fine], rhs[fine, :, None])[..., 0]
@@ -140,7 +140,7 @@ def shifted(v: Real, change: Real) -> Real:
     return v + np.append(change, np.zeros(len(v) - len(change)))
 
 
-def with_rates(motion: Motion, rates: Sequence[Array], second: Sequence[Array] | None = None) -> Motion:
+def with_rates(motion: Motion, rates: Sequence[Real], second: Sequence[Real] | None = None) -> Motion:
     """The same positions with other rates (n,) of all drives, and second rates or none; only velocities are solved anew."""
     none = np.zeros(motion.frames)
     second = [none] * len(rates) if second is None else second
@@ -151,7 +151,7 @@ def with_rates(motion: Motion, rates: Sequence[Array], second: Sequence[Array] |
     return m
 
 
-def _scaled(motion: Motion, rates: Sequence[Array]) -> Any:
+def _scaled(motion: Motion, rates: Sequence[Real]) -> dict[int, list[Patch]]:
     """Patches at change points, made for a unit rate, at another rate (one freedom only: with more there are none)."""
     return {
         block: [
@@ -208,3 +208,72 @@ def reduced_equations(motion: Motion, units: Sequence[Motion]) -> ReducedEquatio
                 for i, unit in enumerate(units):
                     force[:, i] += power_of(unit, w)
     return ReducedEquations(inertia, bias, force)
+
+
+def jacobian_of(motion: Motion, units: Sequence[Motion], joints: Sequence[str]) -> tuple[Real, Real]:
+    """Rates of joints' coordinates per unit rate of each free coordinate (n, p, f), and their second rates at q'' = 0 (n, p), which
+    are also those of prescribed drives; ``motion`` with q'' = 0, ``units`` its tangents."""
+    free = [motion.mechanism.drives[i].joint for i in _free_in(motion)]
+    rows, second = np.zeros((motion.frames, len(joints), len(units))), np.zeros((motion.frames, len(joints)))
+    for k, joint in enumerate(joints):
+        if joint in free:
+            rows[:, k, free.index(joint)] = 1.0
+        else:
+            second[:, k] = motion.coordinate(joint)[:, 2]
+            for i, unit in enumerate(units):
+                rows[:, k, i] = unit.coordinate(joint)[:, 1]
+    return rows, second
+
+
+def _free_in(motion: Motion) -> list[int]:
+    return [i for i, d in enumerate(motion.mechanism.drives) if isinstance(d.law, Free)]
+
+
+class Chart:
+    """Accelerations of all coordinates (n, f). Joints that ``rest`` keep their coordinates, and `holding` gives what that takes."""
+
+    def __init__(self, compiled: Compiled, rests: Sequence[str] = ()):
+        self.compiled, self.rests = compiled, tuple(rests)
+        free = [compiled.mechanism.drives[i].joint for i in free_of(compiled)]
+        self.held = [free.index(joint) for joint in self.rests if joint in free]
+
+    def __call__(self, q: Real, v: Real, t: Real) -> Real:
+        return self._solve(q, v, t)[0]
+
+    def _solve(self, q: Real, v: Real, t: Real) -> tuple[Real, Real]:
+        """Accelerations (n, f + s), see `with_states`, and what holds the joints at rest (n, p).
+
+        From M q'' + h = Q + G' p, G q'' + b = 0.
+        """
+        motion, units = moving(self.compiled, q, v, t)
+        r = reduced_equations(motion, units)
+        if not self.rests:
+            return with_states(r.acceleration(), motion), np.zeros((len(t), 0))
+        rows, second = jacobian_of(motion, units, self.rests)
+        found, holding = constrained(r.inertia, r.force - r.bias, rows, second)
+        found[:, self.held] = 0.0
+        return with_states(found, motion), holding
+
+    def holding(self, q: Real, v: Real, t: Real) -> Real:
+        """What keeps the joints at rest (n, p): torque [N m] or force [N] in the direction of each one's coordinate."""
+        return self._solve(q, v, t)[1]
+
+    def slopes(self, q: Real, v: Real, t: Real, a: Real) -> tuple[Real, Real]:
+        """Derivatives of the accelerations by position and speed (n, f, f) each, by differences, all in one call."""
+        return differences(self, q, v, t, a, steps_of_differences(self.compiled, q, v, a))
+
+
+def differences(
+    system: Callable[[Real, Real, Real], Real], q: Real, v: Real, t: Real, a: Real, steps: tuple[Real, Real]
+) -> tuple[Real, Real]:
+    """Slopes of a system's accelerations by position and speed (n, f, f) each, by differences with steps (f,), all in one call."""
+    n, f = q.shape
+    many_q, many_v = np.tile(q, (2 * f, 1)), np.tile(v, (2 * f, 1))
+    step_q, step_v = steps
+    for k in range(f):
+        many_q[k * n : (k + 1) * n, k] += step_q[k]
+        many_v[(f + k) * n : (f + k + 1) * n, k] += step_v[k]
+    changed = system(many_q, many_v, np.tile(t, 2 * f)).reshape(2 * f, n, f) - a
+    by_q = np.moveaxis(changed[:f] / step_q[:, None, None], 0, -1)
+    by_v = np.moveaxis(changed[f:] / step_v[:, None, None], 0, -1)
+    return by_q, by_v
