@@ -8,6 +8,8 @@ from numpy.typing import NDArray
 Real = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 Index = NDArray[np.intp]
+Integers = NDArray[np.int64]  # frames, and ticks of timelines
+Single = NDArray[np.float32]  # what is drawn
 Flags = NDArray[np.bool_]
 Values = NDArray[np.floating[Any]] | float  # numbers over frames, or one for all
 Plane = NDArray[np.complexfloating[Any, Any]] | complex  # plane vectors over frames, or one for all

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
+
+from mechcore.arrays import Index
 
 Color = tuple[int, int, int, int]  # red, green, blue, alpha, each 0-255
 
@@ -94,7 +95,7 @@ def _fans(faces: np.ndarray, normal: np.ndarray) -> np.ndarray:
     return components(faces.size, first, second)
 
 
-def components(count: int, first: NDArray[np.intp], second: NDArray[np.intp]) -> NDArray[np.intp]:
+def components(count: int, first: Index, second: Index) -> Index:
     """The connected component (count,) of each of ``count`` vertices of a graph with edges ``first`` - ``second`` (E,), numbered in
     the order in which they appear."""
     least = np.arange(count)  # a vertex of its component, in the end the first one

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from functools import cache
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mechcore.arrays import Integers
 from mechcore.motion.events import Event
 from mechviz.outputs.rerun.describe import notes
 from mechviz.outputs.rerun.marks import find_lanes
@@ -24,8 +24,6 @@ from mechviz.picture.nodes import Color, Picture
 from mechviz.quantities.catalogue import Catalogue
 from mechviz.quantities.events import events_of
 from mechviz.runs import Run, package_version
-
-Index = NDArray[np.int64]
 
 
 @dataclass(frozen=True)
@@ -50,7 +48,7 @@ class Presentation:
     events: tuple[Event, ...]
     lanes: tuple[Lane, ...]
     drawings: Callable[[], Mapping[str, Drawing]]  # made when they are asked for
-    chosen: Index
+    chosen: Integers
     total: int
     simulated: bool
 

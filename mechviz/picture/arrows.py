@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mechcore.arrays import Flags, Real
 from mechviz.picture.nodes import Arc, Arrow, Node
 from mechviz.quantities.numbers import Numbers
 from mechviz.quantities.vectors import FAMILIES, Moment, Scales, Vector, calm_frames, centre_name, find_scales
@@ -17,8 +17,6 @@ if TYPE_CHECKING:
     from mechviz.runs import Run
 
 
-Real = NDArray[np.float64]
-Flags = NDArray[np.bool_]
 T = TypeVar("T", Vector, Moment)
 
 LONGEST = 1.4  # in sizes of the mechanism: only near a jam, where forces grow beyond all bounds, and there left out

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mechcore.arrays import Real, Single
 from mechviz.accuracy.kept import PROFILE
 from mechviz.meshes.solids import Solids, build_solids
 from mechviz.quantities.items import links_of
@@ -37,8 +38,6 @@ if TYPE_CHECKING:
     from mechviz.runs import Run
 
 
-Real = NDArray[np.float64]
-Single = NDArray[np.float32]
 Heights = Mapping[str, float]
 
 LOOKS = 721

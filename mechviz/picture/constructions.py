@@ -10,8 +10,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mechcore.arrays import Complex, Real
 from mechcore.constructions.force_polygons import Funicular
 from mechcore.constructions.polygons import Edge, Plan
 
@@ -19,7 +19,6 @@ if TYPE_CHECKING:
     from mechviz.runs import Run
 
 
-Array = NDArray[np.complex128]
 Color = tuple[int, int, int]
 
 COLORS: Mapping[str, Color] = {
@@ -56,8 +55,8 @@ class Stroke:
 
     label: str
     color: Color
-    start: Array
-    vector: Array
+    start: Complex
+    vector: Complex
     plain: bool = False
     fine: bool = False
 
@@ -67,7 +66,7 @@ class Mark:
     """A named point (F,) of the drawing plane [m]."""
 
     label: str
-    at: Array
+    at: Complex
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,19 +79,19 @@ class Drawing:
     marks: tuple[Mark, ...]
     per_metre: float
     unit: str
-    closing: NDArray[np.float64] | None = None
+    closing: Real | None = None
 
     least: float = 0.0  # [m] extent for which a view has room at least
     whole: bool = False  # a view has room for all frames, however far they reach
 
     @property
-    def curves(self) -> list[tuple[Color, Array]]:
+    def curves(self) -> list[tuple[Color, Complex]]:
         """Colours and points (F,) of the curves along which tips go: of a polar plot, the one drawing that shows them."""
         polar = self.name == "shaking"
         return [(i.color, i.start + i.vector) for i in self.strokes if not i.plain] if polar else []
 
     @property
-    def bounds(self) -> NDArray[np.float64]:
+    def bounds(self) -> Real:
         """Box (2, 2) [m] that holds the drawing in all frames; of one that runs far out in some, in nine of ten on every side."""
         ends = [z for stroke in self.strokes for z in (stroke.start, stroke.start + stroke.vector)] + [m.at for m in self.marks]
         if not ends:

@@ -10,10 +10,9 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from mechcore.arrays import Flags, Real, Single
 from mechviz.quantities.vectors import Moment, Scales, Vector
 
-Real = NDArray[np.float64]
-Single = NDArray[np.float32]
 Color = tuple[int, int, int]
 
 
@@ -75,7 +74,7 @@ class Lines(Node):
     strips: tuple[Single, ...]
     colors: tuple[Color, ...]
     radii: tuple[float, ...]
-    shown: NDArray[np.bool_] | None = None
+    shown: Flags | None = None
     labels: tuple[str, ...] = ()
     parent: str = ""
 

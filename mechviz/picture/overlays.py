@@ -7,8 +7,8 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mechcore.arrays import Complex, Real, Single
 from mechcore.reduction.systems import KINDS
 from mechviz.picture.constructions import COLORS
 from mechviz.picture.nodes import ArrowSet, Lines, Node, Points
@@ -18,9 +18,6 @@ if TYPE_CHECKING:
     from mechviz.meshes.solids import Solids
     from mechviz.runs import Run
 
-
-Array = NDArray[np.complex128]
-Single = NDArray[np.float32]
 
 FIXED, MOVING = (255, 206, 92), (92, 214, 255)  # polodes
 CHAIN = (120, 255, 190)  # equivalent linkages
@@ -116,7 +113,7 @@ def _substitutes(run: Run, size: float, height: float) -> Iterator[Node]:
         )
 
 
-def _space(z: Array, height: float) -> Single:
+def _space(z: Complex, height: float) -> Single:
     """Places of the plane (...) as (..., 3); a place that is not finite is the origin."""
     out = np.full((*z.shape, 3), height, np.float32)
     known = np.where(np.isfinite(z), z, 0.0)
@@ -124,11 +121,11 @@ def _space(z: Array, height: float) -> Single:
     return out
 
 
-def overlay_box(run: Run, solids: Solids) -> NDArray[np.float64]:
+def overlay_box(run: Run, solids: Solids) -> Real:
     """The box (2, 3) [m] around the mechanism and what is drawn on it: springs, strings, resultants, polodes, substitute masses."""
     low, high = (np.array(b, float) for b in solids.bounds)
     size = solids.size
-    spots: list[NDArray[np.float64]] = [*strut_ends(run)]
+    spots: list[Real] = [*strut_ends(run)]
     for body in run.studies.substitutes.values():
         spots.append(body.places.reshape(-1, 2))
         spots.append((body.places + body.forces / substitute_scale(run, size)).reshape(-1, 2))
@@ -149,9 +146,9 @@ def overlay_box(run: Run, solids: Solids) -> NDArray[np.float64]:
     return np.array([low, high])
 
 
-def strings(run: Run, size: float) -> list[Array]:
+def strings(run: Run, size: float) -> list[Complex]:
     """Strings between the knots, the outer ones out to where they meet, and the lines of the forces."""
-    out: list[Array] = []
+    out: list[Complex] = []
     for s in run.studies.systems.values():
         d = s.drawing
         n = d.forces.shape[1]
@@ -169,7 +166,7 @@ def strings(run: Run, size: float) -> list[Array]:
     return out
 
 
-def _outer(knot: Array, ray: Array, meeting: Array, size: float) -> Array:
+def _outer(knot: Complex, ray: Complex, meeting: Complex, size: float) -> Complex:
     """An outer string: through its knot, and out to where the outer strings meet if that is near enough to be drawn."""
     away = np.where(np.isfinite(meeting), np.real((meeting - knot) * np.conj(ray)), 0.0)
     away = np.clip(np.nan_to_num(away), -2.0 * size, 2.0 * size)
@@ -177,7 +174,7 @@ def _outer(knot: Array, ray: Array, meeting: Array, size: float) -> Array:
     return np.stack([knot + low * ray, knot + high * ray], axis=1)
 
 
-def resultants(run: Run, size: float) -> list[tuple[Array, Array]]:
+def resultants(run: Run, size: float) -> list[tuple[Complex, Complex]]:
     """Arrows of the resultants through the places where the outer strings meet, the largest 0.4 of the mechanism long; nothing
     where there is no single force, or far outside the picture."""
     drawings = [s.drawing for s in run.studies.systems.values()]
@@ -189,7 +186,7 @@ def resultants(run: Run, size: float) -> list[tuple[Array, Array]]:
     return out
 
 
-def chain_strips(run: Run, size: float) -> list[tuple[str, list[Array]]]:
+def chain_strips(run: Run, size: float) -> list[tuple[str, list[Complex]]]:
     """Equivalent linkages by joint: bars and outlines of blocks as strips (F, points), shrunk to a point where at infinity."""
     out = []
     half, width = BLOCK[0] * size, BLOCK[1] * size
@@ -201,7 +198,7 @@ def chain_strips(run: Run, size: float) -> list[tuple[str, list[Array]]]:
     return out
 
 
-def chain_pins(run: Run, size: float) -> list[tuple[str, list[tuple[str, Array]]]]:
+def chain_pins(run: Run, size: float) -> list[tuple[str, list[tuple[str, Complex]]]]:
     """Pins of equivalent linkages by joint, each with its label (F,), NaN beyond any picture. Only those that are no pins
     anyway."""
     shown = ("K", "N1", "N2")
@@ -216,7 +213,7 @@ def chain_pins(run: Run, size: float) -> list[tuple[str, list[tuple[str, Array]]
     return found
 
 
-def _within(z: Array, size: float) -> Array:
+def _within(z: Complex, size: float) -> Complex:
     """Strips (F, points), shrunk to one of their finite points in the frames in which they run beyond any picture."""
     finite = np.isfinite(z)
     inner = np.where(finite, z, 0.0)
@@ -231,7 +228,7 @@ def substitute_scale(run: Run, size: float) -> float:
     return largest / (size / 3.0) if largest > 0.0 else 1.0
 
 
-def polode_pieces(way: NDArray[np.float64], place: NDArray[np.float64], solids: Solids, *, z: float) -> list[NDArray[np.float32]]:
+def polode_pieces(way: Real, place: Real, solids: Solids, *, z: float) -> list[Single]:
     """A polode (F, 2) as strips, cut where it runs far out of the picture or jumps through infinity.
 
     ``place`` (F, 2): the fixed one, of both. It is judged in the world, so that both are cut at the same frames.
@@ -241,7 +238,7 @@ def polode_pieces(way: NDArray[np.float64], place: NDArray[np.float64], solids: 
     inside = np.isfinite(place).all(axis=1) & (place > low - room).all(axis=1) & (place < high + room).all(axis=1)
     step = np.hypot(*np.diff(np.where(inside[:, None], place, 0.0), axis=0).T)
     joined = inside[1:] & inside[:-1] & (step < 0.5 * solids.size)
-    pieces: list[NDArray[np.float32]] = []
+    pieces: list[Single] = []
     start = 0
     for k in range(len(way)):
         if k + 1 == len(way) or not joined[k]:

@@ -7,14 +7,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from mechcore.arrays import Complex, Integers, Real
 from mechviz.quantities.vectors import Moment, Vector, centre_name, point_name
 
 if TYPE_CHECKING:
     from mechviz.meshes.heights import Heights
     from mechviz.runs import Run
 
-
-Real = NDArray[np.float64]
 
 LOOKS = 24  # frames at which is looked what lies before an arrow
 
@@ -44,7 +43,7 @@ def arc_height(run: Run, heights: Heights, moment: Moment, radius: float) -> flo
     return heights.cleared(_own_height(run, heights, moment), moment.origin[frames][:, None] + circle, known)
 
 
-def looks(run: Run, heights: Heights) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+def looks(run: Run, heights: Heights) -> tuple[Integers, Integers]:
     """Some frames of the run, and their numbers among the frames whose poses are known to the solids."""
     count = max((len(pose) for pose in heights.poses.values()), default=1)
     known = np.unique(np.linspace(0, count - 1, min(count, LOOKS)).round().astype(int))
@@ -89,7 +88,7 @@ def spiral_radius(part: Any, size: float) -> Any:
     return SPIRAL * size * (0.25 + 0.75 * part)
 
 
-def arc_corners(turn: float, radius: float, width: float, steps: int) -> NDArray[np.complex128]:
+def arc_corners(turn: float, radius: float, width: float, steps: int) -> Complex:
     """Corners of a flat arc with a head, for `arc_faces`: through ``turn`` [rad] about the origin, from the right on."""
     sign = np.sign(turn)
     along = np.linspace(0.0, sign * (abs(turn) - min(ARC_TIP, abs(turn))), steps + 1)
@@ -104,13 +103,13 @@ def arc_faces(steps: int) -> NDArray[np.uint32]:
     return np.vstack([ribbon_faces(steps + 1), [[n, n + 2, n + 1]]]).astype(np.uint32)
 
 
-def ribbon_faces(places: int) -> NDArray[np.int64]:
+def ribbon_faces(places: int) -> Integers:
     """Faces of a ribbon whose corners stand as outer, inner, outer, inner ..., counter-clockwise."""
     k = 2 * np.arange(places - 1)
     return np.vstack([np.column_stack([k, k + 2, k + 1]), np.column_stack([k + 1, k + 2, k + 3])])
 
 
-def about_z(angle: Any) -> NDArray[np.float64]:
+def about_z(angle: Any) -> Real:
     """Unit quaternions (..., 4) of turns by ``angle`` (...) [rad]; continuous where the angle is."""
     half = 0.5 * np.asarray(angle, float)
     nothing = np.zeros_like(half)

@@ -6,8 +6,8 @@ from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mechcore.arrays import Complex, Real, Single
 from mechcore.forces.sections.axis import Cuts
 from mechcore.forces.sections.section_forces import SectionForces
 from mechviz.picture.nodes import Color, Lines, Points
@@ -16,9 +16,6 @@ from mechviz.picture.proportions import looks
 if TYPE_CHECKING:
     from mechviz.meshes.solids import Solids
     from mechviz.runs import Run
-
-Real = NDArray[np.float64]
-Complex = NDArray[np.complex128]
 
 
 class Diagram(NamedTuple):
@@ -93,5 +90,5 @@ def _height(run: Run, solids: Solids, link: str, outline: Complex) -> float:
     return solids.heights.cleared(max(solids.heights.of_point(link, xy) for xy in spec.points.values()), lines, known)
 
 
-def _in_space(strip: Complex, height: float) -> NDArray[np.float32]:
+def _in_space(strip: Complex, height: float) -> Single:
     return np.stack([strip.real, strip.imag, np.full(strip.shape, height)], axis=-1).astype(np.float32)

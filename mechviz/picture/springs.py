@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from mechcore.arrays import Real, Single
 from mechcore.spec.loads import Spring
 from mechviz.meshes.kinds.coils import coil_shell
 from mechviz.picture.proportions import looks
@@ -17,8 +18,6 @@ if TYPE_CHECKING:
     from mechviz.meshes.solids import Solids
     from mechviz.runs import Run
 
-
-Real = NDArray[np.float64]
 
 COLOR = (172, 188, 206)
 RADIUS = 0.034  # of the wire's middle line around the axis, in sizes of the mechanism: a stem goes through it
@@ -40,9 +39,9 @@ class Coil:
     stretch: Real  # (F,): length over the mean length
     height: float  # of its axis [m]
     width: float  # of the coil, over that of a spring that goes around a stem only
-    vertices: NDArray[np.float32]  # (V, 3) [m]
+    vertices: Single  # (V, 3) [m]
     faces: NDArray[np.uint32]  # (N, 3)
-    normals: NDArray[np.float32]  # (V, 3), unit
+    normals: Single  # (V, 3), unit
 
     def scales(self) -> Real:
         """Factors along x, y and z (F, 3)."""

@@ -11,8 +11,8 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mechcore.arrays import Integers, Real
 from mechcore.spec.loads import Actuator, Bushing, Damper, GasSpring, Spring, TorsionSpring
 from mechcore.spec.mechanism import Mechanism
 from mechviz.picture.proportions import POT, TURNS, pot_length, spiral_radius
@@ -20,8 +20,6 @@ from mechviz.picture.proportions import POT, TURNS, pot_length, spiral_radius
 if TYPE_CHECKING:
     from mechviz.runs import Run
 
-
-Real = NDArray[np.float64]
 
 SPIRAL_POINTS = 72
 RING_POINTS = 37
@@ -52,7 +50,7 @@ class StrutGlyph:
 
     name: str
     kind: str  # "damper", "gas spring", "actuator", "bushing", "torsion spring"
-    strips: Callable[[NDArray[np.int64]], tuple[Real, ...]]
+    strips: Callable[[Integers], tuple[Real, ...]]
 
 
 def find_strut_glyphs(run: Run, size: float) -> Iterator[StrutGlyph]:
@@ -82,7 +80,7 @@ def _bushings(run: Run, size: float) -> Iterator[StrutGlyph]:
             yield StrutGlyph(load.name, "bushing", partial(bushing_strips, centre, place, angle, BUSHING * size))
 
 
-def bushing_strips(centre: Real, place: Real, angle: Real, radius: float, frames: NDArray[np.int64]) -> tuple[Real, Real, Real]:
+def bushing_strips(centre: Real, place: Real, angle: Real, radius: float, frames: Integers) -> tuple[Real, Real, Real]:
     """A ring of a ``radius`` [m] about ``centre`` and the two bars of a cross at ``place`` (F, 2), turned by ``angle`` (F,)."""
     around = radius * np.exp(1j * np.linspace(0.0, 2.0 * np.pi, RING_POINTS))
     arms = radius * np.exp(1j * angle[frames])[:, None] * np.array([-1.0, 1.0])
@@ -102,13 +100,13 @@ def strut_ends(run: Run) -> list[Real]:
     return [run.motion.point(*end) for end in ends]
 
 
-def _between(a: Real, b: Real, kind: str, size: float) -> Callable[[NDArray[np.int64]], tuple[Real, ...]]:
+def _between(a: Real, b: Real, kind: str, size: float) -> Callable[[Integers], tuple[Real, ...]]:
     length = np.hypot(*(b - a).T)
     least, most = float(np.nanmin(length)), float(np.nanmax(length))
     return lambda frames: strut_strips(a[frames], b[frames], least, most, POT * size, closed=kind != "damper")
 
 
-def _around(centre: Real, first: Real, second: Real, size: float) -> Callable[[NDArray[np.int64]], tuple[Real, ...]]:
+def _around(centre: Real, first: Real, second: Real, size: float) -> Callable[[Integers], tuple[Real, ...]]:
     return lambda frames: (spiral_strips(centre[frames], first[frames], second[frames], size),)
 
 

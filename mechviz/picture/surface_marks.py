@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, Literal, get_args
 import numpy as np
 from numpy.typing import NDArray
 
+from mechcore.arrays import Flags, Integers, Real, Single
 from mechcore.cams.followers import Roller
 from mechcore.cams.placed import PlacedCam
 from mechcore.cams.placed_spatial import PlacedInverse, PlacedSpatial, roller_angle
@@ -21,8 +22,6 @@ if TYPE_CHECKING:
     from mechviz.meshes.solids import Solids
     from mechviz.runs import Run
 
-
-Real = NDArray[np.float64]
 
 Kind = Literal["roller", "belt"]
 KINDS: tuple[Kind, ...] = get_args(Kind)
@@ -39,9 +38,9 @@ class SurfaceMark:
     link: str
     centre: tuple[float, float, float]
     angle: Real
-    vertices: NDArray[np.float32]  # (V, 3) [m]
+    vertices: Single  # (V, 3) [m]
     faces: NDArray[np.uint32]  # (N, 3)
-    normals: NDArray[np.float32]  # (V, 3)
+    normals: Single  # (V, 3)
     axis: tuple[float, float] | None = None
     path: Real | None = None
 
@@ -160,10 +159,10 @@ def _face(solids: Solids, link: str, at: tuple[float, float], radius: float) -> 
     return None
 
 
-def _sectors(radius: float) -> tuple[NDArray[np.float32], NDArray[np.uint32], NDArray[np.float32]]:
+def _sectors(radius: float) -> tuple[Single, NDArray[np.uint32], Single]:
     """Flat ring sectors just before the roller's face, seen from the front."""
     vertices: list[Real] = []
-    faces: list[NDArray[np.int64]] = []
+    faces: list[Integers] = []
     for k in range(SECTORS):
         turn = 2.0 * np.pi * (k + np.linspace(0.0, 0.5, SIDES + 1)) / SECTORS
         start = len(vertices) * 2 * (SIDES + 1)
@@ -177,11 +176,11 @@ def _sectors(radius: float) -> tuple[NDArray[np.float32], NDArray[np.uint32], ND
     return flat, np.vstack(faces).astype(np.uint32), np.tile(np.array([0.0, 0.0, 1.0], np.float32), (len(flat), 1))
 
 
-def _stripes(radius: float, height: float) -> tuple[NDArray[np.float32], NDArray[np.uint32], NDArray[np.float32]]:
+def _stripes(radius: float, height: float) -> tuple[Single, NDArray[np.uint32], Single]:
     """Stripes on a mantle that stands on the plane, from end to end, and sectors on the face at its upper end."""
     vertices: list[Real] = []
     normals: list[Real] = []
-    faces: list[NDArray[np.int64]] = []
+    faces: list[Integers] = []
     for k in range(SECTORS):
         turn = 2.0 * np.pi * (k + np.linspace(0.0, 0.5, SIDES + 1)) / SECTORS
         ring = np.column_stack([np.cos(turn), np.sin(turn)])
@@ -201,7 +200,7 @@ def _stripes(radius: float, height: float) -> tuple[NDArray[np.float32], NDArray
     )
 
 
-def held(values: Real, known: NDArray[np.bool_]) -> Real:
+def held(values: Real, known: Flags) -> Real:
     """Values (F,) with those that are not known taken from the nearest one before, at the start from the first known; zero where
     none is."""
     if known.all():
@@ -239,7 +238,7 @@ def way_of(run: Run, loop: Loop) -> Real:
     return loop.radii[0] * (turned - turned[0])
 
 
-def _box(*sides: float) -> tuple[NDArray[np.float32], NDArray[np.uint32], NDArray[np.float32]]:
+def _box(*sides: float) -> tuple[Single, NDArray[np.uint32], Single]:
     """A box about the origin: vertices (24, 3), four to a face, faces (12, 3), normals (24, 3)."""
     vertices, normals = [], []
     for axis in range(3):

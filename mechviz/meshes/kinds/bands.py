@@ -5,9 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
-Real = NDArray[np.float64]
+from mechcore.arrays import Complex, Real
 
 
 @dataclass(frozen=True)
@@ -55,7 +54,7 @@ class Loop:
         first, span, second = self.pieces
         return first + 2.0 * span + second
 
-    def at(self, way: Real) -> tuple[NDArray[np.complex128], Real]:
+    def at(self, way: Real) -> tuple[Complex, Real]:
         """Places in the plane [m] after any way along the belt [m], and the directions in which it runs there [rad], continuous."""
         (c1, c2), (r1, r2), leave = self.centres, self.radii, self.leave
         first, span, _ = self.pieces

@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mechcore.arrays import Real
 from mechviz.meshes.extrude import Shell
-
-Real = NDArray[np.float64]
 
 SIDES = 8  # of the wire
 STEPS = 18  # places of the wire in a turn

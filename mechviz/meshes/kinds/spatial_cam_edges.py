@@ -6,15 +6,13 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mechcore.arrays import Real
 from mechviz.meshes.extrude import Shell
 
 if TYPE_CHECKING:
     from mechcore.cams.placed_spatial import PlacedSpatial
 
-
-Real = NDArray[np.float64]
 
 _ROUND = 360  # points of a ring
 _ACROSS = 9  # places along the roller between which the flank is interpolated

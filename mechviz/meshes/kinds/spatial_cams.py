@@ -10,10 +10,10 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 from shapely.geometry import LineString, Polygon
 from shapely.ops import unary_union
 
+from mechcore.arrays import Real
 from mechcore.joints.base import Builder, point_of
 from mechcore.spec.mechanism import CamJoint, Mechanism, Vec2
 from mechviz.meshes.extrude import Part, Prism, Shell, bored, plate, revolve
@@ -26,8 +26,6 @@ if TYPE_CHECKING:
     from mechviz.meshes.layers.stack import Levels
     from mechviz.meshes.model import Model
 
-
-Real = NDArray[np.float64]
 
 _BORE = 48  # sides of bore and shaft
 _FIT = 0.995  # radius of the shaft in its bore

@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from mechcore.arrays import Flags, Integers, Real
+
 if TYPE_CHECKING:
     from mechviz.meshes.layers.order import Post
 
@@ -43,11 +45,11 @@ class Costs:
         self._near = np.array([(i, j) for i, post in enumerate(posts) for j in post.near if j < i], np.intp).reshape(-1, 2).T
         self._behind = np.array(list(behind), np.intp), np.array(list(behind.values()), float)
 
-    def __call__(self, layers: Layers, *, partial: bool = False) -> NDArray[np.float64]:
+    def __call__(self, layers: Layers, *, partial: bool = False) -> Real:
         clashes, extra, _ = self.counted(layers, partial=partial)
         return self.clash * clashes + extra
 
-    def counted(self, layers: Layers, *, partial: bool = False) -> tuple[NDArray[np.int64], NDArray[np.float64], NDArray[np.bool_]]:
+    def counted(self, layers: Layers, *, partial: bool = False) -> tuple[Integers, Real, Flags]:
         """Clashes (T,), all other costs (T,), and which posts reach to the front (posts, T).
 
         ``partial``: groups on layer -1 are not placed yet and cost nothing.
@@ -92,7 +94,7 @@ class Costs:
             clashes = clashes + np.add.reduce(close, axis=0, dtype=np.int64)
         return clashes, extra, front
 
-    def _hit(self, at: Layers, low: Layers, high: Layers, *, partial: bool) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
+    def _hit(self, at: Layers, low: Layers, high: Layers, *, partial: bool) -> tuple[Integers, Flags]:
         """How many groups run into posts (T,), and whether the posts that may be hit reach to the front to avoid more."""
         post, group = self._hits
         layer, least, most = at[group], low[post], high[post]
@@ -104,7 +106,7 @@ class Costs:
         hits = (between + np.where(ground, np.minimum(behind, before), 0)).sum(axis=0)
         return hits, ground & (before < behind)
 
-    def _summed(self, flags: NDArray[np.bool_]) -> NDArray[np.int64]:
+    def _summed(self, flags: Flags) -> Integers:
         """Numbers of true flags (hits, T) for each post that has any."""
         return np.add.reduceat(flags, self._starts, axis=0, dtype=np.int64)
 
@@ -146,7 +148,7 @@ def _improved(costs: Costs, order: Layers) -> Layers:
             return current[0]
 
 
-def _chunks(layers: Layers) -> Iterator[NDArray[np.int64]]:
+def _chunks(layers: Layers) -> Iterator[Integers]:
     """Moves (m, 3), some hundred at a time: kind, group, and a layer or another group."""
     n, top = len(layers), int(layers.max())
     groups, levels = (a.reshape(-1) for a in np.meshgrid(np.arange(n), np.arange(top + 2), indexing="ij"))
@@ -157,7 +159,7 @@ def _chunks(layers: Layers) -> Iterator[NDArray[np.int64]]:
         yield moves[k : k + CHUNK]
 
 
-def _applied(layers: Layers, moves: NDArray[np.int64]) -> Layers:
+def _applied(layers: Layers, moves: Integers) -> Layers:
     """The orders (m, n) that moves make."""
     out = np.repeat(layers[None], len(moves), axis=0)
     row = np.arange(len(moves))

@@ -13,8 +13,8 @@ from dataclasses import dataclass
 from types import MappingProxyType
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mechcore.arrays import Integers
 from mechviz.meshes.layers.costs import Costs, Layers, improve_many, packed
 
 _CLASH = 1000.0
@@ -92,7 +92,7 @@ def natural_ranks(conflicts: Sequence[int], posts: Sequence[Post]) -> list[int]:
     return sorted(range(n), key=lambda g: (distance.get(g, n), -conflicts[g].bit_count(), g))
 
 
-def greedy(costs: Costs, ranks: NDArray[np.int64]) -> Layers:
+def greedy(costs: Costs, ranks: Integers) -> Layers:
     """Orders (S, n) in which groups came one by one, ranks (S, n), each to the layer that costs least so far."""
     count, n = ranks.shape
     layers = np.full((count, n), -1, np.int16)

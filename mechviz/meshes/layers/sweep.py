@@ -14,8 +14,7 @@ import shapely
 from numpy.typing import NDArray
 from shapely.geometry import Polygon
 
-Real = NDArray[np.float64]
-Index = NDArray[np.int64]
+from mechcore.arrays import Flags, Integers, Real
 
 _FIRST = 3  # places at which a question is tried before all others
 _TOGETHER = (48, 6)  # frames in a row that are looked at as one, in turn
@@ -33,7 +32,7 @@ class Sweeps:
         self._x, self._y, angle = np.moveaxis(pose, 2, 0)  # (links, F)
         self._c, self._s = np.cos(angle), np.sin(angle)
 
-    def meet(self, pairs: Index, questions: Index | None = None) -> NDArray[np.bool_]:
+    def meet(self, pairs: Integers, questions: Integers | None = None) -> Flags:
         """Whether outlines (P, 2) touch or overlap at any frame: (P,); or for each question (P,) from 0 on whether any of its
         pairs do: (questions,)."""
         pairs = np.asarray(pairs, np.int64).reshape(-1, 2)
@@ -75,7 +74,7 @@ class Sweeps:
         return self._x[of] + c * x - s * y, self._y[of] + s * x + c * y
 
     @cached_property
-    def _rings(self) -> tuple[Real, Index, Index, Index]:
+    def _rings(self) -> tuple[Real, Integers, Integers, Integers]:
         """Vertices of all rings (V, 2), where each ring begins, how many it has, and where each outline's rings begin (N + 1)."""
         count = shapely.get_num_interior_rings(self._shapes) + 1
         xy, number = shapely.get_coordinates(shapely.get_rings(self._shapes), return_index=True)
@@ -87,13 +86,13 @@ class Sweeps:
         shapely.prepare(self._shapes)
         return self._shapes
 
-    def _larger_first(self, pairs: Index) -> Index:
+    def _larger_first(self, pairs: Integers) -> Integers:
         """The pairs turned so that no outline can lie within the second one: then it is enough to look where its rings are."""
         area = shapely.area(shapely.polygons(shapely.get_exterior_ring(self._shapes)))
         turned = area[pairs[:, 0]] < area[pairs[:, 1]]
         return np.where(turned[:, None], pairs[:, ::-1], pairs)
 
-    def _places(self, pairs: Index) -> tuple[Index, Index, Real]:
+    def _places(self, pairs: Integers) -> tuple[Integers, Integers, Real]:
         """Pairs (M,) and frames (M,) where boxes overlap, and how deep."""
         x, y = self._paths
         _, _, radius = self._boxes
@@ -116,7 +115,7 @@ class Sweeps:
         pair, frame, depth = (np.concatenate(part) for part in zip(*found, strict=True))
         return pair, frame, depth
 
-    def _depth(self, pairs: Index, frame: Index) -> Real:
+    def _depth(self, pairs: Integers, frame: Integers) -> Real:
         """How far boxes (M, 2) reach into each other at frames, less than zero where an axis separates them: (M,)."""
         middle, half, radius = self._boxes
         i, j = pairs.T
@@ -127,7 +126,7 @@ class Sweeps:
         of_second = np.maximum(np.abs(c * x + s * y) - bx - ca * ax - sa * ay, np.abs(c * y - s * x) - by - sa * ax - ca * ay)
         return 1e-12 * (radius[i] + radius[j]) - np.maximum(of_first, of_second)
 
-    def _within_reach(self, pairs: Index, pair: Index, frame: Index, count: int) -> NDArray[np.bool_]:
+    def _within_reach(self, pairs: Integers, pair: Integers, frame: Integers, count: int) -> Flags:
         """Which places (M,), in the order of pairs and frames, remain when so many in a row are taken together: those where a
         circle around all places of the second outline reaches the first one. A pin in its hole never does."""
         if not len(pair):
@@ -144,19 +143,19 @@ class Sweeps:
         near = shapely.dwithin(self._prepared[i[start]], shapely.points(*(0.5 * (low + high))), reach)
         return np.repeat(near, np.diff(np.r_[start, len(pair)]))
 
-    def _relative(self, base: Index, other: Index, frame: Index) -> tuple[Real, Real, Real, Real]:
+    def _relative(self, base: Integers, other: Integers, frame: Integers) -> tuple[Real, Real, Real, Real]:
         """Places x, y and cosines, sines of other links in the frames of base links, at frames: (M,) each."""
         cb, sb, co, so = self._c[base, frame], self._s[base, frame], self._c[other, frame], self._s[other, frame]
         dx, dy = self._x[other, frame] - self._x[base, frame], self._y[other, frame] - self._y[base, frame]
         return cb * dx + sb * dy, cb * dy - sb * dx, cb * co + sb * so, cb * so - sb * co
 
-    def _portions(self, places: Index, moved: Index) -> list[Index]:
+    def _portions(self, places: Integers, moved: Integers) -> list[Integers]:
         """Places in portions whose moved outlines have not too many vertices."""
         _, _, length, first = self._rings
         size = np.add.reduceat(length, first[:-1])[moved[places]]
         return np.split(places, np.flatnonzero(np.diff(np.cumsum(size) // _PORTION)) + 1)
 
-    def _touch(self, pairs: Index, frame: Index) -> NDArray[np.bool_]:
+    def _touch(self, pairs: Integers, frame: Integers) -> Flags:
         """Whether outlines (M, 2) meet, each pair at one frame: (M,). Of the second the rings are looked at, moved to the first."""
         if not len(pairs):
             return np.zeros(0, bool)
@@ -174,7 +173,7 @@ class Sweeps:
         return found
 
 
-def _ranges(start: Index, count: Index) -> Index:
+def _ranges(start: Integers, count: Integers) -> Integers:
     """start[0], start[0] + 1, ..., count[0] of them, then those from start[1] on, and so forth."""
     ends = np.cumsum(count)
     return np.arange(ends[-1] if len(ends) else 0) + np.repeat(start - ends + count, count)

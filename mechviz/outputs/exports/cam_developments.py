@@ -8,14 +8,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.polynomial import chebyshev
-from numpy.typing import NDArray
+
+from mechcore.arrays import Complex, Real
 
 if TYPE_CHECKING:
     from mechcore.cams.placed_spatial import PlacedSpatial
     from mechcore.cams.spatial import SpatialCam
 
-Real = NDArray[np.float64]
-Complex = NDArray[np.complex128]
 
 STEP = 1.0  # degrees of the cam between points
 DEPTHS = 14  # places along the roller through which a flank is interpolated

@@ -10,8 +10,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mechcore.arrays import Complex, Real
 from mechcore.cams.contour import CamPiece
 from mechcore.cams.placed import PlacedCam
 from mechcore.cams.placed_spatial import PlacedSpatial
@@ -25,9 +25,6 @@ from mechviz.scene.cams.files import biarcs
 if TYPE_CHECKING:
     from mechviz.runs import Run
 
-
-Real = NDArray[np.float64]
-Complex = NDArray[np.complex128]
 
 STEP = 1.0  # degrees of the cam between the points that the arcs pass through
 ON_CENTRE = 1e-6  # mm

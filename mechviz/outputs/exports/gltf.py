@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from mechcore.arrays import Real
 from mechviz.files import replacing
 from mechviz.outputs.exports.gltf_marks import ARROWS, Mark, Shape, find_marks
 from mechviz.picture.build import picture_of, solids_of
@@ -231,12 +232,12 @@ def _shown(out: _Writer, shape: Shape) -> dict[str, Any]:
     return primitive
 
 
-def _rising(time: NDArray[np.float64]) -> NDArray[np.float64]:
+def _rising(time: Real) -> Real:
     """Times of key frames: from zero, as animations are."""
     return np.asarray(time, float) - float(time[0])
 
 
-def _translations(pose: NDArray[np.float64]) -> NDArray[np.float64]:
+def _translations(pose: Real) -> Real:
     return np.column_stack([pose[:, :2], np.zeros(len(pose))])
 
 

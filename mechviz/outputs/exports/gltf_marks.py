@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from mechcore.arrays import Complex, Real
 from mechcore.spec.loads import Bushing, TorsionSpring
 from mechviz.picture.nodes import Arc, Arrow, Picture
 from mechviz.picture.proportions import (
@@ -42,7 +43,6 @@ if TYPE_CHECKING:
     from mechviz.runs import Run
 
 
-Real = NDArray[np.float64]
 Color = tuple[int, int, int]
 
 ARROWS = ("reaction", "applied", "inertia", "friction", "drive")
@@ -237,7 +237,7 @@ def _turned(profile: list[tuple[float, float]], color: Color) -> Shape:
     return Shape(np.vstack(vertices), np.vstack(normals), np.vstack(faces).astype(np.uint32), color)
 
 
-def _flat(z: NDArray[np.complex128], faces: Any, color: Color) -> Shape:
+def _flat(z: Complex, faces: Any, color: Color) -> Shape:
     """Something flat, seen from the front."""
     vertices = np.column_stack([z.real, z.imag, np.zeros(len(z))])
     return Shape(vertices, np.tile([0.0, 0.0, 1.0], (len(z), 1)), np.asarray(faces, np.uint32), color)

@@ -6,8 +6,8 @@ import re
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mechcore.arrays import Real
 from mechcore.errors import Fault, MechanismError
 from mechviz.files import OutputError, replacing
 from mechviz.meshes.solids import Solids, stl_bytes
@@ -22,14 +22,14 @@ ROWS = 2000  # written at once
 MOST_ROWS = 10_000_000
 
 
-def wide_table(run: Run, times: NDArray[np.float64] | None = None) -> dict[str, NDArray[np.float64]]:
+def wide_table(run: Run, times: Real | None = None) -> dict[str, Real]:
     """All results of a run as columns (F,) under names with units, such as ``crank.x [m]``; ``time [s]`` comes first.
 
     With ``times`` (n,) [s] the columns (n,) are read between the frames, by the interpolation that the run's accuracy states. What
     was not computed is left out.
     """
     at_frames = np.asarray(run.motion.time, float)
-    columns: dict[str, NDArray[np.float64]] = {"time [s]": at_frames if times is None else np.asarray(times, float)}
+    columns: dict[str, Real] = {"time [s]": at_frames if times is None else np.asarray(times, float)}
     found = run.numbers.tables.values()
     for table in sorted(found, key=lambda t: t.path[:2] != ("data", "drive")):  # drives first, the rest as it comes
         rows = table.values
@@ -43,7 +43,7 @@ def wide_table(run: Run, times: NDArray[np.float64] | None = None) -> dict[str, 
     return columns
 
 
-def even_times(run: Run, step: float) -> NDArray[np.float64]:
+def even_times(run: Run, step: float) -> Real:
     """Times (n,) [s] in steps from the start of a run to its end; raises `MechanismError` for a step that is none."""
     start, end = float(run.motion.time[0]), float(run.motion.time[-1])
     if not (np.isfinite(step) and step > 0.0 and (end - start) / step <= MOST_ROWS):
@@ -52,7 +52,7 @@ def even_times(run: Run, step: float) -> NDArray[np.float64]:
     return np.asarray(start + step * np.arange(int(np.floor((end - start) / step * (1.0 + 1e-12))) + 1), float)
 
 
-def export_csv(run: Run, path: Path | str, times: NDArray[np.float64] | None = None) -> Path:
+def export_csv(run: Run, path: Path | str, times: Real | None = None) -> Path:
     """Write all results as one table; every number in the shortest form that reads back bit for bit; ``times`` as there."""
     columns = wide_table(run, times)
     values = np.column_stack(list(columns.values()))
@@ -63,7 +63,7 @@ def export_csv(run: Run, path: Path | str, times: NDArray[np.float64] | None = N
     return Path(path)
 
 
-def export_parquet(run: Run, path: Path | str, times: NDArray[np.float64] | None = None) -> Path:
+def export_parquet(run: Run, path: Path | str, times: Real | None = None) -> Path:
     """Write the same table as Parquet, with the scene, the connectivity and mechviz' version in the file's metadata."""
     import pyarrow as pa
     import pyarrow.parquet as pq

@@ -8,16 +8,14 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from shapely import Polygon, polygons, union_all
 
+from mechcore.arrays import Real
 from mechviz.files import replacing
 from mechviz.outputs.page.frames import MOST_FRAMES, Progress, quiet
 from mechviz.outputs.page.pack import unpack
 from mechviz.outputs.page.show import show_text
 from mechviz.outputs.presentation import Presentation
-
-Real = NDArray[np.float64]
 
 FACING = 0.2  # least z of a face's normal that is drawn: what looks towards the eye
 LIGHT = np.array([-0.30, 0.50, 0.81])

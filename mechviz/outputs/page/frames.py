@@ -6,13 +6,10 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mechcore.arrays import Integers, Real
 from mechviz.outputs.presentation import Presentation
 from mechviz.outputs.rerun.reader import evenly
-
-Real = NDArray[np.float64]
-Index = NDArray[np.int64]
 
 Progress = Callable[[int, int], None]
 """Is told how much is done, and of how much."""
@@ -29,9 +26,9 @@ def quiet(done: int, total: int) -> None:
 class Frames:
     """The chosen frames (n,) of the ``total`` of a run, their ``rows`` in what is shown, and their ``time`` [s]."""
 
-    chosen: Index
+    chosen: Integers
     total: int
-    rows: Index
+    rows: Integers
     time: Real
 
 

@@ -7,12 +7,10 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mechcore.arrays import Real
 from mechviz.outputs.page.frames import Frames
 from mechviz.quantities.catalogue import Catalogue
-
-Real = NDArray[np.float64]
 
 ROUND_OFF = 1e-9  # of the largest value of the same unit
 MOST_FIRST = 4

@@ -6,8 +6,8 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mechcore.arrays import Flags, Real
 from mechviz.outputs.page.frames import Frames, Progress, quiet
 from mechviz.outputs.page.pack import Pack
 from mechviz.outputs.rerun.nodes import COLORS, MOTION, THICK, THIN, arc_strips, sweep_of
@@ -16,7 +16,6 @@ from mechviz.picture.constructions import Drawing
 from mechviz.picture.nodes import Arc, Arrow, ArrowSet, Body, Color, Lines, Mesh, Node, Picture, Points, Poses
 from mechviz.picture.surface_marks import KINDS
 
-Real = NDArray[np.float64]
 Shape = dict[str, Any]
 
 
@@ -138,7 +137,7 @@ def _strips(
     colors: Sequence[Color],
     radii: Sequence[float],
     labels: Sequence[str],
-    there: NDArray[np.bool_] | None,
+    there: Flags | None,
     frames: Frames,
     pack: Pack,
 ) -> tuple[Shape, Real]:

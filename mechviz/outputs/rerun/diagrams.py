@@ -13,21 +13,19 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mechcore.arrays import Integers, Real, Single
 from mechcore.effects.gas import CylinderGas
 from mechcore.spec.clearance import made_joints
 from mechcore.spec.loads import GasPressure
 from mechviz.outputs.rerun.paths import entity, packed
 from mechviz.outputs.rerun.plots import PALETTE
-from mechviz.outputs.rerun.streams import Index, Static, Stream
+from mechviz.outputs.rerun.streams import Static, Stream
 from mechviz.quantities.items import joint_unit, joints_of
 
 if TYPE_CHECKING:
     from mechviz.runs import Run
 
-
-Real = NDArray[np.float64]
 
 WIDTH, HEIGHT = 1.7, 1.0  # of the drawing; a view is about this wide
 MARGIN = 0.08  # around the curves, of their span
@@ -76,13 +74,13 @@ class Diagram:
             y0, y1 = 0.5 * (y0 + y1) - 0.5 * per * HEIGHT, 0.5 * (y0 + y1) + 0.5 * per * HEIGHT
         return float(x0), float(x1), float(y0), float(y1)
 
-    def place(self, x: Real, y: Real) -> NDArray[np.float32]:
+    def place(self, x: Real, y: Real) -> Single:
         """Points (n, 2) of the drawing: rerun's 2D views count downwards."""
         x0, x1, y0, y1 = self.ranges
         across, up = (np.asarray(x, float) - x0) / (x1 - x0), (np.asarray(y, float) - y0) / (y1 - y0)
         return np.column_stack([WIDTH * across, -HEIGHT * up]).astype(np.float32)
 
-    def pieces(self, curve: Curve) -> list[NDArray[np.float32]]:
+    def pieces(self, curve: Curve) -> list[Single]:
         """A curve as strips: cut where it is not known, and where x starts again."""
         stride = max(1, -(-len(curve.x) // POINTS))
         x, y = curve.x[::stride], curve.y[::stride]
@@ -233,7 +231,7 @@ def diagram_streams(diagrams: Sequence[Diagram], every: int) -> Iterator[Stream]
         spots = np.stack([d.place(c.x, c.y) for c in d.curves], axis=1)
         known = np.isfinite(spots).all(axis=2)
 
-        def dots(frames: Index, spots: Any = spots, known: Any = known) -> Any:
+        def dots(frames: Integers, spots: Any = spots, known: Any = known) -> Any:
             shown = known[frames]
             return rr.Points2D.columns(positions=spots[frames][shown]).partition(shown.sum(axis=1))
 
@@ -241,7 +239,7 @@ def diagram_streams(diagrams: Sequence[Diagram], every: int) -> Iterator[Stream]
         if d.equal:
             origin = d.place(np.zeros(1), np.zeros(1))[0]
 
-            def rays(frames: Index, spots: Any = spots, known: Any = known, origin: Any = origin) -> Any:
+            def rays(frames: Integers, spots: Any = spots, known: Any = known, origin: Any = origin) -> Any:
                 shown = known[frames]
                 tips = spots[frames][shown]
                 return rr.Arrows2D.columns(origins=np.broadcast_to(origin, tips.shape), vectors=tips - origin).partition(

@@ -6,8 +6,8 @@ from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mechcore.arrays import Real
 from mechviz.outputs.rerun.nodes import COLORS, LEGEND_ROOM, extent, seen
 from mechviz.outputs.rerun.paths import entity, packed
 from mechviz.outputs.rerun.streams import Static
@@ -22,7 +22,7 @@ ROW = 0.9  # of all labels together, where the least allows it
 ASPECT = 1.5  # width of the picture over its height, about
 
 
-def legend_shapes(picture: Picture, around: NDArray[np.float64]) -> Iterator[Static]:
+def legend_shapes(picture: Picture, around: Real) -> Iterator[Static]:
     """``/legend/forces/<family>`` and ``/legend/motion/<family>``: static arrows and their labels.
 
     A family of which nothing is long enough to be drawn at any frame is left out; one of moments alone has no value.
@@ -50,14 +50,14 @@ def legend_shapes(picture: Picture, around: NDArray[np.float64]) -> Iterator[Sta
             yield from _entry(("legend", view, family), start, length, words, COLORS[family], size)
 
 
-def _place(across: float, y: float, picture: Picture) -> NDArray[np.float64]:
+def _place(across: float, y: float, picture: Picture) -> Real:
     """Where an arrow of the legend starts: in a row, so far from the mechanism's middle [m]."""
     middle = 0.5 * (picture.bounds[0, 0] + picture.bounds[1, 0])
     return np.array([middle + across - 0.5 * LENGTH * picture.size, y, picture.top])
 
 
 def _entry(
-    path: tuple[str, ...], start: NDArray[np.float64], length: float, words: str, color: tuple[int, int, int], size: float
+    path: tuple[str, ...], start: Real, length: float, words: str, color: tuple[int, int, int], size: float
 ) -> Iterator[Static]:
     import rerun as rr
 

@@ -12,8 +12,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mechcore.arrays import Real
 from mechcore.effects.plan import OUTPUTS, make_plan
 from mechcore.spec.clearance import made_joints
 from mechviz.outputs.rerun.blueprint import picture as mechanism_view
@@ -89,7 +89,7 @@ def live(
         yield Live(scene, part, told), address
 
 
-def _room(run: Run, solids: Solids) -> NDArray[np.float64]:
+def _room(run: Run, solids: Solids) -> Real:
     """The box (2, 3) [m] that is looked at: where the mechanism is at first, and where it may go. What hangs in no loop swings as
     far as it reaches from the frame's joints, to all sides."""
     box, motion = np.array(solids.bounds, float), run.motion
@@ -104,7 +104,7 @@ def _room(run: Run, solids: Solids) -> NDArray[np.float64]:
     return np.asarray(magnification(solids.size) * box)
 
 
-def _blueprint(scene: Scene, room: NDArray[np.float64]) -> Any:
+def _blueprint(scene: Scene, room: Real) -> Any:
     """The mechanism, and the free coordinates and energies over the time, which the view follows."""
     import rerun.blueprint as rrb
 

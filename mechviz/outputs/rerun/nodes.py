@@ -8,16 +8,14 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mechcore.arrays import Flags, Integers, Real, Single
 from mechviz.outputs.rerun.paths import entity, line_strips, packed
-from mechviz.outputs.rerun.streams import Index, Static, Stream, in_space
+from mechviz.outputs.rerun.streams import Static, Stream, in_space
 from mechviz.picture.arrows import SHORTEST, visible
 from mechviz.picture.nodes import Arc, Arrow, ArrowSet, Body, Lines, Node, Picture, Points
 from mechviz.picture.proportions import ARC_RADIUS
 from mechviz.quantities.vectors import FAMILIES, LARGEST_ARC, LARGEST_ARROW, Moment, Scales, Vector
-
-Real = NDArray[np.float64]
 
 
 def lighter(channel: int) -> int:
@@ -82,7 +80,7 @@ def arc_sweep(moments: Real, scale: float, size: float) -> Real:
     return np.where(np.abs(sweep) * ARC_RADIUS > SHORTEST, sweep, 0.0)
 
 
-def arc_strips(centres: Real, sweep: Real, z: float, size: float) -> NDArray[np.float32]:
+def arc_strips(centres: Real, sweep: Real, z: float, size: float) -> Single:
     """Arcs with arrow heads about centres (n, 2), spanning angles (n,), each drawn as one strip: (n, points, 3)."""
     radius = ARC_RADIUS * size
     # the arc opens evenly about the vertical
@@ -155,7 +153,7 @@ def node_streams(node: Node, picture: Picture, every: int) -> Iterator[Stream]:
         yield Stream(entity(*node.entity), draw, every)
 
 
-def _placed(node: Body, frames: Index) -> Any:
+def _placed(node: Body, frames: Integers) -> Any:
     import rerun as rr
 
     poses = node.poses
@@ -164,7 +162,7 @@ def _placed(node: Body, frames: Index) -> Any:
     return rr.Transform3D.columns(translation=poses.places[frames], quaternion=poses.turns[frames], **scales)
 
 
-def _bent(node: Lines, frames: Index) -> Any:
+def _bent(node: Lines, frames: Integers) -> Any:
     import rerun as rr
 
     there = frames if node.shown is None else frames[node.shown[frames]]
@@ -173,7 +171,7 @@ def _bent(node: Lines, frames: Index) -> Any:
     return rr.LineStrips3D.columns(strips=strips).partition(counts.astype(np.int64))
 
 
-def _dotted(node: Points, frames: Index) -> Any:
+def _dotted(node: Points, frames: Integers) -> Any:
     import rerun as rr
 
     there = np.isfinite(node.places[frames]).all(axis=(1, 2))
@@ -181,7 +179,7 @@ def _dotted(node: Points, frames: Index) -> Any:
     return columns.partition(node.places.shape[1] * there)
 
 
-def _pointed_together(node: ArrowSet, frames: Index) -> Any:
+def _pointed_together(node: ArrowSet, frames: Integers) -> Any:
     import rerun as rr
 
     origins, vectors = (np.ascontiguousarray(a[frames]).reshape(-1, 3) for a in (node.origins, node.vectors))
@@ -189,7 +187,7 @@ def _pointed_together(node: ArrowSet, frames: Index) -> Any:
     return rr.Arrows3D.columns(origins=origins, vectors=vectors).partition(counts)
 
 
-def _pointed(node: Arrow, scale: float, seen: NDArray[np.bool_], frames: Index) -> Any:
+def _pointed(node: Arrow, scale: float, seen: Flags, frames: Integers) -> Any:
     """Arrows that are long enough to be seen: of the others a row has no instance."""
     import rerun as rr
 
@@ -199,7 +197,7 @@ def _pointed(node: Arrow, scale: float, seen: NDArray[np.bool_], frames: Index) 
     ).partition(seen[frames].astype(np.int64))
 
 
-def _curved(node: Arc, sweep: NDArray[np.float64], size: float, frames: Index) -> Any:
+def _curved(node: Arc, sweep: Real, size: float, frames: Integers) -> Any:
     import rerun as rr
 
     shown = frames[sweep[frames] != 0]

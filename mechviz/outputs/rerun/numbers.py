@@ -6,7 +6,6 @@ import re
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mechviz.outputs.rerun.paths import parts_of
 from mechviz.quantities.items import JointInfo, Table
@@ -15,8 +14,6 @@ from mechviz.quantities.numbers import TOLERANCE, LoadInfo, Numbers
 if TYPE_CHECKING:
     from mechviz.outputs.rerun.reader import Recording
 
-
-Real = NDArray[np.float64]
 
 ROOTS = ("data", "health", "polygons")
 

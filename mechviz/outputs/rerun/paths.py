@@ -9,6 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from mechcore.arrays import Single
+
 
 @lru_cache(maxsize=8192)
 def entity(*parts: str) -> str:
@@ -39,7 +41,7 @@ def packed(colors: Sequence[Sequence[int]]) -> NDArray[np.uint32]:
     return np.array([int.from_bytes(bytes((*c, 255)[:4]), "big") for c in colors], np.uint32)
 
 
-def line_strips(parts: Sequence[NDArray[np.float32]]) -> Any:
+def line_strips(parts: Sequence[Single]) -> Any:
     """Strips (n, points, 3) of each of some items at n frames -> an arrow array of all strips, those of the first frame first."""
     import pyarrow as pa
     import rerun as rr

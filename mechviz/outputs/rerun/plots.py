@@ -7,13 +7,13 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mechcore.arrays import Integers, Real
 from mechcore.forces.cam_rating import placed_cams
 from mechcore.spec.clearance import journals_of, made_joints
 from mechcore.spec.mechanism import CamJoint
 from mechviz.outputs.rerun.paths import entity, packed
-from mechviz.outputs.rerun.streams import Index, Static, Stream
+from mechviz.outputs.rerun.streams import Static, Stream
 from mechviz.quantities.items import JointInfo, Table, joint_unit, joints_of
 from mechviz.quantities.tables import rounding_of_efforts
 from mechviz.quantities.vectors import point_name
@@ -21,8 +21,6 @@ from mechviz.quantities.vectors import point_name
 if TYPE_CHECKING:
     from mechviz.runs import Run
 
-
-Real = NDArray[np.float64]
 
 PALETTE = (
     (92, 172, 255),
@@ -248,7 +246,7 @@ def plot_streams(run: Run, every: int) -> Iterator[Stream]:
     import rerun as rr
 
     def stream(path: str, values: Real) -> Stream:
-        def columns(frames: Index) -> Any:
+        def columns(frames: Integers) -> Any:
             chosen = values[frames // every]
             return rr.Scalars.columns(scalars=chosen.reshape(-1)).partition(np.full(len(chosen), chosen.shape[1]))
 

@@ -6,13 +6,12 @@ from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mechcore.arrays import Complex, Integers, Single
 from mechviz.outputs.rerun.paths import entity, line_strips
-from mechviz.outputs.rerun.streams import Index, Static, Stream
+from mechviz.outputs.rerun.streams import Static, Stream
 from mechviz.picture.constructions import Drawing
 
-Array = NDArray[np.complex128]
 OVERLAYS = ("polygons/funicular", "polygons/polodes", "polygons/substitutes", "polygons/equivalent")
 """Entities that belong into the picture of the mechanism."""
 
@@ -32,7 +31,7 @@ def polygon_streams(drawings: dict[str, Drawing], every: int) -> Iterator[Stream
         if drawing.marks:
             places = np.stack([m.at for m in drawing.marks], axis=1)
 
-            def points(frames: Index, places: Array = places) -> Any:
+            def points(frames: Integers, places: Complex = places) -> Any:
                 z = places[frames]
                 return rr.Points3D.columns(positions=_space(z.reshape(-1))).partition(np.full(len(z), z.shape[1]))
 
@@ -100,7 +99,7 @@ def polygon_views(drawings: dict[str, Drawing], enlarged: float, background: tup
     return views
 
 
-def _space(z: Array, height: float = 0.0) -> NDArray[np.float32]:
+def _space(z: Complex, height: float = 0.0) -> Single:
     """Places of the plane, complex of any shape -> that shape with x, y, z; a coordinate that is not finite becomes 0."""
     out = np.full((*z.shape, 3), height, np.float32)
     for k, part in enumerate((z.real, z.imag)):
@@ -108,14 +107,14 @@ def _space(z: Array, height: float = 0.0) -> NDArray[np.float32]:
     return out
 
 
-def _arrows(items: list[tuple[Array, Array]], height: float = 0.0) -> Any:
+def _arrows(items: list[tuple[Complex, Complex]], height: float = 0.0) -> Any:
     """Columns of arrows, the same number in every row."""
     import rerun as rr
 
     starts = np.stack([a for a, _ in items], axis=1)
     vectors = np.stack([v for _, v in items], axis=1)
 
-    def columns(frames: Index) -> Any:
+    def columns(frames: Integers) -> Any:
         a, v = starts[frames].reshape(-1), vectors[frames].reshape(-1)
         counts = np.full(len(frames), starts.shape[1])
         return rr.Arrows3D.columns(origins=_space(a, height), vectors=_space(v)).partition(counts)
@@ -123,11 +122,11 @@ def _arrows(items: list[tuple[Array, Array]], height: float = 0.0) -> Any:
     return columns
 
 
-def _strips(items: list[Array], height: float = 0.0) -> Any:
+def _strips(items: list[Complex], height: float = 0.0) -> Any:
     """Columns of strips (F, points) of the plane, the same number in every row."""
     import rerun as rr
 
-    def columns(frames: Index) -> Any:
+    def columns(frames: Integers) -> Any:
         rows = line_strips([_space(strip[frames], height) for strip in items])
         return rr.LineStrips3D.columns(strips=rows).partition(np.full(len(frames), len(items)))
 

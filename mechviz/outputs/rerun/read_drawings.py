@@ -7,16 +7,14 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mechcore.arrays import Complex, Integers, Real
 from mechviz.outputs.rerun.diagrams import HEIGHT, WIDTH, Curve
 from mechviz.outputs.rerun.diagrams import Diagram as Chart
 from mechviz.outputs.rerun.paths import parts_of
 from mechviz.outputs.rerun.reader import Recording
 from mechviz.picture.constructions import Drawing, Mark, Stroke
 
-Real = NDArray[np.float64]
-Array = NDArray[np.complex128]
 Color = tuple[int, int, int]
 
 FINE = 0.8  # an arrow thinner than this, in radii of the thickest one, is a fine one
@@ -28,7 +26,7 @@ class RecordedDrawings:
     """Reads a recording's drawings at the frames at ``ticks`` (F,) [ns]; of entities with fewer rows the newest one counts."""
 
     recording: Recording
-    ticks: NDArray[np.int64]
+    ticks: Integers
 
     def drawings(self) -> dict[str, Drawing]:
         """Plans and polygons by the name of their entity; recordings that do not say their scale have none."""
@@ -95,7 +93,7 @@ class RecordedDrawings:
         out[full] = np.asarray(rows.values, float)[kept][:, :2].reshape(-1, count, 2)
         return np.asarray(out[self._row_of(rows.time)])
 
-    def _row_of(self, time: NDArray[np.int64]) -> NDArray[np.int64]:
+    def _row_of(self, time: Integers) -> Integers:
         return np.clip(np.searchsorted(time, self.ticks, side="right") - 1, 0, len(time) - 1)
 
     def _looks(self, path: str, kind: str, count: int) -> tuple[list[str], list[Color], list[bool]]:
@@ -137,7 +135,7 @@ class RecordedDrawings:
                 found.append(Stroke(label if not part else "", color, z[:, part], z[:, part + 1] - z[:, part], plain=True))
         return tuple(found)
 
-    def _points(self, path: str) -> list[tuple[str, Array]]:
+    def _points(self, path: str) -> list[tuple[str, Complex]]:
         spots = self._rows(path, "Points3D:positions")
         if spots is None:
             return []
@@ -155,6 +153,6 @@ class RecordedDrawings:
         return [by_color.get(int(colors[k]), "") if colors is not None else "" for k in range(count)]
 
 
-def _complex(xy: Real) -> Array:
+def _complex(xy: Real) -> Complex:
     """Places (..., 2 or 3) of the plane as complex numbers (...)."""
     return np.asarray(xy[..., 0] + 1j * xy[..., 1], complex)

@@ -6,8 +6,8 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mechcore.arrays import Flags, Integers, Real, Single
 from mechviz.outputs.rerun.contract import NodePart
 from mechviz.outputs.rerun.paths import parts_of
 from mechviz.picture.arrows import with_scales
@@ -19,8 +19,6 @@ from mechviz.quantities.vectors import Scales
 if TYPE_CHECKING:
     from mechviz.outputs.rerun.reader import Recording
 
-
-Real = NDArray[np.float64]
 
 LOOKS = 48  # poses at which the extent of the mechanism is looked at
 
@@ -129,7 +127,7 @@ class _Reader:
         places, turns, scales = (self._columns(path, f"Transform3D:{name}", n) for name, n in _TRANSFORM)
         return None if places is None or turns is None else Poses(places, turns, scales)
 
-    def _columns(self, path: str, component: str, width: int) -> NDArray[np.float32] | None:
+    def _columns(self, path: str, component: str, width: int) -> Single | None:
         """Values (F, width) of a component at the frames; the newest, where a frame has no row of its own."""
         try:
             rows = self.recording.rows(path, component=component)
@@ -137,10 +135,10 @@ class _Reader:
             return None
         return np.asarray(rows.values, np.float32).reshape(-1, width)[self._row_of(rows.time)] if len(rows.time) else None
 
-    def _row_of(self, time: NDArray[np.int64]) -> NDArray[np.int64]:
+    def _row_of(self, time: Integers) -> Integers:
         return np.clip(np.searchsorted(time, self.ticks, side="right") - 1, 0, len(time) - 1)
 
-    def _rows(self, path: str, component: str) -> tuple[NDArray[np.bool_], list[NDArray[np.float32]]] | None:
+    def _rows(self, path: str, component: str) -> tuple[Flags, list[Single]] | None:
         """At which frames there are instances (F,), and the values of each over the frames, NaN at the others: instances are all
         there, or none. None where there is nothing."""
         try:

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from mechcore.arrays import Integers, Real
 from mechcore.motion.events import Event
 from mechviz.files import open_regular, plain_name
 from mechviz.outputs.rerun.contract import Properties, faults_of, missing_tables, read_properties
@@ -22,10 +23,8 @@ from mechviz.quantities.between_frames import read_between
 from mechviz.scene.folder import SceneFolder
 from mechviz.scene.scene import Scene, loads
 
-Index = NDArray[np.int64]
 
-
-def evenly(total: int, most: int) -> Index:
+def evenly(total: int, most: int) -> Integers:
     """At most ``most`` of ``total`` frames, spread evenly, the first and the last among them."""
     return np.unique(np.round(np.linspace(0, total - 1, min(total, most))).astype(np.int64))
 
@@ -42,7 +41,7 @@ def is_recording(source: str) -> bool:
         return False
 
 
-def rows_at_or_before(batch: Any, times: Index) -> Any:
+def rows_at_or_before(batch: Any, times: Integers) -> Any:
     """Of an arrow batch its first row and the last one at or before each of some times [ns]: a row holds until the next."""
     import pyarrow as pa
 
@@ -55,11 +54,11 @@ def rows_at_or_before(batch: Any, times: Index) -> Any:
     return batch if len(rows) == len(own) else batch.take(pa.array(rows))
 
 
-def ticks(column: Any) -> Index:
+def ticks(column: Any) -> Integers:
     """A column of times as whole numbers."""
     import pyarrow as pa
 
-    found: Index = column.cast(pa.int64()).to_numpy(zero_copy_only=False)
+    found: Integers = column.cast(pa.int64()).to_numpy(zero_copy_only=False)
     return found
 
 
@@ -75,10 +74,10 @@ TIMELINES = ("drive_mdeg", "drive_um")
 class Rows:
     """Rows of one component of an entity, sorted by time. ``lengths`` (F,): how many instances each row has."""
 
-    time: NDArray[np.int64]  # [ns]
-    drives: dict[str, NDArray[np.int64]]  # drive_mdeg, drive_um
+    time: Integers  # [ns]
+    drives: dict[str, Integers]  # drive_mdeg, drive_um
     values: NDArray[Any]  # all instances of all rows, one after the other
-    lengths: NDArray[np.int64]
+    lengths: Integers
 
 
 class Recording:
@@ -96,7 +95,7 @@ class Recording:
 
     def __init__(self, path: Path | str, *, most: int | None = None):
         self.path = Path(path)
-        self.frame_times: NDArray[np.int64] | None = None
+        self.frame_times: Integers | None = None
         self._moving: dict[str, list[Any]] = {}  # arrow batches of each entity, in the order of the file
         self._static: dict[str, list[Any]] = {}
         self._load(most)
@@ -155,7 +154,7 @@ class Recording:
         """Whether an entity has rows over time."""
         return any(len(batch) for batch in self._moving.get(_path(parts), ()))
 
-    def times(self, *parts: str) -> Index:
+    def times(self, *parts: str) -> Integers:
         """The times [ns] of all rows of an entity, sorted."""
         found = [ticks(batch["time"]) for batch in self._moving.get(_path(parts), ())]
         return np.sort(np.concatenate(found)) if found else np.zeros(0, np.int64)
@@ -212,16 +211,16 @@ class Recording:
         )
 
     # -- values -------------------------------------------------------------------------------------------------------
-    def scalars(self, *parts: str) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+    def scalars(self, *parts: str) -> tuple[Integers, Real]:
         """Times (F,) [ns] and float64 values (F, n) of an entity of scalars."""
         rows = self.rows(*parts, component="Scalars:scalars")
         return rows.time, rows.values.reshape(len(rows.time), -1)
 
-    def at(self, times: Any, *parts: str) -> NDArray[np.float64]:
+    def at(self, times: Any, *parts: str) -> Real:
         """Values (n, m) of an entity of scalars at any times (n,) [s], read between the frames by the interpolation that the
         recording states, with the recorded rates as slopes. Raises KeyError if there are none."""
 
-        def values(path: tuple[str, ...]) -> NDArray[np.float64] | None:
+        def values(path: tuple[str, ...]) -> Real | None:
             return self.scalars(*path)[1] if self.has(*path) else None
 
         time = np.asarray(1e-9 * self.rows(*parts, component="Scalars:scalars").time, float)
@@ -259,9 +258,9 @@ def _path(parts: tuple[str, ...]) -> str:
     return entity(*parts)
 
 
-def _times_of_frames(path: Path, most: int) -> NDArray[np.int64] | None:
+def _times_of_frames(path: Path, most: int) -> Integers | None:
     """The times of all whole frames [ns], where there are more than ``most``."""
-    found: dict[str, list[Index]] = {}
+    found: dict[str, list[Integers]] = {}
     batches = []
     for batch in chunks_in(path):
         name = entity_of(batch)

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mechcore.arrays import Integers, Real, Single
 from mechviz.accuracy.kept import plain_stride
 from mechviz.outputs.rerun.paths import entity
 from mechviz.outputs.rerun.stream_file import RecordingError
@@ -18,9 +18,6 @@ from mechviz.quantities.items import Table, joint_unit
 if TYPE_CHECKING:
     from mechviz.runs import Run
 
-
-Real = NDArray[np.float64]
-Index = NDArray[np.int64]
 
 MOST_TICKS = 2.0**63  # of a timeline: ns, thousandths of a degree or of a millimetre
 
@@ -32,7 +29,7 @@ class Stream:
     """An entity with one row per frame, or per ``every``-th frame. ``columns`` makes the rows of some frames."""
 
     path: str
-    columns: Callable[[Index], Any]
+    columns: Callable[[Integers], Any]
     every: int = 1
 
 
@@ -48,14 +45,14 @@ class Static:
 class Timelines:
     """Integer times of the frames: nanoseconds, and milli-degrees or micrometres of the first rotary and sliding drive."""
 
-    time: Index  # [ns]
-    drives: tuple[tuple[str, Index], ...]
+    time: Integers  # [ns]
+    drives: tuple[tuple[str, Integers], ...]
 
     @classmethod
     def of(cls, run: Run) -> Timelines:
         """The timelines of a run."""
         motion = run.motion
-        found: dict[str, Index] = {}
+        found: dict[str, Integers] = {}
         for drive in motion.mechanism.drives:
             position = motion.coordinate(drive.joint)[:, 0]
             if joint_unit(motion, drive.joint) == "rad":
@@ -64,7 +61,7 @@ class Timelines:
                 found.setdefault("drive_um", _integers(position * 1e6))
         return cls(time=_integers(motion.time * 1e9), drives=tuple(found.items()))
 
-    def columns(self, frames: Index) -> list[Any]:
+    def columns(self, frames: Integers) -> list[Any]:
         """Time columns of some frames."""
         return self._columns(self.time[frames], [(name, ticks[frames]) for name, ticks in self.drives])
 
@@ -73,7 +70,7 @@ class Timelines:
         ns = _integers(times * 1e9)
         return self._columns(ns, [(name, _integers(np.interp(ns, self.time, ticks))) for name, ticks in self.drives])
 
-    def _columns(self, ns: Index, drives: list[tuple[str, Index]]) -> list[Any]:
+    def _columns(self, ns: Integers, drives: list[tuple[str, Integers]]) -> list[Any]:
         import rerun as rr
 
         return [
@@ -82,7 +79,7 @@ class Timelines:
         ]
 
 
-def _integers(values: Real) -> Index:
+def _integers(values: Real) -> Integers:
     """Whole numbers for a timeline. Raises `RecordingError` of what it cannot count."""
     if np.size(values) and not np.max(np.abs(values)) < MOST_TICKS:
         words = "The run takes more time, or its drives go farther, than a recording can count (292 years, 2.5e13 turns, 9e12 m)."
@@ -104,7 +101,7 @@ def table_streams(all_tables: list[Table], numbers: str | None = None) -> Iterat
         if numbers == "float32":
             values = values.astype(np.float32).astype(float)
 
-        def columns(frames: Index, values: Real = values) -> Any:
+        def columns(frames: Integers, values: Real = values) -> Any:
             chosen = values[frames]
             return rr.Scalars.columns(scalars=chosen.reshape(-1)).partition(np.full(len(chosen), chosen.shape[1]))
 
@@ -117,7 +114,7 @@ def link_streams(run: Run) -> Iterator[Stream]:
 
     for link, pose in run.numbers.poses.items():
 
-        def place(frames: Index, pose: Real = pose) -> Any:
+        def place(frames: Integers, pose: Real = pose) -> Any:
             return rr.Transform3D.columns(
                 translation=in_space(pose[frames, :2], 0.0),
                 quaternion=about_z(pose[frames, 2]).astype(np.float32),
@@ -142,6 +139,6 @@ def view_statics(size: float) -> Iterator[Static]:
             yield Static(root, rr.Transform3D(scale=enlarged))
 
 
-def in_space(xy: Real, z: float) -> NDArray[np.float32]:
+def in_space(xy: Real, z: float) -> Single:
     """Points or vectors (n, 2) of the plane -> (n, 3) float32."""
     return np.column_stack([xy, np.full(len(xy), z)]).astype(np.float32)

@@ -19,6 +19,7 @@ import numpy as np
 import viser
 from numpy.typing import NDArray
 
+from mechcore.arrays import Flags, Integers, Real, Single
 from mechviz.outputs.viewer.viser_adapter import run_script
 
 LARGEST = 16_000_000  # bytes of a motion that are sent to a browser
@@ -44,9 +45,9 @@ class PointTrack:
 
     name: str
     prop: str
-    values: NDArray[np.float32]
-    counts: NDArray[np.int64]
-    steady: NDArray[np.bool_] | None = None
+    values: Single
+    counts: Integers
+    steady: Flags | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,7 +78,7 @@ class Tracks:
     """All that moves while a run is played, the slider that shows the frame, and the hidden box through which a page says that
     somebody sees a diagram, which only the server can draw."""
 
-    time: NDArray[np.float64]
+    time: Real
     slider: str
     poses: tuple[PoseTrack, ...] = ()
     points: tuple[PointTrack, ...] = ()
@@ -215,7 +216,7 @@ def _packed(values: NDArray[Any], kind: Any = np.float32) -> str:
     return base64.b64encode(np.ascontiguousarray(values, kind).tobytes()).decode("ascii")
 
 
-def ragged(values: NDArray[Any], seen: NDArray[np.bool_]) -> tuple[NDArray[np.float32], NDArray[np.int64]]:
+def ragged(values: NDArray[Any], seen: Flags) -> tuple[Single, Integers]:
     """Items (F, n, ...) of which some are seen (F, n) at each frame -> those first, flat (F, m), and how many numbers they are."""
     order = np.argsort(~seen, axis=1, kind="stable")
     sorted_values = np.take_along_axis(values, order.reshape(*order.shape, *[1] * (values.ndim - 2)), axis=1)

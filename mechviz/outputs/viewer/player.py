@@ -8,7 +8,8 @@ from collections.abc import Callable
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
+
+from mechcore.arrays import Real
 
 LARGEST_RATE = 60.0  # pictures a second
 GLANCES = 10.0  # looks a second at a run that the browsers play
@@ -42,7 +43,7 @@ class Player:
 
     def __init__(
         self,
-        times: NDArray[np.float64],
+        times: Real,
         show: Callable[[int, bool], None],
         failed: Callable[[Exception], None],
         rate: float = 1.0,
@@ -156,7 +157,7 @@ class Player:
             self._loop = loop
             self._ask()
 
-    def retime(self, times: NDArray[np.float64]) -> None:
+    def retime(self, times: Real) -> None:
         """Play frames at other times from now on, from the same part of the run, or from the same time where frames are only added.
         What is shown is up to who calls."""
         with self._changed:

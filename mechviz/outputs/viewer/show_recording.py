@@ -5,7 +5,6 @@ from __future__ import annotations
 from functools import cache
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mechviz.outputs.page.markdown import html_of
 from mechviz.outputs.presentation import presentation_in
@@ -16,8 +15,6 @@ from mechviz.outputs.viewer.show_run import bodies_of
 from mechviz.outputs.viewer.view_model import Rolling, ViewModel
 from mechviz.picture.nodes import Body, Lines, Picture
 from mechviz.quantities.numbers import Numbers
-
-Array = NDArray[np.complex128]
 
 
 def show_of_recording(recording: Recording) -> ViewModel:

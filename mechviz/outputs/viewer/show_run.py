@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechcore.accuracy import Accuracy
+from mechcore.arrays import Real, Single
 from mechcore.joints.parts import build_joints
 from mechcore.spec.loads import Force
 from mechcore.spec.mechanism import Mechanism
@@ -26,8 +27,6 @@ from mechviz.picture.nodes import Mesh
 from mechviz.quantities.events import events_of
 from mechviz.quantities.vectors import Scales
 from mechviz.runs import Run
-
-Real = NDArray[np.float64]
 
 KEPT_SCALE = (0.4, 2.5)  # while a scene is edited, arrows keep their scale as long as the best one is within this of it
 
@@ -77,7 +76,7 @@ def pieces_of(mesh: Mesh) -> tuple[Piece, ...]:
     return split_by_color(mesh.vertices, mesh.faces, mesh.colors)
 
 
-def split_by_color(vertices: NDArray[np.float32], faces: NDArray[np.uint32], colors: NDArray[np.uint8]) -> tuple[Piece, ...]:
+def split_by_color(vertices: Single, faces: NDArray[np.uint32], colors: NDArray[np.uint8]) -> tuple[Piece, ...]:
     """Pieces of a mesh whose vertices (V, 3) have colours (V, 3); every face has the colour of its first corner."""
     shades, piece = np.unique(colors, axis=0, return_inverse=True)
     piece = piece.reshape(-1)

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from mechcore.arrays import Complex, Real, Single
 from mechcore.motion.events import Event
 from mechviz.picture.nodes import Lines, Picture, Points
 from mechviz.quantities.catalogue import Axis, Catalogue, Health, Quantity
@@ -22,14 +23,11 @@ if TYPE_CHECKING:
     from mechviz.runs import Run
 
 
-Real = NDArray[np.float64]
-
-
 @dataclass(frozen=True, eq=False)
 class Piece:
     """A part of a solid of one colour: ``vertices`` (V, 3) float32 [m] in the link's frame, ``faces`` (N, 3) uint32."""
 
-    vertices: NDArray[np.float32]
+    vertices: Single
     faces: NDArray[np.uint32]
     color: tuple[int, int, int]
 
@@ -56,9 +54,9 @@ class Rolling:
     """Pole curves of a link as complex numbers (F,) [m]: ``fixed`` in the world, ``moving`` in the link's frame, and an ``outline``
     (n,) of the link in its frame."""
 
-    fixed: NDArray[np.complex128]
-    moving: NDArray[np.complex128]
-    outline: NDArray[np.complex128]
+    fixed: Complex
+    moving: Complex
+    outline: Complex
 
 
 @dataclass(frozen=True, eq=False)

@@ -13,8 +13,8 @@ from typing import Any, get_args
 
 import numpy as np
 import viser
-from numpy.typing import NDArray
 
+from mechcore.arrays import Complex, Real
 from mechviz.outputs.rerun.diagrams import Curve as ChartCurve
 from mechviz.outputs.rerun.diagrams import Diagram as Chart
 from mechviz.outputs.viewer import words
@@ -29,7 +29,6 @@ from mechviz.picture.overlays import FIXED, MOVING
 from mechviz.quantities.vectors import round_value
 from mechviz.scene.kinds.studies import PlanName
 
-Array = NDArray[np.complex128]
 Color = tuple[int, int, int]
 
 WIDTH, HEIGHT, ROOM = 330.0, 300.0, 26.0  # [px]
@@ -58,11 +57,11 @@ class Curve:
 
     label: str
     color: Color
-    way: Array
-    at: Array
-    ride: tuple[Array, Array] | None = None
+    way: Complex
+    at: Complex
+    ride: tuple[Complex, Complex] | None = None
 
-    def way_at(self, frame: int) -> Array:
+    def way_at(self, frame: int) -> Complex:
         """Where the curve lies at a frame."""
         return self.way if self.ride is None else self.ride[0][frame] + self.ride[1][frame] * self.way
 
@@ -73,7 +72,7 @@ class Diagram:
     ``per_metre`` of ``unit``."""
 
     title: str
-    bounds: NDArray[np.float64]  # (2, 2)
+    bounds: Real  # (2, 2)
     per_metre: float
     unit: str
     drawing: Drawing | None = None
@@ -152,7 +151,7 @@ def diagram_svg(diagram: Diagram | Chart, frame: int) -> str:
     scale = float(min((WIDTH - 2 * ROOM) / extent[0], (HEIGHT - 2 * ROOM) / extent[1]))
     middle = complex(*(0.5 * (low + high)))
 
-    def at(z: Array | complex) -> Any:
+    def at(z: Complex | complex) -> Any:
         return (np.asarray(z) - middle) * scale
 
     def place(z: complex) -> tuple[float, float]:
@@ -179,7 +178,7 @@ def diagram_svg(diagram: Diagram | Chart, frame: int) -> str:
                 width = 1.2 if stroke.fine else 2.0
                 parts.append(_arrow(place(start), place(start + vector), _hex(on_light(stroke.color)), stroke.plain, width))
         named = [k for k, stroke in enumerate(strokes) if stroke.label]
-        long: Array = np.where(np.abs(vectors[named]) >= LEAST, starts[named], np.nan + 0j)
+        long: Complex = np.where(np.abs(vectors[named]) >= LEAST, starts[named], np.nan + 0j)
         spots = at(np.array([mark.at[frame] for mark in marks], complex))
         texts = [strokes[k].label for k in named], [mark.label for mark in marks]
         for labels, places in zip(texts, diagram.places(long, vectors[named], spots), strict=True):
@@ -331,11 +330,11 @@ def _hex(color: Color) -> str:
     return "#" + "".join(f"{c:02x}" for c in color)
 
 
-def _fewer(z: Array, most: int = 400) -> Array:
+def _fewer(z: Complex, most: int = 400) -> Complex:
     return z if len(z) <= most else z[np.linspace(0, len(z) - 1, most).round().astype(int)]
 
 
-def _box(ways: Sequence[Array]) -> NDArray[np.float64]:
+def _box(ways: Sequence[Complex]) -> Real:
     z = np.concatenate(ways) if ways else np.zeros(1, complex)
     z = z[np.isfinite(z)]
     if not len(z):

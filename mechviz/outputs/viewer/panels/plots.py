@@ -12,9 +12,9 @@ from typing import Any
 
 import numpy as np
 import viser
-from numpy.typing import NDArray
 from viser import uplot
 
+from mechcore.arrays import Index, Real
 from mechviz.outputs.exports.plots import KINDS, plot_file
 from mechviz.outputs.viewer.playback import NumberTrack, PlotTrack
 from mechviz.outputs.viewer.view_model import ViewModel
@@ -22,15 +22,13 @@ from mechviz.outputs.viewer.viser_adapter import uuid_of
 from mechviz.outputs.viewer.words import number
 from mechviz.quantities.catalogue import Axis, Quantity, Together
 
-Real = NDArray[np.float64]
-
 # From four points a pixel on uPlot draws by columns of pixels, in which a gap beside the cursor line swallows it; plots are about
 # 270 pixels wide
 MOST_POINTS = 900
 FILLED = 0.5  # of the range that curves fill at least, for it to stay
 
 
-def thinned(values: Real, most: int = MOST_POINTS) -> NDArray[np.intp]:
+def thinned(values: Real, most: int = MOST_POINTS) -> Index:
     """Frames (n,) that are enough to draw curves (F, k): all, or the extremes of each curve in equal stretches."""
     frames, curves = values.shape
     if frames <= most:

@@ -10,8 +10,8 @@ from typing import Any
 
 import numpy as np
 import viser
-from numpy.typing import NDArray
 
+from mechcore.arrays import Real
 from mechcore.motion.events import Event
 from mechviz.outputs.viewer import words
 from mechviz.outputs.viewer.callbacks import Callback, finite
@@ -19,8 +19,6 @@ from mechviz.outputs.viewer.playback import NumberTrack
 from mechviz.outputs.viewer.player import Player
 from mechviz.outputs.viewer.view_model import ViewModel
 from mechviz.quantities.catalogue import Health
-
-Real = NDArray[np.float64]
 
 COLUMNS = 240
 WRONG = 0.5  # of the way from sound to bad, on a logarithmic scale

@@ -6,8 +6,8 @@ from collections.abc import Iterable, Iterator
 
 import numpy as np
 import viser
-from numpy.typing import NDArray
 
+from mechcore.arrays import Real, Single
 from mechviz.outputs.viewer.playback import PointTrack, ragged
 from mechviz.outputs.viewer.view_model import ViewModel
 from mechviz.picture.nodes import Arc, Arrow
@@ -24,14 +24,12 @@ from mechviz.picture.proportions import (
 )
 from mechviz.quantities.vectors import FAMILIES
 
-Real = NDArray[np.float64]
-
 ARC_STEPS = 40
 LARGEST_TURN = 1.8 * np.pi
 ARC_FACES = arc_faces(ARC_STEPS)
 
 
-def arrow_points(origins: Real, arrows: Real, z: Real | float, least: float) -> NDArray[np.float32]:
+def arrow_points(origins: Real, arrows: Real, z: Real | float, least: float) -> Single:
     """Ends (n, 2, 3) of those of the arrows (N, 2) [m] from ``origins`` (N, 2) [m] at heights ``z`` (N,) [m] that can be seen.
 
     viser draws an arrow that is shorter than its head, even one of no length, as a whole head: such arrows are left out.
@@ -46,7 +44,7 @@ def arrow_points(origins: Real, arrows: Real, z: Real | float, least: float) -> 
     return points
 
 
-def arc_vertices(centre: Real, turn: float, radius: float, width: float, z: float) -> NDArray[np.float32]:
+def arc_vertices(centre: Real, turn: float, radius: float, width: float, z: float) -> Single:
     """Corners of a flat arc with a head, for `ARC_FACES`: through ``turn`` [rad] about ``centre`` (2,) [m] from the right on."""
     flat = arc_corners(turn, radius, width, ARC_STEPS) + complex(*centre)
     return np.column_stack([flat.real, flat.imag, np.full(len(flat), z)]).astype(np.float32)
@@ -116,12 +114,12 @@ class ArrowNodes:
         for family in families:
             self._factors[family] = factor
 
-    def points(self, family: str, frame: int) -> NDArray[np.float32]:
+    def points(self, family: str, frame: int) -> Single:
         """Ends (n, 2, 3) [m] of a family's arrows that are long enough to be seen at a frame."""
         origins, lengths, z = self._tracks[family]
         return arrow_points(origins[frame], lengths[frame] * self._factors[family], z, LEAST_ARROW * self._size)
 
-    def corners(self, key: tuple[str, str], frame: int) -> NDArray[np.float32] | None:
+    def corners(self, key: tuple[str, str], frame: int) -> Single | None:
         """Corners of an arc at a frame, None where it is too short to be seen."""
         origin, turns, height = self._turns[key]
         turn = float(np.clip(turns[frame] * self._factors[key[0]], -LARGEST_TURN, LARGEST_TURN))

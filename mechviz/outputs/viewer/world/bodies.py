@@ -6,15 +6,13 @@ from collections.abc import Iterator
 
 import numpy as np
 import viser
-from numpy.typing import NDArray
 
+from mechcore.arrays import Real, Single
 from mechviz.outputs.viewer.playback import PointTrack
 from mechviz.outputs.viewer.view_model import ViewModel
 from mechviz.outputs.viewer.viser_adapter import Posed
 from mechviz.outputs.viewer.world.solids import link_path
 from mechviz.picture.nodes import Body, Mesh
-
-Real = NDArray[np.float64]
 
 GROUPS = ("springs", "roller", "belt")
 
@@ -88,7 +86,7 @@ class BodyNodes:
                 x, y, z = body.poses.scales[min(frame, len(body.poses.scales) - 1)]
                 self._nodes[path].scale = (float(x), float(y), float(z))
 
-    def tracks(self) -> dict[str, tuple[NDArray[np.float32], Real]]:
+    def tracks(self) -> dict[str, tuple[Single, Real]]:
         """By the name of a node: its places (F, 3) and turns (F, 4) over the frames."""
         return {path: (body.poses.places, self._turns[path]) for path, body in self._bodies.items() if body.poses is not None}
 

@@ -10,8 +10,8 @@ from typing import Any
 
 import numpy as np
 import viser
-from numpy.typing import NDArray
 
+from mechcore.arrays import Real
 from mechviz.outputs.viewer.viser_adapter import run_script
 from mechviz.outputs.viewer.world.stage import Stage
 
@@ -83,8 +83,8 @@ PRESETS: Mapping[str, Preset] = {
 class View:
     """Where the camera is and what it looks at [m], and the angle of view [rad]."""
 
-    position: NDArray[np.float64]
-    look_at: NDArray[np.float64]
+    position: Real
+    look_at: Real
     fov: float = float(FIELD_OF_VIEW)
 
     @property
@@ -97,9 +97,7 @@ class View:
         return float(2.0 * self.distance * np.tan(0.5 * self.fov))
 
 
-def fit_view(
-    bounds: NDArray[np.float64], aspect: float, preset: Preset = PRESETS["front"], core: NDArray[np.float64] | None = None
-) -> View:
+def fit_view(bounds: Real, aspect: float, preset: Preset = PRESETS["front"], core: Real | None = None) -> View:
     """The view on a box ``bounds`` (2, 3) [m] for a picture of width over height ``aspect``; y is up in all of them.
 
     Of what reaches beyond the box ``core`` only so much is shown as leaves this large.
@@ -112,7 +110,7 @@ def fit_view(
     return _view_on(bounds, aspect, preset)
 
 
-def _view_on(bounds: NDArray[np.float64], aspect: float, preset: Preset) -> View:
+def _view_on(bounds: Real, aspect: float, preset: Preset) -> View:
     """The view that just shows a box."""
     away = np.array(preset.away) / np.linalg.norm(preset.away)
     right = np.cross([0.0, 1.0, 0.0], away)
@@ -128,7 +126,7 @@ def _view_on(bounds: NDArray[np.float64], aspect: float, preset: Preset) -> View
     return View(centre + distance * away, centre, preset.fov)
 
 
-def set_first_view(server: viser.ViserServer, bounds: NDArray[np.float64], core: NDArray[np.float64]) -> None:
+def set_first_view(server: viser.ViserServer, bounds: Real, core: Real) -> None:
     """The view of new browsers and of viser's own "Reset View"."""
     view = fit_view(bounds, USUAL_ASPECT, core=core)
     camera = server.initial_camera
@@ -152,7 +150,7 @@ class FittedCameras:
     looked at only when nothing has changed for a while, and every view that was ever set counts as not moved by the user.
     """
 
-    def __init__(self, server: viser.ViserServer, bounds: NDArray[np.float64], core: NDArray[np.float64], stage: Stage):
+    def __init__(self, server: viser.ViserServer, bounds: Real, core: Real, stage: Stage):
         self._server, self._bounds, self._core, self._stage = server, bounds, core, stage
         self._known: dict[int, list[View]] = {}  # by browser: the views that it has been given
         self._presets: dict[int, str] = {}  # by browser
@@ -185,7 +183,7 @@ class FittedCameras:
 
         client.camera.on_update(update)
 
-    def follow_bounds(self, bounds: NDArray[np.float64], core: NDArray[np.float64]) -> None:
+    def follow_bounds(self, bounds: Real, core: Real) -> None:
         """The mechanism has another extent: fit the views that nobody moved."""
         self._bounds, self._core = bounds, core
         for client in self._server.get_clients().values():

@@ -15,6 +15,7 @@ import numpy as np
 import viser
 from numpy.typing import NDArray
 
+from mechcore.arrays import Complex, Flags, Real, Single
 from mechviz.outputs.viewer.view_model import ViewModel
 from mechviz.outputs.viewer.words import scale
 from mechviz.outputs.viewer.world.labels import LabelPlaces, half_sizes
@@ -24,9 +25,6 @@ from mechviz.picture.constructions import Drawing, rows_of
 from mechviz.picture.nodes import ArrowSet, Lines, Node, Points
 from mechviz.picture.section_diagrams import DIAGRAMS, HIDDEN
 
-Array = NDArray[np.complex128]
-Real = NDArray[np.float64]
-Single = NDArray[np.float32]
 Color = tuple[int, int, int]
 
 BARB = 0.035  # length of the lines of an arrow's head, in sizes of the mechanism; of short arrows a third of their length
@@ -61,7 +59,7 @@ def _as_light(colors: Sequence[Color] | NDArray[Any]) -> NDArray[np.uint8]:
     return np.round(255.0 * (np.array(colors, float) / 255.0) ** 2.2).astype(np.uint8)
 
 
-def arrow_lines(start: Array, vector: Array, heads: NDArray[np.bool_], barb: float) -> Array:
+def arrow_lines(start: Complex, vector: Complex, heads: Flags, barb: float) -> Complex:
     """Lines (3 n, 2) of arrows (n,): shafts first, then both lines of each head, of no length where there is none."""
     finite = np.isfinite(start) & np.isfinite(vector)
     start, vector = np.where(finite, start, 0.0), np.where(finite, vector, 0.0)
@@ -89,7 +87,7 @@ def placed(mechanism: Real, boxes: Sequence[Real], gap: float, caption: float) -
     return shifts
 
 
-def _apart(z: Array, least: float) -> Array:
+def _apart(z: Complex, least: float) -> Complex:
     """Points (n,), those that are nearer than ``least`` to one before them made NaN: that one has the label."""
     out = np.array(z, complex)
     for k in range(1, len(out)):
@@ -178,10 +176,10 @@ class PlanNodes:
             for node in construction.nodes:
                 node.visible = False
 
-    def _space(self, z: Array) -> NDArray[np.float32]:
+    def _space(self, z: Complex) -> Single:
         return np.stack([z.real, z.imag, np.full(z.shape, self._z)], axis=-1).astype(np.float32)
 
-    def _lines(self, path: str, lines: Array, colors: Sequence[Color], width: float) -> viser.LineSegmentsHandle:
+    def _lines(self, path: str, lines: Complex, colors: Sequence[Color], width: float) -> viser.LineSegmentsHandle:
         shades = np.repeat(_as_light(colors)[:, None], 2, axis=1)
         return self._server.scene.add_line_segments(path, self._space(lines), shades, thickness=width, thickness_units="screen")
 

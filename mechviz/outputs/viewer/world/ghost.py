@@ -6,14 +6,12 @@ from collections.abc import Iterator
 
 import numpy as np
 import viser
-from numpy.typing import NDArray
 
+from mechcore.arrays import Real
 from mechviz.outputs.viewer.view_model import ViewModel
 from mechviz.outputs.viewer.viser_adapter import Posed
 from mechviz.outputs.viewer.world.marks import path_segments
 from mechviz.outputs.viewer.world.solids import quaternions
-
-Real = NDArray[np.float64]
 
 COLOR = (120, 128, 140)
 OPACITY = 0.28

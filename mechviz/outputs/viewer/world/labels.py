@@ -6,10 +6,8 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.complex128]
-Real = NDArray[np.float64]
+from mechcore.arrays import Complex, Flags, Real
 
 LETTER, LINE = 3.6, 8.0  # half width of a letter and half height of a label [px], with a little room around
 STEPS = (1.0, 2.2, 3.4)  # multiples of the least distance that are tried
@@ -33,7 +31,7 @@ class LabelPlaces:
     gap: float
     _last: dict[tuple[str, int], int] = field(default_factory=dict)
 
-    def __call__(self, starts: Array, vectors: Array, marks: Array) -> tuple[Array, Array]:
+    def __call__(self, starts: Complex, vectors: Complex, marks: Complex) -> tuple[Complex, Complex]:
         """Middles of the labels of the sides (n,) and of the points (m,); NaN of what is not finite."""
         ends = np.concatenate([starts, starts + vectors, marks])
         ends = ends[np.isfinite(ends)]
@@ -54,7 +52,7 @@ class LabelPlaces:
         return at_sides, at_points
 
     # -- inside -------------------------------------------------------------------------------------------------------
-    def _beside(self, start: complex, vector: complex, half: Real) -> Array:
+    def _beside(self, start: complex, vector: complex, half: Real) -> Complex:
         """Places on both sides of a line, its middle first."""
         size = abs(vector)
         across = 1j * vector / size if size else 1j
@@ -63,7 +61,7 @@ class LabelPlaces:
             [start + u * vector + way * step * reach * across for step in STEPS for u in (0.5, 0.35, 0.65) for way in (1.0, -1.0)]
         )
 
-    def _around(self, point: complex, half: Real, centre: complex) -> Array:
+    def _around(self, point: complex, half: Real, centre: complex) -> Complex:
         """Places around a point, the direction away from the drawing's centre first."""
         away = point - centre
         first = float(np.angle(away)) if away else 0.5 * np.pi
@@ -78,10 +76,10 @@ class LabelPlaces:
     def _free(
         self,
         key: tuple[str, int],
-        places: Array,
+        places: Complex,
         half: Real,
         taken: list[tuple[complex, Real]],
-        dots: Array,
+        dots: Complex,
         worse: Any = 0.0,
         inward: Any = False,
     ) -> complex:
@@ -103,7 +101,7 @@ class LabelPlaces:
         return complex(places[choice])
 
 
-def _foreign(places: Array, starts: Array, vectors: Array, own: int) -> NDArray[np.bool_]:
+def _foreign(places: Complex, starts: Complex, vectors: Complex, own: int) -> Flags:
     """Places (n,) that are nearer to another side than to their own: a reader would take the label for that one's."""
     with np.errstate(invalid="ignore", divide="ignore"):
         along = np.real(np.conj(vectors) * (places[:, None] - starts)) / np.abs(vectors) ** 2
@@ -112,13 +110,13 @@ def _foreign(places: Array, starts: Array, vectors: Array, own: int) -> NDArray[
     return np.asarray((np.delete(away, own, axis=1) < 0.98 * away[:, [own]]).any(axis=1))
 
 
-def _overlap(away: Array, reach: Real) -> Real:
+def _overlap(away: Complex, reach: Real) -> Real:
     """Area by which boxes overlap whose middles are ``away`` (n,) and whose half sizes add up to ``reach`` (2,)."""
     x, y = reach[0] - np.abs(away.real), reach[1] - np.abs(away.imag)
     return np.where((x > 0.0) & (y > 0.0), x * y, 0.0)
 
 
-def _outermost_first(marks: Array, centre: complex) -> list[int]:
+def _outermost_first(marks: Complex, centre: complex) -> list[int]:
     """Points that are finite, the farthest from the centre first: they have room."""
     known = np.flatnonzero(np.isfinite(marks))
     return [int(k) for k in known[np.argsort(-np.abs(marks[known] - centre), kind="stable")]]

@@ -6,8 +6,8 @@ from collections.abc import Iterator
 
 import numpy as np
 import viser
-from numpy.typing import NDArray
 
+from mechcore.arrays import Single
 from mechviz.outputs.viewer.playback import PointTrack
 from mechviz.outputs.viewer.view_model import ViewModel
 from mechviz.picture.nodes import Lines
@@ -19,7 +19,7 @@ INKS = {"springs": (LINKER, (176, 188, 204)), "friction": (FAMILIES["friction"].
 WIDTHS = {"springs": 3.0, "friction": 1.8}  # [px]
 
 
-def segments(node: Lines, frame: int) -> NDArray[np.float32]:
+def segments(node: Lines, frame: int) -> Single:
     """Lines (n, 2, 3) [m] between the places of all strips at a frame."""
     strips = (strip[min(frame, len(strip) - 1)] for strip in node.strips)
     return np.concatenate([np.stack([strip[:-1], strip[1:]], axis=1) for strip in strips])

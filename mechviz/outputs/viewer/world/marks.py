@@ -7,21 +7,19 @@ from typing import Any
 
 import numpy as np
 import viser
-from numpy.typing import NDArray
 
+from mechcore.arrays import Real, Single
 from mechviz.outputs.viewer.view_model import ViewModel
 from mechviz.outputs.viewer.viser_adapter import Posed
 from mechviz.outputs.viewer.world.solids import link_path
 from mechviz.picture.nodes import Points
-
-Real = NDArray[np.float64]
 
 PATH = {False: (32, 78, 138), True: (122, 178, 242)}  # light, dark: colour of paths
 PICKED = (194, 37, 92)  # colour of the joint that is looked at
 DOT = 0.0085  # radius of a joint's dot, in sizes of the mechanism: small, and yet to be hit with the mouse
 
 
-def path_segments(places: Real) -> NDArray[np.float32]:
+def path_segments(places: Real) -> Single:
     """The lines (F - 1, 2, 3) [m] between places (F, 3) [m] one after the other."""
     return np.stack([places[:-1], places[1:]], axis=1).astype(np.float32)
 

@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 import viser
-from numpy.typing import NDArray
 
+from mechcore.arrays import Real
 from mechviz.outputs.viewer.playback import PointTrack, PoseTrack
 from mechviz.outputs.viewer.view_model import ViewModel
 from mechviz.outputs.viewer.viser_adapter import place
@@ -29,8 +29,6 @@ SHOWN_FIRST = ("reaction", "applied", "inertia", "friction", "drive")
 BEYOND = 0.15  # of the size: so far arrows may widen the view beyond the solids, ...
 BEYOND_FIRST = 0.4  # ... and so far those of the frame that is shown first
 FITS_STILL = 0.7  # a mechanism whose box has at least this part of the view's is left where it is
-
-Real = NDArray[np.float64]
 
 
 def _ignore(_what: Any, _event: Any) -> None:

@@ -9,6 +9,7 @@ import numpy as np
 import viser
 from numpy.typing import NDArray
 
+from mechcore.arrays import Integers, Real, Single
 from mechviz.meshes.shading import components
 from mechviz.outputs.viewer.view_model import Body, Piece, ViewModel
 from mechviz.outputs.viewer.viser_adapter import Posed
@@ -18,7 +19,7 @@ from mechviz.picture.proportions import about_z
 DARKER = 0.8  # the cut itself beside the rest of the part
 
 
-def shells(piece: Piece) -> NDArray[np.int64]:
+def shells(piece: Piece) -> Integers:
     """The number of the closed part that each vertex (V,) of a piece belongs to; vertices at one place belong together."""
     places, same = np.unique(piece.vertices, axis=0, return_inverse=True)
     corners = same.reshape(-1)[piece.faces.astype(np.int64)]
@@ -52,13 +53,11 @@ def sectioned(body: Body, height: float) -> Body:
     return body if body.whole else Body(tuple(piece for piece in pieces if len(piece.faces)))
 
 
-def _part(vertices: NDArray[np.float32], faces: NDArray[np.uint32], color: tuple[int, int, int]) -> Piece:
+def _part(vertices: Single, faces: NDArray[np.uint32], color: tuple[int, int, int]) -> Piece:
     """Some faces with the vertices that they use."""
     used, own = np.unique(faces, return_inverse=True)
     return Piece(vertices[used], own.reshape(-1, 3).astype(np.uint32), color)
 
-
-Real = NDArray[np.float64]
 
 HAIR = 2e-4  # of the mechanism's size
 MARK, MARKED = (194, 37, 92), 0.5  # colour of the link that is looked at, and how much of it

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import viser
-from numpy.typing import NDArray
+
+from mechcore.arrays import Real
 
 CELLS = {False: ((228, 231, 235), (208, 213, 219)), True: ((44, 48, 55), (62, 68, 78))}  # light, dark: of cells, of sections
 
@@ -23,7 +24,7 @@ class Stage:
     and shadows double what a picture costs.
     """
 
-    def __init__(self, server: viser.ViserServer, bounds: NDArray[np.float64], size: float):
+    def __init__(self, server: viser.ViserServer, bounds: Real, size: float):
         scene = server.scene
         scene.set_up_direction("+y")
         scene.configure_default_lights(False)

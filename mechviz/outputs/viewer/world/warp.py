@@ -7,8 +7,8 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mechcore.arrays import Complex, Real
 from mechcore.cams.placed import PlacedCam
 from mechcore.forces.cam_rating import placed_cams
 from mechviz.meshes.kinds.cam_profiles import profile_points
@@ -22,7 +22,7 @@ Points = Mapping[str, tuple[float, float]]
 SHARPNESS = 2  # weights fall with this power of the squared distance: around a point the solid moves as a whole
 
 
-def warped(xy: NDArray[np.float64], before: NDArray[np.float64], after: NDArray[np.float64]) -> NDArray[np.float64]:
+def warped(xy: Real, before: Real, after: Real) -> Real:
     """Places (V, 2) in a plane in which points ``before`` (P, 2) have moved to ``after`` (P, 2).
 
     Two points carry the plane with them: lengths along their line are stretched, those across it stay. In general each place
@@ -62,9 +62,6 @@ def warped_body(body: Body, before: Points, after: Points) -> Body:
         pieces.append(Piece(vertices, piece.faces, piece.color))
     return replace(body, pieces=tuple(pieces))
 
-
-Array = NDArray[np.complex128]
-Real = NDArray[np.float64]
 
 SAMPLES = 720  # points of a profile
 HUB = 0.4  # of the least radius: what is nearer to the shaft stays as it is
@@ -106,7 +103,7 @@ def stretched_cams(
     return found
 
 
-def stretched(z: Array, before: Array, after: Array, *, wedge: bool = False, groove: bool = False) -> Array | None:
+def stretched(z: Complex, before: Complex, after: Complex, *, wedge: bool = False, groove: bool = False) -> Complex | None:
     """Places ``z`` (V) [m] of a cam whose profile was ``before`` (n) and is ``after`` (m), counter-clockwise about the shaft at
     the origin, or of a wedge from left to right: they go onto the new profile from the old one, the hub (of a wedge its base)
     stays, and in between they are stretched. None for profiles that run back on themselves.
