@@ -20,8 +20,8 @@ from mechviz.outputs.images.pictures import shot as take
 from mechviz.outputs.notebook import bundle_of
 from mechviz.outputs.page.page import make_page
 from mechviz.outputs.presentation import Presentation, presentation_in, presentation_of
-from mechviz.outputs.rerun.numbers import numbers_in
 from mechviz.outputs.rerun.reader import Recording
+from mechviz.outputs.rerun.recorded import numbers_in
 from mechviz.outputs.rerun.writer import RecordingSummary, write_recording
 from mechviz.quantities.catalogue import Axis, Catalogue, Quantity, Together
 from mechviz.quantities.events import events_of

@@ -11,10 +11,9 @@ import typer
 from mechviz.commands.common import check_targets, fail, interruptible, progress_bar, say
 from mechviz.commands.loading import ReachableOpt, SceneArg, clear_errors, load_scene
 from mechviz.commands.solving import AccuracyOpt, CyclesOpt, FramesOpt, KeepOpt, check_trust, solve
-from mechviz.outputs.rerun.inspection import format_inspection
-from mechviz.outputs.rerun.inspection import inspect as inspect_recording
-from mechviz.outputs.rerun.live import live
-from mechviz.outputs.rerun.writer import write_recording
+from mechviz.outputs.inspection import format_inspection
+from mechviz.outputs.inspection import inspect as inspect_recording
+from mechviz.outputs.rerun.writer import live, write_recording
 from mechviz.runs import Run, run_scene, with_run
 from mechviz.scene.scene import Scene
 

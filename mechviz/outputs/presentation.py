@@ -10,14 +10,11 @@ import numpy as np
 
 from mechcore.arrays import Integers
 from mechcore.motion.events import Event
-from mechviz.outputs.rerun.describe import notes
-from mechviz.outputs.rerun.marks import find_lanes
-from mechviz.outputs.rerun.numbers import numbers_in
-from mechviz.outputs.rerun.paths import parts_of
-from mechviz.outputs.rerun.read_drawings import RecordedDrawings
-from mechviz.outputs.rerun.read_picture import picture_in
+from mechviz.outputs.rerun.content import notes
+from mechviz.outputs.rerun.entities import parts_of, picture_stride
+from mechviz.outputs.rerun.plots import find_lanes
 from mechviz.outputs.rerun.reader import Recording
-from mechviz.outputs.rerun.streams import picture_stride
+from mechviz.outputs.rerun.recorded import RecordedDrawings, numbers_in, picture_in
 from mechviz.picture.build import picture_of, solids_of
 from mechviz.picture.constructions import Drawing, drawings_of
 from mechviz.picture.nodes import Color, Picture

@@ -14,9 +14,9 @@ from rerun.chunk import Chunk, LazyChunkStream, RrdReader
 
 from mechviz.outputs.images.drawing import write_svg
 from mechviz.outputs.images.pictures import moment
+from mechviz.outputs.inspection import format_inspection, inspect
 from mechviz.outputs.page.page import make_page
 from mechviz.outputs.presentation import presentation_in
-from mechviz.outputs.rerun.inspection import format_inspection, inspect
 from mechviz.outputs.rerun.reader import Recording
 from mechviz.outputs.viewer.show_recording import show_of_recording
 

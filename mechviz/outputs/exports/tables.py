@@ -11,7 +11,7 @@ from mechcore.arrays import Real
 from mechcore.errors import Fault, MechanismError
 from mechviz.files import OutputError, replacing
 from mechviz.meshes.solids import Solids, stl_bytes
-from mechviz.outputs.rerun.describe import model_json, scene_text
+from mechviz.outputs.rerun.content import model_json, scene_text
 from mechviz.picture.build import solids_of
 from mechviz.quantities.between_frames import read_between
 from mechviz.runs import Run, package_version

@@ -8,7 +8,7 @@ from html import escape
 
 
 def html_of(text: str) -> str:
-    """HTML of a markdown text as `mechviz.outputs.rerun.describe.notes` writes it."""
+    """HTML of a markdown text as `mechviz.outputs.rerun.content.notes` writes it."""
     return "\n".join(_blocks(text.splitlines()))
 
 

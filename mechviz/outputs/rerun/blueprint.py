@@ -10,18 +10,18 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mechcore.motion.events import Event
-from mechviz.outputs.rerun.marks import mark_path
-from mechviz.outputs.rerun.paths import entity
+from mechviz.outputs.rerun.drawings import OVERLAYS
+from mechviz.outputs.rerun.entities import entity
 from mechviz.outputs.rerun.plots import (
     Output,
     cam_outputs,
     effort_outputs,
     free_outputs,
     main_outputs,
+    mark_path,
     reaction_outputs,
     study_outputs,
 )
-from mechviz.outputs.rerun.polygons import OVERLAYS
 from mechviz.picture.section_diagrams import DIAGRAMS, HIDDEN
 from mechviz.quantities.items import joint_unit, links_with_mass
 from mechviz.quantities.vectors import FORCE_FAMILIES, plotted_against

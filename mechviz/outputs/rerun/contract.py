@@ -25,7 +25,7 @@ from pydantic import (
     model_validator,
 )
 
-from mechviz.outputs.rerun.paths import entity, parts_of
+from mechviz.outputs.rerun.entities import entity, parts_of
 
 if TYPE_CHECKING:
     from mechviz.outputs.rerun.reader import Recording

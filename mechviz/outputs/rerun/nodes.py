@@ -1,4 +1,4 @@
-"""The nodes of a picture as entities of a recording: rows over the frames, and static archetypes."""
+"""The nodes of a picture as entities of a recording, and the legend of its arrows."""
 
 from __future__ import annotations
 
@@ -10,12 +10,11 @@ from typing import Any
 import numpy as np
 
 from mechcore.arrays import Flags, Integers, Real, Single
-from mechviz.outputs.rerun.paths import entity, line_strips, packed
-from mechviz.outputs.rerun.streams import Static, Stream, in_space
+from mechviz.outputs.rerun.entities import Static, Stream, entity, in_space, line_strips, packed
 from mechviz.picture.arrows import SHORTEST, visible
 from mechviz.picture.nodes import Arc, Arrow, ArrowSet, Body, Lines, Node, Picture, Points
 from mechviz.picture.proportions import ARC_RADIUS
-from mechviz.quantities.vectors import FAMILIES, LARGEST_ARC, LARGEST_ARROW, Moment, Scales, Vector
+from mechviz.quantities.vectors import FAMILIES, LARGEST_ARC, LARGEST_ARROW, Moment, Scales, Vector, round_value
 
 
 def lighter(channel: int) -> int:
@@ -39,6 +38,7 @@ COLORS: Mapping[str, tuple[int, int, int]] = {
 }
 """The hues that the viewer gives to the families, lighter: the background is dark."""
 
+MOTION = ("velocity", "acceleration")
 ARC_POINTS = 24
 LEGEND_ROOM = 0.2  # in sizes of the mechanism: below solids and arrows, for the legend of the arrows
 
@@ -96,7 +96,6 @@ def arc_strips(centres: Real, sweep: Real, z: float, size: float) -> Single:
     return np.concatenate([strip, np.full((*strip.shape[:2], 1), z)], axis=-1).astype(np.float32)
 
 
-MOTION = ("velocity", "acceleration")
 THICK, THIN = 0.0055, 0.004  # radii of arrows of forces and of motion, in sizes of the mechanism
 EVERY_FRAME = ("solids", "joints", "roller", "belt")  # groups that move with their links
 
@@ -246,3 +245,58 @@ def _check(node: Body) -> None:
     mesh = node.mesh
     if not (np.isfinite(mesh.vertices).all() and np.isfinite(mesh.normals).all() and mesh.faces.max() < len(mesh.vertices)):
         raise ValueError(f"the mesh of {node.owner[0]} '{node.owner[1]}' is broken")
+
+
+# -- the legend -------------------------------------------------------------------------------------------------------
+LEGEND_LENGTH = 0.14  # longest arrow of the legend, in sizes of the mechanism
+LEGEND_COLUMN = 0.26  # distance of the arrows, in sizes of the mechanism
+LEGEND_LABEL = (0.19, 0.22)  # room of a label at least and at most, in widths of the picture
+LEGEND_ROW = 0.9  # of all labels together, where the least allows it
+LEGEND_ASPECT = 1.5  # width of the picture over its height, about
+
+
+def legend_shapes(picture: Picture, around: Real) -> Iterator[Static]:
+    """``/legend/forces/<family>`` and ``/legend/motion/<family>``: static arrows and their labels.
+
+    A family of which nothing is long enough to be drawn at any frame is left out; one of moments alone has no value.
+    ``around``: the box (2, 3) [m] around what else is drawn on the mechanism; the legend stands below that, too.
+    """
+    scales, size = picture.scales, picture.size
+    vectors, moments = [a.vector for a in picture.of(Arrow)], [a.moment for a in picture.of(Arc)]
+    pointing = {v.family for v in vectors if seen(v, scales, size)}
+    shown = pointing | {m.family for m in moments if seen(m, scales, size)}
+    for view in ("forces", "motion"):
+        drawn = [v for v in vectors if (v.family in MOTION) == (view == "motion")]
+        low, high = extent(drawn, scales, picture.bounds, size)[:, :2]
+        bottom = min(low[1], around[0, 1] - LEGEND_ROOM * size) + 0.25 * LEGEND_ROOM * size
+        families = [f for f in FAMILIES if f in shown and (f in MOTION) == (view == "motion")]
+        room = float(np.clip(LEGEND_ROW / max(len(families), 1), *LEGEND_LABEL))
+        column = max(LEGEND_COLUMN * size, room * max(high[0] - low[0], LEGEND_ASPECT * (high[1] - low[1])))
+        for k, family in enumerate(families):
+            per_metre = scales.per_metre(family)
+            words, length = FAMILIES[family].label, LEGEND_LENGTH * size
+            if family in pointing:
+                value = round_value(length * per_metre)
+                length = value / per_metre
+                words += f": {value:g} {FAMILIES[family].unit}"
+            start = _legend_place((k - 0.5 * (len(families) - 1)) * column, bottom, picture)
+            yield from _legend_entry(("legend", view, family), start, length, words, COLORS[family], size)
+
+
+def _legend_place(across: float, y: float, picture: Picture) -> Real:
+    """Where an arrow of the legend starts: in a row, so far from the mechanism's middle [m]."""
+    middle = 0.5 * (picture.bounds[0, 0] + picture.bounds[1, 0])
+    return np.array([middle + across - 0.5 * LEGEND_LENGTH * picture.size, y, picture.top])
+
+
+def _legend_entry(
+    path: tuple[str, ...], start: Real, length: float, words: str, color: tuple[int, int, int], size: float
+) -> Iterator[Static]:
+    import rerun as rr
+
+    arrow: Any = rr.Arrows3D(origins=[start], vectors=[[length, 0.0, 0.0]], colors=packed([color]), radii=[0.0055 * size])
+    yield Static(entity(*path), arrow)
+    under = start + np.array([0.5 * length, -0.01 * size, 0.0])
+    yield Static(
+        entity(*path, "label"), rr.Points3D([under], radii=[1e-4 * size], colors=packed([color]), labels=[words], show_labels=True)
+    )

@@ -1,8 +1,8 @@
-"""What the plots show: names of the series, and entities that exist only to be plotted."""
+"""Plots of a recording: series that exist only to be plotted, their names and colours, lines at events, lanes of states."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -10,17 +10,18 @@ import numpy as np
 
 from mechcore.arrays import Integers, Real
 from mechcore.forces.cam_rating import placed_cams
+from mechcore.forces.friction.events import friction_lanes
+from mechcore.motion.events import Event
 from mechcore.spec.clearance import journals_of, made_joints
 from mechcore.spec.mechanism import CamJoint
-from mechviz.outputs.rerun.paths import entity, packed
-from mechviz.outputs.rerun.streams import Static, Stream
+from mechviz.outputs.rerun.entities import Static, Stream, Timelines, entity, packed
+from mechviz.quantities.events import lanes_of
 from mechviz.quantities.items import JointInfo, Table, joint_unit, joints_of
 from mechviz.quantities.tables import rounding_of_efforts
 from mechviz.quantities.vectors import point_name
 
 if TYPE_CHECKING:
     from mechviz.runs import Run
-
 
 PALETTE = (
     (92, 172, 255),
@@ -292,3 +293,84 @@ def plot_styles(run: Run, all_tables: list[Table]) -> Iterator[Static]:
         count = output.values.shape[1]
         yield Static(output.entities[0][0], style(names[:count], 0))
         names = names[count:]
+
+
+MOST_MARKS = 16  # more lines than these would hide the curves, and say nothing
+COLOR = (118, 126, 140)
+
+
+# -- lines at events --------------------------------------------------------------------------------------------------
+def mark_times(events: Sequence[Event]) -> Real:
+    """Times [s] at which plots get a line; none where so much happens that lines would hide the curves."""
+    times = np.unique([e.time for e in events])
+    return times if len(times) <= MOST_MARKS else times[:0]
+
+
+def mark_path(view: str) -> str:
+    """The entity of the lines in a plot, which are as high as its axis."""
+    return entity("plots", "events", view)
+
+
+def send_marks(stream: Any, timelines: Timelines, times: Real, spans: Mapping[str, tuple[float, float]]) -> None:
+    """Lines at times [s] for each plot, by its name, from one end of its axis to the other."""
+    import rerun as rr
+
+    if not len(times):
+        return
+    columns = timelines.columns_at(np.repeat(times, 3))
+    look = rr.SeriesLines.from_fields(names=["events"], colors=[COLOR], widths=[1.0], aggregation_policy="Off")
+    for view, (low, high) in spans.items():
+        stream.log(mark_path(view), look, static=True)
+        rows = np.tile([low, high, np.nan], len(times))  # the gap keeps neighbours apart
+        stream.send_columns(mark_path(view), columns, rr.Scalars.columns(scalars=rows))
+
+
+STATES = {
+    "slips +": ("slips +", (84, 168, 255)),
+    "slips -": ("slips −", (60, 110, 180)),
+    "at rest": ("at rest", (120, 126, 136)),
+    "moves": ("moves", (72, 160, 110)),
+    "self-locking": ("self-locking", (240, 190, 60)),
+    "jammed": ("jammed", (230, 60, 60)),
+}
+"""States of the lanes of friction, with their labels and colours."""
+
+LANES = {
+    "sticks": ("sticks", (230, 140, 60)),
+    "slips +": ("slips +", (84, 168, 255)),
+    "slips -": ("slips −", (60, 110, 180)),
+    "free": ("free", (72, 160, 110)),
+    "contact": ("rests on the stop", (230, 60, 60)),
+    "touches": ("follower in contact", (72, 160, 110)),
+    "flies": ("contact lost", (230, 60, 60)),
+}
+"""States of the lanes, with their labels and colours."""
+
+
+def find_lanes(run: Run) -> tuple[dict[str, list[tuple[float, str]]], Mapping[str, tuple[str, tuple[int, int, int]]]]:
+    """Changes of state (time [s], state) by lane, and labels and colours of the states: of joints with friction and the mechanism
+    (slips, at rest, jammed); where forces decide the motion of joints, stops and cams."""
+    if run.simulation is not None:
+        return lanes_of(run.simulation), LANES
+    return ({} if run.forces is None else friction_lanes(run.forces)), STATES
+
+
+def lane_styles(run: Run) -> Iterator[Static]:
+    """How lanes look."""
+    import rerun as rr
+
+    lanes, looks = find_lanes(run)
+    labels, colors = (list(part) for part in zip(*looks.values(), strict=True))
+    for name in lanes:
+        yield Static(entity("state", name), rr.StateConfiguration(values=list(looks), labels=labels, colors=colors))
+
+
+def send_lanes(stream: Any, timelines: Timelines, run: Run) -> None:
+    """One row for every change of state."""
+    import rerun as rr
+
+    for name, changes in find_lanes(run)[0].items():
+        times = np.array([t for t, _ in changes])
+        stream.send_columns(
+            entity("state", name), timelines.columns_at(times), rr.StateChange.columns(state=[s for _, s in changes])
+        )

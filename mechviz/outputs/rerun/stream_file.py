@@ -16,20 +16,8 @@ from pathlib import Path
 from typing import Any
 
 from mechviz.files import OutputError, check_target, put_in_place, reason
-
-
-class RecordingError(OutputError):
-    """A recording that could not be written or read: ``message`` says what happened, ``remedy`` what to do."""
-
-    @classmethod
-    def of(cls, error: OutputError) -> RecordingError:
-        return cls(error.message, error.remedy, error.code)
-
-
-def interruption(error: BaseException) -> str:
-    """What an interrupted recording left behind: the note that the writer put on the exception, or nothing."""
-    return "\n".join(getattr(error, "__notes__", ()))
-
+from mechviz.outputs.rerun.entities import APPLICATION, RecordingError
+from mechviz.outputs.rerun.rerun_adapter import send_blueprint
 
 PIECE = 1 << 20
 
@@ -95,9 +83,6 @@ class Pump:
         rest = memoryview(data)
         while rest:
             rest = rest[self._file.write(rest) :]
-
-
-APPLICATION = "mechviz"
 
 
 def part_path(path: Path) -> Path:
@@ -221,23 +206,6 @@ def live_file(path: Path, port: int | None, title: str, blueprint: Any) -> Itera
         part.release()
         rr.set_strict_mode(strict)
         os.close(claim)
-
-
-def send_blueprint(stream: Any, blueprint: Any) -> None:
-    """Send a layout: active, not only as the default, since the viewer keeps one layout per application, and that of another scene
-    would not fit.
-
-    ``stream.send_blueprint`` does the same, but leaves a stream in memory behind that holds itself: two threads and 2 MB a call.
-    """
-    import rerun as rr
-    import rerun_bindings as bindings
-
-    native = bindings.new_blueprint(application_id=APPLICATION, make_default=False, make_thread_default=False, default_enabled=True)
-    made = rr.RecordingStream._from_native(native)
-    made.set_time("blueprint", sequence=0)
-    blueprint._log_to_stream(made)
-    bindings.send_blueprint(made.memory_recording().storage, True, True, recording=stream.to_native())
-    made.disconnect()  # from its own memory
 
 
 def free_port() -> int:

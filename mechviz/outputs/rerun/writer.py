@@ -1,9 +1,9 @@
-"""Writes a solved scene as a rerun recording."""
+"""Writes a solved scene as a rerun recording; or a simulation block by block while it runs, so that it can be watched."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from contextlib import AbstractContextManager
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -11,34 +11,50 @@ from uuid import uuid4
 
 import numpy as np
 
+from mechcore.arrays import Real
+from mechcore.effects.plan import OUTPUTS, make_plan
 from mechcore.motion.events import Event
+from mechcore.spec.clearance import made_joints
 from mechviz.outputs.rerun.blueprint import BACKGROUND, make_blueprint, spans_of_plots
-from mechviz.outputs.rerun.describe import (
+from mechviz.outputs.rerun.blueprint import picture as mechanism_view
+from mechviz.outputs.rerun.content import (
+    Content,
     accuracy_words,
-    link_properties,
-    notes,
-    properties,
+    describe_run,
+    find_statics,
+    find_streams,
+    find_views,
+    property_statics,
     recorded_frames,
-    scene_text,
 )
-from mechviz.outputs.rerun.diagrams import diagram_views, find_diagrams
-from mechviz.outputs.rerun.families import Content, find_statics, find_streams, find_views
-from mechviz.outputs.rerun.marks import mark_times, send_lanes, send_marks
-from mechviz.outputs.rerun.nodes import LEGEND_ROOM, extent
-from mechviz.outputs.rerun.paths import entity
-from mechviz.outputs.rerun.stream_file import Part, recording_file
-from mechviz.outputs.rerun.streams import Stream, Timelines, magnification, picture_stride
-from mechviz.picture.build import picture_of, solids_of
+from mechviz.outputs.rerun.drawings import diagram_views, find_diagrams
+from mechviz.outputs.rerun.entities import (
+    Stream,
+    Timelines,
+    link_streams,
+    magnification,
+    picture_stride,
+    table_streams,
+    view_statics,
+)
+from mechviz.outputs.rerun.nodes import LEGEND_ROOM, extent, picture_statics, picture_streams
+from mechviz.outputs.rerun.plots import mark_times, plot_styles, send_lanes, send_marks
+from mechviz.outputs.rerun.rerun_adapter import send_blueprint
+from mechviz.outputs.rerun.stream_file import Part, live_file, recording_file
+from mechviz.picture.build import bare_picture, picture_of, solids_of
 from mechviz.picture.constructions import drawings_of
-from mechviz.picture.nodes import Arrow, Picture
+from mechviz.picture.nodes import Arrow
 from mechviz.picture.overlays import overlay_box
 from mechviz.quantities.events import events_of, line_of
 from mechviz.quantities.vectors import FORCE_FAMILIES
+from mechviz.running import Running
 from mechviz.runs import Run, Stage, stopwatch
 
 if TYPE_CHECKING:
+    from mechcore.dynamics.simulation import Simulation
     from mechviz.meshes.solids import Solids
-
+    from mechviz.runs import Run
+    from mechviz.scene.scene import Scene
 
 BLOCK = 2000
 """Frames per block: large enough to be quick and small, small enough that an interrupted run keeps most of what it had."""
@@ -99,7 +115,7 @@ def write_recording(
     ``begin`` each stage when it begins.
 
     Raises `RecordingError` where the file cannot be written. An interruption leaves ``<name>.part.rrd`` and puts a note on its
-    exception, see `interruption`.
+    exception.
     """
     path = Path(path)
     recording_id = recording_id or f"{run.scene.name}-{uuid4()}"
@@ -152,10 +168,8 @@ def write_recording(
     with recording_file(path, blueprint, recording_id, run.scene.title or run.scene.name) as part:
         with stage("writing"):
             describe_run(part.stream, run, solids, picture, stages, every, complete=False)
-            for static in statics:
+            for static in (*statics, *property_statics(run)):
                 part.stream.log(static.path, static.archetype, static=True)
-            for link in _properties_of_links(run):
-                part.stream.log(*link, static=True)
             _send_events(part.stream, timelines, events)
             send_marks(part.stream, timelines, marks, spans)
             send_lanes(part.stream, timelines, run)
@@ -175,30 +189,6 @@ def write_recording(
         errors=accuracy_words(run),
         clashes=tuple(solids.clashes),
     )
-
-
-def describe_run(
-    stream: Any, run: Run, solids: Solids, picture: Picture, stages: list[Stage], every: int, *, complete: bool
-) -> None:
-    """Scene, properties and notes: at the start, so that an interrupted recording has them, and again when it is complete."""
-    import rerun as rr
-
-    spent = [*run.stages, *stages]
-    wall = float(sum(s.seconds for s in spent))
-    stream.send_property("mechviz", rr.AnyValues(**properties(run, picture, wall, complete=complete)))
-    if not complete:
-        stream.log("scene", rr.TextDocument(scene_text(run)), static=True)
-    text = notes(run, solids, picture.scales, spent, every, complete=complete)
-    stream.log("notes", rr.TextDocument(text, media_type=rr.MediaType.MARKDOWN), static=True)
-
-
-def _properties_of_links(run: Run) -> list[tuple[str, Any]]:
-    """Where there are reactions: what balances of the moving links need, see `references`."""
-    import rerun as rr
-
-    if run.forces is None:
-        return []
-    return [(entity("data", "links", k, "properties"), rr.Scalars(values)) for k, values in link_properties(run).items()]
 
 
 def _send_events(stream: Any, timelines: Timelines, events: Sequence[Event]) -> None:
@@ -227,3 +217,97 @@ def _send_streams(part: Part, streams: list[Stream], timelines: Timelines, progr
         part.flush(int(frames[-1]) + 1)
         if progress is not None:
             progress(part.frames, total)
+
+
+# -- live -------------------------------------------------------------------------------------------------------------
+ROOM = 0.25  # around a closed linkage, in its sizes
+
+
+class Live:
+    """Called with every segment of a motion, in order, it sends the frames in it: solids, poses, and all numbers, reactions and
+    energies among them where the scene has forces. ``progress`` is told the frames that are sent, after every block.
+
+    Arrows need the scale of the whole run, plots of events its end: they are in the finished recording, which takes the place of
+    this one."""
+
+    def __init__(self, scene: Scene, part: Part, progress: Callable[[int], None] = lambda _: None):
+        self.part = part
+        self.progress = progress
+        self._running = Running(scene)
+        self._solids: Solids | None = None
+
+    @property
+    def sent(self) -> int:
+        """Frames that are in the file."""
+        return self._running.sent
+
+    def __call__(self, segment: Simulation, duration: float) -> None:
+        """Take a segment; send what is complete when there is enough of it. ``duration``: of the whole run [s]."""
+        run = self._running.take(segment, duration)
+        if run is not None:
+            self._send(run)
+
+    def _send(self, run: Run) -> None:
+        numbers = [*run.numbers.tables.values()]
+        if self._solids is None:
+            self._solids = solids_of(run)
+            blueprint = _blueprint(self._running.scene, _room(run, self._solids))
+            send_blueprint(self.part.stream, blueprint)
+            picture = bare_picture(run, self._solids)
+            describe_run(self.part.stream, run, self._solids, picture, [], 1, complete=False)
+            for static in (*view_statics(picture.size), *picture_statics(picture), *plot_styles(run, numbers)):
+                self.part.stream.log(static.path, static.archetype, static=True)
+            self.part.flush(0)
+        frames = np.arange(run.motion.frames)
+        columns = Timelines.of(run).columns(frames)
+        drawn = picture_streams(bare_picture(run, self._solids), 1)
+        for stream in (*link_streams(run), *drawn, *table_streams(numbers)):
+            self.part.stream.send_columns(stream.path, columns, stream.columns(frames))
+        self.part.flush(self.sent)
+        self.progress(self.sent)
+
+
+@contextmanager
+def live(
+    scene: Scene, path: Path, port: int | None, progress: Callable[[int], None] = lambda _: None
+) -> Iterator[tuple[Live, str | None]]:
+    """Rows of a simulation into the unfinished recording beside ``path``, and to viewers that connect to ``port`` (0: a free one;
+    None: to none). Gives what has to be called, and the address for viewers. Raises `RecordingError`."""
+    with live_file(path, port, scene.title or scene.name, _blueprint(scene, np.array([[-1.0, -1.0, 0.0], [1.0, 1.0, 0.0]]))) as (
+        part,
+        address,
+    ):
+        yield Live(scene, part, progress), address
+
+
+def _room(run: Run, solids: Solids) -> Real:
+    """The box (2, 3) [m] that is looked at: where the mechanism is at first, and where it may go. What hangs in no loop swings as
+    far as it reaches from the frame's joints, to all sides."""
+    box, motion = np.array(solids.bounds, float), run.motion
+    frame = motion.mechanism.frame
+    more = ROOM * solids.size
+    for joint in (p for p in motion.mechanism.joints if frame in p.links and not motion.model.loops):
+        at = motion.joint_position(joint.name)[0]
+        more = float(np.hypot(*np.maximum(box[1, :2] - at, at - box[0, :2])))
+        box[:, :2] = np.minimum(box[0, :2], at - more), np.maximum(box[1, :2], at + more)
+        more = 0.0
+    box[:, :2] += np.array([[-more], [more]])
+    return np.asarray(magnification(solids.size) * box)
+
+
+def _blueprint(scene: Scene, room: Real) -> Any:
+    """The mechanism, and the free coordinates and energies over the time, which the view follows."""
+    import rerun.blueprint as rrb
+
+    made = made_joints(scene.mechanism)
+    free = [d.joint for d in scene.mechanism.drives if d.joint not in made]
+    plots = [rrb.TimeSeriesView(name=joint, origin="/", contents=[f"+ /data/joints/{joint}/motion"]) for joint in free[:3]]
+    if make_plan(scene.mechanism, set(OUTPUTS)).has("reactions and drive efforts"):
+        plots.append(rrb.TimeSeriesView(name="Energy [J]", origin="/", contents=["+ /data/energy"]))
+    return rrb.Blueprint(
+        rrb.Horizontal(mechanism_view("Mechanism", [], room), rrb.Vertical(*plots), column_shares=[3, 2]),
+        rrb.TimePanel(state="collapsed", timeline="time", play_state="following"),
+        rrb.SelectionPanel(state="hidden"),
+        rrb.BlueprintPanel(state="hidden"),
+        collapse_panels=False,
+    )

@@ -8,8 +8,8 @@ import numpy as np
 
 from mechviz.outputs.page.markdown import html_of
 from mechviz.outputs.presentation import presentation_in
-from mechviz.outputs.rerun.read_drawings import RecordedDrawings
 from mechviz.outputs.rerun.reader import Recording
+from mechviz.outputs.rerun.recorded import RecordedDrawings
 from mechviz.outputs.viewer import words
 from mechviz.outputs.viewer.show_run import bodies_of
 from mechviz.outputs.viewer.view_model import Rolling, ViewModel

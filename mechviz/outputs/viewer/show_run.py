@@ -15,7 +15,7 @@ from mechcore.joints.parts import build_joints
 from mechcore.spec.loads import Force
 from mechcore.spec.mechanism import Mechanism
 from mechviz.meshes.solids import Solids
-from mechviz.outputs.rerun.diagrams import find_diagrams
+from mechviz.outputs.rerun.drawings import find_diagrams
 from mechviz.outputs.viewer import words
 from mechviz.outputs.viewer.view_model import Body, Piece, Rolling, ViewModel
 from mechviz.outputs.viewer.world.warp import cam_profiles, stretched_cams, warped_body

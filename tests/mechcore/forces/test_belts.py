@@ -13,9 +13,8 @@ from shapely import Point
 
 from mechviz.meshes.kinds.bands import Loop
 from mechviz.outputs.exports.gltf import glb_bytes
-from mechviz.outputs.rerun.numbers import numbers_in
 from mechviz.outputs.rerun.plots import main_outputs
-from mechviz.outputs.rerun.read_picture import picture_in
+from mechviz.outputs.rerun.recorded import numbers_in, picture_in
 from mechviz.outputs.viewer.world.bodies import BodyNodes
 from mechviz.picture.build import picture_of, solids_of
 from mechviz.picture.nodes import Body

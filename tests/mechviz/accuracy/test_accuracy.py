@@ -167,7 +167,7 @@ def test_profile_points_of_a_cam():
 
 
 def test_what_is_recorded_has_the_digits_and_frames_that_are_asked(tmp_path):
-    from mechviz.outputs.rerun.inspection import inspect
+    from mechviz.outputs.inspection import inspect
     from mechviz.outputs.rerun.reader import Recording
     from mechviz.outputs.rerun.writer import write_recording
 

@@ -18,7 +18,7 @@ from typer.testing import CliRunner
 from mechcore.motion.reach import reachable_ranges
 from mechcore.motion.solve import compile_mechanism
 from mechviz.commands.main import app
-from mechviz.outputs.rerun.inspection import format_inspection, inspect
+from mechviz.outputs.inspection import format_inspection, inspect
 from mechviz.outputs.rerun.reader import Recording
 from mechviz.outputs.rerun.writer import write_recording
 from mechviz.runs import run_scene

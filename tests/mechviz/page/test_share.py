@@ -31,7 +31,7 @@ from mechviz.outputs.page.markdown import html_of
 from mechviz.outputs.page.pack import Pack, unpack
 from mechviz.outputs.page.page import make_page
 from mechviz.outputs.presentation import presentation_in
-from mechviz.outputs.rerun.paths import parts_of
+from mechviz.outputs.rerun.entities import parts_of
 from mechviz.outputs.rerun.reader import Recording
 from mechviz.outputs.rerun.writer import write_recording
 from mechviz.runs import run_scene
@@ -231,7 +231,7 @@ def test_notes_as_html():
 
 
 def test_parts_of_a_path_are_unescaped():
-    from mechviz.outputs.rerun.paths import entity
+    from mechviz.outputs.rerun.entities import entity
 
     parts = ("data", "points", "link B.C centre of mass", "a/b\\c")
     assert parts_of(entity(*parts)) == parts

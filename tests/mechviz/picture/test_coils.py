@@ -13,8 +13,7 @@ import mechviz
 from mechviz.meshes.kinds.coils import SIDES, coil_shell
 from mechviz.outputs.exports.gltf import glb_bytes
 from mechviz.outputs.page.page import make_page
-from mechviz.outputs.rerun.numbers import numbers_in
-from mechviz.outputs.rerun.read_picture import picture_in
+from mechviz.outputs.rerun.recorded import numbers_in, picture_in
 from mechviz.picture.build import solids_of
 from mechviz.picture.nodes import Body
 from mechviz.picture.springs import find_coils

@@ -15,10 +15,10 @@ from typer.testing import CliRunner
 import mechviz
 from mechcore.errors import Fault, MechanismError
 from mechviz.commands.main import app
-from mechviz.outputs.rerun.live import live
+from mechviz.outputs.rerun.entities import RecordingError
 from mechviz.outputs.rerun.reader import Recording
-from mechviz.outputs.rerun.stream_file import RecordingError, free_port, part_path
-from mechviz.outputs.rerun.writer import write_recording
+from mechviz.outputs.rerun.stream_file import free_port, part_path
+from mechviz.outputs.rerun.writer import live, write_recording
 from mechviz.outputs.viewer.app import Viewer
 from mechviz.outputs.viewer.growth import Computing, Stopped
 from mechviz.picture.nodes import Arrow

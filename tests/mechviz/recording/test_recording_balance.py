@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import mechviz
-from mechviz.outputs.rerun.inspection import inspect
+from mechviz.outputs.inspection import inspect
 from mechviz.outputs.rerun.reader import Recording
 from mechviz.outputs.rerun.writer import write_recording
 from mechviz.quantities.exactness import without_noise

@@ -14,10 +14,10 @@ from damage import batches, damaged, entity_of, read_all, write
 import mechviz
 from mechcore.errors import MechanismError
 from mechviz.files import OutputError
+from mechviz.outputs.inspection import inspect
 from mechviz.outputs.rerun import writer
-from mechviz.outputs.rerun.inspection import inspect
+from mechviz.outputs.rerun.entities import RecordingError
 from mechviz.outputs.rerun.reader import Recording
-from mechviz.outputs.rerun.stream_file import RecordingError
 from recordings import made, ran
 
 SAMPLE = 12

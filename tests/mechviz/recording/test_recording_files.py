@@ -14,10 +14,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from mechviz.outputs.inspection import format_inspection, inspect
 from mechviz.outputs.rerun import stream_file
-from mechviz.outputs.rerun.inspection import format_inspection, inspect
+from mechviz.outputs.rerun.entities import RecordingError
 from mechviz.outputs.rerun.reader import Recording
-from mechviz.outputs.rerun.stream_file import RecordingError, interruption
 from mechviz.outputs.rerun.writer import write_recording
 from mechviz.quantities.tables import tables
 from mechviz.runs import run_scene
@@ -164,7 +164,7 @@ def test_an_interrupted_run_keeps_what_it_had(tmp_path):
         write_recording(run, path, progress=stop)
     assert path.read_bytes() == b"old"
     part = tmp_path / "a.part.rrd"
-    assert f"2000 frames written so far are in '{part}'" in interruption(stopped.value)
+    assert f"2000 frames written so far are in '{part}'" in stopped.value.__notes__[0]
     found = inspect(part)
     assert found.frames == 2000 and not found.complete and "interrupted" in format_inspection(found)
     assert {len(Recording(part).scalars("health", "closure")[0]), found.frames} == {2000}
@@ -179,7 +179,7 @@ def test_interrupted_before_the_first_frame_nothing_is_left(tmp_path, monkeypatc
     monkeypatch.setattr(writer, "_send_streams", stop)
     with pytest.raises(SystemExit) as stopped:
         write_recording(RUN, tmp_path / "a.rrd")
-    assert "was not made" in interruption(stopped.value) and not list(tmp_path.iterdir())
+    assert "was not made" in stopped.value.__notes__[0] and not list(tmp_path.iterdir())
 
 
 def test_a_fault_of_ours_leaves_nothing_and_is_not_hidden(tmp_path, monkeypatch):
@@ -197,7 +197,8 @@ def test_a_fault_of_ours_leaves_nothing_and_is_not_hidden(tmp_path, monkeypatch)
 CHILD = """
 import resource, signal, sys, time
 import mechviz
-from mechviz.outputs.rerun import RecordingError, interruption, write_recording
+from mechviz.outputs.rerun.entities import RecordingError
+from mechviz.outputs.rerun.writer import write_recording
 from mechviz.runs import run_scene
 
 def leave(*_):
@@ -216,7 +217,7 @@ except RecordingError as error:
     print("ERROR", error, flush=True)
     sys.exit(1)
 except (KeyboardInterrupt, SystemExit) as stop:
-    print("NOTE", interruption(stop), flush=True)
+    print("NOTE", *stop.__notes__, flush=True)
     raise
 """
 

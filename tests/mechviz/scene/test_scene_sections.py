@@ -7,8 +7,8 @@ import pytest
 
 import mechviz
 from mechviz.outputs.images.drawing import svg_of
+from mechviz.outputs.inspection import format_inspection, inspect
 from mechviz.outputs.presentation import presentation_of
-from mechviz.outputs.rerun.inspection import format_inspection, inspect
 from mechviz.outputs.rerun.writer import write_recording
 from mechviz.picture.build import picture_of, solids_of
 from mechviz.picture.nodes import Lines, Points

@@ -12,7 +12,7 @@ import viser
 
 from mechviz.accuracy.apply import in_use, setting_changes, target_changes
 from mechviz.figures import chart_svg
-from mechviz.outputs.rerun.describe import accuracy_words
+from mechviz.outputs.rerun.content import accuracy_words
 from mechviz.outputs.viewer import words
 from mechviz.outputs.viewer.callbacks import Callback
 from mechviz.outputs.viewer.session import EditSession

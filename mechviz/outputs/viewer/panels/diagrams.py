@@ -15,8 +15,8 @@ import numpy as np
 import viser
 
 from mechcore.arrays import Complex, Real
-from mechviz.outputs.rerun.diagrams import Curve as ChartCurve
-from mechviz.outputs.rerun.diagrams import Diagram as Chart
+from mechviz.outputs.rerun.drawings import Curve as ChartCurve
+from mechviz.outputs.rerun.drawings import Diagram as Chart
 from mechviz.outputs.viewer import words
 from mechviz.outputs.viewer.callbacks import Callback
 from mechviz.outputs.viewer.panels.charts import chart_svg, svg_text

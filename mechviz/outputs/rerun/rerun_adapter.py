@@ -1,7 +1,12 @@
-"""The messages of a recording file, read one by one up to where the file is whole.
+"""All that we need of rerun 0.41 beyond its public interface, and the reason for each.
 
-A file of rerun (RRF2) is a header and messages: kind and length, then a protobuf, of which each chunk is an Arrow stream under LZ4.
-They are read here, not by rerun, whose reader gives up a file that is cut in a message, and ends the process at some turned bits.
+* Messages of a file are read here (`chunks_in`), not by rerun, whose reader gives up a file that is cut in a message, and ends the
+  process at some turned bits. A file (RRF2) is a header and messages: kind and length, then a protobuf, of which each chunk is an
+  Arrow stream under LZ4.
+* A blueprint is sent (`send_blueprint`) without the stream in memory that rerun's own call leaves behind, which holds itself: two
+  threads and 2 MB a call.
+
+The project pins rerun.
 """
 
 from __future__ import annotations
@@ -13,7 +18,7 @@ from pathlib import Path
 from typing import Any, BinaryIO
 
 from mechviz.files import open_regular
-from mechviz.outputs.rerun.stream_file import RecordingError
+from mechviz.outputs.rerun.entities import APPLICATION, RecordingError
 
 MAGIC, HEADER = b"RRF", b"RRF2"
 FILE_HEADER, MESSAGE_HEADER = 12, struct.Struct("<QQ")  # of a message: kind, length of what follows [bytes]
@@ -160,3 +165,18 @@ def _varint(data: bytes, at: int) -> tuple[int, int]:
         if byte < 128:
             return value, at
     raise ValueError("a message cannot be read")
+
+
+# -- blueprints -------------------------------------------------------------------------------------------------------
+def send_blueprint(stream: Any, blueprint: Any) -> None:
+    """Send a layout: active, not only as the default, since the viewer keeps one layout per application, and that of another scene
+    would not fit."""
+    import rerun as rr
+    import rerun_bindings as bindings
+
+    native = bindings.new_blueprint(application_id=APPLICATION, make_default=False, make_thread_default=False, default_enabled=True)
+    made = rr.RecordingStream._from_native(native)
+    made.set_time("blueprint", sequence=0)
+    blueprint._log_to_stream(made)
+    bindings.send_blueprint(made.memory_recording().storage, True, True, recording=stream.to_native())
+    made.disconnect()  # from its own memory

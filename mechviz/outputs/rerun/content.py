@@ -1,20 +1,29 @@
-"""Mass, reference point and moment of inertia of every moving link: what a reader needs to check its balance."""
+"""What a recording holds: its families of entities, its properties, its notes."""
 
 from __future__ import annotations
 
 import cmath
 import json
 from base64 import b64encode
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
+
+import numpy as np
 
 from mechcore.forces.powers import power_labels, power_table
 from mechviz.accuracy.words import target_words
-from mechviz.outputs.rerun.marks import simulation_notes
-from mechviz.outputs.rerun.nodes import listed
-from mechviz.outputs.rerun.paths import entity
+from mechviz.outputs.rerun.blueprint import BACKGROUND
+from mechviz.outputs.rerun.drawings import Diagram, diagram_shapes, diagram_streams, polygon_shapes, polygon_streams, polygon_views
+from mechviz.outputs.rerun.entities import Static, Stream, entity, link_streams, magnification, table_streams, view_statics
+from mechviz.outputs.rerun.nodes import legend_shapes, listed, picture_statics, picture_streams
+from mechviz.outputs.rerun.plots import lane_styles, plot_streams, plot_styles
+from mechviz.picture.constructions import Drawing
+from mechviz.picture.nodes import Picture
+from mechviz.picture.overlays import overlay_box
 from mechviz.quantities.catalogue import Catalogue
-from mechviz.quantities.items import links_of, links_with_mass
-from mechviz.quantities.power_table import power_markdown
+from mechviz.quantities.items import Table, links_of, links_with_mass
+from mechviz.quantities.power_table import power_markdown, steady_lines
 from mechviz.quantities.study_tables import study_lines
 from mechviz.quantities.vectors import Scales
 from mechviz.runs import Run, Stage, package_version
@@ -22,9 +31,69 @@ from mechviz.runs import Run, Stage, package_version
 if TYPE_CHECKING:
     from mechcore.kinematics.model import Model
     from mechviz.meshes.solids import Solids
-    from mechviz.picture.nodes import Picture
 
 
+@dataclass(frozen=True, eq=False)
+class Content:
+    """What the families make their entities from."""
+
+    run: Run
+    solids: Solids
+    tables: list[Table]
+    picture: Picture
+    drawings: dict[str, Drawing]  # graphical constructions
+    every: int  # pictures are drawn at every so many frames
+    diagrams: Sequence[Diagram] = ()  # of one quantity against another
+
+
+def _nothing(_: Content) -> Iterable[Any]:
+    return ()
+
+
+@dataclass(frozen=True)
+class Family:
+    """Entities that belong together: rows over the frames, static archetypes, and views of the blueprint beside the plots."""
+
+    name: str
+    streams: Callable[[Content], Iterable[Stream]] = _nothing
+    statics: Callable[[Content], Iterable[Static]] = _nothing
+    views: Callable[[Content], Iterable[Any]] = _nothing
+
+
+FAMILIES: tuple[Family, ...] = (
+    Family("links", streams=lambda c: link_streams(c.run), statics=lambda c: view_statics(c.picture.size)),
+    Family("data", streams=lambda c: table_streams(c.tables, c.run.kept.numbers)),
+    Family("picture", streams=lambda c: picture_streams(c.picture, c.every), statics=lambda c: picture_statics(c.picture)),
+    Family("lanes", statics=lambda c: lane_styles(c.run)),
+    Family("legend", statics=lambda c: legend_shapes(c.picture, overlay_box(c.run, c.solids))),
+    Family("plots", streams=lambda c: plot_streams(c.run, c.every), statics=lambda c: plot_styles(c.run, c.tables)),
+    Family("diagrams", streams=lambda c: diagram_streams(c.diagrams, c.every), statics=lambda c: diagram_shapes(c.diagrams)),
+    Family(
+        "polygons",
+        streams=lambda c: polygon_streams(c.drawings, c.every),
+        statics=lambda c: polygon_shapes(c.drawings, c.picture.size),
+        views=lambda c: polygon_views(c.drawings, magnification(c.solids.size), BACKGROUND),
+    ),
+)
+"""In the order in which they are written."""
+
+
+def find_streams(content: Content) -> list[Stream]:
+    """The streams of all families."""
+    return [stream for family in FAMILIES for stream in family.streams(content)]
+
+
+def find_statics(content: Content) -> list[Static]:
+    """The static archetypes of all families."""
+    return [static for family in FAMILIES for static in family.statics(content)]
+
+
+def find_views(content: Content) -> list[Any]:
+    """The views of all families that have some."""
+    return [view for family in FAMILIES for view in family.views(content)]
+
+
+# -- properties of links ----------------------------------------------------------------------------------------------
 OBLIQUE = cmath.exp(1j)
 """Direction of the reference point, seen from the line of the joints: at right angles neither to it nor to what crosses it."""
 
@@ -44,12 +113,12 @@ def link_properties(run: Run) -> dict[str, tuple[float, float, float, float]]:
         k = model.index[name]
         mass, centre, inertia = model.masses[k]
         if name not in heavy:
-            mass, centre, inertia = 0.0, reference_point(model, k), 0.0
+            mass, centre, inertia = 0.0, _reference_point(model, k), 0.0
         found[name] = (mass, centre.real, centre.imag, inertia)
     return found
 
 
-def reference_point(model: Model, k: int) -> complex:
+def _reference_point(model: Model, k: int) -> complex:
     """A point in the axes of link ``k`` beside the line of its joints, about as far from them as the link is long [m].
 
     Where all joints are at one place: beside its guide, as far as the mechanism is large.
@@ -64,8 +133,32 @@ def reference_point(model: Model, k: int) -> complex:
     return sum(at) / len(at) + way * OBLIQUE
 
 
+def property_statics(run: Run) -> Iterator[Static]:
+    """What balances of the moving links need, see `link_properties`; nothing of a run without reactions."""
+    import rerun as rr
+
+    for name, values in link_properties(run).items() if run.forces is not None else ():
+        yield Static(entity("data", "links", name, "properties"), rr.Scalars(values))
+
+
+# -- properties and notes ---------------------------------------------------------------------------------------------
 SCHEMA = 2
 """Version of the recording contract; a change of meaning raises it."""
+
+
+def describe_run(
+    stream: Any, run: Run, solids: Solids, picture: Picture, stages: list[Stage], every: int, *, complete: bool
+) -> None:
+    """Scene, properties and notes: at the start, so that an interrupted recording has them, and again when it is complete."""
+    import rerun as rr
+
+    spent = [*run.stages, *stages]
+    wall = float(sum(s.seconds for s in spent))
+    stream.send_property("mechviz", rr.AnyValues(**_properties(run, picture, wall, complete=complete)))
+    if not complete:
+        stream.log("scene", rr.TextDocument(scene_text(run)), static=True)
+    text = notes(run, solids, picture.scales, spent, every, complete=complete)
+    stream.log("notes", rr.TextDocument(text, media_type=rr.MediaType.MARKDOWN), static=True)
 
 
 def scene_text(run: Run) -> str:
@@ -73,7 +166,7 @@ def scene_text(run: Run) -> str:
     return getattr(run.scene, "text", "") or run.scene.to_toml()
 
 
-def scene_files(run: Run) -> dict[str, str]:
+def _scene_files(run: Run) -> dict[str, str]:
     """The files that the scene names, by these names, in base64: with them a recording can be run again anywhere."""
     return {name: b64encode(data).decode("ascii") for name, data in run.scene.files.items()}
 
@@ -92,7 +185,7 @@ def model_json(run: Run) -> str:
     return json.dumps(model, ensure_ascii=False)
 
 
-def properties(run: Run, picture: Picture, wall_seconds: float, *, complete: bool) -> dict[str, Any]:
+def _properties(run: Run, picture: Picture, wall_seconds: float, *, complete: bool) -> dict[str, Any]:
     """The recording's properties; lists of strings as arrow arrays, so that an empty one keeps its type."""
     import pyarrow as pa
 
@@ -110,7 +203,7 @@ def properties(run: Run, picture: Picture, wall_seconds: float, *, complete: boo
         "bounds": json.dumps(picture.bounds.tolist()),
         "top": picture.top,
         "picture": listed(picture),
-        "quantities": listed_quantities(run.catalogue),
+        "quantities": _listed_quantities(run.catalogue),
         "model": model_json(run),
         "effects": pa.array(list(run.plan.effects), pa.string()),
         "skipped": pa.array([s.name for s in run.plan.skipped], pa.string()),
@@ -122,13 +215,13 @@ def properties(run: Run, picture: Picture, wall_seconds: float, *, complete: boo
         **_simulated(run),
         "accuracy": json.dumps(_stated(run)),
         "interpolation": run.accuracy.interpolation,
-        "files": json.dumps(scene_files(run)),
+        "files": json.dumps(_scene_files(run)),
         "power_items": pa.array([] if run.forces is None else power_labels(run.forces), pa.string()),
         "complete": complete,
     }
 
 
-def listed_quantities(catalogue: Catalogue) -> str:
+def _listed_quantities(catalogue: Catalogue) -> str:
     """The catalogue as JSON: of every quantity its key, label, unit and curves, and the entity that holds it."""
     found = [
         {"key": q.key, "label": q.label, "unit": q.unit, "curves": list(q.curves), "entity": entity(*q.path)}
@@ -186,7 +279,7 @@ def notes(run: Run, solids: Solids, scales: Scales, stages: list[Stage], every: 
     ]
     if run.forces is not None:
         lines += ["", *power_markdown(power_table(run.forces))]
-    lines += simulation_notes(run)
+    lines += _simulation_notes(run)
     lines += ["", "## Accuracy", "", *(f"- {line}" for line in accuracy_words(run))]
     lines += ["", "## Scales", "", *(f"- {value:.6g} {what}" for value, what in shown)]
     lines += ["- arrows shorter than 1.5 % of the mechanism's size are not drawn"]
@@ -195,3 +288,22 @@ def notes(run: Run, solids: Solids, scales: Scales, stages: list[Stage], every: 
     for a, b in solids.clashes:
         lines += ["", f"The solids of {a} and {b} pass through each other: no order of layers avoids it."]
     return "\n".join(lines) + "\n"
+
+
+def _simulation_notes(run: Run) -> list[str]:
+    """How the motion was found, in lines of markdown."""
+    s = run.simulation
+    if s is None:
+        return []
+    drift = float(np.abs(s.drift(run.motion.time)).max(initial=0.0))
+    how = {"energy": "by its energy, without steps in time", "gauss": "by Gauss collocation", "radau": "by Radau collocation"}
+    lines = ["", "## Motion under forces", ""]
+    lines.append(f"- found {how.get(s.method, s.method)}, tolerance {s.tolerance:.1e}, {s.evaluations} evaluations of windows")
+    lines.append(f"- energy balance of the whole run: drift at most {drift:.1e} of the largest energy or work")
+    if run.steady is not None:
+        lines += [f"- {line}" for line in steady_lines(run.steady)]
+    kinds: dict[str, int] = {}
+    for h in s.events:
+        kinds[h.kind] = kinds.get(h.kind, 0) + 1
+    lines += [f"- {count} × {kind}" for kind, count in kinds.items()]
+    return lines

@@ -9,7 +9,7 @@ import numpy as np
 
 from mechcore.motion.events import Event, runs
 from mechviz.outputs.rerun.contract import Model
-from mechviz.outputs.rerun.paths import parts_of
+from mechviz.outputs.rerun.entities import parts_of
 from mechviz.outputs.rerun.reader import Recording, Rows
 from mechviz.quantities.events import line_of
 from mechviz.quantities.items import ERROR_COLUMNS
