@@ -15,6 +15,6 @@ Values = NDArray[np.floating[Any]] | float  # numbers over frames, or one for al
 Plane = NDArray[np.complexfloating[Any, Any]] | complex  # plane vectors over frames, or one for all
 
 
-def unit_vectors(z: Complex) -> Complex:
+def unit_vectors(z: Plane) -> Complex:
     """z over its length. NaN stays NaN without a warning, which the division of a complex NaN would give."""
     return np.asarray(z * (1.0 / np.abs(z)))

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mechcore.arrays import Complex, unit_vectors
+from mechcore.arrays import Plane, unit_vectors
 from mechcore.effects.base import Configuration, Effect, LoadEffect, Wrench, joint_wrench, rate, relative_speed
 from mechcore.spec.loads import BeltTension, Drag, Viscous
 
@@ -95,7 +95,7 @@ class DryFriction(Effect):
     needs = frozenset({"positions", "velocities", "reactions"})
 
 
-def spans(at: Configuration, relation: Relation) -> tuple[Complex, Complex, float]:
+def spans(at: Configuration, relation: Relation) -> tuple[Plane, Plane, float]:
     """Place [m], force on the second pulley per newton in both spans, and by how much the spans' normals lean towards it.
 
     The two pulls are mirrored at the line of centres: their resultant lies on it. The lean is (r1 - r2) / distance of an open belt,

@@ -1,1 +1,1 @@
-"""One file a joint: the constraints and couplings that it makes. `parts.KINDS` lists them."""
+"""Joints by families: the constraints and couplings that each makes. `parts.KINDS` lists them."""

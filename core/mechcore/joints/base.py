@@ -1,4 +1,4 @@
-"""The common form of every lower pair."""
+"""The common forms of joints: points that coincide or slide, relations of coordinates; and the builder that collects them."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, Literal
 
+from mechcore.arrays import Plane, Real, Values
 from mechcore.errors import Fault, MechanismError
 from mechcore.spec.mechanism import Joint, Link, Mechanism, Revolute, Weld
 
@@ -57,10 +58,14 @@ class Curve:
     Angles of groups with a closed form are known within one turn only: the function of an angle must repeat every turn.
     """
 
-    function: Callable[[Any], Any]
+    function: Callable[[Values], Real]
     angles: tuple[tuple[str, float], ...] = ()  # (link, coefficient)
     slides: tuple[tuple[str, float], ...] = ()  # (sliding joint, coefficient)
     shift: float = 0.0
+
+
+Contact = Callable[["Motion", Values], tuple[Plane, Plane]]
+"""(motion, multiplier) -> place [m], force on the second link per multiplier."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -73,7 +78,7 @@ class Bearing:
     """
 
     carrier: str
-    couple: Callable[[Motion, Any, Any], Any]  # (motion, place, force on the second link) -> couple on the first link [N m]
+    couple: Callable[[Motion, Plane, Plane], Values]  # (motion, place, force on the second link) -> couple on the first link [N m]
     joints: tuple[tuple[str, float], ...]
 
 
@@ -90,7 +95,7 @@ class Relation:
     links: tuple[str, str]
     angles: tuple[tuple[str, float], ...]  # (link, coefficient [m])
     slides: tuple[tuple[str, float], ...]  # (sliding joint, coefficient)
-    contact: Callable[[Motion, Any], tuple[Any, Any]]  # (motion, multiplier) -> place [m], force on the second link per multiplier
+    contact: Contact
     curve: Curve | None = None
     constant: float | None = None  # [m], of the links' own angles and of displacements
     bearing: Bearing | None = None
@@ -106,7 +111,7 @@ class Builder:
     joints: list[LoopJoint] = field(default_factory=list)
     relations: list[Relation] = field(default_factory=list)
 
-    def ends(self, joint: Any) -> tuple[Link, Link]:
+    def ends(self, joint: Joint) -> tuple[Link, Link]:
         """The two links of a joint."""
         return self.links[joint.links[0]], self.links[joint.links[1]]
 

@@ -1,4 +1,4 @@
-"""Cam and follower: the follower's coordinate is a function of the cam's; the force acts along their common normal."""
+"""Cam and follower in the plane: the follower's coordinate is a function of the cam's; the force acts along their common normal."""
 
 from __future__ import annotations
 
@@ -9,25 +9,25 @@ from typing import Any
 
 import numpy as np
 
-from mechcore.cams.closures import conjugate
+from mechcore.cams.closures import InverseCam, conjugate
 from mechcore.cams.contour import Contour, moved
 from mechcore.cams.cutting import CutProfile, cut_profile
-from mechcore.cams.followers import Flat, Follower, Oscillating, Translating
+from mechcore.cams.followers import Flat, Follower, Oscillating, Roller, Translating
 from mechcore.cams.given import GivenLift, lift_of
 from mechcore.cams.limits import Requirement, find_limits, least_base
 from mechcore.cams.placed import PlacedCam
+from mechcore.cams.placed_spatial import PlacedInverse, PlacedSpatial
 from mechcore.cams.synthesis import Cam, cam_on_base
 from mechcore.errors import MechanismError
 from mechcore.joints.base import Bearing, Builder, point_of
-from mechcore.joints.cam_guides import bed_of, fault_of, guide_in, levelled, place_on, relate, renamed
-from mechcore.joints.inverse_cam import build_inverse
+from mechcore.joints.cam_guides import Terms, bed_of, fault_of, guide_in, levelled, place_on, relate, renamed
 from mechcore.joints.spatial_cam import place_spatial
 from mechcore.laws.curve import MotionCurve
 from mechcore.spec.mechanism import CamJoint, Prismatic, Revolute
 from mechcore.texts import as_angle, as_coordinate, as_length
 
 
-def build(joint: CamJoint, builder: Builder) -> None:
+def build_cam(joint: CamJoint, builder: Builder) -> None:
     guide = next((p for p in builder.mechanism.joints if p.name == joint.guide), None)
     if not isinstance(guide, Prismatic | Revolute) or joint.links[1] not in guide.links:
         raise fault_of(
@@ -41,13 +41,13 @@ def build(joint: CamJoint, builder: Builder) -> None:
         raise fault_of(joint, "guide", "it guides the follower on the cam itself.", "Guide both on one link.")
     follower = builder.links[joint.links[1]]
     if joint.inverse:
-        build_inverse(joint, builder, carrier, guide)
+        _build_inverse(joint, builder, carrier, guide)
         return
     if joint.point not in follower.points:
         known = ", ".join(follower.points)
         raise fault_of(joint, "point", f"link '{follower.name}' has no point '{joint.point}'.", f"Its points: {known}.")
     try:
-        placed: Any
+        placed: PlacedCam | PlacedSpatial
         if joint.spatial is not None:
             placed = place_spatial(joint, builder, carrier, guide)
         else:
@@ -82,14 +82,16 @@ def build(joint: CamJoint, builder: Builder) -> None:
     relate(joint, builder, placed, (angles, slides, constant), (cam_angles, cam_slides), _bearing(joint, builder, carrier, placed))
 
 
-def _bearing(joint: CamJoint, builder: Builder, carrier: str, placed: Any) -> Bearing | None:
+def _bearing(joint: CamJoint, builder: Builder, carrier: str, placed: PlacedCam | PlacedSpatial) -> Bearing | None:
     """What carries the shaft of a cam whose axis lies in the plane."""
-    if joint.spatial is None:
+    if isinstance(placed, PlacedCam):
         return None
     return Bearing(carrier=carrier, couple=placed.couple, joints=builder.bearings_between(joint, joint.links[0], carrier))
 
 
-def _along_guide(joint: CamJoint, builder: Builder, carrier: str, guide: Prismatic, placed: Any) -> tuple[float, float]:
+def _along_guide(
+    joint: CamJoint, builder: Builder, carrier: str, guide: Prismatic, placed: PlacedCam | PlacedSpatial
+) -> tuple[float, float]:
     """How the follower's height follows from the guide's coordinate s: sign * s + zero."""
     at = place_on(builder, carrier, guide, point_of(builder.links[joint.links[1]], joint.point))
     _, sign = guide_in(carrier, guide)
@@ -115,7 +117,7 @@ def _disc(joint: CamJoint, builder: Builder, carrier: str, guide: Prismatic | Re
     place, up, arm = _guide_of(joint, builder, carrier, guide)
     if isinstance(guide, Prismatic):
         axes = up / 1j
-        face_guide: Any = Translating(float(((place - centre) / axes).real))
+        face_guide: Translating | Oscillating = Translating(float(((place - centre) / axes).real))
     else:
         axes = 1 + 0j
         if place == centre:
@@ -234,7 +236,7 @@ def _wedge(joint: CamJoint, builder: Builder, carrier: str, guide: Prismatic | R
             raise fault_of(
                 joint, "bed", f"the cam's and the follower's guides are {as_angle(apart)} apart.", "Make them perpendicular."
             )
-        face_guide: Any = Translating(0.0)
+        face_guide: Translating | Oscillating = Translating(0.0)
     else:
         axes = way if ((place - start) / way).imag > 0 else -way
     centre = start + axes * ((place - start) / axes).real
@@ -286,3 +288,71 @@ def _common(joint: CamJoint, carrier: str, cam: Cam, centre: complex, axes: comp
 def _mirror(law: MotionCurve) -> MotionCurve:
     """x -> law(-x)."""
     return MotionCurve(law.reversed().pieces, -law.end)
+
+
+def _build_inverse(joint: CamJoint, builder: Builder, carrier: str, guide: Prismatic | Revolute) -> None:
+    """The roller on the driving link, a crank or a slide, the groove on the driven link."""
+    driving = builder.links[joint.links[0]]
+    if joint.point not in driving.points:
+        known = ", ".join(driving.points)
+        raise fault_of(joint, "point", f"link '{driving.name}' has no point '{joint.point}'.", f"Its points: {known}.")
+    law = joint.lift
+    assert law is not None
+    if joint.bed is None and not law.length < 2.0 * math.pi:
+        raise fault_of(
+            joint, "lift", f"the segments cover {as_angle(law.length)}: where the crank turns round, it cannot drive.",
+            "Let the crank swing, and give its range.",
+        )  # fmt: skip
+    if not isinstance(joint.face, Roller):
+        raise fault_of(joint, "follower", "a groove without a roller.", "Give groove = ...")
+    if joint.sense < 0:
+        raise fault_of(joint, "sense", "an inverse cam's law is read counter-clockwise.", "Leave it out, and mirror the segments.")
+    way = (-joint.phase, law.length - joint.phase)
+    law = levelled(MotionCurve(law.raised(joint.base).pieces, -joint.phase))
+    tip, straight = point_of(driving, joint.point), None
+    if joint.bed is None:
+        axis, own = builder.axis_between(joint, joint.links[0], carrier)
+        tip -= own
+        if tip == 0.0:
+            raise fault_of(joint, "point", "it is the crank's own axis.", "Name the roller's centre.")
+        arm = abs(tip)
+        terms: tuple[Terms, Terms] = ((joint.links[0], 1.0), (carrier, -1.0)), ()
+    else:
+        bed = bed_of(joint, builder, carrier, "the driven link")
+        forward, sign = guide_in(carrier, bed)
+        straight, axis = sign * forward, place_on(builder, carrier, bed, tip)
+        arm, terms = 0.0, ((), ((bed.name, 1.0),))
+    angles: Terms = ()
+    joints: Terms = ()
+    if isinstance(guide, Prismatic):
+        up, sign = guide_in(carrier, guide)
+        axes, centre, hub = up / 1j, axis, 0j
+        side = guide.links.index(carrier)
+        turn = cmath.exp(1j * (-guide.angle if side == 0 else guide.angle))
+        # at coordinate zero the driven link's axes lie where the guide puts them
+        start = place_on(builder, carrier, guide, 0j)
+        origin, mount = turn * (centre - start), turn * axes
+        joints = ((guide.name, -sign),)
+        if sign < 0.0:
+            law = MotionCurve(tuple(p.scaled(1.0, -1.0) for p in law.pieces), law.start)
+    else:
+        pivot, origin = builder.axis_between(joint, joint.links[1], carrier)
+        if straight is None and pivot == axis:
+            raise fault_of(joint, "guide", "the driven link's pivot lies on the crank's axis.", "Move it away from there.")
+        axes, centre, hub, mount = 1 + 0j, pivot, axis - pivot, 1 + 0j
+        if straight is not None:  # metres per unit of the driven link's angle: to the middle of the roller's way
+            arm = abs(hub + straight * 0.5 * (way[0] + way[1])) or 0.5 * (way[1] - way[0])
+        angles = ((joint.links[1], -arm), (carrier, arm))
+    phase = cmath.phase(tip) - cmath.phase(axes) if straight is None else 0.0
+    straight = None if straight is None else straight / axes
+    cam = InverseCam(law, hub, arm, joint.face.radius, not isinstance(guide, Prismatic), phase, straight)
+    placed = PlacedInverse(
+        name=joint.name, links=joint.links, carrier=carrier, guide=joint.guide, cam=cam, way=way, centre=centre, axes=axes,
+        own=origin,
+        mount=mount, tip=point_of(driving, joint.point), sense=joint.sense, bed=joint.bed, pressure_limit=joint.pressure_limit,
+    )  # fmt: skip
+    try:
+        placed.check()
+    except MechanismError as error:
+        raise MechanismError([renamed(joint, f) for f in error.faults]) from None
+    relate(joint, builder, placed, (angles, joints, 0.0), terms)

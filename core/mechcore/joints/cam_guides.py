@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import cmath
-from typing import Any
 
 import numpy as np
 
+from mechcore.arrays import Real, Values
+from mechcore.cams.placed import PlacedCam
+from mechcore.cams.placed_spatial import PlacedInverse, PlacedSpatial
 from mechcore.errors import Fault, MechanismError
 from mechcore.joints.base import Bearing, Builder, Curve, Relation, point_of
 from mechcore.laws.curve import MotionCurve, Piece
@@ -21,19 +23,19 @@ Terms = tuple[tuple[str, float], ...]
 def relate(
     joint: CamJoint,
     builder: Builder,
-    placed: Any,
+    placed: PlacedCam | PlacedSpatial | PlacedInverse,
     follower: tuple[Terms, Terms, float],
     cam: tuple[Terms, Terms],
     bearing: Bearing | None = None,
 ) -> None:
     """The relation of a placed cam: angles, displacements and constant of the follower, angles and displacements of the law."""
 
-    def lift(argument: Any) -> Any:
-        values = placed.law(argument)
+    def lift(argument: Values) -> Real:
+        values: Real = placed.law(argument)
         if placed.pace:
             values[0] -= placed.pace * np.asarray(argument)
             values[1] -= placed.pace
-        return placed.scale * values
+        return np.asarray(placed.scale * values)
 
     angles, slides, constant = follower
     builder.relations.append(

@@ -1,8 +1,7 @@
-"""Kinematic pairs: what each kind allows, in the common forms that the rest of the core works with.
+"""What each kind of joint allows, in the common forms that the rest of the core works with.
 
 A lower pair is a `LoopJoint` (points that coincide or slide); gears, belts, racks, rolling and cams add a `Relation`.
-To add a joint: its spec in ``mechcore.spec.mechanism``, one file here with a function ``build(joint, builder)``, one line in
-`KINDS`.
+To add a joint: its spec in `mechcore.spec.mechanism`, a function that builds it in the module of its family, a line in `KINDS`.
 """
 
 from __future__ import annotations
@@ -10,8 +9,10 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-from mechcore.joints import belt, cam, cylinder, gear, pin_slot, planar, prismatic, rack, revolute, rolling, weld
 from mechcore.joints.base import Builder
+from mechcore.joints.cam import build_cam
+from mechcore.joints.lower import build_cylinder, build_guided, build_pinned, build_planar
+from mechcore.joints.wheels import build_belt, build_gear, build_rack, build_rolling
 from mechcore.spec.mechanism import (
     Belt,
     CamJoint,
@@ -28,17 +29,17 @@ from mechcore.spec.mechanism import (
 )
 
 KINDS: dict[type, Callable[[Any, Builder], None]] = {
-    Revolute: revolute.build,
-    Prismatic: prismatic.build,
-    Weld: weld.build,
-    PinSlot: pin_slot.build,
-    Rolling: rolling.build,
-    Gear: gear.build,
-    Belt: belt.build,
-    Rack: rack.build,
-    Cylinder: cylinder.build,
-    Planar: planar.build,
-    CamJoint: cam.build,
+    Revolute: build_pinned,
+    Prismatic: build_guided,
+    Weld: build_pinned,
+    PinSlot: build_guided,
+    Rolling: build_rolling,
+    Gear: build_gear,
+    Belt: build_belt,
+    Rack: build_rack,
+    Cylinder: build_cylinder,
+    Planar: build_planar,
+    CamJoint: build_cam,
 }
 
 

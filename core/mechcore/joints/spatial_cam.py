@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from typing import Any
 
 from mechcore.cams.followers import Roller
 from mechcore.cams.placed_spatial import PlacedSpatial, room_of_rollers
@@ -18,7 +17,7 @@ LEAST_ROLLERS = 6  # of a turret: those between ribs are up to one and a half st
 _SQUARE = 1e-9  # how far off perpendicular or on the line counts as exact
 
 
-def place_spatial(joint: CamJoint, builder: Builder, carrier: str, guide: Prismatic | Revolute) -> Any:
+def place_spatial(joint: CamJoint, builder: Builder, carrier: str, guide: Prismatic | Revolute) -> PlacedSpatial:
     """The placed cam; raises where its parts do not lie as its kind wants them."""
     blank = joint.spatial
     assert blank is not None and joint.lift is not None
@@ -49,7 +48,7 @@ def place_spatial(joint: CamJoint, builder: Builder, carrier: str, guide: Prisma
                 f"the roller's axis passes the cam's axis at {as_length(abs(off))}.",
                 "Guide it over the axis.",
             )
-        mount: Any = Barrel()
+        mount: Barrel | BarrelArm | Globoid = Barrel()
         start = joint.base
     else:
         pivot, hinge = builder.axis_between(joint, joint.links[1], carrier)
@@ -121,7 +120,9 @@ def _check_turret(joint: CamJoint, blank: SpatialBlank, guide: Prismatic | Revol
         )  # fmt: skip
 
 
-def _check_room(joint: CamJoint, blank: SpatialBlank, mount: Any, r: float, arm: float, inner: float) -> None:
+def _check_room(
+    joint: CamJoint, blank: SpatialBlank, mount: Barrel | BarrelArm | Globoid, r: float, arm: float, inner: float
+) -> None:
     """Between two rollers there is room for a rib, and those of a barrel stay over it while they are in it."""
     step = 2.0 * math.pi / blank.rollers
     room = room_of_rollers(blank, arm, inner)
@@ -132,7 +133,7 @@ def _check_room(joint: CamJoint, blank: SpatialBlank, mount: Any, r: float, arm:
             f"{blank.rollers} rollers of {as_length(r)} stand {as_length(apart)} apart: no rib between them.",
             f"Give less than {as_length(room, 4)}, or fewer rollers.",
         )  # fmt: skip
-    if blank.kind == "barrel":
+    if isinstance(mount, BarrelArm):
         far = max(abs(mount.pivot[0] - arm * math.cos(k * step)) for k in (0.0, 1.5))
         if not far < 0.9 * inner:
             raise fault_of(
