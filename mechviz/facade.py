@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mechcore.arrays import Real
 from mechviz.figures import save_chart
 from mechviz.files import OutputError, check_target, replacing
 from mechviz.outputs.exports.plots import plot_figure
@@ -36,9 +36,6 @@ if TYPE_CHECKING:
     from mechcore.motion.events import Event
     from mechcore.motion.motion import Motion
     from mechviz.outputs.rerun.writer import RecordingSummary
-
-
-Real = NDArray[np.float64]
 
 
 class UnknownKey(KeyError):

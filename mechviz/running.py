@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mechcore.arrays import Real
 from mechcore.dynamics.joined import JoinedForces, JoinedMotion
 from mechcore.effects.plan import OUTPUTS, make_plan
 from mechcore.forces.kinetostatics import Forces
@@ -20,7 +20,6 @@ if TYPE_CHECKING:
     from mechviz.scene.scene import Scene
 
 
-Real = NDArray[np.float64]
 BLOCKS = 40  # of a run that goes on to its end
 
 

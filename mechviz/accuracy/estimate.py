@@ -27,8 +27,8 @@ from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mechcore.arrays import Real
 from mechcore.errors import MechanismError
 from mechcore.motion.differences import differentiate
 from mechcore.numerics.interpolation import between
@@ -38,9 +38,6 @@ from mechviz.quantities.items import ERROR_COLUMNS
 if TYPE_CHECKING:
     from mechcore.dynamics.simulation import Simulation
     from mechviz.runs import Run
-
-
-Real = NDArray[np.float64]
 
 
 ROUNDING = 2.2e-16

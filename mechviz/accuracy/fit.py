@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechcore.accuracy import Accuracy
+from mechcore.arrays import Real
 from mechcore.forces.kinetostatics import solve_forces
 from mechcore.motion.solve import compile_mechanism, default_times, solve_motion
 from mechviz.accuracy.estimate import integration_error
@@ -24,7 +25,6 @@ if TYPE_CHECKING:
     from mechviz.scene.scene import Scene
 
 
-Real = NDArray[np.float64]
 Provider = Callable[[Real], list[Quantity]]
 
 FEWEST, MOST = 16, 200_000  # frames a cycle

@@ -10,16 +10,14 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mechcore.accuracy import Accuracy
+from mechcore.arrays import Real
 from mechviz.accuracy.quantities import Quantity, quantities
 
 if TYPE_CHECKING:
     from mechviz.runs import Run
 
-
-Real = NDArray[np.float64]
 
 FINEST = 1e-5
 """Of the mechanism's size: meshes get no finer by themselves. It is a twenty-fifth of a pixel where the mechanism fills a screen of

@@ -15,12 +15,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from mechcore.arrays import Real
 from mechcore.kinematics.columns import matrix_of
 from mechcore.motion.motion import Motion
 from mechcore.numerics.interpolation import between
 from mechviz.quantities.items import joints_of, links_of
-
-Real = NDArray[np.float64]
 
 KINDS = ("position", "velocity", "acceleration", "reaction")
 """Of the quantities; efforts of drives count as reactions."""

@@ -14,8 +14,8 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mechcore.arrays import Real
 from mechcore.dynamics.equations.reduced import Chart
 from mechcore.errors import MechanismError
 from mechcore.forces.kinetostatics import solve_forces
@@ -33,7 +33,6 @@ if TYPE_CHECKING:
     from mechviz.scene.scene import Scene
 
 
-Real = NDArray[np.float64]
 LONG = np.longdouble
 
 

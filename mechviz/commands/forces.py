@@ -18,8 +18,8 @@ from mechviz.commands.common import check_targets, fail, interruptible
 from mechviz.commands.loading import ReachableOpt, SceneArg, clear_errors, load_scene, quantity_of
 from mechviz.commands.solving import AccuracyOpt, CyclesOpt, FramesOpt, KeepOpt, check_trust, solve, warn_of_accuracy
 from mechviz.quantities.power_table import flywheel_lines, force_lines, power_csv, sized_lines, steady_lines
-from mechviz.scene.cams.ratings import step_fault, whole_step
 from mechviz.scene.convert import LARGEST
+from mechviz.scene.kinds.joints.cam_documents import step_fault, whole_step
 from mechviz.studies.cam_report import cam_facts, cam_lines, drawn_lines
 from mechviz.studies.cam_size import size_lines
 from mechviz.studies.polar import shaken, write_polar

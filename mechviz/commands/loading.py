@@ -12,7 +12,7 @@ import typer
 
 from mechcore.errors import MechanismError
 from mechviz.commands.common import fail, orderly, say
-from mechviz.scene.assembly.reachable import swinging
+from mechviz.scene.assembly.simulation import swinging
 from mechviz.scene.faults import SceneError
 from mechviz.scene.kinds.segments import former_laws
 from mechviz.scene.scene import Scene, load

@@ -13,9 +13,9 @@ from typing import Any, Literal, get_args, get_origin
 
 from mechcore.laws.catalogue import RISES
 from mechviz.scene.annotations import Leaf, Place, hints_of, leaves
-from mechviz.scene.cams.cams import SOLIDS
 from mechviz.scene.document import SceneDocument, value_at
 from mechviz.scene.fields import Quantity, Table
+from mechviz.scene.kinds.joints.cam_documents import SOLIDS
 from mechviz.scene.kinds.segments import SegmentTable
 from mechviz.scene.scene import Scene
 from mechviz.scene.units import KINDS, QuantityError, Units, split, symbol_of, unit_factor

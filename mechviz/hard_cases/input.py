@@ -33,7 +33,7 @@ BASE: dict[str, Any] = {
 
 def _changed(**changes: Any) -> dict[str, Any]:
     """The crank-rocker with values changed, each at a path such as ``links__crank__mass``; None takes a key away."""
-    data = json.loads(json.dumps(BASE))
+    data: dict[str, Any] = json.loads(json.dumps(BASE))
     for path, value in changes.items():
         *parents, key = path.split("__")
         table = data
@@ -149,7 +149,7 @@ def _strange_names() -> Outcome:
 def _order() -> Outcome:
     """Links and joints in any order, joints with their links exchanged: the same motion."""
     base = _solved(Scene.build(**BASE))
-    data = json.loads(json.dumps(BASE))
+    data: dict[str, Any] = json.loads(json.dumps(BASE))
     data["links"] = dict(reversed(data["links"].items()))
     data["joints"] = dict(reversed(data["joints"].items()))
     data["joints"]["B"]["revolute"].reverse()
@@ -175,7 +175,7 @@ def _tiny_and_huge() -> Outcome:
     base = _solved(Scene.build(**BASE))
     checks = []
     for unit in ("nm", "Mm"):
-        data = json.loads(json.dumps(BASE))
+        data: dict[str, Any] = json.loads(json.dumps(BASE))
         data["units"]["length"] = unit
         checks.append(compare(unit, _solved(Scene.build(**data)).pose("rocker")[:, 2], base.pose("rocker")[:, 2], 1e-14))
     return moved(base, "the same angles in nanometres and in megametres", checks)

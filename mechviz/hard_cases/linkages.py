@@ -11,7 +11,7 @@ from mechcore.laws.timed import ConstantSpeed, Oscillation, zones
 from mechcore.motion.reach import reachable_ranges
 from mechcore.motion.solve import compile_mechanism, default_times, solve_motion
 from mechcore.spec.mechanism import Drive, Link, Mechanism, Revolute
-from mechviz.hard_cases.case import Case, Outcome, compare, judged, moved, refused
+from mechviz.hard_cases.case import Case, Check, Outcome, compare, judged, moved, refused
 from mechviz.hard_cases.mechanisms import TURN, at, chain, four_bar, slider_crank
 from mechviz.scene.scene import load
 
@@ -79,7 +79,7 @@ def _sliver() -> Outcome:
     m = four_bar(3.0, 1.0, 2.5, 1.5 - 1e-9, start=0.3)
     edge = np.degrees(np.arccos((10.0 - (4.0 - 1e-9) ** 2) / 6.0))
 
-    def range_of(text: str) -> list:
+    def range_of(text: str) -> list[Check]:
         high = float(text.split("keep the drive within [")[1].split("]")[0].replace("°", "").split(",")[1])
         return [compare("edge of the range", high, edge, 1e-6)]
 

@@ -9,11 +9,10 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mechcore.arrays import Real
 from mechcore.numerics.interpolation import between
 
-Real = NDArray[np.float64]
 Path = tuple[str, ...]
 
 _RATES = {"pose": ("velocity", "acceleration"), "position": ("velocity", "acceleration"), "velocity": ("acceleration", None)}

@@ -9,13 +9,11 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mechcore.arrays import Real
 from mechviz.quantities.entries import UNITS, Entry, Names, entries
 from mechviz.quantities.items import Table
 from mechviz.quantities.numbers import Numbers
-
-Real = NDArray[np.float64]
 
 MOST_FIRST = 3
 MOST_OF_IT = 0.99  # of the frames: forces at the others do not count in full

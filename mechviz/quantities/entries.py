@@ -11,11 +11,10 @@ from functools import lru_cache, partial
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mechcore.arrays import Real
 from mechviz.quantities.items import Columns
 
-Real = NDArray[np.float64]
 Path = tuple[str, ...]
 
 UNITS = {"m": ("mm", 1e3), "rad": ("°", 180.0 / np.pi), "Pa": ("MPa", 1e-6)}

@@ -12,13 +12,13 @@ from functools import cache
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
+
+from mechcore.arrays import Real
 
 if TYPE_CHECKING:
     from mechviz.runs import Run
 
 
-Real = NDArray[np.float64]
 NEAR = 1e-13  # relative to coordinates and sizes
 FAR = 1e-6  # of the size: far beyond rounding
 

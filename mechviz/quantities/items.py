@@ -7,16 +7,13 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING
 
-import numpy as np
-from numpy.typing import NDArray
-
+from mechcore.arrays import Real
 from mechcore.motion.motion import Motion
 from mechcore.spec.clearance import journals_of, made_joints
 
 if TYPE_CHECKING:
     from mechviz.runs import Run
 
-Real = NDArray[np.float64]
 Columns = tuple[tuple[str, str], ...]
 
 ERROR_COLUMNS = ("position", "velocity", "acceleration", "reaction", "between_frames")

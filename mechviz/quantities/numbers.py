@@ -9,8 +9,8 @@ from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mechcore.arrays import Real
 from mechviz.quantities.items import JointInfo, Table, joints_of, links_of
 from mechviz.quantities.tables import tables
 from mechviz.quantities.vectors import centre_name, point_name
@@ -18,8 +18,6 @@ from mechviz.quantities.vectors import centre_name, point_name
 if TYPE_CHECKING:
     from mechviz.runs import Run
 
-
-Real = NDArray[np.float64]
 
 TOLERANCE = 1e-12
 """Loop residual that the solver promises, in sizes of the mechanism."""

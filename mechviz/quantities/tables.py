@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from mechcore.arrays import Real
 from mechcore.forces.cam_rating import AnyCam, contact_force, contact_stress, drawn_lift, drawn_rows, joint_of, placed_cams
 from mechcore.forces.kinetostatics import Forces, LoadResult
 from mechcore.forces.powers import power_labels, power_table
@@ -21,7 +22,6 @@ from mechviz.quantities.items import (
     ERROR_COLUMNS,
     Columns,
     JointInfo,
-    Real,
     Table,
     joint_unit,
     joints_of,

@@ -9,13 +9,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from mechcore.arrays import Real
 from mechcore.laws.timed import Piecewise
 
 if TYPE_CHECKING:
     from mechviz.runs import Run
 
-
-Real = NDArray[np.float64]
 
 LARGEST_ARROW = 1.0 / 3.0  # of the mechanism's size
 CALM = 0.2  # stability of friction above which forces count for the scale of arrows

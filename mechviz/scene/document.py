@@ -29,7 +29,7 @@ from mechviz.scene.fields import (
 )
 from mechviz.scene.kinds.accuracy import AccuracyEntry
 from mechviz.scene.kinds.bodies import LumpDocument, MassDocument, MassEntry
-from mechviz.scene.kinds.free_motion import Method, Tolerance, WatchDocument
+from mechviz.scene.kinds.drives import Method, Tolerance, WatchDocument
 from mechviz.scene.kinds.friction import FrictionDefaults
 from mechviz.scene.kinds.joints.document import JointDocument
 from mechviz.scene.kinds.loads.document import LoadDocument

@@ -152,7 +152,7 @@ def in_scene_words(function: Callable[Concatenate[Scene, P], R]) -> Callable[Con
     """The function of a scene, raising faults of the core in the words of the scene."""
 
     @wraps(function)
-    def called(scene: Scene, *args: P.args, **options: P.kwargs) -> R:
+    def called(scene: Scene, /, *args: P.args, **options: P.kwargs) -> R:
         with worded(scene):
             return function(scene, *args, **options)
 

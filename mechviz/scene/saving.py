@@ -14,8 +14,8 @@ from tomlkit.exceptions import TOMLKitError
 from tomlkit.items import AoT, Comment, InlineTable, Item, Null, Table, Whitespace
 
 from mechviz.scene.faults import SceneError
+from mechviz.scene.reading.text import toml_text, value_text
 from mechviz.scene.scene import Scene, loads
-from mechviz.scene.writing import toml_text, value_text
 
 
 class _MissingError(Exception):

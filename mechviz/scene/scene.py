@@ -24,9 +24,8 @@ from mechviz.scene.folder import SceneFolder, copy_files
 from mechviz.scene.kinds.accuracy import accuracy_of
 from mechviz.scene.kinds.bodies import MassDocument
 from mechviz.scene.reading.recovery import Reading, read_document
-from mechviz.scene.reading.text import find_scene, parse_toml, read_text
+from mechviz.scene.reading.text import find_scene, parse_toml, read_text, toml_text
 from mechviz.scene.units import Units
-from mechviz.scene.writing import toml_text
 
 
 @dataclass(frozen=True, eq=False)

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mechcore.arrays import Real
 from mechcore.cams.equivalent import simplified_offset_error
 from mechcore.cams.followers import Flat, Knife
 from mechcore.cams.limits import find_limits
@@ -24,8 +24,6 @@ if TYPE_CHECKING:
     from mechcore.forces.kinetostatics import Forces
     from mechcore.motion.motion import Motion
 
-
-Real = NDArray[np.float64]
 
 NOISE = 1e-9  # pull below this part of the largest contact force, and what is above a limit by this part of it, is rounding
 

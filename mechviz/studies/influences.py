@@ -8,8 +8,8 @@ from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mechcore.arrays import Real
 from mechcore.errors import MechanismError
 from mechcore.forces.kinetostatics import solve_forces
 from mechcore.motion.solve import compile_mechanism, default_times, solve_motion
@@ -22,9 +22,6 @@ from mechviz.studies.precision.timing import Timed, side_by_side
 if TYPE_CHECKING:
     from mechviz.scene.annotations import Place
     from mechviz.scene.scene import Scene
-
-
-Real = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

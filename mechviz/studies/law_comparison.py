@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mechcore.arrays import Real
 from mechcore.cams.placed import PlacedCam
 from mechcore.errors import Fault, MechanismError
 from mechcore.forces.cam_rating import AnyCam, contact_force, joint_of, least_springs, placed_cams
@@ -24,7 +24,6 @@ if TYPE_CHECKING:
 
     from mechviz.scene.scene import Scene
 
-Real = NDArray[np.float64]
 
 AS_IT_IS = "as it is"
 USUAL = ("harmonic", "cycloidal", "modified-trapezoid", "modified-sine", "3-4-5", "4-5-6-7")

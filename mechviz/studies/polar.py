@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from mechcore.arrays import Real
 from mechcore.motion.motion import Motion
 from mechcore.reduction.balancing import Shaking, shaking
 from mechviz.figures import COLOURS, chart, save_chart
@@ -21,8 +22,6 @@ if TYPE_CHECKING:
 
     from mechviz.runs import Run
 
-
-Real = NDArray[np.float64]
 
 STEP = 30.0  # degrees of the drive between two dots of the force's curve
 

@@ -20,7 +20,7 @@ from mechcore.forces.cam_rating import placed_cams
 from mechcore.texts import Text, as_angle, as_coordinate
 from mechviz.files import OutputError, replacing
 from mechviz.outputs.exports.cam_developments import Outline, developed
-from mechviz.scene.cams.files import biarcs
+from mechviz.scene.kinds.cam_files import biarcs
 
 if TYPE_CHECKING:
     from mechviz.runs import Run

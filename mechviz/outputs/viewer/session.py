@@ -19,7 +19,7 @@ from mechviz.editor.worker import Latest, assembles, reachable
 from mechviz.outputs.viewer.show_run import Built, build, show_of_run
 from mechviz.outputs.viewer.view_model import ViewModel
 from mechviz.runs import Run, run_scene
-from mechviz.scene.assembly.reachable import swinging, swings
+from mechviz.scene.assembly.simulation import swinging, swings
 
 Change = Callable[[Draft], Draft]
 

@@ -12,10 +12,9 @@ from mechcore.reduction.bodies import Body
 from mechcore.spec.clearance import with_clearances
 from mechcore.spec.mechanism import Drive, Link, Mechanism, Planar, coordinates_of, friction_of
 from mechcore.texts import as_length
-from mechviz.scene.assembly.masses import drawn_bodies, drawn_links, links_that_cannot_turn, mass_properties
-from mechviz.scene.assembly.placement import place_links
-from mechviz.scene.assembly.reachable import REACHABLE, with_swings
+from mechviz.scene.assembly.links import drawn_bodies, drawn_links, links_that_cannot_turn, mass_properties, place_links
 from mechviz.scene.assembly.simulation import (
+    REACHABLE,
     SimulationSpec,
     free_law,
     planar_starts,
@@ -23,14 +22,15 @@ from mechviz.scene.assembly.simulation import (
     simulation_spec,
     standstill,
     stated_duration,
+    with_swings,
 )
 from mechviz.scene.convert import Converter, likely_sort
 from mechviz.scene.folder import SceneFolder
 from mechviz.scene.kinds.accuracy import accuracy_faults
 from mechviz.scene.kinds.drive_laws import jumping_speeds, law_of
 from mechviz.scene.kinds.friction import clearances_of, idle_effect
-from mechviz.scene.kinds.joints.base import drawn_angle
 from mechviz.scene.kinds.joints.document import JointDocument, check_joints, drawn_place, joint_spec, modes_of
+from mechviz.scene.kinds.kind import drawn_angle
 from mechviz.scene.kinds.loads.document import check_loads, load_specs
 from mechviz.scene.kinds.studies import axis_faults, needs_inertia, studies_of
 from mechviz.scene.names import check_names, split_point

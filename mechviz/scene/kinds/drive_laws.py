@@ -4,17 +4,19 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping
+from dataclasses import replace
 
 import numpy as np
 
 from mechcore.errors import Fault
-from mechcore.laws.program import over_time
+from mechcore.laws.program import Follow, over_time
 from mechcore.laws.signals import SignalSpeed, Step
-from mechcore.laws.timed import ConstantSpeed, Law, Oscillation, Rest, TableLaw, zones
+from mechcore.laws.timed import ConstantSpeed, Law, Oscillation, Rest, TableLaw, moves, zones
 from mechviz.scene.convert import SMALLEST, Converter
+from mechviz.scene.fields import Unknown
 from mechviz.scene.kinds.drives import DriveDocument
-from mechviz.scene.kinds.programs import program_law
 from mechviz.scene.kinds.segment_curves import Axes, segments_curve, stands_still
+from mechviz.scene.kinds.segments import ProgramDocument
 from mechviz.scene.kinds.signals import signal_of
 from mechviz.scene.units import magnitude
 
@@ -67,7 +69,7 @@ def law_of(
     made = [make[law](drive, coordinate, drawn, cycles) for law in drive.laws if law != "program" and not signals]
     made += [_signalled(drive, key, coordinate, drawn, cycles, lasts) for key in signals]
     if drive.program is not None:
-        made.append(program_law(drive, sort, convert, path, drawn, masters or {}, drives or {}))
+        made.append(_program(drive, sort, convert, path, drawn, masters or {}, drives or {}))
     return made[0] if len(made) == 1 and len(convert.faults) == before else None
 
 
@@ -232,6 +234,78 @@ def _table(drive: DriveDocument, coordinate: _Coordinate, drawn: float, cycles: 
     except ValueError:  # the spline's equations are singular
         convert.note(f"{path}.table.time", "the rows are too close to each other.", "Leave out some of them.")
         return None
+
+
+def _program(
+    drive: DriveDocument,
+    coordinate: str,
+    convert: Converter,
+    path: str,
+    drawn: float,
+    masters: Mapping[str, Law | None],
+    drives: Mapping[str, DriveDocument],
+) -> Law | None:
+    """The law of a drive with a program, None where a fault was noted. ``coordinate``: "angle" or "length"; ``drawn``: where the
+    drive starts that does not say it [rad or m]; ``masters``, ``drives``: what a program may follow and take its knots from."""
+    given = drive.program
+    assert given is not None
+    before = len(convert.faults)
+    source: ProgramDocument | None = given
+    aside = convert
+    if given.knots is not None:
+        other = _other(given.knots, drives, convert, f"{path}.program.knots")
+        if other is None:
+            return None
+        source, aside = other.program, replace(convert, faults=[])  # what is wrong with the other drive is noted there
+        ranges: list[float | str | None] = [s.duration for s in other.segments or ()]
+    if source is not None:
+        ranges = [s.over for s in source.segments]
+    kind = "time" if source is None else "angle"
+    where = f"{path}.program.segments"
+    for k, segment in enumerate(given.segments):
+        if given.knots is None and segment.over is None and segment.sound("over"):
+            convert.note(f"{where}[{k}]", "'over' is missing.", "Add over, the range of the master angle.")
+        elif given.knots is not None and segment.over is not None:
+            convert.note(f"{where}[{k}].over", "a range beside the knots of another axis.", "Leave it out.")
+    overs = [math.nan if v is None else aside.si(v, kind, f"{where}[{k}].over") for k, v in enumerate(ranges)]
+    if len(overs) != len(given.segments):
+        why = f"{len(given.segments)} segments, but {len(overs)} of '{given.knots}'."
+        convert.note(where, why, "Give one for each of them.")
+        return None
+    master = ConstantSpeed(0.0, 1.0) if source is None else _master(source, aside, path, masters)
+    phase = 0.0 if source is None else aside.si(source.phase, "angle", f"{path}.program.phase")
+    axes = Axes(convert, coordinate, kind)
+    start = (drawn,) if drive.start is None else axes.state(drive.start, f"{path}.start")
+    curve = segments_curve(given.segments, overs, axes, where, start, repeats=source is not None)
+    sound = given.sound(*ProgramDocument.model_fields) and not math.isnan(phase)
+    if len(convert.faults) > before or master is None or curve is None or not sound:
+        return None
+    law = over_time(curve) if source is None else Follow(curve=curve, master=master, phase=phase)
+    if moves(master) and not stands_still(given.segments, curve):
+        return law
+    return Rest(float(law(0.0)[0]), lasts=law.duration if moves(master) else 0.0)
+
+
+def _other(name: str, drives: Mapping[str, DriveDocument], convert: Converter, path: str) -> DriveDocument | None:
+    """The drive whose segments give the knots; None where there is none, which is noted."""
+    able = {k: d for k, d in drives.items() if d.segments is not None or (d.program is not None and d.program.knots is None)}
+    if name not in able and not isinstance(name, Unknown):
+        why = f"'{name}' is no driven joint with segments of its own."
+        convert.note(path, why, f"Name one of {', '.join(able)}." if able else "Give speed = ... or master = ... instead.")
+    return able.get(name)
+
+
+def _master(given: ProgramDocument, convert: Converter, path: str, masters: Mapping[str, Law | None]) -> Law | None:
+    if given.master is None:
+        speed = math.nan if given.speed is None else convert.si(given.speed, "angular speed", f"{path}.program.speed")
+        return None if math.isnan(speed) else ConstantSpeed(start=0.0, speed=speed)
+    if given.master not in masters and not isinstance(given.master, Unknown):
+        convert.note(
+            f"{path}.program.master",
+            f"'{given.master}' is no driven revolute joint with a law of its own.",
+            f"Name one of {', '.join(masters)}." if masters else "Give speed = ... instead.",
+        )
+    return masters.get(given.master)  # None also where the master's own law is faulty
 
 
 def jumping_speeds(laws: Mapping[str, Law], *, free: bool) -> Iterator[Fault]:

@@ -1,13 +1,31 @@
-"""Tables of which a keyword tells the kind: what every kind states of itself, and the checks that follow."""
+"""What every kind of joint and load states of itself, and what it is given to become one of the core."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import math
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 
-from mechviz.scene.fields import Table, one_of
+from pydantic import AfterValidator
+
+from mechcore.errors import Fault
+from mechcore.laws.timed import Smoothness
+from mechcore.laws.timed import Table as Interpolation
+from mechcore.spec.loads import Load
+from mechcore.spec.mechanism import Friction, Joint, Vec2
+from mechviz.scene.convert import Converter
+from mechviz.scene.fields import Number, Table, fault, one_of
+from mechviz.scene.kinds.friction import Rubbing, friction_spec
+from mechviz.scene.names import known_joint, link_names, points_of_joint, split_point
+
+if TYPE_CHECKING:
+    from mechviz.scene.assembly.links import Placement
+    from mechviz.scene.document import SceneDocument
+    from mechviz.scene.kinds.joints.document import JointDocument
+    from mechviz.scene.kinds.loads.document import LoadDocument
+    from mechviz.scene.reading.recovery import Reading
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -68,3 +86,204 @@ class KindTable(Table):
             if getattr(self, key) is None:
                 found.append(("", f"'{key}' is missing.", f"Add {key} = {example}."))
         return found + (one_of(self, kind.one_of, what) if kind.one_of else [])
+
+
+# -- joints -------------------------------------------------------------------------------------------------------------
+@dataclass(frozen=True, kw_only=True)
+class JointKind(Kind):
+    """A kind of joint: all that is known of its keyword, from the words for it to the joint of the core."""
+
+    make: Callable[[JointMaker], Joint | None]  # the core's joint; None where too little of it is left
+    modes: tuple[str, ...] = ()  # those that choose an assembly mode
+    driven: Literal["angle", "length", ""] = ""  # what a drive on it prescribes
+    undriven: str = ""  # what to drive instead, where a drive makes no sense
+    viscous: Literal["damping", "torsional damping", ""] = ""  # of viscous friction in it; none where it does not move
+    rubs: Rubbing | None = None  # how it rubs
+    joins: bool = True  # it holds points of its links together; the others tie motions of links that joints hold already
+    places: bool = True  # it places one of its links by the other
+    coincide: bool = False  # the two points are one place
+    parallel: bool = False  # the two links keep a constant angle
+    pose: bool = False  # free, it has x, y and angle instead of one coordinate
+    own_mode: bool = False  # its drive does not decide the assembly mode
+    higher: bool = False  # there is an equivalent linkage of lower pairs
+    parts: Mapping[str, tuple[str, ...]] = field(default_factory=dict)  # section -> links and joints that it brings along
+    check: Callable[[Reading, str, JointDocument], Iterator[Fault]] | None = None  # faults of the names at a path that it refers to
+    core_path: Callable[[JointDocument, str], str] | None = None  # a path inside the core's joint -> inside the scene's
+
+
+class JointMaker:
+    """A joint of a scene with what surrounds it, its values in SI units."""
+
+    def __init__(self, name: str, joint: JointDocument, document: SceneDocument, placement: Placement, convert: Converter):
+        self.name, self.joint, self.document, self.placement, self.convert = name, joint, document, placement, convert
+        self.path = f"joints.{name}"
+
+    @property
+    def points(self) -> tuple[str, str]:
+        return points_of_joint(self.name, self.joint)
+
+    @property
+    def guide(self) -> Literal[0, 1]:
+        return 1 if self.joint.guide == self.joint.links[1] else 0
+
+    @property
+    def along(self) -> Vec2:
+        """Direction of the guide in the frame of its link."""
+        if self.joint.along is None:
+            return (1.0, 0.0)
+        a, b = self.joint.along
+        if not (isinstance(a, str) and isinstance(b, str)):
+            return (float(a), float(b))
+        places = self.placement.points.get(self.joint.links[self.guide], {})
+        pa, pb = places.get(a, (0.0, 0.0)), places.get(b, (1.0, 0.0))
+        if a not in places or b not in places:
+            return (1.0, 0.0)
+        if pa == pb:
+            self.convert.note(
+                f"{self.path}.along",
+                f"'{a}' and '{b}' are at the same place.",
+                "Name two different points, or write a direction such as [1, 0].",
+            )
+        return (pb[0] - pa[0], pb[1] - pa[1])
+
+    @property
+    def angle(self) -> float:
+        """Constant angle from the first link's frame to the second's: stated, as drawn, or zero [rad]."""
+        if self.joint.angle is not None:
+            return self.convert.si(self.joint.angle, "angle", f"{self.path}.angle")
+        return drawn_angle(self.joint, self.placement)
+
+    @property
+    def ends(self) -> Vec2 | None:
+        """Least and greatest coordinate [m]; None where none are stated."""
+        given, path = self.joint.length, f"{self.path}.length"
+        if given is None:
+            return None
+        if not isinstance(given, list):
+            return 0.0, self.convert.si(given, "length", path)
+        low, high = self.convert.row(given, "length", path)
+        if low >= high and self.convert.certain("length"):
+            self.convert.note(path, "it ends where it begins, or before.", "Write [from, to], the greater coordinate last.")
+        return low, high
+
+    @property
+    def radius(self) -> float:
+        if self.joint.radius is None:  # noted where the joint was read
+            return math.nan
+        return self.convert.si(self.joint.radius, "length", f"{self.path}.radius")
+
+    @property
+    def side(self) -> Literal["left", "right"]:
+        return self.joint.side or "left"
+
+    @property
+    def friction(self) -> Friction | None:
+        rubs = self.joint.traits.rubs
+        return None if rubs is None else friction_spec(rubs, self.path, self.joint.friction, self.document.friction, self.convert)
+
+
+def drawn_angle(joint: JointDocument, placement: Placement) -> float:
+    """The angle from the first link's frame to the second's as they are drawn [rad]; 0 where they are not."""
+    if not placement.drawn.issuperset(joint.links):
+        return 0.0
+    first, second = (placement.poses[link][2] for link in joint.links)
+    return math.remainder(second - first, 2.0 * math.pi)
+
+
+# -- loads --------------------------------------------------------------------------------------------------------------
+def _positive(value: float) -> float:
+    if value <= 0.0:
+        raise fault(f"{value:g} is not positive.", "Give a number above zero.")
+    return value
+
+
+def _at_least_one(value: float) -> float:
+    if value < 1.0:
+        raise fault(f"{value:g} is less than 1.", "Give at least 1.")
+    return value
+
+
+def _not_negative(value: float) -> float:
+    if value < 0.0:
+        raise fault(f"{value:g} is negative.", "Give zero or more.")
+    return value
+
+
+Positive = Annotated[Number, AfterValidator(_positive)]
+AtLeastOne = Annotated[Number, AfterValidator(_at_least_one)]
+NotNegative = Annotated[Number, AfterValidator(_not_negative)]
+
+
+@dataclass(frozen=True, kw_only=True)
+class LoadKind(Kind):
+    """A kind of load: all that is known of its keyword, from the words for it to the load of the core."""
+
+    make: Callable[[LoadMaker], Load | tuple[Load, ...] | None]  # the core's; None where a name is not there or a part is faulty
+    some: tuple[str, ...] = ()  # at least one of these
+    between: bool = False  # its keyword names two points or links, which differ
+    check: Callable[[Reading, str, Any], Iterator[Fault]] | None = None  # faults of what stands at the path of its keyword
+    threefold: bool = False  # stiffness and damping in x, y and angle
+
+
+LINEAR = '"20 N s/m" (or "0.1 N m s/rad" for rotation)'
+"""Example of a coefficient of damping."""
+
+
+class LoadMaker:
+    """A load of a scene with what surrounds it, its values in SI units."""
+
+    def __init__(self, name: str, load: LoadDocument, reading: Reading, convert: Converter, lead: str | None):
+        self.name, self.load, self.reading, self.convert, self.lead = name, load, reading, convert, lead
+        self.document: SceneDocument = reading.document
+        self.path = f"loads.{name}"
+
+    @property
+    def common(self) -> dict[str, Any]:
+        return {"name": self.name, "use": self.load.use}
+
+    def si(self, key: str, kind: str, default: float = 0.0) -> float:
+        """A value of the load in SI, or what holds where it is left out."""
+        value = getattr(self.load, key)
+        return default if value is None else self.convert.si(value, kind, f"{self.path}.{key}")
+
+    def ends(self, texts: list[str]) -> dict[str, Any] | None:
+        """Links and points of the two ends of a spring or damper."""
+        first, second = (split_point(self.reading, text) for text in texts)
+        if first is None or second is None:
+            return None
+        return {"links": (first[0], second[0]), "points": (first[1], second[1])}
+
+    def not_nothing(self, values: dict[str, float]) -> None:
+        """Notes that a load with coefficients does nothing."""
+        given = self.load.linear is not None or self.load.quadratic is not None
+        if given and all(value == 0.0 for value in values.values()):
+            self.convert.note(
+                self.path, "its coefficients are zero: it does nothing.", "Give one of them a value, or leave it out."
+            )
+
+    def spline(
+        self, x: tuple[float, ...], y: tuple[float, ...], path: str, period: float | None = None, smooth: Smoothness = True
+    ) -> Interpolation | None:
+        """A table as a function; None, and a fault, where its rows are so close that nothing smooth goes through them."""
+        try:
+            return Interpolation(x=x, y=y, period=period, smooth=smooth)
+        except ValueError:
+            self.convert.note(path, "the rows are too close to each other.", "Leave out some of them.")
+            return None
+
+
+def different_links(reading: Reading, path: str, ends: str | list[str]) -> Iterator[Fault]:
+    """The fault of two points, "link.point", between which a load acts, on one link."""
+    if isinstance(ends, str):
+        return
+    found = [split_point(reading, text) for text in ends]
+    if ends[0] != ends[1] and found[0] and found[1] and found[0][0] == found[1][0]:
+        yield Fault(path, f"both points are on '{found[0][0]}'.", "Name points of two links.")
+
+
+def known_shaft(reading: Reading, path: str, name: str) -> Iterator[Fault]:
+    """Faults of what a machine drives: a revolute joint or a moving link."""
+    if name == reading.document.frame and name not in reading.document.joints:
+        yield Fault(path, f"'{name}' is the fixed link: it does not turn.", "Name a revolute joint or a moving link.")
+    elif name not in link_names(reading):
+        yield from known_joint(reading, path, name, ("revolute",), "revolute joint")

@@ -30,8 +30,8 @@ from mechcore.laws.segment_laws import (
     fourier_curve,
     joined_table,
 )
-from mechviz.scene.cams.files import read_columns
 from mechviz.scene.fields import is_whole
+from mechviz.scene.kinds.cam_files import read_columns
 from mechviz.scene.kinds.segments import (
     FREE,
     ORDERS,

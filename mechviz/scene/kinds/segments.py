@@ -1,4 +1,4 @@
-"""Segments of motions: the laws that join their ends, wherever a law stands (cams, drives over time, programs over a master)."""
+"""Segments of motions, the laws that join their ends, and programs of them: in cams, in drives over time or a master angle."""
 
 from __future__ import annotations
 
@@ -20,6 +20,7 @@ from mechviz.scene.fields import (
     Flag,
     Number,
     Quantity,
+    Rate,
     Table,
     Text,
     one_of,
@@ -46,7 +47,7 @@ class Derivatives(Quantity):
 
 
 Entry = Annotated[float | str, Derivatives(word=FREE)]
-Rate = Annotated[float | str, Derivatives()]
+Slope = Annotated[float | str, Derivatives()]
 Place = Annotated[float | str, Quantity(("angle", "length", "time"), "zero")]
 _MOST_ENTRIES = 4
 State = Annotated[
@@ -62,9 +63,9 @@ class HarmonicDocument(Table):
 
     order: Number = 1.0
     """Waves in the range."""
-    sine: Rate = 0.0
+    sine: Slope = 0.0
     """Amplitude of the sine."""
-    cosine: Rate = 0.0
+    cosine: Slope = 0.0
     """Amplitude of the cosine."""
 
 
@@ -73,11 +74,11 @@ class CurveDocument(Table):
 
     at: Annotated[list[Place], Field(min_length=2)] | None = None
     """Distances from the start of the segment; the same one twice is a jump."""
-    values: Annotated[list[Rate], Field(min_length=2)] | None = None
+    values: Annotated[list[Slope], Field(min_length=2)] | None = None
     """Values there, joined by straight lines."""
     steps: Flag = False
     """Each value holds up to the next place."""
-    mean: Rate | None = None
+    mean: Slope | None = None
     """Mean value, beside harmonics."""
     harmonics: Annotated[list[HarmonicDocument], Field(min_length=1)] | None = None
     """Sines and cosines over the range."""
@@ -282,6 +283,29 @@ class _OverMaster(Table):
 
 class ProgramSegment(SegmentTable, _OverMaster):
     """A rise, return or dwell over a range of the master angle."""
+
+
+class ProgramDocument(Table):
+    """A motion program over a master angle; several drives may follow one master."""
+
+    speed: Rate | None = None
+    """Speed of a master shaft of its own. Give this, master or knots."""
+    master: Text | None = None
+    """The driven revolute joint whose angle is the master. Give this, speed or knots."""
+    knots: Text | None = None
+    """The driven joint whose segments, over time or a master angle, give their ranges to this program too: axes in step."""
+    phase: Angle = 0.0
+    """Added to the master angle: the program runs earlier by this much."""
+    segments: Annotated[list[ProgramSegment], Field(min_length=1)]
+    """Segments one after the other; the program repeats after their total range."""
+
+    @model_validator(mode="after")
+    def _one_master(self) -> ProgramDocument:
+        found = one_of(self, ("speed", "master", "knots"), "the program")
+        if not found and self.knots is not None and "phase" in self.model_fields_set:
+            found.append(("phase", "a phase beside the knots of another axis.", "Leave it out, or state it there."))
+        refuse(found)
+        return self
 
 
 class _OverCam(Table):

@@ -171,8 +171,10 @@ _OF_PAIRS, _OF_POINTS = ("position", "velocity"), ("x", "y", "vx", "vy", "speed"
 
 
 def _smooth(value: Any) -> Smoothness:
-    if value is True or value is False or value == "spline":
+    if isinstance(value, bool):
         return value
+    if value == "spline":
+        return "spline"
     raise fault(f"{describe(value)} does not say how the points are joined.", 'Write true, false (straight lines) or "spline".')
 
 

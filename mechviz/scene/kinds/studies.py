@@ -31,7 +31,7 @@ from mechviz.scene.kinds.bodies import lumps_of
 from mechviz.scene.names import LinkName
 
 if TYPE_CHECKING:
-    from mechviz.scene.assembly.placement import Placement
+    from mechviz.scene.assembly.links import Placement
     from mechviz.scene.convert import Converter
     from mechviz.scene.document import SceneDocument
 

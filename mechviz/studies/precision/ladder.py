@@ -10,9 +10,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mechcore.accuracy import DEFAULT, Accuracy
+from mechcore.arrays import Real
 from mechcore.errors import MechanismError
 from mechcore.forces.kinetostatics import solve_forces
 from mechcore.motion.solve import default_times, solve_motion
@@ -31,7 +31,6 @@ if TYPE_CHECKING:
     from mechviz.scene.scene import Scene
 
 
-Real = NDArray[np.float64]
 Advance = Callable[[int, int], None]
 
 FRAMES = (16, 32, 64, 128, 256, 512, 1024, 2048, 4096)

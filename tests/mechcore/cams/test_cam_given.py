@@ -23,9 +23,9 @@ from mechcore.laws.program import Segment, program
 from mechcore.motion.solve import compile_mechanism
 from mechviz.outputs.exports.cam_profiles import cam_outlines, export_profiles
 from mechviz.runs import run_scene
-from mechviz.scene.cams.files import read_dxf, read_points
 from mechviz.scene.faults import SceneError
 from mechviz.scene.folder import GALLERY_FOLDER
+from mechviz.scene.kinds.cam_files import read_dxf, read_points
 
 FOLLOWERS = {
     "knife": Follower(Translating(0.004), Knife()),

@@ -16,7 +16,7 @@ from mechcore.motion.solve import compile_mechanism
 from mechviz.commands.main import app
 from mechviz.outputs.viewer.session import EditSession, Status
 from mechviz.runs import run_scene
-from mechviz.scene.assembly.reachable import MARGIN, swinging
+from mechviz.scene.assembly.simulation import MARGIN, swinging
 from mechviz.scene.faults import SceneError
 from mechviz.scene.scene import Scene
 from mechviz.studies.report import check_lines

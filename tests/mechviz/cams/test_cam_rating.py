@@ -24,7 +24,7 @@ from mechcore.spec.mechanism import CamDrawn, CamRating
 from mechviz.commands.main import app
 from mechviz.quantities.tables import tables
 from mechviz.runs import run_scene
-from mechviz.scene.cams.ratings import whole_step
+from mechviz.scene.kinds.joints.cam_documents import whole_step
 from mechviz.scene.units import Units
 from mechviz.studies.cam_report import cam_facts, cam_lines
 

@@ -17,7 +17,7 @@ from mechviz.commands.main import app
 from mechviz.outputs.exports.cam_profiles import cam_outlines
 from mechviz.picture.build import solids_of
 from mechviz.runs import run_scene
-from mechviz.scene.cams.files import read_dxf
+from mechviz.scene.kinds.cam_files import read_dxf
 
 CORE = "{http://schemas.microsoft.com/3dmanufacturing/core/2015/02}"
 

@@ -13,9 +13,9 @@ from mechviz import scene
 from mechviz.editor.history import Draft
 from mechviz.editor.parameters import find_parameters
 from mechviz.scene.folder import GALLERY_FOLDER
+from mechviz.scene.reading.text import toml_text
 from mechviz.scene.saving import kept_text, patched
 from mechviz.scene.scene import loads
-from mechviz.scene.writing import toml_text
 
 TEXT = '''# a "title" = [1] in a comment
 title = "a # is no comment { [ here"   # but this is one

@@ -1,24 +1,44 @@
-"""Cams: do the joints and the point exist that they name?"""
+"""Cams: the names that they refer to, the joint of the core, and its contour where the profile is given."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from typing import TYPE_CHECKING, Literal
+import math
+from collections.abc import Iterator, Sequence
+from typing import TYPE_CHECKING, Any, Literal
 
-from mechcore.errors import Fault
-from mechcore.spec.mechanism import Joint
-from mechviz.scene.cams.cams import SOLIDS, FollowerDocument, ProfileDocument, cam_joint
-from mechviz.scene.cams.ratings import GraphicalDocument, RatingDocument
+from mechcore.cams import contour as shapes
+from mechcore.cams.contour import Contour, self_crossing
+from mechcore.cams.followers import Arc, Flat, Knife, Roller
+from mechcore.errors import Fault, MechanismError
+from mechcore.spec.mechanism import CamJoint, Joint, SpatialBlank
+from mechcore.texts import as_angle, as_length
 from mechviz.scene.faults import did_you_mean
 from mechviz.scene.fields import Table, Unknown
-from mechviz.scene.kinds.free_motion import LiftoffDocument
+from mechviz.scene.kinds.cam_files import read_dxf, read_points
+from mechviz.scene.kinds.drives import LiftoffDocument
 from mechviz.scene.kinds.friction import ROLLER
-from mechviz.scene.kinds.joints.base import JointKind, JointMaker
+from mechviz.scene.kinds.joints.cam_documents import (
+    LEAST,
+    SHAPES,
+    SOLIDS,
+    FollowerDocument,
+    GraphicalDocument,
+    ProfileDocument,
+    RatingDocument,
+    graphical_of,
+    rating_of,
+)
+from mechviz.scene.kinds.kind import JointKind, JointMaker
+from mechviz.scene.kinds.segment_curves import Axes, lift_curve
 from mechviz.scene.names import TwoLinks, known_point
 
 if TYPE_CHECKING:
+    from mechviz.scene.convert import Converter
     from mechviz.scene.kinds.joints.document import JointDocument
     from mechviz.scene.reading.recovery import Reading
+
+_STEEPEST = math.radians(89.0)
+_FINEST_UNIT = 1e-9  # of a drawing [m]
 
 
 class CamKeys(Table):
@@ -42,8 +62,200 @@ class CamKeys(Table):
 
 
 def _cam(m: JointMaker) -> Joint | None:
-    guide = None if m.joint.follower is None else m.document.joints.get(m.joint.follower.guide)
-    return cam_joint(m.name, m.joint, guide is not None and guide.kind == "revolute", m.friction, m.convert)
+    """The core's joint, None where a fault was noted."""
+    joint, path, convert, friction = m.joint, m.path, m.convert, m.friction
+    profile, follower = joint.profile, joint.follower
+    if profile is None or follower is None:
+        return None
+    guide = m.document.joints.get(follower.guide)
+    oscillates = guide is not None and guide.kind == "revolute"
+    before = len(convert.faults)
+    along, across = ("length" if profile.bed else "angle"), ("angle" if oscillates else "length")
+    measure = across if follower.groove is not None else "length"  # an inverse cam's groove starts at a coordinate
+    least = profile.base == LEAST
+    if least and follower.groove is not None:
+        convert.note(f"{path}.profile.base", 'the value "least" is for discs with a lift.', "Give a length.")
+    base = 0.0 if profile.base is None or least else convert.si(profile.base, measure, f"{path}.profile.base")
+    hub, sharpest = (
+        None if value is None else convert.si(value, "length", f"{path}.profile.{key}")
+        for key, value in (("hub", profile.hub), ("curvature_limit", profile.curvature_limit))
+    )
+    phase = convert.si(profile.phase, along, f"{path}.profile.phase")
+    limit = None
+    if profile.pressure_limit is not None:
+        limit = convert.si(profile.pressure_limit, "angle", f"{path}.profile.pressure_limit")
+        if not 0.0 < limit < 0.5 * math.pi and not math.isnan(limit):
+            usual = f"Usual are {as_angle(math.radians(30.0), 3)} to {as_angle(math.radians(45.0), 3)}."
+            convert.note(f"{path}.profile.pressure_limit", f"{as_angle(limit)}.", usual)
+    face = _face(follower, path, convert)
+    second = None
+    if follower.second is not None:
+        second = (follower.second.point, convert.si(follower.second.roller, "length", f"{path}.follower.second.roller"))
+    if friction is not None and friction.coefficient:
+        roller = follower.roller if follower.groove is None else follower.groove
+        if roller is not None and not friction.radius:
+            convert.note(f"{path}.friction", "'radius' is missing: a roller rolls, and rubs on its pin.", 'Add radius = "4 mm".')
+        elif roller is not None and not friction.radius < convert.si(roller, "length", f"{path}.follower"):
+            convert.note(f"{path}.friction.radius", "the pin is not thinner than its roller.", "Give a smaller radius.")
+        elif roller is None and friction.radius:
+            convert.note(f"{path}.friction", "a radius of a pin where there is no roller.", "Leave it out.")
+    lift, contour = None, None
+    if profile.lift is not None:
+        round_again = not profile.bed and follower.groove is None
+        lift = lift_curve(profile.lift, Axes(convert, across, along), f"{path}.profile.lift", 0.0, round_again)
+    elif len(convert.faults) == before:
+        contour = _given_contour(profile, base, f"{path}.profile", convert)
+    rating = None if joint.rating is None else rating_of(joint.rating, f"{path}.rating", convert)
+    if joint.rating is not None and joint.rating.margin is not None and joint.closure == "form":
+        convert.note(f"{path}.rating.margin", "a groove or yoke holds the follower whatever the force.", "Leave it out.")
+    drawn = None if joint.graphical is None else graphical_of(joint.graphical, across, f"{path}.graphical", convert)
+    other = profile.bed is not None or follower.groove is not None or any(getattr(profile, key) is not None for key in SOLIDS)
+    if joint.graphical is not None and other:
+        convert.note(f"{path}.graphical", "the method turns a plane disc cam step by step.", "Leave it out for other cams.")
+    if len(convert.faults) > before or math.isnan(base) or math.isnan(phase) or face is None or (lift is None) == (contour is None):
+        return None
+    return CamJoint(
+        name=m.name,
+        links=joint.links,
+        guide=follower.guide,
+        point=follower.point,
+        lift=lift,
+        face=face,
+        base=base,
+        contour=contour,
+        undercut=profile.undercut,
+        bed=profile.bed,
+        sense=-1 if profile.sense == "cw" else 1,
+        phase=phase,
+        side=follower.side or "left",
+        closure=joint.closure or "force",
+        second=second,
+        friction=friction,
+        inverse=follower.groove is not None,
+        spatial=_blank(profile, f"{path}.profile", convert),
+        pressure_limit=limit,
+        curvature_limit=sharpest,
+        least=least,
+        hub=hub or 0.0,
+        rating=rating,
+        drawn=drawn,
+    )
+
+
+def _blank(profile: ProfileDocument, path: str, convert: Converter) -> SpatialBlank | None:
+    """What a spatial cam is cut from; None of a plane one."""
+    kind = next((key for key in SOLIDS if getattr(profile, key) is not None), None)
+    if kind is None:
+        return None
+    table = getattr(profile, kind)
+    axis = None
+    if profile.axis is not None:
+        if any(isinstance(v, str) for v in profile.axis):
+            convert.note(f"{path}.axis", "names of points where a direction is wanted.", "Write it like [1, 0].")
+            return None
+        axis = (float(profile.axis[0]), float(profile.axis[1]))
+    sizes = [
+        convert.si(getattr(table, key, None) or 0.0, "length", f"{path}.{kind}.{key}") for key in ("radius", "depth", "thickness")
+    ]
+    rollers = getattr(table, "rollers", None) or 0
+    return SpatialBlank(kind, sizes[0], sizes[1], axis, sizes[2], 0 if math.isnan(rollers) else rollers)
+
+
+def _face(follower: FollowerDocument, path: str, convert: Converter) -> Any:
+    if follower.groove is not None:
+        radius = convert.si(follower.groove, "length", f"{path}.follower.groove")
+        return None if math.isnan(radius) else Roller(radius)
+    if follower.roller is not None:
+        radius = convert.si(follower.roller, "length", f"{path}.follower.roller")
+        return None if math.isnan(radius) else Roller(radius)
+    if follower.mushroom is not None:
+        radius = convert.si(follower.mushroom, "length", f"{path}.follower.mushroom")
+        return None if math.isnan(radius) else Arc(radius)
+    if follower.flat:
+        tilt = convert.si(follower.tilt, "angle", f"{path}.follower.tilt")
+        if abs(tilt) > _STEEPEST:
+            convert.note(f"{path}.follower.tilt", f"{as_angle(tilt)}.", f"Give less than {as_angle(_STEEPEST)}.")
+            return None
+        reach = (math.inf, math.inf) if follower.face is None else convert.row(follower.face, "length", f"{path}.follower.face")
+        return None if any(map(math.isnan, (tilt, *reach))) else Flat(tilt=tilt, left=reach[0], right=reach[1])
+    return Knife()
+
+
+def _given_contour(profile: ProfileDocument, base: float, path: str, convert: Converter) -> Contour | None:
+    """A given profile in the axes of the cam's link [m]; faults of it are noted."""
+    found = _shape(profile, base, path, convert)
+    # circles and radii over the polar angle never cross themselves
+    place = self_crossing(found) if found is not None and profile.eccentric is None and profile.radius is None else None
+    if place is None:
+        return found
+    key = next(k for k in SHAPES if getattr(profile, k) is not None)
+    near = f"x = {as_length(place.real, 4)}, y = {as_length(place.imag, 4)}"
+    why = f"it crosses itself near {near}: profiles that cross themselves are no cam."
+    convert.note(f"{path}.{key}", why, "Give the points once round the cam, in order.")
+    return None
+
+
+def _shape(profile: ProfileDocument, base: float, path: str, convert: Converter) -> Contour | None:
+    try:
+        if profile.eccentric is not None:
+            radius = convert.si(profile.eccentric.radius, "length", f"{path}.eccentric.radius")
+            x, y = convert.row(profile.eccentric.centre, "length", f"{path}.eccentric.centre")
+            return None if math.isnan(radius + x + y) else shapes.circle(radius, complex(x, y))
+        if profile.outline is not None:
+            return shapes.bulged(_places(profile.outline, f"{path}.outline", convert), profile.bulges)
+        if profile.points is not None:
+            tolerance = 0.0 if profile.tolerance is None else convert.si(profile.tolerance, "length", f"{path}.tolerance")
+            return shapes.spline_contour(_places(profile.points, f"{path}.points", convert), tolerance)[0]
+        if profile.file is not None:
+            return _from_file(profile, path, convert)
+        if profile.radius is not None:
+            curve = lift_curve(profile.radius, Axes(convert, "length", "angle"), f"{path}.radius", base, True)
+            if curve is None:
+                return None
+            if abs(curve.advance) > 1e-12 * max(base, 1e-3):
+                convert.note(f"{path}.radius", "it does not end where it starts.", f"Let it return to {as_length(base)}.")
+                return None
+            return shapes.polar_contour(curve)
+    except MechanismError as error:
+        for f in error.faults:
+            key = "tolerance" if f.path == "contour.tolerance" else next(k for k in SHAPES if getattr(profile, k) is not None)
+            convert.note(f"{path}.{key}", f.message, f.remedy)
+    return None
+
+
+def _places(points: Sequence[Sequence[float | str]], path: str, convert: Converter) -> list[complex]:
+    return [complex(*convert.row(p, "length", f"{path}[{k}]")) for k, p in enumerate(points)]
+
+
+def _from_file(profile: ProfileDocument, path: str, convert: Converter) -> Contour | None:
+    name = str(profile.file)
+    data = convert.file(name, f"{path}.file")
+    if data is None:
+        return None
+    stated = None if profile.file_unit is None else convert.si(profile.file_unit, "length", f"{path}.file_unit")
+    if stated is not None and not stated >= _FINEST_UNIT:  # NaN is noted already
+        if not math.isnan(stated):
+            convert.note(f"{path}.file_unit", f"{as_length(stated)} is no unit of a drawing.", 'Give one such as "1 mm".')
+        return None
+    tolerance = 0.0 if profile.tolerance is None else convert.si(profile.tolerance, "length", f"{path}.tolerance")
+    if name.lower().endswith(".dxf"):
+        if profile.tolerance is not None:
+            convert.note(f"{path}.tolerance", "a drawing is taken as it is.", "Leave it out.")
+        z, bulges, unit = read_dxf(data)
+    else:
+        z, unit = read_points(data)
+        bulges = None
+    scale = stated or unit
+    if scale is None:
+        convert.note(f"{path}.file_unit", f"'{name}' does not say its unit.", 'Add file_unit = "1 mm".')
+        return None
+    if unit is not None and abs(scale - unit) > 1e-9 * unit:
+        why = f"{as_length(scale)}, but '{name}' says that its unit is {as_length(unit)}."
+        convert.note(f"{path}.file_unit", why, "Leave it out, or correct the file.")
+        return None
+    if math.isnan(tolerance):
+        return None
+    return shapes.spline_contour(scale * z, tolerance)[0] if bulges is None else shapes.bulged(scale * z, bulges)
 
 
 def _check_cam(reading: Reading, path: str, joint: JointDocument) -> Iterator[Fault]:

@@ -15,18 +15,16 @@ from mechcore.errors import Fault
 from mechcore.spec.mechanism import Joint
 from mechviz.scene.convert import Converter
 from mechviz.scene.fields import Direction, OneOrTwoNames, one_of, refuse
-from mechviz.scene.kinds.drives import DriveDocument
-from mechviz.scene.kinds.free_motion import FreeDocument, StopDocument
+from mechviz.scene.kinds.drives import DriveDocument, FreeDocument, StopDocument
 from mechviz.scene.kinds.friction import FrictionDocument, friction_faults
-from mechviz.scene.kinds.joints.base import JointKind, JointMaker, drawn_angle
 from mechviz.scene.kinds.joints.cam import CAMS, CamKeys
 from mechviz.scene.kinds.joints.lower import LOWER, LowerKeys
 from mechviz.scene.kinds.joints.wheels import WHEELS, WheelKeys
-from mechviz.scene.kinds.kind import KindTable
+from mechviz.scene.kinds.kind import JointKind, JointMaker, KindTable, drawn_angle
 from mechviz.scene.names import link_names
 
 if TYPE_CHECKING:
-    from mechviz.scene.assembly.placement import Placement
+    from mechviz.scene.assembly.links import Placement
     from mechviz.scene.document import SceneDocument
     from mechviz.scene.reading.recovery import Reading
 

@@ -9,7 +9,7 @@ from pydantic import Discriminator, Field, Tag
 from mechcore.spec.mechanism import Cylinder, Joint, PinSlot, Planar, Prismatic, Revolute, Weld
 from mechviz.scene.fields import Angle, Length, Size, Table, Text, value_or_list
 from mechviz.scene.kinds.friction import PIN, PIN_IN_SLOT, SEALS, SLIDER, ClearanceDocument
-from mechviz.scene.kinds.joints.base import JointKind, JointMaker
+from mechviz.scene.kinds.kind import JointKind, JointMaker
 from mechviz.scene.names import TwoLinks
 
 TwoEnds = Annotated[list[Length], Field(min_length=2, max_length=2)]

@@ -16,11 +16,11 @@ from mechviz.scene.convert import Converter
 from mechviz.scene.faults import did_you_mean, listing
 from mechviz.scene.fields import Angle, Flag, Size, Table, Text, Unknown
 from mechviz.scene.kinds.friction import LEVER
-from mechviz.scene.kinds.joints.base import JointKind, JointMaker
+from mechviz.scene.kinds.kind import JointKind, JointMaker
 from mechviz.scene.names import LinkName, TwoLinks, link_names, points_of_joint
 
 if TYPE_CHECKING:
-    from mechviz.scene.assembly.placement import Placement
+    from mechviz.scene.assembly.links import Placement
     from mechviz.scene.document import SceneDocument
     from mechviz.scene.kinds.joints.document import JointDocument
     from mechviz.scene.reading.recovery import Reading

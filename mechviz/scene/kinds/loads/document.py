@@ -15,13 +15,10 @@ from mechcore.spec.loads import Load
 from mechviz.scene.convert import Converter
 from mechviz.scene.fields import Coefficients, Force, QuadraticCoefficient, one_of, refuse
 from mechviz.scene.kinds.drives import DriveDocument
-from mechviz.scene.kinds.kind import KindTable
-from mechviz.scene.kinds.loads.base import LINEAR, LoadKind, LoadMaker
-from mechviz.scene.kinds.loads.factors import FACTORS, check_factor
+from mechviz.scene.kinds.kind import LINEAR, KindTable, LoadKind, LoadMaker
 from mechviz.scene.kinds.loads.gas import GAS, GasKeys
 from mechviz.scene.kinds.loads.machines import MACHINES, MachineKeys
-from mechviz.scene.kinds.loads.prescribed import PRESCRIBED, PrescribedKeys, check_prescribed
-from mechviz.scene.kinds.loads.resistance import RESISTANCES, ResistanceKeys
+from mechviz.scene.kinds.loads.prescribed import FACTORS, PRESCRIBED, PrescribedKeys, check_factor, check_prescribed
 from mechviz.scene.kinds.loads.springs import SPRINGS, SpringKeys
 from mechviz.scene.kinds.signals import ChirpDocument, FactorPolynomial, FactorTable, RampDocument, SineDocument, StepDocument
 from mechviz.scene.names import known_drive
@@ -30,7 +27,7 @@ if TYPE_CHECKING:
     from mechviz.scene.reading.recovery import Reading
 
 
-KINDS: Mapping[str, LoadKind] = {**PRESCRIBED, **SPRINGS, **RESISTANCES, **GAS, **MACHINES}
+KINDS: Mapping[str, LoadKind] = {**PRESCRIBED, **SPRINGS, **GAS, **MACHINES}
 """The kinds of loads by their keywords."""
 
 
@@ -61,7 +58,7 @@ class CommonKeys(KindTable):
     """How a resisting load is classed. Default: process forces useful, friction and media harmful."""
 
 
-class LoadDocument(CommonKeys, MachineKeys, GasKeys, ResistanceKeys, SpringKeys, PrescribedKeys):
+class LoadDocument(CommonKeys, MachineKeys, GasKeys, SpringKeys, PrescribedKeys):
     """A load: exactly one of the keys from force to governor, which name its kind, and what goes with that kind."""
 
     KINDS: ClassVar[Mapping[str, LoadKind]] = KINDS

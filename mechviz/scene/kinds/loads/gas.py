@@ -19,7 +19,7 @@ from mechviz.scene.fields import (
     Text,
     refuse,
 )
-from mechviz.scene.kinds.loads.base import AtLeastOne, LoadKind, LoadMaker, NotNegative, Positive
+from mechviz.scene.kinds.kind import AtLeastOne, LoadKind, LoadMaker, NotNegative, Positive
 from mechviz.scene.names import Reference
 
 if TYPE_CHECKING:

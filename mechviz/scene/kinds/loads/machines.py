@@ -27,7 +27,7 @@ from mechviz.scene.fields import (
 from mechviz.scene.fields import Torque as TorqueValue
 from mechviz.scene.kinds.drive_laws import law_of
 from mechviz.scene.kinds.drives import DriveDocument
-from mechviz.scene.kinds.loads.base import LoadKind, LoadMaker, Positive, known_shaft
+from mechviz.scene.kinds.kind import LoadKind, LoadMaker, Positive, known_shaft
 from mechviz.scene.kinds.signals import SIGNALS, signal_of
 from mechviz.scene.names import Reference
 

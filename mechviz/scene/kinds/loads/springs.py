@@ -1,23 +1,43 @@
-"""Springs, dampers and bushings between two points or two links."""
+"""Springs, dampers and bushings; resistance of a medium against points and links, of oil in joints; what keeps belts tight."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Annotated, Any
 
-from mechcore.spec.loads import Bushing, BushingDamper, Damper, GasSpring, Load, Spring, TorsionDamper, TorsionSpring
+from mechcore.errors import Fault
+from mechcore.spec.loads import (
+    BeltTension,
+    Bushing,
+    BushingDamper,
+    Damper,
+    Drag,
+    GasSpring,
+    Load,
+    Spring,
+    TorsionDamper,
+    TorsionSpring,
+    Viscous,
+)
+from mechcore.texts import as_force
 from mechviz.scene.fields import (
     Angle,
     Extent,
     Size,
     Stiffnesses,
     Table,
+    Text,
 )
 from mechviz.scene.fields import Force as ForceValue
-from mechviz.scene.kinds.loads.base import LINEAR, AtLeastOne, LoadKind, LoadMaker, different_links
-from mechviz.scene.names import TwoLinks, TwoPoints
+from mechviz.scene.kinds.kind import LINEAR, AtLeastOne, LoadKind, LoadMaker, NotNegative, different_links
+from mechviz.scene.names import Reference, TwoLinks, TwoPoints, known_place, link_names, split_point
 
 if TYPE_CHECKING:
-    pass
+    from mechviz.scene.reading.recovery import Reading
+
+
+MovingJoint = Annotated[Text, Reference("joint", what="joint that moves", fits=lambda joint: bool(joint.traits.viscous))]
+BeltName = Annotated[Text, Reference("joint", ("belt", "chain"), "belt or chain")]
 
 
 class SpringKeys(Table):
@@ -52,6 +72,16 @@ class SpringKeys(Table):
     """Gas spring: volume of the gas when extended over the area of the rod."""
     exponent: AtLeastOne | None = None
     """Gas spring: polytropic exponent. Default 1 (slow); 1.4 where it moves fast."""
+    drag: Text | None = None
+    """Resistance of a medium: "link.point" against the velocity of the point, "link" against the rotation of the link."""
+    viscous: MovingJoint | None = None
+    """The joint, of any kind that moves, in which viscous friction acts."""
+    belt_tension: BeltName | None = None
+    """The belt or chain that a tensioner keeps tight."""
+    slack: ForceValue | None = None
+    """Belt tension: what the slack span pulls."""
+    coefficient: NotNegative | None = None
+    """Belt tension: coefficient of friction between belt and pulleys; an event tells where it slips. Default: it cannot."""
 
 
 def _spring(m: LoadMaker) -> Load | None:
@@ -126,6 +156,47 @@ def _bushing(m: LoadMaker) -> tuple[Load, ...]:
     return springs, BushingDamper(**m.common | {"name": f"{m.name} damping"}, **ends, damping=damping)
 
 
+def _drag(m: LoadMaker) -> Load | None:
+    assert m.load.drag is not None
+    point = split_point(m.reading, m.load.drag)
+    turning = m.load.drag in m.document.links
+    if point is None and not turning:
+        return None
+    sort = "torsional damping" if turning else "damping"
+    values: dict[str, Any] = {"linear": m.si("linear", sort), "quadratic": m.si("quadratic", f"quadratic {sort}")}
+    m.not_nothing(values)
+    if turning:
+        return Drag(**m.common, link=m.load.drag, **values)
+    assert point is not None
+    return Drag(**m.common, link=point[0], point=point[1], **values)
+
+
+def _viscous(m: LoadMaker) -> Load | None:
+    assert m.load.viscous is not None
+    joint = m.document.joints.get(m.load.viscous)
+    if joint is None:
+        return None
+    return Viscous(**m.common, joint=m.load.viscous, coefficient=m.si("linear", joint.traits.viscous or "damping"))
+
+
+def _belt_tension(m: LoadMaker) -> Load | None:
+    assert m.load.belt_tension is not None
+    slack, coefficient = m.si("slack", "force"), m.load.coefficient or 0.0
+    if slack < 0.0:
+        m.convert.note(f"{m.path}.slack", f"{as_force(slack)} is negative: belts only pull.", "Give a positive force.")
+    joint = m.document.joints.get(m.load.belt_tension)
+    if coefficient and joint is not None and joint.kind == "chain":
+        m.convert.note(f"{m.path}.coefficient", "a chain does not slip on its sprockets.", "Leave it out.")
+    return BeltTension(**m.common, joint=m.load.belt_tension, slack=slack, coefficient=coefficient)
+
+
+def _check_drag(reading: Reading, path: str, name: str) -> Iterator[Fault]:
+    if name not in link_names(reading):
+        yield from known_place(reading, path, name, links=True)
+    if name == reading.document.frame:
+        yield Fault(path, f"'{name}' is the fixed link: it does not move.", "Name a moving link.")
+
+
 _STIFFNESS = {"stiffness": '"2 N/mm" (or "3 N m/rad" for a torsion spring)'}
 _DAMPER = "Write a damper between the same points as a load of its own."
 _NO_DAMPER = {"linear": _DAMPER, "quadratic": _DAMPER}
@@ -192,5 +263,30 @@ SPRINGS = {
         needs={"stiffness": '["200 N/mm", "80 N/mm", "3 N m/rad"]: in x, y and angle'},
         threefold=True,
     ),
+    "drag": LoadKind(
+        words="drag",
+        example='{ drag = "pendulum.P", quadratic = "0.02 N s^2/m^2" }',
+        make=_drag,
+        check=_check_drag,
+        keys=("linear", "quadratic"),
+        some=("linear", "quadratic"),
+        synonyms=("air",),
+    ),
+    "viscous": LoadKind(
+        words="viscous friction",
+        example='{ viscous = "A", linear = "0.1 N m s/rad" }',
+        make=_viscous,
+        keys=("linear",),
+        needs={"linear": LINEAR},
+        synonyms=("friction",),
+    ),
+    "belt_tension": LoadKind(
+        words="the tension of a belt",
+        example='{ belt_tension = "B", slack = "200 N", coefficient = 0.3 }',
+        make=_belt_tension,
+        keys=("slack", "coefficient"),
+        needs={"slack": '"200 N", what the slack span pulls'},
+        synonyms=("tension",),
+    ),
 }
-"""The kinds of loads between two points or two links."""
+"""The kinds of loads that springs, dampers and resistance make, and the tension of belts."""

@@ -10,12 +10,9 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mechcore.arrays import Complex, Real
 from mechcore.errors import Fault, MechanismError
-
-Complex = NDArray[np.complex128]
-Real = NDArray[np.float64]
 
 _UNITS = {1: 0.0254, 2: 0.3048, 4: 1e-3, 5: 1e-2, 6: 1.0, 13: 1e-6}  # $INSUNITS -> m
 _NAMED = {"mm": 1e-3, "cm": 1e-2, "m": 1.0, "in": 0.0254}

@@ -1,46 +1,47 @@
-"""Cam joints of a scene: the document of profile and follower, its references, and the joint of the core."""
+"""Documents of cams: profile, follower, blank; by what a contact is judged, and the graphical method beside the exact lift."""
 
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from mechcore.cams.followers import Arc, Flat, Knife, Roller
-from mechcore.spec.mechanism import CamJoint, Friction, Joint, SpatialBlank
-from mechcore.texts import as_angle
-from mechviz.scene.cams.profiles import SHAPES, given_contour
-from mechviz.scene.cams.ratings import graphical_of, rating_of
+from mechcore.spec.mechanism import CamDrawn, CamRating
+from mechcore.texts import as_angle, as_length
+from mechviz.scene.faults import did_you_mean
 from mechviz.scene.fields import (
     Angle,
     Coordinate,
     Direction,
+    Effort,
     Extent,
     Flag,
     Number,
     Point,
+    Pressure,
     Quantity,
+    Range,
     Size,
     Table,
     Text,
+    Unknown,
     describe,
     one_of,
     refuse,
 )
-from mechviz.scene.kinds.segment_curves import Axes, lift_curve
 from mechviz.scene.kinds.segments import LawDocument, LiftSegment, RadiusSegment
 from mechviz.scene.units import magnitude
 
 if TYPE_CHECKING:
     from mechviz.scene.convert import Converter
-    from mechviz.scene.kinds.joints.document import JointDocument
 
 
 SOLIDS: tuple[Literal["barrel", "rib", "end", "globoid"], ...] = ("barrel", "rib", "end", "globoid")
+SHAPES = ("lift", "eccentric", "outline", "points", "file", "radius")
 FACES = ("knife", "roller", "mushroom", "flat", "groove")
 LEAST = "least"
-_STEEPEST = math.radians(89.0)
 
 
 class SecondDocument(Table):
@@ -244,119 +245,120 @@ class ProfileDocument(Table):
         return self
 
 
-def cam_joint(name: str, joint: JointDocument, oscillates: bool, friction: Friction | None, convert: Converter) -> Joint | None:
-    """The core's joint, None where a fault was noted."""
-    path = f"joints.{name}"
-    profile, follower = joint.profile, joint.follower
-    if profile is None or follower is None:
-        return None
-    before = len(convert.faults)
-    along, across = ("length" if profile.bed else "angle"), ("angle" if oscillates else "length")
-    measure = across if follower.groove is not None else "length"  # an inverse cam's groove starts at a coordinate
-    least = profile.base == LEAST
-    if least and follower.groove is not None:
-        convert.note(f"{path}.profile.base", 'the value "least" is for discs with a lift.', "Give a length.")
-    base = 0.0 if profile.base is None or least else convert.si(profile.base, measure, f"{path}.profile.base")
-    hub, sharpest = (
-        None if value is None else convert.si(value, "length", f"{path}.profile.{key}")
-        for key, value in (("hub", profile.hub), ("curvature_limit", profile.curvature_limit))
+MATERIALS: Mapping[str, tuple[float, float]] = {
+    "steel": (2.1e11, 0.30),
+    "cast iron": (1.1e11, 0.26),
+    "bronze": (1.1e11, 0.34),
+    "aluminium": (7.0e10, 0.33),
+    "polyamide": (2.8e9, 0.39),
+    "acetal": (3.0e9, 0.37),
+}
+"""Young's modulus [Pa] and Poisson's ratio: usual values of handbooks; grades differ by a tenth, plastics by more."""
+
+_FEWEST, _MOST = 4, 100_000  # steps of a turn
+_THINNEST = 1e-9  # width of a contact [m]
+
+
+class RatingDocument(Table):
+    """By what the contact of a cam is judged."""
+
+    width: Size | None = None
+    """Length of the line on which cam and follower touch, across the plane: with it the Hertz pressure is computed."""
+    materials: Annotated[list[Text], Field(min_length=2, max_length=2)] | None = None
+    """[cam, follower]: steel, cast iron, bronze, aluminium, polyamide, acetal. Default steel on steel."""
+    modulus: Annotated[list[Pressure], Field(min_length=2, max_length=2)] | None = None
+    """Young's moduli [cam, follower], instead of materials."""
+    poisson: Annotated[list[Number], Field(min_length=2, max_length=2)] | None = None
+    """Poisson's ratios [cam, follower], beside modulus. Default 0.3."""
+    limit: Pressure | None = None
+    """Largest Hertz pressure that is allowed; more is an event."""
+    margin: Effort | None = None
+    """Closure = "force": contact force that has to remain; less is an event, and `mechviz cams` tells the least spring for it."""
+
+    @model_validator(mode="after")
+    def _agrees(self) -> RatingDocument:
+        found = []
+        if self.modulus is not None and self.materials is not None:
+            found.append(("modulus", "materials and modulus at once.", "Keep one of them."))
+        if self.poisson is not None and self.modulus is None:
+            found.append(("poisson", "poisson goes with modulus.", "Give modulus too, or leave it out."))
+        for key in ("materials", "modulus", "limit"):
+            if getattr(self, key) is not None and self.width is None and self.sound("width"):
+                found.append((key, f"{key} without a width of the contact.", 'Add width = "12 mm".'))
+        for k, name in enumerate(self.materials or []):
+            if not isinstance(name, Unknown) and isinstance(name, str) and name not in MATERIALS:
+                near = did_you_mean(name, MATERIALS, what="Materials")
+                found.append((f"materials[{k}]", f"'{name}' is no material.", near or "Give modulus = [...] instead."))
+        for k, ratio in enumerate(self.poisson or []):
+            if isinstance(ratio, float) and not -1.0 < ratio <= 0.5:
+                found.append((f"poisson[{k}]", f"{ratio:g} is no Poisson's ratio.", "Metals have 0.25 to 0.35, none is above 0.5."))
+        refuse(found)
+        return self
+
+
+class GraphicalDocument(Table):
+    """The lift by the graphical method of the lecture, beside the exact one."""
+
+    step: Angle
+    """The cam is turned by this much from point to point; so often that it comes round, at least four times."""
+    lines: Literal["chord", "tangent"] = "chord"
+    """By what the curves are differentiated: slopes of their chords, or of tangents laid by eye."""
+    resolution: Range = 0.0
+    """What can be read off the drawing: a length, of an oscillating follower an angle. Default 0."""
+
+
+def rating_of(rating: RatingDocument, path: str, convert: Converter) -> CamRating:
+    """The core's rating; faults are noted."""
+
+    def number(value: float | str | None, kind: str, key: str) -> float | None:
+        return None if value is None else convert.si(value, kind, f"{path}.{key}")
+
+    first, second = (MATERIALS.get(name, MATERIALS["steel"]) for name in rating.materials or ("steel", "steel"))
+    modulus, poisson = (first[0], second[0]), (first[1], second[1])
+    if rating.modulus is not None:
+        a, b = convert.row(rating.modulus, "pressure", f"{path}.modulus")
+        modulus = (a, b)
+        poisson = (0.3, 0.3) if rating.poisson is None else (float(rating.poisson[0]), float(rating.poisson[1]))
+    width = number(rating.width, "length", "width")
+    if width is not None and width < _THINNEST:
+        convert.note(f"{path}.width", f"{as_length(width)} is below {as_length(_THINNEST)}.", "Check the number and its unit.")
+    return CamRating(
+        width=width,
+        modulus=modulus,
+        poisson=poisson,
+        limit=number(rating.limit, "pressure", "limit"),
+        margin=number(rating.margin, "force", "margin"),
     )
-    phase = convert.si(profile.phase, along, f"{path}.profile.phase")
-    limit = None
-    if profile.pressure_limit is not None:
-        limit = convert.si(profile.pressure_limit, "angle", f"{path}.profile.pressure_limit")
-        if not 0.0 < limit < 0.5 * math.pi and not math.isnan(limit):
-            usual = f"Usual are {as_angle(math.radians(30.0), 3)} to {as_angle(math.radians(45.0), 3)}."
-            convert.note(f"{path}.profile.pressure_limit", f"{as_angle(limit)}.", usual)
-    face = _face(follower, path, convert)
-    second = None
-    if follower.second is not None:
-        second = (follower.second.point, convert.si(follower.second.roller, "length", f"{path}.follower.second.roller"))
-    if friction is not None and friction.coefficient:
-        roller = follower.roller if follower.groove is None else follower.groove
-        if roller is not None and not friction.radius:
-            convert.note(f"{path}.friction", "'radius' is missing: a roller rolls, and rubs on its pin.", 'Add radius = "4 mm".')
-        elif roller is not None and not friction.radius < convert.si(roller, "length", f"{path}.follower"):
-            convert.note(f"{path}.friction.radius", "the pin is not thinner than its roller.", "Give a smaller radius.")
-        elif roller is None and friction.radius:
-            convert.note(f"{path}.friction", "a radius of a pin where there is no roller.", "Leave it out.")
-    lift, contour = None, None
-    if profile.lift is not None:
-        round_again = not profile.bed and follower.groove is None
-        lift = lift_curve(profile.lift, Axes(convert, across, along), f"{path}.profile.lift", 0.0, round_again)
-    elif len(convert.faults) == before:
-        contour = given_contour(profile, base, f"{path}.profile", convert)
-    rating = None if joint.rating is None else rating_of(joint.rating, f"{path}.rating", convert)
-    if joint.rating is not None and joint.rating.margin is not None and joint.closure == "form":
-        convert.note(f"{path}.rating.margin", "a groove or yoke holds the follower whatever the force.", "Leave it out.")
-    drawn = None if joint.graphical is None else graphical_of(joint.graphical, across, f"{path}.graphical", convert)
-    other = profile.bed is not None or follower.groove is not None or any(getattr(profile, key) is not None for key in SOLIDS)
-    if joint.graphical is not None and other:
-        convert.note(f"{path}.graphical", "the method turns a plane disc cam step by step.", "Leave it out for other cams.")
-    if len(convert.faults) > before or math.isnan(base) or math.isnan(phase) or face is None or (lift is None) == (contour is None):
+
+
+def graphical_of(graphical: GraphicalDocument, across: str, path: str, convert: Converter) -> CamDrawn | None:
+    """The core's request for a drawing; ``across``: what the follower's coordinate is. Faults are noted."""
+    step = convert.si(graphical.step, "angle", f"{path}.step")
+    resolution = convert.si(graphical.resolution, across, f"{path}.resolution")
+    if math.isnan(step) or math.isnan(resolution):
         return None
-    return CamJoint(
-        name=name,
-        links=joint.links,
-        guide=follower.guide,
-        point=follower.point,
-        lift=lift,
-        face=face,
-        base=base,
-        contour=contour,
-        undercut=profile.undercut,
-        bed=profile.bed,
-        sense=-1 if profile.sense == "cw" else 1,
-        phase=phase,
-        side=follower.side or "left",
-        closure=joint.closure or "force",
-        second=second,
-        friction=friction,
-        inverse=follower.groove is not None,
-        spatial=_blank(profile, f"{path}.profile", convert),
-        pressure_limit=limit,
-        curvature_limit=sharpest,
-        least=least,
-        hub=hub or 0.0,
-        rating=rating,
-        drawn=drawn,
-    )
-
-
-def _blank(profile: ProfileDocument, path: str, convert: Converter) -> SpatialBlank | None:
-    """What a spatial cam is cut from; None of a plane one."""
-    kind = next((key for key in SOLIDS if getattr(profile, key) is not None), None)
-    if kind is None:
+    whole = whole_step(step)
+    if whole is None:
+        convert.note(f"{path}.step", *step_fault(step))
         return None
-    table = getattr(profile, kind)
-    axis = None
-    if profile.axis is not None:
-        if any(isinstance(v, str) for v in profile.axis):
-            convert.note(f"{path}.axis", "names of points where a direction is wanted.", "Write it like [1, 0].")
-            return None
-        axis = (float(profile.axis[0]), float(profile.axis[1]))
-    sizes = [
-        convert.si(getattr(table, key, None) or 0.0, "length", f"{path}.{kind}.{key}") for key in ("radius", "depth", "thickness")
-    ]
-    rollers = getattr(table, "rollers", None) or 0
-    return SpatialBlank(kind, sizes[0], sizes[1], axis, sizes[2], 0 if math.isnan(rollers) else rollers)
+    return CamDrawn(step=whole, lines=graphical.lines, resolution=resolution)
 
 
-def _face(follower: FollowerDocument, path: str, convert: Converter) -> Any:
-    if follower.groove is not None:
-        radius = convert.si(follower.groove, "length", f"{path}.follower.groove")
-        return None if math.isnan(radius) else Roller(radius)
-    if follower.roller is not None:
-        radius = convert.si(follower.roller, "length", f"{path}.follower.roller")
-        return None if math.isnan(radius) else Roller(radius)
-    if follower.mushroom is not None:
-        radius = convert.si(follower.mushroom, "length", f"{path}.follower.mushroom")
-        return None if math.isnan(radius) else Arc(radius)
-    if follower.flat:
-        tilt = convert.si(follower.tilt, "angle", f"{path}.follower.tilt")
-        if abs(tilt) > _STEEPEST:
-            convert.note(f"{path}.follower.tilt", f"{as_angle(tilt)}.", f"Give less than {as_angle(_STEEPEST)}.")
-            return None
-        reach = (math.inf, math.inf) if follower.face is None else convert.row(follower.face, "length", f"{path}.follower.face")
-        return None if any(map(math.isnan, (tilt, *reach))) else Flat(tilt=tilt, left=reach[0], right=reach[1])
-    return Knife()
+def whole_step(step: float) -> float | None:
+    """The step [rad] that makes exactly a turn in 4 to 100,000 steps, where ``step`` is that but for rounding; else None."""
+    turns = 2.0 * math.pi / step if step > 0.0 else 0.0
+    if not _FEWEST - 1e-6 <= turns <= _MOST + 1e-6 or abs(turns - round(turns)) > 1e-6:
+        return None
+    return 2.0 * math.pi / round(turns)
+
+
+def step_fault(step: float) -> tuple[str, str]:
+    """What is wrong with a step [rad] that ``whole_step`` does not take, and the remedy."""
+    turns = 2.0 * math.pi / step if step > 0.0 else math.inf
+    size = as_angle(step)
+    if step > 0.0 and turns > _MOST:
+        return f"{size} are {turns:.6g} steps of a turn, more than {_MOST}.", f"Give at least {as_angle(2.0 * math.pi / _MOST)}."
+    if turns < _FEWEST:
+        return f"{size} are {turns:.4g} steps of a turn, less than {_FEWEST}.", f"Give at most {as_angle(2.0 * math.pi / _FEWEST)}."
+    usual = [as_angle(math.radians(degrees), 3) for degrees in (30, 15, 10, 5)]
+    return f"{size} do not make a turn.", f"Usual are {', '.join(usual[:3])} or {usual[3]}."

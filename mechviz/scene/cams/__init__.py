@@ -1,1 +1,0 @@
-"""Cams of a scene: profiles, followers, files, ratings."""
