@@ -30,8 +30,7 @@ import numpy as np
 
 from mechcore.arrays import Real
 from mechcore.errors import MechanismError
-from mechcore.motion.differences import differentiate
-from mechcore.numerics.interpolation import between
+from mechcore.numerics.interpolation import between, differentiate
 from mechviz.accuracy.quantities import Passage, Quantity, pace_of_rest, passages_of, quantities, size_at, stands_still
 from mechviz.quantities.items import ERROR_COLUMNS
 

@@ -17,14 +17,13 @@ from mechcore.forces.load_events import idle_table, load_events
 from mechcore.forces.order import solution_order
 from mechcore.laws.timed import ConstantSpeed, Free
 from mechcore.motion.compiled import Compiled
-from mechcore.motion.equations import loop_equations
 from mechcore.motion.events import overshoots, strokes
 from mechcore.motion.metrics import grashof
 from mechcore.motion.motion import Motion
 from mechcore.motion.reach import reachable_ranges
 from mechcore.motion.redundancy import indeterminate
 from mechcore.motion.solve import compile_mechanism, default_times, solve_motion
-from mechcore.motion.structure import groups, gruebler, loop_joints, rank_mobility, redundant_joints
+from mechcore.motion.structure import groups, gruebler, loop_equations, loop_joints, rank_mobility, redundant_joints
 from mechcore.spec.clearance import journals_of, made_joints
 from mechcore.spec.loads import BeltTension, Factor, GasPressure, GasSpring, Spring
 from mechcore.spec.mechanism import CamJoint, Mechanism, PinSlot, Planar

@@ -22,9 +22,8 @@ from mechcore.branches.modes import (
     stated_sign,
 )
 from mechcore.errors import Fault, MechanismError
-from mechcore.kinematics.margins import gap, span
 from mechcore.kinematics.model import Model
-from mechcore.kinematics.positions import place
+from mechcore.kinematics.positions import gap, place, span
 from mechcore.kinematics.program import Block
 from mechcore.kinematics.state import State, initial_state, real_angle, relation_sum
 from mechcore.texts import Text, as_angle, as_length

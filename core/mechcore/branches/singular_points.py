@@ -17,10 +17,9 @@ import numpy as np
 
 from mechcore.arrays import Flags, Real
 from mechcore.branches.modes import TWO_MODES
-from mechcore.kinematics.margins import dead_point_margin
 from mechcore.kinematics.model import Model
 from mechcore.kinematics.patching import FAR, TAIL, smooth
-from mechcore.kinematics.positions import apply, place
+from mechcore.kinematics.positions import apply, dead_point_margin, place
 from mechcore.kinematics.program import Block
 from mechcore.kinematics.state import State, initial_state
 from mechcore.laws.timed import ConstantSpeed, Law, moves

@@ -19,10 +19,9 @@ from mechcore.branches.continuation import REGULAR, Drives, Track, follow
 from mechcore.branches.modes import TWO_MODES
 from mechcore.branches.singular_points import Change, Changes, flat_instants, needs_span, rounding_of
 from mechcore.kinematics.columns import all_vectors, columns, matrix_of
-from mechcore.kinematics.margins import dead_point_margin
 from mechcore.kinematics.model import Model
 from mechcore.kinematics.patching import FAR, NODES, TAIL, make_patches, tail_of, unknowns_of
-from mechcore.kinematics.positions import place_all
+from mechcore.kinematics.positions import dead_point_margin, place_all
 from mechcore.kinematics.program import Block
 from mechcore.kinematics.state import real_angle, value, wrapped_angle
 from mechcore.laws.timed import ConstantSpeed, Law

@@ -21,7 +21,8 @@ from mechcore.forces.friction.result import FrictionResult
 from mechcore.forces.friction.solve import solve_friction
 from mechcore.kinematics.dyads import cross
 from mechcore.motion.motion import Motion
-from mechcore.numerics.frames import QUIET, added, integral_so_far, lazy, rows_of
+from mechcore.numerics.frames import QUIET, added, lazy, rows_of
+from mechcore.numerics.interpolation import integral_so_far
 from mechcore.spec.mechanism import braked
 
 Array = Any

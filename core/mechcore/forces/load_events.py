@@ -10,7 +10,7 @@ import numpy as np
 from mechcore.arrays import Real
 from mechcore.laws.timed import Table
 from mechcore.motion.events import Event, runs
-from mechcore.motion.extremes import peak
+from mechcore.motion.metrics import peak
 from mechcore.motion.motion import Motion
 from mechcore.spec.loads import Actuator, Factor, Force, Load, Spring, Torque
 from mechcore.spec.mechanism import Mechanism

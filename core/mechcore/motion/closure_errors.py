@@ -14,12 +14,11 @@ from typing import Any
 import numpy as np
 
 from mechcore.branches.assembly import Assembly
-from mechcore.kinematics.margins import gap
 from mechcore.kinematics.model import Model
-from mechcore.kinematics.positions import equations, place
+from mechcore.kinematics.positions import equations, gap, place
 from mechcore.kinematics.program import Block
 from mechcore.kinematics.state import State, initial_state
-from mechcore.motion.extremes import peak
+from mechcore.motion.metrics import peak
 from mechcore.motion.motion import Motion
 from mechcore.numerics.newton import solve_many
 

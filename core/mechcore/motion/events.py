@@ -11,8 +11,7 @@ import numpy as np
 
 from mechcore.arrays import Flags, Real
 from mechcore.laws.timed import Table, TableLaw, moves
-from mechcore.motion.extremes import peak, zeros
-from mechcore.motion.metrics import curvature, per_unit, transmission_angles, velocity_ratios
+from mechcore.motion.metrics import curvature, peak, per_unit, transmission_angles, velocity_ratios, zeros
 from mechcore.motion.motion import Motion
 from mechcore.motion.redundancy import indeterminate
 from mechcore.spec.mechanism import Mechanism

@@ -18,8 +18,8 @@ from mechcore.kinematics.model import Model
 from mechcore.kinematics.program import VectorSum
 from mechcore.kinematics.rates import Rates, accelerations, velocities
 from mechcore.kinematics.state import Patch, State, value
-from mechcore.motion.differences import numerical_rates
 from mechcore.numerics.frames import QUIET, added, lazy, nothing, rows_of, summed
+from mechcore.numerics.interpolation import differentiate
 from mechcore.spec.mechanism import Mechanism
 from mechcore.topology.graph import FRAME
 
@@ -171,7 +171,7 @@ class Motion:
     def speeds(self) -> Rates:
         """First rates of all rotation classes and slides."""
         if self.accuracy.differentiation != "exact":
-            return numerical_rates(self, 1)
+            return _numerical_rates(self, 1)
         rates = [d[1] for d in self._drives]
         with np.errstate(**QUIET):
             return velocities(self.model, self.loop_vectors, self.columns, rates, self.patches, self.state.bends)
@@ -180,7 +180,7 @@ class Motion:
     def accelerations(self) -> Rates:
         """Second rates of all rotation classes and slides."""
         if self.accuracy.differentiation != "exact":
-            return numerical_rates(self, 2)
+            return _numerical_rates(self, 2)
         rates = [d[2] for d in self._drives]
         with np.errstate(**QUIET):  # at a singular position rates are infinite, or not determined
             return accelerations(self.model, self.loop_vectors, self.columns, self.speeds, rates, self.patches)
@@ -364,3 +364,29 @@ class Motion:
         for r in residuals:
             worst = np.maximum(worst, np.abs(r))
         return worst
+
+
+def _numerical_rates(motion: Motion, derivative: int) -> Rates:
+    """First or second rates of all groups and slides from positions at the frames, not from equations; drives keep their own.
+
+    There to be compared with: the exact rates cost less than what these miss. "differences" differentiates the polynomials through
+    the nearest frames; "graphical" is the drawn method of the lecture: positions read off with the resolution of the drawing, the
+    slopes of chords averaged, their change as acceleration.
+    """
+    model, accuracy = motion.model, motion.accuracy
+    drives = [d[derivative] for d in motion.drives]
+    rates = Rates(model, drives, motion.state.bends if derivative == 1 else None, None if derivative == 1 else motion.speeds)
+    drawn = accuracy.differentiation == "graphical"
+    order = 2 if drawn else accuracy.differences
+
+    def slope(given: Values, unit: float) -> Values:
+        values = np.broadcast_to(given, motion.shape)
+        if drawn and accuracy.resolution > 0.0:
+            values = accuracy.resolution * unit * np.round(values / (accuracy.resolution * unit))
+        return differentiate(motion.time, values, order, derivative)
+
+    for block in model.blocks:
+        solved = [slope(motion.group_angle(g), 1.0) for g in block.angles]
+        solved += [slope(motion.state.slide[j], model.length_scale) for j in block.slides]
+        rates.settle(model, block, solved)
+    return rates

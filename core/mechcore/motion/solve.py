@@ -26,8 +26,7 @@ from mechcore.motion.closure_errors import greatest_miss
 from mechcore.motion.compiled import MOST_TURNS, TURN, Compiled, drive_values, follow, place
 from mechcore.motion.events import SINGULAR, at_drive
 from mechcore.motion.motion import Motion
-from mechcore.motion.reach import range_beside, reachable_ranges
-from mechcore.motion.slots import Escape, escapes
+from mechcore.motion.reach import Escape, escapes, range_beside, reachable_ranges
 from mechcore.motion.structure import gruebler, rank_mobility
 from mechcore.numerics.frames import keep_freed_memory
 from mechcore.spec.mechanism import Mechanism, PinSlot, Prismatic

@@ -1,4 +1,4 @@
-"""Values between frames: how a run of frames stands for a motion in continuous time, and how far it is from it.
+"""Functions known at frames: values between them, derivatives and integrals.
 
 Order 0 holds the last frame's value, as viewers do; 1 joins frames by straight lines; 3 and 5 are Hermite polynomials through the
 values and the rates of the two frames next to a time, or where no rates are known polynomials through the nearest 4 or 6 frames.
@@ -7,6 +7,7 @@ values and the rates of the two frames next to a time, or where no rates are kno
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -77,3 +78,61 @@ def _through_neighbours(time: Real, values: Real, t: Real, k: Any, count: int) -
     places = first[:, None] + np.arange(count)
     weights = lagrange_weights(time[places], t)
     return np.asarray(np.einsum("nm,nm...->n...", weights, values[places]))
+
+
+def differentiate(time: Real, values: Real, order: int, derivative: int = 1) -> Real:
+    """First or second derivative by time (F,) of values (..., F), from polynomials through ``order`` + 1 neighbouring frames."""
+    count = min(order + 1, len(time))
+    if count < 2 or (derivative == 2 and count < 3):
+        return np.zeros_like(values)
+    first = np.clip(np.arange(len(time)) - count // 2, 0, len(time) - count)
+    places = first[:, None] + np.arange(count)
+    x = time[places]
+    h = (x[:, -1] - x[:, 0]) / (count - 1)
+    even = np.abs(np.diff(x, axis=1) - h[:, None]).max() < 1e-9 * h.min()
+    if even:
+        table = _even_weights(count, derivative)
+        weights = table[np.arange(len(time)) - first] / h[:, None] ** derivative
+    else:
+        weights = np.array([_weights(row - t, derivative) for row, t in zip(x, time, strict=True)])
+    return np.asarray(np.einsum("fm,...fm->...f", weights, values[..., places]))
+
+
+@lru_cache
+def _even_weights(count: int, derivative: int) -> Real:
+    """Weights (count, count) at each node of ``count`` evenly spaced ones, a unit apart."""
+    nodes = np.arange(count, dtype=float)
+    return np.array([_weights(nodes - node, derivative) for node in nodes])
+
+
+def _weights(x: Real, derivative: int) -> Real:
+    """Weights of values at offsets ``x`` for a derivative at zero: exact for all polynomials through the nodes."""
+    scale = float(np.abs(x).max())
+    rows = np.vander(x / scale, increasing=True).T
+    rhs = np.zeros(len(x))
+    rhs[derivative] = float(derivative) / scale**derivative  # 1! = 1, 2! = 2
+    return np.asarray(np.linalg.solve(rows, rhs), float)
+
+
+def integral_so_far(y: Real, t: Real) -> Real:
+    """Integral (F,) of values (F,) over times (F,), strictly increasing, from the first frame on: 0 there.
+
+    By Simpson's rule for uneven steps, each step with the parabola through its ends and the next frame or, every other one and the
+    last, the one before; with two frames by the trapezoidal rule. Cartwright, "Simpson's rule cumulative integration with MS Excel
+    and irregularly-spaced data", J. Math. Sci. Math. Educ. 12 (2017) no. 2, eq. (8), as ``scipy.integrate.cumulative_simpson`` has
+    it: that takes longer to load than all of this package.
+    """
+    h = np.diff(t)
+    if len(y) < 3:
+        return np.concatenate([[0.0], np.cumsum(0.5 * (y[1:] + y[:-1]) * h)])[: len(y)]
+    parts = np.empty(len(h))
+    onwards, back = _first_step(y, h), _first_step(y[::-1], h[::-1])[::-1]
+    parts[:-1:2], parts[1::2], parts[-1] = onwards[::2], back[::2], back[-1]
+    return np.concatenate([[0.0], np.cumsum(parts)])
+
+
+def _first_step(y: Real, h: Real) -> Real:
+    """Integrals (F - 2,) over the first step of each two in a row of the parabolas through three values."""
+    first, both = h[:-1], h[:-1] + h[1:]
+    share, bent = first / both, (first / both) * (first / h[1:])
+    return first / 6.0 * ((3.0 - share) * y[:-2] + (3.0 + bent + share) * y[1:-1] - bent * y[2:])

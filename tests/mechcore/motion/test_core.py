@@ -484,7 +484,7 @@ def test_printed_loop_equations_hold_with_the_solved_motion():
     import re
 
     import mechviz
-    from mechcore.motion.equations import loop_equations, loop_residuals
+    from mechcore.motion.structure import loop_equations, loop_residuals
 
     geometry = case("lever_contour", "lever-canonical-zones")["inputs"]["geometry"]
     for mechanism in (

@@ -14,9 +14,8 @@ from mechcore.accuracy import DEFAULT, DIALS, Accuracy, accuracy_for
 from mechcore.dynamics.simulate import simulate
 from mechcore.errors import MechanismError
 from mechcore.forces.kinetostatics import solve_forces
-from mechcore.motion.differences import differentiate
 from mechcore.motion.solve import compile_mechanism, default_times, solve_motion
-from mechcore.numerics.interpolation import between
+from mechcore.numerics.interpolation import between, differentiate
 from mechviz.accuracy import fit as fit_module
 from mechviz.accuracy import words as words_module
 from mechviz.accuracy.estimate import integration_error, interpolation_error

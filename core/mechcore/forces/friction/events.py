@@ -12,7 +12,7 @@ from mechcore.forces.friction.elements import Element, relative_rate
 from mechcore.forces.friction.result import FrictionResult
 from mechcore.forces.kinetostatics import Forces, solve_forces
 from mechcore.motion.events import Event, at_drive, runs, turning_points
-from mechcore.motion.extremes import zeros
+from mechcore.motion.metrics import zeros
 from mechcore.motion.motion import Motion
 
 PARTS = 16  # into which an interval is divided at every round of the search for an edge
