@@ -21,7 +21,7 @@ from pathlib import Path
 from mechviz.outputs.images.browser import ChromiumError
 from mechviz.outputs.images.drawing import write_svg
 from mechviz.outputs.images.pictures import Look, Moment, shot
-from mechviz.outputs.page.frames import MOST_FRAMES
+from mechviz.outputs.page.pack import MOST_FRAMES
 from mechviz.outputs.rerun.reader import Recording
 from mechviz.outputs.rerun.writer import write_recording
 from mechviz.runs import run_scene

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import mechviz as mv
 from mechviz.outputs.exports.gltf import export_glb
+from mechviz.outputs.exports.solids import export_3mf
 from mechviz.outputs.exports.tables import even_times, export_csv, export_parquet, export_stl
-from mechviz.outputs.exports.threemf import export_3mf
 
 folder = Path(sys.argv[1] if len(sys.argv) > 1 else tempfile.mkdtemp())
 

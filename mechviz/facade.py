@@ -13,7 +13,7 @@ import numpy as np
 from mechcore.arrays import Real
 from mechviz.figures import save_chart
 from mechviz.files import OutputError, check_target, replacing
-from mechviz.outputs.exports.plots import plot_figure
+from mechviz.outputs.exports.tables import plot_figure
 from mechviz.outputs.images.drawing import write_svg
 from mechviz.outputs.images.pictures import VIEWS, Look, moment
 from mechviz.outputs.images.pictures import shot as take

@@ -15,8 +15,8 @@ from mechviz.commands.solving import AccuracyOpt, CyclesOpt, FramesOpt, KeepOpt,
 from mechviz.outputs.exports.cam_profiles import export_profiles
 from mechviz.outputs.exports.gltf import export_glb
 from mechviz.outputs.exports.gltf_marks import ARROWS
-from mechviz.outputs.exports.tables import even_times, export_csv, export_parquet, export_stl
-from mechviz.outputs.exports.threemf import export_3mf
+from mechviz.outputs.exports.solids import export_3mf, export_stl
+from mechviz.outputs.exports.tables import even_times, export_csv, export_parquet
 from mechviz.quantities.vectors import FAMILIES
 
 

@@ -17,7 +17,7 @@ from mechviz.outputs.images.drawing import write_svg
 from mechviz.outputs.images.pictures import VIEWS, Look, find_ffmpeg, moment
 from mechviz.outputs.images.pictures import film as make
 from mechviz.outputs.images.pictures import shot as take
-from mechviz.outputs.page.frames import MOST_FRAMES
+from mechviz.outputs.page.pack import MOST_FRAMES
 from mechviz.outputs.page.page import make_page
 from mechviz.outputs.presentation import Presentation, presentation_in, presentation_of
 from mechviz.outputs.rerun.reader import Recording, is_recording

@@ -18,7 +18,7 @@ from mechviz.outputs.inspection import format_inspection, inspect
 from mechviz.outputs.page.page import make_page
 from mechviz.outputs.presentation import presentation_in
 from mechviz.outputs.rerun.reader import Recording
-from mechviz.outputs.viewer.show_recording import show_of_recording
+from mechviz.outputs.viewer.show import show_of_recording
 
 PROPERTIES = "/__properties/mechviz"
 JUNK: tuple[Any, ...] = (None, -1, 0, 1e400, float("nan"), 10**30, "", "x", "../../evil", [], [1], {}, {"a": 1}, True)

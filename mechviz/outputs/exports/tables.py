@@ -1,22 +1,27 @@
-"""Results as tables (CSV, Parquet) and links as solids (STL)."""
+"""Results as tables (CSV, Parquet), and plots of them as files."""
 
 from __future__ import annotations
 
+import csv
 import re
+from collections.abc import Sequence
+from io import BytesIO, StringIO
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from mechcore.arrays import Real
 from mechcore.errors import Fault, MechanismError
-from mechviz.files import OutputError, replacing
-from mechviz.meshes.solids import Solids, stl_bytes
+from mechviz.figures import DOTS, chart, chart_svg
+from mechviz.files import replacing
 from mechviz.outputs.rerun.content import model_json, scene_text
-from mechviz.picture.build import solids_of
 from mechviz.quantities.between_frames import read_between
+from mechviz.quantities.catalogue import Axis, Quantity, Together
 from mechviz.runs import Run, package_version
 
-ExportError = OutputError
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 ROWS = 2000  # written at once
 MOST_ROWS = 10_000_000
@@ -80,34 +85,41 @@ def export_parquet(run: Run, path: Path | str, times: Real | None = None) -> Pat
     return Path(path)
 
 
-def export_stl(run: Run, folder: Path | str, *, solids: Solids | None = None) -> list[Path]:
-    """Write one binary STL per link, in millimetres and in the link's own frame, into a folder that is made if need be."""
-    folder = Path(folder)
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        words = (error.strerror or str(error)).lower()
-        raise ExportError(f"The folder '{folder}' cannot be made: {words}.", "Choose another place.") from None
-    written: list[Path] = []
-    for name, solid in (solids or solids_of(run)).links.items():
-        if not len(solid.faces):
-            continue
-        path = _free_name(folder, name, written)
-        with replacing(path) as temporary:
-            temporary.write_bytes(stl_bytes(solid))
-        written.append(path)
-    return written
-
-
-def _free_name(folder: Path, link: str, taken: list[Path]) -> Path:
-    """A file name for a link: without characters that file systems object to, and not used for another link already."""
-    stem = re.sub(r"[^\w.\-]+", "_", link).strip(".") or "link"
-    path, n = folder / f"{stem}.stl", 2
-    while any(path.name.lower() == t.name.lower() for t in taken):
-        path, n = folder / f"{stem}-{n}.stl", n + 1
-    return path
-
-
 def _quoted(name: str) -> str:
     """A CSV field, quoted where it has to be."""
     return '"' + name.replace('"', '""') + '"' if re.search(r'[",\r\n]', name) else name
+
+
+PANEL = 7.0, 2.4  # width and height of a plot [in]
+KINDS = ("CSV", "SVG", "PNG")
+
+
+def plot_figure(title: str, quantities: Sequence[Quantity | Together], axis: Axis) -> Figure:
+    """A figure of matplotlib with a panel for each quantity."""
+    width, height = PANEL
+    with chart(width, height * len(quantities) + 0.8) as figure:
+        figure.suptitle(title)
+        panels = figure.subplots(len(quantities), squeeze=False, sharex=True)[:, 0]
+        for panel, quantity in zip(panels, quantities, strict=True):
+            panel.plot(axis.values, quantity.values(), label=quantity.curves)
+            panel.set(ylabel=quantity.unit, title=quantity.label)
+            if len(quantity.curves) > 1:
+                panel.legend(loc="upper left", bbox_to_anchor=(1.0, 1.0))
+        panels[-1].set_xlabel(axis.title)
+    return figure
+
+
+def plot_file(kind: str, title: str, quantity: Quantity | Together, axis: Axis) -> bytes:
+    """A plot as a file of one of ``KINDS``; a table has the axis first, in the units that the plot shows."""
+    if kind == "CSV":
+        text = StringIO()
+        rows = csv.writer(text)
+        rows.writerow([axis.title, *(f"{name} [{quantity.unit}]" for name in quantity.curves)])
+        rows.writerows(np.column_stack([axis.values, quantity.values()]).tolist())
+        return text.getvalue().encode()
+    figure = plot_figure(title, [quantity], axis)
+    if kind == "SVG":
+        return chart_svg(figure).encode()
+    stream = BytesIO()
+    figure.savefig(stream, format="png", dpi=DOTS)
+    return stream.getvalue()

@@ -12,9 +12,8 @@ from shapely import Polygon, polygons, union_all
 
 from mechcore.arrays import Real
 from mechviz.files import replacing
-from mechviz.outputs.page.frames import MOST_FRAMES, Progress, quiet
-from mechviz.outputs.page.pack import unpack
-from mechviz.outputs.page.show import show_text
+from mechviz.outputs.page.pack import MOST_FRAMES, Progress, quiet, unpack
+from mechviz.outputs.page.page import show_text
 from mechviz.outputs.presentation import Presentation
 
 FACING = 0.2  # least z of a face's normal that is drawn: what looks towards the eye

@@ -18,9 +18,8 @@ import numpy as np
 
 from mechviz.files import OutputError, check_target, replacing
 from mechviz.outputs.images.browser import Chromium
-from mechviz.outputs.page.frames import Progress, quiet
-from mechviz.outputs.page.page import make_page
-from mechviz.outputs.page.show import pace_of
+from mechviz.outputs.page.pack import Progress, quiet
+from mechviz.outputs.page.page import make_page, pace_of
 from mechviz.outputs.presentation import Presentation
 
 VIEWS = ("3d", "front", "iso", "top", "left", "right", "back")

@@ -1,8 +1,1 @@
-"""Sharing without a server: pages that play a mechanism, pictures and films of them.
-
-make_page(Recording("crank-rocker.rrd"))[0]  # the text of one HTML file
-"""
-
-from mechviz.outputs.page.page import make_page
-
-__all__ = ["make_page"]
+"""Sharing without a server: a page that plays a mechanism, one HTML file."""

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from mechcore.arrays import Real
-from mechviz.outputs.page.frames import Frames
+from mechviz.outputs.page.pack import Frames
 from mechviz.quantities.catalogue import Catalogue
 
 ROUND_OFF = 1e-9  # of the largest value of the same unit

@@ -8,8 +8,7 @@ from typing import Any
 import numpy as np
 
 from mechcore.arrays import Flags, Real
-from mechviz.outputs.page.frames import Frames, Progress, quiet
-from mechviz.outputs.page.pack import Pack
+from mechviz.outputs.page.pack import Frames, Pack, Progress, quiet
 from mechviz.outputs.rerun.nodes import COLORS, MOTION, THICK, THIN, arc_strips, sweep_of
 from mechviz.picture.arrows import visible
 from mechviz.picture.constructions import Drawing

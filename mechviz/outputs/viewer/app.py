@@ -17,7 +17,6 @@ import numpy as np
 
 from mechviz.outputs.rerun.reader import Recording
 from mechviz.outputs.viewer.browser import prepare_page
-from mechviz.outputs.viewer.callbacks import Changes
 from mechviz.outputs.viewer.growth import Computing, Growth, Stopped
 from mechviz.outputs.viewer.inspector import Inspector, theme
 from mechviz.outputs.viewer.panels.plots import Plots
@@ -25,9 +24,9 @@ from mechviz.outputs.viewer.panels.switches import Switches
 from mechviz.outputs.viewer.panels.timeline import Timeline
 from mechviz.outputs.viewer.playback import BrowserPlayback
 from mechviz.outputs.viewer.player import Player
-from mechviz.outputs.viewer.server import HOST, ViewerError, report, safely, start_server, stop_server
+from mechviz.outputs.viewer.server import HOST, Changes, ViewerError, report, safely, start_server, stop_server
 from mechviz.outputs.viewer.session import EditSession
-from mechviz.outputs.viewer.show_recording import show_of_recording
+from mechviz.outputs.viewer.show import show_of_recording
 from mechviz.outputs.viewer.view_model import ViewModel
 from mechviz.outputs.viewer.world.scene import Scene3D
 from mechviz.runs import Run, run_scene

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 import viser
 
-from mechviz.outputs.viewer.show_run import build, show_of_run
+from mechviz.outputs.viewer.show import build, show_of_run
 from mechviz.outputs.viewer.view_model import ViewModel
 from mechviz.running import Running
 from mechviz.runs import Run

@@ -13,25 +13,23 @@ import viser
 
 from mechviz.outputs.viewer import words
 from mechviz.outputs.viewer.browser import lay_out, open_tab
-from mechviz.outputs.viewer.callbacks import Callback
 from mechviz.outputs.viewer.panels.accuracy import AccuracyTab
 from mechviz.outputs.viewer.panels.controls import Controls
 from mechviz.outputs.viewer.panels.detail import DetailPanel, items_of
 from mechviz.outputs.viewer.panels.diagrams import Diagrams
 from mechviz.outputs.viewer.panels.effects import EffectsTab
-from mechviz.outputs.viewer.panels.pivots import Pivots
+from mechviz.outputs.viewer.panels.handles import Pivots, traced_at, with_traced
 from mechviz.outputs.viewer.panels.plots import Plots
 from mechviz.outputs.viewer.panels.saving import Saver
 from mechviz.outputs.viewer.panels.switches import Switches
 from mechviz.outputs.viewer.panels.timeline import Timeline
-from mechviz.outputs.viewer.panels.tracing import traced_at, with_traced
 from mechviz.outputs.viewer.playback import BrowserPlayback, NumberTrack, PlotTrack, Tracks
 from mechviz.outputs.viewer.player import Player
-from mechviz.outputs.viewer.server import report
+from mechviz.outputs.viewer.server import Callback, report
 from mechviz.outputs.viewer.session import Contribution, EditSession, Status
 from mechviz.outputs.viewer.view_model import ViewModel
 from mechviz.outputs.viewer.viser_adapter import send_now, uuid_of
-from mechviz.outputs.viewer.world.hover import HoverNames
+from mechviz.outputs.viewer.world.marks import HoverNames
 from mechviz.outputs.viewer.world.scene import Scene3D
 
 SLOW = 0.25  # [s] between changes of what need not follow every move of a slider

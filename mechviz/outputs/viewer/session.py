@@ -16,7 +16,7 @@ from mechcore.spec.mechanism import EFFECTS
 from mechviz.editor.history import Draft, History
 from mechviz.editor.parameters import Parameter, find_parameters
 from mechviz.editor.worker import Latest, assembles, reachable
-from mechviz.outputs.viewer.show_run import Built, build, show_of_run
+from mechviz.outputs.viewer.show import Built, build, show_of_run
 from mechviz.outputs.viewer.view_model import ViewModel
 from mechviz.runs import Run, run_scene
 from mechviz.scene.assembly.simulation import swinging, swings

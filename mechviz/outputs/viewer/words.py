@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mechviz.outputs.viewer.world.camera import grid_cell
 from mechviz.outputs.viewer.world.marks import PATH
-from mechviz.outputs.viewer.world.stage import grid_cell
 from mechviz.quantities.vectors import FAMILIES, FORCE_FAMILIES, Scales, round_value
 
 if TYPE_CHECKING:

@@ -11,7 +11,9 @@ import pytest
 import trimesh
 
 import mechviz
-from mechviz.outputs.exports.tables import ExportError, export_csv, export_parquet, export_stl, wide_table
+from mechviz.files import OutputError
+from mechviz.outputs.exports.solids import export_stl
+from mechviz.outputs.exports.tables import export_csv, export_parquet, wide_table
 from mechviz.picture.build import solids_of
 from mechviz.runs import run_scene
 from mechviz.scene.scene import loads
@@ -82,11 +84,11 @@ def test_links_whose_names_look_alike_get_files_of_their_own(tmp_path):
 def test_files_are_replaced_whole_or_not_at_all(tmp_path, write, monkeypatch):
     path = tmp_path / "t"
     path.write_text("old")
-    with pytest.raises(ExportError, match="does not exist"):
+    with pytest.raises(OutputError, match="does not exist"):
         write(COMPRESSOR, tmp_path / "missing" / "t")
-    with pytest.raises(ExportError, match="is a folder"):
+    with pytest.raises(OutputError, match="is a folder"):
         write(COMPRESSOR, tmp_path)
-    with pytest.raises(ExportError, match="not a regular file"):
+    with pytest.raises(OutputError, match="not a regular file"):
         write(COMPRESSOR, "/dev/null")
 
     def full(*_args):
@@ -94,7 +96,7 @@ def test_files_are_replaced_whole_or_not_at_all(tmp_path, write, monkeypatch):
 
     with monkeypatch.context() as patched:
         patched.setattr("mechviz.files.os.fsync", full)
-        with pytest.raises(ExportError, match="disk is full"):
+        with pytest.raises(OutputError, match="disk is full"):
             write(COMPRESSOR, path)
     assert path.read_text() == "old" and [p.name for p in tmp_path.iterdir()] == ["t"]
     write(COMPRESSOR, path)
@@ -103,5 +105,5 @@ def test_files_are_replaced_whole_or_not_at_all(tmp_path, write, monkeypatch):
 
 def test_a_folder_that_cannot_be_made(tmp_path):
     (tmp_path / "file").write_text("")
-    with pytest.raises(ExportError, match="cannot be made"):
+    with pytest.raises(OutputError, match="cannot be made"):
         export_stl(COMPRESSOR, tmp_path / "file" / "folder")

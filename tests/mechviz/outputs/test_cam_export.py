@@ -12,9 +12,9 @@ import pytest
 from shapely.geometry import LineString, Point
 
 import mechviz
+from mechviz.files import OutputError
 from mechviz.outputs.exports import cam_profiles as cam_export
 from mechviz.outputs.exports.cam_profiles import _chain, biarcs, cam_outlines, dxf_text, export_profiles, profile_csv, svg_text
-from mechviz.outputs.exports.tables import ExportError
 from mechviz.runs import run_scene
 
 SCENES = ["cam-roller", "cam-knife", "cam-flat", "cam-groove", "cam-wedge", "cam-oscillating-flat"]
@@ -97,7 +97,7 @@ def test_crossing_profiles_are_refused(outlines, monkeypatch):
     z = np.exp(1j * np.linspace(0.0, 2.0 * np.pi, 90))
     eight = replace(outline, runs=((z.real + 1j * z.imag * z.real, z, z.real, z.real),))
     monkeypatch.setattr(cam_export, "_profile", lambda cam: eight)
-    with pytest.raises(ExportError, match="'K' crosses itself"):
+    with pytest.raises(OutputError, match="'K' crosses itself"):
         cam_outlines(run_scene(mechviz.load("cam-roller"), frames=8))
 
 
@@ -105,6 +105,6 @@ def test_files_and_scenes_without_cams(tmp_path):
     run = run_scene(mechviz.load("cam-roller"), frames=8)
     for kind in ("dxf", "svg", "csv"):
         assert export_profiles(run, tmp_path / f"cam.{kind}", kind).stat().st_size > 10_000
-    with pytest.raises(ExportError, match="no cam"):
+    with pytest.raises(OutputError, match="no cam"):
         export_profiles(run_scene(mechviz.load("crank-rocker"), frames=8), tmp_path / "x.dxf", "dxf")
     assert not (tmp_path / "x.dxf").exists()

@@ -12,8 +12,7 @@ from page_content import content
 from mechviz.outputs.page.page import make_page
 from mechviz.outputs.presentation import presentation_of
 from mechviz.outputs.rerun.recorded import numbers_in, picture_in
-from mechviz.outputs.viewer.show_recording import show_of_recording
-from mechviz.outputs.viewer.show_run import build, show_of_run
+from mechviz.outputs.viewer.show import build, show_of_recording, show_of_run
 from mechviz.picture.build import picture_of
 from mechviz.picture.nodes import Picture
 from mechviz.quantities.catalogue import Catalogue

@@ -7,7 +7,7 @@ import pytest
 
 import mechviz
 from mechcore.spec.loads import Damper, GasSpring
-from mechviz.outputs.viewer.world.lines import segments
+from mechviz.outputs.viewer.world.bodies import segments
 from mechviz.picture.build import picture_of, solids_of
 from mechviz.picture.nodes import Lines
 from mechviz.picture.proportions import SPIRAL

@@ -24,13 +24,12 @@ from mechviz.outputs.viewer import words
 from mechviz.outputs.viewer.app import Viewer
 from mechviz.outputs.viewer.panels import charts
 from mechviz.outputs.viewer.panels.diagrams import diagram_svg, diagrams_of
+from mechviz.outputs.viewer.panels.handles import traced_at, with_traced
 from mechviz.outputs.viewer.panels.saving import file_name
 from mechviz.outputs.viewer.panels.timeline import columns, health_svg, shade
-from mechviz.outputs.viewer.panels.tracing import traced_at, with_traced
 from mechviz.outputs.viewer.server import ViewerError
 from mechviz.outputs.viewer.session import Contribution, EditSession, Status
-from mechviz.outputs.viewer.show_recording import show_of_recording
-from mechviz.outputs.viewer.show_run import Built, build, show_of_run
+from mechviz.outputs.viewer.show import Built, build, show_of_recording, show_of_run
 from mechviz.outputs.viewer.view_model import Body, Piece
 from mechviz.outputs.viewer.viser_adapter import buffer_of
 from mechviz.outputs.viewer.world.camera import PRESETS, fit_view
@@ -498,7 +497,7 @@ def test_a_recording_is_played_without_computing_anything(tmp_path, monkeypatch)
         "mechviz.runs.compile_mechanism",
     ):
         monkeypatch.setattr(name, never)
-    monkeypatch.setattr("mechviz.outputs.viewer.show_run.solids_of", never)
+    monkeypatch.setattr("mechviz.outputs.viewer.show.solids_of", never)
     with Viewer(Recording(tmp_path / "a.rrd"), port=0) as shown:
         shown.set_frame(17)
         x, y, _ = shown.inspector.show.poses["coupler"][17]

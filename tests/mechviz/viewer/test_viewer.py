@@ -26,22 +26,20 @@ from mechcore.spec.loads import Torque
 from mechcore.spec.mechanism import Drive, Gear, Link, Mechanism, Revolute
 from mechviz import scene
 from mechviz.meshes.solids import build_solids
-from mechviz.outputs.exports.plots import plot_file
+from mechviz.outputs.exports.tables import plot_file
 from mechviz.outputs.viewer import words
 from mechviz.outputs.viewer.app import Viewer
-from mechviz.outputs.viewer.callbacks import finite
 from mechviz.outputs.viewer.panels.effects import plan_graph, plan_svg
 from mechviz.outputs.viewer.panels.plots import Curves, padded_range, thinned
 from mechviz.outputs.viewer.panels.timeline import Speeds
 from mechviz.outputs.viewer.player import Player
-from mechviz.outputs.viewer.server import ViewerError
+from mechviz.outputs.viewer.server import ViewerError, finite
 from mechviz.outputs.viewer.viser_adapter import uuid_of
 from mechviz.outputs.viewer.world.arrows import ARC_FACES, arc_vertices, arrow_points
-from mechviz.outputs.viewer.world.camera import FIELD_OF_VIEW, PRESETS, USUAL_ASPECT, fit_view
+from mechviz.outputs.viewer.world.camera import FIELD_OF_VIEW, PRESETS, USUAL_ASPECT, fit_view, grid_cell
 from mechviz.outputs.viewer.world.constructions import arrow_lines, placed
 from mechviz.outputs.viewer.world.marks import joint_groups
 from mechviz.outputs.viewer.world.solids import link_path, quaternions
-from mechviz.outputs.viewer.world.stage import grid_cell
 from mechviz.picture.constructions import drawings_of
 from mechviz.quantities import vectors
 from mechviz.runs import Run, run_scene

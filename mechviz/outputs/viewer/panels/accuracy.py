@@ -14,7 +14,7 @@ from mechviz.accuracy.apply import in_use, setting_changes, target_changes
 from mechviz.figures import chart_svg
 from mechviz.outputs.rerun.content import accuracy_words
 from mechviz.outputs.viewer import words
-from mechviz.outputs.viewer.callbacks import Callback
+from mechviz.outputs.viewer.server import Callback
 from mechviz.outputs.viewer.session import EditSession
 from mechviz.outputs.viewer.viser_adapter import uuid_of
 from mechviz.studies.precision.diagram import diagram, setting_words

@@ -12,7 +12,7 @@ import viser
 
 from mechviz.editor.parameters import GROUPS, Choice, Parameter, find_choices, find_parameters
 from mechviz.outputs.viewer import words
-from mechviz.outputs.viewer.callbacks import Callback, finite
+from mechviz.outputs.viewer.server import Callback, finite
 from mechviz.outputs.viewer.session import EditSession, Status
 from mechviz.scene.scene import Scene
 

@@ -10,9 +10,9 @@ import numpy as np
 import viser
 
 from mechviz.outputs.viewer import words
-from mechviz.outputs.viewer.callbacks import Callback
 from mechviz.outputs.viewer.panels.plots import CURSOR_RATE, ROUND_OFF, Slot
 from mechviz.outputs.viewer.playback import NumberTrack, PlotTrack
+from mechviz.outputs.viewer.server import Callback
 from mechviz.outputs.viewer.view_model import ViewModel
 from mechviz.quantities.catalogue import Axis, Quantity
 

@@ -18,8 +18,8 @@ from mechcore.arrays import Complex, Real
 from mechviz.outputs.rerun.drawings import Curve as ChartCurve
 from mechviz.outputs.rerun.drawings import Diagram as Chart
 from mechviz.outputs.viewer import words
-from mechviz.outputs.viewer.callbacks import Callback
 from mechviz.outputs.viewer.panels.charts import chart_svg, svg_text
+from mechviz.outputs.viewer.server import Callback
 from mechviz.outputs.viewer.session import EditSession
 from mechviz.outputs.viewer.view_model import Rolling, ViewModel
 from mechviz.outputs.viewer.world.constructions import on_light

@@ -15,8 +15,8 @@ from mechcore.effects.plan import Plan
 from mechcore.effects.registry import effects_of
 from mechcore.spec.mechanism import EFFECTS, Mechanism
 from mechviz.outputs.viewer import words
-from mechviz.outputs.viewer.callbacks import Callback
 from mechviz.outputs.viewer.panels.charts import svg_text
+from mechviz.outputs.viewer.server import Callback
 from mechviz.outputs.viewer.session import Contribution, EditSession
 from mechviz.outputs.viewer.view_model import ViewModel
 

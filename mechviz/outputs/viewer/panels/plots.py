@@ -15,8 +15,9 @@ import viser
 from viser import uplot
 
 from mechcore.arrays import Index, Real
-from mechviz.outputs.exports.plots import KINDS, plot_file
+from mechviz.outputs.exports.tables import KINDS, plot_file
 from mechviz.outputs.viewer.playback import NumberTrack, PlotTrack
+from mechviz.outputs.viewer.server import Callback
 from mechviz.outputs.viewer.view_model import ViewModel
 from mechviz.outputs.viewer.viser_adapter import uuid_of
 from mechviz.outputs.viewer.words import number
@@ -98,8 +99,6 @@ ROUND_OFF = 1e-9  # of a quantity's largest value
 CURSOR = "#c2255c"
 CURSOR_RATE = 12.0  # moves a second while playing: each sends the whole plot
 ANGLE_STEPS = (1, 2, 5, 10, 15, 30, 45, 90, 180, 360, 720, 1440, 3600)
-
-Callback = Callable[[str, Callable[[Any], None]], Callable[[Any], Any]]
 
 
 class Plots:

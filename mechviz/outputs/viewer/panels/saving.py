@@ -13,7 +13,7 @@ import viser
 from mechviz.files import plain_name
 from mechviz.outputs.rerun.writer import write_recording
 from mechviz.outputs.viewer import words
-from mechviz.outputs.viewer.callbacks import Callback
+from mechviz.outputs.viewer.server import Callback
 from mechviz.runs import Run
 from mechviz.scene.saving import kept_text
 from mechviz.scene.scene import Scene, dump, loads

@@ -8,8 +8,8 @@ from typing import Any
 
 import viser
 
-from mechviz.outputs.viewer.callbacks import Callback, finite
 from mechviz.outputs.viewer.player import Player
+from mechviz.outputs.viewer.server import Callback, finite
 from mechviz.outputs.viewer.view_model import ViewModel
 from mechviz.outputs.viewer.viser_adapter import uuid_of
 from mechviz.outputs.viewer.world.camera import PRESETS, reset_to

@@ -14,9 +14,9 @@ import viser
 from mechcore.arrays import Real
 from mechcore.motion.events import Event
 from mechviz.outputs.viewer import words
-from mechviz.outputs.viewer.callbacks import Callback, finite
 from mechviz.outputs.viewer.playback import NumberTrack
 from mechviz.outputs.viewer.player import Player
+from mechviz.outputs.viewer.server import Callback, finite
 from mechviz.outputs.viewer.view_model import ViewModel
 from mechviz.quantities.catalogue import Health
 

@@ -18,8 +18,8 @@ from numpy.typing import NDArray
 from mechcore.arrays import Complex, Flags, Real, Single
 from mechviz.outputs.viewer.view_model import ViewModel
 from mechviz.outputs.viewer.words import scale
+from mechviz.outputs.viewer.world.bodies import segments
 from mechviz.outputs.viewer.world.labels import LabelPlaces, half_sizes
-from mechviz.outputs.viewer.world.lines import segments
 from mechviz.outputs.viewer.world.solids import link_path
 from mechviz.picture.constructions import Drawing, rows_of
 from mechviz.picture.nodes import ArrowSet, Lines, Node, Points

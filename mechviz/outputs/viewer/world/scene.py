@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from functools import partial
 from itertools import chain
 from typing import Any
@@ -13,16 +13,13 @@ import viser
 from mechcore.arrays import Real
 from mechviz.outputs.viewer.playback import PointTrack, PoseTrack
 from mechviz.outputs.viewer.view_model import ViewModel
-from mechviz.outputs.viewer.viser_adapter import place
+from mechviz.outputs.viewer.viser_adapter import Posed, place
 from mechviz.outputs.viewer.world.arrows import ArrowNodes
-from mechviz.outputs.viewer.world.bodies import BodyNodes
-from mechviz.outputs.viewer.world.camera import FittedCameras, set_first_view
+from mechviz.outputs.viewer.world.bodies import BodyNodes, LineNodes
+from mechviz.outputs.viewer.world.camera import FittedCameras, Stage, set_first_view
 from mechviz.outputs.viewer.world.constructions import PlanNodes
-from mechviz.outputs.viewer.world.ghost import Ghost
-from mechviz.outputs.viewer.world.lines import LineNodes
-from mechviz.outputs.viewer.world.marks import Joints, Masses, Paths
-from mechviz.outputs.viewer.world.solids import SolidNodes
-from mechviz.outputs.viewer.world.stage import Stage
+from mechviz.outputs.viewer.world.marks import Joints, Masses, Paths, path_segments
+from mechviz.outputs.viewer.world.solids import SolidNodes, quaternions
 from mechviz.picture.nodes import Body
 
 SHOWN_FIRST = ("reaction", "applied", "inertia", "friction", "drive")
@@ -183,3 +180,61 @@ def _joined(bounds: Real, arrows: Real | None, most: float) -> Real:
         wider[0, :2] = np.minimum(bounds[0, :2], np.maximum(arrows[0], bounds[0, :2] - most))
         wider[1, :2] = np.maximum(bounds[1, :2], np.minimum(arrows[1], bounds[1, :2] + most))
     return wider
+
+
+GHOST_COLOR = (120, 128, 140)
+GHOST_OPACITY = 0.28
+
+
+class Ghost:
+    """The links and paths of ``show`` in pale grey; ``switch`` draws them, made only when they are first wanted."""
+
+    def __init__(self, server: viser.ViserServer, show: ViewModel):
+        self._server, self._show = server, show
+        self._nodes: dict[str, viser.FrameHandle] = {}
+        self._base: viser.FrameHandle | None = None
+        self.on = False
+
+    def switch(self, on: bool) -> None:
+        """Draw the scene as it was opened, or no more."""
+        self.on = on
+        if on and self._base is None:
+            self._make()
+        if self._base is not None:
+            self._base.visible = on
+
+    def poses(self, frame: int) -> Iterator[Posed]:
+        """Where its links are at a frame, if it is drawn."""
+        if self.on:
+            for link, node in self._nodes.items():
+                pose = self._show.poses[link][min(frame, self._show.frames - 1)]
+                yield node, np.array([pose[0], pose[1], 0.0]), quaternions(pose[2:])[0]
+
+    def tracks(self) -> dict[str, tuple[Real, Real | None]]:
+        """By the name of a node: its places (F, 3) and turns (F, 4) over the frames."""
+        if not self.on:
+            return {}
+        poses = {node.name: self._show.poses[link] for link, node in self._nodes.items()}
+        return {n: (np.column_stack([p[:, :2], np.zeros(len(p))]), quaternions(p[:, 2])) for n, p in poses.items()}
+
+    def _make(self) -> None:
+        scene, show = self._server.scene, self._show
+        self._base = scene.add_frame("/opened", show_axes=False)
+        for link, body in show.bodies.items():
+            if link == show.frame:
+                continue
+            path = f"/opened/{link.replace('/', '_')}"
+            self._nodes[link] = scene.add_frame(path, show_axes=False)
+            for k, piece in enumerate(body.pieces):
+                scene.add_mesh_simple(
+                    f"{path}/part_{k}",
+                    piece.vertices,
+                    piece.faces,
+                    color=GHOST_COLOR,
+                    opacity=GHOST_OPACITY,
+                    cast_shadow=False,
+                    receive_shadow=False,
+                )
+        for name, xyz in show.paths.items():
+            path = f"/opened/path {name.replace('/', '_')}"
+            scene.add_line_segments(path, path_segments(xyz), GHOST_COLOR, thickness=1.5, thickness_units="screen")

@@ -1,10 +1,8 @@
-"""The solids of a mechanism as one 3MF file (3D Manufacturing Format, core specification 1.3): millimetres, one object a link.
-
-Every link is a component of its own with its name and colour, placed as it stands at the start of the run.
-"""
+"""The solids of a mechanism as files to print: one STL a link, or one 3MF."""
 
 from __future__ import annotations
 
+import re
 import zipfile
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -13,12 +11,11 @@ from xml.sax.saxutils import quoteattr
 import numpy as np
 
 from mechviz.files import OutputError, replacing
+from mechviz.meshes.solids import Solids, stl_bytes
 from mechviz.picture.build import solids_of
 
 if TYPE_CHECKING:
-    from mechviz.meshes.solids import Solids
     from mechviz.runs import Run
-
 
 _TYPES = """<?xml version="1.0" encoding="UTF-8"?>
 <Types xmlns="http://schemas.openxmlformats.org/package/2006/content-types">
@@ -79,3 +76,31 @@ def export_3mf(run: Run, path: Path | str, *, solids: Solids | None = None) -> P
             entry.compress_type = zipfile.ZIP_DEFLATED
             archive.writestr(entry, content)
     return Path(path)
+
+
+def export_stl(run: Run, folder: Path | str, *, solids: Solids | None = None) -> list[Path]:
+    """Write one binary STL per link, in millimetres and in the link's own frame, into a folder that is made if need be."""
+    folder = Path(folder)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        words = (error.strerror or str(error)).lower()
+        raise OutputError(f"The folder '{folder}' cannot be made: {words}.", "Choose another place.") from None
+    written: list[Path] = []
+    for name, solid in (solids or solids_of(run)).links.items():
+        if not len(solid.faces):
+            continue
+        path = _free_name(folder, name, written)
+        with replacing(path) as temporary:
+            temporary.write_bytes(stl_bytes(solid))
+        written.append(path)
+    return written
+
+
+def _free_name(folder: Path, link: str, taken: list[Path]) -> Path:
+    """A file name for a link: without characters that file systems object to, and not used for another link already."""
+    stem = re.sub(r"[^\w.\-]+", "_", link).strip(".") or "link"
+    path, n = folder / f"{stem}.stl", 2
+    while any(path.name.lower() == t.name.lower() for t in taken):
+        path, n = folder / f"{stem}-{n}.stl", n + 1
+    return path
