@@ -90,6 +90,12 @@ def assemble(model: Model, drives: Sequence[float], *, others: bool = True) -> A
     return Assembly(modes=tuple(modes), starts=starts, constants=tuple(constants), state=state)
 
 
+def starts_of(model: Model, state: State, shape: tuple[int, ...] = ()) -> dict[str, Real]:
+    """What solved positions (*shape) are continued from: unknowns of general blocks, and angles of groups beyond one turn."""
+    starts = {name: np.asarray(newton.x) for name, newton in state.newton.items()}
+    return starts | {f"angle {g}": np.broadcast_to(real_angle(model, state, g), shape) for g in model.multi_turn}
+
+
 def _idle_modes(model: Model, stated: Mapping[str, Sequence[str]]) -> list[Fault]:
     """The faults of assembly modes that decide nothing: at joints that no group of two modes places."""
     used = {joint for joints in stated.values() for joint in joints}

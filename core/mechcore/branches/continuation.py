@@ -1,14 +1,15 @@
-"""Following a group that no closed form solves from its start over the whole range of the drives.
+"""Continuation of the branch on which a mechanism has been assembled, along a parameter that leads its drives.
 
-A coarse walk with adaptive steps follows the branch that the start lies on; a step counts only if Newton's first correction was
-small and the determinant of the group's columns kept its sign, so the walk cannot jump to another assembly mode unseen. At a change
-point, where branches cross, it goes on along the tangent, on the branch that runs straight through. The
-frames that are wanted then start from the walk's interpolation, all at once.
+This is the one place that walks with a predictor, Newton's method as corrector and a step control. A step counts only if Newton's
+first correction was small and the determinants of the groups' columns kept their signs, so that the path cannot jump to another
+assembly mode unseen. At a change point, where branches cross, it goes on along the tangent, on the branch that runs straight
+through. Where it comes to a stand next to a limit, the limit's exact place is found. The frames that are wanted start from the
+interpolated path, all at once.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,33 +17,94 @@ from numpy.typing import ArrayLike
 
 from mechcore.arrays import Real
 from mechcore.branches.assembly import Assembly
-from mechcore.branches.limits import find_limit
 from mechcore.errors import Fault, MechanismError
 from mechcore.kinematics.columns import all_columns, all_vectors, matrix_of
 from mechcore.kinematics.model import Model
-from mechcore.kinematics.positions import place_all
+from mechcore.kinematics.positions import equations, place, place_all
+from mechcore.kinematics.program import Block
 from mechcore.kinematics.rates import velocities
-from mechcore.kinematics.state import real_angle
+from mechcore.kinematics.state import Patch, State, initial_state, real_angle
+from mechcore.laws.timed import Law
 from mechcore.numerics.interpolation import interpolant
 
-Drives = Callable[[float], tuple[list[float], list[float]]]  # parameter -> drive positions and their derivatives by it
-
 LARGEST_CORRECTION = 0.02  # [rad] of the first Newton correction of an accepted step
+LARGEST_TURN = 0.5  # [rad] by which an angle beyond one turn may differ from where it was expected
 FOR_PASSING = 4  # rows from which the branch is extrapolated through a singular position
-SMOOTH = 0.05  # part of the speed or of the way by which the branch may differ from that beyond it
+SMOOTH = 0.05  # part of the speed or of the travel by which the branch may differ from that beyond it
 WATCHED = 0.05  # smallest against largest singular value below which a group is looked after
 REGULAR = 1e-8  # smallest against largest singular value of the columns of an accepted step
-SMALLEST_STEP = 1e-7  # of the range: below, the walk has met a limit, whose place is then found exactly
+LOOSE = 1e-4  # second smallest singular value against the largest: below, a group has two freedoms or more
+SMALLEST_STEP = 1e-7  # of the range: below, the path has met a limit, whose place is then found exactly
+NEAR = 1e-5  # of the range: what is farther away than this from the last row is not the limit that the path came to a stand at
+ALONG = 1e-3  # along the curve, relative: the second place from which a fold is looked for
+FARTHEST = 0.2  # along the curve: a fold farther off is not the one that the path came to a stand at
+CLOSE = 1e-13  # relative
+HALVINGS = 60
 
 
-@dataclass(frozen=True)
-class Track:
-    """Unknowns of the general blocks along the parameter. ``ends``: the range that was reached (all of it, or up to a limit);
-    ``known``: the part of it that the walk's own rows cover, which ends just before a limit.
+@dataclass(frozen=True, eq=False)
+class Branch:
+    """What is followed: a mechanism as assembled, whose first drives go by ``laws`` of a parameter; the others are held ``still``.
 
-    ``passed``: singular positions on the way at which the motion goes on along its tangent, and the group that is singular there.
-    ``loose``: the groups that have more than one freedom where the walk ended; ``singular``: whether it ended at a limit;
-    ``flat_ends``: whether a followed group is all but singular where the walk was let end, so that more of the way should be known.
+    Groups of ``model`` that are of the kind "general" are continued, and the angles of those that count turns.
+    """
+
+    model: Model
+    assembly: Assembly
+    laws: tuple[Law, ...]
+    still: tuple[float, ...] = ()
+
+    def drives(self, parameter: Real | float) -> list[Real]:
+        """Positions of all drives at parameters (...)."""
+        led = [np.asarray(law(parameter)[0], float)[()] for law in self.laws]
+        return [*led, *(np.full(np.shape(parameter), q)[()] for q in self.still)]
+
+    def speeds(self, parameter: float) -> list[float]:
+        """Derivatives of the drives' positions by the parameter."""
+        return [*(float(law(parameter)[1]) for law in self.laws), *(0.0 for _ in self.still)]
+
+    def placed(
+        self, parameter: Real | float, starts: Mapping[str, Real], patches: Mapping[int, Sequence[Patch]] | None = None
+    ) -> State:
+        """Positions of all groups at parameters (...) from Newton starts there."""
+        return place_all(
+            self.model, self.drives(parameter), self.assembly.modes, starts, patches, constants=self.assembly.constants
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class Row:
+    """A point of a path: unknowns of the continued groups and their slopes, determinants and singular values of their columns."""
+
+    parameter: float
+    unknowns: dict[str, Real]
+    slopes: dict[str, Real]
+    determinants: dict[str, float]
+    singular_values: dict[str, Real]
+
+    def regularity(self, name: str) -> float:
+        """Smallest against largest singular value of a group's columns."""
+        s = self.singular_values[name]
+        return float(s[-1] / s[0])
+
+    @property
+    def loose(self) -> list[str]:
+        """Groups that have two freedoms or more here."""
+        return [name for name, s in self.singular_values.items() if len(s) > 1 and s[-2] < LOOSE * s[0]]
+
+    def same_branch(self, new: Row) -> bool:
+        """Whether no determinant has changed its sign."""
+        return all(old * new.determinants[name] > 0 or old == 0.0 for name, old in self.determinants.items())
+
+
+@dataclass(frozen=True, eq=False)
+class ContinuationPath:
+    """Unknowns of the continued groups along the parameter. ``ends``: the range that was reached (all of it, or up to a limit);
+    ``known``: the part of it that the path's own rows cover, which ends just before a limit.
+
+    ``passed``: singular positions at which the motion goes on along its tangent, and the group that is singular there.
+    ``loose``: the groups that have more than one freedom where the path ended; ``singular``: whether it ended at a limit;
+    ``flat_ends``: whether a continued group is all but singular where the path was let end, so that more of it should be known.
     """
 
     ends: tuple[float, float]
@@ -59,22 +121,25 @@ class Track:
         return {name: spline(inside) for name, spline in self.splines.items()}
 
 
-def follow(model: Model, assembly: Assembly, drives: Drives, start: float, low: float, high: float, step: float) -> Track:
-    """Walk from ``start`` to ``low`` and to ``high`` with steps of at most ``step``."""
+def continuation_path(branch: Branch, start: float, low: float, high: float, step: float) -> ContinuationPath:
+    """The branch from ``low`` to ``high``, or as far as it goes, continued from ``start`` in steps of at most ``step``.
+
+    Raises `MechanismError` where the start is singular, so that two ways lead on.
+    """
     passed: list[tuple[float, str]] = []
-    forward = _walk(model, assembly, drives, start, high, step, passed)
-    backward = _walk(model, assembly, drives, start, low, step, passed) if low < start else [forward[0]]
-    stopped = [rows for rows, end in ((forward, high), (backward, low)) if (end - rows[-1][0]) * (end - start) > 0]
+    forward = _continued(branch, start, high, step, passed)
+    backward = _continued(branch, start, low, step, passed) if low < start else [forward[0]]
+    stopped = [rows for rows, end in ((forward, high), (backward, low)) if (end - rows[-1].parameter) * (end - start) > 0]
     limits = [
-        find_limit(model, assembly, drives, rows[-1], high - low, sign) if any(rows is s for s in stopped) else rows[-1][0]
+        _limit(branch, rows[-1], high - low, sign) if any(rows is s for s in stopped) else rows[-1].parameter
         for rows, sign in ((backward, -1.0), (forward, 1.0))
     ]
-    loose = tuple(dict.fromkeys(name for rows in stopped for name in _loose(model, rows[-1])))
+    loose = tuple(dict.fromkeys(name for rows in stopped for name in rows[-1].loose))
     rows = backward[:0:-1] + forward
-    p = np.array([r[0] for r in rows])
+    p = np.array([row.parameter for row in rows])
     splines: dict[str, Callable[[ArrayLike], Real]] = {}
-    for name in assembly.starts:
-        x, slope = np.array([r[1][name] for r in rows]), np.array([r[2][name] for r in rows])
+    for name in branch.assembly.starts:
+        x, slope = np.array([row.unknowns[name] for row in rows]), np.array([row.slopes[name] for row in rows])
         if len(p) == 1:
             p1, x, slope = np.array([p[0], p[0] + 1.0]), np.repeat(x, 2, 0), np.zeros((2, *x.shape[1:]))
             splines[name] = interpolant(p1, x, slope)
@@ -86,23 +151,20 @@ def follow(model: Model, assembly: Assembly, drives: Drives, start: float, low: 
     known = (max(float(p[0]), beyond[0]), min(float(p[-1]), beyond[1]))
     ends = (max(min(known[0], limits[0]), beyond[0]), min(max(known[1], limits[1]), beyond[1]))
     low_end, high_end = (
-        not any(rows is s for s in stopped) and min((_regularity(rows[-1], name) for name in rows[-1][4]), default=1.0) < WATCHED
+        not any(rows is s for s in stopped)
+        and min((rows[-1].regularity(name) for name in rows[-1].singular_values), default=1.0) < WATCHED
         for rows in (backward, forward)
     )
-    return Track(ends, known, splines, tuple(passed), loose, bool(stopped), (low_end, high_end))
+    return ContinuationPath(ends, known, splines, tuple(passed), loose, bool(stopped), (low_end, high_end))
 
 
-Row = tuple[
-    float, dict[str, Real], dict[str, Real], dict[str, float], dict[str, Real]
-]  # place, unknowns, slopes, determinants, singular values
-
-
-def _walk(
-    model: Model, assembly: Assembly, drives: Drives, start: float, end: float, step: float, passed: list[tuple[float, str]]
-) -> list[Row]:
-    row = _at(model, assembly, drives, start, assembly.starts)
+# -- steps --------------------------------------------------------------------------------------------------------------------
+def _continued(branch: Branch, start: float, end: float, step: float, passed: list[tuple[float, str]]) -> list[Row]:
+    """Rows from ``start`` to ``end``, or to the limit before it; singular positions that were gone through are added to
+    ``passed``."""
+    row = _row_at(branch, start, branch.assembly.starts)
     if row is None:
-        which = ", ".join(b.name for b in model.blocks if b.kind == "general") or "the groups that relations need"
+        which = ", ".join(b.name for b in branch.model.blocks if b.kind == "general") or "the groups that relations need"
         raise MechanismError(
             Fault(
                 "drives",
@@ -115,18 +177,18 @@ def _walk(
         return rows
     direction = 1.0 if end > start else -1.0
     h, smallest = step, SMALLEST_STEP * max(abs(end - start), step)
-    while direction * (end - rows[-1][0]) > 0:
-        p = rows[-1][0]
+    while direction * (end - rows[-1].parameter) > 0:
+        p = rows[-1].parameter
         h = min(h, direction * (end - p))
         target = end if h == direction * (end - p) else p + direction * h
-        new = None if _singular_before(rows, target) else _at(model, assembly, drives, target, _extrapolate(rows, target))
-        if new is not None and _same_branch(rows[-1], new):
+        new = None if _singular_before(rows, target) else _row_at(branch, target, _extrapolated(rows[-2:], target)[0])
+        if new is not None and rows[-1].same_branch(new):
             rows.append(new)
             h = min(step, 2.0 * h)
         else:
             h *= 0.5
             if h < smallest:
-                names = _pass(model, assembly, drives, rows, direction, step)
+                names = _pass(branch, rows, direction, step)
                 if not names:
                     break
                 passed += [(p, one) for one in names]
@@ -134,42 +196,59 @@ def _walk(
     return rows
 
 
-def _pass(model: Model, assembly: Assembly, drives: Drives, rows: list[Row], direction: float, step: float) -> list[str]:
-    """Go through a singular position, next to which the walk has come to a stand, along the tangent of the configuration curve.
-
-    The branch is extrapolated from rows that are well conditioned to a place on the other side; there Newton must find it close to
-    where it was expected, and running on in the same direction. A limit of the motion, where nothing lies beyond, fails this. The
-    ill-conditioned rows are taken out. Returns the names of the groups that were singular: those whose determinants have changed
-    their signs, or, where one is singular in two ways at once, that which was nearest to it.
-    """
-    place = rows[-1][0]
-    flattest = min(rows[-1][4], key=lambda name: _regularity(rows[-1], name), default=None)
-    for part in (8.0, 32.0, 128.0):
-        gap = step / part
-        kept = [row for row in rows if direction * (place - row[0]) >= gap]
-        if len(kept) < 2:
+def _row_at(branch: Branch, p: float, starts: Mapping[str, Real]) -> Row | None:
+    """One point of the path; None where Newton ends too far from its start or nowhere."""
+    model = branch.model
+    state = branch.placed(p, starts)
+    for result in state.newton.values():
+        if not np.isfinite(result.x).all() or float(result.first) > LARGEST_CORRECTION:
+            return None
+    speeds = branch.speeds(p)
+    vectors = all_vectors(model, state)
+    with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
+        cols = all_columns(model, vectors)
+        rates = velocities(model, vectors, cols, speeds, bends=state.bends)
+    row = Row(p, {}, {}, {}, {})
+    for block, c in zip(model.blocks, cols, strict=True):
+        if block.kind != "general":
             continue
-        last, target = kept[-1], place + direction * gap
-        expected, slope = _along(kept[-FOR_PASSING:], target)
-        new = _at(model, assembly, drives, target, expected)
-        if new is None:
-            continue
-        flipped = [one for one in new[3] if last[3][one] * new[3][one] < 0]
-        far = {n: np.abs(np.atleast_1d(new[1][n] - expected[n])).max() for n in new[1]}
-        way = {n: np.abs(np.atleast_1d(expected[n] - last[1][n])).max() for n in new[1]}
-        bend = {n: np.abs(np.atleast_1d(new[2][n] - slope[n])).max() for n in new[2]}
-        speed = {n: np.abs(np.atleast_1d(last[2][n])).max() + np.abs(np.atleast_1d(slope[n])).max() for n in new[2]}
-        smooth = all(bend[n] <= SMOOTH * max(speed.values()) and far[n] <= SMOOTH * max(way.values()) for n in far)
-        if smooth and flattest is not None:
-            rows[:] = [*kept, new]
-            return flipped or [flattest]
-    return []
+        matrix, _ = matrix_of(c)
+        matrix[..., : len(block.angles)] /= model.length_scale
+        square = matrix.shape[-1] == matrix.shape[-2]
+        classes = [model.angles.classes_of[g][0] for g in block.angles]
+        extra = [sum(s * speeds[d] for d, s in model.angles.class_drives[k]) for k in classes]
+        turning = [rates.angular[k] - e for k, e in zip(classes, extra, strict=True)]
+        row.unknowns[block.name] = state.newton[block.name].x
+        row.slopes[block.name] = np.array([*turning, *(rates.slide[j] for j in block.slides)], float)
+        row.determinants[block.name] = float(np.linalg.det(matrix)) if square else 0.0
+        if not np.isfinite(row.slopes[block.name]).all():
+            return None
+        row.singular_values[block.name] = np.asarray(np.linalg.svd(matrix, compute_uv=False), float)
+        if square and row.regularity(block.name) < REGULAR:
+            return None  # the sign of its determinant says nothing
+    for g in model.multi_turn:
+        name = f"angle {g}"
+        x, slope = np.asarray(real_angle(model, state, g)), np.asarray(rates.group[g])
+        if not np.isfinite(x) or not np.isfinite(slope) or abs(float(x - starts[name])) > LARGEST_TURN:
+            return None
+        row.unknowns[name], row.slopes[name] = x, slope
+    return row
 
 
-def _regularity(row: Row, name: str) -> float:
-    """Smallest against largest singular value of a group's columns."""
-    s = row[4][name]
-    return float(s[-1] / s[0])
+def _extrapolated(rows: Sequence[Row], p: float) -> tuple[dict[str, Real], dict[str, Real]]:
+    """Unknowns and slopes at ``p`` by the polynomial through those of some rows: of two a cubic, of one the tangent."""
+    places = np.array([row.parameter for row in rows])
+    h = float(np.ptp(places)) or 1.0
+    power = np.arange(2 * len(rows))
+
+    def basis(u: Real) -> tuple[Real, Real]:
+        return u[:, None] ** power, power * u[:, None] ** np.maximum(power - 1, 0)
+
+    wanted = np.concatenate(basis(np.array([(p - places[-1]) / h])))
+    weights = np.linalg.solve(np.concatenate(basis((places - places[-1]) / h)).T, wanted.T).T
+    weights *= np.outer([1.0, 1.0 / h], np.repeat([1.0, h], len(rows)))
+    data = {n: np.array([*(r.unknowns[n] for r in rows), *(r.slopes[n] for r in rows)]) for n in rows[-1].unknowns}
+    return {n: weights[0] @ x for n, x in data.items()}, {n: weights[1] @ x for n, x in data.items()}
 
 
 def _singular_before(rows: Sequence[Row], p: float) -> bool:
@@ -177,84 +256,136 @@ def _singular_before(rows: Sequence[Row], p: float) -> bool:
     then taken in smaller steps, or a position that is singular in two ways at once would be stepped over unseen."""
     if len(rows) < 2:
         return False
-    far = (p - rows[-1][0]) / (rows[-1][0] - rows[-2][0])
-    for name in rows[-1][4]:
-        now, before = _regularity(rows[-1], name), _regularity(rows[-2], name)
-        if now < WATCHED and now + far * (now - before) < 0.0:
+    last, before = rows[-1], rows[-2]
+    far = (p - last.parameter) / (last.parameter - before.parameter)
+    for name in last.singular_values:
+        now = last.regularity(name)
+        if now < WATCHED and now + far * (now - before.regularity(name)) < 0.0:
             return True
     return False
 
 
-def _along(rows: Sequence[Row], p: float) -> tuple[dict[str, Real], dict[str, Real]]:
-    """Position and slope at ``p`` by the polynomial through the positions and slopes of some rows."""
-    places = np.array([row[0] for row in rows])
-    h = float(np.ptp(places)) or 1.0
-    u, at = (places - places[-1]) / h, (p - places[-1]) / h
-    n = 2 * len(rows)
-    power = np.arange(n)
-    matrix = np.concatenate([u[:, None] ** power, power * u[:, None] ** np.maximum(power - 1, 0)])
-    out: tuple[dict[str, Real], dict[str, Real]] = ({}, {})
-    for name in rows[-1][1]:
-        values = np.array([np.atleast_1d(row[1][name]) for row in rows])
-        slopes = np.array([np.atleast_1d(row[2][name]) for row in rows]) * h
-        c = np.linalg.solve(matrix, np.concatenate([values, slopes]))
-        shape = np.shape(rows[-1][1][name])
-        out[0][name] = np.reshape(at**power @ c, shape)
-        out[1][name] = np.reshape((power * at ** np.maximum(power - 1, 0)) @ c / h, shape)
-    return out
+def _pass(branch: Branch, rows: list[Row], direction: float, step: float) -> list[str]:
+    """Go through a singular position, next to which the path has come to a stand, along the tangent of the configuration curve.
 
-
-def _loose(model: Model, row: Row) -> list[str]:
-    """Groups that have two freedoms or more at a row next to which a walk has come to a stand."""
-    return [name for name, s in row[4].items() if len(s) > 1 and s[-2] < 1e-4 * s[0]]
-
-
-def _extrapolate(rows: Sequence[Row], p: float) -> dict[str, Real]:
-    """Hermite extrapolation through the last two points of the walk (tangent where there is only one)."""
-    if len(rows) < 2:
-        p0, x, slope, *_ = rows[-1]
-        return {name: x[name] + (p - p0) * slope[name] for name in x}
-    (p0, x0, s0, *_), (p1, x1, s1, *_) = rows[-2], rows[-1]
-    h, u = p1 - p0, (p - p0) / (p1 - p0)
-    a, b = u * u * (3.0 - 2.0 * u), u * (1.0 - u)  # cubic Hermite polynomial, here with u > 1
-    return {n: x0[n] + a * (x1[n] - x0[n]) + h * b * ((1.0 - u) * s0[n] - u * s1[n]) for n in x0}
-
-
-def _same_branch(old: Row, new: Row) -> bool:
-    return all(old[3][name] * new[3][name] > 0 or old[3][name] == 0.0 for name in new[3])
-
-
-def _at(model: Model, assembly: Assembly, drives: Drives, p: float, starts: dict[str, Real]) -> Row | None:
-    """Solve one point of the walk; None where Newton ends too far from its start or nowhere."""
-    q, speed = drives(p)
-    state = place_all(model, [np.float64(v) for v in q], assembly.modes, starts, constants=assembly.constants)
-    for result in state.newton.values():
-        if not np.isfinite(result.x).all() or float(result.first) > LARGEST_CORRECTION:
-            return None
-    vectors = all_vectors(model, state)
-    with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
-        cols = all_columns(model, vectors)
-        rates = velocities(model, vectors, cols, [np.float64(v) for v in speed], bends=state.bends)
-    x, slope, det, singular = {}, {}, {}, {}
-    for block, c in zip(model.blocks, cols, strict=True):
-        if block.kind != "general":
+    The branch is extrapolated from rows that are well conditioned to a place on the other side; there Newton must find it close to
+    where it was expected, and running on in the same direction. A limit of the motion, where nothing lies beyond, fails this. The
+    ill-conditioned rows are taken out. Returns the names of the groups that were singular: those whose determinants have changed
+    their signs, or, where one is singular in two ways at once, that which was nearest to it.
+    """
+    end = rows[-1]
+    flattest = min(end.singular_values, key=end.regularity, default=None)
+    for part in (8.0, 32.0, 128.0):
+        gap = step / part
+        kept = [row for row in rows if direction * (end.parameter - row.parameter) >= gap]
+        if len(kept) < 2:
             continue
-        matrix, _ = matrix_of(c)
-        matrix[..., : len(block.angles)] /= model.length_scale
-        x[block.name] = state.newton[block.name].x
-        classes = [model.angles.classes_of[g][0] for g in block.angles]
-        extra = [sum(s * speed[d] for d, s in model.angles.class_drives[k]) for k in classes]
-        turning = [rates.angular[k] - e for k, e in zip(classes, extra, strict=True)]
-        slope[block.name] = np.array([*turning, *(rates.slide[j] for j in block.slides)], float)
-        det[block.name] = float(np.linalg.det(matrix)) if matrix.shape[-1] == matrix.shape[-2] else 0.0
-        if not np.isfinite(slope[block.name]).all():
+        last, target = kept[-1], end.parameter + direction * gap
+        expected, slope = _extrapolated(kept[-FOR_PASSING:], target)
+        new = _row_at(branch, target, expected)
+        if new is None:
+            continue
+        names = list(new.unknowns)
+        far = {n: np.abs(np.atleast_1d(new.unknowns[n] - expected[n])).max() for n in names}
+        travel = max((np.abs(np.atleast_1d(expected[n] - last.unknowns[n])).max() for n in names), default=0.0)
+        bend = {n: np.abs(np.atleast_1d(new.slopes[n] - slope[n])).max() for n in names}
+        speeds = [np.abs(np.atleast_1d(last.slopes[n])).max() + np.abs(np.atleast_1d(slope[n])).max() for n in names]
+        smooth = all(bend[n] <= SMOOTH * max(speeds) and far[n] <= SMOOTH * travel for n in names)
+        if smooth and flattest is not None:
+            rows[:] = [*kept, new]
+            return [n for n, d in new.determinants.items() if last.determinants[n] * d < 0] or [flattest]
+    return []
+
+
+# -- limits -------------------------------------------------------------------------------------------------------------------
+# At a limit of a continued group the configuration curve turns back: along the curve the parameter has an extremum there. Followed
+# by its own length instead of by the parameter the curve is regular, and the extremum is the zero of a smooth function. Where a
+# group with a closed form can no longer be put together, the place is found by bisection.
+def _limit(branch: Branch, row: Row, span: float, direction: float) -> float:
+    """The parameter at which a path of the range ``span`` ends, beyond its last row; the row's own where that cannot be told."""
+    p = row.parameter
+    reach = p + direction * NEAR * span
+    with np.errstate(all="ignore"):
+        found = [_missing(branch, row, reach)]
+        for block in branch.model.blocks:
+            if block.kind == "general" and block.name in row.singular_values:
+                found.append(_fold(branch, block, row, NEAR * span))
+    ahead = [q for q in found if q is not None and 0.0 <= direction * (q - p) <= NEAR * span]
+    return min(ahead, key=lambda q: direction * q, default=p)
+
+
+def _placed_before(branch: Branch, row: Row, p: float, block: Block | None) -> State:
+    """Positions of the groups before one that is looked at (None: of all with a closed form before the first continued one)."""
+    model, assembly = branch.model, branch.assembly
+    state = initial_state(model, branch.drives(p), assembly.constants, row.unknowns)
+    for b, mode in zip(model.blocks, assembly.modes, strict=True):
+        if b is block or (block is None and b.kind == "general"):
+            break
+        place(model, b, state, mode, row.unknowns.get(b.name))
+    return state
+
+
+def _missing(branch: Branch, row: Row, far: float) -> float | None:
+    """Where groups with closed forms, before any continued one, stop fitting together; None where they do at both ends."""
+
+    def fits(at: float) -> bool:
+        state = _placed_before(branch, row, at, None)
+        values = [*(r for r in state.rot if r is not None), *state.slide.values()]
+        return bool(np.isfinite(np.array([complex(v) for v in values])).all())
+
+    p = row.parameter
+    if fits(far) or not fits(p):
+        return None
+    for _ in range(HALVINGS):
+        middle = 0.5 * (p + far)
+        p, far = (middle, far) if fits(middle) else (p, middle)
+    return p
+
+
+def _fold(branch: Branch, block: Block, row: Row, near: float) -> float | None:
+    """Where the curve of a continued group turns back, next to a row of its path."""
+    model, p0 = branch.model, row.parameter
+    scale = np.concatenate([np.ones(len(block.angles)), np.full(len(block.slides), model.length_scale)])
+    start = np.asarray(row.unknowns[block.name], float) / scale
+    h = 0.1 * near
+
+    def residual(x: Real, p: float) -> tuple[Real, Real]:
+        r, jacobian = equations(model, block, _placed_before(branch, row, p, block))(x)
+        return r, jacobian
+
+    _, jacobian = residual(start, p0)
+    if jacobian.shape[0] != jacobian.shape[1]:
+        return None
+    along = np.linalg.svd(jacobian)[2][-1]
+
+    def on_curve(s: float, x: Real, p: float) -> tuple[Real, float, float] | None:
+        """The point of the curve that lies ``s`` along from the start, and how fast the parameter changes there."""
+        for _ in range(12):
+            r, jacobian = residual(x, p)
+            by_p = (residual(x, p + h)[0] - residual(x, p - h)[0]) / (2.0 * h)
+            matrix = np.block([[jacobian, by_p[:, None]], [along[None], np.zeros((1, 1))]])
+            both = np.column_stack([np.append(-r, s - along @ (x - start)), np.append(np.zeros(len(r)), 1.0)])
+            if not np.isfinite(matrix).all() or not np.isfinite(both).all():
+                return None
+            step, tangent = np.linalg.lstsq(matrix, both, rcond=None)[0].T
+            x, p = x + step[:-1], p + float(step[-1])
+            if np.abs(step[:-1]).max() < CLOSE and abs(step[-1]) < CLOSE * max(near / NEAR, abs(p)):
+                break
+        return x, p, float(tangent[-1])
+
+    first = on_curve(0.0, start, p0)
+    if first is None:
+        return None
+    x, p, speed = first
+    s, other = 0.0, ALONG
+    for _ in range(40):  # secants: the parameter's speed along the curve is zero at the fold
+        point = on_curve(other, x, p)
+        if point is None:
             return None
-        singular[block.name] = s = np.asarray(np.linalg.svd(matrix, compute_uv=False), float)
-        if matrix.shape[-1] == matrix.shape[-2] and s[-1] < REGULAR * s[0]:
-            return None  # the sign of its determinant says nothing
-    for g in model.multi_turn:
-        name = f"angle {g}"
-        x[name], slope[name] = np.asarray(real_angle(model, state, g)), np.asarray(rates.group[g])
-        if not np.isfinite(x[name]) or not np.isfinite(slope[name]) or abs(float(x[name] - starts[name])) > 0.5:
+        x, p, now = point
+        if abs(other - s) < 1e-9 or now == speed:
+            break
+        s, other, speed = other, other - now * (other - s) / (now - speed), now
+        if abs(other) > FARTHEST:
             return None
-    return p, x, slope, det, singular
+    return p

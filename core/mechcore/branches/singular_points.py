@@ -9,7 +9,7 @@ Where the triangle would be more than flat the group cannot be put together: a g
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -17,8 +17,9 @@ import numpy as np
 
 from mechcore.arrays import Flags, Real
 from mechcore.branches.modes import TWO_MODES
+from mechcore.kinematics.columns import all_vectors, columns, matrix_of
 from mechcore.kinematics.model import Model
-from mechcore.kinematics.patching import FAR, TAIL, smooth
+from mechcore.kinematics.patching import FAR, NODES, TAIL, smooth, tail_of, unknowns_of
 from mechcore.kinematics.positions import apply, dead_point_margin, place
 from mechcore.kinematics.program import Block
 from mechcore.kinematics.state import State, initial_state
@@ -112,7 +113,7 @@ class Changes:
 
 
 def find_changes(model: Model, modes: Sequence[float], starts: Mapping[str, Real], *, span: float | None = None) -> Changes | None:
-    """All changes of a mechanism under its drives' laws; None where there can be none, or where groups are followed by a walk.
+    """All changes of a mechanism under its drives' laws; None where there can be none, or where groups are continued.
 
     With one rotary drive that can turn fully the configuration alone decides: one turn of the drive is looked at (or as many as the
     mechanism needs to come back). Else the laws decide, over one cycle if that closes. If it does not, ``span`` [s] says how far to
@@ -242,6 +243,40 @@ def _smoothed(
         apply(model, block, state, patch)
         blurred[patch.frames] = True
     return c, best < TAIL
+
+
+def locate(model: Model, block: Block, placed: Callable[[Real], State], p: float, sample: float) -> tuple[float, float] | None:
+    """The place of a singular position of a continued group next to the parameter ``p``, and the step, of ``sample`` at most, at
+    which the motion beside it is resolved; None where it is not known there. ``placed``: parameters (n,) -> positions."""
+    scale = np.where(np.arange(len(block.angles) + len(block.slides)) < len(block.angles), 1.0, model.length_scale)
+    best: tuple[float, float, float] | None = None
+    width = sample
+    for _ in range(8):
+        state = placed(p + width * FAR * NODES)
+        values = unknowns_of(model, block, state, np.arange(len(NODES)))
+        if np.isfinite(values).all():
+            tail = tail_of(values / scale)
+            if best is None or tail < 0.5 * best[0]:
+                best = tail, p + _zero(_determinant(model, block, state), NODES) * width * FAR, width
+            if tail < TAIL:
+                break
+        width *= 0.5
+    return None if best is None else best[1:]
+
+
+def _determinant(model: Model, block: Block, state: State) -> Real:
+    matrix, _ = matrix_of(columns(model, block, all_vectors(model, state)))
+    matrix[..., : len(block.angles)] /= model.length_scale
+    return np.asarray(np.linalg.det(matrix), float)
+
+
+def _zero(values: Real, nodes: Real) -> float:
+    """The zero nearest to 0 of a smooth quantity given at nodes on [-1, 1]."""
+    fit = np.polynomial.Chebyshev.fit(nodes, values / np.abs(values).max(), 11, domain=[-1.0, 1.0])
+    slope, at = fit.deriv(), 0.0
+    for _ in range(20):
+        at -= float(np.clip(fit(at) / slope(at), -0.1, 0.1)) if slope(at) != 0.0 else 0.0
+    return at if abs(at) < 0.2 else 0.0
 
 
 def rounding_of(model: Model) -> float:

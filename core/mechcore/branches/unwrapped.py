@@ -13,10 +13,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechcore.arrays import Flags, Index, Real
-from mechcore.branches.assembly import Assembly
+from mechcore.branches.assembly import Assembly, starts_of
+from mechcore.branches.paths import CYCLES, SAME, largest_change
 from mechcore.kinematics.model import Model
 from mechcore.kinematics.positions import place_all
-from mechcore.kinematics.state import State, real_angle, wrapped_angle
+from mechcore.kinematics.state import State, wrapped_angle
 from mechcore.laws.timed import Law, Table, moves
 from mechcore.numerics.frames import lazy
 from mechcore.spec.mechanism import Mechanism
@@ -92,8 +93,7 @@ def _reached(model: Model, assembly: Assembly, first: Real, starts: Starts, driv
     for k in range(1, count + 1):
         q = first + k / count * (drives - first)
         state = place_all(model, list(q.T), assembly.modes, starts, constants=assembly.constants)
-        found = {name: newton.x for name, newton in state.newton.items()}
-        starts = found | {f"angle {g}": np.broadcast_to(real_angle(model, state, g), len(q)) for g in model.multi_turn}
+        starts = starts_of(model, state, (len(q),))
     return starts
 
 
@@ -178,8 +178,6 @@ FARTHEST = 4096.0  # steps from one place to the next; a place farther off is a 
 MOST = 4_000_000  # steps of a table from the start: 100,000 turns; a trial of the integrator's may lie anywhere
 ROUNDS = 14  # halvings of a step in which links turn farther: at a real jump no step is short enough
 CHUNK = 100_000  # places looked at together
-CYCLES = (1, 2, 3, 4, 6, 12)  # turns of the drive after which the mechanism may be back where it was
-SAME = 1e-8  # of rotations, and of displacements over the size, that are the same after a cycle
 SAMPLES = 256  # of a law's cycle, for its largest speed
 
 
@@ -420,9 +418,7 @@ class _Table:
             if self.ends[1]:
                 return
             _, state, _ = place(np.array([[self.at], [end]]))
-            away = [np.abs(np.diff(np.broadcast_to(rot, 2)))[0] for rot in state.rot]
-            away += [np.abs(np.diff(np.broadcast_to(s, 2)))[0] / self.model.length_scale for s in state.slide.values()]
-            if max(away) < SAME:
+            if largest_change(self.model, state) < SAME:
                 self.period = turns * self.turn
                 return
 

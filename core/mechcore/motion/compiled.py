@@ -14,8 +14,8 @@ from mechcore.accuracy import DEFAULT, Accuracy
 from mechcore.arrays import Flags, Real
 from mechcore.branches.assembly import Assembly
 from mechcore.branches.modes import TWO_MODES
+from mechcore.branches.paths import BranchPath, path_for
 from mechcore.branches.singular_points import Changes, find_changes, needs_span, passages
-from mechcore.branches.tracking import Course, course_of
 from mechcore.branches.unwrapped import Frames, LinkAngles, UnwrappedAngles
 from mechcore.kinematics.model import Model
 from mechcore.kinematics.patching import make_patches
@@ -38,7 +38,7 @@ class Compiled:
     start: tuple[float, ...]  # drive positions for which the assembly was made
     angles: UnwrappedAngles  # of its links, as far as they have been asked for
     changes: Changes | None = None  # where assembly modes meet in the course of the drives' laws
-    courses: list[Course] = field(default_factory=list)  # walks that have been made, for further frames on the same way
+    paths: list[BranchPath] = field(default_factory=list)  # that have been followed, for further frames on them
     accuracy: Accuracy = DEFAULT
 
     @cached_property
@@ -48,7 +48,7 @@ class Compiled:
 
     @cached_property
     def followed(self) -> bool:
-        """Whether groups have to be followed along their course; with gears a turn of the drive need not bring all back."""
+        """Whether groups have to be followed along a path; with gears a turn of the drive need not bring all back."""
         return bool(self.assembly.starts) or (bool(self.model.relations) and any(b.kind in TWO_MODES for b in self.model.blocks))
 
     @property
@@ -82,10 +82,10 @@ def follow(
 
 
 class Placed(NamedTuple):
-    """A motion, the walk that it lies on with the frames' ``parameter`` there, where groups are followed, and the changes known."""
+    """A motion, the path that it lies on with the frames' ``parameter`` there, where groups are followed, and the changes known."""
 
     motion: Motion
-    course: Course | None
+    path: BranchPath | None
     parameter: Real | None
     changes: Changes | None
 
@@ -95,7 +95,7 @@ def place(compiled: Compiled, time: Real, values: DriveValues, *, given: bool) -
     model = compiled.model
     positions = [v[0] for v in values]
     constants = compiled.assembly.constants
-    solved, parameter, course = model, None, None
+    solved, parameter, path = model, None, None
     starts: Mapping[str, Real] | None = None
     modes: Sequence[Real | float] = compiled.assembly.modes
     patches, passed = None, []
@@ -106,17 +106,17 @@ def place(compiled: Compiled, time: Real, values: DriveValues, *, given: bool) -
     elif compiled.followed and given and len(positions) > 1 and len(time):
         starts = compiled.angles.way.starts(model, compiled.assembly, time, np.stack(positions, axis=-1))
     elif compiled.followed and len(time):
-        course = _course(compiled, time, positions, given=given)
-        solved, changes = course.model, course.changes
-        parameter = time if course.by_time else positions[0]
-        starts = course.starts(parameter)
+        path = _path(compiled, time, positions, given=given)
+        solved, changes = path.model, path.changes
+        parameter = time if path.by_time else positions[0]
+        starts = path.starts(parameter)
     elif changes is None and not given and len(time) and needs_span(model):
         changes = find_changes(model, compiled.assembly.modes, compiled.assembly.starts, span=float(np.max(time)))
     if changes is not None and changes.found:
         law_time, scale = _law_time(compiled, changes, time, values, given=given)
         if law_time is not None:
             modes = [m * changes.signs(i, law_time) for i, m in enumerate(modes)]
-            own = None if course is None else partial(_own_starts, course)
+            own = None if path is None else partial(_own_starts, path)
             patches = make_patches(solved, changes, compiled.assembly.modes, law_time, scale, constants, own)
             if not given and changes.by_drive:
                 passed = passages(changes, model.mechanism.drives[0].law, time, positions[0])
@@ -125,11 +125,11 @@ def place(compiled: Compiled, time: Real, values: DriveValues, *, given: bool) -
     state = place_all(solved, positions, modes, starts, patches, constants, compiled.accuracy.position)
     led = compiled if compiled.accuracy.differentiation == "exact" else replace(compiled, accuracy=DEFAULT)  # at any times
     again: Callable[[Real], Motion] | None = None if given else lambda t: follow(led, t)
-    in_time = course.by_time if course is not None else len(positions) > 1 or not (changes is None or changes.by_drive)
+    in_time = path.by_time if path is not None else len(positions) > 1 or not (changes is None or changes.by_drive)
     frames = positions, state, (*model.designs, len(time))
     angles = led.angles.still(frames) if still else _angles(led, frames, time, in_time=not given and in_time)
     motion = Motion(model, time, values, state, angles, patches, passed, again, compiled.accuracy)
-    return Placed(motion, course, parameter, changes)
+    return Placed(motion, path, parameter, changes)
 
 
 def _angles(compiled: Compiled, frames: Frames, time: Real, *, in_time: bool) -> LinkAngles:
@@ -149,33 +149,33 @@ def _angles(compiled: Compiled, frames: Frames, time: Real, *, in_time: bool) ->
     return unwrapped.along(frames, frames[0][0], lambda x: placed(np.zeros(len(x)), x))
 
 
-def _course(compiled: Compiled, time: Real, positions: Sequence[Real], *, given: bool) -> Course:
-    """The walk that the frames need: one that has been made already, if it covers them."""
-    for course in compiled.courses:
-        if not (course.by_time and given):
-            wanted = time if course.by_time else positions[0]
-            one = len(positions) == 1 and not course.by_time
-            if one and given and course.tells(wanted):
-                return course
-            if (course.by_time or (one and not course.track.singular)) and bool(np.all(course.reached(wanted))):
-                return course
-    course = course_of(compiled.model, compiled.assembly, compiled.start, time, positions, given=given)
-    compiled.courses[:] = [course, *compiled.courses[:3]]
-    return course
+def _path(compiled: Compiled, time: Real, positions: Sequence[Real], *, given: bool) -> BranchPath:
+    """The path that the frames need: one that has been followed already, if it covers them."""
+    for path in compiled.paths:
+        if not (path.by_time and given):
+            wanted = time if path.by_time else positions[0]
+            one = len(positions) == 1 and not path.by_time
+            if one and given and path.tells(wanted):
+                return path
+            if (path.by_time or (one and not path.continuation.singular)) and bool(np.all(path.reached(wanted))):
+                return path
+    path = path_for(compiled.model, compiled.assembly, compiled.start, time, positions, given=given)
+    compiled.paths[:] = [path, *compiled.paths[:3]]
+    return path
 
 
 def reached(compiled: Compiled, q: Real) -> Flags:
     """Whether a motion goes as far as positions (n,) of the only drive, which have been solved: beyond the limits of groups that
     are followed Newton's method may have found other branches. True everywhere where none are followed."""
-    for course in compiled.courses:
-        if not course.by_time and course.tells(q):
-            return course.reached(q)
+    for path in compiled.paths:
+        if not path.by_time and path.tells(q):
+            return path.reached(q)
     return np.ones(np.shape(q), bool)
 
 
-def _own_starts(course: Course, law_time: Real) -> dict[str, Real]:
-    """Newton starts at times of the laws that lead along a walk."""
-    return course.starts(law_time if course.by_time else law_time + course.start)
+def _own_starts(path: BranchPath, law_time: Real) -> dict[str, Real]:
+    """Newton starts at times of the laws that lead along a path."""
+    return path.starts(law_time if path.by_time else law_time + path.start)
 
 
 def _law_time(

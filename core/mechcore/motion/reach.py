@@ -11,12 +11,11 @@ import numpy as np
 
 from mechcore.arrays import Flags, Real, Values
 from mechcore.branches.modes import TWO_MODES
+from mechcore.branches.paths import branch_by_drive, branch_path, largest_step
 from mechcore.branches.singular_points import flat_instants, rounding_of
-from mechcore.branches.tracking import STEP, walk
 from mechcore.kinematics.model import Model
 from mechcore.kinematics.positions import dead_point_margin, place_all
 from mechcore.kinematics.state import State
-from mechcore.laws.timed import ConstantSpeed
 from mechcore.motion.compiled import TURN, Compiled, follow
 from mechcore.motion.metrics import peak
 from mechcore.motion.motion import Motion
@@ -31,8 +30,8 @@ def reachable_ranges(compiled: Compiled, *, samples: int = 1441) -> list[tuple[f
     """Ranges of the first drive's position (rad or m) in which every group can be put together, the others held at their start.
 
     A rotary drive is looked at over one turn about its start, a sliding one within five sizes of the mechanism. Ends are located
-    to 1e-10 of that range. Groups that have to be followed, see `tracking`, are followed from the start, so only the range around
-    it is known.
+    to 1e-10 of that range. Groups that have to be followed, see `branches.paths`, are followed from the start, so only the range
+    around it is known.
     """
     ranges = _ranges(compiled, samples)
     joints = compiled.mechanism.joints
@@ -47,13 +46,12 @@ def _ranges(compiled: Compiled, samples: int) -> list[tuple[float, float]]:
     rotary = model.joints[model.joint_index[model.mechanism.drives[0].joint]].coordinate == "angle"
     half = 0.5 * TURN if rotary else 5.0 * model.length_scale
     if compiled.followed:
-        step = STEP["angle"] if rotary else STEP["slide"] * model.length_scale
         full = half * (2.0 if rotary else 1.0)
-        lead = (ConstantSpeed(0.0, 1.0),)  # the parameter is the first drive's position
-        course = walk(model, compiled.assembly, lead, q0, q0 - full, q0 + full, step, step / 12.0, others=compiled.start[1:])
-        low, high = course.track.ends
-        low = max([low, *(end for _, end, _ in course.gaps if end < q0)])
-        high = min([high, *(start for start, _, _ in course.gaps if start > q0)])
+        branch = branch_by_drive(model, compiled.assembly, compiled.start[1:])
+        path = branch_path(branch, q0, q0 - full, q0 + full, largest_step(model))
+        low, high = path.continuation.ends
+        low = max([low, *(end for _, end, _ in path.gaps if end < q0)])
+        high = min([high, *(start for start, _, _ in path.gaps if start > q0)])
         low, high = (q0 - half, q0 + half) if rotary and high - low >= 2.0 * half else (low, high)
         if not model.mechanism.ends:
             return [(low, high)]
@@ -71,7 +69,7 @@ def _ranges(compiled: Compiled, samples: int) -> list[tuple[float, float]]:
         fits = np.isfinite(np.sum([np.broadcast_to(np.abs(r), len(q)) for r in motion.state.rot], axis=0)) & np.isfinite(
             np.sum([np.zeros(len(q)), *(np.broadcast_to(s, len(q)) for s in motion.state.slide.values())], axis=0)
         )
-        return fits & within_slots(motion)
+        return np.asarray(fits & within_slots(motion), bool)
 
     grid = np.linspace(low, high, samples)
     state, gaps = solved(grid).state, [grid]
@@ -124,7 +122,7 @@ def range_beside(compiled: Compiled, time: Real) -> tuple[float, float] | None:
         rows += room_in_slots(model, state)
         values = [*(r for r in state.rot if r is not None), *state.slide.values()]
         ok = np.all([np.broadcast_to(np.isfinite(v), shape).all(axis=1) for v in values], axis=0)
-        return np.all([ok, *(_least(np.broadcast_to(row, shape)) >= 0.0 for row in rows)], axis=0)
+        return np.asarray(np.all([ok, *(_least(np.broadcast_to(row, shape)) >= 0.0 for row in rows)], axis=0))
 
     step = 2.0 * half / (SAMPLES - 1)
     ends = []
@@ -148,7 +146,7 @@ def _least(rows: Real) -> Real:
     slope, bend = 0.5 * (after - before), after - 2.0 * here + before
     with np.errstate(divide="ignore", invalid="ignore"):
         dip = np.where((bend > 0.0) & (np.abs(slope) <= bend), here - 0.5 * slope**2 / bend, here)
-    return np.minimum(rows.min(axis=-1), dip.min(axis=-1))
+    return np.asarray(np.minimum(rows.min(axis=-1), dip.min(axis=-1)))
 
 
 SLACK = 1e-9  # of the mechanism's size: rounding may carry one so far beyond an end

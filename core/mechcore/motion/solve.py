@@ -12,10 +12,10 @@ from numpy.typing import ArrayLike
 
 from mechcore.accuracy import DEFAULT, Accuracy
 from mechcore.arrays import Flags, Real
-from mechcore.branches.assembly import Assembly, assemble, fitting_statements, other_modes
-from mechcore.branches.modes import at_sketch, sketched_drives
+from mechcore.branches.assembly import Assembly, assemble, fitting_statements
+from mechcore.branches.modes import at_sketch, other_modes, sketched_drives
+from mechcore.branches.paths import BranchPath, travel_of
 from mechcore.branches.singular_points import Changes, find_changes
-from mechcore.branches.tracking import Course, way_of
 from mechcore.branches.unwrapped import UnwrappedAngles, Waypoint, raw_angles, start_pose
 from mechcore.errors import Fault, MechanismError
 from mechcore.kinematics.build import build_model
@@ -123,13 +123,13 @@ def solve_motion(
     values = drive_values(model.mechanism, time, drives)
     if not given and len(time):
         _check_way(compiled, [v[0] for v in values])
-    motion, course, parameter, changes = place(compiled, time, values, given=given)
+    motion, path, parameter, changes = place(compiled, time, values, given=given)
     if motion.patches or not _all_placed(model, motion):
-        faults = _faults(compiled, motion, course, parameter, time)
+        faults = _faults(compiled, motion, path, parameter, time)
         if faults:
             raise MechanismError(faults)
-    if course is not None and parameter is not None and course.gaps and not given and len(time):
-        _check_gaps_on(compiled, course, time, parameter)
+    if path is not None and parameter is not None and path.gaps and not given and len(time):
+        _check_gaps_on(compiled, path, time, parameter)
     if not given and changes is not None and changes.gaps:
         _check_gaps(compiled, changes, time)
     if len(time) and model.mechanism.ends:
@@ -182,35 +182,35 @@ def _check_gaps(compiled: Compiled, changes: Changes, time: Real) -> None:
             raise MechanismError(faults)
 
 
-def _check_gaps_on(compiled: Compiled, course: Course, time: Real, parameter: Real) -> None:
-    """No stretch of a walk between the frames, however short, may be one that cannot be assembled."""
+def _check_gaps_on(compiled: Compiled, path: BranchPath, time: Real, parameter: Real) -> None:
+    """No stretch of a path between the frames, however short, may be one that cannot be assembled."""
     low, high = float(np.min(parameter)), float(np.max(parameter))
-    if not course.by_time:
-        low, high, _ = way_of(compiled.mechanism.drives[0].law, float(np.min(time)), float(np.max(time)))
-    for start, end, _ in course.gaps:
-        period = course.period
+    if not path.by_time:
+        low, high, _ = travel_of(compiled.mechanism.drives[0].law, float(np.min(time)), float(np.max(time)))
+    for start, end, _ in path.gaps:
+        period = path.period
         shift = 0.0 if period is None else period * np.ceil((low - end) / period)
         if start + shift >= high or end + shift <= low:
             continue
         inside = np.linspace(start + shift, end + shift, 101)
-        if course.by_time:
+        if path.by_time:
             motion = follow(compiled, inside)
         else:
             joint = compiled.mechanism.drives[0].joint
             given = {joint: (inside, np.ones_like(inside), np.zeros_like(inside))}
             motion = follow(compiled, np.zeros(len(inside)), given)
-        faults = _faults(compiled, motion, course, inside, time)
+        faults = _faults(compiled, motion, path, inside, time)
         if faults:
             raise MechanismError(faults)
 
 
-def _faults(compiled: Compiled, motion: Motion, course: Course | None, parameter: Real | None, time: Real) -> list[Fault]:
+def _faults(compiled: Compiled, motion: Motion, path: BranchPath | None, parameter: Real | None, time: Real) -> list[Fault]:
     """What keeps frames of a run over ``time`` from being assembled: the first group in solving order that fails, per range of the
     drive."""
     model = compiled.model
     faults: list[Fault] = []
     failed = np.zeros(motion.frames, bool)
-    followed = set() if course is None else {b.name for b in course.model.blocks if b.kind == "general"}
+    followed = set() if path is None else {b.name for b in path.model.blocks if b.kind == "general"}
     for block in model.blocks:
         if block.redundant or motion.patches:  # where a branch was interpolated, too, the loops have to close
             miss = np.zeros(motion.frames)
@@ -220,11 +220,11 @@ def _faults(compiled: Compiled, motion: Motion, course: Course | None, parameter
             worst = float(np.fmax.reduce(np.where(bad, miss, 0.0), initial=0.0))
         else:
             bad = ~_placed(model, block, motion) & ~failed
-            if block.name in followed and course is not None and parameter is not None:
-                bad |= ~course.reached(parameter) & ~failed
+            if block.name in followed and path is not None and parameter is not None:
+                bad |= ~path.reached(parameter) & ~failed
             worst = greatest_miss(compiled.assembly, block, motion, bad) if bad.any() else 0.0
         if bad.any():
-            loose = course is not None and block.name in course.track.loose
+            loose = path is not None and block.name in path.continuation.loose
             faults.append(_out_of_reach(compiled, block, motion, bad, worst, time, loose=loose))
             failed |= bad
     return faults

@@ -131,7 +131,7 @@ def _solve(run: Run, accuracy: Accuracy, time: Real) -> Any:
     if run.simulation is not None:
         view = run.simulation.view(time)
         return view, run.simulation.forces(view) if run.forces is not None else None
-    compiled = replace(run.compiled, accuracy=accuracy, courses=[])
+    compiled = replace(run.compiled, accuracy=accuracy, paths=[])
     motion = solve_motion(compiled, time)
     _ = motion.origin_velocities, motion.origin_accelerations
     return motion, solve_forces(motion) if run.forces is not None else None

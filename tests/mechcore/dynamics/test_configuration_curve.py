@@ -242,13 +242,13 @@ def test_a_walk_whose_start_leaves_the_way_open_is_refused():
         solve_motion(compile_mechanism(simultaneous(start, sketch)), np.linspace(0.0, 1.0, 11))
 
 
-def test_a_course_is_walked_once(monkeypatch):
-    """Frames that a walk covers already cost no second one."""
-    from mechcore.branches import tracking
+def test_a_path_is_followed_once(monkeypatch):
+    """Frames that a path covers already cost no second one."""
+    from mechcore.branches import paths
 
     compiled = compile_mechanism(geared_parallelogram("left"))
     solve_motion(compiled, np.linspace(0.0, 4 * TURN, 100))
-    monkeypatch.setattr(tracking, "follow", None)
+    monkeypatch.setattr(paths, "continuation_path", None)
     solve_motion(compiled, np.linspace(0.1, 50 * TURN, 100))
 
 

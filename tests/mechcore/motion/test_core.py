@@ -364,23 +364,20 @@ def test_a_triad_follows_one_branch_and_comes_back():
     assert steps < 0.02, "no jump to another assembly mode"
 
 
-def test_the_walk_does_not_change_branch_even_with_wild_steps(monkeypatch):
+def test_a_path_does_not_change_branch_even_with_wild_steps(monkeypatch):
     """With steps of a third of a turn and no limit on Newton's corrections the sign of the determinant alone must guard it."""
     from mechcore.branches import continuation
+    from mechcore.branches.paths import branch_by_drive
 
     compiled = compile_mechanism(class_three())
     monkeypatch.setattr(continuation, "LARGEST_CORRECTION", np.inf)
 
-    def drives(p):
-        return [p], [1.0]
-
-    row = (0.0, {}, {}, {"P": 0.3})
-    assert continuation._same_branch(row, (0.1, {}, {}, {"P": 0.2})) and not continuation._same_branch(
-        row, (0.1, {}, {}, {"P": -0.2})
-    )
-    fine = continuation.follow(compiled.model, compiled.assembly, drives, 0.0, 0.0, 6.0, 0.05)
+    row, same, other = (continuation.Row(0.0, {}, {}, {"P": d}, {}) for d in (0.3, 0.2, -0.2))
+    assert row.same_branch(same) and not row.same_branch(other)
+    branch = branch_by_drive(compiled.model, compiled.assembly)
+    fine = continuation.continuation_path(branch, 0.0, 0.0, 6.0, 0.05)
     for step in (0.5, 1.0, 2.0, 3.0):
-        wild = continuation.follow(compiled.model, compiled.assembly, drives, 0.0, 0.0, 6.0, step)
+        wild = continuation.continuation_path(branch, 0.0, 0.0, 6.0, step)
         (name,) = wild.splines
         a, b = fine.splines[name](6.0), wild.splines[name](6.0)
         assert wild.ends[1] == 6.0 and np.abs(np.exp(1j * a) - np.exp(1j * b)).max() < 1e-6, step

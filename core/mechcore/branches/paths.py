@@ -1,0 +1,359 @@
+"""Branch paths: the branch that the start lies on, as far as the frames of a run need it, with the singular points on it.
+
+One path along the configuration curve serves all frames. Its parameter is the position of the only drive; where that drive turns
+back at a dead point, or where there are several drives, it is time. Groups without a closed form are continued, and those whose
+whole angle a relation needs; so are groups with a closed form that come to a flat position on the path, because which of their
+modes is the smooth continuation depends on the path.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from mechcore.arrays import Flags, Real
+from mechcore.branches.assembly import Assembly, starts_of
+from mechcore.branches.continuation import REGULAR, Branch, ContinuationPath, continuation_path
+from mechcore.branches.modes import TWO_MODES
+from mechcore.branches.singular_points import Change, Changes, flat_instants, locate, needs_span, rounding_of
+from mechcore.kinematics.columns import all_vectors, columns, matrix_of
+from mechcore.kinematics.model import Model
+from mechcore.kinematics.patching import FAR, make_patches
+from mechcore.kinematics.positions import dead_point_margin
+from mechcore.kinematics.program import Block
+from mechcore.kinematics.state import Patch, State, value, wrapped_angle
+from mechcore.laws.timed import ConstantSpeed, Law
+
+TURN = 2.0 * np.pi
+STEP = {"angle": np.radians(6.0), "slide": 0.05}  # largest step of a path: angle, or part of the mechanism's size
+SAMPLES = 720  # of a turn or a cycle, at which closed forms are looked at for flat positions
+SAMPLES_OF_STEP = 12  # the same, of a step
+MOST_SAMPLES = 20_000
+SAMPLES_OF_LAW = 2001
+CLOSED = 1e-11  # of the size: what loops may be open at a dead point that a drive just reaches
+STUCK = 1e-9  # flatness of a group that takes part in what a path did not get through
+BESIDE = 0.3  # of a step: where a path begins whose start is flat (no power of two: halved steps shall not lead back onto it)
+AHEAD = 2e-4  # relative growth of the flatness over a thousandth of a step: beyond, the flat position is not the start itself
+FLAT = 1e-4  # flatness of a group below which a start counts as flat
+EDGE = 1e-11  # relative: what a limit is known to, generously
+CYCLES = (1, 2, 3, 4, 6, 12)  # turns after which groups may be back where they were
+SAME = 1e-8  # of rotations, and of displacements over the size, that are the same after a cycle
+
+
+@dataclass(frozen=True, eq=False)
+class BranchPath:
+    """A branch, continued over a range of its parameter, and what was met there.
+
+    ``branch``: with those groups marked that are continued. ``start``: the parameter there. ``asked``: the range to be covered;
+    ``edge``: to what its ends are known. ``by_time``: the parameter is time. ``period``: after so much of the parameter the groups
+    repeat, angles but for whole turns; None where the path covers all. ``gaps``: ranges of the parameter in which a group (by
+    number, -1 where the path ended) cannot be put together. ``changes``: singular points that the motion goes through.
+    """
+
+    branch: Branch
+    continuation: ContinuationPath
+    start: float
+    asked: tuple[float, float]
+    edge: float
+    by_time: bool = False
+    period: float | None = None
+    gaps: tuple[tuple[float, float, int], ...] = ()
+    changes: Changes | None = None
+
+    @property
+    def model(self) -> Model:
+        """The model in which the groups that are continued are so marked."""
+        return self.branch.model
+
+    def placed(self, parameter: Real, patches: Mapping[int, Sequence[Patch]] | None = None) -> State:
+        """Positions of all groups at parameters (F,) within one period."""
+        return self.branch.placed(parameter, self.continuation.starts(parameter), patches)
+
+    def starts(self, parameter: Real) -> dict[str, Real]:
+        """Newton starts, and angles beyond one turn, for parameters (F,)."""
+        path = self.continuation
+        if self.period is None:
+            return path.starts(parameter)
+        turns = np.floor((parameter - self.start) / self.period)
+        found = path.starts(parameter - turns * self.period)
+        angles = {block.name: len(block.angles) for block in self.model.blocks if block.kind == "general"}
+        for name, spline in path.splines.items():
+            gain = np.round((spline(self.start + self.period) - spline(self.start)) / TURN) * TURN
+            if name in angles:
+                gain[angles[name] :] = 0.0
+                found[name] = found[name] + turns[:, None] * gain
+            else:
+                found[name] = found[name] + turns * gain
+        return found
+
+    def reached(self, parameter: Real) -> Flags:
+        """Whether the path came as far as parameters (F,)."""
+        if self.period is not None:
+            return np.ones(np.shape(parameter), bool)
+        low, high = self.continuation.ends
+        return (parameter >= low - self.edge) & (parameter <= high + self.edge)
+
+    def tells(self, parameter: Real) -> bool:
+        """Whether nothing more of parameters (F,) is found by another path: this one came as far, or met a limit before."""
+        low, high = self.asked
+        return bool(np.all(self.reached(parameter) | ((parameter >= low) & (parameter <= high))))
+
+
+# -- the path that the frames need ----------------------------------------------------------------------------------------------
+def path_for(
+    model: Model, assembly: Assembly, start: Sequence[float], time: Real, positions: Sequence[Real], *, given: bool
+) -> BranchPath:
+    """The path that the frames at times (F,) need. ``given``: the frames' drive positions are not those of the laws."""
+    drives = model.mechanism.drives
+    in_time = Branch(model, assembly, tuple(d.law for d in drives))
+    first, last = (float(np.min(time)), float(np.max(time))) if len(time) else (0.0, 0.0)
+    if len(drives) > 1:
+        return _path_in_time(in_time, min(0.0, first), last)
+    q0, q = start[0], positions[0]
+    low, high = (min(q0, float(np.min(q))), max(q0, float(np.max(q)))) if len(q) else (q0, q0)
+    if not given:
+        least, most, stands = travel_of(drives[0].law, first, last)
+        low, high = min(low, least), max(high, most)
+    step, branch = largest_step(model), branch_by_drive(model, assembly)
+    if model.rotary(drives[0].joint):
+        repeating = _repeating(lambda end: branch_path(branch, q0, q0, q0 + end, step, TURN / SAMPLES), CYCLES, TURN, high - low)
+        if repeating is not None:
+            return repeating
+    path = branch_path(branch, q0, low, high, step)
+    (lowest, highest), known = path.continuation.ends, path.continuation.known
+    near = 1e-5 * max(high - low, step)
+    short = known[0] > low or known[1] < high  # it met a limit
+    close = len(q) and (high > highest - near or low < lowest + near)
+    turns_back = not given and stands
+    if turns_back and close and (short or _flat_at_ends(path)):
+        through = _path_in_time(in_time, min(0.0, first), last)
+        if bool(through.reached(np.array(last))) and _reaches_dead_points(through):
+            return through
+    return path
+
+
+def branch_by_drive(model: Model, assembly: Assembly, others: Sequence[float] = ()) -> Branch:
+    """The branch along the position of the first drive; ``others``: where further drives stand still."""
+    return Branch(model, assembly, (ConstantSpeed(0.0, 1.0),), tuple(others))
+
+
+def largest_step(model: Model) -> float:
+    """Largest step of a path along the position of the first drive [rad or m]."""
+    joint = model.mechanism.drives[0].joint
+    return float(STEP["angle"]) if model.rotary(joint) else STEP["slide"] * model.length_scale
+
+
+def _path_in_time(branch: Branch, low: float, high: float) -> BranchPath:
+    """The path in time, over a few cycles where the laws and the groups repeat."""
+    duration = min((law.duration for law in branch.laws), default=1.0)
+    high = max(high, 1e-9 * duration)
+
+    def until(high: float, low: float = 0.0) -> BranchPath:
+        return branch_path(branch, 0.0, low, high, duration / 60.0, duration / SAMPLES, by_time=True)
+
+    if low == 0.0 and not needs_span(branch.model):
+        repeating = _repeating(until, CYCLES[:4], duration, high)
+        if repeating is not None:
+            return repeating
+    return until(high, low)
+
+
+def _repeating(until: Callable[[float], BranchPath], cycles: Sequence[int], cycle: float, span: float) -> BranchPath | None:
+    """The path over the first number of cycles after which every link and slide is back where it was; None where a path over the
+    whole ``span`` is as short, or where one comes to a limit. ``until``: the path from the start over a part of the parameter."""
+    for count in cycles:
+        period = count * cycle
+        if span <= 1.01 * period:
+            return None
+        path = until(period)
+        end = path.start + period
+        if path.continuation.ends[1] < end:
+            return None
+        if not largest_change(path.model, path.placed(np.array([path.start, end]))) < SAME:
+            continue
+        changes = path.changes
+        if changes is not None:
+            tiny = 1e-9 * period
+            kept = tuple(c for c in changes.found if -tiny <= c.time < period - tiny)
+            changes = replace(changes, period=period, found=kept)
+        return replace(path, period=period, changes=changes)
+    return None
+
+
+def largest_change(model: Model, state: State) -> float:
+    """The largest change of a rotation, or of a displacement over the size, between two solved positions."""
+    away = [np.abs(np.diff(np.broadcast_to(rot, 2)))[0] for rot in state.rot]
+    away += [np.abs(np.diff(np.broadcast_to(s, 2)))[0] / model.length_scale for s in state.slide.values()]
+    return float(max(away, default=0.0))
+
+
+def travel_of(law: Law, first: float, last: float) -> tuple[float, float, bool]:
+    """Smallest and largest position of a law from ``first`` to ``last`` [s], between frames too; whether it stands still there."""
+    time = np.linspace(first, last, SAMPLES_OF_LAW)
+    q, v, a = (np.asarray(x, float) for x in law(time))
+    turns = np.flatnonzero((v[:-1] * v[1:] <= 0.0) & ((a[:-1] != 0.0) | (a[1:] != 0.0)))
+    at = time[turns]
+    step = float(time[1] - time[0])
+    for _ in range(4 if len(turns) else 0):  # where it turns back
+        _, speed, bend = law(at)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            move = np.where(bend != 0.0, -speed / bend, 0.0)
+        at = np.clip(at + np.clip(move, -step, step), time[turns], time[turns + 1])
+    reached = np.concatenate([q, np.asarray(law(at)[0], float)]) if len(turns) else q
+    moves = float(np.abs(v).max(initial=0.0))
+    return float(reached.min()), float(reached.max()), moves > 0.0 and float(np.abs(v).min()) < 1e-2 * moves
+
+
+def _flat_at_ends(path: BranchPath) -> bool:
+    """Whether a group with a closed form is all but flat where a path ended."""
+    state = path.placed(np.array(path.continuation.known))
+    two = (b for b in path.model.blocks if b.kind in TWO_MODES)
+    return any(float(np.min(np.broadcast_to(h, 2))) < STUCK for b in two for h in dead_point_margin(path.model, b, state))
+
+
+def _reaches_dead_points(path: BranchPath) -> bool:
+    """Whether a path in time goes through dead points that the drive just reaches: beyond them the loops would not close."""
+    if path.changes is None:
+        return False
+    time = np.array([c.time for c in path.changes.found if c.dead])
+    if not len(time):
+        return False
+    model, assembly = path.model, path.branch.assembly
+    patches = make_patches(model, path.changes, assembly.modes, time, (1.0, 0.0), assembly.constants, path.starts)
+    state = path.branch.placed(time, path.starts(time), patches)
+    sums = (value(loop, state.rot, state.slide) for loop in model.loop_sums)
+    return all(np.abs(total).max() <= CLOSED * model.length_scale for total in sums)
+
+
+# -- following a branch ---------------------------------------------------------------------------------------------------------
+def branch_path(
+    branch: Branch, start: float, low: float, high: float, step: float, sample: float | None = None, *, by_time: bool = False
+) -> BranchPath:
+    """The branch from ``low`` to ``high``, or as far as it goes, continued from ``start`` in steps of at most ``step``; groups with
+    a closed form that come to a flat position are continued as well, which is looked for in steps of ``sample``.
+
+    Raises `MechanismError` where the start is singular, so that two ways lead on.
+    """
+    sample = step / SAMPLES_OF_STEP if sample is None else sample
+    gaps: list[tuple[float, float, int]] = []
+    begin, behind, ahead, more = start, low, high, 2.0 * FAR * sample
+    aside = _flat_start(branch, start, step)
+    if aside:
+        begin = start + aside * BESIDE * step
+        branch = _beside(branch, begin)
+        behind, ahead = min(low, start - more), max(high, start + more)  # it has to be known on both sides of the start
+    edge = EDGE * max(10.0 * step, abs(low), abs(high))
+    for _ in range(len(branch.model.blocks) + 3):
+        found = continuation_path(branch, begin, behind, ahead, step)
+        path = BranchPath(branch, found, start, (low, high), edge, by_time)
+        flat, gaps = _flat_groups(path, sample)
+        wider = (behind == low and found.flat_ends[0], ahead == high and found.flat_ends[1])
+        if not flat and not any(wider):
+            break
+        if flat:
+            branch = _with_continued(branch, flat)
+        behind, ahead = behind - more * wider[0], ahead + more * wider[1]
+    path = replace(path, branch=branch)
+    if found.ends[0] > low + edge:
+        gaps.append((low, found.ends[0], -1))
+    if found.ends[1] < high - edge:
+        gaps.append((found.ends[1], high, -1))
+    passed = [c for p, name in found.passed for c in [_change(path, p, name, sample)] if c is not None]
+    if not passed:
+        return replace(path, gaps=tuple(gaps))
+    still = tuple(ConstantSpeed(q, 0.0) for q in branch.still)
+    laws = branch.laws if by_time else (ConstantSpeed(start, 1.0), *still)
+    changes = Changes(period=1e150, found=tuple(passed), laws=laws, by_drive=not by_time)
+    return replace(path, gaps=tuple(gaps), changes=changes)
+
+
+def _flat_start(branch: Branch, start: float, step: float) -> float:
+    """Which way the stated modes lead on from a start at, or all but at, a flat position of groups with a closed form: 1, or -1
+    where that position lies just ahead; 0 where none is near."""
+    model = branch.model
+
+    def margins(p: float) -> Real:
+        state = branch.placed(p, branch.assembly.starts)
+        found = [np.min([float(h) for h in dead_point_margin(model, b, state)]) for b in model.blocks if b.kind in TWO_MODES]
+        return np.array(found)
+
+    here = margins(start)
+    if not (here < FLAT).any() or _singular(branch, start):
+        return 0.0
+    off = 1e-3 * step
+    before, after = margins(start - off)[here < FLAT], margins(start + off)[here < FLAT]
+    grows = after - before
+    return -1.0 if (grows < -AHEAD * (abs(after) + abs(before))).any() else 1.0
+
+
+def _singular(branch: Branch, p: float) -> bool:
+    """Whether a group that no closed form solves, whose way on nothing states, is singular."""
+    model = branch.model
+    state = branch.placed(p, branch.assembly.starts)
+    for block in (b for b in model.blocks if b.kind == "general"):
+        matrix, _ = matrix_of(columns(model, block, all_vectors(model, state)))
+        s = np.linalg.svd(np.nan_to_num(matrix), compute_uv=False)
+        if s[-1] < REGULAR * s[0]:
+            return True
+    return False
+
+
+def _beside(branch: Branch, p: float) -> Branch:
+    """The branch from next to a flat start, where the modes of the groups with a closed form say which way leads on."""
+    state = branch.placed(p, branch.assembly.starts)
+    return replace(branch, assembly=replace(branch.assembly, starts=starts_of(branch.model, state), state=state))
+
+
+def _with_continued(branch: Branch, numbers: set[int]) -> Branch:
+    """The same with some groups to be continued, by Newton's method, instead of solved by their closed form."""
+    model, assembly = branch.model, branch.assembly
+    blocks: list[Block] = list(model.blocks)
+    starts = dict(assembly.starts)
+    for i in numbers:
+        block = blocks[i]
+        blocks[i] = replace(block, kind="general")
+        known = [(g, starts.get(f"angle {g}")) for g in block.angles]
+        at = [float(wrapped_angle(model, assembly.state, g) if x is None else x) for g, x in known]
+        starts[block.name] = np.array([*at, *(float(assembly.state.slide[j]) for j in block.slides)])
+    return replace(branch, model=replace(model, blocks=tuple(blocks)), assembly=replace(assembly, starts=starts))
+
+
+def _flat_groups(path: BranchPath, sample: float) -> tuple[set[int], list[tuple[float, float, int]]]:
+    """Groups with a closed form that come to a flat position on a path, and where they cannot be put together."""
+    model, found = path.model, path.continuation
+    two = [i for i, b in enumerate(model.blocks) if b.kind in TWO_MODES]
+    low, high = found.known
+    count = int(min(max((high - low) / sample, 16), MOST_SAMPLES))
+    if not two or high <= low:
+        return set(), []
+    p = np.linspace(low, high, count + 1)
+    state = path.placed(p)
+    rough = np.full(len(p), any(b.kind == "general" for b in model.blocks))
+    flat, gaps = set(), []
+    for i in two:
+        with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
+            instants, missing, _ = flat_instants(model, model.blocks[i], state, p, rough, rounding_of(model))
+            ends = [
+                min(float(np.broadcast_to(h, p.shape)[k]) for h in dead_point_margin(model, model.blocks[i], state))
+                for k in (0, -1)
+            ]
+        if any(flips for _, flips in instants) or (found.singular and min(ends) < STUCK):
+            flat.add(i)
+        gaps += [(a, b, i) for a, b in missing]
+    return flat, gaps
+
+
+def _change(path: BranchPath, p: float, name: str, sample: float) -> Change | None:
+    """A singular position that a path has passed next to ``p``; None where the motion beside it is not known."""
+    number = next(i for i, b in enumerate(path.model.blocks) if b.name == name and b.kind == "general")
+    found = locate(path.model, path.model.blocks[number], path.placed, p, sample)
+    if found is None:
+        return None
+    place, width = found
+    laws = path.branch.laws
+    speed = max(abs(float(law(place)[1])) for law in laws)
+    fastest = max(float(np.abs(law(np.linspace(*path.continuation.ends, 101))[1]).max()) for law in laws)
+    dead = path.by_time and speed < 1e-3 * fastest
+    return Change(place - (0.0 if path.by_time else path.start), number, name, dead, True, width)
