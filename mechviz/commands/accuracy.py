@@ -13,7 +13,7 @@ import typer
 
 from mechcore.accuracy import accuracy_for
 from mechviz.commands.common import check_targets, fail, interruptible, progress_bar
-from mechviz.commands.loading import SceneArg, clear_errors, load_scene
+from mechviz.commands.loading import SceneArg, SetOpt, clear_errors, load_scene
 from mechviz.commands.solving import QuickOpt
 from mechviz.figures import check_ending, save_chart
 from mechviz.hard_cases import all_cases
@@ -28,6 +28,7 @@ from mechviz.studies.precision.timing import machine, used
 
 def accuracy(
     scene: SceneArg,
+    values: SetOpt = None,
     target: Annotated[
         float | None, typer.Option("--target", "-t", metavar="ERROR", help="wanted relative error, such as 1e-6")
     ] = None,
@@ -49,7 +50,7 @@ def accuracy(
         if target is not None:
             accuracy_for(target)  # refuses what is none
         check_targets(scene, output, rrd)
-        loaded = load_scene(scene)
+        loaded = load_scene(scene, values)
         if not loaded.frames:
             fail(f"{loaded.name}: nothing moves and no time passes: all is exact to rounding. Add a duration to [run].")
         found = None if again else kept(loaded, target, rough=quick)
@@ -130,6 +131,7 @@ def _answer(points: Sequence[Point], target: float | None) -> list[str]:
 
 def effects(
     scene: SceneArg,
+    values: SetOpt = None,
     accuracy: Annotated[float, typer.Option("--accuracy", "-a", metavar="ERROR", help="relative change that counts")] = 0.01,
     quick: QuickOpt = False,
 ) -> None:
@@ -141,7 +143,7 @@ def effects(
     if not 0.0 < accuracy < 1.0:
         fail(f"--accuracy: {accuracy:g} is no relative change. Give a number between 0 and 1, such as 0.01.")
     with clear_errors(scene):
-        loaded = load_scene(scene)
+        loaded = load_scene(scene, values)
         with progress_bar("measuring") as bar:
             base, found = influences(loaded, bar, 0.02 if quick else 0.2)
         print(f"{loaded.title}: what its effects do and cost")

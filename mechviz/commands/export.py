@@ -10,7 +10,7 @@ from typing import Annotated, Any
 import typer
 
 from mechviz.commands.common import check_targets, fail, interruptible, progress_bar
-from mechviz.commands.loading import ReachableOpt, SceneArg, clear_errors, load_scene, quantity_of
+from mechviz.commands.loading import ReachableOpt, SceneArg, SetOpt, clear_errors, load_scene, quantity_of
 from mechviz.commands.solving import AccuracyOpt, CyclesOpt, FramesOpt, KeepOpt, check_trust, solve, warn_of_accuracy
 from mechviz.outputs.exports.cam_profiles import export_profiles
 from mechviz.outputs.exports.gltf import export_glb
@@ -22,6 +22,7 @@ from mechviz.quantities.vectors import FAMILIES
 
 def export(
     scene: SceneArg,
+    values: SetOpt = None,
     csv: Annotated[Path | None, typer.Option("--csv", help="write all results as one table (CSV)")] = None,
     parquet: Annotated[Path | None, typer.Option("--parquet", help="write all results as one table (Parquet)")] = None,
     stl: Annotated[Path | None, typer.Option("--stl", help="write one STL a link into this folder (millimetres)")] = None,
@@ -51,7 +52,7 @@ def export(
         fail("--arrows is for --glb FILE: name that too.")
     with clear_errors(scene):
         check_targets(scene, csv, parquet, glb, threemf, *profiles.values())
-        loaded = load_scene(scene, reachable=reachable)
+        loaded = load_scene(scene, values, reachable=reachable)
         step = quantity_of(loaded, every, "every", "time")
         run = solve(loaded, frames, cycles, accuracy)
         check_trust(run, keep)

@@ -15,7 +15,7 @@ from mechcore.forces.flywheel import flywheel
 from mechcore.spec.mechanism import CamDrawn
 from mechcore.texts import Text
 from mechviz.commands.common import check_targets, fail, interruptible
-from mechviz.commands.loading import ReachableOpt, SceneArg, clear_errors, load_scene, quantity_of
+from mechviz.commands.loading import ReachableOpt, SceneArg, SetOpt, clear_errors, load_scene, quantity_of
 from mechviz.commands.solving import AccuracyOpt, CyclesOpt, FramesOpt, KeepOpt, check_trust, solve, warn_of_accuracy
 from mechviz.quantities.power_table import flywheel_lines, force_lines, power_csv, sized_lines, steady_lines
 from mechviz.scene.convert import LARGEST
@@ -28,6 +28,7 @@ from mechviz.studies.report import statics_lines
 
 def forces(
     scene: SceneArg,
+    values: SetOpt = None,
     csv: Annotated[Path | None, typer.Option("--csv", help="also write the table (CSV)")] = None,
     fluctuation: Annotated[
         float | None,
@@ -54,11 +55,11 @@ def forces(
     Supplied and absorbed works are equal: inertia and gravity only lend energy over a cycle.
     """
     if steady is not None:
-        _print_steady(scene, steady, fluctuation)
+        _print_steady(scene, values, steady, fluctuation)
         return
     with clear_errors(scene):
         check_targets(scene, csv, plot)
-        run = solve(load_scene(scene, reachable=reachable), frames, cycles, accuracy)
+        run = solve(load_scene(scene, values, reachable=reachable), frames, cycles, accuracy)
         check_trust(run, keep)
         warn_of_accuracy(run)
         if run.forces is None:
@@ -75,10 +76,10 @@ def forces(
                 print(plot)
 
 
-def _print_steady(source: str, turns: int, fluctuation: float | None) -> None:
+def _print_steady(source: str, values: list[str] | None, turns: int, fluctuation: float | None) -> None:
     """The steady run of a scene's machine, and its flywheel where a coefficient of fluctuation is wanted."""
     with clear_errors(source):
-        loaded = load_scene(source)
+        loaded = load_scene(source, values)
         print(loaded.title)
         print("\n".join(steady_lines(steady_run(loaded.mechanism, turns=turns))))
         if fluctuation is not None:
@@ -87,6 +88,7 @@ def _print_steady(source: str, turns: int, fluctuation: float | None) -> None:
 
 def cams(
     scene: SceneArg,
+    values: SetOpt = None,
     method: Annotated[
         Literal["exact", "graphical"],
         typer.Option("--method", help="graphical: also the drawn lift and its error, point by point"),
@@ -120,7 +122,7 @@ def cams(
     with clear_errors(scene):
         if method == "exact" and (step is not None or lines is not None):
             fail("--step and --lines are for --method graphical.")
-        loaded = load_scene(scene)
+        loaded = load_scene(scene, values)
         least = quantity_of(loaded, margin, "margin", "force")
         if least is not None and not 0.0 <= least <= LARGEST:
             fail(f"--margin {margin}: a contact force is wanted, from zero to {LARGEST:g} N.")

@@ -15,7 +15,7 @@ from mechcore.laws.catalogue import RISES, rise
 from mechcore.laws.curve import MotionCurve
 from mechcore.laws.factors import peak_factors
 from mechviz.commands.common import fail, interruptible
-from mechviz.commands.loading import clear_errors, load_scene
+from mechviz.commands.loading import SetOpt, clear_errors, load_scene
 from mechviz.commands.solving import FramesOpt
 from mechviz.figures import COLOURS, chart, check_ending, save_chart
 from mechviz.files import check_target
@@ -37,6 +37,7 @@ def laws(
         typer.Option("--scene", metavar="SCENE", help="on a cam of this scene: limits, torque, least spring"),
     ] = None,
     cam: Annotated[str | None, typer.Option("--cam", metavar="JOINT", help="which cam of the scene [default: the first]")] = None,
+    values: SetOpt = None,
     frames: FramesOpt = None,
 ) -> None:
     """Print motion laws with their peak factors Cv, Ca, Cj and the steps of their derivatives; plot them over each other.
@@ -45,8 +46,8 @@ def laws(
     curvature, drive torque, contact force and least spring side by side.
     """
     with clear_errors("laws" if scene is None else scene):
-        if scene is None and (cam is not None or frames is not None):
-            fail("--cam and --frames are for --scene.")
+        if scene is None and (cam is not None or frames is not None or values):
+            fail("--cam, --set and --frames are for --scene.")
         given = {name: _parse(name) for name in (names or list(RISES if scene is None else USUAL))}
         chosen = {name: rise(law, **parameters) for name, (law, parameters) in given.items()}
         if plot is not None:
@@ -56,7 +57,7 @@ def laws(
             print("\n".join(laws_table(chosen)))
             figure = partial(laws_figure, chosen)
         else:
-            loaded = load_scene(scene)
+            loaded = load_scene(scene, values)
             rows = compare_laws(loaded, cam, given, frames)
             print("\n".join([loaded.title, "", *comparison_lines(rows, loaded.units)]))
             figure = partial(comparison_figure, rows)

@@ -19,6 +19,10 @@ from mechviz.scene.scene import Scene, load
 from mechviz.scene.units import QuantityError, Units
 
 SceneArg = Annotated[str, typer.Argument(metavar="SCENE", help="gallery name or path of a scene file (.toml)")]
+SetOpt = Annotated[
+    list[str] | None,
+    typer.Option("--set", metavar="NAME=VALUE", help='another value of a parameter of the scene, such as r=42mm or "l=2*r"; again'),
+]
 ReachableOpt = Annotated[bool, typer.Option("--reachable", help="run the drive as far as it can go and back, not a full turn")]
 
 
@@ -32,9 +36,10 @@ def clear_errors(source: str) -> Iterator[None]:
             fail(str(e if isinstance(e, SceneError) else SceneError(Path(source).name, e.faults)))
 
 
-def load_scene(source: str, *, reachable: bool = False) -> Scene:
-    """A scene of the gallery or of a file; ``reachable``: its drive runs as far as it can and back."""
-    scene = load(source)
+def load_scene(source: str, values: list[str] | None = None, *, reachable: bool = False) -> Scene:
+    """A scene of the gallery or of a file; ``values``: of parameters, as ``NAME=VALUE``; ``reachable``: its drive runs as far as it
+    can and back."""
+    scene = load(source).with_parameters(dict(map(_setting, values or ())))
     for place, former, present in former_laws(scene.document):
         say(f"note: {place}: the law '{former}' is called '{present}' now, and read as that.")
     if not reachable:
@@ -43,6 +48,17 @@ def load_scene(source: str, *, reachable: bool = False) -> Scene:
     if not changes:
         fail("--reachable is for scenes with one drive, which says a speed and no travel or range.")
     return scene.changed(changes)
+
+
+def _setting(text: str) -> tuple[str, float | str]:
+    """Name and value of a ``NAME=VALUE``."""
+    name, equals, value = (part.strip() for part in text.partition("="))
+    if not (name and equals and value):
+        fail(f"--set {text}: a parameter is set like r=42mm.")
+    try:
+        return name, int(value) if value.isdecimal() else float(value)
+    except ValueError:
+        return name, value
 
 
 def quantity_of(scene: Scene, text: str | None, option: str, kind: str) -> float | None:

@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 
 from mechviz.commands.common import check_targets, fail, interruptible, progress_bar, say
-from mechviz.commands.loading import ReachableOpt, SceneArg, clear_errors, load_scene
+from mechviz.commands.loading import ReachableOpt, SceneArg, SetOpt, clear_errors, load_scene
 from mechviz.commands.solving import AccuracyOpt, CyclesOpt, FramesOpt, KeepOpt, check_trust, solve
 from mechviz.outputs.inspection import format_inspection
 from mechviz.outputs.inspection import inspect as inspect_recording
@@ -20,6 +20,7 @@ from mechviz.scene.scene import Scene
 
 def record(
     scene: SceneArg,
+    values: SetOpt = None,
     output: Annotated[
         Path | None, typer.Option("--output", "-o", help="recording to write [default: recordings/<scene>.rrd]")
     ] = None,
@@ -42,7 +43,7 @@ def record(
 ) -> None:
     """Solve a scene and write a rerun recording (.rrd). Open it with: mechviz view FILE, or rerun FILE."""
     with clear_errors(scene):
-        loaded = load_scene(scene, reachable=reachable)
+        loaded = load_scene(scene, values, reachable=reachable)
         path = output
         if path is None:
             Path("recordings").mkdir(exist_ok=True)

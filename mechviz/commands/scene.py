@@ -8,15 +8,15 @@ from typing import Annotated
 import typer
 
 from mechviz.commands.common import say
-from mechviz.commands.loading import ReachableOpt, SceneArg, clear_errors, load_scene
+from mechviz.commands.loading import ReachableOpt, SceneArg, SetOpt, clear_errors, load_scene
 from mechviz.scene.scene import json_schema
 from mechviz.studies.report import check_lines
 
 
-def show(scene: SceneArg) -> None:
+def show(scene: SceneArg, values: SetOpt = None) -> None:
     """Print a scene's TOML text: a starting point for your own."""
     with clear_errors(scene):
-        loaded = load_scene(scene)
+        loaded = load_scene(scene, values)
         print(loaded.to_toml(), end="")
         if loaded.files:
             say(f"note: it reads {', '.join(loaded.files)} from its folder, '{loaded.folder.path}': copy that along with the text.")
@@ -30,6 +30,7 @@ def schema() -> None:
 
 def check(
     scene: SceneArg,
+    values: SetOpt = None,
     equations: Annotated[
         bool,
         typer.Option("--equations", help="also the order of solution, and the loop equations of velocities and accelerations"),
@@ -39,4 +40,4 @@ def check(
 ) -> None:
     """Validate a scene and print its mobility, groups, loops, assembly modes and reachable range."""
     with clear_errors(scene):
-        print("\n".join(check_lines(load_scene(scene, reachable=reachable), equations=equations, modes=modes)))
+        print("\n".join(check_lines(load_scene(scene, values, reachable=reachable), equations=equations, modes=modes)))

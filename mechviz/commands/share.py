@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 
 from mechviz.commands.common import check_targets, fail, interruptible, progress_bar, say
-from mechviz.commands.loading import clear_errors, load_scene
+from mechviz.commands.loading import SetOpt, clear_errors, load_scene
 from mechviz.commands.solving import KeepOpt, check_trust, solve
 from mechviz.files import replacing
 from mechviz.outputs.images.browser import find_chromium
@@ -47,13 +47,14 @@ def share(
     ] = 1000,
     frames: FramesOpt = None,
     cycles: CyclesOpt = None,
+    values: SetOpt = None,
     keep: KeepOpt = False,
 ) -> None:
     """Write one HTML file that plays a mechanism in any browser, with plots and events, without a server or a network."""
     with clear_errors(source):
         path = output or Path(f"{Path(source).stem}.html")
         check_targets(source, path)
-        shown = _presentation(source, frames, cycles, keep, most)
+        shown = _presentation(source, values, frames, cycles, keep, most)
         with interruptible("pyarrow"), progress_bar("sharing") as bar:
             text, chosen = make_page(shown, most=most, progress=bar)
             with replacing(path) as temporary:
@@ -79,6 +80,7 @@ def shot(
     show: ShowOpt = None,
     frames: FramesOpt = None,
     cycles: CyclesOpt = None,
+    values: SetOpt = None,
     keep: KeepOpt = False,
 ) -> None:
     """Write a picture of a mechanism at a time, frame or drive angle, without a display.
@@ -98,7 +100,7 @@ def shot(
             find_chromium()
         check_targets(source, output)
         anywhere = at is None and frame is None and angle is None  # else the frames on both sides of it have to be there
-        shown = _presentation(source, frames, cycles, keep, MOST_FRAMES if anywhere else None)
+        shown = _presentation(source, values, frames, cycles, keep, MOST_FRAMES if anywhere else None)
         place = moment(shown, frame=frame, **when)
         with interruptible("pyarrow"), progress_bar("drawing") as bar:
             if drawing:
@@ -122,6 +124,7 @@ def film(
     show: ShowOpt = None,
     frames: FramesOpt = None,
     cycles: CyclesOpt = None,
+    values: SetOpt = None,
     keep: KeepOpt = False,
 ) -> None:
     """Write a film of a mechanism over its run, GIF or MP4; needs Chromium, but no display."""
@@ -132,21 +135,23 @@ def film(
         if output.suffix.lower() == ".mp4":
             find_ffmpeg()
         check_targets(source, output)
-        shown = _presentation(source, frames, cycles, keep, MOST_FRAMES)
+        shown = _presentation(source, values, frames, cycles, keep, MOST_FRAMES)
         with interruptible("pyarrow", "PIL.Image"), progress_bar("filming") as bar:
             make(shown, output, look, seconds=seconds, rate=rate, progress=bar, reading=bar, begin=bar.stage)
         print(output)
 
 
-def _presentation(source: str, frames: int | None, cycles: int | None, keep: bool, most: int | None = None) -> Presentation:
+def _presentation(
+    source: str, values: list[str] | None, frames: int | None, cycles: int | None, keep: bool, most: int | None = None
+) -> Presentation:
     """What is shown of the recording that is meant, of a long one at ``most`` frames where a number is given, or of the scene."""
     if not is_recording(source):
-        run = solve(load_scene(source), frames, cycles)
+        run = solve(load_scene(source, values), frames, cycles)
         check_trust(run, keep)
         with interruptible("mechviz.meshes"), progress_bar("building") as bar:
             return presentation_of(run, bar.stage)
-    if frames is not None or cycles is not None:
-        fail(f"{source} is a recording, whose frames and cycles are what they are. Give a scene with --frames and --cycles.")
+    if frames is not None or cycles is not None or values:
+        fail(f"{source} is a recording, whose frames, cycles and parameters are what they are. Give a scene for other ones.")
     with progress_bar(f"opening {Path(source).name}"):
         return presentation_in(Recording(source, most=most))
 

@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from mechviz.commands.common import check_targets, fail, interruptible, say
-from mechviz.commands.loading import SceneArg, clear_errors, load_scene, quantity_of
+from mechviz.commands.loading import SceneArg, SetOpt, clear_errors, load_scene, quantity_of
 from mechviz.commands.solving import solve
 from mechviz.outputs.rerun.writer import write_recording
 from mechviz.scene.scene import Scene, dump
@@ -19,6 +19,7 @@ from mechviz.studies.vibrations import mode_scene, vibration_lines, vibrations_c
 
 def balance(
     scene: SceneArg,
+    values: SetOpt = None,
     output: Annotated[
         Path | None, typer.Option("--output", "-o", help="write the scene with its counterweights to this file")
     ] = None,
@@ -32,7 +33,7 @@ def balance(
     """Balance the shaking force of a four-bar or slider-crank by counterweights; show it before and after."""
     with clear_errors(scene):
         check_targets("", output, plot)  # the scene itself may be given its counterweights
-        loaded = load_scene(scene)
+        loaded = load_scene(scene, values)
         stated = ((radius, "radius"), (rocker_radius, "rocker-radius"))
         first, second = (quantity_of(loaded, text, name, "length") for text, name in stated)
         found = balance_scene(loaded, radius=first, rocker_radius=second, fraction=fraction)
@@ -53,6 +54,7 @@ def _dump(scene: Scene, path: Path) -> None:
 
 def vibrations(
     scene: SceneArg,
+    values: SetOpt = None,
     nearest: Annotated[
         bool, typer.Option("--nearest", help="the nearest equilibrium, also an unstable one, instead of going downhill")
     ] = False,
@@ -79,7 +81,7 @@ def vibrations(
         fail(f"--output: '{output}' ends neither in .rrd (a recording) nor in .toml (a scene).")
     with clear_errors(scene):
         check_targets(scene, csv, output)
-        loaded = load_scene(scene)
+        loaded = load_scene(scene, values)
         found = vibrations_of(loaded, seek="nearest" if nearest else "stable")
         print("\n".join(vibration_lines(loaded, found)))
         with interruptible(*(() if output is None else ("rerun", "mechviz.meshes"))):

@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from mechviz.commands.common import fail
-from mechviz.commands.loading import ReachableOpt, clear_errors, load_scene
+from mechviz.commands.loading import ReachableOpt, SetOpt, clear_errors, load_scene
 from mechviz.commands.solving import AccuracyOpt, CyclesOpt, FramesOpt, solve, warn_of_accuracy
 from mechviz.outputs.rerun.reader import Recording
 from mechviz.outputs.viewer.app import serve, serve_while
@@ -24,14 +24,15 @@ def view(
     frames: FramesOpt = None,
     cycles: CyclesOpt = None,
     accuracy: AccuracyOpt = None,
+    values: SetOpt = None,
     reachable: ReachableOpt = False,
     live: Annotated[bool, typer.Option("--live", help="motion under forces: show it while it is found")] = False,
 ) -> None:
     """Show a scene in the browser at http://127.0.0.1:PORT until Ctrl-C, to look at and to edit; or play a recording."""
     with clear_errors(scene):
         if scene.endswith(".rrd"):
-            if (frames, cycles, accuracy) != (None, None, None):
-                fail("--frames, --cycles and --accuracy are for scenes: a recording is played as it is.")
+            if (frames, cycles, accuracy) != (None, None, None) or values:
+                fail("--frames, --cycles, --accuracy and --set are for scenes: a recording is played as it is.")
             if live:
                 fail("--live is for scenes: a recording is there at once.")
             try:
@@ -39,7 +40,8 @@ def view(
             except ViewerError as e:
                 fail(str(e), 1)
             return
-        loaded, folder = load_scene(scene, reachable=reachable), Path(scene).parent.resolve() if Path(scene).is_file() else None
+        loaded = load_scene(scene, values, reachable=reachable)
+        folder = Path(scene).parent.resolve() if Path(scene).is_file() else None
         try:
             if live:
                 if loaded.simulation is None:

@@ -14,14 +14,16 @@ from typing import Any, Literal, get_args, get_origin
 from mechcore.laws.catalogue import RISES
 from mechviz.scene.annotations import Leaf, Place, hints_of, leaves
 from mechviz.scene.document import SceneDocument, value_at
+from mechviz.scene.expressions import is_plain, parse_expression
 from mechviz.scene.fields import Quantity, Table
 from mechviz.scene.kinds.joints.cam_documents import SOLIDS
+from mechviz.scene.kinds.parameters import ParameterDocument
 from mechviz.scene.kinds.segments import SegmentTable
 from mechviz.scene.scene import Scene
-from mechviz.scene.units import KINDS, QuantityError, Units, split, symbol_of, unit_factor
+from mechviz.scene.units import KINDS, QuantityError, Units, split, symbol_of, unit_factor, unit_of
 
 LONGEST_LIST = 4  # longer ones are tables of measured values, which are not edited by sliders
-HIDDEN = {"units", "run", "along", "bulges", "watch", "mesh_unit"}  # texts, directions, and what says how to compute
+HIDDEN = {"units", "parameters", "run", "along", "bulges", "watch", "mesh_unit"}  # texts, directions, and what says how to compute
 STEPS = 1000  # about, over a range
 WIDEST = 20.0  # ranges that a typed value may ask for beyond the first one
 BARE = {
@@ -31,7 +33,7 @@ BARE = {
     "stiffness": "{force}/{length}",
 }
 LAW_NAMES = (*RISES, "polynomial")
-GROUPS = ("Lengths", "Drive", "Cam", "Loads and springs", "Masses", "Friction", "Assembly", "Other")
+GROUPS = ("Parameters", "Lengths", "Drive", "Cam", "Loads and springs", "Masses", "Friction", "Assembly", "Other")
 
 
 @dataclass(frozen=True)
@@ -99,7 +101,7 @@ def find_parameters(scene: Scene) -> tuple[Parameter, ...]:
     """All numbers of a scene that make sense as sliders, in the order of ``GROUPS`` and of the file."""
     document = scene.document
     found = [p for spot in _spots(document) if not _options(spot) and (p := _parameter(scene, spot)) is not None]
-    found = _scaled(found)
+    found = [*_named(scene), *_scaled(found)]
     return tuple(sorted(found, key=lambda p: (GROUPS.index(p.group), "–" not in p.label)))
 
 
@@ -117,6 +119,8 @@ def find_choices(scene: Scene) -> tuple[Choice, ...]:
 def _spots(document: SceneDocument) -> Iterator[Leaf]:
     """The scalars of a scene that say something of it, as far as they are stated."""
     for leaf in leaves(document, _shown):
+        if leaf.path in document.formulas:  # follows from parameters
+            continue
         if leaf.value is None:  # a law that is not stated
             leaf = leaf._replace(value=value_at(document, leaf.path[:-1]).named)
         if _editable(leaf):
@@ -149,6 +153,27 @@ def _options(leaf: Leaf) -> tuple[str, ...]:
     if leaf.path[-1] == "law":
         return LAW_NAMES
     return tuple(o for o in get_args(leaf.kind) if isinstance(o, str)) if get_origin(leaf.kind) is Literal else ()
+
+
+def _named(scene: Scene) -> Iterator[Parameter]:
+    """The parameters of a scene that follow from no others."""
+    entries, document = scene.document.parameters, scene.document
+    whole_places = [text for place, text in document.formulas.items() if isinstance(value_at(document, place), int)]
+    counts = {name for text in whole_places for name in parse_expression(text).names}
+    for name, known in scene.parameters.items():
+        entry = entries[name]
+        value = entry.value if isinstance(entry, ParameterDocument) else entry
+        if not known.own or (isinstance(value, str) and not is_plain(value)):
+            continue
+        number, suffix = (float(split(value)[0]), split(value)[1]) if isinstance(value, str) else (float(value), "")
+        per = float(unit_of(suffix).factor) if suffix else 1.0
+        bounds = float(f"{known.low / per:.12g}"), float(f"{known.high / per:.12g}")
+        usual = _round_out(*sorted((number / 4.0, number * 2.5))) if number else (0.0, 1.0)
+        low, high = (x if math.isfinite(x) else other for x, other in zip(bounds, usual, strict=True))
+        whole = isinstance(value, int) and name in counts
+        step = 1.0 if whole else _nice((high - low) / STEPS)
+        path: Place = ("parameters", name, *(["value"] if isinstance(entry, ParameterDocument) else []))
+        yield Parameter(path, GROUPS[0], name, number, symbol_of(suffix), low, high, step, *bounds, suffix, whole=whole)
 
 
 # -- one value --------------------------------------------------------------------------------------------------------

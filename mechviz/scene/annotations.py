@@ -90,6 +90,24 @@ def leaves(
         yield Leaf(path, value, kind, marks)
 
 
+def raw_leaves(raw: Any, annotation: Any, path: Place = ()) -> Iterator[Leaf]:
+    """The values that hold no others of plain data for a type, as far as they are where that type has a place."""
+    kind, marks = peel(annotation, raw)
+    origin = get_origin(kind)
+    if isinstance(raw, Mapping) and isinstance(kind, type) and issubclass(kind, Table):
+        hints = hints_of(kind)
+        for key in raw.keys() & hints.keys():
+            yield from raw_leaves(raw[key], hints[key], (*path, key))
+    elif isinstance(raw, Mapping) and origin is dict:
+        for name, item in raw.items():
+            yield from raw_leaves(item, get_args(kind)[1], (*path, name))
+    elif isinstance(raw, list | tuple) and origin in (list, tuple):
+        for k, (item, each) in enumerate(zip(raw, inner_types(kind, len(raw)), strict=True)):
+            yield from raw_leaves(item, each, (*path, k))
+    elif not isinstance(raw, Mapping | list | tuple):
+        yield Leaf(path, raw, kind, marks)
+
+
 def raw_value(raw: Any, path: Iterable[str | int]) -> Any:
     """The value at a place of plain data, None where there is none."""
     for part in path:

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Annotated, Any, Literal, get_args
 
-from pydantic import BeforeValidator, Discriminator, Field, Tag, model_validator
+from pydantic import BeforeValidator, Discriminator, Field, PrivateAttr, Tag, model_validator
 
 from mechcore.spec.mechanism import ANSWERS, EFFECTS
 from mechviz.scene.annotations import Place
@@ -33,6 +33,7 @@ from mechviz.scene.kinds.drives import Method, Tolerance, WatchDocument
 from mechviz.scene.kinds.friction import FrictionDefaults
 from mechviz.scene.kinds.joints.document import JointDocument
 from mechviz.scene.kinds.loads.document import LoadDocument
+from mechviz.scene.kinds.parameters import ParameterEntry
 from mechviz.scene.kinds.studies import PlanName, SectionsDocument, ShakingDocument, SubstituteDocument, SystemDocument
 from mechviz.scene.names import LinkName
 
@@ -170,6 +171,8 @@ class SceneDocument(Table):
     """One sentence: what can be learned from it."""
     units: UnitsDocument = UnitsDocument()
     """Units of bare numbers. Any value may carry its own unit as a text, such as "80 mm" or "60 rpm"."""
+    parameters: dict[Name, ParameterEntry] = Field(default={})
+    """Named numbers. Any number of the scene may be an expression of them as a text, such as "2*r + 5 mm"."""
     effects: list[EffectName] = Field(default=[])
     """Effects to compute. None: pure kinematics, unless there are loads."""
     frame: Text = "frame"
@@ -213,6 +216,37 @@ class SceneDocument(Table):
     """Substitute masses, by the name of the link that they replace."""
     sections: dict[Name, SectionsDocument] = Field(default={})
     """Links along which section forces are wanted, by name."""
+
+    _formulas: Mapping[Place, str] = PrivateAttr(default={})
+
+    @property
+    def formulas(self) -> Mapping[Place, str]:
+        """Expressions by the places of the values that follow from them."""
+        return self._formulas
+
+    def keep_formulas(self, formulas: Mapping[Place, str]) -> None:
+        """For the reader of scenes: says which values follow from which expressions."""
+        self._formulas = formulas
+
+    def written(self, *, defaults: bool = True) -> dict[str, Any]:
+        """Plain data as a scene file states them, expressions in their places; ``defaults``: also values that are the default."""
+        stated = self.model_dump(exclude_unset=True)
+        data = stated if defaults else self.model_dump(exclude_defaults=True)
+        changes: dict[Place, Any] = {}
+        for place, text in self._formulas.items():
+            end = next(k for k in range(1, len(place) + 1) if k == len(place) or _missing(data, place[:k]))
+            if end < len(place):  # a list or table of defaults, which was left out
+                data = with_values(data, {place[:end]: value_at(stated, place[:end])})
+            changes[place] = text
+        return dict(with_values(data, changes)) if changes else data
+
+
+def _missing(data: Any, place: Place) -> bool:
+    try:
+        value_at(data, place)
+    except LookupError:
+        return True
+    return False
 
 
 FORMER = {"pairs": "joints"}

@@ -31,7 +31,7 @@ from pydantic import (
 )
 from pydantic_core import CoreSchema, PydanticCustomError, core_schema
 
-from mechviz.scene.units import KINDS, QUANTITY_PATTERN, QuantityError, magnitude, parse, unit_factor
+from mechviz.scene.units import EXPRESSION_PATTERN, KINDS, QUANTITY_PATTERN, QuantityError, magnitude, parse, unit_factor
 
 
 def fault(message: str, remedy: str = "") -> PydanticCustomError:
@@ -97,9 +97,10 @@ class Quantity:
     def __get_pydantic_json_schema__(self, schema: CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
         bound = {"zero": {"minimum": 0}, "above zero": {"exclusiveMinimum": 0}}.get(self.least, {})
         words = [{"const": self.word}] if self.word else []
+        pattern = f"{QUANTITY_PATTERN}|{EXPRESSION_PATTERN}"
         return {
-            "anyOf": [*words, {"type": "number", **bound}, {"type": "string", "pattern": QUANTITY_PATTERN}],
-            "description": f"{self._words}: a number in the scene's units, or a text with its own unit",
+            "anyOf": [*words, {"type": "number", **bound}, {"type": "string", "pattern": pattern}],
+            "description": f"{self._words}: a number in the scene's units, a text with its own unit, or an expression",
             "examples": [KINDS[kind].example for kind in self.kinds],
         }
 

@@ -36,7 +36,7 @@ def kept_text(opened: Scene, scene: Scene) -> str | None:
 
 def _as_written(opened: Scene, scene: Scene) -> dict[str, Any]:
     """The document of a scene as plain data, its keys as the text of ``opened`` calls them."""
-    return {opened.former.get(key, key): value for key, value in scene.document.model_dump(exclude_unset=True).items()}
+    return {opened.former.get(key, key): value for key, value in scene.document.written().items()}
 
 
 def patched(text: str, before: Mapping[str, Any], after: Mapping[str, Any]) -> str | None:

@@ -14,18 +14,19 @@ from mechcore.accuracy import Accuracy
 from mechcore.errors import Fault
 from mechcore.spec.mechanism import Mechanism
 from mechviz.files import replacing
-from mechviz.scene.annotations import Place
+from mechviz.scene.annotations import Place, raw_value
 from mechviz.scene.assembly.assemble import assemble
 from mechviz.scene.assembly.simulation import SimulationSpec
 from mechviz.scene.convert import Converter
-from mechviz.scene.document import FORMER, FORMER_INNER, SceneDocument, with_values
-from mechviz.scene.faults import SceneError, in_file_order, path_as_written
+from mechviz.scene.document import FORMER, FORMER_INNER, SceneDocument, value_at, with_values
+from mechviz.scene.faults import SceneError, in_file_order, path_as_written, path_text
 from mechviz.scene.folder import SceneFolder, copy_files
 from mechviz.scene.kinds.accuracy import accuracy_of
 from mechviz.scene.kinds.bodies import MassDocument
+from mechviz.scene.reading.formulas import ParameterValue, parameter_changes, resolve
 from mechviz.scene.reading.recovery import Reading, read_document
 from mechviz.scene.reading.text import find_scene, parse_toml, read_text, toml_text
-from mechviz.scene.units import Units
+from mechviz.scene.units import EXPRESSION_PATTERN, Units
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,6 +67,14 @@ class Scene:
         document = changed_document(self.document, changes, self.name, self.folder)
         return assembled(document, name or self.name, self.folder)
 
+    def with_parameters(self, values: Mapping[str, float | str]) -> Scene:
+        """The scene with other values of some parameters: ``scene.with_parameters({"r": "42 mm"})``. SceneError reports every
+        fault at once."""
+        changes, faults = parameter_changes(self.document, values)
+        if faults:
+            raise SceneError(self.name, faults)
+        return self.changed(changes) if changes else self
+
     @cached_property
     def text(self) -> str:
         """TOML that gives this scene again: the text that it was read from, or its own in the standard layout."""
@@ -103,6 +112,11 @@ class Scene:
         return Units(**self.document.units.model_dump())
 
     @property
+    def parameters(self) -> Mapping[str, ParameterValue]:
+        """The parameters by name, in SI units."""
+        return resolve({"parameters": self.document.written().get("parameters", {})}).parameters
+
+    @property
     def accuracy(self) -> Accuracy:
         """How exact the run is to be."""
         return accuracy_of(self.document.accuracy, Converter.of(self.document.units, self.folder))
@@ -114,7 +128,7 @@ class Scene:
 
     def to_toml(self) -> str:
         """The scene as TOML in the standard layout, without comments; numbers read back bit for bit."""
-        return toml_text(self.document.model_dump(exclude_defaults=True))
+        return toml_text(self.document.written(defaults=False))
 
     def __eq__(self, other: object) -> bool:
         if not isinstance(other, Scene):
@@ -169,10 +183,27 @@ def changed_document(document: SceneDocument, changes: Mapping[Place, Any], name
         for place, value in changes.items()
     }
     try:
-        made: SceneDocument = with_values(document, changes)
+        made = _with_formulas(document, changes)
     except ValidationError:  # the whole is read again, for every fault with its place
-        Scene.build(name=name, folder=folder, **with_values(document.model_dump(exclude_unset=True), changes))
-        raise
+        return Scene.build(name=name, folder=folder, **with_values(document.written(), changes)).document
+    return made
+
+
+def _with_formulas(document: SceneDocument, changes: Mapping[Place, Any]) -> SceneDocument:
+    """The document with other values, and with those that follow from them. Raises `ValidationError`."""
+    if not document.parameters and not document.formulas:
+        made: SceneDocument = with_values(document, changes)
+        return made
+    resolved = resolve(with_values(document.written(), changes))
+    if resolved.faults:
+        raise ValidationError.from_exception_data("scene", [])
+    before = document.model_dump(exclude_unset=True)
+    following = {
+        place: value for place in resolved.formulas if (value := value_at(resolved.data, place)) != raw_value(before, place)
+    }
+    values = {place: None if value is None else value_at(resolved.data, place) for place, value in changes.items()}
+    made = with_values(document, following | values)
+    made.keep_formulas(resolved.formulas)
     return made
 
 
@@ -215,8 +246,15 @@ def _assembled(
     assembly, faults = assemble(reading, name, folder)
     if assembly is None:
         ordered = in_file_order([*reading.faults, *faults], reading.raw)
+        ordered = [_with_formula(fault, reading.document) for fault in ordered]
         raise SceneError(file or name, [replace(fault, path=path_as_written(former, fault.path)) for fault in ordered])
     return Scene(name, reading.document, assembly.mechanism, folder, assembly.simulation, source, former, assembly.kinds)
+
+
+def _with_formula(fault: Fault, document: SceneDocument) -> Fault:
+    """A fault of a value, with the expression that it follows from."""
+    text = next((f"'{text}': " for place, text in document.formulas.items() if path_text(place) == fault.path), "")
+    return replace(fault, message=f"{text}{fault.message}")
 
 
 def _plain(value: Any) -> Any:
@@ -231,15 +269,24 @@ def _plain(value: Any) -> Any:
 
 
 def _for_editors(schema: Any) -> Any:
-    """Two changes: TOML has no null, so an optional key is one that may be left out; and every name must fit the pattern."""
+    """Three changes: TOML has no null, so an optional key is one that may be left out; every name must fit the pattern; and every
+    number may be an expression."""
     if isinstance(schema, list):
         return [_for_editors(item) for item in schema]
     if not isinstance(schema, dict):
         return schema
-    plain = {key: _for_editors(value) for key, value in schema.items() if not (key == "default" and value is None)}
+    texts = [option for option in schema.get("anyOf", ()) if isinstance(option, dict) and option.get("type") == "string"]
+    plain = {
+        key: value if key == "anyOf" and texts else _for_editors(value)
+        for key, value in schema.items()
+        if not (key == "default" and value is None)
+    }
     if isinstance(plain.get("patternProperties"), dict):
         ((pattern, entry),) = plain.pop("patternProperties").items()
         plain |= {"propertyNames": {"pattern": pattern}, "additionalProperties": entry}
+    if plain.get("type") in ("number", "integer"):
+        number = {key: plain.pop(key) for key in list(plain) if key not in ("description", "default", "title", "examples")}
+        plain["anyOf"] = [number, {"type": "string", "pattern": EXPRESSION_PATTERN}]
     options = plain.get("anyOf")
     if isinstance(options, list) and {"type": "null"} in options:
         rest = [option for option in options if option != {"type": "null"}]

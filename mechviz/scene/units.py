@@ -20,6 +20,8 @@ from mechviz.scene.faults import closest
 
 QUANTITY_PATTERN = r"^\s*[+-]?([0-9]+(\.[0-9]*)?|\.[0-9]+)([eE][+-]?[0-9]+)?\s*([A-Za-zµμ°(]|1\s*/).*$"
 """A number and a unit. The same pattern goes into the JSON Schema, where it must do without named groups."""
+EXPRESSION_PATTERN = r"^\s*[-+]?\s*[^\W\d]\w*\s*$|[*/^(]|[^eE\s]\s*[-+]"
+"""A name, or a text with an operator: what may be an expression of parameters. For the JSON Schema; the parser decides."""
 
 _QUANTITY = re.compile(
     r"\s*(?P<number>[+-]?(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)(?:[eE][+-]?[0-9]+)?)\s*(?P<unit>(?:[A-Za-zµμ°(]|1\s*/).*?)\s*"
@@ -239,8 +241,13 @@ def _product(text: str, known: Mapping[str, Unit]) -> Unit:
     return unit
 
 
+def is_unit(word: str) -> bool:
+    """Whether a word is the name of a unit, perhaps with a prefix or in the plural."""
+    return _named(word, _definitions()) is not None
+
+
 @cache
-def _unit(text: str) -> Unit:
+def unit_of(text: str) -> Unit:
     """The unit that a text such as ``N m`` or ``kg m^2`` names."""
     try:
         return _product(re.sub(r"([A-Za-zµμ])([23])\b", r"\1^\2", text), _definitions())  # people write m2 for m^2
@@ -257,10 +264,10 @@ def _unit(text: str) -> Unit:
     )
 
 
-def _words(unit: Unit) -> str:
+def measured(unit: Unit) -> str:
     """What a unit measures, in words."""
     for kind in KINDS.values():
-        if unit.powers == _unit(kind.si).powers:
+        if unit.powers == unit_of(kind.si).powers:
             return kind.words
     named = {base: f"{base} ** {abs(n)}" if abs(n) > 1 else base for base, n in zip(_BASES, unit.powers, strict=True)}
     above = [named[base] for base, n in zip(_BASES, unit.powers, strict=True) if n > 0]
@@ -271,11 +278,11 @@ def _words(unit: Unit) -> str:
 @cache
 def unit_factor(text: str, kind: str) -> Decimal:
     """How many SI units of its kind one unit is; QuantityError where the unit measures something else."""
-    unit = _unit(text)
+    unit = unit_of(text)
     wanted = KINDS[kind]
-    if unit.powers == _unit(wanted.si).powers:  # whose factor is 1
+    if unit.powers == unit_of(wanted.si).powers:  # whose factor is 1
         return unit.factor
-    found = _words(unit)
+    found = measured(unit)
     if (found, kind) == ("a frequency", "angular speed"):
         raise QuantityError(f"{found}, {wanted.words} is wanted.", "Write turns as rpm or turn/s, angles as deg/s or rad/s.")
     raise QuantityError(f"{found}, {wanted.words} is wanted.", f"Write it like '{wanted.example}'.")

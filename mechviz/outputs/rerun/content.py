@@ -27,6 +27,7 @@ from mechviz.quantities.power_table import power_markdown, steady_lines
 from mechviz.quantities.study_tables import study_lines
 from mechviz.quantities.vectors import Scales
 from mechviz.runs import Run, Stage, package_version
+from mechviz.scene.reading.formulas import parameter_words
 
 if TYPE_CHECKING:
     from mechcore.kinematics.model import Model
@@ -264,6 +265,8 @@ def notes(run: Run, solids: Solids, scales: Scales, stages: list[Stage], every: 
     lines = [f"# {scene.title or scene.name}", "", scene.teaches, ""]
     if not complete:
         lines += ["**Unfinished**: writing was interrupted; the frames up to then are here.", ""]
+    if scene.document.parameters:
+        lines += ["## Parameters", "", *(f"- {line}" for line in parameter_words(scene.document)), ""]
     lines += ["## Computed", "", *(f"- **{s.name}**: {s.why}" for s in plan.computed), ""]
     lines += ["## Left out", "", *(f"- **{s.name}**: {s.why}" for s in plan.skipped), ""]
     found = study_lines(run)

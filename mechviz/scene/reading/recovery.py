@@ -6,6 +6,7 @@ import difflib
 import math
 import re
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any, Literal, cast, get_args, get_origin
@@ -21,6 +22,7 @@ from mechviz.scene.faults import closest, listing, nearest, path_text
 from mechviz.scene.fields import Quantity, Table, UnitName, Unknown, describe
 from mechviz.scene.kinds.joints.document import KINDS, JointDocument
 from mechviz.scene.kinds.loads.document import KINDS as LOADS
+from mechviz.scene.reading.formulas import resolve
 
 Loc = tuple[int | str, ...]
 _NOTHING = object()
@@ -247,12 +249,20 @@ def _ends(path: str) -> list[int]:
 
 def read_document(raw: Mapping[str, Any]) -> Reading:
     """Plain data (as TOML or JSON readers return it) -> what can be read of it, and every fault of form."""
-    try:
-        return Reading(SceneDocument.model_validate(dict(raw)), raw)
-    except ValidationError:
-        pass
+    with suppress(ValidationError):
+        if "parameters" not in raw:
+            return Reading(SceneDocument.model_validate(dict(raw)), raw)
+    resolved = resolve(raw)
+    raw = resolved.data
+    if not resolved.faults:
+        with suppress(ValidationError):
+            whole = SceneDocument.model_validate(raw)
+            whole.keep_formulas(resolved.formulas)
+            return Reading(whole, raw)
     faults: list[Fault] = []
     document = cast(SceneDocument, read_table(SceneDocument, raw, (), faults))
+    document.keep_formulas(resolved.formulas)
+    faults = [*resolved.faults, *(fault for fault in faults if fault.path not in resolved.unknown)]
     broken: dict[str, set[str]] = {section: set() for section in _SECTIONS}
     faulty = {fault.path[:end] for fault in faults for end in _ends(fault.path)}
     for section in _SECTIONS:

@@ -19,6 +19,7 @@ from mechviz.scene.kinds.joints.document import JointDocument
 from mechviz.scene.kinds.loads.document import KINDS as LOADS
 from mechviz.scene.kinds.loads.document import LoadDocument
 from mechviz.scene.kinds.signals import ChirpDocument, RampDocument, SineDocument, StepDocument
+from mechviz.scene.reading.formulas import resolve
 
 PAGE = Path(__file__).resolve().parents[3] / "docs" / "scenes.md"
 BLOCKS = re.findall(r"```(\w*)\n(.*?)```", PAGE.read_text(encoding="utf-8"), flags=re.DOTALL)
@@ -45,7 +46,7 @@ def test_fragments_of_the_page_are_valid(text):
         for joint in data.get("joints", {}).values():
             if list(joint) == ["drive"]:
                 joint["revolute"] = ["frame", "crank"]
-        SceneDocument.model_validate(data)
+        SceneDocument.model_validate(resolve(data).data)
 
 
 def test_the_python_of_the_page_runs(tmp_path, monkeypatch):

@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-import tomllib
-
 import pytest
 
 from mechviz.scene.builder import SceneBuilder
-from mechviz.scene.document import SceneDocument
 from mechviz.scene.faults import SceneError, path_text
 from mechviz.scene.folder import gallery
 from mechviz.scene.kinds.joints.document import KINDS as JOINTS
@@ -21,8 +18,7 @@ def places():
     """One reference of every key and sort in the gallery: key, what it refers to -> name of the scene and place."""
     found = {}
     for entry in gallery():
-        document = SceneDocument.model_validate(tomllib.loads(entry.path.read_text(encoding="utf-8")))
-        for leaf, reference in references(document):
+        for leaf, reference in references(load(entry.name).document):
             key = next(part for part in reversed(leaf.path) if isinstance(part, str))
             found.setdefault((key, reference.to), (entry.name, leaf.path))
     return found

@@ -16,7 +16,7 @@ from mechviz.outputs.viewer.server import Callback, finite
 from mechviz.outputs.viewer.session import EditSession, Status
 from mechviz.scene.scene import Scene
 
-OPEN_FIRST = ("Lengths", "Drive", "Cam")
+OPEN_FIRST = ("Parameters", "Lengths", "Drive", "Cam")
 MOST_OPEN = 12  # controls in the folders that are open at the start
 SLOW = 0.25  # [s] between words about what goes well
 UNDO, REDO, RESET = "↶ Undo", "Redo ↷", "Reset"
