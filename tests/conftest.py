@@ -6,6 +6,7 @@ No test has a deadline.
 from __future__ import annotations
 
 import os
+import signal
 from collections.abc import Callable
 
 import pytest
@@ -14,6 +15,9 @@ from hypothesis import settings
 # a worker for each core: threads of BLAS would only wait for each other (before numpy is loaded; processes of tests inherit it)
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 os.environ.pop("PYTHONDONTWRITEBYTECODE", None)  # processes of tests: each would compile the packages anew
+
+if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:  # started in the background: processes of tests would not be interrupted
+    signal.signal(signal.SIGINT, signal.default_int_handler)
 
 # a busy machine fails no test: examples have no deadline, all else is as hypothesis chooses it (in CI it is another choice)
 settings.register_profile("without a clock", settings.default, deadline=None)

@@ -7,6 +7,7 @@ import os
 import threading
 from collections.abc import Iterator
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from typing import Any
 
 import pytest
 
@@ -22,6 +23,7 @@ ARGS = [
     "--use-gl=angle",
     "--use-angle=swiftshader",
     "--enable-unsafe-swiftshader",
+    "--disable-gpu-compositing",  # there is no graphics card: the page itself is put together faster without pretending one
 ]
 
 
@@ -39,6 +41,20 @@ def missing(words: str) -> None:
     if os.environ.get("MECHVIZ_REQUIRE_BROWSER") == "1":
         pytest.fail(f"{words}, and MECHVIZ_REQUIRE_BROWSER=1 asks for it")
     pytest.skip(words)
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Any]:
+    """Headless Chromium, driven by playwright."""
+    executable = chromium_or_skip()
+    try:
+        from playwright.sync_api import sync_playwright
+    except ImportError:
+        missing("playwright is not installed")
+    with sync_playwright() as playwright:
+        chromium = playwright.chromium.launch(executable_path=executable, headless=True, args=ARGS)
+        yield chromium
+        chromium.close()
 
 
 # Whether the page's own scripts reach another server

@@ -1,35 +1,19 @@
-"""What the tests in a real browser share: Chromium, pages, and waiting for what they show."""
+"""What the tests of the viewer in a real browser share: pages, and waiting for what they show."""
 
 from __future__ import annotations
 
 import io
 import itertools
-import os
-import shutil
 import time
-from collections.abc import Iterator, Sequence
-from pathlib import Path
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-import pytest
 
 from mechviz.outputs.viewer.viser_adapter import run_script
 
 _marks = itertools.count(1)
 
-ARGS = [
-    "--no-sandbox",
-    "--disable-quic",
-    "--no-first-run",
-    "--disable-background-networking",
-    "--disable-component-update",
-    "--disable-sync",
-    "--use-gl=angle",
-    "--use-angle=swiftshader",
-    "--enable-unsafe-swiftshader",
-    "--disable-gpu-compositing",  # there is no graphics card: the page itself is put together faster without pretending one
-]
 # Without a graphics card a picture costs by its pixels: half as many each way, one sample each. That is also what keeps viser from
 # changing the number of pixels by itself when the machine is busy.
 PIXELS = "?fixedDpr=0.5"
@@ -53,22 +37,6 @@ PLACE = """name => { const m = window.__viserMutable, node = m.nodeRefFromName[n
     return [r.left + (p.x + 1) / 2 * r.width, r.top + (1 - p.y) / 2 * r.height]; }"""
 CURSOR = """uuid => { const d = window.__viserTestpoints.uplots[uuid]?.chart?.data; if (!d) return [];
     return Array.from(d[0]).filter((_, k) => Number.isFinite(d[d.length - 1][k])); }"""
-
-
-def chromium_path() -> str:
-    """The browser, or no test: a skip, unless the environment says that it has to be there."""
-    found = next((path for name in ("chromium", "chromium-browser") if (path := shutil.which(name))), None)
-    if found is None and Path("/usr/bin/chromium").exists():
-        found = "/usr/bin/chromium"
-    if found is None:
-        missing("Chromium is not installed (Debian: apt-get install chromium)")
-    return str(found)
-
-
-def missing(words: str) -> None:
-    if os.environ.get("MECHVIZ_REQUIRE_BROWSER") == "1":
-        pytest.fail(f"{words}, and MECHVIZ_REQUIRE_BROWSER=1 asks for it")
-    pytest.skip(words)
 
 
 def new_page(browser: Any, size: dict[str, int]) -> Any:
@@ -146,19 +114,6 @@ def until(page: Any, condition: Any, what: str, seconds: float = PATIENCE) -> No
     while not condition():
         assert time.monotonic() < end, f"not within {seconds} s: {what}"
         page.wait_for_timeout(20)
-
-
-@pytest.fixture(scope="module")
-def browser() -> Iterator[Any]:
-    executable = chromium_path()
-    try:
-        from playwright.sync_api import sync_playwright
-    except ImportError:
-        missing("playwright is not installed")
-    with sync_playwright() as playwright:
-        chromium = playwright.chromium.launch(executable_path=executable, headless=True, args=ARGS)
-        yield chromium
-        chromium.close()
 
 
 def picture(page: Any) -> np.ndarray:

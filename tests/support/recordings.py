@@ -73,9 +73,13 @@ def gallery_scene(name: str) -> Scene:
     return mechviz.load(name)
 
 
-@cache
 def ran(name: str, frames: int = FRAMES) -> Run:
     """A gallery scene, run."""
+    return _ran(name, frames)
+
+
+@cache  # which would take a number of frames that is left out for another one than the same number stated
+def _ran(name: str, frames: int) -> Run:
     return run_scene(gallery_scene(name), frames=frames)
 
 
@@ -93,9 +97,13 @@ def solids(name: str) -> Solids:
     return solids_of(ran(name))
 
 
-@cache
 def made(name: str, frames: int = FRAMES) -> Made:
     """A gallery scene, recorded."""
+    return _made(name, frames)
+
+
+@cache
+def _made(name: str, frames: int) -> Made:
     run = ran(name, frames)
     path = Path(FOLDER.name) / f"{name}-{frames}.rrd"
     shapes = solids(name) if frames == FRAMES else solids_of(run)

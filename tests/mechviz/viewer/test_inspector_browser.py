@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from browsers import browser
 from browsing import (
     CANVAS,
     PATIENCE,
@@ -19,7 +20,6 @@ from browsing import (
     POSES,
     READY,
     SEEN,
-    browser,
     camera_rests,
     caught_up,
     heard,
@@ -621,6 +621,9 @@ def test_a_fault_in_editing_is_told_and_survived(viewer, page, monkeypatch):
     _type(page, CRANK, "0.115")
     page.get_by_text("RuntimeError: a test made this fail").first.wait_for(state="attached")
     monkeypatch.undo()
+    uuid = page.locator("label", has_text=CRANK).first.get_attribute("for")
+    box = page.locator(f'[id="{uuid}"] ~ div input')
+    until(page, lambda: float(box.input_value()) == pytest.approx(0.1), "the slider goes back to what is shown")
     _type(page, CRANK, "0.116")
     until(page, lambda: viewer.run.motion.mechanism.links[1].points["B"][0] == pytest.approx(0.116), "the editor lives")
     _until_drawn(viewer, page)

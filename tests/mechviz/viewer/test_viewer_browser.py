@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from browsers import REQUESTING, elsewhere, pulling
+from browsers import REQUESTING, browser, elsewhere, pulling
 from browsing import (
     CAMERA,
     CANVAS,
@@ -18,7 +18,6 @@ from browsing import (
     READY,
     SEEN,
     SIZE,
-    browser,
     caught_up,
     heard,
     next_frames,
