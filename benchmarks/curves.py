@@ -57,7 +57,7 @@ def slug(title: str) -> str:
 def draw_curves(title: str, error: str, curves: Sequence[Curve], path: Path) -> Path:
     """Draw curves and points, with the Pareto front below them and their names beside them; ``error``: what it is relative to."""
     from mechviz.figures import chart, save_chart
-    from mechviz.studies.precision.diagram import FRONT, precision_axes
+    from mechviz.studies.precision_diagram import FRONT, precision_axes
 
     words: dict[str, str] = {}
     with chart(9.4, max(4.4, 0.6 + 0.22 * len(curves))) as figure:

@@ -107,7 +107,7 @@ def draw_peers(text: str, folder: Path) -> list[Path]:
 def _numbered(title: str, points: list[tuple[str, float, float]], path: Path) -> Path:
     """Numbered points on logarithmic axes, and who they are."""
     from mechviz.figures import chart, save_chart
-    from mechviz.studies.precision.diagram import precision_axes
+    from mechviz.studies.precision_diagram import precision_axes
 
     with chart(9.4, max(3.3, 0.6 + 0.19 * len(points))) as figure:
         axes = figure.subplots()
@@ -312,7 +312,7 @@ def main() -> None:
     parser.add_argument("--only", nargs="*", default=[], metavar="WORD", help="only parts whose name contains a word")
     parser.add_argument("--output", type=Path, default=HERE / "REPORT.md", help="the report [default: benchmarks/REPORT.md]")
     given = parser.parse_args()
-    from mechviz.studies.precision.timing import machine
+    from mechviz.studies.cost import machine
 
     PLOTS.mkdir(exist_ok=True)
     for old in () if given.only else PLOTS.glob("*.svg"):  # of parts that draw other pictures now

@@ -21,11 +21,10 @@ from mechviz.figures import chart, save_chart
 from mechviz.outputs.rerun.writer import write_recording
 from mechviz.runs import run_scene
 from mechviz.scene.scene import load
+from mechviz.studies.cost import machine, used
 from mechviz.studies.influences import influence_lines, influences
-from mechviz.studies.precision.cache import keep, kept
-from mechviz.studies.precision.diagram import diagram
-from mechviz.studies.precision.ladder import Point, cheapest, ladder
-from mechviz.studies.precision.timing import machine, used
+from mechviz.studies.precision import Point, cheapest, keep, kept, ladder
+from mechviz.studies.precision_diagram import diagram
 
 HERE = Path(__file__).resolve().parent
 IMAGES = HERE / "images"

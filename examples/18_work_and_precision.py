@@ -1,7 +1,7 @@
 """What accuracy costs: errors and times of a scene at several numbers of frames, and one wanted error that decides them."""
 
 import mechviz as mv
-from mechviz.studies.precision.ladder import cheapest, ladder
+from mechviz.studies.precision import cheapest, ladder
 
 scene = mv.load("crank-rocker")
 points = ladder(scene, budget=0.005, only=["frames"])

@@ -1,5 +1,4 @@
-"""``mechviz forces``: forces by their classes, works, flywheel, steady run. ``mechviz cams``: limits, contact forces and stresses
-of cams, least springs, sizes, the graphical method."""
+"""``mechviz plan``, ``forces`` and ``cams``: the stages that are computed, and their results in words."""
 
 from __future__ import annotations
 
@@ -11,6 +10,7 @@ import typer
 
 from mechcore.cams.limits import Requirement
 from mechcore.dynamics.rest.steady import size_flywheel, steady_run
+from mechcore.effects.plan import make_plan
 from mechcore.forces.flywheel import flywheel
 from mechcore.spec.mechanism import CamDrawn
 from mechcore.texts import Text
@@ -20,10 +20,10 @@ from mechviz.commands.solving import AccuracyOpt, CyclesOpt, FramesOpt, KeepOpt,
 from mechviz.quantities.power_table import flywheel_lines, force_lines, power_csv, sized_lines, steady_lines
 from mechviz.scene.convert import LARGEST
 from mechviz.scene.kinds.joints.cam_documents import step_fault, whole_step
-from mechviz.studies.cam_report import cam_facts, cam_lines, drawn_lines
-from mechviz.studies.cam_size import size_lines
-from mechviz.studies.polar import shaken, write_polar
-from mechviz.studies.report import statics_lines
+from mechviz.studies.balance import shaken, write_polar
+from mechviz.studies.cam_report import cam_facts, cam_lines, drawn_lines, size_lines
+from mechviz.studies.cost import cost_lines, measure
+from mechviz.studies.report import plan_lines, statics_lines
 
 
 def forces(
@@ -156,3 +156,17 @@ def cams(
         violated = dict.fromkeys(f"{fact.what} of {fact.cam}" for fact in facts if fact.failed and (fact.stated or strict))
         if violated:
             fail(f"{run.scene.name}: limits are violated: {', '.join(violated)}.", 1)
+
+
+def plan(
+    scene: SceneArg,
+    cost: Annotated[bool, typer.Option("--cost", help="also measure what each stage and effect costs")] = False,
+    values: SetOpt = None,
+) -> None:
+    """Print what will be computed for a scene, what not, and why; with --cost what each stage and effect costs."""
+    with clear_errors(scene):
+        loaded = load_scene(scene, values)
+        print(loaded.title)
+        print("\n".join(plan_lines(make_plan(loaded.mechanism))))
+        if cost:
+            print("\n".join(cost_lines(measure(loaded), loaded.frames + 1)))

@@ -32,10 +32,8 @@ COMMANDS = {
         "schema": "Print the JSON Schema of scene files, for editors.",
         "check": "Validate a scene and print its mobility, groups, loops, assembly modes and reachable range.",
     },
-    "plan": {
-        "plan": "Print what will be computed for a scene, what not, and why; with --cost what each stage and effect costs.",
-    },
     "forces": {
+        "plan": "Print what will be computed for a scene, what not, and why; with --cost what each stage and effect costs.",
         "forces": "Print who supplies power and who absorbs it: every force with its classes and its work over the run.",
         "cams": "Print the limits, contact forces and stresses of a scene's cams, and the least springs that keep contact.",
     },

@@ -12,8 +12,7 @@ from mechviz.commands.loading import SceneArg, SetOpt, clear_errors, load_scene,
 from mechviz.commands.solving import solve
 from mechviz.outputs.rerun.writer import write_recording
 from mechviz.scene.scene import Scene, dump
-from mechviz.studies.balance import balance_scene
-from mechviz.studies.polar import write_polar
+from mechviz.studies.balance import balance_scene, write_polar
 from mechviz.studies.vibrations import mode_scene, vibration_lines, vibrations_csv, vibrations_of
 
 

@@ -1,17 +1,30 @@
-"""Counterweights for a scene: computed, compared with the scene as it is, and written into it as point masses."""
+"""The shaking force of a scene: counterweights computed, compared and written into it as point masses; polar plots over a cycle."""
 
 from __future__ import annotations
 
+import math
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+from numpy.typing import NDArray
+
+from mechcore.arrays import Real
 from mechcore.errors import Fault
 from mechcore.motion.motion import Motion
 from mechcore.motion.solve import compile_mechanism, default_times, solve_motion
 from mechcore.reduction.balancing import Counterweight, Shaking, counterweights, find_linkage, shaking
+from mechviz.figures import COLOURS, chart, save_chart
+from mechviz.files import OutputError
 from mechviz.scene.faults import SceneError, in_scene_words
 
 if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+    from matplotlib.projections.polar import PolarAxes
+
+    from mechviz.runs import Run
     from mechviz.scene.annotations import Place
     from mechviz.scene.scene import Scene
 
@@ -74,3 +87,78 @@ def balance_scene(
 def _moved(scene: Scene) -> Motion:
     mechanism = scene.mechanism
     return solve_motion(compile_mechanism(mechanism), default_times(mechanism, scene.frames, scene.cycles))
+
+
+STEP = 30.0  # degrees of the drive between two dots of the force's curve
+
+
+def shaken(run: Run) -> Shaking:
+    """Shaking force and moment of a run, about the point that its scene names. Raises `OutputError` where nothing shakes."""
+    asked = run.motion.mechanism.studies.shaking
+    found = shaking(run.motion, (0.0, 0.0) if asked is None else asked.about)
+    if found.single == 0.0 and found.peak_moment == 0.0:
+        why = f"{run.scene.name}: nothing shakes the frame: no link with a mass is accelerated."
+        raise OutputError(why, "Give links a mass beside their axis.")
+    return found
+
+
+def write_polar(path: Path, title: str, motion: Motion, shakings: Mapping[str, Shaking]) -> None:
+    """Write the plots to a file (.svg, .png, .pdf). Raises `OutputError` where that cannot be."""
+    save_chart(polar_figure(title, motion, shakings), path)
+
+
+def polar_figure(title: str, motion: Motion, shakings: Mapping[str, Shaking]) -> Figure:
+    """Two plots: tip of the force [N] (dots every 30 degrees of the drive), and the moment [N m] over the drive's angle, outwards
+    of the zero circle where it is positive. ``shakings``: what is drawn, by its name in the legend."""
+    angle = _angle(motion)
+    least = max((s.single for s in shakings.values()), default=0.0)
+    with chart(9.0, 5.2) as figure:
+        figure.suptitle(title)
+        forces, moments = figure.subplots(1, 2, subplot_kw={"projection": "polar"})
+        size = max((s.peak_moment for s in shakings.values()), default=0.0)
+        for k, (name, s) in enumerate(shakings.items()):
+            colour = COLOURS[(1, 2, 0)[k % 3]]
+            balanced = s.peak <= 1e-9 * least
+            note = f"{name}: {0.0 if balanced else s.peak:.4g} N, {s.peak_moment:.4g} N m"
+            tip = s.force @ np.array([1.0, 1.0j])
+            forces.plot(np.angle(tip), np.abs(tip), color=colour, label=note)
+            marks = [tip[0]] if balanced else list(_marks(tip, angle, forces, colour))
+            forces.plot(np.angle(marks), np.abs(marks), "o", color=colour, markersize=4.0)
+            moments.plot(angle, s.moment, color=colour)
+        if all(s.peak <= 1e-9 * least for s in shakings.values()):
+            forces.set_rmax(least or 1.0)
+        moments.set_rlim(-1.05 * (size or 1.0), 1.05 * (size or 1.0))
+        moments.plot(np.linspace(0.0, 2.0 * np.pi, 361), np.zeros(361), color="#9aa3ad", linewidth=1.2, zorder=1.0)
+        forces.set_title("shaking force [N]", loc="center")
+        moments.set_title("shaking moment [N m] over the drive", loc="center")
+        for axes in (forces, moments):
+            axes.set_rlabel_position(-52.0)
+            axes.tick_params(axis="y", labelsize="small", labelcolor="#7a838c")
+        figure.legend(*forces.get_legend_handles_labels(), loc="outside lower center", ncols=len(shakings))
+    return figure
+
+
+def _marks(tip: NDArray[np.complex128], angle: Real, axes: PolarAxes, colour: str) -> Iterator[complex]:
+    """Points of the force every 30 degrees of the drive over its first turn, of which every third is named."""
+    degrees = np.degrees(angle)
+    sense = 1.0 if degrees[-1] >= degrees[0] else -1.0
+    if not np.isfinite(tip).all() or not np.all(np.diff(sense * degrees) > 0.0):
+        return
+    first = math.ceil(sense * degrees[0] / STEP - 1e-9)
+    for k in range(first, first + round(360.0 / STEP)):
+        if k * STEP > sense * degrees[-1] + 1e-9:
+            return
+        p = complex(*(np.interp(k * STEP, sense * degrees, part) for part in (tip.real, tip.imag)))
+        yield p
+        if k % 3 == 0:
+            words, place = f"{sense * k * STEP % 360.0:g}°", (float(np.angle(p)), abs(p))
+            axes.annotate(words, place, (4, 4), textcoords="offset points", color=colour, fontsize="small")
+
+
+def _angle(motion: Motion) -> Real:
+    """Angle of the first drive (F,) [rad]; of one that slides, the part of the run as an angle."""
+    drive = motion.mechanism.drives[0].joint
+    if motion.model.joints[motion.model.joint_index[drive]].coordinate == "angle":
+        return np.asarray(motion.coordinate(drive)[:, 0], float)
+    span = float(np.ptp(motion.time)) or 1.0
+    return np.asarray(2.0 * np.pi * (motion.time - motion.time[0]) / span, float)

@@ -1,13 +1,21 @@
-"""What each stage and effect of a scene costs: measured, with warm-up and repeats, the median counts."""
+"""Cost of each stage and effect of a scene: times warmed up and repeated, the median with its spread, and the machine that they
+were taken on."""
 
 from __future__ import annotations
 
+import gc
+import os
+import platform
 import statistics
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import partial
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
+
+import numpy as np
 
 from mechcore.effects.base import sum_up
 from mechcore.effects.plan import Plan, make_plan
@@ -22,7 +30,6 @@ from mechviz.scene.faults import in_scene_words
 
 if TYPE_CHECKING:
     from mechviz.scene.scene import Scene
-
 
 HEALTH = ("closure", "velocity_closure", "acceleration_closure", "condition")
 
@@ -43,7 +50,7 @@ def measure(scene: Scene, *, repeats: int = 7, outputs: Any = None) -> list[Cost
     frames = None if scene.simulation is not None else default_times(mechanism, scene.frames, scene.cycles)
     found: dict[str, list[float]] = {}
 
-    def timed(name: str, work: Callable[[], Any]) -> Any:
+    def clocked(name: str, work: Callable[[], Any]) -> Any:
         start = time.perf_counter()
         result = work()
         found.setdefault(name, []).append(time.perf_counter() - start)
@@ -56,22 +63,22 @@ def measure(scene: Scene, *, repeats: int = 7, outputs: Any = None) -> list[Cost
             for spent in run_scene(scene).stages:
                 found.setdefault(spent.name, []).append(spent.seconds)
             continue
-        compiled = timed("compile", partial(compile_mechanism, mechanism))
-        motion = timed("positions", partial(_positions, compiled, frames))
+        compiled = clocked("compile", partial(compile_mechanism, mechanism))
+        motion = clocked("positions", partial(_positions, compiled, frames))
         for stage in ("velocities", "accelerations"):
             if plan.has(stage):
-                timed(stage, partial(getattr, motion, f"origin_{stage}"))
+                clocked(stage, partial(getattr, motion, f"origin_{stage}"))
         if plan.has("reactions and drive efforts"):
             for k, effect in enumerate(effects):
                 if "reactions" not in effect.needs:
-                    timed(f"{'effect' if k < named else 'load'} {effect.name}", partial(effect.wrenches, motion))
+                    clocked(f"{'effect' if k < named else 'load'} {effect.name}", partial(effect.wrenches, motion))
             if plan.has("effect friction"):
-                timed("effect friction", partial(_friction, motion))
-            forces = timed("reactions and drive efforts", partial(solve_forces, motion))
+                clocked("effect friction", partial(_friction, motion))
+            forces = clocked("reactions and drive efforts", partial(solve_forces, motion))
             if plan.has("energy and power balance"):
-                timed("energy and power balance", partial(_read, forces, ("energy", "power_balance")))
+                clocked("energy and power balance", partial(_read, forces, ("energy", "power_balance")))
         if plan.has("closure and condition"):
-            timed("closure and condition", partial(_read, motion, HEALTH))
+            clocked("closure and condition", partial(_read, motion, HEALTH))
     return [Cost(name, statistics.median(times[1:])) for name, times in found.items()]  # the first one warms up
 
 
@@ -104,3 +111,75 @@ def cost_lines(costs: list[Cost], frames: int) -> list[str]:
         for c in costs
     ]
     return [*lines, f"  {'in all':<{width}}  {1e3 * total:>9.3f}  {1e6 * total / frames:>9.3f}"]
+
+
+LEAST, MOST = 3, 25
+BUDGET = 0.25  # seconds of repeats: quick work is repeated more often
+
+
+@dataclass(frozen=True)
+class Timed:
+    """Median [s] of ``repeats`` runs after one that does not count, and the distance of their quartiles [s]."""
+
+    seconds: float
+    spread: float
+    repeats: int
+
+
+def timed(work: Callable[[], Any], budget: float = BUDGET, least: int = LEAST) -> Timed:
+    """Time some work: once to warm up, then until the budget is spent, at least ``least`` and at most 25 times."""
+    work()
+    times: list[float] = []
+    collecting = gc.isenabled()
+    gc.disable()
+    try:
+        while len(times) < least or (sum(times) < budget and len(times) < MOST):
+            start = time.perf_counter()
+            work()
+            times.append(time.perf_counter() - start)
+    finally:
+        if collecting:
+            gc.enable()
+    return _timed(times)
+
+
+def _timed(times: list[float]) -> Timed:
+    low, _, high = statistics.quantiles(times, n=4) if len(times) > 1 else (times[0],) * 3
+    return Timed(statistics.median(times), high - low, len(times))
+
+
+def side_by_side(
+    first: Callable[[], Any], second: Callable[[], Any], budget: float = BUDGET, least: int = LEAST
+) -> tuple[Timed, Timed]:
+    """Time two works in turns, so that whatever else the machine does meets both alike."""
+    for work in (first, second):
+        work()
+    times: tuple[list[float], list[float]] = ([], [])
+    while len(times[0]) < least or (sum(times[0]) < budget and len(times[0]) < MOST):
+        for work, own in ((first, times[0]), (second, times[1])):
+            start = time.perf_counter()
+            work()
+            own.append(time.perf_counter() - start)
+    return _timed(times[0]), _timed(times[1])
+
+
+@contextmanager
+def used() -> Iterator[Callable[[], float]]:
+    """What share of the time in its block this program had the processor for: told, at most 1, by what it gives."""
+    wall, own = time.perf_counter(), time.process_time()
+    found = [1.0]
+    yield lambda: found[0]
+    found[0] = min(1.0, (time.process_time() - own) / max(time.perf_counter() - wall, 1e-9))
+
+
+def machine() -> str:
+    """The machine in a line: processor, cores, system, Python and numpy."""
+    cpu = platform.processor() or platform.machine()
+    try:
+        for line in Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines():
+            if line.startswith("model name"):
+                cpu = line.split(":", 1)[1].strip()
+                break
+    except OSError:
+        pass  # no such file on this system
+    return f"{cpu}, {os.cpu_count()} cores, {platform.system()}, Python {platform.python_version()}, numpy {np.__version__}"

@@ -17,7 +17,7 @@ from mechcore.spec.mechanism import EFFECTS
 from mechviz.quantities.items import joints_of
 from mechviz.runs import run_scene
 from mechviz.scene.faults import in_scene_words
-from mechviz.studies.precision.timing import Timed, side_by_side
+from mechviz.studies.cost import Timed, side_by_side
 
 if TYPE_CHECKING:
     from mechviz.scene.annotations import Place

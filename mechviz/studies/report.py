@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -15,7 +16,10 @@ from mechcore.forces.friction.events import friction_events
 from mechcore.forces.kinetostatics import Forces, solve_forces
 from mechcore.forces.load_events import idle_table, load_events
 from mechcore.forces.order import solution_order
-from mechcore.laws.timed import ConstantSpeed, Free
+from mechcore.laws.curve import MotionCurve
+from mechcore.laws.factors import ORDER_NAMES, jumps
+from mechcore.laws.program import CLOCK, Follow
+from mechcore.laws.timed import ConstantSpeed, Free, Law, Piecewise
 from mechcore.motion.compiled import Compiled
 from mechcore.motion.events import overshoots, strokes
 from mechcore.motion.metrics import grashof
@@ -30,8 +34,8 @@ from mechcore.spec.mechanism import CamJoint, Mechanism, PinSlot, Planar
 from mechcore.texts import Text
 from mechviz.quantities.items import joints_of
 from mechviz.scene.faults import in_scene_words
+from mechviz.scene.units import Units
 from mechviz.studies.cam_report import cam_facts, cam_lines, law_facts
-from mechviz.studies.laws import continuity_words
 
 if TYPE_CHECKING:
     from mechviz.scene.scene import Scene
@@ -324,3 +328,39 @@ def statics_lines(forces: Forces, units: Units) -> list[str]:
     widths = [max(len(row[k]) for row in rows) for k in range(len(rows[0]))]
     when = "reactions" if motion.frames == 1 else "reactions, of each joint at the frame where it is largest"
     return [when, *("  ".join(cell.ljust(w) for cell, w in zip(row, widths, strict=True)).rstrip() for row in rows)]
+
+
+_MOST_PLACES = 8  # in one line
+
+
+def continuity_words(mechanism: Mechanism, units: Units) -> Iterator[str]:
+    """For each law of several pieces, of a drive or of a cam: up to which derivative it is continuous, where the next one jumps."""
+    for drive in mechanism.drives:
+        curve, kind = _curve(drive.law)
+        if curve is not None and len(curve.pieces) > 1:
+            yield f"{drive.joint}: {_words(curve, kind, units)}"
+    for joint in mechanism.joints:
+        if isinstance(joint, CamJoint) and joint.lift is not None:
+            yield f"{joint.name}: {_words(joint.lift, 'length' if joint.bed else 'angle', units)}"
+
+
+def _curve(law: Law) -> tuple[MotionCurve | None, str]:
+    """The curve of a drive's law, and what it goes over."""
+    if isinstance(law, Follow):
+        return law.curve, "time" if law.master is CLOCK else "angle"
+    if isinstance(law, Piecewise):
+        return MotionCurve.of(law.knots, law.coefficients), "time"
+    return None, "time"
+
+
+def _words(curve: MotionCurve, kind: str, units: Units) -> str:
+    found = jumps(curve, ends=False)
+    pieces = f"{len(curve.pieces)} pieces, continuous"
+    if not found:
+        return f"{pieces} up to the jerk"
+    order = min(j.order for j in found)
+    places = [units.show(j.angle, kind, 5) for j in found if j.order == order]
+    more = f" and {len(places) - _MOST_PLACES} more" if len(places) > _MOST_PLACES else ""
+    smooth = f"{pieces} up to the {ORDER_NAMES[order - 1]}" if order else f"{len(curve.pieces)} pieces"
+    shock = ", infinite jerk" if order == 2 else ", a knock" if order < 2 else ""
+    return f"{smooth}; the {ORDER_NAMES[order]} jumps at {', '.join(places[:_MOST_PLACES])}{more}{shock}"

@@ -15,12 +15,11 @@ from mechviz.accuracy.kept import PROFILE
 from mechviz.commands.main import app
 from mechviz.figures import DOTS, chart_svg
 from mechviz.scene.scene import load
+from mechviz.studies import cost, precision
+from mechviz.studies.cost import Timed, side_by_side, timed
 from mechviz.studies.influences import influence_lines, influences
-from mechviz.studies.precision import cache, timing
-from mechviz.studies.precision import ladder as ladder_module
-from mechviz.studies.precision.diagram import PANEL, diagram, write_rrd
-from mechviz.studies.precision.ladder import Point, cheapest, ladder, pareto
-from mechviz.studies.precision.timing import Timed, side_by_side, timed
+from mechviz.studies.precision import Point, cheapest, ladder, pareto
+from mechviz.studies.precision_diagram import PANEL, diagram, write_rrd
 
 
 def point(seconds: float, error: float, **more: object) -> Point:
@@ -48,22 +47,22 @@ def test_timing_warms_up_and_repeats():
 
 def test_times_of_a_processor_that_others_used_are_called_rough(monkeypatch):
     walls, own = iter([0.0, 10.0]), iter([0.0, 4.0])
-    monkeypatch.setattr(timing.time, "perf_counter", lambda: next(walls))
-    monkeypatch.setattr(timing.time, "process_time", lambda: next(own))
-    with timing.used() as share:
+    monkeypatch.setattr(cost.time, "perf_counter", lambda: next(walls))
+    monkeypatch.setattr(cost.time, "process_time", lambda: next(own))
+    with cost.used() as share:
         pass
     monkeypatch.undo()
     assert share() == 0.4
-    found = cache.Measured("s", "a machine", "2026-01-01", (), share=share())
+    found = precision.Measured("s", "a machine", "2026-01-01", (), share=share())
     assert (
         found.foot == "measured 2026-01-01 on a machine; one thread, medians; rough: others had 60 % of the time on this processor"
     )
-    assert "rough" not in cache.Measured("s", "a machine", "2026-01-01", (), share=0.97).foot
+    assert "rough" not in precision.Measured("s", "a machine", "2026-01-01", (), share=0.97).foot
 
 
 def once(monkeypatch: pytest.MonkeyPatch) -> None:
     """What is to be timed is done once."""
-    monkeypatch.setattr(ladder_module, "timed", lambda work, *_, **__: (work(), Timed(1e-3, 0.0, 1))[1])
+    monkeypatch.setattr(precision, "timed", lambda work, *_, **__: (work(), Timed(1e-3, 0.0, 1))[1])
 
 
 @pytest.mark.parametrize(
@@ -75,10 +74,10 @@ def once(monkeypatch: pytest.MonkeyPatch) -> None:
 )
 def test_a_scene_has_the_ladders_that_it_has_a_use_for(name, dials, monkeypatch):
     once(monkeypatch)
-    monkeypatch.setattr(ladder_module, "FRAMES", (16, 64, 256))
-    monkeypatch.setattr(ladder_module, "DIVISIONS", (24, load(name).frames))
-    monkeypatch.setattr(ladder_module, "_tessellation", lambda *_: [point(1.0, 1.0)])
-    monkeypatch.setattr(ladder_module, "_recording", lambda *_: [point(1.0, 1.0)])
+    monkeypatch.setattr(precision, "FRAMES", (16, 64, 256))
+    monkeypatch.setattr(precision, "DIVISIONS", (24, load(name).frames))
+    monkeypatch.setattr(precision, "_tessellation", lambda *_: [point(1.0, 1.0)])
+    monkeypatch.setattr(precision, "_recording", lambda *_: [point(1.0, 1.0)])
     points = [p for p in ladder(load(name), 1e-4, budget=0.0) if p.value != "x"]
     assert {p.dial for p in points} == dials - {"tessellation", "recording"}
     for dial in {p.dial for p in points}:
@@ -92,7 +91,7 @@ def test_a_scene_has_the_ladders_that_it_has_a_use_for(name, dials, monkeypatch)
         fitted = [p for p in points if "fitted" in p.note]
         assert len(fitted) == 3 and all(p.error <= 1e-4 for p in fitted)
     iterated = [p.error for p in points if p.dial.endswith("tolerance")]
-    assert iterated[-1] == ladder_module.LEAST_ERROR and max(iterated) < 1e-1
+    assert iterated[-1] == precision.LEAST_ERROR and max(iterated) < 1e-1
     assert iterated[0] > iterated[-1]
 
 
@@ -101,7 +100,7 @@ def test_only_cams_in_the_plane_have_a_ladder_of_profiles(name, plane, monkeypat
     """Their polygons halve their sagitta twice where their points are doubled; solid and inverse cams have no such profile."""
     once(monkeypatch)
     for other in ("_frames", "_differentiation", "_tessellation", "_recording"):
-        monkeypatch.setattr(ladder_module, other, lambda *_: [])
+        monkeypatch.setattr(precision, other, lambda *_: [])
     points = [p for p in ladder(load(name), budget=0.0) if p.dial == "cam profile"]
     assert bool(points) is plane
     if plane:
@@ -114,10 +113,10 @@ def test_integrators_are_compared_with_the_motion_at_its_tightest(monkeypatch):
     from mechviz.runs import run_scene
 
     worked = []
-    monkeypatch.setattr(ladder_module, "timed", lambda work, *_, **__: worked.append(work) or Timed(1e-3, 0.0, 1))
-    monkeypatch.setattr(ladder_module, "TOLERANCES", (1e-4, 1e-9))
-    points = list(ladder_module._integrator(run_scene(load("andrews-squeezer")), 0.0))
-    assert len(worked) == len(points) and {work.func for work in worked} == {ladder_module._simulated}, "all do the same work"
+    monkeypatch.setattr(precision, "timed", lambda work, *_, **__: worked.append(work) or Timed(1e-3, 0.0, 1))
+    monkeypatch.setattr(precision, "TOLERANCES", (1e-4, 1e-9))
+    points = list(precision._integrator(run_scene(load("andrews-squeezer")), 0.0))
+    assert len(worked) == len(points) and {work.func for work in worked} == {precision._simulated}, "all do the same work"
     gauss = {p.value: p.error for p in points if p.method == "Gauss"}
     assert gauss["1e-09"] < 1e-3 * gauss["1e-04"] and gauss["1e-09"] < 1e-8
     assert {"energy", "Gauss", "Gauss, 4 nodes", "Radau"} == {p.method for p in points}
@@ -189,16 +188,16 @@ def test_what_was_kept_on_another_machine_does_not_count(tmp_path, monkeypatch):
     monkeypatch.setenv("MECHVIZ_CACHE", str(tmp_path))
     scene = load("crank-rocker")
     infinite = [*POINTS, point(5.0, float("inf"))]
-    cache.keep(scene, None, infinite)
-    found = cache.kept(scene, None)
+    precision.keep(scene, None, infinite)
+    found = precision.kept(scene, None)
     assert found is not None and list(found.points) == infinite and found.scene == "crank-rocker"
-    monkeypatch.setattr(cache, "machine", lambda: "another one")
-    assert cache.kept(scene, None) is None
+    monkeypatch.setattr(precision, "machine", lambda: "another one")
+    assert precision.kept(scene, None) is None
     monkeypatch.undo()
     monkeypatch.setenv("MECHVIZ_CACHE", str(tmp_path / "file"))
     (tmp_path / "file").write_text("no folder")
-    cache.keep(scene, None, POINTS)
-    assert cache.kept(scene, None) is None
+    precision.keep(scene, None, POINTS)
+    assert precision.kept(scene, None) is None
 
 
 @pytest.mark.parametrize(
@@ -262,7 +261,7 @@ def test_picking_a_point_in_the_viewer_applies_it(monkeypatch):
     from mechviz.runs import run_scene
 
     once(monkeypatch)
-    monkeypatch.setattr(ladder_module, "FRAMES", (32, 128))
+    monkeypatch.setattr(precision, "FRAMES", (32, 128))
     monkeypatch.setattr(accuracy_tab, "DIALS", ("frames",))
     with Viewer(run_scene(load("crank-rocker"), accuracy=1e-3), port=0) as viewer:
         tab = viewer.inspector.accuracy

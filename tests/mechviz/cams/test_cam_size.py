@@ -17,7 +17,7 @@ from mechcore.forces.cam_rating import contact_stress, joint_of, placed_cams
 from mechcore.motion.solve import compile_mechanism, default_times, solve_motion
 from mechviz.commands.main import app
 from mechviz.runs import run_scene
-from mechviz.studies.cam_size import size_lines
+from mechviz.studies.cam_report import size_lines
 
 LEAST = {
     "cam-roller-offset": 'base = "least"\ncurvature_limit = 60\npressure_limit = 30',

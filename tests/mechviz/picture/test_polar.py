@@ -11,8 +11,7 @@ import mechviz
 from mechcore.reduction.balancing import shaking
 from mechviz.commands.main import app
 from mechviz.runs import run_scene
-from mechviz.studies.balance import balance_scene
-from mechviz.studies.polar import polar_figure
+from mechviz.studies.balance import balance_scene, polar_figure
 
 
 def drawn(figure):

@@ -22,7 +22,7 @@ from mechviz.runs import run_scene, with_run
 from mechviz.scene.faults import SceneError
 from mechviz.scene.folder import SceneFolder
 from mechviz.scene.scene import Scene, dump, loads
-from mechviz.studies.precision.cache import _file
+from mechviz.studies.precision import _file
 
 GALLERY = Path(mechviz.__file__).parent / "gallery"
 OFFSET = 5.0  # of the user's cam, a circle [mm]: its follower has a stroke of twice that; the gallery's one has another

@@ -18,7 +18,7 @@ from mechviz.scene.faults import SceneError
 from mechviz.scene.kinds.segments import former_laws
 from mechviz.scene.scene import Scene
 from mechviz.scene.units import Units
-from mechviz.studies.laws import continuity_words
+from mechviz.studies.report import continuity_words
 
 DESIGN = {c["id"]: c for c in json.loads((Path(__file__).parents[2] / "reference" / "design.json").read_text())["cases"]}
 TURN = 2 * np.pi

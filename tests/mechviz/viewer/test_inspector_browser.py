@@ -43,8 +43,8 @@ from mechviz.picture.build import solids_of
 from mechviz.picture.nodes import Body
 from mechviz.runs import run_scene
 from mechviz.scene.scene import load, loads
-from mechviz.studies.precision import ladder as ladder_module
-from mechviz.studies.precision.timing import Timed
+from mechviz.studies import precision
+from mechviz.studies.cost import Timed
 
 __all__ = ["browser"]  # a fixture
 
@@ -244,8 +244,8 @@ def test_effects_are_switched_and_weighed(viewer, page):
 
 
 def test_a_click_on_a_setting_in_the_diagram_of_accuracy_applies_it(viewer, page, monkeypatch):
-    monkeypatch.setattr(ladder_module, "FRAMES", (40, 90))
-    monkeypatch.setattr(ladder_module, "timed", lambda work, *_, **__: (work(), Timed(1e-3 * next(count), 0.0, 1))[1])
+    monkeypatch.setattr(precision, "FRAMES", (40, 90))
+    monkeypatch.setattr(precision, "timed", lambda work, *_, **__: (work(), Timed(1e-3 * next(count), 0.0, 1))[1])
     monkeypatch.setattr(accuracy_tab, "DIALS", ("frames",))
     count = itertools.count(1)
     open_tab(page, "Accuracy")

@@ -17,8 +17,8 @@ from mechviz.outputs.viewer import words
 from mechviz.outputs.viewer.server import Callback
 from mechviz.outputs.viewer.session import EditSession
 from mechviz.outputs.viewer.viser_adapter import uuid_of
-from mechviz.studies.precision.diagram import diagram, setting_words
-from mechviz.studies.precision.ladder import Point, ladder, pareto
+from mechviz.studies.precision import Point, ladder, pareto
+from mechviz.studies.precision_diagram import diagram, setting_words
 
 NOW = "as it is"
 WANTED = {"as the dials are": None, "1e-2": 1e-2, "1e-3": 1e-3, "1e-4": 1e-4, "1e-6": 1e-6, "1e-8": 1e-8, "1e-10": 1e-10}

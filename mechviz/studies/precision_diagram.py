@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 from mechviz.figures import COLOURS, DOTS, chart
 from mechviz.files import replacing
-from mechviz.studies.precision.ladder import Point, cheapest, pareto
+from mechviz.studies.precision import Point, cheapest, pareto
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
