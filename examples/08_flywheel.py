@@ -3,7 +3,7 @@
 import numpy as np
 
 import mechviz as mv
-from mechcore.forces.flywheel import flywheel
+from mechcore.forces.powers import flywheel
 
 run = mv.run("slider-crank-compressor", frames=720)
 forces = run.forces

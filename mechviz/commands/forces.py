@@ -11,7 +11,7 @@ import typer
 from mechcore.cams.limits import Requirement
 from mechcore.dynamics.rest.steady import size_flywheel, steady_run
 from mechcore.effects.plan import make_plan
-from mechcore.forces.flywheel import flywheel
+from mechcore.forces.powers import flywheel
 from mechcore.spec.mechanism import CamDrawn
 from mechcore.texts import Text
 from mechviz.commands.common import check_targets, fail, interruptible

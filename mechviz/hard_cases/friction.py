@@ -9,7 +9,7 @@ import numpy as np
 
 from mechcore.forces.friction.events import friction_events
 from mechcore.forces.friction.normal_loads import solve_normal_loads, stability
-from mechcore.forces.friction.result import FrictionResult
+from mechcore.forces.friction.solve import FrictionResult
 from mechcore.forces.kinetostatics import Forces, solve_forces
 from mechcore.laws.timed import ConstantSpeed
 from mechcore.motion.solve import compile_mechanism, default_times, solve_motion

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from mechcore.arrays import Complex, Real, Single
-from mechcore.forces.sections.axis import Cuts
-from mechcore.forces.sections.section_forces import SectionForces
+from mechcore.forces.section_forces import SectionForces
+from mechcore.forces.section_lines import Cuts
 from mechviz.picture.nodes import Color, Lines, Points
 from mechviz.picture.proportions import looks
 

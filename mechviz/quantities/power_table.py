@@ -8,9 +8,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mechcore.forces.flywheel import Flywheel
 from mechcore.forces.kinetostatics import Forces
-from mechcore.forces.powers import PowerTable, drive_shares, power_table
+from mechcore.forces.powers import Flywheel, PowerTable, drive_shares, power_table
 from mechviz.files import replacing
 
 if TYPE_CHECKING:

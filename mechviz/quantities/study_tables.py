@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mechcore.arrays import Real
-from mechcore.forces.sections.section_forces import SectionForces
+from mechcore.forces.section_forces import SectionForces
 from mechviz.quantities.items import Columns, Table
 
 if TYPE_CHECKING:

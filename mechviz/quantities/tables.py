@@ -12,7 +12,7 @@ from mechcore.arrays import Real
 from mechcore.forces.cam_rating import AnyCam, contact_force, contact_stress, drawn_lift, drawn_rows, joint_of, placed_cams
 from mechcore.forces.kinetostatics import Forces, LoadResult
 from mechcore.forces.powers import power_labels, power_table
-from mechcore.forces.sections.guide_bearing import bearing_ends, bearings
+from mechcore.forces.section_forces import bearing_ends, bearings
 from mechcore.motion import metrics
 from mechcore.motion.motion import Motion
 from mechcore.spec.clearance import journals_of

@@ -9,13 +9,12 @@ import numpy as np
 
 from mechcore.branches.assembly import all_modes
 from mechcore.effects.plan import Plan
+from mechcore.forces.balance import solution_order
 from mechcore.forces.cam_events import cam_events
 from mechcore.forces.cam_rating import placed_cams
-from mechcore.forces.crossings import belt_events, belt_grip
 from mechcore.forces.friction.events import friction_events
 from mechcore.forces.kinetostatics import Forces, solve_forces
-from mechcore.forces.load_events import idle_table, load_events
-from mechcore.forces.order import solution_order
+from mechcore.forces.load_events import belt_events, belt_grip, idle_table, load_events
 from mechcore.laws.curve import MotionCurve
 from mechcore.laws.factors import ORDER_NAMES, jumps
 from mechcore.laws.program import CLOCK, Follow

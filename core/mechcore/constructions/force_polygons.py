@@ -19,8 +19,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from mechcore.arrays import Complex, Real, Values
 from mechcore.constructions.polygons import Edge, Plan, frames_of
-from mechcore.forces.acting import LABELS, acting_on
-from mechcore.forces.kinetostatics import Forces
+from mechcore.forces.kinetostatics import LABELS, Forces, acting_on
 from mechcore.kinematics.dyads import cross
 from mechcore.kinematics.model import Model
 from mechcore.motion.structure import groups

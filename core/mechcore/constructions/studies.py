@@ -17,9 +17,8 @@ from mechcore.constructions.force_polygons import Funicular, force_plans, funicu
 from mechcore.constructions.motion_polygons import acceleration_plan, velocity_plan
 from mechcore.constructions.polygons import Plan
 from mechcore.errors import Fault, MechanismError
-from mechcore.forces.acting import acting_on
-from mechcore.forces.kinetostatics import Forces
-from mechcore.forces.sections.section_forces import SectionForces, all_sections
+from mechcore.forces.kinetostatics import Forces, acting_on
+from mechcore.forces.section_forces import SectionForces, all_sections
 from mechcore.motion.motion import Motion
 from mechcore.reduction.balancing import Counterweight, Shaking, counterweights, find_linkage, shaking, with_counterweights
 from mechcore.reduction.bodies import acceleration_field

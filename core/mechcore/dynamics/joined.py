@@ -14,7 +14,7 @@ from mechcore.dynamics.events import Stop
 from mechcore.dynamics.segments import STOP, stop_name
 from mechcore.effects.base import Wrench, power_of
 from mechcore.effects.journal import IN_PAIRS, RUBBING, rubbing_name
-from mechcore.forces.friction.result import FrictionResult
+from mechcore.forces.friction.solve import FrictionResult
 from mechcore.forces.kinetostatics import Forces, LoadResult
 from mechcore.kinematics.model import Model
 from mechcore.motion.motion import Motion

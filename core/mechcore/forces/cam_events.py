@@ -10,8 +10,8 @@ from mechcore.arrays import Flags, Real
 from mechcore.cams.followers import Flat
 from mechcore.cams.placed import PlacedCam
 from mechcore.forces.cam_rating import AnyCam, contact_force, contact_stress, drawn_lift, joint_of, placed_cams
-from mechcore.forces.crossings import crossing
 from mechcore.forces.kinetostatics import Forces
+from mechcore.forces.load_events import crossing
 from mechcore.laws.factors import jumps
 from mechcore.motion.events import Event, at_drive, runs
 from mechcore.motion.motion import Motion

@@ -100,7 +100,8 @@ def _subtree_wrenches(
 
 def _vector(motion: Motion, arm: Arm) -> Plane:
     """The arm of a joint's force on a link: a vector that turns with it, or one that also slides along it."""
-    return arm.vector * motion.state.rot[arm.rotation_class] if arm.slide is None else motion.arm(*arm.slide)
+    vector: Plane = arm.vector * motion.state.rot[arm.rotation_class] if arm.slide is None else motion.arm(*arm.slide)
+    return vector
 
 
 def _cut_forces(

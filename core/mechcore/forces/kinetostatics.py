@@ -8,24 +8,20 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 
-from mechcore.arrays import Index, Real
+from mechcore.arrays import Index, Plane, Real, Values
 from mechcore.effects.base import Wrench, point_of, power_of, sum_up
 from mechcore.effects.masses import kinetic_energy
 from mechcore.effects.registry import applied_effects, potential, totals, wrenches
 from mechcore.forces import equilibrium
-from mechcore.forces.friction.result import FrictionResult
-from mechcore.forces.friction.solve import solve_friction
+from mechcore.forces.friction.solve import FrictionResult, solve_friction
 from mechcore.kinematics.dyads import cross
 from mechcore.motion.motion import Motion
 from mechcore.numerics.frames import QUIET, added, lazy, rows_of
 from mechcore.numerics.interpolation import integral_so_far
 from mechcore.spec.mechanism import braked
-
-Array = Any
 
 LOSSES = ("viscous", "medium", "dry friction")  # causes that only ever take energy away
 
@@ -56,8 +52,8 @@ class Forces:
         self,
         motion: Motion,
         applied: Sequence[Wrench] | Callable[[], Sequence[Wrench]],
-        transmitted: list[tuple[Array, Array]],
-        contacts: dict[str, tuple[Array, Array]],
+        transmitted: list[tuple[Plane, Values]],
+        contacts: dict[str, tuple[Plane, Plane]],
         friction: FrictionResult | None = None,
     ):
         self.motion = motion
@@ -86,7 +82,7 @@ class Forces:
     def _normal(self, joint: str) -> Real:
         """The reaction without what friction adds to it."""
         if joint in self._contacts:
-            force: Array = self._contacts[joint][1]
+            force: Plane = self._contacts[joint][1]
             if (
                 joint in self.motion.model.joint_index
             ):  # rolling: the normal force passes through the wheel's centre and the contact
@@ -96,9 +92,9 @@ class Forces:
         j = model.joint_index[joint]
         force, couple = self._transmitted[j]
         if j not in model.driven:
-            return rows_of(self._shape, force, added(couple, self._carried(joint)) if model.relations else couple)
+            return self._rows(force, added(couple, self._carried(joint)) if model.relations else couple)
         if model.joints[j].coordinate == "angle":  # the drive is all of the couple
-            return rows_of(self._shape, force, self._carried(joint) if model.relations else 0.0)
+            return self._rows(force, self._carried(joint) if model.relations else 0.0)
         drive_force, drive_moment = self._drive(j)
         return self._rows(added(force, drive_force, -1), added(couple, drive_moment, -1))
 
@@ -237,9 +233,9 @@ class Forces:
         return np.column_stack([self.kinetic_energy, self.potential_energy, self.work, self.dissipated])
 
     # -- inside -------------------------------------------------------------------------------------------------------
-    def _carried(self, joint: str) -> Array:
+    def _carried(self, joint: str) -> Values:
         """Couple on the second link that the bearings of a shaft in the plane carry."""
-        total: Array = 0.0
+        total: Values = 0.0
         for relation in self.motion.model.relations:
             if relation.bearing is not None:
                 for name, sign in relation.bearing.joints:
@@ -250,16 +246,16 @@ class Forces:
     def _joint(self, joint: str) -> int:
         return self.motion.model.joint_index[joint]
 
-    def _effort(self, j: int) -> Array:
+    def _effort(self, j: int) -> Values:
         force, couple = self._transmitted[j]
         joint = self.motion.model.joints[j]
         if joint.coordinate == "angle":
             return couple
         # the coordinate grows where the link without the guide moves along it: the second link if the first guides
-        along = np.real(np.conj(self.motion.guide(j)) * force)
+        along: Values = (np.conj(self.motion.guide(j)) * force).real
         return along if joint.guide == 0 else -along
 
-    def _drive(self, j: int) -> tuple[Array, Array]:
+    def _drive(self, j: int) -> tuple[Plane, Values]:
         if j not in self.motion.model.driven:
             return 0j, 0.0
         joint = self.motion.model.joints[j]
@@ -268,13 +264,12 @@ class Forces:
             return 0j, effort
         return effort * self.motion.guide(j) * (1.0 if joint.guide == 0 else -1.0), 0.0
 
-    def _over_frames(self, value: Array) -> Real:
-        if isinstance(value, np.ndarray) and value.shape == self._shape:
-            return value.copy()
-        return np.ascontiguousarray(np.broadcast_to(np.asarray(value, float), self._shape))
+    def _over_frames(self, value: Values) -> Real:
+        return np.array(np.broadcast_to(np.asarray(value, float), self._shape))
 
-    def _rows(self, force: Array, moment: Array) -> Real:
-        return rows_of(self._shape, force, moment)
+    def _rows(self, force: Plane, moment: Values) -> Real:
+        rows: Real = rows_of(self._shape, force, moment)
+        return rows
 
 
 def solve_forces(motion: Motion) -> Forces:
@@ -289,3 +284,30 @@ def solve_forces(motion: Motion) -> Forces:
     with np.errstate(**QUIET):
         force, moment, formed = totals(motion)
         return Forces(motion, formed, *equilibrium.joint_forces(motion, force, moment)[:2])
+
+
+LABELS = {"inertia": "B", "gravity": "G"}
+
+
+@dataclass(frozen=True, eq=False)
+class Acting:
+    """A load as one link feels it: ``force`` (complex) [N] at ``place`` (complex, world) [m], free ``moment`` [N m]."""
+
+    name: str
+    label: str  # short, for drawings
+    kind: str
+    force: Plane
+    moment: Values
+    place: Plane
+
+
+def acting_on(forces: Forces, link: int) -> list[Acting]:
+    """All loads on a link, inertia and gravity included; of loads between two links the part that acts on this one."""
+    motion = forces.motion
+    out = []
+    for w in forces.applied:
+        label = f"{LABELS[w.kind]} {motion.model.links[link]}" if w.kind in LABELS else w.name
+        for k, arm, sign in ((w.link, w.arm, 1.0), (w.other, w.other_arm, -1.0)):
+            if k == link:
+                out.append(Acting(w.name, label, w.kind, sign * w.force, sign * w.moment, motion.origins[k] + arm))
+    return out

@@ -56,7 +56,7 @@ class CrossSection:
 @dataclass(frozen=True, kw_only=True)
 class SectionStudy:
     """Section forces along a link; its axis runs through the named ``points``, or where there are none, see
-    `mechcore.forces.axes.axis_points`.
+    `mechcore.forces.section_lines.axis_points`.
 
     ``masses``: (mass [kg], x, y [m], moment of inertia [kg m^2]) of the parts of the link's mass whose places are known; the rest
     is distributed along the axis.

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, get_args
 from pydantic import Field, model_validator
 
 from mechcore.errors import Fault, MechanismError
-from mechcore.forces.sections.axis import axis_of
+from mechcore.forces.section_lines import axis_of
 from mechcore.spec.mechanism import Mechanism
 from mechcore.spec.studies import PLANS, CrossSection, SectionStudy, ShakingStudy, Studies, SubstituteStudy, SystemStudy
 from mechviz.scene.faults import did_you_mean, listing

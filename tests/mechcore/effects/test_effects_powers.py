@@ -16,8 +16,7 @@ from typer.testing import CliRunner
 
 import mechviz
 from mechcore.errors import MechanismError
-from mechcore.forces.flywheel import flywheel, flywheel_of_torque
-from mechcore.forces.powers import drive_shares, power_table, works
+from mechcore.forces.powers import drive_shares, flywheel, flywheel_of_torque, power_table, works
 from mechcore.numerics.interpolation import integral_so_far
 from mechcore.spec.loads import Damper, Factor, Force, Spring, Torque
 from mechviz.commands.main import app

@@ -15,8 +15,8 @@ from rubbing_joints import GEAR, LAW, belt, drum, link, rack, shaper, wheels
 import mechviz
 from mechcore.cams.followers import Flat, Knife, Roller
 from mechcore.errors import MechanismError
-from mechcore.forces.crossings import belt_events, belt_grip
 from mechcore.forces.kinetostatics import solve_forces
+from mechcore.forces.load_events import belt_events, belt_grip
 from mechcore.laws.timed import ConstantSpeed, Oscillation, Table
 from mechcore.motion.solve import compile_mechanism, solve_motion
 from mechcore.spec.loads import BeltTension, Factor, Force, Viscous

@@ -11,10 +11,8 @@ from support.mechanisms import four_bar, pin, slider_crank
 
 from mechcore.errors import MechanismError
 from mechcore.forces.kinetostatics import Forces, solve_forces
-from mechcore.forces.sections.axis import Axis, Cuts, axis_of
-from mechcore.forces.sections.guide_bearing import guide_load
-from mechcore.forces.sections.mass_line import Mass, mass_line
-from mechcore.forces.sections.section_forces import SectionForces, section_forces
+from mechcore.forces.section_forces import SectionForces, guide_load, section_forces
+from mechcore.forces.section_lines import Axis, Cuts, Mass, axis_of, mass_line
 from mechcore.laws.timed import ConstantSpeed, Law, Oscillation
 from mechcore.motion.solve import compile_mechanism, solve_motion
 from mechcore.spec.loads import Force

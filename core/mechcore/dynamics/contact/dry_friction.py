@@ -32,9 +32,8 @@ from mechcore.effects.registry import wrenches
 from mechcore.errors import Fault, MechanismError
 from mechcore.forces.equilibrium import transmit
 from mechcore.forces.friction.elements import Element, elements_of, relative_rate, scales_of
-from mechcore.forces.friction.elements_response import Response, pick, system
 from mechcore.forces.friction.normal_loads import solve_normal_loads
-from mechcore.forces.friction.result import FrictionResult
+from mechcore.forces.friction.solve import FrictionResult, Response, pick, system
 from mechcore.forces.kinetostatics import Forces
 from mechcore.kinematics.dyads import cross
 from mechcore.motion.compiled import Compiled

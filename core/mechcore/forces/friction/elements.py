@@ -18,13 +18,15 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from mechcore.arrays import Real, unit_vectors
+from mechcore.arrays import Plane, Real, Values, unit_vectors
 from mechcore.kinematics.dyads import cross
 from mechcore.kinematics.model import Model
+from mechcore.kinematics.rates import Rates
 from mechcore.motion.motion import Motion
 from mechcore.spec.mechanism import (
     CamJoint,
@@ -38,10 +40,8 @@ from mechcore.spec.mechanism import (
     friction_of,
 )
 
+Movement = Literal["turn", "slide"]
 Kind = Literal["pin", "guide", "normal", "contact", "brake", "drive"]
-
-
-Array = Any
 
 STILL = 1e-9
 """Relative speeds below this part of the joint's largest are rest: friction is undetermined there and counted as zero."""
@@ -53,21 +53,21 @@ class Element:
     """One braked relative motion. ``rate`` (F,) and its ``sign`` (F,), 0 at rest."""
 
     joint: str
-    what: Literal["turn", "slide"]
+    what: Movement
     kind: Kind  # how the normal load follows from what the joint transmits
     friction: Friction
-    factor: Any  # moment or force per normal load [m or 1] where it slides, a number or (F,)
-    limit: Any  # the same up to which it sticks
-    coefficient: Any  # of sliding, a number or (F,)
+    factor: Values  # moment or force per normal load [m or 1] where it slides, a number or (F,)
+    limit: Values  # the same up to which it sticks
+    coefficient: Values  # of sliding, a number or (F,)
     links: tuple[int, int]  # first and second
     index: int  # of the joint in the model; -1 for a relation
-    along: Array  # of a slide: unit vector of the force on the second link for lambda = 1
+    along: Plane  # of a slide: unit vector of the force on the second link for lambda = 1
     rate: Real
     sign: Real
-    place: Array = None  # of a cam: where they touch
-    twist: Array = None  # of a cam about an axis in the plane: couple on it per unit, the opposite on its carrier [m]
+    place: Plane | None = None  # of a cam: where they touch
+    twist: Values | None = None  # of a cam about an axis in the plane: couple on it per unit, the opposite on its carrier [m]
     carrier: int = -1
-    seen: Array = 1.0  # of the same: how much of the normal force the plane sees
+    seen: Values = 1.0  # of the same: how much of the normal force the plane sees
 
     @property
     def unit(self) -> str:
@@ -78,7 +78,7 @@ class Element:
         """Whether the normal load is the length of its two numbers, else it is the larger of them."""
         return self.kind in ("pin", "contact")
 
-    def load(self, motion: Motion, force: list[Array], moment: list[Array], value: Array) -> None:
+    def load(self, motion: Motion, force: list[Plane], moment: list[Values], value: Values) -> None:
         """Add ``value`` times the unit wrench to the loads on the links (moments about their origins)."""
         for side, sign in ((0, -1.0), (1, 1.0)):
             k = self.links[side]
@@ -94,17 +94,17 @@ class Element:
                 moment[k] = moment[k] + couple
 
     def normal(
-        self, motion: Motion, transmitted: Sequence[tuple[Array, Array]], contacts: dict[str, tuple[Array, Array]], sign: Array
-    ) -> tuple[Array, Array]:
+        self, motion: Motion, transmitted: Sequence[tuple[Plane, Values]], contacts: dict[str, tuple[Plane, Plane]], sign: Values
+    ) -> tuple[Values, Values]:
         """The two numbers whose size is the normal load [N]; ``sign`` is the direction of sliding."""
-        if self.kind == "brake":  # its factor is the whole friction, whatever the joint transmits: see `response.system`
+        if self.kind == "brake":  # its factor is the whole friction, whatever the joint transmits: see `solve.system`
             return np.ones(motion.frames), np.zeros(motion.frames)
         if self.kind == "contact":
             force = contacts[self.joint][1] / self.seen
-            return np.real(force), np.imag(force)
+            return force.real, force.imag
         force, couple = transmitted[self.index]
         if self.kind == "pin":
-            return np.real(force), np.imag(force)
+            return force.real, force.imag
         u = motion.guide(self.index)
         if self.kind == "drive":
             return np.real(np.conj(u) * force), np.zeros(motion.frames)
@@ -122,12 +122,12 @@ def scales_of(model: Model, elements: Sequence[Element]) -> Real:
     return np.array([1.0 if e.what == "turn" else model.length_scale for e in elements])
 
 
-def elements_of(motion: Motion, flanks: Mapping[int, Array] | None = None) -> list[Element]:
+def elements_of(motion: Motion, flanks: Mapping[int, Values] | None = None) -> list[Element]:
     """All elements of a mechanism, in the order of its joints. ``flanks``: relation -> multiplier (F,) whose sign says on which of
     its two sides a cam presses; without it all press where they push."""
     turning = max((_peak(w) for w in motion.speeds.angular), default=0.0)
     moving = max([turning * motion.model.length_scale, *(_peak(v) for v in motion.speeds.slide.values())])
-    least = {"turn": NOISE * turning, "slide": NOISE * moving}
+    least: dict[Movement, float] = {"turn": NOISE * turning, "slide": NOISE * moving}
     return [
         _element(motion, joint, *parts, least, flanks or {}, nth)
         for joint in motion.mechanism.joints
@@ -140,15 +140,15 @@ def two_sided(motion: Motion) -> bool:
     return any(isinstance(p, CamJoint) and p.closure == "form" and friction_of(p) is not None for p in motion.mechanism.joints)
 
 
-def _parts(joint: Joint) -> list[tuple[Literal["turn", "slide"], Kind, float]]:
+def _parts(joint: Joint) -> list[tuple[Movement, Kind, float]]:
     """What friction brakes in a joint, by which normal load, with which arm [m or 1] or, of a brake, effort [N m or N]."""
     f = friction_of(joint)
     if f is None:
         return []
-    found: list[Any] = []
+    found: list[tuple[Movement, Kind, float]] = []
     if isinstance(joint, Revolute | Prismatic | Cylinder):
-        what: Literal["turn", "slide"] = "turn" if isinstance(joint, Revolute) else "slide"
-        kind = "pin" if what == "turn" else "guide" if isinstance(joint, Prismatic) else "drive"
+        what: Movement = "turn" if isinstance(joint, Revolute) else "slide"
+        kind: Kind = "pin" if what == "turn" else "guide" if isinstance(joint, Prismatic) else "drive"
         arm = f.radius if what == "turn" else 1.0
         found = [(what, kind, arm)] if f.coefficient and arm else []
         return [*found, (what, "brake", f.brake)] if f.brake else found
@@ -163,14 +163,14 @@ def _parts(joint: Joint) -> list[tuple[Literal["turn", "slide"], Kind, float]]:
     return [("turn", "normal" if isinstance(joint, Rolling) else "contact", f.lever)]
 
 
-def _factor(friction: Friction, kind: Kind, arm: float, coefficient: Array) -> Array:
+def _factor(friction: Friction, kind: Kind, arm: float, coefficient: Values) -> Values:
     """Moment or force per normal load at a coefficient of friction."""
     if kind == "brake" or friction.lever:
         return arm
     return arm * (coefficient / np.sqrt(1.0 + coefficient * coefficient) if friction.exact else coefficient)
 
 
-def _coefficient(friction: Friction, speed: Array) -> Array:
+def _coefficient(friction: Friction, speed: Values) -> Values:
     """Coefficient of friction at speeds (F,) [m/s] at which the surfaces slide."""
     f = friction
     if not f.stribeck:
@@ -179,7 +179,14 @@ def _coefficient(friction: Friction, speed: Array) -> Array:
 
 
 def _element(
-    motion: Motion, joint: Joint, what: Any, kind: Any, arm: float, least: dict[str, float], flanks: Mapping[int, Array], nth: int
+    motion: Motion,
+    joint: Joint,
+    what: Movement,
+    kind: Kind,
+    arm: float,
+    least: Mapping[Movement, float],
+    flanks: Mapping[int, Values],
+    nth: int,
 ) -> Element:
     model = motion.model
     friction = friction_of(joint)
@@ -203,7 +210,7 @@ def _of_cam(
     arm: float,
     links: tuple[int, int],
     least: float,
-    flanks: Mapping[int, Array],
+    flanks: Mapping[int, Values],
     nth: int,
 ) -> Element:
     """Sliding of the follower on its cam: along the common tangent at the contact, at the difference of both surfaces' speeds.
@@ -211,9 +218,9 @@ def _of_cam(
     A roller is counted as if it stood still: what drags it along is the friction on its pin, at the same contact.
     """
     index, relation = next((i, r) for i, r in enumerate(motion.model.relations) if r.name == joint.name)
-    geometry, flank = relation.geometry, flanks.get(index, np.ones(motion.frames))
+    geometry, flank = relation.geometry, np.asarray(flanks.get(index, np.ones(motion.frames)))
     mu = friction.coefficient
-    factor: Any = mu * arm
+    factor: Values = mu * arm
     if relation.bearing is not None:
         *rubbing, seen = geometry.rubbing(motion, flank)
         r, carrier = rubbing[nth], motion.model.index[relation.bearing.carrier]
@@ -223,7 +230,7 @@ def _of_cam(
             carrier, seen,
         )  # fmt: skip
     if joint.second is not None and friction.radius:  # the second roller of a conjugate pair turns on a pin of the same radius
-        factor = factor * np.where(np.real(flank) < 0.0, geometry.face.radius / joint.second[1], 1.0)
+        factor = factor * np.where(flank.real < 0.0, geometry.face.radius / joint.second[1], 1.0)
     place, direction = geometry.contact(motion, flank)
     along = 1j * unit_vectors(direction)
     rotation_class = motion.model.angles.rotation_class
@@ -236,10 +243,10 @@ def _of_cam(
 
 
 def _sign(rate: Real, least: float) -> Real:
-    return np.where(np.abs(rate) <= max(STILL * _peak(rate), least), 0.0, np.sign(rate))
+    return np.asarray(np.where(np.abs(rate) <= max(STILL * _peak(rate), least), 0.0, np.sign(rate)))
 
 
-def relative_rate(motion: Motion, rates: Any, what: str, j: int, links: tuple[int, int]) -> Real:
+def relative_rate(motion: Motion, rates: Rates, what: Movement, j: int, links: tuple[int, int]) -> Real:
     """Rate (F,) that does work on an element's unit wrench; ``rates`` are the motion's speeds or accelerations."""
     if what == "turn":
         rotation_class = motion.model.angles.rotation_class
@@ -249,5 +256,5 @@ def relative_rate(motion: Motion, rates: Any, what: str, j: int, links: tuple[in
     return np.array(np.broadcast_to(np.asarray(value, float), (motion.frames,)))
 
 
-def _peak(values: Array) -> float:
+def _peak(values: ArrayLike) -> float:
     return float(np.max(np.abs(values), initial=0.0, where=np.isfinite(values)))

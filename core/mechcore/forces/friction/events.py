@@ -9,7 +9,7 @@ import numpy as np
 
 from mechcore.arrays import Real
 from mechcore.forces.friction.elements import Element, relative_rate
-from mechcore.forces.friction.result import FrictionResult
+from mechcore.forces.friction.solve import FrictionResult
 from mechcore.forces.kinetostatics import Forces, solve_forces
 from mechcore.motion.events import Event, at_drive, runs, turning_points
 from mechcore.motion.metrics import zeros

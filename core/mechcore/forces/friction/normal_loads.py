@@ -13,13 +13,10 @@ braked motions, each is the norm of two numbers ``a_i + K_i g``. A norm is conve
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
 from mechcore.arrays import Flags, Real
-
-Array = Any
 
 TOLERANCE = 1e-13  # of the largest normal load of the frame
 SETTLED = 1e-11  # residual, of the largest load: as close as rounding lets Newton's method come

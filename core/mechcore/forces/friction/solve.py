@@ -1,44 +1,46 @@
 """Dry friction in joints: reactions and friction that depend on each other, solved together for all frames.
 
 Friction puts a wrench on the two links of a joint, against their relative motion and in proportion to what presses on the joint;
-that again depends on all friction. `elements` says where friction acts, `response` what a unit of it does, `fixedpoint` finds the
-loads or that there are none (the mechanism jams), `result` holds what comes out, `events` says when it changes.
+that again depends on all friction. `elements` says where friction acts, `respond` what a unit of it does, `normal_loads` finds the
+loads or that there are none (the mechanism jams), `FrictionResult` holds what comes out, `events` says when it changes.
 
 At rest, where the relative speed of a joint is zero, its friction is undetermined between two limits: zero stands for it, the
-middle
-of the two-sided limit where the motion reverses. At a jam all forces of the frame are NaN.
+middle of the two-sided limit where the motion reverses. At a jam all forces of the frame are NaN.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import Any
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
-from mechcore.effects.base import Wrench
+from mechcore.arrays import Complex, Flags, Plane, Real, Values
+from mechcore.effects.base import Wrench, power_of
 from mechcore.errors import Fault, MechanismError
 from mechcore.forces.equilibrium import transmit
-from mechcore.forces.friction.elements import elements_of, two_sided
-from mechcore.forces.friction.elements_response import respond, system
-from mechcore.forces.friction.normal_loads import solve_normal_loads
-from mechcore.forces.friction.result import FrictionResult
+from mechcore.forces.friction.elements import Element, elements_of, two_sided
+from mechcore.forces.friction.normal_loads import Solution, several, solve_normal_loads, stability
 from mechcore.motion.motion import Motion
 from mechcore.motion.redundancy import indeterminate
 from mechcore.spec.mechanism import Revolute, braked, friction_of
 
-Array = Any
+Transmitted = tuple[list[tuple[Plane, Values]], dict[str, tuple[Plane, Plane]], dict[int, Values]]
+"""Of each joint force and couple on its second link, of each relation place and force, and its multiplier: see `transmit`."""
+
 FLANKS = 8  # rounds in which the flanks of gears may change sides
+LEAST_SHARE = 0.1  # of the largest share in a jam: joints below it are not named
+AT_ONCE = 400_000  # elements times frames that are solved in one call
 
 
 def solve_friction(
-    motion: Motion, applied: Sequence[Wrench], force: Sequence[Array], moment: Sequence[Array]
-) -> tuple[Any, Any, FrictionResult]:
+    motion: Motion, applied: Sequence[Wrench], force: Sequence[Plane], moment: Sequence[Values]
+) -> tuple[list[tuple[Plane, Values]], dict[str, tuple[Plane, Plane]], FrictionResult]:
     """What joints transmit, what relations transmit (as `mechcore.forces.equilibrium.transmit` gives them), and the friction.
 
     ``force`` and ``moment`` are what loads put on the links. Raises `MechanismError` where statics leaves the normal load of a
-    joint
-    with friction undetermined.
+    joint with friction undetermined.
     """
     _check(motion)
     _refuse_indeterminate(motion)
@@ -92,3 +94,239 @@ def _refuse_indeterminate(motion: Motion) -> None:
         why = f"constraints are redundant: statics does not tell what presses on {names}, and so not the friction there."
         remedy = "Leave out the friction of these joints, or the constraint that is left over."
         raise MechanismError([Fault(f"joints.{loose[0]}.friction", why, remedy)])
+
+
+@dataclass(frozen=True, eq=False)
+class Response:
+    """``base``: transmitted without friction. ``units``: of each element, the same under its unit wrench alone."""
+
+    base: Transmitted
+    units: list[Transmitted]
+
+
+def respond(
+    motion: Motion,
+    elements: Sequence[Element],
+    force: Sequence[Plane],
+    moment: Sequence[Values],
+    flanks: Mapping[int, Values] | None = None,
+) -> Response:
+    """Solve the loads and a unit wrench at every element, with the same flanks in contact. ``force``, ``moment``: of each link."""
+    base = transmit(motion, force, moment, flanks)
+    flanks = base[2] if flanks is None else flanks
+    links, n = len(motion.model.links), len(elements)
+    at_once = max(1, AT_ONCE // max(motion.frames, 1))
+    units: list[Transmitted] = []
+    for start in range(0, n, at_once):
+        some = elements[start : start + at_once]
+        own_force: list[Plane] = [0j] * links
+        own_moment: list[Values] = [0.0] * links
+        for i, element in enumerate(some):
+            one = np.zeros((len(some), 1))
+            one[i] = 1.0
+            element.load(motion, own_force, own_moment, one)
+        together = transmit(motion, own_force, own_moment, flanks)
+        units += [pick(together, i, (len(some), motion.frames)) for i in range(len(some))]
+    return Response(base, units)
+
+
+def pick(together: Transmitted, i: int, shape: tuple[int, int]) -> Transmitted:
+    """The part of one element of what several transmit side by side."""
+    transmitted, contacts, multipliers = together
+
+    def one(value: Plane) -> Complex:
+        return np.asarray(np.broadcast_to(value, shape)[i])
+
+    def real(value: Values) -> Real:
+        return np.asarray(np.broadcast_to(value, shape)[i])
+
+    return (
+        [(one(f), real(c)) for f, c in transmitted],
+        {name: (place, one(f)) for name, (place, f) in contacts.items()},
+        {r: real(m) for r, m in multipliers.items()},
+    )
+
+
+def system(motion: Motion, elements: Sequence[Element], response: Response, way: float = 1.0) -> tuple[Real, Real, Flags]:
+    """``a`` (F, n, 2), ``K`` (F, n, 2, n) and the kinds of norm (n,) of the normal loads ``g = |a + K g|``.
+
+    ``way`` = -1: the same loads while everything moves backwards.
+    """
+    frames, n = motion.frames, len(elements)
+    a, k = np.empty((n, 2, frames)), np.empty((n, 2, n, frames))  # frames last in memory, where numpy is quick
+    with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
+        for i, element in enumerate(elements):
+            sign = way * element.sign
+            a[i, 0], a[i, 1] = element.normal(motion, *response.base[:2], sign)
+            if element.kind == "brake":
+                k[i] = 0.0
+                continue
+            for j, (source, unit) in enumerate(zip(elements, response.units, strict=True)):
+                p, q = element.normal(motion, *unit[:2], sign)
+                braking = -way * source.sign * source.factor
+                k[i, 0, j], k[i, 1, j] = braking * p, braking * q
+    return np.moveaxis(a, -1, 0), np.moveaxis(k, -1, 0), np.array([e.euclidean for e in elements])
+
+
+class FrictionResult:
+    """Dry friction in the joints of a motion; results have a leading frame axis and go by the names of the joints.
+
+    ``jammed`` (F,): no friction of this direction is in equilibrium with any drive effort; all forces of these frames are NaN.
+    ``reached`` (F,): proportion of the stated coefficients up to which the mechanism can be moved, 1 where it does not jam.
+    ``residual`` (F,): of the solved equations, relative. ``iterations``: most Newton steps of any frame.
+    """
+
+    def __init__(
+        self, motion: Motion, applied: Sequence[Wrench], elements: Sequence[Element], response: Response, solution: Solution
+    ):
+        self.motion = motion
+        self.elements = tuple(elements)
+        self.iterations = solution.iterations
+        self.jammed = solution.jammed
+        self.reached = solution.reached
+        self.residual = solution.residual
+        self._applied = tuple(applied)
+        self._response = response
+        self._solution = solution
+
+    @cached_property
+    def stability(self) -> Real:
+        """How far the friction is from a jam (F,): 1 without any, 0 where the effort grows beyond all bounds, NaN at a jam."""
+        return stability(*system(self.motion, self.elements, self._response), self._solution.loads)
+
+    @cached_property
+    def ambiguous(self) -> Flags:
+        """Frames (F,) with other friction in equilibrium than that which grows out of the frictionless state, which is given."""
+        return several(*system(self.motion, self.elements, self._response), self._solution.loads)
+
+    @property
+    def joints(self) -> tuple[str, ...]:
+        """The joints that have friction."""
+        return tuple(dict.fromkeys(e.joint for e in self.elements))
+
+    # -- in the joints -------------------------------------------------------------------------------------------------
+    def value(self, i: int) -> Real:
+        """Force [N] or moment [N m] of element ``i`` along its unit wrench on the second link (F,); zero at rest."""
+        e = self.elements[i]
+        return -e.sign * e.factor * self._solution.loads[:, i]
+
+    def normal_load(self, joint: str) -> Real:
+        """Size of what presses on a joint (F,) [N]: |R| of a pin, |N| of a contact, |N1| + |N2| at the two ends of a bearing."""
+        return np.array(self._solution.loads[:, self._elements_of(joint)[0]])
+
+    def applied(self, joint: str) -> Real:
+        """What friction adds to the force and couple on the second link that the joint transmits anyway (F, 3)."""
+        out = np.zeros((self.motion.frames, 3))
+        for i in self._elements_of(joint):
+            e, value = self.elements[i], self.value(i)
+            if e.what == "turn":
+                out[:, 2] += value
+            else:
+                out[:, 0] += value * e.along.real
+                out[:, 1] += value * e.along.imag
+        for relation in self.motion.model.relations:  # what bearings of shafts in the plane carry
+            for name, sign in relation.bearing.joints if relation.bearing is not None else ():
+                if name == joint:
+                    for i in self._elements_of(relation.name):
+                        twist = self.elements[i].twist
+                        assert twist is not None  # of a cam about an axis in the plane
+                        out[:, 2] += sign * self.value(i) * twist
+        return out
+
+    def wrench(self, joint: str) -> Real:
+        """Friction on the joint's second link: Fx, Fy [N] and couple [N m], stated at the joint's position (F, 3)."""
+        out = self.applied(joint)
+        for i in self._elements_of(joint):
+            e = self.elements[i]
+            if e.kind == "guide" and e.friction.height:  # it acts on the two faces: N1 + N2 = N makes the couple
+                n = e.normal(self.motion, self._transmitted[0], self._transmitted[1], e.sign)[0]
+                out[:, 2] -= e.sign * e.coefficient * 0.5 * e.friction.height * n
+        return out
+
+    def state(self, joint: str) -> list[str]:
+        """What the joint does at every frame: "slips +", "slips -" (the sign of its rate), "at rest" or "jammed"."""
+        sign = self.elements[self._elements_of(joint)[0]].sign
+        words = np.where(sign > 0, "slips +", np.where(sign < 0, "slips -", "at rest"))
+        return list(np.where(self.jammed, "jammed", words))
+
+    def jammed_by(self, frame: int) -> tuple[str, ...]:
+        """The joints whose friction makes the jam at a frame, the strongest first."""
+        share = self._solution.share[frame]
+        order = [i for i in np.argsort(-share) if share[i] >= LEAST_SHARE]
+        return tuple(dict.fromkeys(self.elements[i].joint for i in order))
+
+    # -- power --------------------------------------------------------------------------------------------------------
+    def losses(self, joint: str) -> Real:
+        """Power that friction in a joint turns into heat (F,) [W], never negative."""
+        return -sum((self.value(i) * self.elements[i].rate for i in self._elements_of(joint)), np.zeros(self.motion.frames))
+
+    @cached_property
+    def power(self) -> Real:
+        """Power of all friction (F,) [W], never positive."""
+        return np.asarray(-sum((self.losses(p) for p in self.joints), np.zeros(self.motion.frames)))
+
+    @cached_property
+    def frictionless_power(self) -> Real:
+        """Power that the drives would put in without friction (F,) [W]: the loads' with the other sign."""
+        return np.asarray(np.zeros(self.motion.frames) - sum(power_of(self.motion, w) for w in self._applied))
+
+    @cached_property
+    def efficiency(self) -> float:
+        """Useful over supplied energy of the run: the loads' share where the drives drive, the drives' where the loads do.
+
+        Zero where both only feed friction, NaN where the mechanism jams.
+        """
+        w0, loss = self._integral(self.frictionless_power), self._integral(-self.power)
+        supplied, useful = (w0 + loss, w0) if w0 >= 0.0 else (-w0, -w0 - loss)
+        useful = useful if useful > 1e-12 * supplied else 0.0  # over whole turns inertia and gravity leave nothing but rounding
+        return useful / supplied if supplied > 0.0 else (1.0 if supplied == 0.0 else np.nan)
+
+    def mean_losses(self) -> dict[str, float]:
+        """Mean power that friction takes in each joint over the run [W]."""
+        span = float(np.ptp(self.motion.time)) or 1.0
+        return {p: self._integral(self.losses(p)) / span for p in self.joints}
+
+    # -- the other way round ------------------------------------------------------------------------------------------
+    @cached_property
+    def back_driving_power(self) -> Real:
+        """Power of all drives (F,) [W] while the loads drive: of this motion where they do, of its reverse where they resist.
+
+        Negative: the loads overcome the friction. Positive: even then the drives have to help. Infinite: it jams that way.
+        """
+        p0 = self.frictionless_power
+        forward = p0 - self.power
+        a, k, kinds = system(self.motion, self.elements, self._response, way=-1.0)
+        back = solve_normal_loads(a, k, kinds)
+        lost = np.zeros(self.motion.frames)
+        for i, e in enumerate(self.elements):
+            lost = lost + e.factor * back.loads[:, i] * np.abs(e.rate)
+        backward = np.where(back.jammed, np.inf, -p0 + lost)
+        return np.where(p0 < 0.0, np.where(self.jammed, np.inf, forward), backward)
+
+    @cached_property
+    def self_locking(self) -> Flags:
+        """Whether the loads cannot move the drives, whichever way they push (F,): back-driving needs power from the drives."""
+        p0 = np.abs(self.frictionless_power)
+        driven = p0 > 1e-9 * np.max(p0, initial=0.0, where=np.isfinite(p0))  # else the loads push neither way
+        with np.errstate(invalid="ignore"):
+            return np.asarray(driven & (self.back_driving_power >= -1e-12 * p0))
+
+    # -- inside -------------------------------------------------------------------------------------------------------
+    def _elements_of(self, joint: str) -> list[int]:
+        return [i for i, e in enumerate(self.elements) if e.joint == joint]
+
+    def _integral(self, p: Real) -> float:
+        return float(np.trapezoid(p, self.motion.time)) if len(p) > 1 else float(p[0])
+
+    @cached_property
+    def _transmitted(self) -> Transmitted:
+        """What the joints transmit with friction, by superposition."""
+        transmitted, contacts, multipliers = self._response.base
+        values = [self.value(i) for i in range(len(self.elements))]
+        with np.errstate(invalid="ignore"):
+            joints = [
+                (f + sum(v * u[0][j][0] for v, u in zip(values, self._response.units, strict=True)),
+                 c + sum(v * u[0][j][1] for v, u in zip(values, self._response.units, strict=True)))
+                for j, (f, c) in enumerate(transmitted)
+            ]  # fmt: skip
+        return joints, contacts, multipliers

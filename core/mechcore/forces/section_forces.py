@@ -5,6 +5,9 @@ A cut at station s parts the link. What acts beyond the cut, reactions, drives, 
 N = R . t (tension is positive), V = -R . n, M counter-clockwise, positive where the link is stretched on the right of its axis;
 then dM/ds = V between point loads. What acts beside the axis is passed on to the nearest place of it by a rigid arm. Source: any
 textbook of statics, such as Gross, Hauger, Schröder, Wall, Technische Mechanik 1, chapter 7.
+
+The bearing of a sliding joint presses at its two ends, or linearly along it; its length and place are those of the joint's friction
+(`mechcore.spec.mechanism.Friction`), whether it rubs or not.
 """
 
 from __future__ import annotations
@@ -16,16 +19,15 @@ from operator import attrgetter
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
-from mechcore.arrays import Complex, Real
-from mechcore.forces.acting import acting_on
-from mechcore.forces.kinetostatics import Forces
-from mechcore.forces.sections.axis import Axis, Cuts, axis_of
-from mechcore.forces.sections.guide_bearing import bearings, guide_load, over_frames
-from mechcore.forces.sections.mass_line import Mass, MassLine, mass_line
+from mechcore.arrays import Complex, Plane, Real, Values
+from mechcore.forces.kinetostatics import Forces, acting_on
+from mechcore.forces.section_lines import Axis, Cuts, Mass, MassLine, axis_of, mass_line
 from mechcore.kinematics.dyads import cross
+from mechcore.motion.motion import Motion
 from mechcore.numerics.frames import QUIET
-from mechcore.spec.mechanism import Prismatic
+from mechcore.spec.mechanism import Mechanism, Prismatic
 from mechcore.spec.studies import CrossSection, SectionStudy
 
 GRID = 64
@@ -107,7 +109,8 @@ class SectionForces:
         """Largest normal stress of each frame |N| / A + |M| / W (F,) [Pa], of the stations; None without a cross-section."""
         if self.section is None:
             return None
-        return np.max(np.abs(self.normal) / self.section.area + np.abs(self.moment) / self.section.modulus, axis=1)
+        stress = np.abs(self.normal) / self.section.area + np.abs(self.moment) / self.section.modulus
+        return np.asarray(stress.max(axis=1))
 
 
 def section_forces(forces: Forces, study: SectionStudy) -> SectionForces:
@@ -119,7 +122,7 @@ def section_forces(forces: Forces, study: SectionStudy) -> SectionForces:
         return found[0][1]
     width = max(part.stations.shape[1] for _, part in found)
 
-    def joined(value: Callable[[SectionForces], Any]) -> Any:
+    def joined(value: Callable[[SectionForces], NDArray[Any]]) -> NDArray[Any]:
         first = value(found[0][1])
         out = np.empty((forces.motion.frames, *((width,) if first.ndim == 2 else ())), first.dtype)
         for rows, part in found:
@@ -127,7 +130,7 @@ def section_forces(forces: Forces, study: SectionStudy) -> SectionForces:
             out[rows] = v if v.ndim == 1 else np.concatenate([v, np.repeat(v[:, -1:], width - v.shape[1], axis=1)], axis=1)
         return out
 
-    arrays = {name: joined(attrgetter(name)) for name in _ARRAYS}
+    arrays: dict[str, Any] = {name: joined(attrgetter(name)) for name in _ARRAYS}
     bending = Extreme(*(joined(attrgetter(f"bending.{name}")) for name in ("values", "stations")))
     return replace(found[0][1], bending=bending, **arrays)
 
@@ -163,8 +166,8 @@ class _Acting:
         self.forces, self.axis = forces, axis
         motion, model = forces.motion, forces.motion.model
         self.k = k = model.index[study.link]
-        self.origin = over_frames(motion, motion.origins[k])
-        self.back = np.conj(over_frames(motion, motion.rotation(k)))
+        self.origin = _vectors(motion, motion.origins[k])
+        self.back = np.conj(_vectors(motion, motion.rotation(k)))
         mass, centre, inertia = model.masses[k]
         whole = Mass(mass, complex(centre), inertia)
         self.masses: MassLine = mass_line(axis, whole, [Mass(m, complex(x, y), j) for m, x, y, j in study.masses])
@@ -181,13 +184,12 @@ class _Acting:
                 self._act(load.place, load.force, load.moment)
         self._reactions()
 
-    def _act(self, place: Any, force: Any, couple: Any) -> None:
+    def _act(self, place: Plane, force: Plane, couple: Values) -> None:
         """A load at a place of the world."""
         motion = self.forces.motion
-        at = (over_frames(motion, place) - self.origin) * self.back
+        at = (_vectors(motion, place) - self.origin) * self.back
         station = self._snapped(self.axis.nearest(at))
-        force, couple = over_frames(motion, force) * self.back, over_frames(motion, couple)
-        self.points.append(_At(station, at, force, couple))
+        self.points.append(_At(station, at, _vectors(motion, force) * self.back, _numbers(motion, couple)))
 
     def _snapped(self, station: Real) -> Real:
         """Stations (F,), those of a vertex of the axis up to rounding taken for it."""
@@ -205,19 +207,19 @@ class _Acting:
             if own not in connection.links:
                 continue
             name, sign = connection.name, 1.0 if connection.links[1] == own else -1.0
-            place = forces.position(name) @ np.array([1.0, 1.0j])
+            place = _plane(forces.position(name))
             j = model.joint_index.get(name)
             if j is not None and j in model.driven:
                 drive = forces.wrench(name)
-                self._act(place, sign * (drive[:, 0] + 1j * drive[:, 1]), sign * drive[:, 2])
+                self._act(place, sign * _plane(drive), sign * drive[:, 2])
             if name in guides and self._guided(guides[name], sign):
                 continue
             reaction = forces.reaction(name)
-            self._act(place, sign * (reaction[:, 0] + 1j * reaction[:, 1]), sign * reaction[:, 2])
+            self._act(place, sign * _plane(reaction), sign * reaction[:, 2])
         for relation in model.relations:
             if relation.bearing is not None and own in (relation.links[0], relation.bearing.carrier):
-                place, reaction = forces.position(relation.name) @ np.array([1.0, 1.0j]), forces.reaction(relation.name)
-                couple = relation.bearing.couple(forces.motion, place, reaction[:, 0] + 1j * reaction[:, 1])
+                place, reaction = _plane(forces.position(relation.name)), forces.reaction(relation.name)
+                couple = relation.bearing.couple(forces.motion, place, _plane(reaction))
                 self._act(place, 0j, couple if own == relation.links[0] else -couple)
 
     def _guided(self, joint: Prismatic, sign: float) -> bool:
@@ -311,3 +313,74 @@ def all_sections(forces: Forces) -> Iterator[tuple[str, SectionForces]]:
     """The section forces that a mechanism asks for, by link."""
     for study in forces.motion.mechanism.studies.sections:
         yield study.link, section_forces(forces, study)
+
+
+@dataclass(frozen=True, eq=False)
+class GuideLoad:
+    """What the bearing of a guide exerts on the joint's second link, in the world, over frames (F,).
+
+    ``middle`` of the bearing and the guide's ``direction`` are complex; ``normal`` force across the guide [N], to the left of its
+    direction; ``couple`` of the pressure about the middle [N m]; of friction the force ``along`` the guide [N] and the couple
+    ``rubbing`` [N m].
+    """
+
+    middle: Complex
+    direction: Complex
+    length: float
+    normal: Real
+    couple: Real
+    along: Real
+    rubbing: Real
+
+    @property
+    def ends(self) -> Real:
+        """Forces across the guide at the bearing's two ends (F, 2) [N]: at the end behind in the guide's direction, and ahead."""
+        half, turn = 0.5 * self.normal, self.couple / self.length
+        return np.column_stack([half - turn, half + turn])
+
+
+def bearings(mechanism: Mechanism) -> tuple[Prismatic, ...]:
+    """The sliding joints whose bearings have a length."""
+    return tuple(p for p in mechanism.joints if isinstance(p, Prismatic) and p.friction is not None and p.friction.length)
+
+
+def guide_load(forces: Forces, joint: Prismatic) -> GuideLoad:
+    """What the bearing of a sliding joint carries; the force of a drive of the joint is not part of it."""
+    assert joint.friction is not None
+    motion, bearing = forces.motion, joint.friction
+    j = motion.model.joint_index[joint.name]
+    direction = _vectors(motion, motion.guide(j))
+    slider = _plane(forces.position(joint.name))
+    slide = _numbers(motion, motion.state.slide[j]) if bearing.bearing == "guide" else 0.0
+    from_middle = slide - bearing.offset  # to the sliding point
+    reaction = forces.reaction(joint.name)
+    rubbing = np.zeros(motion.frames)
+    if forces.friction is not None and joint.name in forces.friction.joints:
+        rubbing = forces.friction.wrench(joint.name)[:, 2]
+    force = _plane(reaction) * np.conj(direction)
+    couple = reaction[:, 2] - rubbing + from_middle * force.imag
+    middle = slider - from_middle * direction
+    return GuideLoad(middle, direction, bearing.length, force.imag, couple, force.real, rubbing)
+
+
+def bearing_ends(forces: Forces, joint: Prismatic) -> Real:
+    """Forces across the guide at the two ends of a sliding joint's bearing (F, 2) [N], as `GuideLoad.ends`."""
+    out = np.empty((forces.motion.frames, 2))
+    for rows, part in forces.parts:
+        out[rows] = guide_load(part, joint).ends
+    return out
+
+
+def _plane(rows: Real) -> Complex:
+    """The first two numbers of rows (F, n) as plane vectors (F,)."""
+    return np.asarray(rows[:, 0] + 1j * rows[:, 1])
+
+
+def _vectors(motion: Motion, value: Plane) -> Complex:
+    """Plane vectors, or one for all frames, over the frames (F,)."""
+    return np.broadcast_to(np.asarray(value, complex), (motion.frames,))
+
+
+def _numbers(motion: Motion, value: Values) -> Real:
+    """Numbers, or one for all frames, over the frames (F,)."""
+    return np.broadcast_to(np.asarray(value, float), (motion.frames,))
