@@ -1,4 +1,4 @@
-"""``mechviz export``: tables, solids and profiles of cams as files."""
+"""``mechviz export``: tables, solids and profiles of cams as files; of a recording the moving mechanism."""
 
 from __future__ import annotations
 
@@ -10,23 +10,27 @@ from typing import Annotated, Any
 import typer
 
 from mechviz.commands.common import check_targets, fail, interruptible, progress_bar
-from mechviz.commands.loading import ReachableOpt, SceneArg, SetOpt, clear_errors, load_scene, quantity_of
+from mechviz.commands.loading import ReachableOpt, SetOpt, SourceArg, clear_errors, load_scene, quantity_of
 from mechviz.commands.solving import AccuracyOpt, CyclesOpt, FramesOpt, KeepOpt, check_trust, solve, warn_of_accuracy
 from mechviz.outputs.exports.cam_profiles import export_profiles
 from mechviz.outputs.exports.gltf import export_glb
 from mechviz.outputs.exports.gltf_marks import ARROWS
 from mechviz.outputs.exports.solids import export_3mf, export_stl
 from mechviz.outputs.exports.tables import even_times, export_csv, export_parquet
+from mechviz.outputs.presentation import presentation_in, presentation_of
+from mechviz.outputs.rerun.reader import Recording, is_recording
 from mechviz.quantities.vectors import FAMILIES
 
 
 def export(
-    scene: SceneArg,
+    source: SourceArg,
     values: SetOpt = None,
     csv: Annotated[Path | None, typer.Option("--csv", help="write all results as one table (CSV)")] = None,
     parquet: Annotated[Path | None, typer.Option("--parquet", help="write all results as one table (Parquet)")] = None,
     stl: Annotated[Path | None, typer.Option("--stl", help="write one STL a link into this folder (millimetres)")] = None,
-    glb: Annotated[Path | None, typer.Option("--glb", help="write the moving mechanism for viewers of glTF")] = None,
+    glb: Annotated[
+        Path | None, typer.Option("--glb", help="write the moving mechanism for viewers of glTF; also of a recording")
+    ] = None,
     arrows: Annotated[
         str | None, typer.Option("--arrows", metavar="NAME,NAME", help="in the GLB, such as reaction,drive; none: nothing")
     ] = None,
@@ -43,16 +47,26 @@ def export(
     reachable: ReachableOpt = False,
     keep: KeepOpt = False,
 ) -> None:
-    """Write results as tables, the links as solids, the profiles of cams as drawings."""
+    """Write results as tables, the links as solids, the profiles of cams as drawings.
+
+    Of a recording (.rrd) the moving mechanism is written, with --glb.
+    """
     profiles = {kind: path for kind, path in (("dxf", dxf), ("svg", svg), ("csv", profile)) if path is not None}
     if csv is None and parquet is None and stl is None and glb is None and threemf is None and not profiles:
         fail("nothing to export: add --csv, --parquet, --glb, --3mf FILE or --stl FOLDER, of cams --dxf, --svg or --profile FILE.")
-    families = _families(arrows) if glb is not None else None
+    families = _families(arrows)
     if glb is None and arrows is not None:
         fail("--arrows is for --glb FILE: name that too.")
-    with clear_errors(scene):
-        check_targets(scene, csv, parquet, glb, threemf, *profiles.values())
-        loaded = load_scene(scene, values, reachable=reachable)
+    with clear_errors(source):
+        check_targets(source, csv, parquet, glb, threemf, *profiles.values())
+        if is_recording(source):
+            others = (csv, parquet, stl, threemf, every, frames, cycles, accuracy)
+            if glb is None or profiles or values or reachable or any(option is not None for option in others):
+                fail(f"{source} is a recording: of it --glb FILE is exported, with --arrows. Give its scene for all else.")
+            with interruptible("pyarrow"), progress_bar(f"exporting {glb.name}"):
+                print(export_glb(presentation_in(Recording(source)), glb, arrows=families))
+            return
+        loaded = load_scene(source, values, reachable=reachable)
         step = quantity_of(loaded, every, "every", "time")
         run = solve(loaded, frames, cycles, accuracy)
         check_trust(run, keep)
@@ -75,17 +89,18 @@ def export(
                 for path in export_to(stl, export_stl):
                     print(path)
             if glb is not None:
-                print(export_to(glb, export_glb, arrows=ARROWS if families is None else families))
+                with progress_bar(f"exporting {glb.name}"):
+                    print(export_glb(presentation_of(run), glb, arrows=families))
             if threemf is not None:
                 print(export_to(threemf, export_3mf))
             for kind, path in profiles.items():
                 print(export_to(path, export_profiles, kind, lambda line: print(line, file=sys.stderr)))
 
 
-def _families(text: str | None) -> tuple[str, ...] | None:
-    """The families of arrows that an option names; None where nothing is said."""
+def _families(text: str | None) -> tuple[str, ...]:
+    """The families of arrows that an option names; the usual ones where nothing is said."""
     if text is None:
-        return None
+        return ARROWS
     names = tuple(name.strip() for name in text.split(",") if name.strip() not in ("", "none"))
     unknown = [name for name in names if name not in FAMILIES]
     if unknown:

@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 
 from mechviz.commands.common import check_targets, fail, interruptible, progress_bar, say
-from mechviz.commands.loading import SetOpt, clear_errors, load_scene
+from mechviz.commands.loading import SetOpt, SourceArg, clear_errors, load_scene
 from mechviz.commands.solving import KeepOpt, check_trust, solve
 from mechviz.files import replacing
 from mechviz.outputs.images.browser import find_chromium
@@ -23,7 +23,6 @@ from mechviz.outputs.presentation import Presentation, presentation_in, presenta
 from mechviz.outputs.rerun.reader import Recording, is_recording
 from mechviz.scene.units import QuantityError, Units
 
-SourceArg = Annotated[str, typer.Argument(metavar="SCENE|RECORDING", help="gallery name, scene file (.toml) or recording (.rrd)")]
 FramesOpt = Annotated[
     int | None, typer.Option("--frames", "-n", min=2, max=10_000_000, help="of a scene: frames over the whole run")
 ]

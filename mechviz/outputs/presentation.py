@@ -33,9 +33,10 @@ class Lane:
 
 @dataclass(frozen=True, eq=False)
 class Presentation:
-    """What outputs are made from. ``notes`` are markdown; ``chosen`` (F,) are the numbers of the frames that are here, of ``total``
-    frames of the whole run; ``simulated``: forces decide the motion."""
+    """What outputs are made from. ``name``: the scene's; ``notes`` are markdown; ``chosen`` (F,) are the numbers of the frames that
+    are here, of ``total`` frames of the whole run; ``simulated``: forces decide the motion."""
 
+    name: str
     title: str
     teaches: str
     notes: str
@@ -59,6 +60,7 @@ def presentation_of(run: Run, begin: Callable[[str], None] = lambda _: None) -> 
     lanes, looks = find_lanes(run)
     frames = run.motion.frames
     return Presentation(
+        name=run.scene.name,
         title=run.scene.title or run.scene.name,
         teaches=run.scene.teaches,
         notes=notes(run, solids, picture.scales, [*run.stages], picture_stride(run), complete=True),
@@ -82,6 +84,7 @@ def presentation_in(recording: Recording) -> Presentation:
     said = recording.said
     head = recording.notes.partition("\n## ")[0]
     return Presentation(
+        name=said.scene or recording.path.stem,
         title=said.title or said.scene or recording.path.stem,
         # in the notes it stands between the title and what was computed
         teaches=" ".join(line.strip() for line in head.splitlines() if line.strip() and not line.startswith(("#", "**"))),

@@ -144,6 +144,11 @@ def strut_strips(a: Real, b: Real, least: float, most: float, width: float, *, c
     return body, _placed(a, along, across, u, v)
 
 
+def ends_of_strut(body: Real, rod: Real, *, closed: bool) -> tuple[Real, Real]:
+    """The points (n, 2) between which `strut_strips` has drawn a ``body`` and its ``rod``."""
+    return body[:, 0 if closed else 3], rod[:, 0]
+
+
 def spiral_strips(centre: Real, first: Real, second: Real, size: float) -> Real:
     """A spiral spring about centres (n, 2) from a link at angle ``second`` (n,) inside to one at ``first`` outside, in a mechanism
     of a ``size`` [m]."""
@@ -151,3 +156,19 @@ def spiral_strips(centre: Real, first: Real, second: Real, size: float) -> Real:
     angle = second[:, None] + (first - second + 2.0 * np.pi * TURNS)[:, None] * part
     r = spiral_radius(part, size)
     return centre[:, None] + r[:, None] * np.stack([np.cos(angle), np.sin(angle)], axis=-1)
+
+
+def axis_of_spiral(spiral: Real, size: float) -> tuple[Real, Real, Real]:
+    """Centres (n, 2) [m] of spirals (n, points, 2) that `spiral_strips` has drawn in a mechanism of a ``size`` [m], the angles (n,)
+    [rad] at which they begin inside, and those through which they are wound.
+
+    ``|z - c|^2 = r^2`` at the known radii r is linear in the centre c and in |c|^2.
+    """
+    r = spiral_radius(np.linspace(0.0, 1.0, spiral.shape[1]), size)
+    middle = spiral.mean(axis=1)
+    z = (spiral - middle[:, None]) / size
+    equations = np.concatenate([2.0 * z, np.ones((*z.shape[:2], 1))], axis=2)
+    found = np.linalg.pinv(equations) @ ((z**2).sum(axis=2) - (r / size) ** 2)[..., None]
+    from_centre = (z - found[:, None, :2, 0]) @ np.array([1.0, 1.0j])
+    steps = np.angle(from_centre[:, 1:] / from_centre[:, :-1])
+    return middle + size * found[:, :2, 0], np.unwrap(np.angle(from_centre[:, 0])), steps.sum(axis=1)

@@ -201,12 +201,12 @@ def _stripes(radius: float, height: float) -> tuple[Single, NDArray[np.uint32], 
 
 
 def held(values: Real, known: Flags) -> Real:
-    """Values (F,) with those that are not known taken from the nearest one before, at the start from the first known; zero where
-    none is."""
+    """Values (F, ...) with those that are not known taken from the nearest one before, at the start from the first known; zero
+    where none is."""
     if known.all():
         return np.asarray(values, float)
     if not known.any():
-        return np.zeros(len(values))
+        return np.zeros_like(values, dtype=float)
     last = np.maximum.accumulate(np.where(known, np.arange(len(values)), -1))
     return np.asarray(values[np.where(last < 0, int(np.argmax(known)), last)], float)
 

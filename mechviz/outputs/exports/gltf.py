@@ -9,7 +9,7 @@ from __future__ import annotations
 import json
 from collections.abc import Iterable, Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,14 +17,9 @@ from numpy.typing import NDArray
 from mechcore.arrays import Real
 from mechviz.files import replacing
 from mechviz.outputs.exports.gltf_marks import ARROWS, Mark, Shape, find_marks
-from mechviz.picture.build import picture_of, solids_of
+from mechviz.outputs.presentation import Presentation
 from mechviz.picture.nodes import Body, Lines, Mesh
 from mechviz.picture.proportions import about_z
-
-if TYPE_CHECKING:
-    from mechviz.meshes.solids import Solids
-    from mechviz.runs import Run
-
 
 Array = NDArray[Any]
 
@@ -35,20 +30,20 @@ TYPES = {1: "SCALAR", 3: "VEC3", 4: "VEC4"}
 METALLIC, ROUGH = 0.25, 0.55
 
 
-def export_glb(run: Run, path: Path | str, *, solids: Solids | None = None, arrows: Iterable[str] = ARROWS) -> Path:
-    """Write a run as GLB: metres, y up, one node a link, one animation over the whole run in its own time. ``arrows``: families."""
-    data = glb_bytes(run, solids=solids, arrows=arrows)
+def export_glb(shown: Presentation, path: Path | str, *, arrows: Iterable[str] = ARROWS) -> Path:
+    """Write what is shown of a run or of a recording as GLB: metres, y up, one node a link, one animation over the whole run in its
+    own time. ``arrows``: families."""
+    data = glb_bytes(shown, arrows=arrows)
     with replacing(Path(path)) as temporary:
         temporary.write_bytes(data)
     return Path(path)
 
 
-def glb_bytes(run: Run, *, solids: Solids | None = None, arrows: Iterable[str] = ARROWS) -> bytes:
-    """The GLB file of a run (glTF 2.0 specification, sections 3 and 4)."""
-    solids = solids or solids_of(run)
-    picture = picture_of(run, solids)
+def glb_bytes(shown: Presentation, *, arrows: Iterable[str] = ARROWS) -> bytes:
+    """The GLB file of what is shown (glTF 2.0 specification, sections 3 and 4)."""
+    picture = shown.picture
     out = _Writer()
-    tree = _Tree(out, out.accessor(_rising(picture.time), bounds=True), run.scene.name)
+    tree = _Tree(out, out.accessor(_rising(picture.time), bounds=True), shown.name)
     numbers: dict[str, int] = {}
     bodies = {body.parent: body for body in picture.of(Body, "solids")}
     for name, pose in picture.poses.items():
@@ -69,7 +64,7 @@ def glb_bytes(run: Run, *, solids: Solids | None = None, arrows: Iterable[str] =
         scaled = {} if poses.scales is None else {"scale": poses.scales}
         parent = numbers[body.parent] if body.parent else 0
         tree.add(name, parent, shapes[key], translation=poses.places, rotation=poses.turns, **scaled)
-    for mark in find_marks(run, solids, picture, arrows):
+    for mark in find_marks(shown, arrows):
         _add_mark(tree, mark, 0)
     for path in picture.of(Lines, "paths"):
         places = path.strips[0][0]
@@ -86,7 +81,7 @@ def glb_bytes(run: Run, *, solids: Solids | None = None, arrows: Iterable[str] =
     document: dict[str, Any] = {
         "asset": {"version": "2.0", "generator": "mechviz"},
         "scene": 0,
-        "scenes": [{"name": run.scene.title, "nodes": [0]}],
+        "scenes": [{"name": shown.title, "nodes": [0]}],
         "nodes": tree.nodes,
     }
     if tree.channels:

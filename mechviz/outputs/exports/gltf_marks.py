@@ -10,14 +10,14 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mechcore.arrays import Complex, Real
-from mechcore.spec.loads import Bushing, TorsionSpring
-from mechviz.picture.nodes import Arc, Arrow, Picture
+from mechviz.outputs.presentation import Presentation
+from mechviz.picture.nodes import Arc, Arrow, Lines
 from mechviz.picture.proportions import (
     ARC_RADIUS,
     ARC_WIDTH,
@@ -27,21 +27,15 @@ from mechviz.picture.proportions import (
     LINKER,
     POT,
     SHAFT,
-    TURNS,
     arc_corners,
     arc_faces,
     pot_length,
     ribbon_faces,
     spiral_radius,
 )
-from mechviz.picture.strut_glyphs import BUSHING, RING_POINTS, find_struts
+from mechviz.picture.strut_glyphs import BUSHING, RING_POINTS, axis_of_spiral, ends_of_strut
 from mechviz.picture.surface_marks import held
 from mechviz.quantities.vectors import FAMILIES
-
-if TYPE_CHECKING:
-    from mechviz.meshes.solids import Solids
-    from mechviz.runs import Run
-
 
 Color = tuple[int, int, int]
 
@@ -81,11 +75,9 @@ class Mark:
     below: tuple[Mark, ...] = ()
 
 
-def find_marks(run: Run, solids: Solids, picture: Picture, families: Iterable[str] = ARROWS) -> list[Mark]:
-    """The arrows and moments of some families, and the struts and torsion springs of a run in which forces are computed."""
-    wanted = set(families)
-    if run.forces is None and not wanted & {"velocity", "acceleration"}:
-        return []
+def find_marks(shown: Presentation, families: Iterable[str] = ARROWS) -> list[Mark]:
+    """The arrows and moments of some families, the struts, bushings and torsion springs of what is shown."""
+    wanted, picture = set(families), shown.picture
     found = []
     for arrow in (a for a in picture.of(Arrow) if a.group in wanted):
         vector, family = arrow.vector, FAMILIES[arrow.group]
@@ -96,7 +88,7 @@ def find_marks(run: Run, solids: Solids, picture: Picture, families: Iterable[st
         moment, family = arc.moment, FAMILIES[arc.group]
         name = f"{family.label}: moment {moment.item}"
         found.append(_moment(name, moment.origin, moment.value / largest, arc.height, picture.size, family.color))
-    return [*found, *_strut_glyphs(run, solids)]
+    return [*found, *_strut_glyphs(shown)]
 
 
 def _largest(values: Real) -> float:
@@ -140,24 +132,26 @@ def _moment(name: str, origin: Real, part: Real, height: float, size: float, col
 
 
 # -- springs and dampers ----------------------------------------------------------------------------------------------
-def _strut_glyphs(run: Run, solids: Solids) -> list[Mark]:
-    if run.forces is None:
-        return []
-    motion, size = run.motion, solids.size
-    found = []
-    for strut in find_struts(motion.mechanism):
-        a, b = (motion.point(*end) for end in strut.ends)
-        found += _strut(f"{strut.kind} {strut.name}", a, b, size, solids.z_top + POT * size)
-    for load in motion.mechanism.loads:
-        if isinstance(load, TorsionSpring):
-            pin = next((p for p in motion.mechanism.joints if set(p.links) == set(load.links) and hasattr(p, "points")), None)
-            if pin is not None:
-                first, second = (motion.pose(link)[:, 2] for link in load.links)
-                found.append(_spiral(f"spring {load.name}", motion.joint_position(pin.name), first, second, size, solids.z_top))
-        elif isinstance(load, Bushing):
-            (outer, hole), (inner, pivot) = zip(load.links, load.points, strict=True)
-            places = motion.point(outer, hole), motion.point(inner, pivot)
-            found += _bushing(f"bushing {load.name}", *places, motion.pose(inner)[:, 2], size, solids.z_top + 0.01 * size)
+def _strut_glyphs(shown: Presentation) -> list[Mark]:
+    """The loads that the picture draws as lines between links: what moves as a whole is a solid here."""
+    picture, loads = shown.picture, shown.catalogue.numbers.loads
+    size, top = picture.size, picture.top
+    found: list[Mark] = []
+    for node in picture.of(Lines, "springs"):
+        load = node.owner[1]
+        kind = loads[load].kind
+        strips = [held(s[..., :2].astype(float), np.asarray(np.isfinite(s).all(axis=(1, 2)))) for s in node.strips]
+        if kind in ("damper", "gas spring", "actuator"):
+            a, b = ends_of_strut(*strips, closed=kind != "damper")
+            found += _strut(f"{kind} {load}", a, b, size, top + POT * size)
+        elif kind == "bushing":
+            ring, bar, _ = strips
+            along = (bar[:, 1] - bar[:, 0]) @ np.array([1.0, 1.0j])
+            found += _bushing(
+                f"bushing {load}", ring[:, :-1].mean(axis=1), bar.mean(axis=1), np.angle(along), size, top + 0.01 * size
+            )
+        elif kind == "torsion spring":
+            found.append(_spiral(f"spring {load}", *axis_of_spiral(strips[0], size), size, top))
     return found
 
 
@@ -197,9 +191,8 @@ def _strut(name: str, a: Real, b: Real, size: float, height: float) -> list[Mark
     ]
 
 
-def _spiral(name: str, centre: Real, first: Real, second: Real, size: float, top: float) -> Mark:
-    """A ribbon from a link at angle ``second`` (F,) inside to one at ``first`` outside, by morph targets between its windings."""
-    wound = first - second + 2.0 * np.pi * TURNS
+def _spiral(name: str, centre: Real, start: Real, wound: Real, size: float, top: float) -> Mark:
+    """A ribbon that begins at the angle ``start`` (F,) inside and is ``wound`` (F,) [rad]: morph targets between its windings."""
     low, high = float(wound.min()), float(wound.max())
     grid = np.linspace(low, high, 1 + TARGETS) if high - low > 1e-6 else np.array([low])
     part = np.linspace(0.0, 1.0, STEPS * 3)
@@ -209,12 +202,12 @@ def _spiral(name: str, centre: Real, first: Real, second: Real, size: float, top
     shape = _flat(ways[0], ribbon_faces(len(part)), LINKER)
     places = np.column_stack([centre, np.full(len(centre), top + 0.01 * size)])
     if len(grid) == 1:
-        return Mark(name, places, second, shape=shape)
+        return Mark(name, places, start, shape=shape)
     targets = np.stack([np.column_stack([(w - ways[0]).real, (w - ways[0]).imag, np.zeros(len(w))]) for w in ways[1:]])
     at = (wound - low) / (high - low) * TARGETS  # between which two windings, and how far: a hat over each target
     weights = np.clip(1.0 - np.abs(at[:, None] - np.arange(1, TARGETS + 1)), 0.0, 1.0)
     shape = Shape(shape.vertices, shape.normals, shape.faces, shape.color, targets)
-    return Mark(name, places, second, shape=shape, weights=weights)
+    return Mark(name, places, start, shape=shape, weights=weights)
 
 
 # -- meshes -----------------------------------------------------------------------------------------------------------

@@ -14,6 +14,9 @@ import mechviz
 from mechviz.commands.main import app
 from mechviz.outputs.exports.gltf import glb_bytes
 from mechviz.outputs.exports.gltf_marks import ARROWS, find_marks
+from mechviz.outputs.presentation import presentation_in, presentation_of
+from mechviz.outputs.rerun.reader import Recording
+from mechviz.outputs.rerun.writer import write_recording
 from mechviz.picture.build import picture_of, solids_of
 from mechviz.picture.proportions import HEAD, TURNS
 from mechviz.quantities.vectors import FAMILIES
@@ -53,7 +56,7 @@ class Glb:
 def made(request):
     run = run_scene(mechviz.load(request.param), frames=40)
     solids = solids_of(run)
-    return run, solids, Glb(glb_bytes(run, solids=solids))
+    return run, solids, Glb(glb_bytes(presentation_of(run)))
 
 
 def test_accessors_and_views_keep_the_rules(made):
@@ -182,7 +185,7 @@ def _track(glb: Glb, name: str, path: str, frames: int) -> np.ndarray:
 
 def test_arrows_reach_from_the_point_of_action_as_far_as_the_force_is_large():
     run = run_scene(mechviz.load("slider-crank-compressor"), frames=40)
-    glb = Glb(glb_bytes(run))
+    glb = Glb(glb_bytes(presentation_of(run)))
     vectors, _, scales = vectors_of(run, size := solids_of(run).size)
     drawn = picture_of(run, solids_of(run)).by_key
     assert set(ARROWS) & set(vectors) >= {"reaction", "applied", "inertia"}
@@ -200,12 +203,12 @@ def test_arrows_reach_from_the_point_of_action_as_far_as_the_force_is_large():
     torque = run.forces.effort("A")
     arc = _track(glb, "Drive: moment A", "scale", 41)
     assert arc[:, 1] / np.abs(arc[:, 1]).max() == pytest.approx(torque / np.abs(torque).max(), abs=2e-4)
-    assert not any(":" in node["name"] for node in Glb(glb_bytes(run, arrows=()))["nodes"])
+    assert not any(":" in node["name"] for node in Glb(glb_bytes(presentation_of(run), arrows=()))["nodes"])
 
 
 def test_struts_and_torsion_springs_go_with_their_ends():
     run = run_scene(mechviz.load("door-closer"), frames=24)
-    glb, motion = Glb(glb_bytes(run)), run.motion
+    glb, motion = Glb(glb_bytes(presentation_of(run))), run.motion
     for end, (link, point) in {"cylinder": ("frame", "P"), "rod": ("door", "Q")}.items():
         places = _track(glb, f"damper damper {end}", "translation", motion.frames)
         assert places[:, :2] == pytest.approx(motion.point(link, point), abs=1e-6)
@@ -224,10 +227,29 @@ def test_struts_and_torsion_springs_go_with_their_ends():
     assert np.abs(outer) == pytest.approx(np.abs(outer).max(), rel=0.01), "between targets it hardly shrinks"
 
 
+@pytest.mark.parametrize(
+    "name", ["slider-crank-compressor", "belt-drive", "door-closer", "tailgate", "engine-mounts", "cam-barrel"]
+)
+def test_a_recording_gives_the_file_of_its_run(name: str, tmp_path: Path):
+    """The same nodes, meshes and channels; numbers to the digits of what is drawn, times to a nanosecond."""
+    run = run_scene(mechviz.load(name), frames=12)
+    write_recording(run, tmp_path / "a.rrd")
+    own = Glb(glb_bytes(presentation_of(run)))
+    read = Glb(glb_bytes(presentation_in(Recording(tmp_path / "a.rrd"))))
+    for part in ("asset", "scenes", "meshes", "materials", "animations"):
+        assert own[part] == read[part], part
+    assert [(n["name"], n.get("children"), n.get("mesh")) for n in own["nodes"]] == [
+        (n["name"], n.get("children"), n.get("mesh")) for n in read["nodes"]
+    ]
+    for number, entry in enumerate(own["accessors"]):
+        a, b = own.values(number).astype(float), read.values(number).astype(float)
+        assert a.shape == b.shape and np.abs(a - b).max(initial=0.0) <= 2e-6 * max(1.0, np.abs(a).max(initial=0.0)), entry
+
+
 def test_shapes_of_marks_look_outwards():
     run = run_scene(mechviz.load("tailgate"), frames=6)
     seen = 0
-    for mark in find_marks(run, solids_of(run), picture_of(run, solids_of(run))):
+    for mark in find_marks(presentation_of(run)):
         for shape in filter(None, [mark.shape, *(below.shape for below in mark.below)]):
             corner = shape.vertices[shape.faces]
             normal = np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0])
@@ -263,3 +285,14 @@ def test_the_command_writes_it_whole_or_not_at_all(tmp_path: Path, monkeypatch):
         assert result.exit_code == 2 and "--arrows" in result.output
     result = CliRunner().invoke(app, ["export", "crank-rocker"])
     assert result.exit_code == 2 and "--glb" in result.output
+
+
+def test_the_command_takes_a_recording(tmp_path: Path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    write_recording(run_scene(mechviz.load("crank-rocker"), frames=12), "a.rrd")
+    result = CliRunner().invoke(app, ["export", "a.rrd", "--glb", "a.glb", "--arrows", "none"])
+    assert result.exit_code == 0 and result.output.strip().endswith("a.glb")
+    assert not any(":" in node["name"] for node in Glb((tmp_path / "a.glb").read_bytes())["nodes"])
+    for words in (["--csv", "a.csv"], ["--glb", "b.glb", "--frames", "12"], ["--glb", "b.glb", "--dxf", "a.dxf"]):
+        result = CliRunner().invoke(app, ["export", "a.rrd", *words])
+        assert result.exit_code == 2 and "a.rrd is a recording" in result.output, words
