@@ -15,6 +15,13 @@ Values = NDArray[np.floating[Any]] | float  # numbers over frames, or one for al
 Plane = NDArray[np.complexfloating[Any, Any]] | complex  # plane vectors over frames, or one for all
 
 
+def modulus(z: Plane | Values) -> Values:
+    """Lengths of plane vectors, or absolute values of numbers; plain numbers stay plain."""
+    if isinstance(z, np.ndarray):
+        return np.absolute(z)
+    return abs(z)
+
+
 def unit_vectors(z: Plane) -> Complex:
     """z over its length. NaN stays NaN without a warning, which the division of a complex NaN would give."""
     return np.asarray(z * (1.0 / np.abs(z)))

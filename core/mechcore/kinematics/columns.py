@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from mechcore.arrays import Plane, Real, Values
+from mechcore.arrays import Plane, Real, Values, modulus
 from mechcore.kinematics.dyads import cross
 from mechcore.kinematics.model import Model
 from mechcore.kinematics.program import Block, LoopEquation, Unknown
@@ -103,7 +103,7 @@ def constraint_coefficient(
 ) -> Values:
     """Derivative of a relation by an unknown; with ``bends`` that of its curve too, which unknowns of its own block never have."""
     t = model.constraints[relation]
-    c: Any = dict(t.groups if unknown[0] == "angle" else t.slides).get(unknown[1], 0.0)
+    c: Values = dict(t.groups if unknown[0] == "angle" else t.slides).get(unknown[1], 0.0)
     if t.curve is not None and bends is not None and (slope := t.curve.slope(unknown)):
         c = c + slope * bends[relation][1]
     return c
@@ -178,7 +178,7 @@ def condition(model: Model, block: Block, cols: Columns) -> Values:
     if cols.direct is not None:
         first: list[Any] = [c / model.length_scale if i < k else c for i, c in enumerate(cols.direct)]
         total: Any = sum(np.real(c) ** 2 + np.imag(c) ** 2 for c in first)
-        product = abs(cross(first[0], first[1]))
+        product = modulus(cross(first[0], first[1]))
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
             largest2 = 0.5 * (total + np.sqrt(np.maximum((total - 2.0 * product) * (total + 2.0 * product), 0.0)))
             return np.where(product > 0, largest2 / product, np.inf)

@@ -15,20 +15,25 @@ with ``e = exp(i angle)``, |D| = |d| = 1. All arguments broadcast, frames last; 
 
 from __future__ import annotations
 
-from typing import Any
+from typing import overload
 
 import numpy as np
 
+from mechcore.arrays import Complex, Plane, Real, Values, modulus
+
 ROUNDING = 4e-15  # links that miss each other by less than this part of their length meet: they are at a dead point
-Array = Any  # complex or float arrays (..., frames), or scalars
 
 
-def cross(a: Array, b: Array) -> Array:
+@overload
+def cross(a: Complex, b: Complex) -> Real: ...
+@overload
+def cross(a: Plane, b: Plane) -> Values: ...
+def cross(a: Plane, b: Plane) -> Values:
     """z component of the cross product of plane vectors (...) -> (...)."""
     return a.real * b.imag - a.imag * b.real
 
 
-def four_areas(a: Array, b: Array, d: Array) -> Array:
+def four_areas(a: Values, b: Values, d: Values) -> Values:
     """Four times the area of triangles with sides a, b, d (...) [m] -> (...) [m^2]; NaN where they do not close.
 
     Heron's formula as a product of differences of sides, after W. Kahan, "Miscalculating Area and Angles of a Needle-like
@@ -36,7 +41,7 @@ def four_areas(a: Array, b: Array, d: Array) -> Array:
     the cosine rule 5. (Kahan also sorts the sides; ``d`` is a computed distance here, whose own rounding is as large as what
     sorting would save.)
     """
-    total, difference = a + b, abs(a - b)
+    total, difference = a + b, modulus(a - b)
     short, spare = total - d, d - difference
     product = total + d
     product *= short
@@ -46,37 +51,39 @@ def four_areas(a: Array, b: Array, d: Array) -> Array:
         out = product < 0
         least = -ROUNDING * total
         product = np.where(out & (short > least) & (spare > least), 0.0, product)
-    return np.sqrt(product)
+    root: Values = np.sqrt(product)
+    return root
 
 
-def leg(r: Array, y: Array) -> Array:
+def leg(r: Values, y: Values) -> Values:
     """Other leg of right triangles with hypotenuse r and leg y (...) [m] -> (...) [m]; NaN where |y| > r."""
     product = r - y
     product *= r + y
     if not np.minimum.reduce(product, axis=None, initial=0.0) >= 0:
         out = product < 0
-        product = np.where(out & (abs(y) - r < ROUNDING * r), 0.0, product)
-    return np.sqrt(product)
+        product = np.where(out & (modulus(y) - r < ROUNDING * r), 0.0, product)
+    root: Values = np.sqrt(product)
+    return root
 
 
-def _with_mode(x: Array, mode: Array) -> Array:
+def _with_mode(x: Values, mode: Values) -> Values:
     return x if isinstance(mode, float) and mode == 1.0 else mode * x
 
 
-def theta_theta(a: Array, b: Array, c: Array, mode: Array) -> tuple[Array, Array]:
+def theta_theta(a: Plane, b: Plane, c: Plane, mode: Values) -> tuple[Complex, Complex]:
     """e1, e2 of ``a e1 + b e2 = c``. mode +1: the vector ``a e1`` lies left of ``c``.
 
     Both rotations come out with modulus 1 and the sum closes to a few rounding errors however thin the triangle is, because
     the parts along and across ``c`` are each accurate in the relative sense.
     """
-    ra, rb, d2 = abs(a), abs(b), (c * c.conjugate()).real
+    ra, rb, d2 = modulus(a), modulus(b), (c * c.conjugate()).real
     d = np.sqrt(d2)
     difference = (ra - rb) * (ra + rb)
     half = 0.5 / d2
     across = half * four_areas(ra, rb, d)
     across = _with_mode(across, mode)
     shift = difference * half
-    e1, e2 = np.empty(across.shape, complex), np.empty(across.shape, complex)
+    e1, e2 = np.empty(np.shape(across), complex), np.empty(np.shape(across), complex)
     np.add(0.5, shift, out=e1.real)
     e1.imag = across
     np.subtract(0.5, shift, out=e2.real)
@@ -87,42 +94,45 @@ def theta_theta(a: Array, b: Array, c: Array, mode: Array) -> tuple[Array, Array
     return e1, e2
 
 
-def gap_theta_theta(a: Array, b: Array, c: Array) -> Array:
+def gap_theta_theta(a: Plane, b: Plane, c: Plane) -> Values:
     """By how much the links of a theta_theta group miss each other (...) [m]; 0 where they meet."""
-    ra, rb, d = abs(a), abs(b), abs(c)
-    return np.maximum(np.maximum(d - (ra + rb), abs(ra - rb) - d), 0.0)
+    ra, rb, d = modulus(a), modulus(b), modulus(c)
+    gap: Values = np.maximum(np.maximum(d - (ra + rb), modulus(ra - rb) - d), 0.0)
+    return gap
 
 
-def theta_slide(a: Array, along: Array, c: Array, mode: Array) -> tuple[Array, Array]:
+def theta_slide(a: Plane, along: Plane, c: Plane, mode: Values) -> tuple[Complex, Values]:
     """e, s of ``a e + s along = c``. mode +1: the end of ``a`` lies ahead, in the direction of ``along``, mode -1: behind."""
     turned = c if isinstance(along, complex) and along == 1 else c * along.conjugate()
-    ra, y = abs(a), turned.imag
+    ra, y = modulus(a), turned.imag
     x = _with_mode(leg(ra, y), mode)
-    e = np.empty(x.shape, complex)
+    e = np.empty(np.shape(x), complex)
     e.real, e.imag = x, y
     e *= along / a
     return e, turned.real - x
 
 
-def gap_theta_slide(a: Array, along: Array, c: Array) -> Array:
+def gap_theta_slide(a: Plane, along: Plane, c: Plane) -> Values:
     """By how much the end of the link misses the guide (...) [m]."""
-    return np.maximum(abs((c * along.conjugate()).imag) - abs(a), 0.0)
+    gap: Values = np.maximum(modulus((c * along.conjugate()).imag) - modulus(a), 0.0)
+    return gap
 
 
-def arm_slide(a: Array, d: Array, c: Array, mode: Array) -> tuple[Array, Array]:
+def arm_slide(a: Plane, d: Plane, c: Plane, mode: Values) -> tuple[Plane, Values]:
     """e, s of ``(a + s d) e = c``. mode +1: the slide lies ahead of the foot of the perpendicular on the guide, -1: behind."""
     foot = a * d.conjugate()
-    r, y = abs(c), foot.imag
+    r, y = modulus(c), foot.imag
     x = _with_mode(leg(r, y), mode)
     return c * d.conjugate() / (x + 1j * y), x - foot.real
 
 
-def gap_arm_slide(a: Array, d: Array, c: Array) -> Array:
+def gap_arm_slide(a: Plane, d: Plane, c: Plane) -> Values:
     """By how much the guide misses the point (...) [m]."""
-    return np.maximum(abs((a * d.conjugate()).imag) - abs(c), 0.0)
+    gap: Values = np.maximum(modulus((a * d.conjugate()).imag) - modulus(c), 0.0)
+    return gap
 
 
-def slide_slide(d1: Array, d2: Array, c: Array) -> tuple[Array, Array]:
+def slide_slide(d1: Plane, d2: Plane, c: Plane) -> tuple[Values, Values]:
     """s1, s2 of ``s1 d1 + s2 d2 = c``; infinite or NaN where the guides are parallel."""
     det = cross(d1, d2)
     with np.errstate(divide="ignore", invalid="ignore"):  # parallel guides decide nothing

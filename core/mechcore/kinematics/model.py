@@ -135,7 +135,8 @@ class Model:
         """``work(self)``, done once for this model: for what later stages look up in it again and again."""
         if work not in self._once:
             self._once[work] = work(self)
-        return self._once[work]
+        done: T = self._once[work]
+        return done
 
     @cached_property
     def _point_sums(self) -> dict[tuple[int, complex], VectorSum | None]:

@@ -8,13 +8,14 @@ nodes of a later group may lie where an earlier one is singular.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.polynomial import chebyshev
 
+from mechcore.arrays import Flags, Index, Real, Values
 from mechcore.kinematics.columns import all_columns, all_vectors
 from mechcore.kinematics.model import Model
 from mechcore.kinematics.positions import apply, place
@@ -27,7 +28,6 @@ if TYPE_CHECKING:
     from mechcore.branches.singular_points import Change, Changes
 
 
-Array = Any
 NEAR = 4.0  # frames closer than this many steps are interpolated: accelerations lose digits with the third power of closeness
 FAR = 22
 NODES = np.concatenate([np.arange(-FAR, -7), np.arange(8, FAR + 1)]) / FAR  # where the branch is solved for that, over FAR steps
@@ -36,13 +36,13 @@ FIT = np.linalg.pinv(chebyshev.chebvander(NODES, DEGREE))
 TAIL = 1e-12  # last terms of that polynomial: below, what it leaves out is rounding
 
 
-def unknowns_of(model: Model, block: Block, state: State, at: Array) -> Array:
+def unknowns_of(model: Model, block: Block, state: State, at: Index) -> Real:
     """A block's positions (n, unknowns) at the places ``at``: angles without jumps [rad], then slides [m]."""
     rows = [np.unwrap(np.asarray(wrapped_angle(model, state, g))[at]) for g in block.angles]
     return np.array([*rows, *(np.asarray(state.slide[j])[at] for j in block.slides)]).T
 
 
-def smooth(model: Model, block: Block, state: State, time: Array, instant: float, step: float) -> tuple[float, Array | None]:
+def smooth(model: Model, block: Block, state: State, time: Real, instant: float, step: float) -> tuple[float, Patch | None]:
     """The curve of a block's positions next to an instant, through its samples on both sides of it.
 
     Returns how large the polynomial's last terms still are (angles [rad], slides over the size), and the patch of the samples
@@ -62,7 +62,7 @@ def smooth(model: Model, block: Block, state: State, time: Array, instant: float
     return tail, Patch(near, at_samples, at_samples, at_samples)
 
 
-def tail_of(values: Array) -> float:
+def tail_of(values: Real) -> float:
     """How large the last terms still are of the polynomials through values (nodes, unknowns)."""
     with np.errstate(**QUIET):
         return float(np.abs((FIT @ values)[-2:]).max(initial=0.0))
@@ -73,17 +73,17 @@ class _Through:
     """A change as the nodes see it: ``own`` are its nodes, ``near`` those (of others) at which its group is ill conditioned."""
 
     change: Change
-    own: Array
-    near: Array
-    away: Array  # of the near ones, in units of the window
-    curves: list[Array] = field(default_factory=list)  # coefficients of positions, first and second rates (terms, unknowns)
+    own: Index
+    near: Index
+    away: Real  # of the near ones, in units of the window
+    curves: list[Real] = field(default_factory=list)  # coefficients of positions, first and second rates (terms, unknowns)
 
-    def fit(self, values: Array) -> Array:
+    def fit(self, values: Real) -> Real:
         """Fit a curve to values (nodes, unknowns); returns it at the near nodes."""
         self.curves.append(FIT @ values)
         return chebyshev.chebvander(self.away, DEGREE) @ self.curves[-1]
 
-    def into(self, rates: list[Array], derivative: int) -> None:
+    def into(self, rates: list[Any], derivative: int) -> None:
         """Fit the rates that a block has been solved for, and replace them where they are ill conditioned."""
         width = max((np.size(r) for r in rates), default=1)
         for u, r in enumerate(rates):
@@ -97,10 +97,10 @@ def make_patches(
     model: Model,
     changes: Changes,
     modes: Sequence[float],
-    time: Array,
-    scale: Sequence[Array],
+    time: Real,
+    scale: Sequence[Values],
     constants: Sequence[float] = (),
-    starts: Any = None,
+    starts: Callable[[Real], Mapping[str, Real]] | None = None,
 ) -> dict[int, list[Patch]]:
     """Interpolations for the frames next to a change, by block. ``scale``: how fast the frames run against the law (1, 0 where
     they follow it): first and second derivative of law time by time. ``starts``: law times -> Newton starts."""
@@ -139,11 +139,11 @@ def make_patches(
     return patches
 
 
-def _nodes(c: Change) -> Array:
+def _nodes(c: Change) -> Real:
     return c.time + c.step * FAR * NODES
 
 
-def _nodes_of(changes: Changes, asked: Sequence[Change]) -> tuple[Array, list[Change]]:
+def _nodes_of(changes: Changes, asked: Sequence[Change]) -> tuple[Real, list[Change]]:
     """Nodes of the changes that are asked for, and of those that these nodes come near, and so on."""
     needed = list(asked)
     fresh, nodes = needed, np.zeros(0)
@@ -155,14 +155,14 @@ def _nodes_of(changes: Changes, asked: Sequence[Change]) -> tuple[Array, list[Ch
     return nodes, needed
 
 
-def _signed(changes: Changes, c: Change, time: Array) -> Array:
+def _signed(changes: Changes, c: Change, time: Real) -> Real:
     away = time - c.time
     return away - changes.period * np.round(away / changes.period)
 
 
-def _distance(changes: Changes, c: Change, time: Array) -> Array:
+def _distance(changes: Changes, c: Change, time: Real) -> Real:
     return np.abs(_signed(changes, c, time))
 
 
-def _frames_near(changes: Changes, c: Change, time: Array) -> Array:
+def _frames_near(changes: Changes, c: Change, time: Real) -> Flags:
     return _distance(changes, c, time) < NEAR * c.step

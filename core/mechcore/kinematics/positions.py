@@ -56,7 +56,7 @@ def place(model: Model, block: Block, state: State, mode: Values, start: Real | 
 def _place_loop(model: Model, block: Block, state: State, mode: Values) -> None:
     """A block of one loop by its closed form."""
     target, arms, guides = loop_terms(model, block, state)
-    solved: Sequence[Any]  # rotations of its angles, then displacements
+    solved: Sequence[Plane | Values]  # rotations of its angles, then displacements
     if block.kind == "theta_theta":
         solved = dyads.theta_theta(arms[0], arms[1], target, mode)
     elif block.kind == "theta_slide":
@@ -74,7 +74,7 @@ def _place_loop(model: Model, block: Block, state: State, mode: Values) -> None:
         if what == "angle":
             _turn(model, state, i, x)
         else:
-            state.slide[i] = x
+            state.slide[i] = x  # type: ignore[assignment]  # real, as the order of unknowns says
 
 
 def loop_terms(model: Model, block: Block, state: State, number: int = 0) -> tuple[Plane, list[Plane], list[Plane]]:
@@ -114,7 +114,7 @@ def _place_general(model: Model, block: Block, state: State, start: Any) -> None
     state.newton[block.name] = Newton(x=x * scale, miss=miss * size, first=first)
 
 
-def _turn(model: Model, state: State, group: int, e: Plane) -> None:
+def _turn(model: Model, state: State, group: int, e: Plane | Values) -> None:
     for rotation_class in model.angles.classes_of[group]:
         delta = state.delta[rotation_class]
         state.rot[rotation_class] = e if isinstance(delta, complex) and delta == 1 else e * delta

@@ -155,7 +155,8 @@ def _argument(model: Model, curve: NonlinearTerm, state: State) -> Values:
 def wrapped_angle(model: Model, state: State, group: int) -> Values:
     """A group's angle within one turn."""
     rotation_class = model.angles.classes_of[group][0]
-    return np.angle(state.rot[rotation_class] * np.conj(state.delta[rotation_class]))
+    angle: Values = np.angle(state.rot[rotation_class] * np.conj(state.delta[rotation_class]))
+    return angle
 
 
 def real_angle(model: Model, state: State, group: int) -> Values:

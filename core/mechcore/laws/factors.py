@@ -87,7 +87,7 @@ def _stationary(piece: Piece, order: int) -> Real:
     piece.fill(u, f, order + 1)
     s = np.sign(f[0])
     k = np.flatnonzero(s[:-1] * s[1:] < 0.0)
-    exact = u[1:-1][(s[1:-1] == 0.0) & (s[:-2] * s[2:] < 0.0)]
+    exact: Real = u[1:-1][(s[1:-1] == 0.0) & (s[:-2] * s[2:] < 0.0)]
     if not k.size:
         return exact
     a, b, sa = u[k].copy(), u[k + 1].copy(), s[k]

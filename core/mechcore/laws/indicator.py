@@ -7,12 +7,15 @@ piston machines, for example W. Kalide, Energieumwandlung in Kraft- und Arbeitsm
 
 from __future__ import annotations
 
+import math
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Protocol
 
 import numpy as np
 
-from mechcore.arrays import Flags, Real
+from mechcore.arrays import Flags, Index, Real
+from mechcore.laws.timed import Table
 
 
 class Cycle(Protocol):
@@ -53,7 +56,7 @@ class Compressor:
         expanded = np.maximum(self.delivery * left, self.suction)
         return np.where(outward, expanded, np.minimum(squeezed, self.delivery))
 
-    def part(self, x: Real, outward: Flags, firing: Flags) -> Real:
+    def part(self, x: Real, outward: Flags, firing: Flags) -> Index:
         """Whether a valve is open (...): 1, else 0."""
         p = self.pressure(x, outward, firing)
         return np.where(outward, p <= self.suction, p >= self.delivery).astype(int)
@@ -92,7 +95,7 @@ class FourStroke:
     @property
     def highest(self) -> float:
         """Highest pressure [Pa]."""
-        return self.intake * self.ratio**self.exponent * self.rise
+        return float(self.intake * self.ratio**self.exponent * self.rise)
 
     def pressure(self, x: Real, outward: Flags, firing: Flags) -> Real:
         v = self._volume(x)
@@ -101,7 +104,7 @@ class FourStroke:
         fired = self.highest * np.minimum(1.0, self.cutoff / v) ** m
         return np.where(firing, np.where(outward, fired, squeezed), np.where(outward, self.intake, self.exhaust))
 
-    def part(self, x: Real, outward: Flags, firing: Flags) -> Real:
+    def part(self, x: Real, outward: Flags, firing: Flags) -> Index:
         """Whether heat is still supplied at constant pressure (...): 1, else 0."""
         return np.asarray(self._volume(x) < self.cutoff).astype(int)
 
@@ -110,7 +113,7 @@ class FourStroke:
         """Work of the gas in a cycle of four strokes, over the piston's area [J/m^2]."""
 
         def polytrope(p: float, v: float, w: float, n: float) -> float:  # integral of p dV from v to w, from pressure p at v
-            return p * v * np.log(w / v) if n == 1.0 else p * v / (1.0 - n) * ((w / v) ** (1.0 - n) - 1.0)
+            return p * v * math.log(w / v) if n == 1.0 else p * v / (1.0 - n) * ((w / v) ** (1.0 - n) - 1.0)
 
         m = self.exponent if self.expansion is None else self.expansion
         heat = self.highest * (self.cutoff - 1.0)
@@ -124,14 +127,14 @@ class Diagram:
     """A measured diagram of two strokes: pressures [Pa] over the displacement [m], moving away from the head and towards it."""
 
     stroke: float
-    outward: Any  # Table or callable
-    inward: Any
+    outward: Callable[[Real], Real]  # a `Table` for example
+    inward: Callable[[Real], Real]
     strokes: int = 2
 
     def pressure(self, x: Real, outward: Flags, firing: Flags) -> Real:
         return np.where(outward, self.outward(x), self.inward(x))
 
-    def part(self, x: Real, outward: Flags, firing: Flags) -> Real:
+    def part(self, x: Real, outward: Flags, firing: Flags) -> Index:
         """Between which of its points the diagram is (...)."""
         return np.where(outward, _part(self.outward, x), _part(self.inward, x))
 
@@ -141,21 +144,21 @@ class FourStrokeDiagram:
     """A measured diagram of four strokes: pressures [Pa] over the displacement [m], stroke by stroke."""
 
     stroke: float
-    power: Any  # Table or callable
-    exhaust: Any
-    intake: Any
-    compression: Any
+    power: Callable[[Real], Real]  # a `Table` for example
+    exhaust: Callable[[Real], Real]
+    intake: Callable[[Real], Real]
+    compression: Callable[[Real], Real]
     strokes: int = 4
 
     def pressure(self, x: Real, outward: Flags, firing: Flags) -> Real:
         fired = np.where(outward, self.power(x), self.compression(x))
         return np.where(firing, fired, np.where(outward, self.intake(x), self.exhaust(x)))
 
-    def part(self, x: Real, outward: Flags, firing: Flags) -> Real:
+    def part(self, x: Real, outward: Flags, firing: Flags) -> Index:
         """Between which of its points the diagram is (...)."""
         fired = np.where(outward, _part(self.power, x), _part(self.compression, x))
         return np.where(firing, fired, np.where(outward, _part(self.intake, x), _part(self.exhaust, x)))
 
 
-def _part(branch: Any, x: Real) -> Real:
-    return branch.part(x) if hasattr(branch, "part") else np.zeros(np.shape(x), int)
+def _part(branch: Callable[[Real], Real], x: Real) -> Index:
+    return branch.part(x) if isinstance(branch, Table) else np.zeros(np.shape(x), int)

@@ -266,7 +266,7 @@ class Follow:
     @cached_property
     def _sizes(self) -> Real:
         knots = self.curve.knots
-        return np.abs(self.curve(np.linspace(knots[0], knots[-1], 257), 2)).max(axis=1)
+        return np.asarray(np.abs(self.curve(np.linspace(knots[0], knots[-1], 257), 2)).max(axis=1))
 
     def _crossings(self, grid: Real, gap: Real, target: float) -> list[float]:
         from scipy.optimize import brentq

@@ -7,12 +7,12 @@ distance minimised by the method of Levenberg and Marquardt from many starts.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import partial
-from typing import Any
 
 import numpy as np
 
+from mechcore.arrays import Flags, Index, Real
 from mechcore.branches.assembly import Assembly
 from mechcore.kinematics.model import Model
 from mechcore.kinematics.positions import equations, gap, place
@@ -22,19 +22,18 @@ from mechcore.motion.metrics import peak
 from mechcore.motion.motion import Motion
 from mechcore.numerics.newton import solve_many
 
-Array = Any
-Equations = Callable[[Array], tuple[Array, Array]]  # unknowns (..., n) -> values (..., m), derivatives (..., m, n)
+Equations = Callable[[Real], tuple[Real, Real]]  # unknowns (..., n) -> values (..., m), derivatives (..., m, n)
 MOST_FRAMES = 25  # at which groups without a closed form are looked at, and again next to the worst of them
 STARTS = 32
 ITERATIONS = 60
 WEIGHT = 1e3  # of the closed joints against the open one: their gaps stay below 1e-6 of its
 
 
-def greatest_miss(assembly: Assembly, block: Block, motion: Motion, failed: Array) -> float:
+def greatest_miss(assembly: Assembly, block: Block, motion: Motion, failed: Flags) -> float:
     """By how much the links of a block miss each other at ``failed`` frames (F,) at the most [m]; 0 where they would meet, infinite
     where more than one joint has to stay open."""
 
-    def misses(at: Motion) -> Array:
+    def misses(at: Motion) -> Real:
         return np.broadcast_to(gap(at.model, block, at.state), at.frames)
 
     if block.kind != "general":
@@ -52,7 +51,7 @@ def greatest_miss(assembly: Assembly, block: Block, motion: Motion, failed: Arra
         first, last = int(chosen[max(k - 1, 0)]), int(chosen[min(k + 1, len(chosen) - 1)])
 
 
-def _misses(model: Model, assembly: Assembly, block: Block, drives: list[Array]) -> Array:
+def _misses(model: Model, assembly: Assembly, block: Block, drives: Sequence[Real]) -> Real:
     """`least_miss` (F,) at drives (F, 1), 0 where the groups before it cannot be assembled."""
     state = initial_state(model, drives, assembly.constants, assembly.starts)
     with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
@@ -63,7 +62,7 @@ def _misses(model: Model, assembly: Assembly, block: Block, drives: list[Array])
         return np.nan_to_num(least_miss(model, block, state), nan=0.0, posinf=np.inf)
 
 
-def least_miss(model: Model, block: Block, state: State) -> Array:
+def least_miss(model: Model, block: Block, state: State) -> Real:
     """By how much the links of a general block miss each other [m] (F,), 0 where they meet; infinite where more than one joint has
     to stay open. Needs the earlier blocks in ``state``, at drives (F, 1)."""
     rng = np.random.default_rng(1)
@@ -71,7 +70,7 @@ def least_miss(model: Model, block: Block, state: State) -> Array:
     n, k = len(block.angles), len(block.slides)
     frames = np.broadcast_shapes(*(np.shape(q)[:1] for q in state.drives))
     starts = np.concatenate([rng.uniform(-np.pi, np.pi, (STARTS, n)), rng.uniform(-2.0, 2.0, (STARTS, k))], axis=-1)
-    least: Array = np.full(frames, np.inf)
+    least: Real = np.full(frames, np.inf)
     for signs in _openings(model, block):
         x = np.broadcast_to(starts, (*frames, *starts.shape))
         with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
@@ -80,7 +79,7 @@ def least_miss(model: Model, block: Block, state: State) -> Array:
     return least * model.length_scale
 
 
-def _openings(model: Model, block: Block) -> list[Array]:
+def _openings(model: Model, block: Block) -> list[Index]:
     """For each joint of a block's loops: how the distance of its two points enters them (loops,), +1, -1 or 0."""
     depth = [0] * len(model.links)
     for link in model.tree.order:
@@ -98,7 +97,7 @@ def _openings(model: Model, block: Block) -> list[Array]:
     return [np.array(signs) for signs in sorted(unique)]
 
 
-def _opened(equations: Equations, signs: Array, x: Array) -> tuple[Array, Array]:
+def _opened(equations: Equations, signs: Index, x: Real) -> tuple[Real, Real]:
     """Equations (..., m) and derivatives (..., m, n) with those of the open joint first, the others weighted."""
     r, jacobian = equations(x)
     loops = len(signs)
@@ -113,7 +112,7 @@ def _opened(equations: Equations, signs: Array, x: Array) -> tuple[Array, Array]
     return r @ mix.T, mix @ jacobian
 
 
-def _minimised(function: Equations, x: Array) -> Array:
+def _minimised(function: Equations, x: Real) -> Real:
     """Length (...) of the first two of the values (..., m) of a function where their sum of squares is least, from starts
     (..., n); infinite where the others are not closed there."""
     r, jacobian = function(x)

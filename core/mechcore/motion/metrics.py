@@ -15,13 +15,12 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.polynomial import chebyshev
 
-from mechcore.arrays import Real
+from mechcore.arrays import Plane, Real
 from mechcore.kinematics.model import Model
 from mechcore.kinematics.rates import Rates
 from mechcore.kinematics.state import Patch
 from mechcore.motion.motion import Motion
 
-Array = Any
 T = TypeVar("T")
 CHANGE_POINT = 1e-12  # of the perimeter: below, a Grashof margin is rounding
 
@@ -101,7 +100,7 @@ def transmission_angles(motion: Motion) -> dict[str, Real]:
     m = motion.model
     out = {}
     for block in (b for b in m.blocks if b.kind == "theta_theta"):
-        arms: dict[int, Array] = dict.fromkeys(block.angles, 0j)
+        arms: dict[int, Plane] = dict.fromkeys(block.angles, 0j)
         for rotation_class, z in motion.loop_vectors[block.loops[0]].arms:
             group = m.angles.class_group[rotation_class]
             if group in arms:
@@ -137,7 +136,7 @@ def curvature(motion: Motion, link: str, point: str) -> Real:
     unit = per_unit(motion)
     v, a = unit.point(link, point, 1), unit.point(link, point, 2)
     with np.errstate(divide="ignore", invalid="ignore"):
-        return (v[:, 0] * a[:, 1] - v[:, 1] * a[:, 0]) / np.hypot(v[:, 0], v[:, 1]) ** 3
+        return np.asarray((v[:, 0] * a[:, 1] - v[:, 1] * a[:, 0]) / np.hypot(v[:, 0], v[:, 1]) ** 3)
 
 
 @dataclass(frozen=True)

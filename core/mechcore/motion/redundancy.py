@@ -7,20 +7,19 @@ mechanism's size. Which joints are indeterminate follows from the null space: th
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any
 
 import numpy as np
 
+from mechcore.arrays import Plane, Real, Values
 from mechcore.motion.motion import Motion
 
-Array = Any
 RANK = 1e-10  # singular values below this part of the largest are zero
 NOTHING = 1e-12  # unknowns that stay below this part of the largest in all frames are zero
 
 
 def least_norm(
-    motion: Motion, force: Sequence[Array], moment: Sequence[Array], flanks: Mapping[int, Array] | None = None
-) -> tuple[list[tuple[Array, Array]], dict[str, tuple[Array, Array]], dict[int, Array]]:
+    motion: Motion, force: Sequence[Plane], moment: Sequence[Values], flanks: Mapping[int, Values] | None = None
+) -> tuple[list[tuple[Plane, Values]], dict[str, tuple[Plane, Plane]], dict[int, Values]]:
     """Transmitted force and couple on the second link of every joint, place and force of every relation, its multiplier.
 
     ``force`` and ``moment`` (about each link's origin) are what loads put on the links, (F,) or with axes before the frames'.
@@ -38,7 +37,8 @@ def least_norm(
     shape = np.broadcast_shapes((motion.frames,), *(np.shape(v) for v in (*force, *moment)))
     rhs = np.zeros((*shape, 3 * n))
     for k in range(1, n + 1):
-        rhs[..., 3 * k - 3], rhs[..., 3 * k - 2] = -np.real(force[k]), -np.imag(force[k])
+        f = np.asarray(force[k])
+        rhs[..., 3 * k - 3], rhs[..., 3 * k - 2] = -f.real, -f.imag
         rhs[..., 3 * k - 1] = -np.asarray(moment[k]) / model.length_scale
     x = (np.linalg.pinv(matrix, rcond=RANK) @ rhs[..., None])[..., 0]
     left = np.abs((matrix @ x[..., None])[..., 0] - rhs).max(axis=-1)
@@ -47,9 +47,9 @@ def least_norm(
     largest = np.fmax.reduce(np.abs(x), axis=-2, initial=0.0)  # of each unknown over the run
     idle = largest <= NOTHING * np.fmax.reduce(largest, axis=-1, initial=0.0)[..., None]
     x = np.where(idle[..., None, :] & np.isfinite(x), 0.0, x)  # or links that carry nothing would balance to rounding of others
-    transmitted: list[tuple[Array, Array]] = [(0j, 0.0)] * len(model.joints)
-    contacts: dict[str, tuple[Array, Array]] = {}
-    multipliers: dict[int, Array] = {}
+    transmitted: list[tuple[Plane, Values]] = [(0j, 0.0)] * len(model.joints)
+    contacts: dict[str, tuple[Plane, Plane]] = {}
+    multipliers: dict[int, Values] = {}
     for column, (what, i, direction) in enumerate(labels):
         value = x[..., column]
         if what == "force":
@@ -75,10 +75,10 @@ def indeterminate(motion: Motion) -> tuple[str, ...]:
     return tuple(dict.fromkeys(name for name, free in zip(names, loose, strict=True) if free))
 
 
-def _equilibrium(motion: Motion, flanks: Mapping[int, Array]) -> tuple[Array, list[tuple[str, int, Array]]]:
+def _equilibrium(motion: Motion, flanks: Mapping[int, Values]) -> tuple[Real, list[tuple[str, int, Plane]]]:
     """Matrix (F, 3 links, unknowns) of the equilibrium of all links, moments over the size, and its unknowns."""
     model = motion.model
-    labels: list[tuple[str, int, Array]] = []
+    labels: list[tuple[str, int, Plane]] = []
     for j, joint in enumerate(model.joints):
         along = motion.guide(j) if joint.slide is not None else None
         driven = j in model.driven
@@ -93,11 +93,11 @@ def _equilibrium(motion: Motion, flanks: Mapping[int, Array]) -> tuple[Array, li
     labels += [("tie", i, 0j) for i in range(len(model.relations))]
     matrix = np.zeros((motion.frames, 3 * (len(model.links) - 1), len(labels)))
 
-    def put(column: int, k: int, f: Array, arm: Array, sign: float) -> None:
+    def put(column: int, k: int, f: Plane, arm: Plane, sign: float) -> None:
         if k == 0:
             return
-        matrix[:, 3 * k - 3, column] += sign * np.real(f)
-        matrix[:, 3 * k - 2, column] += sign * np.imag(f)
+        matrix[:, 3 * k - 3, column] += sign * np.asarray(f).real
+        matrix[:, 3 * k - 2, column] += sign * np.asarray(f).imag
         matrix[:, 3 * k - 1, column] += sign * np.imag(np.conj(arm) * f) / model.length_scale
 
     for column, (what, i, direction) in enumerate(labels):

@@ -14,11 +14,10 @@ from mechcore.branches.unwrapped import Frames, along_designs
 from mechcore.errors import Fault, MechanismError
 from mechcore.kinematics.build import loop_sum
 from mechcore.kinematics.positions import place_all
-from mechcore.motion.compiled import Compiled
+from mechcore.motion.compiled import Compiled, DriveValues, drive_values
 from mechcore.motion.motion import Motion
 from mechcore.topology.graph import vector_loops
 
-Array = Any
 CHUNK = 4096  # numbers in an array that is worked on: small enough to stay in the cache
 
 
@@ -34,7 +33,7 @@ def sweep(
     compiled: Compiled,
     points: Mapping[tuple[str, str], ArrayLike],
     time: ArrayLike,
-    collect: Callable[[Motion], Mapping[str, Array]],
+    collect: Callable[[Motion], Mapping[str, Real]],
 ) -> Sweep:
     """Motion of D variants of a mechanism at times (F,) [s].
 
@@ -65,9 +64,9 @@ def sweep(
             Fault("sweep", "the points are given for different numbers of designs, or for none.", "Give as many of each.")
         )
     count = designs.pop()
-    values = [tuple(np.broadcast_to(x, time.shape) for x in d.law(time)) for d in model.mechanism.drives]
+    values = drive_values(model.mechanism, time)
     chunk = max(1, CHUNK // len(time))
-    parts: list[Mapping[str, Array]] = []
+    parts: list[Mapping[str, Real]] = []
     assembled = np.empty(count, bool)
     for start in range(0, count, chunk):
         part = {key: xy[start : start + chunk, :] for key, xy in varied.items()}
@@ -83,9 +82,9 @@ def sweep(
     return Sweep(results=results, assembled=assembled)
 
 
-def _motion(compiled: Compiled, points: Mapping[tuple[str, str], Array], time: Array, values: Any) -> Motion:
+def _motion(compiled: Compiled, points: Mapping[tuple[str, str], Real], time: Real, values: DriveValues) -> Motion:
     model = compiled.model
-    place = {key: (xy[:, 0] + 1j * xy[:, 1])[:, None] for key, xy in points.items()}
+    place: dict[tuple[str, str], Any] = {key: (xy[:, 0] + 1j * xy[:, 1])[:, None] for key, xy in points.items()}
     ends = {p.name: getattr(p, "points", None) for p in model.mechanism.joints}
     joints = []
     for joint in model.joints:
@@ -100,7 +99,7 @@ def _motion(compiled: Compiled, points: Mapping[tuple[str, str], Array], time: A
     modes, laws = compiled.assembly.modes, tuple(d.law for d in model.mechanism.drives)
     state = place_all(variant, [v[0] for v in values], modes)
 
-    def placed(x: Array) -> Frames:
+    def placed(x: Real) -> Frames:
         q = [np.asarray(law(x[:, 0])[0], float) for law in laws]
         return q, place_all(variant, q, modes), (*variant.designs, len(x))
 

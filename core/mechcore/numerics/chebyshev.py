@@ -156,7 +156,7 @@ class Panels:
     def tail(self) -> Real:
         """Largest of the last three coefficients of each function, relative to its largest (c,)."""
         largest = np.abs(self.coefficients).max(axis=(0, 1))
-        return np.abs(self.coefficients[:, -3:]).max(axis=(0, 1)) / np.where(largest > 0, largest, 1.0)
+        return np.asarray(np.abs(self.coefficients[:, -3:]).max(axis=(0, 1)) / np.where(largest > 0, largest, 1.0))
 
 
 def nodes_of(low: float, high: float, count: int) -> Real:

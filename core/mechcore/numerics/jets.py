@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 from math import comb
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from mechcore.arrays import Complex, Real
-
-Jet = Real | Complex
+Jet = NDArray[Any]  # real or complex (order + 1, ...)
 
 
-def product(a: NDArray, b: NDArray) -> NDArray:
+def product(a: Jet, b: Jet) -> Jet:
     """Leibniz' rule, to the lower of both orders."""
     n = min(len(a), len(b))
     out = np.zeros((n, *np.broadcast_shapes(a.shape[1:], b.shape[1:])), np.result_type(a, b))
@@ -22,7 +21,7 @@ def product(a: NDArray, b: NDArray) -> NDArray:
     return out
 
 
-def quotient(a: NDArray, b: NDArray) -> NDArray:
+def quotient(a: Jet, b: Jet) -> Jet:
     """a / b."""
     n = min(len(a), len(b))
     out = np.zeros((n, *np.broadcast_shapes(a.shape[1:], b.shape[1:])), np.result_type(a, b, float))
@@ -32,7 +31,7 @@ def quotient(a: NDArray, b: NDArray) -> NDArray:
     return out
 
 
-def root(a: NDArray) -> NDArray:
+def root(a: Jet) -> Jet:
     """Square root of a positive function."""
     out = np.zeros_like(a)
     out[0] = np.sqrt(a[0])
@@ -42,7 +41,7 @@ def root(a: NDArray) -> NDArray:
     return out
 
 
-def exponential(a: NDArray) -> NDArray:
+def exponential(a: Jet) -> Jet:
     """exp(a): e' = a' e."""
     out = np.zeros_like(a, dtype=np.result_type(a, float))
     out[0] = np.exp(a[0])
@@ -51,27 +50,27 @@ def exponential(a: NDArray) -> NDArray:
     return out
 
 
-def dot(a: NDArray, b: NDArray) -> NDArray:
+def dot(a: Jet, b: Jet) -> Jet:
     """Scalar product of plane vectors written as complex numbers."""
     return np.real(product(np.conj(a), b))
 
 
-def cross(a: NDArray, b: NDArray) -> NDArray:
+def cross(a: Jet, b: Jet) -> Jet:
     """a x b of plane vectors written as complex numbers."""
     return np.imag(product(np.conj(a), b))
 
 
-def size(a: NDArray) -> NDArray:
+def size(a: Jet) -> Jet:
     """Length of a plane vector that is nowhere zero."""
     return root(dot(a, a))
 
 
-def unit(a: NDArray) -> NDArray:
+def unit(a: Jet) -> Jet:
     """Direction of a plane vector that is nowhere zero."""
     return quotient(a, size(a))
 
 
-def compose(outer: NDArray, inner: NDArray) -> NDArray:
+def compose(outer: Jet, inner: Jet) -> Jet:
     """Derivatives of f(g(t)) from those of f at g (k, ...) and of g (k, ...), to third order (Faa di Bruno)."""
     n = min(len(outer), len(inner))
     out = [outer[0]]

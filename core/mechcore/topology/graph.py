@@ -165,6 +165,10 @@ def spanning_tree(n: int, ends: Sequence[tuple[int, int]], order: Order, equatio
     return Tree(order=tuple(found), parent=tuple(parent), joint=tuple(joint), closing=closing)
 
 
+Vectors = dict[int, complex]  # link -> vector in its axes
+Slides = list[tuple[int, int, complex]]  # (joint, link with the guide, its direction)
+
+
 def vector_loops(ends: Sequence[tuple[int, int]], joints: Sequence[LoopJoint], tree: Tree) -> tuple[Loop, ...]:
     """One loop for each closing joint, with the coefficients of a link that enters twice added up."""
     depth = [0] * len(tree.parent)
@@ -173,10 +177,10 @@ def vector_loops(ends: Sequence[tuple[int, int]], joints: Sequence[LoopJoint], t
     out = []
     for c in tree.closing:
         p, q = ends[c]
-        vectors: dict[int, complex] = {}
-        slides: list[tuple[int, int, complex]] = []
+        vectors: Vectors = {}
+        slides: Slides = []
 
-        def add(j: int, link: int, side: int, sign: int, vectors=vectors, slides=slides) -> None:
+        def add(j: int, link: int, side: int, sign: int, vectors: Vectors = vectors, slides: Slides = slides) -> None:
             """``sign`` times the vector from the origin of ``link`` to its point of joint ``j``, the slide included."""
             joint = joints[j]
             vectors[link] = vectors.get(link, 0j) + sign * (joint.b if side else joint.a)
