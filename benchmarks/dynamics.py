@@ -41,7 +41,7 @@ from dynamics_peers import (
 )
 from scipy.integrate import solve_ivp
 
-from mechcore.dynamics.equations.reduced import Chart
+from mechcore.dynamics.equations.chart import Chart
 from mechcore.dynamics.simulate import simulate
 from mechcore.dynamics.simulation import right_hand_side
 from mechcore.motion.solve import compile_mechanism

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mechcore.arrays import Real
+from mechcore.compiled.motion import Executor
 from mechviz.figures import save_chart
 from mechviz.files import OutputError, check_target, replacing
 from mechviz.outputs.exports.tables import plot_figure
@@ -218,16 +219,22 @@ class Result:
 
 
 def run(
-    scene: Scene | str | Path, *, frames: int | None = None, cycles: int | None = None, accuracy: float | None = None
+    scene: Scene | str | Path,
+    *,
+    frames: int | None = None,
+    cycles: int | None = None,
+    accuracy: float | None = None,
+    executor: Executor = "auto",
 ) -> Result:
     """Solve a scene: one that is loaded or built, the name of one of the gallery, or the path of a scene file.
 
     ``frames`` over the whole run and ``cycles`` of the first drive are the scene's own where they are not given; ``accuracy`` is
-    the wanted relative error, such as 1e-6, from which frames and tolerances follow. Raises `SceneError` with every fault of the
+    the wanted relative error, such as 1e-6, from which frames and tolerances follow; ``executor`` is "numpy", "c" or, where
+    compiling pays, "auto". Raises `SceneError` with every fault of the
     scene, `MechanismError` where the mechanism cannot move so.
     """
     solved = scene if isinstance(scene, Scene) else load(scene)
-    return Result(run_scene(solved, frames=frames, cycles=cycles, accuracy=accuracy))
+    return Result(run_scene(solved, frames=frames, cycles=cycles, accuracy=accuracy, executor=executor))
 
 
 def open(path: str | Path, *, most: int | None = None) -> Result:

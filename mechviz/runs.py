@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mechcore.accuracy import DEFAULT, Accuracy, accuracy_for
+from mechcore.compiled.motion import Executor
 from mechcore.constructions.studies import StudyResults
 from mechcore.constructions.studies import compute as compute_studies
 from mechcore.dynamics.rest.steady import SteadyRun, steady_run
@@ -120,6 +121,7 @@ def run_scene(
     accuracy: Accuracy | float | None = None,
     observe: Callable[[Simulation, float], None] | None = None,
     warn: Callable[[str], None] | None = None,
+    executor: Executor = "auto",
 ) -> Run:
     """Solve a scene over its frames and cycles (the scene's own where not given). Raises `MechanismError`.
 
@@ -131,6 +133,9 @@ def run_scene(
 
     ``accuracy``: the wanted relative error or the dials, instead of the scene's. A wanted error decides the number of frames, too,
     unless ``frames`` or the scene's [run] says it; see `mechcore.accuracy`.
+
+    ``executor``: "numpy", "c" (a program of the mechanism's own, compiled once), or C only where compiling it pays; see
+    `mechcore.compiled`.
 
     The run's scene is the one that was solved: other frames or cycles than the scene's own are part of it.
     """
@@ -147,7 +152,7 @@ def run_scene(
         return stopwatch(stages, name)
 
     with stage("compile"):
-        compiled = compile_mechanism(mechanism, dials)
+        compiled = compile_mechanism(mechanism, dials, executor)
     simulation, steady, again = None, None, None
     if scene.simulation is not None:
         if scene.simulation.steady is not None:
@@ -208,7 +213,7 @@ def _steady(turns: int, compiled: Compiled) -> tuple[SteadyRun, Compiled]:
     mechanism = compiled.mechanism
     (drive,) = mechanism.drives
     started = replace(mechanism, drives=(replace(drive, law=Free(found.start, found.speed)),))
-    return found, compile_mechanism(started, compiled.accuracy)
+    return found, compile_mechanism(started, compiled.accuracy, compiled.executor)
 
 
 def _resimulate(

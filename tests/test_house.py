@@ -16,7 +16,8 @@ PACKAGES = {"mechcore": ROOT / "core" / "mechcore", "mechviz": ROOT / "mechviz"}
 LAYERS = {
     "mechcore": (
         ("arrays", "texts"), ("errors",), ("accuracy", "numerics"), ("laws",), ("spec",), ("cams",), ("joints",), ("topology",),
-        ("kinematics",), ("branches",), ("motion",), ("effects",), ("forces",), ("reduction", "dynamics"), ("constructions",),
+        ("kinematics",), ("branches", "compiled"), ("motion",), ("effects",), ("forces",), ("reduction", "dynamics"),
+        ("constructions",),
     ),
     "mechviz": (
         ("files", "meshes"), ("figures", "scene"), ("quantities",), ("accuracy",), ("runs",), ("running", "picture"),

@@ -11,7 +11,7 @@ import typer
 
 from mechviz.commands.common import check_targets, fail, interruptible, progress_bar
 from mechviz.commands.loading import ReachableOpt, SetOpt, SourceArg, clear_errors, load_scene, quantity_of
-from mechviz.commands.solving import AccuracyOpt, CyclesOpt, FramesOpt, KeepOpt, check_trust, solve, warn_of_accuracy
+from mechviz.commands.solving import AccuracyOpt, CyclesOpt, ExecutorOpt, FramesOpt, KeepOpt, check_trust, solve, warn_of_accuracy
 from mechviz.outputs.exports.cam_profiles import export_profiles
 from mechviz.outputs.exports.gltf import export_glb
 from mechviz.outputs.exports.gltf_marks import ARROWS
@@ -44,6 +44,7 @@ def export(
     frames: FramesOpt = None,
     cycles: CyclesOpt = None,
     accuracy: AccuracyOpt = None,
+    executor: ExecutorOpt = "auto",
     reachable: ReachableOpt = False,
     keep: KeepOpt = False,
 ) -> None:
@@ -68,7 +69,7 @@ def export(
             return
         loaded = load_scene(source, values, reachable=reachable)
         step = quantity_of(loaded, every, "every", "time")
-        run = solve(loaded, frames, cycles, accuracy)
+        run = solve(loaded, frames, cycles, accuracy, executor)
         check_trust(run, keep)
         warn_of_accuracy(run)
         times = None if step is None else even_times(run, step)

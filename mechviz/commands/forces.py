@@ -16,13 +16,14 @@ from mechcore.spec.mechanism import CamDrawn
 from mechcore.texts import Text
 from mechviz.commands.common import check_targets, fail, interruptible
 from mechviz.commands.loading import ReachableOpt, SceneArg, SetOpt, clear_errors, load_scene, quantity_of
-from mechviz.commands.solving import AccuracyOpt, CyclesOpt, FramesOpt, KeepOpt, check_trust, solve, warn_of_accuracy
+from mechviz.commands.solving import AccuracyOpt, CyclesOpt, ExecutorOpt, FramesOpt, KeepOpt, check_trust, solve, warn_of_accuracy
 from mechviz.quantities.power_table import flywheel_lines, force_lines, power_csv, sized_lines, steady_lines
 from mechviz.scene.convert import LARGEST
 from mechviz.scene.kinds.joints.cam_documents import step_fault, whole_step
 from mechviz.studies.balance import shaken, write_polar
 from mechviz.studies.cam_report import cam_facts, cam_lines, drawn_lines, size_lines
 from mechviz.studies.cost import cost_lines, measure
+from mechviz.studies.executors import executor_lines
 from mechviz.studies.report import plan_lines, statics_lines
 
 
@@ -44,6 +45,7 @@ def forces(
     frames: FramesOpt = None,
     cycles: CyclesOpt = None,
     accuracy: AccuracyOpt = None,
+    executor: ExecutorOpt = "auto",
     reachable: ReachableOpt = False,
     keep: KeepOpt = False,
 ) -> None:
@@ -59,7 +61,7 @@ def forces(
         return
     with clear_errors(scene):
         check_targets(scene, csv, plot)
-        run = solve(load_scene(scene, values, reachable=reachable), frames, cycles, accuracy)
+        run = solve(load_scene(scene, values, reachable=reachable), frames, cycles, accuracy, executor)
         check_trust(run, keep)
         warn_of_accuracy(run)
         if run.forces is None:
@@ -161,6 +163,7 @@ def cams(
 def plan(
     scene: SceneArg,
     cost: Annotated[bool, typer.Option("--cost", help="also measure what each stage and effect costs")] = False,
+    executor: ExecutorOpt = "auto",
     values: SetOpt = None,
 ) -> None:
     """Print what will be computed for a scene, what not, and why; with --cost what each stage and effect costs."""
@@ -168,5 +171,6 @@ def plan(
         loaded = load_scene(scene, values)
         print(loaded.title)
         print("\n".join(plan_lines(make_plan(loaded.mechanism))))
+        print("\n".join(executor_lines(loaded, executor)))
         if cost:
-            print("\n".join(cost_lines(measure(loaded), loaded.frames + 1)))
+            print("\n".join(cost_lines(measure(loaded, executor=executor), loaded.frames + 1)))

@@ -8,9 +8,10 @@ from typing import Annotated
 
 import typer
 
+from mechcore.compiled.motion import Executor
 from mechviz.commands.common import check_targets, fail, interruptible, progress_bar, say
 from mechviz.commands.loading import ReachableOpt, SceneArg, SetOpt, clear_errors, load_scene
-from mechviz.commands.solving import AccuracyOpt, CyclesOpt, FramesOpt, KeepOpt, check_trust, solve
+from mechviz.commands.solving import AccuracyOpt, CyclesOpt, ExecutorOpt, FramesOpt, KeepOpt, check_trust, solve
 from mechviz.outputs.inspection import format_inspection
 from mechviz.outputs.inspection import inspect as inspect_recording
 from mechviz.outputs.rerun.writer import live, write_recording
@@ -27,6 +28,7 @@ def record(
     frames: FramesOpt = None,
     cycles: CyclesOpt = None,
     accuracy: AccuracyOpt = None,
+    executor: ExecutorOpt = "auto",
     reachable: ReachableOpt = False,
     cost: Annotated[bool, typer.Option("--cost", help="also what was computed, and what each stage cost")] = False,
     keep: KeepOpt = False,
@@ -51,10 +53,10 @@ def record(
         check_targets(scene, path)
         if live is not None and loaded.simulation is None:
             fail(f"{loaded.name}: nothing is free, so that the whole motion is there at once. Leave out --live.")
-        run = None if live is not None else solve(loaded, frames, cycles, accuracy)
+        run = None if live is not None else solve(loaded, frames, cycles, accuracy, executor)
         with interruptible("rerun", "mechviz.meshes"):
             if run is None:
-                run = _solve_live(loaded, frames, cycles, accuracy, path, live or 0)
+                run = _solve_live(loaded, frames, cycles, accuracy, path, live or 0, executor)
             check_trust(run, keep, errors=True)
             with progress_bar("recording") as bar:
                 summary = write_recording(run, path, progress=bar, begin=bar.stage)
@@ -67,12 +69,20 @@ def record(
         print(path)
 
 
-def _solve_live(scene: Scene, frames: int | None, cycles: int | None, accuracy: float | None, path: Path, port: int) -> Run:
+def _solve_live(
+    scene: Scene, frames: int | None, cycles: int | None, accuracy: float | None, path: Path, port: int, executor: Executor
+) -> Run:
     """Solve a motion under forces; what is known of it is in the unfinished recording, and can be watched."""
     scene = with_run(scene, frames, cycles)
     with live(scene, path, port) as (observer, address), progress_bar("simulating") as bar:
         say(f"watch it with: rerun {address}")
-        return run_scene(scene, accuracy=accuracy, advance=lambda t, end: bar(round(1e3 * t / end), 1000), observe=observer)
+        return run_scene(
+            scene,
+            accuracy=accuracy,
+            advance=lambda t, end: bar(round(1e3 * t / end), 1000),
+            observe=observer,
+            executor=executor,
+        )
 
 
 def inspect(recording: Annotated[Path, typer.Argument(metavar="FILE.rrd", help="a mechviz recording")]) -> None:

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import Annotated, Literal
 
 import typer
 
+from mechcore.compiled.motion import Executor
 from mechviz.accuracy.words import target_words
 from mechviz.commands.common import UNTRUSTED, fail, progress_bar, say
 from mechviz.quantities.soundness import doubts
 from mechviz.runs import Run, run_scene
 from mechviz.scene.scene import Scene
+from mechviz.studies.executors import missing_lines
 
 FramesOpt = Annotated[
     int | None, typer.Option("--frames", "-n", min=2, max=10_000_000, help="frames over the whole run [default: the scene's]")
@@ -24,12 +26,22 @@ AccuracyOpt = Annotated[
         "--accuracy", "-a", metavar="ERROR", help="wanted relative error, such as 1e-6: all dials follow [default: the scene's]"
     ),
 ]
+ExecutorOpt = Annotated[
+    Literal["auto", "numpy", "c"],
+    typer.Option(
+        "--executor",
+        help="what computes: numpy, or a program in C of this mechanism, compiled once; auto: C where that pays, see mechviz plan",
+    ),
+]
 KeepOpt = Annotated[bool, typer.Option("--keep", help="write results that cannot be trusted, too: they do not balance or close")]
 QuickOpt = Annotated[bool, typer.Option("--quick", help="fewer repeats: rougher times")]
 
 
-def solve(scene: Scene, frames: int | None, cycles: int | None, accuracy: float | None = None) -> Run:
+def solve(scene: Scene, frames: int | None, cycles: int | None, accuracy: float | None = None, executor: Executor = "auto") -> Run:
     """A solved scene, with a bar of its stages; of a motion under forces how far it is known."""
+    if executor == "c":
+        for line in missing_lines(scene):
+            say(f"note: {line}")
     with progress_bar("solving") as bar:
         return run_scene(
             scene,
@@ -39,6 +51,7 @@ def solve(scene: Scene, frames: int | None, cycles: int | None, accuracy: float 
             progress=bar.stage,
             advance=lambda t, end: bar(round(1e3 * t / end), 1000),
             warn=lambda words: say(f"note: {words}"),
+            executor=executor,
         )
 
 

@@ -9,7 +9,7 @@ import typer
 
 from mechviz.commands.common import fail
 from mechviz.commands.loading import ReachableOpt, SetOpt, clear_errors, load_scene
-from mechviz.commands.solving import AccuracyOpt, CyclesOpt, FramesOpt, solve, warn_of_accuracy
+from mechviz.commands.solving import AccuracyOpt, CyclesOpt, ExecutorOpt, FramesOpt, solve, warn_of_accuracy
 from mechviz.outputs.rerun.reader import Recording
 from mechviz.outputs.viewer.app import serve, serve_while
 from mechviz.outputs.viewer.server import ViewerError
@@ -25,6 +25,7 @@ def view(
     cycles: CyclesOpt = None,
     accuracy: AccuracyOpt = None,
     values: SetOpt = None,
+    executor: ExecutorOpt = "auto",
     reachable: ReachableOpt = False,
     live: Annotated[bool, typer.Option("--live", help="motion under forces: show it while it is found")] = False,
 ) -> None:
@@ -48,9 +49,11 @@ def view(
                     fail(f"{loaded.name}: nothing is free, so that the whole motion is there at once. Leave out --live.")
 
                 grown = with_run(loaded, frames, cycles)
-                serve_while(lambda observe: run_scene(grown, accuracy=accuracy, observe=observe), grown, port, folder)
+                serve_while(
+                    lambda observe: run_scene(grown, accuracy=accuracy, observe=observe, executor=executor), grown, port, folder
+                )
             else:
-                run = solve(loaded, frames, cycles, accuracy)
+                run = solve(loaded, frames, cycles, accuracy, executor)
                 warn_of_accuracy(run)
                 serve(run, port=port, folder=folder)
         except ViewerError as e:

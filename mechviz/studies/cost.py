@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from mechcore.compiled.motion import Executor
 from mechcore.effects.base import sum_up
 from mechcore.effects.plan import Plan, make_plan
 from mechcore.effects.registry import effects_of, wrenches
@@ -43,7 +44,7 @@ class Cost:
 
 
 @in_scene_words
-def measure(scene: Scene, *, repeats: int = 7, outputs: Any = None) -> list[Cost]:
+def measure(scene: Scene, *, repeats: int = 7, outputs: Any = None, executor: Executor = "auto") -> list[Cost]:
     """Wall times of all that the plan of a scene computes. Each repeat starts from a motion of which nothing is known yet."""
     mechanism = scene.mechanism
     plan: Plan = make_plan(mechanism) if outputs is None else make_plan(mechanism, outputs)
@@ -60,10 +61,10 @@ def measure(scene: Scene, *, repeats: int = 7, outputs: Any = None) -> list[Cost
     named = len(mechanism.effects)
     for _ in range(repeats + 1):
         if scene.simulation is not None:
-            for spent in run_scene(scene).stages:
+            for spent in run_scene(scene, executor=executor).stages:
                 found.setdefault(spent.name, []).append(spent.seconds)
             continue
-        compiled = clocked("compile", partial(compile_mechanism, mechanism))
+        compiled = clocked("compile", partial(compile_mechanism, mechanism, executor=executor))
         motion = clocked("positions", partial(_positions, compiled, frames))
         for stage in ("velocities", "accelerations"):
             if plan.has(stage):

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from mechcore.laws.timed import Free
-from mechcore.spec.loads import Factor, Force, Load, Spring, Torque, TorsionSpring, Viscous
+from mechcore.spec.loads import Drag, Factor, Force, Load, Spring, Torque, TorsionDamper, TorsionSpring, Viscous
 from mechcore.spec.mechanism import Drive, Link, Mechanism, Prismatic
 from mechviz.hard_cases.mechanisms import chain as driven_chain
 from mechviz.hard_cases.mechanisms import pin
@@ -168,6 +169,13 @@ def squeezer(i: dict[str, Any]) -> Mechanism:
         loads=loads,
         sketch=sketch,
     )
+
+
+def damped_squeezer(i: dict[str, Any]) -> Mechanism:
+    """`squeezer` with a damped crank and a point that moves in a medium: forces that depend on speeds."""
+    m = squeezer(i)
+    damper = TorsionDamper(name="damper", links=("K1", "frame"), coefficient=1e-5)
+    return replace(m, loads=(*m.loads, damper, Drag(name="medium", link="K4", point="E", linear=0.02, quadratic=0.01)))
 
 
 def swinging_five_bar(*, stiffness: float = 0.3, speeds: tuple[float, float] = (8.0, 5.0)) -> Mechanism:

@@ -265,7 +265,8 @@ class LinkAngles:
     def relative(self, p: int, q: int, about: Range | None = None) -> Real:
         """Angle of link ``q`` minus that of link ``p`` [rad]; ``about``: it starts nearest to this range."""
         turns = self.start.turns(self.model.links[p], self.model.links[q], about)
-        return np.asarray(self.link(q) - self.link(p) + TURN * turns)
+        angle: Real = self.link(q) - self.link(p) + TURN * turns
+        return angle
 
     def joint(self, name: str) -> Real:
         """Relative angle of the links of a turning joint, gear, belt or rack [rad]."""

@@ -22,9 +22,10 @@ from mechcore.dynamics.contact.separation import (
     pressing,
 )
 from mechcore.dynamics.equations.breakpoints import breakpoint_finder
+from mechcore.dynamics.equations.chart import Chart
 from mechcore.dynamics.equations.charts import STRAINED, CurveChart, best_chart, enter, strain, take_over, waypoints
 from mechcore.dynamics.equations.curve import Curve
-from mechcore.dynamics.equations.reduced import Chart, integrating, motion_at
+from mechcore.dynamics.equations.reduced import integrating, motion_at
 from mechcore.dynamics.events import (
     EventTrigger,
     Gauge,

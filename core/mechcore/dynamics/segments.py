@@ -10,9 +10,10 @@ import numpy as np
 
 from mechcore.arrays import Real
 from mechcore.dynamics.contact.dry_friction import DrySystem, forces_with
+from mechcore.dynamics.equations.chart import Chart, jacobian_of
 from mechcore.dynamics.equations.curve import Curve
 from mechcore.dynamics.equations.energy import EnergyMotion
-from mechcore.dynamics.equations.reduced import Chart, free_of, jacobian_of, motion_at, tangents
+from mechcore.dynamics.equations.reduced import free_of, motion_at, tangents
 from mechcore.dynamics.events import Stop
 from mechcore.dynamics.integration.refinement import Known
 from mechcore.dynamics.integration.windows import Solution

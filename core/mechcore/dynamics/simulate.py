@@ -15,10 +15,11 @@ import numpy as np
 from mechcore.arrays import Real
 from mechcore.dynamics.contact.phases import braking_elements
 from mechcore.dynamics.contact.separation import SeparableCam
+from mechcore.dynamics.equations.chart import Chart
 from mechcore.dynamics.equations.charts import curve_around
 from mechcore.dynamics.equations.curve import Curve
 from mechcore.dynamics.equations.energy import by_energy
-from mechcore.dynamics.equations.reduced import Chart, coordinate_scales, free_of, integrating, reduce
+from mechcore.dynamics.equations.reduced import coordinate_scales, free_of, integrating, reduce
 from mechcore.dynamics.event_integrator import EventIntegrator, Method, table_tolerance
 from mechcore.dynamics.events import EventTrigger, SimulationEvent, Stop, with_slot_ends
 from mechcore.dynamics.integration.collocation import Window

@@ -6,7 +6,7 @@ from typing import TypeVar
 
 import numpy as np
 
-from mechcore.arrays import Index, Real
+from mechcore.arrays import Index, Real, Values
 from mechcore.effects.base import Configuration, LoadEffect, Wrench, coordinate, joint_wrench, rate
 from mechcore.errors import Fault, MechanismError
 from mechcore.laws.timed import Law
@@ -21,15 +21,15 @@ class _ByCharacteristic(LoadEffect[Driving]):
     kind = "motor"
     needs = frozenset({"positions", "velocities"})
 
-    def torque(self, speed: Real) -> Real:
+    def torque(self, speed: Values) -> Values:
         raise TypeError(f"{type(self).__name__} has no characteristic")
 
-    def speed(self, at: Configuration) -> Real:
+    def speed(self, at: Configuration) -> Values:
         """Angular velocity of the link, or rate of the joint [rad/s]."""
         if self.load.joint is not None:
-            return np.asarray(rate(at, self.load.joint))
+            return rate(at, self.load.joint)
         assert self.load.link is not None
-        return np.asarray(at.speeds.angular[at.model.angles.rotation_class[at.model.index[self.load.link]]])
+        return at.speeds.angular[at.model.angles.rotation_class[at.model.index[self.load.link]]]
 
     def wrenches(self, at: Configuration) -> list[Wrench]:
         effort = self.torque(self.speed(at))
@@ -42,27 +42,29 @@ class _ByCharacteristic(LoadEffect[Driving]):
 class DirectCurrent(_ByCharacteristic[DcMotor]):
     """A straight line from the stall torque to the no-load speed; beyond, it brakes."""
 
-    def torque(self, speed: Real) -> Real:
+    def torque(self, speed: Values) -> Values:
         return self.load.stall_torque * (1.0 - speed / self.load.no_load_speed)
 
 
 class Induction(_ByCharacteristic[InductionMotor]):
     """Slip curve of Kloss (stator resistance neglected); beyond the synchronous speed it brakes as a generator."""
 
-    def torque(self, speed: Real) -> Real:
+    def torque(self, speed: Values) -> Values:
         load = self.load
         slip, most = 1.0 - speed / load.synchronous_speed, load.breakdown_slip
         size = np.sign(load.synchronous_speed) * load.breakdown_torque
-        return np.asarray(size * 2.0 * slip * most / (slip * slip + most * most))
+        torque: Values = size * 2.0 * slip * most / (slip * slip + most * most)
+        return torque
 
 
 class ConstantPowerMachine(_ByCharacteristic[ConstantPower]):
     """A hyperbola, cut off at the torque limit: at low speeds, and while it still turns the other way."""
 
-    def torque(self, speed: Real) -> Real:
+    def torque(self, speed: Values) -> Values:
         load = self.load
         forward = np.maximum(speed * np.sign(load.torque_limit), load.power / abs(load.torque_limit))
-        return np.asarray(np.sign(load.torque_limit) * load.power / forward)
+        torque: Values = np.sign(load.torque_limit) * load.power / forward
+        return torque
 
     @property
     def piecewise(self) -> bool:
@@ -76,9 +78,9 @@ class ConstantPowerMachine(_ByCharacteristic[ConstantPower]):
 class Governed(_ByCharacteristic[Governor]):
     """Proportional to what is missing of the set speed, within its limits."""
 
-    def torque(self, speed: Real) -> Real:
+    def torque(self, speed: Values) -> Values:
         load = self.load
-        return np.clip(load.gain * (load.set_speed - speed), load.least, load.most)
+        return np.minimum(np.maximum(load.gain * (load.set_speed - speed), load.least), load.most)
 
     @property
     def piecewise(self) -> bool:
@@ -87,7 +89,7 @@ class Governed(_ByCharacteristic[Governor]):
     def phase(self, at: Configuration) -> Index:
         load = self.load
         wanted = load.gain * (load.set_speed - self.speed(at))
-        return (wanted > load.least).astype(int) + (wanted > load.most)
+        return np.asarray(wanted > load.least, int) + (wanted > load.most)
 
 
 class PositionServo(LoadEffect[Servo]):

@@ -33,15 +33,16 @@ class _BetweenPoints(LoadEffect[Joining]):
 class Line(_BetweenPoints[Joining]):
     """The pull acts on the first link towards the second's point."""
 
-    def vector(self, at: Configuration) -> Complex:
+    def vector(self, at: Configuration) -> Plane:
         """From the first point to the second [m]."""
-        return np.asarray(self.place(at, 1) - self.place(at, 0))
+        return self.place(at, 1) - self.place(at, 0)
 
-    def direction(self, at: Configuration, vector: Complex) -> Complex:
+    def direction(self, at: Configuration, vector: Plane) -> Complex:
         """Unit vector from the first point to the second; refused where they meet."""
         length = np.abs(vector)
         if np.any(length == 0.0):
-            when = float(np.broadcast_to(at.time, np.shape(length))[length == 0.0][0]) if np.ndim(length) else 0.0
+            meeting = np.flatnonzero(length == 0.0)
+            when = float(at.time[meeting[0]]) if np.ndim(length) else 0.0
             raise MechanismError(
                 Fault(
                     f"loads.{self.name}", f"its two points meet at {when:.6g} s: no direction is left.", "Move one of the points."
@@ -49,7 +50,7 @@ class Line(_BetweenPoints[Joining]):
             )
         return unit_vectors(vector)
 
-    def between(self, at: Configuration, force: Complex) -> list[Wrench]:
+    def between(self, at: Configuration, force: Plane) -> list[Wrench]:
         """``force`` on the first link at its point, the opposite on the second link at the same point and line."""
         (first, own), (second, other) = self.end(at, 0), self.end(at, 1)
         arm = own * at.rotation(first)
@@ -163,16 +164,16 @@ class AngleDamper(LoadEffect[TorsionDamper]):
 class _Bushed(_BetweenPoints[Joining]):
     """What acts on the first link acts at the second link's point, and the opposite on the second link there."""
 
-    def apart(self, at: Configuration, derivative: int = 0) -> Complex:
+    def apart(self, at: Configuration, derivative: int = 0) -> Plane:
         """From the first point to the second in the first link's axes, or its rate there."""
         k, _ = self.end(at, 0)
         away = self.place(at, 1, derivative) - self.place(at, 0, derivative)
         if derivative:
             omega = at.speeds.angular[at.model.angles.rotation_class[k]]
             away = away - 1j * omega * (self.place(at, 1) - self.place(at, 0))
-        return np.asarray(away * np.conj(at.rotation(k)))
+        return away * np.conj(at.rotation(k))
 
-    def between(self, at: Configuration, x: Real, y: Real, moment: Values) -> list[Wrench]:
+    def between(self, at: Configuration, x: Values, y: Values, moment: Values) -> list[Wrench]:
         """Force (x, y) in the first link's axes, and moment, on the first link; the opposite on the second."""
         (k, _), (m, point) = self.end(at, 0), self.end(at, 1)
         arm = at.offset(m, point)

@@ -17,6 +17,7 @@ from mechcore.branches.modes import TWO_MODES
 from mechcore.branches.paths import BranchPath, path_for
 from mechcore.branches.singular_points import Changes, find_changes, needs_span, passages
 from mechcore.branches.unwrapped import Frames, LinkAngles, UnwrappedAngles
+from mechcore.compiled.motion import Executor, motion_program
 from mechcore.kinematics.model import Model
 from mechcore.kinematics.patching import make_patches
 from mechcore.kinematics.positions import place_all
@@ -40,6 +41,7 @@ class Compiled:
     changes: Changes | None = None  # where assembly modes meet in the course of the drives' laws
     paths: list[BranchPath] = field(default_factory=list)  # that have been followed, for further frames on them
     accuracy: Accuracy = DEFAULT
+    executor: Executor = "numpy"  # of the program of steps
 
     @cached_property
     def near(self) -> float:
@@ -122,13 +124,17 @@ def place(compiled: Compiled, time: Real, values: DriveValues, *, given: bool) -
                 passed = passages(changes, model.mechanism.drives[0].law, time, positions[0])
             elif not given:
                 passed = changes.within(float(np.min(law_time)), float(np.max(law_time)))
-    state = place_all(solved, positions, modes, starts, patches, constants, compiled.accuracy.position)
+    program = None if patches or solved is not model else motion_program(model, compiled.executor, len(time))
+    if program is None:
+        state = place_all(solved, positions, modes, starts, patches, constants, compiled.accuracy.position)
+    else:
+        state = program.place_all(positions, modes, starts, constants, len(time))
     led = compiled if compiled.accuracy.differentiation == "exact" else replace(compiled, accuracy=DEFAULT)  # at any times
     again: Callable[[Real], Motion] | None = None if given else lambda t: follow(led, t)
     in_time = path.by_time if path is not None else len(positions) > 1 or not (changes is None or changes.by_drive)
     frames = positions, state, (*model.designs, len(time))
     angles = led.angles.still(frames) if still else _angles(led, frames, time, in_time=not given and in_time)
-    motion = Motion(model, time, values, state, angles, patches, passed, again, compiled.accuracy)
+    motion = Motion(model, time, values, state, angles, patches, passed, again, compiled.accuracy, program)
     return Placed(motion, path, parameter, changes)
 
 

@@ -13,6 +13,7 @@ from mechcore.accuracy import DEFAULT, Accuracy
 from mechcore.arrays import Index, Plane, Real, Values
 from mechcore.branches.singular_points import Change
 from mechcore.branches.unwrapped import LinkAngles
+from mechcore.compiled.motion import MotionProgram
 from mechcore.kinematics.columns import Columns, Vectors, all_columns, all_vectors, condition
 from mechcore.kinematics.model import Model
 from mechcore.kinematics.program import VectorSum
@@ -45,6 +46,7 @@ class Motion:
         changes: Sequence[Change] = (),
         again: Callable[[Real], Motion] | None = None,
         accuracy: Accuracy = DEFAULT,
+        program: MotionProgram | None = None,
     ):
         self.model = model
         self.time = time
@@ -55,6 +57,7 @@ class Motion:
         self.patches = patches
         self.again = again  # the same motion at other times, where laws lead it
         self.accuracy = accuracy
+        self._program = program  # compiled, in place of numpy
         self.changes = tuple(changes)  # change points and dead points that the run passes
         # worked out once when first needed
         self._arms: dict[tuple[int, int, int], Plane] = {}
@@ -172,15 +175,26 @@ class Motion:
         """First rates of all rotation classes and slides."""
         if self.accuracy.differentiation != "exact":
             return _numerical_rates(self, 1)
+        if self._program is not None:
+            return self._rates[0]
         rates = [d[1] for d in self._drives]
         with np.errstate(**QUIET):
             return velocities(self.model, self.loop_vectors, self.columns, rates, self.patches, self.state.bends)
+
+    @lazy
+    def _rates(self) -> tuple[Rates, Rates]:
+        """First and second rates by the compiled program."""
+        assert self._program is not None
+        first, second = ([d[k] for d in self._drives] for k in (1, 2))
+        return self._program.rates(self.state, first, second, self.frames)
 
     @lazy
     def accelerations(self) -> Rates:
         """Second rates of all rotation classes and slides."""
         if self.accuracy.differentiation != "exact":
             return _numerical_rates(self, 2)
+        if self._program is not None:
+            return self._rates[1]
         rates = [d[2] for d in self._drives]
         with np.errstate(**QUIET):  # at a singular position rates are infinite, or not determined
             return accelerations(self.model, self.loop_vectors, self.columns, self.speeds, rates, self.patches)

@@ -17,6 +17,8 @@ from mechcore.branches.modes import at_sketch, other_modes, sketched_drives
 from mechcore.branches.paths import BranchPath, travel_of
 from mechcore.branches.singular_points import Changes, find_changes
 from mechcore.branches.unwrapped import UnwrappedAngles, Waypoint, raw_angles, start_pose
+from mechcore.compiled.motion import Executor
+from mechcore.compiled.toolchain import required_compiler
 from mechcore.errors import Fault, MechanismError
 from mechcore.kinematics.build import build_model
 from mechcore.kinematics.model import Model
@@ -33,11 +35,13 @@ from mechcore.spec.mechanism import Mechanism, PinSlot, Prismatic
 from mechcore.texts import Text, as_coordinate, as_length
 
 
-def compile_mechanism(mechanism: Mechanism, accuracy: Accuracy = DEFAULT) -> Compiled:
-    """Compile and assemble a mechanism; ``accuracy``: the dials of all that is solved with it.
+def compile_mechanism(mechanism: Mechanism, accuracy: Accuracy = DEFAULT, executor: Executor = "numpy") -> Compiled:
+    """Compile and assemble a mechanism; ``accuracy``: the dials of all that is solved with it, ``executor``: what runs its steps.
 
-    Raises `MechanismError` with every fault that can be seen.
+    Raises `MechanismError` with every fault that can be seen, and where C is asked for and there is no compiler.
     """
+    if executor == "c":
+        required_compiler()
     keep_freed_memory()
     model = build_model(mechanism)
     if model.free:
@@ -59,7 +63,7 @@ def compile_mechanism(mechanism: Mechanism, accuracy: Accuracy = DEFAULT) -> Com
     angles = UnwrappedAngles(
         model, start_pose(model, class_angles), Waypoint(-np.inf, np.array(start), class_angles, assembly.starts)
     )
-    return Compiled(model=model, assembly=assembly, start=start, angles=angles, changes=changes, accuracy=accuracy)
+    return Compiled(model, assembly, start, angles, changes, accuracy=accuracy, executor=executor)
 
 
 def _assembled(model: Model, start: tuple[float, ...], accuracy: Accuracy) -> Assembly:

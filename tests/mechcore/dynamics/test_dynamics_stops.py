@@ -10,7 +10,8 @@ from dynamic_mechanisms import double_pendulum, pendulum, swinging_five_bar
 from mechanisms import case
 
 from mechcore.dynamics.contact.impacts import impact
-from mechcore.dynamics.equations.reduced import Chart, constrained, jacobian_of, motion_at, moving, reduce
+from mechcore.dynamics.equations.chart import Chart, jacobian_of
+from mechcore.dynamics.equations.reduced import constrained, motion_at, moving, reduce
 from mechcore.dynamics.events import Stop
 from mechcore.dynamics.simulate import simulate
 from mechcore.laws.signals import Step

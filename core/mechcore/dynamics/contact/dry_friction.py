@@ -16,11 +16,10 @@ from typing import Any
 import numpy as np
 
 from mechcore.arrays import Real
+from mechcore.dynamics.equations.chart import differences, jacobian_of
 from mechcore.dynamics.equations.reduced import (
     constrained,
-    differences,
     free_of,
-    jacobian_of,
     moving,
     reduced_equations,
     steps_of_differences,

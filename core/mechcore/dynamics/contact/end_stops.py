@@ -15,15 +15,8 @@ import numpy as np
 
 from mechcore.arrays import Flags, Real
 from mechcore.dynamics.contact.impacts import account_for_impact, impact
-from mechcore.dynamics.equations.reduced import (
-    coordinate_scales,
-    free_of,
-    jacobian_of,
-    motion_at,
-    moving,
-    reduced_equations,
-    shifted,
-)
+from mechcore.dynamics.equations.chart import jacobian_of
+from mechcore.dynamics.equations.reduced import coordinate_scales, free_of, motion_at, moving, reduced_equations, shifted
 from mechcore.dynamics.events import Gauge, Log, SimulationEvent, Stop, event_function_of
 from mechcore.errors import Fault, MechanismError
 from mechcore.motion.compiled import Compiled

@@ -10,15 +10,8 @@ import numpy as np
 
 from mechcore.arrays import Flags, Real
 from mechcore.dynamics.contact.dry_friction import DrySystem, least_efforts, rates_of
-from mechcore.dynamics.equations.reduced import (
-    constrained,
-    coordinate_scales,
-    free_of,
-    jacobian_of,
-    moving,
-    reduced_equations,
-    shifted,
-)
+from mechcore.dynamics.equations.chart import jacobian_of
+from mechcore.dynamics.equations.reduced import constrained, coordinate_scales, free_of, moving, reduced_equations, shifted
 from mechcore.errors import Fault, MechanismError
 from mechcore.forces.friction.elements import Element, elements_of, scales_of
 from mechcore.motion.compiled import Compiled

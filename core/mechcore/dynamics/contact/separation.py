@@ -16,8 +16,9 @@ import numpy as np
 from mechcore.arrays import Real
 from mechcore.cams.placed import PlacedCam
 from mechcore.dynamics.contact.impacts import impact
+from mechcore.dynamics.equations.chart import Chart
 from mechcore.dynamics.equations.charts import carried_on, enter
-from mechcore.dynamics.equations.reduced import Chart, free_of, motion_at, reduce, shifted, tangents
+from mechcore.dynamics.equations.reduced import free_of, motion_at, reduce, shifted, tangents
 from mechcore.dynamics.integration.collocation import Window
 from mechcore.dynamics.integration.windows import Solution
 from mechcore.errors import Fault, MechanismError

@@ -17,8 +17,9 @@ import numpy as np
 
 from mechcore.arrays import Real, Values
 from mechcore.branches.unwrapped import Starts, UnwrappedAngles, Waypoint, raw_angles
+from mechcore.dynamics.equations.chart import Chart
 from mechcore.dynamics.equations.curve import TURN, Curve, beside_singular, tabulate, whole_turn
-from mechcore.dynamics.equations.reduced import Chart, free_of, motion_at, moving
+from mechcore.dynamics.equations.reduced import free_of, motion_at, moving
 from mechcore.effects.base import rate
 from mechcore.effects.masses import kinetic_energy
 from mechcore.effects.registry import effects_of, potential
@@ -118,7 +119,9 @@ def _compiled(compiled: Compiled, motion: Motion, joints: Sequence[str], found: 
     free = [Drive(joint=joint, law=Free(float(x[0]), float(x[1]))) for joint, x in zip(joints, found, strict=True)]
     led = [d for d in mechanism.drives if not isinstance(d.law, Free)]
     still = [Drive(joint=d.joint, law=Free(float(motion.coordinate(d.joint)[0, 0]), 0.0)) for d in led]
-    placed = compile_mechanism(replace(mechanism, drives=(*free, *still), modes={}, sketch=poses), compiled.accuracy)
+    placed = compile_mechanism(
+        replace(mechanism, drives=(*free, *still), modes={}, sketch=poses), compiled.accuracy, compiled.executor
+    )
     known = replace(mechanism, drives=(*free, *led), modes={}, sketch=poses)
     return replace(placed, model=replace(placed.model, mechanism=known))
 

@@ -15,6 +15,7 @@ import numpy as np
 
 from mechcore.arrays import Index, Real, Values
 from mechcore.branches.singular_points import Changes
+from mechcore.dynamics.equations.program import Programmed
 from mechcore.dynamics.equations.reduced import motion_at, steps_of_differences, with_rates
 from mechcore.effects.base import Effect, power_of
 from mechcore.effects.masses import kinetic_energy
@@ -35,7 +36,7 @@ LITTLE = 1e-3  # of the work from one end of a table: kinetic energies below tha
 
 
 @dataclass(frozen=True, eq=False)
-class Curve:
+class Curve(Programmed):
     """``table``: J and the tabulated part of Q; ``both``: J, Q, J', Q', J''; ``rest``: effects that are not in the table."""
 
     compiled: Compiled
@@ -44,6 +45,9 @@ class Curve:
     rest: tuple[Effect, ...] = ()
 
     def __call__(self, q: Real, v: Real, t: Real) -> Real:
+        program = self.program() if self.rest else None
+        if program is not None and not program.followed:
+            return program(q, v, t)
         f = self.both(q[:, 0])
         w = v[:, 0]
         force = f[:, 1] + self.changing(q, v, t) if self.rest else f[:, 1]

@@ -4,17 +4,17 @@ With the free coordinates q as if they were drives, every velocity is linear in 
 M_ij = sum m v_i v_j + J w_i w_j, the reduced force Q_i = sum F v_i + M w_i of all loads (virtual power), and the inertia forces
 that are left when q'' = 0, h_i = sum m v_i a_S + J w_i alpha; the equations of motion are M q'' + h = Q (theory of the reduced
 mass, Lagrange's equations of the second kind). Positions are solved on the manifold itself: nothing drifts, and redundant
-constraints do no harm. A `Chart` is a choice of joint coordinates that, taken as drives, decide the configuration.
+constraints do no harm.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from mechcore.arrays import Flags, Real
+from mechcore.arrays import Flags, Real, Values
 from mechcore.effects.base import Effect, power_of
 from mechcore.effects.registry import applied_effects, effects_of
 from mechcore.kinematics.state import Patch
@@ -185,8 +185,21 @@ def reduce(compiled: Compiled, q: Real, v: Real, t: Real) -> ReducedEquations:
 
 def reduced_equations(motion: Motion, units: Sequence[Motion]) -> ReducedEquations:
     """Reduced equations of motion from the motion with q'' = 0 and its tangents."""
-    model, f, n = motion.model, len(units), motion.frames
-    inertia, bias = np.zeros((n, f, f)), np.zeros((n, f))
+    f, n = len(units), motion.frames
+    terms = reduced_terms(motion, units)
+    inertia, bias, force = np.empty((n, f, f)), np.empty((n, f)), np.empty((n, f))
+    for i in range(f):
+        bias[:, i], force[:, i] = terms[1][i], terms[2][i]
+        for j in range(i + 1):
+            inertia[:, i, j] = inertia[:, j, i] = terms[0][i][j]
+    return ReducedEquations(inertia, bias, force)
+
+
+def reduced_terms(motion: Motion, units: Sequence[Motion]) -> tuple[list[list[Values]], list[Values], list[Values]]:
+    """Rows of the lower triangle of M, and h and Q, term by term over the frames, as in `ReducedEquations`."""
+    model, f = motion.model, len(units)
+    inertia: list[list[Values]] = [[0.0] * (i + 1) for i in range(f)]
+    bias: list[Values] = [0.0] * f
     for k in range(1, len(model.links)):
         mass, centre, moment = model.masses[k]
         if not (mass or moment):
@@ -196,84 +209,14 @@ def reduced_equations(motion: Motion, units: Sequence[Motion]) -> ReducedEquatio
         turning = [u.speeds.angular[rotation_class] for u in units]
         a, alpha = motion.of_point(k, centre, 2), motion.accelerations.angular[rotation_class]
         for i in range(f):
-            bias[:, i] += mass * np.real(np.conj(speeds[i]) * a) + moment * turning[i] * alpha
+            bias[i] = bias[i] + mass * np.real(np.conj(speeds[i]) * a) + moment * turning[i] * alpha
             for j in range(i + 1):
-                inertia[:, i, j] += mass * np.real(np.conj(speeds[i]) * speeds[j]) + moment * turning[i] * turning[j]
-    for i in range(f):
-        inertia[:, : i + 1, i] = inertia[:, i, : i + 1]
-    force = np.zeros((n, f))
+                work = mass * np.real(np.conj(speeds[i]) * speeds[j]) + moment * turning[i] * turning[j]
+                inertia[i][j] = inertia[i][j] + work
+    force: list[Values] = [0.0] * f
     for effect in effects_of(model.mechanism):
         if "accelerations" not in effect.needs and "reactions" not in effect.needs:
             for w in effect.wrenches(motion):
                 for i, unit in enumerate(units):
-                    force[:, i] += power_of(unit, w)
-    return ReducedEquations(inertia, bias, force)
-
-
-def jacobian_of(motion: Motion, units: Sequence[Motion], joints: Sequence[str]) -> tuple[Real, Real]:
-    """Rates of joints' coordinates per unit rate of each free coordinate (n, p, f), and their second rates at q'' = 0 (n, p), which
-    are also those of prescribed drives; ``motion`` with q'' = 0, ``units`` its tangents."""
-    free = [motion.mechanism.drives[i].joint for i in _free_in(motion)]
-    rows, second = np.zeros((motion.frames, len(joints), len(units))), np.zeros((motion.frames, len(joints)))
-    for k, joint in enumerate(joints):
-        if joint in free:
-            rows[:, k, free.index(joint)] = 1.0
-        else:
-            second[:, k] = motion.coordinate(joint)[:, 2]
-            for i, unit in enumerate(units):
-                rows[:, k, i] = unit.coordinate(joint)[:, 1]
-    return rows, second
-
-
-def _free_in(motion: Motion) -> list[int]:
-    return [i for i, d in enumerate(motion.mechanism.drives) if isinstance(d.law, Free)]
-
-
-class Chart:
-    """Accelerations of all coordinates (n, f). Joints that ``rest`` keep their coordinates, and `holding` gives what that takes."""
-
-    def __init__(self, compiled: Compiled, rests: Sequence[str] = ()):
-        self.compiled, self.rests = compiled, tuple(rests)
-        free = [compiled.mechanism.drives[i].joint for i in free_of(compiled)]
-        self.held = [free.index(joint) for joint in self.rests if joint in free]
-
-    def __call__(self, q: Real, v: Real, t: Real) -> Real:
-        return self._solve(q, v, t)[0]
-
-    def _solve(self, q: Real, v: Real, t: Real) -> tuple[Real, Real]:
-        """Accelerations (n, f + s), see `with_states`, and what holds the joints at rest (n, p).
-
-        From M q'' + h = Q + G' p, G q'' + b = 0.
-        """
-        motion, units = moving(self.compiled, q, v, t)
-        r = reduced_equations(motion, units)
-        if not self.rests:
-            return with_states(r.acceleration(), motion), np.zeros((len(t), 0))
-        rows, second = jacobian_of(motion, units, self.rests)
-        found, holding = constrained(r.inertia, r.force - r.bias, rows, second)
-        found[:, self.held] = 0.0
-        return with_states(found, motion), holding
-
-    def holding(self, q: Real, v: Real, t: Real) -> Real:
-        """What keeps the joints at rest (n, p): torque [N m] or force [N] in the direction of each one's coordinate."""
-        return self._solve(q, v, t)[1]
-
-    def slopes(self, q: Real, v: Real, t: Real, a: Real) -> tuple[Real, Real]:
-        """Derivatives of the accelerations by position and speed (n, f, f) each, by differences, all in one call."""
-        return differences(self, q, v, t, a, steps_of_differences(self.compiled, q, v, a))
-
-
-def differences(
-    system: Callable[[Real, Real, Real], Real], q: Real, v: Real, t: Real, a: Real, steps: tuple[Real, Real]
-) -> tuple[Real, Real]:
-    """Slopes of a system's accelerations by position and speed (n, f, f) each, by differences with steps (f,), all in one call."""
-    n, f = q.shape
-    many_q, many_v = np.tile(q, (2 * f, 1)), np.tile(v, (2 * f, 1))
-    step_q, step_v = steps
-    for k in range(f):
-        many_q[k * n : (k + 1) * n, k] += step_q[k]
-        many_v[(f + k) * n : (f + k + 1) * n, k] += step_v[k]
-    changed = system(many_q, many_v, np.tile(t, 2 * f)).reshape(2 * f, n, f) - a
-    by_q = np.moveaxis(changed[:f] / step_q[:, None, None], 0, -1)
-    by_v = np.moveaxis(changed[f:] / step_v[:, None, None], 0, -1)
-    return by_q, by_v
+                    force[i] = force[i] + power_of(unit, w)
+    return inertia, bias, force

@@ -9,6 +9,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from mechcore.arrays import Real
+from mechcore.compiled.collocation import Batch, CollocationRule
 from mechcore.dynamics.integration.collocation import (
     Rule,
     System,
@@ -27,6 +28,22 @@ ROUNDED = 1e-15  # of the scale: no window is solved to more digits
 FEW = 3  # windows in a row that end at stated breakpoints: so many, or more, are solved together
 FARTHER, NEARER, RECOVERED = 2.0, 0.3, 1.2  # how far the next ones reach: where the last were solved, were not, or one of them was
 CHATTER, MOST_CUT = 1e-5, 400  # windows shorter than this part of the longest; so many in a row, cut at breakpoints, get nowhere
+
+
+SETTLED, MANY = 8, 250  # windows after which their length tells how many are left; so many are worth compiling
+BATCH = 64  # windows that a compiled program solves before anybody looks at them
+
+
+class WindowProgram(Protocol):
+    """Equations of motion as a compiled program, with the windows around them; ``alone``: nothing else is needed for them."""
+
+    @property
+    def alone(self) -> bool: ...
+    def near(self, q: Real, v: Real, t: Real) -> Real: ...
+    def window(
+        self, rule: CollocationRule, t0: float, h: float, q: Real, v: Real, guess: Real, tolerance: float
+    ) -> tuple[Real, int] | None: ...
+    def windows(self, rule: CollocationRule, at: Real, bounds: tuple[float, float, float, float, float], count: int) -> Batch: ...
 
 
 class BreakpointFinder(Protocol):
@@ -144,8 +161,26 @@ def integrate(
         q, v, a = window(np.array([end]))
         return end, q[0], v[0] if keeps is None else keeps(q[0], v[0]), a
 
+    offered: Callable[..., WindowProgram | None] = getattr(system, "program", lambda **_: None)
+    program = offered()
+    small = max(1e-3 * tolerance, ROUNDED) * float(np.min(scale))
     rows = None if breakpoints is None else _Rows(ParallelShooting(system, rule, tolerance, scale), breakpoints, h, least, most)
     while t < t1 - least:
+        if program is None and len(solution.windows) == SETTLED and t1 - t > MANY * h:
+            program = offered(long=True)
+        if program is not None and program.alone and breakpoints is None and keeps is None:
+            near = program.near(q[None], v[None], np.array([t]))
+            at = np.concatenate([[t, h, longest, 0.0, 0.0], q, v, end_a[0], guess.ravel(), near])
+            batch = program.windows(rule, at, (t1, least, np.inf if most is None else most, tolerance, small), BATCH)
+            solution.evaluations, solution.rejected = solution.evaluations + int(at[3]), solution.rejected + int(at[4])
+            if not all(accept(window) for window in map(Window, *batch[:5])):
+                break
+            (t, h, longest), f = (float(x) for x in at[:3]), len(q)
+            q, v, end_a, guess = at[5 : 5 + f], at[5 + f : 5 + 2 * f], at[None, 5 + 2 * f : 5 + 3 * f], at[5 + 3 * f :][: s * f]
+            guess = guess.reshape(s, f)
+            if batch.stuck:
+                raise _stuck(t, h)
+            continue
         row = [] if rows is None or cuts else rows.solve(t, t1, q, v, end_a, longest)
         if row:
             if not all(accept(window) for window in row):
@@ -160,7 +195,11 @@ def integrate(
         stated = breakpoints.stated(t + 10.0 * least) if breakpoints is not None and not cuts else np.inf
         if t + 20.0 * least < stated < t + h * (1.0 - 1e-10):
             cuts, uncut, h = 1, h, stated - t
-        solved = solve_window(rule, system, t, h, q, v, guess, max(1e-3 * tolerance, ROUNDED) * float(np.min(scale)))
+        solved = (
+            solve_window(rule, system, t, h, q, v, guess, small)
+            if program is None
+            else program.window(rule, t, h, q, v, guess, small)
+        )
         if solved is not None:
             nodes_a, count = solved
             solution.evaluations += count
@@ -185,13 +224,7 @@ def integrate(
             solution.rejected += 1
             h *= float(np.clip(0.8 * (1.0 / worst) ** (1.0 / order), 0.1, 0.7)) if np.isfinite(worst) else 0.3
             if h < 1e3 * least:
-                raise MechanismError(
-                    Fault(
-                        "dynamics",
-                        f"the motion cannot be continued beyond t = {t:.9g} s: windows shorter than {h:.1g} s fail.",
-                        "Look at the events before that time: a limit of the motion, a force without bound, or a jam.",
-                    )
-                )
+                raise _stuck(t, h)
             guess = np.repeat(guess[:1], s, axis=0)
             cuts = 0  # what is left of it does not reach the breakpoint
             continue
@@ -258,6 +291,12 @@ class _Rows:
                 break
             found.append(stated)
         return np.array(found)
+
+
+def _stuck(t: float, h: float) -> MechanismError:
+    why = f"the motion cannot be continued beyond t = {t:.9g} s: windows shorter than {h:.1g} s fail."
+    remedy = "Look at the events before that time: a limit of the motion, a force without bound, or a jam."
+    return MechanismError(Fault("dynamics", why, remedy))
 
 
 def _first_window(q: Real, v: Real, a: Real, span: float, scale: Any) -> float:

@@ -18,7 +18,8 @@ from numpy.typing import ArrayLike
 from mechcore.arrays import Real
 from mechcore.dynamics.contact.dry_friction import DrySystem
 from mechcore.dynamics.contact.phases import braking_elements
-from mechcore.dynamics.equations.reduced import Chart, motion_at, moving, reduce
+from mechcore.dynamics.equations.chart import Chart
+from mechcore.dynamics.equations.reduced import motion_at, moving, reduce
 from mechcore.dynamics.integration.collocation import gauss, integrals
 from mechcore.effects.registry import effects_of
 from mechcore.errors import Fault, MechanismError

@@ -1,0 +1,104 @@
+"""The two executors side by side: numpy, and the compiled program of the same mechanism.
+
+    python benchmarks/compiled.py
+
+Motions of a four-bar and of ten links over more and more frames; Andrews' squeezer with a damped crank, a double pendulum and a
+five-bar under forces, to two tolerances. Processor times; what compiling and loading cost is shown apart.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+import tempfile
+import time
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parent.parent
+sys.path[:0] = [str(ROOT / "core"), str(ROOT / "tests" / "support"), str(Path(__file__).resolve().parent)]
+
+from timing import interleaved, machine  # isort: skip # before numpy is imported: one thread
+
+import os
+
+import numpy as np
+from dynamic_mechanisms import damped_squeezer, double_pendulum, swinging_five_bar
+
+from mechcore.compiled.toolchain import library
+from mechcore.dynamics.equations.program import compiled_program
+from mechcore.dynamics.simulate import simulate
+from mechcore.motion.compiled import Compiled
+from mechcore.motion.solve import compile_mechanism, default_times, solve_motion
+from mechcore.spec.mechanism import Mechanism
+from mechviz.scene.scene import load
+
+
+def case(file: str, name: str) -> dict[str, float]:
+    found = json.loads((ROOT / "tests" / "reference" / f"{file}.json").read_text())["cases"]
+    return next(c for c in found if c["id"] == name)["inputs"]
+
+
+def all_of(compiled: Compiled, times: np.ndarray) -> None:
+    """Positions, velocities and accelerations of the origins of all links."""
+    motion = solve_motion(compiled, times)
+    _ = motion.origins, motion.origin_velocities, motion.origin_accelerations
+
+
+def end_of(compiled: Compiled, duration: float, tolerance: float) -> np.ndarray:
+    return simulate(compiled, duration, tolerance=tolerance)([duration])[0][0]
+
+
+def motions() -> None:
+    print("| motion | frames | numpy [ms] | C [ms] | ratio |\n|---|---|---|---|---|")
+    for name in ("crank-rocker", "ten-link"):
+        compiled = compile_mechanism(load(name).mechanism)
+        for frames in (360, 3600, 36_000):
+            times = default_times(compiled.mechanism, frames)
+            jobs = {e: partial(all_of, replace(compiled, executor=e), times) for e in ("numpy", "c")}
+            t = interleaved(jobs, seconds=0.1, pick=min, clock=time.process_time)
+            print(f"| {name} | {frames} | {1e3 * t['numpy']:.3f} | {1e3 * t['c']:.3f} | {t['numpy'] / t['c']:.1f} |", flush=True)
+
+
+def simulations() -> None:
+    cases: tuple[tuple[str, Mechanism, float], ...] = (
+        ("Andrews' squeezer, damped, 0.03 s", damped_squeezer(case("andrews", "andrews-squeezer")), 0.03),
+        ("double pendulum, 5 s", double_pendulum(case("dynamics", "double-pendulum-physical")), 5.0),
+        ("five-bar on torsion springs, 2 s", swinging_five_bar(), 2.0),
+    )
+    print("\n| motion under forces | tolerance | numpy [ms] | C [ms] | ratio | difference | compiled in [s] | loaded in [ms] |")
+    print("|---|---|---|---|---|---|---|---|")
+    for title, mechanism, duration in cases:
+        compiled = compile_mechanism(mechanism)
+        spent = [prepared(compile_mechanism(mechanism)) for _ in range(2)]
+        for tolerance in (1e-6, 1e-9):
+            jobs = {e: partial(end_of, replace(compiled, executor=e), duration, tolerance) for e in ("numpy", "c")}
+            away = float(np.abs(jobs["numpy"]() - jobs["c"]()).max())
+            t = interleaved(jobs, runs=5, seconds=0.1, pick=min, clock=time.process_time)
+            times = f"{1e3 * t['numpy']:.1f} | {1e3 * t['c']:.2f} | {t['numpy'] / t['c']:.1f}"
+            made = f"{spent[0]:.2f} | {1e3 * spent[1]:.1f}"
+            print(f"| {title} | {tolerance:.0e} | {times} | {away:.1e} | {made} |", flush=True)
+
+
+def prepared(compiled: Compiled) -> float:
+    """Wall time until a mechanism's program is ready [s]."""
+    library.cache_clear()
+    start = time.perf_counter()
+    if compiled_program(replace(compiled, executor="c")) is None:
+        raise SystemExit("there is no C compiler that works")
+    return time.perf_counter() - start
+
+
+def main() -> None:
+    argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter).parse_args()
+    print(f"{machine('numpy', 'scipy')}; least processor time of turns taken in alternation\n")
+    with tempfile.TemporaryDirectory() as folder:
+        os.environ["XDG_CACHE_HOME"] = folder  # nothing is compiled yet
+        motions()
+        simulations()
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,301 @@
+/* q'' = a(q, q', t) in windows of collocation, as mechcore.dynamics.integration has it for numpy.
+
+Before this stands, generated, what makes the reduced equations M q'' + h = Q of one mechanism:
+    static void reduced(p, m, q, v, t, d, near, out)
+with parameters p, assembly modes m, coordinates q and their rates v, values d of prescribed drives, angles `near` from which others
+are followed (replaced by those found), and out: the lower triangle of M row by row, then Q - h. */
+
+#include <float.h>
+#include <stdlib.h>
+#include <string.h>
+
+#define STEP 1e-7      /* of differences */
+#define ROUNDING 1e-15 /* of the largest term of a position: a correction below that is none */
+#define MOST 15        /* steps of Newton's method */
+
+typedef struct {
+    long f, given, angles; /* freedoms, numbers of prescribed drives, angles that are followed */
+    const double *p, *m, *scale;
+} System;
+
+typedef struct {
+    long s;
+    const double *nodes, *once, *twice, *legendre; /* see collocation.Rule */
+} Rule;
+
+/* Accelerations a (f); NaN where the coordinates move no mass. M = L D L' is solved without pivots, as it is positive. */
+static void accelerations(const System *y, const double *q, const double *v, double t, const double *d, double *near, double *a) {
+    const long f = y->f;
+    double l[F * (F + 1) / 2 + F], x[F];
+    reduced(y->p, y->m, q, v, t, d, near, l);
+    const double *rhs = l + f * (f + 1) / 2;
+    for (long i = 0; i < f; i++) {
+        double *row = l + i * (i + 1) / 2;
+        for (long j = 0; j < i; j++) {
+            const double *other = l + j * (j + 1) / 2;
+            double sum = row[j];
+            for (long k = 0; k < j; k++) sum -= row[k] * other[k];
+            row[j] = sum;
+        }
+        for (long j = 0; j < i; j++) {
+            const double whole = row[j];
+            row[j] = whole / l[j * (j + 1) / 2 + j];
+            row[i] -= row[j] * whole;
+        }
+    }
+    for (long i = 0; i < f; i++) {
+        x[i] = rhs[i];
+        for (long j = 0; j < i; j++) x[i] -= l[i * (i + 1) / 2 + j] * x[j];
+    }
+    for (long i = f - 1; i >= 0; i--) {
+        a[i] = x[i] / l[i * (i + 1) / 2 + i];
+        for (long j = i + 1; j < f; j++) a[i] -= l[j * (j + 1) / 2 + i] * a[j];
+    }
+}
+
+/* Matrix (n, n) in place as L U with row exchanges; 0 where it is singular. */
+static int factored(double *m, long *rows, long n) {
+    for (long k = 0; k < n; k++) {
+        long best = k;
+        for (long i = k + 1; i < n; i++)
+            if (fabs(m[i * n + k]) > fabs(m[best * n + k])) best = i;
+        if (!(fabs(m[best * n + k]) > 0.0)) return 0;
+        rows[k] = best;
+        if (best != k)
+            for (long j = 0; j < n; j++) {
+                const double other = m[k * n + j];
+                m[k * n + j] = m[best * n + j];
+                m[best * n + j] = other;
+            }
+        for (long i = k + 1; i < n; i++) {
+            const double part = m[i * n + k] /= m[k * n + k];
+            for (long j = k + 1; j < n; j++) m[i * n + j] -= part * m[k * n + j];
+        }
+    }
+    return 1;
+}
+
+static void substituted(const double *m, const long *rows, double *x, long n) {
+    for (long k = 0; k < n; k++) {
+        const double other = x[k];
+        x[k] = x[rows[k]];
+        x[rows[k]] = other;
+    }
+    for (long i = 0; i < n; i++)
+        for (long j = 0; j < i; j++) x[i] -= m[i * n + j] * x[j];
+    for (long i = n - 1; i >= 0; i--) {
+        for (long j = i + 1; j < n; j++) x[i] -= m[i * n + j] * x[j];
+        x[i] /= m[i * n + i];
+    }
+}
+
+/* Accelerations at all nodes (s, f) for coordinates and rates there. */
+static void at_nodes(const System *y, const Rule *r, double t0, double h, const double *q, const double *v, const double *d,
+                     const double *near, double *a) {
+    double own[ANGLES + 1];
+    memcpy(own, near, (size_t)y->angles * sizeof(double));
+    for (long i = 0; i < r->s; i++)
+        accelerations(y, q + i * y->f, v + i * y->f, t0 + h * r->nodes[i], d + i * y->given, own, a + i * y->f);
+}
+
+/* Accelerations at the nodes of a window, from the guess `a` (s, f); how many evaluations, 0 where Newton's method fails. */
+static long solved(const System *y, const Rule *r, double t0, double h, const double *q0, const double *v0, const double *d,
+                   const double *near, double *a, double tolerance, double *work) {
+    const long s = r->s, f = y->f, n = s * f;
+    double *q = work, *v = q + n, *found = v + n, *step = found + n, *drift = step + n, *changed = drift + n, *by = changed + n,
+           *matrix = by + 2 * n * f;
+    long *rows = (long *)(matrix + n * n);
+    int known = 0;
+    double last = INFINITY;
+    for (long i = 0; i < s; i++)
+        for (long k = 0; k < f; k++) drift[i * f + k] = q0[k] + h * r->nodes[i] * v0[k];
+    for (long count = 1; count <= MOST; count++) {
+        for (long i = 0; i < s; i++)
+            for (long k = 0; k < f; k++) {
+                double once = 0.0, twice = 0.0;
+                for (long j = 0; j < s; j++) {
+                    once += r->once[i * s + j] * a[j * f + k];
+                    twice += r->twice[i * s + j] * a[j * f + k];
+                }
+                q[i * f + k] = drift[i * f + k] + h * h * twice;
+                v[i * f + k] = v0[k] + h * once;
+            }
+        at_nodes(y, r, t0, h, q, v, d, near, found);
+        for (long i = 0; i < n; i++) {
+            step[i] = found[i] - a[i];
+            if (!isfinite(step[i])) return 0;
+        }
+        if (!known) {
+            double pace = 0.0, rate = 0.0;
+            for (long i = 0; i < n; i++) {
+                pace = fmax(pace, fabs(v[i]) / y->scale[i % f]);
+                rate = fmax(rate, fabs(found[i]) / y->scale[i % f]);
+            }
+            pace = fmax(pace, sqrt(rate));
+            if (pace == 0.0) pace = 1.0;
+            for (long b = 0; b < 2 * f; b++) { /* by the coordinates, then by their rates */
+                double *x = b < f ? q : v, size = b < f ? y->scale[b] : pace * y->scale[b - f];
+                for (long i = 0; i < s; i++) size = fmax(size, fabs(x[i * f + b % f]));
+                for (long i = 0; i < s; i++) {
+                    by[b * n + i] = x[i * f + b % f];
+                    x[i * f + b % f] += STEP * size;
+                }
+                at_nodes(y, r, t0, h, q, v, d, near, changed);
+                for (long i = 0; i < s; i++) x[i * f + b % f] = by[b * n + i];
+                for (long i = 0; i < n; i++) by[b * n + i] = (changed[i] - found[i]) / (STEP * size);
+            }
+            for (long i = 0; i < n; i++)
+                for (long j = 0; j < n; j++) {
+                    const long node = (i / f) * s + j / f, b = j % f;
+                    matrix[i * n + j] = (i == j) - h * h * by[b * n + i] * r->twice[node] - h * by[(f + b) * n + i] * r->once[node];
+                }
+            for (long i = 0; i < n * n; i++)
+                if (!isfinite(matrix[i])) return 0;
+            if (!factored(matrix, rows, n)) return 0;
+            known = 1;
+        }
+        substituted(matrix, rows, step, n);
+        for (long i = 0; i < n; i++) a[i] += step[i];
+        double size = 0.0;
+        int rounding = 1;
+        for (long k = 0; k < f; k++) {
+            double moved = 0.0, terms = 0.0;
+            for (long i = 0; i < s; i++) {
+                double change = 0.0, whole = 0.0;
+                for (long j = 0; j < s; j++) {
+                    change += r->twice[i * s + j] * step[j * f + k];
+                    whole += fabs(r->twice[i * s + j]) * fabs(a[j * f + k]);
+                }
+                moved = fmax(moved, h * h * fabs(change));
+                terms = fmax(terms, fabs(drift[i * f + k]) + h * h * whole);
+            }
+            size = fmax(size, moved);
+            if (!(moved <= ROUNDING * terms)) rounding = 0;
+        }
+        if (size <= tolerance || rounding) return count;
+        if (count > 2 && size > 0.5 * last) {
+            if (size > 0.9 * last || count > 8) return 0;
+            known = 0; /* the slopes have changed too much within the window */
+        }
+        last = size;
+    }
+    return 0;
+}
+
+static long room(long s, long f) { return 6 * s * f + 2 * s * f * f + s * f * s * f + s * f + 1; }
+
+/* Rows of states (n): lower triangles of M and Q - h (n, f (f + 1) / 2 + f). Angles are followed from each row to the next. */
+void rows(const System *y, long n, const double *q, const double *v, const double *t, const double *d, const double *near,
+          double *out) {
+    double own[ANGLES + 1];
+    memcpy(own, near, (size_t)y->angles * sizeof(double));
+    for (long i = 0; i < n; i++)
+        reduced(y->p, y->m, q + i * y->f, v + i * y->f, t[i], d + i * y->given, own, out + i * (F * (F + 1) / 2 + F));
+}
+
+/* Accelerations of states (n, f). */
+void evaluated(const System *y, long n, const double *q, const double *v, const double *t, const double *d, const double *near,
+               double *a) {
+    double own[ANGLES + 1];
+    memcpy(own, near, (size_t)y->angles * sizeof(double));
+    for (long i = 0; i < n; i++) accelerations(y, q + i * y->f, v + i * y->f, t[i], d + i * y->given, own, a + i * y->f);
+}
+
+/* One window: `solved` with memory of its own. */
+long window(const System *y, const Rule *r, double t0, double h, const double *q0, const double *v0, const double *d,
+            const double *near, double *a, double tolerance) {
+    double *work = malloc((size_t)room(r->s, y->f) * sizeof(double));
+    if (!work) return 0;
+    const long count = solved(y, r, t0, h, q0, v0, d, near, a, tolerance, work);
+    free(work);
+    return count;
+}
+
+/* Windows one after the other, from (q, v, t) to the time `end`, `count` at the most: each is start, length, then q, v (f) at its
+start and Legendre coefficients (s, f) of the acceleration. How they are made longer and shorter is that of windows.integrate.
+
+`at`: t, h, longest, evaluations, rejected; q, v, end_a (f), guess (s, f), near (angles): where it begins, and where it has ended.
+The result is the number of windows, its negative less one where windows became too short. */
+long windows(const System *y, const Rule *r, double end, double least, double most, double tolerance, double small, long count,
+             double *at, double *out) {
+    const long s = r->s, f = y->f, n = s * f;
+    double *q = at + 5, *v = q + f, *end_a = v + f, *guess = end_a + f, *near = guess + n;
+    double *work = malloc((size_t)(room(s, f) + n) * sizeof(double));
+    if (!work) return -1;
+    double *a = work + room(s, f);
+    const double order = (double)(s + 1);
+    long made = 0;
+    while (made < count && at[0] < end - least) {
+        double t = at[0], h = fmin(fmin(at[1], most), end - at[0]);
+        if (t + 1.9 * h > end && t + h < end) h = 0.5 * (end - t);
+        memcpy(a, guess, (size_t)n * sizeof(double));
+        const long evaluations = solved(y, r, t, h, q, v, 0, near, a, small, work);
+        double worst = INFINITY, *series = out + 2 + 2 * f;
+        at[3] += evaluations ? (double)evaluations : 8.0;
+        if (evaluations) {
+            const double longest = fmax(at[2], h);
+            worst = 0.0;
+            for (long i = 0; i < s; i++)
+                for (long k = 0; k < f; k++) {
+                    double sum = 0.0;
+                    for (long j = 0; j < s; j++) sum += r->legendre[i * s + j] * a[j * f + k];
+                    series[i * f + k] = sum;
+                }
+            for (long k = 0; k < f; k++)
+                for (long i = s - 2; i < s; i++)
+                    worst = fmax(worst, h * longest * fabs(series[i * f + k]) / (4.0 * (double)(i * i)) / (tolerance * y->scale[k]));
+            if (worst > MARGIN && h < 1e4 * least) worst = MARGIN;
+        }
+        if (!(worst <= MARGIN)) {
+            at[4] += 1.0;
+            h *= isfinite(worst) ? fmin(fmax(0.8 * pow(1.0 / worst, 1.0 / order), 0.1), 0.7) : 0.3;
+            at[1] = h;
+            if (h < 1e3 * least) {
+                free(work);
+                return -made - 1;
+            }
+            for (long i = 1; i < s; i++) memcpy(guess + i * f, guess, (size_t)f * sizeof(double));
+            continue;
+        }
+        at[2] = fmax(at[2], h);
+        out[0] = t;
+        out[1] = h;
+        memcpy(out + 2, q, (size_t)(2 * f) * sizeof(double));
+        const double longer = h * fmin(fmax(0.9 * pow(1.0 / fmax(worst, 1e-12), 1.0 / order), 0.3), 1.6);
+        double away = 0.0, spread = 0.0;
+        for (long k = 0; k < f; k++) {
+            const double first = series[k], second = s > 1 ? series[f + k] : 0.0;
+            q[k] += h * v[k] + h * h * (0.5 * first - second / 6.0);
+            v[k] += h * first;
+            end_a[k] = 0.0;
+            for (long i = 0; i < s; i++) {
+                end_a[k] += series[i * f + k];
+                spread += fabs(series[i * f + k]);
+            }
+        }
+        for (long i = 0; i < s; i++) { /* the polynomials of 2 x - 1 at x beyond the end */
+            const double z = 1.0 + 2.0 * (longer / h) * r->nodes[i];
+            double before = 1.0, now = z;
+            for (long k = 0; k < f; k++) guess[i * f + k] = series[k] + (s > 1 ? z * series[f + k] : 0.0);
+            for (long j = 2; j < s; j++) {
+                const double next = ((2.0 * (double)j - 1.0) * z * now - ((double)j - 1.0) * before) / (double)j;
+                before = now;
+                now = next;
+                for (long k = 0; k < f; k++) guess[i * f + k] += now * series[j * f + k];
+            }
+            for (long k = 0; k < f; k++) away = fmax(away, fabs(guess[i * f + k] - end_a[k]));
+        }
+        if (!(away <= 4.0 * spread + 1e-300))
+            for (long i = 0; i < s; i++) memcpy(guess + i * f, end_a, (size_t)f * sizeof(double));
+        if (y->angles) { /* followed over the nodes to the end of the window */
+            for (long i = 0; i < s; i++) accelerations(y, work + i * f, work + n + i * f, t + h * r->nodes[i], 0, near, a);
+            accelerations(y, q, v, t + h, 0, near, a);
+        }
+        at[0] = t + h;
+        at[1] = longer;
+        out += 2 + 2 * f + n;
+        made++;
+    }
+    free(work);
+    return made;
+}

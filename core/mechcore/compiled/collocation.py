@@ -1,0 +1,169 @@
+"""Equations of motion as a compiled program, with the windows of collocation around them: `collocation.c` from Python."""
+
+from __future__ import annotations
+
+import ctypes
+from collections.abc import Sequence
+from functools import cached_property
+from pathlib import Path
+from typing import Any, NamedTuple, Protocol
+
+import numpy as np
+
+from mechcore.arrays import Real
+from mechcore.compiled.symbols import HELPERS, Code, Operand
+from mechcore.compiled.toolchain import library
+
+AROUND = Path(__file__).with_name("collocation.c")
+REDUCED = """
+#define F {freedoms}
+#define ANGLES {angles}
+#define MARGIN {margin!r}
+
+static void reduced(const double *p, const double *m, const double *q, const double *v, double t, const double *d, double *near,
+                    double *out) {{
+    (void)p, (void)m, (void)q, (void)v, (void)t, (void)d, (void)near;
+    {lines}
+}}
+"""
+
+
+class CollocationRule(Protocol):
+    """Nodes (s,) of a window, and (s, s) each: what integrates values there once and twice, and gives Legendre coefficients."""
+
+    @property
+    def nodes(self) -> Real: ...
+    @property
+    def once(self) -> Real: ...
+    @property
+    def twice(self) -> Real: ...
+    @property
+    def legendre(self) -> Real: ...
+
+
+class Batch(NamedTuple):
+    """Windows in a row: ``starts``, ``lengths`` (w,) [s], position and speed ``q``, ``v`` (w, f) at the starts, Legendre
+    coefficients ``a`` (w, s, f) of the accelerations; ``stuck``: after the last one none is short enough."""
+
+    starts: Real
+    lengths: Real
+    q: Real
+    v: Real
+    a: Real
+    stuck: bool
+
+
+class WrittenEquations:
+    """Reduced equations of motion in C: ``outputs`` are the lower triangle of M, row by row, then Q - h.
+
+    They are computed from what C calls ``q[k]``, ``v[k]``, ``t``, modes ``m[k]``, ``given`` values ``d[k]`` of prescribed drives,
+    and angles ``near[k]`` from which the ``angles`` are followed.
+    """
+
+    def __init__(self, code: Code, outputs: Sequence[Operand], angles: Sequence[Operand], freedoms: int, given: int, margin: float):
+        self.parameters: list[float] = []
+        self.freedoms, self.given, self.angles = freedoms, given, len(angles)
+        targets = [*((f"out[{k}]", x) for k, x in enumerate(outputs)), *((f"near[{k}]", x) for k, x in enumerate(angles))]
+        lines = code.written(targets, self.parameters)
+        self.lines = len(lines)
+        own = REDUCED.format(freedoms=freedoms, angles=len(angles), margin=margin, lines="\n    ".join(lines))
+        self._own = own
+
+    @cached_property
+    def source(self) -> str:
+        """The whole program."""
+        return HELPERS + self._own + AROUND.read_text(encoding="utf-8")
+
+
+class _System(ctypes.Structure):
+    _fields_ = [
+        *((name, ctypes.c_long) for name in ("f", "given", "angles")),
+        *((name, ctypes.c_void_p) for name in ("p", "m", "scale")),
+    ]
+
+
+class _Rule(ctypes.Structure):
+    _fields_ = [("s", ctypes.c_long), *((name, ctypes.c_void_p) for name in ("nodes", "once", "twice", "legendre"))]
+
+
+def _at(x: Real) -> ctypes.c_void_p:
+    return ctypes.c_void_p(x.__array_interface__["data"][0])
+
+
+class CompiledEquations:
+    """Equations of motion ready to run, at assembly modes (b,), for coordinates with typical sizes ``scale`` (f,).
+
+    Raises `MechanismError` where they cannot be compiled.
+    """
+
+    def __init__(self, written: WrittenEquations, modes: Real, scale: Real):
+        self.freedoms, self.given, self.angles = written.freedoms, written.given, written.angles
+        self._loaded = library(written.source)
+        self._loaded.window.restype = self._loaded.windows.restype = ctypes.c_long
+        self._loaded.rows.restype = self._loaded.evaluated.restype = None
+        self._kept: list[Real] = [np.array(x or [0.0], float) for x in (written.parameters, list(modes), list(scale))]
+        self._system = ctypes.byref(_System(self.freedoms, self.given, self.angles, *(_at(x) for x in self._kept)))
+        self._rules: dict[int, tuple[Any, ...]] = {}
+
+    def rows(self, q: Real, v: Real, t: Real, d: Real, near: Real) -> tuple[Real, Real]:
+        """M (n, f, f) and Q - h (n, f) at coordinates and rates (n, f), times (n,), values of drives (n, g) and near the angles
+        (a,)."""
+        f = self.freedoms
+        out = self._each(self._loaded.rows, q, v, t, d, near, f * (f + 1) // 2 + f)
+        inertia = np.empty((len(t), f, f))
+        lower = np.tril_indices(f)
+        inertia[:, lower[0], lower[1]] = inertia[:, lower[1], lower[0]] = out[:, : len(lower[0])]
+        return inertia, out[:, len(lower[0]) :]
+
+    def accelerations(self, q: Real, v: Real, t: Real, d: Real, near: Real) -> Real:
+        """Accelerations (n, f), as `rows`."""
+        return self._each(self._loaded.evaluated, q, v, t, d, near, self.freedoms)
+
+    def _each(self, function: Any, q: Real, v: Real, t: Real, d: Real, near: Real, width: int) -> Real:
+        given = [np.ascontiguousarray(x, float) for x in (q, v, t, d, near)]
+        out = np.empty((len(t), width))
+        function(self._system, ctypes.c_long(len(t)), *(_at(x) for x in given), _at(out))
+        return out
+
+    def _rule(self, rule: CollocationRule) -> Any:
+        known = self._rules.get(id(rule))
+        if known is None:
+            kept = [np.ascontiguousarray(x, float) for x in (rule.nodes, rule.once, rule.twice, rule.legendre)]
+            known = ctypes.byref(_Rule(len(rule.nodes), *(_at(x) for x in kept))), kept, rule
+            self._rules[id(rule)] = known
+        return known[0]
+
+    def window(
+        self,
+        rule: CollocationRule,
+        t: tuple[float, float],
+        start: tuple[Real, Real],
+        d: Real,
+        near: Real,
+        guess: Real,
+        small: float,
+    ) -> tuple[Real, int] | None:
+        """Accelerations at the nodes (s, f) of one window, and the number of evaluations; None where Newton's method fails.
+
+        ``t``: start and length [s]; ``d`` (s, g): values of the drives at the nodes; ``small``: error of positions that is left.
+        """
+        a = np.array(guess, float)
+        q, v, d, near = (np.ascontiguousarray(x, float) for x in (*start, d, near))
+        times = map(ctypes.c_double, t)
+        given = _at(q), _at(v), _at(d), _at(near), _at(a), ctypes.c_double(small)
+        count = self._loaded.window(self._system, self._rule(rule), *times, *given)
+        return (a, int(count)) if count else None
+
+    def windows(self, rule: CollocationRule, at: Real, bounds: tuple[float, float, float, float, float], count: int) -> Batch:
+        """``count`` windows at the most, from where ``at`` says, which then says where they end; see `collocation.c`.
+
+        ``bounds``: end [s], shortest and longest window [s], tolerance, and that of Newton's method.
+        """
+        s, f = len(rule.nodes), self.freedoms
+        out = np.empty((count, 2 + 2 * f + s * f))
+        numbers = (ctypes.c_double(x) for x in bounds)
+        made = int(self._loaded.windows(self._system, self._rule(rule), *numbers, ctypes.c_long(count), _at(at), _at(out)))
+        stuck, made = made < 0, made if made >= 0 else -made - 1
+        out = out[:made]
+        q, v, a = out[:, 2 : 2 + f], out[:, 2 + f : 2 + 2 * f], out[:, 2 + 2 * f :].reshape(made, s, f)
+        return Batch(out[:, 0], out[:, 1], q, v, a, stuck)

@@ -1,0 +1,96 @@
+"""The steps of a mechanism's program on symbols: what numpy executes over frames is written down once, as a program in C."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from mechcore.compiled.symbols import Symbol, Untraceable, called, joined
+from mechcore.kinematics.dyads import ROUNDING, cross
+from mechcore.kinematics.model import Model
+from mechcore.kinematics.positions import loop_terms, place
+from mechcore.kinematics.program import Block
+from mechcore.kinematics.state import State
+
+TURN = 6.283185307179586
+
+
+def check_traceable(model: Model) -> None:
+    """Raise `Untraceable` where a step has no closed form; it names the joint."""
+    if model.designs:
+        raise Untraceable("several designs side by side")
+    for block in model.blocks:
+        if block.kind == "general":
+            raise Untraceable(f"the group of {block.name} is solved by Newton's method")
+    for constraint in model.constraints:
+        if constraint.curve is not None:
+            raise Untraceable(f"the cam of {constraint.name} is a function")
+
+
+def place_all(model: Model, state: State, modes: list[Any]) -> None:
+    """Positions of all blocks, filled into a state of symbols; ``modes``: assembly mode of each block."""
+    for block, mode in zip(model.blocks, modes, strict=True):
+        if block.kind == "relation":
+            place(model, block, state, mode)
+        elif block.kind != "check":
+            _place_loop(model, block, state, mode)
+        for group in block.angles:
+            if group in model.multi_turn:
+                state.angle[group] = followed_angle(model, state, group)
+
+
+def followed_angle(model: Model, state: State, group: int) -> Any:
+    """A group's angle beyond one turn, which the rough one in ``state.near`` decides."""
+    rotation_class = model.angles.classes_of[group][0]
+    e: Any = state.rot[rotation_class] * state.delta[rotation_class].conjugate()
+    angle = called("atan2", e.imag, e.real)
+    near: Any = state.near.get(f"angle {group}")
+    return angle if near is None else angle + TURN * called("rint", (near - angle) / TURN)
+
+
+def _place_loop(model: Model, block: Block, state: State, mode: Symbol) -> None:
+    """A block of one loop by its closed form, see `mechcore.kinematics.dyads`."""
+    target, arms, guides = loop_terms(model, block, state)
+    c: Any = target
+    solved: tuple[Any, ...]
+    if block.kind == "theta_theta":
+        solved = _theta_theta(arms[0], arms[1], c, mode)
+    elif block.kind == "theta_slide":
+        solved = _theta_slide(arms[0], guides[0], c, mode)
+    elif block.kind == "arm_slide":
+        solved = _arm_slide(arms[0], guides[0], c, mode)
+    elif block.kind == "slide_slide":
+        first, second = guides
+        determinant = cross(first, second)
+        solved = cross(c, second) / determinant, cross(first, c) / determinant
+    elif block.kind == "angle":
+        e = c / arms[0]
+        solved = (e / abs(e),)
+    else:  # slide
+        solved = ((c * guides[0].conjugate()).real,)
+    for (what, i), x in zip(block.unknowns, solved, strict=True):
+        if what == "slide":
+            state.slide[i] = x
+            continue
+        for rotation_class in model.angles.classes_of[i]:
+            state.rot[rotation_class] = x * state.delta[rotation_class]
+
+
+def _theta_theta(a: Any, b: Any, c: Any, mode: Symbol) -> tuple[Any, Any]:
+    ra, rb, squared = abs(a), abs(b), (c * c.conjugate()).real
+    half = 0.5 / squared
+    distance = mode.code.called("sqrt", squared)
+    across = half * mode.code.called("four_areas", ra, rb, distance, ROUNDING) * mode
+    shift = (ra - rb) * (ra + rb) * half
+    return joined(0.5 + shift, across) * c * (1.0 / a), joined(0.5 - shift, -across) * c * (1.0 / b)
+
+
+def _theta_slide(a: Any, along: Any, c: Any, mode: Symbol) -> tuple[Any, Any]:
+    turned = c * along.conjugate()
+    x = mode.code.called("leg", abs(a), turned.imag, ROUNDING) * mode
+    return joined(x, turned.imag) * (along / a), turned.real - x
+
+
+def _arm_slide(a: Any, d: Any, c: Any, mode: Symbol) -> tuple[Any, Any]:
+    foot = a * d.conjugate()
+    x = mode.code.called("leg", abs(c), foot.imag, ROUNDING) * mode
+    return c * d.conjugate() / joined(x, foot.imag), x - foot.real

@@ -1,0 +1,299 @@
+"""Numbers of which only the name is known: what is computed with them is written down as a straight-line program in C.
+
+A `Symbol` stands where an array over frames stands otherwise, so that the code that numpy executes writes its own program. Equal
+terms are computed once; zeros and ones are folded away; every other number is a parameter of the program, so that mechanisms of one
+structure share it. What needs to know a value (a comparison, an array) raises `Untraceable`.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from functools import partial
+from typing import Any, NamedTuple, TypeAlias
+
+
+class Untraceable(TypeError):
+    """Something that a straight-line program of real numbers does not say."""
+
+
+class Node(NamedTuple):
+    """A real number that the program computes, by its place in it."""
+
+    number: int
+
+
+Operand: TypeAlias = Node | float
+FOLDED = (0.0, 1.0, -1.0, 2.0, -2.0, 0.5, -0.5)  # numbers that stand in the program itself: other ones are parameters
+HELPERS = """\
+#include <math.h>
+
+static inline double four_areas(double a, double b, double d, double rounding) {
+    const double total = a + b, difference = fabs(a - b), gap = total - d, spare = d - difference;
+    const double product = (total + d) * gap * spare * (d + difference), least = -rounding * total;
+    return sqrt(product < 0.0 && gap > least && spare > least ? 0.0 : product);
+}
+static inline double leg(double r, double y, double rounding) {
+    const double product = (r - y) * (r + y);
+    return sqrt(product < 0.0 && fabs(y) - r < rounding * r ? 0.0 : product);
+}
+static inline double sign(double x) { return (double)((x > 0.0) - (x < 0.0)) + 0.0 * x; }
+static inline double larger(double a, double b) { return a != a || a > b ? a : b; }
+static inline double smaller(double a, double b) { return a != a || a < b ? a : b; }
+"""
+"""Functions of the programs: those of `mechcore.kinematics.dyads`, and numpy's sign, maximum and minimum."""
+
+
+class Code:
+    """A straight-line program that is being written. Its nodes are forms of C with places for their operands."""
+
+    def __init__(self) -> None:
+        self._nodes: list[tuple[str, tuple[Operand, ...]]] = []
+        self._known: dict[tuple[str, tuple[Operand, ...]], Node] = {}
+
+    def input(self, expression: str) -> Symbol:
+        """A real number that the program is given, as C names it."""
+        return Symbol(self, self.node(expression), 0.0)
+
+    def plane_input(self, real: str, imaginary: str) -> Symbol:
+        """A plane vector that the program is given."""
+        return Symbol(self, self.node(real), self.node(imaginary))
+
+    def node(self, form: str, *operands: Operand) -> Node:
+        """A real number in C, the operands at the places ``{}`` of its form; known already, where it has been written before."""
+        key = form, operands
+        known = self._known.get(key)
+        if known is None:
+            known = self._known[key] = Node(len(self._nodes))
+            self._nodes.append(key)
+        return known
+
+    def written(self, outputs: Sequence[tuple[str, Operand]], parameters: list[float]) -> list[str]:
+        """Lines of C that compute what the outputs need, and assign these to what C names them; numbers that the lines call
+        ``p[k]`` are added to the ``parameters``."""
+        needed = {x.number for _, x in outputs if isinstance(x, Node)}
+        for number in range(len(self._nodes) - 1, -1, -1):
+            if number in needed:
+                needed.update(x.number for x in self._nodes[number][1] if isinstance(x, Node))
+        places: dict[float, int] = {x: k for k, x in enumerate(parameters)}
+
+        def name(operand: Operand) -> str:
+            if isinstance(operand, Node):
+                return f"t{operand.number}"
+            if operand in FOLDED:
+                return f"({operand!r})" if operand < 0.0 else repr(operand)
+            if operand not in places:
+                places[operand] = len(parameters)
+                parameters.append(operand)
+            return f"p[{places[operand]}]"
+
+        lines = []
+        for number in sorted(needed):
+            form, operands = self._nodes[number]
+            lines.append(f"const double t{number} = {form.format(*map(name, operands)) if operands else form};")
+        return lines + [f"{target} = {name(value)};" for target, value in outputs]
+
+    # -- real arithmetic --------------------------------------------------------------------------------------------------
+    def add(self, a: Operand, b: Operand) -> Operand:
+        """a + b."""
+        if not isinstance(a, Node):
+            if not isinstance(b, Node):
+                return a + b
+            a, b = b, a
+        if not isinstance(b, Node):
+            return a if b == 0.0 else self.node("{} + {}", a, b)
+        return self.node("{} + {}", *sorted((a, b)))
+
+    def subtract(self, a: Operand, b: Operand) -> Operand:
+        """a - b."""
+        if not isinstance(b, Node):
+            return self.add(a, -b)
+        if a == 0.0:
+            return self.negative(b)
+        return self.node("{} - {}", a, b)
+
+    def negative(self, a: Operand) -> Operand:
+        """-a."""
+        return self.node("-{}", a) if isinstance(a, Node) else -a
+
+    def multiply(self, a: Operand, b: Operand) -> Operand:
+        """a b, zero where one of them is a plain zero."""
+        if not isinstance(a, Node):
+            if not isinstance(b, Node):
+                return a * b
+            a, b = b, a
+        if not isinstance(b, Node):
+            if b == 0.0:
+                return 0.0
+            if abs(b) == 1.0:
+                return a if b > 0.0 else self.negative(a)
+            return self.node("{} * {}", a, b)
+        return self.node("{} * {}", *sorted((a, b)))
+
+    def divide(self, a: Operand, b: Operand) -> Operand:
+        """a / b, zero where a is a plain zero."""
+        if not isinstance(b, Node):
+            if b == 0.0:
+                raise Untraceable("a division by a plain zero")
+            return a / b if not isinstance(a, Node) else a if b == 1.0 else self.node("{} / {}", a, b)
+        return 0.0 if a == 0.0 else self.node("{} / {}", a, b)
+
+    def call(self, function: str, *operands: Operand) -> Operand:
+        """A function of C's library or of `HELPERS`."""
+        return self.node(f"{function}({', '.join(['{}'] * len(operands))})", *operands)
+
+    def called(self, function: str, *values: Any) -> Symbol:
+        """A function of C's library or of `HELPERS`, of real symbols or numbers."""
+        operands = [_symbol(self, x) for x in values]
+        if any(x.im != 0.0 for x in operands):
+            raise Untraceable(f"{function} of a plane vector")
+        return Symbol(self, self.call(function, *(x.re for x in operands)), 0.0)
+
+
+class Symbol:
+    """A real number or a plane vector over frames: ``re`` and ``im`` of a program. It is an operand of whatever numpy's arrays are,
+    by itself or in numpy's functions."""
+
+    __slots__ = ("code", "im", "re")
+
+    def __init__(self, code: Code, re: Operand, im: Operand):
+        self.code, self.re, self.im = code, re, im
+
+    # -- what an array has ------------------------------------------------------------------------------------------------
+    @property
+    def real(self) -> Symbol | float:
+        return _plain(self.code, self.re)
+
+    @property
+    def imag(self) -> Symbol | float:
+        return _plain(self.code, self.im)
+
+    def conjugate(self) -> Symbol:
+        return Symbol(self.code, self.re, self.code.negative(self.im))
+
+    def __array__(self, *_: Any, **__: Any) -> Any:
+        raise Untraceable("an array over frames")
+
+    def __array_ufunc__(self, function: Any, method: str, *operands: Any, **options: Any) -> Any:
+        own = UFUNCS.get(function.__name__)
+        if own is None or method != "__call__" or options:
+            raise Untraceable(f"numpy.{function.__name__}")
+        return own(*operands)
+
+    def __bool__(self) -> bool:
+        raise Untraceable("a decision by a value")
+
+    # -- arithmetic -------------------------------------------------------------------------------------------------------
+    def __add__(self, other: Any) -> Any:
+        b, code = _symbol(self.code, other), self.code
+        return _plain_or(Symbol(code, code.add(self.re, b.re), code.add(self.im, b.im)))
+
+    __radd__ = __add__
+
+    def __sub__(self, other: Any) -> Any:
+        b, code = _symbol(self.code, other), self.code
+        return _plain_or(Symbol(code, code.subtract(self.re, b.re), code.subtract(self.im, b.im)))
+
+    def __rsub__(self, other: Any) -> Any:
+        return _symbol(self.code, other) - self
+
+    def __neg__(self) -> Symbol:
+        return Symbol(self.code, self.code.negative(self.re), self.code.negative(self.im))
+
+    def __mul__(self, other: Any) -> Any:
+        b, code = _symbol(self.code, other), self.code
+        re = code.subtract(code.multiply(self.re, b.re), code.multiply(self.im, b.im))
+        im = code.add(code.multiply(self.re, b.im), code.multiply(self.im, b.re))
+        return _plain_or(Symbol(code, re, im))
+
+    __rmul__ = __mul__
+
+    def __truediv__(self, other: Any) -> Any:
+        b, code = _symbol(self.code, other), self.code
+        if b.im == 0.0:
+            return _plain_or(Symbol(code, code.divide(self.re, b.re), code.divide(self.im, b.re)))
+        squared = code.add(code.multiply(b.re, b.re), code.multiply(b.im, b.im))
+        above = _symbol(code, self * b.conjugate())
+        return _plain_or(Symbol(code, code.divide(above.re, squared), code.divide(above.im, squared)))
+
+    def __rtruediv__(self, other: Any) -> Any:
+        return _symbol(self.code, other) / self
+
+    def __pow__(self, exponent: Any) -> Any:
+        return self * self if not isinstance(exponent, Symbol) and exponent == 2 else self.code.called("pow", self, exponent)
+
+    def __abs__(self) -> Any:
+        code = self.code
+        if self.im == 0.0:
+            return Symbol(code, code.call("fabs", self.re), 0.0) if isinstance(self.re, Node) else abs(self.re)
+        if self.re == 0.0:
+            return abs(Symbol(code, self.im, 0.0))
+        squared = code.add(code.multiply(self.re, self.re), code.multiply(self.im, self.im))
+        return Symbol(code, code.call("sqrt", squared), 0.0)
+
+
+def _symbol(code: Code, value: Any) -> Symbol:
+    if isinstance(value, Symbol):
+        return value
+    try:
+        number = complex(value)
+    except (TypeError, ValueError):
+        raise Untraceable(f"a {type(value).__name__} among numbers") from None
+    return Symbol(code, number.real, number.imag)
+
+
+def _plain(code: Code, operand: Operand) -> Symbol | float:
+    return Symbol(code, operand, 0.0) if isinstance(operand, Node) else operand
+
+
+def _plain_or(value: Symbol) -> Symbol | complex:
+    """A symbol, or the number that it turned out to be."""
+    if isinstance(value.re, Node) or isinstance(value.im, Node):
+        return value
+    return complex(value.re, value.im) if value.im else value.re
+
+
+def _first(*operands: Any) -> Symbol:
+    return next(x for x in operands if isinstance(x, Symbol))
+
+
+def called(function: str, *operands: Any) -> Symbol:
+    """A function of C of operands at least one of which is a symbol."""
+    return _first(*operands).code.called(function, *operands)
+
+
+def rotation(angle: Any) -> Any:
+    """exp(i angle)."""
+    if not isinstance(angle, Symbol):
+        return complex(math.cos(angle), math.sin(angle))
+    return Symbol(angle.code, called("cos", angle).re, called("sin", angle).re)
+
+
+def joined(real: Any, imaginary: Any) -> Any:
+    """The plane vector of two real numbers."""
+    return real + 1j * imaginary
+
+
+def _exponential(z: Symbol) -> Any:
+    turn = rotation(z.imag)
+    return turn if z.re == 0.0 else called("exp", z.real) * turn if z.im != 0.0 else called("exp", z)
+
+
+UFUNCS: dict[str, Callable[..., Any]] = {
+    "add": lambda a, b: _symbol(_first(a, b).code, a) + b,
+    "subtract": lambda a, b: _symbol(_first(a, b).code, a) - b,
+    "multiply": lambda a, b: _symbol(_first(a, b).code, a) * b,
+    "divide": lambda a, b: _symbol(_first(a, b).code, a) / b,
+    "power": lambda a, b: a**b,
+    "negative": lambda a: -a,
+    "absolute": abs,
+    "conjugate": lambda a: a.conjugate(),
+    "exp": _exponential,
+    "sign": partial(called, "sign"),
+    "maximum": partial(called, "larger"),
+    "minimum": partial(called, "smaller"),
+    "arctan2": partial(called, "atan2"),
+    "arctan": partial(called, "atan"),
+    **{name: partial(called, name) for name in ("sqrt", "cos", "sin", "tan", "tanh", "log", "log1p", "expm1", "rint")},
+}
+"""What numpy's functions are of symbols."""

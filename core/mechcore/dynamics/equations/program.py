@@ -1,0 +1,112 @@
+"""Equations of motion as a compiled program, with what it is given: laws of prescribed drives, angles that it follows."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from mechcore.arrays import Real
+from mechcore.compiled.collocation import Batch, CollocationRule, CompiledEquations, WrittenEquations
+from mechcore.compiled.symbols import Untraceable
+from mechcore.compiled.toolchain import compiler
+from mechcore.dynamics.equations.reduced import ReducedEquations, coordinate_scales, motion_at
+from mechcore.dynamics.equations.written import written_equations
+from mechcore.errors import MechanismError
+from mechcore.kinematics.model import Model
+from mechcore.laws.timed import Free
+from mechcore.motion.compiled import Compiled
+
+
+class Program:
+    """The equations of motion of a compiled mechanism, ready to run."""
+
+    def __init__(self, compiled: Compiled, written: WrittenEquations, followed: tuple[int, ...]):
+        self.compiled, self.followed = compiled, followed
+        self._laws = [d.law for d in compiled.mechanism.drives if not isinstance(d.law, Free)]
+        self._equations = CompiledEquations(written, np.array(compiled.assembly.modes, float), coordinate_scales(compiled))
+        self.alone = not self._laws  # no values of drives are needed
+
+    def __call__(self, q: Real, v: Real, t: Real) -> Real:
+        """Accelerations (n, f); where angles are followed, of states in order of time that are near each other."""
+        return self._equations.accelerations(q, v, t, self._drives(t), self.near(q[:1], v[:1], t[:1]))
+
+    def reduced(self, q: Real, v: Real, t: Real) -> ReducedEquations:
+        """The reduced equations, the bias being part of the force."""
+        inertia, force = self._equations.rows(q, v, t, self._drives(t), self.near(q[:1], v[:1], t[:1]))
+        return ReducedEquations(inertia, np.zeros_like(force), force)
+
+    def _drives(self, t: Real) -> Real:
+        return np.stack([x for law in self._laws for x in law(t)], axis=1) if self._laws else np.zeros((len(t), 0))
+
+    def near(self, q: Real, v: Real, t: Real) -> Real:
+        """The angles (a,) that the program follows, at one state."""
+        if not self.followed:
+            return np.zeros(0)
+        motion = motion_at(self.compiled, q, v, t)
+        return np.array([float(np.ravel(motion.group_angle(g))[0]) for g in self.followed])
+
+    def window(
+        self, rule: CollocationRule, t0: float, h: float, q: Real, v: Real, guess: Real, tolerance: float
+    ) -> tuple[Real, int] | None:
+        """Accelerations at the nodes of a window as `solve_window` of numpy."""
+        near = self.near(q[None], v[None], np.array([t0]))
+        return self._equations.window(rule, (t0, h), (q, v), self._drives(t0 + h * rule.nodes), near, guess, tolerance)
+
+    def windows(self, rule: CollocationRule, at: Real, bounds: tuple[float, float, float, float, float], count: int) -> Batch:
+        """Windows one after the other, see `CompiledEquations.windows`; only where it is ``alone``."""
+        return self._equations.windows(rule, at, bounds, count)
+
+
+def compiled_program(compiled: Compiled) -> Program | None:
+    """The program of a mechanism's equations of motion; None where C does not have them or there is no compiler that works."""
+    if compiler() is None:
+        return None
+    written = _written(compiled)
+    if isinstance(written, str):
+        return None
+    try:
+        return Program(compiled, *written)
+    except MechanismError:
+        return None
+
+
+def missing_in_c(compiled: Compiled) -> str | None:
+    """Why C does not have the equations of motion of a mechanism, in words; None where it has."""
+    written = _written(compiled)
+    return written if isinstance(written, str) else None
+
+
+def written_source(compiled: Compiled) -> tuple[str, int]:
+    """The program in C of equations that C has, and how many lines compute them."""
+    written = _written(compiled)
+    assert not isinstance(written, str), written
+    return written[0].source, written[0].lines
+
+
+def _written(compiled: Compiled) -> tuple[WrittenEquations, tuple[int, ...]] | str:
+    known = compiled.model.once(_known)
+    start = compiled.angles.start
+    turned = tuple(float(x) for x in start.angles.values()), tuple(start.ranges.items()), compiled.angles.exact
+    key = (*turned, tuple(compiled.assembly.modes), tuple(compiled.assembly.constants))
+    if key not in known:
+        try:
+            known[key] = written_equations(compiled)
+        except Untraceable as reason:
+            known[key] = str(reason)
+    return known[key]
+
+
+def _known(_: Model) -> dict[Any, tuple[WrittenEquations, tuple[int, ...]] | str]:
+    return {}
+
+
+class Programmed:
+    """Equations of motion that numpy evaluates, or a compiled program where one is wanted."""
+
+    compiled: Compiled
+
+    def program(self, *, long: bool = False) -> Program | None:
+        """The compiled program where C is asked for; where the executor is "auto", for a ``long`` motion."""
+        wanted = self.compiled.executor == "c" or (long and self.compiled.executor == "auto")
+        return compiled_program(self.compiled) if wanted else None

@@ -1,0 +1,86 @@
+"""Motion under forces by a compiled program: the same as by numpy, to rounding, and in balance by itself."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from dynamic_mechanisms import damped_squeezer, double_pendulum, swinging_five_bar
+from mechanisms import case
+from random_mechanisms import draw
+
+from mechcore import spec as sp
+from mechcore.compiled.toolchain import compiler
+from mechcore.dynamics.equations.chart import Chart
+from mechcore.dynamics.equations.program import compiled_program, missing_in_c
+from mechcore.dynamics.simulate import simulate
+from mechcore.laws.timed import Oscillation
+from mechcore.motion.solve import compile_mechanism
+from mechcore.spec.mechanism import Drive, Mechanism
+
+pytestmark = pytest.mark.skipif(compiler() is None, reason="no C compiler")
+
+RANDOM = (("four-bar", 2), ("slider-crank", 1), ("inverted slider-crank", 3), ("several drives", 1), ("gear", 2))
+
+
+def damped() -> Mechanism:
+    return damped_squeezer(case("andrews", "andrews-squeezer")["inputs"])
+
+
+def pendulum() -> Mechanism:
+    return double_pendulum(case("dynamics", "double-pendulum-physical")["inputs"])
+
+
+def driven() -> Mechanism:
+    """One arm of a five-bar follows a law, the other one is free and hangs on springs."""
+    m = swinging_five_bar()
+    prescribed = Drive(joint="A", law=Oscillation(2.2, 0.3, 0.8, 0.0))
+    spring = sp.TorsionSpring(name="rods", links=("left rod", "right rod"), stiffness=0.05, free_angle=2.5)
+    return replace(m, drives=(prescribed, m.drives[1]), loads=(*m.loads, spring))
+
+
+@pytest.mark.parametrize(("made", "duration"), [(damped, 0.02), (pendulum, 1.0), (swinging_five_bar, 0.5), (driven, 0.5)])
+def test_motions_are_the_same(made, duration: float) -> None:
+    compiled = compile_mechanism(made())
+    assert missing_in_c(compiled) is None
+    by_numpy, by_c = (simulate(replace(compiled, executor=e), duration, tolerance=1e-9) for e in ("numpy", "c"))
+    t = np.linspace(0.0, duration, 21)
+    for a, b in zip(by_numpy(t), by_c(t), strict=True):
+        assert np.abs(a - b).max() < 1e-11 * np.abs(a).max()
+    assert [len(s.solution.windows) for s in by_numpy.segments] == [len(s.solution.windows) for s in by_c.segments]
+    assert np.abs(by_c.drift(t)).max() < 1e-9  # work and energy by the kinetostatic core
+
+
+@pytest.mark.parametrize(("kind", "seed"), RANDOM)
+def test_accelerations_are_the_same(kind: str, seed: int) -> None:
+    found = draw(kind, seed, forces=True).mechanism
+    loads = tuple(x for x in found.loads if getattr(x, "factor", None) is None and not isinstance(x, sp.GasSpring | sp.GasPressure))
+    compiled = compile_mechanism(replace(found, loads=loads))
+    program = compiled_program(compiled)
+    assert program is not None, missing_in_c(compiled)
+    start = np.array([[float(d.law(0.0)[k]) for d in found.drives] for k in (0, 1)])
+    steps = np.linspace(0.0, 1.0, 7)[:, None]
+    q, v, t = start[0] + 0.02 * steps, start[1] * (1.0 + steps), 0.01 * steps[:, 0]
+    expected = Chart(compiled)(q, v, t)
+    assert np.abs(program(q, v, t) - expected).max() < 1e-11 * np.abs(expected).max()
+
+
+def test_a_stiff_motion_takes_the_same_windows() -> None:
+    """By Radau's nodes, whose matrices are the program's only other input."""
+    compiled = compile_mechanism(damped())
+    ends = [simulate(replace(compiled, executor=e), 0.01, method="radau")([0.01])[0] for e in ("numpy", "c")]
+    np.testing.assert_allclose(ends[0], ends[1], rtol=1e-11)
+
+
+def test_auto_goes_on_in_c_where_many_windows_are_left(monkeypatch: pytest.MonkeyPatch) -> None:
+    from mechcore.dynamics.integration import windows
+
+    compiled = compile_mechanism(pendulum(), executor="auto")
+    asked = []
+    monkeypatch.setattr("mechcore.dynamics.equations.program.compiled_program", lambda c: asked.append(c))
+    simulate(compiled, 2.0)
+    assert not asked
+    monkeypatch.setattr(windows, "MANY", 3)
+    simulate(compiled, 2.0)
+    assert len(asked) == 1

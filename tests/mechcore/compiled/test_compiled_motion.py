@@ -1,0 +1,89 @@
+"""The compiled program of a mechanism gives what numpy gives: positions and rates, over scenes and random mechanisms."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from mechanisms import four_bar
+from random_mechanisms import draw
+
+from mechcore.compiled import motion as compiled_motion
+from mechcore.compiled.motion import MotionProgram, motion_program, written
+from mechcore.compiled.toolchain import compiler
+from mechcore.motion.compiled import Compiled
+from mechcore.motion.solve import compile_mechanism, default_times, solve_motion
+from mechcore.spec.mechanism import Mechanism
+from mechviz.scene.scene import load
+
+pytestmark = pytest.mark.skipif(compiler() is None, reason="no C compiler")
+
+SCENES = (
+    "jansen-leg",
+    "shaper-quick-return",
+    "scotch-yoke",
+    "planetary-gear",
+    "belt-drive",
+    "geared-slider-cranks",
+    "rolling-wheel",
+)
+RANDOM = (("slider-crank", 3), ("inverted slider-crank", 5), ("pin in slot", 2), ("gear", 1), ("several drives", 0), ("six-bar", 4))
+
+
+def rounding(compiled: Compiled, time: np.ndarray) -> float:
+    """Largest difference between both executors of poses and their rates, relative to the largest of each."""
+    a = solve_motion(replace(compiled, executor="numpy"), time)
+    b = solve_motion(replace(compiled, executor="c"), time)
+    worst = 0.0
+    for of in ("pose", "velocity", "acceleration"):
+        first, second = (np.array([getattr(m, of)(link)[:, :] for link in m.model.links]) for m in (a, b))
+        size = np.abs(first).max(axis=(0, 1)) + 1e-12
+        worst = max(worst, float((np.abs(first - second).max(axis=(0, 1)) / size).max()))
+    return worst
+
+
+def crank_rocker(coupler: float = 0.3) -> Mechanism:
+    return four_bar(E=(0.35, 0.0), AB=0.1, BD=coupler, DE=0.25)
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_scenes_move_alike(name: str) -> None:
+    compiled = compile_mechanism(load(name).mechanism)
+    assert isinstance(compiled.model.once(written), MotionProgram)
+    assert rounding(compiled, default_times(compiled.mechanism, 90)) < 1e-12
+
+
+@pytest.mark.parametrize(("kind", "seed"), RANDOM)
+def test_random_mechanisms_move_alike(kind: str, seed: int) -> None:
+    case = draw(kind, seed, travel=0.3, forces=False)
+    compiled = compile_mechanism(case.mechanism)
+    assert isinstance(compiled.model.once(written), MotionProgram)
+    assert rounding(compiled, case.time) < 1e-10
+
+
+def test_what_cannot_be_assembled_is_missing_at_the_same_frames() -> None:
+    compiled = compile_mechanism(four_bar(E=(0.3, 0.0), AB=0.2, BD=0.15, DE=0.2, start=0.5))  # the crank cannot turn fully
+    time = np.linspace(0.0, 7.0, 400)
+    a, b = (solve_motion(replace(compiled, executor=e), time, strict=False).pose("rocker") for e in ("numpy", "c"))
+    assert np.isnan(a[:, 2]).any()
+    np.testing.assert_array_equal(np.isnan(a), np.isnan(b))
+
+
+def test_mechanisms_of_one_structure_share_a_program() -> None:
+    first, second = (compile_mechanism(crank_rocker(b)).model.once(written) for b in (0.3, 0.31))
+    assert isinstance(first, MotionProgram) and isinstance(second, MotionProgram)
+    assert first.source == second.source
+
+
+def test_auto_compiles_long_motions_only(monkeypatch: pytest.MonkeyPatch) -> None:
+    model = compile_mechanism(crank_rocker()).model
+    assert motion_program(model, "auto", 361) is None
+    monkeypatch.setattr(compiled_motion, "PAYS", 361 * 50)
+    assert motion_program(model, "auto", 361) is not None
+    assert motion_program(model, "numpy", 10**9) is None
+
+
+def test_what_c_does_not_have_is_named() -> None:
+    assert compile_mechanism(load("cam-flat").mechanism).model.once(written) == "the cam of K is a function"
+    assert "Newton" in str(compile_mechanism(load("triad").mechanism).model.once(written))
