@@ -168,8 +168,7 @@ def hard_pictures() -> None:
     from mechcore.dynamics.simulate import simulate
     from mechcore.laws.program import Segment, program
     from mechcore.motion.solve import compile_mechanism, solve_motion
-    from mechviz.hard_cases.mechanisms import TURN, four_bar, load_at, pendulum
-    from mechviz.hard_cases.rubbing import sleeve
+    from mechviz.hard_cases.mechanisms import TURN, four_bar, load_at, pendulum, sleeve
 
     t = np.linspace(0.0, 2.0 * TURN, 721)
     curves: list[Curve] = []

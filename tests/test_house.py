@@ -20,7 +20,7 @@ LAYERS = {
         ("constructions",),
     ),
     "mechviz": (
-        ("files", "meshes"), ("figures", "scene"), ("quantities",), ("accuracy",), ("runs",), ("running", "picture"),
+        ("files", "meshes"), ("figures", "scene"), ("quantities",), ("accuracy",), ("runs",), ("picture",),
         ("editor", "studies"), ("outputs",), ("hard_cases",), ("facade",), ("commands",), ("__main__",),
     ),
 }  # fmt: skip

@@ -7,9 +7,9 @@ from typing import Annotated, Literal
 import typer
 
 from mechcore.compiled.motion import Executor
-from mechviz.accuracy.words import target_words
+from mechviz.accuracy.estimate import doubts
+from mechviz.accuracy.kept import target_words
 from mechviz.commands.common import UNTRUSTED, fail, progress_bar, say
-from mechviz.quantities.soundness import doubts
 from mechviz.runs import Run, run_scene
 from mechviz.scene.scene import Scene
 from mechviz.studies.executors import missing_lines

@@ -1,12 +1,12 @@
 """The suite of hard cases: places where mechanisms are hard, each with what is expected there, independently of what computes it.
 
-Modules with their ``CASES``, and two with the mechanisms that they share with the tests.
+Modules with their ``CASES``, and one with the mechanisms that they share with the tests.
 """
 
-from mechviz.hard_cases import cams, constraints, dynamics, friction, friction_motion, input, linkages, published
+from mechviz.hard_cases import cams, constraints, dynamics, friction, input, linkages
 from mechviz.hard_cases.case import Case
 
-MODULES = (linkages, constraints, published, cams, friction, friction_motion, dynamics, input)
+MODULES = (linkages, constraints, cams, friction, dynamics, input)
 
 
 def all_cases(only: str | None = None) -> tuple[Case, ...]:

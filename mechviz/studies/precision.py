@@ -23,9 +23,8 @@ from mechcore.forces.kinetostatics import solve_forces
 from mechcore.motion.solve import default_times, solve_motion
 from mechviz.accuracy.estimate import estimate_errors, poses_apart
 from mechviz.accuracy.fit import achieved, duration, fit_frames, provider
-from mechviz.accuracy.kept import PROFILE, plane_cams, profile_away
+from mechviz.accuracy.kept import ORDERS, PROFILE, plane_cams, profile_away
 from mechviz.accuracy.quantities import quantities
-from mechviz.accuracy.words import ORDERS
 from mechviz.meshes.kinds.cam_profiles import profile_points
 from mechviz.picture.build import solids_of
 from mechviz.runs import Run, package_version, run_scene

@@ -16,8 +16,8 @@ from mechcore.errors import Fault, MechanismError
 from mechviz.figures import DOTS, chart, chart_svg
 from mechviz.files import replacing
 from mechviz.outputs.rerun.content import model_json, scene_text
-from mechviz.quantities.between_frames import read_between
 from mechviz.quantities.catalogue import Axis, Quantity, Together
+from mechviz.quantities.items import read_between
 from mechviz.runs import Run, package_version
 
 if TYPE_CHECKING:

@@ -18,7 +18,7 @@ from mechviz.files import open_regular, plain_name
 from mechviz.outputs.rerun.contract import Properties, faults_of, missing_tables, read_properties
 from mechviz.outputs.rerun.entities import APPLICATION, RecordingError, entity
 from mechviz.outputs.rerun.rerun_adapter import MAGIC, application_of, check_readable, chunks_in, entity_of
-from mechviz.quantities.between_frames import read_between
+from mechviz.quantities.items import read_between
 from mechviz.scene.folder import SceneFolder
 from mechviz.scene.scene import Scene, loads
 

@@ -47,8 +47,7 @@ from mechviz.picture.nodes import Arrow
 from mechviz.picture.overlays import overlay_box
 from mechviz.quantities.events import events_of, line_of
 from mechviz.quantities.vectors import FORCE_FAMILIES
-from mechviz.running import Running
-from mechviz.runs import Run, Stage, stopwatch
+from mechviz.runs import Run, Running, Stage, stopwatch
 
 if TYPE_CHECKING:
     from mechcore.dynamics.simulation import Simulation

@@ -14,8 +14,7 @@ import viser
 
 from mechviz.outputs.viewer.show import build, show_of_run
 from mechviz.outputs.viewer.view_model import ViewModel
-from mechviz.running import Running
-from mechviz.runs import Run
+from mechviz.runs import Run, Running
 
 if TYPE_CHECKING:
     from mechcore.dynamics.simulation import Simulation

@@ -17,7 +17,7 @@ from mechcore.laws.timed import ConstantSpeed
 from mechcore.motion.solve import compile_mechanism, default_times, solve_motion
 from mechcore.spec.loads import Force
 from mechcore.spec.mechanism import Drive, Friction, Link, Mechanism, PinSlot, Prismatic, Revolute, Rolling
-from mechviz.hard_cases.rubbing import gears, incline, sleeve
+from mechviz.hard_cases.mechanisms import gears, incline, sleeve
 
 TURN = np.linspace(0.0, 2.0 * np.pi, 181)
 

@@ -17,7 +17,7 @@ from mechcore.forces.kinetostatics import solve_forces
 from mechcore.laws.timed import ConstantSpeed, Oscillation
 from mechcore.motion.solve import compile_mechanism, default_times, solve_motion
 from mechcore.spec.mechanism import Drive, Friction, Link, PinSlot, Prismatic
-from mechviz.hard_cases.rubbing import sleeve
+from mechviz.hard_cases.mechanisms import sleeve
 from mechviz.outputs.inspection import _losses, format_inspection, inspect
 from mechviz.scene.builder import SceneBuilder
 from mechviz.scene.scene import Scene, json_schema

@@ -17,12 +17,12 @@ from mechcore.forces.kinetostatics import solve_forces
 from mechcore.motion.solve import compile_mechanism, default_times, solve_motion
 from mechcore.numerics.interpolation import between, differentiate
 from mechviz.accuracy import fit as fit_module
-from mechviz.accuracy import words as words_module
+from mechviz.accuracy import kept
 from mechviz.accuracy.estimate import integration_error, interpolation_error
 from mechviz.accuracy.fit import achieved, fit_frames, provider, stand_out
+from mechviz.accuracy.kept import target_words
 from mechviz.accuracy.quantities import Passage, Quantity, passages_of, quantities, size_at
 from mechviz.accuracy.reference import between_error, position_errors, reaction_error
-from mechviz.accuracy.words import target_words
 from mechviz.hard_cases.dynamics import SQUEEZED
 from mechviz.runs import run_scene
 from mechviz.scene.faults import SceneError
@@ -193,10 +193,10 @@ def test_what_is_recorded_has_the_digits_and_frames_that_are_asked(tmp_path):
 
 def test_what_nobody_asks_for_costs_nothing(monkeypatch):
     """Neither frames are fitted nor errors estimated, and rates are not taken by differences."""
-    from mechcore.motion import differences
+    from mechcore.motion import motion
     from mechviz.accuracy import estimate, fit
 
-    for module, name in ((fit, "fit_frames"), (estimate, "estimate_errors"), (differences, "numerical_rates")):
+    for module, name in ((fit, "fit_frames"), (estimate, "estimate_errors"), (motion, "_numerical_rates")):
         monkeypatch.setattr(module, name, None)
     run = run_scene(load("slider-crank-engine"), frames=36)
     assert run.accuracy is DEFAULT and run.fit is None
@@ -305,7 +305,7 @@ def test_more_frames_resolve_a_bend_and_not_a_jump(extra, reached, jumps, monkey
 def test_a_motion_whose_rounding_grows_beyond_the_wanted_error_says_so(monkeypatch):
     run = run_scene(load("andrews-squeezer"), frames=100, accuracy=1e-6)
     assert target_words(run)[1].startswith("motion under forces: within")
-    monkeypatch.setattr(words_module, "integration_error", lambda *_: np.array([3e-5]))
+    monkeypatch.setattr(kept, "integration_error", lambda *_: np.array([3e-5]))
     assert target_words(run)[1].startswith("warning: motion under forces: about 3.0e-05 is left")
     assert target_words(dataclasses.replace(run, again=None))[1].startswith("warning: motion under forces: no second run")
 

@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from mechviz.accuracy.apply import setting_changes
 from mechviz.accuracy.kept import PROFILE
 from mechviz.commands.main import app
 from mechviz.figures import DOTS, chart_svg
@@ -19,7 +18,7 @@ from mechviz.studies import cost, precision
 from mechviz.studies.cost import Timed, side_by_side, timed
 from mechviz.studies.influences import influence_lines, influences
 from mechviz.studies.precision import Point, cheapest, ladder, pareto
-from mechviz.studies.precision_diagram import PANEL, diagram, write_rrd
+from mechviz.studies.precision_diagram import PANEL, diagram, setting_changes, write_rrd
 
 
 def point(seconds: float, error: float, **more: object) -> Point:

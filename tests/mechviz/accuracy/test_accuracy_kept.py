@@ -14,15 +14,14 @@ from mechcore.accuracy import Accuracy, accuracy_for
 from mechviz.accuracy import fit as fit_module
 from mechviz.accuracy import kept
 from mechviz.accuracy.fit import provider
-from mechviz.accuracy.kept import FINEST, profile_away
-from mechviz.accuracy.words import target_words
+from mechviz.accuracy.kept import FINEST, profile_away, target_words
 from mechviz.commands.main import app
 from mechviz.meshes.kinds import cam_profiles as profiles
 from mechviz.outputs.exports.tables import even_times, wide_table
 from mechviz.outputs.rerun.reader import Recording
 from mechviz.outputs.rerun.writer import write_recording
 from mechviz.picture.build import solids_of
-from mechviz.quantities.between_frames import read_between, slopes_of
+from mechviz.quantities.items import read_between, slopes_of
 from mechviz.runs import run_scene
 from mechviz.scene.scene import Scene, load
 

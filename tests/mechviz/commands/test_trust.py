@@ -11,9 +11,9 @@ import pytest
 
 import mechviz
 from mechcore.errors import MechanismError
+from mechviz.accuracy.estimate import check_finite, doubts
 from mechviz.commands import recording
 from mechviz.commands.main import main
-from mechviz.quantities.soundness import check_finite, doubts
 from mechviz.runs import run_scene
 from mechviz.scene.faults import SceneError
 from mechviz.scene.scene import loads

@@ -22,8 +22,7 @@ from mechviz.outputs.rerun.writer import live, write_recording
 from mechviz.outputs.viewer.app import Viewer
 from mechviz.outputs.viewer.growth import Computing, Stopped
 from mechviz.picture.nodes import Arrow
-from mechviz.running import Running
-from mechviz.runs import run_scene, with_run
+from mechviz.runs import Running, run_scene, with_run
 
 
 @pytest.fixture(scope="module")

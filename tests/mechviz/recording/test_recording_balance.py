@@ -9,7 +9,7 @@ import mechviz
 from mechviz.outputs.inspection import inspect
 from mechviz.outputs.rerun.reader import Recording
 from mechviz.outputs.rerun.writer import write_recording
-from mechviz.quantities.exactness import without_noise
+from mechviz.quantities.tables import without_noise
 from mechviz.quantities.vectors import centre_name
 from mechviz.runs import run_scene
 from recordings import place

@@ -10,7 +10,6 @@ from typing import Any
 
 import viser
 
-from mechviz.accuracy.apply import in_use, setting_changes, target_changes
 from mechviz.figures import chart_svg
 from mechviz.outputs.rerun.content import accuracy_words
 from mechviz.outputs.viewer import words
@@ -18,7 +17,7 @@ from mechviz.outputs.viewer.server import Callback
 from mechviz.outputs.viewer.session import EditSession
 from mechviz.outputs.viewer.viser_adapter import uuid_of
 from mechviz.studies.precision import Point, ladder, pareto
-from mechviz.studies.precision_diagram import diagram, setting_words
+from mechviz.studies.precision_diagram import diagram, in_use, setting_changes, setting_words, target_changes
 
 NOW = "as it is"
 WANTED = {"as the dials are": None, "1e-2": 1e-2, "1e-3": 1e-3, "1e-4": 1e-4, "1e-6": 1e-6, "1e-8": 1e-8, "1e-10": 1e-10}
