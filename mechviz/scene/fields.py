@@ -9,9 +9,10 @@ from __future__ import annotations
 import ast
 import inspect
 import math
-import textwrap
+import sys
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from functools import cache
 from itertools import pairwise
 from typing import Annotated, Any, Literal
 
@@ -360,10 +361,10 @@ class Table(BaseModel):
         self._unread = frozenset(keys)
 
 
+@cache
 def _explained(table: type) -> dict[str, str]:
     """The texts below a class's own annotated names."""
-    body = ast.parse(textwrap.dedent(inspect.getsource(table))).body[0]
-    assert isinstance(body, ast.ClassDef)
+    body = _classes(table.__module__)[table.__name__]
     return {
         line.target.id: inspect.cleandoc(below.value.value)
         for line, below in pairwise(body.body)
@@ -373,6 +374,13 @@ def _explained(table: type) -> dict[str, str]:
         and isinstance(below.value, ast.Constant)
         and isinstance(below.value.value, str)
     }
+
+
+@cache
+def _classes(module: str) -> dict[str, ast.ClassDef]:
+    """The classes of a module by name. Its source is parsed once: `inspect.getsource` would parse it for every class."""
+    tree = ast.parse(inspect.getsource(sys.modules[module]))
+    return {node.name: node for node in tree.body if isinstance(node, ast.ClassDef)}
 
 
 def is_whole(value: Any) -> bool:

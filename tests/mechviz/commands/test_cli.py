@@ -180,8 +180,17 @@ main()
 """
 
 
-@pytest.mark.parametrize("module", ["typer", "pydantic", "rerun", "trimesh", "mechcore.numerics.newton"])
-@pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
+@pytest.mark.parametrize(
+    ("module", "number", "code"),
+    [
+        ("typer", signal.SIGINT, 130),
+        ("pydantic", signal.SIGTERM, 143),
+        ("rerun", signal.SIGINT, 130),
+        ("rerun", signal.SIGTERM, 143),
+        ("trimesh", signal.SIGINT, 130),
+        ("mechcore.numerics.newton", signal.SIGTERM, 143),
+    ],
+)
 def test_a_signal_while_libraries_load_ends_the_command_with_a_message(tmp_path: Path, module, number, code):
     arguments = ["export", "crank-rocker", "--stl"] if module == "trimesh" else ["record", "crank-rocker", "-o"]
     script = SLOW_START.format(module=module, arguments=arguments, path=str(tmp_path / "x.rrd"))
