@@ -15,8 +15,8 @@ PACKAGES = {"mechcore": ROOT / "core" / "mechcore", "mechviz": ROOT / "mechviz"}
 # from the bottom up: a part imports from itself and from what stands before it; those in one tuple do not know each other
 LAYERS = {
     "mechcore": (
-        ("arrays", "texts"), ("errors",), ("accuracy", "numerics"), ("laws",), ("spec",), ("cams",), ("joints",), ("topology",),
-        ("kinematics",), ("branches", "compiled"), ("motion",), ("effects",), ("forces",), ("reduction", "dynamics"),
+        ("arrays", "constants", "texts"), ("errors",), ("accuracy", "numerics"), ("laws",), ("spec",), ("cams",), ("joints",),
+        ("topology",), ("kinematics",), ("branches", "compiled"), ("motion",), ("effects",), ("forces",), ("reduction", "dynamics"),
         ("constructions",),
     ),
     "mechviz": (

@@ -31,6 +31,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechcore.arrays import Real
+from mechcore.constants import TURN
 from mechcore.errors import Fault, MechanismError
 from mechcore.numerics.interpolation import between, differentiate
 from mechviz.accuracy.quantities import Passage, Quantity, pace_of_rest, passages_of, quantities, size_at, stands_still
@@ -47,7 +48,6 @@ LARGEST_CONDITION = 1e6  # beyond it the branch on both sides gives the frame
 TIGHTER = 0.01  # tolerance of the companion of a motion under forces
 TIGHTEST = 1e-13
 SAMPLED = 257  # frames at which a companion is compared
-TURN = 2.0 * np.pi
 QUADRATURE = 1e-4  # of the largest energy: less may be missing in the works, where contacts are stiff, and not in the motion
 UNSURE = 2.0  # [rad] that an angle may go from a frame to the next for a lost turn to be told from a motion
 AROUND = 1  # places at four times the distance, on both sides, that show how errors fall

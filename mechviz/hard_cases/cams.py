@@ -13,6 +13,7 @@ from mechcore.cams.followers import Flat, Follower, Knife, Oscillating, Roller, 
 from mechcore.cams.forces import Closure, closing_force, first_separation
 from mechcore.cams.limits import Requirement, find_limits, least_base, undercut_ranges
 from mechcore.cams.synthesis import Cam, cam_on_base
+from mechcore.constants import TURN
 from mechcore.forces.cam_events import cam_events
 from mechcore.forces.kinetostatics import solve_forces
 from mechcore.laws.catalogue import rise
@@ -23,7 +24,6 @@ from mechcore.motion.solve import compile_mechanism, solve_motion
 from mechcore.spec.loads import Spring
 from mechcore.spec.mechanism import CamJoint, Drive, Link, Mechanism, Prismatic, Revolute
 from mechviz.hard_cases.case import Case, Outcome, compare, judged, moved, refused
-from mechviz.hard_cases.mechanisms import TURN
 
 STROKE, UP = 0.02, 2.0
 LIFT = program([Segment(UP, STROKE, "cycloidal"), Segment(1.0), Segment(1.6, 0.0, "cycloidal"), Segment(TURN - 4.6)])

@@ -7,13 +7,14 @@ from dataclasses import replace
 
 import numpy as np
 
+from mechcore.constants import TURN
 from mechcore.laws.timed import ConstantSpeed
 from mechcore.motion.redundancy import indeterminate
 from mechcore.motion.solve import compile_mechanism, default_times, solve_motion
 from mechcore.spec.loads import Force
 from mechcore.spec.mechanism import Drive, Gear, Link, Mechanism, Prismatic, Revolute
 from mechviz.hard_cases.case import Case, Outcome, compare, judged, moved, refused
-from mechviz.hard_cases.mechanisms import TURN, at, four_bar, load_at, pin, slider_crank
+from mechviz.hard_cases.mechanisms import at, four_bar, load_at, pin, slider_crank
 
 
 def _redundant() -> Outcome:

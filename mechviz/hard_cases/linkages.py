@@ -7,12 +7,13 @@ from decimal import Decimal, localcontext
 
 import numpy as np
 
+from mechcore.constants import TURN
 from mechcore.laws.timed import ConstantSpeed, Oscillation, zones
 from mechcore.motion.reach import reachable_ranges
 from mechcore.motion.solve import compile_mechanism, default_times, solve_motion
 from mechcore.spec.mechanism import Drive, Link, Mechanism, Revolute
 from mechviz.hard_cases.case import Case, Check, Outcome, compare, judged, moved, refused
-from mechviz.hard_cases.mechanisms import TURN, at, chain, four_bar, slider_crank
+from mechviz.hard_cases.mechanisms import at, chain, four_bar, slider_crank
 from mechviz.scene.scene import load
 
 

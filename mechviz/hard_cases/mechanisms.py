@@ -14,7 +14,6 @@ from mechcore.motion.solve import compile_mechanism, solve_motion
 from mechcore.spec.loads import Factor, Force, Load, Torque
 from mechcore.spec.mechanism import Drive, Friction, Gear, Link, Mechanism, PinSlot, Prismatic, Revolute
 
-TURN = 2.0 * np.pi
 Bodies = Mapping[str, tuple[float, Sequence[float], float]]
 
 

@@ -8,11 +8,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from mechcore.constants import SINGULAR
 from mechcore.forces.cam_events import cam_events, limit_events
 from mechcore.forces.cam_rating import placed_cams
 from mechcore.forces.friction.events import friction_events
 from mechcore.forces.load_events import belt_events, load_events
-from mechcore.motion.events import SINGULAR, Event, find_events
+from mechcore.motion.events import Event, find_events
 from mechcore.spec.loads import BeltTension
 from mechcore.texts import as_force, as_torque
 from mechviz.quantities.items import joint_unit, joints_of

@@ -13,6 +13,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from mechcore.constants import TURN
 from mechcore.errors import Fault
 from mechcore.kinematics.model import Model
 from mechcore.kinematics.positions import place
@@ -156,7 +157,6 @@ def _segments_cross(a: complex, b: complex, c: complex, d: complex) -> bool:
     return turn(a, b, c) * turn(a, b, d) < 0 and turn(c, d, a) * turn(c, d, b) < 0
 
 
-TURN = 2.0 * math.pi
 AT_START = 0.02  # a drive drawn within this [rad, or part of the mechanism's size] of its start is drawn there
 
 

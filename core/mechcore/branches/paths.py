@@ -18,6 +18,7 @@ from mechcore.branches.assembly import Assembly, starts_of
 from mechcore.branches.continuation import REGULAR, Branch, ContinuationPath, continuation_path
 from mechcore.branches.modes import TWO_MODES
 from mechcore.branches.singular_points import Change, Changes, flat_instants, locate, needs_span, rounding_of
+from mechcore.constants import TURN
 from mechcore.kinematics.columns import all_vectors, columns, matrix_of
 from mechcore.kinematics.model import Model
 from mechcore.kinematics.patching import FAR, make_patches
@@ -26,7 +27,6 @@ from mechcore.kinematics.program import Block
 from mechcore.kinematics.state import Patch, State, value, wrapped_angle
 from mechcore.laws.timed import ConstantSpeed, Law
 
-TURN = 2.0 * np.pi
 STEP = {"angle": np.radians(6.0), "slide": 0.05}  # largest step of a path: angle, or part of the mechanism's size
 SAMPLES = 720  # of a turn or a cycle, at which closed forms are looked at for flat positions
 SAMPLES_OF_STEP = 12  # the same, of a step

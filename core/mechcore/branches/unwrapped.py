@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from mechcore.arrays import Flags, Index, Real
 from mechcore.branches.assembly import Assembly, starts_of
 from mechcore.branches.paths import CYCLES, SAME, largest_change
+from mechcore.constants import TURN
 from mechcore.kinematics.model import Model
 from mechcore.kinematics.positions import place_all
 from mechcore.kinematics.state import State, wrapped_angle
@@ -99,7 +100,6 @@ def _reached(model: Model, assembly: Assembly, first: Real, starts: Starts, driv
 
 Range = tuple[float, float]
 
-TURN = 2.0 * math.pi
 TOUCH = 1e-6  # [rad] nearer than which a joint starts at its only stop, and not a turn away from it
 TIE = 1e-9  # of a turn: angles so near to a border of their range are on it
 

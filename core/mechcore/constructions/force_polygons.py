@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from mechcore.arrays import Complex, Real, Values
+from mechcore.constants import ZERO_SUM
 from mechcore.constructions.polygons import Edge, Plan, frames_of
 from mechcore.forces.kinetostatics import LABELS, Forces, acting_on
 from mechcore.kinematics.dyads import cross
@@ -111,9 +112,6 @@ def _reaction(forces: Forces, joint: str, ends: dict[str, tuple[int, ...]], own:
     return [("reaction normal", f"R_{joint}^n", along), ("reaction tangential", f"R_{joint}^t", across)]
 
 
-ROUNDING = 1e-12
-
-
 @dataclass(frozen=True, eq=False)
 class Funicular:
     """The construction over all frames, plane vectors complex.
@@ -189,7 +187,7 @@ def funicular(
     o = _best_pole(corners, f) if pole is None else np.array(np.broadcast_to(_complex(pole)[:, 0], len(f)))
     rays = corners - o[:, None]
     knots = np.empty_like(p)
-    least = ROUNDING * max(float(sizes.max(initial=0.0)), 1e-300)
+    least = ZERO_SUM * max(float(sizes.max(initial=0.0)), 1e-300)
     knots[:, 0] = p[:, 0]
     with np.errstate(invalid="ignore", divide="ignore"):
         for i in range(1, f.shape[1]):
@@ -205,8 +203,8 @@ def funicular(
     drawn = cross(knots[:, -1] - middle, last) - cross(knots[:, 0] - middle, first)
     _, algebra = reduce_to(_pairs(p), _pairs(f), about=_pairs(middle))
     scale = np.abs(f).max(axis=1) * extent
-    pushes = np.abs(r) > ROUNDING * sizes
-    turns = np.abs(drawn) > 1e3 * ROUNDING * sizes * extent
+    pushes = np.abs(r) > ZERO_SUM * sizes
+    turns = np.abs(drawn) > 1e3 * ZERO_SUM * sizes * extent
     kind = np.where(pushes, KINDS[2], np.where(turns, KINDS[1], KINDS[0]))
     meeting = np.where(pushes, meeting, np.nan + 1j * np.nan)
     return Funicular(

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from mechcore.arrays import Real
+from mechcore.constants import MOST_TURNS, TURN
 from mechcore.dynamics.contact.phases import braking_elements
 from mechcore.dynamics.contact.separation import SeparableCam
 from mechcore.dynamics.equations.chart import Chart
@@ -30,7 +31,7 @@ from mechcore.dynamics.simulation import Simulation
 from mechcore.effects.registry import effects_of
 from mechcore.errors import Fault, MechanismError
 from mechcore.laws.timed import Free
-from mechcore.motion.compiled import MOST_TURNS, TURN, Compiled
+from mechcore.motion.compiled import Compiled
 from mechcore.motion.solve import compile_mechanism
 from mechcore.spec.mechanism import Drive, Mechanism
 

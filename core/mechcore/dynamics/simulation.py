@@ -11,10 +11,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from mechcore.arrays import Real
+from mechcore.constants import TURN
 from mechcore.dynamics.contact.dry_friction import DrySystem
 from mechcore.dynamics.contact.separation import FollowerSeparation, SeparableCam
 from mechcore.dynamics.energy_account import WorkIntegrals, powers_of, work_integrals
-from mechcore.dynamics.equations.curve import TURN
 from mechcore.dynamics.equations.energy import EnergyMotion
 from mechcore.dynamics.equations.reduced import coordinate_scales, free_of, integrating, motion_at
 from mechcore.dynamics.events import SimulationEvent, Stop

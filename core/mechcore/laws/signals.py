@@ -15,8 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from mechcore.arrays import Real
-
-TURN = 2.0 * np.pi
+from mechcore.constants import TURN
 
 
 class Signal(Protocol):

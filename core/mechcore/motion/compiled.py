@@ -18,6 +18,7 @@ from mechcore.branches.paths import BranchPath, path_for
 from mechcore.branches.singular_points import Changes, find_changes, needs_span, passages
 from mechcore.branches.unwrapped import Frames, LinkAngles, UnwrappedAngles
 from mechcore.compiled.motion import Executor, motion_program
+from mechcore.constants import MOST_TURNS, TURN
 from mechcore.kinematics.model import Model
 from mechcore.kinematics.patching import make_patches
 from mechcore.kinematics.positions import place_all
@@ -26,8 +27,6 @@ from mechcore.motion.motion import Motion
 from mechcore.spec.mechanism import Mechanism
 
 DriveValues = list[tuple[Real, Real | float, Real | float]]  # position, speed, acceleration (F,) of each drive
-TURN = 2.0 * np.pi
-MOST_TURNS = 50_000  # of a drive in one run; of one that slides, that many circumferences of a circle as large as the mechanism
 
 
 @dataclass(frozen=True, eq=False)

@@ -10,6 +10,7 @@ from typing import Any, Literal
 import numpy as np
 
 from mechcore.arrays import Flags, Real
+from mechcore.constants import REST, SINGULAR
 from mechcore.laws.timed import Table, TableLaw, moves
 from mechcore.motion.metrics import curvature, peak, per_unit, transmission_angles, velocity_ratios, zeros
 from mechcore.motion.motion import Motion
@@ -17,17 +18,11 @@ from mechcore.motion.redundancy import indeterminate
 from mechcore.spec.mechanism import Mechanism
 from mechcore.texts import Text, UnitSystem, as_angle, as_coordinate, as_length
 
-SINGULAR = 1e8
-"""Condition number of a block from which half of the digits of a result are gone."""
-
 POOR = 30.0
 """Transmission angle [degrees] below which a linkage runs badly (textbooks say 30 to 45)."""
 
 OVERSHOOT = 0.05
 """Part of a table's range by which a spline may pass the two rows around it: ten rows a cycle of a sine make it 0.02."""
-
-NOISE = 1e-9
-"""Speeds below this part of the run's largest are standstill."""
 
 
 @dataclass(frozen=True)
@@ -75,7 +70,7 @@ def turning_points(time: Real, speed: Real, acceleration: Real) -> Real:
     sign change, for all crossings at once. After a rest of more than one frame a return is not a turning point.
     """
     largest = np.abs(speed).max(initial=0.0)
-    moving = np.flatnonzero(np.abs(speed) > NOISE * largest)
+    moving = np.flatnonzero(np.abs(speed) > REST * largest)
     if largest == 0.0 or len(moving) < 2:
         return np.zeros(0)
     flips = np.flatnonzero((speed[moving][:-1] * speed[moving][1:] < 0) & (np.diff(moving) <= 2))
@@ -164,7 +159,7 @@ def _limits(motion: Motion) -> Iterator[Event]:
 def _still(motion: Motion, rows: Real) -> float:
     """A speed that is rounding noise: that of a coordinate that moves by 1e-9 of its scale over the run."""
     scale = max(motion.model.length_scale, float(np.abs(rows[:, 0]).max(initial=0.0)))
-    return NOISE * scale / max(float(np.ptp(motion.time)), 1e-300)
+    return REST * scale / max(float(np.ptp(motion.time)), 1e-300)
 
 
 def _drive_events(motion: Motion) -> Iterator[Event]:
@@ -176,7 +171,7 @@ def _drive_events(motion: Motion) -> Iterator[Event]:
         for t in turning_points(motion.time, rows[:, 1], rows[:, 2]):
             where = _words(motion, drive.joint, _at(motion, rows, float(t)))
             yield Event(float(t), "INFO", drive.joint, f"drive reverses at {where}")
-        rests = runs(np.abs(rows[:, 1]) <= NOISE * np.abs(rows[:, 1]).max(initial=0.0))
+        rests = runs(np.abs(rows[:, 1]) <= REST * np.abs(rows[:, 1]).max(initial=0.0))
         for start, end in rests if len(rests) and (rests[0][1] - rests[0][0] + 1 < motion.frames) else ():
             if start > 0 and (end > start or end == motion.frames - 1):
                 yield Event(
@@ -249,7 +244,7 @@ def _ratios(motion: Motion, asked: Sequence[str]) -> Iterator[Event]:
     step = float(np.max(np.diff(motion.time), initial=0.0))
     for joint, ratio in velocity_ratios(motion).items():
         finite = ratio[np.isfinite(ratio)]
-        if not len(finite) or np.ptp(finite) <= NOISE * motion.model.length_scale:
+        if not len(finite) or np.ptp(finite) <= REST * motion.model.length_scale:
             continue
         t, _ = peak(motion, partial(_squared_ratio, joint))
         near = dead[np.abs(dead - t) <= 2.0 * step] if np.isfinite(t) else dead
@@ -329,10 +324,6 @@ def runs(flags: Flags) -> list[tuple[int, int]]:
     return [(int(a), int(b) - 1) for a, b in zip(edges[::2], edges[1::2], strict=True)]
 
 
-REST = 1e-9
-"""Speeds below this part of the largest are rest: the run starts and ends in a limit position."""
-
-
 @dataclass(frozen=True)
 class Stroke:
     """Where the coordinate of an output goes over a run [rad or m].
@@ -367,7 +358,7 @@ def _stroke(motion: Motion, joint: str, times: Real, values: Real, cycles: int) 
     ratio = np.nan
     if repeats and len(motion.drives) == 1:
         ends = np.sort(np.concatenate([times, [start] if rests else []]))
-        ends = ends[ends < start + period * (1.0 - REST)]
+        ends = ends[ends < start + period * (1.0 - 1e-9)]
         if len(ends) == 2:
             there = float(ends[1] - ends[0])
             ratio = max(there, period - there) / min(there, period - there)

@@ -13,10 +13,11 @@ from mechcore.arrays import Flags, Real, Values
 from mechcore.branches.modes import TWO_MODES
 from mechcore.branches.paths import branch_by_drive, branch_path, largest_step
 from mechcore.branches.singular_points import flat_instants, rounding_of
+from mechcore.constants import TURN
 from mechcore.kinematics.model import Model
 from mechcore.kinematics.positions import dead_point_margin, place_all
 from mechcore.kinematics.state import State
-from mechcore.motion.compiled import TURN, Compiled, follow
+from mechcore.motion.compiled import Compiled, follow
 from mechcore.motion.metrics import peak
 from mechcore.motion.motion import Motion
 from mechcore.spec.mechanism import Cylinder

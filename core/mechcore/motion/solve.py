@@ -19,14 +19,15 @@ from mechcore.branches.singular_points import Changes, find_changes
 from mechcore.branches.unwrapped import UnwrappedAngles, Waypoint, raw_angles, start_pose
 from mechcore.compiled.motion import Executor
 from mechcore.compiled.toolchain import required_compiler
+from mechcore.constants import MOST_TURNS, SINGULAR, TURN
 from mechcore.errors import Fault, MechanismError
 from mechcore.kinematics.build import build_model
 from mechcore.kinematics.model import Model
 from mechcore.kinematics.program import Block
 from mechcore.laws.timed import ConstantSpeed
 from mechcore.motion.closure_errors import greatest_miss
-from mechcore.motion.compiled import MOST_TURNS, TURN, Compiled, drive_values, follow, place
-from mechcore.motion.events import SINGULAR, at_drive
+from mechcore.motion.compiled import Compiled, drive_values, follow, place
+from mechcore.motion.events import at_drive, runs
 from mechcore.motion.motion import Motion
 from mechcore.motion.reach import Escape, escapes, range_beside, reachable_ranges
 from mechcore.motion.structure import gruebler, rank_mobility
@@ -318,7 +319,7 @@ def _ranges(motion: Motion, bad: Flags) -> str:
     shown = partial(as_coordinate, rotary=motion.model.rotary(motion.mechanism.drives[0].joint))
     q = motion.drives[0][0]
     ranges = []
-    for start, end in _runs(bad):
+    for start, end in runs(bad):
         way = q[start : end + 1]  # the drive may turn back in it
         low, high = float(way.min()), float(way.max())
         digits = 6 if high - low > 1e-5 * max(abs(low), abs(high)) or high == low else 12
@@ -343,9 +344,3 @@ def _within_reach(compiled: Compiled, motion: Motion, bad: Flags, time: Real) ->
         return f", or keep drive {drives[0].joint} within [{shown(within[0])}, {shown(within[1])}] beside the others"
     end = float(motion.time[max(int(np.argmax(bad)) - 1, 0)])
     return f", or end the motion at {end:.6g} s ({at_drive(motion, end)})" if bad.any() and end > float(np.min(time)) else ""
-
-
-def _runs(flags: Flags) -> list[tuple[int, int]]:
-    """First and last index of each run of True."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], flags.astype(int), [0]])))
-    return [(int(a), int(b) - 1) for a, b in zip(edges[::2], edges[1::2], strict=True)]

@@ -17,10 +17,10 @@ from numpy.polynomial import Polynomial
 from numpy.typing import ArrayLike
 
 from mechcore.arrays import Real
+from mechcore.constants import ZERO_SUM
 from mechcore.errors import Fault, MechanismError
 
 Unknown = tuple[int, str]  # index of a mass, "mass", "x" or "y"
-ROUNDING = 1e-12
 
 
 @dataclass(frozen=True)
@@ -162,7 +162,7 @@ class _Task:
         many, few = ("x", "y") if len(xs) > len(ys) else ("y", "x")
         far, near = (xs, ys) if many == "x" else (ys, xs)
         if len(masses) == 2:  # the sum without an unknown coordinate decides t
-            line = sums[few].trim(ROUNDING)
+            line = sums[few].trim(ZERO_SUM)
             if line.degree() == 0:
                 raise _form(float(line.coef[0]), few)
             start = [float(line.roots()[0].real)]
@@ -176,7 +176,7 @@ class _Task:
             left = float(square(at))
             if near:
                 mu = float(m[near[0]](at))
-                if abs(mu) <= ROUNDING:
+                if abs(mu) <= ZERO_SUM:
                     raise _undetermined(f"mass {near[0] + 1} comes out as zero: its place has no influence.", "Choose otherwise.")
                 value = -float(sums[few](at)) / mu
                 known[near[0], few] = value
@@ -230,7 +230,7 @@ def _line_and_conic(
     """mu u + nu v = -linear and mu u^2 + nu v^2 = -left, for the unknown coordinates u, v of two masses."""
     p, q = sorted(joint, key=lambda i: -abs(float(m[i](at))))
     mu, nu = float(m[p](at)), float(m[q](at))
-    if abs(nu) <= ROUNDING:
+    if abs(nu) <= ZERO_SUM:
         raise _undetermined(f"mass {q + 1} comes out as zero: its place has no influence.", "Choose otherwise.")
     roots = _real_roots([linear**2 + left * mu, 2.0 * linear * nu, nu**2 + mu * nu], 1.0)
     return [{(p, what): (-linear - nu * v) / mu, (q, what): v} for v in roots]
@@ -242,7 +242,7 @@ def _real_roots(coefficients: Sequence[float], scale: float) -> list[float]:
     largest = np.abs(c).max(initial=0.0)
     if largest <= 1e-14 * scale:
         raise _undetermined("the four equations do not determine the four unknowns: a whole family solves them.", "Choose others.")
-    while len(c) > 1 and abs(c[-1]) <= ROUNDING * largest:
+    while len(c) > 1 and abs(c[-1]) <= ZERO_SUM * largest:
         c = c[:-1]
     if len(c) == 1:
         return []
@@ -266,7 +266,7 @@ def _undetermined(why: str, remedy: str) -> MechanismError:
 
 
 def _form(left_over: float, what: str) -> MechanismError:
-    if abs(left_over) <= ROUNDING:
+    if abs(left_over) <= ZERO_SUM:
         return _undetermined("the four equations do not determine the four unknowns: a whole family solves them.", "Choose others.")
     why = f"nothing that is unknown can bring the centre of mass to S along {what}."
     return _undetermined(why, f"Leave a {what} open, or another mass.")

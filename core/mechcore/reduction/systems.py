@@ -11,9 +11,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from mechcore.arrays import Real
+from mechcore.constants import ZERO_SUM
 
 KINDS = ("equilibrium", "couple", "single force")
-ROUNDING = 1e-12  # of the sum of all forces (times the extent of the system, for moments): below, a sum is zero
 
 
 def _cross(a: Real, b: Real) -> Real:
@@ -86,8 +86,8 @@ def resultant(points: ArrayLike, forces: ArrayLike, couples: ArrayLike | None = 
     if couples is not None:
         turning = turning + np.abs(np.asarray(couples, float)).sum(axis=-1)
     square = (force**2).sum(axis=-1)
-    pushes = np.sqrt(square) > ROUNDING * sizes.sum(axis=-1)
-    turns = np.abs(moment) > ROUNDING * turning
+    pushes = np.sqrt(square) > ZERO_SUM * sizes.sum(axis=-1)
+    turns = np.abs(moment) > ZERO_SUM * turning
     kind = np.where(pushes, KINDS[2], np.where(turns, KINDS[1], KINDS[0]))
     force = np.where(pushes[..., None], force, 0.0)
     moment = np.where(pushes | turns, moment, 0.0)

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from mechcore.constants import TURN
 from mechcore.dynamics.contact.separation import SeparableCam
 from mechcore.dynamics.events import EventTrigger, Stop
 from mechcore.errors import Fault, MechanismError
@@ -244,7 +245,6 @@ MARGIN = 0.01
 """Part of the reach that is left before each limit: a dead point, where efforts grow beyond all bounds."""
 STEPS = 36
 """Places of a drive that are tried where it cannot start."""
-TURN = 2.0 * math.pi
 
 
 def swinging(document: SceneDocument) -> Mapping[tuple[str | int, ...], Any]:

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from mechcore.arrays import Flags, Real
+from mechcore.constants import REST
 from mechcore.dynamics.contact.dry_friction import DrySystem, least_efforts, rates_of
 from mechcore.dynamics.equations.chart import jacobian_of
 from mechcore.dynamics.equations.reduced import constrained, coordinate_scales, free_of, moving, reduced_equations, shifted
@@ -22,7 +23,6 @@ WORDS = {0.0: "stick", 1.0: "slip +", -1.0: "slip -"}
 NO_EFFECT = 1e-12  # part of what a force on an element would move, if it did, that is rounding
 LOOSE = 1e-10  # of the limit of sticking: what exceeds it by less is rounding
 BEGUN = 1e-12  # rate of what just begins to move
-REST = 1e-9  # relative speeds below this part of the mechanism's own are rest
 SOON_MOVED = 1e-16  # of its scale: what moves by less soon is at rest as well
 
 

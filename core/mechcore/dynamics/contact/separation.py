@@ -15,6 +15,7 @@ import numpy as np
 
 from mechcore.arrays import Real
 from mechcore.cams.placed import PlacedCam
+from mechcore.constants import TURN
 from mechcore.dynamics.contact.impacts import impact
 from mechcore.dynamics.equations.chart import Chart
 from mechcore.dynamics.equations.charts import carried_on, enter
@@ -31,7 +32,6 @@ from mechcore.motion.solve import compile_mechanism
 from mechcore.spec.mechanism import Drive
 from mechcore.texts import as_coordinate
 
-TURN = 2.0 * np.pi
 SAMPLES = 48  # for an eighth of a turn of the cam
 SHARE = TURN / 8.0  # of the cam's turn in a window in which nothing has to be integrated
 ROUNDS = 10

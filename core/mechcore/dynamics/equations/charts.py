@@ -17,8 +17,9 @@ import numpy as np
 
 from mechcore.arrays import Real, Values
 from mechcore.branches.unwrapped import Starts, UnwrappedAngles, Waypoint, raw_angles
+from mechcore.constants import TURN
 from mechcore.dynamics.equations.chart import Chart
-from mechcore.dynamics.equations.curve import TURN, Curve, beside_singular, tabulate, whole_turn
+from mechcore.dynamics.equations.curve import Curve, beside_singular, tabulate, whole_turn
 from mechcore.dynamics.equations.reduced import free_of, motion_at, moving
 from mechcore.effects.base import rate
 from mechcore.effects.masses import kinetic_energy

@@ -15,6 +15,7 @@ import numpy as np
 
 from mechcore.arrays import Index, Real, Values
 from mechcore.branches.singular_points import Changes
+from mechcore.constants import TURN
 from mechcore.dynamics.equations.program import Programmed
 from mechcore.dynamics.equations.reduced import motion_at, steps_of_differences, with_rates
 from mechcore.effects.base import Effect, power_of
@@ -25,7 +26,6 @@ from mechcore.motion.compiled import Compiled, reached
 from mechcore.motion.motion import Motion
 from mechcore.numerics.chebyshev import Panels, fit_panels, fit_where_needed, nodes_of
 
-TURN = 2.0 * np.pi
 FIRST = 8  # panels of the first try
 EQUAL = 64  # panels of a table, beside the shorter ones next to singular positions
 SHORT = 0.1  # of the width of an equal panel: features that are less wide need shorter ones

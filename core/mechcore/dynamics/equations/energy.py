@@ -13,7 +13,8 @@ import numpy as np
 from numpy.polynomial.chebyshev import chebvander
 
 from mechcore.arrays import Real
-from mechcore.dynamics.equations.curve import TURN, Curve
+from mechcore.constants import TURN
+from mechcore.dynamics.equations.curve import Curve
 from mechcore.numerics.chebyshev import NODES, Panels, fit_where_needed
 
 _X, _W = np.polynomial.legendre.leggauss(12)

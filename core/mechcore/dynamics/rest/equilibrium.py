@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from mechcore.arrays import Real
+from mechcore.constants import MOST_TURNS, TURN
 from mechcore.dynamics.equations.charts import best_chart
 from mechcore.dynamics.equations.reduced import coordinate_scales, free_of, motion_at, reduced_equations, tangents
 from mechcore.dynamics.events import Stop, with_slot_ends
@@ -22,7 +23,7 @@ from mechcore.effects.base import power_of
 from mechcore.effects.registry import applied_effects, effects_of
 from mechcore.errors import Fault, MechanismError
 from mechcore.laws.timed import Free
-from mechcore.motion.compiled import MOST_TURNS, Compiled
+from mechcore.motion.compiled import Compiled
 from mechcore.motion.motion import Motion
 from mechcore.motion.solve import compile_mechanism
 from mechcore.spec.clearance import journals_of
@@ -229,7 +230,6 @@ def _within(found: Equilibrium, stops: Sequence[Stop]) -> None:
             raise MechanismError(Fault(f"joints.{s.joint}.stops", why, "Move the stop, or leave it out."))
 
 
-TURN = 2.0 * np.pi
 TOLD = 1_000  # periods in a run, from which on it is said before the work begins
 DECAYED = 35.0  # exponent of decay, after which nothing is left of a vibration
 SLOW = 1e-3  # of the vibration's own speed at an amplitude of one: the rate at which damping is looked up

@@ -16,6 +16,7 @@ from numpy.polynomial import legendre
 from numpy.typing import ArrayLike
 
 from mechcore.arrays import Real
+from mechcore.constants import TURN
 from mechcore.dynamics.contact.dry_friction import DrySystem
 from mechcore.dynamics.contact.phases import braking_elements
 from mechcore.dynamics.equations.chart import Chart
@@ -30,7 +31,6 @@ from mechcore.motion.solve import compile_mechanism, solve_motion
 from mechcore.spec.mechanism import Link, Mechanism
 from mechcore.texts import as_angle, as_quantity, as_torque
 
-TURN = 2.0 * np.pi
 NODES = 12
 FIRST = 16  # panels a turn
 MOST = 4096

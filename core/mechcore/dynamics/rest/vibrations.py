@@ -14,6 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from mechcore.arrays import Real
+from mechcore.constants import TURN
 from mechcore.dynamics.equations.reduced import coordinate_scales, reduce
 from mechcore.dynamics.events import Stop
 from mechcore.dynamics.rest.equilibrium import STEP, Equilibrium, Seek, find_equilibrium, force_at_rest
@@ -24,7 +25,6 @@ from mechcore.spec.loads import Servo
 from mechcore.spec.mechanism import Mechanism, braked
 
 NEUTRAL = 1e-9  # of the largest stiffness: below this a mode has none
-TURN = 2.0 * np.pi
 
 
 @dataclass(frozen=True, eq=False)

@@ -24,6 +24,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from mechcore.arrays import Plane, Real, Values, unit_vectors
+from mechcore.constants import REST
 from mechcore.kinematics.dyads import cross
 from mechcore.kinematics.model import Model
 from mechcore.kinematics.rates import Rates
@@ -43,9 +44,7 @@ from mechcore.spec.mechanism import (
 Movement = Literal["turn", "slide"]
 Kind = Literal["pin", "guide", "normal", "contact", "brake", "drive"]
 
-STILL = 1e-9
-"""Relative speeds below this part of the joint's largest are rest: friction is undetermined there and counted as zero."""
-NOISE = 1e-12  # the same of the largest speed of the whole mechanism: joints that never move
+NOISE = 1e-12  # relative speeds below this part of the largest of the whole mechanism: joints that never move
 
 
 @dataclass(frozen=True, eq=False)
@@ -243,7 +242,8 @@ def _of_cam(
 
 
 def _sign(rate: Real, least: float) -> Real:
-    return np.asarray(np.where(np.abs(rate) <= max(STILL * _peak(rate), least), 0.0, np.sign(rate)))
+    """Sign of a relative speed (F,); zero at rest, where friction is undetermined and counted as zero."""
+    return np.asarray(np.where(np.abs(rate) <= max(REST * _peak(rate), least), 0.0, np.sign(rate)))
 
 
 def relative_rate(motion: Motion, rates: Rates, what: Movement, j: int, links: tuple[int, int]) -> Real:
