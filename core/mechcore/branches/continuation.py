@@ -54,22 +54,21 @@ class Branch:
     laws: tuple[Law, ...]
     still: tuple[float, ...] = ()
 
-    def drives(self, parameter: Real | float) -> list[Real]:
-        """Positions of all drives at parameters (...)."""
-        led = [np.asarray(law(parameter)[0], float)[()] for law in self.laws]
-        return [*led, *(np.full(np.shape(parameter), q)[()] for q in self.still)]
-
-    def speeds(self, parameter: float) -> list[float]:
-        """Derivatives of the drives' positions by the parameter."""
-        return [*(float(law(parameter)[1]) for law in self.laws), *(0.0 for _ in self.still)]
+    def drives(self, parameter: Real | float) -> tuple[list[Real], list[Real]]:
+        """Positions of all drives at parameters (...), and their derivatives by it."""
+        led = [law(parameter) for law in self.laws]
+        positions, speeds = [np.asarray(q, float)[()] for q, _, _ in led], [np.asarray(v, float)[()] for _, v, _ in led]
+        if self.still:
+            none = np.zeros(np.shape(parameter))
+            positions, speeds = positions + [none + q for q in self.still], speeds + [none] * len(self.still)
+        return positions, speeds
 
     def placed(
         self, parameter: Real | float, starts: Mapping[str, Real], patches: Mapping[int, Sequence[Patch]] | None = None
     ) -> State:
         """Positions of all groups at parameters (...) from Newton starts there."""
-        return place_all(
-            self.model, self.drives(parameter), self.assembly.modes, starts, patches, constants=self.assembly.constants
-        )
+        positions, _ = self.drives(parameter)
+        return place_all(self.model, positions, self.assembly.modes, starts, patches, constants=self.assembly.constants)
 
 
 @dataclass(frozen=True, eq=False)
@@ -181,7 +180,7 @@ def _continued(branch: Branch, start: float, end: float, step: float, passed: li
         p = rows[-1].parameter
         h = min(h, direction * (end - p))
         target = end if h == direction * (end - p) else p + direction * h
-        new = None if _singular_before(rows, target) else _row_at(branch, target, _extrapolated(rows[-2:], target)[0])
+        new = None if _singular_before(rows, target) else _row_at(branch, target, _extrapolated(rows[-2:], target))
         if new is not None and rows[-1].same_branch(new):
             rows.append(new)
             h = min(step, 2.0 * h)
@@ -198,12 +197,12 @@ def _continued(branch: Branch, start: float, end: float, step: float, passed: li
 
 def _row_at(branch: Branch, p: float, starts: Mapping[str, Real]) -> Row | None:
     """One point of the path; None where Newton ends too far from its start or nowhere."""
-    model = branch.model
-    state = branch.placed(p, starts)
+    model, assembly = branch.model, branch.assembly
+    positions, speeds = branch.drives(p)
+    state = place_all(model, positions, assembly.modes, starts, constants=assembly.constants)
     for result in state.newton.values():
         if not np.isfinite(result.x).all() or float(result.first) > LARGEST_CORRECTION:
             return None
-    speeds = branch.speeds(p)
     vectors = all_vectors(model, state)
     with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
         cols = all_columns(model, vectors)
@@ -235,20 +234,28 @@ def _row_at(branch: Branch, p: float, starts: Mapping[str, Real]) -> Row | None:
     return row
 
 
-def _extrapolated(rows: Sequence[Row], p: float) -> tuple[dict[str, Real], dict[str, Real]]:
-    """Unknowns and slopes at ``p`` by the polynomial through those of some rows: of two a cubic, of one the tangent."""
-    places = np.array([row.parameter for row in rows])
-    h = float(np.ptp(places)) or 1.0
-    power = np.arange(2 * len(rows))
-
-    def basis(u: Real) -> tuple[Real, Real]:
-        return u[:, None] ** power, power * u[:, None] ** np.maximum(power - 1, 0)
-
-    wanted = np.concatenate(basis(np.array([(p - places[-1]) / h])))
-    weights = np.linalg.solve(np.concatenate(basis((places - places[-1]) / h)).T, wanted.T).T
-    weights *= np.outer([1.0, 1.0 / h], np.repeat([1.0, h], len(rows)))
-    data = {n: np.array([*(r.unknowns[n] for r in rows), *(r.slopes[n] for r in rows)]) for n in rows[-1].unknowns}
-    return {n: weights[0] @ x for n, x in data.items()}, {n: weights[1] @ x for n, x in data.items()}
+def _extrapolated(rows: Sequence[Row], p: float, derivative: int = 0) -> dict[str, Real]:
+    """Unknowns at ``p``, or their derivatives, by the Hermite polynomial through some rows: of two a cubic, of one the tangent."""
+    places = [row.parameter for row in rows]
+    weights = []
+    for i, at in enumerate(places):  # in terms of Lagrange's polynomial that is 1 at this place and 0 at the others
+        lagrange, slope, bend = 1.0, 0.0, 0.0  # at p, there its logarithmic derivative, and its derivative at its own place
+        for k, x in enumerate(places):
+            if k != i:
+                lagrange *= (p - x) / (at - x)
+                slope += 1.0 / (p - x)
+                bend += 1.0 / (at - x)
+        square, away = lagrange * lagrange, p - at
+        own = 1.0 - 2.0 * away * bend
+        if derivative:
+            weights.append((2.0 * square * (own * slope - bend), square * (1.0 + 2.0 * away * slope)))
+        else:
+            weights.append((own * square, away * square))
+    out = {}
+    for name in rows[0].unknowns:
+        terms = [x * row.unknowns[name] + s * row.slopes[name] for row, (x, s) in zip(rows, weights, strict=True)]
+        out[name] = sum(terms[1:], terms[0])
+    return out
 
 
 def _singular_before(rows: Sequence[Row], p: float) -> bool:
@@ -281,7 +288,7 @@ def _pass(branch: Branch, rows: list[Row], direction: float, step: float) -> lis
         if len(kept) < 2:
             continue
         last, target = kept[-1], end.parameter + direction * gap
-        expected, slope = _extrapolated(kept[-FOR_PASSING:], target)
+        expected, slope = (_extrapolated(kept[-FOR_PASSING:], target, derivative) for derivative in (0, 1))
         new = _row_at(branch, target, expected)
         if new is None:
             continue
@@ -317,7 +324,7 @@ def _limit(branch: Branch, row: Row, span: float, direction: float) -> float:
 def _placed_before(branch: Branch, row: Row, p: float, block: Block | None) -> State:
     """Positions of the groups before one that is looked at (None: of all with a closed form before the first continued one)."""
     model, assembly = branch.model, branch.assembly
-    state = initial_state(model, branch.drives(p), assembly.constants, row.unknowns)
+    state = initial_state(model, branch.drives(p)[0], assembly.constants, row.unknowns)
     for b, mode in zip(model.blocks, assembly.modes, strict=True):
         if b is block or (block is None and b.kind == "general"):
             break

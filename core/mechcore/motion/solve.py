@@ -15,7 +15,7 @@ from mechcore.arrays import Flags, Real
 from mechcore.branches.assembly import Assembly, assemble, fitting_statements
 from mechcore.branches.modes import at_sketch, other_modes, sketched_drives
 from mechcore.branches.paths import BranchPath, travel_of
-from mechcore.branches.singular_points import Changes, find_changes
+from mechcore.branches.singular_points import MISS, Changes, find_changes
 from mechcore.branches.unwrapped import UnwrappedAngles, Waypoint, raw_angles, start_pose
 from mechcore.compiled.motion import Executor
 from mechcore.compiled.toolchain import required_compiler
@@ -264,7 +264,7 @@ def _out_of_reach(compiled: Compiled, block: Block, motion: Motion, bad: Flags, 
     if miss == np.inf:
         words += ": its links miss each other, and not at one joint alone."
         remedy = "Change the lengths of several of its links"
-    elif miss > 0:
+    elif miss > MISS * model.length_scale:
         words += f": its links miss each other by up to {as_length(miss)}."
     elif loose:
         words += ": the group comes to a position with more than one freedom, from which the drive alone does not lead on."
