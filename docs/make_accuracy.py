@@ -161,8 +161,8 @@ def hard_tables() -> dict[str, str]:
 
 def hard_pictures() -> None:
     """One picture a family, from what the program computes."""
-    from mechcore.cams.cutting import cut_profile
     from mechcore.cams.followers import Follower, Roller, Translating
+    from mechcore.cams.real_profiles import cut_profile
     from mechcore.cams.synthesis import cam_on_base
     from mechcore.dynamics.events import Stop
     from mechcore.dynamics.simulate import simulate

@@ -11,12 +11,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mechcore.arrays import Real
-from mechcore.cams.equivalent import simplified_offset_error
+from mechcore.cams.closures import roller_range
 from mechcore.cams.followers import Flat, Knife, Roller, Translating
-from mechcore.cams.forces import roller_range
 from mechcore.cams.limits import Requirement, best_offset, find_limits, least_base
 from mechcore.cams.placed import PlacedCam
 from mechcore.cams.placed_spatial import PlacedSpatial
+from mechcore.cams.synthesis import simplified_offset_error
 from mechcore.errors import MechanismError
 from mechcore.forces.cam_events import lost_ranges
 from mechcore.forces.cam_rating import AnyCam, contact_force, contact_stress, drawn_lift, joint_of, least_springs, placed_cams

@@ -3,12 +3,11 @@
 SI units and radians; plane vectors are complex numbers; angles have the shape (n), derivatives a leading axis (order + 1, n).
 
 Conventions (theory of the lecture). The cam's centre O is the origin. A disc cam turns counter-clockwise by theta (``turn = -1``:
-clockwise); its axes are the ground's at theta = 0, so that a ground point q is the cam point ``exp(-i turn theta) q``. A
-wedge moves by
--x. A translating follower moves up along x = offset, its coordinate is the height h of its reference point; an oscillating one has
-the angle psi of its arm from the line pivot -> O. Reference points: knife tip, roller centre, centre of a mushroom's
-arc, the middle of a flat face. Normals point from the cam to the follower, radii of curvature are positive where the cam is
-convex, pressure angles are positive when the cam lifts the follower.
+clockwise); its axes are the ground's at theta = 0, so that a ground point q is the cam point ``exp(-i turn theta) q``. A wedge
+moves by -x. A translating follower moves up along x = offset, its coordinate is the height h of its reference point; an oscillating
+one has the angle psi of its arm from the line pivot -> O. Reference points: knife tip, roller centre, centre of a mushroom's arc,
+the middle of a flat face. Normals point from the cam to the follower, radii of curvature are positive where the cam is convex,
+pressure angles are positive when the cam lifts the follower.
 
 The way through the package::
 
@@ -24,14 +23,27 @@ The way through the package::
     SpatialCam(law, Barrel() | BarrelArm(...) | Globoid(...), roller, inner, outer).flank(theta, along, side)
     conjugate(cam, ...); breadth(law); InverseCam(...)
 
-``followers`` guides and faces; ``synthesis`` plane cams; ``limits``, ``design`` limits and the search for base circle and offset;
-``contour``, ``search``, ``analysis`` given profiles; ``cutting`` what is left of undercut ones; ``graphical``, ``lecture``,
-``equivalent`` the lecture's methods; ``forces`` closure by a spring, jamming, Hertz; ``closures`` yoke, conjugate and inverse cams;
-``spatial`` barrel, end and globoidal cams; ``jets`` derivatives.
+``followers`` guides and faces; ``synthesis`` plane cams, their equivalent linkage; ``limits`` limits and the search for base circle
+and offset; ``contour``, ``analysis`` given profiles; ``real_profiles`` their lift, the graphical method, what is left of undercut
+ones; ``closures`` yokes, conjugate cams, closure by a spring, jamming, Hertz; ``spatial`` barrel, end, globoidal and inverse cams;
+``placed``, ``placed_spatial`` cams in their mechanisms.
 """
 
 from mechcore.cams.analysis import Bridge, Contact, analyse
-from mechcore.cams.closures import Breadth, InverseCam, breadth, conjugate
+from mechcore.cams.closures import (
+    Breadth,
+    Closure,
+    HertzContact,
+    Separation,
+    breadth,
+    closing_force,
+    conjugate,
+    first_separation,
+    hertz,
+    jamming_angle,
+    least_spring,
+    roller_range,
+)
 from mechcore.cams.contour import (
     Contour,
     arc,
@@ -43,27 +55,7 @@ from mechcore.cams.contour import (
     polygon,
     spline_contour,
 )
-from mechcore.cams.cutting import CutProfile, cut_profile
-from mechcore.cams.equivalent import (
-    EquivalentLinkage,
-    OffsetError,
-    equivalent_linkage,
-    neglected_phase,
-    simplified_offset_error,
-)
 from mechcore.cams.followers import Arc, Flat, Follower, Knife, Oscillating, Roller, Translating
-from mechcore.cams.forces import (
-    Closure,
-    HertzContact,
-    Separation,
-    closing_force,
-    first_separation,
-    hertz,
-    jamming_angle,
-    least_spring,
-    roller_range,
-)
-from mechcore.cams.given import Graphical, graphical
 from mechcore.cams.limits import (
     Design,
     Limits,
@@ -77,8 +69,18 @@ from mechcore.cams.limits import (
     least_base,
     undercut_ranges,
 )
-from mechcore.cams.spatial import Barrel, BarrelArm, Flank, Globoid, SpatialCam, SpatialLimits, spatial_limits
-from mechcore.cams.synthesis import Cam, Synthesis, cam_on_base
+from mechcore.cams.real_profiles import CutProfile, Graphical, cut_profile, graphical
+from mechcore.cams.spatial import Barrel, BarrelArm, Flank, Globoid, InverseCam, SpatialCam, SpatialLimits, spatial_limits
+from mechcore.cams.synthesis import (
+    Cam,
+    EquivalentLinkage,
+    OffsetError,
+    Synthesis,
+    cam_on_base,
+    equivalent_linkage,
+    neglected_phase,
+    simplified_offset_error,
+)
 
 __all__ = [
     "Arc",

@@ -12,14 +12,12 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from mechcore.arrays import Complex, Flags, Real
+from mechcore.arrays import Complex, Flags, Index, Real
 from mechcore.cams.contour import Contour
 from mechcore.cams.followers import Arc, Flat, Follower, Translating
-from mechcore.errors import Fault, MechanismError
 from mechcore.numerics import jets
-from mechcore.texts import as_angle
 
 THIN = 3.0  # distances of two samples below which the radius of a roller is small
 NEAR_JOINT = 1e-9  # ends of two pieces nearer than this part of the contour are one point
@@ -106,7 +104,7 @@ class Task:
         if isinstance(self.follower.face, Flat):
             return 1j * self.follower.face_direction(q)
         t = self.follower.reference(q[None])[0]
-        return (t - z) / self.follower.radius
+        return np.asarray((t - z) / self.follower.radius)
 
     def knife_gap(self, z: Complex) -> Real:
         """Signed distance of ground points from the path of a knife's tip."""
@@ -120,7 +118,7 @@ class Task:
         return -guide.side * np.angle((z - guide.pivot) / guide.home)
 
 
-def root(f: Callable[[Real, NDArray], Real], a: Real, b: Real, fa: Real, fb: Real, live: NDArray) -> tuple[Real, Real]:
+def root(f: Callable[[Real, Index], Real], a: Real, b: Real, fa: Real, fb: Real, live: Flags) -> tuple[Real, Real]:
     """Roots of many functions between ``a`` and ``b`` (n), where their values ``fa``, ``fb`` have opposite signs, and values there.
 
     ``f`` takes places and the indices of the functions that they belong to. Inverse quadratic interpolation where it is safe, else
@@ -156,7 +154,7 @@ def root(f: Callable[[Real, NDArray], Real], a: Real, b: Real, fa: Real, fb: Rea
     return np.where(nearer, a, b), np.where(nearer, fa, fb)
 
 
-def locate(task: Task, angle: Real, each: int, near: NDArray | None = None) -> tuple[NDArray, Real, Real, NDArray]:
+def locate(task: Task, angle: Real, each: int, near: Index | None = None) -> tuple[Index, Real, Real, Flags]:
     """Piece (n), parameter (n), coordinate (n) (NaN: none), on a corner (n).
 
     ``near`` (n): number of the sample about which the contact is known to lie, -1 where it is not known.
@@ -179,7 +177,7 @@ def locate(task: Task, angle: Real, each: int, near: NDArray | None = None) -> t
     return piece, u, q, corner
 
 
-def _pointed(task: Task, pieces: NDArray, points: Complex) -> bool:
+def _pointed(task: Task, pieces: Index, points: Complex) -> bool:
     """Whether the face is a knife, or a roller so thin that samples of the profile may miss it.
 
     Its centre is then the tip of a knife on the curve at the roller's radius; of all crossings the highest is the contact, as any
@@ -194,7 +192,7 @@ def _pointed(task: Task, pieces: NDArray, points: Complex) -> bool:
     return bool(radius < THIN * apart.max())
 
 
-def _round(task: Task, angle: Real, pieces: NDArray, us: Real, points: Complex, each: int) -> tuple[NDArray, Real, Real, NDArray]:
+def _round(task: Task, angle: Real, pieces: Index, us: Real, points: Complex, each: int) -> tuple[Index, Real, Real, Flags]:
     """``pieces``, ``us``, ``points`` (n or 1, s): the samples that are compared at each angle, in their order along the contour."""
     z = task.ground(points, angle[:, None])
     h = task.height(z)
@@ -230,7 +228,7 @@ def _round(task: Task, angle: Real, pieces: NDArray, us: Real, points: Complex, 
     return out[0], out[1], np.where(best > -np.inf, best, np.nan), out[2]
 
 
-def _slope(task: Task, angle: Real, p: NDArray, u: Real) -> tuple[Real, Real]:
+def _slope(task: Task, angle: Real, p: Index, u: Real) -> tuple[Real, Real]:
     """Sign of the change of the coordinate along the contour, and the coordinate itself."""
     c = task.contour.on(p, u, 1)
     z = task.ground(c[0], angle)
@@ -241,7 +239,7 @@ def _slope(task: Task, angle: Real, p: NDArray, u: Real) -> tuple[Real, Real]:
         return np.real(np.conj(n) * tangent) / np.abs(tangent), q
 
 
-def _climb(task: Task, angle: Real, p: NDArray, low: Real, high: Real, middle: Real) -> tuple[Real, Real, NDArray]:
+def _climb(task: Task, angle: Real, p: Index, low: Real, high: Real, middle: Real) -> tuple[Real, Real, Flags]:
     """The top of the coordinate along the contour within brackets: tangency, or an end of a piece."""
     g, q = _slope(task, angle, p, middle)
     a = np.where(g > 0.0, middle, low)
@@ -253,7 +251,7 @@ def _climb(task: Task, angle: Real, p: NDArray, low: Real, high: Real, middle: R
     gb = np.where(np.isfinite(qb), gb, -1.0)
     end_low, end_high = ga <= 0.0, gb >= 0.0
 
-    def slope(x: Real, m: NDArray) -> Real:
+    def slope(x: Real, m: Index) -> Real:
         gx, qx = _slope(task, angle[m], p[m], x)
         return np.where(np.isfinite(qx), gx, np.where(x < middle[m], 1.0, -1.0))  # beyond the face: to the side of the middle
 
@@ -267,7 +265,7 @@ def _climb(task: Task, angle: Real, p: NDArray, low: Real, high: Real, middle: R
     return x, best, at_end
 
 
-def _knife(task: Task, angle: Real, pieces: NDArray, us: Real, points: Complex, each: int) -> tuple[NDArray, Real, Real, NDArray]:
+def _knife(task: Task, angle: Real, pieces: Index, us: Real, points: Complex, each: int) -> tuple[Index, Real, Real, Flags]:
     radius = task.follower.radius
     pieces, us, points = (np.concatenate([row, row[:, :1]], axis=1) for row in (pieces, us, points))  # the contour is closed
     z = task.ground(points, angle[:, None])
@@ -293,7 +291,7 @@ def _knife(task: Task, angle: Real, pieces: NDArray, us: Real, points: Complex, 
         p, a, b = pieces[rows, k], us[rows, k], us[rows, after]
         fa, fb = f[rows, k], f[rows, after]
 
-        def gap(y: Real, m: NDArray, p: NDArray = p) -> Real:
+        def gap(y: Real, m: Index, p: Index = p) -> Real:
             return task.knife_gap(task.ground(task.contour.on(p[m], y, 0, radius)[0], angle[m]))
 
         x = np.where(joint[rows, k], a, root(gap, a, b, fa, fb, live & ~joint[rows, k])[0])
@@ -351,7 +349,7 @@ class Contact:
     @property
     def lost(self) -> Flags:
         """Angles at which the follower touches nothing."""
-        return np.isnan(self.motion[0])
+        return np.asarray(np.isnan(self.motion[0]))
 
 
 def analyse(
@@ -381,7 +379,7 @@ def analyse(
     return Contact(angle, found.motion, found.parameter, corner, found.point, found.normal, found.radius, spans)
 
 
-def _between(near: Contact, angle: Real, count: int, each: int) -> NDArray:
+def _between(near: Contact, angle: Real, count: int, each: int) -> Index:
     """Sample of the contour in the middle between the contacts before and after each angle; -1 where these lie far apart."""
     k = np.clip(np.searchsorted(near.angle, angle), 1, near.angle.size - 1)
     piece = np.minimum(near.parameter.astype(int), count - 1)
@@ -405,7 +403,7 @@ class _Found:
     rate: Real  # how fast the contact moves along the profile [m per unit of angle]
 
 
-def _differentiate(task: Task, angle: Real, piece: NDArray, u: Real, q: Real, corner: NDArray, order: int = 3) -> _Found:
+def _differentiate(task: Task, angle: Real, piece: Index, u: Real, q: Real, corner: Flags, order: int = 3) -> _Found:
     """Contact conditions differentiated along the motion: unknown derivatives of parameter and coordinate, one order after
     another."""
     n = angle.size
@@ -556,12 +554,3 @@ def _knife_corners(task: Task, found: _Found, each: int) -> list[Bridge]:
             ends.append((float(f.parameter[0]), float(f.motion[1, 0])))
         out.append(Bridge(float(0.5 * (a + b)), ends[0][0], ends[1][0], (ends[0][1], ends[1][1])))
     return out
-
-
-def check_reach(contact: Contact) -> None:
-    """Raise where the follower touches nothing at some angle."""
-    if contact.lost.any():
-        at = float(contact.angle[int(np.argmax(contact.lost))])
-        raise MechanismError(
-            Fault("cam", f"at {as_angle(at)} the follower does not reach the profile.", "Check its offset, pivot and arm.")
-        )

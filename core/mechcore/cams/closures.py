@@ -1,19 +1,19 @@
-"""Form closure and relatives of the plane cam: constant breadth, conjugate pairs, inverse cams."""
+"""What keeps a follower on its cam: yokes of constant breadth, conjugate cams, springs; jamming of the guide, Hertz stress."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from mechcore.arrays import Complex, Real
+from mechcore.arrays import Real
 from mechcore.cams.followers import Follower, Oscillating, Roller, Translating
 from mechcore.cams.synthesis import Cam
 from mechcore.errors import Fault, MechanismError
 from mechcore.laws.curve import MotionCurve
-from mechcore.numerics import jets
-from mechcore.texts import as_angle
+from mechcore.texts import as_angle, as_length, as_quantity
 
 
 @dataclass(frozen=True)
@@ -64,69 +64,198 @@ def conjugate(
     return Cam(rest(angle), Follower(Oscillating(guide.pivot, arm, -guide.side), Roller(radius)), cam.turn), 0.0
 
 
-@dataclass(frozen=True, eq=False)
-class InverseCam:
-    """The roller sits on the driving crank or slide, the cam (a slot) on the driven link.
+@dataclass(frozen=True)
+class Closure:
+    """What presses a translating follower on its cam: mass [kg], spring rate [N/m], its deflection at zero lift [m], weight
+    and load.
 
-    The crank of length ``crank`` turns by theta about ``centre`` (complex, [m]), its pin at centre + crank exp(i (theta + phase)).
-    Or the pin is on a slide that moves by x along the unit vector ``straight``, at centre + x straight; the law is one of x [m],
-    and ``crank`` is the arm that makes lengths of the angles of a driven link that turns.
-
-    The driven link slides by the law along y (``turns`` False), or turns by the law about the origin.
+    ``gravity`` [m/s2] acts against the lift where positive; ``load`` [N] likewise. For an oscillating follower: moment of
+    inertia, torsion rate, angle, and ``load`` a moment, ``gravity`` 0.
     """
 
-    law: MotionCurve
-    centre: complex
-    crank: float
-    radius: float
-    turns: bool = True
-    phase: float = 0.0
-    straight: complex | None = None
+    mass: float
+    stiffness: float
+    preload: float
+    gravity: float = 9.81
+    load: float = 0.0
 
-    def pin(self, angle: ArrayLike, order: int = 2) -> Complex:
-        """The pin in ground axes with derivatives (order + 1, n)."""
-        theta = np.atleast_1d(np.asarray(angle, float))
-        if self.straight is not None:
-            t = np.zeros((order + 1, theta.size), complex)
-            t[0] = self.centre + self.straight * theta
-            t[1:2] = self.straight
-            return t
-        t = (1j ** np.arange(order + 1))[:, None] * self.crank * np.exp(1j * (theta + self.phase))
-        t[0] += self.centre
-        return t
+    @property
+    def dead(self) -> float:
+        """Force at zero lift and rest [N]."""
+        return self.stiffness * self.preload + self.mass * self.gravity + self.load
 
-    def pitch(self, angle: ArrayLike, order: int = 2) -> Complex:
-        """Centre line of the slot in the driven link's axes with derivatives (order + 1, n)."""
-        theta = np.atleast_1d(np.asarray(angle, float))
-        t, q = self.pin(theta, order), self.law(theta, order)
-        return jets.product(jets.exponential(-1j * q), t) if self.turns else t - 1j * q
 
-    def normal(self, angle: ArrayLike) -> Complex:
-        """Unit normal of the slot to the left of the pin's travel, in the driven link's axes (n)."""
-        d = self.pitch(angle, 1)[1]
-        return 1j * d / np.abs(d)
+def closing_force(closure: Closure, lift: ArrayLike, acceleration: ArrayLike, speed: float) -> Real:
+    """Force between cam and follower along the follower's motion [N]: k (d0 + s) + m g + P + m w^2 s''; negative: contact lost.
 
-    def flank(self, angle: ArrayLike, side: int = 1) -> Complex:
-        """Flank of the slot to the left (1) or right (-1) of the pin's travel, in the driven link's axes (n)."""
-        return self.pitch(angle, 0)[0] + side * self.radius * self.normal(angle)
+    The contact force is this over the cosine of the pressure angle; the drive torque of the cam this times s'.
+    """
+    s, a = np.asarray(lift, float), np.asarray(acceleration, float)
+    return closure.dead + closure.stiffness * s + closure.mass * speed**2 * a
 
-    def flank_radius(self, angle: ArrayLike, side: int = 1) -> Real:
-        """Radius of curvature of a flank (n) [m], positive where the link's material on that side is convex.
 
-        The centre line's radius (positive when it bends towards that side) less the roller's; undercut where the centre line bends
-        towards the side and this is negative.
-        """
-        d = self.pitch(angle, 2)
-        with np.errstate(divide="ignore"):
-            rho = np.abs(d[1]) ** 3 / np.imag(np.conj(d[1]) * d[2])
-        return side * rho - self.radius
+@dataclass(frozen=True)
+class Separation:
+    """The least speed [rad/s] at which contact is lost, and the cam angle at which that happens first."""
 
-    def pressure_angle(self, angle: ArrayLike) -> Real:
-        """Angle between the slot's normal and the motion of the driven link at the pin (n) [rad], 0 ... pi/2."""
-        theta = np.atleast_1d(np.asarray(angle, float))
-        q = self.law(theta, 0)[0]
-        if self.turns:
-            n, away = np.exp(1j * q) * self.normal(theta), 1j * self.pin(theta, 0)[0]
-        else:
-            n, away = self.normal(theta), np.full(theta.shape, 1j)
-        return np.arccos(np.clip(np.abs(np.real(np.conj(n) * away)) / np.abs(away), 0.0, 1.0))
+    speed: float
+    angle: float
+
+
+def _samples(lift: MotionCurve, count: int) -> tuple[Real, Real, Real]:
+    """Lift and second derivative on a grid of each piece, ends included from inside."""
+    angles, s, a = [], [], []
+    share = max(count // len(lift.pieces), 65)
+    for piece, x0 in zip(lift.pieces, lift.knots, strict=False):
+        u = np.linspace(0.0, piece.length, share)
+        f = np.empty((3, share))
+        piece.fill(u, f)
+        angles.append(x0 + u)
+        s.append(f[0])
+        a.append(f[2])
+    return np.concatenate(angles), np.concatenate(s), np.concatenate(a)
+
+
+def _refined(lift: MotionCurve, cost: Callable[[Real, Real], Real], count: int = 2048) -> tuple[float, float]:
+    """Least value of a cost of s and s'' along a lift and its angle, to rounding: grid, then nested grids around the best point."""
+    angles, s, a = _samples(lift, count)
+    values = cost(s, a)
+    k = int(np.argmin(values))
+    best, where = float(values[k]), float(angles[k])
+    share = len(angles) // len(lift.pieces)
+    piece, x0 = lift.pieces[k // share], lift.knots[k // share]
+    low, high = max(k % share - 1, 0), min(k % share + 1, share - 1)
+    u0, u1 = angles[k - k % share + low] - x0, angles[k - k % share + high] - x0
+    for _ in range(8):
+        u = np.linspace(u0, u1, 33)
+        f = np.empty((3, 33))
+        piece.fill(u, f)
+        values = cost(f[0], f[2])
+        k = int(np.argmin(values))
+        if values[k] < best:
+            best, where = float(values[k]), float(x0 + u[k])
+        u0, u1 = u[max(k - 1, 0)], u[min(k + 1, 32)]
+    return best, where
+
+
+def first_separation(closure: Closure, lift: MotionCurve) -> Separation | None:
+    """The speed at which contact is first lost and where; None if no speed does (theory: w^2 = min (k(d0 + s) + mg + P)/(-m
+    s''))."""
+    if closure.mass <= 0.0:
+        return None
+
+    def cost(s: Real, a: Real) -> Real:
+        force = closure.dead + closure.stiffness * s
+        with np.errstate(divide="ignore", invalid="ignore"):
+            return np.where(a < 0.0, np.maximum(force, 0.0) / (-closure.mass * np.minimum(a, -1e-300)), np.inf)
+
+    value, angle = _refined(lift, cost)
+    return Separation(float(np.sqrt(value)), angle) if np.isfinite(value) else None
+
+
+def least_spring(
+    closure: Closure, lift: MotionCurve, speed: float, margin: float = 0.0, find: str = "stiffness"
+) -> tuple[float, float]:
+    """The least spring that keeps the force at or above ``margin`` [N]: (stiffness or preload deflection, angle that decides).
+
+    ``find``: "stiffness" with the closure's preload deflection kept, or "preload" with its stiffness kept. Raises where the
+    deflection is nowhere large enough for any stiffness.
+    """
+    base = closure.mass * closure.gravity + closure.load - margin
+    inertia = closure.mass * speed**2
+    if find == "preload":
+        k = closure.stiffness
+        if not k > 0.0:
+            why = f"{as_quantity(k, 'stiffness')}."
+            raise MechanismError(Fault("spring.stiffness", why, "Give a positive one to find its preload."))
+        value, angle = _refined(lift, lambda s, a: base + k * s + inertia * a)
+        return max(-value / k, 0.0), angle
+    if find != "stiffness":
+        raise MechanismError(Fault("spring", f"'{find}' cannot be found.", "Ask for 'stiffness' or 'preload'."))
+
+    def cost(s: Real, a: Real) -> Real:
+        need = -(base + inertia * a)
+        stretch = closure.preload + s
+        with np.errstate(divide="ignore", invalid="ignore"):
+            return np.where(need > 0.0, np.where(stretch > 0.0, -need / stretch, -np.inf), 0.0)
+
+    value, angle = _refined(lift, cost)
+    if value == -np.inf:
+        raise MechanismError(
+            Fault("spring.preload", f"{as_length(closure.preload)}: the spring is slack where it is needed.", "Give it a preload.")
+        )
+    return max(-value, 0.0), angle
+
+
+def jamming_angle(overhang: float, length: float, friction: float) -> float:
+    """Pressure angle at which a follower jams in its guide [rad]: tan alpha = b/(mu (2a + b)), overhang a, length b of the
+    guide."""
+    if not (length > 0.0 and overhang >= 0.0 and friction >= 0.0):
+        raise MechanismError(
+            Fault(
+                "guide",
+                f"length {as_length(length)}, overhang {as_length(overhang)}, friction {friction:g}.",
+                "Give a positive length, and no negative numbers.",
+            )
+        )
+    return float(np.arctan2(length, friction * (2.0 * overhang + length)))
+
+
+@dataclass(frozen=True)
+class HertzContact:
+    """Largest pressure [Pa] and half width of the contact strip [m], arrays like the force."""
+
+    pressure: Real
+    half_width: Real
+
+
+def hertz(
+    force: ArrayLike,
+    cam_radius: ArrayLike,
+    follower_radius: float,
+    width: float,
+    modulus: tuple[float, float] = (2.1e11, 2.1e11),
+    poisson: tuple[float, float] = (0.3, 0.3),
+) -> HertzContact:
+    """Line contact of two cylinders (H. Hertz): force (n) [N], radius of the cam (n) [m] (negative: concave, infinite: flat).
+
+    ``follower_radius`` [m]: roller or arc, infinite for a flat face. 0 for a knife or a cusp: infinite pressure. Where the cam is
+    hollower than the roller the contact cannot be there: NaN. Lost contact (force <= 0): no pressure.
+    """
+    f, rho = np.broadcast_arrays(np.asarray(force, float), np.asarray(cam_radius, float))
+    if not width > 0.0:
+        raise MechanismError(Fault("cam.width", f"{as_length(width)}.", "Give a positive width of the contact."))
+    (e1, e2), (n1, n2) = modulus, poisson
+    stiff = 1.0 / ((1.0 - n1**2) / e1 + (1.0 - n2**2) / e2)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        curvature = 1.0 / rho + (1.0 / follower_radius if follower_radius != 0.0 else np.inf)
+        curvature = np.where(curvature < 0.0, np.nan, curvature)
+        load = np.maximum(f, 0.0) / width
+        pressure = np.where(load == 0.0, 0.0, np.sqrt(load * stiff * curvature / np.pi))
+        half = np.where(load == 0.0, 0.0, np.sqrt(4.0 * load / (np.pi * stiff * curvature)))
+    return HertzContact(pressure, half)
+
+
+def roller_range(
+    force: ArrayLike,
+    pitch_radius: ArrayLike,
+    width: float,
+    limit: float,
+    modulus: tuple[float, float] = (2.1e11, 2.1e11),
+    poisson: tuple[float, float] = (0.3, 0.3),
+) -> tuple[float, float]:
+    """The least and the greatest roller [m] with which the Hertz pressure keeps to ``limit`` [Pa] on a given pitch curve.
+
+    ``force`` (n) [N] along the normal, ``pitch_radius`` (n) [m], negative where it is hollow: neither depends on the roller while
+    the pitch curve stays. A roller r has the reduced radius r (rho - r) / rho, at most rho / 4. The least is infinite where a
+    place of the pitch curve is too sharp for any roller.
+    """
+    f, rho = np.broadcast_arrays(np.maximum(np.asarray(force, float), 0.0), np.asarray(pitch_radius, float))
+    (e1, e2), (n1, n2) = modulus, poisson
+    stiff = 1.0 / ((1.0 - n1**2) / e1 + (1.0 - n2**2) / e2)
+    need = f * stiff / (np.pi * width * limit**2)  # reduced radius
+    with np.errstate(divide="ignore", invalid="ignore"):
+        root = np.sqrt(1.0 - 4.0 * need / rho)
+        low = np.where(need == 0.0, 0.0, 2.0 * need / (1.0 + root))
+        high = np.where(rho > 0.0, 0.5 * rho * (1.0 + root), np.inf)
+    return float(np.where(np.isnan(low), np.inf, low).max()), float(np.where(np.isnan(high), 0.0, high).min())

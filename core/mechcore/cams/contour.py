@@ -15,9 +15,9 @@ from math import factorial
 from typing import Any, Protocol
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from mechcore.arrays import Complex, Flags, Real
+from mechcore.arrays import Complex, Flags, Index, Real
 from mechcore.cams.followers import Flat
 from mechcore.cams.synthesis import Cam
 from mechcore.errors import Fault, MechanismError
@@ -73,7 +73,7 @@ class _Arc(_Offset):
         k = np.arange(order + 1)[:, None]
         out = (1j * self.sweep) ** k * self.radius * np.exp(1j * (self.start + self.sweep * np.asarray(u)))
         out[0] += self.centre
-        return out
+        return np.asarray(out)
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,7 +104,7 @@ class _Polar(_Offset):
         inside = np.clip(phi, self.phi0 + 1e-15, self.phi0 + self.span)  # the piece's own limits at both ends
         r = self.law(inside, order, "left")
         turn = (1j ** np.arange(order + 1))[:, None] * np.exp(1j * phi)
-        return jets.product(r, turn) * (self.span ** np.arange(order + 1))[:, None]
+        return np.asarray(jets.product(r, turn) * (self.span ** np.arange(order + 1))[:, None])
 
 
 @dataclass(frozen=True, eq=False)
@@ -146,7 +146,7 @@ class CamPiece:
     def _along(cam: Cam, angle: Real, w: Complex) -> Complex:
         """Positive where the profile runs along the face's direction."""
         s = cam.at(angle)
-        return np.conj(s.normal / 1j) * w[1]
+        return np.asarray(np.conj(s.normal / 1j) * w[1])
 
     def __call__(self, u: Real, order: int) -> Complex:
         return self._curve(u, 0.0, order)
@@ -205,12 +205,12 @@ class Contour:
     def count(self) -> int:
         return len(self.pieces)
 
-    def _split(self, t: Real) -> tuple[Real, Real]:
+    def _split(self, t: Real) -> tuple[Index, Real]:
         t = np.asarray(t, float)
         k = np.clip(np.floor(t), 0, self.count - 1).astype(int)
         return k, t - k
 
-    def on(self, piece: NDArray, u: Real, order: int, distance: float = 0.0) -> Complex:
+    def on(self, piece: Index, u: Real, order: int, distance: float = 0.0) -> Complex:
         """Pieces (n) and their own parameters (n) -> points of the curve ``distance`` outside, with derivatives (order + 1, n)."""
         out = np.empty((order + 1, np.size(u)), complex)
         kinds = self._rows[0][piece]
@@ -225,7 +225,7 @@ class Contour:
         return out
 
     @cached_property
-    def _rows(self) -> tuple[NDArray, Complex, Complex]:
+    def _rows(self) -> tuple[Index, Complex, Complex]:
         """Of every piece: its kind (1 polynomial, lines among them; 2 arc; 0 something else), coefficients, and an arc's
         centre, radius, start and sweep. Many pieces are evaluated in one go with them."""
         kinds = np.array([2 if isinstance(p, _Arc) else int(isinstance(p, _Line | _Poly)) for p in self.pieces])
@@ -241,7 +241,7 @@ class Contour:
                 arcs[k] = p.centre, p.radius, p.start, p.sweep
         return kinds, powers, arcs
 
-    def _plain(self, piece: NDArray, kinds: NDArray, u: Real, order: int) -> Complex:
+    def _plain(self, piece: Index, kinds: Index, u: Real, order: int) -> Complex:
         """Points and derivatives (order + 1, n) of polynomials and arcs."""
         out = np.zeros((order + 1, u.size), complex)
         m = np.flatnonzero(kinds == 1)
@@ -270,14 +270,14 @@ class Contour:
     def normal(self, t: ArrayLike) -> Complex:
         """Outward unit normals (n)."""
         d = self(t, 1)[1]
-        return -1j * d / np.abs(d)
+        return np.asarray(-1j * d / np.abs(d))
 
     def curvature(self, t: ArrayLike) -> Real:
         """Signed curvature (n) [1/m], positive where convex."""
         d = self(t, 2)
-        return np.imag(np.conj(d[1]) * d[2]) / np.abs(d[1]) ** 3
+        return np.asarray(np.imag(np.conj(d[1]) * d[2]) / np.abs(d[1]) ** 3)
 
-    def samples(self, each: int) -> tuple[NDArray, Real, Complex]:
+    def samples(self, each: int) -> tuple[Index, Real, Complex]:
         """``each`` even parameters on every piece, ends included: pieces (m), parameters (m), points (m)."""
         u = np.linspace(0.0, 1.0, each)
         pieces, us = np.repeat(np.arange(self.count), each), np.tile(u, self.count)

@@ -176,7 +176,7 @@ class Follower:
         tilt = np.exp(1j * self.face.tilt)
         if isinstance(self.guide, Translating):
             return np.full(np.shape(q0), tilt, complex)
-        return -self.guide.side * tilt * self.guide.home * np.exp(-1j * self.guide.side * np.asarray(q0))
+        return np.asarray(-self.guide.side * tilt * self.guide.home * np.exp(-1j * self.guide.side * np.asarray(q0)))
 
     def base_coordinate(self, base: float) -> float:
         """The coordinate at which the follower touches a base circle of radius ``base`` about O [m or rad].

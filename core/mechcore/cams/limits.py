@@ -280,7 +280,7 @@ def _pitch_curvature(q: Real, e: float) -> Real:
     """Curvature of the pitch curve of a translating follower from heights and derivatives (>= 3, ...), offset e (theory 5.3)."""
     h, v = q[0], q[1] - e
     size = h * h + v * v
-    return (h * h - h * q[2] + v * (2.0 * q[1] - e)) / (size * np.sqrt(size))
+    return np.asarray((h * h - h * q[2] + v * (2.0 * q[1] - e)) / (size * np.sqrt(size)))
 
 
 def _pressure_bounds(lift: MotionCurve, want: Requirement) -> list[tuple[float, float, str]]:

@@ -8,8 +8,9 @@ from functools import cached_property, partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from mechcore.arrays import Complex, Real
+from mechcore.arrays import Complex, Plane, Real, Values
 from mechcore.cams.analysis import Bridge
 from mechcore.cams.closures import breadth
 from mechcore.cams.contour import Contour, cam_contour
@@ -24,13 +25,10 @@ if TYPE_CHECKING:
     from mechcore.motion.motion import Motion
 
 
-Array = Any
-
-
 SAME = 1e-12  # arguments closer to a knot of the law than this part of its length are on it
 
 
-def on_knots(law: MotionCurve, x: Array) -> Array:
+def on_knots(law: MotionCurve, x: Real) -> Real:
     """Arguments that rounding has moved off a knot of a law put back on it.
 
     Where the law's derivatives jump, kinematics and contact would else take different sides.
@@ -174,7 +172,7 @@ class PlacedCam:
 
     # -- the law ------------------------------------------------------------------------------------------------------
 
-    def law(self, argument: Array) -> Array:
+    def law(self, argument: ArrayLike) -> Real:
         """The follower's coordinate and its first two derivatives with respect to the cam's coordinate, (3, ...)."""
         x = on_knots(self.cam.law, np.asarray(argument, float) * self.ahead)
         known = np.isfinite(x)
@@ -253,13 +251,13 @@ class PlacedCam:
             found.motion[:, ~known] = np.nan
         return found
 
-    def place(self, motion: Motion, z: Array) -> Array:
+    def place(self, motion: Motion, z: Plane) -> Plane:
         """Points of the theory's ground axes in the world."""
         return motion.of_point(motion.model.index[self.carrier], 0j) + motion.rotation(motion.model.index[self.carrier]) * (
             self.centre + self.axes * z
         )
 
-    def contact(self, motion: Motion, multiplier: Array) -> tuple[Array, Array]:
+    def contact(self, motion: Motion, multiplier: Values) -> tuple[Plane, Plane]:
         """Where the force acts; force on the follower per multiplier, which is its part (or moment over the arm) along the lift."""
         s = self.at(motion)
         n, touch = s.ground_normal, s.contact
@@ -275,10 +273,10 @@ class PlacedCam:
                 away = -1j * self.side * (other - self.cam.follower.guide.pivot)
             with np.errstate(divide="ignore", invalid="ignore"):
                 pulls = self.scale * normal / np.real(np.conj(normal) * away)
-            pressed = np.real(multiplier) >= 0.0
+            pressed = np.asarray(multiplier).real >= 0.0
             touch, direction = np.where(pressed, touch, other), np.where(pressed, direction, pulls)
         elif self.form:
-            touch = np.where(np.real(multiplier) >= 0.0, touch, self._opposite(s))
+            touch = np.where(np.asarray(multiplier).real >= 0.0, touch, self._opposite(s))
         world = self.axes * motion.rotation(motion.model.index[self.carrier])
         return self.place(motion, touch), direction * world
 
@@ -298,13 +296,13 @@ class PlacedCam:
         """Where the other flank of a groove or the other face of a yoke touches, ground axes."""
         if self.yoke:
             return -self.cam.at(s.angle + math.pi).contact
-        return s.reference[0] + self.cam.follower.radius * s.ground_normal
+        return np.asarray(s.reference[0] + self.cam.follower.radius * s.ground_normal)
 
-    def rows(self, motion: Motion, multiplier: Array = 1.0) -> ContactRows:
+    def rows(self, motion: Motion, multiplier: Values = 1.0) -> ContactRows:
         """The contact over a motion; the sign of ``multiplier`` says which flank carries."""
         return motion.over_parts(self._rows, np.broadcast_to(multiplier, (motion.frames,)))
 
-    def _rows(self, motion: Motion, multiplier: Array) -> ContactRows:
+    def _rows(self, motion: Motion, multiplier: Values) -> ContactRows:
         s = self.at(motion)
         place = self.contact(motion, multiplier)[0]
         world = self.axes * motion.rotation(motion.model.index[self.carrier])

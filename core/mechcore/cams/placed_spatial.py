@@ -6,21 +6,18 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from mechcore.arrays import Complex, Real, unit_vectors
-from mechcore.cams.closures import InverseCam
+from mechcore.arrays import Complex, Flags, Plane, Real, Values, unit_vectors
 from mechcore.cams.followers import Roller
 from mechcore.cams.placed import ContactRows, PlacedCam, argument_of, on_knots, segment_of
-from mechcore.cams.spatial import Globoid, SpatialCam, SpatialLimits, spatial_limits
+from mechcore.cams.spatial import Flank, Globoid, InverseCam, SpatialCam, SpatialLimits, spatial_limits
 from mechcore.errors import Fault, MechanismError
 from mechcore.texts import as_angle, as_coordinate, as_length
 
 if TYPE_CHECKING:
     from mechcore.motion.motion import Motion
     from mechcore.spec.mechanism import SpatialBlank
-
-
-Array = Any
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -35,7 +32,7 @@ class PlacedRoller:
     links: tuple[str, str]
     carrier: str
     guide: str
-    cam: Any  # the theory: its ``law`` [m or rad] of the driving coordinate, and the roller's ``radius`` [m]
+    cam: InverseCam | SpatialCam  # the theory: its ``law`` [m or rad] of the driving coordinate, and the roller's ``radius`` [m]
     centre: complex
     axes: complex
     own: complex
@@ -68,7 +65,7 @@ class PlacedRoller:
     def knots(self) -> Real:
         return np.asarray(self.cam.law.knots)
 
-    def law(self, argument: Array) -> Array:
+    def law(self, argument: ArrayLike) -> Real:
         """The driven coordinate and its first two derivatives with respect to the law's argument, (3, ...)."""
         x, known = self.known(argument)
         values, law = self.cam.law(x, 2), self.cam.law
@@ -76,7 +73,7 @@ class PlacedRoller:
             values[0] += law.advance * np.rint((np.where(known, argument, x) - x) / law.length)
         return np.where(known, values, np.nan)
 
-    def known(self, argument: Array) -> tuple[Array, Array]:
+    def known(self, argument: ArrayLike) -> tuple[Real, Flags]:
         """Arguments put on the law's knots, those that are NaN replaced by its start, and which are known."""
         x = on_knots(self.cam.law, np.asarray(argument, float))
         known = np.isfinite(x)
@@ -90,11 +87,11 @@ class PlacedRoller:
         """Number of the segment of the law in which the cam is, by frame (F)."""
         return segment_of(self, motion)
 
-    def world(self, motion: Motion) -> Array:
+    def world(self, motion: Motion) -> Plane:
         """Direction of the theory's first axis in the world (F), complex."""
         return self.axes * motion.rotation(motion.model.index[self.carrier])
 
-    def place(self, motion: Motion, w: Array) -> Array:
+    def place(self, motion: Motion, w: Plane) -> Plane:
         """Places of the theory's ground axes in the world."""
         k = motion.model.index[self.carrier]
         return motion.of_point(k, 0j) + motion.rotation(k) * (self.centre + self.axes * w)
@@ -154,10 +151,10 @@ class PlacedInverse(PlacedRoller):
         """The law's argument (F): of a crank [rad] within half a turn of the middle of its way, of a slide [m]."""
         return self._near(super().argument(motion))
 
-    def known(self, argument: Array) -> tuple[Array, Array]:
+    def known(self, argument: ArrayLike) -> tuple[Real, Flags]:
         return super().known(self._near(argument))
 
-    def _near(self, x: Array) -> Real:
+    def _near(self, x: ArrayLike) -> Real:
         """Angles of a crank in the turn in which the law is given, however far the crank has turned."""
         x = np.asarray(x, float)
         middle = 0.5 * (self.way[0] + self.way[1])
@@ -174,12 +171,12 @@ class PlacedInverse(PlacedRoller):
         lost = np.where(known, 1.0, np.nan)
         return pin * lost, turned * self.cam.normal(theta), 1j * pin if self.cam.turns else np.full(theta.shape, 1j)
 
-    def contact(self, motion: Motion, multiplier: Array) -> tuple[Array, Array]:
+    def contact(self, motion: Motion, multiplier: Values) -> tuple[Plane, Plane]:
         """Where the roller presses on its flank, and the force on the driven link per multiplier."""
         pin, n, away = self._at(motion)
         with np.errstate(divide="ignore", invalid="ignore"):
             direction = self.scale * n / np.real(np.conj(n) * away)
-        push = unit_vectors(direction) * np.where(np.real(multiplier) >= 0.0, 1.0, -1.0)
+        push = unit_vectors(direction) * np.where(np.asarray(multiplier).real >= 0.0, 1.0, -1.0)
         world = self.world(motion)
         return self.place(motion, pin + self.cam.radius * push), direction * world
 
@@ -187,11 +184,11 @@ class PlacedInverse(PlacedRoller):
         """Force along the normal (F) [N], positive where it drives the link the way its coordinate grows."""
         return np.asarray(np.real(reaction * np.conj(self.rows(motion).normal)))
 
-    def rows(self, motion: Motion, multiplier: Array = 1.0) -> ContactRows:
+    def rows(self, motion: Motion, multiplier: Values = 1.0) -> ContactRows:
         """The contact over a motion; the sign of ``multiplier`` says which flank carries."""
         return motion.over_parts(self._rows, np.broadcast_to(multiplier, (motion.frames,)))
 
-    def _rows(self, motion: Motion, multiplier: Array) -> ContactRows:
+    def _rows(self, motion: Motion, multiplier: Values) -> ContactRows:
         angle, s = self.argument(motion), self.law(self.argument(motion))
         _, n, away = self._at(motion)
         n = n * np.sign(np.real(np.conj(n) * away))
@@ -311,7 +308,7 @@ class PlacedSpatial(PlacedRoller):
 
     # -- in space -----------------------------------------------------------------------------------------------------
 
-    def _flank(self, motion: Motion) -> Any:
+    def _flank(self, motion: Motion) -> Flank:
         return self.cam.flank(self.known(self.argument(motion))[0], [self.middle])
 
     def _touch(self, motion: Motion) -> _Touch:
@@ -325,7 +322,7 @@ class PlacedSpatial(PlacedRoller):
         first = x[:, 0] if isinstance(self.cam.mount, Globoid) else x[:, 1]
         return np.asarray(first + 1j * x[:, 2])
 
-    def _point(self, t: _Touch, pulls: Array) -> Real:
+    def _point(self, t: _Touch, pulls: Flags) -> Real:
         """Where the roller touches (F, 3): on the lifting flank, or on the other one where it pulls."""
         sign = np.where(pulls, -1.0, 1.0)[:, None]
         point = t.axis - sign * self.cam.radius * t.normal
@@ -335,29 +332,29 @@ class PlacedSpatial(PlacedRoller):
 
     # -- in the plane -------------------------------------------------------------------------------------------------
 
-    def contact(self, motion: Motion, multiplier: Array) -> tuple[Array, Array]:
+    def contact(self, motion: Motion, multiplier: Values) -> tuple[Plane, Plane]:
         """Where the roller touches, and the force there on the follower per multiplier, which is its part along the lift."""
         t = self._touch(motion)
-        pulls = np.real(multiplier) < 0.0 if self.form else np.zeros(motion.frames, bool)
+        pulls = np.asarray(multiplier).real < 0.0 if self.form else np.zeros(motion.frames, bool)
         at = self._shadow(self._point(t, np.broadcast_to(pulls, (motion.frames,))))
         force = self._shadow(t.normal) / np.einsum("fi,fi->f", t.normal, t.lift)
         return self.place(motion, at), force * self.world(motion)
 
-    def couple(self, motion: Motion, place: Array, force: Array) -> Array:
+    def couple(self, motion: Motion, place: Plane, force: Plane) -> Values:
         """Couple [N m] on the cam of what its bearings carry, under a force along the normal on the follower: the moment in the
         plane about the cam's pin less that about the cam's axis."""
         t = self._touch(motion)
         n = self._shadow(t.normal) * self.world(motion)
         size = np.real(np.conj(n) * force) / np.abs(n) ** 2
         turning = t.axis[:, 0] * t.normal[:, 1] - t.axis[:, 1] * t.normal[:, 0]
-        return np.imag(np.conj(place - self.place(motion, 0.0)) * force) - size * turning
+        return np.asarray(np.imag(np.conj(place - self.place(motion, 0.0)) * force) - size * turning)
 
     def _twist(self, at: Real, direction: Real) -> Real:
         w, f = self._shadow(at), self._shadow(direction)
         turning = at[:, 0] * direction[:, 1] - at[:, 1] * direction[:, 0]
         return np.asarray(np.imag(np.conj(w) * f) - turning)
 
-    def rubbing(self, motion: Motion, flank: Array) -> tuple[Rubbing, Rubbing, Real]:
+    def rubbing(self, motion: Motion, flank: Values) -> tuple[Rubbing, Rubbing, Real]:
         """The roller against its flank across its axis, where it rolls, and along it, where it slides; and how much of the normal
         force lies in the plane (F). ``flank``: negative where the other flank of a groove is pressed.
 
@@ -365,7 +362,7 @@ class PlacedSpatial(PlacedRoller):
         has there the speed omega r sin(alpha) along a radial roller.
         """
         t = self._touch(motion)
-        pulls = np.broadcast_to(np.real(flank) < 0.0, (motion.frames,)) if self.form else np.zeros(motion.frames, bool)
+        pulls = np.broadcast_to(np.asarray(flank).real < 0.0, (motion.frames,)) if self.form else np.zeros(motion.frames, bool)
         point = self._point(t, pulls)
         speed = motion.speeds.angular
         rotation_class = motion.model.angles.rotation_class
@@ -392,11 +389,11 @@ class PlacedSpatial(PlacedRoller):
         n = self._shadow(self._touch(motion).normal) * self.world(motion)
         return np.asarray(np.real(reaction * np.conj(n)) / np.abs(n) ** 2)
 
-    def rows(self, motion: Motion, multiplier: Array = 1.0) -> ContactRows:
+    def rows(self, motion: Motion, multiplier: Values = 1.0) -> ContactRows:
         """The contact in the middle of the roller over a motion; ``place`` is that of the roller, as the plane sees it."""
         return motion.over_parts(self._rows, np.broadcast_to(multiplier, (motion.frames,)))
 
-    def _rows(self, motion: Motion, multiplier: Array) -> ContactRows:
+    def _rows(self, motion: Motion, multiplier: Values) -> ContactRows:
         angle = self.argument(motion)
         s, flank = self.law(angle), self._flank(motion)
         lost = ~np.isfinite(angle)
@@ -416,7 +413,7 @@ class PlacedSpatial(PlacedRoller):
         )
 
 
-def roller_speed(motion: Motion, cam: PlacedCam | PlacedInverse | PlacedSpatial, force: Any = 1.0, above: int = 0) -> Real:
+def roller_speed(motion: Motion, cam: PlacedCam | PlacedInverse | PlacedSpatial, force: Values = 1.0, above: int = 0) -> Real:
     """Angular velocity of the roller in the world (F) [rad/s]: its surface moves with the cam's where they touch.
 
     ``force``: along the normal (F); where it is negative the far flank of a groove carries, and the roller turns the other way.
@@ -440,7 +437,7 @@ def roller_speed(motion: Motion, cam: PlacedCam | PlacedInverse | PlacedSpatial,
     rotation_class = motion.model.angles.rotation_class
     k, f = (motion.model.index[name] for name in cam.links)
 
-    def velocity(link: int, at: Any) -> Any:
+    def velocity(link: int, at: Plane) -> Plane:
         return motion.origin_velocities[link] + 1j * motion.speeds.angular[rotation_class[link]] * (at - motion.origins[link])
 
     tangent = 1j * normal
@@ -448,7 +445,7 @@ def roller_speed(motion: Motion, cam: PlacedCam | PlacedInverse | PlacedSpatial,
     return np.array(np.broadcast_to(flank * slip / radius, (motion.frames,)))
 
 
-def _moved(motion: Motion, link: str, at: Any) -> Any:
+def _moved(motion: Motion, link: str, at: Plane) -> Plane:
     """Velocity [m/s] of a link's material at a place of the world."""
     k = motion.model.index[link]
     return motion.origin_velocities[k] + 1j * motion.speeds.angular[motion.model.angles.rotation_class[k]] * (
@@ -456,7 +453,7 @@ def _moved(motion: Motion, link: str, at: Any) -> Any:
     )
 
 
-def _in_slot(motion: Motion, cam: PlacedInverse, force: Any) -> Real:
+def _in_slot(motion: Motion, cam: PlacedInverse, force: Values) -> Real:
     crank, driven = cam.links
     k = motion.model.index[crank]
     centre = motion.origins[k] + motion.rotation(k) * cam.tip
@@ -466,7 +463,7 @@ def _in_slot(motion: Motion, cam: PlacedInverse, force: Any) -> Real:
     return np.array(np.broadcast_to(np.real(np.conj(1j * out) * slip) / cam.face.radius, (motion.frames,)))
 
 
-def _in_space(motion: Motion, cam: PlacedSpatial, force: Any, above: int) -> Real:
+def _in_space(motion: Motion, cam: PlacedSpatial, force: Values, above: int) -> Real:
     """What slides past the roller across its axis is rolled off; an arm beside a barrel carries the roller round."""
     flank = np.broadcast_to(np.asarray(above or force, float), (motion.frames,))
     across, _, _ = cam.rubbing(motion, flank)
@@ -479,7 +476,7 @@ def _in_space(motion: Motion, cam: PlacedSpatial, force: Any, above: int) -> Rea
     return np.array(np.broadcast_to(side * across.rate / cam.face.radius + arm, (motion.frames,)))
 
 
-def roller_angle(motion: Motion, cam: PlacedCam | PlacedInverse | PlacedSpatial, force: Any = 1.0, above: int = 0) -> Real:
+def roller_angle(motion: Motion, cam: PlacedCam | PlacedInverse | PlacedSpatial, force: Values = 1.0, above: int = 0) -> Real:
     """How far the roller has turned against the link that carries it since the first frame (F) [rad]: trapezoids between frames."""
     link = cam.links[0] if isinstance(cam, PlacedInverse) else cam.links[1]
     own = np.broadcast_to(np.asarray(motion.velocity(link)[:, 2], float), (motion.frames,))

@@ -1,8 +1,8 @@
-"""Spatial cams with cylindrical rollers: barrel (groove and rib), end (face) and globoidal cams, their real flank surfaces.
+"""Spatial cams with cylindrical rollers: barrel (groove and rib), end (face) and globoidal cams, their real flank surfaces; inverse
+cams, whose roller drives.
 
-The cam turns by ``turn * theta`` about the z axis. The roller's axis is the line X(theta, l) = A + l a; the flank is the
-envelope of
-the roller in the cam's axes. With v the velocity of X against the cam, the contact normal is perpendicular to the axis and to v,
+The cam turns by ``turn * theta`` about the z axis. The roller's axis is the line X(theta, l) = A + l a; the flank is the envelope
+of the roller in the cam's axes. With v the velocity of X against the cam, the contact normal is perpendicular to the axis and to v,
 so that it is exactly +-(v x a)/|v x a|; the surface S = X - r N, its derivatives and curvatures follow in closed form
 (Weingarten), and 1 - c1 r + c2 r^2 = 0 is the roller radius at which the surface becomes singular (undercut).
 """
@@ -15,10 +15,11 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike
 
-from mechcore.arrays import Real
+from mechcore.arrays import Complex, Real
 from mechcore.cams.limits import Reached
 from mechcore.errors import Fault, MechanismError
 from mechcore.laws.curve import MotionCurve
+from mechcore.numerics import jets
 from mechcore.texts import as_length
 
 
@@ -70,7 +71,7 @@ class BarrelArm:
 
     def away(self, x: Real, q: Real) -> Real:
         d = self.carried(x)
-        return d / np.linalg.norm(d, axis=-1, keepdims=True)
+        return np.asarray(d / np.linalg.norm(d, axis=-1, keepdims=True))
 
     def carried(self, x: Real) -> Real:
         r = x - np.array([0.0, *self.pivot])
@@ -117,7 +118,7 @@ def _about_z(x: Real, turn: int) -> Real:
 
 
 def _dot(a: Real, b: Real) -> Real:
-    return np.einsum("...i,...i->...", a, b)
+    return np.asarray(np.einsum("...i,...i->...", a, b))
 
 
 @dataclass(frozen=True, eq=False)
@@ -213,7 +214,7 @@ class Flank:
             q = 0.5 * (c1 + np.where(c1 >= 0.0, 1.0, -1.0) * root)
             roots = np.stack([q / c2, 1.0 / q])
         roots = np.where(np.isfinite(roots) & (roots > 0.0), roots, np.inf)
-        return roots.min(axis=0)
+        return np.asarray(roots.min(axis=0))
 
     @cached_property
     def principal_curvatures(self) -> tuple[Real, Real]:
@@ -302,3 +303,71 @@ def spatial_limits(cam: SpatialCam, sides: tuple[int, ...] = (1, -1), count: int
         Reached(-roller.value, roller.angle),
         Reached(1.0 / bend.value, bend.angle) if bend.value > 0.0 else None,
     )
+
+
+@dataclass(frozen=True, eq=False)
+class InverseCam:
+    """The roller sits on the driving crank or slide, the cam (a slot) on the driven link.
+
+    The crank of length ``crank`` turns by theta about ``centre`` (complex, [m]), its pin at centre + crank exp(i (theta + phase)).
+    Or the pin is on a slide that moves by x along the unit vector ``straight``, at centre + x straight; the law is one of x [m],
+    and ``crank`` is the arm that makes lengths of the angles of a driven link that turns.
+
+    The driven link slides by the law along y (``turns`` False), or turns by the law about the origin.
+    """
+
+    law: MotionCurve
+    centre: complex
+    crank: float
+    radius: float
+    turns: bool = True
+    phase: float = 0.0
+    straight: complex | None = None
+
+    def pin(self, angle: ArrayLike, order: int = 2) -> Complex:
+        """The pin in ground axes with derivatives (order + 1, n)."""
+        theta = np.atleast_1d(np.asarray(angle, float))
+        if self.straight is not None:
+            t = np.zeros((order + 1, theta.size), complex)
+            t[0] = self.centre + self.straight * theta
+            t[1:2] = self.straight
+            return t
+        t = (1j ** np.arange(order + 1))[:, None] * self.crank * np.exp(1j * (theta + self.phase))
+        t[0] += self.centre
+        return np.asarray(t)
+
+    def pitch(self, angle: ArrayLike, order: int = 2) -> Complex:
+        """Centre line of the slot in the driven link's axes with derivatives (order + 1, n)."""
+        theta = np.atleast_1d(np.asarray(angle, float))
+        t, q = self.pin(theta, order), self.law(theta, order)
+        return jets.product(jets.exponential(-1j * q), t) if self.turns else t - 1j * q
+
+    def normal(self, angle: ArrayLike) -> Complex:
+        """Unit normal of the slot to the left of the pin's travel, in the driven link's axes (n)."""
+        d = self.pitch(angle, 1)[1]
+        return np.asarray(1j * d / np.abs(d))
+
+    def flank(self, angle: ArrayLike, side: int = 1) -> Complex:
+        """Flank of the slot to the left (1) or right (-1) of the pin's travel, in the driven link's axes (n)."""
+        return np.asarray(self.pitch(angle, 0)[0] + side * self.radius * self.normal(angle))
+
+    def flank_radius(self, angle: ArrayLike, side: int = 1) -> Real:
+        """Radius of curvature of a flank (n) [m], positive where the link's material on that side is convex.
+
+        The centre line's radius (positive when it bends towards that side) less the roller's; undercut where the centre line bends
+        towards the side and this is negative.
+        """
+        d = self.pitch(angle, 2)
+        with np.errstate(divide="ignore"):
+            rho = np.abs(d[1]) ** 3 / np.imag(np.conj(d[1]) * d[2])
+        return np.asarray(side * rho - self.radius)
+
+    def pressure_angle(self, angle: ArrayLike) -> Real:
+        """Angle between the slot's normal and the motion of the driven link at the pin (n) [rad], 0 ... pi/2."""
+        theta = np.atleast_1d(np.asarray(angle, float))
+        q = self.law(theta, 0)[0]
+        if self.turns:
+            n, away = np.exp(1j * q) * self.normal(theta), 1j * self.pin(theta, 0)[0]
+        else:
+            n, away = self.normal(theta), np.full(theta.shape, 1j)
+        return np.asarray(np.arccos(np.clip(np.abs(np.real(np.conj(n) * away)) / np.abs(away), 0.0, 1.0)))

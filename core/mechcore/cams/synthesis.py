@@ -1,13 +1,17 @@
 """Synthesis of plane cams: pitch curve and working curve from a law and a follower, exactly, with derivatives.
 
 Conventions (theory of the lecture, corrected): the cam turns counter-clockwise by theta about O, the cam's axes coincide with the
-ground's at theta = 0, so that a ground point q is the cam point exp(-i theta) q; ``turn = -1`` is a cam that turns clockwise
-by theta.
-A wedge moves by -x along the x axis, so that x is its length under the follower. Normals point from the cam to the
-follower; radii of curvature are positive where the cam is convex.
+ground's at theta = 0, so that a ground point q is the cam point exp(-i theta) q; ``turn = -1`` is a cam that turns clockwise by
+theta. A wedge moves by -x along the x axis, so that x is its length under the follower. Normals point from the cam to the follower;
+radii of curvature are positive where the cam is convex.
 
 Formulas by kinematic inversion: the derivatives of the pitch curve in rotated axes are those of the reference point plus those
 of the turning frame; the working curve is the offset by the roller's radius, or the envelope of the face's lines.
+
+The equivalent linkage replaces the higher pair of cam and follower by two lower pairs at the centres of curvature. At one position
+the link from the cam's centre of curvature K to the follower's reference point T has the same velocities and accelerations as the
+cam (not the same jerk). Where the cam is straight K goes to infinity and a sliding joint takes its place; under a flat face the
+link is a block on the face that is pivoted at K.
 """
 
 from __future__ import annotations
@@ -19,10 +23,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from mechcore.arrays import Complex, Flags, Real
-from mechcore.cams.followers import Arc, Flat, Follower, Translating
+from mechcore.cams.followers import Arc, Flat, Follower, Oscillating, Translating
 from mechcore.errors import Fault, MechanismError
 from mechcore.laws.curve import MotionCurve, Side
 from mechcore.numerics import jets
+from mechcore.numerics.frames import keep_freed_memory
 from mechcore.texts import as_length
 
 
@@ -55,12 +60,12 @@ class Synthesis:
     def _d1(self) -> Complex:
         """First derivative of the pitch curve, in ground axes."""
         t = self.reference
-        return t[1] + 1.0 if self.cam.wedge else t[1] - 1j * self.cam.turn * t[0]
+        return np.asarray(t[1] + 1.0 if self.cam.wedge else t[1] - 1j * self.cam.turn * t[0])
 
     @cached_property
     def _d2(self) -> Complex:
         t = self.reference
-        return t[2] if self.cam.wedge else t[2] - (2j * self.cam.turn) * t[1] - t[0]
+        return np.asarray(t[2] if self.cam.wedge else t[2] - (2j * self.cam.turn) * t[1] - t[0])
 
     @cached_property
     def _speed(self) -> Real:
@@ -98,7 +103,7 @@ class Synthesis:
     def pitch(self) -> Complex:
         """Path of the reference point in the cam's axes."""
         t = self.reference[0]
-        return t + self.angle if self.cam.wedge else self._frame * t
+        return np.asarray(t + self.angle if self.cam.wedge else self._frame * t)
 
     @cached_property
     def normal(self) -> Complex:
@@ -124,8 +129,8 @@ class Synthesis:
         """The touching point in ground axes."""
         if isinstance(self.cam.follower.face, Flat):
             d, along, _ = self._face
-            return self.reference[0] + along * d
-        return self.reference[0] - self.cam.flank * self.cam.follower.radius * self._normal
+            return np.asarray(self.reference[0] + along * d)
+        return np.asarray(self.reference[0] - self.cam.flank * self.cam.follower.radius * self._normal)
 
     # -- what a designer looks at -------------------------------------------------------------------------------------
 
@@ -165,7 +170,7 @@ class Synthesis:
         run = np.real(np.conj(d) * self._d1)
         with np.errstate(divide="ignore", invalid="ignore"):
             shift = (np.imag(np.conj(d) * e) - turning[1] * run + along * turning[2]) / rate
-            return (run + shift) / rate
+            return np.asarray((run + shift) / rate)
 
     @cached_property
     def distance(self) -> Real:
@@ -182,7 +187,7 @@ class Synthesis:
         """
         if isinstance(self.cam.follower.face, Flat):
             height = np.abs(np.imag(np.conj(self._face[0]) * self.reference[0]))
-            return self.radius / np.maximum(height, 1e-300)
+            return np.asarray(self.radius / np.maximum(height, 1e-300))
         r = self.cam.flank * self.cam.follower.radius
         if r == 0.0:
             return np.ones(self.angle.shape)
@@ -234,6 +239,7 @@ class Cam:
 
     def at(self, angle: ArrayLike, side: Side = "right", order: int = 2) -> Synthesis:
         """Angles (n) -> everything about the cam there. ``side``: which one-sided derivatives hold at the law's knots."""
+        keep_freed_memory()
         angle = np.atleast_1d(np.asarray(angle, float))
         return Synthesis(self, angle, self.law(angle, order, side))
 
@@ -261,7 +267,7 @@ class Cam:
             out = np.zeros((n, angle.size), complex)
             out[0] = 1.0
             return out
-        return (-1j * self.turn) ** np.arange(n)[:, None] * np.exp(-1j * self.turn * angle)
+        return np.asarray((-1j * self.turn) ** np.arange(n)[:, None] * np.exp(-1j * self.turn * angle))
 
     def working_curve(self, angle: ArrayLike, order: int = 2, side: Side = "right") -> Complex:
         """The profile and its derivatives with respect to the angle, (order + 1, n), order <= 3, in the cam's axes."""
@@ -303,3 +309,109 @@ def cam_on_base(
     if not base >= 0.0:
         raise MechanismError(Fault("cam.base", f"a base circle of {as_length(base)}.", "Give a positive radius."))
     return Cam(lift.raised(follower.base_coordinate(base)), follower, turn, outer=outer)
+
+
+@dataclass(frozen=True, eq=False)
+class EquivalentLinkage:
+    """Arrays (n). ``centre``: K in ground axes (NaN where at infinity), ``crank`` = |OK|, ``coupler`` = signed |KT| (radius of
+    curvature), ``coupler_rate``, ``coupler_acceleration``: of the coupler's angle (0 for a block on a flat face: that of the
+    face), ``rate``,
+    ``acceleration``: of the follower's coordinate, all with respect to the cam's angle (times w, w^2 in time).
+    """
+
+    centre: Complex
+    crank: Real
+    coupler: Real
+    coupler_rate: Real
+    coupler_acceleration: Real
+    rate: Real
+    acceleration: Real
+
+
+def equivalent_linkage(s: Synthesis, straight: float = 1e9) -> EquivalentLinkage:
+    """The linkage and its motion, solved as a linkage from the geometry alone (K, T and the guide; not from the law's derivatives).
+
+    ``straight``: radii larger than this many times the distance of the reference point count as straight.
+    """
+    cam, follower = s.cam, s.cam.follower
+    t = s.reference[0]
+    # how T moves with the coordinate
+    if isinstance(follower.guide, Oscillating):
+        by_q = -1j * follower.guide.side * (t - follower.guide.pivot)
+        by_qq = -(t - follower.guide.pivot)
+        turning = -float(follower.guide.side)
+    else:
+        by_q, by_qq, turning = np.full(t.shape, 1j), np.zeros(t.shape, complex), 0.0
+    rho = s.pitch_radius
+    flat = isinstance(follower.face, Flat)
+    endless = ~(np.abs(rho) < straight * (np.abs(t) + 1e-300))
+    n = s._normal
+    with np.errstate(invalid="ignore"):
+        k = (s.contact if flat else t) - np.where(endless, np.nan, rho) * n
+    k1 = np.full(t.shape, -1.0 + 0.0j) if cam.wedge else 1j * cam.turn * k
+    k2 = np.zeros(t.shape, complex) if cam.wedge else -k
+    zero = np.zeros(t.shape)
+    if flat:
+        d = follower.face_direction(s.motion[0])
+        along, arm = s.distance, -rho * n
+        # K = T + u d - rho n: unknown rates of q and u
+        a = by_q + 1j * turning * (along * d + arm)
+        q1, u1 = _solve(a, d, k1)
+        bend = by_qq * q1**2 + 2j * turning * q1 * u1 * d - (turning * q1) ** 2 * (along * d + arm)
+        q2, _ = _solve(a, d, k2 - bend)
+        return EquivalentLinkage(k, np.abs(k), rho, turning * q1, turning * q2, q1, q2)
+    arm = t - k
+    # T = K + arm: unknown rates of q and of the coupler's angle
+    q1, w1 = _solve(by_q, -1j * arm, k1)
+    q2, w2 = _solve(by_q, -1j * arm, k2 - w1**2 * arm - by_qq * q1**2)
+    if endless.any():
+        tangent = -1j * n
+        base1 = np.full(t.shape, -1.0 + 0.0j) if cam.wedge else 1j * cam.turn * t
+        spin = 0.0 if cam.wedge else float(cam.turn)
+        p1, u1 = _solve(by_q, -tangent, base1)
+        acc = (zero if cam.wedge else -t) + 2j * spin * u1 * tangent - by_qq * p1**2
+        p2, _ = _solve(by_q, -tangent, acc)
+        q1, q2 = np.where(endless, p1, q1), np.where(endless, p2, q2)
+        w1, w2 = np.where(endless, spin, w1), np.where(endless, 0.0, w2)
+    return EquivalentLinkage(k, np.abs(k), np.where(endless, np.inf, rho), w1, w2, q1, q2)
+
+
+def _solve(a: Complex, b: Complex, c: Complex) -> tuple[Real, Real]:
+    """Real x, y with a x + b y = c."""
+    with np.errstate(invalid="ignore", divide="ignore"):
+        det = np.imag(np.conj(a) * b)
+        return np.imag(np.conj(c) * b) / det, np.imag(np.conj(a) * c) / det
+
+
+def neglected_phase(law: MotionCurve, offset: float, angle: ArrayLike) -> Real:
+    """The phase atan(m/h) that the lecture leaves out, at angles (n) [rad]."""
+    return np.asarray(np.arctan2(offset, law(np.asarray(angle, float), 0)[0]))
+
+
+@dataclass(frozen=True, eq=False)
+class OffsetError:
+    """Heights wanted and obtained (n) with the simplified profile, and the largest difference with its angle."""
+
+    wanted: Real
+    obtained: Real
+    largest: float
+    angle: float
+
+
+def simplified_offset_error(law: MotionCurve, offset: float, angle: ArrayLike) -> OffsetError:
+    """Heights of a follower that really is offset by m, on the simplified profile mounted to be right at theta = 0.
+
+    The point of polar angle psi is presented at theta = psi + atan(m/h(0)) - atan(m/h(psi)); psi is found by bisection. Heights
+    reached are unchanged, the timing is not.
+    """
+    theta = np.atleast_1d(np.asarray(angle, float))
+    fixed = float(np.arctan2(offset, law(law.start, 0)[0]))
+    low = theta - 0.5 * np.pi
+    high = theta + 0.5 * np.pi
+    for _ in range(64):
+        middle = 0.5 * (low + high)
+        late = middle + fixed - neglected_phase(law, offset, middle) > theta
+        low, high = np.where(late, low, middle), np.where(late, middle, high)
+    wanted, obtained = law(theta, 0)[0], law(0.5 * (low + high), 0)[0]
+    k = int(np.argmax(np.abs(obtained - wanted)))
+    return OffsetError(wanted, obtained, float(abs(obtained[k] - wanted[k])), float(theta[k]))

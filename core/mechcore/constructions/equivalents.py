@@ -13,8 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from mechcore.arrays import Complex, Plane
-from mechcore.cams.equivalent import equivalent_linkage
 from mechcore.cams.followers import Flat, Oscillating
+from mechcore.cams.synthesis import equivalent_linkage
 from mechcore.constructions.polygons import frames_of
 from mechcore.errors import Fault, MechanismError
 from mechcore.forces.kinetostatics import Forces

@@ -39,7 +39,7 @@ class WorkIntegrals:
             return self._within(t)
         turns = np.maximum(np.ceil((t - end) / self.period), 0.0)
         gained = np.diff(self._within(np.array([end - self.period, end])), axis=0)
-        return self._within(t - turns * self.period) + turns[:, None] * gained
+        return np.asarray(self._within(t - turns * self.period) + turns[:, None] * gained)
 
     def _within(self, t: Real) -> Real:
         k = np.clip(np.searchsorted(self.edges, t, side="left") - 1, 0, len(self.before) - 1)

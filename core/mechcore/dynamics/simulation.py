@@ -220,7 +220,7 @@ class Simulation:
         kinetic, work = self.kinetic_energy(np.append(t, self.start)), self.work(t)
         standing = self._standing * (1.0 if self.unseen[0] else NOTHING)
         size = max(float(np.abs(kinetic).max()), float(np.abs(work).max(initial=0.0)), standing, 1e-300)
-        return (kinetic[:-1] - kinetic[-1] - work) / size
+        return np.asarray((kinetic[:-1] - kinetic[-1] - work) / size)
 
     @cached_property
     def _standing(self) -> float:

@@ -7,11 +7,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from mechcore.arrays import Real
+from mechcore.cams.closures import HertzContact, hertz
 from mechcore.cams.followers import Arc, Flat, Roller
-from mechcore.cams.forces import HertzContact, hertz
-from mechcore.cams.given import Graphical, graphical
 from mechcore.cams.placed import PlacedCam
 from mechcore.cams.placed_spatial import PlacedInverse, PlacedSpatial
+from mechcore.cams.real_profiles import Graphical, graphical
 from mechcore.errors import Fault, MechanismError
 from mechcore.forces.kinetostatics import Forces, solve_forces
 from mechcore.motion.motion import Motion

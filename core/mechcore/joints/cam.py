@@ -9,14 +9,14 @@ from typing import Any
 
 import numpy as np
 
-from mechcore.cams.closures import InverseCam, conjugate
+from mechcore.cams.closures import conjugate
 from mechcore.cams.contour import Contour, moved
-from mechcore.cams.cutting import CutProfile, cut_profile
 from mechcore.cams.followers import Flat, Follower, Oscillating, Roller, Translating
-from mechcore.cams.given import GivenLift, lift_of
 from mechcore.cams.limits import Requirement, find_limits, least_base
 from mechcore.cams.placed import PlacedCam
 from mechcore.cams.placed_spatial import PlacedInverse, PlacedSpatial
+from mechcore.cams.real_profiles import CutProfile, GivenLift, cut_profile, lift_of
+from mechcore.cams.spatial import InverseCam
 from mechcore.cams.synthesis import Cam, cam_on_base
 from mechcore.errors import MechanismError
 from mechcore.joints.base import Bearing, Builder, point_of

@@ -14,7 +14,7 @@ import mechviz
 from mechcore.cams.analysis import analyse
 from mechcore.cams.contour import bulged, cam_contour, circle, moved, polygon, self_crossing, spline_contour
 from mechcore.cams.followers import Arc, Flat, Follower, Knife, Oscillating, Roller, Translating
-from mechcore.cams.given import lift_of
+from mechcore.cams.real_profiles import lift_of
 from mechcore.cams.synthesis import cam_on_base
 from mechcore.errors import MechanismError
 from mechcore.forces.cam_events import cam_events

@@ -10,9 +10,9 @@ import pytest
 from cam_mechanisms import FOLLOWERS, SPEED, lift, oscillating, translating, wedge
 from random_linkages import balance_of_links
 
+from mechcore.cams.closures import Closure, closing_force
 from mechcore.cams.contour import cam_contour
 from mechcore.cams.followers import Flat, Knife, Roller
-from mechcore.cams.forces import Closure, closing_force
 from mechcore.errors import MechanismError
 from mechcore.forces.kinetostatics import solve_forces
 from mechcore.laws.program import Segment, program

@@ -11,12 +11,20 @@ from cam_cases import CASES, CONTACT_FORCE, by_inversion, segments_program
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mechcore.cams.closures import InverseCam, breadth, conjugate
-from mechcore.cams.equivalent import equivalent_linkage, neglected_phase, simplified_offset_error
+from mechcore.cams.closures import (
+    Closure,
+    breadth,
+    closing_force,
+    conjugate,
+    first_separation,
+    hertz,
+    jamming_angle,
+    least_spring,
+)
 from mechcore.cams.followers import Arc, Flat, Follower, Knife, Oscillating, Roller, Translating
-from mechcore.cams.forces import Closure, closing_force, first_separation, hertz, jamming_angle, least_spring
 from mechcore.cams.limits import Requirement, check_limits, find_limits
-from mechcore.cams.synthesis import Cam, cam_on_base
+from mechcore.cams.spatial import InverseCam
+from mechcore.cams.synthesis import Cam, cam_on_base, equivalent_linkage, neglected_phase, simplified_offset_error
 from mechcore.errors import MechanismError
 from mechcore.laws.boundary_conditions import from_acceleration
 from mechcore.laws.catalogue import rise

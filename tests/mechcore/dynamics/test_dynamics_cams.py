@@ -12,8 +12,8 @@ import pytest
 from cam_mechanisms import oscillating, translating
 
 import mechviz
+from mechcore.cams.closures import Closure, first_separation
 from mechcore.cams.followers import Flat, Roller
-from mechcore.cams.forces import Closure, first_separation
 from mechcore.dynamics.contact.separation import SeparableCam
 from mechcore.dynamics.simulate import simulate
 from mechcore.errors import MechanismError

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from cam_scenes import refused, solved, text_of
 
-from mechcore.cams.forces import jamming_angle
+from mechcore.cams.closures import jamming_angle
 from mechcore.forces.cam_events import cam_events
 from mechcore.forces.cam_rating import contact_force, placed_cams
 

@@ -9,7 +9,7 @@ import pytest
 from cam_scenes import refused
 
 import mechviz
-from mechcore.cams.forces import jamming_angle
+from mechcore.cams.closures import jamming_angle
 from mechcore.cams.placed_spatial import roller_speed
 from mechcore.cams.spatial import Barrel, BarrelArm
 from mechcore.forces.cam_rating import contact_force, placed_cams

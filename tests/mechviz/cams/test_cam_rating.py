@@ -11,9 +11,9 @@ from cam_scenes import text_of
 from typer.testing import CliRunner
 
 import mechviz
+from mechcore.cams.closures import Closure, least_spring
 from mechcore.cams.followers import Roller
-from mechcore.cams.forces import Closure, least_spring
-from mechcore.cams.given import graphical
+from mechcore.cams.real_profiles import graphical
 from mechcore.errors import MechanismError
 from mechcore.forces import cam_rating as rating_module
 from mechcore.forces.cam_events import cam_events

@@ -10,7 +10,7 @@ from cam_scenes import text_of
 from typer.testing import CliRunner
 
 import mechviz
-from mechcore.cams.forces import hertz, roller_range
+from mechcore.cams.closures import hertz, roller_range
 from mechcore.cams.limits import Requirement, find_limits
 from mechcore.errors import MechanismError
 from mechcore.forces.cam_rating import contact_stress, joint_of, placed_cams

@@ -108,7 +108,7 @@ class EndStops:
 
     def gap(self, k: int, q: Real, v: Real, t: Real) -> Real:
         """How far a coordinate is from its stop (n,) [rad or m], negative beyond it."""
-        return self._signs[k] * self._distances[k](q, v, t)
+        return np.asarray(self._signs[k] * self._distances[k](q, v, t))
 
     def check_start(self, q: Real, v: Real) -> None:
         """Raise `MechanismError` where a motion begins at q, v (f,) beyond a stop."""

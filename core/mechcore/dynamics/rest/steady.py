@@ -248,7 +248,7 @@ def _cut(edges: Real, machine: _Machine, speed: Callable[[Real], Real]) -> Real:
     keep[0] = True
     out = found[keep]
     out[0], out[-1] = 0.0, span
-    return out
+    return np.asarray(out)
 
 
 def _solve(machine: _Machine, edges: Real, w: Real, level: float) -> tuple[Real, Real, Real, float]:
