@@ -12,12 +12,15 @@ from functools import lru_cache
 
 import numpy as np
 from mapbox_earcut import triangulate_float64
-from shapely.geometry import Point, Polygon
+from shapely.geometry import LinearRing, Point, Polygon
 
+from mechcore.arrays import Integers, Real
 from mechviz.meshes.outline import clean
 from mechviz.meshes.shading import Color
 
 Profile = tuple[tuple[float, float], ...]
+Ring = tuple[Real, Integers]
+"""A closed line of vertices: places (n, 2) and indices (n,)."""
 
 
 class ShapeError(ValueError):
@@ -28,11 +31,11 @@ class ShapeError(ValueError):
 class Shell:
     """A closed triangle mesh: vertices (V, 3) and faces (N, 3), counter-clockwise seen from outside."""
 
-    vertices: np.ndarray
-    faces: np.ndarray
+    vertices: Real
+    faces: Integers
 
     @property
-    def bounds(self) -> np.ndarray:
+    def bounds(self) -> Real:
         """Lowest and highest corner (2, 3)."""
         return np.array([self.vertices.min(axis=0), self.vertices.max(axis=0)])
 
@@ -80,11 +83,11 @@ class _Builder:
     """Collects rings of vertices and the surfaces between them."""
 
     def __init__(self) -> None:
-        self._vertices: list[np.ndarray] = []
-        self._faces: list[np.ndarray] = []
+        self._vertices: list[Real] = []
+        self._faces: list[Integers] = []
         self._count = 0
 
-    def ring(self, xy: np.ndarray, z: np.ndarray | float) -> np.ndarray:
+    def ring(self, xy: Real, z: Real | float) -> Integers:
         """Vertices xy (n, 2) at height z, one for all or (n,) -> their indices (n,)."""
         out = np.empty((len(xy), 3))
         out[:, :2], out[:, 2] = xy, z
@@ -92,7 +95,7 @@ class _Builder:
         self._count += len(xy)
         return np.arange(self._count - len(xy), self._count)
 
-    def strips(self, rings: Sequence[np.ndarray]) -> None:
+    def strips(self, rings: Sequence[Integers]) -> None:
         """The surfaces from each ring to the next, as long; counter-clockwise rings, walked upwards, face outwards."""
         if len(rings) < 2:
             return
@@ -105,7 +108,7 @@ class _Builder:
                 faces[:, k, :, corner] = index
         self._faces.append(faces.reshape(-1, 3))
 
-    def cap(self, ring: np.ndarray, centre: tuple[float, float], z: float, *, up: bool) -> None:
+    def cap(self, ring: Integers, centre: tuple[float, float], z: float, *, up: bool) -> None:
         """A fan that closes a circle."""
         apex = self.ring(np.array([centre]), z)[0]
         faces = np.full((len(ring), 3), apex)
@@ -113,7 +116,7 @@ class _Builder:
         faces[:, own], faces[:-1, following], faces[-1, following] = ring, ring[1:], ring[0]
         self._faces.append(faces)
 
-    def face(self, rings: Sequence[tuple[np.ndarray, np.ndarray]], *, up: bool) -> None:
+    def face(self, rings: Sequence[Ring], *, up: bool) -> None:
         """The flat face inside the first ring and outside the others; a ring is its xy (n, 2) and its indices (n,)."""
         triangles = _triangulate([xy for xy, _ in rings])
         index = np.concatenate([i for _, i in rings])
@@ -179,7 +182,7 @@ def revolve(profile: Profile, centre: tuple[float, float] = (0.0, 0.0), segments
     return build.shell()
 
 
-def bored(rings: Sequence[tuple[np.ndarray, np.ndarray | float]], bore: Polygon) -> Shell:
+def bored(rings: Sequence[tuple[Real, Real | float]], bore: Polygon) -> Shell:
     """A solid around the z axis with a bore of any outline right through it.
 
     rings: xy (n, 2), counter-clockwise, and z (n,) or one number, of as many points each, from the outer edge of its lower end face
@@ -196,7 +199,7 @@ def bored(rings: Sequence[tuple[np.ndarray, np.ndarray | float]], bore: Polygon)
     return build.shell()
 
 
-def _add_bored(build: _Builder, feature: Turned, top: list, bottom: list, segments: int) -> None:
+def _add_bored(build: _Builder, feature: Turned, top: list[Ring], bottom: list[Ring], segments: int) -> None:
     """A boss, or none, around a hole that is not round."""
     assert feature.bore is not None
     circle, hole = _circle(segments), _coords(clean(feature.bore).exterior)
@@ -215,7 +218,7 @@ def _add_bored(build: _Builder, feature: Turned, top: list, bottom: list, segmen
     build.strips(ends)
 
 
-def _add_turned(build: _Builder, feature: Turned, top: list, bottom: list, segments: int) -> None:
+def _add_turned(build: _Builder, feature: Turned, top: list[Ring], bottom: list[Ring], segments: int) -> None:
     if feature.bore is not None:
         return _add_bored(build, feature, top, bottom, segments)
     circle = _circle(segments)
@@ -238,7 +241,7 @@ def _add_turned(build: _Builder, feature: Turned, top: list, bottom: list, segme
         build.cap(down[-1], feature.centre, feature.bottom[-1][1], up=False)
 
 
-def _insets(rings: list[np.ndarray], bevel: float, turned: Sequence[Turned]) -> list[np.ndarray] | None:
+def _insets(rings: list[Real], bevel: float, turned: Sequence[Turned]) -> list[Real] | None:
     """The rings moved into the material by the bevel, vertex by vertex; None if that does not leave a valid face."""
     if bevel <= 0.0:
         return None
@@ -251,22 +254,22 @@ def _insets(rings: list[np.ndarray], bevel: float, turned: Sequence[Turned]) -> 
     return insets
 
 
-def _inset(ring: np.ndarray, distance: float) -> np.ndarray:
+def _inset(ring: Real, distance: float) -> Real:
     """A ring (n, 2) with every vertex moved to the left of the walking direction, so that edges move by `distance`."""
     edge = np.roll(ring, -1, axis=0) - ring
     edge = edge / np.linalg.norm(edge, axis=1, keepdims=True)
     normal = np.column_stack([-edge[:, 1], edge[:, 0]])
     before = np.roll(normal, 1, axis=0)
     bisector = before + normal
-    return ring + distance * bisector / np.maximum(1.0 + (before * normal).sum(axis=1, keepdims=True), 0.1)
+    return np.asarray(ring + distance * bisector / np.maximum(1.0 + (before * normal).sum(axis=1, keepdims=True), 0.1))
 
 
-def _coords(ring) -> np.ndarray:
+def _coords(ring: LinearRing) -> Real:
     return np.asarray(ring.coords)[:-1, :2]
 
 
 @lru_cache(maxsize=16)
-def _circle(segments: int) -> np.ndarray:
+def _circle(segments: int) -> Real:
     """A unit circle, counter-clockwise (n, 2)."""
     angle = 2.0 * np.pi * np.arange(segments) / segments
     circle = np.column_stack([np.cos(angle), np.sin(angle)])
@@ -274,7 +277,7 @@ def _circle(segments: int) -> np.ndarray:
     return circle
 
 
-def _triangulate(rings: Sequence[np.ndarray]) -> np.ndarray:
+def _triangulate(rings: Sequence[Real]) -> Integers:
     """Triangles (N, 3), counter-clockwise, of the region inside the first ring and outside the others.
 
     Ear clipping drops vertices where rings line up exactly, which the number of triangles tells. Turned by an odd angle

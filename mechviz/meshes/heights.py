@@ -9,6 +9,7 @@ from functools import cached_property
 import numpy as np
 import shapely
 
+from mechcore.arrays import Integers, Real
 from mechcore.joints.parts import build_joints
 from mechcore.spec.mechanism import Mechanism, Vec2
 from mechviz.meshes.extrude import Part
@@ -27,7 +28,7 @@ class Heights:
     size: float  # [m]
     top: float  # before everything [m]
     joints: Mapping[str, float]  # front of each joint's pin or block [m]
-    poses: Mapping[str, np.ndarray]  # link -> (F, 3) [m, m, rad]: the frames at which the solids were looked at
+    poses: Mapping[str, Real]  # link -> (F, 3) [m, m, rad]: the frames at which the solids were looked at
     _parts: tuple[Part, ...]
     _near: float  # in sizes
 
@@ -49,7 +50,7 @@ class Heights:
                         return 0.5 * (prism.low + prism.high) * self.size
         return None
 
-    def crossed(self, between: tuple[float, float], lines: np.ndarray, frames: np.ndarray) -> bool:
+    def crossed(self, between: tuple[float, float], lines: Real, frames: Integers) -> bool:
         """Whether lines (K, n, 2) [m], see `cleared`, meet a part that reaches in between two heights [m]."""
         lines = np.asarray(lines, float) / self.size
         known = np.isfinite(lines).all(axis=(1, 2))
@@ -65,7 +66,7 @@ class Heights:
                         return True
         return False
 
-    def cleared(self, height: float, lines: np.ndarray, frames: np.ndarray) -> float:
+    def cleared(self, height: float, lines: Real, frames: Integers) -> float:
         """The lowest height from ``height`` [m] on at which no part lies before lines in the plane.
 
         ``lines``: (K, n, 2) [m], a line of n points at each of the ``frames`` (K,), which count the frames of `poses`.
@@ -92,7 +93,7 @@ class Heights:
 
 
 def find_heights(
-    mechanism: Mechanism, model: Model, parts: Sequence[Part], poses: Mapping[str, np.ndarray] | None, top: float
+    mechanism: Mechanism, model: Model, parts: Sequence[Part], poses: Mapping[str, Real] | None, top: float
 ) -> Heights:
     """The heights of a mechanism's joints and parts; ``top`` [m] is before everything."""
     near = _NEAR * model.proportions.r
@@ -122,7 +123,7 @@ def _height(part: Part) -> float:
     return max(prism.high for prism in part.space)
 
 
-def _in_link(lines: np.ndarray, pose: np.ndarray | None, frames: np.ndarray, size: float) -> shapely.Geometry:
+def _in_link(lines: Real, pose: Real | None, frames: Integers, size: float) -> shapely.Geometry:
     """Lines of the world (K, n, 2) as a link sees them at its poses."""
     if pose is not None and len(pose):
         at = pose[frames] / (size, size, 1.0)

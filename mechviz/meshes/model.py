@@ -8,13 +8,13 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from shapely.geometry import Point
 
+from mechcore.arrays import Real
 from mechcore.joints.base import Builder, LoopJoint
 from mechcore.joints.parts import build_joints
 from mechcore.spec.loads import Force
 from mechcore.spec.mechanism import CamJoint, Link, Mechanism, PinSlot, Prismatic, Rolling, Vec2
-from mechviz.meshes.kinds.cam_profiles import CamDrawing, cam_extents, find_cams
+from mechviz.meshes.kinds.cam_profiles import CamDrawing, InverseDrawing, cam_extents, find_cams, find_inverse
 from mechviz.meshes.kinds.cylinders import Telescope, find_telescopes
-from mechviz.meshes.kinds.inverse_cams import InverseDrawing, find_inverse
 from mechviz.meshes.kinds.spatial_cams import SpatialDrawing, find_spatial
 from mechviz.meshes.kinds.wheels import Wheels, find_wheels
 
@@ -136,7 +136,7 @@ class Model:
     frame: str
     links: tuple[str, ...]  # all, in the order of the scene; parts of cylinders last
     size: float  # [m]
-    poses: Mapping[str, np.ndarray]  # link -> (F, 3) x, y, angle; empty if not known
+    poses: Mapping[str, Real]  # link -> (F, 3) x, y, angle; empty if not known
     frames: int
     axles: tuple[Axle, ...]
     guides: tuple[Guide, ...]
@@ -157,7 +157,7 @@ class Model:
         return [axle.centres[link] for axle in self.axles if link in axle.centres]
 
 
-def build_model(mechanism: Mechanism, poses: Mapping[str, np.ndarray] | None, segments: int, profile: int = 1080) -> Model:
+def build_model(mechanism: Mechanism, poses: Mapping[str, Real] | None, segments: int, profile: int = 1080) -> Model:
     """Scale a mechanism and its poses (F, 3) [m, m, rad] to size 1 and find its axles, guides and wheels.
 
     ``segments``: sides of a full circle; ``profile``: points of a cam's profile.
@@ -232,7 +232,7 @@ def _xy(z: complex) -> Vec2:
     return (z.real, z.imag)
 
 
-def _usable_poses(frame: str, links: Sequence[Link], poses: Mapping[str, np.ndarray] | None) -> dict[str, np.ndarray]:
+def _usable_poses(frame: str, links: Sequence[Link], poses: Mapping[str, Real] | None) -> dict[str, Real]:
     """Poses (F, 3) of every link at the frames where all links have finite ones; empty if there are none."""
     names = [link.name for link in links if link.name != frame]
     if poses is None or any(name not in poses for name in names):
@@ -247,7 +247,7 @@ def _usable_poses(frame: str, links: Sequence[Link], poses: Mapping[str, np.ndar
     return {frame: np.zeros((int(good.sum()), 3))} | {name: a[:frames][good] for name, a in arrays.items()}
 
 
-def _size(mechanism: Mechanism, parts: Builder, poses: Mapping[str, np.ndarray]) -> float:
+def _size(mechanism: Mechanism, parts: Builder, poses: Mapping[str, Real]) -> float:
     """The larger side of the box around the mechanism's points and wheels over the run [m]; 10 mm if it has no extent."""
     clouds, extents = [], [0.0]
     used = {
@@ -275,7 +275,7 @@ def _size(mechanism: Mechanism, parts: Builder, poses: Mapping[str, np.ndarray])
     return size if np.isfinite(size) and size > 0.0 else 0.01
 
 
-def place(xy: np.ndarray, pose: np.ndarray) -> np.ndarray:
+def place(xy: Real, pose: Real) -> Real:
     """Points (n, 2) of a link in the world at its poses (F, 3) -> (F, n, 2)."""
     c, s = np.cos(pose[:, 2, None]), np.sin(pose[:, 2, None])
     x = pose[:, 0, None] + c * xy[:, 0] - s * xy[:, 1]
@@ -364,7 +364,7 @@ def _axle(cluster: Cluster, clusters: list[Cluster], marks: Marks, size: Proport
     return Axle(centres, owner, pin=min(0.4 * size.r, 0.3 * room), boss=min(0.82 * size.r, 0.46 * room))
 
 
-def _play(axle: Axle, poses: Mapping[str, np.ndarray]) -> dict[str, float]:
+def _play(axle: Axle, poses: Mapping[str, Real]) -> dict[str, float]:
     """How far an axle's pin goes from the axis in links whose joints with it have clearance, over the run."""
     if axle.owner not in poses:
         return {}
@@ -391,7 +391,7 @@ def _keyed(axle: Axle, cams: Sequence[CamDrawing], frame: str, r: float) -> Axle
     return axle
 
 
-def _travel(joint: LoopJoint, poses: Mapping[str, np.ndarray]) -> tuple[float, float]:
+def _travel(joint: LoopJoint, poses: Mapping[str, Real]) -> tuple[float, float]:
     """Where the other link's point goes along the guide of a joint over the run, from the guide's point."""
     if not poses:
         return (-_DEFAULT_TRAVEL, _DEFAULT_TRAVEL)
@@ -404,7 +404,7 @@ def _travel(joint: LoopJoint, poses: Mapping[str, np.ndarray]) -> tuple[float, f
     return (float(moved.min()), float(moved.max()))
 
 
-def _slot(joint: LoopJoint, poses: Mapping[str, np.ndarray], ends: Vec2 | None) -> Slot:
+def _slot(joint: LoopJoint, poses: Mapping[str, Real], ends: Vec2 | None) -> Slot:
     """A slot as long as it is stated (``ends``), else as the run needs it."""
     origin, point = (joint.b, joint.a) if joint.guide else (joint.a, joint.b)
     return Slot(
@@ -421,7 +421,7 @@ def _slot(joint: LoopJoint, poses: Mapping[str, np.ndarray], ends: Vec2 | None) 
 def _guide(
     mechanism: Mechanism,
     joint: LoopJoint,
-    poses: Mapping[str, np.ndarray],
+    poses: Mapping[str, Real],
     clusters: list[Cluster],
     marks: Marks,
     size: Proportions,

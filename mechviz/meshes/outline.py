@@ -1,4 +1,4 @@
-"""Feather keys: the bore with its keyway that a cam has, and the key between it and its shaft."""
+"""Outlines of flat parts: discs and hulls, rails, pedestals and hatched bars of the ground, bores with keyways and their keys."""
 
 from __future__ import annotations
 
@@ -94,7 +94,7 @@ def _beside(origin: Vec2, along: Vec2, s: float, lateral: float) -> Vec2:
     return (origin[0] + s * along[0] - lateral * along[1], origin[1] + s * along[1] + lateral * along[0])
 
 
-def polygons(shape) -> list[Polygon]:
+def polygons(shape: shapely.Geometry) -> list[Polygon]:
     """The polygons of any shapely geometry, largest first."""
     if shape.is_empty:
         return []

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from mechcore.arrays import Index
+from mechcore.arrays import Index, Integers, Real
 
 Color = tuple[int, int, int, int]  # red, green, blue, alpha, each 0-255
 
@@ -39,9 +39,7 @@ def link_colors(names: tuple[str, ...], frame: str) -> dict[str, Color]:
 _CREASE = np.cos(np.radians(30.0))
 
 
-def crisp(
-    vertices: np.ndarray, faces: np.ndarray, normal: np.ndarray, area: np.ndarray
-) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+def crisp(vertices: Real, faces: Integers, normal: Real, area: Real) -> tuple[Real, Integers, Real, Integers]:
     """Split closed meshes along their creases.
 
     vertices (V, 3), faces (N, 3) and what `face_normals` says of them -> vertices (W, 3), faces (N, 3) and unit normals (W, 3) of
@@ -66,7 +64,7 @@ def crisp(
     return vertices[source], corner.reshape(-1, 3), unit, source
 
 
-def face_normals(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def face_normals(vertices: Real, faces: Integers) -> tuple[Real, Real]:
     """Unit normals (N, 3) and twice the areas (N,) of the faces; a face without area gets the normal (0, 0, 1)."""
     a, b, c = (vertices[faces[:, k]] for k in range(3))
     cross = np.cross(b - a, c - a)
@@ -77,7 +75,7 @@ def face_normals(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, n
     return normal, length
 
 
-def _fans(faces: np.ndarray, normal: np.ndarray) -> np.ndarray:
+def _fans(faces: Integers, normal: Real) -> Index:
     """The number of the smooth fan that each corner of each face belongs to (3 N,), corners in the order of the faces."""
     start, end = faces.ravel(), faces[:, [1, 2, 0]].ravel()  # of the edge at each corner
     corner = np.arange(faces.size)

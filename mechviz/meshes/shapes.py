@@ -14,9 +14,11 @@ import numpy as np
 from shapely.geometry import Point, Polygon
 from shapely.ops import unary_union
 
+from mechcore.arrays import Real
 from mechcore.spec.mechanism import Vec2
 from mechviz.meshes import outline
 from mechviz.meshes.draft import Draft, Neck, Piece, joined
+from mechviz.meshes.kinds.cam_profiles import draw_inverse
 from mechviz.meshes.kinds.cams import draw_cams, group_cams
 from mechviz.meshes.kinds.fittings import (
     draw_slots,
@@ -27,7 +29,6 @@ from mechviz.meshes.kinds.fittings import (
     lug,
     slot_of,
 )
-from mechviz.meshes.kinds.inverse_cams import draw_inverse
 from mechviz.meshes.kinds.wheels_drawn import draw_wheels, group_wheels, rail_ends
 from mechviz.meshes.model import Guide, Model
 
@@ -216,7 +217,7 @@ def _straight(model: Model, link: str, origin: Vec2, along: Vec2) -> bool:
     return bool(np.all(np.abs(lateral) <= 0.02 * model.proportions.r)) and len(rails) == 1
 
 
-def _coordinates(points: list[Vec2], origin: Vec2, along: Vec2) -> tuple[np.ndarray, np.ndarray]:
+def _coordinates(points: list[Vec2], origin: Vec2, along: Vec2) -> tuple[Real, Real]:
     """Distances along and across a line, of points in the same frame."""
     d = np.array(points, float).reshape(-1, 2) - origin
     return d @ np.array(along), d @ np.array([-along[1], along[0]])

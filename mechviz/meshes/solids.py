@@ -9,15 +9,17 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import shapely
+from numpy.typing import NDArray
 from shapely.affinity import scale
 from shapely.errors import GEOSException
 from shapely.geometry import Polygon
 
+from mechcore.arrays import Real, Single
 from mechcore.errors import Fault, MechanismError
 from mechcore.spec.mechanism import Mechanism
 from mechviz.meshes.extrude import Part, ShapeError, Shell, joined_shells
 from mechviz.meshes.heights import Heights, find_heights
-from mechviz.meshes.kinds.bands import Loop
+from mechviz.meshes.kinds.rims import Loop
 from mechviz.meshes.kinds.spatial_cams import Spin, spatial_parts
 from mechviz.meshes.kinds.wheels_drawn import find_loop
 from mechviz.meshes.layers.stack import Levels, poses_of, stack_pieces
@@ -43,10 +45,10 @@ class Solid:
     name: str
     shells: tuple[Shell, ...]  # its watertight parts, vertices shared
     kinds: tuple[str, ...]  # of the parts, see `parts.Part`
-    vertices: np.ndarray  # (V, 3) float32 [m], repeated along sharp edges
-    faces: np.ndarray  # (N, 3) uint32
-    normals: np.ndarray  # (V, 3) float32, unit, outward
-    colors: np.ndarray  # (V, 4) uint8: the link's colour, pins in steel
+    vertices: Single  # (V, 3) [m], repeated along sharp edges
+    faces: NDArray[np.uint32]  # (N, 3)
+    normals: Single  # (V, 3), unit, outward
+    colors: NDArray[np.uint8]  # (V, 4): the link's colour, pins in steel
     color: Color  # of the link
     layer: int | tuple[int, ...]  # from the back; the frame has several, its pedestals lie on -1 (or in front of all)
     spin: Spin | None = None  # of a spatial cam: it turns about an axis in the plane
@@ -69,7 +71,7 @@ class Solids:
     links: Mapping[str, Solid]  # every link, the frame included
     size: float  # the larger side of the box around the mechanism's points over the run [m]
     z_top: float  # just above everything: force arrows are drawn here [m]
-    bounds: np.ndarray  # (2, 3) lowest and highest corner over the run [m]
+    bounds: Real  # (2, 3) lowest and highest corner over the run [m]
     clashes: tuple[tuple[str, str], ...]  # links that run into each other at some frame, in the best order found
     heights: Heights  # where marks lie in z
     chord: float  # largest distance of a facet from the circle that it stands for [m]
@@ -78,7 +80,7 @@ class Solids:
 
 def build_solids(
     mechanism: Mechanism,
-    poses: Mapping[str, np.ndarray] | None = None,
+    poses: Mapping[str, Real] | None = None,
     *,
     tolerance: float = 0.005,
     chord: float | None = None,
@@ -101,9 +103,7 @@ def build_solids(
         raise MechanismError(Fault(f"links.{long}", words, "Check their points and units.")) from None
 
 
-def _build(
-    mechanism: Mechanism, poses: Mapping[str, np.ndarray] | None, tolerance: float, chord: float | None, profile: int
-) -> Solids:
+def _build(mechanism: Mechanism, poses: Mapping[str, Real] | None, tolerance: float, chord: float | None, profile: int) -> Solids:
     """The solids of `build_solids`."""
     model = build_model(mechanism, poses, _sides(tolerance, 128), profile)
     if chord is not None:
@@ -226,7 +226,7 @@ def _layers_of_links(model: Model, levels: Levels, parts: list[Part]) -> dict[st
     return layers
 
 
-def _bounds(model: Model, links: Mapping[str, Solid]) -> np.ndarray:
+def _bounds(model: Model, links: Mapping[str, Solid]) -> Real:
     """The box around all solids over the run (2, 3) [m]."""
     lows, highs = [], []
     for name, solid in links.items():
@@ -243,15 +243,13 @@ def _bounds(model: Model, links: Mapping[str, Solid]) -> np.ndarray:
     return np.array([np.min(lows, axis=0), np.max(highs, axis=0)])
 
 
-def _rim(solid: Solid) -> np.ndarray:
+def _rim(solid: Solid) -> Real:
     """The corners of a solid's convex outline (n, 2): enough to bound it at any angle."""
     xy = np.concatenate([shell.vertices[:, :2] for shell in solid.shells])
-    return shapely.get_coordinates(shapely.convex_hull(shapely.linestrings(xy)))
+    return np.asarray(shapely.get_coordinates(shapely.convex_hull(shapely.linestrings(xy))))
 
 
-def drawn_outlines(
-    mechanism: Mechanism, poses: Mapping[str, np.ndarray] | None, links: Collection[str]
-) -> dict[str, list[Polygon]]:
+def drawn_outlines(mechanism: Mechanism, poses: Mapping[str, Real] | None, links: Collection[str]) -> dict[str, list[Polygon]]:
     """Flat parts of ``links`` in the links' frames [m], with the holes for their pins and their cut-outs.
 
     poses: x, y, angle (F, 3) [m, m, rad] of every link over the run, as for `build_solids`: slots and guides follow from them.

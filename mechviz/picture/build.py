@@ -22,12 +22,10 @@ from numpy.typing import NDArray
 from mechviz.meshes.kinds.spatial_cams import spin_transforms
 from mechviz.picture.arrows import Arrows, arrows_of, key_of
 from mechviz.picture.nodes import Body, Lines, Mesh, Picture, Points, Poses
-from mechviz.picture.overlays import overlay_nodes
+from mechviz.picture.overlays import overlay_nodes, section_nodes
 from mechviz.picture.proportions import ARC_RADIUS, about_z, arc_height, arrow_height, path_height
-from mechviz.picture.section_diagrams import section_nodes
 from mechviz.picture.springs import COLOR as COIL
-from mechviz.picture.springs import Coil, find_coils
-from mechviz.picture.strut_glyphs import find_strut_glyphs
+from mechviz.picture.springs import Coil, find_coils, find_strut_glyphs
 from mechviz.picture.surface_marks import find_surface_marks
 from mechviz.quantities.vectors import point_name
 from mechviz.scene.convert import Converter

@@ -1,23 +1,24 @@
-"""Springs between two points as solids: one mesh each, stretched along its axis with the spring's length. For all pictures."""
+"""Springs, dampers, gas springs, actuators, bushings and torsion springs: solids and lines that deform with the motion."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from mechcore.arrays import Real, Single
-from mechcore.spec.loads import Spring
-from mechviz.meshes.kinds.coils import coil_shell
-from mechviz.picture.proportions import looks
+from mechcore.arrays import Integers, Real, Single
+from mechcore.spec.loads import Actuator, Bushing, Damper, GasSpring, Spring, TorsionSpring
+from mechcore.spec.mechanism import Mechanism
+from mechviz.meshes.extrude import Shell
+from mechviz.picture.proportions import POT, TURNS, looks, pot_length, spiral_radius
 
 if TYPE_CHECKING:
     from mechviz.meshes.solids import Solids
     from mechviz.runs import Run
-
 
 COLOR = (172, 188, 206)
 RADIUS = 0.034  # of the wire's middle line around the axis, in sizes of the mechanism: a stem goes through it
@@ -125,3 +126,225 @@ def _place(
     for line in (np.stack([a, b], axis=1), *sides(radius + 0.5 * wire)):
         start = heights.cleared(start, line, known)
     return start + radius + 0.5 * wire, 1.0
+
+
+SPIRAL_POINTS = 72
+RING_POINTS = 37
+BUSHING = 0.03  # radius of a bushing's ring, in sizes of the mechanism
+
+
+@dataclass(frozen=True)
+class Strut:
+    """A load that is drawn as a pot with a rod between two points, each (link, point)."""
+
+    name: str
+    kind: str  # "damper", "gas spring", "actuator"
+    ends: tuple[tuple[str, str], tuple[str, str]]
+
+
+def find_struts(mechanism: Mechanism) -> Iterator[Strut]:
+    """Dampers, gas springs and actuators between two points."""
+    for load in mechanism.loads:
+        if isinstance(load, Damper | GasSpring | Actuator) and load.points:
+            kind = "damper" if isinstance(load, Damper) else "gas spring" if isinstance(load, GasSpring) else "actuator"
+            first, second = zip(load.links, load.points, strict=True)
+            yield Strut(load.name, kind, (first, second))
+
+
+@dataclass(frozen=True, eq=False)
+class StrutGlyph:
+    """A load that is drawn as lines: ``strips(frames)`` gives polylines (n, points, 2) [m], as many arrays as it has lines."""
+
+    name: str
+    kind: str  # "damper", "gas spring", "actuator", "bushing", "torsion spring"
+    strips: Callable[[Integers], tuple[Real, ...]]
+
+
+def find_strut_glyphs(run: Run, size: float) -> Iterator[StrutGlyph]:
+    """The linkers of a run in which forces are computed; ``size`` [m] is the mechanism's."""
+    if run.forces is None:
+        return
+    motion = run.motion
+    for strut in find_struts(motion.mechanism):
+        a, b = (motion.point(*end) for end in strut.ends)
+        yield StrutGlyph(strut.name, strut.kind, _between(a, b, strut.kind, size))
+    yield from _bushings(run, size)
+    for load in motion.mechanism.loads:
+        if isinstance(load, TorsionSpring):
+            pin = next((p for p in motion.mechanism.joints if set(p.links) == set(load.links) and hasattr(p, "points")), None)
+            if pin is not None:
+                centre = motion.joint_position(pin.name)
+                angles = [motion.pose(link)[:, 2] for link in load.links]
+                yield StrutGlyph(load.name, "torsion spring", _around(centre, angles[0], angles[1], size))
+
+
+def _bushings(run: Run, size: float) -> Iterator[StrutGlyph]:
+    """A ring about the first point of each bushing, and a cross on the second link at the second point."""
+    for load in run.motion.mechanism.loads:
+        if isinstance(load, Bushing):
+            (first, a), (second, b) = zip(load.links, load.points, strict=True)
+            centre, place, angle = run.motion.point(first, a), run.motion.point(second, b), run.motion.pose(second)[:, 2]
+            yield StrutGlyph(load.name, "bushing", partial(bushing_strips, centre, place, angle, BUSHING * size))
+
+
+def bushing_strips(centre: Real, place: Real, angle: Real, radius: float, frames: Integers) -> tuple[Real, Real, Real]:
+    """A ring of a ``radius`` [m] about ``centre`` and the two bars of a cross at ``place`` (F, 2), turned by ``angle`` (F,)."""
+    around = radius * np.exp(1j * np.linspace(0.0, 2.0 * np.pi, RING_POINTS))
+    arms = radius * np.exp(1j * angle[frames])[:, None] * np.array([-1.0, 1.0])
+    middle = place[frames] @ [1.0, 1.0j]
+    lines = ((centre[frames] @ [1.0, 1.0j])[:, None] + around, middle[:, None] + arms, middle[:, None] + 1j * arms)
+    ring, bar, other = (np.stack([z.real, z.imag], axis=-1) for z in lines)
+    return ring, bar, other
+
+
+def strut_ends(run: Run) -> list[Real]:
+    """Where springs, dampers, gas springs and actuators between two points end, (F, 2) [m] each."""
+    if run.forces is None:
+        return []
+    mechanism = run.motion.mechanism
+    ends = [end for load in mechanism.loads if isinstance(load, Spring) for end in zip(load.links, load.points, strict=True)]
+    ends += [end for strut in find_struts(mechanism) for end in strut.ends]
+    return [run.motion.point(*end) for end in ends]
+
+
+def _between(a: Real, b: Real, kind: str, size: float) -> Callable[[Integers], tuple[Real, ...]]:
+    length = np.hypot(*(b - a).T)
+    least, most = float(np.nanmin(length)), float(np.nanmax(length))
+    return lambda frames: strut_strips(a[frames], b[frames], least, most, POT * size, closed=kind != "damper")
+
+
+def _around(centre: Real, first: Real, second: Real, size: float) -> Callable[[Integers], tuple[Real, ...]]:
+    return lambda frames: (spiral_strips(centre[frames], first[frames], second[frames], size),)
+
+
+def _axes(a: Real, b: Real) -> tuple[Real, Real, Real]:
+    """Distances (n,), unit vectors along (n, 2) and across (n, 2) from a to b; where the points meet, along x."""
+    d = b - a
+    length = np.hypot(d[:, 0], d[:, 1])
+    along = np.where((length > 0.0)[:, None], d / np.where(length > 0.0, length, 1.0)[:, None], [1.0, 0.0])
+    return length, along, np.column_stack([-along[:, 1], along[:, 0]])
+
+
+def _placed(a: Real, along: Real, across: Real, u: Real, v: Real) -> Real:
+    """Points (n, p, 2) at distances u along and v across [m], each (n, p), from points a (n, 2)."""
+    return a[:, None] + u[..., None] * along[:, None] + v[..., None] * across[:, None]
+
+
+def strut_strips(a: Real, b: Real, least: float, most: float, width: float, *, closed: bool) -> tuple[Real, Real]:
+    """A damper (a pot with a piston in it) or a gas spring (a closed cylinder with its rod) between points (n, 2).
+
+    Pot and rod keep their lengths while the points move between their ``least`` and ``most`` distance.
+    """
+    length, along, across = _axes(a, b)
+    pot = pot_length(least, most)
+    plate = np.clip(length - (most - 0.92 * pot), 0.05 * pot, 0.95 * pot)  # where the piston is in the pot
+    ones = np.ones_like(length)
+    start = 0.0 if closed else 0.12 * pot  # a damper's pot hangs on a short rod of its own
+    outline = [(0.0, 0.0), (start, 0.0), (start, width), (pot, width), (pot, -width), (start, -width), (start, 0.0)]
+    if not closed:  # open at the end where the rod enters
+        outline = [(pot, width), (start, width), (start, 0.0), (0.0, 0.0), (start, 0.0), (start, -width), (pot, -width)]
+    u, v = (np.outer(ones, column) for column in zip(*outline, strict=True))
+    body = _placed(a, along, across, u, v)
+    zero, w = np.zeros_like(length), 0.8 * width * ones
+    u = np.column_stack([length, plate, plate, plate])
+    v = np.column_stack([zero, zero, w, -w])
+    return body, _placed(a, along, across, u, v)
+
+
+def ends_of_strut(body: Real, rod: Real, *, closed: bool) -> tuple[Real, Real]:
+    """The points (n, 2) between which `strut_strips` has drawn a ``body`` and its ``rod``."""
+    return body[:, 0 if closed else 3], rod[:, 0]
+
+
+def spiral_strips(centre: Real, first: Real, second: Real, size: float) -> Real:
+    """A spiral spring about centres (n, 2) from a link at angle ``second`` (n,) inside to one at ``first`` outside, in a mechanism
+    of a ``size`` [m]."""
+    part = np.linspace(0.0, 1.0, SPIRAL_POINTS)
+    angle = second[:, None] + (first - second + 2.0 * np.pi * TURNS)[:, None] * part
+    r = spiral_radius(part, size)
+    return np.asarray(centre[:, None] + r[:, None] * np.stack([np.cos(angle), np.sin(angle)], axis=-1))
+
+
+def axis_of_spiral(spiral: Real, size: float) -> tuple[Real, Real, Real]:
+    """Centres (n, 2) [m] of spirals (n, points, 2) that `spiral_strips` has drawn in a mechanism of a ``size`` [m], the angles (n,)
+    [rad] at which they begin inside, and those through which they are wound.
+
+    ``|z - c|^2 = r^2`` at the known radii r is linear in the centre c and in |c|^2.
+    """
+    r = spiral_radius(np.linspace(0.0, 1.0, spiral.shape[1]), size)
+    middle = spiral.mean(axis=1)
+    z = (spiral - middle[:, None]) / size
+    equations = np.concatenate([2.0 * z, np.ones((*z.shape[:2], 1))], axis=2)
+    found = np.linalg.pinv(equations) @ ((z**2).sum(axis=2) - (r / size) ** 2)[..., None]
+    from_centre = (z - found[:, None, :2, 0]) @ np.array([1.0, 1.0j])
+    steps = np.angle(from_centre[:, 1:] / from_centre[:, :-1])
+    return middle + size * found[:, :2, 0], np.unwrap(np.angle(from_centre[:, 0])), steps.sum(axis=1)
+
+
+SIDES = 8  # of the wire
+STEPS = 18  # places of the wire in a turn
+CLOSED = 1.0  # turns at each end of a compression spring that lie against their neighbours
+FLAT = 0.15  # of the wire's diameter that is left of it where it is ground off
+STEM = 0.12  # part of the length at each end of a tension spring that is straight, on the axis
+
+
+def coil_shell(length: float, radius: float, wire: float, turns: float, *, straight: bool) -> tuple[Shell, Real]:
+    """A spring from x = 0 to ``length`` around the x axis, and outward unit normals at its vertices (V, 3).
+
+    radius: of the wire's middle line around the axis; wire: its diameter; turns: those that give way. Closed turns at both ends are
+    ground flat; with ``straight`` the wire goes over into the axis there instead.
+    """
+    line, phase = _pulled(length, radius, turns) if straight else _pushed(length, radius, wire, turns)
+    along = np.gradient(line, axis=0)
+    along /= np.linalg.norm(along, axis=1, keepdims=True)
+    out = np.column_stack([np.zeros(len(line)), np.cos(phase), np.sin(phase)])
+    out -= (out * along).sum(axis=1, keepdims=True) * along
+    out /= np.linalg.norm(out, axis=1, keepdims=True)
+    side = np.cross(along, out)
+    angle = 2.0 * np.pi * np.arange(SIDES) / SIDES
+    normals = np.cos(angle)[:, None] * out[:, None] + np.sin(angle)[:, None] * side[:, None]
+    vertices = (line[:, None] + 0.5 * wire * normals).reshape(-1, 3)
+    normals = normals.reshape(-1, 3)
+    if not straight:
+        for end, sign in ((0.0, -1.0), (length, 1.0)):
+            beyond = sign * (vertices[:, 0] - end) > 0.0
+            vertices[beyond, 0] = end
+            normals[beyond] = (sign, 0.0, 0.0)
+    count = len(line)
+    ring, place = np.arange(SIDES), np.arange(count - 1)[:, None] * SIDES
+    after = np.roll(ring, -1)
+    walls = [np.stack([place + ring, place + after, place + SIDES + after], axis=-1).reshape(-1, 3),
+             np.stack([place + ring, place + SIDES + after, place + SIDES + ring], axis=-1).reshape(-1, 3)]  # fmt: skip
+    ends = len(vertices) + np.arange(2)
+    last = (count - 1) * SIDES
+    caps = [
+        np.column_stack([after, ring, np.full(SIDES, ends[0])]),
+        np.column_stack([last + ring, last + after, np.full(SIDES, ends[1])]),
+    ]
+    vertices = np.vstack([vertices, vertices[:SIDES].mean(axis=0), vertices[last:].mean(axis=0)])
+    normals = np.vstack([normals, -along[0], along[-1]])
+    return Shell(vertices, np.vstack([*walls, *caps])), normals
+
+
+def _pushed(length: float, radius: float, wire: float, turns: float) -> tuple[Real, Real]:
+    """The middle line of a compression spring, and its angle about the axis [rad]: it rises by the wire's diameter in closed turns,
+    evenly in between."""
+    whole = turns + 2.0 * CLOSED
+    t = np.linspace(0.0, whole, round(whole * STEPS) + 1)
+    low = (FLAT - 0.5) * wire
+    step = min(wire, 0.25 * length / CLOSED)
+    knots = [0.0, CLOSED, whole - CLOSED, whole]
+    x = np.interp(t, knots, [low, low + CLOSED * step, length - low - CLOSED * step, length - low])
+    phase = 2.0 * np.pi * t
+    return np.column_stack([x, radius * np.cos(phase), radius * np.sin(phase)]), phase
+
+
+def _pulled(length: float, radius: float, turns: float) -> tuple[Real, Real]:
+    """The same of a tension spring: along the axis, out to the coil over half a turn, and back at the other end."""
+    t = np.linspace(0.0, turns, round(turns * STEPS) + 1)
+    blend = np.clip(np.minimum(t, turns - t) / 0.5, 0.0, 1.0)
+    r = radius * blend**2 * (3.0 - 2.0 * blend)
+    x = length * (STEM + (1.0 - 2.0 * STEM) * t / turns)
+    phase = 2.0 * np.pi * t
+    line = np.column_stack([x, r * np.cos(phase), r * np.sin(phase)])
+    return np.vstack([[0.0, 0.0, 0.0], line, [length, 0.0, 0.0]]), np.concatenate([phase[:1], phase, phase[-1:]])

@@ -18,7 +18,7 @@ from mechcore.spec.mechanism import CamJoint
 from mechviz.picture.proportions import about_z
 
 if TYPE_CHECKING:
-    from mechviz.meshes.kinds.bands import Loop
+    from mechviz.meshes.kinds.rims import Loop
     from mechviz.meshes.solids import Solids
     from mechviz.runs import Run
 
@@ -235,7 +235,7 @@ def way_of(run: Run, loop: Loop) -> Real:
     stands still at frames that could not be assembled."""
     turned = run.motion.pose(loop.pulley)[:, 2] - run.motion.pose(loop.carrier)[:, 2]
     turned = held(turned, np.isfinite(turned))
-    return loop.radii[0] * (turned - turned[0])
+    return np.asarray(loop.radii[0] * (turned - turned[0]))
 
 
 def _box(*sides: float) -> tuple[Single, NDArray[np.uint32], Single]:

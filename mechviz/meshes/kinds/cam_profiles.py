@@ -1,4 +1,4 @@
-"""What is drawn of cam joints: profiles and places, in units of the mechanism's size."""
+"""What is drawn of cam joints: profiles and places, and of inverse cams the body with a slot, in which the crank's roller runs."""
 
 from __future__ import annotations
 
@@ -7,15 +7,18 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
-from shapely.geometry import Polygon
+from shapely.geometry import LineString, Point, Polygon
 
+from mechcore.arrays import Complex
 from mechcore.cams.followers import Oscillating
 from mechcore.joints.base import Builder, point_of
 from mechcore.spec.mechanism import CamJoint, Mechanism, Vec2
+from mechviz.meshes import outline
+from mechviz.meshes.draft import Draft, Neck, Piece
 
 if TYPE_CHECKING:
     from mechcore.cams.placed import PlacedCam
-
+    from mechviz.meshes.model import Model
 
 _SAMPLES = 1080  # points of a profile
 
@@ -46,7 +49,7 @@ class CamDrawing:
         return (*((self.guide,) if self.grounded else ()), *((self.placed.bed,) if self.bed and self.placed.bed else ()))
 
 
-def profile_points(placed: PlacedCam, count: int = _SAMPLES) -> np.ndarray:
+def profile_points(placed: PlacedCam, count: int = _SAMPLES) -> Complex:
     """Points of the profile (n) in the theory's axes of the cam, complex [m], counter-clockwise; of a wedge from left to right."""
     contour = placed.contour
     each = max(count // contour.count, 8)
@@ -118,3 +121,61 @@ def cam_extents(cams: Sequence[CamDrawing]) -> Mapping[str, list[Vec2]]:
         x0, y0, x1, y1 = cam.profile.bounds
         found.setdefault(cam.cam, []).extend([(x0, y0), (x1, y0), (x1, y1), (x0, y1)])
     return found
+
+
+_ROLLER = 256  # sides of the roller
+
+
+@dataclass(frozen=True, eq=False)
+class InverseDrawing:
+    """``groove``: what the roller sweeps out of the driven link, in its axes; ``tip`` in the crank's."""
+
+    joint: str
+    crank: str
+    driven: str
+    groove: Polygon
+    ends: tuple[Vec2, Vec2]  # places beyond the ends of the groove, on its body
+    tip: Vec2
+    radius: float
+
+
+def find_inverse(mechanism: Mechanism, parts: Builder, size: float) -> tuple[InverseDrawing, ...]:
+    """All inverse cams of a mechanism."""
+    by_name = {r.name: r.geometry for r in parts.relations}
+    found = []
+    for joint in mechanism.joints:
+        if not isinstance(joint, CamJoint) or not joint.inverse:
+            continue
+        placed = by_name[joint.name]
+        low, high = placed.way
+        margin = 0.06 * (high - low)
+        theta = np.linspace(low - margin, high + margin, _SAMPLES)
+        w = (placed.own + placed.mount * placed.cam.pitch(theta, 0)[0]) / size
+        radius = placed.cam.radius / size
+        groove = LineString(np.column_stack([w.real, w.imag])).buffer(radius, quad_segs=64)
+        out = [w[0] + 1.6 * radius * (w[0] - w[8]) / abs(w[0] - w[8]), w[-1] + 1.6 * radius * (w[-1] - w[-9]) / abs(w[-1] - w[-9])]
+        tip = (placed.tip.real / size, placed.tip.imag / size)
+        first, last = ((z.real, z.imag) for z in out)
+        found.append(InverseDrawing(joint.name, joint.links[0], joint.links[1], groove, (first, last), tip, radius))
+    return tuple(found)
+
+
+def _group(drawing: InverseDrawing) -> str:
+    return f"groove {drawing.joint}"
+
+
+def draw_inverse(model: Model, draft: Draft) -> None:
+    """Pieces of all inverse cams."""
+    r = model.proportions.r
+    for drawing in model.inverse:
+        group, mates = _group(drawing), frozenset([drawing.joint])
+        body = drawing.groove.buffer(max(1.3 * r, 0.9 * drawing.radius), quad_segs=32).difference(drawing.groove)
+        draft.pieces.append(Piece(drawing.driven, outline.polygons(body)[0], group, "wheel", mates))
+        for end in drawing.ends:
+            spot = outline.polygons(Point(end).buffer(0.5 * r).intersection(body.buffer(-0.05 * r)))
+            if spot:
+                draft.necks.append(Neck(drawing.driven, spot[0], (draft.groups[drawing.driven], group)))
+        roller = outline.disc(drawing.tip, drawing.radius, _ROLLER)
+        draft.pieces.append(Piece(drawing.crank, roller, group, "wheel", mates))
+        pin = outline.disc(drawing.tip, 0.5 * min(drawing.radius, r), model.segments)
+        draft.necks.append(Neck(drawing.crank, pin, (draft.groups[drawing.crank], group)))

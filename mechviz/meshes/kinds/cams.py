@@ -14,6 +14,7 @@ import numpy as np
 from shapely.geometry import Point, Polygon, box
 from shapely.ops import unary_union
 
+from mechcore.arrays import Complex
 from mechcore.cams.closures import breadth
 from mechcore.cams.followers import Arc, Flat, Oscillating, Roller
 from mechviz.meshes import outline
@@ -202,7 +203,7 @@ def _head(model: Model, cam: CamDrawing) -> _Head:
     return _Head(Polygon([(z.real, z.imag) for z in ring]), tall + 0.5 * r)
 
 
-def _finger(arc: np.ndarray, half: float) -> Polygon:
+def _finger(arc: Complex, half: float) -> Polygon:
     """What joins an arc to its centre, the origin, without reaching beyond the arc."""
     return Polygon([(z.real, z.imag) for z in [*arc, 0j]]).union(
         Point(0.0, 0.0)

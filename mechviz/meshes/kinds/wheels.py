@@ -14,6 +14,7 @@ from typing import Literal
 
 import numpy as np
 
+from mechcore.arrays import Real
 from mechcore.joints.base import Builder, point_of
 from mechcore.spec.mechanism import Belt, Gear, Mechanism, Prismatic, Rack, Rolling, Vec2
 
@@ -22,7 +23,7 @@ _USUAL = range(16, 49)  # teeth of the smallest wheel where none are stated
 _RACK_PINION = 20  # teeth of a pinion that meshes with racks only
 _SAME = 1e-6
 
-Poses = Mapping[str, np.ndarray]
+Poses = Mapping[str, Real]
 
 
 @dataclass(frozen=True)
@@ -113,7 +114,7 @@ class _Finder:
     def point(self, link: str, name: str) -> complex:
         return point_of(self.parts.links[link], name) / self.size
 
-    def pose(self, link: str) -> np.ndarray:
+    def pose(self, link: str) -> Real:
         """Poses (F, 3) of a link; at rest at the origin where the motion is not known."""
         return self.poses.get(link, np.zeros((1, 3)))
 
@@ -183,7 +184,7 @@ class _Finder:
         travel = (float(s.min()), float(s.max()))
         self.tracks.append(Track(edge, joint.name, (origin.real, origin.imag), (along.real, along.imag), travel, number))
 
-    def seen(self, link: str, point: complex, other: str) -> np.ndarray:
+    def seen(self, link: str, point: complex, other: str) -> Real:
         """Places (F,) of a point of a link in the frame of another one over the run."""
         pose, base = self.pose(link), self.pose(other)
         world = pose[:, 0] + 1j * pose[:, 1] + point * np.exp(1j * pose[:, 2])

@@ -14,8 +14,7 @@ from shapely.ops import unary_union
 from mechcore.spec.mechanism import Vec2
 from mechviz.meshes import outline
 from mechviz.meshes.draft import Draft, Neck, Piece
-from mechviz.meshes.kinds.bands import Loop
-from mechviz.meshes.kinds.teeth import ADDENDUM, DEDENDUM, external_wheel, rack_teeth, ring_teeth
+from mechviz.meshes.kinds.rims import ADDENDUM, DEDENDUM, Loop, external_wheel, rack_teeth, ring_teeth
 from mechviz.meshes.kinds.wheels import Band, RackBar, Track, Wheel
 from mechviz.meshes.model import Model, place
 

@@ -145,7 +145,7 @@ def _improved(costs: Costs, order: Layers) -> Layers:
                 current, cost, start, moved = trials[best : best + 1], float(found[best]), chunk, True
                 break
         if not moved:
-            return current[0]
+            return np.asarray(current[0])
 
 
 def _chunks(layers: Layers) -> Iterator[Integers]:

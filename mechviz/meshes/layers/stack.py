@@ -9,6 +9,7 @@ import numpy as np
 import shapely
 from shapely.geometry import Polygon
 
+from mechcore.arrays import Real
 from mechviz.meshes.draft import Draft, Neck, Piece
 from mechviz.meshes.kinds.wheels_drawn import webs
 from mechviz.meshes.layers.order import Post, order_layers
@@ -156,6 +157,6 @@ def _grown(model: Model, pieces: Sequence[Piece]) -> list[Polygon]:
     return list(shapely.simplify(shapely.buffer(whole, 0.08 * r, quad_segs=2), 0.01 * r))
 
 
-def poses_of(model: Model, link: str) -> np.ndarray:
+def poses_of(model: Model, link: str) -> Real:
     """Poses (F, 3) of a link; at rest at the origin if the motion is not known."""
     return model.poses[link] if model.frames else np.zeros((1, 3))

@@ -24,7 +24,7 @@ _PORTION = 500_000  # pairs of outlines times frames, and vertices, in one array
 class Sweeps:
     """Outlines fixed to links, and the poses (F, 3) of those links over the run, in units of the size."""
 
-    def __init__(self, outlines: Sequence[Polygon], links: Sequence[str], poses: Mapping[str, np.ndarray]) -> None:
+    def __init__(self, outlines: Sequence[Polygon], links: Sequence[str], poses: Mapping[str, Real]) -> None:
         self._shapes = np.array(outlines, object)
         names = list(dict.fromkeys(links))
         self._link = np.array([names.index(link) for link in links], np.int64)
@@ -124,7 +124,7 @@ class Sweeps:
         (ax, ay), (bx, by), ca, sa = half[i].T, half[j].T, np.abs(c), np.abs(s)
         of_first = np.maximum(np.abs(x) - ax - ca * bx - sa * by, np.abs(y) - ay - sa * bx - ca * by)
         of_second = np.maximum(np.abs(c * x + s * y) - bx - ca * ax - sa * ay, np.abs(c * y - s * x) - by - sa * ax - ca * ay)
-        return 1e-12 * (radius[i] + radius[j]) - np.maximum(of_first, of_second)
+        return np.asarray(1e-12 * (radius[i] + radius[j]) - np.maximum(of_first, of_second))
 
     def _within_reach(self, pairs: Integers, pair: Integers, frame: Integers, count: int) -> Flags:
         """Which places (M,), in the order of pairs and frames, remain when so many in a row are taken together: those where a

@@ -347,4 +347,4 @@ def _line(cam: SpatialCam, side: int, radius: float, theta: Real, start: float |
 
 def _across(cam: SpatialCam, theta: Real) -> Real:
     """How far the roller's axis lies beside the cam's [m]."""
-    return cam.mount.axis(cam.law(theta, 2))[0][0][:, 1]
+    return np.asarray(cam.mount.axis(cam.law(theta, 2))[0][0][:, 1])

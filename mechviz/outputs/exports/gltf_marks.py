@@ -33,7 +33,7 @@ from mechviz.picture.proportions import (
     ribbon_faces,
     spiral_radius,
 )
-from mechviz.picture.strut_glyphs import BUSHING, RING_POINTS, axis_of_spiral, ends_of_strut
+from mechviz.picture.springs import BUSHING, RING_POINTS, axis_of_spiral, ends_of_strut
 from mechviz.picture.surface_marks import held
 from mechviz.quantities.vectors import FAMILIES
 

@@ -57,7 +57,7 @@ def svg_of(
     middle = 0.5 * (low + high)
 
     def place(xy: Any) -> Real:
-        return np.array([0.5 * width, 0.5 * height]) + (np.asarray(xy, float) - middle) * scale * np.array([1.0, -1.0])
+        return np.asarray(np.array([0.5 * width, 0.5 * height]) + (np.asarray(xy, float) - middle) * scale * np.array([1.0, -1.0]))
 
     on = {g["name"]: g.get("dark" if dark else "light") for g in header["groups"] if g["shown"]}
     pieces = sorted(_solids(header, arrays, frame, on), key=lambda piece: piece[0])
@@ -187,11 +187,9 @@ def _arrow(start: Real, tip: Real, color: str, width: float, unit: float) -> Ite
 
 def _at(values: Real, frame: float) -> Real:
     """Values (frames, n) at a frame, which need not be whole."""
-    if len(values) == 1:
-        return values[0]
     k = min(int(frame), len(values) - 1)
-    part = frame - k
-    return values[k] if part < 1e-9 else (1.0 - part) * values[k] + part * values[min(k + 1, len(values) - 1)]
+    after, part = min(k + 1, len(values) - 1), frame - k
+    return np.asarray(values[k] if part < 1e-9 or after == k else (1.0 - part) * values[k] + part * values[after])
 
 
 def _path(shape: Any, place: Any) -> str:

@@ -15,7 +15,7 @@ from mechviz.outputs.page.shapes import hex_of, pack_bodies, pack_drawables, pac
 from mechviz.outputs.presentation import Presentation
 from mechviz.outputs.rerun.nodes import COLORS
 from mechviz.picture.nodes import Picture
-from mechviz.picture.section_diagrams import DIAGRAMS, HIDDEN
+from mechviz.picture.overlays import DIAGRAMS, HIDDEN
 from mechviz.quantities.catalogue import Catalogue
 from mechviz.quantities.vectors import FAMILIES, FORCE_FAMILIES, round_value
 

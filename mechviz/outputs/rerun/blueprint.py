@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from mechcore.arrays import Real
 from mechcore.motion.events import Event
 from mechviz.outputs.rerun.drawings import OVERLAYS
 from mechviz.outputs.rerun.entities import entity
@@ -22,7 +23,7 @@ from mechviz.outputs.rerun.plots import (
     reaction_outputs,
     study_outputs,
 )
-from mechviz.picture.section_diagrams import DIAGRAMS, HIDDEN
+from mechviz.picture.overlays import DIAGRAMS, HIDDEN
 from mechviz.quantities.items import joint_unit, links_with_mass
 from mechviz.quantities.vectors import FORCE_FAMILIES, plotted_against
 
@@ -43,7 +44,7 @@ PICTURE = 1.5  # width of the 3D view over its height, about
 
 def make_blueprint(
     run: Run,
-    bounds: Mapping[str, np.ndarray],
+    bounds: Mapping[str, Real],
     events: Sequence[Event],
     polygons: Sequence[Any] = (),
     diagrams: Sequence[Any] = (),
@@ -115,7 +116,7 @@ def _playback_speed(run: Run) -> float:
     return cycle / SECONDS_A_CYCLE if cycle > 0 else 1.0
 
 
-def _pictures(run: Run, bounds: Mapping[str, np.ndarray]) -> list[Any]:
+def _pictures(run: Run, bounds: Mapping[str, Real]) -> list[Any]:
     """3D views: one with forces where there are any, one with velocities and accelerations."""
     motion = ["vectors/velocity", "vectors/acceleration"]
     forces = [f"vectors/{family}" for family in FORCE_FAMILIES]
@@ -133,7 +134,7 @@ def _has_points(run: Run) -> bool:
     return bool(run.motion.mechanism.traced or links_with_mass(run))
 
 
-def picture(name: str, vectors: list[str], bounds: np.ndarray) -> Any:
+def picture(name: str, vectors: list[str], bounds: Real) -> Any:
     """A view of the mechanism with some vectors, from in front of a box (2, 3) [m]."""
     import rerun.blueprint as rrb
 
@@ -150,7 +151,7 @@ def picture(name: str, vectors: list[str], bounds: np.ndarray) -> Any:
     )
 
 
-def _eye(bounds: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _eye(bounds: Real) -> tuple[Real, Real]:
     """Where the eye stands and looks: in front of the plane, with all that moves in the picture."""
     low, high = bounds
     middle = 0.5 * (low + high)
@@ -191,7 +192,7 @@ def spans_of_plots(run: Run) -> dict[str, tuple[float, float]]:
     return found
 
 
-def _span(values: np.ndarray) -> tuple[float, float]:
+def _span(values: Real) -> tuple[float, float]:
     """The range of an axis around a curve (F, 1)."""
     known = values[np.isfinite(values)]
     low, high = (float(known.min()), float(known.max())) if len(known) else (-1.0, 1.0)
@@ -205,13 +206,13 @@ def _stacked(views: list[Any]) -> Any:
     return rrb.Tabs(*views, active_tab=0) if len(views) > 1 else views[0]
 
 
-def _axis_values(run: Run) -> np.ndarray:
+def _axis_values(run: Run) -> Real:
     """What the opening timeline counts at the frames (F,)."""
     axis = plotted_against(run)
     return run.motion.time if axis is None else run.motion.coordinate(axis)[:, 0]
 
 
-def _plot(output: Output, times: np.ndarray | None = None, marked: tuple[float, float] | None = None) -> Any:
+def _plot(output: Output, times: Real | None = None, marked: tuple[float, float] | None = None) -> Any:
     """A plot over the whole run: rerun's own choice is a window around the cursor. ``marked``: the axis, if it has event lines."""
     import rerun as rr
     import rerun.blueprint as rrb
@@ -252,7 +253,7 @@ def _whole_run() -> Any:
     return rrb.TimeAxis(view_range=rr.TimeRange(start=rrb.TimeRangeBoundary.infinite(), end=rrb.TimeRangeBoundary.infinite()))
 
 
-def calm_range(values: np.ndarray, least: float) -> tuple[float, float] | None:
+def calm_range(values: Real, least: float) -> tuple[float, float] | None:
     """A range of the vertical axis for curves (F, n) that would fill it with rounding: constant ones, or none above ``least``."""
     known = values[np.isfinite(values)]
     if not known.size:
@@ -264,7 +265,7 @@ def calm_range(values: np.ndarray, least: float) -> tuple[float, float] | None:
     return (low - 0.1 * size, high + 0.1 * size) if high - low <= FLAT * size else None
 
 
-def legend_place(times: np.ndarray, values: np.ndarray, lines: int | None = None) -> tuple[str, tuple[float, float]]:
+def legend_place(times: Real, values: Real, lines: int | None = None) -> tuple[str, tuple[float, float]]:
     """The corner of a plot's legend and the range of its vertical axis: the least range at which the legend hides no curve.
 
     ``times`` (F,), ``values`` (F, n): the curves; ``lines``: those of the legend, where they are not as many.

@@ -37,7 +37,7 @@ def entity(*parts: str) -> str:
     """An entity path from its unescaped parts."""
     import rerun as rr
 
-    return rr.new_entity_path(list(parts))
+    return str(rr.new_entity_path(list(parts)))
 
 
 def parts_of(path: str) -> tuple[str, ...]:

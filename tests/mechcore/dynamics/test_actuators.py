@@ -7,7 +7,7 @@ import pytest
 
 import mechviz
 from mechcore.dynamics.simulate import simulate
-from mechviz.picture.strut_glyphs import find_strut_glyphs
+from mechviz.picture.springs import find_strut_glyphs
 from mechviz.runs import run_scene
 from recordings import vectors_of
 

@@ -12,7 +12,7 @@ from mechcore.dynamics.rest.vibrations import small_vibrations
 from mechcore.dynamics.simulate import simulate
 from mechviz.outputs.exports.gltf_marks import find_marks
 from mechviz.picture.build import picture_of, solids_of
-from mechviz.picture.strut_glyphs import find_strut_glyphs
+from mechviz.picture.springs import find_strut_glyphs
 from mechviz.runs import run_scene
 from mechviz.studies.vibrations import mode_scene, vibration_lines, vibrations_of
 from recordings import vectors_of

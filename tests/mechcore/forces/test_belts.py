@@ -11,7 +11,7 @@ import pytest
 from sections import section
 from shapely import Point
 
-from mechviz.meshes.kinds.bands import Loop
+from mechviz.meshes.kinds.rims import Loop
 from mechviz.outputs.exports.gltf import glb_bytes
 from mechviz.outputs.rerun.plots import main_outputs
 from mechviz.outputs.rerun.recorded import numbers_in, picture_in

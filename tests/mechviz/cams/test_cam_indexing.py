@@ -13,7 +13,7 @@ from mechcore.forces.cam_events import cam_events
 from mechcore.forces.cam_rating import contact_force, placed_cams
 from mechcore.forces.kinetostatics import solve_forces
 from mechcore.motion.solve import compile_mechanism, solve_motion
-from mechviz.meshes.kinds.spatial_cam_edges import rib
+from mechviz.meshes.kinds.spatial_cams import rib
 from mechviz.studies.cam_report import cam_facts
 
 SCENES = ["cam-indexing", "cam-indexing-barrel"]

@@ -10,13 +10,12 @@ import trimesh
 from page_content import content
 
 import mechviz
-from mechviz.meshes.kinds.coils import SIDES, coil_shell
 from mechviz.outputs.exports.gltf import glb_bytes
 from mechviz.outputs.page.page import make_page
 from mechviz.outputs.rerun.recorded import numbers_in, picture_in
 from mechviz.picture.build import solids_of
 from mechviz.picture.nodes import Body
-from mechviz.picture.springs import find_coils
+from mechviz.picture.springs import SIDES, coil_shell, find_coils
 from mechviz.runs import run_scene
 from recordings import made
 

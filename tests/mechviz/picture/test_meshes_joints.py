@@ -16,7 +16,7 @@ from solid_checks import FRAMES, check_shapes, in_world, meeting_links, moved, p
 import mechviz
 from mechcore.joints.parts import build_joints
 from mechcore.spec.mechanism import Mechanism
-from mechviz.meshes.kinds.teeth import ADDENDUM, BACKLASH, DEDENDUM, external_wheel, rack_teeth, ring_teeth
+from mechviz.meshes.kinds.rims import ADDENDUM, BACKLASH, DEDENDUM, external_wheel, rack_teeth, ring_teeth
 from mechviz.meshes.model import build_model
 from mechviz.meshes.shading import BELT, PIN, components
 from mechviz.meshes.solids import Solids, build_solids

@@ -11,7 +11,7 @@ from mechviz.outputs.viewer.world.bodies import segments
 from mechviz.picture.build import picture_of, solids_of
 from mechviz.picture.nodes import Lines
 from mechviz.picture.proportions import SPIRAL
-from mechviz.picture.strut_glyphs import find_strut_glyphs, spiral_strips, strut_strips
+from mechviz.picture.springs import find_strut_glyphs, spiral_strips, strut_strips
 from mechviz.runs import run_scene
 from recordings import made, vectors_of
 

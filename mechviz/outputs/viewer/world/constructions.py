@@ -23,7 +23,7 @@ from mechviz.outputs.viewer.world.labels import LabelPlaces, half_sizes
 from mechviz.outputs.viewer.world.solids import link_path
 from mechviz.picture.constructions import Drawing, rows_of
 from mechviz.picture.nodes import ArrowSet, Lines, Node, Points
-from mechviz.picture.section_diagrams import DIAGRAMS, HIDDEN
+from mechviz.picture.overlays import DIAGRAMS, HIDDEN
 
 Color = tuple[int, int, int]
 
