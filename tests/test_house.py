@@ -26,8 +26,10 @@ LAYERS = {
 }  # fmt: skip
 
 MOST_LAZY = 3  # imports of ours within functions of mechviz: what must not load before it is used (signals, viser, outlines)
-VISER = "mechviz.outputs.viewer.viser_adapter"  # the only module that uses viser's insides
-MOST_OF_VISER = 10  # lines of it that do
+ADAPTERS = {  # the only module of a folder that uses the insides of a library, and how many lines of it do
+    "mechviz.outputs.viewer": ("viser", "mechviz.outputs.viewer.viser_adapter", 10),
+    "mechviz.outputs.rerun": ("rerun", "mechviz.outputs.rerun.rerun_adapter", 3),
+}
 MOST_UNTYPED = 23  # modules of mechcore that call arrays Any
 
 
@@ -147,17 +149,21 @@ def test_types_of_arrays_are_defined_once() -> None:
     assert len([name for name, text in core.items() if "\nArray = Any\n" in text]) <= MOST_UNTYPED
 
 
-def test_the_insides_of_viser_are_used_in_one_module() -> None:
-    """Beside ``viser.infra``: its private modules, and attributes with an underscore of anything but our own ``self``."""
+@pytest.mark.parametrize("folder", ADAPTERS)
+def test_the_insides_of_a_library_are_used_in_one_module(folder: str) -> None:
+    """``viser.infra``, ``rerun_bindings``, private modules, and attributes with an underscore of anything but our own ``self``."""
+    library, adapter, most = ADAPTERS[folder]
     for name, path in modules().items():
-        if not name.startswith("mechviz.outputs.viewer"):
+        if not name.startswith(folder):
             continue
         lines: set[int] = set()
         for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
-            if isinstance(node, ast.ImportFrom) and (node.module or "").split(".")[0] == "viser":
+            if isinstance(node, ast.ImportFrom) and (node.module or "").split(".")[0] == library:
                 inside = "infra" in f"{node.module}.{[a.name for a in node.names]}" or any(a.name[0] == "_" for a in node.names)
                 lines |= {node.lineno} if inside else set()
+            elif isinstance(node, ast.Import) and any(a.name.split(".")[0] == f"{library}_bindings" for a in node.names):
+                lines |= {node.lineno}
             elif isinstance(node, ast.Attribute) and node.attr[0] == "_" and node.attr[:2] != "__":
                 own = isinstance(node.value, ast.Name) and node.value.id in ("self", "cls")
-                lines |= set() if own else {node.lineno}
-        assert not lines or (name == VISER and len(lines) <= MOST_OF_VISER), f"{name}: lines {sorted(lines)}"
+                lines |= set() if own or node.attr == "_replace" else {node.lineno}  # `_replace` of a NamedTuple is public
+        assert not lines or (name == adapter and len(lines) <= most), f"{name}: lines {sorted(lines)}"
