@@ -13,6 +13,7 @@ from shapely import Point
 
 from mechviz.meshes.kinds.rims import Loop
 from mechviz.outputs.exports.gltf import glb_bytes
+from mechviz.outputs.presentation import presentation_of
 from mechviz.outputs.rerun.plots import main_outputs
 from mechviz.outputs.rerun.recorded import numbers_in, picture_in
 from mechviz.outputs.viewer.world.bodies import BodyNodes
@@ -82,7 +83,7 @@ def test_recording_page_viewer_and_glb_show_the_same_marks():
     marks = list(find_belt_marks(DRIVE.run, SOLIDS))
     read = list(picture_in(DRIVE.recording, numbers_in(DRIVE.recording)).of(Body, "belt"))
     assert [(m.key, m.parent) for m in read] == [(f"belt.{m.name}", m.link) for m in marks]
-    data = glb_bytes(DRIVE.run, solids=SOLIDS)
+    data = glb_bytes(presentation_of(DRIVE.run))
     size = int.from_bytes(data[12:16], "little")
     document, binary = json.loads(data[20 : 20 + size]), data[28 + size :]
     names = [node["name"] for node in document["nodes"]]

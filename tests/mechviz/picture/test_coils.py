@@ -12,6 +12,7 @@ from page_content import content
 import mechviz
 from mechviz.outputs.exports.gltf import glb_bytes
 from mechviz.outputs.page.page import make_page
+from mechviz.outputs.presentation import presentation_of
 from mechviz.outputs.rerun.recorded import numbers_in, picture_in
 from mechviz.picture.build import solids_of
 from mechviz.picture.nodes import Body
@@ -71,7 +72,7 @@ def test_springs_reach_from_point_to_point_in_recordings_pages_and_the_viewer(na
 
 def test_a_glb_file_stretches_its_springs_and_rolls_its_rollers():
     run = run_scene(mechviz.load("cam-roller"), frames=12)
-    data = glb_bytes(run)
+    data = glb_bytes(presentation_of(run))
     size = int.from_bytes(data[12:16], "little")
     document = json.loads(data[20 : 20 + size])
     binary = data[28 + size :]
