@@ -8,12 +8,14 @@ modes is the smooth continuation depends on the path.
 
 from __future__ import annotations
 
+import math
+from bisect import bisect_left, bisect_right
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from mechcore.arrays import Flags, Real
+from mechcore.arrays import Flags, Index, Real
 from mechcore.branches.assembly import Assembly, starts_of
 from mechcore.branches.continuation import REGULAR, Branch, ContinuationPath, continuation_path
 from mechcore.branches.modes import TWO_MODES
@@ -22,15 +24,17 @@ from mechcore.constants import TURN
 from mechcore.kinematics.columns import all_vectors, columns, matrix_of
 from mechcore.kinematics.model import Model
 from mechcore.kinematics.patching import FAR, make_patches
-from mechcore.kinematics.positions import dead_point_margin
+from mechcore.kinematics.positions import dead_point_margin, place_all
 from mechcore.kinematics.program import Block
 from mechcore.kinematics.state import Patch, State, value, wrapped_angle
 from mechcore.laws.timed import ConstantSpeed, Law
 
-STEP = {"angle": np.radians(6.0), "slide": 0.05}  # largest step of a path: angle, or part of the mechanism's size
+FINE = {"angle": math.radians(6.0), "slide": 0.05}  # largest step of a continuation: [rad], or part of the mechanism's size
+COARSE = {"angle": 0.2, "slide": 0.1}  # the same, between places that Newton's method or the angles of links are followed over
 SAMPLES = 720  # of a turn or a cycle, at which closed forms are looked at for flat positions
 SAMPLES_OF_STEP = 12  # the same, of a step
 MOST_SAMPLES = 20_000
+MOST_WAYPOINTS = 200  # steps from a waypoint: what lies farther off is a trial of the integrator's
 SAMPLES_OF_LAW = 2001
 CLOSED = 1e-11  # of the size: what loops may be open at a dead point that a drive just reaches
 STUCK = 1e-9  # flatness of a group that takes part in what a path did not get through
@@ -116,7 +120,7 @@ def path_for(
     if not given:
         least, most, stands = travel_of(drives[0].law, first, last)
         low, high = min(low, least), max(high, most)
-    step, branch = largest_step(model), branch_by_drive(model, assembly)
+    step, branch = float(largest_steps(model)[0]), branch_by_drive(model, assembly)
     if model.rotary(drives[0].joint):
         repeating = _repeating(lambda end: branch_path(branch, q0, q0, q0 + end, step, TURN / SAMPLES), CYCLES, TURN, high - low)
         if repeating is not None:
@@ -139,10 +143,10 @@ def branch_by_drive(model: Model, assembly: Assembly, others: Sequence[float] = 
     return Branch(model, assembly, (ConstantSpeed(0.0, 1.0),), tuple(others))
 
 
-def largest_step(model: Model) -> float:
-    """Largest step of a path along the position of the first drive [rad or m]."""
-    joint = model.mechanism.drives[0].joint
-    return float(STEP["angle"]) if model.rotary(joint) else STEP["slide"] * model.length_scale
+def largest_steps(model: Model, steps: Mapping[str, float] = FINE) -> Real:
+    """Largest steps of the drives (d,) [rad or m] over which positions and angles can be followed."""
+    rotary = [model.rotary(d.joint) for d in model.mechanism.drives]
+    return np.array([steps["angle"] if turns else steps["slide"] * model.length_scale for turns in rotary])
 
 
 def _path_in_time(branch: Branch, low: float, high: float) -> BranchPath:
@@ -357,3 +361,71 @@ def _change(path: BranchPath, p: float, name: str, sample: float) -> Change | No
     fastest = max(float(np.abs(law(np.linspace(*path.continuation.ends, 101))[1]).max()) for law in laws)
     dead = path.by_time and speed < 1e-3 * fastest
     return Change(place - (0.0 if path.by_time else path.start), number, name, dead, True, width)
+
+
+# -- several free drives ----------------------------------------------------------------------------------------------------------
+# The frames of a window of the integrator may lie anywhere beside the motion: each is reached from the last waypoint before it, all
+# at once and in as many steps. The windows are short, so that no step control is needed.
+Starts = Mapping[str, Real]
+
+
+@dataclass(frozen=True, eq=False)
+class Waypoint:
+    """A place of a motion: time [s] and positions of the drives (d,). Once they are known: angles of the rotation classes (s,), and
+    starts of the groups that have to be followed, as in `Assembly`."""
+
+    time: float
+    drives: Real
+    class_angles: Real | None = None
+    starts: Starts | None = None
+
+
+class WaypointPath:
+    """Waypoints in order of time, the first of which is known."""
+
+    def __init__(self, at: Waypoint):
+        self._points: tuple[list[float], list[Waypoint]] = [at.time], [at]  # replaced as one: another thread may ask
+
+    def leave(self, waypoints: Sequence[Waypoint]) -> None:
+        """Go on through waypoints; those of a later time than the first of them are given up."""
+        times, points = self._points
+        keep = max(bisect_right(times, waypoints[0].time), 1)
+        if keep < len(times):
+            times, points = times[:keep], points[:keep]
+            self._points = times, points
+        points.extend(waypoints)
+        times.extend(w.time for w in waypoints)
+
+    def before(self, time: Real) -> tuple[list[Waypoint], Index]:
+        """All waypoints, and the number of the last one before each of the times (n,); the first one where there is none."""
+        times, points = self._points
+        first = max(bisect_left(times, float(time.min())) - 1, 0)
+        later = np.array(times[first : bisect_left(times, float(time.max()))] or times[:1])
+        return points, first + np.maximum(np.searchsorted(later, time, side="left") - 1, 0)
+
+    def starts(self, model: Model, assembly: Assembly, time: Real, drives: Real) -> Starts:
+        """Starts of the groups that have to be followed, at times (n,) and positions of the drives (n, d)."""
+        points, before = self.before(time)
+        last = int(before.max())
+        known = next(k for k in range(last, -1, -1) if points[k].starts is not None)
+        for k in range(known, last):
+            a, b = points[k], points[k + 1]
+            first = {name: np.asarray(x)[None] for name, x in (a.starts or {}).items()}
+            found = _continued(model, assembly, a.drives[None], first, b.drives[None])
+            points[k + 1] = replace(b, starts={name: x[0] for name, x in found.items()})
+        used, which = np.unique(before, return_inverse=True)
+        at = [points[k].starts or {} for k in used]
+        starts = {name: np.array([s[name] for s in at])[which] for name in at[0]}
+        return _continued(model, assembly, np.array([points[k].drives for k in used])[which], starts, drives)
+
+
+def _continued(model: Model, assembly: Assembly, first: Real, starts: Starts, drives: Real) -> Starts:
+    """Starts at positions of the drives (n, d), reached from others (n, d) whose ``starts`` are known, all in as many steps."""
+    with np.errstate(invalid="ignore"):
+        far = np.nan_to_num(np.abs(drives - first) / largest_steps(model, COARSE)).max(initial=0.0)
+    count = int(np.clip(np.ceil(far), 1, MOST_WAYPOINTS))
+    for k in range(1, count + 1):
+        q = first + k / count * (drives - first)
+        state = place_all(model, list(q.T), assembly.modes, starts, constants=assembly.constants)
+        starts = starts_of(model, state, (len(q),))
+    return starts

@@ -3,100 +3,20 @@
 from __future__ import annotations
 
 import math
-from bisect import bisect_left, bisect_right
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from mechcore.arrays import Flags, Index, Real
-from mechcore.branches.assembly import Assembly, starts_of
-from mechcore.branches.paths import CYCLES, SAME, largest_change
+from mechcore.arrays import Flags, Index, Real, Values
+from mechcore.branches.paths import COARSE, CYCLES, SAME, Waypoint, WaypointPath, largest_change, largest_steps
 from mechcore.constants import TURN
 from mechcore.kinematics.model import Model
-from mechcore.kinematics.positions import place_all
 from mechcore.kinematics.state import State, wrapped_angle
 from mechcore.laws.timed import Law, Table, moves
 from mechcore.numerics.frames import lazy
 from mechcore.spec.mechanism import Mechanism
-
-Array = Any
-Starts = Mapping[str, Real]
-
-STEP = {"angle": 0.2, "slide": 0.1}  # of a drive, between two places on a path: [rad], or part of the mechanism's size
-MOST_WAYPOINTS = 200  # steps from a waypoint: what lies farther off is a trial of the integrator's
-
-
-def steps_of(model: Model) -> Real:
-    """Steps of the drives (d,) [rad or m] that are short enough to follow positions and angles."""
-    joints = [model.joints[model.joint_index[d.joint]] for d in model.mechanism.drives]
-    return np.array([STEP["angle"] if j.coordinate == "angle" else STEP["slide"] * model.length_scale for j in joints])
-
-
-@dataclass(frozen=True, eq=False)
-class Waypoint:
-    """A place of a motion: time [s] and positions of the drives (d,). Once they are known: angles of the rotation classes (s,), and
-    starts of the groups that have to be followed, as in `Assembly`."""
-
-    time: float
-    drives: Real
-    class_angles: Real | None = None
-    starts: Starts | None = None
-
-
-class Way:
-    """Waypoints in order of time, the first of which is known."""
-
-    def __init__(self, at: Waypoint):
-        self._points: tuple[list[float], list[Waypoint]] = [at.time], [at]  # replaced as one: another thread may ask
-
-    def leave(self, waypoints: Sequence[Waypoint]) -> None:
-        """Go on through waypoints; those of a later time than the first of them are given up."""
-        times, points = self._points
-        keep = max(bisect_right(times, waypoints[0].time), 1)
-        if keep < len(times):
-            times, points = times[:keep], points[:keep]
-            self._points = times, points
-        points.extend(waypoints)
-        times.extend(w.time for w in waypoints)
-
-    def before(self, time: Real) -> tuple[list[Waypoint], Index]:
-        """All waypoints, and the number of the last one before each of the times (n,); the first one where there is none."""
-        times, points = self._points
-        first = max(bisect_left(times, float(time.min())) - 1, 0)
-        later = np.array(times[first : bisect_left(times, float(time.max()))] or times[:1])
-        return points, first + np.maximum(np.searchsorted(later, time, side="left") - 1, 0)
-
-    def starts(self, model: Model, assembly: Assembly, time: Real, drives: Real) -> Starts:
-        """Starts of the groups that have to be followed, at times (n,) and positions of the drives (n, d)."""
-        points, before = self.before(time)
-        last = int(before.max())
-        known = next(k for k in range(last, -1, -1) if points[k].starts is not None)
-        for k in range(known, last):
-            a, b = points[k], points[k + 1]
-            first = {name: np.asarray(x)[None] for name, x in (a.starts or {}).items()}
-            found = _reached(model, assembly, a.drives[None], first, b.drives[None])
-            points[k + 1] = replace(b, starts={name: x[0] for name, x in found.items()})
-        used, which = np.unique(before, return_inverse=True)
-        at = [points[k].starts or {} for k in used]
-        starts = {name: np.array([s[name] for s in at])[which] for name in at[0]}
-        return _reached(model, assembly, np.array([points[k].drives for k in used])[which], starts, drives)
-
-
-def _reached(model: Model, assembly: Assembly, first: Real, starts: Starts, drives: Real) -> Starts:
-    """Starts at positions of the drives (n, d), reached from others (n, d) whose ``starts`` are known, all in as many steps."""
-    with np.errstate(invalid="ignore"):
-        far = np.nan_to_num(np.abs(drives - first) / steps_of(model)).max(initial=0.0)
-    count = int(np.clip(np.ceil(far), 1, MOST_WAYPOINTS))
-    for k in range(1, count + 1):
-        q = first + k / count * (drives - first)
-        state = place_all(model, list(q.T), assembly.modes, starts, constants=assembly.constants)
-        starts = starts_of(model, state, (len(q),))
-    return starts
-
 
 Range = tuple[float, float]
 
@@ -110,11 +30,11 @@ class StartPose:
     number in ``stated`` have a relative angle that drives and rigid joints state. ``ranges`` [rad] nearest to which coordinates of
     joints start."""
 
-    angles: Mapping[str, Array]
+    angles: Mapping[str, Values]
     stated: Mapping[str, int]
     ranges: Mapping[str, Range] = field(default_factory=dict)
 
-    def turns(self, first: str, second: str, about: Range | None) -> Array:
+    def turns(self, first: str, second: str, about: Range | None) -> Values:
         """Turns to be added to the angle of the second link minus that of the first, for it to start where it should."""
         if self.stated[first] == self.stated[second]:
             return 0.0
@@ -127,12 +47,13 @@ class StartPose:
         inside = (started >= low - TIE) & (started <= high + TIE) & (high - low > 0.0)
         return np.where(inside, turns, _turns_about(angle, 0.5 * (low + high)))
 
-    def with_stops(self, stops: Iterable[Any]) -> StartPose:
-        """The same with ranges of joints that have stops: these come first. Beside a single stop there is a turn of room."""
+    def with_stops(self, stops: Iterable[tuple[str, str, float]]) -> StartPose:
+        """The same with ranges of joints that have stops (joint, side, coordinate): these come first. Beside a single stop there is
+        a turn of room."""
         found: dict[str, list[float]] = {}
-        for stop in stops:
-            low, high = found.setdefault(stop.joint, [-math.inf, math.inf])
-            found[stop.joint] = [low, min(high, stop.at)] if stop.side == "upper" else [max(low, stop.at), high]
+        for joint, side, at in stops:
+            low, high = found.setdefault(joint, [-math.inf, math.inf])
+            found[joint] = [low, min(high, at)] if side == "upper" else [max(low, at), high]
         ranges = dict(self.ranges)
         for joint, (low, high) in found.items():
             if high == math.inf:
@@ -143,7 +64,7 @@ class StartPose:
         return replace(self, ranges=ranges)
 
 
-def _turns_about(angle: Array, about: float) -> Array:
+def _turns_about(angle: Values, about: float) -> Values:
     """Turns that bring an angle to within half a turn of another; half a turn is counted positive."""
     return np.floor((about + math.pi - angle) / TURN + TIE)
 
@@ -170,8 +91,8 @@ def start_pose(model: Model, class_angles: Real) -> StartPose:
     )
 
 
-Frames = tuple[Sequence[Array], State, tuple[int, ...]]  # positions of the drives, what is solved there, shape of the results
-Place = Callable[[Real], Frames]  # places (n, c) on the way -> what is there
+Frames = tuple[Sequence[Values], State, tuple[int, ...]]  # positions of the drives, what is solved there, shape of the results
+Place = Callable[[Real], Frames]  # places (n, c) on the path -> what is there
 
 LARGEST = 1.0  # [rad] that a link may turn from one place to the next; else places between them are looked at
 FARTHEST = 4096.0  # steps from one place to the next; a place farther off is a trial of the integrator's, not on the path
@@ -181,12 +102,12 @@ CHUNK = 100_000  # places looked at together
 SAMPLES = 256  # of a law's cycle, for its largest speed
 
 
-def raw_angles(model: Model, drives: Sequence[Array], state: State, shape: tuple[int, ...]) -> Real:
+def raw_angles(model: Model, drives: Sequence[Values], state: State, shape: tuple[int, ...]) -> Real:
     """Angles of all rotation classes (s, *shape) [rad] at solved positions; of groups with a closed form within one turn."""
     turning = model.angles
     out = np.zeros((len(turning.class_group), *shape))
     for group, classes in enumerate(turning.classes_of):
-        angle: Array = 0.0
+        angle: Values = 0.0
         if group in state.angle:
             angle = state.angle[group]
         elif group:
@@ -210,7 +131,7 @@ def _followed(raw: Real) -> Real:
 
 def _follow(
     place: Callable[[Real], Real], x: Real, raw: Real, steps: Real, fresh: Flags | None = None
-) -> tuple[Real, Real, Real, Any]:
+) -> tuple[Real, Real, Real, Index]:
     """Points (m, c) on the path through ``x`` (n, c), angles (s, ..., m) up to whole turns there, the same unwrapped along the path
     from its first point, and which of the points are those of ``x`` (n,).
 
@@ -243,7 +164,7 @@ def _follow(
 class LinkAngles:
     """Unwrapped angles of the links at the frames of a motion.
 
-    ``raw``: angles of the rotation classes (s, ...) up to whole turns; ``near``: the same followed along the way there, to within
+    ``raw``: angles of the rotation classes (s, ...) up to whole turns; ``near``: the same followed along the path there, to within
     half a turn. ``exact``: the drives' positions are the coordinates of their joints; else these have gone on by whole turns."""
 
     def __init__(self, model: Model, start: StartPose, raw: Callable[[], Real], near: Callable[[Real], Real], exact: bool = True):
@@ -280,9 +201,9 @@ class UnwrappedAngles:
 
     def __init__(self, model: Model, start: StartPose, at: Waypoint, exact: bool = True):
         self.model, self.start, self.at, self.exact = model, start, at, exact
-        self.steps = steps_of(model)
-        self._tables: dict[Any, _Table] = {}
-        self.way = Way(at)
+        self.steps = largest_steps(model, COARSE)
+        self._tables: dict[tuple[int, ...], _Table] = {}
+        self.path = WaypointPath(at)
 
     def fresh(self, start: StartPose | None = None) -> UnwrappedAngles:
         """The same for another motion, which leaves its own waypoints."""
@@ -325,11 +246,11 @@ class UnwrappedAngles:
         def near(raw: Real) -> Real:
             order = np.argsort(time, kind="stable")
             x = np.column_stack([time, *frames[0]])[order]
-            way, before = self.way.before(x[:, 0])
+            points, before = self.path.before(x[:, 0])
             used, which = np.unique(before, return_inverse=True)
-            known = self._known(way, used, place)
+            known = self._known(points, used, place)
             at = np.searchsorted(which, np.arange(len(used)))  # where each waypoint comes in
-            places = np.insert(x, at, [_row(way[k]) for k in used], axis=0)
+            places = np.insert(x, at, [_row(points[k]) for k in used], axis=0)
             fresh = np.insert(np.zeros(len(x), bool), at, True)
             found = self._followed(places, np.insert(raw[:, order], at, known, axis=-1), fresh, place)
             starts = np.flatnonzero(fresh)
@@ -345,15 +266,15 @@ class UnwrappedAngles:
         *_, found, own = _follow(lambda y: raw_angles(self.model, *place(y)), x, raw, np.append(math.inf, self.steps), fresh)
         return np.asarray(found[:, own])
 
-    def _known(self, way: list[Waypoint], used: NDArray[Any], place: Place) -> Real:
+    def _known(self, points: list[Waypoint], used: Index, place: Place) -> Real:
         """Angles (s, n) at the waypoints ``used`` (n,), those before them followed where they are not known yet."""
-        last = next(k for k in range(int(used[-1]), -1, -1) if way[k].class_angles is not None)
+        last = next(k for k in range(int(used[-1]), -1, -1) if points[k].class_angles is not None)
         if last < used[-1]:
-            x = np.array([_row(w) for w in way[last : used[-1] + 1]])
-            raw = np.column_stack([np.asarray(way[last].class_angles), raw_angles(self.model, *place(x[1:]))])
+            x = np.array([_row(w) for w in points[last : used[-1] + 1]])
+            raw = np.column_stack([np.asarray(points[last].class_angles), raw_angles(self.model, *place(x[1:]))])
             for k, class_angles in enumerate(self._followed(x, raw, None, place).T, last):
-                way[k] = replace(way[k], class_angles=class_angles)
-        return np.array([way[k].class_angles for k in used]).T
+                points[k] = replace(points[k], class_angles=class_angles)
+        return np.array([points[k].class_angles for k in used]).T
 
 
 def _row(at: Waypoint) -> Real:
@@ -407,7 +328,7 @@ class _Table:
         p, angles = self.known
         return np.array([np.interp(parameter, p, row) for row in angles])
 
-    def _follow(self, x: Real, raw: Real, place: Place) -> tuple[Real, Real, Real, Any]:
+    def _follow(self, x: Real, raw: Real, place: Place) -> tuple[Real, Real, Real, Index]:
         return _follow(lambda y: raw_angles(self.model, *place(y)), x[:, None], raw, np.array([self.step]))
 
     def _look_for_period(self, span: float, place: Place) -> None:
@@ -424,7 +345,7 @@ class _Table:
                 return
 
     def _cover(self, low: float, high: float, place: Place) -> None:
-        """Know the angles from ``low`` to ``high``, as far as the mechanism can be put together on the way."""
+        """Know the angles from ``low`` to ``high``, as far as the mechanism can be put together on the points."""
         for up, wanted in ((1, high), (0, low)):
             sign = 1.0 if up else -1.0
             while not self.ends[up] and sign * (wanted - self.known[0][-up]) > 0.0:
@@ -455,7 +376,7 @@ def along_designs(model: Model, time: Real, frames: Frames, laws: tuple[Law, ...
     start = raw_at(np.zeros((1, 1)))
 
     def near(raw: Real) -> Real:
-        x, steps = np.append(0.0, time)[:, None], np.array([_time_step(laws, steps_of(model))])
+        x, steps = np.append(0.0, time)[:, None], np.array([_time_step(laws, largest_steps(model, COARSE))])
         *_, found, own = _follow(raw_at, x, np.concatenate([start, raw], axis=-1), steps)
         return np.asarray(found[..., own[1:]])
 

@@ -252,7 +252,7 @@ class EventIntegrator:
     def _leave_waypoints(self, t: Real, way: Callable[[Real], Any]) -> None:
         """Keep places of the motion at times (n,), from which the angles of the links are followed."""
         if len(self.compiled.mechanism.drives) > 1:
-            self.compiled.angles.way.leave(waypoints(self.compiled, way(t)[0], t))
+            self.compiled.angles.path.leave(waypoints(self.compiled, way(t)[0], t))
 
     def _check(self, window: Window, until: float) -> None:
         """Raise `MechanismError` where loads are asked for more than their laws say, until a time [s] in a window."""

@@ -67,7 +67,8 @@ def simulate(
     compiled = mechanism if isinstance(mechanism, Compiled) else compile_mechanism(mechanism)
     stops = with_slot_ends(compiled.mechanism, stops)
     _validate(compiled, duration, tolerance, separable_cams)
-    compiled = replace(compiled, angles=compiled.angles.fresh(compiled.angles.start.with_stops(stops)))
+    start_pose = compiled.angles.start.with_stops((stop.joint, stop.side, stop.at) for stop in stops)
+    compiled = replace(compiled, angles=compiled.angles.fresh(start_pose))
     drives = [d for d in compiled.mechanism.drives if isinstance(d.law, Free)]
     q = np.array([float(d.law(0.0)[0]) for d in drives])
     v = np.array([float(d.law(0.0)[1]) for d in drives])

@@ -105,7 +105,7 @@ def place(compiled: Compiled, time: Real, values: DriveValues, *, given: bool) -
     if still:
         starts = {name: np.broadcast_to(x, (len(time), *np.shape(x))) for name, x in compiled.assembly.starts.items()}
     elif compiled.followed and given and len(positions) > 1 and len(time):
-        starts = compiled.angles.way.starts(model, compiled.assembly, time, np.stack(positions, axis=-1))
+        starts = compiled.angles.path.starts(model, compiled.assembly, time, np.stack(positions, axis=-1))
     elif compiled.followed and len(time):
         path = _path(compiled, time, positions, given=given)
         solved, changes = path.model, path.changes
@@ -151,7 +151,7 @@ def _angles(compiled: Compiled, frames: Frames, time: Real, *, in_time: bool) ->
         return unwrapped.along(frames, time, lambda x: placed(x[:, 0]), tuple(d.law for d in drives))
     if len(drives) > 1:
         return unwrapped.through(frames, time, lambda x: placed(x[:, 0], x[:, 1:]))
-    return unwrapped.along(frames, frames[0][0], lambda x: placed(np.zeros(len(x)), x))
+    return unwrapped.along(frames, np.asarray(frames[0][0]), lambda x: placed(np.zeros(len(x)), x))
 
 
 def _path(compiled: Compiled, time: Real, positions: Sequence[Real], *, given: bool) -> BranchPath:

@@ -11,7 +11,7 @@ import numpy as np
 
 from mechcore.arrays import Flags, Real, Values
 from mechcore.branches.modes import TWO_MODES
-from mechcore.branches.paths import branch_by_drive, branch_path, largest_step
+from mechcore.branches.paths import branch_by_drive, branch_path, largest_steps
 from mechcore.branches.singular_points import flat_instants, rounding_of
 from mechcore.constants import TURN
 from mechcore.kinematics.model import Model
@@ -49,7 +49,7 @@ def _ranges(compiled: Compiled, samples: int) -> list[tuple[float, float]]:
     if compiled.followed:
         full = half * (2.0 if rotary else 1.0)
         branch = branch_by_drive(model, compiled.assembly, compiled.start[1:])
-        path = branch_path(branch, q0, q0 - full, q0 + full, largest_step(model))
+        path = branch_path(branch, q0, q0 - full, q0 + full, float(largest_steps(model)[0]))
         low, high = path.continuation.ends
         low = max([low, *(end for _, end, _ in path.gaps if end < q0)])
         high = min([high, *(start for start, _, _ in path.gaps if start > q0)])

@@ -14,9 +14,9 @@ from mechcore.accuracy import DEFAULT, Accuracy
 from mechcore.arrays import Flags, Real
 from mechcore.branches.assembly import Assembly, assemble, fitting_statements
 from mechcore.branches.modes import at_sketch, other_modes, sketched_drives
-from mechcore.branches.paths import BranchPath, travel_of
+from mechcore.branches.paths import BranchPath, Waypoint, travel_of
 from mechcore.branches.singular_points import MISS, Changes, find_changes
-from mechcore.branches.unwrapped import UnwrappedAngles, Waypoint, raw_angles, start_pose
+from mechcore.branches.unwrapped import UnwrappedAngles, raw_angles, start_pose
 from mechcore.compiled.motion import Executor
 from mechcore.compiled.toolchain import required_compiler
 from mechcore.constants import MOST_TURNS, SINGULAR, TURN

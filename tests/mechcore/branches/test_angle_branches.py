@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -14,7 +15,7 @@ from wound_springs import AT_REST, FIVE_BAR, FOUR_BAR, GEARED, SLIDER_CRANK, SPR
 import mechviz
 from mechcore.branches.unwrapped import StartPose
 from mechcore.dynamics.equations.reduced import motion_at
-from mechcore.dynamics.events import EventTrigger, Stop
+from mechcore.dynamics.events import EventTrigger
 from mechcore.dynamics.simulate import simulate
 from mechcore.forces.kinetostatics import solve_forces
 from mechcore.laws.timed import ConstantSpeed, Free
@@ -184,13 +185,15 @@ def test_a_motion_under_forces_has_the_same_angles_at_single_times(name):
 
 
 # -- where they start -------------------------------------------------------------------------------------------------
-def pose(angle: float, stops: tuple[Stop, ...] = (), tables: dict[str, tuple[float, float]] | None = None) -> StartPose:
+def pose(
+    angle: float, stops: tuple[tuple[str, str, float], ...] = (), tables: dict[str, tuple[float, float]] | None = None
+) -> StartPose:
     ranges = {k: (np.radians(low), np.radians(high)) for k, (low, high) in (tables or {}).items()}
     return StartPose({"a": 0.0, "b": np.radians(angle)}, {"a": 0, "b": 1}, ranges).with_stops(stops)
 
 
-def stop(at: float, side: str) -> Stop:
-    return Stop(name=side, joint="B", at=np.radians(at), side=side)
+def stop(at: float, side: str) -> tuple[str, str, float]:
+    return "B", side, float(np.radians(at))
 
 
 @pytest.mark.parametrize(

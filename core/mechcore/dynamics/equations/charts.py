@@ -16,7 +16,8 @@ from typing import Any
 import numpy as np
 
 from mechcore.arrays import Real, Values
-from mechcore.branches.unwrapped import Starts, UnwrappedAngles, Waypoint, raw_angles
+from mechcore.branches.paths import Starts, Waypoint
+from mechcore.branches.unwrapped import UnwrappedAngles, raw_angles
 from mechcore.constants import TURN
 from mechcore.dynamics.equations.chart import Chart
 from mechcore.dynamics.equations.curve import Curve, beside_singular, tabulate, whole_turn
@@ -314,7 +315,7 @@ def enter(compiled: Compiled, q: Real, t: float, motion: Motion) -> Compiled:
     `carried_on`."""
     if len(compiled.mechanism.drives) > 1:
         at = _entered(compiled, q, t, motion)
-        compiled.angles.way.leave([replace(at, starts=_starts(compiled, at, motion))])
+        compiled.angles.path.leave([replace(at, starts=_starts(compiled, at, motion))])
     return compiled
 
 
