@@ -1,4 +1,4 @@
-"""What every effect is: it says which quantities it needs and which wrenches it adds."""
+"""The common form of effects: each says which quantities it needs and which wrenches it adds."""
 
 from __future__ import annotations
 
@@ -214,7 +214,7 @@ class Effect:
         ]
 
     def point_loads(self, model: Model) -> Sequence[PointLoad] | None:
-        """What the wrenches are, where that can be told beforehand, once per model; else None."""
+        """The wrenches as loads at points, where they are known beforehand, once per model; else None."""
         return None
 
     @property
@@ -261,11 +261,6 @@ class Effect:
     def potential(self, at: Configuration) -> Values:
         """Potential energy [J] where the effect has one, else zero: with it, the work is not counted a second time."""
         return 0.0
-
-    @property
-    def dissipates(self) -> bool:
-        """Whether the effect only ever takes energy away."""
-        return self.cause in ("viscous", "medium", "dry friction")
 
     @property
     def stores(self) -> bool:

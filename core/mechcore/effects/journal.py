@@ -1,4 +1,4 @@
-"""A journal in its bearing: what presses where they touch, and what is lost there.
+"""A journal in its bearing: the force where they touch, and the losses there.
 
 The normal force is that of Hunt and Crossley (Coefficient of restitution interpreted as damping in vibroimpact, 1975),
 F = k d^n (1 + a d'), d the indentation; it needs no memory of the impact, pulls never, and starts and ends at zero. The effects
@@ -75,11 +75,11 @@ class _Journal(LoadEffect[Contact]):
         bearing, journal, shaft = (model.index[k] for k in load.links)
         place = at.origins[journal]
         turned = force * at.rotation(bearing)
-        found = [Wrench(name, kind, journal, turned, 0.0, 0j, self.cause, bearing, place - at.origins[bearing])]
+        wrenches = [Wrench(name, kind, journal, turned, 0.0, 0j, self.cause, bearing, place - at.origins[bearing])]
         if moment is not None and np.any(moment):
             arms = place - at.origins[shaft], place - at.origins[bearing]
-            found.append(Wrench(rubbing_name(load.joint), RUBBING, shaft, 0j, moment, arms[0], self.cause, bearing, arms[1]))
-        return found
+            wrenches.append(Wrench(rubbing_name(load.joint), RUBBING, shaft, 0j, moment, arms[0], self.cause, bearing, arms[1]))
+        return wrenches
 
     @property
     def piecewise(self) -> bool:
@@ -105,7 +105,7 @@ class JournalPressure(_Journal[JournalContact]):
 
 
 class JournalFriction(_Journal[JournalLoss]):
-    """What is lost in the contact: the part a d' of the normal force, and friction of the coefficient mu between the surfaces,
+    """Losses in the contact: the part a d' of the normal force, and friction of the coefficient mu between the surfaces,
     smooth at rest: mu N v / sqrt(v^2 + slow^2)."""
 
     cause = "viscous"

@@ -12,12 +12,12 @@ from mechcore.motion.motion import Motion
 
 def weights(model: Model) -> tuple[tuple[int, complex, complex], ...]:
     """(link, weight [N], centre of mass in link axes [m]) of every moving link that has a weight."""
-    found = []
+    out = []
     for k, (mass, centre, _) in enumerate(model.masses):
         own = model.bodies[model.links[k]].gravity
         if k and mass:
-            found.append((k, mass * complex(*(model.mechanism.gravity if own is None else own)), centre))
-    return tuple(found)
+            out.append((k, mass * complex(*(model.mechanism.gravity if own is None else own)), centre))
+    return tuple(out)
 
 
 class Gravity(Effect):

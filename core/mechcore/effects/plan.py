@@ -13,7 +13,7 @@ from mechcore.laws.timed import Free
 from mechcore.spec.mechanism import ANSWERS, EFFECTS, Mechanism, braked
 
 OUTPUTS = ("positions", "velocities", "accelerations", "forces", "energy", "health")
-"""What can be asked for; a recording asks for everything that the scene calls for."""
+"""Outputs that can be asked for; a recording asks for everything that the scene calls for."""
 
 
 @dataclass(frozen=True)
@@ -37,7 +37,7 @@ class Plan:
 
 
 def make_plan(mechanism: Mechanism, outputs: Iterable[str] = OUTPUTS) -> Plan:
-    """What has to be computed for the requested outputs."""
+    """The stages that the requested outputs need."""
     wanted = set(outputs)
     effects = effects_of(mechanism)
     loads = effects[len(mechanism.effects) :]

@@ -18,7 +18,7 @@ Multiplied = TypeVar("Multiplied", bound=Prescribed)
 
 
 def needs_of(factor: Factor | None) -> frozenset[str]:
-    """What must be known to evaluate a factor."""
+    """Quantities that a factor needs."""
     if factor is not None and factor.of in ("velocity", "vx", "vy", "speed"):
         return frozenset({"positions", "velocities"})
     if factor is not None and factor.of == "time":

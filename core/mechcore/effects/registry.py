@@ -86,7 +86,7 @@ def applied_effects(model: Model) -> tuple[Effect, ...]:
 
 
 class KnownLoads(NamedTuple):
-    """What effects put on links at points that are known beforehand, all at one point in one."""
+    """Loads at points that are known beforehand, all at one point in one."""
 
     loads: tuple[KnownLoad, ...]
     others: tuple[Effect, ...]  # applied effects that have to be evaluated

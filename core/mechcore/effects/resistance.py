@@ -33,7 +33,7 @@ class MediumDrag(LoadEffect[Drag]):
 
 
 class ViscousFriction(LoadEffect[Viscous]):
-    """What is stated acts on the joint's second link, its opposite on the first.
+    """The force or moment acts on the joint's second link, its opposite on the first.
 
     Revolute: a moment. Prismatic, pin in slot, cylinder: a force along the guide. Rolling, gear, rack: a couple against the
     relative rotation, as teeth and rims slide or roll over each other in proportion to it. Cam: a force along the common tangent

@@ -162,7 +162,7 @@ class AngleDamper(LoadEffect[TorsionDamper]):
 
 
 class _Bushed(_BetweenPoints[Joining]):
-    """What acts on the first link acts at the second link's point, and the opposite on the second link there."""
+    """The force on the first link acts at the second link's point, and the opposite on the second link there."""
 
     def apart(self, at: Configuration, derivative: int = 0) -> Plane:
         """From the first point to the second in the first link's axes, or its rate there."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import cmath
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Literal
 
 from mechcore.arrays import Plane, Real, Values
@@ -40,7 +40,7 @@ class LoopJoint:
 
     @property
     def coordinate(self) -> Literal["angle", "slide"]:
-        """What a drive on this joint prescribes."""
+        """The coordinate that a drive on this joint prescribes."""
         return "slide" if self.slide is not None else "angle"
 
 
@@ -70,7 +70,7 @@ Contact = Callable[["Motion", Values], tuple[Plane, Plane]]
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Bearing:
-    """What a shaft's bearings carry where the force of a relation does not lie in the plane as its torque does.
+    """The couple that a shaft's bearings carry where the force of a relation does not lie in the plane as its torque does.
 
     The force on the second link acts at the contact, the opposite there on the first; beside it a couple acts on the first link,
     the opposite on the ``carrier``. ``joints``: (revolute joint, +1 where its second link is on the side of the first link of the
@@ -120,20 +120,20 @@ class Builder:
 
         They may be pinned to each other, or to the same place of others (several links on one shaft, a wheel welded to its shaft).
         """
-        return self._way_between(joint, link, carrier)[:2]
+        return self._path_between(joint, link, carrier)[:2]
 
     def bearings_between(self, joint: Joint, link: str, carrier: str) -> tuple[tuple[str, float], ...]:
-        """The revolute joints about that axis on the way from ``carrier`` to ``link``, +1 where the second is nearer to it."""
-        return self._way_between(joint, link, carrier)[2]
+        """The revolute joints about that axis on the path from ``carrier`` to ``link``, +1 where the second is nearer to it."""
+        return self._path_between(joint, link, carrier)[2]
 
-    def _way_between(self, joint: Joint, link: str, carrier: str) -> tuple[complex, complex, tuple[tuple[str, float], ...]]:
+    def _path_between(self, joint: Joint, link: str, carrier: str) -> tuple[complex, complex, tuple[tuple[str, float], ...]]:
         reached: list[tuple[str, complex, complex, tuple[tuple[str, float], ...]]] = [(link, z, z, ()) for z in self._axes_of(link)]
-        for k, z, own, way in reached:  # grows while it is walked through: nearest first
+        for k, z, own, path in reached:  # grows while it is walked through: nearest first
             if k == carrier:
-                return z, own, way
+                return z, own, path
             for other, there, through in self._on_the_same_axis(k, z):
                 if not any(other == seen[0] and self._same(other, there, seen[1]) for seen in reached):
-                    reached.append((other, there, own, way + through))
+                    reached.append((other, there, own, path + through))
         others = sorted({k for p in self.mechanism.joints if isinstance(p, Revolute) and link in p.links for k in p.links} - {link})
         known = f" It is pinned to {', '.join(repr(k) for k in others)}." if others else ""
         raise MechanismError(
@@ -154,8 +154,8 @@ class Builder:
                     other = p.links[1 - side]
                     if all(other != seen for seen, _, _ in rigid):
                         here, there = (point_of(self.links[p.links[i]], p.points[i]) for i in (side, 1 - side))
-                        way = turn * cmath.exp(1j * (-p.angle if side else p.angle))
-                        rigid.append((other, origin + turn * here - way * there, way))
+                        other_turn = turn * cmath.exp(1j * (-p.angle if side else p.angle))
+                        rigid.append((other, origin + turn * here - other_turn * there, other_turn))
         return [
             origin + turn * point_of(self.links[k], name)
             for k, origin, turn in rigid
@@ -183,7 +183,3 @@ class Builder:
     def _same(self, link: str, a: complex, b: complex) -> bool:
         """Whether two places of a link are one, up to rounding of its coordinates."""
         return abs(a - b) <= 1e-9 * max(abs(complex(*xy)) for xy in self.links[link].points.values())
-
-    def add_points(self, link: str, **points: tuple[float, float]) -> None:
-        """Give a link more points, for a joint that needs them."""
-        self.links[link] = replace(self.links[link], points={**self.links[link].points, **points})

@@ -83,7 +83,7 @@ def build_cam(joint: CamJoint, builder: Builder) -> None:
 
 
 def _bearing(joint: CamJoint, builder: Builder, carrier: str, placed: PlacedCam | PlacedSpatial) -> Bearing | None:
-    """What carries the shaft of a cam whose axis lies in the plane."""
+    """The bearing of the shaft of a cam whose axis lies in the plane."""
     if isinstance(placed, PlacedCam):
         return None
     return Bearing(carrier=carrier, couple=placed.couple, joints=builder.bearings_between(joint, joint.links[0], carrier))
@@ -208,8 +208,8 @@ def _given(contour: Contour, own: complex, axes: complex, follower: Follower) ->
 
 @lru_cache(maxsize=16)
 def _least_base(law: MotionCurve, follower: Follower, want: Requirement, sense: int, hub: float) -> tuple[float, str]:
-    found = least_base(law, follower, want, sense, hub)
-    return found.base, found.decides
+    least = least_base(law, follower, want, sense, hub)
+    return least.base, least.decides
 
 
 @lru_cache(maxsize=16)
@@ -223,14 +223,14 @@ def _wedge(joint: CamJoint, builder: Builder, carrier: str, guide: Prismatic | R
     if isinstance(joint.face, Flat):
         raise fault_of(joint, "", "a flat face slides on a wedge's highest points only.", "Give a roller or a knife.")
     place, up, arm = _guide_of(joint, builder, carrier, guide)
-    way, sign = guide_in(carrier, bed)
-    way *= sign  # in which the cam moves as the bed's coordinate grows
+    direction, sign = guide_in(carrier, bed)
+    direction *= sign  # in which the cam moves as the bed's coordinate grows
     cam_link = builder.links[joint.links[0]]
     start = place_on(builder, carrier, bed, point_of(cam_link, bed.points[bed.links.index(joint.links[0])]))
     radius = joint.face.radius
     if isinstance(guide, Prismatic):
         axes = up / 1j
-        across = abs((way / axes).imag)
+        across = abs((direction / axes).imag)
         if across > 1e-9:
             apart = 0.5 * math.pi - math.asin(min(across, 1.0))
             raise fault_of(
@@ -238,7 +238,7 @@ def _wedge(joint: CamJoint, builder: Builder, carrier: str, guide: Prismatic | R
             )
         face_guide: Translating | Oscillating = Translating(0.0)
     else:
-        axes = way if ((place - start) / way).imag > 0 else -way
+        axes = direction if ((place - start) / direction).imag > 0 else -direction
     centre = start + axes * ((place - start) / axes).real
     if isinstance(guide, Revolute):
         height = ((place - centre) / axes).imag
@@ -255,7 +255,7 @@ def _wedge(joint: CamJoint, builder: Builder, carrier: str, guide: Prismatic | R
         zero = joint.base + radius
     assert joint.lift is not None
     # the wedge of the theory moves by -x: where the cam goes the other way as the law is read, the law is mirrored
-    ahead = -float((way / axes).real) * joint.sense
+    ahead = -float((direction / axes).real) * joint.sense
     law = levelled(joint.lift) if ahead > 0 else levelled(_mirror(joint.lift))
     cam = Cam(law.raised(zero), Follower(face_guide, joint.face), wedge=True)
     own = point_of(cam_link, bed.points[bed.links.index(joint.links[0])])
@@ -307,7 +307,7 @@ def _build_inverse(joint: CamJoint, builder: Builder, carrier: str, guide: Prism
         raise fault_of(joint, "follower", "a groove without a roller.", "Give groove = ...")
     if joint.sense < 0:
         raise fault_of(joint, "sense", "an inverse cam's law is read counter-clockwise.", "Leave it out, and mirror the segments.")
-    way = (-joint.phase, law.length - joint.phase)
+    travel = (-joint.phase, law.length - joint.phase)
     law = levelled(MotionCurve(law.raised(joint.base).pieces, -joint.phase))
     tip, straight = point_of(driving, joint.point), None
     if joint.bed is None:
@@ -340,14 +340,14 @@ def _build_inverse(joint: CamJoint, builder: Builder, carrier: str, guide: Prism
         if straight is None and pivot == axis:
             raise fault_of(joint, "guide", "the driven link's pivot lies on the crank's axis.", "Move it away from there.")
         axes, centre, hub, mount = 1 + 0j, pivot, axis - pivot, 1 + 0j
-        if straight is not None:  # metres per unit of the driven link's angle: to the middle of the roller's way
-            arm = abs(hub + straight * 0.5 * (way[0] + way[1])) or 0.5 * (way[1] - way[0])
+        if straight is not None:  # metres per unit of the driven link's angle: to the middle of the roller's travel
+            arm = abs(hub + straight * 0.5 * (travel[0] + travel[1])) or 0.5 * (travel[1] - travel[0])
         angles = ((joint.links[1], -arm), (carrier, arm))
     phase = cmath.phase(tip) - cmath.phase(axes) if straight is None else 0.0
     straight = None if straight is None else straight / axes
     cam = InverseCam(law, hub, arm, joint.face.radius, not isinstance(guide, Prismatic), phase, straight)
     placed = PlacedInverse(
-        name=joint.name, links=joint.links, carrier=carrier, guide=joint.guide, cam=cam, way=way, centre=centre, axes=axes,
+        name=joint.name, links=joint.links, carrier=carrier, guide=joint.guide, cam=cam, way=travel, centre=centre, axes=axes,
         own=origin,
         mount=mount, tip=point_of(driving, joint.point), sense=joint.sense, bed=joint.bed, pressure_limit=joint.pressure_limit,
     )  # fmt: skip

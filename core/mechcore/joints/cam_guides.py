@@ -1,4 +1,4 @@
-"""What all cams share on their way into a mechanism: guides on the carrier, the relation, faults by their scene's names."""
+"""Parts of all cams in a mechanism: guides on the carrier, the relation, faults by their scene's names."""
 
 from __future__ import annotations
 

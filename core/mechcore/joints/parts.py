@@ -1,4 +1,4 @@
-"""What each kind of joint allows, in the common forms that the rest of the core works with.
+"""The kinds of joints, in the common forms that the rest of the core works with.
 
 A lower pair is a `LoopJoint` (points that coincide or slide); gears, belts, racks, rolling and cams add a `Relation`.
 To add a joint: its spec in `mechcore.spec.mechanism`, a function that builds it in the module of its family, a line in `KINDS`.

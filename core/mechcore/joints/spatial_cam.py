@@ -1,4 +1,4 @@
-"""Barrel, end and globoidal cams: where they lie in the plane mechanism, and the roller's way in space."""
+"""Barrel, end and globoidal cams: where they lie in the plane mechanism, and the roller's path in space."""
 
 from __future__ import annotations
 

@@ -143,7 +143,7 @@ class Model:
         return {}
 
     def point_sum(self, k: int, local: Any) -> VectorSum | None:
-        """The place of a point of link ``k``, given in link axes, as a sum; None where the way to the frame is long."""
+        """The place of a point of link ``k``, given in link axes, as a sum; None where the path to the frame is long."""
         if not isinstance(local, complex):  # one place per design of a sweep
             return self._sum_to(k, local)
         key = k, local

@@ -78,7 +78,7 @@ def _place_loop(model: Model, block: Block, state: State, mode: Values) -> None:
 
 
 def loop_terms(model: Model, block: Block, state: State, number: int = 0) -> tuple[Plane, list[Plane], list[Plane]]:
-    """What the unknown vectors of a block's loop have to add up to; its vectors along each unknown angle, in axes that turn with
+    """The sum that the unknown vectors of a block's loop have to make; its vectors along each unknown angle, in axes that turn with
     it; the directions of its unknown slides, in such axes where an unknown angle turns them, else in the world's."""
     loop = model.program.loop_equations[block.loops[number]]
     rot, delta, slide = state.rot, state.delta, state.slide

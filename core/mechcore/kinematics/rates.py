@@ -42,8 +42,8 @@ class Rates:
         n = len(model.angles.class_group)
         self.angular: list[Values] = [0.0] * n
         self.factor: list[Plane] = [0j] * n if before is None else [0j if nothing(f) else f * f for f in before.factor]
-        for s, ((first, way), *more) in model.program.driven_rotations:
-            rate = drives[first] if way == 1 else -drives[first]
+        for s, ((first, sense), *more) in model.program.driven_rotations:
+            rate = drives[first] if sense == 1 else -drives[first]
             for d, sign in more:
                 rate = rate + sign * drives[d]
             self._turn(s, rate, imaginary(rate))
@@ -77,7 +77,7 @@ class Rates:
             self._turn(rotation_class, rate, turn)
 
     def drift(self, loop: LoopEquation, vectors: Vectors) -> Plane:
-        """What the rates of a loop's sum are while the rates of its unknowns are zero."""
+        """Rates of a loop's sum while the rates of its unknowns are zero."""
         (arms, slides), factor, before = vectors, self.factor, self.before
         if before is None:
             terms = [factor[arms[i][0]] * arms[i][1] for i in loop.known_vectors]
@@ -148,18 +148,18 @@ def accelerations(
     return _solved(model, vectors, cols, Rates(model, drive_accelerations, speeds.bends, speeds), patches)
 
 
-def _solved(model: Model, vectors: Sequence[Vectors], cols: Sequence[Columns], found: Rates, patches: Patches | None) -> Rates:
+def _solved(model: Model, vectors: Sequence[Vectors], cols: Sequence[Columns], unknown: Rates, patches: Patches | None) -> Rates:
     """Rates filled in block by block, those frames replaced at which a patch gives them."""
     loops = model.program.loop_equations
     for k, (block, c) in enumerate(zip(model.blocks, cols, strict=True)):
         if block.kind == "check":
             continue
-        drift = [found.drift(loops[i], vectors[i]) for i in block.loops]
+        drift = [unknown.drift(loops[i], vectors[i]) for i in block.loops]
         if c.dual is not None and not patches:
-            found.solve_dyad(model, block, c, drift[0])
+            unknown.solve_dyad(model, block, c, drift[0])
             continue
-        solved = rates(block, c, drift, found.constraint_drift(model, block))
+        solved = rates(block, c, drift, unknown.constraint_drift(model, block))
         for patch in patches.get(k, ()) if patches else ():
-            patch.into(solved, 1 if found.before is None else 2)
-        found.settle(model, block, solved)
-    return found
+            patch.into(solved, 1 if unknown.before is None else 2)
+        unknown.settle(model, block, solved)
+    return unknown

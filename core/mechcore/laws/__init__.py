@@ -2,9 +2,9 @@
 
 ``timed``: drives, a coordinate as a function of time (constant speed, zones, oscillation, segments, tables).
 ``curve``: ``MotionCurve``, a coordinate as a piecewise analytic function of a master angle, exact derivatives of any order;
-``catalogue``: the rise laws of the literature (``rise("cycloidal")``), all normalised 0 -> 1 over 0 -> 1;
-``harmonics``: families behind them (sine-constant-cosine acceleration, sums of harmonics); ``conditions``: polynomials and
-B-splines from boundary conditions, measured tables smoothed, laws given by acceleration or velocity;
+``catalogue``: the rise laws of the literature (``rise("cycloidal")``), all normalised 0 -> 1 over 0 -> 1, and
+the families behind them (sine-constant-cosine acceleration, sums of harmonics); ``boundary_conditions``: polynomials and B-splines
+from conditions, measured tables smoothed, laws given by acceleration or velocity;
 ``segment_laws``: what joins the states at the two ends of a segment (polynomials, splines, given accelerations and velocities,
 least peaks); ``program``: segments over a turn or over time, and drives that follow a master angle (several axes on one master);
 ``factors``: jumps, extremes and the peak factors Cv, Ca, Cj; ``optimal``: laws of least peak acceleration, jerk or force;

@@ -120,7 +120,7 @@ def spline_law(conditions: Sequence[Condition], degree: int = 5) -> MotionCurve:
 
 @dataclass(frozen=True)
 class Smoothing:
-    """What smoothing did to a measured table: pieces of the spline, root mean square and largest correction and where."""
+    """How smoothing changed a measured table: pieces of the spline, root mean square and largest correction and where."""
 
     points: int
     pieces: int

@@ -66,15 +66,15 @@ def jumps(curve: MotionCurve, orders: tuple[int, ...] = (0, 1, 2, 3), tolerance:
         angles = curve.knots
     samples = curve(np.linspace(curve.knots[0], curve.knots[-1], 33), top)
     stroke = max(np.ptp(samples[0]), np.abs(samples[0]).max() * 1e-3)
-    found = []
+    steps = []
     for k in orders:
         size = max(np.abs(left[:, k]).max(), np.abs(right[:, k]).max(), stroke / curve.length**k)
         step = after[:, k] - before[:, k]
         for i in np.flatnonzero(np.abs(step) > tolerance * size):
             if i == 0 and not (ends or curve.repeats):
                 continue
-            found.append(Jump(float(angles[i]), k, float(before[i, k]), float(after[i, k])))
-    return sorted(found, key=lambda j: (j.angle, j.order))
+            steps.append(Jump(float(angles[i]), k, float(before[i, k]), float(after[i, k])))
+    return sorted(steps, key=lambda j: (j.angle, j.order))
 
 
 def _stationary(piece: Piece, order: int) -> Real:
@@ -120,10 +120,10 @@ def extremes(curve: MotionCurve, order: int) -> list[Extreme]:
 
 def peak(curve: MotionCurve, order: int, sign: int = 0) -> Extreme:
     """The largest (``sign`` 1), smallest (-1) or in size largest (0) value of a derivative and its first angle."""
-    found = extremes(curve, order)
-    sizes = np.array([abs(e.value) if sign == 0 else sign * e.value for e in found])
+    all_extremes = extremes(curve, order)
+    sizes = np.array([abs(e.value) if sign == 0 else sign * e.value for e in all_extremes])
     best = int(np.argmax(sizes >= sizes.max() * (1.0 - 1e-14) if sizes.max() > 0 else sizes == sizes.max()))
-    return found[best]
+    return all_extremes[best]
 
 
 @dataclass(frozen=True)
@@ -145,9 +145,9 @@ class PeakFactors:
 def peak_factors(curve: MotionCurve) -> PeakFactors:
     """Peak factors of a rise; any stroke and length are normalised to one."""
     unit = curve.scaled(0.0, 1.0, 0.0, 1.0 / curve.advance) if curve.advance else curve.scaled(0.0, 1.0, 0.0, 1.0)
-    found = jumps(unit, (1, 2, 3))
-    ends = tuple(sorted({j.order for j in found if j.angle in (0.0, float(unit.knots[-1]))}))
-    inner = tuple(sorted({j.order for j in found if 0.0 < j.angle < float(unit.knots[-1])}))
+    steps = jumps(unit, (1, 2, 3))
+    ends = tuple(sorted({j.order for j in steps if j.angle in (0.0, float(unit.knots[-1]))}))
+    inner = tuple(sorted({j.order for j in steps if 0.0 < j.angle < float(unit.knots[-1])}))
     values = [np.inf if any(i < k for i in inner) else abs(peak(unit, k).value) for k in (1, 2, 3)]
     return PeakFactors(values[0], values[1], values[2], np.inf if 1 in inner else _peak_power(unit), ends, inner)
 

@@ -180,8 +180,8 @@ def _least_jerk(
     table = np.vstack(rows)
     scale = np.abs(table[:, :-1]).max(axis=0)
     scale[scale == 0.0] = 1.0
-    found = np.linalg.lstsq(table[:, :-1] / scale, table[:, -1], rcond=1e-13)[0] / scale
-    return [float(found[columns[place]]) for place in shared]
+    solved = np.linalg.lstsq(table[:, :-1] / scale, table[:, -1], rcond=1e-13)[0] / scale
+    return [float(solved[columns[place]]) for place in shared]
 
 
 CLOCK = ConstantSpeed(0.0, 1.0)
@@ -252,7 +252,7 @@ class Follow:
         return tuple(sorted({max(t, 0.0) for t in own if t < span * (1.0 - 1e-12)}))  # 0: between two cycles
 
     def shock(self, t: float) -> str:
-        """What jumps at this time, in words; empty where nothing does."""
+        """The jump at this time in words; empty where nothing jumps."""
         theta = self.master(np.array([t]))[0] + self.phase
         left, right = self.curve(theta, 2, "left")[:, 0], self.curve(theta, 2, "right")[:, 0]
         near = min(self.curve.length, 1e-6)
@@ -275,10 +275,10 @@ class Follow:
             return float(self.master(np.array([t]))[0][0] + self.phase - target)
 
         sign = np.sign(gap)
-        found = [float(t) for t in grid[sign == 0.0]]
+        times = [float(t) for t in grid[sign == 0.0]]
         for k in np.flatnonzero(sign[:-1] * sign[1:] < 0.0):
-            found.append(float(brentq(f, grid[k], grid[k + 1], xtol=1e-15, rtol=1e-15)))
-        return found
+            times.append(float(brentq(f, grid[k], grid[k + 1], xtol=1e-15, rtol=1e-15)))
+        return times
 
     def __call__(self, t: ArrayLike) -> Triple:
         theta, w, eps = self.master(t)

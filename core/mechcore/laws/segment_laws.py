@@ -179,8 +179,8 @@ class LeastPeak:
         size = stroke or max([abs(v or 0.0) * over**k for s in (start, end) for k, v in enumerate(s) if k], default=0.0) or 1.0
         first, last = ([None if v is None else v * over**k / size for k, v in enumerate(s)] for s in (start, end))
         first[0], last[0] = 0.0, stroke / size
-        found = least_peak(self.goal, start=first, end=last, limits=self.limits, smooth=self.smooth, steps=self.steps)
-        return found.curve.scaled(0.0, over, _value(start), size)
+        optimum = least_peak(self.goal, start=first, end=last, limits=self.limits, smooth=self.smooth, steps=self.steps)
+        return optimum.curve.scaled(0.0, over, _value(start), size)
 
 
 def _value(state: State) -> float:

@@ -211,7 +211,7 @@ class SignalSpeed:
         return tuple(t for t in self.signal.breaks if 0.0 < t < self.duration)
 
     def shock(self, t: float) -> str:
-        """What jumps at one of the ``breaks``, in words; empty where nothing below the jerk does."""
+        """The jump at one of the ``breaks`` in words; empty where nothing below the jerk jumps."""
         return _JUMPS[self.signal.order] if self.signal.order < len(_JUMPS) else ""
 
     def __call__(self, t: ArrayLike) -> tuple[Real, Real, Real]:

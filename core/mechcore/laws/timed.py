@@ -18,7 +18,7 @@ from mechcore.arrays import Real
 class Free:
     """Stands where a drive's law would: the mechanism is put together at ``start`` [rad or m], where it moves at ``speed``.
 
-    As a law it is the straight way through the start; forward dynamics replaces it by the motion that it finds.
+    As a law it is the straight line through the start; forward dynamics replaces it by the motion that it finds.
     """
 
     start: float

@@ -7,7 +7,7 @@ distance minimised by the method of Levenberg and Marquardt from many starts.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from functools import partial
 
 import numpy as np
@@ -20,9 +20,8 @@ from mechcore.kinematics.program import Block
 from mechcore.kinematics.state import State, initial_state
 from mechcore.motion.metrics import peak
 from mechcore.motion.motion import Motion
-from mechcore.numerics.newton import solve_many
+from mechcore.numerics.newton import Residual, least_squares
 
-Equations = Callable[[Real], tuple[Real, Real]]  # unknowns (..., n) -> values (..., m), derivatives (..., m, n)
 MOST_FRAMES = 25  # at which groups without a closed form are looked at, and again next to the worst of them
 STARTS = 32
 ITERATIONS = 60
@@ -44,8 +43,8 @@ def greatest_miss(assembly: Assembly, block: Block, motion: Motion, failed: Flag
     while True:
         chosen = np.unique(np.linspace(first, last, MOST_FRAMES).astype(int))
         drives = [np.broadcast_to(d[0], motion.frames)[frames[chosen], None] for d in motion.drives]
-        found = _misses(motion.model, assembly, block, drives)
-        greatest, k = max(greatest, float(found.max())), int(np.argmax(found))
+        misses_there = _misses(motion.model, assembly, block, drives)
+        greatest, k = max(greatest, float(misses_there.max())), int(np.argmax(misses_there))
         if len(chosen) < MOST_FRAMES or greatest == np.inf:
             return greatest
         first, last = int(chosen[max(k - 1, 0)]), int(chosen[min(k + 1, len(chosen) - 1)])
@@ -74,8 +73,8 @@ def least_miss(model: Model, block: Block, state: State) -> Real:
     for signs in _openings(model, block):
         x = np.broadcast_to(starts, (*frames, *starts.shape))
         with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
-            found = _minimised(partial(_opened, closing, signs), x)
-        least = np.fmin(least, np.fmin.reduce(found, axis=-1))
+            open_by = _minimised(partial(_opened, closing, signs), x)
+        least = np.fmin(least, np.fmin.reduce(open_by, axis=-1))
     return least * model.length_scale
 
 
@@ -97,7 +96,7 @@ def _openings(model: Model, block: Block) -> list[Index]:
     return [np.array(signs) for signs in sorted(unique)]
 
 
-def _opened(equations: Equations, signs: Index, x: Real) -> tuple[Real, Real]:
+def _opened(equations: Residual, signs: Index, x: Real) -> tuple[Real, Real]:
     """Equations (..., m) and derivatives (..., m, n) with those of the open joint first, the others weighted."""
     r, jacobian = equations(x)
     loops = len(signs)
@@ -112,23 +111,10 @@ def _opened(equations: Equations, signs: Index, x: Real) -> tuple[Real, Real]:
     return r @ mix.T, mix @ jacobian
 
 
-def _minimised(function: Equations, x: Real) -> Real:
+def _minimised(function: Residual, x: Real) -> Real:
     """Length (...) of the first two of the values (..., m) of a function where their sum of squares is least, from starts
     (..., n); infinite where the others are not closed there."""
-    r, jacobian = function(x)
-    cost = (r * r).sum(axis=-1)
-    damping = np.full(cost.shape, 1e-2)
-    eye = np.eye(x.shape[-1])
-    for _ in range(ITERATIONS):
-        normal = np.swapaxes(jacobian, -1, -2) @ jacobian
-        gradient = (np.swapaxes(jacobian, -1, -2) @ r[..., None])[..., 0]
-        trial = x - solve_many(normal + damping[..., None, None] * eye, gradient)
-        new_r, new_jacobian = function(trial)
-        new = (new_r * new_r).sum(axis=-1)
-        better = new < cost
-        x, r = np.where(better[..., None], trial, x), np.where(better[..., None], new_r, r)
-        jacobian = np.where(better[..., None, None], new_jacobian, jacobian)
-        cost, damping = np.where(better, new, cost), np.where(better, 0.1 * damping, np.minimum(4.0 * damping, 1e12))
+    r = least_squares(function, x, iterations=ITERATIONS)
     open_ = np.hypot(r[..., 0], r[..., 1])
     left = np.abs(r[..., 2:]).max(axis=-1, initial=0.0) / WEIGHT
     return np.where(left <= 1e-4 * open_ + 1e-9, open_, np.inf)

@@ -37,7 +37,7 @@ class Compiled:
     assembly: Assembly
     start: tuple[float, ...]  # drive positions for which the assembly was made
     angles: UnwrappedAngles  # of its links, as far as they have been asked for
-    changes: Changes | None = None  # where assembly modes meet in the course of the drives' laws
+    changes: Changes | None = None  # where assembly modes meet along the drives' laws
     paths: list[BranchPath] = field(default_factory=list)  # that have been followed, for further frames on them
     accuracy: Accuracy = DEFAULT
     executor: Executor = "numpy"  # of the program of steps
@@ -186,9 +186,9 @@ def _own_starts(path: BranchPath, law_time: Real) -> dict[str, Real]:
 def _law_time(
     compiled: Compiled, changes: Changes, time: Real, values: DriveValues, *, given: bool
 ) -> tuple[Real | None, tuple[Real | float, Real | float]]:
-    """Where the frames are on the way along which changes are known, and its first two derivatives by time.
+    """Where the frames are on the path along which changes are known, and its first two derivatives by time.
 
-    None where the frames' drive positions are given and that way is the laws' time.
+    None where the frames' drive positions are given and that path is the laws' time.
     """
     if changes.by_drive:
         q, v, a = values[0]

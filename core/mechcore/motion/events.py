@@ -45,9 +45,9 @@ class Event:
 
 def find_events(motion: Motion) -> list[Event]:
     """All events of a motion, sorted by time."""
-    found = [*_limits(motion), *_drive_events(motion), *_singular(motion), *_changes(motion), *_extremes(motion)]
-    found += [*_indeterminate(motion), *overshoots(motion.mechanism)]
-    return sorted(found, key=lambda e: e.time)
+    events = [*_limits(motion), *_drive_events(motion), *_singular(motion), *_changes(motion), *_extremes(motion)]
+    events += [*_indeterminate(motion), *overshoots(motion.mechanism)]
+    return sorted(events, key=lambda e: e.time)
 
 
 def overshoots(mechanism: Mechanism) -> Iterator[Event]:
@@ -105,7 +105,7 @@ def _words(motion: Motion, joint: str, value: float) -> str:
 
 
 def _placed(words: str, motion: Motion, t: float) -> str:
-    """What happens at a time, and where the drives are then, if there are any."""
+    """An event at a time in words, with the positions of the drives then, if there are any."""
     return ", ".join(filter(None, (words, at_drive(motion, t))))
 
 

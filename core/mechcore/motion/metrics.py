@@ -1,7 +1,8 @@
-"""Answers a teacher asks for: instant centres, transmission angles, velocity ratios, mechanical advantage, Grashof type, curvature.
+"""Kinematic metrics: instant centres, transmission angles, velocity ratios, mechanical advantage, Grashof type, curvature.
 
 All of them are about geometry, not speed: they use the motion per unit of the first drive's coordinate, so that they exist while a
-drive stands still. Everything is vectorised over the frames.
+drive stands still. Everything is vectorised over the frames. `peak` and `zeros` find where a quantity becomes extreme or zero
+between the frames, by solving the mechanism again at times close to it.
 """
 
 from __future__ import annotations
@@ -23,6 +24,14 @@ from mechcore.motion.motion import Motion
 
 T = TypeVar("T")
 CHANGE_POINT = 1e-12  # of the perimeter: below, a Grashof margin is rounding
+
+# of searches for extremes
+Metric = Callable[[Motion], Real]  # motion -> a smooth quantity (F,)
+NODES = -np.cos(np.pi * np.arange(9) / 8)  # Chebyshev points: the polynomial through them follows a smooth quantity to many digits
+FIT = np.linalg.inv(chebyshev.chebvander(NODES, 8))
+ROUNDS = 2  # the second one in a window that is narrower by
+NARROWER = 8.0
+MOST = 4  # local maxima of the frames that are looked at
 
 
 def over_parts(compute: Callable[..., T]) -> Callable[..., T]:
@@ -50,7 +59,7 @@ def per_unit(motion: Motion) -> Motion:
 
 
 def answered(answer: str, m: Model) -> list[Any]:
-    """What an answer is given of: names of joints or blocks, or pairs of links; known before it is computed."""
+    """Subjects of an answer: names of joints or blocks, or pairs of links; known before it is computed."""
     match answer:
         case "transmission_angle":
             return [block.name for block in m.blocks if block.kind == "theta_theta"]
@@ -199,14 +208,6 @@ def grashof_type(crank: float, coupler: float, rocker: float, frame: float) -> s
     return "crank-rocker" if s == crank else "rocker-crank"
 
 
-Metric = Callable[[Motion], Real]  # motion -> a smooth quantity (F,)
-NODES = -np.cos(np.pi * np.arange(9) / 8)  # Chebyshev points: the polynomial through them follows a smooth quantity to many digits
-FIT = np.linalg.inv(chebyshev.chebvander(NODES, 8))
-ROUNDS = 2  # the second one in a window that is narrower by
-NARROWER = 8.0
-MOST = 4  # local maxima of the frames that are looked at
-
-
 def peak(motion: Motion, metric: Metric) -> tuple[float, float]:
     """Time [s] and value of the largest maximum of a run, to about 1e-9 of the distance of the frames; NaN where there is none.
 
@@ -217,9 +218,9 @@ def peak(motion: Motion, metric: Metric) -> tuple[float, float]:
     if not np.isfinite(values).any():
         return np.nan, np.nan
     best = int(np.nanargmax(values))
-    found = float(motion.time[best]), float(values[best])
+    highest = float(motion.time[best]), float(values[best])
     if motion.again is None or motion.frames < 3:
-        return found
+        return highest
     filled = np.where(np.isfinite(values), values, -np.inf)
     around = np.concatenate([[-np.inf], filled, [-np.inf]])
     local = np.flatnonzero((filled >= around[:-2]) & (filled >= around[2:]) & np.isfinite(filled))
@@ -236,7 +237,7 @@ def peak(motion: Motion, metric: Metric) -> tuple[float, float]:
         low, high = np.maximum(at - half / NARROWER, first), np.minimum(at + half / NARROWER, last)
     refined = _again(motion, metric, at)
     top = int(np.argmax(np.where(np.isfinite(refined), refined, -np.inf)))
-    return (float(at[top]), float(refined[top])) if refined[top] >= found[1] else found
+    return (float(at[top]), float(refined[top])) if refined[top] >= highest[1] else highest
 
 
 def _highest(values: Real) -> float:
@@ -265,13 +266,13 @@ def zeros(motion: Motion, rows: Callable[[Motion], Real], times: Real) -> Real:
     if motion.again is None or not len(times) or motion.frames < 2:
         return times
     step = float(np.max(np.diff(motion.time)))
-    found = np.array(times)
+    at = np.array(times)
     for _ in range(3):
-        value = rows(motion.again(found))
+        value = rows(motion.again(at))
         with np.errstate(divide="ignore", invalid="ignore"):
             move = -value[:, 0] / value[:, 1]
-        move = np.where(np.isfinite(move) & (np.abs(found + move - times) < 0.5 * step), move, 0.0)
-        found = found + move
+        move = np.where(np.isfinite(move) & (np.abs(at + move - times) < 0.5 * step), move, 0.0)
+        at = at + move
         if np.abs(move).max(initial=0.0) <= motion.accuracy.event * step:
             break
-    return found
+    return at

@@ -238,11 +238,11 @@ class Motion:
     def offset(self, k: int, local: Plane, derivative: int = 0) -> Plane:
         """A vector fixed in link ``k`` in the world, or its first or second derivative."""
         if derivative == 0 and isinstance(local, complex):
-            found = self._offsets.get((k, local))
-            if found is None:
+            vector = self._offsets.get((k, local))
+            if vector is None:
                 rotation = self.state.rot[self.model.angles.rotation_class[k]]
-                found = self._offsets[k, local] = (local * self.model.turn[k]) * rotation if local else 0j
-            return found
+                vector = self._offsets[k, local] = (local * self.model.turn[k]) * rotation if local else 0j
+            return vector
         if nothing(local):
             return 0j
         return (local * self.model.turn[k]) * self.turned(derivative)[self.model.angles.rotation_class[k]]
@@ -267,29 +267,29 @@ class Motion:
     def arm(self, k: int, j: int, side: int, derivative: int = 0) -> Plane:
         """Vector from the origin of link ``k`` to its point of joint ``j`` (slide included), or its derivative."""
         key = j, side, derivative
-        found = self._arms.get(key)
-        if found is None:
+        vector = self._arms.get(key)
+        if vector is None:
             joint = self.model.joints[j]
-            found = self.offset(k, joint.b if side else joint.a, derivative)
+            vector = self.offset(k, joint.b if side else joint.a, derivative)
             if joint.slide is not None and joint.guide == side:
-                found = added(found, self.model.guides[j][1] * self.slid(j, derivative))
-            self._arms[key] = found
-        return found
+                vector = added(vector, self.model.guides[j][1] * self.slid(j, derivative))
+            self._arms[key] = vector
+        return vector
 
     def origin(self, k: int, derivative: int = 0) -> Plane:
         """Position of the origin of a link [m], or its first or second derivative, along the tree from the frame."""
         tree, ends, known = self.model.tree, self.model.ends, self._origins
-        way = []
+        chain = []
         while (k, derivative) not in known:
-            way.append(k)
+            chain.append(k)
             k = tree.parent[k]
-        found = known[k, derivative]
-        for link in reversed(way):
+        place = known[k, derivative]
+        for link in reversed(chain):
             p, j = tree.parent[link], tree.joint[link]
             side = 1 if ends[j][1] == link else 0
-            found = added(added(found, self.arm(p, j, 1 - side, derivative)), self.arm(link, j, side, derivative), -1)
-            known[link, derivative] = found
-        return found
+            place = added(added(place, self.arm(p, j, 1 - side, derivative)), self.arm(link, j, side, derivative), -1)
+            known[link, derivative] = place
+        return place
 
     @lazy
     def origins(self) -> list[Plane]:
@@ -340,7 +340,7 @@ class Motion:
         return self._largest([self.closure_error(c) for c in range(len(self.model.loop_sums))])
 
     def closure_error(self, loop: int) -> Plane:
-        """What is left of a loop's sum of vectors [m]."""
+        """Sum of a loop's vectors [m], zero where it closes."""
         return value(self.model.loop_sums[loop], self.state.rot, self.state.slide)
 
     @cached_property

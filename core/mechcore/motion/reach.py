@@ -1,4 +1,4 @@
-"""How far the first drive can go with the mechanism assembled in its stated mode."""
+"""How far the first drive can go with the mechanism assembled in its stated mode, and pins and sliders within their slots."""
 
 from __future__ import annotations
 
@@ -24,6 +24,7 @@ from mechcore.spec.mechanism import Cylinder
 
 SAMPLES, MOST_SAMPLES = 361, 2001  # of the first drive's positions, and of times
 HALVINGS = 40
+SLACK = 1e-9  # of the mechanism's size: rounding may carry a pin so far beyond an end of its slot
 INSET = 1e-6  # of an end: so far within a range is proposed, for it is shown with seven digits
 
 
@@ -150,9 +151,6 @@ def _least(rows: Real) -> Real:
     return np.asarray(np.minimum(rows.min(axis=-1), dip.min(axis=-1)))
 
 
-SLACK = 1e-9  # of the mechanism's size: rounding may carry one so far beyond an end
-
-
 @dataclass(frozen=True)
 class Escape:
     """A pin or slider beyond an end of its slot or guide: the joint, that end's coordinate [m], how far it goes beyond [m], at
@@ -188,15 +186,15 @@ def room_in_slots(model: Model, state: State) -> list[Values]:
 def within_slots(motion: Motion) -> Flags:
     """Whether all pins and sliders are between their ends (F,)."""
     slack = SLACK * motion.model.length_scale
-    found: Flags = np.ones(motion.frames, bool)
+    within: Flags = np.ones(motion.frames, bool)
     for _, _, excess in _excesses(motion):
-        found = found & ~(excess(motion) > slack)
-    return found
+        within = within & ~(excess(motion) > slack)
+    return within
 
 
 def escapes(motion: Motion) -> list[Escape]:
     """Where a motion carries pins and sliders beyond their ends, between its frames too."""
-    slack, found = SLACK * motion.model.length_scale, []
+    slack, beyond_ends = SLACK * motion.model.length_scale, []
     for joint, end, excess in _excesses(motion):
         values = excess(motion)
         outside = values > slack
@@ -206,5 +204,5 @@ def escapes(motion: Motion) -> list[Escape]:
         if not outside.any() and beyond > -step:  # perhaps between two frames
             time, beyond = peak(motion, excess)
         if beyond > slack:
-            found.append(Escape(joint, end, beyond, outside, time))
-    return found
+            beyond_ends.append(Escape(joint, end, beyond, outside, time))
+    return beyond_ends

@@ -147,7 +147,7 @@ def solve_motion(
 
 
 def _check_statics(motion: Motion) -> None:
-    """What stands still under forces has to be held by its joints and drives."""
+    """Refuse a structure under forces that its joints and drives do not hold."""
     worst = float(motion.condition[0])
     if rank_mobility(motion) if not motion.mechanism.drives else not worst <= SINGULAR:
         why = f"nothing moves, but its joints do not hold it here against every load (condition number {worst:.2g})."
@@ -155,7 +155,7 @@ def _check_statics(motion: Motion) -> None:
 
 
 def _check_way(compiled: Compiled, positions: Sequence[Real]) -> None:
-    """Drives that go on for so many turns that nobody would wait for all the change points and angles on their way."""
+    """Drives that go on for so many turns that nobody would wait for all the change points and angles that they pass."""
     near = compiled.near
     for q in positions:
         if not (-near < q.item(0) < near and -near < q.item(-1) < near):
@@ -164,14 +164,14 @@ def _check_way(compiled: Compiled, positions: Sequence[Real]) -> None:
         return
     model = compiled.model
     for drive, start, q in zip(model.mechanism.drives, compiled.start, positions, strict=True):
-        way = max(abs(float(q[0]) - start), abs(float(q[-1]) - start))
+        travel = max(abs(float(q[0]) - start), abs(float(q[-1]) - start))
         rotary = model.rotary(drive.joint)
-        turns = way / (TURN if rotary else TURN * model.length_scale)
+        turns = travel / (TURN if rotary else TURN * model.length_scale)
         if turns > MOST_TURNS * (1.0 + 1e-9):
             far = (
                 f"{turns:.6g} turns"
                 if rotary
-                else f"{as_length(way)}, {way / model.length_scale:.6g} times the size of the mechanism"
+                else f"{as_length(travel)}, {travel / model.length_scale:.6g} times the size of the mechanism"
             )
             most = f"{MOST_TURNS:,} turns" if rotary else as_length(TURN * MOST_TURNS * model.length_scale)
             why = f"it goes {far} from its start; motions are followed over {most} at most."
@@ -210,8 +210,8 @@ def _check_gaps_on(compiled: Compiled, path: BranchPath, time: Real, parameter: 
 
 
 def _faults(compiled: Compiled, motion: Motion, path: BranchPath | None, parameter: Real | None, time: Real) -> list[Fault]:
-    """What keeps frames of a run over ``time`` from being assembled: the first group in solving order that fails, per range of the
-    drive."""
+    """Causes that keep frames of a run over ``time`` from being assembled: per range of the drive the first
+    group in solving order that fails."""
     model = compiled.model
     faults: list[Fault] = []
     failed = np.zeros(motion.frames, bool)
@@ -320,8 +320,8 @@ def _ranges(motion: Motion, bad: Flags) -> str:
     q = motion.drives[0][0]
     ranges = []
     for start, end in runs(bad):
-        way = q[start : end + 1]  # the drive may turn back in it
-        low, high = float(way.min()), float(way.max())
+        positions = q[start : end + 1]  # the drive may turn back in it
+        low, high = float(positions.min()), float(positions.max())
         digits = 6 if high - low > 1e-5 * max(abs(low), abs(high)) or high == low else 12
         ranges.append(f"from {shown(low, digits=digits)} to {shown(high, digits=digits)}")
     more = f" and {len(ranges) - 3} more ranges" if len(ranges) > 3 else ""

@@ -90,19 +90,19 @@ def _leaf_links(model: Model) -> dict[int, int]:
     for j, ends in enumerate(model.ends):
         for k in ends:
             at.setdefault(k, set()).add(j)
-    found: dict[int, int] = {}
+    leaves: dict[int, int] = {}
     fresh = [k for k, joints in at.items() if len(joints) == 1 and k not in bound]
     while fresh:
         k = fresh.pop()
         if len(at[k]) != 1:
             continue
         j = at[k].pop()
-        found[j] = k
+        leaves[j] = k
         (other,) = set(model.ends[j]) - {k}
         at[other].discard(j)
         if len(at[other]) == 1 and other not in bound:
             fresh.append(other)
-    return found
+    return leaves
 
 
 def _constraint_row(model: Model, motion: Motion, constraint: LinearConstraint, frame: int) -> np.ndarray:
@@ -155,7 +155,7 @@ def groups(model: Model) -> tuple[Group, ...]:
         for k in set(e):
             at.setdefault(k, []).append(i)
     left = sorted(range(1, len(model.links)), key=lambda k: rank[k])
-    solved, found = {0}, []
+    solved, out = {0}, []
     fresh = list(left)  # links whose neighbourhood has changed since they were last looked at
 
     def count(own: set[int]) -> int:
@@ -175,11 +175,11 @@ def groups(model: Model) -> tuple[Group, ...]:
                 if count(own) >= 3 * len(own):
                     break
         members = sorted(own)
-        found.append(_group(model, members, [j for j, e in enumerate(model.ends) if set(e) & own and set(e) <= solved | own]))
+        out.append(_group(model, members, [j for j, e in enumerate(model.ends) if set(e) & own and set(e) <= solved | own]))
         solved |= own
         left = [k for k in left if k not in own]
         fresh = [*fresh, *(n for k in members for i in at.get(k, ()) for n in constraints[i][0] if n not in solved)]
-    return tuple(found)
+    return tuple(out)
 
 
 def _group(model: Model, own: Sequence[int], joints: Sequence[int]) -> Group:
@@ -233,7 +233,7 @@ def _class_of(model: Model, own: Sequence[int], inner: Sequence[int], joints: Se
 
 
 def loop_joints(model: Model) -> tuple[tuple[str, ...], ...]:
-    """The joints of each independent loop, in the order of the way round from the tree's side to the closing joint."""
+    """The joints of each independent loop, in order round the loop, from the tree's side to the closing joint."""
     out = []
     for c in model.loops:
         p, q = model.ends[c.closing]
@@ -317,9 +317,9 @@ def loop_equations(motion: Motion, frame: int = 0) -> list[str]:
         for (j, _, q), (nxt, _, _) in zip(steps, [*steps[1:], steps[0]], strict=True):
             if not turning[q]:
                 continue
-            way = complex(np.broadcast_to(motion.joint_point(nxt) - motion.joint_point(j), motion.frames)[frame])
-            x2.append(term(-way.real, f"w_{q}^2"))
-            y2.append(term(-way.imag, f"w_{q}^2"))
+            vector = complex(np.broadcast_to(motion.joint_point(nxt) - motion.joint_point(j), motion.frames)[frame])
+            x2.append(term(-vector.real, f"w_{q}^2"))
+            y2.append(term(-vector.imag, f"w_{q}^2"))
         lines.append("  velocities")
         lines += [f"    {' + '.join(omegas) or '0'} = 0", f"    {''.join(first) or '0 '}= 0", f"    {''.join(second) or '0 '}= 0"]
         lines.append("  accelerations")
@@ -341,10 +341,10 @@ def _tied(motion: Motion, relation: Relation, number: int, frame: int) -> tuple[
     index = motion.model.index
 
     def rates(angles: Sequence[tuple[str, float]], slides: Sequence[tuple[str, float]]) -> dict[str, float]:
-        found: dict[str, float] = {}
+        sums: dict[str, float] = {}
         for name, c in [*((f"w_{index[k]}", c) for k, c in angles if index[k]), *((f"v_{j}", c) for j, c in slides)]:
-            found[name] = found.get(name, 0.0) + c
-        return found
+            sums[name] = sums.get(name, 0.0) + c
+        return sums
 
     total, squares = rates(relation.angles, relation.slides), ""
     if relation.curve is not None:
@@ -360,27 +360,8 @@ def _tied(motion: Motion, relation: Relation, number: int, frame: int) -> tuple[
     return first, "".join(_term(c, rate[name[0]] + name[1:], least) for name, c in total.items()) + squares
 
 
-def loop_residuals(motion: Motion, frame: int = 0) -> list[complex]:
-    """The velocity equation of every loop with the solved velocities put in, for a check of what is printed."""
-    model = motion.model
-    out = []
-    for loop in model.loops:
-        total = 0j
-        for j, p, q in _around(model, loop.closing):
-            z = complex(np.broadcast_to(motion.joint_point(j), motion.frames)[frame])
-            omega = [np.broadcast_to(motion.speeds.angular[model.angles.rotation_class[k]], motion.frames)[frame] for k in (p, q)]
-            total += -1j * z * (omega[1] - omega[0])
-            joint = model.joints[j]
-            if joint.slide is not None:
-                d = complex(np.broadcast_to(motion.guide(j), motion.frames)[frame])
-                d = d if model.ends[j][joint.guide] == p else -d
-                total += d * np.broadcast_to(motion.speeds.slide[j], motion.frames)[frame]
-        out.append(total)
-    return out
-
-
 def _around(model: Model, closing: int) -> list[tuple[int, int, int]]:
-    """The way round a loop: (joint, from body, to body), starting at the body nearest to the frame."""
+    """The joints round a loop: (joint, from body, to body), starting at the body nearest to the frame."""
     p, q = model.ends[closing]
     tree = model.tree
     up, line = [], [p]

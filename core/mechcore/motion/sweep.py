@@ -40,7 +40,7 @@ def sweep(
     ``points``: (link, point) -> positions (D, 2) [m] in the link's frame, of points at which the link is joined; all else is as
     compiled, the assembly modes too. ``collect`` takes from a motion what is wanted, arrays (designs, F, ...). Designs that cannot
     be assembled are NaN in the frames concerned and marked, not fatal. Groups without a closed form and mechanisms with change
-    points depend on a design's own course and are refused.
+    points depend on a design's own path and are refused.
     """
     model = compiled.model
     if compiled.assembly.starts or model.relations or (compiled.changes is not None and compiled.changes.found):

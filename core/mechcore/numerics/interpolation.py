@@ -47,8 +47,8 @@ def interpolant(nodes: Real, values: Real, slopes: Real | None = None) -> Callab
 
     def at(x: ArrayLike) -> Real:
         x = np.asarray(x, float)
-        found = between(nodes, values, x.ravel(), 1 if slopes is None else 3, slopes)
-        return found.reshape((*x.shape, *values.shape[1:]))
+        y = between(nodes, values, x.ravel(), 1 if slopes is None else 3, slopes)
+        return y.reshape((*x.shape, *values.shape[1:]))
 
     return at
 

@@ -1,4 +1,4 @@
-"""What a mechanism is: links, joints, drives, loads. Frozen dataclasses in SI units and radians, names instead of indices."""
+"""Descriptions of mechanisms: links, joints, drives, loads. Frozen dataclasses in SI units, names instead of indices."""
 
 from mechcore.spec.loads import (
     Actuator,

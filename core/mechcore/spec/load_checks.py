@@ -38,24 +38,24 @@ _NOT_NEGATIVE = ("stiffness", "free_length", "linear", "quadratic", "coefficient
 
 def load_faults(mechanism: Mechanism) -> list[Fault]:
     """Every fault of the loads and effects of a mechanism; its links and joints are known to be sound."""
-    found = [
+    faults = [
         Fault("effects", f"there is no effect '{name}'.", f"Known: {', '.join(EFFECTS)}.")
         for name in mechanism.effects
         if name not in EFFECTS
     ]
     names = [load.name for load in mechanism.loads]
     twice = sorted({name for name in names if names.count(name) > 1})
-    found += [Fault(f"loads.{name}", "two loads have this name.", "Rename one of them.") for name in twice]
+    faults += [Fault(f"loads.{name}", "two loads have this name.", "Rename one of them.") for name in twice]
     for load in mechanism.loads:
         path = f"loads.{load.name}"
-        found += [Fault(path, *words) for words in (*_values(load), *_names(mechanism, load))]
-    return found
+        faults += [Fault(path, *words) for words in (*_values(load), *_names(mechanism, load))]
+    return faults
 
 
 def _values(load: Load) -> Iterator[tuple[str, str]]:
     for f in fields(load):
-        found = getattr(load, f.name)
-        for value in found if isinstance(found, tuple) else (found,):
+        stated = getattr(load, f.name)
+        for value in stated if isinstance(stated, tuple) else (stated,):
             if not isinstance(value, float | int) or isinstance(value, bool):
                 continue
             if not math.isfinite(value):

@@ -207,7 +207,7 @@ class Viscous(_Load):
 class BeltTension(_Load):
     """The tension of a belt or chain, kept up in its slack span by a tensioner; the tight span pulls by what it carries more.
 
-    With a ``coefficient`` of friction between belt and pulleys it is told where the belt would slip; 0: it cannot.
+    With a ``coefficient`` of friction between belt and pulleys an event says where the belt would slip; 0: it cannot.
     """
 
     joint: str
@@ -298,7 +298,7 @@ class Servo(_Load):
 
 @dataclass(frozen=True, kw_only=True)
 class JournalContact(_Load):
-    """What presses between bearing and journal of a revolute ``joint`` with clearance; `mechcore.spec.clearance` makes it.
+    """The elastic force between bearing and journal of a revolute ``joint`` with clearance; `mechcore.spec.clearance` makes it.
 
     ``links``: bearing, massless journal, shaft; ``slides``: the joints whose coordinates are the journal's place in the bearing;
     ``point`` of the bearing. In contact ``stiffness d (d / radial)^(exponent - 1)`` [N], d the indentation [m].
@@ -315,7 +315,7 @@ class JournalContact(_Load):
 
 @dataclass(frozen=True, kw_only=True)
 class JournalLoss(JournalContact):
-    """What is lost there: ``loss`` times the rate of the indentation as a part of the force, friction between the surfaces."""
+    """The losses there: ``loss`` times the rate of the indentation as a part of the force, friction between the surfaces."""
 
     loss: float = 0.0  # [s/m]
     friction: float = 0.0

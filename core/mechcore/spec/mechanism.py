@@ -1,4 +1,4 @@
-"""What a mechanism is: frozen descriptions in SI units and radians, names instead of indices.
+"""Frozen descriptions of mechanisms in SI units and radians, names instead of indices.
 
 A link is a rigid body with named points in its own frame. A joint joins one point of a first link to one point of a second.
 A drive prescribes the relative coordinate of a joint. A load acts on a link. Nothing here computes anything.
@@ -248,7 +248,7 @@ class Planar:
 
 @dataclass(frozen=True)
 class SpatialBlank:
-    """What a spatial cam is cut from: ``radius`` of its cylinder (of a globoid none), ``depth`` of the groove, height of the rib or
+    """The blank of a spatial cam: ``radius`` of its cylinder (of a globoid none), ``depth`` of the groove, height of the rib or
     width of the end face [m]. ``axis``: the cam's direction in the carrier's frame, where the follower's guide does not give it.
     """
 
@@ -338,7 +338,7 @@ def coordinates_of(joint: Joint) -> tuple[str, ...]:
 
 
 def friction_of(joint: Joint) -> Friction | None:
-    """What a joint says about friction, if it can have any and has some."""
+    """The friction of a joint, None where it can have none or states none."""
     f: Friction | None = getattr(joint, "friction", None)
     return f if f is not None and (f.lever if isinstance(joint, Rolling | Gear | Rack) else f.coefficient or f.brake) else None
 

@@ -70,7 +70,7 @@ class SectionStudy:
 
 @dataclass(frozen=True, kw_only=True)
 class Studies:
-    """What is asked for beside motion, forces and answers; see `mechcore.constructions.studies`."""
+    """Studies that are asked for beside motion, forces and answers; see `mechcore.constructions.studies`."""
 
     plans: tuple[str, ...] = ()  # names from PLANS
     polodes: tuple[str, ...] = ()  # links
@@ -83,20 +83,20 @@ class Studies:
 
     def items(self) -> tuple[tuple[str, str], ...]:
         """Name and meaning of each study that is asked for."""
-        found = [(f"plan {name}", PLANS[name]) for name in self.plans]
-        found += [(f"polodes {link}", "ways of the instant centre on the frame and on the link") for link in self.polodes]
-        found += [
+        asked = [(f"plan {name}", PLANS[name]) for name in self.plans]
+        asked += [(f"polodes {link}", "ways of the instant centre on the frame and on the link") for link in self.polodes]
+        asked += [
             (f"equivalent {joint}", "the linkage of lower pairs that moves like this higher pair") for joint in self.equivalent
         ]
-        found += [(f"system {s.name}", f"loads on {s.link} reduced, with their funicular polygon") for s in self.systems]
-        found += [
+        asked += [(f"system {s.name}", f"loads on {s.link} reduced, with their funicular polygon") for s in self.systems]
+        asked += [
             (f"reduced to {link if point is None else f'{link}.{point}'}", "reduced mass and force of the whole mechanism")
             for link, point in self.reduced
         ]
         if self.shaking is not None:
-            found.append(("shaking", "shaking force and moment" + (", with counterweights" if self.shaking.radii else "")))
-        found += [(f"substitute masses {s.link}", "point masses with the same inertia forces") for s in self.substitutes]
+            asked.append(("shaking", "shaking force and moment" + (", with counterweights" if self.shaking.radii else "")))
+        asked += [(f"substitute masses {s.link}", "point masses with the same inertia forces") for s in self.substitutes]
         return (
-            *found,
+            *asked,
             *((f"section forces {s.link}", "normal force, shear force and bending moment") for s in self.sections),
         )

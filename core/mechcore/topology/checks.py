@@ -1,4 +1,4 @@
-"""What a mechanism has to satisfy before it is compiled: items that exist, links with a length, angles decided once."""
+"""Checks of a mechanism before it is compiled: items that exist, links with a length, angles decided once."""
 
 from __future__ import annotations
 

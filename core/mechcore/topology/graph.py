@@ -138,7 +138,7 @@ def structure(
 
 
 def spanning_tree(n: int, ends: Sequence[tuple[int, int]], order: Order, equations: Sequence[tuple[int, ...]]) -> Tree:
-    """Minimum spanning tree from the frame (Prim); among equals the one with short ways to the frame."""
+    """Minimum spanning tree from the frame (Prim); among equals the one with short paths to the frame."""
     rank: dict[int, int] = {e: k for k, (block, _) in enumerate(order.blocks) for e in block}
     last = len(order.blocks)
     weight = [max(rank.get(e, last) for e in eqs) for eqs in equations]
@@ -148,7 +148,7 @@ def spanning_tree(n: int, ends: Sequence[tuple[int, int]], order: Order, equatio
         near[q].append((j, p))
     parent, joint, depth = [-1] * n, [-1] * n, [0] * n
     reached = [False] * n
-    found: list[int] = []
+    outwards: list[int] = []
     heap: list[tuple[int, int, int, int, int]] = [(-1, 0, -1, 0, -1)]
     while heap:
         _, d, j, k, p = heapq.heappop(heap)
@@ -156,13 +156,13 @@ def spanning_tree(n: int, ends: Sequence[tuple[int, int]], order: Order, equatio
             continue
         reached[k], parent[k], joint[k], depth[k] = True, p, j, d
         if j >= 0:
-            found.append(k)
+            outwards.append(k)
         for j2, q in near[k]:
             if not reached[q]:
                 heapq.heappush(heap, (weight[j2], d + 1, j2, q, k))
     used = set(joint)
     closing = tuple(j for j in range(len(ends)) if j not in used)
-    return Tree(order=tuple(found), parent=tuple(parent), joint=tuple(joint), closing=closing)
+    return Tree(order=tuple(outwards), parent=tuple(parent), joint=tuple(joint), closing=closing)
 
 
 Vectors = dict[int, complex]  # link -> vector in its axes

@@ -100,7 +100,7 @@ def _components(needs: Sequence[Sequence[int]]) -> list[list[int]]:
     n = len(needs)
     index, low, on = [-1] * n, [0] * n, [False] * n
     stack: list[int] = []
-    found: list[list[int]] = []
+    components: list[list[int]] = []
     count = 0
     for root in range(n):
         if index[root] >= 0:
@@ -131,5 +131,5 @@ def _components(needs: Sequence[Sequence[int]]) -> list[list[int]]:
                         component.append(w)
                         if w == v:
                             break
-                    found.append(component)
-    return found
+                    components.append(component)
+    return components

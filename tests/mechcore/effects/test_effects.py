@@ -16,6 +16,7 @@ from scipy.integrate import quad
 from mechcore.effects.base import CAUSES, NEEDS, power_of
 from mechcore.effects.registry import LOADS, effects_of, potential
 from mechcore.errors import MechanismError
+from mechcore.forces.kinetostatics import LOSSES
 from mechcore.laws.indicator import Compressor, Diagram, FourStroke
 from mechcore.laws.timed import ConstantSpeed, Oscillation
 from mechcore.motion.solve import compile_mechanism, default_times, solve_motion
@@ -50,7 +51,7 @@ def check(mechanism: Mechanism) -> None:
     assert np.abs(forces.power_balance).max() <= 1e-9  # virtual work
     assert balance_of_links(forces) <= 1e-9  # Newton-Euler, link by link
     for effect in effects_of(mechanism):
-        if effect.dissipates:
+        if effect.cause in LOSSES:
             assert all(np.max(power_of(forces.motion, w)) <= 0.0 for w in effect.wrenches(forces.motion)), effect
 
 

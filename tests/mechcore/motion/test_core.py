@@ -481,7 +481,7 @@ def test_printed_loop_equations_hold_with_the_solved_motion():
     import re
 
     import mechviz
-    from mechcore.motion.structure import loop_equations, loop_residuals
+    from mechcore.motion.structure import loop_equations
 
     geometry = case("lever_contour", "lever-canonical-zones")["inputs"]["geometry"]
     for mechanism in (
@@ -492,7 +492,6 @@ def test_printed_loop_equations_hold_with_the_solved_motion():
         mechviz.load("cam-oscillating-roller").mechanism,  # at 1 rad on its rise
     ):
         motion = move(mechanism, [mechanism.drives[0].law(0.0)[0] + 1.0], 3.0, 2.0)
-        assert np.abs(loop_residuals(motion)).max(initial=0.0) < 1e-12
         omega = [float(np.broadcast_to(motion.speeds.angular[s], 1)[0]) for s in motion.model.angles.rotation_class]
         accel = [float(np.broadcast_to(motion.accelerations.angular[s], 1)[0]) for s in motion.model.angles.rotation_class]
         values = {}
