@@ -11,7 +11,7 @@ import numpy as np
 from mechcore.arrays import Integers
 from mechcore.motion.events import Event
 from mechviz.outputs.rerun.content import notes
-from mechviz.outputs.rerun.entities import parts_of, picture_stride
+from mechviz.outputs.rerun.entities import parts_of, picture_stride, unpacked
 from mechviz.outputs.rerun.plots import find_lanes
 from mechviz.outputs.rerun.reader import Recording
 from mechviz.outputs.rerun.recorded import RecordedDrawings, numbers_in, picture_in
@@ -110,6 +110,6 @@ def _lanes_in(recording: Recording) -> Iterator[Lane]:
         looks = {}
         known = [recording.static(path, component=f"StateConfiguration:{name}") for name in ("values", "labels", "colors")]
         for value, label, color in zip(*(part if part is not None else () for part in known), strict=True):
-            looks[str(value)] = str(label), ((int(color) >> 24) & 255, (int(color) >> 16) & 255, (int(color) >> 8) & 255)
+            looks[str(value)] = str(label), unpacked(color)
         states = [looks.get(str(v), (str(v), (136, 136, 136))) for v in rows.values]
         yield Lane(parts[-1], tuple((1e-9 * float(t), *state) for t, state in zip(rows.time, states, strict=True)))

@@ -23,7 +23,7 @@ from mechviz.meshes.kinds.spatial_cams import spin_transforms
 from mechviz.picture.arrows import Arrows, arrows_of, key_of
 from mechviz.picture.nodes import Body, Lines, Mesh, Picture, Points, Poses
 from mechviz.picture.overlays import overlay_nodes, section_nodes
-from mechviz.picture.proportions import ARC_RADIUS, about_z, arc_height, arrow_height, path_height
+from mechviz.picture.proportions import ARC_RADIUS, about_z, arc_height, arrow_height, in_space, path_height
 from mechviz.picture.springs import COLOR as COIL
 from mechviz.picture.springs import Coil, find_coils, find_strut_glyphs
 from mechviz.picture.surface_marks import find_surface_marks
@@ -140,7 +140,7 @@ def _struts(run: Run, solids: Solids) -> Iterator[Lines]:
     height = solids.z_top + 0.004 * solids.size
     frames = np.arange(run.motion.frames)
     for strut in find_strut_glyphs(run, solids.size):
-        strips = tuple(_in_space(strip, height) for strip in strut.strips(frames))
+        strips = tuple(in_space(strip, height) for strip in strut.strips(frames))
         entity = ("mechanism", "springs", strut.name)
         owner = ("load", strut.name)
         yield Lines(f"spring.{strut.name}", owner, "springs", entity, height, strips, (LINES[strut.kind],), (LINE * solids.size,))
@@ -176,7 +176,7 @@ def _friction(run: Run, solids: Solids) -> Iterator[Lines]:
                 "friction",
                 ("vectors", "friction", e.joint, name),
                 height,
-                (np.where(there[:, None, None], _in_space(strip, height), np.float32(np.nan)),),
+                (np.where(there[:, None, None], in_space(strip, height), np.float32(np.nan)),),
                 (FRICTION,),
                 (THIN * solids.size,),
                 None if there.all() else there,
@@ -211,7 +211,7 @@ def _paths(run: Run, solids: Solids, heights: Heights) -> Iterator[Lines]:
         name = point_name(link, point)
         key = f"path.{name}"
         height = heights[key] if key in heights else path_height(run, solids.heights, link, point)
-        strip = _in_space(run.motion.point(link, point)[None], height)
+        strip = in_space(run.motion.point(link, point)[None], height)
         r, g, b = (int(0.5 * c + 127) for c in solids.links[link].color[:3])
         entity = ("mechanism", "paths", name)
         yield Lines(key, ("point", name), "paths", entity, height, (strip,), ((r, g, b),), (PATH * solids.size,))
@@ -231,7 +231,7 @@ def joint_nodes(run: Run, solids: Solids) -> Iterator[Points]:
     labels = {names[0]: ", ".join(names) for _, names in heaps}
     for name, place in places.items():
         height = solids.heights.of_joint(name)
-        spots = _in_space(place[:, None], height)
+        spots = in_space(place[:, None], height)
         entity = ("mechanism", "joints", name)
         label = (labels.get(name, ""),)
         look = (DOT_COLOR,), (DOT * solids.size,), label
@@ -258,13 +258,6 @@ def _one_color(color: tuple[int, int, int], count: int) -> NDArray[np.uint8]:
 
 def _single(values: Real) -> Single:
     return np.asarray(values, np.float32)
-
-
-def _in_space(xy: Real, height: float) -> Single:
-    """Places (..., 2) of the plane at a height (..., 3)."""
-    out = np.full((*xy.shape[:-1], 3), height, np.float32)
-    out[..., :2] = xy
-    return out
 
 
 def solids_of(run: Run) -> Solids:

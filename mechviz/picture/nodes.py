@@ -10,7 +10,7 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from mechcore.arrays import Flags, Real, Single
+from mechcore.arrays import Flags, Index, Real, Single
 from mechviz.quantities.vectors import Moment, Scales, Vector
 
 Color = tuple[int, int, int]
@@ -24,6 +24,17 @@ class Mesh:
     faces: NDArray[np.uint32]
     normals: Single
     colors: NDArray[np.uint8]
+
+    def pieces(self) -> Iterator[tuple[Color, Index, NDArray[np.uint32]]]:
+        """The parts of one colour each: the colour, the numbers (n,) of its vertices, and faces (m, 3) among these. A face has the
+        colour of its first corner."""
+        shades, piece = np.unique(self.colors, axis=0, return_inverse=True)
+        piece = piece.reshape(-1)
+        for k, (red, green, blue) in enumerate(shades.tolist()):
+            chosen = np.flatnonzero(piece == k)
+            place = np.zeros(len(piece), np.uint32)
+            place[chosen] = np.arange(len(chosen), dtype=np.uint32)
+            yield (red, green, blue), chosen, place[self.faces[piece[self.faces[:, 0]] == k]]
 
 
 @dataclass(frozen=True, eq=False)

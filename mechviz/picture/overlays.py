@@ -13,7 +13,7 @@ from mechcore.forces.section_lines import Cuts
 from mechcore.reduction.systems import KINDS
 from mechviz.picture.constructions import COLORS
 from mechviz.picture.nodes import ArrowSet, Color, Lines, Node, Points
-from mechviz.picture.proportions import looks
+from mechviz.picture.proportions import in_space, looks
 from mechviz.picture.springs import strut_ends
 
 if TYPE_CHECKING:
@@ -285,7 +285,7 @@ def section_nodes(run: Run, solids: Solids) -> Iterator[Lines | Points]:
         for link, found in sections.items():
             strips = [_in_world(run, link, strip) for strip in _strips(found, scale * np.nan_to_num(diagram.ordinates(found)))]
             height = _height(run, solids, link, strips[0])
-            outline, ordinates, tip = (_in_space(strip, height) for strip in strips)
+            outline, ordinates, tip = (in_space(np.stack([z.real, z.imag], axis=-1), height) for z in strips)
             common: dict[str, Any] = {"owner": ("link", link), "group": group, "height": height, "colors": (diagram.color,)}
             key, path, radius = f"section.{link}.{group}", ("sections", group, link), LINE * solids.size
             yield Lines(key=key, entity=path, strips=(outline, ordinates), radii=(radius, 0.5 * radius), **common)
@@ -319,7 +319,3 @@ def _height(run: Run, solids: Solids, link: str, outline: Complex) -> float:
     spec = {k.name: k for k in run.motion.mechanism.links}[link]
     lines = np.stack([z.real, z.imag], axis=-1)
     return solids.heights.cleared(max(solids.heights.of_point(link, xy) for xy in spec.points.values()), lines, known)
-
-
-def _in_space(strip: Complex, height: float) -> Single:
-    return np.stack([strip.real, strip.imag, np.full(strip.shape, height)], axis=-1).astype(np.float32)

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mechcore.arrays import Complex, Integers, Real
+from mechcore.arrays import Complex, Integers, Real, Single
 from mechviz.quantities.vectors import Moment, Vector, centre_name, point_name
 
 if TYPE_CHECKING:
@@ -114,3 +114,10 @@ def about_z(angle: Any) -> Real:
     half = 0.5 * np.asarray(angle, float)
     nothing = np.zeros_like(half)
     return np.stack([nothing, nothing, np.sin(half), np.cos(half)], axis=-1)
+
+
+def in_space(xy: Real, height: float) -> Single:
+    """Places or vectors (..., 2) of the plane at a height, (..., 3) in single precision."""
+    out = np.full((*xy.shape[:-1], 3), height, np.float32)
+    out[..., :2] = xy
+    return out

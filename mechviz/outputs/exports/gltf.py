@@ -197,14 +197,8 @@ class _Writer:
 
 def _primitives(out: _Writer, solid: Mesh) -> Iterator[dict[str, Any]]:
     """A solid in pieces of one colour each, which are of one material each."""
-    colors, piece = np.unique(solid.colors, axis=0, return_inverse=True)
-    piece = piece.reshape(-1)
-    for k, color in enumerate(colors):
-        chosen = np.flatnonzero(piece == k)
-        place = np.zeros(len(piece), np.uint32)
-        place[chosen] = np.arange(len(chosen), dtype=np.uint32)
-        faces = place[solid.faces[piece[solid.faces[:, 0]] == k]]
-        yield _primitive(out, solid.vertices[chosen], solid.normals[chosen], faces, out.material(tuple(int(c) for c in color)))
+    for color, chosen, faces in solid.pieces():
+        yield _primitive(out, solid.vertices[chosen], solid.normals[chosen], faces, out.material(color))
 
 
 def _primitive(out: _Writer, vertices: Array, normals: Array, faces: Array, material: int) -> dict[str, Any]:

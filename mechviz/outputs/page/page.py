@@ -13,6 +13,7 @@ from mechviz.outputs.page.pack import MOST_FRAMES, Frames, Pack, Progress, find_
 from mechviz.outputs.page.plots import find_plots, first_plots, pack_plot
 from mechviz.outputs.page.shapes import hex_of, pack_bodies, pack_drawables, pack_drawing, pack_links, spring_boxes
 from mechviz.outputs.presentation import Presentation
+from mechviz.outputs.rerun.blueprint import LONGEST_SHOW, SECONDS_A_CYCLE, SHORTEST_SHOW
 from mechviz.outputs.rerun.nodes import COLORS
 from mechviz.picture.nodes import Picture
 from mechviz.picture.overlays import DIAGRAMS, HIDDEN
@@ -47,8 +48,6 @@ def _read(name: str) -> str:
 
 
 SCHEMA = 2
-SECONDS_A_CYCLE = 5.0  # a cycle on the screen
-SHORTEST_SHOW, LONGEST_SHOW = 4.0, 20.0  # seconds on the screen of a motion under forces
 LEGEND = 0.15  # of the mechanism's size: about how long an arrow the legend tells the value for
 ROOM = 0.3  # of the mechanism's size: most room for arrows that reach beyond the solids
 

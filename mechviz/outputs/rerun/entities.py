@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from mechcore.arrays import Integers, Real, Single
 from mechviz.accuracy.kept import plain_stride
 from mechviz.files import OutputError
-from mechviz.picture.proportions import about_z
+from mechviz.picture.proportions import about_z, in_space
 from mechviz.quantities.items import Table, joint_unit
 
 if TYPE_CHECKING:
@@ -59,6 +59,11 @@ def parts_of(path: str) -> tuple[str, ...]:
 def packed(colors: Sequence[Sequence[int]]) -> NDArray[np.uint32]:
     """Colours of three or four channels, 0 to 255, each as one number 0xRRGGBBAA: else the recorder takes every list apart anew."""
     return np.array([int.from_bytes(bytes((*c, 255)[:4]), "big") for c in colors], np.uint32)
+
+
+def unpacked(color: int) -> tuple[int, int, int]:
+    """The channels of a colour, 0 to 255, from 0xRRGGBBAA."""
+    return (int(color) >> 24) & 255, (int(color) >> 16) & 255, (int(color) >> 8) & 255
 
 
 def line_strips(parts: Sequence[Single]) -> Any:
@@ -192,8 +197,3 @@ def view_statics(size: float) -> Iterator[Static]:
     if enlarged != 1.0:  # the data stay in metres; only what the viewer draws is enlarged
         for root in ("mechanism", "vectors", "legend", "polygons"):
             yield Static(root, rr.Transform3D(scale=enlarged))
-
-
-def in_space(xy: Real, z: float) -> Single:
-    """Points or vectors (n, 2) of the plane -> (n, 3) float32."""
-    return np.column_stack([xy, np.full(len(xy), z)]).astype(np.float32)

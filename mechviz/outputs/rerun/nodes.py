@@ -10,10 +10,10 @@ from typing import Any
 import numpy as np
 
 from mechcore.arrays import Flags, Integers, Real, Single
-from mechviz.outputs.rerun.entities import Static, Stream, entity, in_space, line_strips, packed
+from mechviz.outputs.rerun.entities import Static, Stream, entity, line_strips, packed
 from mechviz.picture.arrows import SHORTEST, visible
 from mechviz.picture.nodes import Arc, Arrow, ArrowSet, Body, Lines, Node, Picture, Points
-from mechviz.picture.proportions import ARC_RADIUS
+from mechviz.picture.proportions import ARC_RADIUS, in_space
 from mechviz.quantities.vectors import FAMILIES, LARGEST_ARC, LARGEST_ARROW, Moment, Scales, Vector, round_value
 
 

@@ -10,11 +10,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mechcore.arrays import Complex, Flags, Integers, Real, Single
+from mechcore.arrays import Complex, Flags, Index, Integers, Real, Single
 from mechviz.outputs.rerun.contract import NodePart
 from mechviz.outputs.rerun.drawings import HEIGHT, WIDTH, Curve
 from mechviz.outputs.rerun.drawings import Diagram as Chart
-from mechviz.outputs.rerun.entities import parts_of
+from mechviz.outputs.rerun.entities import parts_of, unpacked
 from mechviz.outputs.rerun.reader import Recording
 from mechviz.picture.arrows import with_scales
 from mechviz.picture.constructions import Drawing, Mark, Stroke
@@ -191,10 +191,7 @@ class _Reader:
             rows = self.recording.rows(path, component=component)
         except KeyError:
             return None
-        return np.asarray(rows.values, np.float32).reshape(-1, width)[self._row_of(rows.time)] if len(rows.time) else None
-
-    def _row_of(self, time: Integers) -> Integers:
-        return np.clip(np.searchsorted(time, self.ticks, side="right") - 1, 0, len(time) - 1)
+        return np.asarray(rows.values, np.float32).reshape(-1, width)[_rows_at(rows.time, self.ticks)] if len(rows.time) else None
 
     def _rows(self, path: str, component: str) -> tuple[Flags, list[Single]] | None:
         """At which frames there are instances (F,), and the values of each over the frames, NaN at the others: instances are all
@@ -206,7 +203,7 @@ class _Reader:
         count = int(rows.lengths.max(initial=0))
         if not count or not np.isin(rows.lengths, (0, count)).all():
             return None
-        there, row_of, found = rows.lengths > 0, self._row_of(rows.time), []
+        there, row_of, found = rows.lengths > 0, _rows_at(rows.time, self.ticks), []
         for k in range(count):
             drawn = np.stack([np.asarray(value, np.float32) for value in rows.values[k::count]])
             every = np.full((len(there), *drawn.shape[1:]), np.nan, np.float32)
@@ -249,7 +246,7 @@ class _Reader:
         """Colours, radii and labels."""
         colors, radii, labels = (self.recording.static(path, component=f"{archetype}:{n}") for n in ("colors", "radii", "labels"))
         shades = [int(c) for c in colors] if colors is not None and len(colors) else [0x808080FF]
-        found = tuple(((c >> 24) & 255, (c >> 16) & 255, (c >> 8) & 255) for c in shades)
+        found = tuple(unpacked(c) for c in shades)
         sizes = tuple(float(r) for r in (radii if radii is not None else ()))
         return found, sizes, tuple(str(text) for text in (labels if labels is not None else ()))
 
@@ -351,10 +348,7 @@ class RecordedDrawings:
         out = np.full((len(rows.time), count, 2), np.nan)
         kept = np.repeat(full, rows.lengths)
         out[full] = np.asarray(rows.values, float)[kept][:, :2].reshape(-1, count, 2)
-        return np.asarray(out[self._row_of(rows.time)])
-
-    def _row_of(self, time: Integers) -> Integers:
-        return np.clip(np.searchsorted(time, self.ticks, side="right") - 1, 0, len(time) - 1)
+        return np.asarray(out[_rows_at(rows.time, self.ticks)])
 
     def _looks(self, path: str, kind: str, count: int) -> tuple[list[str], list[Color], list[bool]]:
         """Labels, colours and whether it is a fine one, of each of ``count`` things."""
@@ -363,7 +357,7 @@ class RecordedDrawings:
         texts = [str(x) for x in labels] if labels is not None and len(labels) == count else [""] * count
         shades = np.full(1, 0x808080FF, np.uint32) if packed is None or not len(packed) else packed.astype(np.uint32)
         shades = np.resize(shades, count) if len(shades) != count else shades
-        colors = [(int(c >> 24) & 255, int(c >> 16) & 255, int(c >> 8) & 255) for c in shades]
+        colors = [unpacked(c) for c in shades]
         thick = np.ones(count) if radii is None or len(radii) != count else np.abs(np.asarray(radii, float))
         return texts, colors, [bool(r < FINE * thick.max()) for r in thick]
 
@@ -384,7 +378,7 @@ class RecordedDrawings:
         count = int(rows.lengths[0]) if len(rows.lengths) else 0
         if not count or not (rows.lengths == count).all():
             return ()
-        row_of = self._row_of(rows.time)
+        row_of = _rows_at(rows.time, self.ticks)
         found = []
         for k, (label, color, _) in enumerate(zip(*self._looks(path, "LineStrips3D", count), strict=True)):
             strips: list[Any] = list(rows.values[k::count])
@@ -411,6 +405,11 @@ class RecordedDrawings:
             if own is not None and len(own):
                 by_color[int(own[0])] = name
         return [by_color.get(int(colors[k]), "") if colors is not None else "" for k in range(count)]
+
+
+def _rows_at(time: Integers, ticks: Integers) -> Index:
+    """The newest of the rows at ``time`` (n,) at each of the ``ticks`` (F,), the first before there is any."""
+    return np.clip(np.searchsorted(time, ticks, side="right") - 1, 0, len(time) - 1)
 
 
 def _complex(xy: Real) -> Complex:

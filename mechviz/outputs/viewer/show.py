@@ -8,10 +8,9 @@ from functools import cache
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mechcore.accuracy import Accuracy
-from mechcore.arrays import Real, Single
+from mechcore.arrays import Real
 from mechcore.joints.parts import build_joints
 from mechcore.spec.loads import Force
 from mechcore.spec.mechanism import Mechanism
@@ -79,21 +78,7 @@ def pieces_of(mesh: Mesh) -> tuple[Piece, ...]:
 
     The vertices are split along sharp edges, so that the normals which the browser makes are those of the solid.
     """
-    return split_by_color(mesh.vertices, mesh.faces, mesh.colors)
-
-
-def split_by_color(vertices: Single, faces: NDArray[np.uint32], colors: NDArray[np.uint8]) -> tuple[Piece, ...]:
-    """Pieces of a mesh whose vertices (V, 3) have colours (V, 3); every face has the colour of its first corner."""
-    shades, piece = np.unique(colors, axis=0, return_inverse=True)
-    piece = piece.reshape(-1)
-    found = []
-    for k, color in enumerate(shades):
-        chosen = np.flatnonzero(piece == k)
-        place = np.zeros(len(piece), np.uint32)
-        place[chosen] = np.arange(len(chosen), dtype=np.uint32)
-        own = faces[piece[faces[:, 0]] == k]
-        found.append(Piece(vertices[chosen], place[own], (int(color[0]), int(color[1]), int(color[2]))))
-    return tuple(found)
+    return tuple(Piece(mesh.vertices[chosen], faces, color) for color, chosen, faces in mesh.pieces())
 
 
 def show_of_run(run: Run, built: Built, before: ViewModel | None = None) -> ViewModel:
