@@ -54,18 +54,29 @@ def modules() -> dict[str, Path]:
 
 
 @cache
+def tree(name: str) -> ast.Module:
+    """A module's source, parsed."""
+    return ast.parse(modules()[name].read_text(encoding="utf-8"))
+
+
+def statements(node: ast.AST, lazy: bool = False, typed: bool = False) -> Iterator[tuple[ast.AST, bool, bool]]:
+    """All statements in a node, whether they stand within a function, and whether for type checkers only."""
+    for child in ast.iter_child_nodes(node):
+        if isinstance(child, ast.stmt | ast.excepthandler | ast.match_case):
+            yield child, lazy, typed
+            within = lazy or isinstance(child, ast.FunctionDef | ast.AsyncFunctionDef)
+            checked = typed or (isinstance(child, ast.If) and "TYPE_CHECKING" in ast.unparse(child.test))
+            yield from statements(child, within, checked)
+
+
+@cache
 def imports() -> tuple[Import, ...]:
     return tuple(i for name, path in modules().items() for i in _imports_of(name, path))
 
 
 def _imports_of(name: str, path: Path) -> Iterator[Import]:
-    tree = ast.parse(path.read_text(encoding="utf-8"))
-    within = {id(n) for f in ast.walk(tree) if isinstance(f, ast.FunctionDef | ast.AsyncFunctionDef) for n in ast.walk(f)}
-    checked = {
-        id(n) for b in ast.walk(tree) if isinstance(b, ast.If) and "TYPE_CHECKING" in ast.unparse(b.test) for n in ast.walk(b)
-    }
     package = name if path.name == "__init__.py" else name.rpartition(".")[0]
-    for node in ast.walk(tree):
+    for node, lazy, typed in statements(tree(name)):
         targets: list[str] = []
         if isinstance(node, ast.Import):
             targets = [alias.name for alias in node.names]
@@ -75,7 +86,7 @@ def _imports_of(name: str, path: Path) -> Iterator[Import]:
             targets = [f"{home}.{alias.name}" if f"{home}.{alias.name}" in modules() else home for alias in node.names]
         for target in targets:
             if target in modules():
-                yield Import(name, target, lazy=id(node) in within, typed=id(node) in checked)
+                yield Import(name, target, lazy=lazy, typed=typed)
 
 
 def part(module: str) -> str:
@@ -121,8 +132,8 @@ def test_what_all_lists_is_a_facade() -> None:
 
 
 def test_nothing_private_crosses_modules() -> None:
-    for name, path in modules().items():
-        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+    for name in modules():
+        for node, _, _ in statements(tree(name)):
             if isinstance(node, ast.ImportFrom) and (node.module or "").split(".")[0] in PACKAGES:
                 private = [a.name for a in node.names if a.name.startswith("_")]
                 assert not private, f"{name} imports {private} from {node.module}"
@@ -131,8 +142,8 @@ def test_nothing_private_crosses_modules() -> None:
 def test_every_refusal_has_a_remedy() -> None:
     """What to do is said with what is wrong, and stands by itself."""
     places = {"Fault": 2, "fault": 1, "note": 2, "OutputError": 1, "RecordingError": 1}
-    for name, path in modules().items():
-        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+    for name in modules():
+        for node in ast.walk(tree(name)):
             called = getattr(node, "func", None)
             place = places.get(getattr(called, "id", getattr(called, "attr", "")))
             if isinstance(node, ast.Call) and place is not None and not any(isinstance(a, ast.Starred) for a in node.args):
@@ -153,11 +164,11 @@ def test_types_of_arrays_are_defined_once() -> None:
 def test_the_insides_of_a_library_are_used_in_one_module(folder: str) -> None:
     """``viser.infra``, ``rerun_bindings``, private modules, and attributes with an underscore of anything but our own ``self``."""
     library, adapter, most = ADAPTERS[folder]
-    for name, path in modules().items():
+    for name in modules():
         if not name.startswith(folder):
             continue
         lines: set[int] = set()
-        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        for node in ast.walk(tree(name)):
             if isinstance(node, ast.ImportFrom) and (node.module or "").split(".")[0] == library:
                 inside = "infra" in f"{node.module}.{[a.name for a in node.names]}" or any(a.name[0] == "_" for a in node.names)
                 lines |= {node.lineno} if inside else set()
