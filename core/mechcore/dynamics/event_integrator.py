@@ -9,9 +9,8 @@ from typing import Any, Literal
 import numpy as np
 
 from mechcore.arrays import Real
-from mechcore.dynamics.contact.end_stops import LEAST_BOUNCE, TOUCH, EndStops
+from mechcore.dynamics.contact.end_stops import LEAST_BOUNCE, TOUCH, EndStops, account_for_impact
 from mechcore.dynamics.contact.friction_state import FrictionState
-from mechcore.dynamics.contact.impacts import account_for_impact
 from mechcore.dynamics.contact.separation import (
     SAMPLES,
     SHARE,
@@ -37,7 +36,7 @@ from mechcore.dynamics.events import (
     first_exceeding,
     first_zero,
 )
-from mechcore.dynamics.integration.collocation import Window
+from mechcore.dynamics.integration.collocation import System, Window
 from mechcore.dynamics.integration.refinement import Known, refine
 from mechcore.dynamics.integration.windows import Solution, integrate
 from mechcore.dynamics.segments import Segment, segment_forces
@@ -73,7 +72,7 @@ class EventIntegrator:
     def __init__(
         self,
         compiled: Compiled,
-        system: tuple[Any, tuple[float, float] | None],
+        system: tuple[Chart | Curve, tuple[float, float] | None],
         duration: float,
         tolerance: float,
         method: Method,
@@ -103,7 +102,7 @@ class EventIntegrator:
         self.segments: list[Segment] = []
         self.evaluations = 0
 
-    def _use_chart(self, compiled: Compiled, system: Any, valid_range: tuple[float, float] | None) -> None:
+    def _use_chart(self, compiled: Compiled, system: Chart | Curve, valid_range: tuple[float, float] | None) -> None:
         """Go on in the chart of ``compiled``, as long as its coordinate stays in its ``valid_range``."""
         self.compiled, self.system = compiled, system
         drives = [d for d in compiled.mechanism.drives if isinstance(d.law, Free)]
@@ -149,13 +148,13 @@ class EventIntegrator:
         q, v = self._meet_stops(t, q, v)
         begun = (float(q[0]), float(v[0])) if len(q) else (0.0, 0.0)
         system = self._system()
-        exceeding: list[tuple[Gauge, float, Any]] = [
+        exceeding: list[tuple[Gauge, float, tuple[str, Any]]] = [
             *((f, noise, ("stop", k)) for f, noise, k in self.stops.event_functions(q, v, t, system)),
             *((f, noise, ("dry", loose)) for f, noise, loose in self.friction.stick_ends(q, v, t)),
         ]
         sliding, prescribed = self.friction.slip_ends()
         cams = self._contacts()
-        first: list[tuple[float, Any]] = []
+        first: list[tuple[float, tuple[str, Any]]] = []
 
         self._leave_waypoints(np.array([t]), lambda _: (q[None],))
 
@@ -204,7 +203,9 @@ class EventIntegrator:
         breakpoints = breakpoint_finder(self.compiled)
         if len(q):
             known = self._known(t)
-            charted = isinstance(system, Curve) and (len(self.known) > 1 or system.table.boundaries is not None)
+            keeps = None
+            if isinstance(system, Curve) and (len(self.known) > 1 or system.table.boundaries is not None):
+                keeps = partial(system.kept, begun)
             solution = (integrate if known is None else partial(refine, known=known))(
                 system,
                 q,
@@ -218,7 +219,7 @@ class EventIntegrator:
                 breakpoints=breakpoints,
                 nodes=self.original.accuracy.nodes,
                 most=self.original.accuracy.window,
-                keeps=partial(system.kept, begun) if charted else None,
+                keeps=keeps,
             )
         else:
             solution = driven_windows(t, self.duration, partial(self._share, q, v), after, breakpoints)
@@ -249,7 +250,7 @@ class EventIntegrator:
                 ended = ended or watch.ends
         return end, q, v, ended
 
-    def _leave_waypoints(self, t: Real, way: Callable[[Real], Any]) -> None:
+    def _leave_waypoints(self, t: Real, way: Callable[[Real], tuple[Real, ...]]) -> None:
         """Keep places of the motion at times (n,), from which the angles of the links are followed."""
         if len(self.compiled.mechanism.drives) > 1:
             self.compiled.angles.path.leave(waypoints(self.compiled, way(t)[0], t))
@@ -326,7 +327,7 @@ class EventIntegrator:
         self.friction.begin(compiled, t, q, v)
         return q, self._settle(t, q, v)
 
-    def _segment(self, start: float, end: float, way: Solution, system: Any) -> Segment:
+    def _segment(self, start: float, end: float, way: Solution, system: System) -> Segment:
         """A segment in which the present stops and contacts hold."""
         return Segment(start, end, self.compiled, way, system, self.stops.rested, tuple(sorted(self.separated)))
 
@@ -342,7 +343,7 @@ class EventIntegrator:
                 q, v = self._part(t, q, v, stop)
         now = self.stops.rests, v
 
-        def equations(rests: tuple[str, ...], rates: Real) -> Any:
+        def equations(rests: tuple[str, ...], rates: Real) -> System:
             if rests == now[0] and rates is now[1]:
                 return self._system()
             dry = self.friction.equations_of(self.compiled, q, rates, t, rests=rests)
@@ -351,7 +352,7 @@ class EventIntegrator:
         v, changed = self.stops.meet(q, v, t, equations)
         return q, self._settle(t, q, v) if changed else v
 
-    def _system(self) -> Any:
+    def _system(self) -> System:
         """The equations of motion of the present segment."""
         dry = self.friction.system()
         if dry is not None:

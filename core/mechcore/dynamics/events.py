@@ -9,6 +9,7 @@ from typing import Any, Literal
 
 import numpy as np
 from numpy.polynomial import chebyshev
+from numpy.typing import NDArray
 
 from mechcore.arrays import Real
 from mechcore.dynamics.integration.collocation import Window
@@ -94,7 +95,7 @@ def event_function_of(
 
     def measured(q: Real, v: Real, t: Real) -> Real:
         motion = motion_at(q, v, t)
-        value: Any
+        value: Real
         if of in ("position", "velocity"):
             assert watch.joint is not None
             value = motion.coordinate(watch.joint)[:, 0 if of == "position" else 1]
@@ -168,7 +169,7 @@ def first_exceeding(event_function: Gauge, window: Window, after: float, noise: 
     return None
 
 
-def _real_roots(coefficients: Any) -> Real:
+def _real_roots(coefficients: NDArray[np.floating[Any]]) -> Real:
     """Roots (k,) of a Chebyshev series between -1 and 1, in order."""
     roots = chebyshev.chebroots(coefficients)
     return np.sort(roots[(np.abs(roots.imag) < 1e-7) & (np.abs(roots.real) < 1.0)].real)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import fields, replace
 from functools import cached_property
-from typing import Any, TypeVar
+from typing import Any, TypeVar, cast
 
 import numpy as np
 
@@ -34,7 +34,7 @@ class JoinedMotion(Motion):
     def __init__(
         self,
         time: Real,
-        parts: Sequence[tuple[Any, Motion]],
+        parts: Sequence[tuple[Index, Motion]],
         *,
         mechanism: Mechanism | None = None,
         again: Callable[[Real], JoinedMotion] | None = None,
@@ -141,7 +141,7 @@ def together(frames: int, found: Sequence[tuple[Index, T]]) -> T:
             out[rows] = values
     else:
         out = replace(first, **{x.name: together(frames, [(rows, getattr(f, x.name)) for rows, f in many]) for x in fields(first)})
-    return out
+    return cast("T", out)
 
 
 class JoinedForces(Forces):
@@ -154,7 +154,7 @@ class JoinedForces(Forces):
     def __init__(
         self,
         motion: JoinedMotion,
-        parts: Sequence[tuple[Any, Forces]],
+        parts: Sequence[tuple[Index, Forces]],
         *,
         stops: Sequence[Stop] = (),
         energies: Callable[[Real], Real] | None = None,
@@ -261,12 +261,13 @@ class JoinedFriction(FrictionResult):
         self.jammed = np.zeros(forces.motion.frames, bool)
         self.stability = np.ones(forces.motion.frames)
 
-    def _join(self, value: Callable[[Any], Real], columns: int, joint: str | None = None) -> Real:
+    def _join(self, value: Callable[[FrictionResult], Real], columns: int, joint: str | None = None) -> Real:
         none = (columns,) if columns else ()
 
         def known(f: Forces) -> Real:
-            rubs = f.friction is not None and (joint is None or joint in f.friction.joints)
-            return value(f.friction) if rubs else np.zeros((f.motion.frames, *none))
+            if f.friction is None or (joint is not None and joint not in f.friction.joints):
+                return np.zeros((f.motion.frames, *none))
+            return value(f.friction)
 
         return self._forces._join(known)
 

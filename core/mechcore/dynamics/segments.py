@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 
@@ -15,6 +14,7 @@ from mechcore.dynamics.equations.curve import Curve
 from mechcore.dynamics.equations.energy import EnergyMotion
 from mechcore.dynamics.equations.reduced import free_of, motion_at, tangents
 from mechcore.dynamics.events import Stop
+from mechcore.dynamics.integration.collocation import System
 from mechcore.dynamics.integration.refinement import Known
 from mechcore.dynamics.integration.windows import Solution
 from mechcore.effects.base import joint_wrench, sum_up
@@ -32,15 +32,13 @@ def stop_name(stop: Stop) -> str:
     return f"stop {stop.name}"
 
 
-def segment_forces(motion: Motion, system: Any, q: Real, v: Real, resting: Sequence[Stop]) -> Forces:
+def segment_forces(motion: Motion, system: System, q: Real, v: Real, resting: Sequence[Stop]) -> Forces:
     """All reactions of a motion in which one system holds; q, v (n, f): free coordinates and their rates.
 
     ``resting``: stops that something rests on. What it takes to hold that is a load on the two links of the stop's joint; nothing
-    is
-    left for the free coordinates to do.
+    is left for the free coordinates to do.
     """
-    rubs = isinstance(system, DrySystem)
-    forces = forces_with(motion, system, q, v) if rubs else solve_forces(motion)
+    forces = forces_with(motion, system, q, v) if isinstance(system, DrySystem) else solve_forces(motion)
     if not resting:
         return forces
     free = [i for i, d in enumerate(motion.mechanism.drives) if isinstance(d.law, Free)]
@@ -52,7 +50,7 @@ def segment_forces(motion: Motion, system: Any, q: Real, v: Real, resting: Seque
         joint_wrench(motion, stop.joint, effort, name=stop_name(stop), kind=STOP, cause=STOP)
         for stop, effort in zip(resting, found.T, strict=True)
     ]
-    if rubs:
+    if isinstance(system, DrySystem):
         return forces_with(motion, system, q, v, held)
     applied = (*forces.applied, *held)
     loads = sum_up(list(applied), len(motion.model.links))
@@ -69,8 +67,8 @@ class Segment:
     start: float
     end: float
     compiled: Compiled
-    solution: Any
-    system: Any
+    solution: Solution | EnergyMotion
+    system: System
     resting: tuple[Stop, ...] = ()  # stops that something rests on
     separated: tuple[str, ...] = ()  # cams that their followers have left: their guides' coordinates come after the others
 
@@ -116,5 +114,7 @@ class Segment:
 
     def with_windows(self, later: Sequence[Segment]) -> Segment:
         """This segment and those in which it goes on."""
-        windows = [w for segment in (self, *later) for w in segment.solution.windows] if later else []
-        return replace(self, end=later[-1].end, solution=Solution(windows)) if later else self
+        if not later:
+            return self
+        windows = [w for s in (self, *later) if isinstance(s.solution, Solution) for w in s.solution.windows]
+        return replace(self, end=later[-1].end, solution=Solution(windows))

@@ -8,13 +8,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
 from mechcore.arrays import Real
 from mechcore.constants import MOST_TURNS, TURN
-from mechcore.dynamics.contact.phases import braking_elements
+from mechcore.dynamics.contact.friction_state import braking_elements
 from mechcore.dynamics.contact.separation import SeparableCam
 from mechcore.dynamics.equations.chart import Chart
 from mechcore.dynamics.equations.charts import curve_around
@@ -72,7 +71,7 @@ def simulate(
     drives = [d for d in compiled.mechanism.drives if isinstance(d.law, Free)]
     q = np.array([float(d.law(0.0)[0]) for d in drives])
     v = np.array([float(d.law(0.0)[1]) for d in drives])
-    system: Any = Chart(compiled)
+    system: Chart | Curve = Chart(compiled)
     valid_range: tuple[float, float] | None = None
     alone = len(q) == len(compiled.mechanism.drives) == 1 and not separable_cams and not integrating(compiled)
     if alone and not braking_elements(compiled, q, v):
@@ -164,7 +163,7 @@ def _check_turns(compiled: Compiled, free: Sequence[Drive], duration: float, fau
             faults.append(Fault(f"joints.{d.joint}.free.speed", why, "Start slower, or run a shorter time."))
 
 
-def _weigh(compiled: Compiled, q: Real, system: Any) -> None:
+def _weigh(compiled: Compiled, q: Real, system: Chart | Curve) -> None:
     """Refuse a start (f,) at which a free coordinate moves no mass."""
     inertia = (
         system.table(q)[:1, :1]
@@ -182,7 +181,7 @@ def _weigh(compiled: Compiled, q: Real, system: Any) -> None:
         )
 
 
-def _rest(compiled: Compiled, q: Real, v: Real, system: Any) -> SimulationEvent | None:
+def _rest(compiled: Compiled, q: Real, v: Real, system: Chart | Curve) -> SimulationEvent | None:
     """A word where the start (f,) is rest in an equilibrium of forces that do not depend on time; dry friction is another matter.
 
     However unstable that is, as on a dead point, it stays: without this, rounding would decide when and which way it leaves.

@@ -1,29 +1,35 @@
-"""A motion that forward dynamics has found: positions and rates at any time, reactions, works and energies."""
+"""A motion that forward dynamics has found: positions and rates at any time, reactions, works and energies.
+
+Works are quadratures of the powers of all forces between the boundaries of the motion's windows.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, Literal
 
 import numpy as np
+from numpy.polynomial import legendre
 from numpy.typing import ArrayLike
 
-from mechcore.arrays import Real
+from mechcore.arrays import Index, Real
 from mechcore.constants import TURN
 from mechcore.dynamics.contact.dry_friction import DrySystem
 from mechcore.dynamics.contact.separation import FollowerSeparation, SeparableCam
-from mechcore.dynamics.energy_account import WorkIntegrals, powers_of, work_integrals
 from mechcore.dynamics.equations.energy import EnergyMotion
 from mechcore.dynamics.equations.reduced import coordinate_scales, free_of, integrating, motion_at
 from mechcore.dynamics.events import SimulationEvent, Stop
+from mechcore.dynamics.integration.collocation import System, integrals
 from mechcore.dynamics.integration.windows import Solution
 from mechcore.dynamics.joined import JoinedForces, JoinedMotion
 from mechcore.dynamics.segments import Segment
+from mechcore.effects.base import power_of
 from mechcore.effects.masses import kinetic_energy
 from mechcore.effects.registry import potential
-from mechcore.forces.kinetostatics import Forces, solve_forces
+from mechcore.forces.kinetostatics import LOSSES, Forces, solve_forces
+from mechcore.kinematics.model import Model
 from mechcore.laws.timed import Free
 from mechcore.motion.compiled import Compiled
 from mechcore.motion.motion import Motion
@@ -103,7 +109,7 @@ class Simulation:
         q, v, a = self(t)
         return q, v, t, a
 
-    def _rows(self, t: Real) -> list[tuple[Segment, Any]]:
+    def _rows(self, t: Real) -> list[tuple[Segment, Index]]:
         """The segments that hold some of the times, with the places of those."""
         which = np.searchsorted(np.array([p.end for p in self.segments[:-1]]), t, side="left")
         return [(self.segments[k], np.flatnonzero(which == k)) for k in np.unique(which)]
@@ -128,7 +134,7 @@ class Simulation:
         return JoinedMotion(t, [(rows, segment.motion(t[rows])) for segment, rows in parts], model=self._model)
 
     @property
-    def _model(self) -> Any:
+    def _model(self) -> Model | None:
         """The model that has all joints, where some segments lack a cam."""
         return self.compiled.model if self.separable_cams else None
 
@@ -250,7 +256,7 @@ def _until(entries: tuple[tuple[float, float], ...], t: Real) -> Real:
     return np.asarray(np.concatenate([[0.0], np.cumsum(values)])[np.searchsorted(times, t, side="left")])
 
 
-def right_hand_side(system: Any, freedoms: int) -> Any:
+def right_hand_side(system: System, freedoms: int) -> Callable[[float, Real], Real]:
     """(t, y) -> y' of a system of accelerations, y = positions and speeds (2 f,): as scipy wants it, one state at a time."""
 
     def rhs(t: float, y: Real) -> Real:
@@ -295,3 +301,74 @@ def _differs(segment: Segment, method: str, tolerance: float, samples: int) -> f
     if not found.success:
         return float("inf")
     return float(np.max(np.abs(found.y[:f].T - q) / scale))
+
+
+NODES = 16
+MOST = 20_000  # instants that are evaluated at once
+_X, _W = legendre.leggauss(NODES)
+_FIT = np.linalg.inv(legendre.legvander(_X, NODES - 1))
+
+
+@dataclass(frozen=True, eq=False)
+class WorkIntegrals:
+    """Works (c,) since the start [J]: on panels between ``edges`` (p + 1,) [s] the powers are polynomials, ``coefficients``
+    (p, NODES, c) in Legendre polynomials; ``before`` (p, c): works up to each panel. Where a ``period`` [s] is given, the powers
+    of the last one repeat beyond the last edge."""
+
+    edges: Real
+    coefficients: Real
+    before: Real
+    period: float | None = None
+
+    def __call__(self, t: Real) -> Real:
+        """Works (n, c) until times (n,) [s]."""
+        end = self.edges[-1]
+        if self.period is None or not (t > end).any():
+            return self._within(t)
+        turns = np.maximum(np.ceil((t - end) / self.period), 0.0)
+        gained = np.diff(self._within(np.array([end - self.period, end])), axis=0)
+        return np.asarray(self._within(t - turns * self.period) + turns[:, None] * gained)
+
+    def _within(self, t: Real) -> Real:
+        k = np.clip(np.searchsorted(self.edges, t, side="left") - 1, 0, len(self.before) - 1)
+        width = self.edges[k + 1] - self.edges[k]
+        first, _ = integrals(NODES, np.clip((t - self.edges[k]) / width, 0.0, 1.0))
+        return np.asarray(self.before[k] + width[:, None] * np.einsum("ns,nsc->nc", first, self.coefficients[k]))
+
+    def followed_by(self, others: Sequence[WorkIntegrals]) -> WorkIntegrals:
+        """These and those that go on where they end, in order."""
+        if not others:
+            return self
+        parts = (self, *others)
+        before, total = [], np.zeros(self.before.shape[1])
+        for part in parts:
+            before.append(total + part.before)
+            total = total + part(part.edges[-1:])[0]
+        edges = [self.edges, *(part.edges[1:] for part in others)]
+        return WorkIntegrals(np.concatenate(edges), np.concatenate([p.coefficients for p in parts]), np.concatenate(before))
+
+
+def work_integrals(powers: Callable[[Real], Real], edges: Real) -> WorkIntegrals:
+    """Works of powers, ``powers(t)`` (n, c) [W] at times (n,); smooth between ``edges`` (p + 1,) [s]."""
+    widths = np.diff(edges)
+    x = (edges[:-1, None] + 0.5 * widths[:, None] * (_X + 1.0)).ravel()
+    values = np.concatenate([powers(x[k : k + MOST]) for k in range(0, len(x), MOST)])
+    values = values.reshape(len(widths), NODES, -1)
+    gained = 0.5 * widths[:, None] * np.einsum("s,psc->pc", _W, values)
+    before = np.concatenate([np.zeros((1, values.shape[2])), np.cumsum(gained, axis=0)[:-1]])
+    return WorkIntegrals(edges, np.einsum("ij,pjc->pic", _FIT, values), before)
+
+
+def powers_of(motion: Motion, forces: Forces) -> Real:
+    """Power of all forces but inertia (n, 3) [W]: of those with a potential, of drives and process, of losses."""
+    out = np.zeros((motion.frames, 3))
+    for w in forces.applied:
+        if w.kind != "inertia":
+            column = 2 if w.cause in LOSSES else 0 if w.cause in ("gravity", "elastic") else 1
+            out[:, column] += power_of(motion, w)
+    for d in motion.mechanism.drives:
+        if not isinstance(d.law, Free):
+            out[:, 1] += forces.power(d.joint)
+    if forces.friction is not None:
+        out[:, 2] += forces.friction.power
+    return out

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 import mechviz
-from mechcore.dynamics.energy_account import work_integrals
 from mechcore.dynamics.events import Stop
 from mechcore.dynamics.simulate import simulate
+from mechcore.dynamics.simulation import work_integrals
 from mechcore.effects.base import power_of
 from mechcore.effects.registry import LOADS, effects_of
 from mechcore.errors import MechanismError

@@ -11,11 +11,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 
-from mechcore.arrays import Real
+from mechcore.arrays import Index, Plane, Real, Values
 from mechcore.dynamics.equations.chart import differences, jacobian_of
 from mechcore.dynamics.equations.reduced import (
     constrained,
@@ -32,7 +31,7 @@ from mechcore.errors import Fault, MechanismError
 from mechcore.forces.equilibrium import transmit
 from mechcore.forces.friction.elements import Element, elements_of, relative_rate, scales_of
 from mechcore.forces.friction.normal_loads import solve_normal_loads
-from mechcore.forces.friction.solve import FrictionResult, Response, pick, system
+from mechcore.forces.friction.solve import FrictionResult, Response, Transmitted, pick, system
 from mechcore.forces.kinetostatics import Forces
 from mechcore.kinematics.dyads import cross
 from mechcore.motion.compiled import Compiled
@@ -55,7 +54,7 @@ class GivenFriction(FrictionResult):
     """Friction of a motion that forward dynamics has found, sticking included: ``values`` (F, e) along the elements' unit
     wrenches."""
 
-    def __init__(self, motion: Motion, applied: Sequence[Wrench], elements: Sequence[Element], found: Dry, passed: Any):
+    def __init__(self, motion: Motion, applied: Sequence[Wrench], elements: Sequence[Element], found: Dry, passed: Transmitted):
         self.motion = motion
         self.stability = np.ones(motion.frames)
         self.elements = tuple(elements)
@@ -66,7 +65,7 @@ class GivenFriction(FrictionResult):
         self._passed = passed  # what joints and relations transmit
 
     @property
-    def _transmitted(self) -> Any:
+    def _transmitted(self) -> Transmitted:
         return self._passed
 
     def value(self, i: int) -> Real:
@@ -182,7 +181,7 @@ class DrySystem:
         acceleration = with_states(first + np.einsum("njf,nj->nf", answers, value), motion)
         return Dry(acceleration, value, limit, rate, bias + np.einsum("nij,nj->ni", coupling, value))
 
-    def _refuse(self, elements: Sequence[Element], slide: Any, share: Real, t: float) -> None:
+    def _refuse(self, elements: Sequence[Element], slide: Index, share: Real, t: float) -> None:
         worst = elements[slide[int(np.argmax(share))]]
         raise MechanismError(
             Fault(
@@ -209,8 +208,8 @@ def _respond(motion: Motion, units: Sequence[Motion], elements: Sequence[Element
     """What joints transmit under all loads and inertia, and under unit friction with the inertia forces of what it accelerates."""
     model, n, e = motion.model, motion.frames, len(elements)
     base = transmit(motion, *sum_up(wrenches(motion), len(model.links)))
-    force: list[Any] = [0j] * len(model.links)
-    moment: list[Any] = [0.0] * len(model.links)
+    force: list[Plane] = [0j] * len(model.links)
+    moment: list[Values] = [0.0] * len(model.links)
     for i, element in enumerate(elements):
         one = np.zeros((e, 1))
         one[i] = 1.0
@@ -220,8 +219,8 @@ def _respond(motion: Motion, units: Sequence[Motion], elements: Sequence[Element
         if not (mass or inertia):
             continue
         rotation_class = model.angles.rotation_class[k]
-        a: Any = 0j
-        alpha: Any = 0.0
+        a: Plane = 0j
+        alpha: Values = 0.0
         for f, unit in enumerate(units):
             a = a + answers[:, :, f].T * unit.of_point(k, centre, 1)
             alpha = alpha + answers[:, :, f].T * unit.speeds.angular[rotation_class]

@@ -1,19 +1,34 @@
-"""Dry friction in the course of a motion: what slides which way at present, whatever contacts come and go."""
+"""Dry friction in the course of a motion: what slides which way at present, whatever contacts come and go.
+
+A phase is one choice of which joints slide which way and which stick: what ends it, and what follows.
+"""
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Mapping, Sequence
+from functools import partial
 
 import numpy as np
 
-from mechcore.arrays import Real
-from mechcore.dynamics.contact.dry_friction import DrySystem
-from mechcore.dynamics.contact.phases import WORDS, Key, Phases, keys_of, rubbing, senses
-from mechcore.dynamics.equations.reduced import motion_at
-from mechcore.dynamics.events import Log, SimulationEvent
+from mechcore.arrays import Flags, Real
+from mechcore.constants import REST
+from mechcore.dynamics.contact.dry_friction import DrySystem, least_efforts, rates_of
+from mechcore.dynamics.equations.chart import jacobian_of
+from mechcore.dynamics.equations.reduced import (
+    constrained,
+    coordinate_scales,
+    free_of,
+    motion_at,
+    moving,
+    reduced_equations,
+    shifted,
+)
+from mechcore.dynamics.events import Gauge, Log, SimulationEvent
 from mechcore.dynamics.integration.collocation import Window
-from mechcore.forces.friction.elements import elements_of
+from mechcore.errors import Fault, MechanismError
+from mechcore.forces.friction.elements import Element, elements_of, scales_of
 from mechcore.motion.compiled import Compiled
+from mechcore.motion.motion import Motion
 
 BACK = 10.0  # windows shorter than so many times `soon` are those of prescribed drives that turn back
 
@@ -49,12 +64,12 @@ class FrictionState:
         phases.decide(t, q, v, rests=rests)
         return phases.system()
 
-    def slip_ends(self) -> tuple[list[tuple[Any, bool]], list[Any]]:
+    def slip_ends(self) -> tuple[list[tuple[Gauge, bool]], list[Gauge]]:
         """What ends the slip of elements, and that of prescribed ones: as `Phases.slip_ends` and
         `Phases.independent_event_functions` say it."""
         return ([], []) if self._phases is None else (self._phases.slip_ends(), self._phases.independent_event_functions())
 
-    def stick_ends(self, q: Real, v: Real, t: float) -> list[tuple[Any, float, tuple[int, float]]]:
+    def stick_ends(self, q: Real, v: Real, t: float) -> list[tuple[Gauge, float, tuple[int, float]]]:
         """What ends the sticking of elements, as in `Phases.stick_ends`."""
         return [] if self._phases is None else self._phases.stick_ends(q, v, t)
 
@@ -87,3 +102,203 @@ class FrictionState:
         found = SimulationEvent(t, kind, joint, text)
         if found not in self._log.events[-4:]:  # a joint may have friction of several kinds
             self._log.tell(found)
+
+
+Key = tuple[str, str, str]
+WORDS = {0.0: "stick", 1.0: "slip +", -1.0: "slip -"}
+NO_EFFECT = 1e-12  # part of what a force on an element would move, if it did, that is rounding
+LOOSE = 1e-10  # of the limit of sticking: what exceeds it by less is rounding
+BEGUN = 1e-12  # rate of what just begins to move
+SOON_MOVED = 1e-16  # of its scale: what moves by less soon is at rest as well
+
+
+class Phases:
+    """Which elements slide which way and which stick, and what ends that; ``signs`` (e,) as in `DrySystem`.
+
+    ``rests``: joints that rest on end stops. ``soon`` [s]: elements that no free coordinate moves, because prescribed drives or
+        stops lead them, slide as they do so much later. ``before``: signs that go on, of the mechanism with other contacts.
+    """
+
+    def __init__(self, compiled: Compiled, elements: Sequence[Element], soon: float, before: Mapping[Key, float] | None = None):
+        self.compiled = compiled
+        self.soon = soon
+        self.keys = keys_of(elements)
+        self.signs = np.array([(before or {}).get(key, 0.0) for key in self.keys])
+        self.rests: tuple[str, ...] = ()
+        self.prescribed = np.zeros(len(elements), bool)
+        self.alone = len(free_of(compiled)) == len(compiled.mechanism.drives) == 1
+
+    def system(self) -> DrySystem:
+        return DrySystem(self.compiled, self.signs.copy(), rests=self.rests)
+
+    def decide(
+        self, t: float, q: Real, v: Real, loose: tuple[int, float] | None = None, rests: tuple[str, ...] = ()
+    ) -> list[tuple[str, str]]:
+        """Choose the signs for what follows; joint and word ("stick", "slip +", "slip -") of each that has changed.
+
+        ``loose``: an element that has just come loose and, with one freedom, the way in which it moves (else 0). ``rests``: joints
+        that rest on end stops.
+        """
+        before = self.signs.copy()
+        self.rests = rests
+        row = q[None], v[None], np.array([t])
+        motion, units = moving(self.compiled, *row)
+        elements = elements_of(motion)
+        rate = np.array([e.rate[0] for e in elements])
+        alone = self.alone and not rests
+        self.prescribed = np.zeros(len(before), bool) if alone else self._prescribed(motion, units, elements)
+        scale, own = scales_of(motion.model, elements), coordinate_scales(self.compiled)
+        f = len(own)
+        driven = reduced_equations(motion, units).acceleration()[0] / own if f else np.zeros(1)
+        pace = max(
+            float((np.abs(rate) / scale).max()),
+            float((np.abs(v[:f]) / own).max(initial=0.0)),
+            float(np.sqrt(np.abs(driven).max())),
+        )
+        least = max(REST * pace, SOON_MOVED / self.soon)  # scales of coordinates per second
+        still = np.abs(rate) <= least * scale
+        self.signs = np.where(still, 0.0, np.sign(rate))
+        if self.prescribed.any():
+            self.signs[self.prescribed] = self._senses(q[None], v[None], np.array([t + self.soon]))[0, self.prescribed]
+            still &= ~self.prescribed
+        if alone and still.all() and abs(float(v[0])) <= least * own[0]:
+            self.signs = self._either_way(row) if loose is None else self.directions(row, loose[1])
+        elif alone and still.any():  # the mechanism moves: a joint that turns back there does not stick
+            self.signs = np.where(still, np.where(before == 0.0, 1.0, before), np.sign(rate))
+            second = np.sign(self.system().solve(*row).second[0])
+            self.signs = np.where(still & (second != 0.0), second, self.signs)
+        elif still.any():
+            if loose is not None and still[loose[0]]:
+                found = DrySystem(self.compiled, np.where(still, 0.0, self.signs), rests=rests).solve(*row)
+                self.signs[loose[0]] = -np.sign(found.value[0, loose[0]])
+            for _ in range(2 * len(before) + 2):
+                found = self.system().solve(*row)
+                over = still & (self.signs == 0.0) & (np.abs(found.value[0]) > found.limit[0] * (1.0 + 1e-12))
+                if not over.any():
+                    break
+                worst = int(np.argmax(np.where(over, np.abs(found.value[0]) / np.maximum(found.limit[0], 1e-300), 0.0)))
+                self.signs[worst] = -np.sign(found.value[0, worst])
+        then, now = self._states(before), self._states(self.signs)
+        return [(joint, WORDS[now[joint, what]]) for joint, what in now if now[joint, what] != then[joint, what]]
+
+    def _states(self, signs: Real) -> dict[tuple[str, str], float]:
+        """Sign by joint and relative motion: it sticks if friction of one kind holds it, whatever else rubs there."""
+        found: dict[tuple[str, str], float] = {}
+        for (joint, what, _), s in zip(self.keys, signs, strict=True):
+            found[joint, what] = float(s) if found.get((joint, what), s) == s else 0.0
+        return found
+
+    def at_rest(self, t: float, q: Real, v: Real) -> Real:
+        """Speeds (f,) without what rounding has left of the relative speeds of the elements that stick."""
+        stuck = np.flatnonzero((self.signs == 0.0) & ~self.prescribed)
+        if not len(stuck):
+            return v
+        if self.alone:
+            return np.append(0.0, v[1:])
+        motion, units = moving(self.compiled, q[None], v[None], np.array([t]))
+        elements = elements_of(motion)
+        tau = np.stack([rates_of(units, elements[i])[0] for i in stuck])
+        inertia = reduced_equations(motion, units).inertia
+        answer = constrained(inertia[:, None], tau[None], jacobian_of(motion, units, self.rests)[0])[0][0].T
+        need = least_efforts(tau @ answer, scales_of(motion.model, elements)[stuck])
+        return shifted(v, -answer @ need @ np.array([elements[i].rate[0] for i in stuck]))
+
+    def _prescribed(self, motion: Motion, units: Sequence[Motion], elements: Sequence[Element]) -> Flags:
+        """Elements (e,) that no force moves: the drives lead them, or stops hold them."""
+        tau = np.stack([rates_of(units, e) for e in elements], axis=1)
+        inertia, (rows, _) = reduced_equations(motion, units).inertia, jacobian_of(motion, units, self.rests)
+        freely, really = (np.einsum("nef,nef->ne", tau, constrained(inertia[:, None], tau, g)[0])[0] for g in (rows[:, :0], rows))
+        return np.asarray(~(really > NO_EFFECT * freely))
+
+    def _either_way(self, row: tuple[Real, Real, Real]) -> Real:
+        """One freedom at rest: it moves the way in which it then really accelerates, or sticks."""
+        for way in (1.0, -1.0):
+            signs = self.directions(row, way)
+            if float(self._free(way, *row)[0]) > 0.0:
+                return signs
+        return np.zeros(len(self.signs))
+
+    def directions(self, row: tuple[Real, Real, Real], way: float) -> Real:
+        """Signs of the elements' speeds where the only coordinate moves one way (e,)."""
+        q, v, t = row
+        motion = moving(self.compiled, q[:1], way * np.ones_like(v[:1]), t[:1])[0]
+        return np.array([float(np.sign(e.rate[0])) for e in elements_of(motion)])
+
+    def slip_ends(self) -> list[tuple[Gauge, bool]]:
+        """Relative rates that end the slip of an element where they pass zero, and whether they rise there."""
+        return [(partial(self._rate, i), bool(s < 0)) for i, s in enumerate(self.signs) if s != 0.0 and not self.prescribed[i]]
+
+    def stick_ends(self, q: Real, v: Real, t: float) -> list[tuple[Gauge, float, tuple[int, float]]]:
+        """What ends the sticking of an element in a phase that begins at q, v (f,), t [s]: an event function that then exceeds
+        zero, by how much it may do so by rounding, and what comes loose (see `decide`)."""
+        row = q[None], v[None], np.array([t])
+        stuck = np.flatnonzero((self.signs == 0.0) & ~self.prescribed)
+        if not len(stuck):
+            return []
+        if not np.any(self.signs) and self.alone and not self.rests:
+            noise = LOOSE * sum(abs(float(self._free(way, *row)[0])) for way in (1.0, -1.0))
+            return [(partial(self._free, way), noise, (0, way)) for way in (1.0, -1.0)]
+        system = self.system()
+        found = system.solve(*row)
+        noise = LOOSE * (found.limit[0] + np.abs(found.value[0]))
+        return [(partial(_excess, system, int(i)), float(noise[i]), (int(i), 0.0)) for i in stuck]
+
+    def independent_event_functions(self) -> list[Gauge]:
+        """Gauges that are 1 where an element that is prescribed does not slide as it does now, else 0."""
+        return [partial(self._other_sense, int(i), self.signs[i]) for i in np.flatnonzero(self.prescribed)]
+
+    def _other_sense(self, i: int, sign: float, q: Real, v: Real, t: Real) -> Real:
+        return np.asarray(self._senses(q, v, t)[:, i] != sign, float)
+
+    def _senses(self, q: Real, v: Real, t: Real) -> Real:
+        return senses(moving(self.compiled, q, v, t)[0])
+
+    def _rate(self, i: int, q: Real, v: Real, t: Real) -> Real:
+        motion = moving(self.compiled, q, v, t)[0]
+        e = elements_of(motion)[i]
+        return np.asarray(e.rate)
+
+    def _free(self, way: float, q: Real, v: Real, t: Real) -> Real:
+        """Acceleration (n,) in the sense ``way`` of what rests, if it began to move that way: forces that depend on the sense of
+        the motion (gas in a cylinder) are those of that sense."""
+        signs = self.directions((q, v, t), way)
+        begun = np.column_stack([np.full(len(v), way * BEGUN), v[:, 1:]])
+        return np.asarray(way * DrySystem(self.compiled, signs, breaking=True)(q, begun, t)[:, 0])
+
+
+def _excess(system: DrySystem, i: int, q: Real, v: Real, t: Real) -> Real:
+    """By how much what would hold a sticking element exceeds its limit (n,)."""
+    found = system.solve(q, v, t)
+    return np.asarray(np.abs(found.value[:, i]) - found.limit[:, i])
+
+
+def braking_elements(compiled: Compiled, q: Real, v: Real, t: float = 0.0) -> list[Element]:
+    """The elements of a mechanism, in the order in which signs are given; [] where it has no friction."""
+    if "friction" not in compiled.mechanism.effects:
+        return []
+    return elements_of(moving(compiled, q[None], v[None], np.array([t]))[0])
+
+
+def senses(motion: Motion) -> Real:
+    """Which way all elements slide (n, e): 1, -1, or 0 where their speeds are nothing beside those of the mechanism."""
+    elements = elements_of(motion)
+    rates = np.stack([e.rate for e in elements], axis=1)
+    turning = np.max([np.abs(w) * np.ones(motion.frames) for w in motion.speeds.angular], axis=0, initial=0.0)
+    sliding = np.max([np.abs(x) * np.ones(motion.frames) for x in motion.speeds.slide.values()], axis=0, initial=0.0)
+    size = np.maximum(turning, sliding / motion.model.length_scale)[:, None]
+    return np.where(np.abs(rates) <= REST * size * scales_of(motion.model, elements), 0.0, np.sign(rates))
+
+
+def keys_of(elements: Sequence[Element]) -> list[Key]:
+    """What an element is called, whatever other contacts the mechanism has."""
+    return [(e.joint, e.what, e.kind) for e in elements]
+
+
+def rubbing(compiled: Compiled, q: Real, v: Real, t: float, before: Mapping[Key, float], soon: float) -> Phases | None:
+    """Phases of a mechanism that moves, see `Phases`; None where it has no friction. Raises `MechanismError`."""
+    elements = braking_elements(compiled, q, v, t)
+    for e in elements:
+        if e.what == "slide" and e.index < 0:
+            why = "friction between a cam and its follower while forces move the cam: what sticks there is not found."
+            raise MechanismError(Fault(f"joints.{e.joint}.friction", why, "Prescribe the cam's drive, or leave its friction out."))
+    return Phases(compiled, elements, soon, before) if elements else None

@@ -9,21 +9,21 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 
 from mechcore.arrays import Real
 from mechcore.cams.placed import PlacedCam
 from mechcore.constants import TURN
-from mechcore.dynamics.contact.impacts import impact
+from mechcore.dynamics.contact.end_stops import impact
 from mechcore.dynamics.equations.chart import Chart
 from mechcore.dynamics.equations.charts import carried_on, enter
 from mechcore.dynamics.equations.reduced import free_of, motion_at, reduce, shifted, tangents
-from mechcore.dynamics.integration.collocation import Window
+from mechcore.dynamics.integration.collocation import System, Window
 from mechcore.dynamics.integration.windows import Solution
 from mechcore.errors import Fault, MechanismError
 from mechcore.forces.cam_rating import contact_force, placed_cams
+from mechcore.forces.kinetostatics import Forces
 from mechcore.joints.base import Relation
 from mechcore.laws.timed import Free
 from mechcore.motion.compiled import Compiled
@@ -154,7 +154,7 @@ class FollowerSeparation:
         return gap, contact.away * (v[:, k] - h[:, 1])
 
     def parting(
-        self, name: str, separated: frozenset[str], system: Callable[[Compiled, Real, Real, float], Any] | None = None
+        self, name: str, separated: frozenset[str], system: Callable[[Compiled, Real, Real, float], System | None] | None = None
     ) -> Callable[[Real, Real, Real], Real]:
         """The gap's acceleration (n,) if the follower, now in contact, were let go: positive where the cam would have to pull.
 
@@ -220,7 +220,7 @@ class FollowerSeparation:
         return max(found)
 
 
-def pressing(motion: Motion, forces: Any, name: str) -> Real:
+def pressing(motion: Motion, forces: Forces, name: str) -> Real:
     """Force (n,) [N] with which a cam in contact presses on its follower. Raises `MechanismError` where friction jams."""
     force = contact_force(forces, next(cam for cam in placed_cams(motion) if cam.name == name))
     if np.isnan(force).any():

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from mechcore.arrays import Real
-from mechcore.dynamics.contact.phases import senses
+from mechcore.dynamics.contact.friction_state import senses
 from mechcore.dynamics.equations.reduced import free_of, motion_at
 from mechcore.dynamics.integration.collocation import Window
 from mechcore.effects.registry import effects_of
