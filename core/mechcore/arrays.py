@@ -24,5 +24,4 @@ def modulus(z: Plane | Values) -> Values:
 
 def unit_vectors(z: Plane) -> Complex:
     """z over its length. NaN stays NaN without a warning, which the division of a complex NaN would give."""
-    unit: Complex = np.asarray(z) * (1.0 / np.abs(z))
-    return unit
+    return np.asarray(np.asarray(z, complex) * (1.0 / np.abs(z)))
