@@ -14,7 +14,7 @@ from mechcore.joints.parts import build_joints
 from mechcore.spec.loads import Force
 from mechcore.spec.mechanism import CamJoint, Link, Mechanism, PinSlot, Prismatic, Rolling, Vec2
 from mechviz.meshes.kinds.cam_profiles import CamDrawing, InverseDrawing, cam_extents, find_cams, find_inverse
-from mechviz.meshes.kinds.cylinders import Telescope, find_telescopes
+from mechviz.meshes.kinds.fittings import Telescope, find_telescopes
 from mechviz.meshes.kinds.spatial_cams import SpatialDrawing, find_spatial
 from mechviz.meshes.kinds.wheels import Wheels, find_wheels
 

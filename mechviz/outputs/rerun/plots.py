@@ -295,11 +295,11 @@ def plot_styles(run: Run, all_tables: list[Table]) -> Iterator[Static]:
         names = names[count:]
 
 
+# -- lines at events --------------------------------------------------------------------------------------------------
 MOST_MARKS = 16  # more lines than these would hide the curves, and say nothing
 COLOR = (118, 126, 140)
 
 
-# -- lines at events --------------------------------------------------------------------------------------------------
 def mark_times(events: Sequence[Event]) -> Real:
     """Times [s] at which plots get a line; none where so much happens that lines would hide the curves."""
     times = np.unique([e.time for e in events])
@@ -325,6 +325,7 @@ def send_marks(stream: Any, timelines: Timelines, times: Real, spans: Mapping[st
         stream.send_columns(mark_path(view), columns, rr.Scalars.columns(scalars=rows))
 
 
+# -- lanes of states --------------------------------------------------------------------------------------------------
 STATES = {
     "slips +": ("slips +", (84, 168, 255)),
     "slips -": ("slips −", (60, 110, 180)),

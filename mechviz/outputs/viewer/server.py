@@ -138,6 +138,7 @@ def _start_guarded(port: int, label: str) -> tuple[viser.ViserServer, Guard]:
     return server, guard
 
 
+# -- messages of browsers ---------------------------------------------------------------------------------------------
 MOST_BYTES = 1 << 16  # of a message
 LONGEST_TEXT = 1000
 LONGEST_NAME = 300  # of a node, or of a control in the page
@@ -272,6 +273,7 @@ class Guard:
         return ""
 
 
+# -- callbacks --------------------------------------------------------------------------------------------------------
 Callback = Callable[[str, Callable[[Any], None]], Callable[[Any], Any]]
 """``callback(what, action)``: an action for viser of which failures are told to the user under the name ``what``."""
 
