@@ -1,9 +1,17 @@
-"""Joints of surfaces: revolute, prismatic, pin in slot, weld; and those made of several, the planar joint and the cylinder."""
+"""Joints of surfaces: revolute, prismatic, pin in slot, weld; and those made of several: planar joint, cylinder and screw."""
 
 from __future__ import annotations
 
-from mechcore.joints.base import Builder, LoopJoint, point_of
-from mechcore.spec.mechanism import Cylinder, Link, PinSlot, Planar, Prismatic, Revolute, Weld
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from mechcore.arrays import Plane, Values
+from mechcore.joints.base import Bearing, Builder, LoopJoint, Relation, point_of
+from mechcore.spec.mechanism import Cylinder, Link, PinSlot, Planar, Prismatic, Revolute, Screw, Weld
+
+if TYPE_CHECKING:
+    from mechcore.motion.motion import Motion
 
 
 def build_pinned(joint: Revolute | Weld, builder: Builder) -> None:
@@ -65,3 +73,39 @@ def build_cylinder(joint: Cylinder, builder: Builder) -> None:
         pin("eye", joint.links[1], point_of(second, joint.points[1]), rod),
         LoopJoint(name=joint.name, kind="prismatic", links=(barrel, rod), a=0j, b=0j, turns=False, slide=1 + 0j, guide=0),
     ]
+
+
+def build_screw(joint: Screw, builder: Builder) -> None:
+    """A slide, a spindle that turns in the link of the guide, and the thread, which ties the travel to the turn."""
+    owner, nut = joint.links[joint.guide], joint.links[1 - joint.guide]
+    spindle, slide, along = f"{joint.name}.spindle", f"{joint.name}.slide", complex(*joint.along)
+    builder.links[spindle] = Link(name=spindle, points={"axis": (0.0, 0.0)})
+    ends = [point_of(link, point) for link, point in zip(builder.ends(joint), joint.points, strict=True)]
+    builder.joints += [
+        LoopJoint(name=joint.name, kind="screw", links=(owner, spindle), a=ends[joint.guide], b=0j, turns=True),
+        LoopJoint(
+            name=slide, kind="prismatic", links=joint.links, a=ends[0], b=ends[1], turns=False, angle=joint.angle,
+            slide=along / abs(along), guide=joint.guide,
+        ),
+    ]  # fmt: skip
+
+    def contact(motion: Motion, multiplier: Values) -> tuple[Plane, Plane]:
+        j = motion.model.joint_index[slide]
+        return motion.joint_point(j), motion.guide(j)
+
+    def couple(motion: Motion, place: Plane, force: Plane) -> Values:
+        """The torque about the axis, which the plane does not see: it holds the drive's."""
+        return -joint.radius * (np.conj(motion.guide(motion.model.joint_index[slide])) * force).real
+
+    builder.relations.append(
+        Relation(
+            name=f"{joint.name}.thread",
+            kind="screw",
+            links=(spindle, nut),
+            angles=((spindle, joint.radius), (owner, -joint.radius)),
+            slides=((slide, -1.0),),
+            contact=contact,
+            constant=0.0,
+            bearing=Bearing(carrier=owner, couple=couple, joints=((joint.name, 1.0),)),
+        )
+    )

@@ -11,7 +11,7 @@ from typing import Any
 
 from mechcore.joints.base import Builder
 from mechcore.joints.cam import build_cam
-from mechcore.joints.lower import build_cylinder, build_guided, build_pinned, build_planar
+from mechcore.joints.lower import build_cylinder, build_guided, build_pinned, build_planar, build_screw
 from mechcore.joints.wheels import build_belt, build_gear, build_rack, build_rolling
 from mechcore.spec.mechanism import (
     Belt,
@@ -25,6 +25,7 @@ from mechcore.spec.mechanism import (
     Rack,
     Revolute,
     Rolling,
+    Screw,
     Weld,
 )
 
@@ -38,6 +39,7 @@ KINDS: dict[type, Callable[[Any, Builder], None]] = {
     Belt: build_belt,
     Rack: build_rack,
     Cylinder: build_cylinder,
+    Screw: build_screw,
     Planar: build_planar,
     CamJoint: build_cam,
 }

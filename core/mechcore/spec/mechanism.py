@@ -6,6 +6,7 @@ A drive prescribes the relative coordinate of a joint. A load acts on a link. No
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -65,7 +66,8 @@ class Friction:
     ``lever * |N|`` against the relative rotation, N the force across the contact. With a ``stribeck`` speed vs of revolute,
     prismatic and slot joints the coefficient at a speed v of the sliding surfaces is
     ``coefficient + (static - coefficient) exp(-(v / vs)^2)``. Cylinder: ``coefficient * |F|`` along it, F the
-    force that drives it (its mechanical losses), and ``brake``, the friction of its seals.
+    force that drives it (its mechanical losses), and ``brake``, the friction of its seals. Screw: ``coefficient * |N|`` along the
+    thread, N the force across its flanks at the mean ``radius``.
     """
 
     coefficient: float = 0.0
@@ -220,6 +222,32 @@ class Cylinder:
 
 
 @dataclass(frozen=True, kw_only=True)
+class Screw:
+    """A slide that a screw moves: ``links``, ``points``, ``along``, ``guide`` and ``angle`` are those of a `Prismatic`.
+
+    The spindle turns in the link with the guide, about a line through that link's point in the direction ``along``; the nut is the
+    other link. The coordinate is the turn of the spindle [rad]; a whole turn moves the nut by ``lead`` [m] along the guide, and
+    where the coordinate is zero the two points are at one place. The axis lies in the plane: the torque on the spindle loads no
+    link of it. Compiled to a link without mass, ``<name>.spindle``, that turns with the coordinate, and a prismatic joint
+    ``<name>.slide``; ``<name>.thread`` is the force at the thread. ``friction``: coefficient in the thread and its mean ``radius``.
+    """
+
+    name: str
+    links: tuple[str, str]
+    points: tuple[str, str]
+    lead: float  # [m]
+    along: Vec2 = (1.0, 0.0)
+    guide: Literal[0, 1] = 0
+    angle: float = 0.0
+    friction: Friction | None = None
+
+    @property
+    def radius(self) -> float:
+        """Travel per angle [m/rad]."""
+        return self.lead / (2.0 * math.pi)
+
+
+@dataclass(frozen=True, kw_only=True)
 class Planar:
     """A planar joint: the second link moves freely in the plane of the first; nothing is transmitted.
 
@@ -329,7 +357,7 @@ class CamJoint:
     drawn: CamDrawn | None = None
 
 
-Joint = Revolute | Prismatic | Weld | PinSlot | Rolling | Gear | Belt | Rack | Cylinder | Planar | CamJoint
+Joint = Revolute | Prismatic | Weld | PinSlot | Rolling | Gear | Belt | Rack | Cylinder | Screw | Planar | CamJoint
 
 
 def coordinates_of(joint: Joint) -> tuple[str, ...]:
@@ -344,8 +372,8 @@ def friction_of(joint: Joint) -> Friction | None:
 
 
 def braked(joints: Sequence[Joint]) -> tuple[str, ...]:
-    """Names of the joints that have friction, whether or not the effect is named."""
-    return tuple(p.name for p in joints if friction_of(p) is not None)
+    """Names by which the friction of joints is told, whether or not the effect is named: theirs, of a screw that of its thread."""
+    return tuple(f"{p.name}.thread" if isinstance(p, Screw) else p.name for p in joints if friction_of(p) is not None)
 
 
 @dataclass(frozen=True, kw_only=True)

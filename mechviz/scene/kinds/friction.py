@@ -50,7 +50,8 @@ class FrictionDocument(Table):
     """Stribeck speed s: at a speed v of the sliding surfaces the coefficient is coefficient + (static - coefficient) exp(-(v/s)^2).
     Default: it is that of sliding as soon as it slides."""
     radius: Size | None = None
-    """Revolute, pin in slot, roller of a cam: radius of the pin. Default of a revolute joint: the scene's."""
+    """Revolute, pin in slot, roller of a cam: radius of the pin; screw: mean radius of its thread. Default of a revolute joint: the
+    scene's."""
     exact: Flag | None = None
     """Revolute: friction circle of the radius r sin(atan(coefficient)) instead of the usual r times coefficient."""
     length: Size | None = None
@@ -183,6 +184,14 @@ def _seals(t: _Table) -> Friction | None:
     return Friction(coefficient=t.own.coefficient or 0.0, brake=t.si("brake", "force"))
 
 
+def _thread(t: _Table) -> Friction | None:
+    found = t.sliding(0.0)
+    if found is not None and t.own.radius is None and t.sound("radius"):
+        t.note("", "'radius' is missing: friction acts at the mean radius of the thread.", 'Add radius = "9 mm".')
+        return None
+    return None if found is None else Friction(**found, radius=t.si("radius"))
+
+
 def _roller(t: _Table) -> Friction | None:
     if t.own.coefficient is None:
         if t.own.sound("coefficient"):
@@ -195,6 +204,7 @@ _SLIDING = ("coefficient", "static", "stribeck")
 PIN = Rubbing((*_SLIDING, "radius", "exact", "brake"), _pin)
 PIN_IN_SLOT = Rubbing((*_SLIDING, "radius"), _pin_in_slot)
 SLIDER = Rubbing((*_SLIDING, "length", "bearing", "offset", "height", "brake"), _slider)
+THREAD = Rubbing((*_SLIDING, "radius"), _thread, defaults=False)
 SEALS = Rubbing(("coefficient", "brake"), _seals, defaults=False)
 ROLLER = Rubbing(("coefficient", "radius"), _roller, defaults=False)
 LEVER = Rubbing(("lever",), lambda t: Friction(lever=t.si("lever")), defaults=False)

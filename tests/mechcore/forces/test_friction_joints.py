@@ -34,6 +34,7 @@ from mechcore.spec.mechanism import (
     Rack,
     Revolute,
     Rolling,
+    Screw,
     Weld,
 )
 
@@ -68,6 +69,18 @@ def boom(friction: Friction | None = None, *, driven: bool = True) -> Mechanism:
     )
 
 
+def screw() -> Mechanism:
+    """A mass that a screw moves on a link that turns."""
+    links = (
+        Link(name="frame", points={"A": (0.0, 0.0)}),
+        Link(name="jib", points={"A": (0.0, 0.0), "R": (0.1, 0.03)}, mass=4.0, centre=(0.3, 0.1), inertia=0.5),
+        Link(name="trolley", points={"T": (0.0, 0.0)}, mass=3.0, centre=(0.01, -0.02), inertia=0.02),
+    )
+    joints = (pin("A", "frame", "jib"), Screw(name="K", links=("jib", "trolley"), points=("R", "T"), lead=0.3, along=(0.8, 0.3)))
+    drives = (Drive(joint="A", law=Oscillation(0.4, 0.7, 1.0)), Drive(joint="K", law=Oscillation(6.0, 5.0, 1.5)))
+    return Mechanism(name="crane", frame="frame", links=links, joints=joints, drives=drives, effects=("inertia", "gravity"))
+
+
 EVERY = {
     "gear": wheels(GEAR),
     "planet": wheels(replace(GEAR, carrier="arm"), carried=True),
@@ -79,6 +92,7 @@ EVERY = {
     "rolling": rolling(),
     "pin in slot": shaper(),
     "cylinder": boom(),
+    "screw": screw(),
     "knife": translating(Knife(), offset=0.006),
     "roller": translating(Roller(0.01), slope=70.0),
     "flat": translating(Flat()),

@@ -9,12 +9,28 @@ import pytest
 from mechanisms import four_bar, load, move, pin, slider_crank
 from wheels import THETA, sound, wheel
 
+from mechcore.dynamics.simulate import simulate
 from mechcore.errors import MechanismError
 from mechcore.forces.kinetostatics import solve_forces
-from mechcore.laws.timed import ConstantSpeed, Oscillation
-from mechcore.motion.solve import compile_mechanism, solve_motion
-from mechcore.spec.loads import Force, Torque
-from mechcore.spec.mechanism import Belt, Cylinder, Drive, Gear, Link, Mechanism, PinSlot, Prismatic, Rack, Revolute, Rolling, Weld
+from mechcore.laws.timed import ConstantSpeed, Free, Oscillation
+from mechcore.motion.solve import compile_mechanism, default_times, solve_motion
+from mechcore.spec.loads import Force, Torque, Viscous
+from mechcore.spec.mechanism import (
+    Belt,
+    Cylinder,
+    Drive,
+    Friction,
+    Gear,
+    Link,
+    Mechanism,
+    PinSlot,
+    Prismatic,
+    Rack,
+    Revolute,
+    Rolling,
+    Screw,
+    Weld,
+)
 
 
 def _at(name: str, first: str, point: str, second: str, other: str = "c"):
@@ -560,3 +576,102 @@ def test_belts_that_cannot_fit_are_refused_with_values(radii, crossed, fits):
     values = f"{1e3 * radii[0]:.6g} mm and {1e3 * radii[1]:.6g} mm do not fit on axes 500 mm apart"
     with pytest.raises(MechanismError, match=values):
         compile_mechanism(m)
+
+
+# -- screws -----------------------------------------------------------------------------------------------------------
+LEAD, MEAN, MASS, G = 0.005, 0.009, 3.0, 9.81  # [m], [m], [kg], [m/s^2]
+
+
+def _run(mechanism: Mechanism, frames: int):
+    return solve_motion(compile_mechanism(mechanism), default_times(mechanism, frames))
+
+
+def lift(mu: float = 0.0, guide: int = 0, **drive: object) -> Mechanism:
+    """A mass that a screw lifts against its weight; with ``guide`` 1 the guide goes along with the mass, round the nut at rest."""
+    along = (0.0, 2.0) if guide == 0 else (0.0, -2.0)
+    rough = Friction(coefficient=mu, radius=MEAN) if mu else None
+    return Mechanism(
+        name="lift",
+        frame="frame",
+        links=(
+            Link(name="frame", points={"G": (0.1, 0.2)}),
+            Link(name="mass", points={"P": (0.02, 0.0)}, mass=MASS, centre=(0.02, 0.0), inertia=0.01),
+        ),
+        joints=(Screw(name="S", links=("frame", "mass"), points=("G", "P"), lead=LEAD, along=along, guide=guide, friction=rough),),
+        effects=("gravity", "inertia", *(["friction"] if mu else [])),
+        **drive,
+    )
+
+
+@pytest.mark.parametrize("guide", [0, 1])
+@pytest.mark.parametrize("turns", [2.0, -2.0])
+@pytest.mark.parametrize("mu", [0.0, 0.05, 0.3])
+def test_a_screw_lifts_by_its_lead_with_the_torque_of_power_screws(guide, turns, mu):
+    """Shigley: F r tan(lead angle + friction angle) upwards, with their difference downwards; 0.3 locks itself."""
+    machine = lift(mu, guide, drives=(Drive(joint="S", law=ConstantSpeed(0.3, turns * 2.0 * np.pi)),))
+    forces = solve_forces(_run(machine, 6))
+    t, lead, friction = forces.motion.time, np.arctan(LEAD / (2.0 * np.pi * MEAN)), np.arctan(mu)
+    height = 0.2 + LEAD * (0.3 / (2.0 * np.pi) + turns * t)
+    assert forces.motion.point("mass", "P") == pytest.approx(np.array([0.1 + 0.0 * t, height]).T, abs=1e-15)
+    torque = MASS * G * MEAN * np.tan(lead + np.sign(turns) * friction)
+    assert forces.effort("S") == pytest.approx(np.full(len(t), torque), rel=1e-12)
+    thrust = MASS * G * (1.0 if guide == 0 else -1.0)  # on the spindle, by the link in which it turns
+    assert forces.reaction("S") == pytest.approx(np.tile([0.0, thrust, -torque], (len(t), 1)), abs=1e-12 * MASS * G)
+    assert np.abs(forces.power_balance).max() < 1e-12
+
+
+@pytest.mark.parametrize("guide", [0, 1])
+def test_a_screw_on_a_turning_link_is_a_slide_whose_force_is_a_torque(guide):
+    """Beside a prismatic joint with the same travel: the same motion and reactions, so that the torque loads no link."""
+
+    def crane(joint, law):
+        return Mechanism(
+            name="crane",
+            frame="frame",
+            links=(
+                Link(name="frame", points={"A": (0.0, 0.0)}),
+                Link(name="jib", points={"A": (0.0, 0.0), "R": (0.1, 0.03)}, mass=4.0, centre=(0.3, 0.1), inertia=0.5),
+                Link(name="trolley", points={"T": (0.0, 0.0), "Q": (0.05, -0.1)}, mass=MASS, centre=(0.01, -0.02), inertia=0.02),
+            ),
+            joints=(Revolute(name="A", links=("frame", "jib"), points=("A", "A")), joint),
+            drives=(Drive(joint="A", law=Oscillation(0.4, 0.7, 1.0)), Drive(joint="S", law=law)),
+            loads=(Force(name="F", link="trolley", point="Q", vector=(20.0, -300.0)),),
+            effects=("gravity", "inertia"),
+        )  # fmt: skip
+
+    common = {"name": "S", "links": ("jib", "trolley"), "points": ("R", "T"), "along": (0.8, 0.3), "guide": guide, "angle": 0.2}
+    travel = LEAD / (2.0 * np.pi)
+    screw, slide = (
+        solve_forces(_run(crane(joint, Oscillation(60.0 * c, 50.0 * c, 1.5)), 40))
+        for joint, c in ((Screw(**common, lead=LEAD), 1.0), (Prismatic(**common), travel))
+    )
+    assert screw.motion.pose("trolley") == pytest.approx(slide.motion.pose("trolley"), abs=1e-13)
+    assert screw.effort("S") == pytest.approx(travel * slide.effort("S"), abs=1e-11)
+    assert screw.effort("A") == pytest.approx(slide.effort("A"), abs=1e-9)
+    assert screw.reaction("A") == pytest.approx(slide.reaction("A"), abs=1e-9)
+    assert screw.reaction("S.slide") == pytest.approx(slide.reaction("S"), abs=1e-9)
+
+
+def test_a_load_turns_a_screw_that_does_not_lock_itself_against_viscous_drag():
+    """m s'' = m g - F, F r tan(lead angle - friction angle) = c omega: the speed tends to its limit exponentially."""
+    lead, friction, drag = np.arctan(0.04 / (2.0 * np.pi * MEAN)), np.arctan(0.1), 2e-3
+    loads = (Viscous(name="c", joint="S", coefficient=drag),)
+    machine = lift(0.1, drives=(Drive(joint="S", law=Free(0.0, 0.0)),), loads=loads)
+    machine = replace(machine, joints=(replace(machine.joints[0], lead=0.04),))
+    t = np.linspace(0.0, 0.5, 6)
+    found = simulate(compile_mechanism(machine), 0.5, tolerance=1e-11)(t)[1][:, 0]
+    arm, travel = MEAN * np.tan(lead - friction), 0.04 / (2.0 * np.pi)
+    limit, settling = MASS * G * arm / drag, MASS * travel * arm / drag
+    assert found == pytest.approx(-limit * (1.0 - np.exp(-t / settling)), abs=1e-7 * limit)
+
+
+@pytest.mark.parametrize("mu", [0.1, 0.0885])
+def test_a_self_locking_screw_needs_a_drive(mu):
+    """tan of the lead angle is 5 / (2 pi 9) = 0.0884: a little above it nothing but a drive turns the spindle."""
+    machine = lift(mu, drives=(Drive(joint="S", law=Free(0.0, -1.0)),))
+    with pytest.raises(MechanismError, match=r"joints\.S\.friction: the thread locks itself.*0\.08842"):
+        simulate(compile_mechanism(machine), 0.1)
+    free = simulate(compile_mechanism(lift(0.088, drives=machine.drives)), 0.1)([0.1])[0]
+    assert free[0, 0] == pytest.approx(-0.1 - 0.5 * G * 0.01 * 2.0 * np.pi / LEAD, rel=1e-9), (
+        "nothing holds a spindle without inertia"
+    )

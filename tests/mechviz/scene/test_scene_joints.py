@@ -13,7 +13,7 @@ from schemas import SCHEMA, conforms
 
 from mechcore.errors import Fault, MechanismError
 from mechcore.motion.solve import compile_mechanism, default_times, solve_motion
-from mechcore.spec.mechanism import Belt, Cylinder, Gear, PinSlot, Rack, Rolling, Weld
+from mechcore.spec.mechanism import Belt, Cylinder, Friction, Gear, PinSlot, Rack, Rolling, Screw, Weld
 from mechviz.scene.builder import SceneBuilder
 from mechviz.scene.faults import SceneError
 from mechviz.scene.scene import Scene, loads
@@ -464,3 +464,39 @@ V = {{ belt = ["a", "b"], radii = {radii}, crossed = {str(crossed).lower()} }}
     assert stopped.value.code == 2
     said = "".join(capsys.readouterr())
     assert "joints.V" in said and f"radius {radii[0]} mm and {radii[1]} mm do not fit on axes 100 mm apart" in said
+
+
+def _with_screw(**more: Any) -> dict[str, Any]:
+    links = {"frame": {"points": {"O": [0, 0]}}, "table": {"points": {"T": [0, 0]}}}
+    screw = {"screw": ["frame", "table"], "at": ["O", "T"], "lead": 5, "drive": {"speed": "60 rpm"}}
+    joint = {key: value for key, value in {**screw, **more}.items() if value is not None}
+    return {"units": BASE["units"], "links": links, "joints": {"S": joint}}
+
+
+def test_a_screw_turns_its_values_into_si():
+    scene = Scene.build(
+        **_with_screw(along=[0, 2], guide="table", friction={"coefficient": 0.1, "radius": 9}), effects=["friction"]
+    )
+    (joint,) = scene.mechanism.joints
+    assert joint == Screw(
+        name="S", links=("frame", "table"), points=("O", "T"), lead=0.005, along=(0.0, 2.0), guide=1,
+        friction=Friction(coefficient=0.1, radius=0.009),
+    )  # fmt: skip
+    assert scene.mechanism.drives[0].law(1.0)[1] == pytest.approx(2.0 * math.pi)
+
+
+@pytest.mark.parametrize(
+    ("more", "path", "said"),
+    [
+        ({"lead": None}, "joints.S", "'lead' is missing"),
+        ({"lead": -5}, "joints.S.lead", "is negative"),
+        ({"length": 50}, "joints.S.length", "Give stops"),
+        ({"friction": {"coefficient": 0.1}}, "joints.S.friction", "mean radius"),
+        ({"friction": {"coefficient": 0.1, "radius": 9, "brake": "2 N m"}}, "joints.S.friction", "does not go with"),
+    ],
+)
+def test_faults_of_screws_name_the_remedy(more, path, said):
+    with pytest.raises(SceneError) as error:
+        Scene.build(**_with_screw(**more), effects=["friction"])
+    (fault,) = [f for f in error.value.faults if f.path == path]
+    assert said in f"{fault.message} {fault.remedy}"

@@ -11,6 +11,8 @@ count, whatever the pressure between them; beyond that they press on opposite si
 Cam: mu |N| along the common tangent; a roller on a pin of radius r: mu r / R |N|, what the pin drags. Where a roller rolls and is
 also pushed along its axis, as on cams about an axis in the plane, the whole friction at the flank is mu |N| against the whole
 sliding; what the pin drags is its part across the axis, so that along it there is mu sqrt(1 - r^2 / R^2) |N|.
+Screw: mu N along the thread, N across its flanks: with the mean radius r, the lead angle l, tan l = lead / (2 pi r), and
+tan rho = mu the torque is F r tan(l + rho) against the load F, and F r tan(l - rho) with it.
 Cylinder: mu |F| along it, F the force that drives it; a cylinder that nothing drives transmits none and has only its brake.
 """
 
@@ -25,9 +27,11 @@ from numpy.typing import ArrayLike
 
 from mechcore.arrays import Plane, Real, Values, unit_vectors
 from mechcore.constants import REST
+from mechcore.errors import Fault, MechanismError
 from mechcore.kinematics.dyads import cross
 from mechcore.kinematics.model import Model
 from mechcore.kinematics.rates import Rates
+from mechcore.laws.timed import Free
 from mechcore.motion.motion import Motion
 from mechcore.spec.mechanism import (
     CamJoint,
@@ -38,6 +42,7 @@ from mechcore.spec.mechanism import (
     Prismatic,
     Revolute,
     Rolling,
+    Screw,
     friction_of,
 )
 
@@ -63,8 +68,8 @@ class Element:
     along: Plane  # of a slide: unit vector of the force on the second link for lambda = 1
     rate: Real
     sign: Real
-    place: Plane | None = None  # of a cam: where they touch
-    twist: Values | None = None  # of a cam about an axis in the plane: couple on it per unit, the opposite on its carrier [m]
+    place: Plane | None = None  # of a cam or thread: where they touch
+    twist: Values | None = None  # of an axis in the plane: couple on what turns about it, the opposite on its carrier [m]
     carrier: int = -1
     seen: Values = 1.0  # of the same: how much of the normal force the plane sees
 
@@ -159,6 +164,8 @@ def _parts(joint: Joint) -> list[tuple[Movement, Kind, float]]:
     if isinstance(joint, PinSlot):
         found = [("slide", "normal", 1.0), ("turn", "normal", f.radius)]
         return found if f.radius else found[:1]
+    if isinstance(joint, Screw):
+        return [("slide", "contact", f.radius)]
     return [("turn", "normal" if isinstance(joint, Rolling) else "contact", f.lever)]
 
 
@@ -194,12 +201,49 @@ def _element(
     first, second = (model.index[k] for k in (joint.links if j < 0 else model.joints[j].links))  # of a cylinder: barrel and rod
     if isinstance(joint, CamJoint):
         return _of_cam(motion, joint, friction, arm, (first, second), least["slide"], flanks, nth)
+    if isinstance(joint, Screw):
+        return _of_thread(motion, joint, friction, least["slide"])
     rate = relative_rate(motion, motion.speeds, what, j, (first, second))
     along = 0j if what == "turn" else motion.guide(j) * (1.0 if model.joints[j].guide == 0 else -1.0)
     mu = _coefficient(friction, rate * friction.radius if what == "turn" else rate)
     factor, limit = (_factor(friction, kind, arm, c) for c in (mu, max(friction.static, friction.coefficient)))
     sign = _sign(rate, least[what])
     return Element(joint.name, what, kind, friction, factor, limit, mu, (first, second), j, along, rate, sign)
+
+
+def _of_thread(motion: Motion, joint: Screw, friction: Friction, least: float) -> Element:
+    """Sliding of the nut's thread on the spindle's, by the nut's travel: the force along the thread has a part along the axis, and
+    one round it, a torque about the axis. Raises `MechanismError` of a self-locking thread that nothing drives."""
+    model, r = motion.model, friction.radius
+    lead, most = np.arctan2(joint.radius, r), max(friction.static, friction.coefficient)
+    driven = any(drive.joint == joint.name and not isinstance(drive.law, Free) for drive in motion.mechanism.drives)
+    if not driven and most * r >= joint.radius:  # without inertia the spindle would turn as if nothing pressed on it
+        why = f"the thread locks itself, as {most:g} is not below the tangent of its lead angle, {joint.radius / r:.4g}."
+        remedy = "Drive the screw, whose spindle has no inertia here, or give a smaller coefficient or a larger lead."
+        raise MechanismError(Fault(f"joints.{joint.name}.friction", why, remedy))
+    j = model.joint_index[f"{joint.name}.slide"]
+    owner, nut = (model.index[joint.links[k]] for k in (joint.guide, 1 - joint.guide))
+    rate = relative_rate(motion, motion.speeds, "slide", j, (owner, nut))
+    sine, cosine = np.sin(lead), np.cos(lead)
+    mu = _coefficient(friction, rate / sine)
+    return Element(
+        joint=f"{joint.name}.thread",
+        what="slide",
+        kind="contact",
+        friction=friction,
+        factor=mu / sine,
+        limit=most / sine,
+        coefficient=mu,
+        links=(model.index[f"{joint.name}.spindle"], nut),
+        index=j,
+        along=sine * sine * motion.guide(j),
+        rate=rate,
+        sign=_sign(rate, least),
+        place=motion.joint_point(j),
+        twist=r * sine * cosine,
+        carrier=owner,
+        seen=cosine,
+    )
 
 
 def _of_cam(

@@ -1,14 +1,15 @@
-"""Joints that hold points of their links together: pins, guides, welds, pins in slots, cylinders; and free bodies."""
+"""Joints that hold points of their links together: pins, guides, welds, pins in slots, cylinders, screws; and free bodies."""
 
 from __future__ import annotations
 
+import math
 from typing import Annotated
 
 from pydantic import Discriminator, Field, Tag
 
-from mechcore.spec.mechanism import Cylinder, Joint, PinSlot, Planar, Prismatic, Revolute, Weld
+from mechcore.spec.mechanism import Cylinder, Joint, PinSlot, Planar, Prismatic, Revolute, Screw, Weld
 from mechviz.scene.fields import Angle, Length, Size, Table, Text, value_or_list
-from mechviz.scene.kinds.friction import PIN, PIN_IN_SLOT, SEALS, SLIDER, ClearanceDocument
+from mechviz.scene.kinds.friction import PIN, PIN_IN_SLOT, SEALS, SLIDER, THREAD, ClearanceDocument
 from mechviz.scene.kinds.kind import JointKind, JointMaker
 from mechviz.scene.names import TwoLinks
 
@@ -31,16 +32,20 @@ class LowerKeys(Table):
     """The two links of which one has a straight slot for a pin of the other."""
     cylinder: TwoLinks | None = None
     """The two links between which a cylinder (hydraulic, electric ...) is pinned."""
+    screw: TwoLinks | None = None
+    """The two links of which one, the nut, is moved along the other by a screw, whose axis lies in the plane."""
     planar: TwoLinks | None = None
     """The two links of which the second moves freely in the plane of the first: a free body."""
     guide: Text | None = None
-    """Prismatic, pin in slot: the link that carries the guide or slot. Default: the first."""
+    """Prismatic, pin in slot, screw: the link that carries the guide, slot or spindle. Default: the first."""
     length: Ends | None = None
     """Pin in slot, prismatic: how far the pin or slider can go along the slot or guide from its point, or [from, to]; cylinder: its
     greatest length, or [least, greatest]. Prescribed motion beyond is refused, free motion meets an end stop there. Default: no
     ends."""
     angle: Angle | None = None
-    """Prismatic, weld: constant angle from the first link's frame to the second's. Default 0, or as drawn."""
+    """Prismatic, weld, screw: constant angle from the first link's frame to the second's. Default 0, or as drawn."""
+    lead: Size | None = None
+    """Screw: travel of the nut along the guide in one turn of the spindle."""
     clearance: ClearanceDocument | None = None
     """Revolute: clearance between journal and bearing, whose motion forces decide."""
 
@@ -74,6 +79,20 @@ def _pin_slot(m: JointMaker) -> Joint:
 
 def _cylinder(m: JointMaker) -> Joint:
     return Cylinder(name=m.name, links=m.joint.links, points=m.points, ends=m.ends, friction=m.friction)
+
+
+def _screw(m: JointMaker) -> Joint:
+    lead = math.nan if m.joint.lead is None else m.convert.si(m.joint.lead, "length", f"{m.path}.lead")
+    return Screw(
+        name=m.name,
+        links=m.joint.links,
+        points=m.points,
+        lead=lead,
+        along=m.along,
+        guide=m.guide,
+        angle=m.angle,
+        friction=m.friction,
+    )
 
 
 def _planar(m: JointMaker) -> Joint:
@@ -138,6 +157,20 @@ LOWER = {
         rubs=SEALS,
         own_mode=True,
         parts={"links": ("barrel", "rod"), "joints": ("base", "eye")},
+    ),
+    "screw": JointKind(
+        words="a screw",
+        example='{ screw = ["frame", "table"], at = ["O", "T"], lead = "5 mm", drive = { speed = "600 rpm" } }',
+        make=_screw,
+        keys=("at", "along", "guide", "angle", "lead", *MOTION),
+        needs={"lead": '"5 mm", the travel in one turn'},
+        synonyms=("spindle", "leadscrew", "ballscrew", "nut"),
+        instead={"pitch": "Write lead = ...", "length": "Give stops to the turn of the spindle."},
+        driven="angle",
+        viscous="torsional damping",
+        rubs=THREAD,
+        parallel=True,
+        parts={"links": ("spindle",), "joints": ("slide", "thread")},
     ),
     "planar": JointKind(
         words="a planar joint",
