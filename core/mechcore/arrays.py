@@ -1,6 +1,6 @@
 """Types of arrays: real and complex numbers, indices, flags. Shapes stand in docstrings. Unit vectors."""
 
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,5 +23,5 @@ def modulus(z: Plane | Values) -> Values:
 
 
 def unit_vectors(z: Plane) -> Complex:
-    """z over its length. NaN stays NaN without a warning, which the division of a complex NaN would give."""
-    return np.asarray(np.asarray(z, complex) * (1.0 / np.abs(z)))
+    """z over its length, of symbols too. NaN stays NaN without a warning, which the division of a complex NaN would give."""
+    return cast(Complex, z * (1.0 / np.abs(z)))

@@ -12,6 +12,7 @@ import math
 from bisect import bisect_left, bisect_right
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -385,9 +386,22 @@ class WaypointPath:
 
     def __init__(self, at: Waypoint):
         self._points: tuple[list[float], list[Waypoint]] = [at.time], [at]  # replaced as one: another thread may ask
+        self._later: list[Any] = []
+        self._resolve: Callable[[list[Any]], Sequence[Waypoint]] | None = None
+
+    def leave_later(self, item: Any, resolve: Callable[[list[Any]], Sequence[Waypoint]]) -> None:
+        """Go on through waypoints that ``resolve`` makes of all items left so, in order, once they are asked for."""
+        self._resolve = resolve
+        self._later.append(item)
+
+    def _resolved(self) -> None:
+        later, self._later = self._later, []
+        if later and self._resolve is not None:
+            self.leave(self._resolve(later))
 
     def leave(self, waypoints: Sequence[Waypoint]) -> None:
         """Go on through waypoints; those of a later time than the first of them are given up."""
+        self._resolved()
         times, points = self._points
         keep = max(bisect_right(times, waypoints[0].time), 1)
         if keep < len(times):
@@ -398,6 +412,7 @@ class WaypointPath:
 
     def before(self, time: Real) -> tuple[list[Waypoint], Index]:
         """All waypoints, and the number of the last one before each of the times (n,); the first one where there is none."""
+        self._resolved()
         times, points = self._points
         first = max(bisect_left(times, float(time.min())) - 1, 0)
         later = np.array(times[first : bisect_left(times, float(time.max()))] or times[:1])

@@ -3,7 +3,8 @@
 Before this stands, generated, what makes the reduced equations M q'' + h = Q of one mechanism:
     static void reduced(p, m, q, v, t, d, near, out)
 with parameters p, assembly modes m, coordinates q and their rates v, values d of prescribed drives, angles `near` from which others
-are followed (replaced by those found), and out: the lower triangle of M row by row, then Q - h. */
+are followed (replaced by those found), and out: the lower triangle of M row by row, then Q - h.
+Beside it, of the same arguments, `ratios`: rates of joints relative to those of coordinates. */
 
 #include <float.h>
 #include <stdlib.h>
@@ -184,21 +185,20 @@ static long solved(const System *y, const Rule *r, double t0, double h, const do
 
 static long room(long s, long f) { return 6 * s * f + 2 * s * f * f + s * f * s * f + s * f + 1; }
 
-/* Rows of states (n): lower triangles of M and Q - h (n, f (f + 1) / 2 + f). Angles are followed from each row to the next. */
-void rows(const System *y, long n, const double *q, const double *v, const double *t, const double *d, const double *near,
-          double *out) {
-    double own[ANGLES + 1];
-    memcpy(own, near, (size_t)y->angles * sizeof(double));
-    for (long i = 0; i < n; i++)
-        reduced(y->p, y->m, q + i * y->f, v + i * y->f, t[i], d + i * y->given, own, out + i * (F * (F + 1) / 2 + F));
-}
-
-/* Accelerations of states (n, f). */
+/* Accelerations of states (n, f). Angles are followed from each state to the next. */
 void evaluated(const System *y, long n, const double *q, const double *v, const double *t, const double *d, const double *near,
                double *a) {
     double own[ANGLES + 1];
     memcpy(own, near, (size_t)y->angles * sizeof(double));
     for (long i = 0; i < n; i++) accelerations(y, q + i * y->f, v + i * y->f, t[i], d + i * y->given, own, a + i * y->f);
+}
+
+/* The largest of the ratios at a state; NaN where one is. */
+double strained(const System *y, const double *q, const double *v, double t, const double *d, const double *near) {
+    double found[RATIOS + 1], largest = 0.0;
+    ratios(y->p, y->m, q, v, t, d, near, found);
+    for (long i = 0; i < RATIOS; i++) largest = larger(largest, fabs(found[i]));
+    return largest;
 }
 
 /* One window: `solved` with memory of its own. */

@@ -19,11 +19,20 @@ REDUCED = """
 #define F {freedoms}
 #define ANGLES {angles}
 #define MARGIN {margin!r}
+#define RATIOS {count}
 
 static void reduced(const double *p, const double *m, const double *q, const double *v, double t, const double *d, double *near,
                     double *out) {{
-    (void)p, (void)m, (void)q, (void)v, (void)t, (void)d, (void)near;
+    const double *w = d + {drives}; /* values of functions of the time */
+    (void)p, (void)m, (void)q, (void)v, (void)t, (void)d, (void)w, (void)near;
     {lines}
+}}
+
+static void ratios(const double *p, const double *m, const double *q, const double *v, double t, const double *d,
+                   const double *near, double *out) {{
+    const double *w = d + {drives};
+    (void)p, (void)m, (void)q, (void)v, (void)t, (void)d, (void)w, (void)near;
+    {rates}
 }}
 """
 
@@ -54,19 +63,31 @@ class Batch(NamedTuple):
 
 
 class WrittenEquations:
-    """Reduced equations of motion in C: ``outputs`` are the lower triangle of M, row by row, then Q - h.
+    """Reduced equations of motion in C: ``outputs`` are the lower triangle of M, row by row, then Q - h; the angles that
+    are followed; and ratios of rates of joints to those of the coordinates.
 
     They are computed from what C calls ``q[k]``, ``v[k]``, ``t``, modes ``m[k]``, ``given`` values ``d[k]`` of prescribed drives,
-    and angles ``near[k]`` from which the ``angles`` are followed.
+    and angles ``near[k]`` from which the ``angles`` are followed; values of functions `of_time` come after those of drives.
     """
 
-    def __init__(self, code: Code, outputs: Sequence[Operand], angles: Sequence[Operand], freedoms: int, given: int, margin: float):
+    def __init__(self, code: Code, outputs: tuple[Sequence[Operand], ...], freedoms: int, given: int, margin: float):
+        equations, angles, ratios = outputs
         self.parameters: list[float] = []
-        self.freedoms, self.given, self.angles = freedoms, given, len(angles)
-        targets = [*((f"out[{k}]", x) for k, x in enumerate(outputs)), *((f"near[{k}]", x) for k, x in enumerate(angles))]
+        self.freedoms, self.given, self.angles = freedoms, given + len(code.of_time), len(angles)
+        self.of_time = tuple(code.of_time)
+        targets = [*((f"out[{k}]", x) for k, x in enumerate(equations)), *((f"near[{k}]", x) for k, x in enumerate(angles))]
         lines = code.written(targets, self.parameters)
         self.lines = len(lines)
-        own = REDUCED.format(freedoms=freedoms, angles=len(angles), margin=margin, lines="\n    ".join(lines))
+        rates = code.written([(f"out[{k}]", x) for k, x in enumerate(ratios)], self.parameters)
+        own = REDUCED.format(
+            freedoms=freedoms,
+            angles=len(angles),
+            drives=given,
+            margin=margin,
+            count=len(ratios),
+            lines="\n    ".join(lines),
+            rates="\n    ".join(rates),
+        )
         self._own = own
 
     @cached_property
@@ -100,29 +121,23 @@ class CompiledEquations:
         self.freedoms, self.given, self.angles = written.freedoms, written.given, written.angles
         self._loaded = library(written.source)
         self._loaded.window.restype = self._loaded.windows.restype = ctypes.c_long
-        self._loaded.rows.restype = self._loaded.evaluated.restype = None
+        self._loaded.evaluated.restype = None
+        self._loaded.strained.restype = ctypes.c_double
         self._kept: list[Real] = [np.array(x or [0.0], float) for x in (written.parameters, list(modes), list(scale))]
         self._system = ctypes.byref(_System(self.freedoms, self.given, self.angles, *(_at(x) for x in self._kept)))
         self._rules: dict[int, tuple[Any, ...]] = {}
 
-    def rows(self, q: Real, v: Real, t: Real, d: Real, near: Real) -> tuple[Real, Real]:
-        """M (n, f, f) and Q - h (n, f) at coordinates and rates (n, f), times (n,), values of drives (n, g) and near the angles
-        (a,)."""
-        f = self.freedoms
-        out = self._each(self._loaded.rows, q, v, t, d, near, f * (f + 1) // 2 + f)
-        inertia = np.empty((len(t), f, f))
-        lower = np.tril_indices(f)
-        inertia[:, lower[0], lower[1]] = inertia[:, lower[1], lower[0]] = out[:, : len(lower[0])]
-        return inertia, out[:, len(lower[0]) :]
+    def strain(self, q: Real, v: Real, t: float, d: Real, near: Real) -> float:
+        """Largest ratio of a joint's rate to that of a coordinate, at one state (f,) each."""
+        given = [np.ascontiguousarray(x, float) for x in (q, v, d, near)]
+        q, v, d, near = given
+        return float(self._loaded.strained(self._system, _at(q), _at(v), ctypes.c_double(t), _at(d), _at(near)))
 
     def accelerations(self, q: Real, v: Real, t: Real, d: Real, near: Real) -> Real:
-        """Accelerations (n, f), as `rows`."""
-        return self._each(self._loaded.evaluated, q, v, t, d, near, self.freedoms)
-
-    def _each(self, function: Any, q: Real, v: Real, t: Real, d: Real, near: Real, width: int) -> Real:
+        """Accelerations (n, f) at coordinates and rates (n, f), times (n,), values of drives (n, g) and near the angles (a,)."""
         given = [np.ascontiguousarray(x, float) for x in (q, v, t, d, near)]
-        out = np.empty((len(t), width))
-        function(self._system, ctypes.c_long(len(t)), *(_at(x) for x in given), _at(out))
+        out = np.empty((len(t), self.freedoms))
+        self._loaded.evaluated(self._system, ctypes.c_long(len(t)), *(_at(x) for x in given), _at(out))
         return out
 
     def _rule(self, rule: CollocationRule) -> Any:

@@ -12,6 +12,8 @@ from collections.abc import Callable, Sequence
 from functools import partial
 from typing import Any, NamedTuple, TypeAlias
 
+from mechcore.arrays import Real
+
 
 class Untraceable(TypeError):
     """Something that a straight-line program of real numbers does not say."""
@@ -21,6 +23,12 @@ class Node(NamedTuple):
     """A real number that the program computes, by its place in it."""
 
     number: int
+
+
+class Numbers(NamedTuple):
+    """Parameters that stand side by side, as tables have them: C is given where the first one is."""
+
+    values: tuple[float, ...]
 
 
 Operand: TypeAlias = Node | float
@@ -37,6 +45,20 @@ static inline double leg(double r, double y, double rounding) {
     const double product = (r - y) * (r + y);
     return sqrt(product < 0.0 && fabs(y) - r < rounding * r ? 0.0 : product);
 }
+static inline double piecewise(const double *p, long n, double x) { /* n + 1 borders, then 4 coefficients of each piece */
+    long low = 0, high = n;
+    while (high - low > 1) {
+        const long middle = (low + high) / 2;
+        if (x < p[middle]) high = middle;
+        else low = middle;
+    }
+    const double *c = p + n + 1 + 4 * low, z = x - p[low];
+    return ((c[0] * z + c[1]) * z + c[2]) * z + c[3];
+}
+static inline double modulo(double a, double b) {
+    const double rest = fmod(a, b);
+    return rest != 0.0 && (rest < 0.0) != (b < 0.0) ? rest + b : rest;
+}
 static inline double sign(double x) { return (double)((x > 0.0) - (x < 0.0)) + 0.0 * x; }
 static inline double larger(double a, double b) { return a != a || a > b ? a : b; }
 static inline double smaller(double a, double b) { return a != a || a < b ? a : b; }
@@ -48,8 +70,9 @@ class Code:
     """A straight-line program that is being written. Its nodes are forms of C with places for their operands."""
 
     def __init__(self) -> None:
-        self._nodes: list[tuple[str, tuple[Operand, ...]]] = []
-        self._known: dict[tuple[str, tuple[Operand, ...]], Node] = {}
+        self._nodes: list[tuple[str, tuple[Operand | Numbers, ...]]] = []
+        self._known: dict[tuple[str, tuple[Operand | Numbers, ...]], Node] = {}
+        self.of_time: list[Callable[[Any], Any]] = []  # functions of the time whose values the program is given
 
     def input(self, expression: str) -> Symbol:
         """A real number that the program is given, as C names it."""
@@ -59,7 +82,19 @@ class Code:
         """A plane vector that the program is given."""
         return Symbol(self, self.node(real), self.node(imaginary))
 
-    def node(self, form: str, *operands: Operand) -> Node:
+    def value_of(self, function: Callable[[Any], Any]) -> Symbol:
+        """The value of a function of the time, which the program is given: C need not have it."""
+        if function not in self.of_time:
+            self.of_time.append(function)
+        return self.input(f"w[{self.of_time.index(function)}]")
+
+    def piecewise(self, x: Symbol, borders: Real, coefficients: Real) -> Symbol:
+        """Polynomials between borders (n + 1,), of x less the lower one, by coefficients (n, 4), highest power first; the first and
+        the last one go on beyond."""
+        numbers = Numbers(tuple(map(float, (*borders, *coefficients.ravel()))))
+        return Symbol(self, self.node(f"piecewise({{}}, {len(coefficients)}, {{}})", numbers, x.re), 0.0)
+
+    def node(self, form: str, *operands: Operand | Numbers) -> Node:
         """A real number in C, the operands at the places ``{}`` of its form; known already, where it has been written before."""
         key = form, operands
         known = self._known.get(key)
@@ -75,11 +110,16 @@ class Code:
         for number in range(len(self._nodes) - 1, -1, -1):
             if number in needed:
                 needed.update(x.number for x in self._nodes[number][1] if isinstance(x, Node))
-        places: dict[float, int] = {x: k for k, x in enumerate(parameters)}
+        places: dict[float | Numbers, int] = {x: k for k, x in enumerate(parameters)}
 
-        def name(operand: Operand) -> str:
+        def name(operand: Operand | Numbers) -> str:
             if isinstance(operand, Node):
                 return f"t{operand.number}"
+            if isinstance(operand, Numbers):
+                if operand not in places:
+                    places[operand] = len(parameters)
+                    parameters.extend(operand.values)
+                return f"(p + {places[operand]})"
             if operand in FOLDED:
                 return f"({operand!r})" if operand < 0.0 else repr(operand)
             if operand not in places:
@@ -183,6 +223,42 @@ class Symbol:
     def __bool__(self) -> bool:
         raise Untraceable("a decision by a value")
 
+    def __array_function__(self, function: Any, types: Any, operands: Any, options: Any) -> Any:
+        own = FUNCTIONS.get(function.__name__)
+        if own is None or options:
+            raise Untraceable(f"numpy.{function.__name__}")
+        return own(*operands)
+
+    def clip(self, low: Any = None, high: Any = None) -> Symbol:
+        """Kept between two numbers, as numpy has it."""
+        above = self if low is None else called("larger", self, low)
+        return above if high is None else called("smaller", above, high)
+
+    def _compared(self, how: str, other: Any) -> Symbol:
+        b = _symbol(self.code, other)
+        return Symbol(self.code, self.code.node(f"(double)({{}} {how} {{}})", self.re, b.re), 0.0)
+
+    def __lt__(self, other: Any) -> Symbol:
+        return self._compared("<", other)
+
+    def __le__(self, other: Any) -> Symbol:
+        return self._compared("<=", other)
+
+    def __gt__(self, other: Any) -> Symbol:
+        return self._compared(">", other)
+
+    def __ge__(self, other: Any) -> Symbol:
+        return self._compared(">=", other)
+
+    def __and__(self, other: Any) -> Any:
+        return self * other
+
+    def __or__(self, other: Any) -> Any:
+        return called("larger", self, other)
+
+    def __invert__(self) -> Any:
+        return 1.0 - self
+
     # -- arithmetic -------------------------------------------------------------------------------------------------------
     def __add__(self, other: Any) -> Any:
         b, code = _symbol(self.code, other), self.code
@@ -262,6 +338,16 @@ def called(function: str, *operands: Any) -> Symbol:
     return _first(*operands).code.called(function, *operands)
 
 
+def _where(condition: Any, first: Any, second: Any) -> Any:
+    """One of two numbers by a condition."""
+    code = _first(condition, first, second).code
+    decides, a, b = (_symbol(code, x) for x in (condition, first, second))
+    if not isinstance(decides.re, Node):
+        return a if decides.re else b
+    parts = [x if x == y else code.node("{} != 0.0 ? {} : {}", decides.re, x, y) for x, y in ((a.re, b.re), (a.im, b.im))]
+    return Symbol(code, *parts)
+
+
 def rotation(angle: Any) -> Any:
     """exp(i angle)."""
     if not isinstance(angle, Symbol):
@@ -279,6 +365,15 @@ def _exponential(z: Symbol) -> Any:
     return turn if z.re == 0.0 else called("exp", z.real) * turn if z.im != 0.0 else called("exp", z)
 
 
+FUNCTIONS: dict[str, Callable[..., Any]] = {
+    "where": _where,
+    "real": lambda z: z.real,
+    "imag": lambda z: z.imag,
+    "clip": lambda x, low=None, high=None: x.clip(low, high),
+    "any": lambda _: True,  # it may be other than nothing
+    "shape": lambda _: (),
+    "ndim": lambda _: 0,
+}
 UFUNCS: dict[str, Callable[..., Any]] = {
     "add": lambda a, b: _symbol(_first(a, b).code, a) + b,
     "subtract": lambda a, b: _symbol(_first(a, b).code, a) - b,
@@ -290,10 +385,15 @@ UFUNCS: dict[str, Callable[..., Any]] = {
     "conjugate": lambda a: a.conjugate(),
     "exp": _exponential,
     "sign": partial(called, "sign"),
+    "less": lambda a, b: _symbol(_first(a, b).code, a) < b,
+    "less_equal": lambda a, b: _symbol(_first(a, b).code, a) <= b,
+    "greater": lambda a, b: _symbol(_first(a, b).code, a) > b,
+    "greater_equal": lambda a, b: _symbol(_first(a, b).code, a) >= b,
+    "remainder": partial(called, "modulo"),
     "maximum": partial(called, "larger"),
     "minimum": partial(called, "smaller"),
     "arctan2": partial(called, "atan2"),
     "arctan": partial(called, "atan"),
-    **{name: partial(called, name) for name in ("sqrt", "cos", "sin", "tan", "tanh", "log", "log1p", "expm1", "rint")},
+    **{name: partial(called, name) for name in ("sqrt", "floor", "cos", "sin", "tan", "tanh", "log", "log1p", "expm1", "rint")},
 }
 """What numpy's functions are of symbols."""

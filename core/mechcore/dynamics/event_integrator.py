@@ -9,6 +9,7 @@ from typing import Any, Literal
 import numpy as np
 
 from mechcore.arrays import Real
+from mechcore.branches.paths import Waypoint
 from mechcore.dynamics.contact.end_stops import LEAST_BOUNCE, TOUCH, EndStops, account_for_impact
 from mechcore.dynamics.contact.friction_state import FrictionState
 from mechcore.dynamics.contact.separation import (
@@ -156,11 +157,13 @@ class EventIntegrator:
         cams = self._contacts()
         first: list[tuple[float, tuple[str, Any]]] = []
 
-        self._leave_waypoints(np.array([t]), lambda _: (q[None],))
+        if len(self.compiled.mechanism.drives) > 1:  # places of the motion, from which the angles of the links are followed
+            self.compiled.angles.path.leave(waypoints(self.compiled, q[None], np.array([t])))
 
         def after(window: Window) -> float | None:
             first.clear()
-            self._leave_waypoints(window.start + window.length * WAYPOINTS, window)
+            if len(self.compiled.mechanism.drives) > 1:
+                self.compiled.angles.path.leave_later(window, partial(_waypoints_along, self.compiled))
             if not len(q):
                 self.friction.follow(self.compiled, window)
             for event_function, noise, what in exceeding:
@@ -250,11 +253,6 @@ class EventIntegrator:
                 ended = ended or watch.ends
         return end, q, v, ended
 
-    def _leave_waypoints(self, t: Real, way: Callable[[Real], tuple[Real, ...]]) -> None:
-        """Keep places of the motion at times (n,), from which the angles of the links are followed."""
-        if len(self.compiled.mechanism.drives) > 1:
-            self.compiled.angles.path.leave(waypoints(self.compiled, way(t)[0], t))
-
     def _check(self, window: Window, until: float) -> None:
         """Raise `MechanismError` where loads are asked for more than their laws say, until a time [s] in a window."""
         limited = [e for e in self.compiled.model.once(applied_effects) if e.limited]
@@ -297,7 +295,8 @@ class EventIntegrator:
 
         def at(t: float) -> float:
             q, v, _ = window(np.array([t]))
-            return strain(self.compiled, q[0], v[0], t)
+            program = self.system.program() if isinstance(self.system, Chart) else None
+            return strain(self.compiled, q[0], v[0], t) if program is None else program.strain(q, v, np.array([t]))
 
         found = at(t)
         self.unwatched = 2 if found < 0.4 * STRAINED else 0
@@ -466,6 +465,12 @@ class EventIntegrator:
 
     def _rotary(self, joint: str) -> bool:
         return self.compiled.model.rotary(joint)
+
+
+def _waypoints_along(compiled: Compiled, windows: Sequence[Window]) -> list[Waypoint]:
+    """Waypoints within windows, in order."""
+    t = np.concatenate([w.start + w.length * WAYPOINTS for w in windows])
+    return waypoints(compiled, Solution(list(windows))(t)[0], t)
 
 
 def _passed(watch: EventTrigger, *, rotary: bool) -> str:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from mechcore.arrays import Flags, Index, Real
@@ -22,7 +24,8 @@ class CylinderGas(LoadEffect[GasPressure]):
 
     def _from_top(self, at: Configuration) -> Real:
         """Distance of the piston from top dead centre [m]."""
-        return np.asarray(self.load.top - coordinate(at, self.load.joint)) * (1.0 if self.load.head == "ahead" else -1.0)
+        away: Any = self.load.top - coordinate(at, self.load.joint)
+        return away if self.load.head == "ahead" else -away
 
     def displacement(self, at: Configuration) -> Real:
         """Distance of the piston from top dead centre [m], within the stroke."""
@@ -46,7 +49,7 @@ class CylinderGas(LoadEffect[GasPressure]):
         load = self.load
         x = self.displacement(at)
         speed = rate(at, load.joint)
-        outward = np.asarray(speed <= 0.0 if load.head == "ahead" else speed >= 0.0)
+        outward: Flags = np.less_equal(speed, 0.0) if load.head == "ahead" else np.greater_equal(speed, 0.0)
         firing = np.ones(np.shape(outward), bool)
         if load.cycle.strokes == 4:
             # the piston says where a stroke ends, the crank only which turn it is: counted from a quarter of a turn before the

@@ -56,7 +56,7 @@ class _Journal(LoadEffect[Contact]):
     def eccentricity(self, at: Configuration, derivative: int = 0) -> Complex:
         """Journal's centre from the bearing's, or its rate, in the axes of the bearing's link (complex)."""
         x, y = (at.drives[at.model.driven[at.model.joint_index[joint]]][derivative] for joint in self.load.slides)
-        return np.asarray(x + 1j * y)
+        return x + 1j * y
 
     def indentation(self, at: Configuration) -> tuple[Real, Complex, Real]:
         """How far the journal is pressed in (negative: free), the normal from bearing to journal, and k d^n [N]."""

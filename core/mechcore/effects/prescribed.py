@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 
 from mechcore.arrays import Index, Real, Values
+from mechcore.compiled.symbols import Symbol, Untraceable
 from mechcore.effects.base import Configuration, LoadEffect, PointLoad, Wrench, coordinate, joint_wrench, rate
 from mechcore.effects.springs import Line
 from mechcore.errors import Fault, MechanismError
 from mechcore.kinematics.model import Model
 from mechcore.laws.timed import Table
-from mechcore.spec.loads import Actuator, Factor, Force, Prescribed, Torque
+from mechcore.spec.loads import Actuator, Factor, Force, Polynomial, Prescribed, Torque
 
 Multiplied = TypeVar("Multiplied", bound=Prescribed)
 
@@ -30,7 +31,10 @@ def factor_of(at: Configuration, factor: Factor | None, load: str) -> Real | flo
     """The factor of a load over the frames. Raises `MechanismError` where its function gives no finite numbers."""
     if factor is None:
         return 1.0
-    argument = np.asarray(_argument(at, factor), float)
+    known = _argument(at, factor)
+    if isinstance(known, Symbol):
+        return _of_symbol(factor, known)
+    argument = np.asarray(known, float)
     try:
         value = np.asarray(factor.function(argument), float)
         value = np.broadcast_to(value, np.broadcast_shapes(argument.shape, value.shape))
@@ -47,6 +51,27 @@ def factor_of(at: Configuration, factor: Factor | None, load: str) -> Real | flo
             Fault(f"loads.{load}", f"the function of its factor gives no finite number at {where:g}.", "Give it a value there.")
         )
     return value
+
+
+def _of_symbol(factor: Factor, argument: Symbol) -> Values:
+    """The factor in a program that is written down."""
+    function: Any = factor.function
+    if factor.of == "time":
+        found: Any = argument.code.value_of(function)
+    elif isinstance(function, Table):
+        low, high, period = function.x[0], function.x[-1], function.period
+        within: Any = argument.clip(low, high) if period is None else low + np.mod(argument - low, period)
+        found = argument.code.piecewise(within, *function.pieces())
+    elif isinstance(function, Polynomial):
+        found = function.coefficients[-1]
+        for c in function.coefficients[-2::-1]:
+            found = found * (argument / function.per) + c
+    else:
+        try:
+            found = function(argument)
+        except Exception as error:  # a user's function may raise anything, the more so if it is given no numbers
+            raise Untraceable("a factor is a function of Python") from error
+    return found
 
 
 def bends(factor: Factor | None) -> bool:
@@ -89,7 +114,7 @@ def _argument(at: Configuration, factor: Factor) -> Values:
     assert factor.point is not None
     k = at.model.index[factor.point[0]]
     local = at.model.points[k][factor.point[1]]
-    z = np.asarray(at.of_point(k, local, 0 if factor.of in ("x", "y") else 1))
+    z = at.of_point(k, local, 0 if factor.of in ("x", "y") else 1)
     return np.abs(z) if factor.of == "speed" else z.real if factor.of in ("x", "vx") else z.imag
 
 

@@ -295,6 +295,16 @@ class Table:
         value = np.asarray(self._spline(inside, derivative))  # type: ignore[operator]
         return value if derivative == 0 else np.where(x == inside, value, 0.0)
 
+    def pieces(self) -> tuple[Real, Real]:
+        """Borders (n + 1,) and coefficients (n, 4) of its polynomials of what is beyond the lower border, highest power first."""
+        from scipy.interpolate import PPoly
+
+        spline: Any = PPoly.from_spline(self._spline) if self.straight else self._spline
+        used = np.diff(spline.x) > 0.0  # of a straight one the end knots come twice
+        coefficients = np.zeros((int(used.sum()), 4))
+        coefficients[:, 4 - len(spline.c) :] = spline.c.T[used]
+        return np.unique(spline.x), coefficients
+
     def part(self, x: ArrayLike) -> NDArray[np.int64]:
         """Between which of its ``knots`` the table is at arguments (...): a whole number."""
         x = np.asarray(x, float)

@@ -15,13 +15,31 @@ from mechcore.compiled.toolchain import compiler
 from mechcore.dynamics.equations.chart import Chart
 from mechcore.dynamics.equations.program import compiled_program, missing_in_c
 from mechcore.dynamics.simulate import simulate
-from mechcore.laws.timed import Oscillation
+from mechcore.laws.timed import Free, Oscillation, Table
 from mechcore.motion.solve import compile_mechanism
+from mechcore.spec.loads import Polynomial
 from mechcore.spec.mechanism import Drive, Mechanism
 
 pytestmark = pytest.mark.skipif(compiler() is None, reason="no C compiler")
 
-RANDOM = (("four-bar", 2), ("slider-crank", 1), ("inverted slider-crank", 3), ("several drives", 1), ("gear", 2))
+FACTORS = {
+    "straight": sp.Factor(function=Table((-0.3, 0.1, 0.4, 0.9), (1.0, -2.0, 0.5, 3.0), smooth=False)),
+    "smooth, periodic": sp.Factor(function=Table((0.0, 0.3, 0.5), (1.0, -2.0, 0.5), period=0.7)),
+    "spline of a place": sp.Factor(
+        function=Table((-1.0, 0.0, 1.0, 2.0), (0.0, 1.0, 0.5, 2.0), smooth="spline"), of="x", point=("rod", "P")
+    ),
+    "of the time": sp.Factor(function=Table((0.0, 0.3, 1.0), (1.0, 2.0, -1.0)), of="time"),
+    "polynomial": sp.Factor(function=Polynomial((0.5, 0.1, -0.2), per=2.0), of="velocity"),
+    "of Python": sp.Factor(function=lambda w: np.where(w > 2.1, np.tanh(w), 0.3 * w), of="velocity"),
+}
+RANDOM = (
+    ("four-bar", 2),
+    ("slider-crank", 7),
+    ("inverted slider-crank", 3),
+    ("several drives", 1),
+    ("belt", 0),
+    ("pin in slot", 5),
+)
 
 
 def damped() -> Mechanism:
@@ -40,6 +58,28 @@ def driven() -> Mechanism:
     return replace(m, drives=(prescribed, m.drives[1]), loads=(*m.loads, spring))
 
 
+def slider_crank_of(crank: float, rod: float) -> Mechanism:
+    return sp.Mechanism(
+        name="slider-crank",
+        frame="frame",
+        links=(
+            sp.Link(name="frame", points={"O": (0.0, 0.0)}),
+            sp.Link(name="crank", points={"O": (0.0, 0.0), "A": (crank, 0.0)}, mass=1.0, centre=(0.02, 0.01), inertia=0.01),
+            sp.Link(name="rod", points={"A": (0.0, 0.0), "P": (rod, 0.0)}, mass=0.5, centre=(0.2, 0.0), inertia=0.005),
+            sp.Link(name="piston", points={"P": (0.0, 0.0)}, mass=0.7),
+        ),
+        joints=(
+            sp.Revolute(name="O", links=("frame", "crank"), points=("O", "O")),
+            sp.Revolute(name="A", links=("crank", "rod"), points=("A", "A")),
+            sp.Revolute(name="P", links=("rod", "piston"), points=("P", "P")),
+            sp.Prismatic(name="S", links=("frame", "piston"), points=("O", "P")),
+        ),
+        drives=(Drive(joint="O", law=Free(0.2, 3.0)),),
+        effects=("inertia", "gravity"),
+        modes={"S": "ahead"},
+    )
+
+
 @pytest.mark.parametrize(("made", "duration"), [(damped, 0.02), (pendulum, 1.0), (swinging_five_bar, 0.5), (driven, 0.5)])
 def test_motions_are_the_same(made, duration: float) -> None:
     compiled = compile_mechanism(made())
@@ -55,8 +95,7 @@ def test_motions_are_the_same(made, duration: float) -> None:
 @pytest.mark.parametrize(("kind", "seed"), RANDOM)
 def test_accelerations_are_the_same(kind: str, seed: int) -> None:
     found = draw(kind, seed, forces=True).mechanism
-    loads = tuple(x for x in found.loads if getattr(x, "factor", None) is None and not isinstance(x, sp.GasSpring | sp.GasPressure))
-    compiled = compile_mechanism(replace(found, loads=loads))
+    compiled = compile_mechanism(found)
     program = compiled_program(compiled)
     assert program is not None, missing_in_c(compiled)
     start = np.array([[float(d.law(0.0)[k]) for d in found.drives] for k in (0, 1)])
@@ -64,6 +103,19 @@ def test_accelerations_are_the_same(kind: str, seed: int) -> None:
     q, v, t = start[0] + 0.02 * steps, start[1] * (1.0 + steps), 0.01 * steps[:, 0]
     expected = Chart(compiled)(q, v, t)
     assert np.abs(program(q, v, t) - expected).max() < 1e-11 * np.abs(expected).max()
+
+
+@pytest.mark.parametrize("name", FACTORS)
+def test_factors_are_the_same(name: str) -> None:
+    """Within their borders and beyond, at both sides of every bend."""
+    load = sp.Torque(name="load", link="crank", moment=2.0, factor=FACTORS[name])
+    compiled = compile_mechanism(replace(slider_crank_of(0.1, 0.4), loads=(load,)))
+    program = compiled_program(compiled)
+    assert program is not None, missing_in_c(compiled)
+    q = np.linspace(-2.0, 4.0, 241)[:, None]
+    v, t = np.linspace(1.0, 4.0, 241)[:, None], np.linspace(-0.1, 1.4, 241)
+    expected = Chart(compiled)(q, v, t)
+    assert np.abs(program(q, v, t) - expected).max() < 1e-12 * np.abs(expected).max()
 
 
 def test_a_stiff_motion_takes_the_same_windows() -> None:

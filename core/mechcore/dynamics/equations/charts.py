@@ -21,8 +21,7 @@ from mechcore.branches.unwrapped import UnwrappedAngles, raw_angles
 from mechcore.constants import TURN
 from mechcore.dynamics.equations.chart import Chart
 from mechcore.dynamics.equations.curve import Curve, beside_singular, tabulate, whole_turn
-from mechcore.dynamics.equations.reduced import free_of, motion_at, moving
-from mechcore.effects.base import rate
+from mechcore.dynamics.equations.reduced import free_of, motion_at, moving, rates_of_joints
 from mechcore.effects.masses import kinetic_energy
 from mechcore.effects.registry import effects_of, potential
 from mechcore.errors import Fault, MechanismError
@@ -30,7 +29,7 @@ from mechcore.laws.timed import Free
 from mechcore.motion.compiled import Compiled, reached
 from mechcore.motion.motion import Motion
 from mechcore.motion.solve import compile_mechanism
-from mechcore.spec.mechanism import Drive, Mechanism, Planar, Prismatic, Revolute, coordinates_of
+from mechcore.spec.mechanism import Drive, Mechanism
 from mechcore.texts import as_coordinate
 
 STRAINED = 6.0  # rate of some joint per unit rate of the leading coordinates, from which on others take over
@@ -62,15 +61,8 @@ def strain(compiled: Compiled, q: Real, v: Real, t: float) -> float:
 def _chart_rates(compiled: Compiled, q: Real, v: Real, t: float) -> tuple[Motion, list[str], Real]:
     """The motion at an instant, joints that could lead, and their rates per unit rate of each free coordinate (p, f)."""
     motion, units = moving(compiled, q[None], v[None], np.array([t]))
-    mechanism, model = compiled.mechanism, compiled.model
-    led = {d.joint for d in mechanism.drives if not isinstance(d.law, Free)}
-    movable = [p for p in mechanism.joints if isinstance(p, Revolute | Prismatic | Planar)]
-    names = [name for p in movable for name in coordinates_of(p) if name not in led]
-    names = [name for name in names if model.joints[model.joint_index[name]].freedoms]
-    size = {name: model.coordinate_scale(name) for name in names}
-    free = [mechanism.drives[i].joint for i in free_of(compiled)]
-    rows = [[float(np.ravel(rate(u, name))[0]) * size[f] / size[name] for u, f in zip(units, free, strict=True)] for name in names]
-    return motion, names, np.array(rows)
+    names, rows = rates_of_joints(compiled, units)
+    return motion, names, np.array([[float(np.ravel(x)[0]) for x in row] for row in rows])
 
 
 def take_over(compiled: Compiled, q: Real, v: Real, t: float, known: Sequence[Compiled]) -> tuple[Compiled, Real, Real] | None:

@@ -10,7 +10,7 @@ from mechcore.arrays import Real
 from mechcore.compiled.collocation import Batch, CollocationRule, CompiledEquations, WrittenEquations
 from mechcore.compiled.symbols import Untraceable
 from mechcore.compiled.toolchain import compiler
-from mechcore.dynamics.equations.reduced import ReducedEquations, coordinate_scales, motion_at
+from mechcore.dynamics.equations.reduced import coordinate_scales, motion_at
 from mechcore.dynamics.equations.written import written_equations
 from mechcore.errors import MechanismError
 from mechcore.kinematics.model import Model
@@ -25,19 +25,20 @@ class Program:
         self.compiled, self.followed = compiled, followed
         self._laws = [d.law for d in compiled.mechanism.drives if not isinstance(d.law, Free)]
         self._equations = CompiledEquations(written, np.array(compiled.assembly.modes, float), coordinate_scales(compiled))
-        self.alone = not self._laws  # no values of drives are needed
+        self._of_time = written.of_time
+        self.alone = not self._equations.given  # no values of drives or other functions of the time are needed
 
     def __call__(self, q: Real, v: Real, t: Real) -> Real:
         """Accelerations (n, f); where angles are followed, of states in order of time that are near each other."""
         return self._equations.accelerations(q, v, t, self._drives(t), self.near(q[:1], v[:1], t[:1]))
 
-    def reduced(self, q: Real, v: Real, t: Real) -> ReducedEquations:
-        """The reduced equations, the bias being part of the force."""
-        inertia, force = self._equations.rows(q, v, t, self._drives(t), self.near(q[:1], v[:1], t[:1]))
-        return ReducedEquations(inertia, np.zeros_like(force), force)
+    def strain(self, q: Real, v: Real, t: Real) -> float:
+        """Largest rate of a joint per unit rate of a free coordinate at one state, see `charts.strain`."""
+        return self._equations.strain(q, v, float(t[0]), self._drives(t), self.near(q, v, t))
 
     def _drives(self, t: Real) -> Real:
-        return np.stack([x for law in self._laws for x in law(t)], axis=1) if self._laws else np.zeros((len(t), 0))
+        values = [x for law in self._laws for x in law(t)] + [function(t) for function in self._of_time]
+        return np.column_stack([np.zeros((len(t), 0)), *(np.broadcast_to(x, t.shape) for x in values)])
 
     def near(self, q: Real, v: Real, t: Real) -> Real:
         """The angles (a,) that the program follows, at one state."""

@@ -15,13 +15,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from mechcore.arrays import Flags, Real, Values
-from mechcore.effects.base import Effect, power_of
+from mechcore.effects.base import Effect, power_of, rate
 from mechcore.effects.registry import applied_effects, effects_of
 from mechcore.kinematics.state import Patch
 from mechcore.laws.timed import Free
 from mechcore.motion.compiled import Compiled
 from mechcore.motion.motion import Motion
 from mechcore.motion.solve import solve_motion
+from mechcore.spec.mechanism import Planar, Prismatic, Revolute, coordinates_of
 
 STEP = 1e-7  # of a finite difference; slopes only steer Newton's method
 
@@ -193,6 +194,19 @@ def reduced_equations(motion: Motion, units: Sequence[Motion]) -> ReducedEquatio
         for j in range(i + 1):
             inertia[:, i, j] = inertia[:, j, i] = terms[0][i][j]
     return ReducedEquations(inertia, bias, force)
+
+
+def rates_of_joints(compiled: Compiled, units: Sequence[Motion]) -> tuple[list[str], list[list[Values]]]:
+    """Joints that could lead, and their rates per unit rate of each free coordinate, relative to the sizes of both; ``units``: the
+    tangents."""
+    mechanism, model = compiled.mechanism, compiled.model
+    led = {d.joint for d in mechanism.drives if not isinstance(d.law, Free)}
+    movable = [p for p in mechanism.joints if isinstance(p, Revolute | Prismatic | Planar)]
+    names = [name for p in movable for name in coordinates_of(p) if name not in led]
+    names = [name for name in names if model.joints[model.joint_index[name]].freedoms]
+    scales = [model.coordinate_scale(mechanism.drives[i].joint) for i in free_of(compiled)]
+    rows = [[rate(u, k) * (f / model.coordinate_scale(k)) for u, f in zip(units, scales, strict=True)] for k in names]
+    return names, rows
 
 
 def reduced_terms(motion: Motion, units: Sequence[Motion]) -> tuple[list[list[Values]], list[Values], list[Values]]:

@@ -13,9 +13,8 @@ from mechcore.branches.unwrapped import LinkAngles, StartPose
 from mechcore.compiled.collocation import WrittenEquations
 from mechcore.compiled.steps import check_traceable, followed_angle, place_all
 from mechcore.compiled.symbols import Code, Symbol, Untraceable, rotation
-from mechcore.dynamics.equations.reduced import free_of, integrating, reduced_terms
+from mechcore.dynamics.equations.reduced import free_of, integrating, rates_of_joints, reduced_terms
 from mechcore.dynamics.integration.windows import MARGIN
-from mechcore.effects.registry import effects_of
 from mechcore.kinematics.columns import all_columns, all_vectors
 from mechcore.kinematics.model import Model
 from mechcore.kinematics.rates import accelerations, velocities
@@ -35,9 +34,6 @@ def written_equations(compiled: Compiled) -> tuple[WrittenEquations, tuple[int, 
         raise Untraceable("assembly modes meet at change points")
     if integrating(compiled):
         raise Untraceable("a servo integrates its error")
-    for effect in effects_of(compiled.mechanism):
-        if effect.limited:
-            raise Untraceable(f"the law of load {effect.name} ends somewhere")
     writer = _Writer(compiled)
     return writer.equations(), tuple(writer.followed)
 
@@ -65,6 +61,7 @@ class _Writer:
         units = [self._motion(state, angles, [(q, 1.0 * (d == i), 0.0) for d, (q, _, _) in enumerate(drives)]) for i in free]
         try:
             inertia, bias, force = reduced_terms(moving, units)
+            _, rates = rates_of_joints(self.compiled, units)
         except Untraceable:
             raise
         except (TypeError, AttributeError, ValueError, IndexError, KeyError) as error:  # what code for arrays says of symbols
@@ -72,7 +69,8 @@ class _Writer:
         outputs = [self._operand(inertia[i][j]) for i in range(len(free)) for j in range(i + 1)]
         outputs += [self._operand(q - h) for q, h in zip(force, bias, strict=True)]
         near = [self._operand(state.angle[g]) for g in self.followed]
-        return WrittenEquations(code, outputs, near, len(free), 3 * (len(drives) - len(free)), MARGIN)
+        ratios = [self._operand(x) for row in rates for x in row]
+        return WrittenEquations(code, (outputs, near, ratios), len(free), 3 * (len(drives) - len(free)), MARGIN)
 
     def _operand(self, value: Any) -> Any:
         return value.re if isinstance(value, Symbol) else float(value)
