@@ -95,7 +95,7 @@ def moved(motion: Motion, found: str, checks: Iterable[Check], forces: Forces | 
     every = [*checks, Check("loops close", residual, 1e-12)]
     if forces is not None:
         every.append(Check("power balance", float(np.max(np.abs(forces.power_balance))), 1e-9))
-    count = len(motion.changes)
+    count = len(motion.singular_points)
     said = ([f"{count} change or dead point{'s' if count > 1 else ''}"] if count else []) + list(events)
     condition = float(np.max(motion.condition))
     return Outcome(found, tuple(every), residual, condition, tuple(said))

@@ -112,7 +112,7 @@ def _scaled(scale: float, shift: float, bound: float) -> Outcome:
     checks = [
         compare("speed of the rocker", motion.velocity("rocker")[:, 2], base.velocity("rocker")[:, 2], bound),
         compare("way of D", d / scale, base.point("coupler", "D"), bound),
-        judged("four changes", len(motion.changes) == 4),
+        judged("four changes", len(motion.singular_points) == 4),
     ]
     return moved(motion, f"as at its own scale, to {max(c.error for c in checks):.1e}", checks)
 

@@ -25,7 +25,9 @@ def _branch(mode: str) -> Outcome:
     got = motion.velocity("rocker")[:, 2]
     found = f"rocker turns {got.min():.4g} to {got.max():.4g} times as fast as the crank"
     return moved(
-        motion, found, [compare("speed of the rocker", got, want, 1e-10), judged("2000 changes", len(motion.changes) == 2000)]
+        motion,
+        found,
+        [compare("speed of the rocker", got, want, 1e-10), judged("2000 changes", len(motion.singular_points) == 2000)],
     )
 
 
@@ -63,7 +65,7 @@ def _dead_points() -> Outcome:
         compare("three strokes are three turns", abs(angle[-1] - angle[0]), 3 * TURN, 1e-10),
         judged("always on in one direction", np.diff(angle) * np.sign(angle[-1] - angle[0]) > 0),
         compare("piston", motion.coordinate("S")[:, 0], s, 1e-12),
-        judged("six dead points", [c.dead for c in motion.changes] == [True] * 6),
+        judged("six dead points", [c.dead for c in motion.singular_points] == [True] * 6),
     ]
     return moved(motion, f"the crank turns {abs(angle[-1] - angle[0]) / TURN:.12g} times", checks)
 
@@ -169,7 +171,7 @@ def _double_rocker() -> Outcome:
     limit = float(np.arccos((0.3**2 + 0.22**2 - (0.16 + 0.21) ** 2) / (2 * 0.3 * 0.22)))
     m = replace(four_bar(0.3, 0.22, 0.16, 0.21), drives=(Drive(joint="A", law=Oscillation(0.0, limit, 0.25)),))
     motion = solve_motion(compile_mechanism(m), np.linspace(0.0, 8.0, 1601))
-    times = [c.time for c in motion.changes]
+    times = [c.time for c in motion.singular_points]
     checks = [
         compare("dead points at 1, 3, 5, 7 s", times if len(times) == 4 else [np.nan] * 4, [1.0, 3.0, 5.0, 7.0], 1e-6),
         judged("the rocker swings on", np.abs(motion.velocity("rocker")[180:220, 2]).min() > 0.5),

@@ -46,7 +46,11 @@ def _not_written(compiled: Compiled) -> str | None:
     program = compiled.model.once(written)
     if isinstance(program, str):
         return program
-    return "frames near change points are interpolated" if compiled.changes is not None and compiled.changes.found else None
+    return (
+        "frames near change points are interpolated"
+        if compiled.singular_points is not None and compiled.singular_points.found
+        else None
+    )
 
 
 def _of_motion(compiled: Compiled, executor: Executor, frames: int) -> str:

@@ -103,11 +103,9 @@ def check_lines(scene: Scene, *, equations: bool = False, modes: bool = False) -
         f"largest condition number {np.max(motion.condition):.3g}"
     )
     lines += _grashof(compiled, scene.units)
-    if motion.changes:
-        count = len(motion.changes)
-        lines.append(
-            f"passes     {count} change or dead point{'s' if count != 1 else ''}, the first at {motion.changes[0].time:.6g} s"
-        )
+    if motion.singular_points:
+        count, first = len(motion.singular_points), motion.singular_points[0].time
+        lines.append(f"passes     {count} change or dead point{'s' if count != 1 else ''}, the first at {first:.6g} s")
     decided = [cam.joint for cam in scene.simulation.separable_cams] if scene.simulation is not None else []
     loaded = bool(scene.mechanism.effects or scene.mechanism.loads)
     forces = solve_forces(motion) if loaded and not free else None

@@ -20,7 +20,7 @@ from mechcore.arrays import Flags, Index, Real
 from mechcore.branches.assembly import Assembly, starts_of
 from mechcore.branches.continuation import REGULAR, Branch, ContinuationPath, continuation_path
 from mechcore.branches.modes import TWO_MODES
-from mechcore.branches.singular_points import Change, Changes, flat_instants, locate, needs_span, rounding_of
+from mechcore.branches.singular_points import SingularPoint, SingularPoints, flat_instants, locate, needs_span, rounding_of
 from mechcore.constants import TURN
 from mechcore.kinematics.columns import all_vectors, columns, matrix_of
 from mechcore.kinematics.model import Model
@@ -54,7 +54,7 @@ class BranchPath:
     ``branch``: with those groups marked that are continued. ``start``: the parameter there. ``asked``: the range to be covered;
     ``edge``: to what its ends are known. ``by_time``: the parameter is time. ``period``: after so much of the parameter the groups
     repeat, angles but for whole turns; None where the path covers all. ``gaps``: ranges of the parameter in which a group (by
-    number, -1 where the path ended) cannot be put together. ``changes``: singular points that the motion goes through.
+    number, -1 where the path ended) cannot be put together. ``singular_points``: singular points that the motion goes through.
     """
 
     branch: Branch
@@ -65,7 +65,7 @@ class BranchPath:
     by_time: bool = False
     period: float | None = None
     gaps: tuple[tuple[float, float, int], ...] = ()
-    changes: Changes | None = None
+    singular_points: SingularPoints | None = None
 
     @property
     def model(self) -> Model:
@@ -178,12 +178,12 @@ def _repeating(until: Callable[[float], BranchPath], cycles: Sequence[int], cycl
             return None
         if not largest_change(path.model, path.placed(np.array([path.start, end]))) < SAME:
             continue
-        changes = path.changes
-        if changes is not None:
+        singular_points = path.singular_points
+        if singular_points is not None:
             tiny = 1e-9 * period
-            kept = tuple(c for c in changes.found if -tiny <= c.time < period - tiny)
-            changes = replace(changes, period=period, found=kept)
-        return replace(path, period=period, changes=changes)
+            kept = tuple(c for c in singular_points.found if -tiny <= c.time < period - tiny)
+            singular_points = replace(singular_points, period=period, found=kept)
+        return replace(path, period=period, singular_points=singular_points)
     return None
 
 
@@ -220,13 +220,13 @@ def _flat_at_ends(path: BranchPath) -> bool:
 
 def _reaches_dead_points(path: BranchPath) -> bool:
     """Whether a path in time goes through dead points that the drive just reaches: beyond them the loops would not close."""
-    if path.changes is None:
+    if path.singular_points is None:
         return False
-    time = np.array([c.time for c in path.changes.found if c.dead])
+    time = np.array([c.time for c in path.singular_points.found if c.dead])
     if not len(time):
         return False
     model, assembly = path.model, path.branch.assembly
-    patches = make_patches(model, path.changes, assembly.modes, time, (1.0, 0.0), assembly.constants, path.starts)
+    patches = make_patches(model, path.singular_points, assembly.modes, time, (1.0, 0.0), assembly.constants, path.starts)
     state = path.branch.placed(time, path.starts(time), patches)
     sums = (value(loop, state.rot, state.slide) for loop in model.loop_sums)
     return all(np.abs(total).max() <= CLOSED * model.length_scale for total in sums)
@@ -265,13 +265,13 @@ def branch_path(
         gaps.append((low, found.ends[0], -1))
     if found.ends[1] < high - edge:
         gaps.append((found.ends[1], high, -1))
-    passed = [c for p, name in found.passed for c in [_change(path, p, name, sample)] if c is not None]
+    passed = [c for p, name in found.passed for c in [_singular_point(path, p, name, sample)] if c is not None]
     if not passed:
         return replace(path, gaps=tuple(gaps))
     still = tuple(ConstantSpeed(q, 0.0) for q in branch.still)
     laws = branch.laws if by_time else (ConstantSpeed(start, 1.0), *still)
-    changes = Changes(period=1e150, found=tuple(passed), laws=laws, by_drive=not by_time)
-    return replace(path, gaps=tuple(gaps), changes=changes)
+    singular_points = SingularPoints(period=1e150, found=tuple(passed), laws=laws, by_drive=not by_time)
+    return replace(path, gaps=tuple(gaps), singular_points=singular_points)
 
 
 def _flat_start(branch: Branch, start: float, step: float) -> float:
@@ -350,7 +350,7 @@ def _flat_groups(path: BranchPath, sample: float) -> tuple[set[int], list[tuple[
     return flat, gaps
 
 
-def _change(path: BranchPath, p: float, name: str, sample: float) -> Change | None:
+def _singular_point(path: BranchPath, p: float, name: str, sample: float) -> SingularPoint | None:
     """A singular position that a path has passed next to ``p``; None where the motion beside it is not known."""
     number = next(i for i, b in enumerate(path.model.blocks) if b.name == name and b.kind == "general")
     found = locate(path.model, path.model.blocks[number], path.placed, p, sample)
@@ -361,7 +361,7 @@ def _change(path: BranchPath, p: float, name: str, sample: float) -> Change | No
     speed = max(abs(float(law(place)[1])) for law in laws)
     fastest = max(float(np.abs(law(np.linspace(*path.continuation.ends, 101))[1]).max()) for law in laws)
     dead = path.by_time and speed < 1e-3 * fastest
-    return Change(place - (0.0 if path.by_time else path.start), number, name, dead, True, width)
+    return SingularPoint(place - (0.0 if path.by_time else path.start), number, name, dead, True, width)
 
 
 # -- several free drives ----------------------------------------------------------------------------------------------------------

@@ -36,7 +36,7 @@ BLUR = 3e-12  # instead of FLAT where an earlier group's positions come from suc
 
 
 @dataclass(frozen=True)
-class Change:
+class SingularPoint:
     """At ``time`` the modes of block number ``block`` meet. ``dead``: the drive stands still there, at its limit. ``flips``: the
     motion goes through; else it only touches the flat position and turns back."""
 
@@ -58,20 +58,20 @@ class Gap:
 
 
 @dataclass(frozen=True)
-class Changes:
-    """All changes within ``[0, period)``; beyond, they repeat. ``gaps``: where a group cannot be put together.
+class SingularPoints:
+    """All singular points within ``[0, period)``; beyond, they repeat. ``gaps``: where a group cannot be put together.
 
     ``by_drive``: "time" means the way of the only drive from its start [rad], not seconds; ``laws`` lead the drives along it.
     """
 
     period: float
-    found: tuple[Change, ...]
+    found: tuple[SingularPoint, ...]
     laws: tuple[Law, ...]
     by_drive: bool = False
     gaps: tuple[Gap, ...] = ()
 
-    def within(self, start: float, end: float) -> list[Change]:
-        """All changes of a run from ``start`` to ``end`` [s], in order of time."""
+    def within(self, start: float, end: float) -> list[SingularPoint]:
+        """All singular points of a run from ``start`` to ``end`` [s], in order of time."""
         out = []
         for k in range(int(np.floor(start / self.period)), int(np.floor(end / self.period)) + 1):
             for c in self.found:
@@ -112,12 +112,14 @@ class Changes:
         return np.where(np.mod(count, 2) == 0, 1.0, -1.0)
 
 
-def find_changes(model: Model, modes: Sequence[float], starts: Mapping[str, Real], *, span: float | None = None) -> Changes | None:
-    """All changes of a mechanism under its drives' laws; None where there can be none, or where groups are continued.
+def find_singular_points(
+    model: Model, modes: Sequence[float], starts: Mapping[str, Real], *, span: float | None = None
+) -> SingularPoints | None:
+    """All singular points of a mechanism under its drives' laws; None where there can be none, or where groups are continued.
 
     With one rotary drive that can turn fully the configuration alone decides: one turn of the drive is looked at (or as many as the
     mechanism needs to come back). Else the laws decide, over one cycle if that closes. If it does not, ``span`` [s] says how far to
-    look, and without it the answer is None although there may be changes: see `needs_span`.
+    look, and without it the answer is None although there may be some: see `needs_span`.
     """
     drives = model.mechanism.drives
     if not drives or starts or model.relations or not any(b.kind in TWO_MODES for b in model.blocks):
@@ -152,35 +154,37 @@ def needs_span(model: Model) -> bool:
     return False
 
 
-def _until_closed(model: Model, modes: Sequence[float], cycle: float, laws: tuple[Law, ...], *, by_drive: bool) -> Changes | None:
+def _until_closed(
+    model: Model, modes: Sequence[float], cycle: float, laws: tuple[Law, ...], *, by_drive: bool
+) -> SingularPoints | None:
     """Look at one, two or four cycles, until every group has changed its mode an even number of times."""
-    changes = None
+    singular_points = None
     for cycles in (1, 2, 4):
-        changes = _scan(model, modes, cycle, cycles, laws, by_drive=by_drive)
-        if changes is None:
+        singular_points = _scan(model, modes, cycle, cycles, laws, by_drive=by_drive)
+        if singular_points is None:
             return None
-        counts = np.bincount([c.block for c in changes.found if c.flips], minlength=len(model.blocks))
+        counts = np.bincount([c.block for c in singular_points.found if c.flips], minlength=len(model.blocks))
         if not (counts % 2).any():
             break
-    return changes
+    return singular_points
 
 
 def _scan(
     model: Model, modes: Sequence[float], cycle: float, cycles: int, laws: tuple[Law, ...], *, by_drive: bool
-) -> Changes | None:
+) -> SingularPoints | None:
     """Look at cycles of the laws; None where the drive alone decides but cannot turn fully."""
     for finer in FINER:
-        changes, resolved = _sampled(model, modes, cycle, cycles, laws, finer, by_drive=by_drive)
+        singular_points, resolved = _sampled(model, modes, cycle, cycles, laws, finer, by_drive=by_drive)
         if resolved:
             break
-    return changes
+    return singular_points
 
 
 def _sampled(
     model: Model, modes: Sequence[float], cycle: float, cycles: int, laws: tuple[Law, ...], finer: int, *, by_drive: bool
-) -> tuple[Changes | None, bool]:
+) -> tuple[SingularPoints | None, bool]:
     """Sample cycles of the laws block by block. The flag: whether the samples resolve the motion next to every change; without
-    changes, whether more samples would not tell more."""
+    any, whether more samples would not tell more."""
     period = cycles * cycle
     probe = np.linspace(0.0, period, 2001)
     rotary = [model.joints[model.joint_index[d.joint]].coordinate == "angle" for d in model.mechanism.drives]
@@ -193,14 +197,14 @@ def _sampled(
     state = initial_state(model, [v[0] for v in values])
     still = np.max([np.abs(v[1]) for v in values], axis=0)
     speed = float(still.max(initial=0.0))
-    found: list[Change] = []
+    found: list[SingularPoint] = []
     gaps: list[Gap] = []
     resolved, rounding = True, rounding_of(model)
     blurred = np.zeros(len(time), bool)  # samples at which an earlier group's positions are interpolated
     with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
         for i, (block, mode) in enumerate(zip(model.blocks, modes, strict=True)):
             sign: Real | float = 1.0
-            own: list[Change] = []
+            own: list[SingularPoint] = []
             if block.kind in TWO_MODES:
                 instants, missing, sharp = flat_instants(model, block, state, time, blurred, rounding)
                 if sharp and finer < FINER[-1]:
@@ -209,12 +213,12 @@ def _sampled(
                     return None, True
                 gaps += [Gap(a, b, i) for a, b in missing if b > 0.0 and a < period]
                 own = [
-                    Change(t, i, block.name, bool(np.interp(t, time, still) < 20.0 * coarse / cycle * speed), flips)
+                    SingularPoint(t, i, block.name, bool(np.interp(t, time, still) < 20.0 * coarse / cycle * speed), flips)
                     for t, flips in instants
                     if -1e-9 * period <= t < period * (1.0 - 1e-9)
                 ]
                 if own:
-                    sign = Changes(period, tuple(own), laws).signs(i, time)
+                    sign = SingularPoints(period, tuple(own), laws).signs(i, time)
             place(model, block, state, mode * sign)
             for c in own:  # what hangs on this block must not see its ill-conditioned positions
                 c, fine = _smoothed(model, block, state, time, c, period, step, finer, blurred)
@@ -222,12 +226,12 @@ def _sampled(
                 resolved &= fine
             if by_drive and block.angles and not np.isfinite(np.sum(state.rot[model.angles.classes_of[block.angles[0]][0]])):
                 return None, True
-    return Changes(period=period, found=tuple(found), laws=laws, by_drive=by_drive, gaps=tuple(gaps)), resolved
+    return SingularPoints(period=period, found=tuple(found), laws=laws, by_drive=by_drive, gaps=tuple(gaps)), resolved
 
 
 def _smoothed(
-    model: Model, block: Block, state: State, time: Real, c: Change, period: float, step: float, finer: int, blurred: Flags
-) -> tuple[Change, bool]:
+    model: Model, block: Block, state: State, time: Real, c: SingularPoint, period: float, step: float, finer: int, blurred: Flags
+) -> tuple[SingularPoint, bool]:
     """Replace a block's sampled positions next to a change. The change with its step, the largest that resolves the motion."""
     best = np.inf
     width = finer
@@ -352,11 +356,11 @@ def _below(time: Real, h: Real, rounding: float) -> list[tuple[float, float]]:
     return out
 
 
-def passages(changes: Changes, drive: Law, time: Real, q: Real) -> list[Change]:
-    """When a run passes the changes that lie along its only drive: ``time`` (F,) [s], the drive's law and positions (F,)."""
-    start = float(changes.laws[0](0.0)[0])
+def passages(singular_points: SingularPoints, drive: Law, time: Real, q: Real) -> list[SingularPoint]:
+    """When a run passes the singular points along its only drive: ``time`` (F,) [s], the drive's law and positions (F,)."""
+    start = float(singular_points.laws[0](0.0)[0])
     way = q - start
-    along = changes.within(float(np.min(way)), float(np.max(way)))
+    along = singular_points.within(float(np.min(way)), float(np.max(way)))
     place = np.array([c.time + start for c in along])
     behind = np.searchsorted(place, q)  # how many places each frame is beyond
     many = np.abs(np.diff(behind))

@@ -45,7 +45,7 @@ class JoinedMotion(Motion):
         self._parts = tuple(parts)
         self.model = parts[0][1].model if model is None else model
         self.accuracy = parts[0][1].accuracy
-        self.changes = tuple(c for _, m in parts for c in m.changes)
+        self.singular_points = tuple(c for _, m in parts for c in m.singular_points)
         self.again = again
         self._mechanism = mechanism
         self._coordinates = coordinates or {}

@@ -25,7 +25,7 @@ from mechcore.kinematics.state import Patch, State, initial_state, wrapped_angle
 from mechcore.numerics.frames import QUIET
 
 if TYPE_CHECKING:
-    from mechcore.branches.singular_points import Change, Changes
+    from mechcore.branches.singular_points import SingularPoint, SingularPoints
 
 
 NEAR = 4.0  # frames closer than this many steps are interpolated: accelerations lose digits with the third power of closeness
@@ -72,7 +72,7 @@ def tail_of(values: Real) -> float:
 class _Through:
     """A change as the nodes see it: ``own`` are its nodes, ``near`` those (of others) at which its group is ill conditioned."""
 
-    change: Change
+    change: SingularPoint
     own: Index
     near: Index
     away: Real  # of the near ones, in units of the window
@@ -95,7 +95,7 @@ class _Through:
 
 def make_patches(
     model: Model,
-    changes: Changes,
+    singular_points: SingularPoints,
     modes: Sequence[float],
     time: Real,
     scale: Sequence[Values],
@@ -104,22 +104,22 @@ def make_patches(
 ) -> dict[int, list[Patch]]:
     """Interpolations for the frames next to a change, by block. ``scale``: how fast the frames run against the law (1, 0 where
     they follow it): first and second derivative of law time by time. ``starts``: law times -> Newton starts."""
-    asked = [c for c in changes.found if _frames_near(changes, c, time).any()]
+    asked = [c for c in singular_points.found if _frames_near(singular_points, c, time).any()]
     if not asked:
         return {}
-    nodes, needed = _nodes_of(changes, asked)
-    values = [law(nodes) for law in changes.laws]
+    nodes, needed = _nodes_of(singular_points, asked)
+    values = [law(nodes) for law in singular_points.laws]
     near = starts(nodes) if starts is not None else {}
     state = initial_state(model, [v[0] for v in values], constants, near)
     throughs: dict[int, list[_Through]] = {}
     for c in needed:
-        beside = np.flatnonzero(_distance(changes, c, nodes) < NEAR * c.step)
-        away = _signed(changes, c, nodes[beside]) / (c.step * FAR)
+        beside = np.flatnonzero(_distance(singular_points, c, nodes) < NEAR * c.step)
+        away = _signed(singular_points, c, nodes[beside]) / (c.step * FAR)
         own = np.searchsorted(nodes, _nodes(c))
         throughs.setdefault(c.block, []).append(_Through(c, own, beside, away))
     with np.errstate(**QUIET):
         for i, (block, mode) in enumerate(zip(model.blocks, modes, strict=True)):
-            place(model, block, state, mode * changes.signs(i, nodes), near.get(block.name))
+            place(model, block, state, mode * singular_points.signs(i, nodes), near.get(block.name))
             for through in throughs.get(i, ()):
                 given = through.fit(unknowns_of(model, block, state, through.own))
                 apply(model, block, state, Patch(through.near, given, given, given))
@@ -130,8 +130,8 @@ def make_patches(
     patches: dict[int, list[Patch]] = {}
     for c in asked:
         (through,) = (x for x in throughs[c.block] if x.change is c)
-        frames = np.flatnonzero(_frames_near(changes, c, time))
-        basis = chebyshev.chebvander(_signed(changes, c, time[frames]) / (c.step * FAR), DEGREE)
+        frames = np.flatnonzero(_frames_near(singular_points, c, time))
+        basis = chebyshev.chebvander(_signed(singular_points, c, time[frames]) / (c.step * FAR), DEGREE)
         s1, s2 = (np.broadcast_to(s, time.shape)[frames, None] for s in scale)
         with np.errstate(**QUIET):
             value, rate, bend = (basis @ curve for curve in through.curves)
@@ -139,30 +139,32 @@ def make_patches(
     return patches
 
 
-def _nodes(c: Change) -> Real:
+def _nodes(c: SingularPoint) -> Real:
     return c.time + c.step * FAR * NODES
 
 
-def _nodes_of(changes: Changes, asked: Sequence[Change]) -> tuple[Real, list[Change]]:
-    """Nodes of the changes that are asked for, and of those that these nodes come near, and so on."""
+def _nodes_of(singular_points: SingularPoints, asked: Sequence[SingularPoint]) -> tuple[Real, list[SingularPoint]]:
+    """Nodes of the singular points that are asked for, and of those that these nodes come near, and so on."""
     needed = list(asked)
     fresh, nodes = needed, np.zeros(0)
     while fresh:
         nodes = np.unique(np.concatenate([nodes, *(_nodes(c) for c in fresh)]))
         have = {id(c) for c in needed}
-        fresh = [c for c in changes.found if id(c) not in have and (_distance(changes, c, nodes) < NEAR * c.step).any()]
+        fresh = [
+            c for c in singular_points.found if id(c) not in have and (_distance(singular_points, c, nodes) < NEAR * c.step).any()
+        ]
         needed = needed + fresh
     return nodes, needed
 
 
-def _signed(changes: Changes, c: Change, time: Real) -> Real:
+def _signed(singular_points: SingularPoints, c: SingularPoint, time: Real) -> Real:
     away = time - c.time
-    return away - changes.period * np.round(away / changes.period)
+    return away - singular_points.period * np.round(away / singular_points.period)
 
 
-def _distance(changes: Changes, c: Change, time: Real) -> Real:
-    return np.abs(_signed(changes, c, time))
+def _distance(singular_points: SingularPoints, c: SingularPoint, time: Real) -> Real:
+    return np.abs(_signed(singular_points, c, time))
 
 
-def _frames_near(changes: Changes, c: Change, time: Real) -> Flags:
-    return _distance(changes, c, time) < NEAR * c.step
+def _frames_near(singular_points: SingularPoints, c: SingularPoint, time: Real) -> Flags:
+    return _distance(singular_points, c, time) < NEAR * c.step

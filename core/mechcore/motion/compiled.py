@@ -15,7 +15,7 @@ from mechcore.arrays import Flags, Real
 from mechcore.branches.assembly import Assembly
 from mechcore.branches.modes import TWO_MODES
 from mechcore.branches.paths import BranchPath, path_for
-from mechcore.branches.singular_points import Changes, find_changes, needs_span, passages
+from mechcore.branches.singular_points import SingularPoints, find_singular_points, needs_span, passages
 from mechcore.branches.unwrapped import Frames, LinkAngles, UnwrappedAngles
 from mechcore.compiled.motion import Executor, motion_program
 from mechcore.constants import MOST_TURNS, TURN
@@ -37,7 +37,7 @@ class Compiled:
     assembly: Assembly
     start: tuple[float, ...]  # drive positions for which the assembly was made
     angles: UnwrappedAngles  # of its links, as far as they have been asked for
-    changes: Changes | None = None  # where assembly modes meet along the drives' laws
+    singular_points: SingularPoints | None = None  # where assembly modes meet along the drives' laws
     paths: list[BranchPath] = field(default_factory=list)  # that have been followed, for further frames on them
     accuracy: Accuracy = DEFAULT
     executor: Executor = "numpy"  # of the program of steps
@@ -83,12 +83,12 @@ def follow(
 
 
 class Placed(NamedTuple):
-    """A motion, the path that it lies on with the frames' ``parameter`` there, where groups are followed, and the changes known."""
+    """A motion; where groups are followed, their path and the frames' ``parameter`` on it; the singular points that are known."""
 
     motion: Motion
     path: BranchPath | None
     parameter: Real | None
-    changes: Changes | None
+    singular_points: SingularPoints | None
 
 
 def place(compiled: Compiled, time: Real, values: DriveValues, *, given: bool) -> Placed:
@@ -100,7 +100,7 @@ def place(compiled: Compiled, time: Real, values: DriveValues, *, given: bool) -
     starts: Mapping[str, Real] | None = None
     modes: Sequence[Real | float] = compiled.assembly.modes
     patches, passed = None, []
-    changes = compiled.changes
+    singular_points = compiled.singular_points
     still = not given and not model.mechanism.led
     if still:
         starts = {name: np.broadcast_to(x, (len(time), *np.shape(x))) for name, x in compiled.assembly.starts.items()}
@@ -108,21 +108,21 @@ def place(compiled: Compiled, time: Real, values: DriveValues, *, given: bool) -
         starts = compiled.angles.path.starts(model, compiled.assembly, time, np.stack(positions, axis=-1))
     elif compiled.followed and len(time):
         path = _path(compiled, time, positions, given=given)
-        solved, changes = path.model, path.changes
+        solved, singular_points = path.model, path.singular_points
         parameter = time if path.by_time else positions[0]
         starts = path.starts(parameter)
-    elif changes is None and not given and len(time) and needs_span(model):
-        changes = find_changes(model, compiled.assembly.modes, compiled.assembly.starts, span=float(np.max(time)))
-    if changes is not None and changes.found:
-        law_time, scale = _law_time(compiled, changes, time, values, given=given)
+    elif singular_points is None and not given and len(time) and needs_span(model):
+        singular_points = find_singular_points(model, compiled.assembly.modes, compiled.assembly.starts, span=float(np.max(time)))
+    if singular_points is not None and singular_points.found:
+        law_time, scale = _law_time(compiled, singular_points, time, values, given=given)
         if law_time is not None:
-            modes = [m * changes.signs(i, law_time) for i, m in enumerate(modes)]
+            modes = [m * singular_points.signs(i, law_time) for i, m in enumerate(modes)]
             own = None if path is None else partial(_own_starts, path)
-            patches = make_patches(solved, changes, compiled.assembly.modes, law_time, scale, constants, own)
-            if not given and changes.by_drive:
-                passed = passages(changes, model.mechanism.drives[0].law, time, positions[0])
+            patches = make_patches(solved, singular_points, compiled.assembly.modes, law_time, scale, constants, own)
+            if not given and singular_points.by_drive:
+                passed = passages(singular_points, model.mechanism.drives[0].law, time, positions[0])
             elif not given:
-                passed = changes.within(float(np.min(law_time)), float(np.max(law_time)))
+                passed = singular_points.within(float(np.min(law_time)), float(np.max(law_time)))
     program = None if patches or solved is not model else motion_program(model, compiled.executor, len(time))
     if program is None:
         state = place_all(solved, positions, modes, starts, patches, constants, compiled.accuracy.position)
@@ -130,11 +130,11 @@ def place(compiled: Compiled, time: Real, values: DriveValues, *, given: bool) -
         state = program.place_all(positions, modes, starts, constants, len(time))
     led = compiled if compiled.accuracy.differentiation == "exact" else replace(compiled, accuracy=DEFAULT)  # at any times
     again: Callable[[Real], Motion] | None = None if given else lambda t: follow(led, t)
-    in_time = path.by_time if path is not None else len(positions) > 1 or not (changes is None or changes.by_drive)
+    in_time = path.by_time if path is not None else len(positions) > 1 or not (singular_points is None or singular_points.by_drive)
     frames = positions, state, (*model.designs, len(time))
     angles = led.angles.still(frames) if still else _angles(led, frames, time, in_time=not given and in_time)
     motion = Motion(model, time, values, state, angles, patches, passed, again, compiled.accuracy, program)
-    return Placed(motion, path, parameter, changes)
+    return Placed(motion, path, parameter, singular_points)
 
 
 def _angles(compiled: Compiled, frames: Frames, time: Real, *, in_time: bool) -> LinkAngles:
@@ -184,13 +184,13 @@ def _own_starts(path: BranchPath, law_time: Real) -> dict[str, Real]:
 
 
 def _law_time(
-    compiled: Compiled, changes: Changes, time: Real, values: DriveValues, *, given: bool
+    compiled: Compiled, singular_points: SingularPoints, time: Real, values: DriveValues, *, given: bool
 ) -> tuple[Real | None, tuple[Real | float, Real | float]]:
-    """Where the frames are on the path along which changes are known, and its first two derivatives by time.
+    """Where the frames are on the path along which singular points are known, and its first two derivatives by time.
 
     None where the frames' drive positions are given and that path is the laws' time.
     """
-    if changes.by_drive:
+    if singular_points.by_drive:
         q, v, a = values[0]
         return q - compiled.start[0], (v, a)
     return (None, (1.0, 0.0)) if given else (time, (1.0, 0.0))

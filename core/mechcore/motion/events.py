@@ -207,7 +207,7 @@ def _singular(motion: Motion) -> Iterator[Event]:
 
 def _changes(motion: Motion) -> Iterator[Event]:
     """Where assembly modes meet and the motion goes through."""
-    for change in motion.changes:
+    for change in motion.singular_points:
         if change.dead:
             text = f"dead point of the drive: the group at {change.name} goes through its limit"
         else:
@@ -240,7 +240,7 @@ def _ratios(motion: Motion, asked: Sequence[str]) -> Iterator[Event]:
     """Extremes of velocity ratios, and of the mechanical advantage, which is the reciprocal of those at the frame."""
     first = motion.mechanism.drives[0].joint
     at_frame = {c.name for c in motion.model.connections if motion.mechanism.frame in c.links and c.name != first}
-    dead = np.array([c.time for c in motion.changes if c.dead])
+    dead = np.array([c.time for c in motion.singular_points if c.dead])
     step = float(np.max(np.diff(motion.time), initial=0.0))
     for joint, ratio in velocity_ratios(motion).items():
         finite = ratio[np.isfinite(ratio)]

@@ -11,7 +11,7 @@ import numpy as np
 
 from mechcore.accuracy import DEFAULT, Accuracy
 from mechcore.arrays import Index, Plane, Real, Values
-from mechcore.branches.singular_points import Change
+from mechcore.branches.singular_points import SingularPoint
 from mechcore.branches.unwrapped import LinkAngles
 from mechcore.compiled.motion import MotionProgram
 from mechcore.kinematics.columns import Columns, Vectors, all_columns, all_vectors, condition
@@ -43,7 +43,7 @@ class Motion:
         state: State,
         angles: LinkAngles,
         patches: Mapping[int, Sequence[Patch]] | None = None,
-        changes: Sequence[Change] = (),
+        singular_points: Sequence[SingularPoint] = (),
         again: Callable[[Real], Motion] | None = None,
         accuracy: Accuracy = DEFAULT,
         program: MotionProgram | None = None,
@@ -58,7 +58,7 @@ class Motion:
         self.again = again  # the same motion at other times, where laws lead it
         self.accuracy = accuracy
         self._program = program  # compiled, in place of numpy
-        self.changes = tuple(changes)  # change points and dead points that the run passes
+        self.singular_points = tuple(singular_points)  # change points and dead points that the run passes
         # worked out once when first needed
         self._arms: dict[tuple[int, int, int], Plane] = {}
         self._slid: dict[tuple[int, int], Plane] = {}

@@ -15,7 +15,7 @@ from mechcore.arrays import Flags, Real
 from mechcore.branches.assembly import Assembly, assemble, fitting_statements
 from mechcore.branches.modes import at_sketch, other_modes, sketched_drives
 from mechcore.branches.paths import BranchPath, Waypoint, travel_of
-from mechcore.branches.singular_points import MISS, Changes, find_changes
+from mechcore.branches.singular_points import MISS, SingularPoints, find_singular_points
 from mechcore.branches.unwrapped import UnwrappedAngles, raw_angles, start_pose
 from mechcore.compiled.motion import Executor
 from mechcore.compiled.toolchain import required_compiler
@@ -59,12 +59,12 @@ def compile_mechanism(mechanism: Mechanism, accuracy: Accuracy = DEFAULT, execut
         )
     start = tuple(float(d.law(0.0)[0]) for d in mechanism.drives)
     assembly = _assembled(model, start, accuracy)
-    changes = find_changes(model, assembly.modes, assembly.starts)
+    singular_points = find_singular_points(model, assembly.modes, assembly.starts)
     class_angles = raw_angles(model, start, assembly.state, ())
     angles = UnwrappedAngles(
         model, start_pose(model, class_angles), Waypoint(-np.inf, np.array(start), class_angles, assembly.starts)
     )
-    return Compiled(model, assembly, start, angles, changes, accuracy=accuracy, executor=executor)
+    return Compiled(model, assembly, start, angles, singular_points, accuracy=accuracy, executor=executor)
 
 
 def _assembled(model: Model, start: tuple[float, ...], accuracy: Accuracy) -> Assembly:
@@ -128,15 +128,15 @@ def solve_motion(
     values = drive_values(model.mechanism, time, drives)
     if not given and len(time):
         _check_way(compiled, [v[0] for v in values])
-    motion, path, parameter, changes = place(compiled, time, values, given=given)
+    motion, path, parameter, singular_points = place(compiled, time, values, given=given)
     if motion.patches or not _all_placed(model, motion):
         faults = _faults(compiled, motion, path, parameter, time)
         if faults:
             raise MechanismError(faults)
     if path is not None and parameter is not None and path.gaps and not given and len(time):
         _check_gaps_on(compiled, path, time, parameter)
-    if not given and changes is not None and changes.gaps:
-        _check_gaps(compiled, changes, time)
+    if not given and singular_points is not None and singular_points.gaps:
+        _check_gaps(compiled, singular_points, time)
     if len(time) and model.mechanism.ends:
         out = [_out_of_slot(compiled, motion, escape) for escape in escapes(motion)]
         if out:
@@ -178,9 +178,9 @@ def _check_way(compiled: Compiled, positions: Sequence[Real]) -> None:
             raise MechanismError(Fault(f"joints.{drive.joint}.drive", why, "Run fewer cycles, or give it a shorter travel."))
 
 
-def _check_gaps(compiled: Compiled, changes: Changes, time: Real) -> None:
+def _check_gaps(compiled: Compiled, singular_points: SingularPoints, time: Real) -> None:
     """No stretch between the frames, however short, may be one that cannot be assembled."""
-    for gap in changes.gaps_within(float(np.min(time)), float(np.max(time))):
+    for gap in singular_points.gaps_within(float(np.min(time)), float(np.max(time))):
         motion = follow(compiled, np.linspace(gap.start, gap.end, 101))
         faults = _faults(compiled, motion, None, None, time)
         if faults:

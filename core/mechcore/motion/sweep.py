@@ -43,7 +43,7 @@ def sweep(
     points depend on a design's own path and are refused.
     """
     model = compiled.model
-    if compiled.assembly.starts or model.relations or (compiled.changes is not None and compiled.changes.found):
+    if compiled.assembly.starts or model.relations or (compiled.singular_points is not None and compiled.singular_points.found):
         raise MechanismError(
             Fault(
                 "sweep",

@@ -56,9 +56,9 @@ def test_both_branches_for_a_thousand_turns(mode, ratio):
     motion = solve_motion(compile_mechanism(parallelogram(mode)), t)
     np.testing.assert_allclose(motion.velocity("rocker")[:, 2], ratio(t + 0.5), atol=1e-10)
     assert motion.closure.max() < 1e-12 * motion.model.length_scale
-    assert len(motion.changes) == 2000
-    assert not any(c.dead for c in motion.changes)
-    np.testing.assert_allclose([c.time for c in motion.changes], np.arange(1, 2001) * np.pi - 0.5, atol=1e-9)
+    assert len(motion.singular_points) == 2000
+    assert not any(c.dead for c in motion.singular_points)
+    np.testing.assert_allclose([c.time for c in motion.singular_points], np.arange(1, 2001) * np.pi - 0.5, atol=1e-9)
 
 
 def test_kite_goes_through_where_its_pins_coincide():
@@ -77,7 +77,7 @@ def test_no_change_where_there_is_a_margin():
         # frame + crank = coupler + rocker - margin: never flat on the far side; rocker and coupler of different length
         m = four_bar(E=(3.0, 0.0), AB=1.0, BD=2.5, DE=1.5 + margin, start=0.3)
         compiled = compile_mechanism(m)
-        assert not compiled.changes.found, margin
+        assert not compiled.singular_points.found, margin
         motion = solve_motion(compiled, np.linspace(0.0, TURN, 73) - 0.3)
         side = np.imag(np.conj(motion.of_point(2, 2.5 + 0j) - motion.of_point(2, 0j)) * (3.0 - motion.of_point(2, 0j)))
         assert (side < 0).all(), "D stays on the left of B -> E"
@@ -116,7 +116,7 @@ def test_piston_drives_the_crank_through_its_dead_points(speed):
     assert abs(abs(angle[-1] - angle[0]) - 3 * TURN) < 1e-9, "three strokes to and fro are three turns"
     assert (np.diff(angle) * np.sign(angle[-1] - angle[0]) > 0).all(), "always on in the same direction"
     assert motion.closure.max() < 1e-12
-    assert [c.dead for c in motion.changes] == [True] * 6
+    assert [c.dead for c in motion.singular_points] == [True] * 6
     s = np.cos(angle) + np.sqrt(9.0 - np.sin(angle) ** 2)
     np.testing.assert_allclose(motion.coordinate("S")[:, 0], s, atol=1e-12)
 
@@ -149,8 +149,8 @@ def test_double_rocker_goes_through_its_limits():
     driven = replace(m, drives=(Drive(joint="A", law=Oscillation(0.0, limit, 0.25)),))
     motion = solve_motion(compile_mechanism(driven), np.linspace(0.0, 8.0, 1601))
     assert motion.closure.max() < 1e-12
-    assert [c.dead for c in motion.changes] == [True] * 4
-    np.testing.assert_allclose([c.time for c in motion.changes], [1.0, 3.0, 5.0, 7.0], atol=1e-6)
+    assert [c.dead for c in motion.singular_points] == [True] * 4
+    np.testing.assert_allclose([c.time for c in motion.singular_points], [1.0, 3.0, 5.0, 7.0], atol=1e-6)
     speed = motion.velocity("rocker")[:, 2]
     assert np.abs(speed[180:220]).min() > 0.5, "the driven rocker swings on while the drive turns back"
     acceleration = motion.acceleration("rocker")[:, 2]
@@ -185,7 +185,7 @@ def test_chain_of_parallelograms_through_its_singular_position(n, frames):
     motion = solve_motion(compile_mechanism(chain(n)), np.linspace(0.0, TURN, frames))
     assert {b.kind for b in motion.model.blocks} == {"theta_theta"} and len(motion.model.blocks) == n
     assert motion.closure.max() < 1e-12
-    assert len(motion.changes) == 2 * n
+    assert len(motion.singular_points) == 2 * n
     np.testing.assert_allclose(motion.velocity(f"v{n}")[:, 2], 1.0, atol=1e-10)
     np.testing.assert_allclose(motion.velocity(f"h{n - 1}")[:, 2], 0.0, atol=1e-10)
     np.testing.assert_allclose(motion.acceleration(f"v{n}")[:, 2], 0.0, atol=1e-8)
@@ -225,7 +225,7 @@ def test_coupled_antiparallelograms(modes, turns, frame):
         np.testing.assert_allclose(np.exp(1j * got), np.exp(1j * angle), atol=1e-11)
         np.testing.assert_allclose(w, speed, atol=1e-9 * np.abs(speed).max())
         np.testing.assert_allclose(a, acceleration, atol=1e-8 * max(1.0, np.abs(acceleration).max()))
-    assert motion.changes
+    assert motion.singular_points
 
 
 def test_ten_thousand_turns_through_change_points_close_as_the_first():
@@ -261,7 +261,7 @@ def test_next_to_a_sliver_all_is_well(margin):
 
     m = misses_by(-margin)
     compiled = compile_mechanism(m)
-    assert not compiled.changes.found and not compiled.changes.gaps
+    assert not compiled.singular_points.found and not compiled.singular_points.gaps
     solve_motion(compiled, default_times(m, 7))
     short = replace(misses_by(margin), drives=(Drive(joint="A", law=Oscillation(1.5, 1.5, 1.0)),))
     motion = solve_motion(compile_mechanism(short), np.linspace(0.0, 1.0, 91))
@@ -290,7 +290,7 @@ def test_kite_on_both_branches_for_a_thousand_turns(mode):
     d = along * np.exp(1j * half)
     np.testing.assert_allclose(motion.point("coupler", "D"), np.stack([d.real, d.imag], axis=-1), atol=1e-9)
     assert motion.closure.max() < 1e-12 * motion.model.length_scale
-    assert len(motion.changes) == 1000
+    assert len(motion.singular_points) == 1000
 
 
 @pytest.mark.parametrize(("scale", "shift"), [(1e-6, 0.0), (1e3, 0.0), (1.0, 1e4), (1e-3, 0.0)])
@@ -304,7 +304,7 @@ def test_change_points_at_every_scale_and_far_from_the_origin(scale, shift, mode
                            for n, (x, y) in k.points.items()}) for k in m.links
     )  # fmt: skip
     motion = solve_motion(compile_mechanism(replace(m, links=links)), t)
-    assert len(motion.changes) == 4
+    assert len(motion.singular_points) == 4
     tolerance = 1e-8 if shift else 1e-11  # 10 km away a micrometre has nine digits left
     np.testing.assert_allclose(motion.velocity("rocker")[:, 2], base.velocity("rocker")[:, 2], atol=tolerance)
     np.testing.assert_allclose(
@@ -316,7 +316,7 @@ def test_a_single_frame_on_a_change_point_whose_nodes_run_over_another_one():
     """The neighbour's change is not near any frame, yet the interpolation must not use its ill-conditioned positions."""
     compiled = compile_mechanism(coupled(("right", "right"), (0.0, 0.1, 0.0), 2.0))
     dense = solve_motion(compiled, np.linspace(0.0, TURN, 1441))
-    for change in dense.changes:
+    for change in dense.singular_points:
         alone = solve_motion(compiled, [change.time])
         around = solve_motion(compiled, change.time + np.linspace(-0.3, 0.3, 241))
         assert alone.closure.max() < 1e-12

@@ -49,8 +49,8 @@ def test_a_wheel_on_a_parallelogram_for_a_thousand_turns(mode, ratio):
     sense = 1.0 if mode == "left" else -1.0
     way = motion.pose("pinion")[:, 2]
     assert way[-1] - way[0] == pytest.approx(-2.0 / 3.0 * sense * 1000 * TURN, rel=1e-9)
-    assert len(motion.changes) == 2000 and not any(c.dead for c in motion.changes)
-    np.testing.assert_allclose([c.time for c in motion.changes], np.arange(1, 2001) * np.pi - 0.5, atol=1e-8)
+    assert len(motion.singular_points) == 2000 and not any(c.dead for c in motion.singular_points)
+    np.testing.assert_allclose([c.time for c in motion.singular_points], np.arange(1, 2001) * np.pi - 0.5, atol=1e-8)
 
 
 @pytest.mark.parametrize(
@@ -70,7 +70,7 @@ def test_followed_groups_that_are_flat_at_one_instant(modes, ahead):
     a = solve_motion(compile_mechanism(plain), t)
     b = solve_motion(compile_mechanism(with_pinion(plain, "c2", (9.0, 0.0))), t)
     assert b.closure.max() < 1e-12
-    assert len(a.changes) == len(b.changes) == 8
+    assert len(a.singular_points) == len(b.singular_points) == 8
     for link in ("c1", "c2", "k1"):
         np.testing.assert_allclose(b.velocity(link), a.velocity(link), atol=1e-10)
         np.testing.assert_allclose(b.acceleration(link), a.acceleration(link), atol=1e-8)
@@ -128,13 +128,13 @@ def test_a_simultaneous_group_through_change_points_on_the_parallel_branch(mode)
     assert [b.kind for b in compiled.model.blocks] == ["general"]
     b = solve_motion(compiled, t)
     assert b.closure.max() < 1e-12
-    assert len(b.changes) == 6, "r1 turns once for every turn of the crank"
+    assert len(b.singular_points) == 6, "r1 turns once for every turn of the crank"
     for link in ("r1", "r2"):
         np.testing.assert_allclose(b.pose(link)[:, 2], a.pose("r")[:, 2], atol=1e-10)
         np.testing.assert_allclose(b.velocity(link)[:, 2], a.velocity("r")[:, 2], atol=1e-10)
         np.testing.assert_allclose(b.acceleration(link)[:, 2], a.acceleration("r")[:, 2], atol=1e-8)
     np.testing.assert_allclose(b.velocity("bar")[:, 2], 0.0, atol=1e-10)
-    exactly = solve_motion(compiled, [c.time for c in b.changes])  # frames on the change points themselves
+    exactly = solve_motion(compiled, [c.time for c in b.singular_points])  # frames on the change points themselves
     np.testing.assert_allclose(exactly.velocity("bar")[:, 2], 0.0, atol=1e-10)
     np.testing.assert_allclose(exactly.acceleration("bar")[:, 2], 0.0, atol=1e-8)
 
@@ -147,7 +147,7 @@ def test_a_simultaneous_group_through_a_change_point_on_the_crossed_branch():
     for word in ("left", "right"):
         modes = {"B": "right" if np.sin(np.pi - 0.35) > 0 else "left", "C": word}
         a = solve_motion(compile_mechanism(replace(by_rocker, modes=modes)), t)
-        assert len(a.changes) == 1 and np.abs(a.velocity("bar")[:, 2]).min() > 0.1, "crossed"
+        assert len(a.singular_points) == 1 and np.abs(a.velocity("bar")[:, 2]).min() > 0.1, "crossed"
         crank = a.coordinate("C0")
         if np.abs(crank[:, 1]).min() < 1e-2:
             continue
@@ -178,7 +178,7 @@ def test_a_followed_group_through_dead_points(mode, phase):
     np.testing.assert_allclose(motion.pose("pinion")[:, 2] - motion.pose("pinion")[0, 2], -(angle - angle[0]) * 2 / 3, atol=1e-9)
     np.testing.assert_allclose(motion.coordinate("S")[:, 0], np.cos(angle) + np.sqrt(9.0 - np.sin(angle) ** 2), atol=1e-12)
     assert motion.closure.max() < 1e-12
-    assert [c.dead for c in motion.changes] == [True] * 6
+    assert [c.dead for c in motion.singular_points] == [True] * 6
     h = 1e-4
     compiled = compile_mechanism(motion.mechanism)
     low, high = (solve_motion(compiled, t + s * h) for s in (-1.0, 1.0))
@@ -196,7 +196,7 @@ def test_beyond_a_dead_point_is_refused_also_between_frames(beyond, frames):
 
 def test_short_of_a_dead_point_the_motion_turns_back():
     motion = solve_motion(compile_mechanism(driven_by_piston(Oscillation(3.0, 1.0 - 1e-3, 1.0))), np.linspace(0.0, 1.0, 361))
-    assert not motion.changes
+    assert not motion.singular_points
     angle = motion.pose("crank")[:, 2]
     assert abs(angle[-1] - angle[0]) < 1e-9 and np.ptp(angle) < np.pi
 

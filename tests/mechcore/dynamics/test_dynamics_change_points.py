@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from energy_integral import Body, Linkage, change_point_way, linkage_way
 
-from mechcore.branches.singular_points import find_changes
+from mechcore.branches.singular_points import find_singular_points
 from mechcore.dynamics.simulate import simulate
 from mechcore.laws.timed import Free
 from mechcore.motion.solve import compile_mechanism, solve_motion
@@ -127,7 +127,7 @@ def test_a_change_point_beside_which_an_arm_is_short_is_found():
     start = float(at.coordinate("B")[0, 0])
     driven = replace(mechanism, drives=(Drive(joint="B", law=Free(start)),), modes={}, sketch=poses)
     compiled = compile_mechanism(driven)
-    changes = find_changes(compiled.model, compiled.assembly.modes, {})
+    changes = find_singular_points(compiled.model, compiled.assembly.modes, {})
     assert changes is not None
     assert {round(np.cos(start + c.time), 9) for c in changes.found} == {-1.0}
 

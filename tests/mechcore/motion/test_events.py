@@ -186,7 +186,7 @@ def test_the_worst_transmission_angle_at_a_change_point():
     motion = move(m, 50)
     worst = next(e for e in find_events(motion) if "worst transmission" in e.text)
     assert worst.level == "WARN" and abs(np.cos(worst.value)) == pytest.approx(1.0, abs=1e-12)
-    assert min(abs(worst.time - c.time) for c in motion.changes) < 1e-7 * motion.time[-1]
+    assert min(abs(worst.time - c.time) for c in motion.singular_points) < 1e-7 * motion.time[-1]
 
 
 def test_the_velocity_ratio_at_a_dead_point_is_named_without_bound():

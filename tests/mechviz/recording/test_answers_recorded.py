@@ -52,7 +52,7 @@ def test_passing_a_change_point_is_an_event(tmp_path):
     write_recording(run, tmp_path / "c.rrd")
     found = [e for e in Recording(tmp_path / "c.rrd").events if "change point" in e.text]
     assert len(found) == 4 and all(e.level == "WARN" for e in found)
-    np.testing.assert_allclose([e.time for e in found], [c.time for c in run.motion.changes], atol=1e-8)
+    np.testing.assert_allclose([e.time for e in found], [c.time for c in run.motion.singular_points], atol=1e-8)
 
 
 def test_indeterminate_joints_are_an_event():

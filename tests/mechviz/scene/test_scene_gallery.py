@@ -263,13 +263,13 @@ def test_excavator_cylinders_carry_what_hangs_on_them():
 def test_parallelogram_and_antiparallelogram_keep_their_branch_through_four_change_points():
     motion = motion_of("parallelogram")
     np.testing.assert_allclose(spin(motion, "rocker"), spin(motion, "crank"), rtol=1e-9)
-    assert len(motion.changes) == 4 and not any(change.dead for change in motion.changes)
+    assert len(motion.singular_points) == 4 and not any(change.dead for change in motion.singular_points)
     motion = motion_of("antiparallelogram")
     crank = motion.pose("crank")[:, 2]
     ratio = (0.06**2 - 0.3**2) / (0.06**2 + 0.3**2 - 2 * 0.06 * 0.3 * np.cos(crank))
     np.testing.assert_allclose(spin(motion, "rocker") / spin(motion, "crank"), ratio, rtol=1e-8)
     assert ratio.min() == pytest.approx(-1.5, rel=1e-3), "half as fast again at times"
-    assert len(motion.changes) == 4
+    assert len(motion.singular_points) == 4
 
 
 def test_kite_needs_two_turns_of_the_crank_for_one_cycle():
@@ -277,7 +277,7 @@ def test_kite_needs_two_turns_of_the_crank_for_one_cycle():
     rocker = motion.pose("rocker")[:, 2]
     assert abs(rocker[360] - rocker[0]) > 1.0
     assert np.abs(np.exp(1j * rocker[-1]) - np.exp(1j * rocker[0])) < 1e-9
-    assert len(motion.changes) == 2
+    assert len(motion.singular_points) == 2
 
 
 def test_piston_turns_the_crank_through_both_dead_points():
@@ -285,7 +285,7 @@ def test_piston_turns_the_crank_through_both_dead_points():
     crank = motion.pose("crank")[:, 2]
     assert abs(crank[-1] - crank[0]) == pytest.approx(4.0 * np.pi, abs=1e-9)
     assert (np.diff(crank) * np.sign(crank[-1] - crank[0]) > 0.0).all()
-    assert [change.dead for change in motion.changes] == [True] * 4
+    assert [change.dead for change in motion.singular_points] == [True] * 4
 
 
 @pytest.mark.parametrize(("name", "joint", "mobility"), [("double-parallelogram", "F", 0), ("two-guides", "T", -1)])
@@ -302,7 +302,7 @@ def test_near_flat_four_bar_keeps_its_mode_and_says_how_near_it_comes():
     b_to_d = motion.point("frame", "D") - motion.point("coupler", "B")
     b_to_c = motion.point("coupler", "C") - motion.point("coupler", "B")
     assert (b_to_d[:, 0] * b_to_c[:, 1] - b_to_d[:, 1] * b_to_c[:, 0]).min() > 0.0, "C stays left of B -> D"
-    assert motion.changes == ()
+    assert motion.singular_points == ()
     assert 500.0 < motion.condition.max() < 2000.0, "about one over the root of the margin"
 
 
@@ -326,7 +326,7 @@ def test_coupled_antiparallelograms_run_up_to_nine_times_as_fast():
     motion = motion_of("coupled-antiparallelograms")
     ratio = spin(motion, "rocker2") / spin(motion, "crank")
     assert ratio.max() == pytest.approx(9.0, rel=1e-3) and ratio.min() == pytest.approx(1.0 / 9.0, rel=1e-3)
-    assert len(motion.changes) == 4 and not any(change.dead for change in motion.changes)
+    assert len(motion.singular_points) == 4 and not any(change.dead for change in motion.singular_points)
 
 
 def test_the_large_group_of_the_six_bar_stays_a_parallelogram_through_its_change_points():
@@ -334,7 +334,7 @@ def test_the_large_group_of_the_six_bar_stays_a_parallelogram_through_its_change
     assert [block.kind for block in motion.model.blocks] == ["general"]
     np.testing.assert_allclose(spin(motion, "bar"), 0.0, atol=1e-9 * np.abs(spin(motion, "r1")).max())
     np.testing.assert_allclose(spin(motion, "r2"), spin(motion, "r1"), rtol=1e-9)
-    assert len(motion.changes) == 4
+    assert len(motion.singular_points) == 4
 
 
 def test_every_loop_of_the_chain_stays_a_parallelogram():
@@ -342,7 +342,7 @@ def test_every_loop_of_the_chain_stays_a_parallelogram():
     speeds = np.array([spin(motion, link.name) for link in motion.mechanism.links if link.name != "frame"])
     fastest = np.abs(speeds).max()
     assert np.minimum(np.abs(speeds), np.abs(np.abs(speeds) - fastest)).max() < 1e-9 * fastest
-    assert len(motion.changes) % 8 == 0 and motion.changes
+    assert len(motion.singular_points) % 8 == 0 and motion.singular_points
 
 
 def test_a_group_of_one_link_is_called_redundant_only_if_it_is():

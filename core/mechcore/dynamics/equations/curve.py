@@ -14,7 +14,7 @@ from functools import cached_property
 import numpy as np
 
 from mechcore.arrays import Index, Real, Values
-from mechcore.branches.singular_points import Changes
+from mechcore.branches.singular_points import SingularPoints
 from mechcore.constants import TURN
 from mechcore.dynamics.equations.program import Programmed
 from mechcore.dynamics.equations.reduced import motion_at, steps_of_differences, with_rates
@@ -152,7 +152,9 @@ def _fitted(
 ) -> Panels:
     """A table of values: equal panels, or shorter ones where a group comes close to a singular position."""
     equal = np.linspace(low, high, EQUAL + 1)
-    boundaries = equal if compiled.changes is not None and compiled.changes.found else beside_singular(compiled, equal)
+    boundaries = (
+        equal if compiled.singular_points is not None and compiled.singular_points.found else beside_singular(compiled, equal)
+    )
     if np.diff(boundaries).min() > SHORT * (high - low) / EQUAL:
         return fit_panels(values, low, high, periodic=periodic, tolerance=tolerance, first=FIRST, known=known)
     return fit_where_needed(values, boundaries, tolerance=tolerance, periodic=periodic, noise=ROUGH)[0].joined()
@@ -166,10 +168,10 @@ def whole_turn(
 
     All that this takes is read off one set of positions: the nodes of the table and some of them a turn later.
     """
-    changes = compiled.changes
-    if changes is not None and changes.gaps:
+    singular_points = compiled.singular_points
+    if singular_points is not None and singular_points.gaps:
         return None
-    low = q if changes is None or not changes.by_drive else _clear_of(changes, compiled.start[0], q)
+    low = q if singular_points is None or not singular_points.by_drive else _clear_of(singular_points, compiled.start[0], q)
     x = nodes_of(low, low + TURN, FIRST)
     again = np.arange(5, len(x), 13)
     unit = _unit(compiled, np.concatenate([x, x[again] + TURN]))
@@ -236,10 +238,10 @@ def _curve(compiled: Compiled, table: Panels, rest: Sequence[Effect]) -> Curve:
     return Curve(compiled, table, both, tuple(rest))
 
 
-def _clear_of(changes: Changes, start: float, q: float) -> float:
+def _clear_of(singular_points: SingularPoints, start: float, q: float) -> float:
     """Where the first panels have to begin, next to ``q``, so that no node comes close to a change, where positions are
     interpolated."""
-    places = np.unique(np.round([start + c.time for c in changes.found], 9))
+    places = np.unique(np.round([start + c.time for c in singular_points.found], 9))
     if not len(places):
         return q
     shifts = TURN / FIRST * np.arange(32) / 32
