@@ -6,7 +6,7 @@ import math
 
 from mechcore.cams.followers import Arc, Flat, Knife, Roller
 from mechcore.laws.curve import MotionCurve
-from mechcore.laws.program import Segment, constant_breadth, program
+from mechcore.laws.program import Segment, program
 from mechcore.laws.timed import ConstantSpeed
 from mechcore.spec.loads import Force, Spring
 from mechcore.spec.mechanism import CamJoint, Drive, Link, Mechanism, Prismatic, Revolute
@@ -16,13 +16,8 @@ SPEED = 20.0  # rad/s
 
 
 def lift(stroke: float, law: str = "cycloidal") -> MotionCurve:
-    """Rise 120 deg, dwell 60, return 120, dwell 60."""
+    """Rise 120 deg, dwell 60, return 120, dwell 60: of constant breadth."""
     return program([Segment(120 * DEG, stroke, law), Segment(60 * DEG), Segment(120 * DEG, 0.0, law), Segment(60 * DEG)])
-
-
-def breadth_lift(stroke: float) -> MotionCurve:
-    """Rise 120 deg, dwell 60 and the same downwards: constant breadth."""
-    return constant_breadth(program([Segment(120 * DEG, stroke, "cycloidal"), Segment(60 * DEG)], repeats=False))
 
 
 def _cam_link(**more) -> Link:
@@ -121,7 +116,7 @@ FOLLOWERS = {
     "oscillating right": oscillating(Roller(0.012), side="right", sense=-1),
     "oscillating flat": oscillating(Flat(left=0.1, right=0.1), pivot=(-0.1, 0.0), base=0.03, stroke=0.15),
     "groove": translating(Roller(0.01), closure="form"),
-    "yoke": translating(Flat(), base=0.05, closure="form", lift=breadth_lift(0.02)),
+    "yoke": translating(Flat(), base=0.05, closure="form", lift=lift(0.02)),
     "wedge": wedge(Roller(0.01)),
     "wedge backwards": wedge(Roller(0.01), along=(-1.0, 0.0), phase=0.01),
     "wedge oscillating": wedge(Knife(), oscillates=True),

@@ -24,7 +24,7 @@ from mechcore.laws.catalogue import RISES, acceleration_zones, harmonic_sum, ris
 from mechcore.laws.curve import MotionCurve
 from mechcore.laws.factors import Extreme, Jump, PeakFactors, extremes, jumps, peak, peak_factors
 from mechcore.laws.optimal import Optimum, least_peak
-from mechcore.laws.program import Follow, Segment, constant_breadth, over_time, program
+from mechcore.laws.program import Follow, Segment, over_time, program
 from mechcore.laws.segment_laws import (
     Dwell,
     GivenAcceleration,
@@ -87,7 +87,6 @@ __all__ = [
     "Table",
     "TableLaw",
     "acceleration_zones",
-    "constant_breadth",
     "extremes",
     "fourier_curve",
     "from_acceleration",

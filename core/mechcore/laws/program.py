@@ -196,16 +196,6 @@ def over_time(curve: MotionCurve) -> Law:
     return Piecewise(knots=tuple(map(float, knots)), coefficients=tuple(polys), advance=curve.advance)
 
 
-def constant_breadth(half: MotionCurve) -> MotionCurve:
-    """A program over half a turn, completed so that s(x) + s(x + half a turn) is constant: a cam for a yoke with parallel faces.
-
-    The second half is the first one negated; the sum is the value at the start plus that at the end of ``half``.
-    """
-    begin, turn = float(half.pieces[0].at(0.0, 0)[0]), half.advance
-    second = tuple(p.scaled(1.0, -1.0).raised(2.0 * begin + turn) for p in half.pieces)
-    return MotionCurve((*half.pieces, *second), half.start, True)
-
-
 @dataclass(frozen=True, eq=False)
 class Follow:
     """A drive whose coordinate is a program of the master angle, which itself is a law of time: several axes on one master.

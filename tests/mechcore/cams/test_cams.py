@@ -30,7 +30,7 @@ from mechcore.laws.boundary_conditions import from_acceleration
 from mechcore.laws.catalogue import rise
 from mechcore.laws.curve import MotionCurve
 from mechcore.laws.factors import jumps
-from mechcore.laws.program import Segment, constant_breadth, program
+from mechcore.laws.program import Segment, program
 
 PI = np.pi
 RTOL = 1e-12
@@ -200,7 +200,10 @@ def test_constant_breadth():
     close(s.radius, np.full(50, base + lift / 2))  # an eccentric circle
     other = program([Segment(PI, base + lift, "cycloidal"), Segment(PI, base, "3-4-5")], base)
     assert not breadth(other).constant(1e-6)
-    assert breadth(constant_breadth(program([Segment(1.0), Segment(PI - 1.0, 0.05, "3-4-5")], base, repeats=False))).constant(1e-14)
+    half = PI - 1.0  # the same segments downwards complete any half a turn
+    same = program([Segment(1.0), Segment(half, 0.05, "3-4-5"), Segment(1.0), Segment(half, base, "3-4-5")], base)
+    assert breadth(same).constant(1e-14)
+    assert not breadth(program([Segment(1.0), Segment(half, 0.05, "3-4-5"), Segment(1.0), Segment(half, base)], base)).constant()
     # the second face touches the cam too: the faces are each other's contact half a turn later
     half = Cam(law, Follower(Translating(), Flat())).at(np.linspace(0, 6, 50) + PI)
     assert (s.motion[0] + half.motion[0]) == pytest.approx(found.mean)

@@ -23,7 +23,7 @@ from mechcore.laws.catalogue import RISES, acceleration_zones, rise, scca
 from mechcore.laws.curve import MotionCurve
 from mechcore.laws.factors import jumps, peak, peak_factors
 from mechcore.laws.optimal import least_peak
-from mechcore.laws.program import Follow, Segment, constant_breadth, program
+from mechcore.laws.program import Follow, Segment, program
 from mechcore.laws.timed import ConstantSpeed, Oscillation
 
 REFERENCE = {
@@ -345,13 +345,6 @@ def test_polynomial_segments_join_states():
     curve = program([Segment(1.0, (0.5, 1.0, 0.2), "polynomial"), Segment(2.0, 1.0, "polynomial"), Segment(1.0, 0.0)])
     assert not jumps(curve, (0, 1, 2))
     np.testing.assert_allclose(curve(1.0, 2), [0.5, 1.0, 0.2], atol=1e-13)
-
-
-def test_constant_breadth_completion():
-    half = program([Segment(1.0), Segment(PI - 1.5, 2.0, "modified-trapezoid"), Segment(0.5)], 0.3, repeats=False)
-    curve = constant_breadth(half)
-    x = np.linspace(0, 2 * PI, 97)
-    np.testing.assert_allclose(curve(x, 0)[0] + curve(x + PI, 0)[0], 0.3 + 2.0, rtol=1e-14)
 
 
 @pytest.mark.parametrize("master", [ConstantSpeed(0.4, 3.0), ConstantSpeed(0.4, -2.0), Oscillation(1.0, 2.0, 0.5, 0.3)])
