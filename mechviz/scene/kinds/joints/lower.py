@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Annotated
+from typing import Annotated, Any
 
 from pydantic import Discriminator, Field, Tag
 
@@ -55,16 +55,7 @@ def _revolute(m: JointMaker) -> Joint:
 
 
 def _prismatic(m: JointMaker) -> Joint:
-    return Prismatic(
-        name=m.name,
-        links=m.joint.links,
-        points=m.points,
-        along=m.along,
-        guide=m.guide,
-        angle=m.angle,
-        ends=m.ends,
-        friction=m.friction,
-    )
+    return Prismatic(**_guided(m), angle=m.angle, ends=m.ends)
 
 
 def _weld(m: JointMaker) -> Joint:
@@ -72,9 +63,7 @@ def _weld(m: JointMaker) -> Joint:
 
 
 def _pin_slot(m: JointMaker) -> Joint:
-    return PinSlot(
-        name=m.name, links=m.joint.links, points=m.points, along=m.along, guide=m.guide, ends=m.ends, friction=m.friction
-    )
+    return PinSlot(**_guided(m), ends=m.ends)
 
 
 def _cylinder(m: JointMaker) -> Joint:
@@ -83,16 +72,19 @@ def _cylinder(m: JointMaker) -> Joint:
 
 def _screw(m: JointMaker) -> Joint:
     lead = math.nan if m.joint.lead is None else m.convert.si(m.joint.lead, "length", f"{m.path}.lead")
-    return Screw(
-        name=m.name,
-        links=m.joint.links,
-        points=m.points,
-        lead=lead,
-        along=m.along,
-        guide=m.guide,
-        angle=m.angle,
-        friction=m.friction,
-    )
+    return Screw(**_guided(m), angle=m.angle, lead=lead)
+
+
+def _guided(m: JointMaker) -> dict[str, Any]:
+    """What all joints along a guide state."""
+    return {
+        "name": m.name,
+        "links": m.joint.links,
+        "points": m.points,
+        "along": m.along,
+        "guide": m.guide,
+        "friction": m.friction,
+    }
 
 
 def _planar(m: JointMaker) -> Joint:

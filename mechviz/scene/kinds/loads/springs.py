@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING, Annotated, Any
 
 from mechcore.errors import Fault
@@ -84,36 +84,37 @@ class SpringKeys(Table):
     """Belt tension: coefficient of friction between belt and pulleys; an event tells where it slips. Default: it cannot."""
 
 
+def _between(m: LoadMaker, kind: Callable[..., Load], ends: list[str] | None, values: dict[str, Any]) -> Load | None:
+    """A load between two points; None where one of them is not there."""
+    assert ends is not None
+    found = m.ends(ends)
+    return None if found is None else kind(**m.common, **found, **values)
+
+
 def _spring(m: LoadMaker) -> Load | None:
-    assert m.load.spring is not None
-    ends = m.ends(m.load.spring)
-    values: dict[str, Any] = {
+    values = {
         "stiffness": m.si("stiffness", "stiffness"),
         "free_length": m.si("free_length", "length"),
         "preload": m.si("preload", "force"),
         "solid_length": None if m.load.solid_length is None else m.si("solid_length", "length"),
     }
-    return None if ends is None else Spring(**m.common, **ends, **values)
+    return _between(m, Spring, m.load.spring, values)
 
 
 def _damper(m: LoadMaker) -> Load | None:
-    assert m.load.damper is not None
-    ends = m.ends(m.load.damper)
-    values: dict[str, Any] = {"linear": m.si("linear", "damping"), "quadratic": m.si("quadratic", "quadratic damping")}
+    values = {"linear": m.si("linear", "damping"), "quadratic": m.si("quadratic", "quadratic damping")}
     m.not_nothing(values)
-    return None if ends is None else Damper(**m.common, **ends, **values)
+    return _between(m, Damper, m.load.damper, values)
 
 
 def _gas_spring(m: LoadMaker) -> Load | None:
-    assert m.load.gas_spring is not None
-    ends = m.ends(m.load.gas_spring)
-    values: dict[str, Any] = {
+    values = {
         "force": m.si("thrust", "force"),
         "extended": m.si("extended", "length"),
         "gas_length": m.si("gas_length", "length"),
         "exponent": 1.0 if m.load.exponent is None else m.load.exponent,
     }
-    return None if ends is None else GasSpring(**m.common, **ends, **values)
+    return _between(m, GasSpring, m.load.gas_spring, values)
 
 
 def _torsion_spring(m: LoadMaker) -> Load | None:
