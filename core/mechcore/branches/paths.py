@@ -176,7 +176,7 @@ def _repeating(until: Callable[[float], BranchPath], cycles: Sequence[int], cycl
         end = path.start + period
         if path.continuation.ends[1] < end:
             return None
-        if not largest_change(path.model, path.placed(np.array([path.start, end]))) < SAME:
+        if not repeats(path.model, path.placed(np.array([path.start, end])), 0, 1):
             continue
         singular_points = path.singular_points
         if singular_points is not None:
@@ -187,11 +187,12 @@ def _repeating(until: Callable[[float], BranchPath], cycles: Sequence[int], cycl
     return None
 
 
-def largest_change(model: Model, state: State) -> float:
-    """The largest change of a rotation, or of a displacement over the size, between two solved positions."""
-    away = [np.abs(np.diff(np.broadcast_to(rot, 2)))[0] for rot in state.rot]
-    away += [np.abs(np.diff(np.broadcast_to(s, 2)))[0] / model.length_scale for s in state.slide.values()]
-    return float(max(away, default=0.0))
+def repeats(model: Model, state: State, before: Index | int, after: Index | int) -> bool:
+    """Whether every link and slide is at solved frames ``after`` (n,) where it was at frames ``before`` (n,), but for whole turns;
+    not where something is not known at one of them."""
+    slides = [np.asarray(slide) / model.length_scale for slide in state.slide.values()]
+    away = [np.abs(x[after] - x[before]) for x in (*state.rot, *slides) if np.ndim(x)]
+    return bool(np.max(away, initial=0.0) < SAME)
 
 
 def travel_of(law: Law, first: float, last: float) -> tuple[float, float, bool]:

@@ -10,7 +10,7 @@ from functools import partial
 import numpy as np
 
 from mechcore.arrays import Flags, Index, Real, Values
-from mechcore.branches.paths import COARSE, CYCLES, SAME, Waypoint, WaypointPath, largest_change, largest_steps
+from mechcore.branches.paths import COARSE, CYCLES, Waypoint, WaypointPath, largest_steps, repeats
 from mechcore.constants import TURN
 from mechcore.kinematics.model import Model
 from mechcore.kinematics.state import State, wrapped_angle
@@ -340,7 +340,7 @@ class _Table:
             if self.ends[1]:
                 return
             _, state, _ = place(np.array([[self.at], [end]]))
-            if largest_change(self.model, state) < SAME:
+            if repeats(self.model, state, 0, 1):
                 self.period = turns * self.turn
                 return
 

@@ -13,7 +13,8 @@ from functools import cached_property
 
 import numpy as np
 
-from mechcore.arrays import Index, Real, Values
+from mechcore.arrays import Real, Values
+from mechcore.branches.paths import repeats
 from mechcore.branches.singular_points import SingularPoints
 from mechcore.constants import TURN
 from mechcore.dynamics.equations.program import Programmed
@@ -176,7 +177,7 @@ def whole_turn(
     again = np.arange(5, len(x), 13)
     unit = _unit(compiled, np.concatenate([x, x[again] + TURN]))
     once, twice = again, len(x) + np.arange(len(again))
-    if not usable(unit) or not _comes_back(unit, once, twice):
+    if not usable(unit) or not repeats(unit.model, unit.state, once, twice):
         return None
     fixed, rest = _parted(compiled, lambda: unit)
     forces = {e: np.broadcast_to(_force(e, unit), unit.shape) for e in fixed}
@@ -249,13 +250,3 @@ def _clear_of(singular_points: SingularPoints, start: float, q: float) -> float:
     away = shifts[:, None, None] + x[:, None] - places
     away = np.abs(away - TURN * np.round(away / TURN))
     return q + float(shifts[np.argmax(away.min(axis=(1, 2)))])
-
-
-def _comes_back(motion: Motion, once: Index, twice: Index) -> bool:
-    """Whether every link is, at frames ``twice``, where it was at frames ``once``."""
-    model, size = motion.model, motion.model.length_scale
-    links = range(1, len(model.links))
-    places = [p[twice] - p[once] for p in map(motion.origin, links) if isinstance(p, np.ndarray) and p.ndim]
-    turns = [r[twice] - r[once] for r in map(motion.rotation, links) if isinstance(r, np.ndarray) and r.ndim]
-    near = [float(np.abs(np.array(x)).max()) if x else 0.0 for x in (places, turns)]
-    return bool(near[0] <= 1e-8 * size and near[1] <= 1e-8)
