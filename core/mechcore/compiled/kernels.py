@@ -12,12 +12,29 @@ from mechcore.arrays import Complex, Real
 from mechcore.compiled.symbols import Code, Operand, Symbol
 
 FUNCTION = """
-void {name}(long n, const double *p, const double *const *in, const long *step, double *out) {{
-    for (long i = 0; i < n; i++) {{
-        {lines}
+{clones}
+int {name}(long n, const double *p, const double *const *in, const long *step, double *out) {{
+    double (*restrict x)[{block}] = calloc({given} + 1, sizeof *x), (*restrict y)[{block}] = calloc({rows} + 1, sizeof *y);
+    for (long first = 0; x && y && first < n; first += {block}) {{
+        const long count = n - first < {block} ? n - first : {block};
+        {fetched}
+        for (long k = 0; k < {block}; k++) {{
+            {lines}
+        }}
+        {stored}
     }}
+    free(x), free(y);
+    return x && y;
 }}
 """
+"""Blocks of frames, each computed whole, number by number in rows of its own: so the compiler makes vectors of them."""
+CLONES = """\
+#include <stdlib.h>
+#if defined(__x86_64__) && defined(__gnu_linux__) && defined(__GNUC__) && !defined(__clang__)
+__attribute__((target_clones("avx512f", "avx2", "default")))
+#endif"""
+"""The same operations on as many frames at once as the processor can; without contraction their results are the same."""
+BLOCK = 64  # frames
 
 
 class Kernel:
@@ -26,7 +43,9 @@ class Kernel:
     def __init__(self, name: str):
         self.name, self.code = name, Code()
         self._given: list[str] = []
+        self._fetched: dict[tuple[int, int], int] = {}  # (input, part of a plane vector): row of x
         self._outputs: list[tuple[str, Operand]] = []
+        self._stored: list[str] = []
         self.parameters: list[float] = []
         self.rows = 0  # of real numbers
 
@@ -37,41 +56,54 @@ class Kernel:
 
     def real(self, key: str) -> Symbol:
         """A number that is given, by a key."""
-        return self.code.input(f"in[{self._place(key)}][i * step[{self._place(key)}]]")
+        return self.code.input(self._row(key, 0))
 
     def plane(self, key: str) -> Symbol:
         """A plane vector that is given."""
-        place = self._place(key)
-        return self.code.plane_input(f"in[{place}][i * step[{place}]]", f"in[{place}][i * step[{place}] + 1]")
+        return self.code.plane_input(self._row(key, 0), self._row(key, 1))
 
-    def _place(self, key: str) -> int:
+    def _row(self, key: str, part: int) -> str:
         if key not in self._given:
             self._given.append(key)
-        return self._given.index(key)
+        row = self._fetched.setdefault((self._given.index(key), part), len(self._fetched))
+        return f"x[{row}][k]"
 
     def put(self, value: Any) -> None:
         """A row of real numbers."""
-        self._put(value.re if isinstance(value, Symbol) else float(value), f"out[{self.rows} * n + i]")
+        self._outputs.append((f"y[{self.rows}][k]", value.re if isinstance(value, Symbol) else float(value)))
+        self._stored.append(f"for (long k = 0; k < count; k++) out[{self.rows} * n + first + k] = y[{self.rows}][k];")
         self.rows += 1
 
     def put_plane(self, value: Any) -> None:
         """A row of plane vectors, as wide as two."""
-        re, im = (value.re, value.im) if isinstance(value, Symbol) else (value.real, value.imag)
-        self._put(re, f"out[{self.rows} * n + 2 * i]")
-        self._put(im, f"out[{self.rows} * n + 2 * i + 1]")
+        row, places = self.rows, []
+        for part, x in enumerate((value.re, value.im) if isinstance(value, Symbol) else (value.real, value.imag)):
+            self._outputs.append((f"y[{row + part}][k]", x))
+            places.append(f"out[{row} * n + 2 * (first + k) + {part}] = y[{row + part}][k];")
+        self._stored.append(f"for (long k = 0; k < count; k++) {{ {' '.join(places)} }}")
         self.rows += 2
-
-    def _put(self, value: Operand, target: str) -> None:
-        self._outputs.append((target, value))
 
     def source(self) -> str:
         """The program in C."""
-        return FUNCTION.format(name=self.name, lines="\n        ".join(self.code.written(self._outputs, self.parameters)))
+        fetched = [
+            f"for (long k = 0; k < count; k++) x[{row}][k] = in[{place}][(first + k) * step[{place}] + {part}];"
+            for (place, part), row in self._fetched.items()
+        ]
+        return FUNCTION.format(
+            clones=CLONES,
+            name=self.name,
+            given=len(self._fetched),
+            rows=self.rows,
+            block=BLOCK,
+            fetched="\n        ".join(fetched),
+            lines="\n            ".join(self.code.written(self._outputs, self.parameters)),
+            stored="\n        ".join(self._stored),
+        )
 
     def load(self, loaded: ctypes.CDLL) -> None:
         """Take the compiled program."""
         self._function = getattr(loaded, self.name)
-        self._function.restype = None
+        self._function.restype = ctypes.c_int
         self._own = np.array(self.parameters or [0.0])
 
     def __call__(self, n: int, given: Mapping[str, Any]) -> Rows:
@@ -86,13 +118,15 @@ class Kernel:
             steps.append(x.strides[0] // 8 if len(x) > 1 else 0)
         out = np.empty((self.rows, n))
         count = len(kept)
-        self._function(
+        done = self._function(
             ctypes.c_long(n),
             ctypes.c_void_p(self._own.__array_interface__["data"][0]),
             (ctypes.c_void_p * count)(*pointers),
             (ctypes.c_long * count)(*steps),
             ctypes.c_void_p(out.__array_interface__["data"][0]),
         )
+        if not done:
+            raise MemoryError
         return Rows(out)
 
 

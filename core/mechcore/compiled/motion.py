@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any, Literal
+from typing import Any, Literal, NamedTuple
 
-from mechcore.arrays import Real, Values
+from mechcore.arrays import Complex, Real, Values
 from mechcore.compiled.kernels import Kernel
-from mechcore.compiled.steps import check_traceable, place_all
+from mechcore.compiled.steps import check_traceable, origins, place_all
 from mechcore.compiled.symbols import HELPERS, Untraceable
 from mechcore.compiled.toolchain import compiler, library
 from mechcore.errors import MechanismError
@@ -18,8 +18,17 @@ from mechcore.kinematics.state import State, initial_state
 
 Executor = Literal["auto", "numpy", "c"]
 """What runs the steps of a mechanism's program: numpy over all frames, or a program in C that is compiled when first needed."""
-PAYS = 1_000_000_000  # frames times lines of the program from which on compiling it (half a second) is the smaller part
-MOST_LINES = 1000  # of a block: with less work than that, the program need not be written to know it
+PAYS = 1_000_000  # frames from which on compiling a program costs less than it spares: both grow with its length
+MOST_LINES = 40_000  # of a program: compiling that takes some 20 s
+
+
+class CompiledRates(NamedTuple):
+    """First and second rates, and those of the origins of all moving links."""
+
+    speeds: Rates
+    accelerations: Rates
+    origin_velocities: list[Complex]
+    origin_accelerations: list[Complex]
 
 
 class MotionProgram:
@@ -57,6 +66,8 @@ class MotionProgram:
         self._angles = list(state.angle)
         for g in self._angles:
             kernel.put(state.angle[g])
+        for place in origins(model, state.rot, {j: s * state.rot[model.guides[j][0]] for j, s in state.slide.items()})[1:]:
+            kernel.put_plane(place)
         return kernel
 
     def _of_rates(self) -> Kernel:
@@ -68,8 +79,9 @@ class MotionProgram:
         columns = all_columns(model, vectors)
         count = len(model.mechanism.drives)
         first, second = ([kernel.real(f"rate {d} {k}") for d in range(count)] for k in (1, 2))
-        speeds = velocities(model, vectors, columns, first)  # type: ignore[arg-type]
-        for rates in (speeds, accelerations(model, vectors, columns, speeds, second)):  # type: ignore[arg-type]
+        speeds: Any = velocities(model, vectors, columns, first)  # type: ignore[arg-type]
+        bent: Any = accelerations(model, vectors, columns, speeds, second)  # type: ignore[arg-type]
+        for rates in (speeds, bent):
             for s in self._classes:
                 kernel.put_plane(rates.factor[s])
                 kernel.put(rates.angular[s])
@@ -77,6 +89,15 @@ class MotionProgram:
                 kernel.put(rates.slide[j])
             for g in self._groups:
                 kernel.put(rates.group[g])
+        once, twice = ([f * e for f, e in zip(rates.factor, known, strict=True)] for rates in (speeds, bent))
+        along, faster = {}, {}
+        for j, s in slide.items():
+            c = model.guides[j][0]
+            along[j] = speeds.slide[j] * known[c] + s * once[c]
+            faster[j] = bent.slide[j] * known[c] + 2.0 * speeds.slide[j] * once[c] + s * twice[c]
+        for places in (origins(model, once, along), origins(model, twice, faster)):
+            for place in places[1:]:
+                kernel.put_plane(place)
         return kernel
 
     def load(self) -> MotionProgram:
@@ -93,8 +114,8 @@ class MotionProgram:
         starts: Mapping[str, Real] | None,
         constants: Sequence[float],
         n: int,
-    ) -> State:
-        """Positions of all blocks at n frames, as `mechcore.kinematics.positions.place_all`."""
+    ) -> tuple[State, list[Complex]]:
+        """Positions of all blocks at n frames, as `mechcore.kinematics.positions.place_all`, and origins of moving links."""
         state = initial_state(self.model, drives, constants, starts)
         given: dict[str, Any] = {f"drive {d}": q for d, q in enumerate(drives)}
         given |= {f"delta {s}": x for s, x in enumerate(state.delta)}
@@ -106,9 +127,9 @@ class MotionProgram:
             state.rot[s] = found.plane()
         state.slide |= {j: found.real() for j in self._slides}
         state.angle |= {g: found.real() for g in self._angles}
-        return state
+        return state, [found.plane() for _ in self.model.links[1:]]
 
-    def rates(self, state: State, first: Sequence[Values], second: Sequence[Values], n: int) -> tuple[Rates, Rates]:
+    def rates(self, state: State, first: Sequence[Values], second: Sequence[Values], n: int) -> CompiledRates:
         """First and second rates at n frames, as `mechcore.kinematics.rates`, for rates of the drives."""
         given: dict[str, Any] = {f"rot {s}": x for s, x in enumerate(state.rot)}
         given |= {f"slide {j}": x for j, x in state.slide.items()}
@@ -122,15 +143,16 @@ class MotionProgram:
                 rates.factor[s], rates.angular[s] = found.plane(), found.real()
             rates.slide |= {j: found.real() for j in self._slides}
             rates.group |= {g: found.real() for g in self._groups}
-        return both
+        return CompiledRates(*both, *([found.plane() for _ in self.model.links[1:]] for _ in both))
 
 
 def written(model: Model) -> MotionProgram | str:
     """The program of a model, or why C has none; ask for it by `Model.once`."""
     try:
-        return MotionProgram(model)
+        program = MotionProgram(model)
     except Untraceable as reason:
         return str(reason)
+    return program if program.lines <= MOST_LINES else f"the program would have {program.lines:,} lines"
 
 
 def loaded(model: Model) -> MotionProgram | None:
@@ -146,12 +168,4 @@ def loaded(model: Model) -> MotionProgram | None:
 
 def motion_program(model: Model, executor: Executor, frames: int) -> MotionProgram | None:
     """What runs the steps of a model at so many frames: a compiled program; None for numpy."""
-    if executor == "numpy":
-        return None
-    if executor == "auto":
-        if frames * len(model.blocks) < PAYS / MOST_LINES:
-            return None
-        program = model.once(written)
-        if isinstance(program, str) or frames * program.lines < PAYS:
-            return None
-    return model.once(loaded)
+    return None if executor == "numpy" or (executor == "auto" and frames < PAYS) else model.once(loaded)

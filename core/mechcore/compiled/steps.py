@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from mechcore.compiled.symbols import Symbol, Untraceable, called, joined
@@ -36,6 +37,25 @@ def place_all(model: Model, state: State, modes: list[Any]) -> None:
         for group in block.angles:
             if group in model.multi_turn:
                 state.angle[group] = followed_angle(model, state, group)
+
+
+def origins(model: Model, turned: Sequence[Any], slid: Mapping[int, Any]) -> list[Any]:
+    """Places of all links' origins from rotations E of the rotation classes and s E of the sliding joints; or their rates, from
+    the rates of these."""
+    found: list[Any] = [0j] * len(model.links)
+
+    def arm(k: int, j: int, side: int) -> Any:
+        joint = model.joints[j]
+        vector = (joint.b if side else joint.a) * model.turn[k]
+        reach = vector * turned[model.angles.rotation_class[k]] if vector else 0j
+        return reach + model.guides[j][1] * slid[j] if joint.slide is not None and joint.guide == side else reach
+
+    for link in model.tree.order:
+        if link:
+            p, j = model.tree.parent[link], model.tree.joint[link]
+            side = 1 if model.ends[j][1] == link else 0
+            found[link] = found[p] + arm(p, j, 1 - side) - arm(link, j, side)
+    return found
 
 
 def followed_angle(model: Model, state: State, group: int) -> Any:

@@ -1,7 +1,7 @@
 """Libraries of generated C: the compiler of the machine, a cache of what it has made, and loading.
 
 A library is known by what it is made of: its source, the compiler and its options. The cache is a folder of the user's alone; a
-library in it ends with its own checksum, and is written under another name first, so that neither a second process nor a power
+library in it has its own checksum in its name, and is written under another one first, so that neither a second process nor a power
 failure leaves a damaged one that is used.
 """
 
@@ -24,7 +24,7 @@ from pathlib import Path
 from mechcore.errors import Fault, MechanismError
 
 OPTIONS = ("-O2", "-fno-math-errno", "-ffp-contract=off", "-fPIC", "-shared")  # none that lets results depend on the machine
-DIGEST = hashlib.sha256().digest_size
+DIGITS = 32  # of digests
 LONGEST = 300.0  # [s] that the compiler may take
 LOADED = 256  # libraries that stay loaded under their source
 
@@ -52,13 +52,10 @@ def required_compiler() -> tuple[str, ...]:
 def library(source: str) -> ctypes.CDLL:
     """A library compiled from C, from the cache where it is there. Raises `MechanismError` where that fails."""
     command = required_compiler()
-    name = f"{_identity(command, source)}.so"
+    identity = _identity(command, source)
     with _folder() as folder:
-        path = folder / name
-        if not _sound(path):
-            _compile(command, source, path)
         try:
-            return ctypes.CDLL(str(path))
+            return ctypes.CDLL(str(_sound(folder, identity) or _compile(command, source, folder, identity)))
         except OSError as error:
             why = f"the compiled program cannot be loaded: {error}."
             raise MechanismError(Fault("executor", why, "Choose the executor numpy.")) from error
@@ -70,7 +67,7 @@ def cached(source: str) -> bool:
     if command is None:
         return False
     folder = cache_folder()
-    return _owned(folder) and _sound(folder / f"{_identity(command, source)}.so")
+    return _owned(folder) and _sound(folder, _identity(command, source)) is not None
 
 
 def cache_folder() -> Path:
@@ -80,11 +77,12 @@ def cache_folder() -> Path:
 
 
 def _identity(command: tuple[str, ...], source: str) -> str:
-    """A digest of all that a library depends on; of the compiler its file, size and time of change."""
-    real = os.path.realpath(command[0])
+    """A digest of all that a library depends on; of the compiler its file (of ziglang the package's), size and time of change."""
+    package = find_spec(command[2]) if len(command) > 2 else None
+    real = os.path.realpath(command[0] if package is None or package.origin is None else package.origin)
     state = os.stat(real)
     parts = (*command[1:], real, state.st_size, state.st_mtime_ns, *OPTIONS, sys.platform, source)
-    return hashlib.sha256("\0".join(map(str, parts)).encode()).hexdigest()
+    return hashlib.sha256("\0".join(map(str, parts)).encode()).hexdigest()[:DIGITS]
 
 
 @contextmanager
@@ -111,18 +109,23 @@ def _owned(folder: Path) -> bool:
     return not hasattr(os, "getuid") or (state.st_uid == os.getuid() and not state.st_mode & 0o077)
 
 
-def _sound(path: Path) -> bool:
-    """Whether a file is there and ends with the checksum of the rest."""
-    try:
-        data = path.read_bytes()
-    except OSError:
-        return False
-    return len(data) > DIGEST and hashlib.sha256(data[:-DIGEST]).digest() == data[-DIGEST:]
+def _checksum(path: Path) -> str:
+    return hashlib.sha256(path.read_bytes()).hexdigest()[:DIGITS]
 
 
-def _compile(command: tuple[str, ...], source: str, path: Path) -> None:
-    """Compile into a file of another name, which then takes the place of ``path``."""
-    handle, made = tempfile.mkstemp(prefix="making-", suffix=".so", dir=path.parent)
+def _sound(folder: Path, identity: str) -> Path | None:
+    """The library in a folder whose name is its own checksum; those of the same source that are damaged go."""
+    for path in folder.glob(f"{identity}-*.so"):
+        with suppress(OSError):
+            if path.stem == f"{identity}-{_checksum(path)}":
+                return path
+            path.unlink()
+    return None
+
+
+def _compile(command: tuple[str, ...], source: str, folder: Path, identity: str) -> Path:
+    """Compile into a file that then gets the name by which it is known."""
+    handle, made = tempfile.mkstemp(prefix="making-", suffix=".so", dir=folder)
     os.close(handle)
     try:
         ran = subprocess.run(
@@ -132,10 +135,9 @@ def _compile(command: tuple[str, ...], source: str, path: Path) -> None:
         if ran.returncode:
             first = next((line for line in ran.stderr.splitlines() if "error" in line), ran.stderr[:200])
             raise MechanismError(Fault("executor", f"the C compiler fails: {first.strip()}.", "Choose the executor numpy."))
-        data = Path(made).read_bytes()
-        with open(made, "ab") as file:
-            file.write(hashlib.sha256(data).digest())
+        path = folder / f"{identity}-{_checksum(Path(made))}.so"
         os.replace(made, path)
+        return path
     except (OSError, subprocess.TimeoutExpired) as error:
         why = f"the C compiler cannot be used: {error}."
         raise MechanismError(Fault("executor", why, "Choose the executor numpy.")) from error

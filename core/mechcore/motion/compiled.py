@@ -127,13 +127,14 @@ def place(compiled: Compiled, time: Real, values: DriveValues, *, given: bool) -
     if program is None:
         state = place_all(solved, positions, modes, starts, patches, constants, compiled.accuracy.position)
     else:
-        state = program.place_all(positions, modes, starts, constants, len(time))
+        state, origins = program.place_all(positions, modes, starts, constants, len(time))
     led = compiled if compiled.accuracy.differentiation == "exact" else replace(compiled, accuracy=DEFAULT)  # at any times
     again: Callable[[Real], Motion] | None = None if given else lambda t: follow(led, t)
     in_time = path.by_time if path is not None else len(positions) > 1 or not (singular_points is None or singular_points.by_drive)
     frames = positions, state, (*model.designs, len(time))
     angles = led.angles.still(frames) if still else _angles(led, frames, time, in_time=not given and in_time)
-    motion = Motion(model, time, values, state, angles, patches, passed, again, compiled.accuracy, program)
+    by_c = None if program is None else (program, origins)
+    motion = Motion(model, time, values, state, angles, patches, passed, again, compiled.accuracy, by_c)
     return Placed(motion, path, parameter, singular_points)
 
 

@@ -10,10 +10,10 @@ from typing import Any, TypeVar
 import numpy as np
 
 from mechcore.accuracy import DEFAULT, Accuracy
-from mechcore.arrays import Index, Plane, Real, Values
+from mechcore.arrays import Complex, Index, Plane, Real, Values
 from mechcore.branches.singular_points import SingularPoint
 from mechcore.branches.unwrapped import LinkAngles
-from mechcore.compiled.motion import MotionProgram
+from mechcore.compiled.motion import CompiledRates, MotionProgram
 from mechcore.kinematics.columns import Columns, Vectors, all_columns, all_vectors, condition
 from mechcore.kinematics.model import Model
 from mechcore.kinematics.program import VectorSum
@@ -46,7 +46,7 @@ class Motion:
         singular_points: Sequence[SingularPoint] = (),
         again: Callable[[Real], Motion] | None = None,
         accuracy: Accuracy = DEFAULT,
-        program: MotionProgram | None = None,
+        by_c: tuple[MotionProgram, Sequence[Complex]] | None = None,
     ):
         self.model = model
         self.time = time
@@ -57,13 +57,15 @@ class Motion:
         self.patches = patches
         self.again = again  # the same motion at other times, where laws lead it
         self.accuracy = accuracy
-        self._program = program  # compiled, in place of numpy
+        self._program = None if by_c is None else by_c[0]  # compiled, in place of numpy
         self.singular_points = tuple(singular_points)  # change points and dead points that the run passes
         # worked out once when first needed
         self._arms: dict[tuple[int, int, int], Plane] = {}
         self._slid: dict[tuple[int, int], Plane] = {}
         self._offsets: dict[tuple[int, complex], Plane] = {}
         self._origins: dict[tuple[int, int], Plane] = {(0, 0): 0j, (0, 1): 0j, (0, 2): 0j}
+        if by_c is not None:
+            self._origins |= {(k, 0): place for k, place in enumerate(by_c[1], 1)}
 
     def __repr__(self) -> str:
         return f"Motion of {self.mechanism.name}: {self.frames} frames, {len(self.model.links)} links"
@@ -176,17 +178,20 @@ class Motion:
         if self.accuracy.differentiation != "exact":
             return _numerical_rates(self, 1)
         if self._program is not None:
-            return self._rates[0]
+            return self._rates.speeds
         rates = [d[1] for d in self._drives]
         with np.errstate(**QUIET):
             return velocities(self.model, self.loop_vectors, self.columns, rates, self.patches, self.state.bends)
 
     @lazy
-    def _rates(self) -> tuple[Rates, Rates]:
+    def _rates(self) -> CompiledRates:
         """First and second rates by the compiled program."""
         assert self._program is not None
         first, second = ([d[k] for d in self._drives] for k in (1, 2))
-        return self._program.rates(self.state, first, second, self.frames)
+        found = self._program.rates(self.state, first, second, self.frames)
+        self._origins |= {(k, 1): rate for k, rate in enumerate(found.origin_velocities, 1)}
+        self._origins |= {(k, 2): rate for k, rate in enumerate(found.origin_accelerations, 1)}
+        return found
 
     @lazy
     def accelerations(self) -> Rates:
@@ -194,7 +199,7 @@ class Motion:
         if self.accuracy.differentiation != "exact":
             return _numerical_rates(self, 2)
         if self._program is not None:
-            return self._rates[1]
+            return self._rates.accelerations
         rates = [d[2] for d in self._drives]
         with np.errstate(**QUIET):  # at a singular position rates are infinite, or not determined
             return accelerations(self.model, self.loop_vectors, self.columns, self.speeds, rates, self.patches)
@@ -279,6 +284,8 @@ class Motion:
     def origin(self, k: int, derivative: int = 0) -> Plane:
         """Position of the origin of a link [m], or its first or second derivative, along the tree from the frame."""
         tree, ends, known = self.model.tree, self.model.ends, self._origins
+        if derivative and self._program is not None and self.accuracy.differentiation == "exact":
+            _ = self._rates
         chain = []
         while (k, derivative) not in known:
             chain.append(k)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import os
 import stat
 from pathlib import Path
@@ -60,7 +61,8 @@ def test_a_damaged_library_is_made_anew(folder: Path, damage) -> None:
 def test_a_folder_that_others_can_use_is_not_used(folder: Path) -> None:
     folder.mkdir()
     folder.chmod(0o777)
-    planted = folder / f"{toolchain._identity(toolchain.required_compiler(), SOURCE)}.so"
+    identity = toolchain._identity(toolchain.required_compiler(), SOURCE)
+    planted = folder / f"{identity}-{hashlib.sha256(b'not ours').hexdigest()[:32]}.so"  # even with the right checksum
     planted.write_bytes(b"not ours")
     assert not cached(SOURCE)
     assert seven() == 7.0

@@ -8,6 +8,7 @@ import numpy as np
 
 from mechcore.arrays import Real
 from mechcore.compiled.collocation import Batch, CollocationRule, CompiledEquations, WrittenEquations
+from mechcore.compiled.motion import MOST_LINES
 from mechcore.compiled.symbols import Untraceable
 from mechcore.compiled.toolchain import compiler
 from mechcore.dynamics.equations.reduced import coordinate_scales, motion_at
@@ -92,7 +93,9 @@ def _written(compiled: Compiled) -> tuple[WrittenEquations, tuple[int, ...]] | s
     key = (*turned, tuple(compiled.assembly.modes), tuple(compiled.assembly.constants))
     if key not in known:
         try:
-            known[key] = written_equations(compiled)
+            found = written_equations(compiled)
+            long = found[0].lines > MOST_LINES
+            known[key] = f"the program would have {found[0].lines:,} lines" if long else found
         except Untraceable as reason:
             known[key] = str(reason)
     return known[key]
