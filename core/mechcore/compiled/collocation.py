@@ -124,6 +124,7 @@ class CompiledEquations:
         self._loaded.evaluated.restype = None
         self._loaded.strained.restype = ctypes.c_double
         self._kept: list[Real] = [np.array(x or [0.0], float) for x in (written.parameters, list(modes), list(scale))]
+        self.modes = self._kept[1]
         self._system = ctypes.byref(_System(self.freedoms, self.given, self.angles, *(_at(x) for x in self._kept)))
         self._rules: dict[int, tuple[Any, ...]] = {}
 

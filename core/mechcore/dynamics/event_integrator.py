@@ -296,7 +296,9 @@ class EventIntegrator:
         def at(t: float) -> float:
             q, v, _ = window(np.array([t]))
             program = self.system.program() if isinstance(self.system, Chart) else None
-            return strain(self.compiled, q[0], v[0], t) if program is None else program.strain(q, v, np.array([t]))
+            return (
+                strain(self.compiled, q[0], v[0], t) if program is None or program.partial else program.strain(q, v, np.array([t]))
+            )
 
         found = at(t)
         self.unwatched = 2 if found < 0.4 * STRAINED else 0

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
-from dynamic_mechanisms import damped_squeezer, double_pendulum, swinging_five_bar
+from dynamic_mechanisms import chain, damped_squeezer, double_pendulum, swinging_five_bar
 from mechanisms import case
 from random_mechanisms import draw
 
@@ -14,6 +15,7 @@ from mechcore import spec as sp
 from mechcore.compiled.toolchain import compiler
 from mechcore.dynamics.equations.chart import Chart
 from mechcore.dynamics.equations.program import compiled_program, missing_in_c
+from mechcore.dynamics.integration.collocation import gauss
 from mechcore.dynamics.simulate import simulate
 from mechcore.laws.timed import Free, Oscillation, Table
 from mechcore.motion.solve import compile_mechanism
@@ -90,6 +92,25 @@ def test_motions_are_the_same(made, duration: float) -> None:
         assert np.abs(a - b).max() < 1e-11 * np.abs(a).max()
     assert [len(s.solution.windows) for s in by_numpy.segments] == [len(s.solution.windows) for s in by_c.segments]
     assert np.abs(by_c.drift(t)).max() < 1e-9  # work and energy by the kinetostatic core
+
+
+def test_numpy_leads_through_change_points() -> None:
+    """Four-bars in a row, damped, fold flat and go on: C has each side, with the modes that hold there, numpy what lies between."""
+    m = chain(2)
+    moving = m.links[1].name
+    damped_chain = replace(m, loads=(*m.loads, sp.TorsionDamper(name="damper", links=(moving, m.frame), coefficient=0.4)))
+    compiled = compile_mechanism(damped_chain)
+    program = compiled_program(compiled)
+    assert program is not None and program.partial
+    flat = compiled.start[0] + compiled.singular_points.found[0].time
+    ask = partial(program.window, gauss(7), 0.0, 1e-3, v=np.ones(1), guess=np.zeros((7, 1)), tolerance=1e-12)
+    assert ask(q=np.array([flat])) is None and ask(q=np.array([flat + 0.01])) is None
+    assert ask(q=np.array([flat + 0.2])) is not None
+    t = np.linspace(0.0, 4.0, 33)
+    (q, v, _), (p, w, _) = (simulate(replace(compiled, executor=e), 4.0, method="gauss")(t) for e in ("numpy", "c"))
+    assert q.min() < -0.5 < 0.5 < q.max()  # flat at 0
+    np.testing.assert_allclose(p, q, atol=1e-8)
+    np.testing.assert_allclose(w, v, atol=1e-7)
 
 
 @pytest.mark.parametrize(("kind", "seed"), RANDOM)

@@ -53,7 +53,7 @@ class Chart(Programmed):
 
     def __call__(self, q: Real, v: Real, t: Real) -> Real:
         program = self.program()
-        return self._solve(q, v, t)[0] if program is None or program.followed else program(q, v, t)
+        return self._solve(q, v, t)[0] if program is None or not program.everywhere else program(q, v, t)
 
     def _solve(self, q: Real, v: Real, t: Real) -> tuple[Real, Real]:
         """Accelerations (n, f + s), see `with_states`, and what holds the joints at rest (n, p).

@@ -47,7 +47,7 @@ class Curve(Programmed):
 
     def __call__(self, q: Real, v: Real, t: Real) -> Real:
         program = self.program() if self.rest else None
-        if program is not None and not program.followed:
+        if program is not None and program.everywhere:
             return program(q, v, t)
         f = self.both(q[:, 0])
         w = v[:, 0]

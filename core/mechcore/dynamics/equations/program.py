@@ -15,6 +15,7 @@ from mechcore.dynamics.equations.reduced import coordinate_scales, motion_at
 from mechcore.dynamics.equations.written import written_equations
 from mechcore.errors import MechanismError
 from mechcore.kinematics.model import Model
+from mechcore.kinematics.patching import NEAR
 from mechcore.laws.timed import Free
 from mechcore.motion.compiled import Compiled
 
@@ -27,7 +28,11 @@ class Program:
         self._laws = [d.law for d in compiled.mechanism.drives if not isinstance(d.law, Free)]
         self._equations = CompiledEquations(written, np.array(compiled.assembly.modes, float), coordinate_scales(compiled))
         self._of_time = written.of_time
-        self.alone = not self._equations.given  # no values of drives or other functions of the time are needed
+        points = compiled.singular_points
+        self._singular = points if points is not None and points.by_drive and points.found else None
+        self.partial = self._singular is not None  # next to singular points numpy has to do
+        self.everywhere = not (self.partial or followed)  # any states at once
+        self.alone = not (self._equations.given or self.partial)  # no values of drives or other functions of the time are needed
 
     def __call__(self, q: Real, v: Real, t: Real) -> Real:
         """Accelerations (n, f); where angles are followed, of states in order of time that are near each other."""
@@ -51,9 +56,26 @@ class Program:
     def window(
         self, rule: CollocationRule, t0: float, h: float, q: Real, v: Real, guess: Real, tolerance: float
     ) -> tuple[Real, int] | None:
-        """Accelerations at the nodes of a window as `solve_window` of numpy."""
+        """Accelerations at the nodes of a window as `solve_window` of numpy; None, too, where it comes near a singular point."""
+        if self._singular is not None:
+            if not self._clear(q):
+                return None
+            away = q[0] - self.compiled.start[0]
+            modes = [m * float(self._singular.signs(i, away)) for i, m in enumerate(self.compiled.assembly.modes)]
+            self._equations.modes[: len(modes)] = modes
         near = self.near(q[None], v[None], np.array([t0]))
-        return self._equations.window(rule, (t0, h), (q, v), self._drives(t0 + h * rule.nodes), near, guess, tolerance)
+        found = self._equations.window(rule, (t0, h), (q, v), self._drives(t0 + h * rule.nodes), near, guess, tolerance)
+        if found is None or self._singular is None:
+            return found
+        places = q + h * rule.nodes[:, None] * v + h * h * (rule.twice @ found[0])
+        return found if self._clear(np.append(q[0], places[:, 0])) else None
+
+    def _clear(self, q: Real) -> bool:
+        """Whether no singular point is near the way over positions (n,) of the only drive."""
+        assert self._singular is not None
+        reach = NEAR * max(point.step for point in self._singular.found)
+        away = q - self.compiled.start[0]
+        return not self._singular.within(float(away.min()) - reach, float(away.max()) + reach)
 
     def windows(self, rule: CollocationRule, at: Real, bounds: tuple[float, float, float, float, float], count: int) -> Batch:
         """Windows one after the other, see `CompiledEquations.windows`; only where it is ``alone``."""

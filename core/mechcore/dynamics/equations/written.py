@@ -30,8 +30,6 @@ def written_equations(compiled: Compiled) -> tuple[WrittenEquations, tuple[int, 
     """
     model = compiled.model
     check_traceable(model)
-    if compiled.singular_points is not None and (compiled.singular_points.found or compiled.singular_points.gaps):
-        raise Untraceable("assembly modes meet at change points")
     if integrating(compiled):
         raise Untraceable("a servo integrates its error")
     writer = _Writer(compiled)

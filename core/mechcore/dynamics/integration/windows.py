@@ -35,10 +35,13 @@ BATCH = 64  # windows that a compiled program solves before anybody looks at the
 
 
 class WindowProgram(Protocol):
-    """Equations of motion as a compiled program, with the windows around them; ``alone``: nothing else is needed for them."""
+    """Equations of motion as a compiled program, with the windows around them; ``alone``: nothing else is needed for them;
+    ``partial``: where it has no answer numpy may have one."""
 
     @property
     def alone(self) -> bool: ...
+    @property
+    def partial(self) -> bool: ...
     def near(self, q: Real, v: Real, t: Real) -> Real: ...
     def window(
         self, rule: CollocationRule, t0: float, h: float, q: Real, v: Real, guess: Real, tolerance: float
@@ -195,11 +198,9 @@ def integrate(
         stated = breakpoints.stated(t + 10.0 * least) if breakpoints is not None and not cuts else np.inf
         if t + 20.0 * least < stated < t + h * (1.0 - 1e-10):
             cuts, uncut, h = 1, h, stated - t
-        solved = (
-            solve_window(rule, system, t, h, q, v, guess, small)
-            if program is None
-            else program.window(rule, t, h, q, v, guess, small)
-        )
+        solved = None if program is None else program.window(rule, t, h, q, v, guess, small)
+        if program is None or (solved is None and program.partial):
+            solved = solve_window(rule, system, t, h, q, v, guess, small)
         if solved is not None:
             nodes_a, count = solved
             solution.evaluations += count
