@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
-from typing import NamedTuple
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -26,6 +26,7 @@ from mechcore.laws.timed import ConstantSpeed
 from mechcore.motion.motion import Motion
 from mechcore.spec.mechanism import Mechanism
 
+T = TypeVar("T")
 DriveValues = list[tuple[Real, Real | float, Real | float]]  # position, speed, acceleration (F,) of each drive
 
 
@@ -41,6 +42,7 @@ class Compiled:
     paths: list[BranchPath] = field(default_factory=list)  # that have been followed, for further frames on them
     accuracy: Accuracy = DEFAULT
     executor: Executor = "numpy"  # of the program of steps
+    kept: dict[Callable[[Compiled], Any], Any] = field(default_factory=dict, init=False, repr=False)  # see `once`
 
     @cached_property
     def near(self) -> float:
@@ -55,6 +57,13 @@ class Compiled:
     @property
     def mechanism(self) -> Mechanism:
         return self.model.mechanism
+
+    def once(self, work: Callable[[Compiled], T]) -> T:
+        """``work(self)``, done once for this object, as `Model.once`; ``kept`` has what has been done."""
+        if work not in self.kept:
+            self.kept[work] = work(self)
+        found: T = self.kept[work]
+        return found
 
 
 def drive_values(

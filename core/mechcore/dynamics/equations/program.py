@@ -83,7 +83,10 @@ class Program:
 
 
 def compiled_program(compiled: Compiled) -> Program | None:
-    """The program of a mechanism's equations of motion; None where C does not have them or there is no compiler that works."""
+    """The program of a mechanism's equations of motion; None where C does not have them or there is no compiler that works.
+
+    Ask for it by `Compiled.once`.
+    """
     if compiler() is None:
         return None
     written = _written(compiled)
@@ -133,6 +136,6 @@ class Programmed:
     compiled: Compiled
 
     def program(self, *, long: bool = False) -> Program | None:
-        """The compiled program where C is asked for; where the executor is "auto", for a ``long`` motion."""
-        wanted = self.compiled.executor == "c" or (long and self.compiled.executor == "auto")
-        return compiled_program(self.compiled) if wanted else None
+        """The compiled program where C is asked for; where the executor is "auto", for a ``long`` motion, and once it is there."""
+        executor, there = self.compiled.executor, compiled_program in self.compiled.kept
+        return self.compiled.once(compiled_program) if executor == "c" or (executor == "auto" and (long or there)) else None

@@ -21,6 +21,7 @@ from mechcore.kinematics.rates import accelerations, velocities
 from mechcore.kinematics.state import State
 from mechcore.motion.compiled import Compiled
 from mechcore.motion.motion import Motion
+from mechcore.spec.mechanism import braked
 
 
 def written_equations(compiled: Compiled) -> tuple[WrittenEquations, tuple[int, ...]]:
@@ -30,6 +31,8 @@ def written_equations(compiled: Compiled) -> tuple[WrittenEquations, tuple[int, 
     """
     model = compiled.model
     check_traceable(model)
+    if "friction" in compiled.mechanism.effects and braked(compiled.mechanism.joints):
+        raise Untraceable("dry friction depends on the reactions")
     if integrating(compiled):
         raise Untraceable("a servo integrates its error")
     writer = _Writer(compiled)

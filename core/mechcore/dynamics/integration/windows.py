@@ -165,12 +165,13 @@ def integrate(
         return end, q[0], v[0] if keeps is None else keeps(q[0], v[0]), a
 
     offered: Callable[..., WindowProgram | None] = getattr(system, "program", lambda **_: None)
-    program = offered()
+    program, settled = offered(), False
     small = max(1e-3 * tolerance, ROUNDED) * float(np.min(scale))
     rows = None if breakpoints is None else _Rows(ParallelShooting(system, rule, tolerance, scale), breakpoints, h, least, most)
     while t < t1 - least:
-        if program is None and len(solution.windows) == SETTLED and t1 - t > MANY * h:
-            program = offered(long=True)
+        if not settled and len(solution.windows) >= SETTLED:
+            settled = True
+            program = offered(long=True) if program is None and t1 - t > MANY * h else program
         if program is not None and program.alone and breakpoints is None and keeps is None:
             near = program.near(q[None], v[None], np.array([t]))
             at = np.concatenate([[t, h, longest, 0.0, 0.0], q, v, end_a[0], guess.ravel(), near])
