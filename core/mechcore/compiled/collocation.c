@@ -4,7 +4,8 @@ Before this stands, generated, what makes the reduced equations M q'' + h = Q of
     static void reduced(p, m, q, v, t, d, near, out)
 with parameters p, assembly modes m, coordinates q and their rates v, values d of prescribed drives, angles `near` from which others
 are followed (replaced by those found), and out: the lower triangle of M row by row, then Q - h.
-Beside it, of the same arguments, `ratios`: rates of joints relative to those of coordinates. */
+Beside it, of the same arguments, `ratios`: rates of joints relative to those of coordinates, and `forms`:
+numbers for the forms of laws that have several. */
 
 #include <float.h>
 #include <stdlib.h>
@@ -199,6 +200,11 @@ double strained(const System *y, const double *q, const double *v, double t, con
     ratios(y->p, y->m, q, v, t, d, near, found);
     for (long i = 0; i < RATIOS; i++) largest = larger(largest, fabs(found[i]));
     return largest;
+}
+
+/* Forms of laws at states (n, FORMS). */
+void formed(const System *y, long n, const double *q, const double *v, const double *t, const double *d, double *out) {
+    for (long i = 0; i < n; i++) forms(y->p, y->m, q + i * y->f, v + i * y->f, t[i], d + i * y->given, 0, out + i * FORMS);
 }
 
 /* One window: `solved` with memory of its own. */

@@ -20,6 +20,7 @@ REDUCED = """
 #define ANGLES {angles}
 #define MARGIN {margin!r}
 #define RATIOS {count}
+#define FORMS {kinds}
 
 static void reduced(const double *p, const double *m, const double *q, const double *v, double t, const double *d, double *near,
                     double *out) {{
@@ -33,6 +34,13 @@ static void ratios(const double *p, const double *m, const double *q, const doub
     const double *w = d + {drives};
     (void)p, (void)m, (void)q, (void)v, (void)t, (void)d, (void)w, (void)near;
     {rates}
+}}
+
+static void forms(const double *p, const double *m, const double *q, const double *v, double t, const double *d,
+                  const double *near, double *out) {{
+    const double *w = d + {drives};
+    (void)p, (void)m, (void)q, (void)v, (void)t, (void)d, (void)w, (void)near;
+    {forms}
 }}
 """
 
@@ -64,14 +72,15 @@ class Batch(NamedTuple):
 
 class WrittenEquations:
     """Reduced equations of motion in C: ``outputs`` are the lower triangle of M, row by row, then Q - h; the angles that
-    are followed; and ratios of rates of joints to those of the coordinates.
+    are followed; ratios of rates of joints to those of the coordinates; and the forms of
+    laws that have several.
 
     They are computed from what C calls ``q[k]``, ``v[k]``, ``t``, modes ``m[k]``, ``given`` values ``d[k]`` of prescribed drives,
     and angles ``near[k]`` from which the ``angles`` are followed; values of functions `of_time` come after those of drives.
     """
 
     def __init__(self, code: Code, outputs: tuple[Sequence[Operand], ...], freedoms: int, given: int, margin: float):
-        equations, angles, ratios = outputs
+        equations, angles, ratios, forms = outputs
         self.parameters: list[float] = []
         self.freedoms, self.given, self.angles = freedoms, given + len(code.of_time), len(angles)
         self.of_time = tuple(code.of_time)
@@ -79,12 +88,16 @@ class WrittenEquations:
         lines = code.written(targets, self.parameters)
         self.lines = len(lines)
         rates = code.written([(f"out[{k}]", x) for k, x in enumerate(ratios)], self.parameters)
+        whole = code.written([(f"out[{k}]", x) for k, x in enumerate(forms)], self.parameters)
+        self.forms = len(forms)
         own = REDUCED.format(
             freedoms=freedoms,
             angles=len(angles),
             drives=given,
             margin=margin,
             count=len(ratios),
+            kinds=len(forms),
+            forms="\n    ".join(whole),
             lines="\n    ".join(lines),
             rates="\n    ".join(rates),
         )
@@ -121,7 +134,8 @@ class CompiledEquations:
         self.freedoms, self.given, self.angles = written.freedoms, written.given, written.angles
         self._loaded = library(written.source)
         self._loaded.window.restype = self._loaded.windows.restype = ctypes.c_long
-        self._loaded.evaluated.restype = None
+        self._loaded.evaluated.restype = self._loaded.formed.restype = None
+        self.kinds = written.forms
         self._loaded.strained.restype = ctypes.c_double
         self._kept: list[Real] = [np.array(x or [0.0], float) for x in (written.parameters, list(modes), list(scale))]
         self.modes = self._kept[1]
@@ -133,6 +147,13 @@ class CompiledEquations:
         given = [np.ascontiguousarray(x, float) for x in (q, v, d, near)]
         q, v, d, near = given
         return float(self._loaded.strained(self._system, _at(q), _at(v), ctypes.c_double(t), _at(d), _at(near)))
+
+    def forms(self, q: Real, v: Real, t: Real, d: Real) -> Real:
+        """Forms of laws (n, k) at coordinates and rates (n, f), times (n,), values of drives (n, g); no angle is followed."""
+        given = [np.ascontiguousarray(x, float) for x in (q, v, t, d)]
+        out = np.empty((len(t), self.kinds))
+        self._loaded.formed(self._system, ctypes.c_long(len(t)), *(_at(x) for x in given), _at(out))
+        return out
 
     def accelerations(self, q: Real, v: Real, t: Real, d: Real, near: Real) -> Real:
         """Accelerations (n, f) at coordinates and rates (n, f), times (n,), values of drives (n, g) and near the angles (a,)."""

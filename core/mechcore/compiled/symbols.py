@@ -55,6 +55,15 @@ static inline double piecewise(const double *p, long n, double x) { /* n + 1 bor
     const double *c = p + n + 1 + 4 * low, z = x - p[low];
     return ((c[0] * z + c[1]) * z + c[2]) * z + c[3];
 }
+static inline double searched(const double *p, long n, double x) { /* how many of n numbers in order are not greater */
+    long low = 0, high = n;
+    while (low < high) {
+        const long middle = (low + high) / 2;
+        if (x < p[middle]) high = middle;
+        else low = middle + 1;
+    }
+    return (double)low;
+}
 static inline double modulo(double a, double b) {
     const double rest = fmod(a, b);
     return rest != 0.0 && (rest < 0.0) != (b < 0.0) ? rest + b : rest;
@@ -93,6 +102,10 @@ class Code:
         the last one go on beyond."""
         numbers = Numbers(tuple(map(float, (*borders, *coefficients.ravel()))))
         return Symbol(self, self.node(f"piecewise({{}}, {len(coefficients)}, {{}})", numbers, x.re), 0.0)
+
+    def searched(self, x: Symbol, numbers: Sequence[float]) -> Symbol:
+        """How many of some numbers in order are not greater than x."""
+        return Symbol(self, self.node(f"searched({{}}, {len(numbers)}, {{}})", Numbers(tuple(map(float, numbers))), x.re), 0.0)
 
     def node(self, form: str, *operands: Operand | Numbers) -> Node:
         """A real number in C, the operands at the places ``{}`` of its form; known already, where it has been written before."""
@@ -233,6 +246,10 @@ class Symbol:
         """Kept between two numbers, as numpy has it."""
         above = self if low is None else called("larger", self, low)
         return above if high is None else called("smaller", above, high)
+
+    def astype(self, _: Any) -> Symbol:
+        """The same number: C knows one kind."""
+        return self
 
     def _compared(self, how: str, other: Any) -> Symbol:
         b = _symbol(self.code, other)

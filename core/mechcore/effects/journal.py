@@ -87,7 +87,7 @@ class _Journal(LoadEffect[Contact]):
 
     def phase(self, at: Configuration) -> Index:
         """1 where journal and bearing touch."""
-        return np.asarray(self.indentation(at)[0] > 0.0, int)
+        return 1 * (self.indentation(at)[0] > 0.0)
 
 
 class JournalPressure(_Journal[JournalContact]):

@@ -72,7 +72,7 @@ class ConstantPowerMachine(_ByCharacteristic[ConstantPower]):
 
     def phase(self, at: Configuration) -> Index:
         load = self.load
-        return np.asarray(self.speed(at) * np.sign(load.torque_limit) > load.power / abs(load.torque_limit), int)
+        return 1 * np.greater(self.speed(at) * np.sign(load.torque_limit), load.power / abs(load.torque_limit))
 
 
 class Governed(_ByCharacteristic[Governor]):
@@ -89,7 +89,7 @@ class Governed(_ByCharacteristic[Governor]):
     def phase(self, at: Configuration) -> Index:
         load = self.load
         wanted = load.gain * (load.set_speed - self.speed(at))
-        return np.asarray(wanted > load.least, int) + (wanted > load.most)
+        return 1 * np.greater(wanted, load.least) + np.greater(wanted, load.most)
 
 
 class PositionServo(LoadEffect[Servo]):

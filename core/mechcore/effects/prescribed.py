@@ -95,9 +95,19 @@ def phase_of(at: Configuration, factor: Factor | None) -> Index:
     """Between which bends of its table a factor is: a whole number (F,)."""
     if factor is None or not bends(factor):
         return np.zeros(np.shape(at.time), int)
-    argument = np.asarray(_argument(at, factor), float)
-    table = factor.function
-    return np.asarray(table.part(argument))  # type: ignore[attr-defined] # a table, as `bends` has seen
+    known, table = _argument(at, factor), factor.function
+    assert isinstance(table, Table)  # as `bends` has seen
+    if isinstance(known, Symbol):
+        return _part_of_symbol(table, known)
+    return np.asarray(table.part(np.asarray(known, float)))
+
+
+def _part_of_symbol(table: Table, x: Any) -> Any:
+    """`Table.part` in a program that is written down."""
+    if table.period is None:
+        return x.code.searched(x, table.knots)
+    turns = np.floor((x - table.x[0]) / table.period)
+    return turns * (len(table.knots) + 1) + x.code.searched(x - turns * table.period, table.knots)
 
 
 def breaks_of(factor: Factor | None) -> tuple[float, ...]:

@@ -106,7 +106,7 @@ class FourStroke:
 
     def part(self, x: Real, outward: Flags, firing: Flags) -> Index:
         """Whether heat is still supplied at constant pressure (...): 1, else 0."""
-        return np.asarray(self._volume(x) < self.cutoff).astype(int)
+        return 1 * np.less(self._volume(x), self.cutoff)
 
     @property
     def work(self) -> float:

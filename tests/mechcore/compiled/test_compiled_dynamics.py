@@ -15,8 +15,10 @@ from mechcore import spec as sp
 from mechcore.compiled.toolchain import compiler
 from mechcore.dynamics.equations.chart import Chart
 from mechcore.dynamics.equations.program import compiled_program, missing_in_c
+from mechcore.dynamics.equations.reduced import motion_at
 from mechcore.dynamics.integration.collocation import gauss
 from mechcore.dynamics.simulate import simulate
+from mechcore.effects.registry import effects_of
 from mechcore.laws.timed import Free, Oscillation, Table
 from mechcore.motion.solve import compile_mechanism
 from mechcore.spec.loads import Polynomial
@@ -28,7 +30,7 @@ FACTORS = {
     "straight": sp.Factor(function=Table((-0.3, 0.1, 0.4, 0.9), (1.0, -2.0, 0.5, 3.0), smooth=False)),
     "smooth, periodic": sp.Factor(function=Table((0.0, 0.3, 0.5), (1.0, -2.0, 0.5), period=0.7)),
     "spline of a place": sp.Factor(
-        function=Table((-1.0, 0.0, 1.0, 2.0), (0.0, 1.0, 0.5, 2.0), smooth="spline"), of="x", point=("rod", "P")
+        function=Table((0.32, 0.4, 0.45, 0.48), (0.0, 1.0, 0.5, 2.0), smooth="spline"), of="x", point=("rod", "P")
     ),
     "of the time": sp.Factor(function=Table((0.0, 0.3, 1.0), (1.0, 2.0, -1.0)), of="time"),
     "polynomial": sp.Factor(function=Polynomial((0.5, 0.1, -0.2), per=2.0), of="velocity"),
@@ -137,6 +139,11 @@ def test_factors_are_the_same(name: str) -> None:
     v, t = np.linspace(1.0, 4.0, 241)[:, None], np.linspace(-0.1, 1.4, 241)
     expected = Chart(compiled)(q, v, t)
     assert np.abs(program(q, v, t) - expected).max() < 1e-12 * np.abs(expected).max()
+    bent = [e for e in effects_of(compiled.mechanism) if e.piecewise]
+    if bent:
+        phases = np.array([e.phase(motion_at(compiled, q, v, t)) for e in bent])
+        assert np.ptp(phases) >= 2
+        np.testing.assert_array_equal(program.forms(q, v, t), phases)
 
 
 def test_a_stiff_motion_takes_the_same_windows() -> None:

@@ -6,6 +6,7 @@ import numpy as np
 
 from mechcore.arrays import Real
 from mechcore.dynamics.contact.friction_state import senses
+from mechcore.dynamics.equations.program import Programmed
 from mechcore.dynamics.equations.reduced import free_of, motion_at
 from mechcore.dynamics.integration.collocation import Window
 from mechcore.effects.registry import effects_of
@@ -18,7 +19,7 @@ _FINE = np.linspace(0.0, 1.0, 97)
 ROUNDS = 8  # 96^8 = 7e15 places in a sample; many places cost hardly more than few
 
 
-class Breakpoints:
+class Breakpoints(Programmed):
     """Where the law of some force or cam changes its form. Switching points in time that loads and the laws of drives state are
     taken as they are; all else is looked for along a window."""
 
@@ -43,6 +44,10 @@ class Breakpoints:
 
     def _forms(self, window: Window, t: Real) -> Real:
         q, v, _ = window(t)
+        program = None if self.cams or self.driven else self.program()
+        forms = None if program is None else program.forms(q, v, t)
+        if forms is not None:
+            return forms
         motion = motion_at(self.compiled, q, v, t)
         found = [*(e.phase(motion) for e in self.effects), *(c.segment(motion) for c in self.cams)]
         found += list(senses(motion).T) if self.driven else []

@@ -38,6 +38,11 @@ class Program:
         """Accelerations (n, f); where angles are followed, of states in order of time that are near each other."""
         return self._equations.accelerations(q, v, t, self._drives(t), self.near(q[:1], v[:1], t[:1]))
 
+    def forms(self, q: Real, v: Real, t: Real) -> Real | None:
+        """Forms of all laws that have several (k, n), at states (n, f) each; None where C does not have them."""
+        known = self._equations.kinds and self.everywhere
+        return self._equations.forms(q, v, t, self._drives(t)).T if known else None
+
     def strain(self, q: Real, v: Real, t: Real) -> float:
         """Largest rate of a joint per unit rate of a free coordinate at one state, see `charts.strain`."""
         return self._equations.strain(q, v, float(t[0]), self._drives(t), self.near(q, v, t))

@@ -15,6 +15,7 @@ from mechcore.compiled.steps import check_traceable, followed_angle, place_all
 from mechcore.compiled.symbols import Code, Symbol, Untraceable, rotation
 from mechcore.dynamics.equations.reduced import free_of, integrating, rates_of_joints, reduced_terms
 from mechcore.dynamics.integration.windows import MARGIN
+from mechcore.effects.registry import effects_of
 from mechcore.kinematics.columns import all_columns, all_vectors
 from mechcore.kinematics.model import Model
 from mechcore.kinematics.rates import accelerations, velocities
@@ -69,9 +70,17 @@ class _Writer:
             raise Untraceable(f"a load is computed in a way that C does not have ({error})") from error
         outputs = [self._operand(inertia[i][j]) for i in range(len(free)) for j in range(i + 1)]
         outputs += [self._operand(q - h) for q, h in zip(force, bias, strict=True)]
-        near = [self._operand(state.angle[g]) for g in self.followed]
-        ratios = [self._operand(x) for row in rates for x in row]
-        return WrittenEquations(code, (outputs, near, ratios), len(free), 3 * (len(drives) - len(free)), MARGIN)
+        ratios, forms = [self._operand(x) for row in rates for x in row], self._forms(moving)
+        near = [self._operand(state.angle[g]) for g in self.followed]  # after all that may ask for an angle
+        return WrittenEquations(code, (outputs, near, ratios, forms), len(free), 3 * (len(drives) - len(free)), MARGIN)
+
+    def _forms(self, motion: Motion) -> list[Any]:
+        """Whole numbers for the forms of the laws that effects follow, see `Effect.phase`; none where C does not have them all."""
+        effects: list[Any] = [e for e in effects_of(self.compiled.mechanism) if e.piecewise]
+        try:
+            return [self._operand(e.phase(motion)) for e in effects]
+        except (TypeError, AttributeError, ValueError, IndexError):  # what code for arrays says of symbols
+            return []
 
     def _operand(self, value: Any) -> Any:
         return value.re if isinstance(value, Symbol) else float(value)
