@@ -3,7 +3,8 @@
 Before this stands, generated, what makes the reduced equations M q'' + h = Q of one mechanism:
     static void reduced(p, m, q, v, t, d, near, out)
 with parameters p, assembly modes m, coordinates q and their rates v, values d of prescribed drives, angles `near` from which others
-are followed (replaced by those found), and out: the lower triangle of M row by row, then Q - h.
+are followed (replaced by those found), and out: the lower triangle of M row by row, then Q - h, then rates of the
+states of effects that integrate over the time: they come after the coordinates, each as a rate whose acceleration that is.
 Beside it, of the same arguments, `ratios`: rates of joints relative to those of coordinates, and `forms`:
 numbers for the forms of laws that have several. */
 
@@ -16,7 +17,7 @@ numbers for the forms of laws that have several. */
 #define MOST 15        /* steps of Newton's method */
 
 typedef struct {
-    long f, given, angles; /* freedoms, numbers of prescribed drives, angles that are followed */
+    long f, given, angles; /* freedoms and states, numbers of prescribed drives, angles that are followed */
     const double *p, *m, *scale;
 } System;
 
@@ -27,8 +28,8 @@ typedef struct {
 
 /* Accelerations a (f); NaN where the coordinates move no mass. M = L D L' is solved without pivots, as it is positive. */
 static void accelerations(const System *y, const double *q, const double *v, double t, const double *d, double *near, double *a) {
-    const long f = y->f;
-    double l[F * (F + 1) / 2 + F], x[F];
+    const long f = F;
+    double l[F * (F + 1) / 2 + F + STATES], x[F];
     reduced(y->p, y->m, q, v, t, d, near, l);
     const double *rhs = l + f * (f + 1) / 2;
     for (long i = 0; i < f; i++) {
@@ -53,6 +54,7 @@ static void accelerations(const System *y, const double *q, const double *v, dou
         a[i] = x[i] / l[i * (i + 1) / 2 + i];
         for (long j = i + 1; j < f; j++) a[i] -= l[j * (j + 1) / 2 + i] * a[j];
     }
+    for (long i = 0; i < STATES; i++) a[F + i] = rhs[F + i];
 }
 
 /* Matrix (n, n) in place as L U with row exchanges; 0 where it is singular. */
@@ -130,6 +132,7 @@ static long solved(const System *y, const Rule *r, double t0, double h, const do
         if (!known) {
             double pace = 0.0, rate = 0.0;
             for (long i = 0; i < n; i++) {
+                if (i % f >= F) continue; /* a state */
                 pace = fmax(pace, fabs(v[i]) / y->scale[i % f]);
                 rate = fmax(rate, fabs(found[i]) / y->scale[i % f]);
             }

@@ -17,6 +17,7 @@ from mechcore.compiled.toolchain import library
 AROUND = Path(__file__).with_name("collocation.c")
 REDUCED = """
 #define F {freedoms}
+#define STATES {states}
 #define ANGLES {angles}
 #define MARGIN {margin!r}
 #define RATIOS {count}
@@ -71,18 +72,18 @@ class Batch(NamedTuple):
 
 
 class WrittenEquations:
-    """Reduced equations of motion in C: ``outputs`` are the lower triangle of M, row by row, then Q - h; the angles that
-    are followed; ratios of rates of joints to those of the coordinates; and the forms of
-    laws that have several.
+    """Reduced equations of motion in C. ``outputs``: the lower triangle of M, row by row, then Q - h, then rates of states; angles
+    that are followed; ratios of rates of joints to those of the coordinates; forms of laws that have several.
 
     They are computed from what C calls ``q[k]``, ``v[k]``, ``t``, modes ``m[k]``, ``given`` values ``d[k]`` of prescribed drives,
     and angles ``near[k]`` from which the ``angles`` are followed; values of functions `of_time` come after those of drives.
+    ``freedoms``: how many coordinates, and how many states.
     """
 
-    def __init__(self, code: Code, outputs: tuple[Sequence[Operand], ...], freedoms: int, given: int, margin: float):
+    def __init__(self, code: Code, outputs: tuple[Sequence[Operand], ...], freedoms: tuple[int, int], given: int, margin: float):
         equations, angles, ratios, forms = outputs
         self.parameters: list[float] = []
-        self.freedoms, self.given, self.angles = freedoms, given + len(code.of_time), len(angles)
+        self.freedoms, self.given, self.angles = sum(freedoms), given + len(code.of_time), len(angles)
         self.of_time = tuple(code.of_time)
         targets = [*((f"out[{k}]", x) for k, x in enumerate(equations)), *((f"near[{k}]", x) for k, x in enumerate(angles))]
         lines = code.written(targets, self.parameters)
@@ -91,7 +92,8 @@ class WrittenEquations:
         whole = code.written([(f"out[{k}]", x) for k, x in enumerate(forms)], self.parameters)
         self.forms = len(forms)
         own = REDUCED.format(
-            freedoms=freedoms,
+            freedoms=freedoms[0],
+            states=freedoms[1],
             angles=len(angles),
             drives=given,
             margin=margin,

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from typing import TypeVar
+from functools import partial
+from typing import Any, TypeVar, cast
 
 import numpy as np
 
 from mechcore.arrays import Index, Real, Values
+from mechcore.compiled.symbols import Symbol
 from mechcore.effects.base import Configuration, LoadEffect, Wrench, coordinate, joint_wrench, rate
 from mechcore.errors import Fault, MechanismError
 from mechcore.laws.timed import Law
@@ -98,6 +100,14 @@ class PositionServo(LoadEffect[Servo]):
     def __init__(self, load: Servo):
         super().__init__(load)
         self.needs = frozenset({"positions", "time", *(["velocities"] if load.derivative else [])})
+        self._targets = [partial(_component, load.target, k) for k in range(2)]
+
+    def _target(self, at: Configuration, derivative: int) -> Real:
+        """Where the coordinate should be, or its rate."""
+        time: Any = at.time
+        wanted = self._targets[derivative]
+        found: Any = time.code.value_of(wanted) if isinstance(time, Symbol) else wanted(time)
+        return cast(Real, found)
 
     @property
     def laws(self) -> tuple[Law, ...]:
@@ -112,16 +122,21 @@ class PositionServo(LoadEffect[Servo]):
         return self.load.integral != 0.0
 
     def state_rate(self, at: Configuration) -> Real:
-        return self.load.target(at.time)[0] - coordinate(at, self.load.joint)
+        return self._target(at, 0) - coordinate(at, self.load.joint)
 
     def wrenches(self, at: Configuration) -> list[Wrench]:
         load = self.load
         effort = load.proportional * self.state_rate(at)
         if load.derivative:
-            effort = effort + load.derivative * (load.target(at.time)[1] - rate(at, load.joint))
+            effort = effort + load.derivative * (self._target(at, 1) - rate(at, load.joint))
         if self.integrates:
             if self.name not in at.states:
                 why = "the integral of its error is known in motions under forces only."
                 raise MechanismError(Fault(f"loads.{self.name}", why, "Let its joint be free, or leave the integral out."))
             effort = effort + load.integral * at.states[self.name]
         return [joint_wrench(at, load.joint, effort, name=self.name, kind="servo", cause=self.cause)]
+
+
+def _component(law: Law, derivative: int, time: Real) -> Real:
+    """Position or rate of a law at times."""
+    return law(time)[derivative]

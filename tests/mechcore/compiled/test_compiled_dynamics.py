@@ -23,6 +23,7 @@ from mechcore.laws.timed import Free, Oscillation, Table
 from mechcore.motion.solve import compile_mechanism
 from mechcore.spec.loads import Polynomial
 from mechcore.spec.mechanism import Drive, Mechanism
+from mechviz.scene.scene import load
 
 pytestmark = pytest.mark.skipif(compiler() is None, reason="no C compiler")
 
@@ -84,7 +85,14 @@ def slider_crank_of(crank: float, rod: float) -> Mechanism:
     )
 
 
-@pytest.mark.parametrize(("made", "duration"), [(damped, 0.02), (pendulum, 1.0), (swinging_five_bar, 0.5), (driven, 0.5)])
+def servo() -> Mechanism:
+    """An arm held at a path by servos, whose integrals are states."""
+    return load("servo-arm").mechanism
+
+
+@pytest.mark.parametrize(
+    ("made", "duration"), [(damped, 0.02), (pendulum, 1.0), (swinging_five_bar, 0.5), (driven, 0.5), (servo, 0.5)]
+)
 def test_motions_are_the_same(made, duration: float) -> None:
     compiled = compile_mechanism(made())
     assert missing_in_c(compiled) is None

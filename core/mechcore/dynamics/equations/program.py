@@ -11,7 +11,7 @@ from mechcore.compiled.collocation import Batch, CollocationRule, CompiledEquati
 from mechcore.compiled.motion import MOST_LINES
 from mechcore.compiled.symbols import Untraceable
 from mechcore.compiled.toolchain import compiler
-from mechcore.dynamics.equations.reduced import coordinate_scales, motion_at
+from mechcore.dynamics.equations.reduced import coordinate_scales, integrating, motion_at
 from mechcore.dynamics.equations.written import written_equations
 from mechcore.errors import MechanismError
 from mechcore.kinematics.model import Model
@@ -26,7 +26,8 @@ class Program:
     def __init__(self, compiled: Compiled, written: WrittenEquations, followed: tuple[int, ...]):
         self.compiled, self.followed = compiled, followed
         self._laws = [d.law for d in compiled.mechanism.drives if not isinstance(d.law, Free)]
-        self._equations = CompiledEquations(written, np.array(compiled.assembly.modes, float), coordinate_scales(compiled))
+        scales = np.append(coordinate_scales(compiled), np.ones(len(integrating(compiled))))
+        self._equations = CompiledEquations(written, np.array(compiled.assembly.modes, float), scales)
         self._of_time = written.of_time
         points = compiled.singular_points
         self._singular = points if points is not None and points.by_drive and points.found else None

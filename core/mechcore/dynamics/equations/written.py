@@ -34,8 +34,6 @@ def written_equations(compiled: Compiled) -> tuple[WrittenEquations, tuple[int, 
     check_traceable(model)
     if "friction" in compiled.mechanism.effects and braked(compiled.mechanism.joints):
         raise Untraceable("dry friction depends on the reactions")
-    if integrating(compiled):
-        raise Untraceable("a servo integrates its error")
     writer = _Writer(compiled)
     return writer.equations(), tuple(writer.followed)
 
@@ -61,8 +59,11 @@ class _Writer:
         angles = self._angles(state)
         moving = self._motion(state, angles, drives, second=True)
         units = [self._motion(state, angles, [(q, 1.0 * (d == i), 0.0) for d, (q, _, _) in enumerate(drives)]) for i in free]
+        states = integrating(self.compiled)
+        moving.states.update({e.name: code.input(f"v[{len(free) + i}]") for i, e in enumerate(states)})  # type: ignore[misc]
         try:
             inertia, bias, force = reduced_terms(moving, units)
+            integrated = [self._operand(e.state_rate(moving)) for e in states]
             _, rates = rates_of_joints(self.compiled, units)
         except Untraceable:
             raise
@@ -70,9 +71,11 @@ class _Writer:
             raise Untraceable(f"a load is computed in a way that C does not have ({error})") from error
         outputs = [self._operand(inertia[i][j]) for i in range(len(free)) for j in range(i + 1)]
         outputs += [self._operand(q - h) for q, h in zip(force, bias, strict=True)]
+        outputs += integrated
         ratios, forms = [self._operand(x) for row in rates for x in row], self._forms(moving)
         near = [self._operand(state.angle[g]) for g in self.followed]  # after all that may ask for an angle
-        return WrittenEquations(code, (outputs, near, ratios, forms), len(free), 3 * (len(drives) - len(free)), MARGIN)
+        given = 3 * (len(drives) - len(free))
+        return WrittenEquations(code, (outputs, near, ratios, forms), (len(free), len(states)), given, MARGIN)
 
     def _forms(self, motion: Motion) -> list[Any]:
         """Whole numbers for the forms of the laws that effects follow, see `Effect.phase`; none where C does not have them all."""
