@@ -1,0 +1,68 @@
+"""The executor on the command line: what the plan says of it, what is refused, and that results are the same."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+import mechviz as mv
+from mechcore.compiled import toolchain
+from mechcore.compiled.toolchain import compiler
+from mechviz.commands.main import app
+
+has_compiler = pytest.mark.skipif(compiler() is None, reason="no C compiler")
+
+
+def said(*arguments: str) -> tuple[int, str]:
+    result = CliRunner().invoke(app, list(arguments))
+    return result.exit_code, result.output
+
+
+@pytest.fixture
+def no_compiler(monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setenv("PATH", "/nowhere")
+    monkeypatch.setattr(toolchain, "find_spec", lambda _: None)
+    compiler.cache_clear()
+    yield
+    monkeypatch.undo()
+    compiler.cache_clear()
+
+
+@has_compiler
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (("crank-rocker",), "positions and rates  numpy: 361 frames; compiling"),
+        (("crank-rocker", "--executor", "c"), "positions and rates  C, "),
+        (("cam-flat", "--executor", "c"), "positions and rates  numpy: the cam of K is a function"),
+        (("swinging-double-pendulum",), "motion under forces  numpy; C where more than 250 windows are left"),
+        (("stick-slip-feed", "--executor", "c"), "motion under forces  numpy: dry friction"),
+        (("crank-rocker", "--executor", "numpy"), "numpy, as asked for"),
+    ],
+)
+def test_the_plan_names_the_executor(arguments, words):
+    code, text = said("plan", *arguments)
+    assert code == 0 and words in text
+
+
+def test_without_a_compiler_c_is_refused(no_compiler, tmp_path):
+    target = tmp_path / "a.rrd"
+    code, text = said("record", "crank-rocker", "--executor", "c", "-o", str(target))
+    assert code == 2 and "there is no C compiler" in text and "pip install 'mechviz[fast]'" in text
+    assert not target.exists()
+    assert "numpy: there is no C compiler" in said("plan", "crank-rocker")[1]
+
+
+@has_compiler
+def test_what_numpy_has_to_do_is_noted(tmp_path):
+    code, text = said("export", "triad", "--executor", "c", "-n", "12", "--csv", str(tmp_path / "a.csv"))
+    assert code == 0 and "note: numpy runs positions and rates: the group of P is solved by Newton's method." in text
+
+
+@has_compiler
+def test_results_are_the_same():
+    by_numpy, by_c = (mv.run("swinging-double-pendulum", frames=40, executor=e) for e in ("numpy", "c"))
+    for key in by_numpy:
+        a, b = by_numpy[key], by_c[key]
+        assert np.abs(a - b).max() <= 1e-6 * max(np.abs(a).max(), 1e-6), key  # two bars that fall free are chaotic
