@@ -3,7 +3,7 @@
     python benchmarks/compiled.py
 
 Motions of a four-bar and of ten links over more and more frames; Andrews' squeezer with a damped crank, a double pendulum and a
-five-bar under forces, to two tolerances. Processor times; what compiling and loading cost is shown apart.
+five-bar under forces, to two tolerances, and twenty times as long. Processor times; what compiling and loading cost is shown apart.
 """
 
 from __future__ import annotations
@@ -62,15 +62,17 @@ def motions() -> None:
             print(f"| {name} | {frames} | {1e3 * t['numpy']:.3f} | {1e3 * t['c']:.3f} | {t['numpy'] / t['c']:.1f} |", flush=True)
 
 
+CASES: tuple[tuple[str, Mechanism, float], ...] = (
+    ("Andrews' squeezer, damped, 0.03 s", damped_squeezer(case("andrews", "andrews-squeezer")), 0.03),
+    ("double pendulum, 5 s", double_pendulum(case("dynamics", "double-pendulum-physical")), 5.0),
+    ("five-bar on torsion springs, 2 s", swinging_five_bar(), 2.0),
+)
+
+
 def simulations() -> None:
-    cases: tuple[tuple[str, Mechanism, float], ...] = (
-        ("Andrews' squeezer, damped, 0.03 s", damped_squeezer(case("andrews", "andrews-squeezer")), 0.03),
-        ("double pendulum, 5 s", double_pendulum(case("dynamics", "double-pendulum-physical")), 5.0),
-        ("five-bar on torsion springs, 2 s", swinging_five_bar(), 2.0),
-    )
     print("\n| motion under forces | tolerance | numpy [ms] | C [ms] | ratio | difference | compiled in [s] | loaded in [ms] |")
     print("|---|---|---|---|---|---|---|---|")
-    for title, mechanism, duration in cases:
+    for title, mechanism, duration in CASES:
         compiled = compile_mechanism(mechanism)
         spent = [prepared(compile_mechanism(mechanism)) for _ in range(2)]
         for tolerance in (1e-6, 1e-9):
@@ -80,6 +82,22 @@ def simulations() -> None:
             times = f"{1e3 * t['numpy']:.1f} | {1e3 * t['c']:.2f} | {t['numpy'] / t['c']:.1f}"
             made = f"{spent[0]:.2f} | {1e3 * spent[1]:.1f}"
             print(f"| {title} | {tolerance:.0e} | {times} | {away:.1e} | {made} |", flush=True)
+
+
+def long_ones() -> None:
+    """Twenty times as long, once: what is paid once no longer counts; "auto" has to notice by itself."""
+    print("\n| motion under forces, long | windows | numpy [s] | C [s] | auto [s] | C faster by |\n|---|---|---|---|---|---|")
+    for title, mechanism, duration in CASES:
+        spent, windows = {}, 0
+        for executor in ("numpy", "c", "auto"):
+            compiled = replace(compile_mechanism(mechanism), executor=executor)  # type: ignore[arg-type]
+            compiled_program(compiled)
+            start = time.process_time()
+            found = simulate(compiled, 20.0 * duration)
+            spent[executor] = time.process_time() - start
+            windows = sum(len(s.solution.windows) for s in found.segments)
+        row = " | ".join(f"{spent[e]:.3f}" for e in ("numpy", "c", "auto"))
+        print(f"| {title} x 20 | {windows} | {row} | {spent['numpy'] / spent['c']:.0f} |", flush=True)
 
 
 def prepared(compiled: Compiled) -> float:
@@ -98,6 +116,7 @@ def main() -> None:
         os.environ["XDG_CACHE_HOME"] = folder  # nothing is compiled yet
         motions()
         simulations()
+        long_ones()
 
 
 if __name__ == "__main__":

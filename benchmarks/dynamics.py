@@ -15,13 +15,14 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable
+from dataclasses import replace
 from functools import partial
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
 ROOT = Path(__file__).resolve().parent.parent
-sys.path[:0] = [str(ROOT / "core"), str(ROOT / "tests"), str(Path(__file__).resolve().parent)]
+sys.path[:0] = [str(ROOT / "core"), str(ROOT / "tests" / "support"), str(Path(__file__).resolve().parent)]
 
 from timing import interleaved, machine  # isort: skip # before numpy is imported: one thread
 
@@ -41,10 +42,12 @@ from dynamics_peers import (
 )
 from scipy.integrate import solve_ivp
 
+from mechcore.compiled.toolchain import compiler
 from mechcore.dynamics.equations.chart import Chart
 from mechcore.dynamics.simulate import simulate
 from mechcore.dynamics.simulation import right_hand_side
 from mechcore.motion.solve import compile_mechanism
+from mechcore.spec.loads import TorsionDamper
 
 Row = tuple[str, str, Callable[[], float]]  # who, setting, computes the final angle
 
@@ -176,6 +179,27 @@ def mechviz_end(compiled: Any, duration: float, tolerance: float, method: str) -
     return float(found([duration])[0][0, 0])
 
 
+DAMPING = 1e-5  # of the crank [N m s]
+
+
+def damped_rows(reference: dict[str, Any]) -> tuple[list[Row], float]:
+    """The same with a damped crank, by both executors; the reference is mechviz at 1e-13, which Pinocchio confirms."""
+    i = reference["inputs"]
+    plain = squeezer(i)
+    damper = TorsionDamper(name="damper", links=("K1", "frame"), coefficient=DAMPING)
+    mechanism = replace(plain, loads=(*plain.loads, damper))
+    rows: list[Row] = []
+    for executor in ("numpy", "c") if compiler() else ("numpy",):
+        compiled = compile_mechanism(mechanism, executor=executor)  # type: ignore[arg-type]
+        for tolerance in (1e-4, 1e-6, 1e-9):
+            job = partial(mechviz_end, compiled, 0.03, tolerance, "gauss")
+            rows.append(("mechviz", f"{executor} {tolerance:.0e}", job))
+    if find_spec("pinocchio"):
+        for r in (1e-6, 1e-7, 1e-8, 1e-9, 1e-10):
+            rows.append(("Pinocchio + DOP853", f"rtol {r:.0e}", pinocchio_squeezer(i, r, damping=DAMPING)))
+    return rows, mechviz_end(compile_mechanism(mechanism), 0.03, 1e-13, "gauss")
+
+
 # --- P4: N four-bars in a row -----------------------------------------------------------------------------------------
 
 
@@ -302,6 +326,7 @@ def main() -> None:
         last = reference["expected"]["rows"][-1]
         beta = last["q"]["beta"] if "q" in last else last["beta"]
         report("Andrews' squeezing mechanism, 0.03 s, error of the crank angle", andrews_rows(reference), beta, runs=runs)
+        report("Andrews' squeezing mechanism, crank damped, 0.03 s, error of the crank angle", *damped_rows(reference), runs=runs)
     if only in ("", "chains"):
         chains(short, runs)
     if only in ("", "freedoms"):

@@ -222,8 +222,8 @@ def _exudyn_run(scene: Any, node: int, steps: int, duration: float, start: float
 # --- Andrews' squeezing mechanism ---------------------------------------------------------------------------------------
 
 
-def pinocchio_squeezer(i: dict[str, Any], tolerance: float, duration: float = 0.03) -> Callable[[], float]:
-    """Hinges along the tree, point F closed three times, `constraintDynamics` with scipy's DOP853."""
+def pinocchio_squeezer(i: dict[str, Any], tolerance: float, duration: float = 0.03, damping: float = 0.0) -> Callable[[], float]:
+    """Hinges along the tree, point F closed three times, `constraintDynamics` with scipy's DOP853; the crank may be damped."""
     import pinocchio as pin
 
     links, points = parts_of(i)
@@ -259,7 +259,7 @@ def pinocchio_squeezer(i: dict[str, Any], tolerance: float, duration: float = 0.
         x, y_ = dx + k.xb - k.xc, dy + k.yb - k.yc
         length = np.hypot(x, y_)
         pull = -k.c0 * (length - k.lo) / length
-        tau[crank], tau[lever] = k.mom, pull * (dx * y_ - dy * x)
+        tau[crank], tau[lever] = k.mom - damping * v[crank], pull * (dx * y_ - dy * x)
         return np.concatenate([v, pin.constraintDynamics(model, data, q, v, tau, constraints, datas, settings)])
 
     start = np.zeros(model.nq + model.nv)

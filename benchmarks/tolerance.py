@@ -13,7 +13,7 @@ import sys
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
-sys.path[:0] = [str(ROOT / "core"), str(ROOT / "tests")]
+sys.path[:0] = [str(ROOT / "core"), str(ROOT / "tests" / "support")]
 
 import numpy as np
 from dynamic_mechanisms import double_pendulum, slider_crank, squeezer, swinging_five_bar
