@@ -9,7 +9,7 @@ from mechcore.arrays import Complex, Real, Values
 from mechcore.compiled.kernels import Kernel
 from mechcore.compiled.steps import check_traceable, origins, place_all
 from mechcore.compiled.symbols import HELPERS, Untraceable
-from mechcore.compiled.toolchain import compiler, library
+from mechcore.compiled.toolchain import library
 from mechcore.errors import MechanismError
 from mechcore.kinematics.columns import all_columns, all_vectors
 from mechcore.kinematics.model import Model
@@ -155,17 +155,27 @@ def written(model: Model) -> MotionProgram | str:
     return program if program.lines <= MOST_LINES else f"the program would have {program.lines:,} lines"
 
 
-def loaded(model: Model) -> MotionProgram | None:
-    """The program of a model ready to run; None where there is none, or no compiler that works. Ask for it by `Model.once`."""
+def loaded(model: Model) -> MotionProgram | MechanismError | None:
+    """The program of a model ready to run, or why it cannot be compiled; None where there is none. Ask for it by `Model.once`."""
     program = model.once(written)
-    if isinstance(program, str) or compiler() is None:
+    if isinstance(program, str):
         return None
     try:
         return program.load()
-    except MechanismError:
-        return None
+    except MechanismError as error:
+        return error
 
 
 def motion_program(model: Model, executor: Executor, frames: int) -> MotionProgram | None:
-    """What runs the steps of a model at so many frames: a compiled program; None for numpy."""
-    return None if executor == "numpy" or (executor == "auto" and frames < PAYS) else model.once(loaded)
+    """What runs the steps of a model at so many frames: a compiled program; None for numpy.
+
+    Raises `MechanismError` where C is asked for and cannot be compiled.
+    """
+    if executor == "numpy" or (executor == "auto" and frames < PAYS):
+        return None
+    found = model.once(loaded)
+    if isinstance(found, MechanismError):
+        if executor == "c":
+            raise found
+        return None
+    return found

@@ -11,8 +11,10 @@ import pytest
 
 from mechcore.compiled import toolchain
 from mechcore.compiled.toolchain import cache_folder, cached, compiler, library
+from mechcore.dynamics.equations.chart import Chart
+from mechcore.dynamics.simulate import simulate
 from mechcore.errors import MechanismError
-from mechcore.motion.solve import compile_mechanism
+from mechcore.motion.solve import compile_mechanism, solve_motion
 from mechviz.scene.scene import load
 
 pytestmark = pytest.mark.skipif(compiler() is None, reason="no C compiler")
@@ -115,3 +117,17 @@ def test_the_cache_is_where_the_system_says(monkeypatch: pytest.MonkeyPatch) -> 
     monkeypatch.setenv("XDG_CACHE_HOME", "relative")  # not allowed by the specification: ignored
     assert cache_folder() == Path.home() / ".cache" / "mechviz"
     assert cache_folder().is_absolute()
+
+
+def test_a_compiler_that_fails_is_told_where_c_is_asked_for(folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    own = tmp_path / "cc"
+    own.write_text("#!/bin/sh\necho 'error: it is broken' >&2; exit 1\n")
+    own.chmod(0o755)
+    monkeypatch.setattr(toolchain, "compiler", lambda: (str(own),))
+    moved = compile_mechanism(load("crank-rocker").mechanism, executor="c")
+    with pytest.raises(MechanismError, match="the C compiler fails: error: it is broken"):
+        solve_motion(moved, [0.0, 0.1])
+    free = load("swinging-double-pendulum").mechanism
+    with pytest.raises(MechanismError, match="the C compiler fails"):
+        simulate(compile_mechanism(free, executor="c"), 0.1)
+    assert Chart(compile_mechanism(free, executor="auto")).program(long=True) is None  # numpy goes on

@@ -10,7 +10,6 @@ from mechcore.arrays import Real
 from mechcore.compiled.collocation import Batch, CollocationRule, CompiledEquations, WrittenEquations
 from mechcore.compiled.motion import MOST_LINES
 from mechcore.compiled.symbols import Untraceable
-from mechcore.compiled.toolchain import compiler
 from mechcore.dynamics.equations.reduced import coordinate_scales, integrating, motion_at
 from mechcore.dynamics.equations.written import written_equations
 from mechcore.errors import MechanismError
@@ -91,16 +90,16 @@ class Program:
 def compiled_program(compiled: Compiled) -> Program | None:
     """The program of a mechanism's equations of motion; None where C does not have them or there is no compiler that works.
 
-    Ask for it by `Compiled.once`.
+    Ask for it by `Compiled.once`. Raises `MechanismError` where C is asked for and cannot be compiled.
     """
-    if compiler() is None:
-        return None
     written = _written(compiled)
     if isinstance(written, str):
         return None
     try:
         return Program(compiled, *written)
     except MechanismError:
+        if compiled.executor == "c":
+            raise
         return None
 
 
