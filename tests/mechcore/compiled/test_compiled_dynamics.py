@@ -37,14 +37,7 @@ FACTORS = {
     "polynomial": sp.Factor(function=Polynomial((0.5, 0.1, -0.2), per=2.0), of="velocity"),
     "of Python": sp.Factor(function=lambda w: np.where(w > 2.1, np.tanh(w), 0.3 * w), of="velocity"),
 }
-RANDOM = (
-    ("four-bar", 2),
-    ("slider-crank", 7),
-    ("inverted slider-crank", 3),
-    ("several drives", 1),
-    ("belt", 0),
-    ("pin in slot", 5),
-)
+RANDOM = (("four-bar", 2), ("slider-crank", 7), ("several drives", 1), ("belt", 0))
 
 
 def damped() -> Mechanism:
@@ -136,11 +129,10 @@ def test_accelerations_are_the_same(kind: str, seed: int) -> None:
     assert np.abs(program(q, v, t) - expected).max() < 1e-11 * np.abs(expected).max()
 
 
-@pytest.mark.parametrize("name", FACTORS)
-def test_factors_are_the_same(name: str) -> None:
+def test_factors_are_the_same() -> None:
     """Within their borders and beyond, at both sides of every bend."""
-    load = sp.Torque(name="load", link="crank", moment=2.0, factor=FACTORS[name])
-    compiled = compile_mechanism(replace(slider_crank_of(0.1, 0.4), loads=(load,)))
+    loads = tuple(sp.Torque(name=name, link="crank", moment=2.0, factor=factor) for name, factor in FACTORS.items())
+    compiled = compile_mechanism(replace(slider_crank_of(0.1, 0.4), loads=loads))
     program = compiled_program(compiled)
     assert program is not None, missing_in_c(compiled)
     q = np.linspace(-2.0, 4.0, 241)[:, None]
@@ -148,10 +140,9 @@ def test_factors_are_the_same(name: str) -> None:
     expected = Chart(compiled)(q, v, t)
     assert np.abs(program(q, v, t) - expected).max() < 1e-12 * np.abs(expected).max()
     bent = [e for e in effects_of(compiled.mechanism) if e.piecewise]
-    if bent:
-        phases = np.array([e.phase(motion_at(compiled, q, v, t)) for e in bent])
-        assert np.ptp(phases) >= 2
-        np.testing.assert_array_equal(program.forms(q, v, t), phases)
+    phases = np.array([e.phase(motion_at(compiled, q, v, t)) for e in bent])
+    assert len(bent) == 3 and np.ptp(phases, axis=1).min() >= 2
+    np.testing.assert_array_equal(program.forms(q, v, t), phases)
 
 
 def test_a_stiff_motion_takes_the_same_windows() -> None:
