@@ -53,9 +53,9 @@ class PointLoad(NamedTuple):
     kind: str
     link: int
     point: Plane  # in link axes [m]; in a sweep it may vary, (designs, 1)
-    force: complex = 0j  # in the world [N]
-    mass: float = 0.0  # [kg]
-    inertia: float = 0.0  # J [kg m^2]
+    force: Plane = 0j  # in the world [N]; in a sweep this and what follows may vary, too
+    mass: Values = 0.0  # [kg]
+    inertia: Values = 0.0  # J [kg m^2]
 
     def together(self, other: PointLoad) -> PointLoad:
         """Both in one, where they act at one point."""
@@ -77,15 +77,15 @@ class KnownLoad(NamedTuple):
         """Force [N] and free moment [N m] at a motion; a `Configuration` will do where no inertia is in it."""
         _, _, link, point, constant, mass, inertia = self.load
         force: Plane = constant
-        if mass:
+        if not nothing(mass):
             resisting = -mass * at.of_point(link, point, 2) if self.opposed is None else at.summed(self.opposed, 2)
             force = added(resisting, force)
-        return force, -inertia * at.accelerations.angular[self.rotation_class] if inertia else 0.0
+        return force, -inertia * at.accelerations.angular[self.rotation_class] if not nothing(inertia) else 0.0
 
 
 def known_load(model: Model, load: PointLoad) -> KnownLoad:
     """A load at a point as a step."""
-    place = model.point_sum(load.link, load.point) if load.mass else None
+    place = model.point_sum(load.link, load.point) if not nothing(load.mass) else None
     opposed = None if place is None else place.scaled(-load.mass)
     return KnownLoad(load, load.link, model.angles.rotation_class[load.link], load.point * model.turn[load.link], opposed)
 

@@ -8,6 +8,7 @@ from mechcore.arrays import Real
 from mechcore.effects.base import Configuration, Effect, PointLoad
 from mechcore.kinematics.model import Model
 from mechcore.motion.motion import Motion
+from mechcore.numerics.frames import nothing
 
 
 def weights(model: Model) -> tuple[tuple[int, complex, complex], ...]:
@@ -15,7 +16,7 @@ def weights(model: Model) -> tuple[tuple[int, complex, complex], ...]:
     out = []
     for k, (mass, centre, _) in enumerate(model.masses):
         own = model.bodies[model.links[k]].gravity
-        if k and mass:
+        if k and not nothing(mass):
             out.append((k, mass * complex(*(model.mechanism.gravity if own is None else own)), centre))
     return tuple(out)
 
@@ -45,17 +46,17 @@ class Inertia(Effect):
         return [
             PointLoad(f"inertia/{link}", "inertia", k, centre, mass=mass, inertia=inertia)
             for k, (link, (mass, centre, inertia)) in enumerate(named)
-            if k and (mass or inertia)
+            if k and not (nothing(mass) and nothing(inertia))
         ]
 
 
 def kinetic_energy(motion: Motion) -> Real:
     """Kinetic energy of all links (F,) [J]; at a unit rate of a free coordinate half of the reduced inertia."""
-    total = np.zeros(motion.frames)
+    total = np.zeros(motion.shape)
     for k, (mass, centre, inertia) in enumerate(motion.model.masses):
-        if k and mass:
+        if k and not nothing(mass):
             v = motion.of_point(k, centre, 1)
             total = total + 0.5 * mass * (v.real**2 + v.imag**2)
-        if k and inertia:
+        if k and not nothing(inertia):
             total = total + 0.5 * inertia * motion.speeds.angular[motion.model.angles.rotation_class[k]] ** 2
     return total

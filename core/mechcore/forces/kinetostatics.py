@@ -61,7 +61,7 @@ class Forces:
         self._applied = applied
         self._transmitted = transmitted  # of each joint: force and couple on its second link, drive included
         self._contacts = contacts  # of each relation: place and force on its second link
-        self._shape = (motion.frames,)
+        self._shape = motion.shape
 
     @property
     def parts(self) -> Sequence[tuple[Index, Forces]]:

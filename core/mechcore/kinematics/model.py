@@ -58,6 +58,7 @@ class Model:
     joint_index: Mapping[str, int] = field(default_factory=dict)
 
     varied: Mapping[tuple[str, str], Any] = field(default_factory=dict)  # (link, point) -> places in a sweep (designs, 1)
+    varied_masses: Mapping[str, tuple[Any, Any, Any]] = field(default_factory=dict)  # link -> `masses` in a sweep (designs, 1)
     bodies: Mapping[str, Link] = field(default_factory=dict)  # all links, those that joints bring along included
 
     all_together: bool = False  # whether reactions are solved for all joints together even where blocks would do
@@ -96,9 +97,10 @@ class Model:
 
     @cached_property
     def masses(self) -> tuple[tuple[float, complex, float], ...]:
-        """(mass [kg], centre of mass in link axes [m], J_S [kg m^2]) of every link."""
-        own = [self.bodies[k] for k in self.links]
-        return tuple((link.mass, complex(*link.centre), link.inertia) for link in own)
+        """(mass [kg], centre of mass in link axes [m], J_S [kg m^2]) of every link; in a sweep those that vary are arrays
+        (designs, 1)."""
+        own = {k: self.bodies[k] for k in self.links}
+        return tuple(self.varied_masses.get(k, (link.mass, complex(*link.centre), link.inertia)) for k, link in own.items())
 
     @cached_property
     def program(self) -> Program:

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from mechcore.arrays import Flags, Real
+from mechcore.arrays import Complex, Flags, Real
 from mechcore.branches.unwrapped import Frames, along_designs
 from mechcore.errors import Fault, MechanismError
 from mechcore.kinematics.build import loop_sum
@@ -34,13 +34,15 @@ def sweep(
     points: Mapping[tuple[str, str], ArrayLike],
     time: ArrayLike,
     collect: Callable[[Motion], Mapping[str, Real]],
+    masses: Mapping[str, tuple[ArrayLike, ArrayLike, ArrayLike]] | None = None,
 ) -> Sweep:
     """Motion of D variants of a mechanism at times (F,) [s].
 
     ``points``: (link, point) -> positions (D, 2) [m] in the link's frame, of points at which the link is joined; all else is as
-    compiled, the assembly modes too. ``collect`` takes from a motion what is wanted, arrays (designs, F, ...). Designs that cannot
-    be assembled are NaN in the frames concerned and marked, not fatal. Groups without a closed form and mechanisms with change
-    points depend on a design's own path and are refused.
+    compiled, the assembly modes too. ``masses``: link -> mass (D,) [kg], centre of mass (D, 2) [m] and moment of inertia about it
+    (D,) [kg m^2], of links whose masses vary beside. ``collect`` takes from a motion what is wanted, arrays (designs, F, ...).
+    Designs that cannot be assembled are NaN in the frames concerned and marked, not fatal. Groups without a closed form and
+    mechanisms with change points depend on a design's own path and are refused.
     """
     model = compiled.model
     if compiled.assembly.starts or model.relations or (compiled.singular_points is not None and compiled.singular_points.found):
@@ -70,7 +72,8 @@ def sweep(
     assembled = np.empty(count, bool)
     for start in range(0, count, chunk):
         part = {key: xy[start : start + chunk, :] for key, xy in varied.items()}
-        motion = _motion(compiled, part, time, values)
+        weights = {link: _rows_of_masses(own, start, chunk) for link, own in (masses or {}).items()}
+        motion = _motion(compiled, part, weights, time, values)
         parts.append(collect(motion))
         ok = np.ones(motion.shape, bool)
         for rot in motion.state.rot:
@@ -82,7 +85,19 @@ def sweep(
     return Sweep(results=results, assembled=assembled)
 
 
-def _motion(compiled: Compiled, points: Mapping[tuple[str, str], Real], time: Real, values: DriveValues) -> Motion:
+def _rows_of_masses(stated: tuple[ArrayLike, ArrayLike, ArrayLike], start: int, chunk: int) -> tuple[Real, Complex, Real]:
+    """Mass, centre (complex) and moment of inertia of some designs, (designs, 1) each."""
+    mass, centre, inertia = (np.asarray(values, float)[start : start + chunk] for values in stated)
+    return mass[:, None], (centre[:, 0] + 1j * centre[:, 1])[:, None], inertia[:, None]
+
+
+def _motion(
+    compiled: Compiled,
+    points: Mapping[tuple[str, str], Real],
+    masses: Mapping[str, tuple[Real, Complex, Real]],
+    time: Real,
+    values: DriveValues,
+) -> Motion:
     model = compiled.model
     place: dict[tuple[str, str], Any] = {key: (xy[:, 0] + 1j * xy[:, 1])[:, None] for key, xy in points.items()}
     ends = {p.name: getattr(p, "points", None) for p in model.mechanism.joints}
@@ -95,7 +110,7 @@ def _motion(compiled: Compiled, points: Mapping[tuple[str, str], Real], time: Re
         joints.append(joint)
     closed = vector_loops(model.ends, joints, model.tree)
     sums = tuple(loop_sum(c, model.angles, model.turn) for c in closed)
-    variant = replace(model, joints=tuple(joints), loops=closed, loop_sums=sums, varied=place)
+    variant = replace(model, joints=tuple(joints), loops=closed, loop_sums=sums, varied=place, varied_masses=masses)
     modes, laws = compiled.assembly.modes, tuple(d.law for d in model.mechanism.drives)
     state = place_all(variant, [v[0] for v in values], modes)
 

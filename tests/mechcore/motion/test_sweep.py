@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from comparison_columns import class_three
 from mechanisms import four_bar, slider_crank
 
 from mechcore.errors import MechanismError
+from mechcore.forces.kinetostatics import solve_forces
 from mechcore.motion.solve import compile_mechanism, solve_motion
 from mechcore.motion.sweep import sweep
 
@@ -79,3 +82,28 @@ def test_what_a_sweep_cannot_do_is_refused():
         sweep(compiled, {("crank", "X"): [[1.0, 0.0]]}, TIME, lambda m: {})
     with pytest.raises(MechanismError, match="different numbers of designs"):
         sweep(compiled, {("crank", "B"): [[1.0, 0.0]], ("coupler", "D"): [[3.0, 0.0], [3.1, 0.0]]}, TIME, lambda m: {})
+
+
+def test_masses_and_forces_sweep_as_design_by_design():
+    rng = np.random.default_rng(5)
+    count = 20
+    base = slider_crank(r=1.0, l=3.0)
+    links = [replace(link, mass=2.0, centre=(0.5, 0.1), inertia=0.3) if link.name != "frame" else link for link in base.links]
+    base = replace(base, links=tuple(links), effects=("inertia", "gravity"))
+    rod = np.column_stack([rng.uniform(2.5, 3.5, count), np.zeros(count)])
+    mass, centre, inertia = rng.uniform(1.0, 3.0, count), rng.uniform(-0.5, 0.5, (count, 2)), rng.uniform(0.1, 0.5, count)
+
+    def forces_of(motion):
+        forces = solve_forces(motion)
+        return {
+            "B": forces.reaction("B"),
+            "torque": forces.effort(base.drives[0].joint),
+            "power": forces.power(base.drives[0].joint),
+        }
+
+    found = sweep(compile_mechanism(base), {("rod", "C"): rod}, TIME, forces_of, masses={"rod": (mass, centre, inertia)})
+    for k in (0, 7, 19):
+        own = dict(points={**base.links[2].points, "C": tuple(rod[k])}, mass=mass[k], centre=tuple(centre[k]), inertia=inertia[k])
+        alone = replace(base, links=tuple(replace(link, **own) if link.name == "rod" else link for link in base.links))
+        for name, value in forces_of(solve_motion(compile_mechanism(alone), TIME)).items():
+            np.testing.assert_allclose(found.results[name][k], value, rtol=1e-12, atol=1e-12 * np.abs(value).max())
