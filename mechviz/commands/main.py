@@ -45,6 +45,9 @@ COMMANDS = {
         "balance": "Balance the shaking force of a four-bar or slider-crank by counterweights; show it before and after.",
         "vibrations": "Find the equilibrium of a scene with free joints, and its natural frequencies, damping ratios and modes.",
     },
+    "sweep": {
+        "sweep": "Compute quantities of many designs: a grid, lists or samples of a scene's parameters, one row for each design.",
+    },
     "view": {
         "view": "Show a scene in the browser at http://127.0.0.1:PORT until Ctrl-C, to look at and to edit; or play a recording.",
     },

@@ -14,11 +14,11 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, cast
 
 import numpy as np
 
-from mechcore.arrays import Plane
+from mechcore.arrays import Plane, Values
 from mechcore.numerics.frames import summed
 from mechcore.topology.graph import FRAME, Angles
 
@@ -36,10 +36,11 @@ class VectorSum(NamedTuple):
     arms: tuple[tuple[int, Plane], ...]  # (class, A)
     slides: tuple[tuple[int, int, complex], ...]  # (joint, class, d)
 
-    def scaled(self, factor: float) -> VectorSum:
-        """The sum times a number."""
+    def scaled(self, factor: Values) -> VectorSum:
+        """The sum times a number; in a sweep times one of each design (designs, 1)."""
         arms = tuple((s, factor * a) for s, a in self.arms)
-        return VectorSum(factor * self.still, arms, tuple((j, s, factor * d) for j, s, d in self.slides))
+        slides = tuple((j, s, cast(complex, factor * d)) for j, s, d in self.slides)
+        return VectorSum(factor * self.still, arms, slides)
 
 
 @dataclass(frozen=True)

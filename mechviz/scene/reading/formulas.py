@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from decimal import Decimal
@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from mechcore.arrays import Real
 from mechcore.errors import Fault
 from mechviz.scene.annotations import Leaf, Place, raw_leaves
 from mechviz.scene.document import SceneDocument, with_values
@@ -110,6 +111,39 @@ def parameter_changes(document: SceneDocument, values: Mapping[str, float | str]
                 faults.append(Fault(path, f"'{value}' is {found.words}, {name} is {before.words}.", "Give a value of that kind."))
         changes["parameters", name, *(["value"] if isinstance(entries[name], Mapping) else [])] = value
     return changes, faults
+
+
+def parameter_arrays(document: SceneDocument, values: Mapping[str, Real]) -> dict[str, Amount]:
+    """The parameters of many designs side by side: ``values`` (D,) of some in SI units, and of all that follow from them."""
+    entries = document.written()["parameters"]
+    known = resolve({"parameters": entries}).parameters
+    found = {name: Amount(own, known[name].amount.powers) for name, own in values.items()}
+    waiting = {
+        name: _expression(e.get("value") if isinstance(e, Mapping) else e) for name, e in entries.items() if name not in found
+    }
+    while waiting:
+        for name in [name for name, e in waiting.items() if found.keys() >= set(e.names)]:
+            found[name] = waiting.pop(name).value(found)
+    return found
+
+
+def formula_values(document: SceneDocument, amounts: Mapping[str, Amount], places: Iterable[Place]) -> dict[Place, Real]:
+    """The values (D,) in SI units of the expressions at some places, for parameters of many designs."""
+    return {place: np.asarray(parse_expression(document.formulas[place]).value(amounts).number, float) for place in places}
+
+
+def parameters_behind(document: SceneDocument, place: Place) -> set[str]:
+    """The parameters that the expression at a place follows from, also by way of others."""
+    entries = document.written().get("parameters", {})
+    found: set[str] = set()
+    waiting = list(parse_expression(document.formulas[place]).names)
+    while waiting:
+        name = waiting.pop()
+        if name not in found:
+            found.add(name)
+            entry = entries[name]
+            waiting += _expression(entry.get("value") if isinstance(entry, Mapping) else entry).names
+    return found
 
 
 def parameter_words(document: SceneDocument) -> list[str]:

@@ -103,7 +103,8 @@ def test_masses_and_forces_sweep_as_design_by_design():
 
     found = sweep(compile_mechanism(base), {("rod", "C"): rod}, TIME, forces_of, masses={"rod": (mass, centre, inertia)})
     for k in (0, 7, 19):
-        own = dict(points={**base.links[2].points, "C": tuple(rod[k])}, mass=mass[k], centre=tuple(centre[k]), inertia=inertia[k])
-        alone = replace(base, links=tuple(replace(link, **own) if link.name == "rod" else link for link in base.links))
+        body = replace(links[2], points={**links[2].points, "C": tuple(rod[k])}, mass=mass[k], centre=tuple(centre[k]))
+        body = replace(body, inertia=inertia[k])
+        alone = replace(base, links=tuple(body if link.name == "rod" else link for link in base.links))
         for name, value in forces_of(solve_motion(compile_mechanism(alone), TIME)).items():
             np.testing.assert_allclose(found.results[name][k], value, rtol=1e-12, atol=1e-12 * np.abs(value).max())

@@ -1,0 +1,1 @@
+"""Studies of many designs of one scene: sweeps, and what tolerances do."""

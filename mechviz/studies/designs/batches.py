@@ -1,0 +1,193 @@
+"""Many designs in one call of the core: where parameters vary nothing but the places of joints and the masses of links.
+
+What can be computed this way is tried out on a few designs beside the run of each by itself; where they differ, all are run by
+themselves.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from mechcore.arrays import Flags, Real
+from mechcore.errors import MechanismError
+from mechcore.forces.kinetostatics import Forces, solve_forces
+from mechcore.motion.compiled import Compiled
+from mechcore.motion.motion import Motion
+from mechcore.motion.solve import compile_mechanism, default_times
+from mechcore.motion.sweep import sweep
+from mechcore.spec.mechanism import Link, braked
+from mechviz.quantities.catalogue import Catalogue, Quantity
+from mechviz.quantities.vectors import centre_name, point_name
+from mechviz.scene.annotations import Place
+from mechviz.scene.document import LinkDocument
+from mechviz.scene.kinds.bodies import MassDocument
+from mechviz.scene.reading.formulas import formula_values, parameter_arrays, parameters_behind
+from mechviz.scene.scene import Scene
+from mechviz.studies.designs.measures import Measure, quantity_of
+from mechviz.studies.designs.sampling import Variation
+
+
+@dataclass(frozen=True, eq=False)
+class Batch:
+    """What computes designs side by side: the compiled nominal design, the times of the frames, and which values vary."""
+
+    scene: Scene
+    compiled: Compiled
+    time: Real
+    variations: tuple[Variation, ...]
+    columns: tuple[tuple[Measure, Quantity, int], ...]
+    places: tuple[Place, ...]
+
+    @property
+    def drive(self) -> Real | None:
+        """Coordinate (F,) of the first drive, the same in all designs."""
+        drives = self.compiled.mechanism.drives
+        return np.broadcast_to(drives[0].law(self.time)[0], self.time.shape) if drives else None
+
+    def curves(self, designs: Real) -> tuple[list[Real], list[str]]:
+        """Curves (D, F) of each measure for designs (D, n), and why there are none of each design, "" where there are."""
+        amounts = parameter_arrays(self.scene.document, {v.name: designs[:, k] * v.factor for k, v in enumerate(self.variations)})
+        values = formula_values(self.scene.document, amounts, self.places)
+        count = len(designs)
+        reasons = [""] * count
+        for name, known in self.scene.parameters.items():
+            numbers = np.broadcast_to(amounts[name].number, (count,))
+            outside = ~((numbers >= known.low * (1 - 1e-12)) & (numbers <= known.high * (1 + 1e-12)))
+            for k in map(int, np.flatnonzero(outside)):
+                reasons[k] = f"parameters.{name}: is outside of its range"
+        points, masses, wrong = self._varied(values, count)
+        for k in wrong:
+            reasons[k] = reasons[k] or "links: a mass or moment of inertia is negative"
+        with np.errstate(all="ignore"):
+            found = sweep(self.compiled, points, self.time, self._collect, masses)
+        curves = [found.results[str(k)] for k in range(len(self.columns))]
+        for k in map(int, np.flatnonzero(~found.assembled)):
+            reasons[k] = reasons[k] or "joints: the mechanism cannot be assembled at all frames of the run"
+        whole: Flags = np.all([np.isfinite(curve).all(axis=1) for curve in curves], axis=0)
+        for k in map(int, np.flatnonzero(~whole)):
+            reasons[k] = reasons[k] or "the values are not finite"
+        return curves, reasons
+
+    def _varied(
+        self, values: Mapping[Place, Real], count: int
+    ) -> tuple[dict[tuple[str, str], Real], dict[str, tuple[Real, Real, Real]], list[int]]:
+        """The places of points and the masses of links in each design, and the designs of which these are impossible."""
+        links: dict[str, Link] = {link.name: link for link in self.compiled.mechanism.links}
+        points: dict[tuple[str, str], Real] = {}
+        masses: dict[str, tuple[Real, Real, Real]] = {}
+
+        def weights(link: str) -> tuple[Real, Real, Real]:
+            own = links[link]
+            if link not in masses:
+                masses[link] = np.full(count, own.mass), np.tile(own.centre, (count, 1)), np.full(count, own.inertia)
+            return masses[link]
+
+        for place, numbers in values.items():
+            link = str(place[1])
+            if place[2] == "points":
+                key = link, str(place[3])
+                if key not in points:
+                    points[key] = np.tile(np.asarray(links[link].points[key[1]], float), (count, 1))
+                points[key][:, int(place[4])] = numbers
+            elif place[2] == "mass":
+                weights(link)[0][:] = numbers
+            elif place[2] == "centre":
+                weights(link)[1][:, int(place[3])] = numbers
+            else:
+                weights(link)[2][:] = numbers
+        if not points:  # the core takes the number of designs from places
+            joint = next(j for j in self.compiled.model.joints if j.name in links[j.links[1]].points)
+            points[joint.links[1], joint.name] = np.tile(np.asarray(links[joint.links[1]].points[joint.name], float), (count, 1))
+        wrong = [k for k in range(count) if any(mass[k] < 0.0 or inertia[k] < 0.0 for mass, _, inertia in masses.values())]
+        return points, masses, wrong
+
+    def _collect(self, motion: Motion) -> dict[str, Real]:
+        """The curves (D, F) of all measures, by their numbers."""
+        forces = solve_forces(motion) if any(needs_forces(q.path) for _, q, _ in self.columns) else None
+        found: dict[str, Real] = {}
+        tables: dict[tuple[str, ...], Real] = {}
+        for k, (_, quantity, column) in enumerate(self.columns):
+            if quantity.path not in tables:
+                rows = _table(quantity.path, motion, forces)
+                tables[quantity.path] = np.broadcast_to(rows, (*motion.shape, rows.shape[-1]))
+            rows = tables[quantity.path]
+            flat = quantity.entry.read(rows.reshape(-1, rows.shape[-1]))
+            found[str(k)] = np.ascontiguousarray(flat[:, column].reshape(motion.shape))
+        return found
+
+
+def needs_forces(path: tuple[str, ...]) -> bool:
+    """Whether a table holds what forces decide."""
+    return path[1] == "drive" or path[-1] in ("reaction", "inertia")
+
+
+def _table(path: tuple[str, ...], motion: Motion, forces: Forces | None) -> Real:
+    """The values (D, F, n) of a table of the catalogue. Raises `LookupError` where it is none of those that can be had so."""
+    match path[1:]:
+        case ("links", link, "pose"):
+            return motion.pose(link)
+        case ("links", link, "velocity"):
+            return motion.velocity(link)
+        case ("links", link, "acceleration"):
+            return motion.acceleration(link)
+        case ("links", link, "inertia") if forces is not None:
+            return forces.inertia(link)
+        case ("points", name, what) if what in ("position", "velocity", "acceleration"):
+            order = ("position", "velocity", "acceleration").index(what)
+            for key in motion.mechanism.traced:
+                if point_name(*key) == name:
+                    return motion.point(*key, order)
+            link = next(link for link in motion.model.links if centre_name(link) == name)
+            return motion.centre_of_mass(link, order)
+        case ("joints", joint, "motion"):
+            return motion.coordinate(joint)
+        case ("joints", joint, "reaction") if forces is not None:
+            return forces.reaction(joint)
+        case ("drive", joint) if forces is not None:
+            efforts = np.stack([forces.effort(joint), forces.power(joint)], axis=-1)
+            return np.concatenate([np.broadcast_to(motion.coordinate(joint), (*efforts.shape[:-1], 3)), efforts], axis=-1)
+    raise LookupError("/".join(path))
+
+
+def batch_of(
+    scene: Scene, variations: Sequence[Variation], measures: Sequence[Measure], catalogue: Catalogue, frames: int, cycles: int
+) -> Batch | None:
+    """What computes the designs side by side; None where the variations reach further than joints and masses, or the mechanism
+    has groups, effects or quantities that are computed design by design."""
+    names = {v.name for v in variations}
+    places = tuple(place for place in scene.document.formulas if names & parameters_behind(scene.document, place))
+    mechanism = scene.mechanism
+    if scene.simulation is not None or scene.accuracy.target is not None or not all(_can_vary(scene, place) for place in places):
+        return None
+    if "friction" in mechanism.effects and braked(mechanism.joints):
+        return None
+    links: dict[str, LinkDocument] = dict(scene.document.links)
+    for link in {str(place[1]) for place in places if place[2] == "points"}:
+        own = links[link]
+        if own.shape is not None or own.lumps or isinstance(own.mass, MassDocument) or isinstance(own.centre, str):
+            return None
+    columns = []
+    for measure in measures:
+        quantity = quantity_of(measure, catalogue)
+        columns.append((measure, quantity, measure.column(quantity)))
+    try:
+        compiled = compile_mechanism(mechanism, scene.accuracy)
+        batch = Batch(scene, compiled, default_times(mechanism, frames, cycles), tuple(variations), tuple(columns), places)
+        nominal = [[scene.parameters[v.name].amount.number / v.factor for v in variations]]
+        batch.curves(np.array(nominal, float))
+    except (LookupError, MechanismError, StopIteration, ValueError, TypeError):
+        return None
+    return batch
+
+
+def _can_vary(scene: Scene, place: Place) -> bool:
+    """Whether a value of the document may differ from design to design."""
+    if place[0] != "links" or place[2] not in ("points", "mass", "centre", "inertia"):
+        return False
+    link = scene.document.links[str(place[1])]
+    if place[2] == "points":
+        return isinstance(link.points, dict)
+    return not isinstance(link.mass, MassDocument) and link.shape is None and not link.lumps

@@ -1,0 +1,201 @@
+"""What a study finds of its designs: in batches where the core can, each by itself where it cannot; here or in another process."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from functools import lru_cache
+from pathlib import Path
+
+import numpy as np
+
+from mechcore.arrays import Real
+from mechcore.errors import Fault, MechanismError
+from mechviz.quantities.catalogue import Quantity
+from mechviz.runs import Run, run_scene
+from mechviz.scene.folder import SceneFolder
+from mechviz.scene.scene import Scene, loads
+from mechviz.studies.designs.batches import Batch, batch_of, needs_forces
+from mechviz.studies.designs.measures import Measure, quantity_of
+from mechviz.studies.designs.sampling import Variation
+
+TRIED = 3  # designs that are computed both ways before batches are trusted
+AGREEMENT = 1e-9  # relative, of a batch and a run by itself
+_PLAIN = ("pose", "velocity", "acceleration", "position", "reaction", "motion", "inertia")
+
+
+@dataclass(frozen=True)
+class Study:
+    """A question to many designs, made of plain values: it is the same in every process."""
+
+    text: str  # of the scene
+    name: str
+    folder: str
+    variations: tuple[Variation, ...]
+    measures: tuple[Measure, ...]
+    frames: int | None = None
+    cycles: int | None = None
+    files: tuple[tuple[str, bytes], ...] = field(default=(), repr=False)
+
+    @property
+    def scene(self) -> Scene:
+        """The nominal scene, read once in each process."""
+        return _prepared(self).scene
+
+    @property
+    def nominal(self) -> Run:
+        """The run of the nominal scene, once in each process."""
+        return _prepared(self).run
+
+    @property
+    def quantities(self) -> tuple[Quantity, ...]:
+        """The quantity of each measure in the nominal run."""
+        return tuple(quantity_of(measure, self.nominal.catalogue) for measure in self.measures)
+
+    @property
+    def batch(self) -> Batch | None:
+        """What computes its designs side by side; None where each is run by itself."""
+        return _batch(self)
+
+
+@dataclass(frozen=True, eq=False)
+class Found:
+    """What was found of designs: numbers (D,) or curves (D, F) of each measure; NaN, and a reason, where there is none."""
+
+    values: tuple[Real, ...]
+    reasons: tuple[str, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class _Prepared:
+    scene: Scene
+    run: Run
+
+
+def study_of(
+    scene: Scene,
+    variations: Sequence[Variation],
+    measures: Sequence[Measure],
+    *,
+    frames: int | None = None,
+    cycles: int | None = None,
+) -> Study:
+    """A study of a scene. Raises `MechanismError` where the nominal design has no such quantity, or cannot be run."""
+    for v in variations:
+        known = scene.parameters[v.name]
+        ends = (*v.values, v.low, v.high) if not v.values else v.values
+        values = [x * v.factor for x in ends if np.isfinite(x)]
+        if min(values) < known.low * (1.0 - 1e-12) or max(values) > known.high * (1.0 + 1e-12):
+            remedy = "Vary it inside of that, or widen its range in the scene."
+            raise MechanismError(Fault(f"--vary {v.name}", f"goes beyond the range that the scene gives '{v.name}'.", remedy))
+    twice = {v.name for v in variations if sum(v.name == other.name for other in variations) > 1}
+    if twice:
+        raise MechanismError(Fault(f"--vary {min(twice)}", "varies twice.", "Give each parameter once."))
+    found = Study(
+        scene.text,
+        scene.name,
+        str(scene.folder.path),
+        tuple(variations),
+        tuple(measures),
+        frames,
+        cycles,
+        tuple(scene.files.items()),
+    )
+    for measure, quantity in zip(found.measures, found.quantities, strict=True):
+        _reduced(measure, quantity, found.nominal)
+    return found
+
+
+@lru_cache(maxsize=4)
+def _prepared(study: Study) -> _Prepared:
+    folder = SceneFolder(Path(study.folder), dict(study.files))
+    scene = loads(study.text, study.name, folder)
+    return _Prepared(scene, run_scene(scene, frames=study.frames, cycles=study.cycles))
+
+
+@lru_cache(maxsize=4)
+def _batch(study: Study) -> Batch | None:
+    """The batch of a study, once it has proved itself."""
+    run = study.nominal
+    batch = batch_of(study.scene, study.variations, study.measures, run.catalogue, run.scene.frames, run.scene.cycles)
+    if batch is None:
+        return None
+    rng = np.random.default_rng(0)
+    ends = np.array([(min(v.values), max(v.values)) if v.values else (v.low, v.high) for v in study.variations])
+    designs = ends[:, 0] + (ends[:, 1] - ends[:, 0]) * rng.random((TRIED, len(ends)))
+    curves, reasons = batch.curves(designs)
+    for k, design in enumerate(designs):
+        alone = _run_alone(study, design)
+        if isinstance(alone, str):
+            continue  # a run by itself looks between the frames, too
+        if reasons[k]:
+            return None
+        for (_, quantity, column), curve in zip(batch.columns, curves, strict=True):
+            wanted = alone.catalogue[quantity.key].values()[:, column]
+            if not np.max(np.abs(curve[k] - wanted)) <= AGREEMENT * max(float(np.max(np.abs(wanted))), 1e-300):
+                return None
+    return batch
+
+
+def _run_alone(study: Study, design: Real) -> Run | str:
+    """The run of one design (n,), or why there is none."""
+    values = {v.name: v.stated(float(x)) for v, x in zip(study.variations, design, strict=True)}
+    simple = all(q.path[-1] in _PLAIN or q.path[1] == "drive" for q in study.quantities)
+    outputs = ("accelerations", "forces") if any(needs_forces(q.path) for q in study.quantities) else ("accelerations",)
+    try:
+        scene = study.scene.with_parameters(values)
+        if simple:
+            return run_scene(scene, frames=study.frames, cycles=study.cycles, outputs=outputs)
+        return run_scene(scene, frames=study.frames, cycles=study.cycles)
+    except MechanismError as error:
+        first = error.faults[0]
+        return f"{first.path}: {first.message}"
+
+
+def _reduced(measure: Measure, quantity: Quantity, run: Run) -> Real:
+    """What a measure makes of a quantity of a run: a number, or a curve (F,)."""
+    values = quantity.values()[:, measure.column(quantity)]
+    drives = run.motion.mechanism.drives
+    drive = run.catalogue.coordinate(drives[0].joint) if drives else None
+    return np.asarray(measure.reduced(values, run.catalogue.numbers.time, drive))
+
+
+def evaluate(study: Study, designs: Real) -> Found:
+    """What is found of designs (D, n), the values of the study's variations in their units."""
+    batch = study.batch
+    if batch is not None:
+        curves, reasons = batch.curves(designs)
+        drive = batch.drive
+        values = []
+        for (measure, _, _), curve in zip(batch.columns, curves, strict=True):
+            known = np.array([not reason for reason in reasons])
+            curve[~known] = np.nan
+            with np.errstate(invalid="ignore"):
+                values.append(measure.reduced(curve, batch.time, drive))
+        return Found(tuple(values), tuple(reasons))
+    rows: list[list[Real]] = []
+    said: list[str] = []
+    empty = [np.full_like(_reduced(m, q, study.nominal), np.nan) for m, q in zip(study.measures, study.quantities, strict=True)]
+    for design in designs:
+        row, reason = _alone(study, design, empty)
+        rows.append(row)
+        said.append(reason)
+    return Found(tuple(np.array(column) for column in zip(*rows, strict=True)), tuple(said))
+
+
+def _alone(study: Study, design: Real, empty: list[Real]) -> tuple[list[Real], str]:
+    """What each measure makes of one design, and why there is nothing, "" where there is."""
+    run = _run_alone(study, design)
+    if isinstance(run, str):
+        return empty, run
+    row = []
+    try:
+        for measure in study.measures:
+            row.append(_reduced(measure, quantity_of(measure, run.catalogue), run))
+    except MechanismError as error:
+        return empty, f"{error.faults[0].path}: {error.faults[0].message}"
+    if any(len(np.atleast_1d(value)) != len(np.atleast_1d(none)) for value, none in zip(row, empty, strict=True)):
+        return empty, "run.frames: differs from design to design, so that curves do; ask for numbers of them"
+    if not all(np.all(np.isfinite(value)) for value in row):
+        return row, "the values are not finite: the mechanism jams, or they are not determined"
+    return row, ""

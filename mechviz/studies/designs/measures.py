@@ -1,0 +1,120 @@
+"""What a study asks of each design: a quantity of the catalogue over the run, or one number of it."""
+
+from __future__ import annotations
+
+import math
+import re
+from dataclasses import dataclass
+
+import numpy as np
+
+from mechcore.arrays import Real
+from mechcore.errors import Fault, MechanismError
+from mechcore.numerics.interpolation import between
+from mechviz.quantities.catalogue import Catalogue, Quantity
+from mechviz.scene.faults import did_you_mean
+from mechviz.scene.scene import Scene
+from mechviz.scene.units import QuantityError
+
+REDUCERS = ("max", "min", "peak", "mean", "rms", "range", "at")
+_SHAPE = re.compile(r"(?P<key>.+?)(?:\[(?P<curve>[^\]]+)\])?(?::\s*(?P<reducer>max|min|peak|mean|rms|range|at\s+(?P<at>.+)))?")
+
+
+@dataclass(frozen=True)
+class Measure:
+    """A quantity by its key, one of its curves (the only one, or the length of a vector, where "" stands), and what is made of it:
+    one of `REDUCERS`, or "" for the whole curve. ``place``: coordinate of the first drive [rad or m], of "at"."""
+
+    text: str
+    key: str
+    curve: str = ""
+    reducer: str = ""
+    place: float = math.nan
+
+    def column(self, quantity: Quantity) -> int:
+        """The column of its curve in the values of the quantity. Raises `MechanismError`."""
+        curves = quantity.curves
+        if self.curve:
+            if self.curve not in curves:
+                raise _wrong(self.text, f"{self.key} has no curve '{self.curve}'.", did_you_mean(self.curve, curves, what="It has"))
+            return curves.index(self.curve)
+        lengths = [k for k, name in enumerate(curves) if name.startswith("|")]
+        if len(curves) > 1 and not lengths:
+            raise _wrong(self.text, f"{self.key} has several curves.", f"Name one: {self.key}[{curves[0]}].")
+        return lengths[0] if lengths else 0
+
+    def reduced(self, values: Real, time: Real, drive: Real | None) -> Real:
+        """What is made of curves (D, F) at times (F,) [s]: (D,), or the curves themselves. ``drive`` (F,): the first drive's
+        coordinate."""
+        if self.reducer == "":
+            return values
+        if self.reducer == "at":
+            return self._at(values, time, drive)
+        if self.reducer in ("mean", "rms"):
+            of = values if self.reducer == "mean" else values * values
+            span = time[-1] - time[0]
+            mean = np.trapezoid(of, time, axis=-1) / span if span > 0.0 else of[..., 0]
+            return np.asarray(mean if self.reducer == "mean" else np.sqrt(mean))
+        if self.reducer == "peak":
+            return np.asarray(np.max(np.abs(values), axis=-1))
+        if self.reducer == "range":
+            return np.asarray(np.max(values, axis=-1) - np.min(values, axis=-1))
+        return np.asarray(np.max(values, axis=-1) if self.reducer == "max" else np.min(values, axis=-1))
+
+    def _at(self, values: Real, time: Real, drive: Real | None) -> Real:
+        """The value where the first drive passes a place for the first time, by cubics between frames (D,)."""
+        if drive is None or len(time) < 4:
+            raise _wrong(self.text, "no drive passes a place in this run.", "Ask for max, min, mean, rms or range.")
+        side = np.sign(drive - self.place)
+        frames = np.flatnonzero(side == 0.0)
+        if len(frames):
+            return values[..., int(frames[0])]
+        passed = np.flatnonzero(side[1:] != side[:-1])
+        if not len(passed):
+            ends = f"{np.degrees(drive.min()):.6g}° to {np.degrees(drive.max()):.6g}°"
+            raise _wrong(self.text, "the first drive never is there.", f"As an angle it runs over {ends}.")
+        k = int(passed[0])
+        share = (self.place - drive[k]) / (drive[k + 1] - drive[k])
+        t = time[k] + share * (time[k + 1] - time[k])
+        moved = np.moveaxis(np.atleast_2d(values), -1, 0)
+        found = between(time, moved, np.array([t]), 3)[0]
+        return np.asarray(found if values.ndim > 1 else found[0])
+
+
+def parse_measure(scene: Scene, text: str) -> Measure:
+    """The measure that a text such as ``joint.B.reaction:max`` or ``link.rocker.angle:at 60 deg`` names; whether there is such a
+    quantity shows with the first run. Raises `MechanismError`."""
+    match = _SHAPE.fullmatch(text.strip())
+    if match is None:
+        raise _wrong(text, "is no measure.", f"Write KEY, or KEY:REDUCER with one of {', '.join(REDUCERS[:-1])} or 'at 60 deg'.")
+    if match["at"] is None:
+        key = match["key"]
+        last = key.rpartition(":")[2]
+        if ":" in key and "." not in last:
+            raise _wrong(text, f"'{last}' is no reducer.", did_you_mean(last, REDUCERS, what="There are"))
+        return Measure(text.strip(), key, match["curve"] or "", match["reducer"] or "")
+    drives = scene.mechanism.drives
+    own = f"joints.{drives[0].joint}.drive." if drives else ""
+    slides = any(own and path.startswith(own) and kind in ("length", "linear speed") for path, kind in scene.kinds.items())
+    try:
+        try:
+            stated: float | str = float(match["at"])
+        except ValueError:
+            stated = match["at"]
+        place = scene.units.si(stated, "length" if slides else "angle")
+    except QuantityError as error:
+        raise _wrong(text, str(error), error.remedy) from None
+    return Measure(text.strip(), match["key"], match["curve"] or "", "at", place)
+
+
+def quantity_of(measure: Measure, catalogue: Catalogue) -> Quantity:
+    """The quantity that a measure is of. Raises `MechanismError` where the catalogue has none of its key."""
+    found = catalogue.by_key.get(measure.key)
+    if found is None:
+        remedy = did_you_mean(measure.key, catalogue.by_key, what="There are")
+        raise _wrong(measure.text, f"there is no quantity '{measure.key}'.", remedy)
+    return found
+
+
+def _wrong(text: str, message: str, remedy: str) -> MechanismError:
+    return MechanismError(Fault(f"--of {text}", message, remedy))

@@ -1,0 +1,252 @@
+"""Sweeps: a study of many designs, stored as they are found, so that what is interrupted goes on where it was."""
+
+from __future__ import annotations
+
+import json
+import shutil
+import time
+from collections.abc import Callable, Iterator
+from concurrent.futures import FIRST_COMPLETED, Executor, Future, wait
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from mechcore.arrays import Flags, Index, Real
+from mechcore.errors import Fault, MechanismError
+from mechviz.files import put_in_place, replacing
+from mechviz.runs import package_version
+from mechviz.studies.designs.evaluate import Found, Study, evaluate
+from mechviz.studies.designs.sampling import Sample
+
+if TYPE_CHECKING:
+    import pyarrow as pa
+
+LARGEST_CHUNK = {True: 512, False: 8}  # designs that are handed to a process at once: in batches, or each by itself
+FLUSH = 2.0  # [s] between parts that are written
+REASON = "reason"
+"""Column of the reasons why there is nothing of a design."""
+
+
+@dataclass(frozen=True, eq=False)
+class Table:
+    """A study with its designs (D, n) and what was found of them: numbers (D,), or curves (D, F) with the drive's ``axis`` (F,)."""
+
+    study: Study
+    designs: Real
+    found: Found
+
+    @property
+    def feasible(self) -> Flags:
+        """Whether there are values (D,)."""
+        return np.array([not reason for reason in self.found.reasons], bool)
+
+
+@dataclass
+class Store:
+    """The designs of a study that are known so far: parts in a folder beside the file that they will become.
+
+    A part is there as a whole or not at all, so that a study may be killed at any time.
+    """
+
+    path: Path
+    about: dict[str, str]
+    done: set[int] = field(default_factory=set)
+    written: int = 0
+
+    @property
+    def folder(self) -> Path:
+        return self.path.with_name(self.path.name + ".parts")
+
+    def open(self, *, fresh: bool = False) -> None:
+        """Takes up what an earlier run of the same study has left. Raises `MechanismError` where it was another study's."""
+        import pyarrow.parquet as pq
+
+        if fresh:
+            shutil.rmtree(self.folder, ignore_errors=True)
+            self.path.unlink(missing_ok=True)
+        if self.path.exists():
+            self._check(dict(pq.read_schema(self.path).metadata or {}))
+            self.done.update(pq.read_table(self.path, columns=["design"])["design"].to_pylist())
+        if not self.folder.is_dir():
+            return
+        for part in sorted(self.folder.glob("[0-9]*.parquet")):
+            read = pq.ParquetFile(part)
+            self._check(dict(read.schema_arrow.metadata or {}))
+            self.done.update(read.read(columns=["design"])["design"].to_pylist())
+            self.written = max(self.written, int(part.stem) + 1)
+
+    def _check(self, metadata: dict[bytes, bytes]) -> None:
+        for key, value in self.about.items():
+            if metadata.get(key.encode()) != value.encode():
+                what = {"mechviz.study": "another study", "mechviz.scene_toml": "a study of another scene"}.get(
+                    key, "another version"
+                )
+                remedy = "Give another name, or --fresh to begin anew."
+                raise MechanismError(Fault("--output", f"'{self.path}' holds what {what} has found.", remedy))
+
+    def write(self, table: pa.Table) -> None:
+        """Puts down some designs."""
+        import pyarrow.parquet as pq
+
+        self.folder.mkdir(exist_ok=True)
+        temporary = self.folder / f".{self.written:06d}"
+        pq.write_table(table.replace_schema_metadata(self.about), temporary)
+        put_in_place(temporary, self.folder / f"{self.written:06d}.parquet")
+        self.written += 1
+
+    def finish(self) -> pa.Table:
+        """Joins the parts to the one file, in the order of the designs; gives its table."""
+        import pyarrow as pa
+        import pyarrow.parquet as pq
+
+        if self.folder.is_dir():
+            parts = [pq.read_table(part) for part in sorted(self.folder.glob("[0-9]*.parquet"))]
+            whole = pa.concat_tables(parts).sort_by("design").replace_schema_metadata(self.about)
+            with replacing(self.path) as temporary:
+                pq.write_table(whole, temporary)
+            shutil.rmtree(self.folder)
+        return pq.read_table(self.path)
+
+
+def about_study(study: Study, sample: Sample | None) -> dict[str, str]:
+    """What a file of a study says of itself: the scene, the question, the seeds, the version."""
+    question = {
+        "vary": [[v.name, v.unit, list(v.values), v.low, v.high, v.count] for v in study.variations],
+        "of": [measure.text for measure in study.measures],
+        "frames": study.frames,
+        "cycles": study.cycles,
+        "sample": None if sample is None else [sample.method, sample.count, sample.seed],
+    }
+    return {
+        "mechviz.version": package_version(),
+        "mechviz.scene": study.name,
+        "mechviz.scene_toml": study.text,
+        "mechviz.study": json.dumps(question, allow_nan=True),
+    }
+
+
+def columns_of(study: Study) -> list[str]:
+    """Headings of the measures, with units."""
+    found = []
+    for measure, quantity in zip(study.measures, study.quantities, strict=True):
+        found.append(f"{measure.text} [{quantity.unit}]")
+    return found
+
+
+def arrow_table(study: Study, numbers: Index, designs: Real, found: Found) -> pa.Table:
+    """The rows of some designs: their numbers, the parameters, what was found, and the reasons where nothing was."""
+    import pyarrow as pa
+
+    columns: dict[str, pa.Array] = {"design": pa.array(numbers, pa.int64())}
+    columns |= {v.title: pa.array(designs[:, k]) for k, v in enumerate(study.variations)}
+    for title, values in zip(columns_of(study), found.values, strict=True):
+        flat = pa.array(np.ascontiguousarray(values).reshape(-1))
+        one = values.ndim == 1
+        columns[title] = flat if one else pa.FixedSizeListArray.from_arrays(flat, values.shape[1])
+    columns[REASON] = pa.array([reason or None for reason in found.reasons], pa.string())
+    return pa.table(columns)
+
+
+def read_table(study: Study, table: pa.Table) -> Table:
+    """A study's rows from its file."""
+    designs = np.column_stack([table[v.title].to_numpy() for v in study.variations])
+    values = []
+    for title in columns_of(study):
+        column = table[title].combine_chunks()
+        flat = column.flatten() if hasattr(column, "flatten") and column.type.num_fields else column
+        values.append(np.asarray(flat.to_numpy(zero_copy_only=False)).reshape(len(designs), -1))
+    whole = tuple(v[:, 0] if v.shape[1] == 1 else v for v in values)
+    return Table(study, designs, Found(whole, tuple(reason or "" for reason in table[REASON].to_pylist())))
+
+
+def csv_lines(table: Table) -> Iterator[str]:
+    """A study as lines of CSV; curves, which are long, as texts of numbers with blanks between them."""
+    yield ",".join(f'"{title}"' for title in (*(v.title for v in table.study.variations), *columns_of(table.study), REASON))
+    for k, design in enumerate(table.designs):
+        cells = [repr(float(x)) for x in design]
+        cells += [" ".join(repr(float(x)) for x in np.atleast_1d(values[k])) for values in table.found.values]
+        reason = table.found.reasons[k].replace('"', "'")
+        yield ",".join([*cells, f'"{reason}"' if reason else ""])
+
+
+def chunks(study: Study, count: int, done: set[int]) -> Iterator[Index]:
+    """Numbers of the designs that are left, in the portions that are computed at once; which portion a design belongs to depends
+    on nothing else, so that it comes out the same however often the study was interrupted."""
+    size = LARGEST_CHUNK[study.batch is not None]
+    for start in range(0, count, size):
+        numbers = np.arange(start, min(start + size, count))
+        if not done.issuperset(numbers.tolist()):
+            yield numbers
+
+
+def run_study(
+    study: Study,
+    designs: Real,
+    store: Store | None = None,
+    *,
+    executor: Executor | None = None,
+    most: int = 4,
+    progress: Callable[[int, int], None] = lambda *_: None,
+) -> Table:
+    """What is found of all designs (D, n): by an executor, with ``most`` portions in its hands at once, or here without one.
+
+    With a store, what is known stays known whatever happens. ``progress`` is told how many designs are done, and of how many.
+    """
+    count, known = len(designs), set() if store is None else set(store.done)
+    rows: list[pa.Table] = []
+    kept: list[pa.Table] = []
+    finished, last = len(known), time.monotonic()
+    progress(finished, count)
+
+    def flush() -> None:
+        nonlocal last
+        if rows and store is not None:
+            import pyarrow as pa
+
+            store.write(pa.concat_tables(rows))
+        elif store is None:
+            kept.extend(rows)
+        rows.clear()
+        last = time.monotonic()
+
+    try:
+        for numbers, found in _computed(study, designs, chunks(study, count, known), executor, most):
+            rows.append(arrow_table(study, numbers, designs[numbers], found))
+            finished += len(numbers)
+            progress(min(finished, count), count)
+            if time.monotonic() - last > FLUSH:
+                flush()
+    finally:
+        flush()
+    import pyarrow as pa
+
+    return read_table(study, store.finish() if store is not None else pa.concat_tables(kept).sort_by("design"))
+
+
+def _computed(
+    study: Study, designs: Real, portions: Iterator[Index], executor: Executor | None, most: int
+) -> Iterator[tuple[Index, Found]]:
+    """The portions as they are found, with their numbers."""
+    if executor is None:
+        for numbers in portions:
+            yield numbers, evaluate(study, designs[numbers])
+        return
+    running: dict[Future[Found], Index] = {}
+    try:
+        for numbers in portions:
+            running[executor.submit(evaluate, study, designs[numbers])] = numbers
+            if len(running) >= most:
+                yield from _finished(running)
+        while running:
+            yield from _finished(running)
+    finally:
+        for future in running:
+            future.cancel()
+
+
+def _finished(running: dict[Future[Found], Index]) -> Iterator[tuple[Index, Found]]:
+    done, _ = wait(running, return_when=FIRST_COMPLETED)
+    for future in done:
+        yield running.pop(future), future.result()

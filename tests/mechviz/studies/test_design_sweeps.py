@@ -1,0 +1,126 @@
+"""Sweeps over parameters: the same as run by run, rows with reasons, samples, studies that go on where they were cut off."""
+
+from __future__ import annotations
+
+import csv
+import io
+
+import numpy as np
+import pyarrow.parquet as pq
+import pytest
+from typer.testing import CliRunner
+
+import mechviz
+from mechcore.errors import MechanismError
+from mechviz.commands.main import app
+from mechviz.runs import run_scene
+from mechviz.studies.designs.evaluate import evaluate, study_of
+from mechviz.studies.designs.measures import parse_measure
+from mechviz.studies.designs.sampling import grid, parse_sample, parse_variation, sampled
+from mechviz.studies.designs.sweep import Store, about_study, run_study
+
+OF = ["drive.A.torque:max", "joint.B.reaction:peak", "joint.S.displacement:range", "link.rod.angle:at 90 deg"]
+
+
+def question(scene, vary, of, frames=24):
+    return study_of(scene, [parse_variation(scene, v) for v in vary], [parse_measure(scene, m) for m in of], frames=frames)
+
+
+@pytest.fixture(scope="module")
+def press():
+    return mechviz.load("parametric-press")
+
+
+def test_a_batch_is_the_same_as_run_by_run_and_as_the_closed_form(press):
+    study = question(press, ["stroke=60..100mm:3", "ratio=3.5,5"], OF)
+    assert study.batch is not None
+    designs = grid(study.variations)
+    found = evaluate(study, designs)
+    assert not any(found.reasons)
+    for k, (stroke, ratio) in enumerate(designs):
+        run = run_scene(press.with_parameters({"stroke": f"{stroke} mm", "ratio": float(ratio)}), frames=24)
+        assert found.values[0][k] == pytest.approx(run.catalogue["drive.A.torque"].values().max(), rel=1e-12)
+        assert found.values[1][k] == pytest.approx(run.catalogue["joint.B.reaction"].values()[:, 2].max(), rel=1e-12)
+        assert found.values[2][k] == pytest.approx(stroke, rel=1e-12)
+        assert found.values[3][k] == pytest.approx(-np.degrees(np.arcsin(1.0 / ratio)), rel=1e-12)
+
+
+def test_what_is_no_place_or_mass_is_run_by_itself(press):
+    study = question(press, ["speed=60rpm,240rpm"], ["joint.S.velocity:rms"])
+    assert study.batch is None
+    slow, fast = evaluate(study, grid(study.variations)).values[0]
+    assert fast == pytest.approx(4.0 * slow, rel=1e-12)
+
+
+def test_a_design_that_cannot_be_assembled_is_a_row_with_its_reason():
+    text = mechviz.load("crank-rocker").to_toml().replace("[links]", '[parameters]\na = "60 mm"\n\n[links]')
+    scene = mechviz.loads(text).changed({("links", "crank", "points", "B", 0): "a"})
+    study = question(scene, ["a=60mm,170mm"], ["link.rocker.angle:range"])
+    found = evaluate(study, grid(study.variations))
+    assert not found.reasons[0] and np.isfinite(found.values[0][0])
+    assert "assembled" in found.reasons[1] and np.isnan(found.values[0][1])
+
+
+def test_a_study_that_was_cut_off_goes_on_and_ends_the_same(press, tmp_path, monkeypatch):
+    monkeypatch.setattr("mechviz.studies.designs.sweep.FLUSH", 0.0)
+    study = question(press, ["speed=60..240rpm:20"], ["drive.A.torque:max"])
+    designs = grid(study.variations)
+    whole = run_study(study, designs)
+    path = tmp_path / "study.parquet"
+
+    def stop(done, total):
+        if done >= 8:
+            raise KeyboardInterrupt
+
+    store = Store(path, about_study(study, None))
+    with pytest.raises(KeyboardInterrupt):
+        run_study(study, designs, store, progress=stop)
+    assert not path.exists()
+    again = Store(path, about_study(study, None))
+    again.open()
+    assert again.done == set(range(8))
+    ended = run_study(study, designs, again)
+    np.testing.assert_array_equal(ended.found.values[0], whole.found.values[0])
+    complete = Store(path, about_study(study, None))
+    complete.open()
+    assert complete.done == set(range(20))
+    assert pq.read_schema(path).metadata[b"mechviz.scene_toml"].decode() == press.text
+    other = Store(path, about_study(study, parse_sample("lhs:4", 1)))
+    with pytest.raises(MechanismError, match="another study"):
+        other.open()
+
+
+def test_samples_fill_their_ranges_and_repeat(press):
+    variations = [parse_variation(press, "stroke"), parse_variation(press, "ratio=3..5")]
+    for text in ("lhs:16", "sobol:16"):
+        points = sampled(variations, parse_sample(text, 3))
+        np.testing.assert_array_equal(points, sampled(variations, parse_sample(text, 3)))
+        for column, low, high in ((points[:, 0], 40.0, 120.0), (points[:, 1], 3.0, 5.0)):
+            cells = np.floor((column - low) / (high - low) * 16).astype(int)
+            assert sorted(cells) == list(range(16))  # one point in each sixteenth
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        (["--vary", "strok=1..2mm:3", "--of", "drive.A.torque"], "Did you mean 'stroke'"),
+        (["--vary", "stroke=60..100:3", "--of", "drive.A.torque"], "have no unit"),
+        (["--vary", "stroke=60..200mm:3", "--of", "drive.A.torque"], "goes beyond the range"),
+        (["--vary", "stroke", "--of", "drive.A.torque"], "how many values"),
+        (["--vary", "stroke:3", "--of", "drive.A.torqe:max"], "Did you mean 'drive.A.torque'"),
+        (["--vary", "stroke:3", "--of", "drive.A.torque:maximum"], "Did you mean 'max'"),
+        (["--vary", "stroke", "--of", "drive.A.torque", "--sample", "sobol:100"], "Take 64 or 128"),
+    ],
+)
+def test_what_cannot_be_asked_is_refused(options, said):
+    run = CliRunner().invoke(app, ["sweep", "parametric-press", "--frames", "24", *options])
+    assert run.exit_code == 2
+    assert said in " ".join(run.output.split())
+
+
+def test_the_command_prints_a_row_for_each_design():
+    run = CliRunner().invoke(
+        app, ["sweep", "parametric-press", "-n", "24", "--vary", "stroke=60..100mm:3", "--of", "joint.S.displacement:range"]
+    )
+    rows = list(csv.DictReader(io.StringIO(run.stdout)))
+    assert [float(row["joint.S.displacement:range [mm]"]) for row in rows] == pytest.approx([60.0, 80.0, 100.0])
