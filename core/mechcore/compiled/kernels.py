@@ -139,7 +139,8 @@ class Rows:
     def real(self) -> Real:
         """The next row of real numbers (n,)."""
         self._next += 1
-        return self._rows[self._next - 1]
+        row: Real = self._rows[self._next - 1]
+        return row
 
     def plane(self) -> Complex:
         """The next row of plane vectors (n,)."""

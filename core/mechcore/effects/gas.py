@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
-from mechcore.arrays import Flags, Index, Real
+from mechcore.arrays import Flags, Index, Real, Values
 from mechcore.effects.base import Configuration, LoadEffect, Wrench, coordinate, rate
 from mechcore.errors import Fault, MechanismError
 from mechcore.spec.loads import GasPressure
@@ -22,14 +20,15 @@ class CylinderGas(LoadEffect[GasPressure]):
 
     limited = True
 
-    def _from_top(self, at: Configuration) -> Real:
+    def _from_top(self, at: Configuration) -> Values:
         """Distance of the piston from top dead centre [m]."""
-        away: Any = self.load.top - coordinate(at, self.load.joint)
+        away = self.load.top - coordinate(at, self.load.joint)
         return away if self.load.head == "ahead" else -away
 
     def displacement(self, at: Configuration) -> Real:
         """Distance of the piston from top dead centre [m], within the stroke."""
-        return np.clip(self._from_top(at), 0.0, self.load.cycle.stroke)
+        within: Real = np.clip(self._from_top(at), 0.0, self.load.cycle.stroke)
+        return within
 
     def check(self, at: Configuration) -> None:
         load, x = self.load, self._from_top(at)

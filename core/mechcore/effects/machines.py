@@ -74,7 +74,8 @@ class ConstantPowerMachine(_ByCharacteristic[ConstantPower]):
 
     def phase(self, at: Configuration) -> Index:
         load = self.load
-        return 1 * np.greater(self.speed(at) * np.sign(load.torque_limit), load.power / abs(load.torque_limit))
+        phase: Index = 1 * np.greater(self.speed(at) * np.sign(load.torque_limit), load.power / abs(load.torque_limit))
+        return phase
 
 
 class Governed(_ByCharacteristic[Governor]):

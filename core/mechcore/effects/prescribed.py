@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, TypeVar
+from typing import Any, TypeVar, cast
 
 import numpy as np
 
@@ -55,23 +55,24 @@ def factor_of(at: Configuration, factor: Factor | None, load: str) -> Real | flo
 
 def _of_symbol(factor: Factor, argument: Symbol) -> Values:
     """The factor in a program that is written down."""
-    function: Any = factor.function
+    function = factor.function
+    value: Any  # a symbol or a number: both stand for arrays
     if factor.of == "time":
-        found: Any = argument.code.value_of(function)
+        value = argument.code.value_of(function)
     elif isinstance(function, Table):
         low, high, period = function.x[0], function.x[-1], function.period
         within: Any = argument.clip(low, high) if period is None else low + np.mod(argument - low, period)
-        found = argument.code.piecewise(within, *function.pieces())
+        value = argument.code.piecewise(within, *function.pieces())
     elif isinstance(function, Polynomial):
-        found = function.coefficients[-1]
+        value = function.coefficients[-1]
         for c in function.coefficients[-2::-1]:
-            found = found * (argument / function.per) + c
+            value = value * (argument / function.per) + c
     else:
         try:
-            found = function(argument)
+            value = function(argument)
         except Exception as error:  # a user's function may raise anything, the more so if it is given no numbers
             raise Untraceable("a factor is a function of Python") from error
-    return found
+    return cast(Values, value)
 
 
 def bends(factor: Factor | None) -> bool:
