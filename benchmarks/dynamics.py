@@ -43,7 +43,7 @@ from dynamics_peers import (
 from scipy.integrate import solve_ivp
 
 from mechcore.compiled.toolchain import compiler
-from mechcore.dynamics.equations.chart import Chart
+from mechcore.dynamics.equations.charts import Chart
 from mechcore.dynamics.simulate import simulate
 from mechcore.dynamics.simulation import right_hand_side
 from mechcore.motion.solve import compile_mechanism

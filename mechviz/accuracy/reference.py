@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mechcore.arrays import Real
-from mechcore.dynamics.equations.chart import Chart
+from mechcore.dynamics.equations.charts import Chart
 from mechcore.errors import MechanismError
 from mechcore.forces.kinetostatics import solve_forces
 from mechcore.kinematics.columns import rates

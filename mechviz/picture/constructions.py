@@ -13,7 +13,7 @@ import numpy as np
 
 from mechcore.arrays import Complex, Real
 from mechcore.constructions.force_polygons import Funicular
-from mechcore.constructions.polygons import Edge, Plan
+from mechcore.constructions.polygons import Edge, Polygon
 
 if TYPE_CHECKING:
     from mechviz.runs import Run
@@ -112,7 +112,7 @@ class Drawing:
 def drawings_of(run: Run, size: float) -> dict[str, Drawing]:
     """All drawings that a run's scene asks for, by the name of their entity under ``polygons``."""
     studies = run.studies
-    found = {name: draw_plans(name, plans, size) for name, plans in studies.plans.items()}
+    found = {name: draw_polygons(name, polygons, size) for name, polygons in studies.polygons.items()}
     if studies.systems:
         found["funicular/forces"] = draw_funicular(run, size)
     if studies.shaking is not None:
@@ -120,9 +120,9 @@ def drawings_of(run: Run, size: float) -> dict[str, Drawing]:
     return found
 
 
-def draw_plans(name: str, plans: Sequence[Plan], size: float) -> Drawing:
-    """Plans side by side in one scale, so that the whole is about as large as the mechanism (``size`` [m])."""
-    shown = [_worth_drawing(plan.edges) for plan in plans]
+def draw_polygons(name: str, polygons: Sequence[Polygon], size: float) -> Drawing:
+    """Polygons side by side in one scale, so that the whole is about as large as the mechanism (``size`` [m])."""
+    shown = [_worth_drawing(polygon.edges) for polygon in polygons]
     boxes = [_box(edges) for edges in shown]
     widths = [float((high - low).real) for low, high in boxes]
     heights = [float((high - low).imag) for low, high in boxes]
@@ -148,20 +148,19 @@ def draw_plans(name: str, plans: Sequence[Plan], size: float) -> Drawing:
                     e.kind == "absolute" and name != "velocity",
                 )
                 strokes.append(Stroke(pretty(e.name), COLORS[e.kind], start, vector, fine=fine))
-            for label, at in plans[i].images.items():
-                marks.append(Mark(plans[i].name if label == "start" else label, (at + shift) / per_metre))
+            for label, at in polygons[i].images.items():
+                marks.append(Mark(polygons[i].name if label == "start" else label, (at + shift) / per_metre))
             x += widths[i] + gap
         y -= top + gap
-    closing = np.max([plan.closing for plan in plans], axis=0) if plans else None
-    unit = plans[0].unit if plans else "1"
+    closing = np.max([polygon.closing for polygon in polygons], axis=0) if polygons else None
+    unit = polygons[0].unit if polygons else "1"
     title = f"{name.capitalize()} plan: 1 m of the drawing = {amount(per_metre, unit)}"
     return Drawing(name, title, tuple(strokes), tuple(marks), per_metre, unit, closing)
 
 
 def draw_funicular(run: Run, size: float) -> Drawing:
     """Force polygons with poles and rays of all force systems."""
-    plans = [s.drawing.polygon() for s in run.studies.systems.values()]
-    drawing = draw_plans("funicular", plans, size)
+    drawing = draw_polygons("funicular", [s.drawing.polygon() for s in run.studies.systems.values()], size)
     systems = run.studies.systems.values()
     drawn = [s for s in systems if any(e.kind == "resultant" for e in _worth_drawing(s.drawing.polygon().edges))]
     aside = [_aside(s.drawing) * 0.02 * size for s in drawn]

@@ -61,7 +61,7 @@ def _funicular(run: Run, size: float, height: float) -> Iterator[Node]:
 
 
 def _polodes(run: Run, solids: Solids, height: float) -> Iterator[Node]:
-    for name, found in run.studies.polodes.items():
+    for name, found in run.studies.centrodes.items():
         common: dict[str, Any] = {"owner": ("link", name), "height": height, "radii": (0.0032 * solids.size,)}
         fixed, moving = (
             tuple(piece[None] for piece in polode_pieces(way, found.fixed, solids, z=height)) for way in (found.fixed, found.moving)
@@ -136,7 +136,7 @@ def overlay_box(run: Run, solids: Solids) -> Real:
         z = np.concatenate([strip.reshape(-1) for strip in strings(run, size)])
         spots.append(np.column_stack([z.real, z.imag]))
         spots += [np.column_stack([w.real, w.imag]) for a, v in resultants(run, size) for w in (a, a + v)]
-    for polodes in run.studies.polodes.values():
+    for polodes in run.studies.centrodes.values():
         spots += [p[:, :2].astype(float) for p in polode_pieces(polodes.fixed, polodes.fixed, solids, z=0.0)]
     for xy in spots:
         xy = xy[np.isfinite(xy).all(axis=1)]

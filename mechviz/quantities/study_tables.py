@@ -22,8 +22,8 @@ _FORCE: Columns = (("Fx", "N"), ("Fy", "N"), ("moment", "N m"))
 def study_tables(run: Run) -> Iterator[Table]:
     """All tables of what the scene asks for; nothing where it asks for nothing."""
     studies = run.studies
-    for name, plans in studies.plans.items():
-        closing = np.max([plan.closing for plan in plans], axis=0)
+    for name, polygons in studies.polygons.items():
+        closing = np.max([polygon.closing for polygon in polygons], axis=0)
         yield Table(("polygons", name, "closing"), f"{name} plan", (("closing", "1"),), closing[:, None])
     for name, system in studies.systems.items():
         line = np.column_stack([system.force, system.moment, system.resultant.point])
@@ -32,9 +32,9 @@ def study_tables(run: Run) -> Iterator[Table]:
     if studies.systems:
         closing = np.max([s.drawing.closing for s in studies.systems.values()], axis=0)
         yield Table(("polygons", "funicular", "closing"), "funicular polygon", (("closing", "1"),), closing[:, None])
-    for name, polode in studies.polodes.items():
-        for kind, way in (("fixed", polode.fixed), ("moving", polode.moving)):
-            yield Table(("data", "polodes", name, kind), f"{name}.{kind} polode", (("x", "m"), ("y", "m")), way)
+    for name, centrode in studies.centrodes.items():
+        for kind, places in (("fixed", centrode.fixed), ("moving", centrode.moving)):
+            yield Table(("data", "polodes", name, kind), f"{name}.{kind} polode", (("x", "m"), ("y", "m")), places)
     for name, found in studies.equivalents.items():
         for pin, place in found.pins.items():
             columns = (("x", "m"), ("y", "m"))
@@ -82,9 +82,9 @@ def study_lines(run: Run) -> list[str]:
 
 def _lines(run: Run) -> Iterator[str]:
     studies = run.studies
-    for name, plans in studies.plans.items():
-        worst = max(float(np.nanmax(plan.closing, initial=0.0)) for plan in plans)
-        if not any(plan.edges for plan in plans):
+    for name, polygons in studies.polygons.items():
+        worst = max(float(np.nanmax(polygon.closing, initial=0.0)) for polygon in polygons)
+        if not any(polygon.edges for polygon in polygons):
             yield f"{name} plan: empty, no pin and no traced point moves"
             continue
         yield f"{name} plan: closes to {worst:.1e} of its longest side"

@@ -1,6 +1,6 @@
 """Force polygons: of the structural groups, and with its rays the funicular (string) polygon of any plane force system.
 
-Force plans: the closed polygon of forces of every group, in the order of the hand method (last group first). At an outer pin of a
+Of groups: the closed polygon of forces of every group, in the order of the hand method (last group first). At an outer pin of a
 group the reaction is taken apart along and across its link. The part across (t) comes from the moments about the link's inner
 pin, as by hand, and not from the solved reactions; the part along (n) is that of the solved reaction. So the polygon closes only
 if moments and reactions agree. In a dyad the reaction of the inner joint is the diagonal that closes the polygon of each link.
@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from mechcore.arrays import Complex, Real, Values
 from mechcore.constants import ZERO_SUM
-from mechcore.constructions.polygons import Edge, Plan, frames_of
+from mechcore.constructions.polygons import Edge, Polygon, frames_of
 from mechcore.forces.kinetostatics import LABELS, Forces, acting_on
 from mechcore.kinematics.dyads import cross
 from mechcore.kinematics.model import Model
@@ -27,13 +27,13 @@ from mechcore.motion.structure import groups
 from mechcore.reduction.systems import KINDS, reduce_to
 
 
-def force_plans(forces: Forces) -> tuple[Plan, ...]:
+def force_polygons(forces: Forces) -> tuple[Polygon, ...]:
     """One polygon [N] for every group, the last group first, the driven links at the end."""
     model = forces.motion.model
     return tuple(_group(forces, [model.index[k] for k in g.links], " + ".join(g.links)) for g in reversed(groups(model)))
 
 
-def _group(forces: Forces, own: list[int], name: str) -> Plan:
+def _group(forces: Forces, own: list[int], name: str) -> Polygon:
     motion = forces.motion
     model, n = motion.model, motion.frames
     ends = {c.name: tuple(model.index[k] for k in c.links) for c in model.connections}
@@ -64,7 +64,7 @@ def _group(forces: Forces, own: list[int], name: str) -> Plan:
         if i + 1 == mark and len(own) == 2 and len(inner) == 1 and len(first) == 1 and len(outer) == 2:
             pull = _on(forces, inner[0], ends, own[0])
             edges.append(Edge(f"R_{inner[0]}", "inner", at, frames_of(pull, n)))
-    return Plan(name, "N", tuple(edges), images, np.abs(at))
+    return Polygon(name, "N", tuple(edges), images, np.abs(at))
 
 
 def _mine(ends: tuple[int, ...], own: list[int]) -> int:
@@ -153,13 +153,13 @@ class Funicular:
         most = float(self.scale.max(initial=0.0))
         return self.gap / most if most > 0.0 else np.zeros_like(self.gap)
 
-    def polygon(self) -> Plan:
-        """The force polygon with its rays as a plan [N]."""
+    def polygon(self) -> Polygon:
+        """The force polygon with its rays [N]."""
         edges = [Edge(name, "load", self.corners[:, i], self.forces[:, i]) for i, name in enumerate(self.names)]
         edges.append(Edge("R", "resultant", np.zeros(len(self.pole), complex), self.resultant))
         edges += [Edge(str(i), "ray", self.pole, self.rays[:, i]) for i in range(self.corners.shape[1])]
         gap = np.abs(self.forces.sum(axis=1) - self.resultant)
-        return Plan("funicular", "N", tuple(edges), {"O": self.pole}, gap)
+        return Polygon("funicular", "N", tuple(edges), {"O": self.pole}, gap)
 
 
 def funicular(

@@ -1,4 +1,13 @@
-"""Polygons of vectors laid end to end, of which graphical constructions are made, and the places where they are meant to meet.
+"""Polygons of vectors laid end to end, of which graphical constructions are made: those of velocities and accelerations; centrodes.
+
+Velocity and acceleration polygons are images of a mechanism's points, joined by the vectors of which they are made up. From the
+pole every link pivoted on the frame leads to the images of its points, by omega x r in the velocity polygon, by the centripetal
+part -omega^2 r and the tangential part alpha x r in the acceleration polygon; couplers lead from image to image. Where a point
+slides along a turning guide, the sliding velocity, or the Coriolis part 2 omega x v_r and the sliding acceleration, leads from the
+image of the guide's point beneath it. The images themselves come along one chain of links only, so that the other chains show
+whether the polygon closes. Corners of the polygons are the places of the mechanism that are at one point of a link.
+
+The moving centrode of a link rolls on the fixed one without slipping: that is the motion of the link.
 
 Values are in the quantity's own unit (m/s, m/s^2, N); whoever draws them chooses a scale. Plane vectors are complex, (F,) each.
 """
@@ -10,7 +19,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from mechcore.arrays import Complex, Real
+from mechcore.arrays import Complex, Plane, Real
+from mechcore.errors import Fault, MechanismError
+from mechcore.kinematics.model import Model
+from mechcore.motion.metrics import per_unit
+from mechcore.motion.motion import Motion
+from mechcore.motion.structure import groups
+
+POLE = "pole"  # of a polygon of velocities or accelerations: the corner of what stands still
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,11 +48,11 @@ class Edge:
 
 
 @dataclass(frozen=True, eq=False)
-class Plan:
+class Polygon:
     """A polygon of vectors over all frames.
 
     ``images``: named corners (F,). ``gap`` (F,): the largest distance between where a chain of sides ends and where it has to end,
-    in the plan's ``unit``.
+    in the polygon's ``unit``.
     """
 
     name: str
@@ -67,3 +83,245 @@ def largest_side(edges: tuple[Edge, ...], frames: int) -> Real:
 def frames_of(value: ArrayLike, frames: int) -> Complex:
     """A value over all frames, complex."""
     return np.array(np.broadcast_to(np.asarray(value, complex), (frames,)))
+
+
+def velocity_polygon(motion: Motion) -> Polygon:
+    """Velocity polygon of a motion [m/s]."""
+    return _polygon(motion, 1)
+
+
+def acceleration_polygon(motion: Motion) -> Polygon:
+    """Acceleration polygon of a motion [m/s^2], with centripetal, tangential, Coriolis and sliding parts."""
+    return _polygon(motion, 2)
+
+
+def _polygon(motion: Motion, order: int) -> Polygon:
+    model, n = motion.model, motion.frames
+    letter = "v" if order == 1 else "a"
+    corners, spans, slides = layout(model)
+    zero = np.zeros(n, complex)
+    at = [zero if c.fixed else frames_of(c.of(motion, order), n) for c in corners]
+    images = {POLE: zero}
+    for c, place in zip(corners, at, strict=True):
+        if not c.fixed:
+            images[_free(c.label.lower() if len(c.label) == 1 else c.label, images)] = place
+    edges: list[Edge] = []
+    gap = np.zeros(n)
+    reached: set[int] = set()  # corners to which a chain leads straight from the pole
+    for s in spans:
+        a, b = corners[s.start], corners[s.end]
+        if b.fixed:
+            continue
+        r = b.of(motion, 0) - a.of(motion, 0)
+        w = motion.speeds.angular[model.angles.rotation_class[s.link]]
+        tail = b.label if a.fixed else _joint(b.label, a.label)
+        if order == 1:
+            parts = [("relative" if not a.fixed else "absolute", f"v_{tail}", 1j * w * r)]
+        else:
+            e = motion.accelerations.angular[model.angles.rotation_class[s.link]]
+            parts = [("normal", f"a_{tail}^n", -w * w * r), ("tangential", f"a_{tail}^t", 1j * e * r)]
+        gap = np.fmax(gap, _chain(edges, at[s.start], parts, at[s.end]))
+        if a.fixed:
+            reached.add(s.end)
+    for slide in slides:
+        gap = np.fmax(gap, _sliding(motion, model, slide, corners, order, edges, images, at[slide.corner]))
+        if slide.guide == 0:
+            reached.add(slide.corner)
+    for i, c in enumerate(corners):
+        if not c.fixed and (i not in reached or order == 2):
+            edges.append(Edge(f"{letter}_{c.label}", "absolute", zero, at[i]))
+    return Polygon("velocity" if order == 1 else "acceleration", "m/s" if order == 1 else "m/s^2", tuple(edges), images, gap)
+
+
+def _sliding(
+    motion: Motion,
+    model: Model,
+    slide: Slide,
+    corners: list[Corner],
+    order: int,
+    edges: list[Edge],
+    images: dict[str, Complex],
+    target: Complex,
+) -> Real:
+    """The chain from the guide's point beneath a sliding corner to the corner; how far it misses (F,)."""
+    n = motion.frames
+    c = corners[slide.corner]
+    d = motion.guide(slide.joint)
+    under = c.of(motion, 0) - motion.origins[slide.guide]
+    w = motion.speeds.angular[model.angles.rotation_class[slide.guide]]
+    rate = motion.speeds.slide[slide.joint]
+    if order == 1:
+        start = frames_of(motion.origin_velocities[slide.guide] + 1j * w * under, n)
+        parts = [("sliding" if slide.guide else "absolute", _slid("v", c.label, model.links[slide.guide], slide.guide), rate * d)]
+    else:
+        e = motion.accelerations.angular[model.angles.rotation_class[slide.guide]]
+        start = frames_of(motion.origin_accelerations[slide.guide] + (1j * e - w * w) * under, n)
+        second = motion.accelerations.slide[slide.joint]
+        parts = [("sliding", f"a_{c.label}^r", second * d)]
+        if slide.guide:
+            parts.insert(0, ("coriolis", f"a_{c.label}^c", 2j * w * rate * d))
+    if slide.guide:
+        images[_free(f"{c.label.lower() if len(c.label) == 1 else c.label} on {model.links[slide.guide]}", images)] = start
+        zero = np.zeros(n, complex)
+        pivot = next((p for p in corners if p.fixed and any(k == slide.guide for k, _ in p.keys)), None)
+        label = f"{c.label} on {model.links[slide.guide]}"
+        if order == 2 and pivot is not None:
+            r = c.of(motion, 0) - pivot.of(motion, 0)
+            own = [("normal", f"a_{label}^n", -w * w * r), ("tangential", f"a_{label}^t", 1j * e * r)]
+            missed = _chain(edges, zero, own, start)
+        else:
+            edges.append(Edge(f"{'v' if order == 1 else 'a'}_{label}", "absolute", zero, start))
+            missed = np.zeros(n)
+        return np.fmax(missed, _chain(edges, start, parts, target))
+    return _chain(edges, start, parts, target)
+
+
+def _slid(letter: str, label: str, guide: str, on: int) -> str:
+    return f"{letter}_{label}/{guide}" if on else f"{letter}_{label}"
+
+
+def _chain(edges: list[Edge], start: Complex, parts: list[tuple[str, str, Plane]], target: Complex) -> Real:
+    """Vectors laid end to end from ``start``; how far the last one ends from the target (F,)."""
+    at = start
+    for kind, name, vector in parts:
+        edges.append(Edge(name, kind, at, frames_of(vector, len(start))))
+        at = edges[-1].end
+    return np.asarray(np.abs(at - target))
+
+
+def _joint(a: str, b: str) -> str:
+    return f"{a}{b}" if len(a) == 1 and len(b) == 1 else f"{a}/{b}"
+
+
+def _free(name: str, taken: dict[str, Complex]) -> str:
+    while name in taken:
+        name += "'"
+    return name
+
+
+Key = tuple[int, complex]
+
+
+@dataclass(frozen=True, eq=False)
+class Corner:
+    """A place that keeps its point on one or more links. ``label``: the name of the point; ``fixed``: it is on the frame."""
+
+    label: str
+    keys: tuple[Key, ...]
+    fixed: bool
+
+    def of(self, motion: Motion, derivative: int) -> Plane:
+        """Position, velocity or acceleration of the place."""
+        k, local = self.keys[0]
+        place: Plane = motion.of_point(k, local, derivative)
+        return place
+
+
+@dataclass(frozen=True)
+class Span:
+    """Two corners on one link: the second is reached from the first by turning with the link."""
+
+    link: int
+    start: int
+    end: int
+
+
+@dataclass(frozen=True)
+class Slide:
+    """A corner that slides along a guide: from the point of the guide's link that is under it (None: the frame) to the corner."""
+
+    joint: int
+    guide: int
+    corner: int
+
+
+def layout(model: Model) -> tuple[list[Corner], list[Span], list[Slide]]:
+    """Corners, spans in the order of the hand method (driven links first, then group by group) and slides of a mechanism."""
+    near = 1e-9 * model.length_scale
+    heaps: list[list[Key]] = []
+
+    def heap(key: Key) -> list[Key]:
+        for h in heaps:
+            if any(k == key[0] and abs(z - key[1]) <= near for k, z in h):
+                return h
+        heaps.append([key])
+        return heaps[-1]
+
+    sliding: list[tuple[int, int, Key]] = []
+    for j, (joint, (p, q)) in enumerate(zip(model.joints, model.ends, strict=True)):
+        a, b = (p, complex(joint.a)), (q, complex(joint.b))
+        if joint.slide is None:
+            first, second = heap(a), heap(b)
+            if first is not second:
+                first.extend(second)
+                heaps[:] = [h for h in heaps if h is not second]
+        else:
+            surface_mark, guide = (b, p) if joint.guide == 0 else (a, q)
+            heap(surface_mark)
+            sliding.append((j, guide, surface_mark))
+    for link, point in model.mechanism.traced:
+        k = model.index[link]
+        heap((k, model.points[k][point]))
+    joint_at = {key: joint.name for joint, e in zip(model.joints, model.ends, strict=True)
+                for key in zip(e, (joint.a, joint.b), strict=True)}  # fmt: skip
+    corners = [Corner(_label(model, h, joint_at), tuple(h), any(k == 0 for k, _ in h)) for h in heaps]
+
+    def index(key: Key) -> int:
+        return next(i for i, c in enumerate(corners) if any(k == key[0] and abs(z - key[1]) <= near for k, z in c.keys))
+
+    known = {i for i, c in enumerate(corners) if c.fixed}
+    surface_marks = {index(surface_mark): guide for _, guide, surface_mark in sliding}
+    spans = []
+    for group in groups(model):
+        members = [model.index[name] for name in group.links]
+        while members:
+            own = {k: [i for i, c in enumerate(corners) if any(m == k for m, _ in c.keys)] for k in members}
+            ready = [k for k in members if any(i in known or surface_marks.get(i) == 0 for i in own[k])]
+            k = (ready or members)[0]
+            members.remove(k)
+            places = sorted(own[k], key=lambda i: (not corners[i].fixed, i not in known, i not in surface_marks))
+            if not places:
+                continue
+            spans += [Span(k, places[0], i) for i in places[1:]]
+            known |= set(places)
+    return corners, spans, [Slide(j, guide, index(surface_mark)) for j, guide, surface_mark in sliding]
+
+
+def _label(model: Model, keys: list[Key], joint_at: dict[Key, str]) -> str:
+    """The name of the place: of a point there, the one that most links use; else of a joint there."""
+    names: dict[str, int] = {}
+    for k, local in keys:
+        for name, z in model.points[k].items():
+            if abs(z - local) <= 1e-9 * model.length_scale:
+                names[name] = names.get(name, 0) + 1
+    if names:
+        return max(names, key=lambda n: (names[n], -len(n)))
+    return next((joint_at[key] for key in keys if key in joint_at), model.links[keys[0][0]])
+
+
+@dataclass(frozen=True, eq=False)
+class Centrodes:
+    """``fixed`` (F, 2) [m] in the frame's axes, ``moving`` (F, 2) [m] in the link's; NaN where the link does not turn."""
+
+    link: str
+    fixed: Real
+    moving: Real
+
+
+def centrodes(motion: Motion, link: str) -> Centrodes:
+    """fixed and moving centrode of a link against the frame, from the motion per unit of the first drive (it may stand still)."""
+    model = motion.model
+    if link not in model.index or link == model.mechanism.frame:
+        raise MechanismError(Fault("polodes", f"'{link}' is no moving link.", "Name a moving link."))
+    k, n = model.index[link], motion.frames
+    unit = per_unit(motion)
+    turn = np.real(frames_of(unit.speeds.angular[model.angles.rotation_class[k]], n))
+    rate = frames_of(unit.origin_velocities[k], n)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        arm = 1j * rate / turn  # from the link's origin
+    size = model.length_scale
+    rigid = ~np.isfinite(arm) | (np.abs(turn) * size <= 1e-12 * np.fmax(np.abs(rate), np.abs(turn) * size))
+    arm[rigid] = np.nan + 1j * np.nan
+    fixed = frames_of(motion.origins[k], n) + arm
+    moving = arm * np.conj(frames_of(motion.rotation(k), n))
+    return Centrodes(link, np.column_stack([fixed.real, fixed.imag]), np.column_stack([moving.real, moving.imag]))

@@ -11,11 +11,9 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from mechcore.arrays import Real
-from mechcore.constructions.centrodes import Polodes, polodes
 from mechcore.constructions.equivalents import Equivalent, equivalent
-from mechcore.constructions.force_polygons import Funicular, force_plans, funicular
-from mechcore.constructions.motion_polygons import acceleration_plan, velocity_plan
-from mechcore.constructions.polygons import Plan
+from mechcore.constructions.force_polygons import Funicular, force_polygons, funicular
+from mechcore.constructions.polygons import Centrodes, Polygon, acceleration_polygon, centrodes, velocity_polygon
 from mechcore.errors import Fault, MechanismError
 from mechcore.forces.kinetostatics import Forces, acting_on
 from mechcore.forces.section_forces import SectionForces, all_sections
@@ -61,8 +59,8 @@ class SubstituteResult:
 class StudyResults:
     """What was asked for; the rest is empty."""
 
-    plans: Mapping[str, tuple[Plan, ...]] = field(default_factory=dict)
-    polodes: Mapping[str, Polodes] = field(default_factory=dict)
+    polygons: Mapping[str, tuple[Polygon, ...]] = field(default_factory=dict)
+    centrodes: Mapping[str, Centrodes] = field(default_factory=dict)
     equivalents: Mapping[str, Equivalent] = field(default_factory=dict)
     systems: Mapping[str, SystemResult] = field(default_factory=dict)
     reduced: Mapping[str, Reduced] = field(default_factory=dict)
@@ -76,17 +74,17 @@ class StudyResults:
 def compute(motion: Motion, forces: Forces | None) -> StudyResults:
     """The studies that a mechanism asks for. Raises `MechanismError` where one of them has no answer."""
     asked = motion.mechanism.studies
-    plans: dict[str, tuple[Plan, ...]] = {}
-    if "velocity" in asked.plans:
-        plans["velocity"] = (velocity_plan(motion),)
-    if "acceleration" in asked.plans:
-        plans["acceleration"] = (acceleration_plan(motion),)
-    if "force" in asked.plans and forces is not None:
-        plans["force"] = force_plans(forces)
+    polygons: dict[str, tuple[Polygon, ...]] = {}
+    if "velocity" in asked.polygons:
+        polygons["velocity"] = (velocity_polygon(motion),)
+    if "acceleration" in asked.polygons:
+        polygons["acceleration"] = (acceleration_polygon(motion),)
+    if "force" in asked.polygons and forces is not None:
+        polygons["force"] = force_polygons(forces)
     loads = () if forces is None else forces.applied
     result = StudyResults(
-        plans=plans,
-        polodes={name: polodes(motion, name) for name in asked.polodes},
+        polygons=polygons,
+        centrodes={name: centrodes(motion, name) for name in asked.centrodes},
         equivalents={name: equivalent(motion, name, forces) for name in asked.equivalent},
         systems={s.name: _system(s, forces) for s in asked.systems if forces is not None},
         reduced={_place(*at): reduce_mechanism(motion, *at, loads) for at in asked.reduced},

@@ -21,9 +21,7 @@ from mechcore.dynamics.contact.separation import (
     first_beyond,
     pressing,
 )
-from mechcore.dynamics.equations.breakpoints import breakpoint_finder
-from mechcore.dynamics.equations.chart import Chart
-from mechcore.dynamics.equations.charts import STRAINED, CurveChart, best_chart, enter, strain, take_over, waypoints
+from mechcore.dynamics.equations.charts import STRAINED, Chart, CurveChart, best_chart, enter, strain, take_over, waypoints
 from mechcore.dynamics.equations.curve import Curve
 from mechcore.dynamics.equations.reduced import integrating, motion_at
 from mechcore.dynamics.events import (
@@ -40,7 +38,7 @@ from mechcore.dynamics.events import (
 from mechcore.dynamics.integration.collocation import System, Window
 from mechcore.dynamics.integration.refinement import Known, refine
 from mechcore.dynamics.integration.windows import Solution, integrate
-from mechcore.dynamics.segments import Segment, segment_forces
+from mechcore.dynamics.segments import Segment, breakpoint_finder, segment_forces
 from mechcore.dynamics.simulation import Simulation
 from mechcore.effects.registry import applied_effects
 from mechcore.errors import Fault, MechanismError

@@ -15,8 +15,7 @@ from mechcore.arrays import Real
 from mechcore.constants import MOST_TURNS, TURN
 from mechcore.dynamics.contact.friction_state import braking_elements
 from mechcore.dynamics.contact.separation import SeparableCam
-from mechcore.dynamics.equations.chart import Chart
-from mechcore.dynamics.equations.charts import curve_around
+from mechcore.dynamics.equations.charts import Chart, curve_around
 from mechcore.dynamics.equations.curve import Curve
 from mechcore.dynamics.equations.energy import by_energy
 from mechcore.dynamics.equations.reduced import coordinate_scales, free_of, integrating, reduce

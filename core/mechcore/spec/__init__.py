@@ -58,12 +58,12 @@ from mechcore.spec.mechanism import (
     coordinates_of,
     friction_of,
 )
-from mechcore.spec.studies import PLANS, CrossSection, SectionStudy, ShakingStudy, Studies, SubstituteStudy, SystemStudy
+from mechcore.spec.studies import POLYGONS, CrossSection, SectionStudy, ShakingStudy, Studies, SubstituteStudy, SystemStudy
 
 __all__ = [
     "ANSWERS",
     "EFFECTS",
-    "PLANS",
+    "POLYGONS",
     "Actuator",
     "Belt",
     "BeltTension",

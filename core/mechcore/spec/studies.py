@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 Vec2 = tuple[float, float]
 
-PLANS: Mapping[str, str] = {
+POLYGONS: Mapping[str, str] = {
     "velocity": "velocity plan: images of the points, joined by omega x r and sliding velocities",
     "acceleration": "acceleration plan with centripetal, tangential, Coriolis and sliding parts",
     "force": "force plan of every group, in the order of the hand method",
@@ -72,8 +72,8 @@ class SectionStudy:
 class Studies:
     """Studies that are asked for beside motion, forces and answers; see `mechcore.constructions.studies`."""
 
-    plans: tuple[str, ...] = ()  # names from PLANS
-    polodes: tuple[str, ...] = ()  # links
+    polygons: tuple[str, ...] = ()  # names from POLYGONS
+    centrodes: tuple[str, ...] = ()  # links
     equivalent: tuple[str, ...] = ()  # joints
     systems: tuple[SystemStudy, ...] = ()
     reduced: tuple[tuple[str, str | None], ...] = ()  # (link, point or None)
@@ -83,8 +83,8 @@ class Studies:
 
     def items(self) -> tuple[tuple[str, str], ...]:
         """Name and meaning of each study that is asked for."""
-        asked = [(f"plan {name}", PLANS[name]) for name in self.plans]
-        asked += [(f"polodes {link}", "ways of the instant centre on the frame and on the link") for link in self.polodes]
+        asked = [(f"plan {name}", POLYGONS[name]) for name in self.polygons]
+        asked += [(f"polodes {link}", "paths of the instant centre on the frame and on the link") for link in self.centrodes]
         asked += [
             (f"equivalent {joint}", "the linkage of lower pairs that moves like this higher pair") for joint in self.equivalent
         ]

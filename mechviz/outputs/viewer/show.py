@@ -125,7 +125,7 @@ def polodes_of(run: Run) -> dict[str, Rolling]:
     """Pole curves that the scene asks for, by link."""
     points = {link.name: link.points for link in run.motion.mechanism.links}
     found = {}
-    for name, polodes in run.studies.polodes.items():
+    for name, polodes in run.studies.centrodes.items():
         corners = [complex(*xy) for xy in (*points[name].values(), next(iter(points[name].values()), (0.0, 0.0)))]
         fixed, moving = (way @ np.array([1.0, 1.0j]) for way in (polodes.fixed, polodes.moving))
         found[name] = Rolling(fixed, moving, np.array(corners))

@@ -12,7 +12,7 @@ from pydantic import Field, model_validator
 from mechcore.errors import Fault, MechanismError
 from mechcore.forces.section_lines import axis_of
 from mechcore.spec.mechanism import Mechanism
-from mechcore.spec.studies import PLANS, CrossSection, SectionStudy, ShakingStudy, Studies, SubstituteStudy, SystemStudy
+from mechcore.spec.studies import POLYGONS, CrossSection, SectionStudy, ShakingStudy, Studies, SubstituteStudy, SystemStudy
 from mechviz.scene.faults import did_you_mean, listing
 from mechviz.scene.fields import (
     Flag,
@@ -37,8 +37,8 @@ if TYPE_CHECKING:
 
 
 PlanName = Literal["velocity", "acceleration", "force"]
-if set(get_args(PlanName)) != set(PLANS):
-    raise ImportError("mechviz.scene.kinds.studies.PlanName and mechcore.spec.studies.PLANS name different plans")
+if set(get_args(PlanName)) != set(POLYGONS):
+    raise ImportError("mechviz.scene.kinds.studies.PlanName and mechcore.spec.studies.POLYGONS name different plans")
 
 
 class SystemDocument(Table):
@@ -268,8 +268,8 @@ def studies_of(
         link, _, point = text.partition(".")
         reduced.append((text, None) if text in document.links or not point else (link, point))
     return Studies(
-        plans=tuple(document.plans),
-        polodes=tuple(document.polodes),
+        polygons=tuple(document.plans),
+        centrodes=tuple(document.polodes),
         equivalent=tuple(document.equivalent),
         systems=tuple(systems),
         reduced=tuple(reduced),

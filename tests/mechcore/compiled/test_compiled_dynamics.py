@@ -13,7 +13,7 @@ from random_mechanisms import draw
 
 from mechcore import spec as sp
 from mechcore.compiled.toolchain import compiler
-from mechcore.dynamics.equations.chart import Chart
+from mechcore.dynamics.equations.charts import Chart
 from mechcore.dynamics.equations.program import compiled_program, missing_in_c
 from mechcore.dynamics.equations.reduced import motion_at
 from mechcore.dynamics.integration.collocation import gauss

@@ -11,7 +11,7 @@ import pytest
 
 from mechcore.compiled import toolchain
 from mechcore.compiled.toolchain import cache_folder, cached, compiler, library
-from mechcore.dynamics.equations.chart import Chart
+from mechcore.dynamics.equations.charts import Chart
 from mechcore.dynamics.simulate import simulate
 from mechcore.errors import MechanismError
 from mechcore.motion.solve import compile_mechanism, solve_motion

@@ -14,7 +14,7 @@ from scipy.integrate import solve_ivp
 from scipy.special import ellipj, ellipkinc
 
 from mechcore.dynamics.equations import energy
-from mechcore.dynamics.equations.chart import Chart
+from mechcore.dynamics.equations.charts import Chart
 from mechcore.dynamics.equations.reduced import reduce
 from mechcore.dynamics.events import EventTrigger, Stop
 from mechcore.dynamics.integration.collocation import gauss, radau

@@ -13,7 +13,7 @@ from mechanisms import case
 from scipy.special import ellipk
 
 import mechviz
-from mechcore.dynamics.equations.chart import Chart
+from mechcore.dynamics.equations.charts import Chart
 from mechcore.dynamics.events import Stop
 from mechcore.dynamics.integration.collocation import Window, gauss, radau, solve_window
 from mechcore.dynamics.simulate import simulate

@@ -10,7 +10,7 @@ from dynamic_mechanisms import double_pendulum, pendulum, swinging_five_bar
 from mechanisms import case
 
 from mechcore.dynamics.contact.end_stops import impact
-from mechcore.dynamics.equations.chart import Chart, jacobian_of
+from mechcore.dynamics.equations.charts import Chart, jacobian_of
 from mechcore.dynamics.equations.reduced import constrained, motion_at, moving, reduce
 from mechcore.dynamics.events import Stop
 from mechcore.dynamics.simulate import simulate

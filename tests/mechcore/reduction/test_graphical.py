@@ -11,9 +11,8 @@ from hypothesis import strategies as st
 from mechanisms import case, four_bar
 
 import mechviz
-from mechcore.constructions.centrodes import polodes
-from mechcore.constructions.force_polygons import force_plans, funicular
-from mechcore.constructions.motion_polygons import acceleration_plan, layout, velocity_plan
+from mechcore.constructions.force_polygons import force_polygons, funicular
+from mechcore.constructions.polygons import acceleration_polygon, centrodes, layout, velocity_polygon
 from mechcore.forces.kinetostatics import solve_forces
 from mechcore.motion.solve import compile_mechanism, default_times, solve_motion
 from mechcore.reduction.systems import resultant
@@ -32,7 +31,7 @@ def motion_of(name, frames=72):
 @pytest.mark.parametrize("name", NAMES)
 def test_every_plan_of_the_gallery_closes(name):
     motion = motion_of(name)
-    for plan in (velocity_plan(motion), acceleration_plan(motion)):
+    for plan in (velocity_polygon(motion), acceleration_polygon(motion)):
         assert bool(plan.edges) == any(not c.fixed for c in layout(motion.model)[0])  # links on fixed pins alone have no side
         good = np.isfinite(plan.largest)
         assert good.mean() > 0.9
@@ -41,7 +40,7 @@ def test_every_plan_of_the_gallery_closes(name):
         forces = solve_forces(motion)
         solved = np.isfinite(forces.reaction(motion.mechanism.joints[0].name)).all(axis=1)  # not where friction jams it
         assert solved.any()
-        for plan in force_plans(forces):
+        for plan in force_polygons(forces):
             assert np.array_equal(np.isfinite(plan.closing), solved), plan.name
             assert plan.closing[solved].max() <= 1e-9, plan.name
 
@@ -61,7 +60,7 @@ def bar_motion(frames=36, traced=True):
 
 def test_the_velocity_plan_of_a_four_bar_has_the_sides_of_the_textbook():
     motion = bar_motion()
-    plan = velocity_plan(motion)
+    plan = velocity_polygon(motion)
     sides = {e.name: e for e in plan.edges}
     assert {"v_B", "v_DB", "v_D", "v_PB"} <= set(sides)
     assert np.abs(sides["v_B"].vector) == pytest.approx(20.0 * 0.1)
@@ -79,7 +78,7 @@ def test_the_velocity_plan_of_a_four_bar_has_the_sides_of_the_textbook():
 
 def test_the_acceleration_plan_has_centripetal_and_tangential_parts_and_a_similar_image():
     motion = bar_motion()
-    plan = acceleration_plan(motion)
+    plan = acceleration_polygon(motion)
     sides = {e.name: e for e in plan.edges}
     assert {"a_B^n", "a_DB^n", "a_DB^t", "a_D^n", "a_D^t"} <= set(sides)
     for name, link in (("D", "rocker"), ("DB", "coupler")):
@@ -93,9 +92,9 @@ def test_the_acceleration_plan_has_centripetal_and_tangential_parts_and_a_simila
 
 def test_the_coriolis_part_stands_across_the_lever_and_is_2_omega_v():
     motion = motion_of("contour-lever")
-    plan = acceleration_plan(motion)
+    plan = acceleration_polygon(motion)
     coriolis = next(e for e in plan.edges if e.kind == "coriolis")
-    velocity = next(e for e in velocity_plan(motion).edges if e.kind == "sliding")
+    velocity = next(e for e in velocity_polygon(motion).edges if e.kind == "sliding")
     lever = next(k for k in motion.model.links if k in coriolis.name or k == "lever")
     w = motion.velocity(lever)[:, 2]
     assert coriolis.vector == pytest.approx(2j * w * velocity.vector, abs=1e-9 * np.abs(coriolis.vector).max())
@@ -106,13 +105,13 @@ def test_a_plan_shows_where_links_do_not_fit():
     motion = bar_motion()
     rotation_class = motion.model.angles.rotation_class[motion.model.index["rocker"]]
     motion.speeds.angular[rotation_class] = motion.speeds.angular[rotation_class] * 1.001
-    assert velocity_plan(motion).closing.max() > 1e-5
+    assert velocity_polygon(motion).closing.max() > 1e-5
 
 
 def test_the_force_plan_of_the_dyad_follows_the_hand_method():
     motion = bar_motion(traced=False)
     forces = solve_forces(motion)
-    dyad, crank = force_plans(forces)
+    dyad, crank = force_polygons(forces)
     names = [e.name for e in dyad.edges]
     assert dyad.name == "coupler + rocker" and crank.name == "crank"
     assert names[:2] == ["R_B^n", "R_B^t"] and names[-2:] == ["R_E^t", "R_E^n"]
@@ -133,7 +132,7 @@ def test_a_spring_between_links_pulls_both_ways_in_the_force_plans():
     m = replace(bar(), loads=(*bar().loads, spring))
     motion = solve_motion(compile_mechanism(m), default_times(m, 36))
     forces = solve_forces(motion)
-    dyad, crank = force_plans(forces)
+    dyad, crank = force_polygons(forces)
     pulls = [next(e.vector for e in plan.edges if e.name == "k") for plan in (dyad, crank)]
     assert pulls[0] == pytest.approx(-pulls[1])
     assert np.abs(pulls[0]).max() > 100.0
@@ -144,7 +143,7 @@ def test_a_force_plan_that_lacks_a_load_stays_open():
     motion = bar_motion(traced=False)
     forces = solve_forces(motion)
     forces.applied = tuple(w for w in forces.applied if w.name != "P")
-    assert force_plans(forces)[0].closing.max() > 1e-2
+    assert force_polygons(forces)[0].closing.max() > 1e-2
 
 
 # -- funicular ----------------------------------------------------------------------------------------------------------
@@ -213,7 +212,7 @@ def test_couples_vanishing_forces_and_equilibrium():
 # -- polodes ------------------------------------------------------------------------------------------------------------
 def test_the_moving_polode_rolls_on_the_fixed_one():
     motion = bar_motion(720)
-    found = polodes(motion, "coupler")
+    found = centrodes(motion, "coupler")
     fixed, moving = (np.hypot(*np.diff(p, axis=0).T) for p in (found.fixed, found.moving))
     near = np.isfinite(fixed) & (fixed < 0.01)
     assert near.sum() > 100
@@ -230,7 +229,7 @@ def test_the_moving_polode_rolls_on_the_fixed_one():
 def test_elliptic_trammel_has_cardan_circles_for_polodes():
     motion = motion_of("elliptic-trammel", 90)
     rod = max(motion.mechanism.links, key=lambda k: len(k.points) if k.name != motion.mechanism.frame else 0).name
-    found = polodes(motion, rod)
+    found = centrodes(motion, rod)
     circle = []
     for way in (found.fixed, found.moving):
         a = np.column_stack([2.0 * way, np.ones(len(way))])
@@ -243,4 +242,4 @@ def test_elliptic_trammel_has_cardan_circles_for_polodes():
 
 def test_a_sliding_link_has_no_polode():
     motion = motion_of("slider-crank-compressor")
-    assert np.isnan(polodes(motion, "piston").fixed).all()
+    assert np.isnan(centrodes(motion, "piston").fixed).all()

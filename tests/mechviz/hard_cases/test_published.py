@@ -9,7 +9,7 @@ import pytest
 from dynamic_mechanisms import chain
 from mechanisms import REFERENCE, drawn, four_bar, load, move, slider_crank
 
-from mechcore.dynamics.equations.chart import differences
+from mechcore.dynamics.equations.charts import differences
 from mechcore.dynamics.integration.windows import integrate
 from mechcore.dynamics.simulate import simulate
 from mechcore.laws.timed import ConstantSpeed

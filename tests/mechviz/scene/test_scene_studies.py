@@ -172,11 +172,11 @@ def test_a_choice_without_solution_is_an_error_in_words():
 def test_what_is_not_named_is_not_computed(monkeypatch):
     calls: dict[str, int] = {}
     names = (
-        "velocity_plan",
-        "acceleration_plan",
-        "force_plans",
+        "velocity_polygon",
+        "acceleration_polygon",
+        "force_polygons",
         "funicular",
-        "polodes",
+        "centrodes",
         "reduce_mechanism",
         "shaking",
         "substitute_masses",
@@ -196,12 +196,12 @@ def test_what_is_not_named_is_not_computed(monkeypatch):
     run = run_scene(with_())
     assert calls == {} and not any(s.name == "studies" for s in run.stages)
     run_scene(with_(plans=["velocity"]))
-    assert calls == {"velocity_plan": 1}
+    assert calls == {"velocity_polygon": 1}
     calls.clear()
     run = run_scene(with_(**ALL))
     assert calls == {
-        "velocity_plan": 1, "acceleration_plan": 1, "force_plans": 1, "funicular": 2, "polodes": 1, "reduce_mechanism": 2,
-        "shaking": 2, "substitute_masses": 1,
+        "velocity_polygon": 1, "acceleration_polygon": 1, "force_polygons": 1, "funicular": 2, "centrodes": 1,
+        "reduce_mechanism": 2, "shaking": 2, "substitute_masses": 1,
     }  # fmt: skip
     named = {s.name for s in run.plan.computed}
     assert {"plan velocity", "plan force", "polodes coupler", "system load", "reduced to rocker.D", "shaking"} <= named

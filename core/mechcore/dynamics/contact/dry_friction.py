@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from mechcore.arrays import Index, Plane, Real, Values
-from mechcore.dynamics.equations.chart import differences, jacobian_of
+from mechcore.dynamics.equations.charts import differences, jacobian_of
 from mechcore.dynamics.equations.reduced import (
     constrained,
     free_of,

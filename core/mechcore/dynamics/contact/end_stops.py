@@ -20,7 +20,7 @@ import numpy as np
 
 from mechcore.arrays import Flags, Real
 from mechcore.dynamics.contact.dry_friction import DrySystem
-from mechcore.dynamics.equations.chart import Chart, jacobian_of
+from mechcore.dynamics.equations.charts import Chart, jacobian_of
 from mechcore.dynamics.equations.reduced import coordinate_scales, free_of, motion_at, moving, reduced_equations, shifted
 from mechcore.dynamics.events import Gauge, Log, SimulationEvent, Stop, event_function_of
 from mechcore.dynamics.integration.collocation import System

@@ -13,7 +13,7 @@ import numpy as np
 from mechcore.arrays import Flags, Real
 from mechcore.constants import REST
 from mechcore.dynamics.contact.dry_friction import DrySystem, least_efforts, rates_of
-from mechcore.dynamics.equations.chart import jacobian_of
+from mechcore.dynamics.equations.charts import jacobian_of
 from mechcore.dynamics.equations.reduced import (
     constrained,
     coordinate_scales,

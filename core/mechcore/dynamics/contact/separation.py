@@ -16,8 +16,7 @@ from mechcore.arrays import Real
 from mechcore.cams.placed import PlacedCam
 from mechcore.constants import TURN
 from mechcore.dynamics.contact.end_stops import impact
-from mechcore.dynamics.equations.chart import Chart
-from mechcore.dynamics.equations.charts import carried_on, enter
+from mechcore.dynamics.equations.charts import Chart, carried_on, enter
 from mechcore.dynamics.equations.reduced import free_of, motion_at, reduce, shifted, tangents
 from mechcore.dynamics.integration.collocation import System, Window
 from mechcore.dynamics.integration.windows import Solution

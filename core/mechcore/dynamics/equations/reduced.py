@@ -77,7 +77,7 @@ def constrained(inertia: Real, force: Real, jacobian: Real, second: Real | None 
     return found[..., :f], found[..., f:]
 
 
-def free_of(compiled: Compiled) -> list[int]:
+def free_of(compiled: Compiled | Motion) -> list[int]:
     """The drives that are free coordinates; the others follow their laws in time."""
     return [i for i, d in enumerate(compiled.mechanism.drives) if isinstance(d.law, Free)]
 

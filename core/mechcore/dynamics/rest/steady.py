@@ -19,7 +19,7 @@ from mechcore.arrays import Real
 from mechcore.constants import TURN
 from mechcore.dynamics.contact.dry_friction import DrySystem
 from mechcore.dynamics.contact.friction_state import braking_elements
-from mechcore.dynamics.equations.chart import Chart
+from mechcore.dynamics.equations.charts import Chart
 from mechcore.dynamics.equations.reduced import motion_at, moving, reduce
 from mechcore.dynamics.integration.collocation import gauss, integrals
 from mechcore.effects.registry import effects_of
