@@ -81,7 +81,8 @@ def measure() -> None:
     from scipy.spatial import cKDTree
 
     from mechcore.cams.followers import Follower, Roller, Translating
-    from mechcore.cams.limits import Requirement, find_limits, least_base
+    from mechcore.cams.limits import Requirement, find_limits
+    from mechcore.cams.sizing import least_base
     from mechcore.cams.synthesis import Cam
     from mechcore.laws.program import Segment, program
 

@@ -18,7 +18,8 @@ import numpy as np
 from mechcore.cams.analysis import analyse
 from mechcore.cams.contour import cam_contour
 from mechcore.cams.followers import Flat, Follower, Oscillating, Roller, Translating
-from mechcore.cams.limits import Requirement, best_offset, find_limits, least_base
+from mechcore.cams.limits import Requirement, find_limits
+from mechcore.cams.sizing import best_offset, least_base
 from mechcore.cams.synthesis import Cam
 from mechcore.laws.program import Segment, program
 

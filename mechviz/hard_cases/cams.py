@@ -10,8 +10,9 @@ from mechcore.cams.analysis import analyse
 from mechcore.cams.closures import Closure, closing_force, first_separation
 from mechcore.cams.contour import cam_contour, polygon
 from mechcore.cams.followers import Flat, Follower, Knife, Oscillating, Roller, Translating
-from mechcore.cams.limits import Requirement, find_limits, least_base, undercut_ranges
+from mechcore.cams.limits import Requirement, find_limits, undercut_ranges
 from mechcore.cams.real_profiles import cut_profile
+from mechcore.cams.sizing import least_base
 from mechcore.cams.synthesis import Cam, cam_on_base
 from mechcore.constants import TURN
 from mechcore.forces.cam_events import cam_events

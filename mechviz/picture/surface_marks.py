@@ -11,8 +11,9 @@ from numpy.typing import NDArray
 
 from mechcore.arrays import Flags, Integers, Real, Single
 from mechcore.cams.followers import Roller
-from mechcore.cams.placed import PlacedCam
-from mechcore.cams.placed_spatial import PlacedInverse, PlacedSpatial, roller_angle
+from mechcore.cams.placement.inverse import PlacedInverse
+from mechcore.cams.placement.plane import PlacedCam
+from mechcore.cams.placement.spatial import PlacedSpatial, roller_angle
 from mechcore.forces.cam_rating import contact_force, placed_cams
 from mechcore.spec.mechanism import CamJoint
 from mechviz.picture.proportions import about_z

@@ -13,9 +13,10 @@ import numpy as np
 from mechcore.arrays import Real
 from mechcore.cams.closures import roller_range
 from mechcore.cams.followers import Flat, Knife, Roller, Translating
-from mechcore.cams.limits import Requirement, best_offset, find_limits, least_base
-from mechcore.cams.placed import PlacedCam
-from mechcore.cams.placed_spatial import PlacedSpatial
+from mechcore.cams.limits import Requirement, find_limits
+from mechcore.cams.placement.plane import PlacedCam
+from mechcore.cams.placement.spatial import PlacedSpatial
+from mechcore.cams.sizing import best_offset, least_base
 from mechcore.cams.synthesis import simplified_offset_error
 from mechcore.errors import MechanismError
 from mechcore.forces.cam_events import lost_ranges

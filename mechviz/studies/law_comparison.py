@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mechcore.arrays import Real
-from mechcore.cams.placed import PlacedCam
+from mechcore.cams.placement.plane import PlacedCam
 from mechcore.errors import Fault, MechanismError
 from mechcore.forces.cam_rating import AnyCam, contact_force, joint_of, least_springs, placed_cams
 from mechcore.laws.curve import MotionCurve

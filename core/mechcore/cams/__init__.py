@@ -23,10 +23,10 @@ The way through the package::
     SpatialCam(law, Barrel() | BarrelArm(...) | Globoid(...), roller, inner, outer).flank(theta, along, side)
     conjugate(cam, ...); breadth(law); InverseCam(...)
 
-``followers`` guides and faces; ``synthesis`` plane cams, their equivalent linkage; ``limits`` limits and the search for base circle
-and offset; ``contour``, ``analysis`` given profiles; ``real_profiles`` their lift, the graphical method, what is left of undercut
-ones; ``closures`` yokes, conjugate cams, closure by a spring, jamming, Hertz; ``spatial`` barrel, end, globoidal and inverse cams;
-``placed``, ``placed_spatial`` cams in their mechanisms.
+``followers`` guides and faces; ``synthesis`` plane cams, their equivalent linkage; ``limits``, ``sizing`` limits, and the search
+for base circle and offset; ``pieces``, ``contour``, ``contact``, ``analysis`` given profiles; ``real_profiles`` their lift, the
+graphical method, what is left of undercut ones; ``closures`` yokes, conjugate cams, closure by a spring, jamming, Hertz;
+``spatial`` barrel, end, globoidal and inverse cams; ``placement`` cams in their mechanisms.
 """
 
 from mechcore.cams.analysis import Bridge, Contact, analyse
@@ -56,20 +56,9 @@ from mechcore.cams.contour import (
     spline_contour,
 )
 from mechcore.cams.followers import Arc, Flat, Follower, Knife, Oscillating, Roller, Translating
-from mechcore.cams.limits import (
-    Design,
-    Limits,
-    Reached,
-    Requirement,
-    Verdict,
-    best_offset,
-    check_limits,
-    find_limits,
-    judge,
-    least_base,
-    undercut_ranges,
-)
+from mechcore.cams.limits import Limits, Reached, Requirement, Verdict, check_limits, find_limits, judge, undercut_ranges
 from mechcore.cams.real_profiles import CutProfile, Graphical, cut_profile, graphical
+from mechcore.cams.sizing import Design, best_offset, least_base
 from mechcore.cams.spatial import Barrel, BarrelArm, Flank, Globoid, InverseCam, SpatialCam, SpatialLimits, spatial_limits
 from mechcore.cams.synthesis import (
     Cam,

@@ -6,192 +6,24 @@ parameter of a contour runs from 0 to its number of pieces; piece k has [k, k + 
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
 from math import factorial
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from mechcore.arrays import Complex, Flags, Index, Real
 from mechcore.cams.followers import Flat
+from mechcore.cams.pieces import CamPiece, CircularArc, Line, PolarPiece, PolynomialPiece, Smooth, moved_piece
 from mechcore.cams.synthesis import Cam
 from mechcore.errors import Fault, MechanismError
 from mechcore.laws.curve import MotionCurve
 from mechcore.numerics import jets
 from mechcore.texts import as_angle, as_length
-
-
-class Smooth(Protocol):
-    """A smooth piece on [0, 1]."""
-
-    def __call__(self, u: Real, order: int) -> Complex:
-        """Parameters (n) -> points and derivatives (order + 1, n)."""
-        ...
-
-    def offset(self, u: Real, distance: float, order: int) -> Complex:
-        """The curve ``distance`` to the right of the direction of travel, with derivatives (order + 1, n)."""
-        ...
-
-
-class _Offset(ABC):
-    """The offset of any piece whose own derivatives go one order further."""
-
-    @abstractmethod
-    def __call__(self, u: Real, order: int) -> Complex: ...
-
-    def offset(self, u: Real, distance: float, order: int) -> Complex:
-        c = self(u, order + 1)
-        return c[: order + 1] - 1j * distance * jets.unit(c[1:])
-
-
-@dataclass(frozen=True)
-class _Line(_Offset):
-    a: complex
-    b: complex
-
-    def __call__(self, u: Real, order: int) -> Complex:
-        out = np.zeros((order + 1, np.size(u)), complex)
-        out[0] = self.a + (self.b - self.a) * u
-        if order > 0:
-            out[1] = self.b - self.a
-        return out
-
-
-@dataclass(frozen=True)
-class _Arc(_Offset):
-    centre: complex
-    radius: float
-    start: float
-    sweep: float
-
-    def __call__(self, u: Real, order: int) -> Complex:
-        k = np.arange(order + 1)[:, None]
-        out = (1j * self.sweep) ** k * self.radius * np.exp(1j * (self.start + self.sweep * np.asarray(u)))
-        out[0] += self.centre
-        return np.asarray(out)
-
-
-@dataclass(frozen=True, eq=False)
-class _Poly(_Offset):
-    """Complex polynomial, ascending coefficients in u."""
-
-    c: Complex
-
-    def __call__(self, u: Real, order: int) -> Complex:
-        out = np.empty((order + 1, np.size(u)), complex)
-        c = self.c
-        for k in range(order + 1):
-            out[k] = np.polynomial.polynomial.polyval(u, c) if len(c) else 0.0
-            c = c[1:] * np.arange(1, len(c))
-        return out
-
-
-@dataclass(frozen=True, eq=False)
-class _Polar(_Offset):
-    """r(phi) exp(i phi) from phi0 over a range, r one piece of a motion curve."""
-
-    law: MotionCurve
-    phi0: float
-    span: float
-
-    def __call__(self, u: Real, order: int) -> Complex:
-        phi = self.phi0 + self.span * np.asarray(u)
-        inside = np.clip(phi, self.phi0 + 1e-15, self.phi0 + self.span)  # the piece's own limits at both ends
-        r = self.law(inside, order, "left")
-        turn = (1j ** np.arange(order + 1))[:, None] * np.exp(1j * phi)
-        return np.asarray(jets.product(r, turn) * (self.span ** np.arange(order + 1))[:, None])
-
-
-@dataclass(frozen=True, eq=False)
-class CamPiece:
-    """A range of a synthesised cam between two knots of its law, run so that the outside is on the right."""
-
-    cam: Cam
-    piece: int
-    backwards: bool
-    first: float = 0.0  # share of the law's piece at which this one begins and ends
-    last: float = 1.0
-
-    @cached_property
-    def _single(self) -> Cam:
-        piece, x0 = self.cam.law.pieces[self.piece], self.cam.law.knots[self.piece]
-        return Cam(MotionCurve((piece,), float(x0)), self.cam.follower, self.cam.turn, self.cam.wedge, self.cam.outer)
-
-    def _curve(self, u: Real, distance: float, order: int) -> Complex:
-        law = self.cam.law
-        piece, x0 = law.pieces[self.piece], law.knots[self.piece]
-        s = self.first + (self.last - self.first) * (1.0 - u if self.backwards else np.asarray(u))
-        single = self._single
-        angle = x0 + piece.length * s
-        # extrapolation beyond the ends is the piece's own analytic continuation
-        if isinstance(self.cam.follower.face, Flat):
-            w = single.working_curve(angle, order + 1 if distance else order, "left")
-            if distance:
-                outward = 1j * jets.unit(w[1:]) * np.where(np.real(self._along(single, angle, w)) < 0.0, -1.0, 1.0)
-                w = w[: len(outward)] + distance * outward
-            w = w[: order + 1]
-        else:
-            p = single.pitch_curve(angle, order + 1, "left")
-            shift = distance - self.cam.flank * self.cam.follower.radius
-            w = p[: order + 1] + shift * 1j * self.cam.turn * jets.unit(p[1:]) if shift else p[: order + 1]
-        rate = piece.length * (self.last - self.first) * (-1.0 if self.backwards else 1.0)
-        return w * (rate ** np.arange(len(w)))[:, None]
-
-    @staticmethod
-    def _along(cam: Cam, angle: Real, w: Complex) -> Complex:
-        """Positive where the profile runs along the face's direction."""
-        s = cam.at(angle)
-        return np.asarray(np.conj(s.normal / 1j) * w[1])
-
-    def __call__(self, u: Real, order: int) -> Complex:
-        return self._curve(u, 0.0, order)
-
-    def offset(self, u: Real, distance: float, order: int) -> Complex:
-        return self._curve(u, distance, order)
-
-
-@dataclass(frozen=True, eq=False)
-class _Moved:
-    """A piece turned (and stretched by 1) and shifted: ``shift + turn z``."""
-
-    piece: Smooth
-    shift: complex
-    turn: complex
-
-    def __call__(self, u: Real, order: int) -> Complex:
-        out = self.turn * self.piece(u, order)
-        out[0] += self.shift
-        return out
-
-    def offset(self, u: Real, distance: float, order: int) -> Complex:
-        out = self.turn * self.piece.offset(u, distance, order)
-        out[0] += self.shift
-        return out
-
-
-def moved(contour: Contour, shift: complex, turn: complex) -> Contour:
-    """A contour turned by a unit number and shifted [m]: ``shift + turn z``."""
-    if shift == 0.0 and turn == 1.0:
-        return contour
-    return Contour(tuple(_moved(p, shift, turn / abs(turn)) for p in contour.pieces), contour.closed)
-
-
-def _moved(piece: Smooth, shift: complex, turn: complex) -> Smooth:
-    """A turned and shifted piece; lines, arcs and polynomials stay what they are."""
-    if isinstance(piece, _Line):
-        return _Line(shift + turn * piece.a, shift + turn * piece.b)
-    if isinstance(piece, _Arc):
-        return _Arc(shift + turn * piece.centre, piece.radius, piece.start + float(np.angle(turn)), piece.sweep)
-    if isinstance(piece, _Poly):
-        c = turn * piece.c
-        c[0] += shift
-        return _Poly(c)
-    return _Moved(piece, shift, turn)
 
 
 @dataclass(frozen=True, eq=False)
@@ -228,16 +60,16 @@ class Contour:
     def _rows(self) -> tuple[Index, Complex, Complex]:
         """Of every piece: its kind (1 polynomial, lines among them; 2 arc; 0 something else), coefficients, and an arc's
         centre, radius, start and sweep. Many pieces are evaluated in one go with them."""
-        kinds = np.array([2 if isinstance(p, _Arc) else int(isinstance(p, _Line | _Poly)) for p in self.pieces])
-        longest = max([2, *(len(p.c) for p in self.pieces if isinstance(p, _Poly))])
+        kinds = np.array([2 if isinstance(p, CircularArc) else int(isinstance(p, Line | PolynomialPiece)) for p in self.pieces])
+        longest = max([2, *(len(p.c) for p in self.pieces if isinstance(p, PolynomialPiece))])
         powers = np.zeros((len(self.pieces), longest), complex)
         arcs = np.zeros((len(self.pieces), 4), complex)
         for k, p in enumerate(self.pieces):
-            if isinstance(p, _Line):
+            if isinstance(p, Line):
                 powers[k, :2] = p.a, p.b - p.a
-            elif isinstance(p, _Poly):
+            elif isinstance(p, PolynomialPiece):
                 powers[k, : len(p.c)] = p.c
-            elif isinstance(p, _Arc):
+            elif isinstance(p, CircularArc):
                 arcs[k] = p.centre, p.radius, p.start, p.sweep
         return kinds, powers, arcs
 
@@ -318,6 +150,13 @@ class Contour:
         return out
 
 
+def moved(contour: Contour, shift: complex, turn: complex) -> Contour:
+    """A contour turned by a unit number and shifted [m]: ``shift + turn z``."""
+    if shift == 0.0 and turn == 1.0:
+        return contour
+    return Contour(tuple(moved_piece(p, shift, turn / abs(turn)) for p in contour.pieces), contour.closed)
+
+
 def _checked(pieces: Sequence[Smooth], closed: bool = True) -> Contour:
     """Pieces that join; a closed contour is turned counter-clockwise by the caller's orientation, gaps are refused."""
     contour = Contour(tuple(pieces), closed)
@@ -335,14 +174,14 @@ def line(a: complex, b: complex) -> Smooth:
     """A straight piece."""
     if a == b:
         raise MechanismError(Fault("contour", "a line of no length.", "Leave it out."))
-    return _Line(complex(a), complex(b))
+    return Line(complex(a), complex(b))
 
 
 def arc(centre: complex, radius: float, start: float, sweep: float) -> Smooth:
     """A circular piece from the polar angle ``start`` over ``sweep`` (counter-clockwise positive) [rad]."""
     if not radius > 0.0 or sweep == 0.0:
         raise MechanismError(Fault("contour", f"an arc of radius {as_length(radius)} over {as_angle(sweep)}.", "Leave it out."))
-    return _Arc(complex(centre), float(radius), float(start), float(sweep))
+    return CircularArc(complex(centre), float(radius), float(start), float(sweep))
 
 
 def circle(radius: float, centre: complex = 0.0) -> Contour:
@@ -371,10 +210,10 @@ def bulged(vertices: ArrayLike, bulges: ArrayLike | None = None, closed: bool = 
 
 def _bulge(p: complex, q: complex, bulge: float) -> Smooth:
     if abs(bulge) < 1e-12:
-        return _Line(complex(p), complex(q))
+        return Line(complex(p), complex(q))
     sweep = 4.0 * np.arctan(bulge)
     centre = 0.5 * (p + q) + 1j * (q - p) * (1.0 - bulge**2) / (4.0 * bulge)
-    return _Arc(complex(centre), float(abs(p - centre)), float(np.angle(p - centre)), float(sweep))
+    return CircularArc(complex(centre), float(abs(p - centre)), float(np.angle(p - centre)), float(sweep))
 
 
 def polygon(vertices: ArrayLike) -> Contour:
@@ -415,7 +254,7 @@ def spline_contour(points: ArrayLike, tolerance: float = 0.0, closed: bool = Tru
     for i in range(len(x.x) - 1):
         h = x.x[i + 1] - x.x[i]
         if h > 0.0 and -1e-12 < x.x[i] < 1.0 - 1e-12:  # periodic knots go on beyond
-            pieces.append(_Poly((x.c[::-1, i] + 1j * y.c[::-1, i]) * h ** np.arange(k + 1)))
+            pieces.append(PolynomialPiece((x.c[::-1, i] + 1j * y.c[::-1, i]) * h ** np.arange(k + 1)))
     return Contour(tuple(pieces), closed), rms
 
 
@@ -424,7 +263,7 @@ def polar_contour(radius: MotionCurve) -> Contour:
     if abs(radius.length - 2.0 * np.pi) > 1e-9:
         raise MechanismError(Fault("contour", f"a polar curve over {as_angle(radius.length)}.", "Give it over one turn."))
     knots = radius.knots
-    return _checked([_Polar(radius, float(a), float(b - a)) for a, b in pairwise(knots)])
+    return _checked([PolarPiece(radius, float(a), float(b - a)) for a, b in pairwise(knots)])
 
 
 def joined(cam: Cam, pieces: Sequence[CamPiece]) -> list[Smooth]:
@@ -446,10 +285,10 @@ def joined(cam: Cam, pieces: Sequence[CamPiece]) -> list[Smooth]:
         if abs(a - b) <= 1e-9 * abs(a) or not (flat or r > 0.0):
             continue
         if flat:
-            out.append(_Line(a, b))
+            out.append(Line(a, b))
             continue
         centre = complex(piece.offset(end, r, 0)[0, 0])
-        out.append(_Arc(centre, r, float(np.angle(a - centre)), float(np.angle((b - centre) / (a - centre)))))
+        out.append(CircularArc(centre, r, float(np.angle(a - centre)), float(np.angle((b - centre) / (a - centre)))))
     return out
 
 

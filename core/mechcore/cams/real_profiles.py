@@ -21,8 +21,9 @@ import numpy as np
 
 from mechcore.arrays import Complex, Flags, Real
 from mechcore.cams.analysis import Bridge, Contact, analyse
-from mechcore.cams.contour import CamPiece, Contour, cam_contour, joined
+from mechcore.cams.contour import Contour, cam_contour, joined
 from mechcore.cams.followers import Flat, Follower, Oscillating, Translating
+from mechcore.cams.pieces import CamPiece
 from mechcore.cams.synthesis import Cam
 from mechcore.errors import Fault, MechanismError
 from mechcore.laws.curve import MotionCurve, Piece

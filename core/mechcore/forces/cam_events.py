@@ -8,7 +8,7 @@ import numpy as np
 
 from mechcore.arrays import Flags, Real
 from mechcore.cams.followers import Flat
-from mechcore.cams.placed import PlacedCam
+from mechcore.cams.placement.plane import PlacedCam
 from mechcore.forces.cam_rating import AnyCam, contact_force, contact_stress, drawn_lift, joint_of, placed_cams
 from mechcore.forces.kinetostatics import Forces
 from mechcore.forces.load_events import crossing

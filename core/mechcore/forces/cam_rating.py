@@ -9,8 +9,9 @@ import numpy as np
 from mechcore.arrays import Real
 from mechcore.cams.closures import HertzContact, hertz
 from mechcore.cams.followers import Arc, Flat, Roller
-from mechcore.cams.placed import PlacedCam
-from mechcore.cams.placed_spatial import PlacedInverse, PlacedSpatial
+from mechcore.cams.placement.inverse import PlacedInverse
+from mechcore.cams.placement.plane import PlacedCam
+from mechcore.cams.placement.spatial import PlacedSpatial
 from mechcore.cams.real_profiles import Graphical, graphical
 from mechcore.errors import Fault, MechanismError
 from mechcore.forces.kinetostatics import Forces, solve_forces

@@ -12,10 +12,12 @@ import numpy as np
 from mechcore.cams.closures import conjugate
 from mechcore.cams.contour import Contour, moved
 from mechcore.cams.followers import Flat, Follower, Oscillating, Roller, Translating
-from mechcore.cams.limits import Requirement, find_limits, least_base
-from mechcore.cams.placed import PlacedCam
-from mechcore.cams.placed_spatial import PlacedInverse, PlacedSpatial
+from mechcore.cams.limits import Requirement, find_limits
+from mechcore.cams.placement.inverse import PlacedInverse
+from mechcore.cams.placement.plane import PlacedCam
+from mechcore.cams.placement.spatial import PlacedSpatial
 from mechcore.cams.real_profiles import CutProfile, GivenLift, cut_profile, lift_of
+from mechcore.cams.sizing import least_base
 from mechcore.cams.spatial import InverseCam
 from mechcore.cams.synthesis import Cam, cam_on_base
 from mechcore.errors import MechanismError

@@ -7,8 +7,9 @@ import cmath
 import numpy as np
 
 from mechcore.arrays import Real, Values
-from mechcore.cams.placed import PlacedCam
-from mechcore.cams.placed_spatial import PlacedInverse, PlacedSpatial
+from mechcore.cams.placement.inverse import PlacedInverse
+from mechcore.cams.placement.plane import PlacedCam
+from mechcore.cams.placement.spatial import PlacedSpatial
 from mechcore.errors import Fault, MechanismError
 from mechcore.joints.base import Bearing, Builder, Curve, Relation, point_of
 from mechcore.laws.curve import MotionCurve, Piece

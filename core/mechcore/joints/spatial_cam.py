@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from mechcore.cams.followers import Roller
-from mechcore.cams.placed_spatial import PlacedSpatial, room_of_rollers
+from mechcore.cams.placement.spatial import PlacedSpatial, room_of_rollers
 from mechcore.cams.spatial import Barrel, BarrelArm, Globoid, SpatialCam
 from mechcore.joints.base import Builder, point_of
 from mechcore.joints.cam_guides import fault_of, guide_in, place_on

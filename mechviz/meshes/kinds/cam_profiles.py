@@ -17,7 +17,7 @@ from mechviz.meshes import outline
 from mechviz.meshes.draft import Draft, Neck, Piece
 
 if TYPE_CHECKING:
-    from mechcore.cams.placed import PlacedCam
+    from mechcore.cams.placement.plane import PlacedCam
     from mechviz.meshes.model import Model
 
 _SAMPLES = 1080  # points of a profile

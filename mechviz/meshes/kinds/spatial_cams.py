@@ -21,7 +21,7 @@ from mechviz.meshes.outline import disc, key_outline, keyed_bore, keyway_reach
 from mechviz.meshes.shading import PIN
 
 if TYPE_CHECKING:
-    from mechcore.cams.placed_spatial import PlacedSpatial
+    from mechcore.cams.placement.spatial import PlacedSpatial
     from mechviz.meshes.layers.stack import Levels
     from mechviz.meshes.model import Model
 

@@ -13,9 +13,9 @@ import numpy as np
 from numpy.polynomial import chebyshev
 
 from mechcore.arrays import Complex, Real
-from mechcore.cams.contour import CamPiece
-from mechcore.cams.placed import PlacedCam
-from mechcore.cams.placed_spatial import PlacedSpatial
+from mechcore.cams.pieces import CamPiece
+from mechcore.cams.placement.plane import PlacedCam
+from mechcore.cams.placement.spatial import PlacedSpatial
 from mechcore.forces.cam_events import lost_ranges
 from mechcore.forces.cam_rating import placed_cams
 from mechcore.texts import Text, as_angle, as_coordinate
@@ -23,7 +23,7 @@ from mechviz.files import OutputError, replacing
 from mechviz.scene.kinds.cam_files import biarcs
 
 if TYPE_CHECKING:
-    from mechcore.cams.placed_spatial import PlacedSpatial
+    from mechcore.cams.placement.spatial import PlacedSpatial
     from mechcore.cams.spatial import SpatialCam
     from mechviz.runs import Run
 

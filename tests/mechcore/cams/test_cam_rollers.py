@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import mechviz
-from mechcore.cams.placed_spatial import roller_angle, roller_speed
+from mechcore.cams.placement.spatial import roller_angle, roller_speed
 from mechcore.forces.cam_rating import contact_force, placed_cams
 from mechviz.picture.build import solids_of
 from mechviz.picture.surface_marks import find_rollers

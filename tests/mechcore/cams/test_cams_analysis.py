@@ -11,8 +11,9 @@ from hypothesis import strategies as st
 from mechcore.cams.analysis import analyse
 from mechcore.cams.contour import Contour, arc, bulged, cam_contour, circle, line, polar_contour, polygon, spline_contour
 from mechcore.cams.followers import Arc, Flat, Follower, Knife, Oscillating, Roller, Translating
-from mechcore.cams.limits import Requirement, find_limits, least_base
+from mechcore.cams.limits import Requirement, find_limits
 from mechcore.cams.real_profiles import cut_profile, graphical
+from mechcore.cams.sizing import least_base
 from mechcore.cams.synthesis import Cam, cam_on_base
 from mechcore.errors import MechanismError
 from mechcore.laws.catalogue import RISES

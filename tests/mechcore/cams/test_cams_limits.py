@@ -13,15 +13,9 @@ from hypothesis import strategies as st
 from mechcore.cams.analysis import analyse
 from mechcore.cams.contour import cam_contour
 from mechcore.cams.followers import Flat, Follower, Knife, Oscillating, Roller, Translating
-from mechcore.cams.limits import (
-    Requirement,
-    best_offset,
-    find_limits,
-    judge,
-    least_base,
-    undercut_ranges,
-)
+from mechcore.cams.limits import Requirement, find_limits, judge, undercut_ranges
 from mechcore.cams.real_profiles import cut_profile
+from mechcore.cams.sizing import best_offset, least_base
 from mechcore.cams.spatial import Barrel, BarrelArm, Globoid, SpatialCam, spatial_limits
 from mechcore.cams.synthesis import Cam, cam_on_base
 from mechcore.errors import MechanismError

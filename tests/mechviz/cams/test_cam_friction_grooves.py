@@ -10,7 +10,7 @@ from cam_scenes import refused
 
 import mechviz
 from mechcore.cams.closures import jamming_angle
-from mechcore.cams.placed_spatial import roller_speed
+from mechcore.cams.placement.spatial import roller_speed
 from mechcore.cams.spatial import Barrel, BarrelArm
 from mechcore.forces.cam_rating import contact_force, placed_cams
 from mechcore.forces.kinetostatics import solve_forces

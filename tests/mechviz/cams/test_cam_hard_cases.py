@@ -7,7 +7,8 @@ import pytest
 from cam_scenes import solved, text_of
 
 from mechcore.cams.followers import Flat, Follower, Roller, Translating
-from mechcore.cams.limits import Requirement, find_limits, least_base
+from mechcore.cams.limits import Requirement, find_limits
+from mechcore.cams.sizing import least_base
 from mechcore.cams.synthesis import cam_on_base
 from mechcore.errors import MechanismError
 from mechcore.forces.cam_events import cam_events

@@ -201,5 +201,5 @@ def test_a_scene_without_cams_pays_nothing(monkeypatch):
         raise AssertionError("called")
 
     monkeypatch.setattr(events, "placed_cams", refuse)
-    monkeypatch.setattr(sys.modules["mechcore.cams.placed"].PlacedCam, "at", refuse)
+    monkeypatch.setattr(sys.modules["mechcore.cams.placement.plane"].PlacedCam, "at", refuse)
     assert not [t for t in tables(run_scene(mechviz.load("crank-rocker"))) if "cams" in t.path]

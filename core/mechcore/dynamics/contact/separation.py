@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from mechcore.arrays import Real
-from mechcore.cams.placed import PlacedCam
+from mechcore.cams.placement.plane import PlacedCam
 from mechcore.constants import TURN
 from mechcore.dynamics.contact.end_stops import impact
 from mechcore.dynamics.equations.charts import Chart, carried_on, enter

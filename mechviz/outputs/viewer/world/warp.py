@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mechcore.arrays import Complex, Real
-from mechcore.cams.placed import PlacedCam
+from mechcore.cams.placement.plane import PlacedCam
 from mechcore.forces.cam_rating import placed_cams
 from mechviz.meshes.kinds.cam_profiles import profile_points
 from mechviz.outputs.viewer.view_model import Body, Piece

@@ -15,7 +15,8 @@ from mechcore.cams.analysis import Bridge
 from mechcore.cams.closures import breadth
 from mechcore.cams.contour import Contour, cam_contour
 from mechcore.cams.followers import Face, Flat, Oscillating, Translating
-from mechcore.cams.limits import Requirement, find_limits, least_base
+from mechcore.cams.limits import Requirement, find_limits
+from mechcore.cams.sizing import least_base
 from mechcore.cams.synthesis import Cam, Synthesis
 from mechcore.errors import Fault, MechanismError
 from mechcore.texts import as_angle, as_coordinate, as_length
@@ -23,7 +24,6 @@ from mechcore.texts import as_angle, as_coordinate, as_length
 if TYPE_CHECKING:
     from mechcore.laws.curve import MotionCurve
     from mechcore.motion.motion import Motion
-
 
 SAME = 1e-12  # arguments closer to a knot of the law than this part of its length are on it
 

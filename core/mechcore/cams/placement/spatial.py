@@ -1,211 +1,23 @@
-"""Spatial and inverse cams in their mechanisms: rollers in grooves and on ribs, their laws, places and rolling."""
+"""Spatial cams in their mechanisms: rollers in grooves and on ribs, their laws, places and rolling."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from mechcore.arrays import Complex, Flags, Plane, Real, Values, unit_vectors
 from mechcore.cams.followers import Roller
-from mechcore.cams.placed import ContactRows, PlacedCam, argument_of, on_knots, segment_of
-from mechcore.cams.spatial import Flank, Globoid, InverseCam, SpatialCam, SpatialLimits, spatial_limits
+from mechcore.cams.placement.inverse import PlacedInverse, PlacedRoller
+from mechcore.cams.placement.plane import ContactRows, PlacedCam
+from mechcore.cams.spatial import Flank, Globoid, SpatialCam, SpatialLimits, spatial_limits
 from mechcore.errors import Fault, MechanismError
-from mechcore.texts import as_angle, as_coordinate, as_length
+from mechcore.texts import as_angle, as_length
 
 if TYPE_CHECKING:
     from mechcore.motion.motion import Motion
     from mechcore.spec.mechanism import SpatialBlank
-
-
-@dataclass(frozen=True, eq=False, kw_only=True)
-class PlacedRoller:
-    """``links`` are those of the joint. A place w of the theory's ground axes in the plane lies at ``centre + axes w`` on the
-    ``carrier``; ``guide`` is the joint that guides the driven link, ``bed`` the one on which a driving link slides.
-
-    ``own``: where the theory's origin lies in the axes of the link that carries the groove.
-    """
-
-    name: str
-    links: tuple[str, str]
-    carrier: str
-    guide: str
-    cam: InverseCam | SpatialCam  # the theory: its ``law`` [m or rad] of the driving coordinate, and the roller's ``radius`` [m]
-    centre: complex
-    axes: complex
-    own: complex
-    sense: int
-    pressure_limit: float | None
-    form: bool
-    base: float = 0.0
-    phase: float = 0.0
-    bed: str | None = None
-    ahead: float = 1.0
-    bridges: tuple[Any, ...] = ()
-    lost: tuple[Any, ...] = ()
-    intended: None = None
-    mate: None = None
-
-    @property
-    def pace(self) -> float:
-        """How far the driven coordinate goes on per unit of the law's argument, on average; 0 where it returns."""
-        return 0.0
-
-    @property
-    def side(self) -> int:
-        return 1
-
-    @property
-    def face(self) -> Roller:
-        return Roller(self.cam.radius)
-
-    @property
-    def knots(self) -> Real:
-        return np.asarray(self.cam.law.knots)
-
-    def law(self, argument: ArrayLike) -> Real:
-        """The driven coordinate and its first two derivatives with respect to the law's argument, (3, ...)."""
-        x, known = self.known(argument)
-        values, law = self.cam.law(x, 2), self.cam.law
-        if law.repeats and law.advance != 0.0:  # arguments on a knot are those of the first cycle
-            values[0] += law.advance * np.rint((np.where(known, argument, x) - x) / law.length)
-        return np.where(known, values, np.nan)
-
-    def known(self, argument: ArrayLike) -> tuple[Real, Flags]:
-        """Arguments put on the law's knots, those that are NaN replaced by its start, and which are known."""
-        x = on_knots(self.cam.law, np.asarray(argument, float))
-        known = np.isfinite(x)
-        return np.where(known, x, self.cam.law.start), known
-
-    def argument(self, motion: Motion) -> Real:
-        """The law's argument (F): [rad] within one turn, or [m] of a driving link that slides."""
-        return argument_of(self, motion)
-
-    def segment(self, motion: Motion) -> Real:
-        """Number of the segment of the law in which the cam is, by frame (F)."""
-        return segment_of(self, motion)
-
-    def world(self, motion: Motion) -> Plane:
-        """Direction of the theory's first axis in the world (F), complex."""
-        return self.axes * motion.rotation(motion.model.index[self.carrier])
-
-    def place(self, motion: Motion, w: Plane) -> Plane:
-        """Places of the theory's ground axes in the world."""
-        k = motion.model.index[self.carrier]
-        return motion.of_point(k, 0j) + motion.rotation(k) * (self.centre + self.axes * w)
-
-
-STEEPEST = np.radians(89.0)
-
-
-@dataclass(frozen=True, eq=False, kw_only=True)
-class PlacedInverse(PlacedRoller):
-    """``links`` are (crank or slide, driven link). A point z of the driven link's theory is ``own + mount z`` in its own axes;
-    ``tip`` is the roller's centre on the driving link."""
-
-    cam: InverseCam
-    way: tuple[float, float]  # of the driving link over which the law is given; beyond it the driven link rests
-    mount: complex
-    tip: complex
-    form: bool = True
-
-    @property
-    def scale(self) -> float:
-        """Metres per unit of the driven link's coordinate: 1, or the theory's arm."""
-        return self.cam.crank if self.cam.turns else 1.0
-
-    @property
-    def arm(self) -> float:
-        return self.cam.crank if self.cam.turns else 0.0
-
-    def check(self) -> None:
-        """Raises where the roller jams in its groove, or undercuts a flank."""
-        theta = np.linspace(*self.way, 721)
-        steep = self.cam.pressure_angle(theta)
-        k = int(np.argmax(steep))
-        if not steep[k] < STEEPEST:
-            raise MechanismError(
-                Fault(
-                    "cam.lift", f"at {self._where(theta[k])} the groove lies along the motion: no drive.",
-                    "Move the driven link's pivot or guide off the roller's way, or give a smaller range.",
-                )
-            )  # fmt: skip
-        for side in (1, -1):
-            d = self.cam.pitch(theta, 2)
-            with np.errstate(divide="ignore"):  # a straight slot
-                bend = np.abs(d[1]) ** 3 / np.imag(np.conj(d[1]) * d[2]) * side
-            sharp = (bend > 0.0) & (bend < self.cam.radius)
-            if sharp.any():
-                k = int(np.argmax(sharp))
-                raise MechanismError(
-                    Fault(
-                        "cam.radius",
-                        f"a roller of {as_length(self.cam.radius)} undercuts the groove at {self._where(theta[k])}.",
-                        f"Give less than {as_length(float(bend[bend > 0.0].min()))}.",
-                    )
-                )
-
-    def argument(self, motion: Motion) -> Real:
-        """The law's argument (F): of a crank [rad] within half a turn of the middle of its way, of a slide [m]."""
-        return self._near(super().argument(motion))
-
-    def known(self, argument: ArrayLike) -> tuple[Real, Flags]:
-        return super().known(self._near(argument))
-
-    def _near(self, x: ArrayLike) -> Real:
-        """Angles of a crank in the turn in which the law is given, however far the crank has turned."""
-        x = np.asarray(x, float)
-        middle = 0.5 * (self.way[0] + self.way[1])
-        return x if self.bed is not None else x - 2.0 * np.pi * np.rint((x - middle) / (2.0 * np.pi))
-
-    def _where(self, x: float) -> str:
-        return f"{as_coordinate(x, rotary=self.bed is None)} of the {'crank' if self.bed is None else 'slide'}"
-
-    def _at(self, motion: Motion) -> tuple[Complex, Complex, Complex]:
-        """Roller's centre, normal of the groove, and how fast a point there moves with the coordinate; the theory's ground axes."""
-        theta, known = self.known(self.argument(motion))
-        pin, q = self.cam.pin(theta, 0)[0], self.cam.law(theta, 0)[0]
-        turned = np.exp(1j * q) if self.cam.turns else 1.0
-        lost = np.where(known, 1.0, np.nan)
-        return pin * lost, turned * self.cam.normal(theta), 1j * pin if self.cam.turns else np.full(theta.shape, 1j)
-
-    def contact(self, motion: Motion, multiplier: Values) -> tuple[Plane, Plane]:
-        """Where the roller presses on its flank, and the force on the driven link per multiplier."""
-        pin, n, away = self._at(motion)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            direction = self.scale * n / np.real(np.conj(n) * away)
-        push = unit_vectors(direction) * np.where(np.asarray(multiplier).real >= 0.0, 1.0, -1.0)
-        world = self.world(motion)
-        return self.place(motion, pin + self.cam.radius * push), direction * world
-
-    def pressing(self, motion: Motion, reaction: Complex) -> Real:
-        """Force along the normal (F) [N], positive where it drives the link the way its coordinate grows."""
-        return np.asarray(np.real(reaction * np.conj(self.rows(motion).normal)))
-
-    def rows(self, motion: Motion, multiplier: Values = 1.0) -> ContactRows:
-        """The contact over a motion; the sign of ``multiplier`` says which flank carries."""
-        return motion.over_parts(self._rows, np.broadcast_to(multiplier, (motion.frames,)))
-
-    def _rows(self, motion: Motion, multiplier: Values) -> ContactRows:
-        angle, s = self.argument(motion), self.law(self.argument(motion))
-        _, n, away = self._at(motion)
-        n = n * np.sign(np.real(np.conj(n) * away))
-        world = self.world(motion)
-        known = np.where(np.isfinite(angle), angle, self.cam.law.start)
-        flank = self.cam.flank_radius(known, 1)
-        return ContactRows(
-            angle=angle,
-            place=np.array(np.broadcast_to(self.contact(motion, multiplier)[0], angle.shape)),
-            normal=np.array(np.broadcast_to(n * world, angle.shape)),
-            pressure_angle=self.cam.pressure_angle(known) * np.where(np.isfinite(angle), 1.0, np.nan),
-            radius=flank,
-            eccentricity=np.full(angle.shape, np.nan),
-            coordinate=s[0],
-            lift=s[0] - float(self.cam.law(self.way[0], 0)[0]),
-        )
-
 
 RIB = 0.05  # of the distance of two rollers: what a rib between them needs
 

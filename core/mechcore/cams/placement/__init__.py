@@ -1,0 +1,1 @@
+"""Cams in their mechanisms: their geometry in the axes of the links, over a motion."""

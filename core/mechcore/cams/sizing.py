@@ -1,0 +1,268 @@
+"""The least base circle, and the best offset, with which a cam keeps to its limits."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from mechcore.arrays import Real
+from mechcore.cams.followers import Arc, Face, Flat, Follower, Knife, Roller, Translating
+from mechcore.cams.limits import Limits, Requirement, Verdict, find_limits, judge
+from mechcore.cams.synthesis import Cam, cam_on_base
+from mechcore.errors import Fault, MechanismError
+from mechcore.laws.curve import MotionCurve
+from mechcore.texts import as_angle, as_length
+
+
+@dataclass(frozen=True, eq=False)
+class Design:
+    """A cam of least base circle: its radius [m], the coordinate at zero lift, the offset, the limits it reaches, the verdicts.
+
+    ``decides``: the condition that holds with equality.
+    """
+
+    cam: Cam
+    base: float
+    start: float
+    offset: float
+    decides: str
+    limits: Limits
+    verdicts: tuple[Verdict, ...]
+
+
+def greatest(lift: MotionCurve, cost: Callable[[Real], Real], count: int = 720) -> tuple[float, float]:
+    """The largest value along a law of a cost of its derivatives (4, n) -> (n), and its angle: grid, then parabolas, and the
+    knots."""
+    step = lift.length / count
+    angle = lift.start + step * np.arange(count)
+    y = cost(lift(angle, 3))
+    k = int(np.argmax(y))
+    best, where = float(y[k]), float(angle[k])
+    left, right = lift.limits(3)
+    for values, angles in ((cost(left.T), lift.knots[1:]), (cost(right.T), lift.knots[:-1])):
+        m = int(np.argmax(values))
+        if values[m] > best:
+            best, where = float(values[m]), float(angles[m])
+    # ever finer grids about the best sample: pieces of the law that meet nearby do not disturb them, as they would a parabola
+    center, width = float(angle[k]), step
+    for _ in range(6):
+        near = center + width * np.linspace(-1.0, 1.0, 33)
+        values = cost(lift(near, 3))
+        m = int(np.argmax(values))
+        center, width = float(near[m]), width / 12.0
+        if values[m] > best:
+            best, where = float(values[m]), center
+    return best, where
+
+
+def _pitch_curvature(q: Real, e: float) -> Real:
+    """Curvature of the pitch curve of a translating follower from heights and derivatives (>= 3, ...), offset e (theory 5.3)."""
+    h, v = q[0], q[1] - e
+    size = h * h + v * v
+    return np.asarray((h * h - h * q[2] + v * (2.0 * q[1] - e)) / (size * np.sqrt(size)))
+
+
+def _pressure_bounds(lift: MotionCurve, want: Requirement) -> list[tuple[float, float, str]]:
+    """Least height at zero lift that either pressure angle asks for: (height for offset 0, its change per offset, name)."""
+    out = []
+    if want.pressure_rise is not None:
+        t = float(np.tan(want.pressure_rise))
+        out.append((greatest(lift, lambda s: s[1] / t - s[0])[0], -1.0 / t, "pressure angle on the rise"))
+    if want.pressure_fall is not None:
+        t = float(np.tan(want.pressure_fall))
+        out.append((greatest(lift, lambda s: -s[1] / t - s[0])[0], 1.0 / t, "pressure angle on the return"))
+    return out
+
+
+def _heights(
+    bounds: list[tuple[float, float, str]], e: float, radius: float, want: Requirement, least: float, samples: Real
+) -> tuple[float, str]:
+    """Least height at zero lift of a translating round follower on a cam that turns counter-clockwise, and what decides."""
+    from scipy.optimize import brentq
+
+    s = samples
+    hub = float(np.sqrt(max((least + radius) ** 2 - e * e, 0.0))), "base circle"
+    height, decides = max([hub, *((b + c * e, name) for b, c, name in bounds)])
+    limit = radius + (want.radius or 0.0)
+    if limit <= 0.0:
+        return height, decides
+
+    def excess(h0: float) -> float:
+        q = s[:3].copy()
+        q[0] += h0
+        return float(np.max(_pitch_curvature(q, e))) * limit - 1.0
+
+    stroke = float(np.ptp(s[0])) or 1.0
+    if height > 0.0 and excess(height) <= 0.0:
+        return height, decides
+    low = max(height, 1e-6 * stroke)
+    if excess(low) <= 0.0:
+        return low, decides
+    high = low + 0.25 * stroke
+    while excess(high) > 0.0:
+        low, high = high, high + 1.5 * (high - low)
+        if high > 1e6 * (stroke + limit):
+            raise MechanismError(Fault("cam.radius", f"no base circle gives a radius of {as_length(limit)}.", "Loosen the limit."))
+    return float(brentq(excess, low, high, xtol=1e-12 * high)), "least radius of curvature"
+
+
+def _exact_height(lift: MotionCurve, e: float, radius: float, want: Requirement, height: float, decides: str) -> tuple[float, str]:
+    """The answer with the sampling's error in the curvature removed: its extreme taken between the samples too."""
+    from scipy.optimize import brentq
+
+    limit = radius + (want.radius or 0.0)
+    if limit <= 0.0:
+        return height, decides
+    height = max(height, 1e-9 * limit)
+
+    def excess(h0: float) -> float:
+        def cost(s: Real) -> Real:
+            q = s[:3].copy()
+            q[0] += h0
+            return _pitch_curvature(q, e)
+
+        return greatest(lift, cost)[0] * limit - 1.0
+
+    if excess(height) <= 0.0:
+        return height, decides
+    low, step = height, 1e-4 * height
+    while excess(low + step) > 0.0:
+        low, step = low + step, 2.0 * step
+        if low > 1e6 * limit:  # a corner of the pitch curve: no size helps, which the limits then say
+            return height, decides
+    return float(brentq(excess, low, low + step, xtol=1e-15, rtol=1e-14)), "least radius of curvature"
+
+
+def _samples(lift: MotionCurve, count: int) -> Real:
+    left, right = lift.limits(2)
+    grid = lift(lift.start + lift.length * np.arange(count) / count, 2)
+    return np.hstack([grid, left[:, :3].T, right[:, :3].T])
+
+
+def _round_radius(face: Face) -> float:
+    assert isinstance(face, Knife | Roller | Arc)
+    return face.radius
+
+
+def least_base(
+    lift: MotionCurve, follower: Follower, want: Requirement, turn: int = 1, at_least: float = 0.0, count: int = 720
+) -> Design:
+    """The cam of least base circle that keeps to the limits, for the follower as it is.
+
+    ``lift``: program that starts at zero (metres, or radians of the arm). ``at_least``: least base circle for the hub [m]. No
+    undercut is always asked for. Raises where no base circle does it.
+    """
+    if isinstance(follower.guide, Translating) and not isinstance(follower.face, Flat):
+        e = turn * follower.guide.offset  # a cam that turns clockwise is the mirror image
+        r = follower.radius
+        height, decides = _heights(_pressure_bounds(lift, want), e, r, want, at_least, _samples(lift, count))
+        height, decides = _exact_height(lift, e, r, want, height, decides)
+        return _translating(lift, follower, want, turn, max(height, 0.0), decides)
+    if isinstance(follower.guide, Translating):
+        assert isinstance(follower.face, Flat)
+        c = np.cos(follower.face.tilt)
+        need = greatest(lift, lambda s: -(s[0] + s[2]) * c)[0] + (want.radius or 0.0)
+        base = max(need, at_least, 0.0)
+        decides = "base circle" if base > need else "least radius of curvature"
+        return _finish(cam_on_base(lift, follower, base, turn), base, 0.0, decides, want)
+    return _scan(lift, follower, want, turn, at_least)
+
+
+def _translating(lift: MotionCurve, follower: Follower, want: Requirement, turn: int, height: float, decides: str) -> Design:
+    assert isinstance(follower.guide, Translating)
+    e = follower.guide.offset
+    cam = Cam(lift.raised(height), follower, turn)
+    return _finish(cam, float(np.hypot(height, e)) - follower.radius, e, decides, want)
+
+
+def _finish(cam: Cam, base: float, offset: float, decides: str, want: Requirement) -> Design:
+    limits = find_limits(cam)
+    corner = limits.sharpness.value == -np.inf or (limits.convex is not None and limits.convex.value == 0.0)
+    if corner and (want.radius or limits.undercut):
+        at = as_angle((limits.convex or limits.sharpness).angle)
+        raise MechanismError(
+            Fault("cam.law", f"its velocity jumps down at {at}: a corner on a cam of any size.", "Take a smoother law.")
+        )
+    start = float(cam.law.pieces[0].at(0.0, 0)[0])
+    return Design(cam, base, start, offset, decides, limits, tuple(judge(limits, want)))
+
+
+def _scan(lift: MotionCurve, follower: Follower, want: Requirement, turn: int, at_least: float) -> Design:
+    """Any other follower: the first base circle, from below, at which all margins are positive."""
+    from scipy.optimize import brentq
+
+    d, arm = abs(follower.guide.pivot), follower.guide.arm  # type: ignore[union-attr]  # oscillating here
+    r = follower.radius
+    if isinstance(follower.face, Flat):
+        low, high = 0.0, d
+    else:
+        low, high = max(abs(d - arm) - r, 0.0), d + arm - r
+    low = max(low, at_least, 1e-6 * d)
+
+    def worst(base: float, count: int = 144) -> tuple[float, str]:
+        cam = cam_on_base(lift, follower, base, turn)
+        top = lift(lift.start + lift.length * np.arange(64) / 64.0, 0)[0].max() + follower.base_coordinate(base)
+        if top >= np.pi:
+            return -1.0, "reach of the arm"
+        verdicts = judge(find_limits(cam, count=count), want)
+        scale = [v.margin / (abs(v.allowed) or 1.0) for v in verdicts]
+        k = int(np.nanargmin(scale))
+        return scale[k], verdicts[k].condition
+
+    grid = low + (high - low) * np.linspace(1e-6, 1.0 - 1e-6, 17) ** 1.5
+    before = None
+    for base in grid:
+        value, _ = worst(float(base))
+        if value >= 0.0:
+            if before is None:
+                return _finish(cam_on_base(lift, follower, float(low) or float(base), turn), float(low), 0.0, "base circle", want)
+            root = float(brentq(lambda b: worst(b, 360)[0], before, base, xtol=1e-12 * d, rtol=1e-12))
+            decides = worst(before + 0.999 * (root - before))[1]
+            return _finish(cam_on_base(lift, follower, root, turn), root, 0.0, decides, want)
+        before = float(base)
+    raise MechanismError(
+        Fault("cam.base", "no base circle keeps to the limits with this pivot and arm.", "Move the pivot, or loosen a limit.")
+    )
+
+
+def best_offset(lift: MotionCurve, face: Face, want: Requirement, turn: int = 1, at_least: float = 0.0, count: int = 720) -> Design:
+    """Offset and base circle together, the base circle as small as the limits allow (translating round follower).
+
+    The offset comes out towards the side that moves up under a rise: positive for a cam that turns counter-clockwise, negative for
+    one that turns clockwise, when the rise is the harder stroke; it is zero or on the other side when the return is.
+    """
+    if isinstance(face, Flat):
+        raise MechanismError(Fault("follower.offset", "of a flat face it changes nothing but the stem's load.", "Leave it out."))
+    r = _round_radius(face)
+    s = _samples(lift, count)
+    bounds = _pressure_bounds(lift, want)
+
+    def base_of(e: float) -> float:
+        height, _ = _heights(bounds, e, r, want, at_least, s)
+        return float(np.hypot(max(height, 0.0), e))
+
+    reach = float(np.abs(s[1]).max()) + float(np.ptp(s[0]))
+    grid = np.linspace(-reach, reach, 25)
+    values = [base_of(float(e)) for e in grid]
+    k = int(np.argmin(values))
+    a, b = float(grid[max(k - 1, 0)]), float(grid[min(k + 1, len(grid) - 1)])
+    ratio = 0.5 * (np.sqrt(5.0) - 1.0)
+    x1, x2 = b - ratio * (b - a), a + ratio * (b - a)
+    f1, f2 = base_of(x1), base_of(x2)
+    for _ in range(46):
+        if f1 <= f2:
+            b, x2, f2 = x2, x1, f1
+            x1 = b - ratio * (b - a)
+            f1 = base_of(x1)
+        else:
+            a, x1, f1 = x1, x2, f2
+            x2 = a + ratio * (b - a)
+            f2 = base_of(x2)
+        if b - a < 1e-10 * reach:
+            break
+    e = 0.5 * (a + b)
+    if base_of(0.0) <= base_of(e) * (1.0 + 1e-12):
+        e = 0.0
+    return least_base(lift, Follower(Translating(turn * e), face), want, turn, at_least, count)
