@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, TypeVar
 
@@ -10,6 +10,7 @@ import numpy as np
 
 from mechcore.arrays import Flags, Real
 from mechviz.picture.nodes import Arc, Arrow, Node
+from mechviz.picture.proportions import ARC_RADIUS
 from mechviz.quantities.numbers import Numbers
 from mechviz.quantities.vectors import FAMILIES, Moment, Scales, Vector, calm_frames, centre_name, find_scales
 
@@ -22,27 +23,29 @@ T = TypeVar("T", Vector, Moment)
 LONGEST = 1.4  # in sizes of the mechanism: only near a jam, where forces grow beyond all bounds, and there left out
 SHORTEST = 0.015  # in sizes of the mechanism; what is shorter is left out
 APART = 0.016  # in sizes of the mechanism: distance of arrows that would lie on one line
+RING = 0.3  # of the radius of an arc: distance of arcs about one place
 ALONG = 0.1  # sine of the angle up to which arrows from one place lie on one line
 ROUND_OFF = 1e-9  # of the largest moment: what is smaller throughout is not drawn
 
 
 @dataclass(frozen=True, eq=False)
 class Arrows:
-    """Vectors and moments by family, with their scales; ``asides`` [m] of the vectors as in `Arrow`."""
+    """Vectors and moments by family, with their scales; ``asides`` [m] of the vectors and ``radii`` [m] of the moments."""
 
     vectors: tuple[Vector, ...]
     moments: tuple[Moment, ...]
     scales: Scales
     asides: tuple[float, ...]
+    radii: tuple[float, ...]
 
     def nodes(self, heights: Mapping[str, float], otherwise: float) -> Iterator[Node]:
         """The nodes of a picture, at heights [m] by key."""
         for vector, aside in zip(self.vectors, self.asides, strict=True):
             key = key_of(vector)
             yield Arrow(key, owner_of(vector), vector.family, vector.entity, heights.get(key, otherwise), vector, aside)
-        for moment in self.moments:
+        for moment, radius in zip(self.moments, self.radii, strict=True):
             key = key_of(moment)
-            yield Arc(key, owner_of(moment), moment.family, moment.entity, heights.get(key, otherwise), moment)
+            yield Arc(key, owner_of(moment), moment.family, moment.entity, heights.get(key, otherwise), moment, radius)
 
 
 def key_of(item: Vector | Moment) -> str:
@@ -69,28 +72,44 @@ def arrows_of(run: Run, size: float) -> Arrows:
     first = find_scales(_by_family(vectors), {}, size, calm)
     moments = _moments(numbers, vectors, first, size, friction_circles(run))
     turning = find_scales({}, _by_family(moments), size, calm).newton_metres_per_metre
-    return Arrows(vectors, moments, replace(first, newton_metres_per_metre=turning), set_apart(vectors, first, size))
+    return _drawn(vectors, moments, replace(first, newton_metres_per_metre=turning), size)
 
 
 def with_scales(numbers: Numbers, size: float, scales: Scales, circles: Collection[str]) -> Arrows:
     """The same of a recording, whose scales and friction ``circles`` are known."""
     vectors = _in_order(_vectors(numbers))
-    return Arrows(vectors, _moments(numbers, vectors, scales, size, circles), scales, set_apart(vectors, scales, size))
+    return _drawn(vectors, _moments(numbers, vectors, scales, size, circles), scales, size)
+
+
+def _drawn(vectors: tuple[Vector, ...], moments: tuple[Moment, ...], scales: Scales, size: float) -> Arrows:
+    radii = (ARC_RADIUS * size * (1.0 + RING * lane) for lane in _lanes(moments, size, lambda _a, _b: True))
+    return Arrows(vectors, moments, scales, set_apart(vectors, scales, size), tuple(radii))
 
 
 def set_apart(vectors: tuple[Vector, ...], scales: Scales, size: float) -> tuple[float, ...]:
-    """How far aside [m] of its line each vector is drawn: those that ever point from one place the same way stand side by side."""
-    if not vectors or not len(vectors[0].origin):
-        return (0.0,) * len(vectors)
-    frames = [0, len(vectors[0].origin) // 2]
-    places = np.array([v.origin[frames] for v in vectors])
+    """How far aside [m] of its line each vector is drawn: those that ever point from one place the same way stand side by side.
+    Resultants of inertia stay on their lines of action."""
+    order = sorted(range(len(vectors)), key=lambda k: vectors[k].family != "inertia")
+    lanes = _lanes([vectors[k] for k in order], size, lambda a, b: _on_one_line(a, b, scales, size))
+    asides = [0.0] * len(vectors)
+    for k, lane in zip(order, lanes, strict=True):
+        if vectors[k].family != "inertia":
+            asides[k] = (lane + 1) // 2 * (1 if lane % 2 else -1) * APART * size  # 0, 1, -1, 2, -2 ...
+    return tuple(asides)
+
+
+def _lanes(items: Sequence[T], size: float, meet: Callable[[T, T], bool]) -> list[int]:
+    """For each vector or moment the least number that no earlier one has which is drawn at its place and which it ``meet``s."""
+    if not items or not len(items[0].origin):
+        return [0] * len(items)
+    frames = [0, len(items[0].origin) // 2]
+    places = np.array([item.origin[frames] for item in items])
     lanes: list[int] = []
-    for k, vector in enumerate(vectors):
+    for k, item in enumerate(items):
         near = np.abs(places[:k] - places[k]).max(axis=(1, 2), initial=0.0) < ROUND_OFF * size
-        taken = {lanes[i] for i in np.flatnonzero(near) if _on_one_line(vectors[i], vector, scales, size)}
-        lanes.append(next(lane for lane in range(len(vectors)) if lane not in taken))
-    sides = [(lane + 1) // 2 * (1 if lane % 2 else -1) for lane in lanes]  # 0, 1, -1, 2, -2 ...
-    return tuple(side * APART * size for side in sides)
+        taken = {lanes[i] for i in np.flatnonzero(near).tolist() if meet(items[i], item)}
+        lanes.append(next(lane for lane in range(len(items)) if lane not in taken))
+    return lanes
 
 
 def _on_one_line(a: Vector, b: Vector, scales: Scales, size: float) -> bool:
@@ -160,7 +179,7 @@ def _moments(n: Numbers, vectors: tuple[Vector, ...], scales: Scales, size: floa
         value = None if load.kind == "gravity" else n.values("data", "loads", name)
         if value is not None and np.any(np.nan_to_num(value[:, 2])):
             free = not np.any(np.nan_to_num(value[:, :2]))
-            at = _middle_of_joints(n, load.links[0], places) if free else value[:, 3:]
+            at = _middle_of_joints(n, load.links, places) if free else value[:, 3:]
             found.append(Moment("applied", name, at, value[:, 2]))
     for name, at in places.items():
         couple, friction = n.tables["data", "joints", name, "reaction"].values[:, 2], n.values("data", "joints", name, "friction")
@@ -192,15 +211,17 @@ def _inertia_moments(n: Numbers, vectors: tuple[Vector, ...], scales: Scales, si
             yield Moment("inertia", link, centre, moment, alone)
 
 
-def _middle_of_joints(n: Numbers, link: str, places: dict[str, Real]) -> Real:
-    """Where a free moment on a link is drawn: at its joint on the frame if it has one, else in the middle of its joints; of a link
-    without any, a free body, at its centre of mass or origin."""
+def _middle_of_joints(n: Numbers, links: tuple[str, ...], places: dict[str, Real]) -> Real:
+    """Where a free moment is drawn: between two links at their joint; on a link at its joint on the frame if it has one, else in
+    the middle of its joints; of a link without any, a free body, at its centre of mass or origin."""
+    link = next((name for name in links if name != n.frame), n.frame)
     joints = [j for j in n.joints.values() if link in j.links]
     if not joints:
         centre = n.values("data", "points", centre_name(link), "position")
         return n.poses[link][:, :2] if centre is None else centre
+    between = [j for j in joints if len(links) > 1 and set(links) <= set(j.links)]
     grounded = [j for j in joints if n.frame in j.links]
-    return np.asarray(np.mean([places[j.name] for j in grounded[:1] or joints], axis=0))
+    return np.asarray(np.mean([places[j.name] for j in between[:1] or grounded[:1] or joints], axis=0))
 
 
 def _in_order(found: Collection[T] | Iterator[T]) -> tuple[T, ...]:

@@ -20,10 +20,10 @@ from typing import TYPE_CHECKING
 from numpy.typing import NDArray
 
 from mechviz.meshes.kinds.spatial_cams import spin_transforms
-from mechviz.picture.arrows import Arrows, arrows_of, key_of
+from mechviz.picture.arrows import Arrows, arrows_of, key_of, owner_of
 from mechviz.picture.nodes import Body, Lines, Mesh, Picture, Points, Poses
 from mechviz.picture.overlays import overlay_nodes, section_nodes
-from mechviz.picture.proportions import ARC_RADIUS, about_z, arc_height, arrow_height, in_space, path_height
+from mechviz.picture.proportions import about_z, arc_height, arrow_height, in_space, path_height
 from mechviz.picture.springs import COLOR as COIL
 from mechviz.picture.springs import Coil, find_coils, find_strut_glyphs
 from mechviz.picture.surface_marks import find_surface_marks
@@ -78,7 +78,7 @@ def picture_of(run: Run, solids: Solids, arrows: Arrows | None = None, known: Pi
         *joint_nodes(run, solids),
         *overlay_nodes(run, solids),
         *section_nodes(run, solids),
-        *arrows.nodes(_arrow_heights(run, solids, arrows, heights), solids.z_top),
+        *arrows.nodes(_arrow_heights(run, solids, arrows, coils, heights), solids.z_top),
     ]
     numbers = run.numbers
     bounds = np.asarray(solids.bounds, float)
@@ -238,17 +238,25 @@ def joint_nodes(run: Run, solids: Solids) -> Iterator[Points]:
         yield Points(f"joint.{name}", ("joint", name), "joints", entity, height, "", spots, *look)
 
 
-def _arrow_heights(run: Run, solids: Solids, arrows: Arrows, known: Heights) -> Heights:
+def _arrow_heights(run: Run, solids: Solids, arrows: Arrows, coils: list[Coil], known: Heights) -> Heights:
     """Heights [m] of arrows and arcs by key."""
     found = {}
     for vector in arrows.vectors:
         key = key_of(vector)
         if key not in known:
             found[key] = arrow_height(run, solids.heights, vector, arrows.scales.per_metre(vector.family))
-    for moment in arrows.moments:
+    for moment, radius in zip(arrows.moments, arrows.radii, strict=True):
         key = key_of(moment)
         if key not in known:
-            found[key] = arc_height(run, solids.heights, moment, ARC_RADIUS * solids.size)
+            found[key] = arc_height(run, solids.heights, moment, radius)
+    behind: dict[tuple[str, str], float] = {("load", coil.name): coil.front for coil in coils}
+    for moment in arrows.moments:
+        height = found.get(key_of(moment), known.get(key_of(moment), 0.0))
+        behind[owner_of(moment)] = max(behind.get(owner_of(moment), height), height)
+    for vector in arrows.vectors:  # forces lie before the couple of their joint, and before the spring that exerts them
+        key = key_of(vector)
+        if key in found:
+            found[key] = max(found[key], behind.get(owner_of(vector), found[key]))
     return {**known, **found}
 
 

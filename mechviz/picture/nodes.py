@@ -137,9 +137,10 @@ class Arrow(Node):
 
 @dataclass(frozen=True, eq=False)
 class Arc(Node):
-    """A moment over the frames, drawn as an arc."""
+    """A moment over the frames, drawn as an arc of a ``radius`` [m]: moments at one place have circles of their own."""
 
     moment: Moment
+    radius: float
 
 
 N = TypeVar("N", bound=Node)

@@ -48,6 +48,11 @@ class Coil:
         """Factors along x, y and z (F, 3)."""
         return np.column_stack([self.stretch, np.ones((len(self.stretch), 2))])
 
+    @property
+    def front(self) -> float:
+        """The height [m] before which nothing of it lies."""
+        return self.height + float(self.vertices[:, 2].max())
+
     def reach(self) -> Real:
         """The box (2, 2) [m] around the spring in the plane, over the run."""
         long, wide = self.stretch * float(self.vertices[:, 0].max()), float(self.vertices[:, 1].max())

@@ -19,7 +19,6 @@ from mechcore.arrays import Complex, Real
 from mechviz.outputs.presentation import Presentation
 from mechviz.picture.nodes import Arc, Arrow, Lines
 from mechviz.picture.proportions import (
-    ARC_RADIUS,
     ARC_WIDTH,
     HEAD,
     HEAD_RADIUS,
@@ -87,7 +86,7 @@ def find_marks(shown: Presentation, families: Iterable[str] = ARROWS) -> list[Ma
     for arc in (a for a in picture.of(Arc) if a.group in wanted):
         moment, family = arc.moment, FAMILIES[arc.group]
         name = f"{family.label}: moment {moment.item}"
-        found.append(_moment(name, moment.origin, moment.value / largest, arc.height, picture.size, family.color))
+        found.append(_moment(name, arc, moment.value / largest, picture.size, family.color))
     return [*found, *_strut_glyphs(shown)]
 
 
@@ -121,14 +120,15 @@ def _arrow(name: str, origin: Real, vector: Real, height: float, size: float, co
     )
 
 
-def _moment(name: str, origin: Real, part: Real, height: float, size: float, color: Color) -> Mark:
-    """An arc about ``origin`` (F, 2), as large as the ``part`` (F,) of the largest moment, mirrored where it is negative."""
+def _moment(name: str, arc: Arc, part: Real, size: float, color: Color) -> Mark:
+    """An arc, as large as the ``part`` (F,) of the largest moment, mirrored where it is negative."""
+    origin = arc.moment.origin
     known = np.logical_and(np.isfinite(origin).all(axis=1), np.isfinite(part))
     size_of = np.where(known, part, 0.0)
     size_of = np.where(np.abs(size_of) < LEAST, LEAST, size_of)
-    places = np.column_stack([held(origin[:, 0], known), held(origin[:, 1], known), np.full(len(origin), height)])
-    arc = _flat(arc_corners(ARC_TURN, ARC_RADIUS * size, ARC_WIDTH * size, STEPS), arc_faces(STEPS), color)
-    return Mark(name, places, None, np.column_stack([np.abs(size_of), size_of, np.abs(size_of)]), arc)
+    places = np.column_stack([held(origin[:, 0], known), held(origin[:, 1], known), np.full(len(origin), arc.height)])
+    shape = _flat(arc_corners(ARC_TURN, arc.radius, ARC_WIDTH * size, STEPS), arc_faces(STEPS), color)
+    return Mark(name, places, None, np.column_stack([np.abs(size_of), size_of, np.abs(size_of)]), shape)
 
 
 # -- springs and dampers ----------------------------------------------------------------------------------------------

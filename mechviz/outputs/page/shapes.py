@@ -125,8 +125,8 @@ def _drawable(node: Node, picture: Picture, frames: Frames, pack: Pack) -> tuple
             starts, ways = (np.column_stack([a, np.full(len(rows), node.height)])[:, None] for a in (origin, value))
             return _arrows(starts, ways, [COLORS[family]], [radius], [], pack)
         case Arc(moment=moment, group=family):
-            sweep = sweep_of(moment, picture.scales, size)[rows]
-            strip = arc_strips(moment.origin[rows], sweep, node.height, size)
+            sweep = sweep_of(node, picture.scales, size)[rows]
+            strip = arc_strips(moment.origin[rows], sweep, node.height, node.radius)
             return _strips([strip], [COLORS[family]], [THICK * size], [], sweep != 0.0, frames, pack)
     return None
 

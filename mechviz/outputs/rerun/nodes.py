@@ -13,7 +13,7 @@ from mechcore.arrays import Flags, Integers, Real, Single
 from mechviz.outputs.rerun.entities import Static, Stream, entity, line_strips, packed
 from mechviz.picture.arrows import SHORTEST, visible
 from mechviz.picture.nodes import Arc, Arrow, ArrowSet, Body, Lines, Node, Picture, Points
-from mechviz.picture.proportions import ARC_RADIUS, in_space
+from mechviz.picture.proportions import in_space
 from mechviz.quantities.vectors import FAMILIES, LARGEST_ARC, LARGEST_ARROW, Moment, Scales, Vector, round_value
 
 
@@ -47,13 +47,12 @@ def seen(item: Vector | Moment, scales: Scales, size: float) -> bool:
     """Whether an arrow or arc is drawn at any frame."""
     if isinstance(item, Vector):
         return bool(visible(item.value, scales.per_metre(item.family), size).any())
-    return bool(sweep_of(item, scales, size).any())
+    return bool(arc_lengths(item, scales, size).any())
 
 
-def sweep_of(moment: Moment, scales: Scales, size: float) -> Real:
-    """Signed angles (F,) [rad] of the arc of a moment; 0 where it is not drawn."""
-    sweep = arc_sweep(moment.value, scales.newton_metres_per_metre, size)
-    return sweep if moment.shown is None else np.where(moment.shown, sweep, 0.0)
+def sweep_of(arc: Arc, scales: Scales, size: float) -> Real:
+    """Signed angles (F,) [rad] of an arc; 0 where it is not drawn."""
+    return arc_lengths(arc.moment, scales, size) / arc.radius
 
 
 def extent(vectors: Sequence[Vector], scales: Scales, bounds: Real, size: float) -> Real:
@@ -72,17 +71,15 @@ def extent(vectors: Sequence[Vector], scales: Scales, bounds: Real, size: float)
     return np.array([low, high])
 
 
-def arc_sweep(moments: Real, scale: float, size: float) -> Real:
-    """Signed angles (F,) [rad] that arcs span so that their length stands for moments (F,) [N m]; 0 where too short to see."""
-    sweep = np.nan_to_num(moments / (scale * ARC_RADIUS * size))
-    most = LARGEST_ARC / ARC_RADIUS
-    sweep = np.clip(sweep, -most, most)
-    return np.where(np.abs(sweep) * ARC_RADIUS > SHORTEST, sweep, 0.0)
+def arc_lengths(moment: Moment, scales: Scales, size: float) -> Real:
+    """Signed lengths (F,) [m] of arcs that stand for a moment; 0 where it is not drawn."""
+    length = np.clip(np.nan_to_num(moment.value / scales.newton_metres_per_metre), -LARGEST_ARC * size, LARGEST_ARC * size)
+    drawn = np.abs(length) > SHORTEST * size
+    return np.where(drawn if moment.shown is None else drawn & moment.shown, length, 0.0)
 
 
-def arc_strips(centres: Real, sweep: Real, z: float, size: float) -> Single:
-    """Arcs with arrow heads about centres (n, 2), spanning angles (n,), each drawn as one strip: (n, points, 3)."""
-    radius = ARC_RADIUS * size
+def arc_strips(centres: Real, sweep: Real, z: float, radius: float) -> Single:
+    """Arcs with arrow heads of a radius [m] about centres (n, 2), spanning angles (n,), each drawn as one strip: (n, points, 3)."""
     # the arc opens evenly about the vertical
     angles = 0.5 * np.pi + sweep[:, None] * np.linspace(-0.5, 0.5, ARC_POINTS)
     arc = centres[:, None] + radius * np.stack([np.cos(angles), np.sin(angles)], axis=-1)
@@ -147,7 +144,7 @@ def node_streams(node: Node, picture: Picture, every: int) -> Iterator[Stream]:
             scale = picture.scales.per_metre(node.vector.family)
             draw = partial(_pointed, node, scale, visible(node.vector.value, scale, picture.size))
         case Arc():
-            draw = partial(_curved, node, sweep_of(node.moment, picture.scales, picture.size), picture.size)
+            draw = partial(_curved, node, sweep_of(node, picture.scales, picture.size))
     if draw is not None:
         yield Stream(entity(*node.entity), draw, every)
 
@@ -192,15 +189,15 @@ def _pointed(node: Arrow, scale: float, seen: Flags, frames: Integers) -> Any:
 
     shown, vector = frames[seen[frames]], node.vector
     return rr.Arrows3D.columns(
-        origins=in_space(vector.origin[shown], node.height), vectors=in_space(vector.value[shown] / scale, 0.0)
+        origins=in_space(node.origin[shown], node.height), vectors=in_space(vector.value[shown] / scale, 0.0)
     ).partition(seen[frames].astype(np.int64))
 
 
-def _curved(node: Arc, sweep: Real, size: float, frames: Integers) -> Any:
+def _curved(node: Arc, sweep: Real, frames: Integers) -> Any:
     import rerun as rr
 
     shown = frames[sweep[frames] != 0]
-    strips = arc_strips(node.moment.origin[shown], sweep[shown], node.height, size)
+    strips = arc_strips(node.moment.origin[shown], sweep[shown], node.height, node.radius)
     return rr.LineStrips3D.columns(strips=strips).partition((sweep[frames] != 0).astype(np.int64))
 
 

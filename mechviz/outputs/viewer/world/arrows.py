@@ -74,13 +74,12 @@ class ArrowNodes:
         for family, node in self._nodes.items():
             if family not in self._tracks:
                 node.visible = False
-        self._turns: dict[tuple[str, str], tuple[Real, Real, float]] = {}
+        self._turns: dict[tuple[str, str], tuple[Arc, Real]] = {}
         for arc in show.picture.of(Arc):
             moment, key = arc.moment, (arc.moment.family, arc.moment.item)
             if key not in self._arcs:
                 self._arcs[key] = self._add_arc(*key)
-            turns = moment.value / show.scales.newton_metres_per_metre / (ARC_RADIUS * self._size)
-            self._turns[key] = moment.origin, turns, arc.height
+            self._turns[key] = arc, moment.value / show.scales.newton_metres_per_metre / arc.radius
         for key, node in self._arcs.items():
             if key not in self._turns:
                 node.visible = False
@@ -121,11 +120,11 @@ class ArrowNodes:
 
     def corners(self, key: tuple[str, str], frame: int) -> Single | None:
         """Corners of an arc at a frame, None where it is too short to be seen."""
-        origin, turns, height = self._turns[key]
+        arc, turns = self._turns[key]
         turn = float(np.clip(turns[frame] * self._factors[key[0]], -LARGEST_TURN, LARGEST_TURN))
         if not abs(turn) >= ARC_TIP:
             return None
-        return arc_vertices(origin[frame], turn, ARC_RADIUS * self._size, ARC_WIDTH * self._size, height)
+        return arc_vertices(arc.moment.origin[frame], turn, arc.radius, ARC_WIDTH * self._size, arc.height)
 
     def show(self, frame: int) -> None:
         for family in self._tracks:

@@ -1,0 +1,51 @@
+"""Arrows and arcs that would lie on each other stand apart, in a run as in its recording; loads are drawn where they act."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from mechviz.picture.build import picture_of
+from mechviz.picture.nodes import Arc, Arrow, Body
+from recordings import made
+
+FRAMES = 24
+
+
+def test_arrows_along_one_line_are_apart_in_recordings():
+    m = made("cam-friction", FRAMES)
+    picture = picture_of(m.run, m.solids)
+    arrow = next(a for a in picture.of(Arrow, "friction") if a.vector.item == "K")
+    rows = m.recording.rows("vectors", "friction", "K", component="Arrows3D:origins")
+    shown = rows.lengths.astype(bool)
+    away = rows.values[:, :2] - arrow.vector.origin[shown]
+    along = arrow.vector.value[shown] / np.hypot(*arrow.vector.value[shown].T)[:, None]
+    assert np.abs((away * along).sum(axis=1)).max() < 1e-6 * picture.size, "beside its own place, across the line"
+    assert np.hypot(*away.T).min() > 0.9 * abs(arrow.aside) > 0.01 * picture.size
+    assert np.all(rows.values[:, 2] == np.float32(arrow.height))
+
+
+def test_couples_about_one_place_have_circles_of_their_own_behind_the_forces():
+    m = made("belt-slip", FRAMES)
+    picture = picture_of(m.run, m.solids)
+    arcs = {f"{a.moment.family} {a.moment.item}": a for a in picture.of(Arc)}
+    drive = arcs["drive A"]
+    same = [a for a in arcs.values() if a is not drive and np.allclose(a.moment.origin, drive.moment.origin)]
+    assert same and all(abs(a.radius - drive.radius) > 0.02 * picture.size for a in same)
+    for arc in picture.of(Arc):
+        assert all(a.height >= arc.height for a in picture.of(Arrow) if a.owner == arc.owner)
+
+
+def test_the_force_of_a_spring_on_the_ground_is_drawn_on_the_link_that_it_pulls():
+    m = made("toggle-press-stop", FRAMES)
+    picture, motion = picture_of(m.run, m.solids), m.run.motion
+    spring = next(load for load in motion.mechanism.loads if hasattr(load, "free_length"))
+    ends = dict(zip(spring.links, spring.points, strict=True))
+    assert spring.links[0] == motion.mechanism.frame
+    arrow = next(a for a in picture.of(Arrow, "applied") if a.vector.item == spring.name)
+    fixed, moved = (motion.point(link, point) for link, point in ends.items())
+    np.testing.assert_allclose(arrow.vector.origin, moved, atol=1e-12)
+    stretch = np.hypot(*(fixed - moved).T) - spring.free_length
+    towards = ((fixed - moved) * arrow.vector.value).sum(axis=1)
+    assert np.array_equal(np.sign(towards), np.sign(stretch)), "it pulls the link towards the ground where it is stretched"
+    coil = next(b for b in picture.of(Body, "springs") if b.owner == ("load", spring.name))
+    assert arrow.height > coil.height
