@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+import pytest
 from frictional import law_of_friction, rub
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -72,6 +73,22 @@ def test_a_jam_that_begins_where_the_guide_tilts_over_names_its_joint() -> None:
     friction = load(rub(crank, S=Friction(coefficient=1.5, length=0.2)), ANGLES, SPEED, ACCELERATION).friction
     assert friction is not None and friction.jammed.sum() == 25
     assert all(friction.jammed_by(f) == ("S",) for f in np.flatnonzero(friction.jammed))
+
+
+@pytest.mark.parametrize("length", [1.0625, 2.0])
+def test_a_joint_that_carries_little_is_solved_as_one_that_carries_much(length: float) -> None:
+    """A rod of 1e-11 kg at a crank of 1 kg jams where it jams at a crank without mass, and its pin presses as hard."""
+
+    def run(crank: float) -> Forces:
+        bodies = {"crank": (crank, (0.0, 0.0), 0.0), "rod": (1e-11, (0.0, 0.0), 0.0)}
+        mechanism = slider_crank(r=1.0, l=length, bodies=bodies, effects=("inertia", "gravity"))
+        pin = Friction(coefficient=1.0, radius=0.5)
+        return load(rub(mechanism, O=pin, B=pin), ANGLES, SPEED, ACCELERATION)
+
+    heavy, light = run(1.0), run(0.0)
+    np.testing.assert_array_equal(heavy.friction.jammed, light.friction.jammed)
+    np.testing.assert_allclose(heavy.friction.normal_load("B"), light.friction.normal_load("B"), rtol=1e-9)
+    assert law_of_friction(heavy) < 1e-9
 
 
 @settings(max_examples=40)

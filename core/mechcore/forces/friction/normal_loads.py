@@ -18,13 +18,13 @@ import numpy as np
 
 from mechcore.arrays import Flags, Real
 
-TOLERANCE = 1e-13  # of the largest normal load of the frame
-SETTLED = 1e-11  # residual, of the largest load: as close as rounding lets Newton's method come
+TOLERANCE = 1e-13  # residual, of the terms of its equation: a joint that carries a billionth of another's load counts as much
+SETTLED = 1e-11  # the same: as close as rounding lets Newton's method come
 SHORTEST = 1e-13  # step of the coefficients' proportion at which a branch ends
 STARTS = 24  # from which other solutions are looked for
 AT_ONCE = 60_000  # frames times couplings that are solved together: what stays near the processor
 BOUNDS = 8  # vectors that are tried for the simple bound
-AWAY = 0.05  # of the largest load: a step that ends farther from its prediction may have left the branch
+AWAY = 0.05  # of the terms of its equation or of the largest load: a step that ends farther from its prediction may have left the branch
 BEYOND = 1e-6  # of the coefficients: gradients just past the end of a branch, which may end where a norm changes its side
 MOST_STEPS = 2000  # along a branch: some fifty do
 CLOSE = 0.9  # part of the proportion up to which the map contracts
@@ -35,7 +35,7 @@ class Solution:
     """``loads`` (F, n), NaN where ``jammed`` (F,); ``reached`` (F,): proportion of the coefficients that can still be moved.
 
     ``share`` (F, n): how far each braked motion takes part in the jam, the largest 1; zero elsewhere. ``residual`` (F,): error of
-    the equations, relative. ``iterations``: most of any frame.
+    the equations, each of its own terms. ``iterations``: most of any frame.
     """
 
     loads: Real
@@ -49,7 +49,7 @@ class Solution:
 def solve_normal_loads(a: Real, k: Real, euclidean: Flags, tolerance: float = TOLERANCE) -> Solution:
     """Solve ``g = |a + K g|``: ``a`` (F, n, 2), ``k`` (F, n, 2, n); ``euclidean`` (n,): length of two numbers, else the larger one.
 
-    Frames with numbers that are not finite stay NaN and do not count as jammed. ``tolerance``: residual, of the largest load.
+    Frames with numbers that are not finite stay NaN and do not count as jammed. ``tolerance``: residual, of the terms of its equation.
     """
     frames, n = a.shape[:2]
     at_once = max(64, AT_ONCE // (n * n))
@@ -219,35 +219,40 @@ def _newton(
     residual = np.full(loads.shape[1], np.inf)
     here, index = loads, np.arange(loads.shape[1])
     f, slope = _jacobian_last(aw, kw, kinds, here)
-    miss = np.abs(f).max(axis=0)
+    own, norms = np.abs(aw).sum(axis=1), np.abs(kw).sum(axis=1)
+    miss = _miss_last(f, own, norms, here)
     steps = 0
     while steps < most:
-        size = np.maximum(np.abs(here).max(axis=0), 1e-300)
-        going = miss > tolerance * size
+        going = miss > tolerance
         if not going.any():
             break
         steps += 1
         step = here - (_eliminate(slope, f) if dominant else _solve(np.moveaxis(slope, -1, 0), f.T).T)
         f_new, slope_new = _jacobian_last(aw, kw, kinds, step)
-        miss_new = np.abs(f_new).max(axis=0)
+        miss_new = _miss_last(f_new, own, norms, step)
         worse = ~(miss_new < 0.7 * miss)
-        stay = ~going | (worse & (miss <= SETTLED * size))  # there, or as close as rounding lets it come
+        stay = ~going | (worse & (miss <= SETTLED))  # there, or as close as rounding lets it come
         if (worse & ~stay).any():
             step = np.where(worse & ~stay, here - f, step)
             f_new, slope_new = _jacobian_last(aw, kw, kinds, step)
-            miss_new = np.abs(f_new).max(axis=0)
+            miss_new = _miss_last(f_new, own, norms, step)
         if stay.any():
             step, miss_new = np.where(stay, here, step), np.where(stay, miss, miss_new)
             f_new, slope_new = np.where(stay, f, f_new), np.where(stay, slope, slope_new)
         here, f, slope, miss = step, f_new, slope_new, miss_new
-        loads[:, index], residual[index] = here, miss / np.maximum(np.abs(here).max(axis=0), 1e-300)
+        loads[:, index], residual[index] = here, miss
         if 2 * stay.sum() >= len(index):
             index, here, f, slope, miss = index[~stay], here[:, ~stay], f[:, ~stay], slope[..., ~stay], miss[~stay]
-            aw, kw = aw[..., ~stay], kw[..., ~stay]
+            aw, kw, own, norms = aw[..., ~stay], kw[..., ~stay], own[..., ~stay], norms[..., ~stay]
             if not len(index):
                 break
-    residual[index] = miss / np.maximum(np.abs(here).max(axis=0), 1e-300)
+    residual[index] = miss
     return np.ascontiguousarray(loads.T), residual, steps
+
+
+def _miss_last(f: Real, own: Real, norms: Real, g: Real) -> Real:
+    """Largest residual (F,) of the equations f (n, F), each of its own terms: ``own`` (n, F) and ``norms`` (n, n, F) times ``g``."""
+    return np.asarray((np.abs(f) / np.maximum(own + np.einsum("ijf,jf->if", norms, np.abs(g)), 1e-300)).max(axis=0))
 
 
 def _norm_last(y: Real, kinds: Flags) -> tuple[Real, Real]:
@@ -304,13 +309,14 @@ def _follow(a: Real, k: Real, euclidean: Flags, radius: Real) -> tuple[Real, Rea
         _, matrix = _jacobian(aa, ka * at[:, None, None, None], euclidean, here)
         y = aa + at[:, None, None] * np.einsum("fiaj,fj->fia", ka, here)
         slope = _solve(matrix, np.einsum("fia,fiaj,fj->fi", _norm(y, euclidean)[1], ka, here))
-        # no load grows by more than half of the largest one in one step
-        most = 0.5 * np.abs(here).max(axis=1) / np.maximum(np.abs(slope).max(axis=1), 1e-300)
+        size = np.minimum(_terms(aa, ka * at[:, None, None, None], here), np.abs(here).max(axis=1, keepdims=True))
+        # no load grows by more than half of its own terms, or of the largest load, in one step
+        most = 0.5 * (size / np.maximum(np.abs(slope), 1e-300)).min(axis=1)
         h = np.minimum(np.minimum(step[active], most), 1.0 - at)
         to = np.where(h >= 1.0 - at, 1.0, at + h)
         guess = here + (to - at)[:, None] * slope
         new, ok = _correct(aa, ka * to[:, None, None, None], euclidean, guess)
-        away = np.abs(new - guess).max(axis=1) > AWAY * np.abs(here).max(axis=1)
+        away = (np.abs(new - guess) > AWAY * size).any(axis=1)
         ok &= ~away
         done = active[ok]
         g[done], p[done] = new[ok], to[ok]
@@ -342,11 +348,16 @@ def _arrive(a: Real, k: Real, euclidean: Flags, g: Real) -> tuple[Real, Flags, R
     with np.errstate(all="ignore"):
         for _ in range(8):
             f, matrix = _jacobian(a, k, euclidean, g)
-            if np.all(np.abs(f).max(axis=1) <= 1e-12 * np.abs(g).max(axis=1)):
+            if np.all(np.abs(f) <= 1e-12 * _terms(a, k, g)):
                 break
             g = g - _solve(matrix, f)
         f, matrix = _jacobian(a, k, euclidean, g)
-        return g, np.abs(f).max(axis=1) <= 1e-10 * np.abs(g).max(axis=1), matrix
+        return g, np.all(np.abs(f) <= 1e-10 * _terms(a, k, g), axis=1), matrix
+
+
+def _terms(a: Real, k: Real, g: Real) -> Real:
+    """Size (F, n) of the terms of each equation, by which its residual is judged."""
+    return np.asarray(np.abs(a).sum(axis=2) + np.einsum("fiaj,fj->fi", np.abs(k), np.abs(g)))
 
 
 def _share(a: Real, k: Real, euclidean: Flags, g: Real) -> Real:
