@@ -24,7 +24,7 @@ SHORTEST = 1e-13  # step of the coefficients' proportion at which a branch ends
 STARTS = 24  # from which other solutions are looked for
 AT_ONCE = 60_000  # frames times couplings that are solved together: what stays near the processor
 BOUNDS = 8  # vectors that are tried for the simple bound
-AWAY = 0.05  # of the terms of its equation or of the largest load: a step that ends farther from its prediction may have left the branch
+AWAY = 0.05  # of the terms of its equation, or of the largest load: a step that ends farther off may have left the branch
 BEYOND = 1e-6  # of the coefficients: gradients just past the end of a branch, which may end where a norm changes its side
 MOST_STEPS = 2000  # along a branch: some fifty do
 CLOSE = 0.9  # part of the proportion up to which the map contracts
@@ -49,7 +49,7 @@ class Solution:
 def solve_normal_loads(a: Real, k: Real, euclidean: Flags, tolerance: float = TOLERANCE) -> Solution:
     """Solve ``g = |a + K g|``: ``a`` (F, n, 2), ``k`` (F, n, 2, n); ``euclidean`` (n,): length of two numbers, else the larger one.
 
-    Frames with numbers that are not finite stay NaN and do not count as jammed. ``tolerance``: residual, of the terms of its equation.
+    Frames with numbers that are not finite stay NaN and do not count as jammed. ``tolerance``: of the terms of its equation.
     """
     frames, n = a.shape[:2]
     at_once = max(64, AT_ONCE // (n * n))
@@ -251,7 +251,7 @@ def _newton(
 
 
 def _miss_last(f: Real, own: Real, norms: Real, g: Real) -> Real:
-    """Largest residual (F,) of the equations f (n, F), each of its own terms: ``own`` (n, F) and ``norms`` (n, n, F) times ``g``."""
+    """Largest residual (F,) of equations f (n, F), each of its own terms: ``own`` (n, F), ``norms`` (n, n, F) times ``g``."""
     return np.asarray((np.abs(f) / np.maximum(own + np.einsum("ijf,jf->if", norms, np.abs(g)), 1e-300)).max(axis=0))
 
 
