@@ -17,7 +17,7 @@ LAYERS = {
     "mechcore": (
         ("arrays", "constants", "texts"), ("errors",), ("accuracy", "numerics"), ("laws",), ("spec",), ("cams",), ("joints",),
         ("topology",), ("kinematics",), ("branches", "compiled"), ("motion",), ("effects",), ("forces",), ("reduction", "dynamics"),
-        ("constructions",),
+        ("constructions", "design"),
     ),
     "mechviz": (
         ("files", "meshes"), ("figures", "scene"), ("quantities",), ("accuracy",), ("runs",), ("picture",),

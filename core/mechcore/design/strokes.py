@@ -1,0 +1,193 @@
+"""Cranks for a stated stroke or swing and a stated ratio of the times to and fro: slider-cranks, crank-rockers, slotted levers.
+
+The time ratio Q >= 1 of a crank at constant speed is ``(pi + alpha)/(pi - alpha)``, alpha between the crank's dead lines.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.optimize import minimize_scalar
+
+from mechcore.arrays import Real
+from mechcore.design.four_bars import FourBar, Grashof, cross
+from mechcore.errors import Fault, MechanismError
+
+SCAN = 1440  # places of the crank's pivot on a circle that are tried before the best is refined
+
+
+@dataclass(frozen=True)
+class SliderCrank:
+    """Crank, rod and offset [m] of the slide's line y = offset; ``alpha`` [rad] between the crank's dead lines."""
+
+    crank: float
+    rod: float
+    offset: float
+    alpha: float
+
+    @property
+    def turns(self) -> bool:
+        """Whether the crank turns fully."""
+        return self.rod >= self.crank + self.offset
+
+    @property
+    def pressure_angle(self) -> float:
+        """Largest angle between the rod and the slide's line [rad]; a right one where the crank does not turn fully."""
+        return float(np.arcsin(min((self.crank + self.offset) / self.rod, 1.0)))
+
+    @property
+    def dead_angles(self) -> tuple[float, float]:
+        """Crank angles of the slider's outer and inner end [rad], the slide on the side x > 0."""
+        return (
+            float(np.arcsin(self.offset / (self.rod + self.crank))),
+            float(np.pi + np.arcsin(self.offset / (self.rod - self.crank))),
+        )
+
+
+def alpha_of(ratio: float) -> float:
+    """The angle between the crank's dead lines [rad] that belongs to a time ratio. Raises MechanismError below one."""
+    if not 1.0 <= ratio < np.inf:
+        raise MechanismError(Fault("ratio", f"a time ratio of {ratio:g}.", "Give slow over fast: one or more."))
+    return float(np.pi * (ratio - 1.0) / (ratio + 1.0))
+
+
+def slider_crank(stroke: float, ratio: float, offset: float) -> SliderCrank:
+    """The offset slider-crank of a stroke [m], a time ratio and an offset [m], by the triangle of the two dead centres."""
+    alpha = alpha_of(ratio)
+    most = largest_offset(stroke, ratio)
+    if not 0.0 < offset < most:
+        raise MechanismError(
+            Fault("offset", f"{offset:g} m does not give a time ratio of {ratio:g} with a stroke of {stroke:g} m.",
+                  f"Give one between 0 and {most:g} m." if ratio > 1.0 else "Without an offset the crank is half the stroke.")
+        )  # fmt: skip
+    crank = 0.5 * np.sqrt(stroke**2 - 2.0 * stroke * offset * np.tan(alpha / 2.0))
+    return SliderCrank(float(crank), float(np.sqrt(crank**2 + stroke * offset / np.sin(alpha))), offset, alpha)
+
+
+def largest_offset(stroke: float, ratio: float) -> float:
+    """The offset [m] at which the crank of a stroke and time ratio vanishes; zero for a ratio of one."""
+    alpha = alpha_of(ratio)
+    return 0.0 if alpha == 0.0 else float(stroke / (2.0 * np.tan(alpha / 2.0)))
+
+
+def best_slider_crank(stroke: float, ratio: float) -> SliderCrank:
+    """The slider-crank of a stroke and time ratio whose largest pressure angle is least, with a crank that turns fully."""
+    most = largest_offset(stroke, ratio)
+    if most == 0.0:
+        raise MechanismError(Fault("ratio", "a time ratio of one leaves the rod free.", "Take crank = stroke/2 without an offset."))
+
+    def cost(part: float) -> float:
+        made = slider_crank(stroke, ratio, part * most)
+        return (made.crank + made.offset) / made.rod
+
+    found = minimize_scalar(cost, bounds=(1e-9, 1.0 - 1e-9), method="bounded", options={"xatol": 1e-12})
+    return slider_crank(stroke, ratio, float(found.x) * most)
+
+
+# -- crank-rockers ----------------------------------------------------------------------------------------------------
+def crank_rockers(swing: float, ratio: float, rocker: float = 1.0) -> list[FourBar]:
+    """Crank-rockers of a rocker's swing [rad], time ratio and rocker length, all whose crank pivots lie on a circle.
+
+    The pins of the rocker's ends, B1 and B2, are seen from the crank's pivot under alpha. Frame along x, rocker pivot on the right.
+    """
+    found = []
+    for side in (-1, 1):
+        for at in np.linspace(0.0, 2.0 * np.pi, SCAN, endpoint=False):
+            made = _crank_rocker(swing, alpha_of(ratio), rocker, side, float(at))
+            found += [] if made is None else [made]
+    return found
+
+
+def best_crank_rocker(swing: float, ratio: float, rocker: float = 1.0) -> FourBar:
+    """Of `crank_rockers` the one whose least transmission angle is greatest (the optimum of Alt's chart, VDI 2130)."""
+    alpha = alpha_of(ratio)
+    if not 0.0 < swing < np.pi:
+        raise MechanismError(
+            Fault("swing", f"a swing of {np.degrees(swing):g} deg.", "Give more than 0 and less than 180 degrees.")
+        )
+    if alpha == 0.0:
+        raise MechanismError(
+            Fault("ratio", "with a time ratio of one the transmission angle grows with the coupler's length, without a best one.",
+                  "Ask for a little more, or take crank = rocker sin(swing/2), frame^2 = coupler^2 + rocker^2 - crank^2.")
+        )  # fmt: skip
+
+    def cost(at: float, side: int) -> float:
+        made = _crank_rocker(swing, alpha, rocker, side, at)
+        return 0.0 if made is None else -made.least_transmission()
+
+    angles = np.linspace(0.0, 2.0 * np.pi, SCAN, endpoint=False)
+    step = 2.0 * np.pi / SCAN
+    best, place, side = min((cost(float(at), side), float(at), side) for side in (-1, 1) for at in angles)
+    if best == 0.0:
+        raise MechanismError(
+            Fault(
+                "swing",
+                f"no crank-rocker swings by {np.degrees(swing):g} deg with a time ratio of {ratio:g}.",
+                "Ask for less of either.",
+            )
+        )
+    low, high = place - step, place + step
+    golden = 0.5 * (np.sqrt(5.0) - 1.0)  # the best may lie in a kink, where parabolas do not help
+    while high - low > 1e-13:
+        inner = high - golden * (high - low), low + golden * (high - low)
+        low, high = (low, inner[1]) if cost(inner[0], side) < cost(inner[1], side) else (inner[0], high)
+    made = _crank_rocker(swing, alpha, rocker, side, 0.5 * (low + high))
+    assert made is not None
+    return made
+
+
+def _crank_rocker(swing: float, alpha: float, rocker: float, side: int, at: float) -> FourBar | None:
+    """The crank-rocker whose crank pivot stands at an angle of the circle on one side of the chord; None where there is none."""
+    first, second = rocker * np.exp(0.5j * swing), rocker * np.exp(-0.5j * swing)  # rocker pivot at the origin
+    chord = abs(first - second)
+    radius = chord / (2.0 * np.sin(alpha))
+    pivot = complex(0.5 * (first + second) + side * radius * np.cos(alpha) + radius * np.exp(1j * at))
+    seen = np.angle((first - pivot) / (second - pivot))
+    if abs(abs(seen) - alpha) > 1e-9 or cross(-pivot, first - pivot) * cross(-pivot, second - pivot) <= 0.0:
+        return None
+    near, far = sorted((abs(first - pivot), abs(second - pivot)))
+    made = FourBar(0j, complex(abs(pivot)), float(far - near) / 2.0, float(far + near) / 2.0, rocker)
+    return made if made.crank > 1e-12 and made.grashof is Grashof.CRANK_ROCKER else None
+
+
+# -- slotted levers ---------------------------------------------------------------------------------------------------
+@dataclass(frozen=True)
+class SlottedLever:
+    """Quick return by a slotted lever (crank shaper): crank, distance of the pivots and length of the lever [m]."""
+
+    crank: float
+    frame: float
+    lever: float
+
+    @property
+    def swing(self) -> float:
+        """Swing of the lever [rad]."""
+        return float(2.0 * np.arcsin(self.crank / self.frame))
+
+
+def slotted_lever(stroke: float, ratio: float, frame: float) -> SlottedLever:
+    """The slotted lever whose end travels a stroke [m] between its dead points, with a time ratio and a distance of pivots [m]."""
+    beta = np.pi / (ratio + 1.0)
+    if alpha_of(ratio) == 0.0:
+        raise MechanismError(Fault("ratio", "a slotted lever always returns faster.", "Ask for a time ratio above one."))
+    crank = float(frame * np.cos(beta))
+    return SlottedLever(crank, frame, stroke * frame / (2.0 * crank))
+
+
+def whitworth(ratio: float, crank: float) -> float:
+    """Distance of pivots [m] of Whitworth's quick return, whose lever turns fully, of a time ratio and crank [m]."""
+    alpha_of(ratio)
+    return float(crank * np.cos(np.pi / (ratio + 1.0)))
+
+
+def time_ratio(pin: Real) -> float:
+    """Slow over fast of an output (F,) over one turn of a crank at constant speed, ends of the turn once; found between samples."""
+    high, low = int(pin.argmax()), int(pin.argmin())
+
+    def place(k: int) -> float:
+        before, at, after = pin[k - 1], pin[k], pin[(k + 1) % len(pin)]
+        return float(k + 0.5 * (before - after) / (before - 2.0 * at + after))
+
+    part = (place(high) - place(low)) % len(pin) / len(pin)
+    return float(max(part, 1.0 - part) / min(part, 1.0 - part))

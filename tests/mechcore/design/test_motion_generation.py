@@ -1,0 +1,144 @@
+"""Bodies led through positions: published cases, distances kept, the opposite-pole quadrilateral, defects of linkages."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from design_cases import design_case, plane
+
+from mechcore.design.burmester import (
+    Poses,
+    burmester_curve,
+    burmester_points,
+    circle_points_at,
+    fixed_pivots,
+    guidance,
+    moving_pivots,
+    slider_point,
+)
+from mechcore.design.four_bars import from_pins, judge
+from mechcore.errors import MechanismError
+
+
+def poses_of(inputs):
+    x, y, angle = np.array(inputs["poses"], float).T
+    return Poses(x + 1j * y, angle)
+
+
+def lengths(poses, w, c):
+    return np.abs(poses.of_points(w) - np.asarray(c)[..., None])
+
+
+def test_three_positions():
+    inputs, expected = design_case("burmester-3-positions")
+    poses = poses_of(inputs)
+    assert fixed_pivots(poses, plane(inputs["moving_pivots"])) == pytest.approx(
+        plane([row["C"] for row in expected["from_moving"]]), rel=1e-11
+    )
+    assert moving_pivots(poses, plane(inputs["fixed_pivots"])) == pytest.approx(
+        plane([row["w"] for row in expected["from_fixed"]]), rel=1e-11
+    )
+    for name, at in expected["poles"].items():
+        assert poses.pole(int(name[1]) - 1, int(name[2]) - 1) == pytest.approx(complex(*at), rel=1e-11)
+
+
+def test_four_positions():
+    inputs, expected = design_case("burmester-4-positions")
+    poses = poses_of(inputs)
+    for u in sorted({row[0] for row in expected["rows"]}):
+        rows = np.array([row for row in expected["rows"] if row[0] == u])
+        w = circle_points_at(poses, u)
+        assert w.imag == pytest.approx(rows[:, 1], rel=1e-10)
+        c = fixed_pivots(poses, w)
+        assert c == pytest.approx(rows[:, 2] + 1j * rows[:, 3], rel=1e-10)
+        assert lengths(poses, w, c)[:, 0] == pytest.approx(rows[:, 4], rel=1e-10)
+
+
+def test_all_of_the_curve_keeps_its_distance_and_sees_the_poles_alike():
+    inputs, _ = design_case("burmester-4-positions")
+    poses = poses_of(inputs)
+    curve = burmester_curve(poses, 200)
+    near = np.isfinite(curve.w) & (abs(curve.w) < 20) & (abs(curve.c) < 20)
+    w, c = curve.w[near], curve.c[near]
+    assert len(w) > 200
+    found = lengths(poses, w, c)
+    assert found == pytest.approx(np.broadcast_to(found[:, :1], found.shape), rel=1e-8)
+    p12, p23, p34, p14 = (poses.pole(*pair) for pair in ((0, 1), (1, 2), (2, 3), (0, 3)))
+    twice = ((p12 - c) / (p23 - c)) / ((p14 - c) / (p34 - c))  # the same angle modulo pi: real
+    apart = np.minimum.reduce([abs(c - p) for p in (p12, p23, p34, p14)]) > 0.02
+    assert np.abs(np.sin(np.angle(twice[apart]))).max() < 1e-6
+    # what the cubic itself gives on lines x = u lies on the traced curve
+    for u in (-0.5, 0.0, 0.5):
+        for point in circle_points_at(poses, u):
+            assert np.nanmin(abs(curve.w - point)) < 0.25
+
+
+def test_a_point_of_the_body_runs_straight_through_four_positions():
+    inputs, _ = design_case("burmester-4-positions")
+    w, direction = slider_point(poses_of(inputs))
+    across = np.imag(np.conj(direction) * poses_of(inputs).of_points(w))
+    assert across == pytest.approx(np.full(4, across[0]), rel=1e-12)
+
+
+def test_five_positions():
+    inputs, expected = design_case("burmester-5-positions")
+    poses = poses_of(inputs)
+    w, c = burmester_points(poses)
+    assert w == pytest.approx(plane([row["w"] for row in expected["real_dyads"]]), rel=1e-10)
+    assert c == pytest.approx(plane([row["C"] for row in expected["real_dyads"]]), rel=1e-10)
+    moved = Poses((1 + 2j) * poses.places * 40.0 + (300 - 100j), poses.angles + np.angle(1 + 2j))  # turned, scaled, elsewhere
+    assert burmester_points(moved)[0] == pytest.approx(w * 40.0 * abs(1 + 2j), rel=1e-8)
+
+
+def test_more_positions_than_can_be_met_are_fitted():
+    rng = np.random.default_rng(1)
+    bar = from_pins(0j, 4 + 0j, 1 + 0.5j, 3 + 2.5j, 2 + 3j)
+    a, b, p = bar.positions(np.radians([20, 50, 90, 130, 170, 220, 260]))
+    exact = Poses(p, np.angle(b - a))
+    _, c = burmester_points(exact)
+    assert min(abs(c - 4)) < 1e-8 and min(abs(c)) < 1e-8
+    noisy = Poses(p + 1e-5 * rng.normal(size=7), np.angle(b - a))
+    assert min(abs(burmester_points(noisy)[1])) < 1e-2
+
+
+def test_defects_are_those_of_the_motion_itself():
+    """Pins at crank angles of one branch have no defect; of two branches, two circuits or another order they have theirs."""
+    rocker = from_pins(0j, 4 + 0j, 1j, 3 + 2.5j)
+    triple = from_pins(0j, 4 + 0j, 3j, 2 + 4j)
+    assert rocker.crank_turns and not triple.crank_turns
+
+    def words(bar, other, angles, kept):
+        pins = [
+            np.where(kept, one, two)
+            for one, two in zip(bar.positions(np.radians(angles)), other.positions(np.radians(angles)), strict=True)
+        ]
+        return judge(np.array([bar.crank_pivot]), np.array([bar.rocker_pivot]), pins[0][None], pins[1][None]).words(0)
+
+    def other(bar):
+        return type(bar)(bar.crank_pivot, bar.rocker_pivot, bar.crank, bar.coupler, bar.rocker, -bar.side)
+
+    all_of = np.ones(4, bool)
+    assert words(rocker, rocker, [10, 100, 200, 300], all_of) == ""
+    assert words(rocker, rocker, [300, 10, 100, 200], all_of) == ""
+    assert words(rocker, rocker, [10, 200, 100, 300], all_of) == "order"
+    assert words(rocker, other(rocker), [10, 100, 200, 300], np.array([1, 1, 0, 1], bool)) == "branch, circuit"
+    assert words(triple, other(triple), [60, 70, 80, 90], np.array([1, 1, 0, 1], bool)) == "branch"
+    assert words(triple, triple, [60, 80, 70, 90], all_of) == "order"
+
+
+def test_pairs_of_dyads_make_linkages_that_pass_all_poses():
+    inputs, _ = design_case("burmester-5-positions")
+    poses = poses_of(inputs)
+    found = guidance(poses, *burmester_points(poses))
+    assert len(found.w) == 12 and found.defects.none.any()
+    good = np.flatnonzero(found.defects.none)[0]
+    pins = poses.of_points(found.w[good])
+    bar = from_pins(*found.c[good], *pins[:, 0], poses.places[0])
+    assert bar.positions(np.angle(pins[0] - found.c[good][0]))[2] == pytest.approx(poses.places, abs=1e-9)
+
+
+def test_what_says_nothing_is_refused():
+    with pytest.raises(MechanismError, match="same"):
+        Poses(np.zeros(3, complex), np.zeros(3))
+    with pytest.raises(MechanismError, match="translates"):
+        burmester_curve(Poses(np.array([0, 1, 2 + 1j, 3j]), np.zeros(4)))

@@ -1,0 +1,94 @@
+"""Strokes, swings, time ratios and straight lines: published cases, and the motion that results."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from design_cases import design_case
+
+from mechcore.design.straight_lines import STRAIGHT_LINES, hoecken, straightness
+from mechcore.design.strokes import (
+    best_crank_rocker,
+    best_slider_crank,
+    crank_rockers,
+    slider_crank,
+    slotted_lever,
+    time_ratio,
+    whitworth,
+)
+from mechcore.errors import MechanismError
+
+CIRCLE = np.linspace(0.0, 2.0 * np.pi, 7200, endpoint=False)
+
+
+def test_slider_cranks_of_a_stroke_and_a_time_ratio():
+    inputs, expected = design_case("slider-crank-time-ratio")
+    for row in expected["rows"]:
+        made = slider_crank(inputs["H"], inputs["Q"], row["e"])
+        assert (made.crank, made.rod, made.alpha) == pytest.approx((row["r"], row["l"], row["alpha"]), rel=1e-10)
+        assert np.degrees(made.dead_angles) == pytest.approx(row["crank_angles_of_dead_centres_deg"], rel=1e-10)
+        assert np.degrees(made.pressure_angle) == pytest.approx(row["max_pressure_angle_deg"], rel=1e-10)
+    best, wanted = best_slider_crank(inputs["H"], inputs["Q"]), expected["optimum"]
+    assert best.offset == pytest.approx(wanted["e"], rel=1e-6)
+    assert np.degrees(best.pressure_angle) == pytest.approx(wanted["max_pressure_angle_deg"], rel=1e-10)
+    x = best.crank * np.cos(CIRCLE) + np.sqrt(best.rod**2 - (best.offset - best.crank * np.sin(CIRCLE)) ** 2)
+    assert (np.ptp(x), time_ratio(x)) == pytest.approx((inputs["H"], inputs["Q"]), rel=1e-6)
+
+
+def test_the_crank_rocker_of_the_best_transmission():
+    """The frame length of the published case is that of the other side of the chord: its own transmission angle is 44.8 degrees."""
+    inputs, expected = design_case("crank-rocker-optimum-transmission")
+    swing = np.radians(inputs["psi0_deg"])
+    best = best_crank_rocker(swing, expected["Q"], inputs["c"])
+    assert (best.crank, best.coupler, best.rocker) == pytest.approx([expected[k] for k in "abc"], rel=1e-8)
+    assert np.degrees(best.least_transmission()) == pytest.approx(expected["min_transmission_angle_deg"], rel=1e-10)
+    for made in (best, crank_rockers(swing, expected["Q"])[40]):
+        _, b, _ = made.positions(CIRCLE)
+        angle = np.unwrap(np.angle(b - made.rocker_pivot))
+        assert np.ptp(angle) == pytest.approx(swing, rel=1e-6)
+        assert time_ratio(angle) == pytest.approx(expected["Q"], rel=1e-5)
+
+
+def test_slotted_levers_return_quickly():
+    made = slotted_lever(0.3, 2.0, 0.2)
+    angle = np.angle(made.frame + made.crank * np.exp(1j * CIRCLE))
+    assert np.ptp(angle) == pytest.approx(made.swing, rel=1e-6)
+    assert 2.0 * made.lever * np.sin(made.swing / 2.0) == pytest.approx(0.3, rel=1e-12)
+    assert time_ratio(angle) == pytest.approx(2.0, rel=1e-5)
+    distance = whitworth(2.0, 0.1)  # half a turn of the lever takes as long as the crank's arc on its side
+    upper = 2.0 * np.arcsin(distance / 0.1) + np.pi
+    assert upper / (2.0 * np.pi - upper) == pytest.approx(2.0, rel=1e-12)
+
+
+def test_well_known_straight_lines():
+    _, expected = design_case("straight-line-linkages")
+    assert set(STRAIGHT_LINES) == set(expected)
+    for name, row in expected.items():
+        found = straightness(STRAIGHT_LINES[name])
+        assert found.travel == pytest.approx(row["travel_along_line"], rel=1e-10)
+        assert found.greatest - found.least == pytest.approx(row["peak_to_peak"], rel=1e-10)
+        assert found.ratio == pytest.approx(row["ratio"], rel=1e-10)
+
+
+@pytest.mark.parametrize("row", [0, 3])
+def test_the_best_proportions_of_hoecken(row):
+    _, expected = design_case("hoecken-optimum")
+    straight, frame, coupler, ratio = expected["rows"][row]
+    found = hoecken(np.radians(straight))
+    assert (found.four_bar.frame, found.four_bar.coupler) == pytest.approx((frame, coupler), rel=1e-5)
+    assert straightness(found).ratio == pytest.approx(ratio, rel=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("function", "given"),
+    [
+        (slider_crank, (0.2, 0.9, 0.01)),
+        (slider_crank, (0.2, 1.2, 5.0)),
+        (best_slider_crank, (0.2, 1.0)),
+        (best_crank_rocker, (np.radians(200), 1.2)),
+        (slotted_lever, (0.2, 1.0, 0.1)),
+    ],
+)
+def test_what_cannot_be_had_is_refused(function, given):
+    with pytest.raises(MechanismError):
+        function(*given)
