@@ -1,10 +1,10 @@
-"""A motion under forces found piece by piece: in each the same equations hold; what happens ends it."""
+"""A motion under forces, segment by segment: in each the same equations hold; an event ends it."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from functools import partial
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 
@@ -13,8 +13,6 @@ from mechcore.branches.paths import Waypoint
 from mechcore.dynamics.contact.end_stops import LEAST_BOUNCE, TOUCH, EndStops, account_for_impact
 from mechcore.dynamics.contact.friction_state import FrictionState
 from mechcore.dynamics.contact.separation import (
-    SAMPLES,
-    SHARE,
     FollowerSeparation,
     SeparableCam,
     driven_windows,
@@ -25,10 +23,12 @@ from mechcore.dynamics.equations.charts import STRAINED, Chart, CurveChart, best
 from mechcore.dynamics.equations.curve import Curve
 from mechcore.dynamics.equations.reduced import integrating, motion_at
 from mechcore.dynamics.events import (
+    EventFunction,
     EventTrigger,
-    Gauge,
     Happened,
     Log,
+    PossibleEvent,
+    Reaction,
     SimulationEvent,
     Stop,
     event_function_of,
@@ -37,7 +37,7 @@ from mechcore.dynamics.events import (
 )
 from mechcore.dynamics.integration.collocation import System, Window
 from mechcore.dynamics.integration.refinement import Known, refine
-from mechcore.dynamics.integration.windows import Solution, integrate
+from mechcore.dynamics.integration.windows import Integrator, Solution
 from mechcore.dynamics.segments import Segment, breakpoint_finder, segment_forces
 from mechcore.dynamics.simulation import Simulation
 from mechcore.effects.registry import applied_effects
@@ -45,7 +45,7 @@ from mechcore.errors import Fault, MechanismError
 from mechcore.laws.timed import Free
 from mechcore.motion.compiled import Compiled
 from mechcore.spec.clearance import journals_of
-from mechcore.texts import as_coordinate, as_quantity
+from mechcore.texts import as_quantity
 
 Method = Literal["auto", "energy", "gauss", "radau"]
 MOST_EVENTS = 100_000
@@ -100,6 +100,7 @@ class EventIntegrator:
         self.charted = [compiled] if plain and self.coordinates and not self.known and compiled.model.loops else []
         self.segments: list[Segment] = []
         self.evaluations = 0
+        self.over = False  # ended by an event
 
     def _use_chart(self, compiled: Compiled, system: Chart | Curve, valid_range: tuple[float, float] | None) -> None:
         """Go on in the chart of ``compiled``, as long as its coordinate stays in its ``valid_range``."""
@@ -113,7 +114,7 @@ class EventIntegrator:
         read = self.coordinates if compiled.angles.exact else {}
         self.stops.use(compiled)
         self.looks = [(w, event_function_of(w, read, at)) for w in self.watches]
-        self.boundaries: list[Gauge] = []
+        self.boundaries: list[EventFunction] = []
         if valid_range is not None:
             low, high = valid_range
             self.boundaries = [lambda q, v, t: q[:, 0] - high, lambda q, v, t: low - q[:, 0]]
@@ -130,8 +131,8 @@ class EventIntegrator:
         t, standing = 0.0, 0
         while t < self.duration * (1.0 - 1e-13):
             began = t
-            t, q, v, ended = self._integrate_segment(t, q, v)
-            if ended:
+            t, q, v = self._integrate_segment(t, q, v)
+            if self.over:
                 break
             standing = standing + 1 if t <= began else 0
             if standing > MOST_AT_ONCE:
@@ -142,55 +143,26 @@ class EventIntegrator:
                 raise MechanismError(Fault("dynamics", why, "Simulate a shorter time."))
         return self._simulation(self.segments, self.evaluations, self.log.whole())
 
-    def _integrate_segment(self, t: float, q: Real, v: Real) -> tuple[float, Real, Real, bool]:
-        """Integrate until the first event; time, position, speed after it, and whether the motion ends there."""
+    def _integrate_segment(self, t: float, q: Real, v: Real) -> tuple[float, Real, Real]:
+        """Integrate until the first event; time, position and speed after it. ``over``: the motion ends there."""
         q, v = self._meet_stops(t, q, v)
         begun = (float(q[0]), float(v[0])) if len(q) else (0.0, 0.0)
         system = self._system()
-        exceeding: list[tuple[Gauge, float, tuple[str, Any]]] = [
-            *((f, noise, ("stop", k)) for f, noise, k in self.stops.event_functions(q, v, t, system)),
-            *((f, noise, ("dry", loose)) for f, noise, loose in self.friction.stick_ends(q, v, t)),
-        ]
-        sliding, prescribed = self.friction.slip_ends()
-        cams = self._contacts()
-        first: list[tuple[float, tuple[str, Any]]] = []
-
-        if len(self.compiled.mechanism.drives) > 1:  # places of the motion, from which the angles of the links are followed
+        possible = self._possible_events(t, q, v, begun, system)
+        several = len(self.compiled.mechanism.drives) > 1
+        if several:  # places of the motion, from which the angles of the links are followed
             self.compiled.angles.path.leave(waypoints(self.compiled, q[None], np.array([t])))
+        first: list[tuple[float, Reaction]] = []
 
         def after(window: Window) -> float | None:
-            first.clear()
-            if len(self.compiled.mechanism.drives) > 1:
+            if several:
                 self.compiled.angles.path.leave_later(window, partial(_waypoints_along, self.compiled))
             if not len(q):
                 self.friction.follow(self.compiled, window)
-            for event_function, noise, what in exceeding:
-                at = first_exceeding(event_function, window, t, noise)
-                if at is not None:
-                    first.append((at, what))
-            for k, (w, event_function) in enumerate(self.looks):
-                at = first_zero(event_function, window, t + 1e-12 * self.duration, w.rising)
-                if at is not None:
-                    first.append((at, ("watch", k)))
-            for event_function, rising in sliding:
-                at = first_zero(event_function, window, t + 1e-12 * self.duration, rising)
-                if at is not None:
-                    first.append((at, ("dry", None)))
-            for event_function in prescribed:
-                at = first_beyond(event_function, window, t, 0.5, PRESCRIBED_SAMPLES, again=True)
-                if at is not None:
-                    first.append((at, ("dry", None)))
-            for boundary in self.boundaries:
-                at = first_zero(boundary, window, t, True)
-                if at is not None:
-                    first.append((at, ("boundary", 0)))
-            for name, event_function, limit in cams:
-                at = first_beyond(event_function, window, t, limit, self._samples(window), again=name in self.separated)
-                if at is not None:
-                    first.append((at, ("cam", name)))
+            first[:] = [(at, event.react) for event in possible if (at := event.find(window)) is not None]
             strained = self._strained(window) if self.charted and not first else None
             if strained is not None:
-                first.append((strained, ("chart", 0)))
+                first.append((strained, self._change_chart))
             first.sort(key=lambda e: e[0])
             until = first[0][0] if first else min(window.start + window.length, self.duration)
             self._check(window, until)
@@ -201,55 +173,84 @@ class EventIntegrator:
                 self.progress(until)
             return first[0][0] if first else None
 
-        breakpoints = breakpoint_finder(self.compiled)
-        if len(q):
-            known = self._known(t)
-            keeps = None
-            if isinstance(system, Curve) and (len(self.known) > 1 or system.table.boundaries is not None):
-                keeps = partial(system.kept, begun)
-            solution = (integrate if known is None else partial(refine, known=known))(
-                system,
-                q,
-                v,
-                t,
-                self.duration,
-                tolerance=self.tolerance,
-                scale=self.scale,
-                stiff=self.method == "radau",
-                after=after,
-                breakpoints=breakpoints,
-                nodes=self.original.accuracy.nodes,
-                most=self.original.accuracy.window,
-                keeps=keeps,
-            )
-        else:
-            solution = driven_windows(t, self.duration, partial(self._share, q, v), after, breakpoints)
+        solution = self._solve(system, t, q, v, begun, after)
         self.evaluations += solution.evaluations
         end = first[0][0] if first else self.duration
         if end > t:
             self.segments.append(self._segment(t, end, solution, system))
         end_q, end_v, _ = solution(np.array([end]))
         q, v = end_q[0], end_v[0]
-        ended = False
-        for time, (kind, k) in list(first):
+        for time, react in list(first):
             if time > end + 1e-14 * self.duration:
                 break
-            if kind == "stop":
-                self.stops.end(k, time)
-            elif kind == "boundary":
-                q, v = self._take_over(q, v, begun)
-            elif kind == "chart":
-                q, v = self._change_chart(time, q, v)
-            elif kind == "dry":
-                v = self._settle(time, q, v, k)
-            elif kind == "cam":
-                q, v = self._land(time, q, v, k) if k in self.separated else self._let_go(time, q, v, k)
-            else:
-                watch = self.looks[k][0]
-                rotary = watch.joint is not None and self._rotary(watch.joint)
-                self.log.tell(SimulationEvent(time, "end" if watch.ends else "watch", watch.name, _passed(watch, rotary=rotary)))
-                ended = ended or watch.ends
-        return end, q, v, ended
+            q, v = react(time, q, v)
+        return end, q, v
+
+    def _solve(
+        self,
+        system: System,
+        t: float,
+        q: Real,
+        v: Real,
+        begun: tuple[float, float],
+        after: Callable[[Window], float | None],
+    ) -> Solution:
+        """Windows from ``t`` [s] on, until ``after`` ends them; ``begun``: position and speed where the segment begins."""
+        breakpoints = breakpoint_finder(self.compiled)
+        if not len(q):
+            assert self.separation is not None
+            pace = partial(self.separation.window_length, self.compiled, q, v, duration=self.duration)
+            return driven_windows(t, self.duration, pace, after, breakpoints)
+        keeps = None
+        if isinstance(system, Curve) and (len(self.known) > 1 or system.table.boundaries is not None):
+            keeps = partial(system.kept, begun)
+        integrator = Integrator(
+            system,
+            tolerance=self.tolerance,
+            scale=self.scale,
+            stiff=self.method == "radau",
+            nodes=self.original.accuracy.nodes,
+            most=self.original.accuracy.window,
+            after=after,
+            breakpoints=breakpoints,
+            keeps=keeps,
+        )
+        known = self._known(t)
+        return integrator.run(q, v, t, self.duration) if known is None else refine(integrator, q, v, t, self.duration, known)
+
+    def _possible_events(self, t: float, q: Real, v: Real, begun: tuple[float, float], system: System) -> list[PossibleEvent]:
+        """All events that can end the segment that begins at q, v (f,), t [s]; ``begun``: position and speed there."""
+        soon = t + 1e-12 * self.duration
+        out: list[PossibleEvent] = []
+        for function, noise, stop in self.stops.event_functions(q, v, t, system):
+            out.append(PossibleEvent(partial(first_exceeding, function, after=t, noise=noise), partial(self._end_stop, stop)))
+        for function, noise, loose in self.friction.stick_ends(q, v, t):
+            out.append(PossibleEvent(partial(first_exceeding, function, after=t, noise=noise), partial(self._slide, loose=loose)))
+        for watch, function in self.looks:
+            out.append(PossibleEvent(partial(first_zero, function, after=soon, rising=watch.rising), partial(self._pass, watch)))
+        sliding, prescribed = self.friction.slip_ends()
+        for function, rising in sliding:
+            out.append(PossibleEvent(partial(first_zero, function, after=soon, rising=rising), self._slide))
+        for function in prescribed:
+            find = partial(first_beyond, function, after=t, limit=0.5, count=PRESCRIBED_SAMPLES, again=True)
+            out.append(PossibleEvent(find, self._slide))
+        for boundary in self.boundaries:
+            find = partial(first_zero, boundary, after=t, rising=True)
+            out.append(PossibleEvent(find, lambda _, q, v: self._take_over(q, v, begun)))
+        return out + self._contact_events(t)
+
+    def _end_stop(self, stop: int, t: float, q: Real, v: Real) -> tuple[Real, Real]:
+        self.stops.end(stop, t)
+        return q, v
+
+    def _slide(self, t: float, q: Real, v: Real, loose: tuple[int, float] | None = None) -> tuple[Real, Real]:
+        return q, self._settle(t, q, v, loose)
+
+    def _pass(self, watch: EventTrigger, t: float, q: Real, v: Real) -> tuple[Real, Real]:
+        rotary = watch.joint is not None and self.compiled.model.rotary(watch.joint)
+        self.log.tell(SimulationEvent(t, "end" if watch.ends else "watch", watch.name, watch.passed(rotary=rotary)))
+        self.over = self.over or watch.ends
+        return q, v
 
     def _check(self, window: Window, until: float) -> None:
         """Raise `MechanismError` where loads are asked for more than their laws say, until a time [s] in a window."""
@@ -363,20 +364,24 @@ class EventIntegrator:
         return self.friction.settle(t, q, v, self.stops.rests, loose)
 
     # -- cams that only press -----------------------------------------------------------------------------------------
-    def _contacts(self) -> list[tuple[str, Gauge, float]]:
-        """What ends contact or flight of every cam and follower: an event function and the value that it then exceeds."""
-        out: list[tuple[str, Gauge, float]] = []
-        if self.separation is None:
+    def _contact_events(self, t: float) -> list[PossibleEvent]:
+        """The ends of contact or flight of every cam and follower."""
+        separation = self.separation
+        out: list[PossibleEvent] = []
+        if separation is None:
             return out
-        for name, contact in self.separation.contacts.items():
-            if name in self.separated:
-                noise = TOUCH * (1.0 if contact.rotary else self.compiled.model.length_scale)
-                out.append((name, self.separation.overlap(name, self.separated), noise))
-            else:
-                out.append((name, self._parting(name), 0.0))
+        for name, contact in separation.contacts.items():
+            away = name in self.separated
+            noise = TOUCH * (1.0 if contact.rotary else self.compiled.model.length_scale) if away else 0.0
+            function = separation.overlap(name, self.separated) if away else self._parting(name)
+
+            def find(window: Window, function: EventFunction = function, limit: float = noise, again: bool = away) -> float | None:
+                return first_beyond(function, window, t, limit, separation.samples(self.compiled, window), again=again)
+
+            out.append(PossibleEvent(find, partial(self._land_or_let_go, name)))
         return out
 
-    def _parting(self, name: str) -> Gauge:
+    def _parting(self, name: str) -> EventFunction:
         """Positive where a cam in contact would have to pull."""
         assert self.separation is not None
         if not self.friction.counts:
@@ -390,34 +395,24 @@ class EventIntegrator:
 
         return pulling
 
-    def _samples(self, window: Window) -> int:
-        """Places at which contacts are looked at in a window."""
-        assert self.separation is not None
-        q, v, _ = window(np.array([window.start]))
-        turned = self.separation.pace(self.compiled, q[0], v[0], window.start) * window.length
-        return int(min(SAMPLES * max(1.0, np.ceil(turned / SHARE)), 20_000))
+    def _land_or_let_go(self, name: str, t: float, q: Real, v: Real) -> tuple[Real, Real]:
+        return self._land(t, q, v, name) if name in self.separated else self._let_go(t, q, v, name)
 
-    def _share(self, q: Real, v: Real, t: float) -> float:
-        """Length of a window from ``t`` on in which all is prescribed [s]."""
-        assert self.separation is not None
-        pace = self.separation.pace(self.compiled, q, v, t)
-        return float(np.clip(SHARE / max(pace, 1e-300), self.duration / 20_000, self.duration / 8.0))
-
-    def _let_go(self, t: float, q: Real, v: Real, loose: str | None = None) -> tuple[Real, Real]:
-        """Followers that would have to be pulled leave their cams, ``loose`` is known to; coordinates and rates after it."""
+    def _let_go(self, t: float, q: Real, v: Real, name: str | None = None) -> tuple[Real, Real]:
+        """Followers that would have to be pulled leave their cams, that of ``name`` is known to; coordinates and rates after it."""
         if self.separation is None:
             return q, v
-        for name in self.separation.contacts:
-            if name in self.separated:
+        for cam in self.separation.contacts:
+            if cam in self.separated:
                 continue
-            if name != loose and not float(self._parting(name)(q[None], v[None], np.array([t]))[0]) > 0.0:
+            if cam != name and not float(self._parting(cam)(q[None], v[None], np.array([t]))[0]) > 0.0:
                 continue
-            where = self.separation.where(name, self.compiled, q, v, t)
-            more = self.separated | {name}
-            compiled, q, v = self.separation.compiled(more, q, v, t, name)
+            where = self.separation.where(cam, self.compiled, q, v, t)
+            more = self.separated | {cam}
+            compiled, q, v = self.separation.compiled(more, q, v, t, cam)
             self.separated = more
             self._use_chart(compiled, Chart(compiled), None)
-            self.log.tell(SimulationEvent(t, "lost", name, f"contact lost at {where}"))
+            self.log.tell(SimulationEvent(t, "lost", cam, f"contact lost at {where}"))
             self.friction.begin(self.compiled, t, q, v)
             v = self._settle(t, q, v)
         return q, v
@@ -463,19 +458,8 @@ class EventIntegrator:
         friction = partial(self.friction.equations_of, rests=self.stops.rests)
         return float(self.separation.parting(name, fewer, friction)(q[None], v[None], np.array([t]))[0])
 
-    def _rotary(self, joint: str) -> bool:
-        return self.compiled.model.rotary(joint)
-
 
 def _waypoints_along(compiled: Compiled, windows: Sequence[Window]) -> list[Waypoint]:
     """Waypoints within windows, in order."""
     t = np.concatenate([w.start + w.length * WAYPOINTS for w in windows])
     return waypoints(compiled, Solution(list(windows))(t)[0], t)
-
-
-def _passed(watch: EventTrigger, *, rotary: bool) -> str:
-    """What a watch has seen, in words; ``rotary``: its joint turns."""
-    what = watch.joint if watch.joint is not None else ".".join(watch.point or ())
-    if watch.of == "velocity":
-        return f"velocity of {what} passes {as_quantity(watch.at, 'angular speed' if rotary else 'linear speed')}"
-    return f"{watch.of} of {what} passes {as_coordinate(watch.at, rotary=rotary)}"

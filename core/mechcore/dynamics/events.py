@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Any, Literal
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.polynomial import chebyshev
@@ -15,7 +15,7 @@ from mechcore.arrays import Real
 from mechcore.dynamics.integration.collocation import Window
 from mechcore.motion.motion import Motion
 from mechcore.spec.mechanism import Mechanism
-from mechcore.texts import Text
+from mechcore.texts import Text, as_coordinate, as_quantity
 
 SAMPLES = 25  # of a window, in which an event function is a polynomial to rounding or nearly so
 _X = np.cos(np.pi * (np.arange(SAMPLES) + 0.5) / SAMPLES)[::-1]
@@ -23,8 +23,17 @@ _PLACES = np.concatenate([_X, [-1.0, 1.0]])
 _FIT = np.linalg.inv(chebyshev.chebvander(_X, SAMPLES - 1))
 POLISHED = 12  # evaluations at a zero, at most: next to a kink the polynomial is a poor guess of it
 
-Gauge = Callable[[Real, Real, Real], Real]
+EventFunction = Callable[[Real, Real, Real], Real]
 """Something measured at positions (n, f), speeds (n, f), times (n,) -> (n,)."""
+Reaction = Callable[[float, Real, Real], tuple[Real, Real]]
+"""From the time [s] of an event, coordinates and rates (f,) there to those after it."""
+
+
+class PossibleEvent(NamedTuple):
+    """Something that may happen in a segment: when in a window it first does, and what follows from it."""
+
+    find: Callable[[Window], float | None]
+    react: Reaction
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -69,6 +78,13 @@ class EventTrigger:
     rising: bool | None = None
     ends: bool = False
 
+    def passed(self, *, rotary: bool) -> str:
+        """The passage in words; ``rotary``: the joint turns."""
+        what = self.joint if self.joint is not None else ".".join(self.point or ())
+        if self.of == "velocity":
+            return f"velocity of {what} passes {as_quantity(self.at, 'angular speed' if rotary else 'linear speed')}"
+        return f"{self.of} of {what} passes {as_coordinate(self.at, rotary=rotary)}"
+
 
 @dataclass(frozen=True)
 class SimulationEvent:
@@ -86,7 +102,7 @@ class SimulationEvent:
 
 def event_function_of(
     watch: EventTrigger | Stop, coordinates: dict[str, int], motion_at: Callable[[Real, Real, Real], Motion]
-) -> Gauge:
+) -> EventFunction:
     """What a stop or a watch measures, minus its limit; free coordinates are read off, all else is computed from the motion."""
     of = watch.of if isinstance(watch, EventTrigger) else "position"
     if watch.joint in coordinates and of in ("position", "velocity"):
@@ -107,7 +123,7 @@ def event_function_of(
     return measured
 
 
-def first_zero(event_function: Gauge, window: Window, after: float, rising: bool | None) -> float | None:
+def first_zero(event_function: EventFunction, window: Window, after: float, rising: bool | None) -> float | None:
     """The first time in a window, later than ``after`` [s], at which an event function passes zero; None where it does not."""
     low, high = max(window.start, after), window.start + window.length
     if high - low <= 0:
@@ -138,7 +154,7 @@ def first_zero(event_function: Gauge, window: Window, after: float, rising: bool
     return None
 
 
-def first_exceeding(event_function: Gauge, window: Window, after: float, noise: float) -> float | None:
+def first_exceeding(event_function: EventFunction, window: Window, after: float, noise: float) -> float | None:
     """The time in a window, not before ``after`` [s], at which an event function passes zero for the first time to exceed
     ``noise``; just after the beginning, where it has jumped above zero there. None where it does not."""
     low, high = max(window.start, after), window.start + window.length

@@ -18,7 +18,7 @@ from mechcore.dynamics.equations.charts import Chart
 from mechcore.dynamics.equations.reduced import reduce
 from mechcore.dynamics.events import EventTrigger, Stop
 from mechcore.dynamics.integration.collocation import gauss, radau
-from mechcore.dynamics.integration.windows import integrate
+from mechcore.dynamics.integration.windows import Integrator
 from mechcore.dynamics.simulate import simulate
 from mechcore.errors import MechanismError
 from mechcore.laws.timed import Free
@@ -417,7 +417,7 @@ def test_panels_follow_a_function_to_rounding():
 
 def test_integrate_ends_where_it_is_told():
     system = Chart(compile_mechanism(pendulum(inertia=0.4, mass=1.5, distance=0.35, angle=1.0)))
-    solution = integrate(system, np.array([0.0]), np.array([0.0]), 0.0, 1.0, tolerance=1e-8)
+    solution = Integrator(system, tolerance=1e-8).run(np.array([0.0]), np.array([0.0]), 0.0, 1.0)
     assert solution.end == pytest.approx(1.0, abs=1e-14)
 
 

@@ -6,12 +6,10 @@ import numpy as np
 import pytest
 from dynamic_mechanisms import pendulum
 
-from mechcore.dynamics import event_integrator as progress_module
 from mechcore.dynamics import simulation as simulation_module
-from mechcore.dynamics.integration import refinement as retrace_module
 from mechcore.dynamics.integration.collocation import Window
 from mechcore.dynamics.integration.refinement import Known, refine
-from mechcore.dynamics.integration.windows import Solution, integrate
+from mechcore.dynamics.integration.windows import Integrator, Solution
 from mechcore.dynamics.simulate import simulate
 from mechviz.accuracy.estimate import integration_error
 from mechviz.runs import run_scene
@@ -46,12 +44,12 @@ class Counted:
 def test_same_solution_from_any_start_that_is_near(stiff, wrong):
     """Against a march to 1e-13; what it starts from may be wrong by much more than what comes out."""
     start = np.array([2.0]), np.array([0.0])
-    first = integrate(Counted(), *start, 0.0, 12.0, tolerance=1e-7, stiff=stiff)
-    exact = integrate(Counted(), *start, 0.0, 12.0, tolerance=1e-13)
+    first = Integrator(Counted(), tolerance=1e-7, stiff=stiff).run(*start, 0.0, 12.0)
+    exact = Integrator(Counted(), tolerance=1e-13).run(*start, 0.0, 12.0)
     boundaries = np.array([*(w.start for w in first.windows), 12.0])
     known = Known(boundaries, np.zeros(len(boundaries) - 1, bool), lambda t: first(t)[2] * (1.0 + wrong * np.cos(t))[:, None])
     system = Counted()
-    found = refine(system, *start, 0.0, 12.0, known=known, tolerance=1e-10, stiff=stiff)
+    found = refine(Integrator(system, tolerance=1e-10, stiff=stiff), *start, 0.0, 12.0, known)
     t = np.linspace(0.0, 12.0, 301)
     miss, before = (np.abs(np.array(x(t)[:2]) - np.array(exact(t)[:2])).max() for x in (found, first))
     assert miss < 2e-10 and before > 3.0 * miss
@@ -63,9 +61,9 @@ def test_same_solution_from_any_start_that_is_near(stiff, wrong):
 def test_windows_are_halved_until_the_series_ends():
     """Windows far too long for the equations become short ones, and only where that is needed."""
     start = np.array([2.0]), np.array([0.0])
-    exact = integrate(Counted(), *start, 0.0, 12.0, tolerance=1e-13)
+    exact = Integrator(Counted(), tolerance=1e-13).run(*start, 0.0, 12.0)
     known = Known(np.linspace(0.0, 12.0, 7), np.zeros(6, bool), lambda t: exact(t)[2])
-    found = refine(Counted(), *start, 0.0, 12.0, known=known, tolerance=1e-10)
+    found = refine(Integrator(Counted(), tolerance=1e-10), *start, 0.0, 12.0, known)
     lengths = [w.length for w in found.windows]
     assert max(lengths) >= 2.0 * min(lengths)
     assert np.abs(found(np.array([12.0]))[0] - exact(np.array([12.0]))[0]).max() < 2e-10
@@ -74,10 +72,10 @@ def test_windows_are_halved_until_the_series_ends():
 def test_what_is_known_may_be_nonsense():
     """Then it is integrated from the beginning, or from where it leads astray."""
     start = np.array([2.0]), np.array([0.0])
-    exact = integrate(Counted(), *start, 0.0, 5.0, tolerance=1e-13)
+    exact = Integrator(Counted(), tolerance=1e-13).run(*start, 0.0, 5.0)
     for acceleration in (lambda t: np.full((len(t), 1), np.nan), lambda t: 40.0 * np.sin(20.0 * t)[:, None]):
         known = Known(np.linspace(0.0, 5.0, 9), np.zeros(8, bool), acceleration)
-        found = refine(Counted(), *start, 0.0, 5.0, known=known, tolerance=1e-11)
+        found = refine(Integrator(Counted(), tolerance=1e-11), *start, 0.0, 5.0, known)
         assert np.abs(found(np.array([5.0]))[0] - exact(np.array([5.0]))[0]).max() < 1e-9
 
 
@@ -115,13 +113,13 @@ break_time = Passing()
 def test_windows_end_where_the_law_changes_in_the_new_motion():
     """The breakpoints of the motion that it started from are at other times; against a march to 1e-13."""
     start = np.array([0.3]), np.array([0.0])
-    first = integrate(Bent(), *start, 0.0, 6.0, tolerance=1e-3, nodes=3, breakpoints=break_time)
-    exact = integrate(Bent(), *start, 0.0, 6.0, tolerance=1e-13, breakpoints=break_time)
+    first = Integrator(Bent(), tolerance=1e-3, nodes=3, breakpoints=break_time).run(*start, 0.0, 6.0)
+    exact = Integrator(Bent(), tolerance=1e-13, breakpoints=break_time).run(*start, 0.0, 6.0)
     known = Known(
         np.array([*(w.start for w in first.windows), 6.0]), np.array([w.cut for w in first.windows]), lambda t: first(t)[2]
     )
     assert known.cut.sum() > 5
-    found = refine(Bent(), *start, 0.0, 6.0, known=known, tolerance=1e-9, breakpoints=break_time)
+    found = refine(Integrator(Bent(), tolerance=1e-9, breakpoints=break_time), *start, 0.0, 6.0, known)
     t = np.linspace(0.0, 6.0, 301)
     miss, before = (np.abs(x(t)[0] - exact(t)[0]).max() for x in (found, first))
     assert miss < 2e-9 and before > 100.0 * miss
@@ -141,9 +139,8 @@ def test_a_falsified_motion_is_found_out():
 def test_companion_is_not_marched(monkeypatch):
     """Nothing is integrated window by window for an estimate, not even with stops and events."""
     runs = [run_scene(load(name), outputs=()) for name in ("toggle-press-stop", "falling-four-bars", "coupled-carts")]
-    calls = []
-    for module in (progress_module, retrace_module):
-        monkeypatch.setattr(module, "integrate", lambda *a, **k: calls.append(a) or integrate(*a, **k))
+    calls, plain = [], Integrator.run
+    monkeypatch.setattr(Integrator, "run", lambda *a: calls.append(a) or plain(*a))
     for run in runs:
         assert np.isfinite(integration_error(run.simulation, run.motion.time, run.again)).all()
     assert not calls

@@ -10,7 +10,7 @@ from dynamic_mechanisms import chain
 from mechanisms import REFERENCE, drawn, four_bar, load, move, slider_crank
 
 from mechcore.dynamics.equations.charts import differences
-from mechcore.dynamics.integration.windows import integrate
+from mechcore.dynamics.integration.windows import Integrator
 from mechcore.dynamics.simulate import simulate
 from mechcore.laws.timed import ConstantSpeed
 from mechcore.spec.loads import Force
@@ -226,7 +226,7 @@ def test_stick_slip_with_bristles():
     """Time constants of 0.003 s to some seconds in one motion: the integrator's Radau windows."""
     case = CASES["lugre_stick_slip"]
     end, none = case["inputs"]["t_end"], np.zeros(2)
-    found = integrate(Bristles(case["inputs"]), none, none, 0.0, end, tolerance=1e-8, scale=np.array([1.0, 1e-5]), stiff=True)
+    found = Integrator(Bristles(case["inputs"]), tolerance=1e-8, scale=np.array([1.0, 1e-5]), stiff=True).run(none, none, 0.0, end)
     q, v, _ = found(end)
     for key, got in (("x", q[0, 0]), ("v", v[0, 0]), ("z", v[0, 1])):
         agree(got, case["expected"][key], case, key)

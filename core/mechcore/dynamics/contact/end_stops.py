@@ -22,7 +22,7 @@ from mechcore.arrays import Flags, Real
 from mechcore.dynamics.contact.dry_friction import DrySystem
 from mechcore.dynamics.equations.charts import Chart, jacobian_of
 from mechcore.dynamics.equations.reduced import coordinate_scales, free_of, motion_at, moving, reduced_equations, shifted
-from mechcore.dynamics.events import Gauge, Log, SimulationEvent, Stop, event_function_of
+from mechcore.dynamics.events import EventFunction, Log, SimulationEvent, Stop, event_function_of
 from mechcore.dynamics.integration.collocation import System
 from mechcore.effects.masses import kinetic_energy
 from mechcore.errors import Fault, MechanismError
@@ -128,10 +128,10 @@ class EndStops:
                 raise MechanismError(Fault(f"joints.{stop.joint}.stops", why, "Start on the other side, or move the stop."))
 
     # -- in the course of a segment ------------------------------------------------------------------------------------
-    def event_functions(self, q: Real, v: Real, t: float, system: System) -> list[tuple[Gauge, float, int]]:
+    def event_functions(self, q: Real, v: Real, t: float, system: System) -> list[tuple[EventFunction, float, int]]:
         """What ends a segment that begins at q, v (f,), t [s]: an event function, the value that it then exceeds by more than
         rounding, and the number of the stop that is struck or left."""
-        out: list[tuple[Gauge, float, int]] = []
+        out: list[tuple[EventFunction, float, int]] = []
         for k in range(len(self.stops)):
             if k in self.closed:
                 out.append((partial(self._pull, k, system), self._pulls[k], k))

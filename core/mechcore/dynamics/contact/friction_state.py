@@ -23,7 +23,7 @@ from mechcore.dynamics.equations.reduced import (
     reduced_equations,
     shifted,
 )
-from mechcore.dynamics.events import Gauge, Log, SimulationEvent
+from mechcore.dynamics.events import EventFunction, Log, SimulationEvent
 from mechcore.dynamics.integration.collocation import Window
 from mechcore.errors import Fault, MechanismError
 from mechcore.forces.friction.elements import Element, elements_of, scales_of
@@ -64,12 +64,12 @@ class FrictionState:
         phases.decide(t, q, v, rests=rests)
         return phases.system()
 
-    def slip_ends(self) -> tuple[list[tuple[Gauge, bool]], list[Gauge]]:
+    def slip_ends(self) -> tuple[list[tuple[EventFunction, bool]], list[EventFunction]]:
         """What ends the slip of elements, and that of prescribed ones: as `Phases.slip_ends` and
         `Phases.independent_event_functions` say it."""
         return ([], []) if self._phases is None else (self._phases.slip_ends(), self._phases.independent_event_functions())
 
-    def stick_ends(self, q: Real, v: Real, t: float) -> list[tuple[Gauge, float, tuple[int, float]]]:
+    def stick_ends(self, q: Real, v: Real, t: float) -> list[tuple[EventFunction, float, tuple[int, float]]]:
         """What ends the sticking of elements, as in `Phases.stick_ends`."""
         return [] if self._phases is None else self._phases.stick_ends(q, v, t)
 
@@ -224,11 +224,11 @@ class Phases:
         motion = moving(self.compiled, q[:1], way * np.ones_like(v[:1]), t[:1])[0]
         return np.array([float(np.sign(e.rate[0])) for e in elements_of(motion)])
 
-    def slip_ends(self) -> list[tuple[Gauge, bool]]:
+    def slip_ends(self) -> list[tuple[EventFunction, bool]]:
         """Relative rates that end the slip of an element where they pass zero, and whether they rise there."""
         return [(partial(self._rate, i), bool(s < 0)) for i, s in enumerate(self.signs) if s != 0.0 and not self.prescribed[i]]
 
-    def stick_ends(self, q: Real, v: Real, t: float) -> list[tuple[Gauge, float, tuple[int, float]]]:
+    def stick_ends(self, q: Real, v: Real, t: float) -> list[tuple[EventFunction, float, tuple[int, float]]]:
         """What ends the sticking of an element in a phase that begins at q, v (f,), t [s]: an event function that then exceeds
         zero, by how much it may do so by rounding, and what comes loose (see `decide`)."""
         row = q[None], v[None], np.array([t])
@@ -243,7 +243,7 @@ class Phases:
         noise = LOOSE * (found.limit[0] + np.abs(found.value[0]))
         return [(partial(_excess, system, int(i)), float(noise[i]), (int(i), 0.0)) for i in stuck]
 
-    def independent_event_functions(self) -> list[Gauge]:
+    def independent_event_functions(self) -> list[EventFunction]:
         """Gauges that are 1 where an element that is prescribed does not slide as it does now, else 0."""
         return [partial(self._other_sense, int(i), self.signs[i]) for i in np.flatnonzero(self.prescribed)]
 

@@ -218,6 +218,16 @@ class FollowerSeparation:
                 found.append(abs(float(motion.velocity(c.cam.links[0])[0, 2] - _angular_velocity(motion, c.cam.carrier))))
         return max(found)
 
+    def samples(self, compiled: Compiled, window: Window) -> int:
+        """How many places of a window contacts are looked at."""
+        q, v, _ = window(np.array([window.start]))
+        turned = self.pace(compiled, q[0], v[0], window.start) * window.length
+        return int(min(SAMPLES * max(1.0, np.ceil(turned / SHARE)), 20_000))
+
+    def window_length(self, compiled: Compiled, q: Real, v: Real, t: float, duration: float) -> float:
+        """Length of a window from ``t`` on in which all is prescribed [s], of a motion of a ``duration`` [s]."""
+        return float(np.clip(SHARE / max(self.pace(compiled, q, v, t), 1e-300), duration / 20_000, duration / 8.0))
+
 
 def pressing(motion: Motion, forces: Forces, name: str) -> Real:
     """Force (n,) [N] with which a cam in contact presses on its follower. Raises `MechanismError` where friction jams."""

@@ -1,12 +1,12 @@
 """A motion found anew from one that is nearly right: many windows at once instead of one after the other.
 
-`integrate` marches because nothing is known of the next window before the last one is solved. Where a motion is known already and
+`Integrator` marches because nothing is known of the next window before the last one is solved. Where a motion is known already and
 its error is to be found, its accelerations start Newton's method on the collocation equations of many windows together
 (`ParallelShooting`); the first step is deferred correction.
 
 The equations that are solved are those of the new rule on the new windows, whatever they were started from. What is known only
 says where to begin, and how long the windows are at first: each is halved until the last coefficients of its own series are below
-the new tolerance. Where that does not lead to a solution, `integrate` finds the motion.
+the new tolerance. Where that does not lead to a solution, `Integrator` finds the motion.
 """
 
 from __future__ import annotations
@@ -18,9 +18,9 @@ from functools import partial
 import numpy as np
 
 from mechcore.arrays import Flags, Real
-from mechcore.dynamics.integration.collocation import Rule, System, Window, gauss, radau
+from mechcore.dynamics.integration.collocation import Window
 from mechcore.dynamics.integration.parallel_shooting import MOST, ParallelShooting
-from mechcore.dynamics.integration.windows import BreakpointFinder, Solution, integrate, nodes_for
+from mechcore.dynamics.integration.windows import BreakpointFinder, Integrator, Solution
 
 MORE = 3  # nodes beyond those of the tolerance: the windows are at first those of a looser one
 NEAR = 1e-10  # of a window: a breakpoint so near to its end is there
@@ -41,37 +41,20 @@ def _acceleration(window: Window, t: Real) -> Real:
     return window(t)[2]
 
 
-def refine(
-    system: System,
-    q: Real,
-    v: Real,
-    t0: float,
-    t1: float,
-    *,
-    known: Known,
-    tolerance: float = 1e-9,
-    scale: Real | float = 1.0,
-    stiff: bool = False,
-    nodes: int | None = None,
-    most: float | None = None,
-    after: Callable[[Window], float | None] | None = None,
-    breakpoints: BreakpointFinder | None = None,
-    keeps: Callable[[Real, Real], Real] | None = None,
-) -> Solution:
-    """What `integrate` does, by what is ``known``; the other arguments and what it raises are those of that."""
-    s = (nodes or nodes_for(tolerance)) + MORE
-    rule: Rule = radau(s) if stiff else gauss(s)
-    solver = ParallelShooting(system, rule, tolerance, scale)
+def refine(by: Integrator, q: Real, v: Real, t0: float, t1: float, known: Known) -> Solution:
+    """The solution of `Integrator.run`, found by what is ``known``; it raises the same."""
+    rule, breakpoints = by.rule(MORE), by.breakpoints
+    solver = ParallelShooting(by.system, rule, by.tolerance, by.scale)
     found = Solution()
     t, q, v = t0, np.asarray(q, float), np.asarray(v, float)
     least = 1e-13 * max(abs(t0), abs(t1), 1e-300)
     keep = (known.boundaries[1:] > t0 + 20.0 * least) & (known.boundaries[:-1] < t1 - least)
     ends, cut = np.minimum(known.boundaries[1:][keep], t1), known.cut[keep]
-    if len(ends) and most is not None and np.diff(np.append(t0, ends)).max() > most:
+    if len(ends) and by.most is not None and np.diff(np.append(t0, ends)).max() > by.most:
         ends, cut = ends[:0], cut[:0]
     if breakpoints is not None:  # what a law states in time is where it was
         cut = cut & np.array([abs(breakpoints.stated(end - 20.0 * least) - end) > 20.0 * least for end in ends], bool)
-    block = max(1, MOST // s)
+    block = max(1, MOST // len(rule.nodes))
     bent = 0
     while len(ends) and bent <= 2 * len(known.cut):
         count = int(np.argmax(cut[:block])) + 1 if breakpoints is not None and cut[:block].any() else min(block, len(ends))
@@ -91,7 +74,7 @@ def refine(
                 break_time = None
             found.windows.append(window)
             t = window.start + window.length
-            if after is not None and after(window) is not None:
+            if by.after is not None and by.after(window) is not None:
                 found.evaluations = solver.evaluations
                 return found
             if break_time is not None:
@@ -101,24 +84,10 @@ def refine(
                     ends, cut = ends[1:], cut[1:]
                 break
         end_q, end_v, _ = found.windows[-1](np.array([t]))
-        q, v = end_q[0], end_v[0] if keeps is None else keeps(end_q[0], end_v[0])
+        q, v = end_q[0], end_v[0] if by.keeps is None else by.keeps(end_q[0], end_v[0])
     found.evaluations = solver.evaluations
     if t < t1 - least:
-        rest = integrate(
-            system,
-            q,
-            v,
-            t,
-            t1,
-            tolerance=tolerance,
-            scale=scale,
-            stiff=stiff,
-            nodes=nodes,
-            most=most,
-            after=after,
-            breakpoints=breakpoints,
-            keeps=keeps,
-        )
+        rest = by.run(q, v, t, t1)
         found.windows += rest.windows
         found.evaluations += rest.evaluations
     return found

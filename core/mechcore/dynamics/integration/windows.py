@@ -28,8 +28,6 @@ ROUNDED = 1e-15  # of the scale: no window is solved to more digits
 FEW = 3  # windows in a row that end at stated breakpoints: so many, or more, are solved together
 FARTHER, NEARER, RECOVERED = 2.0, 0.3, 1.2  # how far the next ones reach: where the last were solved, were not, or one of them was
 CHATTER, MOST_CUT = 1e-5, 400  # windows shorter than this part of the longest; so many in a row, cut at breakpoints, get nowhere
-
-
 SETTLED, MANY = 8, 250  # windows after which their length tells how many are left; so many are worth compiling
 BATCH = 64  # windows that a compiled program solves before anybody looks at them
 
@@ -113,146 +111,206 @@ def nodes_for(tolerance: float) -> int:
     return int(np.clip(round(-np.log10(max(tolerance, 1e-15))) + 2, 5, 14))
 
 
-def integrate(
-    system: System,
-    q: Real,
-    v: Real,
-    t0: float,
-    t1: float,
-    *,
-    tolerance: float = 1e-9,
-    scale: Real | float = 1.0,
-    stiff: bool = False,
-    first: float | None = None,
-    nodes: int | None = None,
-    most: float | None = None,
-    after: Callable[[Window], float | None] | None = None,
-    breakpoints: BreakpointFinder | None = None,
-    keeps: Callable[[Real, Real], Real] | None = None,
-) -> Solution:
-    """Integrate from ``t0`` to ``t1`` [s], starting at q, v (f,).
+@dataclass(frozen=True, eq=False)
+class Integrator:
+    """How a system is integrated by collocation, window by window.
 
-    Where many breakpoints are stated within the length that one window would have, the windows between them are solved together.
-
-    ``tolerance``: local error of the position, relative to ``scale`` (a typical size of q, one or (f,)). ``after`` is called
-    with every accepted window; a time that it returns ends the integration there. ``breakpoints`` finds the first time in a
-    window, later than a given one, at which the equations change their form: windows end there. ``keeps``: position and speed at
-    the end of a window -> the speed that a first integral gives there. ``nodes``: of a window, ``most``: longest window [s]. Raises
-    `MechanismError` where no window however short succeeds.
+    ``tolerance``: local error of the position, relative to ``scale`` (a typical size of q, one or (f,)). ``nodes``: of a window,
+    ``most``: longest window [s]. ``after`` is called with every accepted window; a time that it returns ends the integration there.
+    ``breakpoints`` finds the first time in a window, later than a given one, at which the equations change their form: windows end
+    there. ``keeps``: position and speed at the end of a window -> the speed that a first integral gives there.
     """
-    s = nodes or nodes_for(tolerance)
-    rule: Rule = radau(s) if stiff else gauss(s)
-    q, v = np.asarray(q, float), np.asarray(v, float)
-    solution = Solution()
-    end_a = system(q[None], v[None], np.array([t0]))
-    solution.evaluations += 1
-    h = first or _first_window(q, v, end_a[0], t1 - t0, scale)
-    guess = np.repeat(end_a, s, axis=0)
-    t = t0
-    least = 1e-13 * max(abs(t0), abs(t1), 1e-300)
-    longest = 0.0  # window so far
-    chatter = 0  # windows in a row that a breakpoint has cut to almost nothing
-    starts = breakpoints is not None  # at a breakpoint, or where one may be
-    cuts, uncut = 0, 0.0  # of the present window at breakpoints, and how long it would have been
 
-    def accept(window: Window) -> bool:
-        solution.windows.append(window)
-        return after is None or after(window) is None
+    system: System
+    tolerance: float = 1e-9
+    scale: Real | float = 1.0
+    stiff: bool = False
+    nodes: int | None = None
+    most: float | None = None
+    after: Callable[[Window], float | None] | None = None
+    breakpoints: BreakpointFinder | None = None
+    keeps: Callable[[Real, Real], Real] | None = None
 
-    def end_of(window: Window) -> tuple[float, Real, Real, Real]:
-        end = window.start + window.length
-        q, v, a = window(np.array([end]))
-        return end, q[0], v[0] if keeps is None else keeps(q[0], v[0]), a
+    def rule(self, more: int = 0) -> Rule:
+        """The rule of its windows, with so many ``more`` nodes."""
+        nodes = (self.nodes or nodes_for(self.tolerance)) + more
+        return radau(nodes) if self.stiff else gauss(nodes)
 
-    offered: Callable[..., WindowProgram | None] = getattr(system, "program", lambda **_: None)
-    program, settled = offered(), False
-    small = max(1e-3 * tolerance, ROUNDED) * float(np.min(scale))
-    rows = None if breakpoints is None else _Rows(ParallelShooting(system, rule, tolerance, scale), breakpoints, h, least, most)
-    while t < t1 - least:
-        if not settled and len(solution.windows) >= SETTLED:
-            settled = True
-            program = offered(long=True) if program is None and t1 - t > MANY * h else program
-        if program is not None and program.alone and breakpoints is None and keeps is None:
-            near = program.near(q[None], v[None], np.array([t]))
-            at = np.concatenate([[t, h, longest, 0.0, 0.0], q, v, end_a[0], guess.ravel(), near])
-            batch = program.windows(rule, at, (t1, least, np.inf if most is None else most, tolerance, small), BATCH)
-            solution.evaluations, solution.rejected = solution.evaluations + int(at[3]), solution.rejected + int(at[4])
-            if not all(accept(window) for window in map(Window, *batch[:5])):
-                break
-            (t, h, longest), f = (float(x) for x in at[:3]), len(q)
-            q, v, end_a, guess = at[5 : 5 + f], at[5 + f : 5 + 2 * f], at[None, 5 + 2 * f : 5 + 3 * f], at[5 + 3 * f :][: s * f]
-            guess = guess.reshape(s, f)
-            if batch.stuck:
-                raise _stuck(t, h)
-            continue
-        row = [] if rows is None or cuts else rows.solve(t, t1, q, v, end_a, longest)
-        if row:
-            if not all(accept(window) for window in row):
-                break
-            t, q, v, end_a = end_of(row[-1])
-            longest = max(longest, *(window.length for window in row))
-            guess, starts = np.repeat(end_a, s, axis=0), True
-            continue
-        h = min(h, t1 - t) if most is None else min(h, most, t1 - t)
+    def run(self, q: Real, v: Real, t0: float, t1: float) -> Solution:
+        """The solution from ``t0`` to ``t1`` [s], starting at q, v (f,).
+
+        Where many breakpoints are stated within the length that one window would have, the windows between them are solved
+        together. Raises `MechanismError` where no window however short succeeds.
+        """
+        return _Integration(self, np.asarray(q, float), np.asarray(v, float), t0, t1).run()
+
+
+class _Integration:
+    """An integration under way: time ``t``, position and speed there, and the length ``h`` of the next window."""
+
+    def __init__(self, by: Integrator, q: Real, v: Real, t0: float, t1: float):
+        self.by, self.rule = by, by.rule()
+        self.t, self.t1, self.q, self.v = t0, t1, q, v
+        self.solution = Solution(evaluations=1)
+        self.end_a = by.system(q[None], v[None], np.array([t0]))
+        self.h = _first_window(q, v, self.end_a[0], t1 - t0, by.scale)
+        self.guess = np.repeat(self.end_a, len(self.rule.nodes), axis=0)
+        self.least = 1e-13 * max(abs(t0), abs(t1), 1e-300)
+        self.longest = 0.0  # window so far
+        self.chatter = 0  # windows in a row that a breakpoint has cut to almost nothing
+        self.starts = by.breakpoints is not None  # at a breakpoint, or where one may be
+        self.cuts, self.uncut = 0, 0.0  # of the present window at breakpoints, and how long it would have been
+        self.offered: Callable[..., WindowProgram | None] = getattr(by.system, "program", lambda **_: None)
+        self.program, self.settled = self.offered(), False
+        self.small = max(1e-3 * by.tolerance, ROUNDED) * float(np.min(by.scale))
+        self.rows: _Rows | None = None
+        if by.breakpoints is not None:
+            shooting = ParallelShooting(by.system, self.rule, by.tolerance, by.scale)
+            self.rows = _Rows(shooting, by.breakpoints, self.h, self.least, by.most)
+
+    def run(self) -> Solution:
+        while self.t < self.t1 - self.least and self._advance():
+            pass
+        self.solution.evaluations += 0 if self.rows is None else self.rows.shooting.evaluations
+        return self.solution
+
+    def _advance(self) -> bool:
+        """One step: many windows by a compiled program, a row of them together, or a trial of one. False: the end is here."""
+        if not self.settled and len(self.solution.windows) >= SETTLED:
+            self.settled = True
+            if self.program is None and self.t1 - self.t > MANY * self.h:
+                self.program = self.offered(long=True)
+        if self.program is not None and self.program.alone and self.by.breakpoints is None and self.by.keeps is None:
+            return self._batch(self.program)
+        row: list[Window] = []
+        if self.rows is not None and not self.cuts:
+            row = self.rows.solve(self.t, self.t1, self.q, self.v, self.end_a, self.longest)
+        return self._row(row) if row else self._one()
+
+    def _accept(self, window: Window) -> bool:
+        self.solution.windows.append(window)
+        return self.by.after is None or self.by.after(window) is None
+
+    def _go_to_end(self, window: Window) -> None:
+        self.t = window.start + window.length
+        q, v, self.end_a = window(np.array([self.t]))
+        self.q, self.v = q[0], v[0] if self.by.keeps is None else self.by.keeps(q[0], v[0])
+
+    def _batch(self, program: WindowProgram) -> bool:
+        """Windows that a compiled program solves one after the other."""
+        solution, f, s = self.solution, len(self.q), len(self.rule.nodes)
+        near = program.near(self.q[None], self.v[None], np.array([self.t]))
+        head = [self.t, self.h, self.longest, 0.0, 0.0]
+        at = np.concatenate([head, self.q, self.v, self.end_a[0], self.guess.ravel(), near])
+        most = np.inf if self.by.most is None else self.by.most
+        batch = program.windows(self.rule, at, (self.t1, self.least, most, self.by.tolerance, self.small), BATCH)
+        solution.evaluations, solution.rejected = solution.evaluations + int(at[3]), solution.rejected + int(at[4])
+        if not all(self._accept(window) for window in map(Window, *batch[:5])):
+            return False
+        self.t, self.h, self.longest = (float(x) for x in at[:3])
+        self.q, self.v, self.end_a = at[5 : 5 + f], at[5 + f : 5 + 2 * f], at[None, 5 + 2 * f : 5 + 3 * f]
+        self.guess = at[5 + 3 * f :][: s * f].reshape(s, f)
+        if batch.stuck:
+            raise _stuck(self.t, self.h)
+        return True
+
+    def _row(self, row: list[Window]) -> bool:
+        if not all(self._accept(window) for window in row):
+            return False
+        self._go_to_end(row[-1])
+        self.longest = max(self.longest, *(window.length for window in row))
+        self.guess, self.starts = np.repeat(self.end_a, len(self.rule.nodes), axis=0), True
+        return True
+
+    def _one(self) -> bool:
+        """A trial of one window: it is accepted, cut at a breakpoint, or made shorter."""
+        t, least, nodes = self.t, self.least, self.rule.nodes
+        breakpoints = self.by.breakpoints
+        self._fit()
+        solved = self._solved()
+        if solved is None:
+            self.solution.evaluations += 8
+            return self._shorten(np.inf, 1.0)
+        nodes_a, count = solved
+        self.solution.evaluations += count
+        window = Window(t, self.h, self.q, self.v, self.rule.legendre @ nodes_a, self.cuts > 0)
+        break_time = breakpoints(window, t + 10.0 * least) if breakpoints is not None and self.cuts < 5 else None
+        if break_time is not None and t + 20.0 * least < break_time < t + self.h * (1.0 - 1e-10):
+            self.cuts, self.uncut, self.h = self.cuts + 1, max(self.uncut, self.h), break_time - t
+            self.guess = window(t + self.h * nodes)[2]
+            return True
+        worst, order = self._error(window)
+        return self._shorten(worst, order) if worst > MARGIN else self._go_on(window, worst, order)
+
+    def _fit(self) -> None:
+        """The window's length within what is left, the longest that is wanted, and the next breakpoint that is stated."""
+        t, t1, breakpoints = self.t, self.t1, self.by.breakpoints
+        h = min(self.h, t1 - t) if self.by.most is None else min(self.h, self.by.most, t1 - t)
         if t + 1.9 * h > t1 and t + h < t1:
             h = 0.5 * (t1 - t)  # no sliver at the end
-        stated = breakpoints.stated(t + 10.0 * least) if breakpoints is not None and not cuts else np.inf
-        if t + 20.0 * least < stated < t + h * (1.0 - 1e-10):
-            cuts, uncut, h = 1, h, stated - t
-        solved = None if program is None else program.window(rule, t, h, q, v, guess, small)
-        if program is None or (solved is None and program.partial):
-            solved = solve_window(rule, system, t, h, q, v, guess, small)
-        if solved is not None:
-            nodes_a, count = solved
-            solution.evaluations += count
-            window = Window(t, h, q, v, rule.legendre @ nodes_a, cuts > 0)
-            break_time = breakpoints(window, t + 10.0 * least) if breakpoints is not None and cuts < 5 else None
-            if break_time is not None and t + 20.0 * least < break_time < t + h * (1.0 - 1e-10):
-                cuts, uncut, h = cuts + 1, max(uncut, h), break_time - t
-                guess = window(t + h * rule.nodes)[2]
-                continue
-            left, rough, power = tails(window.a, np.array(h), np.array(max(longest, h)))
-            worst = float(np.max(left / (tolerance * scale)))
-            order = float(s + 1)
-            missed = MARGIN * float(np.max(rough / (tolerance * scale))) if starts or cuts else 0.0
-            if missed > worst:
-                worst, order = missed, float(power)
-            if worst > MARGIN and h < 1e4 * least:
-                worst = MARGIN  # the equations jump here without saying so; as near to the jump as time can be told
-        else:
-            solution.evaluations += 8
-            worst, order = np.inf, float(s + 1)
-        if worst > MARGIN:
-            solution.rejected += 1
-            h *= float(np.clip(0.8 * (1.0 / worst) ** (1.0 / order), 0.1, 0.7)) if np.isfinite(worst) else 0.3
-            if h < 1e3 * least:
-                raise _stuck(t, h)
-            guess = np.repeat(guess[:1], s, axis=0)
-            cuts = 0  # what is left of it does not reach the breakpoint
-            continue
-        longest = max(longest, h)
-        chatter = chatter + 1 if breakpoints is not None and h < CHATTER * longest else 0
-        if chatter > MOST_CUT:
-            raise MechanismError(
-                Fault(
-                    "dynamics",
-                    f"at t = {t:.9g} s a force changes its law again and again: at rest it pushes back whichever way the mechanism "
-                    "moves.",
-                    "An indicator diagram in the middle of a stroke holds like dry friction: give a joint a brake, or let the "
-                    "machine run through.",
-                )
+        stated = breakpoints.stated(t + 10.0 * self.least) if breakpoints is not None and not self.cuts else np.inf
+        if t + 20.0 * self.least < stated < t + h * (1.0 - 1e-10):
+            self.cuts, self.uncut, h = 1, h, stated - t
+        self.h = h
+
+    def _solved(self) -> tuple[Real, int] | None:
+        """Accelerations at the nodes of the window, and how often the system was called; None where the solver fails."""
+        at = self.t, self.h, self.q, self.v, self.guess, self.small
+        solved = None if self.program is None else self.program.window(self.rule, *at)
+        if self.program is None or (solved is None and self.program.partial):
+            solved = solve_window(self.rule, self.by.system, *at)
+        return solved
+
+    def _error(self, window: Window) -> tuple[float, float]:
+        """The window's error over the tolerance, and the power of its length with which it goes."""
+        allowed = self.by.tolerance * self.by.scale
+        left, rough, power = tails(window.a, np.array(self.h), np.array(max(self.longest, self.h)))
+        worst, order = float(np.max(left / allowed)), float(len(self.rule.nodes) + 1)
+        missed = MARGIN * float(np.max(rough / allowed)) if self.starts or self.cuts else 0.0
+        if missed > worst:
+            worst, order = missed, float(power)
+        if worst > MARGIN and self.h < 1e4 * self.least:
+            worst = MARGIN  # the equations jump here without saying so; as near to the jump as time can be told
+        return worst, order
+
+    def _shorten(self, worst: float, order: float) -> bool:
+        """Try a shorter window, by the error of this one; infinite where there is no solution."""
+        self.solution.rejected += 1
+        self.h *= float(np.clip(0.8 * (1.0 / worst) ** (1.0 / order), 0.1, 0.7)) if np.isfinite(worst) else 0.3
+        if self.h < 1e3 * self.least:
+            raise _stuck(self.t, self.h)
+        self.guess = np.repeat(self.guess[:1], len(self.rule.nodes), axis=0)
+        self.cuts = 0  # what is left of it does not reach the breakpoint
+        return True
+
+    def _go_on(self, window: Window, worst: float, order: float) -> bool:
+        """Accept a window; the length and the guess of the next one."""
+        self.longest = max(self.longest, self.h)
+        self.chatter = self.chatter + 1 if self.by.breakpoints is not None and self.h < CHATTER * self.longest else 0
+        if self.chatter > MOST_CUT:
+            why = (
+                f"at t = {self.t:.9g} s a force changes its law again and again: at rest it pushes back whichever way the "
+                "mechanism moves."
             )
-        if not accept(window):
-            break
-        t, q, v, end_a = end_of(window)
-        longer = h * float(np.clip(0.9 * (1.0 / max(worst, 1e-12)) ** (1.0 / order), 0.3, 1.6))
-        guess = np.repeat(end_a, s, axis=0) if uncut else _extrapolated(window, t + longer * rule.nodes, end_a)
-        h = max(longer, 0.5 * uncut)
-        if rows is not None:
-            rows.reach, rows.natural = max(h, RECOVERED * rows.reach if cuts else 0.0), h
-        starts, cuts, uncut = cuts > 0, 0, 0.0
-    solution.evaluations += 0 if rows is None else rows.shooting.evaluations
-    return solution
+            remedy = (
+                "An indicator diagram in the middle of a stroke holds like dry friction: give a joint a brake, or let the machine "
+                "run through."
+            )
+            raise MechanismError(Fault("dynamics", why, remedy))
+        if not self._accept(window):
+            return False
+        self._go_to_end(window)
+        longer = self.h * float(np.clip(0.9 * (1.0 / max(worst, 1e-12)) ** (1.0 / order), 0.3, 1.6))
+        nodes = self.rule.nodes
+        if self.uncut:
+            self.guess = np.repeat(self.end_a, len(nodes), axis=0)
+        else:
+            self.guess = _extrapolated(window, self.t + longer * nodes, self.end_a)
+        self.h = max(longer, 0.5 * self.uncut)
+        if self.rows is not None:
+            self.rows.reach, self.rows.natural = max(self.h, RECOVERED * self.rows.reach if self.cuts else 0.0), self.h
+        self.starts, self.cuts, self.uncut = self.cuts > 0, 0, 0.0
+        return True
 
 
 class _Rows:
