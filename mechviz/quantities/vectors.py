@@ -23,26 +23,27 @@ LARGEST_ARC = 0.45  # of the mechanism's size, along the arc
 
 @dataclass(frozen=True)
 class Family:
-    """A kind of vector: its name, what it means, its unit and its colour (red, green, blue)."""
+    """A kind of vector: its name, what it means, its unit and its colours (red, green, blue) on a light and on a dark ground."""
 
     name: str
     label: str
     meaning: str
     unit: str
     color: tuple[int, int, int]
+    on_dark: tuple[int, int, int]
 
 
 FAMILIES: Mapping[str, Family] = {
     f.name: f
     for f in (
-        Family("reaction", "Reactions", "force of a joint on the second link of its joint", "N", (206, 32, 58)),
-        Family("applied", "Applied loads", "forces and torques that the scene applies", "N", (240, 120, 0)),
-        Family("gravity", "Gravity", "weight at the centre of mass", "N", (112, 78, 38)),
-        Family("inertia", "Inertia", "resultant -m a on its line of action", "N", (146, 44, 178)),
-        Family("friction", "Friction", "dry friction on the second link of its joint", "N", (190, 150, 0)),
-        Family("drive", "Drive", "torque or force that the drive must supply", "N", (0, 140, 70)),
-        Family("velocity", "Velocity", "of traced points and centres of mass", "m/s", (22, 110, 220)),
-        Family("acceleration", "Acceleration", "of traced points and centres of mass", "m/s²", (0, 158, 170)),
+        Family("reaction", "Reactions", "force of a joint on the second link of its joint", "N", (206, 32, 58), (255, 72, 84)),
+        Family("applied", "Applied loads", "forces and torques that the scene applies", "N", (240, 120, 0), (255, 138, 20)),
+        Family("gravity", "Gravity", "weight at the centre of mass", "N", (112, 78, 38), (214, 178, 130)),
+        Family("inertia", "Inertia", "resultant -m a on its line of action", "N", (146, 44, 178), (208, 112, 246)),
+        Family("friction", "Friction", "dry friction on the second link of its joint", "N", (190, 150, 0), (255, 214, 92)),
+        Family("drive", "Drive", "torque or force that the drive must supply", "N", (0, 140, 70), (72, 222, 128)),
+        Family("velocity", "Velocity", "of traced points and centres of mass", "m/s", (22, 110, 220), (84, 168, 255)),
+        Family("acceleration", "Acceleration", "of traced points and centres of mass", "m/s²", (0, 158, 170), (52, 214, 220)),
     )
 }
 FORCE_FAMILIES = ("reaction", "applied", "gravity", "inertia", "friction", "drive")

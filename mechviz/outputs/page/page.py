@@ -14,7 +14,6 @@ from mechviz.outputs.page.plots import find_plots, first_plots, pack_plot
 from mechviz.outputs.page.shapes import hex_of, pack_bodies, pack_drawables, pack_drawing, pack_links, spring_boxes
 from mechviz.outputs.presentation import Presentation
 from mechviz.outputs.rerun.blueprint import LONGEST_SHOW, SECONDS_A_CYCLE, SHORTEST_SHOW
-from mechviz.outputs.rerun.nodes import COLORS
 from mechviz.picture.nodes import Picture
 from mechviz.picture.overlays import DIAGRAMS, HIDDEN
 from mechviz.quantities.catalogue import Catalogue
@@ -161,7 +160,7 @@ def _groups(picture: Picture, drawn: list[dict[str, Any]]) -> list[dict[str, Any
             continue
         entry = {"name": name, "label": family.label, "meaning": family.meaning, "shown": name in FORCE_FAMILIES or not forces}
         entry["shown"] = entry["shown"] and name != "acceleration"
-        entry |= {"light": hex_of(family.color), "dark": hex_of(COLORS[name])}
+        entry |= {"light": hex_of(family.color), "dark": hex_of(family.on_dark)}
         per_metre = picture.scales.per_metre(name)
         arrows = any(d["group"] == name and d["kind"] == "arrows" for d in drawn if "kind" in d)
         if arrows and per_metre > 0.0 and per_metre != 1.0:

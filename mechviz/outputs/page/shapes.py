@@ -9,11 +9,12 @@ import numpy as np
 
 from mechcore.arrays import Flags, Real
 from mechviz.outputs.page.pack import Frames, Pack, Progress, quiet
-from mechviz.outputs.rerun.nodes import COLORS, MOTION, THICK, THIN, arc_strips, sweep_of
+from mechviz.outputs.rerun.nodes import MOTION, THICK, THIN, arc_strips, sweep_of
 from mechviz.picture.arrows import visible
 from mechviz.picture.constructions import Drawing
 from mechviz.picture.nodes import Arc, Arrow, ArrowSet, Body, Color, Lines, Mesh, Node, Picture, Points, Poses
 from mechviz.picture.surface_marks import KINDS
+from mechviz.quantities.vectors import FAMILIES
 
 Shape = dict[str, Any]
 
@@ -123,11 +124,11 @@ def _drawable(node: Node, picture: Picture, frames: Frames, pack: Pack) -> tuple
             origin, value = (np.where(seen, a[rows], np.nan) for a in (node.origin, vector.value / scale))
             radius = (THIN if family in MOTION else THICK) * size
             starts, ways = (np.column_stack([a, np.full(len(rows), node.height)])[:, None] for a in (origin, value))
-            return _arrows(starts, ways, [COLORS[family]], [radius], [], pack)
+            return _arrows(starts, ways, [FAMILIES[family].on_dark], [radius], [], pack)
         case Arc(moment=moment, group=family):
             sweep = sweep_of(node, picture.scales, size)[rows]
             strip = arc_strips(moment.origin[rows], sweep, node.height, node.radius)
-            return _strips([strip], [COLORS[family]], [THICK * size], [], sweep != 0.0, frames, pack)
+            return _strips([strip], [FAMILIES[family].on_dark], [THICK * size], [], sweep != 0.0, frames, pack)
     return None
 
 

@@ -309,6 +309,7 @@ class Stage {
   /** Colours were chosen for a dark ground: on a light one they are darker. */
   readable(color) {
     if (this.theme.dark) return color;
+    if (Math.min(...rgb(color)) > 0.78) return "#22262e"; // white becomes black
     return "#" + rgb(color).map((v) => Math.round(255 * v * 0.62).toString(16).padStart(2, "0")).join("");
   }
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from functools import partial
 from typing import Any
 
@@ -15,28 +15,6 @@ from mechviz.picture.arrows import SHORTEST, visible
 from mechviz.picture.nodes import Arc, Arrow, ArrowSet, Body, Lines, Node, Picture, Points
 from mechviz.picture.proportions import in_space
 from mechviz.quantities.vectors import FAMILIES, LARGEST_ARC, LARGEST_ARROW, Moment, Scales, Vector, round_value
-
-
-def lighter(channel: int) -> int:
-    """A colour channel on a dark ground."""
-    return round(0.6 * channel + 102)
-
-
-_LIGHTER: Mapping[str, tuple[int, int, int]] = {
-    "reaction": (255, 72, 84),
-    "applied": (255, 138, 20),
-    "gravity": (214, 178, 130),
-    "inertia": (208, 112, 246),
-    "drive": (72, 222, 128),
-    "friction": (255, 214, 92),
-    "velocity": (84, 168, 255),
-    "acceleration": (52, 214, 220),
-}
-COLORS: Mapping[str, tuple[int, int, int]] = {
-    name: _LIGHTER.get(name, (lighter(family.color[0]), lighter(family.color[1]), lighter(family.color[2])))
-    for name, family in FAMILIES.items()
-}
-"""The hues that the viewer gives to the families, lighter: the background is dark."""
 
 MOTION = ("velocity", "acceleration")
 ARC_POINTS = 24
@@ -226,9 +204,9 @@ def node_statics(node: Node, picture: Picture) -> Iterator[Static]:
             yield Static(path, rr.Arrows3D.from_fields(**_look(node.colors, (node.radius,), node.labels)))
         case Arrow(group=family):
             radius = (THIN if family in MOTION else THICK) * picture.size
-            yield Static(path, rr.Arrows3D.from_fields(colors=packed([COLORS[family]]), radii=[radius]))
+            yield Static(path, rr.Arrows3D.from_fields(colors=packed([FAMILIES[family].on_dark]), radii=[radius]))
         case Arc(group=family):
-            yield Static(path, rr.LineStrips3D.from_fields(colors=packed([COLORS[family]]), radii=[THICK * picture.size]))
+            yield Static(path, rr.LineStrips3D.from_fields(colors=packed([FAMILIES[family].on_dark]), radii=[THICK * picture.size]))
 
 
 def _look(colors: Sequence[Sequence[int]], radii: Sequence[float], labels: Sequence[str]) -> dict[str, Any]:
@@ -277,7 +255,7 @@ def legend_shapes(picture: Picture, around: Real) -> Iterator[Static]:
                 length = value / per_metre
                 words += f": {value:g} {FAMILIES[family].unit}"
             start = _legend_place((k - 0.5 * (len(families) - 1)) * column, bottom, picture)
-            yield from _legend_entry(("legend", view, family), start, length, words, COLORS[family], size)
+            yield from _legend_entry(("legend", view, family), start, length, words, FAMILIES[family].on_dark, size)
 
 
 def _legend_place(across: float, y: float, picture: Picture) -> Real:

@@ -302,6 +302,7 @@ class Inspector:
     def _compare(self, on: bool) -> None:
         with self._lock:
             self.scene.ghost.switch(on)
+            self.plots.compare(self._session.opened if on and self._session is not None else None)
         self.playback.change()
         self._player.refresh()
 

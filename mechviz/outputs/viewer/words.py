@@ -24,7 +24,13 @@ def _rgb(color: tuple[int, int, int]) -> str:
     return "rgb({},{},{})".format(*color)
 
 
-INK_OF_PATHS = f"light-dark({_rgb(PATH[False])},{_rgb(PATH[True])})"
+def _inks(light: tuple[int, int, int], dark: tuple[int, int, int]) -> str:
+    """A colour on a light page, another one on a dark page."""
+    return f"light-dark({_rgb(light)},{_rgb(dark)})"
+
+
+INK_OF_PATHS = _inks(PATH[False], PATH[True])
+INKS = {name: _inks(family.color, family.on_dark) for name, family in FAMILIES.items()}
 TARGET = 0.2  # of the mechanism's size: about how long an arrow the legend gives the value for
 
 
@@ -50,7 +56,7 @@ def legend(
     """What each colour means and how long which value is drawn; ``factor`` is the user's enlargement, of all or by family."""
     enlarged = factor if callable(factor) else lambda _: factor
     families, paths = list(families), list(paths)
-    rows = [_swatch(_rgb(FAMILIES[f].color), 0.42, f"<b>{FAMILIES[f].label}</b>: {FAMILIES[f].meaning}") for f in families]
+    rows = [_swatch(INKS[f], 0.42, f"<b>{FAMILIES[f].label}</b>: {FAMILIES[f].meaning}") for f in families]
     if paths:
         rows.append(_swatch(INK_OF_PATHS, 0.16, f"<b>Path</b> of {escape(', '.join(paths))}"))
     shown = set(families)
@@ -70,7 +76,7 @@ def legend(
 def legend_line(families: Iterable[str], paths: Iterable[str], scales: Scales, factor: Callable[[str], float], size: float) -> str:
     """The legend in a line: colours with their names, and how long a force is drawn."""
     families, paths = list(families), list(paths)
-    spots = [(_rgb(FAMILIES[f].color), FAMILIES[f].label, FAMILIES[f].meaning) for f in families]
+    spots = [(INKS[f], FAMILIES[f].label, FAMILIES[f].meaning) for f in families]
     spots += [(INK_OF_PATHS, f"Path of {', '.join(paths)}", "")] if paths else []
     parts = [
         f'<span title="{escape(meaning)}" style="white-space:nowrap"><span style="display:inline-block;width:1.1em;height:0.36em;'

@@ -34,6 +34,7 @@ from mechviz.outputs.viewer.panels.plots import Curves, padded_range, thinned
 from mechviz.outputs.viewer.panels.timeline import Speeds
 from mechviz.outputs.viewer.player import Player
 from mechviz.outputs.viewer.server import ViewerError, finite
+from mechviz.outputs.viewer.show import build, show_of_run
 from mechviz.outputs.viewer.viser_adapter import uuid_of
 from mechviz.outputs.viewer.world.arrows import ARC_FACES, arc_vertices, arrow_points
 from mechviz.outputs.viewer.world.camera import FIELD_OF_VIEW, PRESETS, USUAL_ASPECT, fit_view, grid_cell
@@ -289,14 +290,44 @@ def test_a_link_that_is_looked_at_is_marked_and_its_neighbours_stay(viewer):
     assert {name: (tuple(mesh.color), mesh.opacity) for name, mesh in part.items()} == before
 
 
-def test_paths_are_read_on_a_dark_page(kinematic):
-    with Viewer(kinematic, port=0) as shown:
-        line = shown.server.scene.get_handle_by_name("/paths/foot.H")
-        light = np.array(line.colors, float)
+def test_paths_arrows_and_constructions_are_read_on_a_dark_page(constructed):
+    """Each is as far from the ground, by the light that its colour gives, on a dark page as on a light one."""
+    with Viewer(constructed, port=0) as shown:
+        plans = shown.scene.plans.constructions
+        lines = [shown.server.scene.get_handle_by_name(name) for name in ("/paths/coupler.P", "/vectors/reaction")]
+        lines += [plans["Velocity plan"].nodes[0], plans["Polodes"].nodes[0], plans["Funicular polygon"].nodes[0]]
+        before = [np.array(line.colors, float) for line in lines]
         shown.scene.darken(True)
-        assert np.array(line.colors, float).mean() > light.mean() + 60.0
+        for line, light in zip(lines, before, strict=True):
+            assert np.array(line.colors, float).mean() > light.mean() + 15.0, line.name
+        shown.scene.plans.update(shown.scene.current)
+        again = shown.scene.plans.constructions["Velocity plan"].nodes[0]
+        np.testing.assert_array_equal(again.colors, lines[2].colors)  # what is drawn later is dark, too
         shown.scene.darken(False)
-        np.testing.assert_array_equal(np.array(line.colors, float), light)
+        for line, light in zip([*lines[:2], again], before, strict=False):
+            np.testing.assert_array_equal(np.array(line.colors, float), light)
+
+
+def test_comparing_draws_the_curves_of_both_designs_and_says_how_far_their_peaks_differ(viewer, four_bar):
+    """The other design has no load, and other frames."""
+    plots, slot = viewer.plots, viewer.plots.slots[0]
+    document = scene.load("kinetostatic-four-bar").document.model_dump(exclude_defaults=True)
+    other_run = run_scene(scene.Scene.build(name="bare", **{**document, "loads": {}}), frames=90)
+    plots.compare(show_of_run(other_run, build(other_run)))
+    torque = next(q for q in viewer.inspector.show.quantities if q.key == "drive.A.torque")
+    plots.choose(slot, torque.title)
+    assert len(slot.chart.series) == len(slot.chart.data) == 2 * len(torque.curves) + 2
+    x, now, other, _ = slot.chart.data
+    k = np.searchsorted(x, 123.0)
+    places, values = viewer.inspector.show.axes[0].values, other_run.forces.effort("A")
+    other_places = np.degrees(other_run.motion.coordinate("A")[:, 0])
+    assert now[k] == pytest.approx(np.interp(x[k], places, torque.values()[:, 0]), rel=1e-9)
+    assert other[k] == pytest.approx(np.interp(x[k], other_places, values), rel=1e-6)
+    peaks = [v[np.argmax(np.abs(v))] for v in (torque.values()[:, 0], values)]
+    for part in (*map(words.number, peaks), f"{abs(abs(peaks[0] / peaks[1]) - 1.0):.1%}".replace("%", " %")):
+        assert part in slot._readout.content
+    plots.compare(None)
+    assert len(slot.chart.series) == len(torque.curves) + 2 and "opened" not in slot._readout.content
 
 
 def test_plots_are_added_joined_saved_and_removed(viewer):
@@ -436,7 +467,7 @@ def test_numbers_from_browsers_are_brought_into_range():
 
 def test_speeds_are_wall_time_of_a_cycle():
     speeds = Speeds(cycle=0.1)
-    assert speeds.rate("4 s a cycle (0.025 × real time)") == pytest.approx(0.025)
+    assert speeds.rate("4 s a cycle (0.025×)") == pytest.approx(0.025)
     assert speeds.rate("real time") == 1.0 and speeds.rate("nonsense") == speeds.rate(speeds.first)
 
 

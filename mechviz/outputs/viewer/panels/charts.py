@@ -13,7 +13,7 @@ import numpy as np
 from mechviz.outputs.rerun.drawings import HEIGHT, TICKS, WIDTH, Diagram, round_ticks
 from mechviz.outputs.rerun.plots import PALETTE
 from mechviz.outputs.viewer import words
-from mechviz.outputs.viewer.world.constructions import on_light
+from mechviz.outputs.viewer.world.constructions import ink
 
 HALO = 'stroke="var(--mantine-color-body)" stroke-width="3" paint-order="stroke"'  # of the ground's colour: lines stay behind
 
@@ -91,7 +91,7 @@ def _pixels(diagram: Diagram, x: float, y: float) -> tuple[float, float]:
 
 
 def _color(k: int) -> str:
-    return "#" + "".join(f"{c:02x}" for c in on_light(PALETTE[k % len(PALETTE)]))
+    return ink(PALETTE[k % len(PALETTE)])
 
 
 def _text(x: float, y: float, text: str, anchor: str, color: str = "currentColor") -> str:

@@ -22,8 +22,9 @@ from mechviz.outputs.viewer.panels.charts import chart_svg, svg_text
 from mechviz.outputs.viewer.server import Callback
 from mechviz.outputs.viewer.session import EditSession
 from mechviz.outputs.viewer.view_model import Rolling, ViewModel
-from mechviz.outputs.viewer.world.constructions import on_light
+from mechviz.outputs.viewer.world.constructions import ink
 from mechviz.outputs.viewer.world.labels import LabelPlaces, half_sizes
+from mechviz.outputs.viewer.world.marks import PATH
 from mechviz.picture.constructions import Drawing
 from mechviz.picture.overlays import FIXED, MOVING
 from mechviz.quantities.vectors import round_value
@@ -50,7 +51,8 @@ NONE_OF_A_RECORDING = "The recording holds no diagrams. Press 'Edit this scene',
 
 @dataclass(frozen=True, eq=False)
 class Curve:
-    """A curve ``way`` (n,) of the plane, cut where it is not finite, with a dot at its place ``at`` (F,).
+    """A curve ``way`` (n,) of the plane, cut where it is not finite, with a dot at its place ``at`` (F,), in a ``color`` for a dark
+    ground.
 
     ``ride``: places and turns (F,) as complex numbers of the link on which the curve lies and with which it moves.
     """
@@ -93,7 +95,7 @@ def diagrams_of(show: ViewModel) -> dict[str, Diagram | Chart]:
         title = drawing.title.split(":")[0]
         curves: tuple[Curve, ...] = ()
         if drawing.name == "shaking":
-            ways = [(i.label, on_light(i.color), i.start + i.vector) for i in drawing.strokes]
+            ways = [(i.label, i.color, i.start + i.vector) for i in drawing.strokes]
             curves = tuple(Curve(label, color, z[np.isfinite(z)], z) for label, color, z in ways)
         found[title] = Diagram(title, drawing.bounds, drawing.per_metre, drawing.unit.replace("^2", "²"), drawing, curves)
     for name, polodes in show.polodes().items():
@@ -102,7 +104,7 @@ def diagrams_of(show: ViewModel) -> dict[str, Diagram | Chart]:
     for name, xyz in show.paths.items():
         z = xyz[:, 0] + 1j * xyz[:, 1]
         title = f"Path of {name}"
-        found[title] = Diagram(title, _box([z]), 1e3, "mm", curves=(Curve(name, (32, 78, 138), z, z),))
+        found[title] = Diagram(title, _box([z]), 1e3, "mm", curves=(Curve(name, PATH[True], z, z),))
     found |= {chart.title: chart for chart in (*cam_charts(show), *show.charts())}
     return found
 
@@ -134,9 +136,9 @@ def _polodes(show: ViewModel, polodes: Rolling, title: str, name: str) -> Diagra
     ways = [np.where(inside & ~jumps, way, np.nan) for way in (fixed, moving)]
     nowhere = np.full(len(pose), np.nan + 0j)
     curves = (
-        Curve(name, (128, 136, 150), polodes.outline, nowhere, ride),
-        Curve("fixed polode", on_light(FIXED), ways[0], nowhere),
-        Curve("moving polode", on_light(MOVING), ways[1], np.where(inside, fixed, np.nan), ride),
+        Curve(name, (188, 200, 220), polodes.outline, nowhere, ride),
+        Curve("fixed polode", FIXED, ways[0], nowhere),
+        Curve("moving polode", MOVING, ways[1], np.where(inside, fixed, np.nan), ride),
     )
     some = np.linspace(0, len(pose) - 1, min(len(pose), 24)).round().astype(int)
     return Diagram(title, _box([ways[0], *(curves[0].way_at(int(k)) for k in some)]), 1e3, "mm", curves=curves)
@@ -162,13 +164,13 @@ def diagram_svg(diagram: Diagram | Chart, frame: int) -> str:
         way = at(_fewer(curve.way_at(frame)))
         for strip in np.split(way, np.flatnonzero(~np.isfinite(way))):
             spots = " ".join("{:.1f},{:.1f}".format(*place(z)) for z in strip[np.isfinite(strip)])
-            parts.append(f'<polyline points="{spots}" fill="none" stroke="{_hex(curve.color)}" stroke-width="1.5" opacity="0.75"/>')
+            parts.append(f'<polyline points="{spots}" fill="none" stroke="{ink(curve.color)}" stroke-width="1.5" opacity="0.75"/>')
         if len(diagram.curves) > 1:
-            parts.append(_text((WIDTH - 6.0, 12.0 + 13.0 * k), curve.label, _hex(curve.color), "end"))
+            parts.append(_text((WIDTH - 6.0, 12.0 + 13.0 * k), curve.label, ink(curve.color), "end"))
         now = complex(at(curve.at[frame]))
         if np.isfinite(now):
             x, y = place(now)
-            parts.append(f'<circle cx="{x:.1f}" cy="{y:.1f}" r="4" fill="{_hex(curve.color)}"/>')
+            parts.append(f'<circle cx="{x:.1f}" cy="{y:.1f}" r="4" fill="{ink(curve.color)}"/>')
     if diagram.drawing is not None:
         strokes, marks = diagram.drawing.strokes, diagram.drawing.marks
         starts = at(np.array([stroke.start[frame] for stroke in strokes], complex))
@@ -176,7 +178,7 @@ def diagram_svg(diagram: Diagram | Chart, frame: int) -> str:
         for stroke, start, vector in zip(strokes, starts, vectors, strict=True):
             if np.isfinite(start + vector):
                 width = 1.2 if stroke.fine else 2.0
-                parts.append(_arrow(place(start), place(start + vector), _hex(on_light(stroke.color)), stroke.plain, width))
+                parts.append(_arrow(place(start), place(start + vector), ink(stroke.color), stroke.plain, width))
         named = [k for k, stroke in enumerate(strokes) if stroke.label]
         long: Complex = np.where(np.abs(vectors[named]) >= LEAST, starts[named], np.nan + 0j)
         spots = at(np.array([mark.at[frame] for mark in marks], complex))
@@ -324,10 +326,6 @@ def _written(label: str) -> str:
         return escape(label)
     letter, below, above = (escape(part) for part in found.groups())
     return f'{letter}<tspan dy="3" font-size="8.5">{below}</tspan>' + (f'<tspan dy="-3">{above}</tspan>' if above else "")
-
-
-def _hex(color: Color) -> str:
-    return "#" + "".join(f"{c:02x}" for c in color)
 
 
 def _fewer(z: Complex, most: int = 400) -> Complex:

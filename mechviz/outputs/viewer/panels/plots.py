@@ -95,10 +95,24 @@ LONGEST_NAME = 60  # of a file
 COLORS = ("#2563c9", "#d97706", "#0f8a5f", "#7c3aed", "#64748b", "#0e7490", "#a16207")  # and again
 # Their names and values on a dark page
 ON_DARK = ("#7fb0ff", "#f0a545", "#4fc79a", "#b79bff", "#a8b3c4", "#5cc8de", "#d8b04a")
+OPENED = "as opened"
 ROUND_OFF = 1e-9  # of a quantity's largest value
 CURSOR = "#c2255c"
 CURSOR_RATE = 12.0  # moves a second while playing: each sends the whole plot
 ANGLE_STEPS = (1, 2, 5, 10, 15, 30, 45, 90, 180, 360, 720, 1440, 3600)
+
+
+def at_places(values: Real, places: Real, wanted: Real) -> Real:
+    """Curves (F, k) at ``places`` (F,), which never decrease or increase, between them at those ``wanted`` (G,); NaN beyond."""
+    order = slice(None) if places[-1] >= places[0] else slice(None, None, -1)
+    columns = [np.interp(wanted, places[order], column[order], left=np.nan, right=np.nan) for column in values.T]
+    return np.column_stack(columns)
+
+
+def peak_of(values: Real) -> float:
+    """The value (n,) of the largest magnitude, with its sign; NaN where none is finite."""
+    known = values[np.isfinite(values)]
+    return float(known[np.argmax(np.abs(known))]) if len(known) else float("nan")
 
 
 class Plots:
@@ -120,6 +134,7 @@ class Plots:
         self.more.on_click(callback("Adding a plot", lambda _: self.add()))
         self._axis: Axis = self._axes[titles[0]]
         self.changed: Callable[[], None] = lambda: None
+        self._other: ViewModel | None = None
         self.slots: list[SharedSlot] = []
         for quantity in show.first:
             self.add(quantity)
@@ -140,7 +155,8 @@ class Plots:
             spare = [q for q in show.first if q.title not in drawn]
             for slot in self.slots:
                 parts = tuple(self._quantities[q.title] for q in slot.quantity.parts if q.title in self._quantities)
-                slot.take(Together(parts or (spare.pop(0) if spare else show.quantities[0],)), self._axis, frame)
+                quantity = Together(parts or (spare.pop(0) if spare else show.quantities[0],))
+                slot.take(quantity, self._axis, frame, self._compared(quantity))
                 if changed:
                     slot.offer(tuple(self._quantities.values()))
 
@@ -150,8 +166,30 @@ class Plots:
             self._axis = self._axes.get(title, self._axis)
             self._against.value = self._axis.title
             for slot in self.slots:
-                slot.plot(slot.quantity, self._axis, self._frame)
+                self._plot(slot, slot.quantity)
         self.changed()
+
+    def compare(self, other: ViewModel | None) -> None:
+        """Draw the curves of another design, too, and say how far the peaks differ; None: no more."""
+        with self._lock:
+            self._other = other
+            for slot in self.slots:
+                self._plot(slot, slot.quantity)
+        self.changed()
+
+    def _plot(self, slot: SharedSlot, quantity: Quantity | Together) -> None:
+        slot.plot(quantity, self._axis, self._frame, self._compared(quantity))
+
+    def _compared(self, quantity: Quantity | Together) -> Real | None:
+        """The same curves (F, k) of the design that is compared, at the places of the axis; None where it has no such ones."""
+        if self._other is None:
+            return None
+        known = {q.title: q for q in self._other.quantities}
+        axis = next((a for a in self._other.axes if a.title == self._axis.title), None)
+        parts = tuple(known[q.title] for q in quantity.parts if q.title in known and known[q.title].curves == q.curves)
+        if axis is None or len(parts) < len(quantity.parts):
+            return None
+        return at_places(Together(parts).values(), axis.values, self._axis.values)
 
     def add(self, quantity: Quantity | None = None) -> None:
         """One plot more: of a quantity, or of the next one that is not plotted."""
@@ -162,7 +200,7 @@ class Plots:
             self._made += 1
             slot = SharedSlot(self._server, self._tab, f"Plot {self._made}", tuple(self._quantities.values()), chosen, self._axis)
             self.slots.append(slot)
-            slot.show(self._frame)
+            self._plot(slot, slot.quantity)
         slot.choice.on_update(self._callback("Changing a plot", lambda _: self.choose(slot, slot.choice.value)))
         slot.beside.on_update(self._callback("Changing a plot", lambda _: self.join(slot, slot.beside.value)))
         slot.buttons.on_click(self._callback("Saving a plot", lambda event: self._press(slot, slot.buttons.value, event.client)))
@@ -180,7 +218,7 @@ class Plots:
         """Plot another quantity; an unknown title changes nothing."""
         with self._lock:
             if title in self._quantities:
-                slot.plot(Together((self._quantities[title],)), self._axis, self._frame)
+                self._plot(slot, Together((self._quantities[title],)))
             slot.offer(tuple(self._quantities.values()))
         self.changed()
 
@@ -190,7 +228,7 @@ class Plots:
             known, parts = self._quantities.get(title), slot.quantity.parts
             if known is not None and known.unit == slot.quantity.unit:
                 rest = tuple(q for q in parts if q.title != title)
-                slot.plot(Together(rest if len(rest) < len(parts) and rest else (*rest, known)), self._axis, self._frame)
+                self._plot(slot, Together(rest if len(rest) < len(parts) and rest else (*rest, known)))
             slot.offer(tuple(self._quantities.values()))
         self.changed()
 
@@ -224,7 +262,8 @@ class Plots:
 
 
 class Slot:
-    """One plot with the choice of its quantity and the values at the present frame."""
+    """One plot with the choice of its quantity and the values at the present frame; dashed beside the curves those of another
+    design, where that is compared."""
 
     def __init__(
         self,
@@ -248,12 +287,15 @@ class Slot:
             if handle is not None:
                 handle.remove()
 
-    def plot(self, quantity: Quantity | Together, axis: Axis, frame: int) -> None:
-        """Draw a quantity. A new plot takes the old one's place: data, curves and axes cannot be exchanged in one step."""
-        self._read(quantity, axis)
+    def plot(self, quantity: Quantity | Together, axis: Axis, frame: int, other: Real | None = None) -> None:
+        """Draw a quantity, and beside it the curves ``other`` (F, k). A new plot takes the old one's place: data, curves and axes
+        cannot be exchanged in one step."""
+        self._read(quantity, axis, other)
         series: list[Any] = [uplot.Series(label=axis.title)]
         for name, color in zip(quantity.curves, cycle(COLORS), strict=False):
             series.append(uplot.Series(label=name, stroke=color, width=2, points={"show": False}))
+        for name, color in zip(quantity.curves if other is not None else (), cycle(COLORS), strict=False):
+            series.append(uplot.Series(label=f"{name} {OPENED}", stroke=color, width=1.2, dash=[6, 4], points={"show": False}))
         series.append(uplot.Series(label="now", stroke=CURSOR, width=1.5, points={"show": False}))
         data = self._curves.at(frame)
         fonts: Any = {"font": "11px sans-serif", "labelFont": "12px sans-serif", "labelSize": 18}
@@ -279,13 +321,14 @@ class Slot:
         self._ends = (axis.values[0], axis.values[-1])
         self.show(frame)
 
-    def take(self, quantity: Quantity | Together, axis: Axis, frame: int) -> None:
+    def take(self, quantity: Quantity | Together, axis: Axis, frame: int, other: Real | None = None) -> None:
         """Draw a quantity of another run. Where it is the one that is drawn, the plot stays and its data change."""
-        if (quantity.title, quantity.curves, axis.title) != (self.quantity.title, self.quantity.curves, self._axis.title):
-            self.plot(quantity, axis, frame)
+        drawn = self.quantity.title, self.quantity.curves, self._axis.title, self._other is None
+        if (quantity.title, quantity.curves, axis.title, other is None) != drawn:
+            self.plot(quantity, axis, frame, other)
             return
         before = self._curves
-        self._read(quantity, axis)
+        self._read(quantity, axis, other)
         self._curves.keep_range(before.range)
         if self._curves.range != before.range or (axis.values[0], axis.values[-1]) != self._ends:
             assert self.chart is not None
@@ -293,10 +336,10 @@ class Slot:
         self._ends = (axis.values[0], axis.values[-1])
         self.show(frame)
 
-    def _read(self, quantity: Quantity | Together, axis: Axis) -> None:
-        self.quantity, self._axis = quantity, axis
+    def _read(self, quantity: Quantity | Together, axis: Axis, other: Real | None) -> None:
+        self.quantity, self._axis, self._other = quantity, axis, other
         self._values = quantity.values()
-        self._curves = Curves(axis.values, self._values)
+        self._curves = Curves(axis.values, self._values if other is None else np.column_stack([self._values, other]))
         self._least = ROUND_OFF * float(np.max(np.abs(self._values), initial=0.0, where=np.isfinite(self._values)))
 
     def _scales(self) -> dict[str, Any]:
@@ -318,8 +361,18 @@ class Slot:
         ]
         self._readout.content = (
             '<div style="display:flex;flex-wrap:wrap;gap:0 1em;padding:0 0.9em 0.2em;font-size:0.8em;'
-            'font-variant-numeric:tabular-nums">' + "".join(parts) + "</div>"
+            'font-variant-numeric:tabular-nums">' + "".join([*parts, *self._peaks()]) + "</div>"
         )
+
+    def _peaks(self) -> Iterator[str]:
+        """How far the peaks of the curves differ from those of the other design."""
+        unit = html.escape(self.quantity.unit)
+        for k, name in enumerate(self.quantity.curves if self._other is not None else ()):
+            assert self._other is not None
+            now, was = self._rounded(peak_of(self._values[:, k])), self._rounded(peak_of(self._other[:, k]))
+            part = f", {'+' if abs(now) >= abs(was) else '−'}{abs(abs(now) / abs(was) - 1.0):.1%}".replace("%", " %") if was else ""
+            whose = f"{html.escape(name)}: " if len(self.quantity.curves) > 1 else ""
+            yield f'<span style="opacity:0.8">{whose}peak {number(now)} {unit}, {OPENED} {number(was)} {unit}{part}</span>'
 
     def tracks(self) -> Iterator[PlotTrack | NumberTrack]:
         """How the cursor and the numbers move over the run."""

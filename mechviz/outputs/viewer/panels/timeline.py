@@ -133,7 +133,7 @@ class Speeds:
 
     @staticmethod
     def _label(seconds: float, cycle: float) -> str:
-        return f"{seconds:g} s a cycle ({cycle / seconds:.3g} × real time)"
+        return f"{seconds:g} s a cycle ({cycle / seconds:.2g}×)"
 
 
 class Timeline:

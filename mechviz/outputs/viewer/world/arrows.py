@@ -56,7 +56,7 @@ class ArrowNodes:
     def __init__(self, server: viser.ViserServer, show: ViewModel):
         self._server = server
         self._size = show.size  # shafts and heads keep the size of the mechanism as it was opened
-        self._on = dict.fromkeys(FAMILIES, False)
+        self._on, self._dark = dict.fromkeys(FAMILIES, False), False
         self._factors = dict.fromkeys(FAMILIES, 1.0)
         self._nodes: dict[str, viser.ArrowsHandle] = {}
         self._arcs: dict[tuple[str, str], viser.MeshHandle] = {}
@@ -107,6 +107,14 @@ class ArrowNodes:
     def switch(self, family: str, on: bool) -> None:
         """Draw a family from the next ``show`` on, or no more."""
         self._on[family] = on
+
+    def darken(self, dark: bool) -> None:
+        """Take the colours for a dark page or for a light one."""
+        self._dark = dark
+        for family, node in self._nodes.items():
+            node.colors = np.array(_linear(self._color(family)), np.uint8)
+        for (family, _), arc in self._arcs.items():
+            arc.color = self._color(family)
 
     def enlarge(self, factor: float, families: Iterable[str] = tuple(FAMILIES)) -> None:
         """Draw the arrows of some families longer by a factor from the next ``show`` on."""
@@ -163,11 +171,14 @@ class ArrowNodes:
                 counts = np.array([0 if c is None else values.shape[1] for c in corners])
                 yield PointTrack(arc_path(*key), "vertices", values, counts)
 
+    def _color(self, family: str) -> tuple[int, int, int]:
+        return FAMILIES[family].on_dark if self._dark else FAMILIES[family].color
+
     def _add_arrows(self, family: str) -> viser.ArrowsHandle:
         return self._server.scene.add_arrows(
             f"/vectors/{family}",
             np.zeros((1, 2, 3)),
-            _linear(FAMILIES[family].color),
+            _linear(self._color(family)),
             shaft_radius=SHAFT * self._size,
             head_radius=HEAD_RADIUS * self._size,
             head_length=HEAD * self._size,
@@ -179,7 +190,7 @@ class ArrowNodes:
             arc_path(family, item),
             arc_vertices(np.zeros(2), 1.0, ARC_RADIUS * self._size, ARC_WIDTH * self._size, 0.0),
             ARC_FACES,
-            color=FAMILIES[family].color,
+            color=self._color(family),
             side="double",
             visible=False,
             cast_shadow=False,

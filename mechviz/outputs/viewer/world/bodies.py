@@ -108,7 +108,7 @@ def _same(a: Mesh, b: Mesh) -> bool:
     return a.vertices is b.vertices or (a.vertices.shape == b.vertices.shape and np.array_equal(a.vertices, b.vertices))
 
 
-INKS = {"springs": (LINKER, (176, 188, 204)), "friction": (FAMILIES["friction"].color, (255, 214, 92))}
+INKS = {"springs": (LINKER, (176, 188, 204)), "friction": (FAMILIES["friction"].color, FAMILIES["friction"].on_dark)}
 """Colours of groups on a light and on a dark page."""
 WIDTHS = {"springs": 3.0, "friction": 1.8}  # [px]
 

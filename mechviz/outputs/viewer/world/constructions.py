@@ -47,10 +47,21 @@ OVERLAYS = {
 
 
 def on_light(color: Color) -> Color:
-    """A colour of the drawings, which are made for a dark ground, on the viewer's light one."""
+    """A colour of the drawings, which are made for a dark ground, on a light one."""
     if min(color) > 200:  # white becomes black
         return (34, 38, 46)
     red, green, blue = (int(0.68 * c) for c in color)
+    return red, green, blue
+
+
+def ink(color: Color) -> str:
+    """A colour of the drawings for a stylesheet, by whether the page is light or dark."""
+    return "light-dark(#{:02x}{:02x}{:02x},#{:02x}{:02x}{:02x})".format(*on_light(color), *color)
+
+
+def faint(color: Color, dark: bool) -> Color:
+    """A colour half way to the ground."""
+    red, green, blue = (int(0.5 * c + (12 if dark else 128)) for c in color)
     return red, green, blue
 
 
@@ -112,6 +123,9 @@ class PlanNodes:
     def __init__(self, server: viser.ViserServer, show: ViewModel):
         self._server = server
         self._on: dict[str, bool] = {}
+        self._dark = False
+        self._lines_painted: list[tuple[viser.LineSegmentsHandle, Sequence[Color], bool]] = []
+        self._balls_painted: list[tuple[viser.IcosphereHandle, Color]] = []
         self.constructions: dict[str, Construction] = {}
         self.update(show)
 
@@ -122,6 +136,7 @@ class PlanNodes:
                 if self._server.scene.get_handle_by_name(node.name) is node:  # it goes with the node that it lies below
                     node.remove()
         self.constructions = {}
+        self._lines_painted, self._balls_painted = [], []
         self.bounds: Real | None = None
         """Box (2, 2) [m] around what stands beside the mechanism."""
         self.places: Mapping[str, complex] = {}
@@ -164,6 +179,14 @@ class PlanNodes:
         for node in self.constructions[name].nodes:
             node.visible = on
 
+    def darken(self, dark: bool) -> None:
+        """Take the colours for a dark page or for a light one."""
+        self._dark = dark
+        for lines, colors, pale in self._lines_painted:
+            lines.colors = self._shades(colors, pale)
+        for ball, color in self._balls_painted:
+            ball.color = self._shade(color)
+
     def show(self, frame: int) -> None:
         for name, construction in self.constructions.items():
             if self._on[name]:
@@ -179,9 +202,23 @@ class PlanNodes:
     def _space(self, z: Complex) -> Single:
         return np.stack([z.real, z.imag, np.full(z.shape, self._z)], axis=-1).astype(np.float32)
 
-    def _lines(self, path: str, lines: Complex, colors: Sequence[Color], width: float) -> viser.LineSegmentsHandle:
-        shades = np.repeat(_as_light(colors)[:, None], 2, axis=1)
-        return self._server.scene.add_line_segments(path, self._space(lines), shades, thickness=width, thickness_units="screen")
+    def _shade(self, color: Color) -> Color:
+        return color if self._dark else on_light(color)
+
+    def _shades(self, colors: Sequence[Color], pale: bool) -> NDArray[np.uint8]:
+        """Colours (n, 2, 3) of lines at both ends."""
+        shades = [self._shade(color) for color in colors]
+        return np.repeat(_as_light([faint(c, self._dark) for c in shades] if pale else shades)[:, None], 2, axis=1)
+
+    def _lines(
+        self, path: str, points: Single, colors: Sequence[Color], width: float, *, pale: bool = False
+    ) -> viser.LineSegmentsHandle:
+        """Lines (n, 2, 3) of the world in ``colors`` for a dark ground, ``pale``: half way to the ground."""
+        node = self._server.scene.add_line_segments(
+            path, points, self._shades(colors, pale), thickness=width, thickness_units="screen"
+        )
+        self._lines_painted.append((node, colors, pale))
+        return node
 
     def _label(self, path: str, text: str, large: float = 0.85, anchor: str = "center-center") -> viser.LabelHandle:
         return self._server.scene.add_label(path, text, anchor=anchor, font_screen_scale=large)
@@ -200,11 +237,11 @@ class PlanNodes:
         starts = np.array([i.start for i in strokes], complex).reshape(len(strokes), frames) + at
         vectors = np.array([i.vector for i in strokes], complex).reshape(len(strokes), frames)
         heads = np.array([not i.plain for i in strokes], bool)
-        shades = [on_light(i.color) for i in strokes] * 3
+        shades = [i.color for i in strokes] * 3
         nodes: list[viser.LineSegmentsHandle | viser.LabelHandle | viser.IcosphereHandle] = []
         arrows = None
         if strokes:
-            arrows = self._lines(path, arrow_lines(starts[:, 0], vectors[:, 0], heads, BARB * size), shades, 2.0)
+            arrows = self._lines(path, self._space(arrow_lines(starts[:, 0], vectors[:, 0], heads, BARB * size)), shades, 2.0)
             nodes.append(arrows)
         words = [self._label(f"{path}/side {k}", i.label) for k, i in enumerate(strokes) if i.label]
         named = [k for k, i in enumerate(strokes) if i.label]
@@ -226,9 +263,8 @@ class PlanNodes:
         for k, (color, tips) in enumerate(drawing.curves):
             z = tips[np.isfinite(tips)] + at
             if len(z) > 1:
-                red, green, blue = (int(128 + 0.5 * c) for c in on_light(color))
-                curve = np.stack([z[:-1], z[1:]], axis=1)
-                nodes.append(self._lines(f"{path}/polar {k}", curve, [(red, green, blue)] * len(curve), 2.0))
+                curve = self._space(np.stack([z[:-1], z[1:]], axis=1))
+                nodes.append(self._lines(f"{path}/polar {k}", curve, [color] * len(curve), 2.0, pale=True))
 
         def show(frame: int) -> None:
             if arrows is not None:
@@ -259,28 +295,30 @@ class PlanNodes:
             match node:
                 case Lines() if node.moves:
                     counts = [strip.shape[1] - 1 for strip in node.strips]
-                    shades = [on_light(c) for c in node.colors] * (1 if len(node.colors) > 1 else len(counts))
-                    lines = self._segments(path, segments(node, 0), np.repeat(np.array(shades), counts, axis=0), 2.5)
+                    colors = node.colors if len(node.colors) > 1 else node.colors * len(counts)
+                    shades = [c for color, count in zip(colors, counts, strict=True) for c in [color] * count]
+                    lines = self._lines(path, segments(node, 0), shades, 2.5)
                     named = [(k, self._label(f"{path}/line {k}", text)) for k, text in enumerate(node.labels) if text]
                     nodes += [lines, *(label for _, label in named)]
                     shows.append(partial(_bend, node, lines, named))
                 case Lines():
                     below = f"{link_path(node.parent)}/polode" if node.parent else path
                     flat = segments(node, 0)
-                    nodes.append(self._segments(below, flat, np.tile(on_light(node.colors[0]), (len(flat), 1)), 2.5))
+                    nodes.append(self._lines(below, flat, [node.colors[0]] * len(flat), 2.5))
                 case ArrowSet():
-                    shades = [on_light(c) for c in node.colors] * (node.origins.shape[1] // len(node.colors))
-                    arrows = self._segments(path, _arrow_segments(node, 0, self._size), np.tile(shades, (3, 1)), 3.0)
+                    shades = [*node.colors] * (node.origins.shape[1] // len(node.colors)) * 3
+                    arrows = self._lines(path, _arrow_segments(node, 0, self._size), shades, 3.0)
                     named = [(k, self._label(f"{path}/arrow {k}", text, 1.0)) for k, text in enumerate(node.labels) if text]
                     nodes += [arrows, *(label for _, label in named)]
                     shows.append(partial(_point, node, arrows, named, self._size))
                 case Points():
-                    shades = [on_light(c) for c in node.colors] * (node.places.shape[1] // len(node.colors))
+                    shades = [*node.colors] * (node.places.shape[1] // len(node.colors))
                     dots = []
                     for k, (radius, color, text) in enumerate(zip(node.radii, shades, node.labels, strict=True)):
                         ball = self._server.scene.add_icosphere(
-                            f"{path}/{k}", 0.6 * radius, color=color, cast_shadow=False, receive_shadow=False
+                            f"{path}/{k}", 0.6 * radius, color=self._shade(color), cast_shadow=False, receive_shadow=False
                         )
+                        self._balls_painted.append((ball, color))
                         dots.append((ball, self._label(f"{path}/{k} name", text, 0.9, "bottom-left")))
                     nodes += [handle for joint in dots for handle in joint]
                     shows.append(partial(_dot, node, dots))
@@ -290,11 +328,6 @@ class PlanNodes:
                 bring(frame)
 
         return Construction(tuple(nodes), show, moves=bool(shows))
-
-    def _segments(self, path: str, points: Single, shades: NDArray[Any], width: float) -> viser.LineSegmentsHandle:
-        """Lines (n, 2, 3) of the world in colours (n, 3)."""
-        colors = np.repeat(_as_light(shades)[:, None], 2, axis=1)
-        return self._server.scene.add_line_segments(path, points, colors, thickness=width, thickness_units="screen")
 
 
 def _arrow_segments(node: ArrowSet, frame: int, size: float) -> Single:

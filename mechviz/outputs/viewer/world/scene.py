@@ -133,7 +133,7 @@ class Scene3D:
 
     def darken(self, dark: bool) -> None:
         """Take the colours for a dark page or for a light one."""
-        for part in (self.stage, self._paths, self._lines):
+        for part in (self.stage, self._paths, self._lines, self.arrows, self.plans):
             part.darken(dark)
 
     def look(self, client: viser.ClientHandle, preset: str) -> None:
