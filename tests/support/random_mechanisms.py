@@ -121,7 +121,7 @@ class Wave:
     phase: float
 
     def __call__(self, x: Any) -> Any:
-        return self.mean + self.amplitude * np.sin(self.rate * np.asarray(x, float) + self.phase)
+        return self.mean + self.amplitude * np.sin(self.rate * x + self.phase)
 
 
 class Draft:

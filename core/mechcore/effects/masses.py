@@ -8,7 +8,7 @@ from mechcore.arrays import Real
 from mechcore.effects.base import Configuration, Effect, PointLoad
 from mechcore.kinematics.model import Model
 from mechcore.motion.motion import Motion
-from mechcore.numerics.frames import nothing
+from mechcore.numerics.frames import nothing, plane
 
 
 def weights(model: Model) -> tuple[tuple[int, complex, complex], ...]:
@@ -17,7 +17,7 @@ def weights(model: Model) -> tuple[tuple[int, complex, complex], ...]:
     for k, (mass, centre, _) in enumerate(model.masses):
         own = model.bodies[model.links[k]].gravity
         if k and not nothing(mass):
-            out.append((k, mass * complex(*(model.mechanism.gravity if own is None else own)), centre))
+            out.append((k, mass * plane(*(model.mechanism.gravity if own is None else own)), centre))
     return tuple(out)
 
 

@@ -13,6 +13,8 @@ from mechcore.effects.springs import Line
 from mechcore.errors import Fault, MechanismError
 from mechcore.kinematics.model import Model
 from mechcore.laws.timed import Table
+from mechcore.numerics.frames import plane
+from mechcore.numerics.tape import Traced, Untraced, piecewise, value_of
 from mechcore.spec.loads import Actuator, Factor, Force, Polynomial, Prescribed, Torque
 
 Multiplied = TypeVar("Multiplied", bound=Prescribed)
@@ -34,6 +36,8 @@ def factor_of(at: Configuration, factor: Factor | None, load: str) -> Real | flo
     known = _argument(at, factor)
     if isinstance(known, Symbol):
         return _of_symbol(factor, known)
+    if isinstance(known, Traced):
+        return _of_traced(factor, known)
     argument = np.asarray(known, float)
     try:
         value = np.asarray(factor.function(argument), float)
@@ -64,14 +68,37 @@ def _of_symbol(factor: Factor, argument: Symbol) -> Values:
         within: Any = argument.clip(low, high) if period is None else low + np.mod(argument - low, period)
         value = argument.code.piecewise(within, *function.pieces())
     elif isinstance(function, Polynomial):
-        value = function.coefficients[-1]
-        for c in function.coefficients[-2::-1]:
-            value = value * (argument / function.per) + c
+        value = _by_horner(function, argument)
     else:
         try:
             value = function(argument)
         except Exception as error:  # a user's function may raise anything, the more so if it is given no numbers
             raise Untraceable("a factor is a function of Python") from error
+    return cast(Values, value)
+
+
+def _by_horner(function: Polynomial, argument: Any) -> Any:
+    found: Any = function.coefficients[-1]
+    for c in function.coefficients[-2::-1]:
+        found = found * (argument / function.per) + c
+    return found
+
+
+def _of_traced(factor: Factor, argument: Traced) -> Values:
+    """The factor with its slope."""
+    function: Any = factor.function
+    value: Any
+    if isinstance(function, Table):
+        low, high, period = function.x[0], function.x[-1], function.period
+        within: Any = argument.clip(low, high) if period is None else low + np.mod(argument - low, period)
+        value = piecewise(within, *function.pieces())
+    elif isinstance(function, Polynomial):
+        value = _by_horner(function, argument)
+    else:
+        try:
+            value = function(argument)
+        except Exception as error:  # a user's function may raise anything, the more so if it is given no numbers
+            raise Untraced("a factor is a function of Python") from error
     return cast(Values, value)
 
 
@@ -100,7 +127,7 @@ def phase_of(at: Configuration, factor: Factor | None) -> Index:
     assert isinstance(table, Table)  # as `bends` has seen
     if isinstance(known, Symbol):
         return _part_of_symbol(table, known)
-    return np.asarray(table.part(np.asarray(known, float)))
+    return np.asarray(table.part(np.asarray(value_of(known), float)))
 
 
 def _part_of_symbol(table: Table, x: Any) -> Any:
@@ -159,7 +186,7 @@ class AppliedForce(Varied[Force]):
         load, model = self.load, at.model
         k = model.index[load.link]
         local = model.points[k][load.point]
-        vector = complex(*load.vector) * factor_of(at, load.factor, load.name)
+        vector = plane(*load.vector) * factor_of(at, load.factor, load.name)
         if load.axes == "link":
             vector = vector * at.rotation(k)
         arm = at.offset(k, local)
@@ -173,7 +200,7 @@ class AppliedForce(Varied[Force]):
         if load.factor is not None or load.axes == "link" or load.against is not None:
             return None
         k = model.index[load.link]
-        return [PointLoad(load.name, "force", k, model.points[k][load.point], force=complex(*load.vector))]
+        return [PointLoad(load.name, "force", k, model.points[k][load.point], force=plane(*load.vector))]
 
 
 class AppliedTorque(Varied[Torque]):

@@ -173,4 +173,4 @@ def build_belt(joint: Belt, builder: Builder) -> None:
 
 def _sign(multiplier: Values) -> Real:
     """1 where a multiplier is not negative, else -1: the flank or span that carries."""
-    return np.where(np.asarray(multiplier).real >= 0.0, 1.0, -1.0)
+    return np.where(multiplier.real >= 0.0, 1.0, -1.0)

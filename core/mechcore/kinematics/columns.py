@@ -17,7 +17,7 @@ from mechcore.kinematics.dyads import cross
 from mechcore.kinematics.model import Model
 from mechcore.kinematics.program import Block, LoopEquation, Unknown
 from mechcore.kinematics.state import State
-from mechcore.numerics.frames import added, imaginary, nothing, summed
+from mechcore.numerics.frames import added, imaginary, nothing, stacked, summed
 from mechcore.numerics.newton import solve_many
 
 
@@ -122,12 +122,8 @@ def rates(block: Block, cols: Columns, drift: Sequence[Plane], constraint_rhs: S
         return [-(c.real * drift[0].real + c.imag * drift[0].imag) / (c.real**2 + c.imag**2)]
     matrix, shape = matrix_of(cols)
     shape = np.broadcast_shapes(shape, *(np.shape(r) for r in (*drift, *constraint_rhs)))  # guides on the frame: constant columns
-    flat = np.empty((*shape, matrix.shape[-2]))
-    for i, r in enumerate(drift):
-        flat[..., 2 * i], flat[..., 2 * i + 1] = -r.real, -r.imag
-    for i, value in enumerate(constraint_rhs, 2 * len(drift)):
-        flat[..., i] = value
-    x = solve_many(matrix, flat)
+    rhs = [part for r in drift for part in (-r.real, -r.imag)]
+    x = solve_many(matrix, stacked([*rhs, *constraint_rhs], shape))
     return [x[..., k] for k in range(x.shape[-1])]
 
 
@@ -144,10 +140,7 @@ def transposed(block: Block, cols: Columns, q: list[Values]) -> tuple[list[Plane
         return [c * (q[0] / (c.real**2 + c.imag**2))], []
     matrix, shape = matrix_of(cols)
     shape = np.broadcast_shapes(shape, *(np.shape(value) for value in q))
-    flat = np.empty((*shape, len(q)))
-    for i, value in enumerate(q):
-        flat[..., i] = value
-    x = solve_many(np.swapaxes(matrix, -1, -2), flat)
+    x = solve_many(np.swapaxes(matrix, -1, -2), stacked(q, shape))
     n = len(cols.table)
     return [x[..., 2 * i] + 1j * x[..., 2 * i + 1] for i in range(n)], [x[..., 2 * n + i] for i in range(len(cols.constraints))]
 
@@ -162,14 +155,9 @@ def matrix_of(cols: Columns) -> tuple[Real, tuple[int, ...]]:
         return matrix, shape
     shape = np.broadcast_shapes(*(np.shape(c) for row in cols.table for c in row if not nothing(c)))
     width = len(cols.table[0] if cols.table else cols.constraints[0])
-    matrix = np.zeros((*shape, 2 * len(cols.table) + len(cols.constraints), width))
-    for i, coefficients in enumerate(cols.constraints, 2 * len(cols.table)):
-        matrix[..., i, :] = coefficients
-    for i, row in enumerate(cols.table):
-        for k, c in enumerate(row):
-            if not nothing(c):
-                matrix[..., 2 * i, k], matrix[..., 2 * i + 1, k] = np.real(c), np.imag(c)
-    return matrix, shape
+    rows = [[part(c) for c in row] for row in cols.table for part in (np.real, np.imag)]
+    entries: list[Any] = [x for row in (*rows, *cols.constraints) for x in row]
+    return stacked(entries, shape).reshape(*shape, len(rows) + len(cols.constraints), width), shape
 
 
 def condition(model: Model, block: Block, cols: Columns) -> Values:

@@ -7,11 +7,14 @@ mechanism's size. Which joints are indeterminate follows from the null space: th
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 
 from mechcore.arrays import Plane, Real, Values
 from mechcore.motion.motion import Motion
+from mechcore.numerics.frames import added, crossed, stacked
+from mechcore.numerics.tape import Untraced
 
 RANK = 1e-10  # singular values below this part of the largest are zero
 NOTHING = 1e-12  # unknowns that stay below this part of the largest in all frames are zero
@@ -35,18 +38,9 @@ def least_norm(
     matrix, labels = _equilibrium(motion, flanks)
     n = len(model.links) - 1
     shape = np.broadcast_shapes((motion.frames,), *(np.shape(v) for v in (*force, *moment)))
-    rhs = np.zeros((*shape, 3 * n))
-    for k in range(1, n + 1):
-        f = np.asarray(force[k])
-        rhs[..., 3 * k - 3], rhs[..., 3 * k - 2] = -f.real, -f.imag
-        rhs[..., 3 * k - 1] = -np.asarray(moment[k]) / model.length_scale
-    x = (np.linalg.pinv(matrix, rcond=RANK) @ rhs[..., None])[..., 0]
-    left = np.abs((matrix @ x[..., None])[..., 0] - rhs).max(axis=-1)
-    size = np.abs(rhs).max(initial=0.0) or 1.0
-    x = np.where((left < 1e-7 * size)[..., None], x, np.nan)  # at a singular position the loads may have no equilibrium at all
-    largest = np.fmax.reduce(np.abs(x), axis=-2, initial=0.0)  # of each unknown over the run
-    idle = largest <= NOTHING * np.fmax.reduce(largest, axis=-1, initial=0.0)[..., None]
-    x = np.where(idle[..., None, :] & np.isfinite(x), 0.0, x)  # or links that carry nothing would balance to rounding of others
+    loads = [part for k in range(1, n + 1) for part in (-force[k].real, -force[k].imag, -moment[k] / model.length_scale)]
+    rhs = stacked(loads, shape)
+    x = _balanced(matrix, rhs) if isinstance(matrix, np.ndarray) and isinstance(rhs, np.ndarray) else _traced(matrix, rhs)
     transmitted: list[tuple[Plane, Values]] = [(0j, 0.0)] * len(model.joints)
     contacts: dict[str, tuple[Plane, Plane]] = {}
     multipliers: dict[int, Values] = {}
@@ -61,6 +55,24 @@ def least_norm(
             contacts[model.relations[i].name] = (place, value * along)
             multipliers[i] = value
     return transmitted, contacts, multipliers
+
+
+def _balanced(matrix: Real, rhs: Real) -> Real:
+    """The shortest unknowns (..., n) that balance loads (..., m), NaN where none do."""
+    x = (np.linalg.pinv(matrix, rcond=RANK) @ rhs[..., None])[..., 0]
+    left = np.abs((matrix @ x[..., None])[..., 0] - rhs).max(axis=-1)
+    size = np.abs(rhs).max(initial=0.0) or 1.0
+    x = np.where((left < 1e-7 * size)[..., None], x, np.nan)  # at a singular position the loads may have no equilibrium at all
+    largest = np.fmax.reduce(np.abs(x), axis=-2, initial=0.0)  # of each unknown over the run
+    idle = largest <= NOTHING * np.fmax.reduce(largest, axis=-1, initial=0.0)[..., None]
+    return np.where(idle[..., None, :] & np.isfinite(x), 0.0, x)  # or links that carry nothing would balance to rounding of others
+
+
+def _traced(matrix: Any, rhs: Any) -> Any:
+    """The same with its slopes, where there is one solution only."""
+    if matrix.shape[-1] != matrix.shape[-2]:
+        raise Untraced("statics does not determine all reactions")
+    return np.linalg.solve(matrix, rhs[..., None])[..., 0]
 
 
 def indeterminate(motion: Motion) -> tuple[str, ...]:
@@ -91,14 +103,17 @@ def _equilibrium(motion: Motion, flanks: Mapping[int, Values]) -> tuple[Real, li
         if not joint.turns or (driven and joint.coordinate == "angle"):
             labels.append(("couple", j, 0j))
     labels += [("tie", i, 0j) for i in range(len(model.relations))]
-    matrix = np.zeros((motion.frames, 3 * (len(model.links) - 1), len(labels)))
+    entries: dict[tuple[int, int], Values] = {}
+
+    def add(row: int, column: int, x: Values) -> None:
+        entries[row, column] = added(entries.get((row, column), 0.0), x)
 
     def put(column: int, k: int, f: Plane, arm: Plane, sign: float) -> None:
         if k == 0:
             return
-        matrix[:, 3 * k - 3, column] += sign * np.asarray(f).real
-        matrix[:, 3 * k - 2, column] += sign * np.asarray(f).imag
-        matrix[:, 3 * k - 1, column] += sign * np.imag(np.conj(arm) * f) / model.length_scale
+        add(3 * k - 3, column, sign * f.real)
+        add(3 * k - 2, column, sign * f.imag)
+        add(3 * k - 1, column, sign * crossed(arm, f) / model.length_scale)
 
     for column, (what, i, direction) in enumerate(labels):
         if what == "force":
@@ -109,7 +124,7 @@ def _equilibrium(motion: Motion, flanks: Mapping[int, Values]) -> tuple[Real, li
             p, q = model.ends[i]
             for k, sign in ((q, 1.0), (p, -1.0)):
                 if k:
-                    matrix[:, 3 * k - 1, column] += sign
+                    add(3 * k - 1, column, sign)
         else:
             relation = model.relations[i]
             place, along = relation.contact(motion, flanks.get(i, 1.0))
@@ -120,5 +135,8 @@ def _equilibrium(motion: Motion, flanks: Mapping[int, Values]) -> tuple[Real, li
                 couple = relation.bearing.couple(motion, place, along)
                 for link, sign in ((relation.links[0], 1.0), (relation.bearing.carrier, -1.0)):
                     if (k := model.index[link]) != 0:
-                        matrix[:, 3 * k - 1, column] += sign * couple / model.length_scale
+                        add(3 * k - 1, column, sign * couple / model.length_scale)
+    rows = 3 * (len(model.links) - 1)
+    cells = [entries.get((row, column), 0.0) for row in range(rows) for column in range(len(labels))]
+    matrix = stacked(cells, (motion.frames,)).reshape(motion.frames, rows, len(labels))
     return matrix, labels

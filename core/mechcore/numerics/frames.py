@@ -66,6 +66,11 @@ def crossed(a: Plane, b: Plane) -> Values:
     return (a.conjugate() * b).imag
 
 
+def plane(x: float, y: float) -> complex:
+    """x + i y, of plain numbers or whatever stands for them."""
+    return x + 1j * y
+
+
 def imaginary(a: Values) -> Plane:
     """1j a of real a: filled in, which costs less than a product that first makes ``a`` complex."""
     if not isinstance(a, np.ndarray):
@@ -77,10 +82,23 @@ def imaginary(a: Values) -> Plane:
 
 def rows_of(shape: tuple[int, ...], z: Plane, third: Values) -> Real:
     """Plane vectors and a third number as rows of three (*shape, 3)."""
+    if not isinstance(z, np.ndarray | complex | float) or not isinstance(third, np.ndarray | float):
+        return stacked([z.real, z.imag, third], shape)
     out = np.zeros((*shape, 3))
     np.ndarray(shape, complex, out, 0, out.strides[:-1])[...] = z  # both columns at once
     if isinstance(third, np.ndarray) or third != 0.0:
         out[..., 2] = third
+    return out
+
+
+def stacked(parts: Sequence[Values], shape: tuple[int, ...]) -> Real:
+    """Numbers side by side along a last axis (*shape, n), filled in where they are arrays or plain."""
+    if not all(isinstance(x, np.ndarray | float | int) for x in parts):
+        side_by_side: Real = np.stack([np.broadcast_to(x, shape) for x in parts], axis=-1)
+        return side_by_side
+    out = np.empty((*shape, len(parts)))
+    for k, x in enumerate(parts):
+        out[..., k] = x
     return out
 
 

@@ -15,7 +15,7 @@ def solve_many(jacobian: Real, rhs: Real) -> Real:
     """Solve (..., m, n) systems for (..., m) right-hand sides; least squares of least norm where m != n or singular."""
     if jacobian.shape[-1] == jacobian.shape[-2]:
         try:
-            return np.asarray(np.linalg.solve(jacobian, rhs[..., None])[..., 0])
+            return np.linalg.solve(jacobian, rhs[..., None])[..., 0]  # type: ignore[return-value]  # perhaps traced, so not `asarray`
         except np.linalg.LinAlgError:  # one singular frame spoils the batch
             pass
     bad: Flags = np.asarray(~np.isfinite(jacobian).all(axis=(-1, -2)))

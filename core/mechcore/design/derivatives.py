@@ -1,0 +1,580 @@
+"""Derivatives of motions and forces by whatever the numbers of a mechanism follow from, exact at every frame.
+
+Two kinds of functions are in between, and each is differentiated as what it is. How the numbers of the compiled mechanism (vectors,
+masses, coefficients, positions of drives ...) follow from a parameter is stated outright: `slopes` takes polynomials
+through so many values that they are known to rounding. How positions follow from these numbers is not: there the loop equations'
+own Jacobian decides, block by block, and the same tape (`mechcore.numerics.tape`) goes on through velocities, accelerations and
+forces, whose code runs on traced arrays. Forward, a tape gives the derivatives of any results by a few parameters; backwards, of
+one number by all that varies.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, fields, is_dataclass, replace
+from functools import cached_property
+from typing import Any, TypeVar
+
+import numpy as np
+from numpy.polynomial import chebyshev
+
+from mechcore.arrays import Index, Real, Values
+from mechcore.branches.unwrapped import LinkAngles
+from mechcore.effects.registry import totals
+from mechcore.errors import Fault, MechanismError
+from mechcore.forces.equilibrium import joint_forces
+from mechcore.forces.kinetostatics import Forces
+from mechcore.joints.base import Relation
+from mechcore.kinematics.build import build_model, loop_sum
+from mechcore.kinematics.columns import matrix_of
+from mechcore.kinematics.model import Model
+from mechcore.kinematics.program import Block, LinearConstraint
+from mechcore.kinematics.state import State, relation_sum, value
+from mechcore.laws.timed import Free
+from mechcore.motion.compiled import drive_values
+from mechcore.motion.motion import Motion
+from mechcore.motion.solve import compile_mechanism
+from mechcore.numerics.frames import QUIET, lazy, stacked
+from mechcore.numerics.tape import Tape, Traced, Untraced, value_of
+from mechcore.spec.mechanism import Mechanism, braked
+from mechcore.topology.graph import vector_loops
+
+T = TypeVar("T")
+Place = tuple[Any, ...]
+Numbers = dict[Place, Any]  # of a compiled mechanism, by where they are
+ROUNDING = 2e-14  # relative: what a map of a few operations may be off
+NODES = 13  # of the polynomial of a map that is not affine
+TAIL = 1e-12  # its last coefficients are below this part of the largest, or the interval is too wide
+NARROWER = 4.0
+TRIES = 5
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """Something that a mechanism follows from: its name, its ``value``, the ``mechanism`` that belongs to another value, and a
+    half ``width`` of values around its own for which there is one."""
+
+    name: str
+    value: float
+    width: float
+    mechanism: Callable[[float], Mechanism]
+
+
+class Derivatives:
+    """Derivatives of a motion, and of the forces that it needs, by parameters.
+
+    ``times``: the frames' times (F,) of a mechanism, where they depend on it, as those of whole cycles do; else those of the motion
+    hold for all. Frames of one number are compared. Raises `MechanismError` where there are none, with the reason.
+    """
+
+    def __init__(self, motion: Motion, parameters: Sequence[Parameter], times: Callable[[Mechanism], Real] | None = None):
+        _check(motion)
+        self.nominal = motion
+        self.parameters = tuple(parameters)
+        self.times = times or (lambda _: motion.time)
+        self.tape = Tape()
+        self.leaves: dict[Place, Traced] = {}
+        self._slopes: dict[int, list[Any]] = {}  # of leaves, by parameters
+        self._arms = _arms(motion.model)  # of loops, zero ones left out that stay so
+        with np.errstate(**QUIET):
+            self._varied = [self._numbers_of(p) for p in self.parameters]
+            for place, number in self._nominal.items():
+                found = [slopes.get(place) for slopes in self._varied]
+                if any(d is not None for d in found):
+                    self.leaves[place] = self._leaf(number, found)
+        self._refused(self._motion)
+
+    # -- results ------------------------------------------------------------------------------------------------------
+    @cached_property
+    def motion(self) -> Motion:
+        """The motion on the tape: what is asked of it is traced."""
+        return _TracedMotion(self, self._model, self._state)
+
+    @cached_property
+    def forces(self) -> Forces:
+        """The forces on the tape."""
+        mechanism = self.nominal.mechanism
+        if "friction" in mechanism.effects and braked(mechanism.joints):
+            raise _refusal("dry friction depends on the reactions, and its derivatives are not known.", "Leave friction out.")
+        return self._refused(self._forces)
+
+    def of(self, *results: Any) -> list[Real]:
+        """Derivatives (P, ...) of results by the parameters, in SI units; NaN where a position is singular."""
+        traced = [x for x in results if isinstance(x, Traced)]
+        given = {number: np.stack(d) for number, d in self._slopes.items()}
+        if not given:
+            return [np.zeros((len(self.parameters), *np.shape(value_of(x)))) for x in results]
+        found = iter(self.tape.forward(given, traced))
+        count = len(self.parameters)
+        out = [np.array(next(found)) if isinstance(x, Traced) else np.zeros((count, *np.shape(x))) for x in results]
+        for d in out:
+            if len(self.singular) and d.shape[1:2] == (self.nominal.frames,):
+                d[:, self.singular] = np.nan
+        return out
+
+    @cached_property
+    def singular(self) -> Index:
+        """Frames at which the branch is interpolated, so close to a singular position are they: no derivatives are known there."""
+        given = [patch.frames for patches in (self.nominal.patches or {}).values() for patch in patches]
+        return np.unique(np.concatenate(given)) if given else np.zeros(0, np.intp)
+
+    def adjoint(self, result: Any, weights: Real) -> Real:
+        """Derivatives (M, P) of M sums of a result, each with ``weights`` (M, ...), by the parameters: one way back through the
+        computation, however many parameters there are."""
+        out = np.zeros((len(weights), len(self.parameters)))
+        if isinstance(result, Traced):
+            known = self.tape.adjoint(result, weights)
+            for number, by_parameter in self._slopes.items():
+                if number in known:
+                    w = known[number].reshape(len(weights), -1)
+                    for p, d in enumerate(by_parameter):
+                        out[:, p] += (w @ np.conj(np.ravel(d))).real
+        return out
+
+    # -- numbers of the compiled mechanism ----------------------------------------------------------------------------
+    @cached_property
+    def _nominal(self) -> Numbers:
+        model = self.nominal.model
+        return _numbers(model, self.nominal, self.nominal.time)
+
+    def _numbers_of(self, parameter: Parameter) -> Numbers:
+        """Derivatives of the numbers by a parameter, of those that depend on it."""
+
+        def at(x: float) -> Numbers:
+            mechanism = parameter.mechanism(x)
+            model = build_model(mechanism)
+            _check_structure(self.nominal.model, model, parameter.name)
+            self._arms |= _arms(model)
+            return _numbers(model, self.nominal, self.times(mechanism))
+
+        return slopes(at, self._nominal, parameter)
+
+    def _leaf(self, number: Any, found: Sequence[Any]) -> Traced:
+        leaf = self.tape.variable(number)
+        zero = np.zeros_like(leaf.value)
+        self._slopes[leaf.number] = [zero if d is None else np.broadcast_to(d, zero.shape).astype(zero.dtype) for d in found]
+        return leaf
+
+    def beside(self, of: Callable[[Model], Any], number: Any, key: Place) -> Any:
+        """``number``, traced or not, which follows from the model's motion, with what it also follows from the parameters by way of
+        ``of``: numbers that the compiled mechanism keeps to itself, at the nominal motion."""
+        if key not in self.leaves:
+            plain = np.asarray(of(self.nominal.model))
+            found = []
+            for p in self.parameters:
+                known = slopes(lambda x, p=p: {(): np.asarray(of(build_model(p.mechanism(x))))}, {(): plain}, p)  # type: ignore[misc]
+                found.append(known.get(()))
+            if all(d is None for d in found):
+                return number
+            self.leaves[key] = self._leaf(np.zeros_like(plain), found)
+        return number + self.leaves[key]
+
+    # -- on the tape --------------------------------------------------------------------------------------------------
+    def _refused(self, work: Callable[[], T]) -> T:
+        try:
+            with np.errstate(**QUIET):
+                return work()
+        except Untraced as reason:
+            raise _refusal(f"{reason}.", "Vary something else, or sweep it.") from None
+
+    def _motion(self) -> Motion:
+        return self.motion
+
+    def _forces(self) -> Forces:
+        motion = self.motion
+        force, moment, formed = totals(motion)
+        return _TracedForces(motion, formed, *joint_forces(motion, force, moment)[:2])
+
+    def _get(self, place: Place, plain: Any) -> Any:
+        return self.leaves.get(place, plain)
+
+    @cached_property
+    def _model(self) -> Model:
+        """The nominal model with its varied numbers on the tape."""
+        model, get = self.nominal.model, self._get
+        if not self.leaves:
+            return model
+        joints = []
+        for j, joint in enumerate(model.joints):
+            own = {name: get(("joint", j, name), getattr(joint, name)) for name in ("a", "b", "slide")}
+            joints.append(replace(joint, **own))
+        turn = tuple(get(("turn", k), x) for k, x in enumerate(model.turn))
+        loops = vector_loops(model.ends, joints, model.tree)
+        sums = [loop_sum(c, model.angles, turn) for c in loops]
+        kept = [tuple(arm for arm in total.arms if (c, arm[0]) in self._arms) for c, total in enumerate(sums)]
+        mechanism = _lifted(model.mechanism, {p[1:]: x for p, x in self.leaves.items() if p[0] == "mechanism"})
+        masses = {}
+        for k, (mass, centre, inertia) in zip(model.links, model.masses, strict=True):
+            masses[k] = get(("mass", k), mass), get(("centre", k), centre), get(("inertia", k), inertia)
+        bodies = {
+            k: _lifted(link, {p[2:]: x for p, x in self.leaves.items() if p[:2] == ("body", k)}) for k, link in model.bodies.items()
+        }
+        return replace(
+            model,
+            mechanism=mechanism,
+            joints=tuple(joints),
+            turn=turn,
+            loops=loops,
+            loop_sums=tuple(total._replace(arms=arms) for total, arms in zip(sums, kept, strict=True)),
+            constraints=tuple(self._constraint(r, c) for r, c in enumerate(model.constraints)),
+            relations=tuple(self._relation(r, x) for r, x in enumerate(model.relations)),
+            varied={p[1:]: x for p, x in self.leaves.items() if p[0] == "point"},
+            varied_masses=masses,
+            bodies=bodies,
+        )
+
+    def _constraint(self, r: int, own: LinearConstraint) -> LinearConstraint:
+        def with_leaves(kind: str) -> Any:
+            return tuple((i, self._get((kind, r, i), c)) for i, c in getattr(own, kind))
+
+        curve = own.curve
+        if curve is not None:
+            curve = replace(curve, function=lambda _: self._bend(r))
+        return replace(own, curve=curve, **{kind: with_leaves(kind) for kind in ("groups", "drives", "slides")})
+
+    def _bend(self, r: int) -> list[Any]:
+        """The curve of a relation and its two derivatives on the tape, by its shape and its argument."""
+        bend = self.nominal.state.bends[r]
+        argument = _argument(self._model.constraints[r], self._state_so_far)
+        found = []
+        for k in range(3):
+            by_argument: Any = bend[k + 1] if k < 2 else np.full_like(bend[k], np.nan)  # a third derivative is not at hand
+            z: Any = bend[k]
+            if isinstance(argument, Traced):
+                z = self.tape.elementwise(z, [(argument, by_argument, None)])
+            leaf = self.leaves.get(("bend", r, k))
+            found.append(z if leaf is None else z - leaf.value + leaf)
+        return found
+
+    def _relation(self, r: int, own: Relation) -> Relation:
+        def contact(motion: Motion, multiplier: Values) -> tuple[Any, Any]:
+            m: Any = value_of(multiplier)
+            sign = np.where(np.real(m) >= 0.0, 1.0, -1.0)
+            key = "contact", r, np.packbits(np.atleast_1d(sign) > 0.0).tobytes()
+            place, along = own.contact(motion, sign)
+            at = self.nominal
+
+            def of(which: int) -> Callable[[Model], Any]:
+                return lambda model: np.broadcast_to(model.relations[r].contact(at, sign)[which], at.shape)
+
+            return self.beside(of(0), place, (*key, 0)), self.beside(of(1), along, (*key, 1))
+
+        bearing = own.bearing
+        if bearing is not None:
+            nominal_couple = bearing.couple
+
+            def couple(motion: Motion, place: Any, force: Any) -> Any:
+                if any(p[0] in ("groups", "slides") and p[1] == r for p in self.leaves):
+                    raise Untraced(f"the couple in the bearings of {own.name} varies with its own numbers")
+                return nominal_couple(motion, place, force)
+
+            bearing = replace(bearing, couple=couple)
+        return replace(own, contact=contact, bearing=bearing)
+
+    @cached_property
+    def _drives(self) -> list[tuple[Any, Any, Any]]:
+        plain = self.nominal.drives
+        return [tuple(self._get(("drive", d, k), x) for k, x in enumerate(own)) for d, own in enumerate(plain)]
+
+    @cached_property
+    def _state(self) -> State:
+        """Positions on the tape: what the drives decide, then block by block what the loops' Jacobian makes of it."""
+        model, nominal = self._model, self.nominal.state
+        if not self.leaves:
+            return nominal
+        turning = model.angles
+        drives = [d[0] for d in self._drives]
+        self._state_so_far = state = State(
+            drives=drives,
+            delta=list(nominal.delta),
+            rot=list(nominal.rot),
+            slide={j: drives[d] for j, d in model.program.driven_slides},
+            constants=[self._constant(r, c) for r, c in enumerate(nominal.constants)],
+            angle=dict(nominal.angle),
+        )
+        for s, terms in model.program.driven_rotations:
+            driven: Any = 0.0
+            for d, sign in terms:
+                if isinstance(drives[d], Traced):
+                    driven = driven + sign * (drives[d] - drives[d].value)
+            if isinstance(driven, Traced):
+                state.delta[s] = nominal.delta[s] * np.exp(1j * driven)
+                state.rot[s] = nominal.rot[s] * np.exp(1j * driven)
+        self.turned: list[Any] = [0.0] * turning.groups  # angles of groups against the nominal ones
+        for block, columns in zip(model.blocks, self.nominal.columns, strict=True):
+            if block.unknowns:
+                self._settle(block, columns, state)
+        return state
+
+    def _constant(self, r: int, plain: float) -> Any:
+        return self._get(("constant", r), plain)
+
+    def _settle(self, block: Block, columns: Any, state: State) -> None:
+        """The unknowns of a block on the tape."""
+        model, nominal = self._model, self.nominal.state
+        for j in block.slides:
+            state.slide[j] = nominal.slide[j]
+        residuals: list[Any] = []
+        for c in block.loops:
+            left = value(model.loop_sums[c], state.rot, state.slide)
+            residuals += [left.real, left.imag]
+        for r in block.relations:
+            known, unknown = relation_sum(model, r, state, block)
+            for (what, i), coefficient in unknown.items():
+                at = _group_angle(self.nominal, i) if what == "angle" else nominal.slide[i]
+                known = known + coefficient * at
+            residuals.append(known)
+        if not any(isinstance(x, Traced) for x in residuals):
+            return
+        matrix, _ = matrix_of(columns)
+        square = matrix.shape[-1] == matrix.shape[-2]
+        with np.errstate(all="ignore"):
+            inverse = _inverse(matrix) if square else np.linalg.pinv(np.nan_to_num(matrix))
+        changes = self.tape.implicit(residuals, matrix, inverse)
+        for g, change in zip(block.angles, changes, strict=False):
+            self.turned[g] = change
+            for s in model.angles.classes_of[g]:
+                state.rot[s] = state.rot[s] * np.exp(1j * change)
+            if g in state.angle:
+                state.angle[g] = state.angle[g] + change
+        for j, change in zip(block.slides, changes[len(block.angles) :], strict=True):
+            state.slide[j] = nominal.slide[j] + change
+
+
+class _TracedMotion(Motion):
+    """A motion whose numbers may be on a tape."""
+
+    def __init__(self, derivatives: Derivatives, model: Model, state: State):
+        nominal = derivatives.nominal
+        time: Any = derivatives.leaves.get(("time",), nominal.time)
+        angles = _TracedAngles(derivatives)
+        super().__init__(model, time, derivatives._drives, state, angles, accuracy=nominal.accuracy)
+        self._frames = nominal.frames
+
+    @property
+    def frames(self) -> int:
+        return self._frames
+
+    @lazy
+    def drives(self) -> Any:
+        return self._drives
+
+    @lazy
+    def shape(self) -> tuple[int, ...]:
+        return (self._frames,)
+
+    def _rows(self, z: Any, angle: Any = None, *, fresh: bool = False) -> Any:
+        return stacked([z.real, z.imag] + ([] if angle is None else [angle]), self.shape)
+
+
+class _TracedAngles(LinkAngles):
+    """Angles of links that may be on a tape."""
+
+    def __init__(self, derivatives: Derivatives):
+        nominal = derivatives.nominal
+        super().__init__(
+            nominal.model, nominal.angles.start, lambda: nominal.angles.class_angles, lambda raw: raw, nominal.angles.exact
+        )
+        self._derivatives = derivatives
+
+    def link(self, k: int) -> Any:
+        own, turning = self._derivatives, self.model.angles
+        s = turning.rotation_class[k]
+        angle: Any = own.nominal.angles.link(k)
+        state = own._state
+        if own.leaves:
+            angle = angle + own.turned[turning.class_group[s]]
+        for d, sign in turning.class_drives[s]:
+            if isinstance(state.drives[d], Traced):
+                angle = angle + sign * (state.drives[d] - value_of(state.drives[d]))
+        offset = own.leaves.get(("offset", k))
+        return angle if offset is None else angle + (offset - offset.value)
+
+
+class _TracedForces(Forces):
+    """Forces whose numbers may be on a tape."""
+
+    def _rows(self, force: Any, moment: Any) -> Any:
+        return stacked([force.real, force.imag, moment], self._shape)
+
+    def _over_frames(self, number: Any) -> Any:
+        return np.broadcast_to(number, self._shape)
+
+
+def _refusal(message: str, remedy: str) -> MechanismError:
+    return MechanismError(Fault("derivatives", message, remedy))
+
+
+def _check(motion: Motion) -> None:
+    """Refuse motions of which no derivatives are known."""
+    if len(motion.parts) > 1 or any(isinstance(d.law, Free) for d in motion.mechanism.drives):
+        raise _refusal("forces decide the motion: it depends on parameters by way of all that went before.", "Sweep it instead.")
+    if motion.model.designs:
+        raise _refusal("several designs are computed side by side.", "Take one.")
+    if motion.accuracy.differentiation != "exact":
+        raise _refusal("rates are taken from positions here.", "Leave the accuracy's differentiation exact.")
+
+
+def _check_structure(nominal: Model, other: Model, name: str) -> None:
+    same = (
+        nominal.links == other.links
+        and nominal.ends == other.ends
+        and nominal.tree == other.tree
+        and [(b.kind, b.loops, b.unknowns) for b in nominal.blocks] == [(b.kind, b.loops, b.unknowns) for b in other.blocks]
+        and nominal.angles.rotation_class == other.angles.rotation_class
+    )
+    if not same:
+        raise _refusal(f"the mechanism is another one beside the stated value of {name}.", "Move it away from there.")
+
+
+def _arms(model: Model) -> set[tuple[int, int]]:
+    """The vectors of each loop that turn: (loop, rotation class)."""
+    return {(c, s) for c, total in enumerate(model.loop_sums) for s, _ in total.arms}
+
+
+def _numbers(model: Model, at: Motion, time: Real) -> Numbers:
+    """The numbers of a compiled mechanism that results follow from; curves at the arguments of a nominal motion."""
+    found: Numbers = {("time",): time}
+    for j, joint in enumerate(model.joints):
+        found["joint", j, "a"], found["joint", j, "b"] = joint.a, joint.b
+        if joint.slide is not None:
+            found["joint", j, "slide"] = joint.slide
+    for k, (turn, offset) in enumerate(zip(model.turn, model.angles.offset, strict=True)):
+        found["turn", k], found["offset", k] = turn, offset
+    for link, points, (mass, centre, inertia) in zip(model.links, model.points, model.masses, strict=True):
+        found |= {("point", link, name): z for name, z in points.items()}
+        found["mass", link], found["centre", link], found["inertia", link] = mass, centre, inertia
+    for link, body in model.bodies.items():
+        found |= {("body", link, *place): x for place, x in _floats(body.gravity, ("gravity",))}
+    for r, constraint in enumerate(model.constraints):
+        for kind in ("groups", "drives", "slides"):
+            found |= {(kind, r, i): c for i, c in getattr(constraint, kind)}
+        if constraint.curve is not None:
+            bend = constraint.curve.function(_argument(at.model.constraints[r], at.state))
+            found |= {("bend", r, k): np.asarray(bend[k]) for k in range(3)}
+    if model.constraints:
+        constants = [c.constant for c in model.constraints]
+        if any(c is None for c in constants):
+            constants = list(compile_mechanism(model.mechanism).assembly.constants)
+        found |= {("constant", r): c for r, c in enumerate(constants)}
+    for d, values in enumerate(drive_values(model.mechanism, time)):
+        found |= {("drive", d, k): np.broadcast_to(np.asarray(x, float), time.shape) for k, x in enumerate(values)}
+    m = model.mechanism
+    found |= {("mechanism", *place): x for place, x in _floats(m.gravity, ("gravity",))}
+    found |= {("mechanism", *place): x for place, x in _floats(m.loads, ("loads",))}
+    return found
+
+
+def _floats(thing: Any, place: Place) -> list[tuple[Place, float]]:
+    """The numbers of a dataclass or tuple, each with its place."""
+    if isinstance(thing, float):
+        return [(place, thing)]
+    if isinstance(thing, tuple):
+        return [found for k, inner in enumerate(thing) for found in _floats(inner, (*place, k))]
+    if is_dataclass(thing):
+        return [found for f in fields(thing) for found in _floats(getattr(thing, f.name), (*place, f.name))]
+    return []
+
+
+def _lifted(thing: Any, leaves: Mapping[Place, Traced]) -> Any:
+    """A dataclass or tuple with traced numbers at some places."""
+    if not leaves:
+        return thing
+    if () in leaves:
+        return leaves[()]
+    below: dict[Any, dict[Place, Traced]] = {}
+    for (first, *rest), leaf in leaves.items():
+        below.setdefault(first, {})[tuple(rest)] = leaf
+    if isinstance(thing, tuple):
+        return tuple(_lifted(inner, below.get(k, {})) for k, inner in enumerate(thing))
+    copied = object.__new__(type(thing))
+    copied.__dict__.update(thing.__dict__)
+    for name, own in below.items():
+        object.__setattr__(copied, name, _lifted(getattr(thing, name), own))
+    return copied
+
+
+def _argument(constraint: LinearConstraint, state: State) -> Any:
+    """The argument of a relation's curve."""
+    curve = constraint.curve
+    assert curve is not None
+    total: Any = curve.shift
+    for d, c in curve.drives:
+        total = total + c * state.drives[d]
+    for g, c in curve.groups:
+        total = total + c * state.angle[g]
+    for j, c in curve.slides:
+        total = total + c * state.slide[j]
+    return total
+
+
+def _group_angle(motion: Motion, group: int) -> Any:
+    """A group's angle as relations count it."""
+    return motion.state.angle[group] if group in motion.state.angle else motion.group_angle(group)
+
+
+def _inverse(matrix: Real) -> Real:
+    """Inverses (..., n, n), NaN where there is none."""
+    singular = ~(np.abs(np.linalg.det(np.nan_to_num(matrix))) > 0.0) | ~np.isfinite(matrix).all(axis=(-1, -2))
+    safe = np.where(singular[..., None, None], np.eye(matrix.shape[-1]), matrix)
+    return np.where(singular[..., None, None], np.nan, np.linalg.inv(safe))
+
+
+# -- maps that are stated outright ------------------------------------------------------------------------------------
+def slopes(numbers: Callable[[float], Numbers], nominal: Numbers, parameter: Parameter) -> Numbers:
+    """Derivatives of numbers by a parameter, of those that depend on it, to rounding.
+
+    A number that lies on a straight line at four values has its slope from the outer ones. Others are followed by a polynomial
+    through 13 Chebyshev points whose last coefficients have to vanish to rounding, in narrower and narrower intervals.
+    """
+    width = parameter.width
+    for _ in range(TRIES):
+        try:
+            below, above, between = (numbers(parameter.value + s * width) for s in (-1.0, 1.0, 0.375))
+        except MechanismError as error:
+            reason = error
+            width /= NARROWER
+            continue
+        return _slopes(numbers, nominal, parameter, width, (below, above, between))
+    raise reason
+
+
+def _slopes(
+    numbers: Callable[[float], Numbers], nominal: Numbers, parameter: Parameter, width: float, known: tuple[Numbers, ...]
+) -> Numbers:
+    below, above, between = known
+    found: Numbers = {}
+    bent = []
+    for place, middle in nominal.items():
+        low, high, inner = (np.asarray(x[place]) for x in (below, above, between))
+        if np.array_equal(low, middle) and np.array_equal(high, middle) and np.array_equal(inner, middle):
+            continue
+        size = max(float(np.max(np.abs(x), initial=0.0)) for x in (low, middle, high))
+        line = 0.5 * (low + high), 0.5 * (high - low)
+        off = max(float(np.max(np.abs(line[0] - middle))), float(np.max(np.abs(line[0] + 0.375 * line[1] - inner))))
+        if off <= ROUNDING * size:
+            found[place] = line[1] / width
+        else:
+            bent.append(place)
+    return found | _by_polynomials(numbers, bent, parameter, width) if bent else found
+
+
+def _by_polynomials(numbers: Callable[[float], Numbers], places: Sequence[Place], parameter: Parameter, width: float) -> Numbers:
+    nodes = np.cos(np.pi * np.arange(NODES) / (NODES - 1))
+    fit = np.linalg.inv(chebyshev.chebvander(nodes, NODES - 1))
+    odd = np.array([k * (-1.0) ** ((k - 1) // 2) if k % 2 else 0.0 for k in range(NODES)])  # derivatives of T_k at 0
+    for _ in range(TRIES):
+        sampled = [numbers(parameter.value + width * float(x)) for x in nodes]
+        found: Numbers = {}
+        for place in places:
+            values = np.stack([np.asarray(x[place]) for x in sampled])
+            coefficients = np.tensordot(fit, values, 1)
+            size = float(np.max(np.abs(coefficients)))
+            if not float(np.max(np.abs(coefficients[-2:]))) <= TAIL * size:
+                break
+            found[place] = np.tensordot(odd, coefficients, 1) / width
+        else:
+            return found
+        width /= NARROWER
+    where = ".".join(map(str, places[len(found)]))
+    raise _refusal(f"{where} does not change smoothly with {parameter.name}.", "Vary something else, or sweep it.")
