@@ -22,8 +22,7 @@ from mechviz.scene.convert import LARGEST
 from mechviz.scene.kinds.joints.cam_documents import step_fault, whole_step
 from mechviz.studies.balance import shaken, write_polar
 from mechviz.studies.cam_report import cam_facts, cam_lines, drawn_lines, size_lines
-from mechviz.studies.cost import cost_lines, measure
-from mechviz.studies.executors import executor_lines
+from mechviz.studies.cost import cost_lines, executor_lines, measure
 from mechviz.studies.report import plan_lines, statics_lines
 
 

@@ -12,7 +12,7 @@ from mechviz.accuracy.kept import target_words
 from mechviz.commands.common import UNTRUSTED, fail, progress_bar, say
 from mechviz.runs import Run, run_scene
 from mechviz.scene.scene import Scene
-from mechviz.studies.executors import missing_lines
+from mechviz.studies.cost import missing_lines
 
 FramesOpt = Annotated[
     int | None, typer.Option("--frames", "-n", min=2, max=10_000_000, help="frames over the whole run [default: the scene's]")

@@ -17,8 +17,8 @@ from mechviz.scene.document import SceneDocument, value_at
 from mechviz.scene.expressions import is_plain, parse_expression
 from mechviz.scene.fields import Quantity, Table
 from mechviz.scene.kinds.joints.cam_documents import SOLIDS
-from mechviz.scene.kinds.parameters import ParameterDocument
 from mechviz.scene.kinds.segments import SegmentTable
+from mechviz.scene.kinds.settings import ParameterDocument
 from mechviz.scene.scene import Scene
 from mechviz.scene.units import KINDS, QuantityError, Units, split, symbol_of, unit_factor, unit_of
 

@@ -10,7 +10,7 @@ import numpy as np
 import shapely
 
 from mechcore.arrays import Integers, Real
-from mechcore.joints.parts import build_joints
+from mechcore.joints.registry import build_joints
 from mechcore.spec.mechanism import Mechanism, Vec2
 from mechviz.meshes.extrude import Part
 from mechviz.meshes.model import Model

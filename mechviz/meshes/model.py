@@ -10,7 +10,7 @@ from shapely.geometry import Point
 
 from mechcore.arrays import Real
 from mechcore.joints.base import Builder, LoopJoint
-from mechcore.joints.parts import build_joints
+from mechcore.joints.registry import build_joints
 from mechcore.spec.loads import Force
 from mechcore.spec.mechanism import CamJoint, Link, Mechanism, PinSlot, Prismatic, Rolling, Vec2
 from mechviz.meshes.kinds.cam_profiles import CamDrawing, InverseDrawing, cam_extents, find_cams, find_inverse

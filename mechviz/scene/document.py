@@ -25,15 +25,15 @@ from mechviz.scene.fields import (
     UnitName,
     describe,
     fault,
+    name_or_list,
     refuse,
 )
-from mechviz.scene.kinds.accuracy import AccuracyEntry
 from mechviz.scene.kinds.bodies import LumpDocument, MassDocument, MassEntry
 from mechviz.scene.kinds.drives import Method, Tolerance, WatchDocument
 from mechviz.scene.kinds.friction import FrictionDefaults
 from mechviz.scene.kinds.joints.document import JointDocument
 from mechviz.scene.kinds.loads.document import LoadDocument
-from mechviz.scene.kinds.parameters import ParameterEntry
+from mechviz.scene.kinds.settings import AccuracyEntry, ParameterEntry
 from mechviz.scene.kinds.studies import PlanName, SectionsDocument, ShakingDocument, SubstituteDocument, SystemDocument
 from mechviz.scene.names import LinkName
 
@@ -85,10 +85,6 @@ def _is_list(value: Any) -> str:
     return "<list>" if isinstance(value, list | tuple) else "<table>"
 
 
-def _is_text(value: Any) -> str:
-    return "<name>" if isinstance(value, str) else "<list>"
-
-
 def _point_table(value: Any) -> Any:
     if not isinstance(value, dict):
         hint = 'Write them like { A = [0, 0], B = [60, 0] }, or ["A", "B"] for points of the sketch.'
@@ -99,7 +95,7 @@ def _point_table(value: Any) -> Any:
 PointTable = Annotated[dict[Name, Point], Field(min_length=1), BeforeValidator(_point_table)]
 PointNames = Annotated[list[Name], Field(min_length=1)]
 Points = Annotated[Annotated[PointTable, Tag("<table>")] | Annotated[PointNames, Tag("<list>")], Discriminator(_is_list)]
-Centre = Annotated[Annotated[Point, Tag("<list>")] | Annotated[Text, Tag("<name>")], Discriminator(_is_text)]
+Centre = Annotated[Annotated[Point, Tag("<list>")] | Annotated[Text, Tag("<name>")], Discriminator(name_or_list)]
 
 
 class LinkDocument(Table):

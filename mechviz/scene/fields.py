@@ -361,6 +361,16 @@ class Table(BaseModel):
         self._unread = frozenset(keys)
 
 
+def table_or_value(value: Any) -> str:
+    """Tag of an entry that is a table or a plain value: as read, or as validated."""
+    return "<table>" if isinstance(value, dict | Table) else "<value>"
+
+
+def name_or_list(value: Any) -> str:
+    """Tag of an entry that is a name or a list, as a point is."""
+    return "<name>" if isinstance(value, str) else "<list>"
+
+
 @cache
 def _explained(table: type) -> dict[str, str]:
     """The texts below a class's own annotated names."""

@@ -21,8 +21,8 @@ from mechviz.scene.convert import Converter
 from mechviz.scene.document import FORMER, FORMER_INNER, SceneDocument, value_at, with_values
 from mechviz.scene.faults import SceneError, in_file_order, path_as_written, path_text
 from mechviz.scene.folder import SceneFolder, copy_files
-from mechviz.scene.kinds.accuracy import accuracy_of
 from mechviz.scene.kinds.bodies import MassDocument
+from mechviz.scene.kinds.settings import accuracy_of
 from mechviz.scene.reading.formulas import ParameterValue, parameter_changes, resolve
 from mechviz.scene.reading.recovery import Reading, read_document
 from mechviz.scene.reading.text import find_scene, parse_toml, read_text, toml_text

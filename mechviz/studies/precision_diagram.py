@@ -14,7 +14,7 @@ from mechviz.files import replacing
 from mechviz.scene.annotations import Place
 from mechviz.scene.document import SceneDocument, stated
 from mechviz.scene.fields import Table
-from mechviz.scene.kinds.accuracy import ORDERS
+from mechviz.scene.kinds.settings import ORDERS
 from mechviz.studies.precision import Point, cheapest, pareto
 
 if TYPE_CHECKING:

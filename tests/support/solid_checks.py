@@ -11,7 +11,7 @@ import shapely
 import trimesh
 from sections import section
 
-from mechcore.joints.parts import build_joints
+from mechcore.joints.registry import build_joints
 from mechcore.motion.solve import compile_mechanism, default_times, solve_motion
 from mechcore.spec.mechanism import CamJoint, Joint, Link, Mechanism
 from mechviz.meshes.solids import Solids

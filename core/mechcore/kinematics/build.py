@@ -11,7 +11,7 @@ import numpy as np
 
 from mechcore.errors import Fault, MechanismError
 from mechcore.joints.base import LoopJoint, Relation
-from mechcore.joints.parts import build_joints
+from mechcore.joints.registry import build_joints
 from mechcore.kinematics.model import Model
 from mechcore.kinematics.program import Block, LinearConstraint, NonlinearTerm, VectorSum, vector_sum
 from mechcore.spec.mechanism import Mechanism

@@ -11,7 +11,7 @@ import numpy as np
 
 from mechcore.accuracy import Accuracy
 from mechcore.arrays import Real
-from mechcore.joints.parts import build_joints
+from mechcore.joints.registry import build_joints
 from mechcore.spec.loads import Force
 from mechcore.spec.mechanism import Mechanism
 from mechviz.meshes.solids import Solids

@@ -26,12 +26,12 @@ from mechviz.scene.assembly.simulation import (
 )
 from mechviz.scene.convert import Converter, likely_sort
 from mechviz.scene.folder import SceneFolder
-from mechviz.scene.kinds.accuracy import accuracy_faults
 from mechviz.scene.kinds.drive_laws import jumping_speeds, law_of
 from mechviz.scene.kinds.friction import clearances_of, idle_effect
 from mechviz.scene.kinds.joints.document import JointDocument, check_joints, drawn_place, joint_spec, modes_of
 from mechviz.scene.kinds.kind import drawn_angle
 from mechviz.scene.kinds.loads.document import check_loads, load_specs
+from mechviz.scene.kinds.settings import accuracy_faults
 from mechviz.scene.kinds.studies import axis_faults, needs_inertia, studies_of
 from mechviz.scene.names import check_names, split_point
 from mechviz.scene.reading.recovery import Reading

@@ -15,7 +15,21 @@ from pydantic import Discriminator, Field, Tag, model_validator
 from mechcore.errors import MechanismError
 from mechcore.reduction.bodies import SOLIDS, Area, Body, area_of, circle, plate, rounded_hull, solid
 from mechviz.scene.faults import did_you_mean
-from mechviz.scene.fields import Angle, Density, Mass, Number, Point, Size, Table, Text, Unknown, is_whole, refuse
+from mechviz.scene.fields import (
+    Angle,
+    Density,
+    Mass,
+    Number,
+    Point,
+    Size,
+    Table,
+    Text,
+    Unknown,
+    is_whole,
+    name_or_list,
+    refuse,
+    table_or_value,
+)
 
 if TYPE_CHECKING:
     import shapely
@@ -36,11 +50,7 @@ _KINDS = ("solid", "plate", "polygon", "mesh", "drawn")
 _SIZES = ("length", "angle", "radius", "bore", "section", "height", "a", "b", "c")
 
 
-def _is_text(value: Any) -> str:
-    return "<name>" if isinstance(value, str) else "<list>"
-
-
-Place = Annotated[Annotated[Point, Tag("<list>")] | Annotated[Text, Tag("<name>")], Discriminator(_is_text)]
+Place = Annotated[Annotated[Point, Tag("<list>")] | Annotated[Text, Tag("<name>")], Discriminator(name_or_list)]
 
 
 class HoleDocument(Table):
@@ -143,11 +153,7 @@ class MassDocument(Table):
         return found
 
 
-def _is_mass_table(value: Any) -> str:
-    return "<table>" if isinstance(value, dict | MassDocument) else "<value>"
-
-
-MassEntry = Annotated[Annotated[Mass, Tag("<value>")] | Annotated[MassDocument, Tag("<table>")], Discriminator(_is_mass_table)]
+MassEntry = Annotated[Annotated[Mass, Tag("<value>")] | Annotated[MassDocument, Tag("<table>")], Discriminator(table_or_value)]
 
 
 class LumpDocument(Table):

@@ -25,6 +25,7 @@ from mechviz.scene.fields import (
     Text,
     one_of,
     refuse,
+    table_or_value,
     value_or_list,
 )
 from mechviz.scene.units import DERIVATIVES, KINDS
@@ -198,11 +199,7 @@ class LawDocument(Table):
         return self.kind in ("polynomial", "spline", "least")
 
 
-def _law_form(value: Any) -> str:
-    return "<table>" if isinstance(value, dict | LawDocument) else "<value>"
-
-
-LawEntry = Annotated[Annotated[Text, Tag("<value>")] | Annotated[LawDocument, Tag("<table>")], Discriminator(_law_form)]
+LawEntry = Annotated[Annotated[Text, Tag("<value>")] | Annotated[LawDocument, Tag("<table>")], Discriminator(table_or_value)]
 
 
 class SegmentTable(Table):

@@ -14,7 +14,7 @@ from shapely import affinity
 from solid_checks import FRAMES, check_shapes, in_world, meeting_links, moved, placed, section
 
 import mechviz
-from mechcore.joints.parts import build_joints
+from mechcore.joints.registry import build_joints
 from mechcore.spec.mechanism import Mechanism
 from mechviz.meshes.kinds.rims import ADDENDUM, BACKLASH, DEDENDUM, external_wheel, rack_teeth, ring_teeth
 from mechviz.meshes.model import build_model

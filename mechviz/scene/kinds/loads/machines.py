@@ -23,6 +23,7 @@ from mechviz.scene.fields import (
     Table,
     Text,
     TorsionalGain,
+    table_or_value,
 )
 from mechviz.scene.fields import Torque as TorqueValue
 from mechviz.scene.kinds.drive_laws import law_of
@@ -35,11 +36,7 @@ if TYPE_CHECKING:
     from mechviz.scene.reading.recovery import Reading
 
 
-def _value_or_table(value: Any) -> str:
-    return "<table>" if isinstance(value, dict | DriveDocument) else "<value>"
-
-
-Target = Annotated[Annotated[Coordinate, Tag("<value>")] | Annotated[DriveDocument, Tag("<table>")], Discriminator(_value_or_table)]
+Target = Annotated[Annotated[Coordinate, Tag("<value>")] | Annotated[DriveDocument, Tag("<table>")], Discriminator(table_or_value)]
 
 
 ServoName = Annotated[Text, Reference("joint", ("revolute", "prismatic", "pin_slot", "cylinder"), "revolute or sliding joint")]

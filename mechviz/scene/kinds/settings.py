@@ -1,19 +1,60 @@
-"""The part of the scene document that says how exact a run is to be: one wanted error, or single dials."""
+"""Parts of the scene document that are no items of the mechanism: parameters, and how exact a run is to be."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
-from pydantic import Discriminator, Field, PlainValidator, Tag, WithJsonSchema
+from pydantic import Discriminator, Field, GetCoreSchemaHandler, GetJsonSchemaHandler, PlainValidator, Tag, WithJsonSchema
+from pydantic_core import CoreSchema, core_schema
 
 from mechcore.accuracy import DEFAULT, LOOSEST, TIGHTEST, Accuracy, accuracy_for
 from mechcore.errors import Fault
-from mechviz.scene.fields import Duration, Size, Table, describe, fault, is_whole
+from mechviz.scene.fields import Duration, Size, Table, describe, fault, is_whole, table_or_value
 
 if TYPE_CHECKING:
     from mechviz.scene.convert import Converter
     from mechviz.scene.document import SceneDocument
+
+
+@dataclass(frozen=True)
+class Stated:
+    """Marks a plain number, or a text that is a quantity or an expression of any kind; pydantic calls the two methods."""
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
+        return core_schema.no_info_plain_validator_function(self._check)
+
+    def __get_pydantic_json_schema__(self, schema: CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
+        return {
+            "type": ["number", "string"],
+            "description": "a plain number, a quantity with its unit, or an expression of other parameters",
+            "examples": ["30 mm", "2*r + 5 mm", 3],
+        }
+
+    def _check(self, value: Any) -> float | str:
+        if isinstance(value, bool) or not isinstance(value, int | float | str):
+            raise fault(f"{describe(value)} where a value is wanted.", "Write it like '30 mm'; a plain number has no unit.")
+        return value
+
+
+Value = Annotated[float | str, Stated()]
+
+
+class ParameterDocument(Table):
+    """A parameter with what it may be."""
+
+    value: Value
+    """Its value: a quantity with its unit, a plain number, or an expression of other parameters."""
+    range: Annotated[list[Value], Field(min_length=2, max_length=2)] | None = None
+    """Its least and greatest value: of sliders, sweeps and optimisation."""
+    tolerance: Value | None = None
+    """How far it may be off either way as made."""
+
+
+ParameterEntry = Annotated[
+    Annotated[Value, Tag("<value>")] | Annotated[ParameterDocument, Tag("<table>")], Discriminator(table_or_value)
+]
 
 
 def _target(value: Any) -> float:
@@ -79,11 +120,9 @@ class AccuracyDocument(Table):
     """Every so many of the recorded frames arrows are drawn. Default: up to 720 a cycle, or by the target."""
 
 
-def _is_table(value: Any) -> str:
-    return "<table>" if isinstance(value, dict | AccuracyDocument) else "<value>"
-
-
-AccuracyEntry = Annotated[Annotated[Target, Tag("<value>")] | Annotated[AccuracyDocument, Tag("<table>")], Discriminator(_is_table)]
+AccuracyEntry = Annotated[
+    Annotated[Target, Tag("<value>")] | Annotated[AccuracyDocument, Tag("<table>")], Discriminator(table_or_value)
+]
 
 ORDERS = {"hold": 0, "linear": 1, "cubic": 3, "quintic": 5}
 
