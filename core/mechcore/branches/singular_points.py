@@ -288,8 +288,11 @@ def rounding_of(model: Model) -> float:
 
     At an origin 10 km away no drawing says to better than 2e-12 m whether a parallelogram is one.
     """
-    far = max((abs(x) for link in model.bodies.values() for xy in link.points.values() for x in xy), default=0.0)
-    return float(8.0 * np.finfo(float).eps * far / model.length_scale)
+    return float(8.0 * np.finfo(float).eps * model.once(_farthest) / model.length_scale)
+
+
+def _farthest(model: Model) -> float:
+    return max((abs(x) for link in model.bodies.values() for xy in link.points.values() for x in xy), default=0.0)
 
 
 def flat_instants(

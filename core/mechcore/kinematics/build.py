@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import cmath
+from collections import Counter
 from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
@@ -29,8 +30,8 @@ def build_model(mechanism: Mechanism) -> Model:
     joints = tuple(parts.joints)
     joint_index = {j.name: i for i, j in enumerate(joints)}
     ends = tuple((index[j.links[0]], index[j.links[1]]) for j in joints)
-    turned = [k for d in mechanism.drives if d.joint in joint_index for k in joints[joint_index[d.joint]].links]
-    decided = {k for k in turned if turned.count(k) > 1} | {k for r in parts.relations for k, _ in r.angles}
+    turned = Counter(k for d in mechanism.drives if d.joint in joint_index for k in joints[joint_index[d.joint]].links)
+    decided = {k for k, times in turned.items() if times > 1} | {k for r in parts.relations for k, _ in r.angles}
     check_lengths(joints, ends, names, decided)
     undrivable = [d.joint for d in mechanism.drives if d.joint not in joint_index or not joints[joint_index[d.joint]].freedoms]
     if undrivable:

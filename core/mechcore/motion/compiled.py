@@ -120,8 +120,9 @@ def place(compiled: Compiled, time: Real, values: DriveValues, *, given: bool) -
         solved, singular_points = path.model, path.singular_points
         parameter = time if path.by_time else positions[0]
         starts = path.starts(parameter)
-    elif singular_points is None and not given and len(time) and needs_span(model):
-        singular_points = find_singular_points(model, compiled.assembly.modes, compiled.assembly.starts, span=float(np.max(time)))
+    elif not given and len(time) and _beyond(singular_points, span := float(np.max(time))) and needs_span(model):
+        singular_points = find_singular_points(model, compiled.assembly.modes, compiled.assembly.starts, span=span)
+        compiled = replace(compiled, singular_points=singular_points)  # for further times within that span
     if singular_points is not None and singular_points.found:
         law_time, scale = _law_time(compiled, singular_points, time, values, given=given)
         if law_time is not None:
@@ -145,6 +146,10 @@ def place(compiled: Compiled, time: Real, values: DriveValues, *, given: bool) -
     by_c = None if program is None else (program, origins)
     motion = Motion(model, time, values, state, angles, patches, passed, again, compiled.accuracy, by_c)
     return Placed(motion, path, parameter, singular_points)
+
+
+def _beyond(known: SingularPoints | None, span: float) -> bool:
+    return known is None or span > known.period
 
 
 def _angles(compiled: Compiled, frames: Frames, time: Real, *, in_time: bool) -> LinkAngles:

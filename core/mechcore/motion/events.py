@@ -15,9 +15,11 @@ from mechcore.laws.timed import Table, TableLaw, moves
 from mechcore.motion.metrics import curvature, peak, per_unit, transmission_angles, velocity_ratios, zeros
 from mechcore.motion.motion import Motion
 from mechcore.motion.redundancy import indeterminate
+from mechcore.numerics.interpolation import between
 from mechcore.spec.mechanism import Mechanism
 from mechcore.texts import Text, UnitSystem, as_angle, as_coordinate, as_length
 
+MOST_SOLVED = 100_000  # limit positions times links that are solved for again
 POOR = 30.0
 """Transmission angle [degrees] below which a linkage runs badly (textbooks say 30 to 45)."""
 
@@ -74,6 +76,8 @@ def turning_points(time: Real, speed: Real, acceleration: Real) -> Real:
     if largest == 0.0 or len(moving) < 2:
         return np.zeros(0)
     flips = np.flatnonzero((speed[moving][:-1] * speed[moving][1:] < 0) & (np.diff(moving) <= 2))
+    if not len(flips):
+        return np.zeros(0)
     i, j = moving[flips], moving[flips + 1]
     h = time[j] - time[i]
     low, high = np.zeros(len(i)), np.ones(len(i))
@@ -119,22 +123,18 @@ def at_drive(motion: Motion, t: float) -> str:
     return ", ".join(places)
 
 
-def _exactly(motion: Motion, joint: str, times: Real) -> Real:
-    """A coordinate (n,) at times between frames, solved for again where laws lead the motion."""
-    rows = motion.coordinate(joint)
-    rough = np.array([_at(motion, rows, float(t)) for t in times])
-    if motion.again is None or not len(times):
-        return rough
-    return np.asarray(motion.again(times).coordinate(joint)[:, 0])
-
-
 def limit_positions(motion: Motion) -> Iterator[tuple[str, Real, Real]]:
     """Undriven joints at the frame that move, each with the times [s] of its limit positions, where the link turns back while the
-    drives go on, and its coordinates there [rad or m]."""
+    drives go on, and its coordinates there [rad or m].
+
+    Where laws lead the motion it is solved again there, for all joints together; of large mechanisms the quintic between two frames
+    tells where they are, which has the rates of both.
+    """
     driven = {d.joint for d in motion.mechanism.drives}
     stops: list[Any] = [turning_points(motion.time, q[1], q[2]) for q in motion.drives]
     reversals = np.concatenate([np.zeros(0), *stops])
     near = 1e-6 * max(float(np.ptp(motion.time)), 1e-300) if motion.frames else 0.0
+    found: dict[str, Real] = {}
     for joint in motion.mechanism.joints:
         if joint.name in driven or motion.mechanism.frame not in joint.links:
             continue
@@ -142,9 +142,34 @@ def limit_positions(motion: Motion) -> Iterator[tuple[str, Real, Real]]:
         if not np.isfinite(rows).all() or np.abs(rows[:, 1]).max(initial=0.0) <= _still(motion, rows):
             continue
         times = turning_points(motion.time, rows[:, 1], rows[:, 2])
-        times = np.sort([t for t in times if not np.any(np.abs(reversals - t) < near)])
-        times = zeros(motion, partial(_rates, joint.name), times)
-        yield joint.name, times, _exactly(motion, joint.name, times)
+        found[joint.name] = np.array([t for t in times if not np.any(np.abs(reversals - t) < near)])
+    every = np.concatenate([np.zeros(0), *found.values()])
+    order = np.argsort(every, kind="stable")
+    owner = np.repeat(np.arange(len(found)), [len(times) for times in found.values()])[order]
+    every, again = every[order], motion.again
+    values = np.zeros(len(every))
+    if again is not None and len(every) and len(every) * len(motion.model.links) <= MOST_SOLVED:
+        own = partial(_own_coordinates, [(name, owner == k) for k, name in enumerate(found)])
+        every = zeros(motion, lambda m: own(m)[:, 1:], every)
+        values = own(again(every))[:, 0]
+    else:
+        for k, name in enumerate(found):
+            rows = motion.coordinate(name)
+            times = every[owner == k]
+            if again is None:
+                values[owner == k] = [_at(motion, rows, float(t)) for t in times]
+            else:
+                values[owner == k] = between(motion.time, rows[:, 0], times, 5, rows[:, 1], rows[:, 2])
+    for k, name in enumerate(found):
+        yield name, every[owner == k], values[owner == k]
+
+
+def _own_coordinates(parts: Sequence[tuple[str, Flags]], m: Motion) -> Real:
+    """Coordinates of joints and their rates (F, 3), of each joint at its own frames."""
+    out = np.empty((m.frames, 3))
+    for joint, own in parts:
+        out[own] = m.coordinate(joint)[own]
+    return out
 
 
 def _limits(motion: Motion) -> Iterator[Event]:
@@ -296,11 +321,6 @@ def _squared_ratio(joint: str, m: Motion) -> Real:
 
 def _bend(link: str, point: str, m: Motion) -> Real:
     return np.asarray(np.abs(curvature(m, link, point)))
-
-
-def _rates(joint: str, m: Motion) -> Real:
-    """Speed and acceleration of a coordinate (F, 2)."""
-    return m.coordinate(joint)[:, 1:]
 
 
 def _there(motion: Motion, quantity: Callable[[Motion], Real], t: float) -> float:

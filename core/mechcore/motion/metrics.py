@@ -164,20 +164,25 @@ class Grashof:
 def grashof(model: Model) -> tuple[Grashof, ...]:
     """Every four-bar loop (four links, four revolute joints) among the loops."""
     out = []
+    at: dict[int, set[int]] = {}
+    for j, e in enumerate(model.ends):
+        for k in e:
+            at.setdefault(k, set()).add(j)
     for c in model.loops:
         arms = [(k, abs(v)) for k, v in c.links if abs(v) > 0]
         if len(arms) != 4 or c.slides:
             continue
         inside = {k for k, _ in arms}
-        joints = [j for j, e in enumerate(model.ends) if set(e) <= inside and model.joints[j].turns]
+        near = sorted(set().union(*(at[k] for k in inside - {0})))
+        joints = [j for j in near if set(model.ends[j]) <= inside and model.joints[j].turns]
         if len(joints) != 4:
             continue
         length = dict(arms)
         drive = next((d for d in model.driven if d in joints), None)
         ground = 0 if 0 in inside else min(inside)
-        near = [k for j in joints for k in model.ends[j] if ground in model.ends[j] and k != ground]
-        crank = next((k for k in near if drive is not None and k in model.ends[drive]), near[0])
-        rocker = next(k for k in near if k != crank)
+        beside = [k for j in joints for k in model.ends[j] if ground in model.ends[j] and k != ground]
+        crank = next((k for k in beside if drive is not None and k in model.ends[drive]), beside[0])
+        rocker = next(k for k in beside if k != crank)
         coupler = next(k for k in inside if k not in (ground, crank, rocker))
         order = (crank, coupler, rocker, ground)
         a, b, c_, d = (length[k] for k in order)

@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
+from heapq import heappop, heappush
 
 import numpy as np
 
+from mechcore.arrays import Real
+from mechcore.constants import SINGULAR
 from mechcore.joints.base import Relation
 from mechcore.kinematics.model import Model
 from mechcore.kinematics.program import LinearConstraint
 from mechcore.motion.motion import Motion
 
+MOST_TOGETHER = 300  # links that hang together, of whose constraints the rank is found: its price grows with the third power
 ROMAN = ("", "I", "II", "III", "IV", "V", "VI", "VII", "VIII")
 
 
@@ -45,40 +49,77 @@ def rank_mobility(motion: Motion, frame: int = 0, *, tolerance: float = 1e-9) ->
     """Freedoms that the constraints of all joints, drives left out, really leave at a frame: 3n minus the numerical rank.
 
     Differs from `gruebler` where constraints are redundant. Constraints in absolute coordinates (x, y, angle of every link) with
-    lengths in units of the mechanism's size, rank from the singular values. Links that hang on one joint have its freedoms: they
-    are
-    counted without their constraints, so that long chains cost nothing.
+    lengths in units of the mechanism's size, rank from the singular values, part by part. Links that hang on one joint have its
+    freedoms: they are counted without their constraints, so that long chains cost nothing. Large parts are judged by their groups.
     """
     model = motion.model
     leaves = _leaf_links(model)
     freedoms = sum(model.joints[j].freedoms for j in leaves)
-    column = {k: 3 * i for i, k in enumerate(k for k in range(len(model.links)) if k not in leaves.values())}
-    n = len(column) - 1
-    rows = []
+    kept = [k for k in range(1, len(model.links)) if k not in leaves.values()]
+    rows: list[dict[int, float]] = []  # coefficients of a constraint by the numbers of coordinates, three of each link
     for j, (joint, (p, q)) in enumerate(zip(model.joints, model.ends, strict=True)):
         if j in leaves:
             continue
-        block = np.zeros((2, 3 * (n + 1)))
+        x: dict[int, float] = {}
+        y: dict[int, float] = {}
         for k, side, sign in ((p, 0, 1.0), (q, 1, -1.0)):
             arm = complex(np.broadcast_to(motion.arm(k, j, side), motion.frames)[frame]) / model.length_scale
-            block[0, column[k]], block[1, column[k] + 1] = sign, sign
-            block[0, column[k] + 2], block[1, column[k] + 2] = -sign * arm.imag, sign * arm.real
-        if joint.slide is not None:
+            x |= {3 * k: sign, 3 * k + 2: -sign * arm.imag}
+            y |= {3 * k + 1: sign, 3 * k + 2: sign * arm.real}
+        if joint.slide is None:
+            rows += [x, y]
+        else:
             d = complex(np.broadcast_to(motion.guide(j), motion.frames)[frame])
-            block = np.array([[-d.imag, d.real]]) @ block
-        rows.append(block)
+            rows.append({c: d.real * y.get(c, 0.0) - d.imag * x.get(c, 0.0) for c in x | y})
         if not joint.turns:
-            turn = np.zeros((1, 3 * (n + 1)))
-            turn[0, column[p] + 2], turn[0, column[q] + 2] = 1.0, -1.0
-            rows.append(turn)
-    kept = [c for k in column for c in (3 * k, 3 * k + 1, 3 * k + 2)]
+            rows.append({3 * p + 2: 1.0, 3 * q + 2: -1.0})
     for constraint in model.constraints:
-        rows.append(_constraint_row(model, motion, constraint, frame)[:, kept])
-    jacobian = np.concatenate(rows)[:, 3:] if rows else np.zeros((0, 3 * n))
-    if 0 in jacobian.shape:
-        return freedoms + 3 * n
-    s = np.linalg.svd(jacobian, compute_uv=False)
-    return freedoms + int(3 * n - (s > tolerance * s[0]).sum())
+        (row,) = _constraint_row(model, motion, constraint, frame)
+        rows.append({int(c): float(row[c]) for c in np.flatnonzero(row)})
+    parts = _parts(rows, kept)
+    large = max(map(len, parts.values()), default=0) > MOST_TOGETHER
+    if large and not model.redundant and float(np.broadcast_to(motion.condition, motion.frames)[frame]) <= SINGULAR:
+        return len(model.mechanism.drives)  # with them every group is determined: as many freedoms are there without
+    values = [np.linalg.svd(matrix, compute_uv=False) for matrix in _matrices(rows, parts)]
+    s = np.concatenate([np.zeros(0), *values])
+    return freedoms + 3 * len(kept) - int((s > tolerance * s.max(initial=0.0)).sum())
+
+
+def _parts(rows: Sequence[Mapping[int, float]], kept: Sequence[int]) -> dict[int, list[int]]:
+    """Links that constraints bind to each other, not by the frame only, by the first of them."""
+    first = {k: k for k in kept}
+
+    def root(k: int) -> int:
+        while first[k] != k:
+            first[k] = k = first[first[k]]
+        return k
+
+    for row in rows:
+        one, *others = {root(c // 3) for c in row if c // 3 in first} or {0}
+        for other in others:
+            first[other] = one
+    parts: dict[int, list[int]] = {}
+    for k in kept:
+        parts.setdefault(root(k), []).append(k)
+    return parts
+
+
+def _matrices(rows: Sequence[Mapping[int, float]], parts: Mapping[int, Sequence[int]]) -> Iterator[Real]:
+    """The constraints of each part by the coordinates of its links."""
+    owner = {k: part for part, links in parts.items() for k in links}
+    own: dict[int, list[Mapping[int, float]]] = {}
+    for row in rows:
+        part = next((owner[c // 3] for c in row if c // 3 in owner), None)
+        if part is not None:
+            own.setdefault(part, []).append(row)
+    for part, constraints in own.items():
+        column = {3 * k + i: 3 * n + i for n, k in enumerate(parts[part]) for i in range(3)}
+        matrix = np.zeros((len(constraints), len(column)))
+        for r, row in enumerate(constraints):
+            for c, value in row.items():
+                if c in column:
+                    matrix[r, column[c]] = value
+        yield matrix
 
 
 def _leaf_links(model: Model) -> dict[int, int]:
@@ -154,48 +195,60 @@ def groups(model: Model) -> tuple[Group, ...]:
     for i, (e, _) in enumerate(constraints):
         for k in set(e):
             at.setdefault(k, []).append(i)
-    left = sorted(range(1, len(model.links)), key=lambda k: rank[k])
+    left = dict.fromkeys(sorted(range(1, len(model.links)), key=lambda k: rank[k]))
+    place = {k: n for n, k in enumerate(left)}
+    followed = {angle for b in model.blocks if b.kind == "general" for angle in b.angles}
+    geared = {link for r in model.relations for link in r.links}
     solved, out = {0}, []
-    fresh = list(left)  # links whose neighbourhood has changed since they were last looked at
+    links = [(n, k) for k, n in place.items()]  # heaps: what has to be looked at again, for its neighbourhood has changed
+    pairs = [i for i, (e, _) in enumerate(constraints) if len(set(e)) == 2]
 
     def count(own: set[int]) -> int:
-        inside = solved | own
-        return sum(constraints[i][1] for i in {i for k in own for i in at.get(k, ())} if set(constraints[i][0]) <= inside)
+        near = {i for k in own for i in at.get(k, ())}
+        return sum(constraints[i][1] for i in near if all(k in own or k in solved for k in constraints[i][0]))
 
     while left:
-        own = next(({k} for k in fresh if k not in solved and count({k}) >= 3), None)
-        if own is None:
-            fresh = []
-            joints = (set(e) for e, _ in constraints if len(set(e)) == 2 and not set(e) & solved)
-            own = next((p for p in joints if count(p) >= 6), None)
-        if own is None:
-            own = set()
+        own: set[int] = set()
+        while links and not own:
+            k = heappop(links)[1]
+            if k not in solved and count({k}) >= 3:
+                own = {k}
+        while pairs and not own:
+            pair = set(constraints[heappop(pairs)][0])
+            if not pair & solved and count(pair) >= 6:
+                own = pair
+        if not own:
             for k in left:
                 own.add(k)
                 if count(own) >= 3 * len(own):
                     break
         members = sorted(own)
-        out.append(_group(model, members, [j for j, e in enumerate(model.ends) if set(e) & own and set(e) <= solved | own]))
         solved |= own
-        left = [k for k in left if k not in own]
-        fresh = [*fresh, *(n for k in members for i in at.get(k, ()) for n in constraints[i][0] if n not in solved)]
+        at_them = sorted({i for k in own for i in at.get(k, ()) if i < len(model.ends)})
+        out.append(_group(model, members, followed, geared, [j for j in at_them if set(model.ends[j]) <= solved]))
+        for k in own:
+            del left[k]
+        for n in {n for k in own for i in at.get(k, ()) for n in constraints[i][0] if n not in solved}:
+            heappush(links, (place[n], n))
+            for i in at[n]:
+                if len(set(constraints[i][0])) == 2:
+                    heappush(pairs, i)
     return tuple(out)
 
 
-def _group(model: Model, own: Sequence[int], joints: Sequence[int]) -> Group:
+def _group(model: Model, own: Sequence[int], followed: set[int], geared: set[str], joints: Sequence[int]) -> Group:
     inside = set(own)
     inner = [j for j in joints if set(model.ends[j]) <= inside]
     outer = [j for j in joints if j not in inner]
     names = tuple(model.links[k] for k in own)
     joint_names = tuple(model.joints[j].name for j in joints)
-    general = any(b.kind == "general" and any(model.angles.group[k] in b.angles for k in own) for b in model.blocks)
+    general = any(model.angles.group[k] in followed for k in own)
     driven = any(j in model.driven for j in joints)
     if driven and len(own) == 1:
         return Group(names, joint_names, "I", "", "drive")
     if len(own) == 1:
-        meshing = {r.name for r in model.relations if names[0] in r.links}
         over = sum(3 - model.joints[j].freedoms for j in joints) > 3
-        how = "geared" if meshing else "redundant" if over else "with a higher pair" if len(joints) > 1 else "fixed"
+        how = "geared" if names[0] in geared else "redundant" if over else "with a higher pair" if len(joints) > 1 else "fixed"
         return Group(names, joint_names, "I", how, "closed form")
     kind = ""
     if len(own) == 2 and len(inner) == 1 and len(outer) == 2:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Iterator
 from dataclasses import fields
 
@@ -44,7 +45,7 @@ def load_faults(mechanism: Mechanism) -> list[Fault]:
         if name not in EFFECTS
     ]
     names = [load.name for load in mechanism.loads]
-    twice = sorted({name for name in names if names.count(name) > 1})
+    twice = sorted(name for name, times in Counter(names).items() if times > 1)
     faults += [Fault(f"loads.{name}", "two loads have this name.", "Rename one of them.") for name in twice]
     for load in mechanism.loads:
         path = f"loads.{load.name}"
