@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -29,6 +29,7 @@ from mechviz.quantities.events import events_of
 from mechviz.runs import Run, run_scene
 from mechviz.scene.faults import did_you_mean
 from mechviz.scene.scene import Scene, load
+from mechviz.studies.designs.sensitivity import Sensitivity, sensitivity
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -131,6 +132,12 @@ class Result:
     def presentation(self) -> Presentation:
         """What pages and pictures are made from. Raises `RecordingError` of a damaged recording."""
         return presentation_of(self._source) if isinstance(self._source, Run) else presentation_in(self._source)
+
+    def sensitivity(self, of: str, by: Sequence[str] = ()) -> Sensitivity:
+        """How a quantity, or a number of it such as ``joint.B.reaction:max``, moves with parameters of the scene, or with numbers
+        of it by their places: exact derivatives. By default by all own parameters. Raises `MechanismError`, `OutputError` of a
+        recording."""
+        return sensitivity(self.solved, of, by)
 
     # -- outputs ------------------------------------------------------------------------------------------------------
     def record(self, path: str | Path) -> RecordingSummary:

@@ -48,6 +48,10 @@ COMMANDS = {
     "sweep": {
         "sweep": "Compute quantities of many designs: a grid, lists or samples of a scene's parameters, one row for each design.",
     },
+    "design": {
+        "sensitivity": "Print how quantities depend on parameters, ranked by what one percent of each does: exact derivatives, no "
+        "trial runs.",
+    },
     "view": {
         "view": "Show a scene in the browser at http://127.0.0.1:PORT until Ctrl-C, to look at and to edit; or play a recording.",
     },

@@ -116,7 +116,7 @@ def transmission_angles(motion: Motion) -> dict[str, Real]:
                 arms[group] = arms[group] + z
         a, b = (arms[g] for g in block.angles)
         angle = np.abs(np.angle(-a * np.conj(b)))  # both seen from the common pin
-        out[block.name] = np.broadcast_to(angle, motion.frames)
+        out[block.name] = np.broadcast_to(angle, motion.shape)
     return out
 
 

@@ -410,6 +410,10 @@ def _stack(parts: Sequence[Any], axis: int = 0) -> Any:
     )
 
 
+def _column_stack(parts: Sequence[Any]) -> Any:
+    return _stack([c for x in parts for c in ([x] if np.ndim(x) == 1 else [x[:, k] for k in range(x.shape[1])])], -1)
+
+
 def _broadcast_to(x: Traced, shape: tuple[int, ...]) -> Any:
     return x if x.value.shape == tuple(shape) else x.tape.elementwise(np.broadcast_to(x.value, shape), [(x, 1.0, None)])
 
@@ -510,6 +514,7 @@ FUNCTIONS: dict[str, Callable[..., Any]] = {
     "angle": _angle,
     "where": _where,
     "stack": _stack,
+    "column_stack": _column_stack,
     "broadcast_to": _broadcast_to,
     "sum": _sum,
     "solve": _solve,

@@ -13,14 +13,13 @@ import numpy as np
 
 from mechcore.arrays import Flags, Real
 from mechcore.errors import MechanismError
-from mechcore.forces.kinetostatics import Forces, solve_forces
+from mechcore.forces.kinetostatics import solve_forces
 from mechcore.motion.compiled import Compiled
 from mechcore.motion.motion import Motion
 from mechcore.motion.solve import compile_mechanism, default_times
 from mechcore.motion.sweep import sweep
 from mechcore.spec.mechanism import Link, braked
 from mechviz.quantities.catalogue import Catalogue, Quantity
-from mechviz.quantities.vectors import centre_name, point_name
 from mechviz.scene.annotations import Place
 from mechviz.scene.document import LinkDocument
 from mechviz.scene.kinds.bodies import MassDocument
@@ -28,6 +27,7 @@ from mechviz.scene.reading.formulas import formula_values, parameter_arrays, par
 from mechviz.scene.scene import Scene
 from mechviz.studies.designs.measures import Measure, quantity_of
 from mechviz.studies.designs.sampling import Variation
+from mechviz.studies.designs.tables import needs_forces, rows_of
 
 
 @dataclass(frozen=True, eq=False)
@@ -111,45 +111,12 @@ class Batch:
         tables: dict[tuple[str, ...], Real] = {}
         for k, (_, quantity, column) in enumerate(self.columns):
             if quantity.path not in tables:
-                rows = _table(quantity.path, motion, forces)
+                rows = rows_of(quantity.path, motion, forces)
                 tables[quantity.path] = np.broadcast_to(rows, (*motion.shape, rows.shape[-1]))
             rows = tables[quantity.path]
             flat = quantity.entry.read(rows.reshape(-1, rows.shape[-1]))
             found[str(k)] = np.ascontiguousarray(flat[:, column].reshape(motion.shape))
         return found
-
-
-def needs_forces(path: tuple[str, ...]) -> bool:
-    """Whether a table holds what forces decide."""
-    return path[1] == "drive" or path[-1] in ("reaction", "inertia")
-
-
-def _table(path: tuple[str, ...], motion: Motion, forces: Forces | None) -> Real:
-    """The values (D, F, n) of a table of the catalogue. Raises `LookupError` where it is none of those that can be had so."""
-    match path[1:]:
-        case ("links", link, "pose"):
-            return motion.pose(link)
-        case ("links", link, "velocity"):
-            return motion.velocity(link)
-        case ("links", link, "acceleration"):
-            return motion.acceleration(link)
-        case ("links", link, "inertia") if forces is not None:
-            return forces.inertia(link)
-        case ("points", name, what) if what in ("position", "velocity", "acceleration"):
-            order = ("position", "velocity", "acceleration").index(what)
-            for key in motion.mechanism.traced:
-                if point_name(*key) == name:
-                    return motion.point(*key, order)
-            link = next(link for link in motion.model.links if centre_name(link) == name)
-            return motion.centre_of_mass(link, order)
-        case ("joints", joint, "motion"):
-            return motion.coordinate(joint)
-        case ("joints", joint, "reaction") if forces is not None:
-            return forces.reaction(joint)
-        case ("drive", joint) if forces is not None:
-            efforts = np.stack([forces.effort(joint), forces.power(joint)], axis=-1)
-            return np.concatenate([np.broadcast_to(motion.coordinate(joint), (*efforts.shape[:-1], 3)), efforts], axis=-1)
-    raise LookupError("/".join(path))
 
 
 def batch_of(

@@ -15,9 +15,10 @@ from mechviz.quantities.catalogue import Quantity
 from mechviz.runs import Run, run_scene
 from mechviz.scene.folder import SceneFolder
 from mechviz.scene.scene import Scene, loads
-from mechviz.studies.designs.batches import Batch, batch_of, needs_forces
+from mechviz.studies.designs.batches import Batch, batch_of
 from mechviz.studies.designs.measures import Measure, quantity_of
 from mechviz.studies.designs.sampling import Variation
+from mechviz.studies.designs.tables import needs_forces
 
 TRIED = 3  # designs that are computed both ways before batches are trusted
 AGREEMENT = 1e-9  # relative, of a batch and a run by itself

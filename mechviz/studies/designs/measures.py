@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -60,6 +60,20 @@ class Measure:
         if self.reducer == "range":
             return np.asarray(np.max(values, axis=-1) - np.min(values, axis=-1))
         return np.asarray(np.max(values, axis=-1) if self.reducer == "max" else np.min(values, axis=-1))
+
+    def weights(self, values: Real, time: Real, drive: Real | None) -> Real:
+        """Derivatives (F,) of what is made of a curve (F,) by its values: which of them count, and how much."""
+        unit = np.eye(len(values))
+        if self.reducer == "at":
+            return self._at(unit, time, drive)
+        if self.reducer in ("mean", "rms"):
+            means: Real = replace(self, reducer="mean").reduced(unit, time, drive)
+            return means if self.reducer == "mean" else means * values / max(float(self.reduced(values, time, drive)), 1e-300)
+        high, low = unit[int(np.nanargmax(values))], unit[int(np.nanargmin(values))]
+        if self.reducer == "peak":
+            k = int(np.nanargmax(np.abs(values)))
+            return np.asarray(unit[k] * np.sign(values[k]))
+        return np.asarray(high - low if self.reducer == "range" else high if self.reducer == "max" else low)
 
     def _at(self, values: Real, time: Real, drive: Real | None) -> Real:
         """The value where the first drive passes a place for the first time, by cubics between frames (D,)."""

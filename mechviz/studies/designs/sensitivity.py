@@ -1,0 +1,155 @@
+"""Sensitivities: exact derivatives of a quantity of a run by parameters of its scene, ranked, and a tornado chart."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from mechcore.arrays import Real
+from mechcore.design.derivatives import Derivatives
+from mechcore.errors import Fault, MechanismError
+from mechcore.motion.solve import default_times
+from mechviz.figures import chart
+from mechviz.quantities.catalogue import Quantity
+from mechviz.runs import Run
+from mechviz.studies.designs.measures import Measure, parse_measure, quantity_of
+from mechviz.studies.designs.tables import needs_forces, rows_of
+from mechviz.studies.designs.variables import Variable, core_parameters, variables_of
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+
+@dataclass(frozen=True, eq=False)
+class Sensitivity:
+    """How a quantity moves with variables: ``curve`` (F,) in its unit and ``slopes`` (P, F) in that per unit of each variable, over
+    the frames; of a measure with a reducer also its ``number``, and the ``derivatives`` (P,) of that."""
+
+    measure: Measure
+    quantity: Quantity
+    variables: tuple[Variable, ...]
+    curve: Real
+    slopes: Real
+    number: float
+    derivatives: Real
+
+    @property
+    def size(self) -> float:
+        """What effects are compared with: the number, or the largest value of the curve."""
+        return abs(self.number) if self.measure.reducer else float(np.nanmax(np.abs(self.curve)))
+
+    @property
+    def values(self) -> Real:
+        """Values (P,) of the variables in their units."""
+        return np.array([v.value for v in self.variables])
+
+    def by_one_percent(self) -> Real:
+        """What a percent more of each variable does (P,); of a curve the largest over the run, with its sign."""
+        return 0.01 * self.values * self._largest()
+
+    def by_tolerance(self) -> Real:
+        """What the tolerance of each variable does (P,), 0 where it has none."""
+        return np.array([v.tolerance for v in self.variables]) * np.abs(self._largest())
+
+    def _largest(self) -> Real:
+        if self.measure.reducer:
+            return self.derivatives
+        where = np.nanargmax(np.abs(np.where(np.isfinite(self.slopes), self.slopes, 0.0)), axis=1)
+        return np.asarray(self.slopes[np.arange(len(self.slopes)), where])
+
+    def order(self) -> list[int]:
+        """The variables by what a percent of them does, the greatest first."""
+        return [int(k) for k in np.argsort(-np.abs(np.nan_to_num(self.by_one_percent())), kind="stable")]
+
+    def rows(self) -> Iterator[tuple[str, ...]]:
+        """The table, its headings first: variable, value, derivative, what 1 % more does, and what the tolerance does."""
+        toleranced = any(v.tolerance for v in self.variables)
+        unit = self.quantity.unit
+        slope = "derivative" if self.measure.reducer else "largest derivative"
+        yield (
+            "variable",
+            "value",
+            slope,
+            f"+1 % does [{unit}]",
+            "in %",
+            *(["tolerance", f"does ± [{unit}]"] if toleranced else []),
+        )
+        one, off, slopes = self.by_one_percent(), self.by_tolerance(), self._largest()
+        for k in self.order():
+            v = self.variables[k]
+            per = f"{unit}/{v.unit}" if v.unit else unit
+            part = f"{100.0 * one[k] / self.size:+.3g} %" if self.size else ""
+            row = (v.name, f"{v.value:.6g} {v.unit}".strip(), f"{slopes[k]:.6g} {per}", f"{one[k]:+.4g}", part)
+            yield (
+                *row,
+                *([f"{v.tolerance:.4g} {v.unit}".strip(), f"{off[k]:.4g}"] if v.tolerance else ["", ""] if toleranced else []),
+            )
+
+
+def sensitivity(run: Run, of: str, by: Sequence[str] = ()) -> Sensitivity:
+    """How a quantity, or a number of it such as ``joint.B.reaction:max``, moves with parameters of the run's scene, or with numbers
+    of it by their places: exact derivatives at every frame. Without ``by``: all own parameters. Raises `MechanismError`."""
+    measure = parse_measure(run.scene, of)
+    variables = variables_of(run.scene, by)
+    return sensitivities(run, [measure], variables)[0]
+
+
+def sensitivities(run: Run, measures: Sequence[Measure], variables: Sequence[Variable]) -> list[Sensitivity]:
+    """The same of several measures, which share the work."""
+    if run.simulation is not None:
+        why = "forces decide the motion of this scene: its derivatives by parameters are not known."
+        raise MechanismError(Fault("simulation", why, "Sweep the parameter instead: mechviz sweep SCENE --vary ..."))
+    quantities = [quantity_of(measure, run.catalogue) for measure in measures]
+    frames, cycles = run.scene.frames, run.scene.cycles
+    parameters = core_parameters(run.scene, variables)
+    found = Derivatives(run.motion, parameters, lambda mechanism: default_times(mechanism, frames, cycles))
+    forces = found.forces if any(needs_forces(q.path) for q in quantities) else None
+    columns = []
+    for measure, quantity in zip(measures, quantities, strict=True):
+        try:
+            with np.errstate(all="ignore"):
+                rows = rows_of(quantity.path, found.motion, forces)
+                columns.append(quantity.entry.read(rows)[:, measure.column(quantity)])
+        except (LookupError, TypeError):
+            why = f"the derivatives of {quantity.key} are not known."
+            raise MechanismError(Fault(f"--of {measure.text}", why, "Sweep it instead: mechviz sweep SCENE --vary ...")) from None
+    drives = run.motion.mechanism.drives
+    drive = run.catalogue.coordinate(drives[0].joint) if drives else None
+    time = run.catalogue.numbers.time
+    results = []
+    for measure, quantity, slopes in zip(measures, quantities, found.of(*columns), strict=True):
+        curve = quantity.values()[:, measure.column(quantity)]
+        number, derivatives = float("nan"), np.full(len(variables), np.nan)
+        if measure.reducer:
+            number = float(measure.reduced(curve, time, drive))
+            derivatives = slopes @ measure.weights(curve, time, drive)
+        results.append(Sensitivity(measure, quantity, tuple(variables), curve, slopes, number, derivatives))
+    return results
+
+
+def tornado(found: Sensitivity, title: str, most: int = 20) -> Figure:
+    """A tornado chart: what a percent less and more of each variable does, and its tolerance where it has one."""
+    order = found.order()[:most]
+    one, off = found.by_one_percent(), found.by_tolerance()
+    toleranced = any(found.variables[k].tolerance for k in order)
+    with chart(7.0, 1.2 + 0.3 * len(order)) as figure:
+        panels = figure.subplots(1, 2 if toleranced else 1, sharey=True, squeeze=False)[0]
+        names = [f"{found.variables[k].name} = {found.variables[k].value:.5g} {found.variables[k].unit}".strip() for k in order]
+        places = np.arange(len(order))
+        panels[0].barh(places, [-one[k] for k in order], color="#c8553d", label="1 % less")
+        panels[0].barh(places, [one[k] for k in order], color="#1b6ca8", label="1 % more")
+        panels[0].set_xlabel(f"change of {found.measure.text} [{found.quantity.unit}]")
+        panels[0].set_yticks(places, names)
+        panels[0].invert_yaxis()
+        panels[0].legend()
+        if toleranced:
+            panels[1].barh(places, [2.0 * off[k] for k in order], left=[-off[k] for k in order], color="#3a7d44")
+            panels[1].use_sticky_edges = False
+            panels[1].set_xlabel(f"by its tolerance [{found.quantity.unit}]")
+        for axes in panels:
+            axes.axvline(0.0, color="#222222", linewidth=0.8)
+        figure.suptitle(f"{title}: sensitivity of {found.quantity.label}")
+    return figure

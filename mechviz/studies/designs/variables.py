@@ -1,0 +1,137 @@
+"""What a study may vary of a scene: its parameters, or any number of it by its place."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from mechcore.design.derivatives import Parameter
+from mechcore.errors import Fault, MechanismError
+from mechcore.spec.mechanism import Mechanism
+from mechviz.scene.annotations import Leaf, Place, leaves
+from mechviz.scene.expressions import is_plain
+from mechviz.scene.faults import did_you_mean, path_text
+from mechviz.scene.fields import Quantity
+from mechviz.scene.reading.formulas import ParameterValue
+from mechviz.scene.scene import Scene
+from mechviz.scene.units import QuantityError, split, unit_of
+
+WIDTH = 0.02  # of a value: over so much either way it is looked at for its slope
+MASSES = ("mass", "centre", "inertia")
+
+
+@dataclass(frozen=True)
+class Variable:
+    """A number of a scene: the ``name`` of a parameter, or its place such as ``links.crank.points.B[0]``; its value, range and
+    tolerance (0: none) in ``unit`` ("": a plain number), and how many SI units are in one of that."""
+
+    name: str
+    place: Place
+    value: float
+    unit: str
+    factor: float = 1.0
+    tolerance: float = 0.0
+    low: float = -np.inf
+    high: float = np.inf
+    bare: bool = False  # a number of the scene's own unit, written without one
+
+    @property
+    def title(self) -> str:
+        return f"{self.name} [{self.unit}]" if self.unit else self.name
+
+    @property
+    def width(self) -> float:
+        """Half the range of values over which its slope is looked for."""
+        return WIDTH * (abs(self.value) or (1.0 if not self.unit else 0.05 / self.factor))
+
+    def stated(self, value: float) -> float | str:
+        """A value as a scene states it."""
+        return f"{value!r} {self.unit}" if self.unit and not self.bare else value
+
+    def changed(self, scene: Scene, value: float) -> Scene:
+        """The scene with another value of it. Raises `MechanismError`."""
+        return scene.changed({self.place: self.stated(value)})
+
+
+def parameters_of(scene: Scene) -> tuple[Variable, ...]:
+    """The parameters of a scene that stand for themselves."""
+    return tuple(_of_parameter(scene, known) for known in scene.parameters.values() if known.own)
+
+
+def variables_of(scene: Scene, names: Sequence[str] = ()) -> tuple[Variable, ...]:
+    """Parameters and numbers by their names; without names the scene's own parameters, and where it has none the numbers of its
+    links and loads that are not zero. Raises `MechanismError`."""
+    own = {v.name: v for v in parameters_of(scene)}
+    if not names and own:
+        return tuple(own.values())
+    numbers = {path_text(leaf.path): leaf for leaf in leaves(scene.document) if _varies(scene, leaf)}
+    if not names:
+        every = [_of_number(scene, leaf) for leaf in numbers.values() if leaf.path[0] in ("links", "loads")]
+        return tuple(v for v in every if v.value != 0.0)
+    found = []
+    for name in names:
+        if name in own:
+            found.append(own[name])
+        elif name in numbers:
+            found.append(_of_number(scene, numbers[name]))
+        else:
+            following = name in scene.parameters
+            why = "follows from other parameters." if following else "is neither a parameter nor a number of the scene."
+            remedy = f"Vary one of {', '.join(own)}." if following else did_you_mean(name, [*own, *numbers], what="There are")
+            raise MechanismError(Fault(f"--by {name}", why, remedy))
+    return tuple(found)
+
+
+def core_parameters(scene: Scene, variables: Sequence[Variable]) -> tuple[Parameter, ...]:
+    """Variables as the core differentiates by them, in their units. Ranges do not end what is looked at beside a value."""
+    ranges = [name for name, p in scene.parameters.items() if np.isfinite(p.low) or np.isfinite(p.high)]
+    wide = scene.changed({("parameters", name, "range"): None for name in ranges}) if ranges else scene
+
+    def of(variable: Variable) -> Parameter:
+        def mechanism(value: float) -> Mechanism:
+            return variable.changed(wide, value).mechanism
+
+        return Parameter(variable.name, variable.value, variable.width, mechanism)
+
+    return tuple(of(v) for v in variables)
+
+
+def _of_parameter(scene: Scene, known: ParameterValue) -> Variable:
+    entry = scene.document.written()["parameters"][known.name]
+    table = isinstance(entry, dict)
+    stated = entry["value"] if table else entry
+    unit = ""
+    if any(known.amount.powers):
+        unit = split(str(stated))[1]
+    factor = float(unit_of(unit).factor) if unit else 1.0
+    place: Place = ("parameters", known.name, "value") if table else ("parameters", known.name)
+    in_unit = [float(f"{x / factor:.15g}") for x in (known.amount.number, known.tolerance, known.low, known.high)]
+    value, tolerance, low, high = in_unit
+    return Variable(known.name, place, value, unit, factor, tolerance, low, high)
+
+
+def _varies(scene: Scene, leaf: Leaf) -> bool:
+    """Whether a value of the document is a number that stands for itself."""
+    if leaf.path in scene.document.formulas or leaf.path[0] not in ("links", "joints", "loads"):
+        return False
+    if "along" in leaf.path or isinstance(leaf.value, bool):
+        return False
+    if isinstance(leaf.value, str):
+        return leaf.mark(Quantity) is not None and is_plain(leaf.value)
+    return isinstance(leaf.value, float | int) and leaf.kind is not int
+
+
+def _of_number(scene: Scene, leaf: Leaf) -> Variable:
+    name, kind = path_text(leaf.path), scene.kinds.get(path_text(leaf.path))
+    if isinstance(leaf.value, str):
+        try:
+            number, unit = split(leaf.value)
+            return Variable(name, leaf.path, float(number), unit, float(unit_of(unit).factor))
+        except QuantityError as error:
+            raise MechanismError(Fault(f"--by {name}", str(error), error.remedy)) from None
+    plain = Variable(name, leaf.path, float(leaf.value), "", bare=True)
+    if kind is None:
+        return plain
+    return replace(plain, unit=scene.units.symbol(kind), factor=float(scene.units.factor(kind)))

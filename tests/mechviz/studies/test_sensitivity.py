@@ -1,0 +1,97 @@
+"""Sensitivities of scenes: closed forms in the scene's own units, numbers of curves, what is refused."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import mechviz as mv
+from mechcore.errors import MechanismError
+from mechviz.__main__ import main
+from mechviz.runs import run_scene
+from mechviz.scene.scene import Scene, load
+from mechviz.studies.designs.sensitivity import sensitivity
+from mechviz.studies.designs.variables import variables_of
+
+
+@pytest.fixture(scope="module")
+def press():
+    return run_scene(load("parametric-press"), frames=90)
+
+
+def test_a_stroke_moves_a_ram_as_its_closed_form_says(press):
+    found = sensitivity(press, "link.ram.position[x]", ["stroke", "ratio"])
+    q = press.catalogue.coordinate("A")
+    throw, rod = 40.0, 160.0  # mm
+    root = np.sqrt(rod**2 - (throw * np.sin(q)) ** 2)
+    by_throw = np.cos(q) + (4.0 * rod - throw * np.sin(q) ** 2) / root  # the rod is four throws long
+    np.testing.assert_allclose(found.slopes[0], 0.5 * by_throw, rtol=1e-12, atol=1e-12)
+    np.testing.assert_allclose(found.slopes[1], throw * rod / root, rtol=1e-12)
+    assert found.quantity.unit == "mm"
+
+
+@pytest.mark.parametrize("reducer", ["max", "min", "peak", "mean", "rms", "range", "at 75 deg"])
+def test_the_derivative_of_a_number_is_the_limit_of_its_differences(press, reducer):
+    of = f"drive.A.torque:{reducer}"
+    found = sensitivity(press, of, ["stroke"])
+    h = 1e-3
+    near = [
+        sensitivity(run_scene(press.scene.with_parameters({"stroke": f"{80.0 + s * h!r} mm"}), frames=90), of, ["speed"]).number
+        for s in (1.0, -1.0)
+    ]
+    assert found.derivatives[0] == pytest.approx((near[0] - near[1]) / (2.0 * h), rel=2e-6, abs=1e-9)
+
+
+def test_numbers_of_a_scene_without_parameters_vary_by_their_places():
+    run = run_scene(load("crank-rocker"), frames=24)
+    found = sensitivity(run, "link.rocker.angle:at 60 deg", ["links.rocker.points.C[0]", "links.coupler.points.C[0]"])
+    # half a degree of drive and lengths in mm: -1/q and cos(psi - phi)/q of the four-bar, in degrees per mm
+    a, b, c, d, q = 60.0, 180.0, 150.0, 200.0, np.radians(60.0)
+    line = d - a * np.exp(1j * q)
+    psi = np.radians(found.number)
+    phi = np.angle(line + c * np.exp(1j * psi))
+    assert abs(line + c * np.exp(1j * psi)) == pytest.approx(b, rel=1e-5)  # the number is interpolated between frames
+    side = c * np.sin(psi - phi)
+    np.testing.assert_allclose(found.derivatives, np.degrees([c * np.cos(psi - phi) / side / c, -1.0 / side]), rtol=2e-3)
+    assert {v.name for v in variables_of(run.scene)} >= {"links.crank.mass", "links.frame.points.D[0]"}
+
+
+def test_what_follows_from_others_and_what_is_not_there_is_refused(press):
+    with pytest.raises(MechanismError, match="follows from other parameters"):
+        sensitivity(press, "drive.A.torque:max", ["throw"])
+    with pytest.raises(MechanismError, match=r"neither a parameter nor a number.*stroke"):
+        sensitivity(press, "drive.A.torque:max", ["stoke"])
+    with pytest.raises(MechanismError, match="derivatives of energy"):
+        sensitivity(
+            press, "energy.energy[kinetic]:max" if "energy.energy" in press.catalogue.by_key else _energy(press), ["stroke"]
+        )
+
+
+def _energy(run):
+    return next(f"{key}[{q.curves[0]}]:max" for key, q in run.catalogue.by_key.items() if key.startswith("energy"))
+
+
+def test_the_command_ranks_and_writes_what_it_found(tmp_path, capsys, monkeypatch):
+    chart, table = tmp_path / "tornado.svg", tmp_path / "slopes.csv"
+    words = [
+        "mechviz",
+        "sensitivity",
+        "parametric-press",
+        "-n",
+        "36",
+        "--of",
+        "drive.A.torque:max",
+        "--plot",
+        str(chart),
+        "--csv",
+        str(table),
+    ]
+    monkeypatch.setattr("sys.argv", words)
+    with pytest.raises(SystemExit) as end:
+        main()
+    assert end.value.code in (0, None)
+    said = capsys.readouterr().out.splitlines()
+    assert said[0].startswith("drive.A.torque:max = 1") and said[2].split()[0] == "force"  # the press is there for its force
+    assert "stroke" in chart.read_text() and len(table.read_text().splitlines()) == 38
+    result = mv.run("parametric-press", frames=36)
+    assert isinstance(result.scene, Scene) and result.sensitivity("drive.A.torque:max").variables[0].name == "stroke"
