@@ -31,7 +31,7 @@ MOMENTS = ("torque", "drag torque", "viscous torque", "torsion spring", "torsion
 ENDS = ("behind", "ahead")
 """Of the bearing of a guide, in its direction."""
 
-STUDIES = ("systems", "reduced", "shaking", "substitutes", "sections")
+STUDIES = ("systems", "reduced", "shaking", "substitutes", "sections", "evolutes", "inflection", "percussion")
 
 NOISE = 1e-9  # of the largest value of the same unit
 

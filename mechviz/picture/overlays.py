@@ -50,13 +50,13 @@ def _funicular(run: Run, size: float, height: float) -> Iterator[Node]:
         radii += [0.0028 * size] * (n + 1) + [0.0014 * size] * n
     path = ("polygons", "funicular")
     common: dict[str, Any] = {"owner": ("construction", "funicular"), "group": "funicular", "height": height}
-    strips = tuple(_space(strip, height) for strip in strings(run, size))
+    strips = tuple(space(strip, height) for strip in strings(run, size))
     look: dict[str, Any] = {"colors": tuple(colors), "radii": tuple(radii), "labels": tuple(labels)}
     yield Lines(key="funicular.strings", entity=path, strips=strips, **look, **common)
     starts, vectors = (np.stack(part, axis=1) for part in zip(*resultants(run, size), strict=True))
     single = {name: bool(np.any(s.drawing.kind == KINDS[2])) for name, s in systems.items()}
     words = tuple("" if not there else "R" if len(systems) == 1 else f"R {name}" for name, there in single.items())
-    common |= {"origins": _space(starts, height), "vectors": _space(vectors, 0.0), "radius": 0.007 * size, "labels": words}
+    common |= {"origins": space(starts, height), "vectors": space(vectors, 0.0), "radius": 0.007 * size, "labels": words}
     yield ArrowSet(key="funicular.resultants", entity=(*path, "resultant"), colors=(WHITE,), **common)
 
 
@@ -85,11 +85,11 @@ def _equivalents(run: Run, size: float, height: float) -> Iterator[Node]:
     for name, chain in chain_strips(run, size):
         path = ("polygons", "equivalent", name)
         common: dict[str, Any] = {"owner": ("joint", name), "group": "equivalent", "height": height, "colors": (CHAIN,)}
-        strips = tuple(_space(strip, height) for strip in chain)
+        strips = tuple(space(strip, height) for strip in chain)
         yield Lines(key=f"equivalent.{name}", entity=path, strips=strips, radii=(0.0028 * size,), **common)
         if pins[name]:
             places = np.stack([z for _, z in pins[name]], axis=1)
-            dots = _space(places, height)
+            dots = space(places, height)
             dots[~np.isfinite(places).all(axis=1)] = np.nan
             look: dict[str, Any] = {"radii": (0.011 * size,) * len(pins[name]), "labels": tuple(label for label, _ in pins[name])}
             yield Points(key=f"equivalent.{name}.pins", entity=(*path, "pins"), parent="", places=dots, **look, **common)
@@ -106,7 +106,7 @@ def _substitutes(run: Run, size: float, height: float) -> Iterator[Node]:
             "radii": tuple(float(r) for r in (0.012 + 0.028 * share) * size),
             "labels": tuple(f"{m:.4g} kg" for m in body.masses),
         }
-        origins, vectors = _space(places, height), _space(forces / substitute_scale(run, size), 0.0)
+        origins, vectors = space(places, height), space(forces / substitute_scale(run, size), 0.0)
         yield Points(key=f"substitutes.{name}", entity=path, parent="", places=origins, **look, **common)
         look = {"colors": (SUBSTITUTE_FORCE,), "radius": 0.005 * size}
         yield ArrowSet(
@@ -114,7 +114,7 @@ def _substitutes(run: Run, size: float, height: float) -> Iterator[Node]:
         )
 
 
-def _space(z: Complex, height: float) -> Single:
+def space(z: Complex, height: float) -> Single:
     """Places of the plane (...) as (..., 3); a place that is not finite is the origin."""
     out = np.full((*z.shape, 3), height, np.float32)
     known = np.where(np.isfinite(z), z, 0.0)
@@ -193,8 +193,8 @@ def chain_strips(run: Run, size: float) -> list[tuple[str, list[Complex]]]:
     half, width = BLOCK[0] * size, BLOCK[1] * size
     corners = np.array([half + 1j * width, -half + 1j * width, -half - 1j * width, half - 1j * width, half + 1j * width])
     for name, chain in run.studies.equivalents.items():
-        strips = [_within(np.stack([chain.pins[a], chain.pins[b]], axis=1), size) for a, b in chain.bars]
-        strips += [_within(block.place[:, None] + np.nan_to_num(block.along)[:, None] * corners, size) for block in chain.blocks]
+        strips = [within(np.stack([chain.pins[a], chain.pins[b]], axis=1), size) for a, b in chain.bars]
+        strips += [within(block.place[:, None] + np.nan_to_num(block.along)[:, None] * corners, size) for block in chain.blocks]
         out.append((name, strips))
     return out
 
@@ -214,7 +214,7 @@ def chain_pins(run: Run, size: float) -> list[tuple[str, list[tuple[str, Complex
     return found
 
 
-def _within(z: Complex, size: float) -> Complex:
+def within(z: Complex, size: float) -> Complex:
     """Strips (F, points), shrunk to one of their finite points in the frames in which they run beyond any picture."""
     finite = np.isfinite(z)
     inner = np.where(finite, z, 0.0)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mechcore.arrays import Real
+from mechcore.arrays import Complex, Real
 from mechcore.forces.section_forces import SectionForces
 from mechviz.quantities.items import Columns, Table
 
@@ -16,6 +16,8 @@ if TYPE_CHECKING:
     from mechviz.runs import Run
 
 
+NEAR = 100.0
+"""Sizes of the mechanism: lines that meet farther off are not judged, as they are nearly parallel."""
 _FORCE: Columns = (("Fx", "N"), ("Fy", "N"), ("moment", "N m"))
 
 
@@ -35,6 +37,19 @@ def study_tables(run: Run) -> Iterator[Table]:
     for name, centrode in studies.centrodes.items():
         for kind, places in (("fixed", centrode.fixed), ("moving", centrode.moving)):
             yield Table(("data", "polodes", name, kind), f"{name}.{kind} polode", (("x", "m"), ("y", "m")), places)
+    for name, centre in studies.instant_centres.items():
+        yield _places(("instant_centres", name), f"{name} of {' and '.join(centre.links)}", ("", centre.place))
+    for name, drawn in studies.evolutes.items():
+        yield _places(("evolutes", name), f"{name}.evolute", ("", drawn.centre))
+        with np.errstate(divide="ignore"):
+            radius = 1.0 / np.abs(drawn.curvature)
+        yield Table(("data", "evolutes", name, "radius"), f"{name}.evolute", (("radius", "m"),), radius[:, None])
+    for name, circle in studies.inflection.items():
+        yield _places(("inflection", name), f"{name}.inflection", ("pole", circle.pole), ("inflection pole", circle.end))
+    for name, struck in studies.percussion.items():
+        yield _places(("percussion", name), f"{name}.percussion", ("", struck.centre), ("line", struck.through))
+        values = np.column_stack([struck.force.real, struck.force.imag, struck.moment])
+        yield Table(("data", "percussion", name, "inertia"), f"{name}.percussion", _FORCE, values)
     for name, found in studies.equivalents.items():
         for pin, place in found.pins.items():
             columns = (("x", "m"), ("y", "m"))
@@ -75,6 +90,12 @@ def study_tables(run: Run) -> Iterator[Table]:
         yield Table(("data", "sections", name), name, columns, np.column_stack(extremes))
 
 
+def _places(path: tuple[str, str], label: str, *places: tuple[str, Complex]) -> Table:
+    """Places (F,) of the plane, each called by a word, as columns x and y."""
+    columns = tuple((f"{word} {axis}".strip(), "m") for word, _ in places for axis in "xy")
+    return Table(("data", *path), label, columns, np.column_stack([part for _, z in places for part in (z.real, z.imag)]))
+
+
 def study_lines(run: Run) -> list[str]:
     """One line for each result; none where nothing was asked for."""
     return list(_lines(run))
@@ -92,6 +113,7 @@ def _lines(run: Run) -> Iterator[str]:
         bars = ", ".join("".join(ends) for ends in chain.bars) or "no bar"
         sliding = f" and {len(chain.blocks)} sliding block{'s' if len(chain.blocks) > 1 else ''}" if chain.blocks else ""
         yield f"equivalent linkage of {name}: {bars}{sliding}; it moves like the joint, up to accelerations"
+    yield from _centre_lines(run)
     for name, system in studies.systems.items():
         kinds = sorted(set(map(str, system.drawing.kind)))
         worst = float(np.nanmax(system.drawing.closing, initial=0.0))
@@ -115,6 +137,36 @@ def _lines(run: Run) -> Iterator[str]:
         yield f"substitute masses of {name}: {body.found.message}; shown is solution {body.chosen + 1}: {masses}"
     for name, forces in studies.sections.items():
         yield f"section forces of {name}: {_section_words(forces, run.motion.time)}"
+
+
+def _centre_lines(run: Run) -> Iterator[str]:
+    studies, size = run.studies, run.motion.model.length_scale
+    centres = studies.instant_centres
+    if centres:
+        near = [c.gap[np.isfinite(c.gap) & (np.abs(c.place - c.place[0]) < NEAR * size)] for c in centres.values()]
+        yield "instant centres of " + ", ".join(f"{k} {link}" for k, link in enumerate(run.motion.model.links))
+        found = [f"{name} in {' and '.join(''.join(line.through) for line in c.lines)}" for name, c in centres.items() if c.lines]
+        if found:
+            worst = float(np.max(np.concatenate(near), initial=0.0)) / size
+            yield f"{', '.join(found)}: as the velocities have them, to {worst:.1e} of the mechanism's size"
+        alone = [name for name, c in centres.items() if c.found_by == "velocities"]
+        if alone:
+            yield f"{', '.join(alone)}: by the velocities, as no two lines decide them"
+    for name, path in studies.evolutes.items():
+        bend = np.abs(path.curvature[np.isfinite(path.curvature)])
+        if len(bend):
+            most = 1e3 / bend.max() if bend.max() > 0.0 else np.inf
+            yield f"path of {name}: smallest radius of curvature {most:.5g} mm"
+    for name, circle in studies.inflection.items():
+        across = np.abs(circle.end - circle.pole)
+        if np.isfinite(across).any():
+            low, high = 1e3 * np.nanmin(across), 1e3 * np.nanmax(across)
+            yield f"inflection circle of {name}: diameter {low:.5g} to {high:.5g} mm"
+    for name, struck in studies.percussion.items():
+        arm, far = (1e3 * float(np.abs(z - struck.pivot)[0]) for z in (struck.mass_centre, struck.centre))
+        force = float(np.nanmax(np.abs(struck.force), initial=0.0))
+        words = f"{far:.5g} mm from it, centre of mass {arm:.5g} mm; inertia force up to {force:.5g} N"
+        yield f"centre of percussion of {name}: {words}"
 
 
 def _section_words(found: SectionForces, time: Real) -> str:

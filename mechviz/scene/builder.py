@@ -139,6 +139,26 @@ class SceneBuilder:
         self._data.setdefault("polodes", []).extend(links)
         return self
 
+    def instant_centres(self, *links: str) -> SceneBuilder:
+        """Links of which all instant centres are drawn."""
+        self._data.setdefault("instant_centres", []).extend(links)
+        return self
+
+    def evolutes(self, *points: str) -> SceneBuilder:
+        """Points, such as "coupler.E", of whose paths the evolutes are drawn."""
+        self._data.setdefault("evolutes", []).extend(points)
+        return self
+
+    def inflection(self, *links: str) -> SceneBuilder:
+        """Links whose inflection circles are drawn."""
+        self._data.setdefault("inflection", []).extend(links)
+        return self
+
+    def percussion(self, *points: str) -> SceneBuilder:
+        """Points, such as "rod.A", about which links turn whose centres of percussion are drawn."""
+        self._data.setdefault("percussion", []).extend(points)
+        return self
+
     def equivalent(self, *joints: str) -> SceneBuilder:
         """Cams, gears, racks, pins in slots whose equivalent linkages are drawn."""
         self._data.setdefault("equivalent", []).extend(joints)

@@ -183,6 +183,15 @@ class SceneDocument(Table):
     """Graphical constructions to draw."""
     polodes: list[LinkName] = Field(default=[])
     """Links whose fixed and moving polodes are drawn."""
+    instant_centres: list[LinkName] = Field(default=[])
+    """Links of which all instant centres are drawn, with Kennedy's lines in which they are found; the fixed one may be among
+    them."""
+    evolutes: list[Text] = Field(default=[])
+    """Points such as "coupler.E" of whose paths the centre of curvature, the osculating circle and the evolute are drawn."""
+    inflection: list[LinkName] = Field(default=[])
+    """Links whose inflection circle is drawn, with Bobillier's construction of the pole tangent."""
+    percussion: list[Text] = Field(default=[])
+    """Points such as "rod.A" about which links turn: their centre of percussion and the line of the inertia resultant are drawn."""
     equivalent: list[Text] = Field(default=[])
     """Cams, gears, racks and pins in slots beside which the linkage of lower pairs is drawn that moves like them."""
     reduced: list[Text] = Field(default=[])

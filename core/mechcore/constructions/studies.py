@@ -11,8 +11,11 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from mechcore.arrays import Real
+from mechcore.constructions.curvature import InflectionCircle, PathCurvature, inflection_circle, path_curvature
 from mechcore.constructions.equivalents import Equivalent, equivalent
 from mechcore.constructions.force_polygons import Funicular, force_polygons, funicular
+from mechcore.constructions.instant_centres import InstantCentre, kennedy
+from mechcore.constructions.percussion import Percussion, percussion
 from mechcore.constructions.polygons import Centrodes, Polygon, acceleration_polygon, centrodes, velocity_polygon
 from mechcore.errors import Fault, MechanismError
 from mechcore.forces.kinetostatics import Forces, acting_on
@@ -69,6 +72,10 @@ class StudyResults:
     weights: tuple[Counterweight, ...] = ()
     substitutes: Mapping[str, SubstituteResult] = field(default_factory=dict)
     sections: Mapping[str, SectionForces] = field(default_factory=dict)
+    instant_centres: Mapping[str, InstantCentre] = field(default_factory=dict)
+    evolutes: Mapping[str, PathCurvature] = field(default_factory=dict)
+    inflection: Mapping[str, InflectionCircle] = field(default_factory=dict)
+    percussion: Mapping[str, Percussion] = field(default_factory=dict)
 
 
 def compute(motion: Motion, forces: Forces | None) -> StudyResults:
@@ -90,6 +97,10 @@ def compute(motion: Motion, forces: Forces | None) -> StudyResults:
         reduced={_place(*at): reduce_mechanism(motion, *at, loads) for at in asked.reduced},
         substitutes={s.link: _substitute(s, motion) for s in asked.substitutes},
         sections={} if forces is None else dict(all_sections(forces)),
+        instant_centres=kennedy(motion, asked.instant_centres) if asked.instant_centres else {},
+        evolutes={_place(*at): path_curvature(motion, *at) for at in asked.evolutes},
+        inflection={link: inflection_circle(motion, link) for link in asked.inflection},
+        percussion={_place(*at): percussion(motion, *at) for at in asked.percussion},
     )
     return result if asked.shaking is None else _shaken(result, asked.shaking, motion)
 

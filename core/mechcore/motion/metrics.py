@@ -16,7 +16,7 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.polynomial import chebyshev
 
-from mechcore.arrays import Plane, Real
+from mechcore.arrays import Complex, Plane, Real
 from mechcore.kinematics.model import Model
 from mechcore.kinematics.rates import Rates
 from mechcore.kinematics.state import Patch
@@ -76,30 +76,30 @@ def answered(answer: str, m: Model) -> list[Any]:
 
 
 @over_parts
+def relative_turns(motion: Motion) -> dict[tuple[str, str], tuple[Real, Complex]]:
+    """Of every two links, per unit of the first drive: how much faster the first turns (F,), 0 where that is rounding, and the
+    velocity (F,) of the second relative to the first at the world's origin. Their quotient is the instant centre."""
+    unit = per_unit(motion)
+    m, n = motion.model, motion.frames
+    rates: Rates = unit.speeds
+    turns = [np.broadcast_to(np.asarray(rates.angular[m.angles.rotation_class[k]], float), n) for k in range(len(m.links))]
+    still = [np.broadcast_to(v - 1j * w * o, n) for v, w, o in zip(unit.origin_velocities, turns, unit.origins, strict=True)]
+    least = 1e-12 * np.fmax.reduce([np.abs(w) for w in turns])  # of each frame: at a dead point of the drive rates are unbounded
+    out = {}
+    for a, b in combinations(range(len(m.links)), 2):
+        turn = turns[a] - turns[b]
+        out[m.links[a], m.links[b]] = np.where(np.abs(turn) <= least, 0.0, turn), still[b] - still[a]
+    return out
+
+
 def instant_centres(motion: Motion) -> dict[tuple[str, str], Real]:
     """Instant centre (F, 2) [m] of every two links, where their velocities agree; infinite where they do not turn relative to
     each other, in the direction in which it lies. n (n - 1) / 2 of them."""
-    unit = per_unit(motion)
-    m = motion.model
-    rates: Rates = unit.speeds
     out = {}
-    with np.errstate(divide="ignore", invalid="ignore"):
-        turns = [
-            np.broadcast_to(np.asarray(rates.angular[m.angles.rotation_class[k]], float), motion.frames)
-            for k in range(len(m.links))
-        ]
-        still = [
-            np.broadcast_to(v - 1j * w * o, motion.frames)  # velocity of the link's point that is at the world's origin
-            for v, w, o in zip(unit.origin_velocities, turns, unit.origins, strict=True)
-        ]
-        scale = max(float(np.nanmax(np.abs(w), initial=0.0)) for w in turns) or 1.0
-        for a, b in combinations(range(len(m.links)), 2):
-            turn, shift = turns[a] - turns[b], still[b] - still[a]
-            rigid = np.abs(turn) <= 1e-12 * scale
-            centre = shift / (1j * np.where(rigid, 1.0, turn))
-            x = np.where(rigid, np.copysign(np.inf, (shift * -1j).real), centre.real)
-            y = np.where(rigid, np.copysign(np.inf, (shift * -1j).imag), centre.imag)
-            out[m.links[a], m.links[b]] = np.stack([x, y], axis=-1)
+    for pair, (turn, shift) in relative_turns(motion).items():
+        centre = shift / (1j * np.where(turn == 0.0, 1.0, turn))
+        x, y = (np.where(turn == 0.0, np.copysign(np.inf, part), part) for part in (centre.real, centre.imag))
+        out[pair] = np.stack([x, y], axis=-1)
     return out
 
 

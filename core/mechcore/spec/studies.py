@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 Vec2 = tuple[float, float]
+Place = tuple[str, str]  # link, point
 
 POLYGONS: Mapping[str, str] = {
     "velocity": "velocity plan: images of the points, joined by omega x r and sliding velocities",
@@ -80,6 +81,10 @@ class Studies:
     shaking: ShakingStudy | None = None
     substitutes: tuple[SubstituteStudy, ...] = ()
     sections: tuple[SectionStudy, ...] = ()
+    instant_centres: tuple[str, ...] = ()  # links
+    evolutes: tuple[Place, ...] = ()
+    inflection: tuple[str, ...] = ()  # links
+    percussion: tuple[Place, ...] = ()  # points about which their links turn
 
     def items(self) -> tuple[tuple[str, str], ...]:
         """Name and meaning of each study that is asked for."""
@@ -96,7 +101,12 @@ class Studies:
         if self.shaking is not None:
             asked.append(("shaking", "shaking force and moment" + (", with counterweights" if self.shaking.radii else "")))
         asked += [(f"substitute masses {s.link}", "point masses with the same inertia forces") for s in self.substitutes]
-        return (
-            *asked,
-            *((f"section forces {s.link}", "normal force, shear force and bending moment") for s in self.sections),
-        )
+        asked += [(f"section forces {s.link}", "normal force, shear force and bending moment") for s in self.sections]
+        if self.instant_centres:
+            asked.append(("instant centres", f"of {', '.join(self.instant_centres)}, with Kennedy's lines"))
+        asked += [(f"evolute {link}.{point}", "centres of curvature of the path") for link, point in self.evolutes]
+        asked += [
+            (f"inflection circle {link}", "where paths have inflections; pole tangent by Bobillier") for link in self.inflection
+        ]
+        asked += [(f"percussion {a}.{b}", "centre of percussion and the line of the inertia resultant") for a, b in self.percussion]
+        return tuple(asked)

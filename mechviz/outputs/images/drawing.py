@@ -18,6 +18,8 @@ from mechviz.outputs.presentation import Presentation
 
 FACING = 0.2  # least z of a face's normal that is drawn: what looks towards the eye
 LIGHT = np.array([-0.30, 0.50, 0.81])
+LIGHT_INK = "#e8ecf2"  # on a dark ground
+READABLE = 0.62  # colours of constructions, made for a dark ground, on a light one: as on the page
 HEAD = 9.0  # length of an arrow's head in hundredths of the picture's height
 
 
@@ -61,7 +63,7 @@ def svg_of(
 
     on = {g["name"]: g.get("dark" if dark else "light") for g in header["groups"] if g["shown"]}
     pieces = sorted(_solids(header, arrays, frame, on), key=lambda piece: piece[0])
-    ground, stroke = ("#1b212b", "#e8ecf2") if dark else ("#fbfcfd", "#1b2330")
+    ground, stroke = ("#1b212b", LIGHT_INK) if dark else ("#fbfcfd", "#1b2330")
     lines = [
         f'<svg xmlns="http://www.w3.org/2000/svg" width="{width}" height="{height}" viewBox="0 0 {width} {height}" '
         'font-family="system-ui, sans-serif">',
@@ -138,7 +140,7 @@ def _drawn(
         return
     if name not in shown:
         return
-    colors = [shown[name] or c for c in d["colors"]] or [stroke]
+    colors = [shown[name] or _shaded(c, 1.0 if stroke == LIGHT_INK else READABLE) for c in d["colors"]] or [stroke]
     widths = [max(1.2, 2.0 * r * scale) for r in d["radii"]] or [1.5]
     if d["kind"] == "arrows":
         starts = _at(arrays[d["origins"]].reshape(frames, -1), frame).reshape(-1, 2)

@@ -14,6 +14,7 @@ from mechviz.outputs.page.plots import find_plots, first_plots, pack_plot
 from mechviz.outputs.page.shapes import hex_of, pack_bodies, pack_drawables, pack_drawing, pack_links, spring_boxes
 from mechviz.outputs.presentation import Presentation
 from mechviz.outputs.rerun.blueprint import LONGEST_SHOW, SECONDS_A_CYCLE, SHORTEST_SHOW
+from mechviz.picture.centres import CENTRES
 from mechviz.picture.nodes import Picture
 from mechviz.picture.overlays import DIAGRAMS, HIDDEN
 from mechviz.quantities.catalogue import Catalogue
@@ -59,6 +60,7 @@ GROUPS = {
     "funicular": "Funicular",
     "substitutes": "Substitute masses",
     "equivalent": "Equivalent linkages",
+    **{group: words for group, (words, _) in CENTRES.items()},
     **{group: diagram.title for group, diagram in DIAGRAMS.items()},
 }
 """What can be shown and hidden beside the families of arrows."""

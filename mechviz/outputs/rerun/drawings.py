@@ -15,6 +15,7 @@ from mechcore.spec.clearance import made_joints
 from mechcore.spec.loads import GasPressure
 from mechviz.outputs.rerun.entities import Static, Stream, entity, line_strips, packed
 from mechviz.outputs.rerun.plots import PALETTE
+from mechviz.picture.centres import CENTRES
 from mechviz.picture.constructions import Drawing
 from mechviz.quantities.items import joint_unit, joints_of
 
@@ -22,7 +23,7 @@ if TYPE_CHECKING:
     from mechviz.runs import Run
 
 # -- graphical constructions ------------------------------------------------------------------------------------------
-OVERLAYS = ("polygons/funicular", "polygons/polodes", "polygons/substitutes", "polygons/equivalent")
+OVERLAYS = tuple(f"polygons/{group}" for group in ("funicular", "polodes", "substitutes", "equivalent", *CENTRES))
 """Entities that belong into the picture of the mechanism."""
 
 

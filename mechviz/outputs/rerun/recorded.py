@@ -17,6 +17,7 @@ from mechviz.outputs.rerun.drawings import Diagram as Chart
 from mechviz.outputs.rerun.entities import parts_of, unpacked
 from mechviz.outputs.rerun.reader import Recording
 from mechviz.picture.arrows import with_scales
+from mechviz.picture.centres import CENTRES
 from mechviz.picture.constructions import Drawing, Mark, Stroke
 from mechviz.picture.nodes import ArrowSet, Body, Color, Lines, Mesh, Node, Picture, Points, Poses
 from mechviz.picture.surface_marks import KINDS
@@ -127,6 +128,10 @@ def _guessed(recording: Recording) -> Iterator[NodePart]:
                 found = ("lines", f"equivalent.{joint}", ["joint", joint], "equivalent", "")
             case ("polygons", "equivalent", joint, "pins"):
                 found = ("points", f"equivalent.{joint}.pins", ["joint", joint], "equivalent", "")
+            case ("polygons", group, item, what) if group in CENTRES:
+                archetypes = {"LineStrips3D": "lines", "Points3D": "points", "Arrows3D": "arrowset"}
+                looks = (k for name, k in archetypes.items() if recording.static(path, component=f"{name}:colors") is not None)
+                found = (next(looks, "lines"), f"{group}.{item}.{what}", [CENTRES[group][1], item], group, "")
             case ("sections", group, link):
                 found = ("lines", f"section.{link}.{group}", ["link", link], group, "")
             case ("sections", group, link, "largest"):

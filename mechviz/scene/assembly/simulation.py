@@ -35,7 +35,10 @@ if TYPE_CHECKING:
     from mechviz.scene.scene import Scene
 
 _NEEDS_DRIVE = ("velocity_ratio", "mechanical_advantage")
-_STUDIES = ("plans", "polodes", "equivalent", "reduced", "shaking", "systems", "substitutes")
+_STUDIES = (
+    "plans", "polodes", "equivalent", "reduced", "shaking", "instant_centres", "evolutes", "inflection", "percussion", "systems",
+    "substitutes",
+)  # fmt: skip
 _ADD_FREE = 'Leave it out, or let forces move a joint: free = { speed = "10 rpm" } instead of its drive.'
 
 

@@ -1,5 +1,5 @@
-"""What a scene can ask for beside motion, forces and answers: plans, polodes, force systems, reduction, shaking, substitute
-masses, section forces."""
+"""What a scene can ask for beside motion, forces and answers: plans, polodes, centres, force systems, reduction, shaking,
+substitute masses, section forces."""
 
 from __future__ import annotations
 
@@ -147,12 +147,13 @@ class SectionsDocument(Table):
 
 def needs_inertia(document: SceneDocument, link: str) -> bool:
     """Whether a study needs mass, centre and inertia of a link even though no effect names inertia."""
-    return bool(document.reduced) or document.shaking is not None or link in document.substitutes
+    turning = any(text.partition(".")[0] == link for text in document.percussion)
+    return bool(document.reduced) or document.shaking is not None or link in document.substitutes or turning
 
 
 def check_studies(document: SceneDocument, links: Mapping[str, list[str] | None], complete: bool) -> Iterator[Fault]:
     """Faults of reference. ``links``: names of the points of every link, None where they could not be read."""
-    for key in ("plans", "polodes", "equivalent", "reduced"):
+    for key in ("plans", "polodes", "equivalent", "reduced", "instant_centres", "evolutes", "inflection", "percussion"):
         names = getattr(document, key)
         for k, name in enumerate(names):
             if name in names[:k] and is_whole(name):
@@ -160,8 +161,22 @@ def check_studies(document: SceneDocument, links: Mapping[str, list[str] | None]
     if "force" in document.plans and not document.effects and not document.loads:
         remedy = 'Name effects such as "inertia", or loads.'
         yield Fault(f"plans[{document.plans.index('force')}]", "a force plan of a scene without any force.", remedy)
-    for k, name in enumerate(document.polodes):
-        yield from _link(f"polodes[{k}]", name, links, complete, document.frame)
+    for key in ("polodes", "inflection"):
+        for k, name in enumerate(getattr(document, key)):
+            yield from _link(f"{key}[{k}]", name, links, complete, document.frame)
+    for k, name in enumerate(document.instant_centres):
+        if name != document.frame:
+            yield from _link(f"instant_centres[{k}]", name, links, complete, document.frame)
+    if len(document.instant_centres) == 1:
+        yield Fault("instant_centres", "one link alone has no instant centre.", "Name two links or more.")
+    for key in ("evolutes", "percussion"):
+        for k, text in enumerate(getattr(document, key)):
+            link, _, point = text.partition(".")
+            if not point and is_whole(text):
+                yield Fault(f"{key}[{k}]", f"'{text}' names no point of a link.", 'Write link and point, such as "coupler.E".')
+                continue
+            yield from _link(f"{key}[{k}]", link, links, complete, document.frame)
+            yield from _point(f"{key}[{k}]", link, point, links)
     fitting = [name for name, joint in document.joints.items() if joint.kinds and joint.traits.higher]
     for k, name in enumerate(document.equivalent):
         if not complete or not is_whole(name) or name in fitting:
@@ -275,8 +290,17 @@ def studies_of(
         reduced=tuple(reduced),
         shaking=None if document.shaking is None else _shaking(document.shaking, convert),
         substitutes=tuple(substitutes),
+        instant_centres=tuple(document.instant_centres),
+        evolutes=tuple(_place(text) for text in document.evolutes),
+        inflection=tuple(document.inflection),
+        percussion=tuple(_place(text) for text in document.percussion),
         sections=tuple(_sections(name, entry, document, placement, convert) for name, entry in document.sections.items()),
     )
+
+
+def _place(text: str) -> tuple[str, str]:
+    link, _, point = text.partition(".")
+    return link, point
 
 
 def _sections(

@@ -237,7 +237,9 @@ def test_parts_of_a_path_are_unescaped():
     assert parts_of(entity(*parts)) == parts
 
 
-@pytest.mark.parametrize("name", ["stick-slip-feed", "plans-four-bar", "four-forces", "lumped-rod", "polodes-four-bar"])
+@pytest.mark.parametrize(
+    "name", ["stick-slip-feed", "plans-four-bar", "four-forces", "lumped-rod", "polodes-four-bar", "percussion-centre"]
+)
 def test_pages_of_all_kinds_of_scenes(name):
     header, arrays = content(make_page(made(name, 24).shown)[0])
     low, high = np.array(header["drawn"])
@@ -246,6 +248,7 @@ def test_pages_of_all_kinds_of_scenes(name):
     expected = {
         "stick-slip-feed": "friction", "plans-four-bar": "joints", "four-forces": "funicular",
         "lumped-rod": "substitutes", "polodes-four-bar": "polodes",
+        "percussion-centre": "percussion",
     }  # fmt: skip
     assert expected[name] in kinds
     constructions = [c["title"] for c in header["constructions"]]

@@ -46,6 +46,10 @@ BASE = {
 ALL = {
     "plans": ["velocity", "acceleration", "force"],
     "polodes": ["coupler"],
+    "instant_centres": ["frame", "coupler"],
+    "evolutes": ["coupler.D"],
+    "inflection": ["coupler"],
+    "percussion": ["rocker.E"],
     "reduced": ["crank", "rocker.D"],
     "shaking": {"about": [0.1, 0], "counterweights": {"radius": "80 mm", "fraction": 1}},
     "systems": {"all": {"on": "rocker", "at": "D"}, "load": {"on": "rocker", "loads": ["P"], "pole": [30, 40]}},
@@ -91,6 +95,7 @@ def test_the_builder_says_the_same():
     b.revolute("D", "coupler", "rocker", side="left").revolute("E", "frame", "rocker")
     b.force("P", (-150, -60), on="rocker", at="D").effect("inertia").run(frames=36)
     b.plan(*ALL["plans"]).polodes("coupler").reduce(*ALL["reduced"])
+    b.instant_centres("frame", "coupler").evolutes("coupler.D").inflection("coupler").percussion("rocker.E")
     b.shaking(about=(0.1, 0), counterweights={"radius": "80 mm", "fraction": 1})
     b.system("all", on="rocker", at="D").system("load", on="rocker", loads=["P"], pole=(30, 40))
     b.substitute("coupler", {"at": "B"}, {"at": "D"}, {"y": 0.12})
@@ -111,6 +116,12 @@ def test_the_schema_knows_the_keywords():
         ({"plans": ["force"], "effects": [], "loads": {}}, "plans[0]", "without any force"),
         ({"polodes": ["copler"]}, "polodes[0]", "Did you mean 'coupler'?"),
         ({"polodes": ["frame"]}, "polodes[0]", "fixed link"),
+        ({"instant_centres": ["coupler"]}, "instant_centres", "two links or more"),
+        ({"instant_centres": ["frame", "copler"]}, "instant_centres[1]", "Did you mean 'coupler'?"),
+        ({"inflection": ["frame"]}, "inflection[0]", "fixed link"),
+        ({"evolutes": ["coupler"]}, "evolutes[0]", "names no point"),
+        ({"evolutes": ["coupler.X"]}, "evolutes[0]", "no point 'X'"),
+        ({"percussion": ["rod.B"]}, "percussion[0]", "no link 'rod'"),
         ({"reduced": ["rocker.X"]}, "reduced[0]", "no point 'X'"),
         ({"reduced": ["rock.D"]}, "reduced[0]", "Did you mean 'rocker'?"),
         ({"shaking": {"counterweights": {"radius": 0}}}, "shaking.counterweights.radius", "zero"),
@@ -177,6 +188,10 @@ def test_what_is_not_named_is_not_computed(monkeypatch):
         "force_polygons",
         "funicular",
         "centrodes",
+        "kennedy",
+        "path_curvature",
+        "inflection_circle",
+        "percussion",
         "reduce_mechanism",
         "shaking",
         "substitute_masses",
@@ -201,6 +216,7 @@ def test_what_is_not_named_is_not_computed(monkeypatch):
     run = run_scene(with_(**ALL))
     assert calls == {
         "velocity_polygon": 1, "acceleration_polygon": 1, "force_polygons": 1, "funicular": 2, "centrodes": 1,
+        "kennedy": 1, "path_curvature": 1, "inflection_circle": 1, "percussion": 1,
         "reduce_mechanism": 2, "shaking": 2, "substitute_masses": 1,
     }  # fmt: skip
     named = {s.name for s in run.plan.computed}

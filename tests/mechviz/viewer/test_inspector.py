@@ -402,6 +402,8 @@ def test_of_a_motion_without_drives_effects_are_weighed_by_the_largest_reaction(
     [
         ("plans-four-bar", ()),
         ("polodes-four-bar", ("Polodes",)),
+        ("instant-centres", ("Instant centres",)),
+        ("inflection-circle", ("Evolutes", "Inflection circles")),
         ("four-forces", ("Funicular polygon",)),
         ("compressor-cycle", ()),
         ("cam-equivalent", ("Equivalent linkages",)),

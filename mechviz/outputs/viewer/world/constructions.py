@@ -21,6 +21,7 @@ from mechviz.outputs.viewer.words import scale
 from mechviz.outputs.viewer.world.bodies import segments
 from mechviz.outputs.viewer.world.labels import LabelPlaces, half_sizes
 from mechviz.outputs.viewer.world.solids import link_path
+from mechviz.picture.centres import CENTRES
 from mechviz.picture.constructions import Drawing, rows_of
 from mechviz.picture.nodes import ArrowSet, Lines, Node, Points
 from mechviz.picture.overlays import DIAGRAMS, HIDDEN
@@ -41,6 +42,7 @@ OVERLAYS = {
     "Funicular polygon": ("funicular",),
     "Equivalent linkages": ("equivalent",),
     "Substitute masses": ("substitutes",),
+    **{words: (group,) for group, (words, _) in CENTRES.items()},
     **{diagram.title: (group,) for group, diagram in DIAGRAMS.items()},
 }
 """Groups of the picture by the words of their switch."""

@@ -1,0 +1,219 @@
+"""Constructions about centres, drawn on the mechanism: instant centres with Kennedy's lines, evolutes, inflection circles, centres
+of percussion with the line of the inertia resultant. Their nodes are called by group, item and part, as their entities are."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from mechcore.arrays import Complex, Real
+from mechcore.constructions.curvature import InflectionCircle, PathCurvature
+from mechcore.constructions.instant_centres import InstantCentre
+from mechcore.constructions.percussion import Percussion
+from mechviz.picture.nodes import ArrowSet, Color, Lines, Node, Points
+from mechviz.picture.overlays import polode_pieces, space, within
+
+if TYPE_CHECKING:
+    from mechviz.meshes.solids import Solids
+    from mechviz.runs import Run
+
+CENTRES: Mapping[str, tuple[str, str]] = {
+    "instant_centres": ("Instant centres", "construction"),
+    "evolutes": ("Evolutes", "point"),
+    "inflection": ("Inflection circles", "link"),
+    "percussion": ("Centres of percussion", "point"),
+}
+"""By group: its words, and what its items are."""
+
+PIN, FOUND, LINE = (255, 206, 92), (92, 214, 255), (150, 166, 190)
+CIRCLE, CURVE, RAY, TANGENT, AXIS = (120, 255, 190), (255, 150, 210), (150, 166, 190), (255, 206, 92), (190, 150, 255)
+FORCE, PART = (208, 112, 246), (244, 178, 255)
+VISIBLE = 2.5  # sizes of the mechanism from its middle: nothing is drawn farther off
+BEYOND = 0.06  # by how much a line goes on beyond the centres on it, in sizes of the mechanism
+OPEN = 0.35  # as far where one of them lies beyond the picture
+ARC = 1.6  # sizes of the mechanism: longest part of a circle that is drawn
+ARC_POINTS = 73
+THIN, THICK, DOT = 0.0016, 0.0028, 0.009  # radii in sizes of the mechanism
+
+
+def centre_nodes(run: Run, solids: Solids) -> Iterator[Node]:
+    """What the scene's constructions about centres draw on the mechanism; the colours are made for a dark ground."""
+    studies, height = run.studies, solids.z_top + 0.008 * solids.size
+    for name, centre in studies.instant_centres.items():
+        yield from _instant_centre(_Pen(run, solids, "instant_centres", name, height), centre, studies.instant_centres)
+    for name, path in studies.evolutes.items():
+        yield from _evolute(_Pen(run, solids, "evolutes", name, height), path, solids)
+    for name, circle in studies.inflection.items():
+        yield from _inflection(_Pen(run, solids, "inflection", name, height), circle)
+    scale = _force_scale(studies.percussion, solids.size)
+    for name, found in studies.percussion.items():
+        yield from _percussion(_Pen(run, solids, "percussion", name, height), found, scale)
+
+
+@dataclass(frozen=True, eq=False)
+class _Pen:
+    """Makes the nodes of one item of a group."""
+
+    run: Run
+    solids: Solids
+    group: str
+    name: str
+    height: float
+
+    @property
+    def size(self) -> float:
+        return self.solids.size
+
+    @property
+    def middle(self) -> complex:
+        low, high = np.asarray(self.solids.bounds)[:, :2] @ np.array([1.0, 1.0j])
+        return complex(0.5 * (low + high))
+
+    def common(self, part: str) -> dict[str, Any]:
+        path = (self.group, self.name, part)
+        owner = (CENTRES[self.group][1], self.name)
+        return {"key": ".".join(path), "owner": owner, "group": self.group, "entity": ("polygons", *path), "height": self.height}
+
+    def near(self, z: Complex) -> Complex:
+        """Places (F,), NaN where they are too far off to be drawn."""
+        with np.errstate(invalid="ignore"):
+            return np.where(np.abs(z - self.middle) < VISIBLE * self.size, z, np.nan)
+
+    def lines(self, part: str, strips: Mapping[str, tuple[Complex, Color, float]]) -> Iterator[Lines]:
+        """Strips (F, n) by their labels, those that begin with a blank without one, each with its colour and radius."""
+        if strips:
+            drawn, colors, radii = zip(*strips.values(), strict=True)
+            words = tuple("" if text.startswith(" ") else text for text in strips)
+            labels = words if any(words) else ()
+            look: dict[str, Any] = {"colors": colors, "radii": tuple(r * self.size for r in radii), "labels": labels}
+            yield Lines(strips=tuple(space(self._held(z), self.height) for z in drawn), **look, **self.common(part))
+
+    def _held(self, z: Complex) -> Complex:
+        """Strips (F, n), shrunk to a point in the frames in which they run beyond the picture."""
+        z = within(z, self.size)
+        return np.where(np.abs(z[:, :1] - self.middle) < 2.0 * VISIBLE * self.size, z, self.middle)
+
+    def dot(self, part: str, place: Complex, color: Color, label: str) -> Iterator[Points]:
+        spots = space(self.near(place)[:, None], self.height)
+        spots[np.isnan(self.near(place))] = np.nan
+        if np.isfinite(spots).any():
+            look: dict[str, Any] = {"colors": (color,), "radii": (DOT * self.size,), "labels": (label,)}
+            yield Points(parent="", places=spots, **look, **self.common(part))
+
+
+def _instant_centre(pen: _Pen, centre: InstantCentre, known: Mapping[str, InstantCentre]) -> Iterator[Node]:
+    strips = {}
+    own = pen.near(centre.place)
+    for k, line in enumerate(centre.lines):
+        others = [pen.near(known[name].place) for name in line.through if name in known]
+        along = np.array([np.real(np.conj(line.along) * (z - line.base)) for z in (own, *others)])
+        room = np.where(np.isfinite(along).all(axis=0) & (len(others) == 2), BEYOND, OPEN) * pen.size
+        with np.errstate(invalid="ignore"):
+            low, high = np.fmin.reduce(along), np.fmax.reduce(along)
+        ends = np.stack([line.base + (low - room) * line.along, line.base + (high + room) * line.along], axis=1)
+        strips[f" {k}"] = (ends, LINE, THIN)
+    yield from pen.lines("lines", strips)
+    yield from pen.dot("centre", centre.place, PIN if centre.found_by == "joint" else FOUND, pen.name)
+
+
+def _evolute(pen: _Pen, path: PathCurvature, solids: Solids) -> Iterator[Node]:
+    centre = pen.near(path.centre)
+    strips = {" circle": (_arc(path.place, path.tangent, path.curvature, ARC * pen.size), CIRCLE, THIN)}
+    strips[" radius"] = (np.stack([path.place, centre], axis=1), RAY, THIN)
+    yield from pen.lines("circle", strips)
+    way = np.column_stack([path.centre.real, path.centre.imag])
+    pieces = tuple(piece[None] for piece in polode_pieces(way, way, solids, z=pen.height))
+    if pieces:
+        yield Lines(strips=pieces, colors=(CURVE,), radii=(THICK * pen.size,), **pen.common("evolute"))
+    yield from pen.dot("centre", path.centre, CURVE, f"K of {pen.name}")
+
+
+def _inflection(pen: _Pen, circle: InflectionCircle) -> Iterator[Node]:
+    size, pole, across = pen.size, pen.near(circle.pole), circle.end - circle.pole
+    with np.errstate(invalid="ignore", divide="ignore"):
+        tangent = -1j * across / np.abs(across)
+        bend = 2.0 / np.abs(across)
+    strips = {
+        "inflection circle": (_arc(pole, tangent, bend, 2.0 * ARC * size), CIRCLE, THICK),
+        " diameter": (np.stack([pole, pen.near(circle.end)], axis=1), RAY, THIN),
+        "pole tangent": (pole[:, None] + 0.35 * size * tangent[:, None] * np.array([-1.0, 1.0]), TANGENT, THICK),
+    }
+    yield from pen.lines("circle", strips)
+    yield from pen.dot("P", circle.pole, PIN, "P")
+    yield from pen.dot("J", circle.end, CIRCLE, "J")
+    found = circle.bobillier
+    if found is None:
+        return
+    meeting, rays = pen.near(found.meeting), {}
+    for name, place, centre in zip(found.points, found.places, found.centres, strict=True):
+        rays[f" ray {name}"] = (_through(pole, place, pen.near(centre)), RAY, THIN)
+    rays[" points"] = (_through(found.places[0], found.places[1], meeting), RAY, THIN)
+    rays[" centres"] = (_through(pen.near(found.centres[0]), pen.near(found.centres[1]), meeting), RAY, THIN)
+    rays["collineation axis"] = (np.stack([pole, meeting], axis=1), AXIS, THICK)
+    yield from pen.lines("bobillier", rays)
+    yield from pen.dot("Q", found.meeting, AXIS, "Q")
+
+
+def _percussion(pen: _Pen, found: Percussion, per_metre: float) -> Iterator[Node]:
+    size, through = pen.size, pen.near(found.through)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        along = found.force / np.abs(found.force)
+    meeting = pen.near(found.meeting)
+    reach = np.real(np.conj(along) * (np.where(np.isfinite(meeting), meeting, through) - through))
+    low, high = np.minimum(reach, 0.0) - OPEN * size, np.maximum(reach, 0.0) + OPEN * size
+    strips = {
+        " arm": (np.stack([found.pivot, found.mass_centre, found.centre], axis=1), RAY, THIN),
+        "inertia resultant": (np.stack([through + low * along, through + high * along], axis=1), FORCE, THIN),
+        " carried": (np.stack([found.mass_centre, meeting], axis=1), PART, THIN),
+        " turned": (np.stack([found.centre, meeting], axis=1), PART, THIN),
+    }
+    yield from pen.lines("line", strips)
+    carried = np.abs(found.carried).max(initial=0.0) > 1e-9 * np.abs(found.turned).max(initial=0.0)
+    for part, place, color in (("S", found.mass_centre, PIN), ("W", found.centre, FOUND), ("T", found.meeting, FORCE)):
+        if part != "T" or carried:  # of a pivot that is at rest T is W
+            yield from pen.dot(part, place, color, part)
+    arrows = [(np.where(np.isfinite(meeting), meeting, through), found.force)]
+    arrows += [(found.mass_centre, found.carried), (found.centre, found.turned)] if carried else []
+    starts, forces = (np.stack(part, axis=1) for part in zip(*arrows, strict=True))
+    there = np.isfinite(starts) & np.isfinite(forces)
+    look: dict[str, Any] = {
+        "origins": space(starts, pen.height),
+        "vectors": space(np.asarray(np.where(there, forces, 0.0) / per_metre, complex), 0.0),
+        "colors": (FORCE, PART, PART)[: len(arrows)],
+        "labels": ("-m a_S", "-m a_B", "-m a_SB")[: len(arrows)],
+    }
+    yield ArrowSet(radius=2.0 * THICK * size, **look, **pen.common("forces"))
+
+
+def _force_scale(found: Mapping[str, Percussion], size: float) -> float:
+    """Newtons per metre of arrows: the largest is a third of the mechanism."""
+    parts = [np.abs(part) for p in found.values() for part in (p.force, p.carried, p.turned)]
+    largest = float(np.nanmax(parts, initial=0.0)) if parts else 0.0
+    return 3.0 * largest / size if largest > 0.0 else 1.0
+
+
+def _arc(place: Complex, tangent: Complex, bend: Real, longest: float) -> Complex:
+    """A circle (F, n) through places (F,) along tangents (F,), of a signed curvature (F,) [1/m]: of one that is longer, the part
+    next to the place; a straight line where it is not curved."""
+    with np.errstate(invalid="ignore", divide="ignore"):
+        length = np.fmin(longest, 2.0 * np.pi / np.abs(bend))
+        turn = (bend * length)[:, None] * np.linspace(-0.5, 0.5, ARC_POINTS)
+        chord = length[:, None] * np.linspace(-0.5, 0.5, ARC_POINTS) * np.sinc(turn / (2.0 * np.pi))
+        return np.asarray(place[:, None] + tangent[:, None] * chord * np.exp(0.5j * turn))
+
+
+def _through(*places: Complex) -> Complex:
+    """The straight line (F, 2) through points of it, from the first to the last of them; those that are not there left out."""
+    z = np.stack(places, axis=1)
+    first = np.take_along_axis(z, np.argmax(np.isfinite(z), axis=1)[:, None], axis=1)
+    away = np.where(np.isfinite(z), z - first, 0.0)
+    far = np.take_along_axis(away, np.argmax(np.abs(away), axis=1)[:, None], axis=1)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        unit = np.where(np.abs(far) > 0.0, far / np.abs(far), 0.0)
+    along = np.real(np.conj(unit) * away)
+    return np.concatenate(
+        [first + unit * along.min(axis=1, keepdims=True), first + unit * along.max(axis=1, keepdims=True)], axis=1
+    )
