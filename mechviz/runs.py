@@ -208,11 +208,11 @@ def run_scene(
 
 def _steady(turns: int, compiled: Compiled) -> tuple[SteadyRun, Compiled]:
     """The steady run of a scene's machine, and the machine with its speed at the start."""
-    found = steady_run(compiled, turns=turns)
+    steady = steady_run(compiled, turns=turns)
     mechanism = compiled.mechanism
     (drive,) = mechanism.drives
-    started = replace(mechanism, drives=(replace(drive, law=Free(found.start, found.speed)),))
-    return found, compile_mechanism(started, compiled.accuracy, compiled.executor)
+    started = replace(mechanism, drives=(replace(drive, law=Free(steady.start, steady.speed)),))
+    return steady, compile_mechanism(started, compiled.accuracy, compiled.executor)
 
 
 def _resimulate(
@@ -375,8 +375,8 @@ class Running:
         forces: JoinedForces | None = None
         if first.forces is not None:
             solved = [part for b in blocks if b.forces is not None for part in b.forces.parts]
-            found = [(rows, f) for (rows, _), (_, f) in zip(parts, solved, strict=True)]
-            forces = JoinedForces(motion, found, stops=whole.stops, energies=whole.energies)
+            by_part = [(rows, f) for (rows, _), (_, f) in zip(parts, solved, strict=True)]
+            forces = JoinedForces(motion, by_part, stops=whole.stops, energies=whole.energies)
         return Run(
             scene=self.scene,
             compiled=whole.compiled,

@@ -85,9 +85,9 @@ def estimate_errors(run: Run) -> ErrorEstimate:
         velocity, acceleration = position * bend, position * bend * bend
     else:
         velocity, acceleration = (np.full(motion.frames, e) for e in _difference_errors(run))
-    reaction, found = np.full(motion.frames, np.nan), quantities(motion, run.forces)
+    reaction, known = np.full(motion.frames, np.nan), quantities(motion, run.forces)
     if run.forces is not None:
-        reaction = condition * (np.abs(np.nan_to_num(run.forces.power_balance)) + ROUNDING) + acceleration + _cancelled(run, found)
+        reaction = condition * (np.abs(np.nan_to_num(run.forces.power_balance)) + ROUNDING) + acceleration + _cancelled(run, known)
         if run.forces.friction is not None:
             reaction = reaction + np.nan_to_num(_friction_residual(run))
     if run.simulation is not None and run.again is not None:
@@ -102,7 +102,7 @@ def estimate_errors(run: Run) -> ErrorEstimate:
     lost = lost_turns(motion)
     position, reaction = position + lost, reaction + lost
     order = run.accuracy.interpolation
-    apart = interpolation_error(found, motion.time, order, passages_of(motion))
+    apart = interpolation_error(known, motion.time, order, passages_of(motion))
     return ErrorEstimate(position, velocity, acceleration, reaction, apart, order)
 
 
@@ -173,14 +173,14 @@ def _cancelled(run: Run, every: list[Quantity]) -> float:
     def peak(values: Real) -> float:
         return float(np.abs(values[np.isfinite(values)]).max(initial=0.0))
 
-    found = [q for q in every if q.kind == "reaction"]
+    reactions = [q for q in every if q.kind == "reaction"]
     loads = [load.values for load in run.forces.loads.values()] if run.forces is not None else []
-    is_force = {q.name: q.name.startswith("reaction") for q in found}
-    force = max([*(peak(q.values) for q in found if is_force[q.name]), *(peak(v[:, :2]) for v in loads)], default=0.0)
-    moments = [*(peak(q.values) for q in found if not is_force[q.name]), *(peak(v[:, 2]) for v in loads)]
+    is_force = {q.name: q.name.startswith("reaction") for q in reactions}
+    force = max([*(peak(q.values) for q in reactions if is_force[q.name]), *(peak(v[:, :2]) for v in loads)], default=0.0)
+    moments = [*(peak(q.values) for q in reactions if not is_force[q.name]), *(peak(v[:, 2]) for v in loads)]
     moment = max([*moments, force * run.motion.model.length_scale])
     worst = 0.0
-    for q in found:
+    for q in reactions:
         largest, own = force if is_force[q.name] else moment, peak(q.values)
         if own > NOTHING * largest:
             worst = max(worst, SUMS * ROUNDING * largest / q.scale)
@@ -215,14 +215,14 @@ def _difference_errors(run: Run) -> tuple[float, float]:
     return out[0], out[1]
 
 
-def interpolation_error(found: list[Quantity], time: Real, order: int, passages: Sequence[Passage] = ()) -> Real:
+def interpolation_error(every: list[Quantity], time: Real, order: int, passages: Sequence[Passage] = ()) -> Real:
     """Estimated error of the interpolation from each frame to the next (F,), the largest of all quantities; ``passages`` of
     singular positions between the frames. See the module."""
     frames = len(time)
     if frames < 9:
         return np.full(frames, np.nan)
     worst = np.zeros(frames)
-    for q in found:
+    for q in every:
         twice, four = (_left_out(q, time, order, step) for step in (2, 4))
         if not (np.isfinite(twice).any() and np.isfinite(four).any()):
             continue

@@ -158,10 +158,10 @@ def fit_frames(scene: Scene, accuracy: Accuracy, simulation: Simulation | None =
         frames = int(np.clip(wanted, low, max(low, high)))
         if best is not None and frames >= best.frames:
             break
-    found = best or crowded
-    if found is None:
+    chosen = best or crowded
+    if chosen is None:
         return replace(fit, needed=max(frames, fit.frames + 1))
-    return _past_bends(at, end, order, found, accuracy.target, min(MOST * parts, MOST_FRAMES))
+    return _past_bends(at, end, order, chosen, accuracy.target, min(MOST * parts, MOST_FRAMES))
 
 
 def _past_bends(at: Provider, end: float, order: int, fit: Fit, target: float, most: int) -> Fit:
@@ -194,9 +194,9 @@ def simulated(accuracy: Accuracy, simulate: Callable[..., Simulation]) -> Simula
     assert accuracy.target is not None and accuracy.integrator is not None
     tolerance = accuracy.integrator
     for _ in range(4):
-        found = simulate(tolerance)
-        error = integration_error(found, np.linspace(0.0, found.duration, 65), simulate).max(initial=0.0)
+        simulation = simulate(tolerance)
+        error = integration_error(simulation, np.linspace(0.0, simulation.duration, 65), simulate).max(initial=0.0)
         if error <= accuracy.target or tolerance <= 1e-14:
             break
         tolerance = max(0.3 * tolerance * accuracy.target / error, 1e-14)
-    return found
+    return simulation

@@ -38,26 +38,26 @@ def kept_dials(run: Run) -> Accuracy:
         filled = {"profile": dials.profile or PROFILE, "numbers": dials.numbers or "float64"}
         return replace(dials, **filled)
     chord = dials.chord if dials.chord is not None else max(dials.target, FINEST) * run.motion.model.length_scale
-    found = quantities(run.motion, run.forces)
+    every = quantities(run.motion, run.forces)
     return replace(
         dials,
         chord=float(np.clip(chord, 1e-9, 1.0)),
         profile=dials.profile or _points(run, chord),
-        numbers=dials.numbers or _digits(found, dials.target, balanced=run.forces is not None),
-        pictures=dials.pictures or _pictures(found, run.motion, dials.target, dials.decimation),
+        numbers=dials.numbers or _digits(every, dials.target, balanced=run.forces is not None),
+        pictures=dials.pictures or _pictures(every, run.motion, dials.target, dials.decimation),
     )
 
 
-def rounding(found: Sequence[Quantity]) -> float:
+def rounding(every: Sequence[Quantity]) -> float:
     """The largest relative error that rounding to float32 makes of quantities."""
-    sizes = [float(np.abs(q.values[np.isfinite(q.values)]).max(initial=0.0)) / q.scale for q in found]
+    sizes = [float(np.abs(q.values[np.isfinite(q.values)]).max(initial=0.0)) / q.scale for q in every]
     return SINGLE * max(sizes, default=0.0)
 
 
-def _digits(found: Sequence[Quantity], target: float, *, balanced: bool) -> Literal["float64", "float32"]:
+def _digits(every: Sequence[Quantity], target: float, *, balanced: bool) -> Literal["float64", "float32"]:
     """float32 where its rounding is a tenth of the target at most. Not where there are forces: readers of recordings check
     that every link is in balance to 1e-8, which float32 is not."""
-    return "float32" if not balanced and rounding(found) <= SHARE * target else "float64"
+    return "float32" if not balanced and rounding(every) <= SHARE * target else "float64"
 
 
 def plain_stride(motion: Any) -> int:
@@ -69,7 +69,7 @@ def plain_stride(motion: Any) -> int:
     return max(1, int(frames_a_cycle / PICTURES_A_CYCLE))
 
 
-def _pictures(found: Sequence[Quantity], motion: Any, target: float, thin: int) -> int:
+def _pictures(every: Sequence[Quantity], motion: Any, target: float, thin: int) -> int:
     """Every so many recorded frames have pictures: as few as joined by straight lines stay within the target, the last one among
     them; not fewer than without a target, as viewers hold the last picture while the mechanism moves on."""
     time = motion.time
@@ -77,16 +77,16 @@ def _pictures(found: Sequence[Quantity], motion: Any, target: float, thin: int) 
     best = 1
     for stride in range(2, min(last // 2, plain_stride(motion) // thin) + 1):
         if last % stride == 0:
-            if not _joined(found, time, stride * thin, last * thin, target):
+            if not _joined(every, time, stride * thin, last * thin, target):
                 break
             best = stride
     return best
 
 
-def _joined(found: Sequence[Quantity], time: Real, step: int, last: int, target: float) -> bool:
+def _joined(every: Sequence[Quantity], time: Real, step: int, last: int, target: float) -> bool:
     """Whether straight lines between every ``step``-th frame are within the target at all frames in between, up to ``last``."""
     nodes, frames = np.arange(0, last + 1, step), np.arange(last + 1)
-    for q in found:
+    for q in every:
         values = q.values.reshape(len(q.values), -1)
         if q.turns:  # what is drawn on a link that turns goes along an arc
             values = np.column_stack([np.cos(values), np.sin(values)])
@@ -114,8 +114,8 @@ def _points(run: Run, chord: float) -> int:
 
 def plane_cams(run: Run) -> list[Any]:
     """The planar cams of a run, second ones of conjugate pairs among them: those that have a contour."""
-    found = [p for r in run.compiled.model.relations for p in (r.geometry, getattr(r.geometry, "mate", None))]
-    return [p for p in found if getattr(p, "contour", None) is not None]
+    placed = [p for r in run.compiled.model.relations for p in (r.geometry, getattr(r.geometry, "mate", None))]
+    return [p for p in placed if getattr(p, "contour", None) is not None]
 
 
 def profile_away(contour: Any, count: int) -> float:

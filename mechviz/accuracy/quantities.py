@@ -53,10 +53,10 @@ def quantities(motion: Any, forces: Any) -> list[Quantity]:
     stands still are rounding, and so is their peak: they are relative to one that goes that far in the
     time of the run.
     """
-    found = [*_kinematics(motion), *_points(motion)]
+    every = [*_kinematics(motion), *_points(motion)]
     if forces is not None:
-        found += _forces(motion, forces)
-    return found
+        every += _forces(motion, forces)
+    return every
 
 
 def _kinematics(motion: Any) -> Iterator[Quantity]:
@@ -127,10 +127,10 @@ def errors_between(coarse: list[Quantity], time: Real, fine: list[Quantity], t: 
     return out
 
 
-def worst_by_kind(found: list[Quantity], errors: dict[str, Real]) -> dict[str, Real]:
+def worst_by_kind(every: list[Quantity], errors: dict[str, Real]) -> dict[str, Real]:
     """The largest error of each kind at every time (n,)."""
     out: dict[str, Real] = {}
-    for q in found:
+    for q in every:
         error = np.nan_to_num(errors[q.name])
         out[q.kind] = np.maximum(out[q.kind], error) if q.kind in out else error
     return out
@@ -150,7 +150,7 @@ class Passage:
 
 def passages_of(motion: Motion) -> list[Passage]:
     """The singular positions between the frames of a motion."""
-    return [found for rows, part in motion.parts for found in _passages(np.asarray(rows), part)]
+    return [passage for rows, part in motion.parts for passage in _passages(np.asarray(rows), part)]
 
 
 def _passages(rows: NDArray[np.intp], part: Any) -> Iterator[Passage]:

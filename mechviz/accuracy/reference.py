@@ -92,13 +92,13 @@ def position_errors(motion: Motion) -> dict[str, Real]:
         place = np.abs(np.asarray(exact.origin(k) - np.asarray(motion.origin(k), np.clongdouble))) / size
         angle = np.abs(exact.rotation(k) - np.asarray(motion.rotation(k), np.clongdouble))
         worst = np.maximum(worst, np.maximum(place, angle).astype(float))
-    found = {"position": worst}
+    errors = {"position": worst}
     if all(b.dyad for b in motion.model.blocks):
         for name, derivative in (("velocity", 1), ("acceleration", 2)):
             places = [(exact.origin(k, derivative), motion.origin(k, derivative)) for k in moving]
             own, other = ((m.speeds if derivative == 1 else m.accelerations).angular for m in (exact, motion))
-            found[name] = np.maximum(_apart(places, motion.frames), _apart(list(zip(own, other, strict=True)), motion.frames))
-    return found
+            errors[name] = np.maximum(_apart(places, motion.frames), _apart(list(zip(own, other, strict=True)), motion.frames))
+    return errors
 
 
 def _apart(pairs: list[tuple[Any, Any]], frames: int) -> Real:
@@ -155,12 +155,12 @@ def integration_truth(simulation: Simulation, simulate: Callable[..., Simulation
 
         start = np.concatenate([first[0], speed[0]])
         small = 1e-14 * np.abs(start).max() + 1e-16
-        found = [
+        solutions = [
             solve_ivp(rhs, (0.0, float(t[-1])), start, "DOP853", t_eval=t, rtol=part * 1e-13, atol=part * small)
             for part in (1.0, 10.0)
         ]
-        if all(other.success for other in found):
-            best, next_to_it = (other.y[0] for other in found)
+        if all(other.success for other in solutions):
+            best, next_to_it = (other.y[0] for other in solutions)
             return np.abs(q[:, 0] - best), float(np.abs(best - next_to_it).max())
     try:
         return poses_apart(simulation.view(t), simulate(1e-14, None if simulation.method == "radau" else "gauss").view(t)), 0.0

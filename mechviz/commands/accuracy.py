@@ -52,23 +52,23 @@ def accuracy(
         loaded = load_scene(scene, values)
         if not loaded.frames:
             fail(f"{loaded.name}: nothing moves and no time passes: all is exact to rounding. Add a duration to [run].")
-        found = None if again else kept(loaded, target, rough=quick)
-        before = found is not None
-        if found is None:
+        measured = None if again else kept(loaded, target, rough=quick)
+        before = measured is not None
+        if measured is None:
             with progress_bar("measuring") as bar, used() as share:
                 points = ladder(loaded, target, bar, budget=0.02 if quick else 0.25, record=write_recording)
-            found = keep(loaded, target, points, quick, share())
-        shown = [p for p in found.points if dial is None or p.dial == dial]
+            measured = keep(loaded, target, points, quick, share())
+        shown = [p for p in measured.points if dial is None or p.dial == dial]
         if not shown:
-            fail(f"--dial: '{dial}' is no dial of this scene. Choose from {', '.join(dials_of(found.points))}.")
+            fail(f"--dial: '{dial}' is no dial of this scene. Choose from {', '.join(dials_of(measured.points))}.")
         title = f"{loaded.title}: what accuracy costs"
         lines = table_lines(shown, target) if every or dial is not None else summary_lines(shown)
-        print("\n".join([title, *lines, "", found.foot, *_answer(shown, target)]))
+        print("\n".join([title, *lines, "", measured.foot, *_answer(shown, target)]))
         if before:
             print("\nkept from then; --again measures anew")
         with interruptible(*(["matplotlib.figure"] if output is not None else []), *(["rerun"] if rrd is not None else [])):
             if output is not None:
-                figure, words = diagram(shown, title, found.foot, target)
+                figure, words = diagram(shown, title, measured.foot, target)
                 save_chart(figure, output, words)
                 print(output)
             if rrd is not None:
@@ -144,9 +144,9 @@ def effects(
     with clear_errors(scene):
         loaded = load_scene(scene, values)
         with progress_bar("measuring") as bar:
-            base, found = influences(loaded, bar, 0.02 if quick else 0.2)
+            base, every = influences(loaded, bar, 0.02 if quick else 0.2)
         print(f"{loaded.title}: what its effects do and cost")
-        print("\n".join(influence_lines(base, found, accuracy)))
+        print("\n".join(influence_lines(base, every, accuracy)))
         print(f"\nmeasured on {machine()}; one thread, medians")
 
 

@@ -142,10 +142,10 @@ def cams(
         run = solve(loaded, frames, None)
         warn_of_accuracy(run)
         facts = cam_facts(run.motion, run.forces, margin=least)
-        found = cam_lines(run.motion, facts, loaded.units)
-        if not found:
+        texts = cam_lines(run.motion, facts, loaded.units)
+        if not texts:
             fail(f"{run.scene.name}: the scene has no cam. Choose one of those that mechviz scenes lists.")
-        print("\n".join([run.scene.title, "", *found]))
+        print("\n".join([run.scene.title, "", *texts]))
         if method == "graphical":
             plain = CamDrawn(step=math.radians(10.0))
             asked = None if whole is None and lines is None else CamDrawn(step=whole or plain.step, lines=lines or plain.lines)

@@ -57,10 +57,10 @@ def solve(scene: Scene, frames: int | None, cycles: int | None, accuracy: float 
 
 def check_trust(run: Run, keep: bool, *, errors: bool = False) -> None:
     """Say why the results of a run cannot be trusted, and leave before anything is written, unless they are to be kept."""
-    found = doubts(run, errors=errors)
-    for words in found:
+    reasons = doubts(run, errors=errors)
+    for words in reasons:
         say(f"not to be trusted: {words}")
-    if found and not keep:
+    if reasons and not keep:
         fail(
             "Nothing is written. Check the values of the scene against each other; --keep takes the results as they are.", UNTRUSTED
         )

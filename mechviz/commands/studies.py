@@ -35,13 +35,13 @@ def balance(
         loaded = load_scene(scene, values)
         stated = ((radius, "radius"), (rocker_radius, "rocker-radius"))
         first, second = (quantity_of(loaded, text, name, "length") for text, name in stated)
-        found = balance_scene(loaded, radius=first, rocker_radius=second, fraction=fraction)
-        print("\n".join(found.lines()))
+        balanced = balance_scene(loaded, radius=first, rocker_radius=second, fraction=fraction)
+        print("\n".join(balanced.lines()))
         with interruptible(*(["matplotlib.figure"] if plot is not None else [])):
             if output is not None:
-                _dump(found.scene, output)
+                _dump(balanced.scene, output)
             if plot is not None:
-                write_polar(plot, loaded.title, found.motion, {"before": found.before, "with counterweights": found.after})
+                write_polar(plot, loaded.title, balanced.motion, {"before": balanced.before, "with counterweights": balanced.after})
                 print(plot)
 
 
@@ -81,13 +81,13 @@ def vibrations(
     with clear_errors(scene):
         check_targets(scene, csv, output)
         loaded = load_scene(scene, values)
-        found = vibrations_of(loaded, seek="nearest" if nearest else "stable")
-        print("\n".join(vibration_lines(loaded, found)))
+        modes = vibrations_of(loaded, seek="nearest" if nearest else "stable")
+        print("\n".join(vibration_lines(loaded, modes)))
         with interruptible(*(() if output is None else ("rerun", "mechviz.meshes"))):
             if csv is not None:
-                say(f"{vibrations_csv(found, csv)} written.")
+                say(f"{vibrations_csv(modes, csv)} written.")
             if mode is not None and output is not None:
-                shown = mode_scene(loaded, found, mode, amplitude=amplitude)
+                shown = mode_scene(loaded, modes, mode, amplitude=amplitude)
                 if output.suffix == ".toml":
                     _dump(shown, output)
                 else:

@@ -72,7 +72,7 @@ def sweep(
                 store.open(fresh=fresh)
             try:
                 with progress_bar("sweeping") as bar, _executor(jobs) as executor:
-                    found = run_study(study, designs, store, executor=executor, most=2 * jobs, progress=bar)
+                    table = run_study(study, designs, store, executor=executor, most=2 * jobs, progress=bar)
             except BrokenProcessPool:
                 fail("A process of the study has died, perhaps for lack of memory. The same command goes on; take fewer --jobs.", 1)
             except (KeyboardInterrupt, SystemExit) as end:
@@ -80,10 +80,10 @@ def sweep(
                     end.add_note(KEPT)
                 raise
         if output is None:
-            print("\n".join(csv_lines(found)))
+            print("\n".join(csv_lines(table)))
         else:
             print(output)
-        say("\n".join(_summary(found)))
+        say("\n".join(_summary(table)))
 
 
 @contextmanager
@@ -100,12 +100,12 @@ def _executor(jobs: int) -> Iterator[Executor | None]:
             raise
 
 
-def _summary(found: Table) -> Iterator[str]:
+def _summary(table: Table) -> Iterator[str]:
     """How many designs there are, and between which values each number lies."""
-    ok = found.feasible
+    ok = table.feasible
     yield f"{int(ok.sum())} of {len(ok)} designs have values." + ("" if ok.all() else " The others say why in the column 'reason'.")
-    for title, values in zip(columns_of(found.study), found.found.values, strict=True):
+    for title, values in zip(columns_of(table.study), table.found.values, strict=True):
         if values.ndim == 1 and ok.any():
             for word, k in (("least", int(np.nanargmin(values))), ("greatest", int(np.nanargmax(values)))):
-                where = ", ".join(f"{v.title} = {x:.6g}" for v, x in zip(found.study.variations, found.designs[k], strict=True))
+                where = ", ".join(f"{v.title} = {x:.6g}" for v, x in zip(table.study.variations, table.designs[k], strict=True))
                 yield f"{title}: {word} {values[k]:.6g} at {where}"

@@ -100,19 +100,19 @@ def key_of(path: Place) -> str:
 def find_parameters(scene: Scene) -> tuple[Parameter, ...]:
     """All numbers of a scene that make sense as sliders, in the order of ``GROUPS`` and of the file."""
     document = scene.document
-    found = [p for spot in _spots(document) if not _options(spot) and (p := _parameter(scene, spot)) is not None]
-    found = [*_named(scene), *_scaled(found)]
-    return tuple(sorted(found, key=lambda p: (GROUPS.index(p.group), "–" not in p.label)))
+    parameters = [p for spot in _spots(document) if not _options(spot) and (p := _parameter(scene, spot)) is not None]
+    parameters = [*_named(scene), *_scaled(parameters)]
+    return tuple(sorted(parameters, key=lambda p: (GROUPS.index(p.group), "–" not in p.label)))
 
 
 def find_choices(scene: Scene) -> tuple[Choice, ...]:
     """All values that are one of a few texts: laws of motion, assembly modes, senses."""
-    found = []
+    choices = []
     for spot in _spots(scene.document):
         options = _options(spot)
         if len(options) > 1 and isinstance(spot.value, str) and spot.path[0] in ("joints", "loads", "links"):
-            found.append(Choice(spot.path, _group(spot.path), _label(spot.path), spot.value, options))
-    return tuple(sorted(found, key=lambda c: GROUPS.index(c.group)))
+            choices.append(Choice(spot.path, _group(spot.path), _label(spot.path), spot.value, options))
+    return tuple(sorted(choices, key=lambda c: GROUPS.index(c.group)))
 
 
 # -- walking ----------------------------------------------------------------------------------------------------------
@@ -305,14 +305,14 @@ def _link_size(document: SceneDocument, path: Place) -> float:
     return largest / float(units.factor("length"))
 
 
-def _scaled(found: list[Parameter]) -> list[Parameter]:
+def _scaled(parameters: list[Parameter]) -> list[Parameter]:
     """Ranges for values that are zero: up to the largest of the same unit and name, or what is usual."""
     out = []
-    for p in found:
+    for p in parameters:
         if p.high > p.low:
             out.append(p)
             continue
-        others = [abs(o.value) for o in found if o.unit == p.unit and o.path[-1] == p.path[-1] and o.value]
+        others = [abs(o.value) for o in parameters if o.unit == p.unit and o.path[-1] == p.path[-1] and o.value]
         usual = {"kg": 1.0, "kg m²": 1e-3, "N": 100.0, "N m": 10.0}.get(p.unit, 1.0)
         reach = max(others, default=usual)
         low, high = _round_out(-reach if p.hard_low < 0.0 else 0.0, reach)

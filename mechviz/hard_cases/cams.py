@@ -117,16 +117,16 @@ def _cusp() -> Outcome:
         Cam(cam_on_base(LIFT, Follower(Translating(0.004), Knife()), 0.03).law, Follower(Translating(0.004), Roller(0.001)))
     )
     assert limits.greatest_roller is not None
-    found = float(limits.greatest_roller.value)
+    greatest = float(limits.greatest_roller.value)
     law = cam_on_base(LIFT, Follower(Translating(0.004), Knife()), 0.03).law
-    states = [find_limits(Cam(law, Follower(Translating(0.004), Roller(part * found)))).undercut for part in (0.999, 1.001)]
-    ranges = undercut_ranges(Cam(law, Follower(Translating(0.004), Roller(1.001 * found))), np.linspace(0.0, TURN, 20_000))
+    states = [find_limits(Cam(law, Follower(Translating(0.004), Roller(part * greatest)))).undercut for part in (0.999, 1.001)]
+    ranges = undercut_ranges(Cam(law, Follower(Translating(0.004), Roller(1.001 * greatest))), np.linspace(0.0, TURN, 20_000))
     checks = [
-        compare("greatest roller", found, least, 1e-6),
+        compare("greatest roller", greatest, least, 1e-6),
         judged("undercut above, not below", states == [False, True]),
         judged("its range is named", len(ranges) >= 1),
     ]
-    return Outcome(f"greatest roller {1e3 * found:.9g} mm", tuple(checks), events=("undercut",) if states[1] else ())
+    return Outcome(f"greatest roller {1e3 * greatest:.9g} mm", tuple(checks), events=("undercut",) if states[1] else ())
 
 
 def _flat_undercut() -> Outcome:
@@ -168,21 +168,21 @@ def _cut() -> Outcome:
 def _separation() -> Outcome:
     """A spring too weak: contact is lost where k (d0 + s) + m g + m w^2 s'' = 0 first, by a fine scan by hand."""
     closure = Closure(mass=0.4, stiffness=2000.0, preload=0.01)
-    found = first_separation(closure, LIFT)
-    assert found is not None
+    lost = first_separation(closure, LIFT)
+    assert lost is not None
     theta = np.linspace(0.0, TURN, 500_001)
     s, _, s2 = _cycloidal(theta)
     with np.errstate(divide="ignore", invalid="ignore"):
         speeds = np.where(s2 < 0.0, np.sqrt((2000.0 * (0.01 + s) + 0.4 * 9.81) / (-0.4 * s2)), np.inf)
     k = int(np.argmin(speeds))
-    there = LIFT(np.array([found.angle]), 2)
-    force = closing_force(closure, there[0], there[2], found.speed)
+    there = LIFT(np.array([lost.angle]), 2)
+    force = closing_force(closure, there[0], there[2], lost.speed)
     checks = [
-        compare("speed", found.speed, speeds[k], 1e-9),
-        compare("angle", found.angle, theta[k], 1e-5),
+        compare("speed", lost.speed, speeds[k], 1e-9),
+        compare("angle", lost.angle, theta[k], 1e-5),
         compare("no force there", force[0], 0.0, 1e-9),
     ]
-    return Outcome(f"lost at {found.speed:.9g} rad/s, {np.degrees(found.angle):.6g}°", tuple(checks), events=("contact lost",))
+    return Outcome(f"lost at {lost.speed:.9g} rad/s, {np.degrees(lost.angle):.6g}°", tuple(checks), events=("contact lost",))
 
 
 def _joint(face: object, **more: object) -> Mechanism:
@@ -259,25 +259,25 @@ def _high_pressure() -> Outcome:
     """A base circle so small that the pressure angle passes 56 degrees: tan(alpha) = s' / (r0 + s) by a fine scan."""
     theta = np.linspace(0.0, TURN, 200_001)
     s, s1, _ = _cycloidal(theta)
-    found = find_limits(cam_on_base(LIFT, Follower(Translating(), Knife()), 0.006))
+    limits = find_limits(cam_on_base(LIFT, Follower(Translating(), Knife()), 0.006))
     want = float(np.arctan2(s1, 0.006 + s).max())
     fall = float(np.arctan2(-s1, 0.006 + s).max())
-    checks = [compare("rise", found.rise.value, want, 1e-8), compare("return", found.fall.value, fall, 1e-8)]
-    return Outcome(f"{np.degrees(found.rise.value):.9g}° at {np.degrees(found.rise.angle):.6g}°", tuple(checks))
+    checks = [compare("rise", limits.rise.value, want, 1e-8), compare("return", limits.fall.value, fall, 1e-8)]
+    return Outcome(f"{np.degrees(limits.rise.value):.9g}° at {np.degrees(limits.rise.angle):.6g}°", tuple(checks))
 
 
 def _jerk() -> Outcome:
     """Parabolic rises: the acceleration jumps by 4 h / beta^2 at the ends and 8 in the middle, and nothing is smoothed over."""
     law = program([Segment(UP, STROKE, "parabolic"), Segment(1.0), Segment(1.6, 0.0, "parabolic"), Segment(TURN - 4.6)])
-    found = jumps(law, (0, 1, 2))
-    sizes = sorted(abs(j.size) for j in found)
+    steps = jumps(law, (0, 1, 2))
+    sizes = sorted(abs(j.size) for j in steps)
     unit, other = 4 * STROKE / UP**2, 4 * STROKE / 1.6**2
     want = sorted([unit, 2 * unit, unit, other, 2 * other, other])
     checks = [
-        judged("six jumps, all of the acceleration", [j.order for j in found] == [2] * 6),
+        judged("six jumps, all of the acceleration", [j.order for j in steps] == [2] * 6),
         compare("sizes", sizes if len(sizes) == 6 else [np.nan] * 6, want, 1e-12),
     ]
-    return Outcome(f"{len(found)} jumps of the acceleration", tuple(checks), events=(f"{len(found)} jumps",))
+    return Outcome(f"{len(steps)} jumps of the acceleration", tuple(checks), events=(f"{len(steps)} jumps",))
 
 
 def _unreachable() -> Outcome:
@@ -292,12 +292,12 @@ def _not_closed() -> Outcome:
 def _base_circle() -> Outcome:
     """At 30 degrees on rise and return: h0 = max(|s' - e| / tan 30 - s) by a fine scan, the pitch circle hypot(e, h0)."""
     e, roller, limit = 0.01, 0.004, np.radians(30.0)
-    found = least_base(LIFT, Follower(Translating(e), Roller(roller)), Requirement(pressure_rise=limit, pressure_fall=limit))
+    least = least_base(LIFT, Follower(Translating(e), Roller(roller)), Requirement(pressure_rise=limit, pressure_fall=limit))
     theta = np.linspace(0.0, 4.6, 400_001)
     s, s1, _ = _cycloidal(theta)
     want = float(np.hypot(e, np.max(np.abs(s1 - e) / np.tan(limit) - s))) - roller
-    checks = [compare("base circle", found.base, want, 1e-8)]
-    return Outcome(f"least base circle {1e3 * found.base:.8g} mm", tuple(checks))
+    checks = [compare("base circle", least.base, want, 1e-8)]
+    return Outcome(f"least base circle {1e3 * least.base:.8g} mm", tuple(checks))
 
 
 CASES = (

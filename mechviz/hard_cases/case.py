@@ -143,11 +143,11 @@ def table(results: Sequence[tuple[Case, Outcome]], width: int = 160) -> str:
         for c, o in rows:
             worst = o.worst
             happens = f"{c.happens} (peers: {c.peers})" if c.peers else c.happens
-            found = o.found if len(o.found) <= LONGEST else o.found[: LONGEST - 4] + " ..."
+            answer = o.found if len(o.found) <= LONGEST else o.found[: LONGEST - 4] + " ..."
             if not o.passed:
-                found = f"{worst.name}: {found}"
+                answer = f"{worst.name}: {answer}"
             events = "; ".join(e if len(e) < 60 else e[:56] + " ..." for e in o.events)
-            cells = [c.name, happens, c.expected, found, _number(worst.error), _number(worst.bound), _number(o.residual)]
+            cells = [c.name, happens, c.expected, answer, _number(worst.error), _number(worst.bound), _number(o.residual)]
             grid.add_row(*map(Text, [*cells, _number(o.condition), events, "pass" if o.passed else "FAIL"]))
         console.print(grid)
     return "\n".join(line.rstrip() for line in out.getvalue().splitlines())

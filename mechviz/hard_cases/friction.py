@@ -109,18 +109,20 @@ def _one_pin() -> Outcome:
     size = np.array([0.3, 0.95, 1.1, 1.0 / np.sin(2.2) - 1e-6, 1.0 / np.sin(2.2) + 1e-6, 5.0])
     b = size * np.exp(1j * (angle + 0.4))
     parts = (np.broadcast_to([a.real, a.imag], (6, 1, 2)), np.stack([b.real, b.imag], -1)[:, None, :, None], np.array([True]))
-    found = solve_normal_loads(*parts)
+    solution = solve_normal_loads(*parts)
     c = (np.conj(a) * b).real
     with np.errstate(invalid="ignore"):
         want = abs(a) ** 2 / (np.sqrt(c**2 + (1.0 - size**2) * abs(a) ** 2) - c)
     good = size < 1.0 / np.sin(2.2)
     checks = [
-        judged("jams beyond the turn", found.jammed == ~good),
-        compare("loads", found.loads[good, 0] / want[good], 1.0, 1e-7),
-        judged("stable", stability(*parts, found.loads)[good] > 0.0),
-        compare("share where it ends", found.reached[~good] * size[~good], 1.0 / np.sin(2.2), 1e-6),
+        judged("jams beyond the turn", solution.jammed == ~good),
+        compare("loads", solution.loads[good, 0] / want[good], 1.0, 1e-7),
+        judged("stable", stability(*parts, solution.loads)[good] > 0.0),
+        compare("share where it ends", solution.reached[~good] * size[~good], 1.0 / np.sin(2.2), 1e-6),
     ]
-    return Outcome(f"loads {np.array2string(found.loads[good, 0], precision=5)}", tuple(checks), float(found.residual[good].max()))
+    return Outcome(
+        f"loads {np.array2string(solution.loads[good, 0], precision=5)}", tuple(checks), float(solution.residual[good].max())
+    )
 
 
 def _gears() -> Outcome:

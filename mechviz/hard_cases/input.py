@@ -52,14 +52,14 @@ def _faulty(attempt: Callable[[], Any], *expected: tuple[str, str, str]) -> Outc
         attempt()
     except SceneError as e:
         faults = e.faults
-        found = [
+        cases = [
             judged(f"{path}: {what}", any(f.path == path and what in f.message and remedy in f.remedy for f in faults))
             for path, what, remedy in expected
         ]
         number = Check("number of faults", float(abs(len(faults) - len(expected))), 0.5)
         return Outcome(
             "; ".join(f"{f.path}: {f.message}" for f in faults),
-            (*found, number),
+            (*cases, number),
             events=(f"{len(faults)} fault{'s' if len(faults) > 1 else ''}",),
         )
     return Outcome("accepted without a word", (judged("refused", False),))

@@ -23,10 +23,10 @@ def _branch(mode: str) -> Outcome:
     motion = solve_motion(compile_mechanism(four_bar(0.3, 0.1, 0.3, 0.1, start=0.5, mode=mode)), t)
     want = np.ones_like(t) if mode == "left" else (0.01 - 0.09) / (0.1 - 0.06 * np.cos(t + 0.5))
     got = motion.velocity("rocker")[:, 2]
-    found = f"rocker turns {got.min():.4g} to {got.max():.4g} times as fast as the crank"
+    ratio = f"rocker turns {got.min():.4g} to {got.max():.4g} times as fast as the crank"
     return moved(
         motion,
-        found,
+        ratio,
         [compare("speed of the rocker", got, want, 1e-10), judged("2000 changes", len(motion.singular_points) == 2000)],
     )
 

@@ -369,13 +369,13 @@ def _play(axle: Axle, poses: Mapping[str, Real]) -> dict[str, float]:
     if axle.owner not in poses:
         return {}
     pin = place(np.array([axle.centres[axle.owner]]), poses[axle.owner])[:, 0]
-    found = {}
+    play = {}
     for link, centre in axle.centres.items():
         if link != axle.owner and link in poses:
             away = float(np.hypot(*(place(np.array([centre]), poses[link])[:, 0] - pin).T).max())
             if away > _SAME:
-                found[link] = away
-    return found
+                play[link] = away
+    return play
 
 
 def _keyed(axle: Axle, cams: Sequence[CamDrawing], frame: str, r: float) -> Axle:

@@ -192,11 +192,11 @@ def _solids(
     begin = np.searchsorted(source, first)
     face = np.cumsum([0, *(len(part.shell.faces) for part in ordered)])
     paint = np.array([part.color or colors[part.link] for part in ordered], np.uint8)
-    found, done = {}, 0
+    solids, done = {}, 0
     for name, some in own.items():
         a, b = done, done + len(some)
         done = b
-        found[name] = Solid(
+        solids[name] = Solid(
             name=name,
             shells=tuple(Shell(part.shell.vertices * model.size, part.shell.faces) for part in some),
             kinds=tuple(part.kind for part in some),
@@ -208,7 +208,7 @@ def _solids(
             layer=layers[name],
             spin=spins.get(name),
         )
-    return found
+    return solids
 
 
 def _mesh(shell: Shell) -> trimesh.Trimesh:

@@ -171,26 +171,26 @@ def _moments(n: Numbers, vectors: tuple[Vector, ...], scales: Scales, size: floa
     where no force carries them."""
     if not n.has_forces:
         return ()
-    found: list[Moment] = []
+    moments: list[Moment] = []
     places = {j: n.tables["data", "joints", j, "position"].values for j in n.joints}
     for name in n.drives:
-        found.append(Moment("drive", name, places[name], n.tables["data", "drive", name, "wrench"].values[:, 2]))
+        moments.append(Moment("drive", name, places[name], n.tables["data", "drive", name, "wrench"].values[:, 2]))
     for name, load in n.loads.items():
         value = None if load.kind == "gravity" else n.values("data", "loads", name)
         if value is not None and np.any(np.nan_to_num(value[:, 2])):
             free = not np.any(np.nan_to_num(value[:, :2]))
             at = _middle_of_joints(n, load.links, places) if free else value[:, 3:]
-            found.append(Moment("applied", name, at, value[:, 2]))
+            moments.append(Moment("applied", name, at, value[:, 2]))
     for name, at in places.items():
         couple, friction = n.tables["data", "joints", name, "reaction"].values[:, 2], n.values("data", "joints", name, "friction")
         if friction is not None and name not in circles:
-            found.append(Moment("friction", name, at, friction[:, 2]))
-        found.append(Moment("reaction", name, at, couple if friction is None else _apart(couple, friction[:, 2])))
-    largest = max((_largest(m.value) for m in found), default=0.0)
+            moments.append(Moment("friction", name, at, friction[:, 2]))
+        moments.append(Moment("reaction", name, at, couple if friction is None else _apart(couple, friction[:, 2])))
+    largest = max((_largest(m.value) for m in moments), default=0.0)
     pull = max((_largest(v.value) for v in vectors if v.family == "reaction"), default=0.0)
     largest = max(largest, pull * n.length_scale)  # where forces balance, all moments may be nothing
-    found = [m for m in found if _largest(m.value) > ROUND_OFF * largest]
-    return _in_order([*found, *_inertia_moments(n, vectors, scales, size)])
+    moments = [m for m in moments if _largest(m.value) > ROUND_OFF * largest]
+    return _in_order([*moments, *_inertia_moments(n, vectors, scales, size)])
 
 
 def _apart(couple: Real, friction: Real) -> Real:
@@ -224,14 +224,14 @@ def _middle_of_joints(n: Numbers, links: tuple[str, ...], places: dict[str, Real
     return np.asarray(np.mean([places[j.name] for j in between[:1] or grounded[:1] or joints], axis=0))
 
 
-def _in_order(found: Collection[T] | Iterator[T]) -> tuple[T, ...]:
+def _in_order(items: Collection[T] | Iterator[T]) -> tuple[T, ...]:
     families = list(FAMILIES)
-    return tuple(sorted(found, key=lambda item: families.index(item.family)))
+    return tuple(sorted(items, key=lambda item: families.index(item.family)))
 
 
-def _by_family(found: tuple[T, ...]) -> dict[str, dict[str, T]]:
+def _by_family(items: tuple[T, ...]) -> dict[str, dict[str, T]]:
     grouped: dict[str, dict[str, T]] = {}
-    for item in found:
+    for item in items:
         grouped.setdefault(item.family, {})[item.item] = item
     return grouped
 

@@ -112,12 +112,12 @@ class Drawing:
 def drawings_of(run: Run, size: float) -> dict[str, Drawing]:
     """All drawings that a run's scene asks for, by the name of their entity under ``polygons``."""
     studies = run.studies
-    found = {name: draw_polygons(name, polygons, size) for name, polygons in studies.polygons.items()}
+    drawings = {name: draw_polygons(name, polygons, size) for name, polygons in studies.polygons.items()}
     if studies.systems:
-        found["funicular/forces"] = draw_funicular(run, size)
+        drawings["funicular/forces"] = draw_funicular(run, size)
     if studies.shaking is not None:
-        found["shaking"] = draw_shaking(run, size)
-    return found
+        drawings["shaking"] = draw_shaking(run, size)
+    return drawings
 
 
 def draw_polygons(name: str, polygons: Sequence[Polygon], size: float) -> Drawing:
@@ -175,10 +175,10 @@ def draw_funicular(run: Run, size: float) -> Drawing:
 
 def draw_shaking(run: Run, size: float) -> Drawing:
     """The shaking force as an arrow from the origin of its polar plot, without and with counterweights."""
-    found = [("before", run.studies.shaking), ("after", run.studies.balanced)]
-    forces = [(key, s.force @ np.array([1.0, 1.0j])) for key, s in found if s is not None]
+    shown = [("before", run.studies.shaking), ("after", run.studies.balanced)]
+    forces = [(key, s.force @ np.array([1.0, 1.0j])) for key, s in shown if s is not None]
     largest = max(float(np.nanmax(np.abs(f), initial=0.0)) for _, f in forces)
-    single = max(s.single for _, s in found if s is not None)
+    single = max(s.single for _, s in shown if s is not None)
     if largest <= 1e-9 * single:  # balanced: drawn in the scale of the links' own inertia forces, not of the rounding
         largest = single
     per_metre = largest / (0.5 * FILL * size) if largest > 0.0 else 1.0

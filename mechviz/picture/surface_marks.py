@@ -86,7 +86,7 @@ def find_rollers(run: Run, solids: Solids) -> list[SurfaceMark]:
         return []
     joints = {joint.name: joint for joint in run.motion.mechanism.joints if isinstance(joint, CamJoint)}
     links = {link.name: link for link in run.motion.mechanism.links}
-    found: list[SurfaceMark] = []
+    marks: list[SurfaceMark] = []
     for cam in placed_cams(run.motion):
         if not isinstance(cam.face, Roller):
             continue
@@ -96,7 +96,7 @@ def find_rollers(run: Run, solids: Solids) -> list[SurfaceMark]:
         at = links[link].points.get(joint.point, (0.0, 0.0))
         if isinstance(cam, PlacedSpatial):
             if not cam.blank.rollers:
-                found += (_along if cam.blank.kind == "globoid" else _beside)(run, solids, cam, link, at, force)
+                marks += (_along if cam.blank.kind == "globoid" else _beside)(run, solids, cam, link, at, force)
             continue
         wanted = [(cam.name, cam, at, force)]
         if isinstance(cam, PlacedCam) and cam.mate is not None and joint.second is not None:
@@ -107,8 +107,8 @@ def find_rollers(run: Run, solids: Solids) -> list[SurfaceMark]:
             top = _face(solids, link, (x, y), radius)
             if top is not None:
                 turned = roller_angle(run.motion, rolling, pressed)
-                found.append(SurfaceMark("roller", name, link, (x, y, top), turned, *_sectors(radius)))
-    return found
+                marks.append(SurfaceMark("roller", name, link, (x, y, top), turned, *_sectors(radius)))
+    return marks
 
 
 def _beside(run: Run, solids: Solids, cam: PlacedSpatial, link: str, at: tuple[float, float], force: Any) -> Iterator[SurfaceMark]:

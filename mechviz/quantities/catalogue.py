@@ -140,8 +140,8 @@ class Catalogue:
     @cached_property
     def quantities(self) -> tuple[Quantity, ...]:
         n = self.numbers
-        found = entries(tuple((path, table.columns) for path, table in n.tables.items()), names_of(n))
-        every = (Quantity(entry, n.tables[entry.path]) for entry in found)
+        listed = entries(tuple((path, table.columns) for path, table in n.tables.items()), names_of(n))
+        every = (Quantity(entry, n.tables[entry.path]) for entry in listed)
         return tuple(q for q in every if not q.entry.sparse or np.isfinite(q.values()).any())
 
     @cached_property
@@ -154,15 +154,15 @@ class Catalogue:
     @cached_property
     def axes(self) -> tuple[Axis, ...]:
         """Drive positions that run one way only, then time. A plot needs ordered values, so an oscillating drive gives none."""
-        found = []
+        axes = []
         for name in self.numbers.drives:
             position = self.coordinate(name)
             steps = np.diff(position)
             if len(steps) and np.any(steps) and (np.all(steps >= 0.0) or np.all(steps <= 0.0)):
                 what, unit = ("displacement", "m") if self.numbers.slides(name) else ("angle", "rad")
                 shown, factor = UNITS[unit]
-                found.append(Axis(f"{what} of drive {name}", shown, position * factor))
-        return (*found, Axis("time", "s", self.numbers.time))
+                axes.append(Axis(f"{what} of drive {name}", shown, position * factor))
+        return (*axes, Axis("time", "s", self.numbers.time))
 
     def coordinate(self, drive: str) -> Real:
         """Position (F,) of a drive [rad or m]."""

@@ -29,12 +29,12 @@ def simulation_events(run: Run) -> list[Event]:
     """What happened while the motion was found, and what else is worth a word at the frames."""
     simulation = run.simulation
     assert simulation is not None
-    found = [Event(float(h.time), "WARN" if h.kind == "lost" else "INFO", h.item, h.text) for h in simulation.events]
+    events = [Event(float(h.time), "WARN" if h.kind == "lost" else "INFO", h.item, h.text) for h in simulation.events]
     # a coordinate that forces move turns back often, and where it hits a stop only seemingly between two frames
     if run.steady is not None:
-        found.insert(0, Event(0.0, "INFO", run.steady.joint, steady_lines(run.steady)[0]))
-    found += [e for e in find_events(run.motion) if not e.text.startswith("limit position")]
-    return found + list(_cam_limits(run, simulation))
+        events.insert(0, Event(0.0, "INFO", run.steady.joint, steady_lines(run.steady)[0]))
+    events += [e for e in find_events(run.motion) if not e.text.startswith("limit position")]
+    return events + list(_cam_limits(run, simulation))
 
 
 def _cam_limits(run: Run, simulation: Simulation) -> Iterator[Event]:
@@ -84,8 +84,8 @@ def _last_of_each_time(changes: list[tuple[float, str]]) -> list[tuple[float, st
 
 def events_of(run: Run) -> tuple[Event, ...]:
     """All events of a run, sorted by time, in the units of its scene."""
-    found = (e.in_units(run.scene.units) for e in (*_course_events(run), *peak_events(run)))
-    return tuple(sorted(found, key=lambda e: e.time))
+    events = (e.in_units(run.scene.units) for e in (*_course_events(run), *peak_events(run)))
+    return tuple(sorted(events, key=lambda e: e.time))
 
 
 def line_of(event: Event) -> str:
@@ -121,21 +121,21 @@ def peak_events(run: Run) -> list[Event]:
     if forces is None or not motion.frames:
         return []
     sound = motion.condition <= SINGULAR
-    found = []
+    events = []
     for drive in motion.mechanism.drives:
         what, shown = ("force", as_force) if joint_unit(motion, drive.joint) == "m" else ("torque", as_torque)
         effort = forces.effort(drive.joint)
         k = _largest(effort, sound, rounding_of_efforts(run, joint_unit(motion, drive.joint)))
         if k is not None:
             text = f"largest driving {what} of the run, {shown(float(effort[k]), 5)}"
-            found.append(Event(float(motion.time[k]), "INFO", drive.joint, text))
+            events.append(Event(float(motion.time[k]), "INFO", drive.joint, text))
     sizes = {j.name: np.hypot(*forces.reaction(j.name)[:, :2].T) for j in joints_of(motion)}
     places = {name: _largest(size, sound) for name, size in sizes.items()}
     known = [(float(sizes[name][k]), name, k) for name, k in places.items() if k is not None]
     if known:
         size, name, k = max(known)
-        found.append(Event(float(motion.time[k]), "INFO", name, f"largest joint reaction of the run, {as_force(size, 5)}"))
-    return found
+        events.append(Event(float(motion.time[k]), "INFO", name, f"largest joint reaction of the run, {as_force(size, 5)}"))
+    return events
 
 
 def _largest(values: NDArray[np.float64], sound: NDArray[np.bool_], least: float = 0.0) -> int | None:

@@ -63,7 +63,7 @@ def joints_of(motion: Motion) -> list[JointInfo]:
     journals = journals_of(model.mechanism)
     bearing = {name: load.links[::2] for name, load in journals.items()}
     made = made_joints(model.mechanism)
-    found = [
+    joints = [
         JointInfo(
             j.name,
             "revolute with clearance" if j.name in bearing else j.kind,
@@ -73,8 +73,8 @@ def joints_of(motion: Motion) -> list[JointInfo]:
         for j in model.joints
         if j.name not in made
     ]
-    known = {j.name for j in found}
-    return found + [JointInfo(r.name, r.kind, r.links, "rad") for r in model.relations if r.name not in known]
+    known = {j.name for j in joints}
+    return joints + [JointInfo(r.name, r.kind, r.links, "rad") for r in model.relations if r.name not in known]
 
 
 def links_of(motion: Motion) -> list[str]:

@@ -26,7 +26,7 @@ def _rows(table: PowerTable) -> list[tuple[str, ...]]:
         return "0" if abs(value) <= least else f"{value:.5g}"
 
     span = float(np.ptp(table.time)) or 1.0
-    found = [
+    rows = [
         (
             i.label,
             i.cause,
@@ -42,7 +42,7 @@ def _rows(table: PowerTable) -> list[tuple[str, ...]]:
     ]
     mean = (table.supplied - table.absorbed) / span
     return [
-        *found,
+        *rows,
         ("sum", "", "", "", "", number(mean, 1e-9 * table.supplied / span), "", number(table.supplied), number(table.absorbed)),
     ]
 

@@ -83,12 +83,12 @@ def _links(run: Run) -> Iterator[Table]:
 
 def _points(run: Run) -> Iterator[Table]:
     motion = run.motion
-    found: list[tuple[str, Callable[[int], Real]]] = [
+    places: list[tuple[str, Callable[[int], Real]]] = [
         (point_name(*traced), partial(motion.point, *traced)) for traced in motion.mechanism.traced
     ]
-    found += [(centre_name(link), partial(motion.centre_of_mass, link)) for link in links_with_mass(run)]
+    places += [(centre_name(link), partial(motion.centre_of_mass, link)) for link in links_with_mass(run)]
     kinds = (("position", _POSE), ("velocity", _VELOCITY), ("acceleration", _ACCELERATION))
-    for name, place in found:
+    for name, place in places:
         for order, (kind, columns) in enumerate(kinds):
             yield Table(("data", "points", name, kind), name, columns[:2], partial(place, order))
 
@@ -120,8 +120,8 @@ def _joints(run: Run) -> Iterator[Table]:
 
 
 def _placed(onto: Any, joint: JointInfo, place: Callable[[str], Real]) -> Real:
-    found: Real = onto(joint.links, place(joint.name))
-    return found
+    placed: Real = onto(joint.links, place(joint.name))
+    return placed
 
 
 def _reaction(forces: Forces, joint: str) -> Real:
@@ -188,8 +188,8 @@ def _rated(run: Run, cam: Any, lifts: Columns) -> Iterator[Table]:
         columns: Columns = (("hertz_pressure", "Pa"), ("half_width", "m"))
 
         def stress(forces: Forces = run.forces, rating: CamRating = joint.rating) -> Real:
-            found = contact_stress(forces, cam, rating)
-            return np.column_stack([found.pressure, found.half_width])
+            hertz = contact_stress(forces, cam, rating)
+            return np.column_stack([hertz.pressure, hertz.half_width])
 
         yield Table(("data", "cams", cam.name, "stress"), f"{cam.name}.stress", columns, stress)
     if joint.drawn is not None:

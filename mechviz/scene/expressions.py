@@ -68,10 +68,10 @@ class Expression:
                 what = did_you_mean(name, [*known, *FUNCTIONS, "pi"], what="Parameters and functions")
                 raise ExpressionError(f"'{self.text}' names '{name}', which is no parameter.", what)
         with np.errstate(all="ignore"):
-            found = self._evaluate(known)
-        if not np.all(np.isfinite(found.number)) and np.ndim(found.number) == 0:
+            amount = self._evaluate(known)
+        if not np.all(np.isfinite(amount.number)) and np.ndim(amount.number) == 0:
             raise ExpressionError(f"'{self.text}' has no finite value.", "It divides by zero, or takes the root of a negative.")
-        return found
+        return amount
 
 
 def is_plain(text: str) -> bool:
@@ -94,11 +94,11 @@ def name_fault(name: str) -> tuple[str, str] | None:
     return None
 
 
-def angle_remedy(found: Powers, wanted: Powers, remedy: str) -> str:
+def angle_remedy(powers: Powers, wanted: Powers, remedy: str) -> str:
     """What to do about a value of other powers than wanted: radians are a unit here."""
-    if found[1:] != wanted[1:]:
+    if powers[1:] != wanted[1:]:
         return remedy
-    turns = wanted[0] - found[0]
+    turns = wanted[0] - powers[0]
     power = "" if abs(turns) == 1 else f"^{abs(turns)}"
     return f"Angles count as a dimension: {'multiply' if turns > 0 else 'divide'} by 1 rad{power}."
 
@@ -131,11 +131,11 @@ def _root(text: str, values: list[Amount]) -> Amount:
 
 def _one_of(function: Callable[[Number, Number], Number]) -> Callable[[str, list[Amount]], Amount]:
     def called(text: str, values: list[Amount]) -> Amount:
-        found = values[0]
+        result = values[0]
         for value in values[1:]:
-            _alike(text, found, value, "compares")
-            found = Amount(function(found.number, value.number), found.powers)
-        return found
+            _alike(text, result, value, "compares")
+            result = Amount(function(result.number, value.number), result.powers)
+        return result
 
     return called
 
@@ -231,18 +231,18 @@ class _Parser:
         self.depth += 1
         if self.depth > DEEPEST:
             raise ExpressionError(f"'{self.text[:40]}...' nests brackets too deep.", "Name a part of it as a parameter.")
-        start, found = self.at, self.product()
+        start, total = self.at, self.product()
         while self.peek() in ("+", "-"):
             sign = 1.0 if self.take() == "+" else -1.0
-            found = _added(found, self.product(), sign, self.since(start))
+            total = _added(total, self.product(), sign, self.since(start))
         self.depth -= 1
-        return found
+        return total
 
     def product(self) -> Evaluate:
-        found = self.signed()
+        result = self.signed()
         while self.peek() in ("*", "·", "/"):
-            found = _multiplied(found, self.take() != "/", self.signed())
-        return found
+            result = _multiplied(result, self.take() != "/", self.signed())
+        return result
 
     def signed(self) -> Evaluate:
         if self.peek() in ("+", "-"):
@@ -262,14 +262,14 @@ class _Parser:
         return _raised(base, _negated(exponent) if negative else exponent, self.since(start))
 
     def with_unit(self) -> Evaluate:
-        start, found = self.at, self.primary()
+        start, value = self.at, self.primary()
         if self.kind() != "name":
-            return found
+            return value
         unit = self.unit()
         if self.tokens[start][0] == "number":  # exact, as of values that are no expressions
             stated = Amount(float(Decimal(self.tokens[start][1]) * unit.factor), unit.powers)
             return lambda _: stated
-        return lambda known: _product(found(known), Amount(float(unit.factor), unit.powers), True)
+        return lambda known: _product(value(known), Amount(float(unit.factor), unit.powers), True)
 
     def primary(self) -> Evaluate:
         kind, start = self.kind(), self.at
@@ -278,9 +278,9 @@ class _Parser:
             return lambda _: number
         if self.peek() == "(":
             self.at += 1
-            found = self.sum()
+            inner = self.sum()
             self.expect(")")
-            return found
+            return inner
         if kind != "name":
             raise self.wrong()
         name = self.take()

@@ -182,18 +182,18 @@ def document_path(document: SceneDocument, path: str) -> str:
     section = _SECTIONS.get(first, first)
     if section.partition("[")[0] not in type(document).model_fields:
         return path
-    found, place = section, getattr(document, section, None)
+    place_path, place = section, getattr(document, section, None)
     if section == "links" and rest and _split(place, rest)[0] is None:  # a link that a joint brings along
-        found, place = "joints", document.joints
-    if found == "joints":
+        place_path, place = "joints", document.joints
+    if place_path == "joints":
         rest = _in_scene(document, rest)
     while rest:
         key, after = _split(place, rest)
         if key is None:
-            return found
-        found, rest = f"{found}.{key}", after
+            return place_path
+        place_path, rest = f"{place_path}.{key}", after
         place = place[key] if isinstance(place, Mapping) else getattr(place, key, None)
-    return found
+    return place_path
 
 
 def _in_scene(document: SceneDocument, path: str) -> str:

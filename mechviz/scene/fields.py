@@ -40,12 +40,12 @@ def fault(message: str, remedy: str = "") -> PydanticCustomError:
     return faults([("", message, remedy)])
 
 
-def faults(found: list[tuple[str, str, str]]) -> PydanticCustomError:
+def faults(every: list[tuple[str, str, str]]) -> PydanticCustomError:
     """Several errors of one table at once, each (key, message, remedy); the key "" means the table itself.
 
     They travel in the context of a single pydantic error, since a validator can raise only one.
     """
-    return PydanticCustomError("scene", "faults of a scene", {"faults": found})
+    return PydanticCustomError("scene", "faults of a scene", {"faults": every})
 
 
 def describe(value: Any) -> str:
@@ -413,7 +413,7 @@ def one_of(table: Table, keys: tuple[str, ...], what: str) -> list[tuple[str, st
     return [("", f"{what} has {' and '.join(given)} at once.", f"Keep one of {names}.")] if len(given) > 1 else []
 
 
-def refuse(found: list[tuple[str, str, str]]) -> None:
+def refuse(every: list[tuple[str, str, str]]) -> None:
     """Raise the faults, if there are any."""
-    if found:
-        raise faults(found)
+    if every:
+        raise faults(every)

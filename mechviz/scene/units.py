@@ -133,7 +133,7 @@ def derivative_kind(coordinate: str, master: str, order: int) -> str:
 
 def _derivatives() -> dict[str, Kind]:
     """The kinds of derivatives that are not stated above: jerks, and those by an angle or a length."""
-    found, si = {}, {"length": "m", "angle": "rad", "time": "s"}
+    kinds, si = {}, {"length": "m", "angle": "rad", "time": "s"}
     for coordinate in ("length", "angle"):
         for master in ("time", "angle", "length"):
             for order, (_, power) in _POWERS.items():
@@ -141,8 +141,8 @@ def _derivatives() -> dict[str, Kind]:
                 example = f"2 {'mm' if coordinate == 'length' else 'rad'}/{si[master]}{power.replace('**', '^')}"
                 words = f"{'an' if kind[0] == 'a' else 'a'} {kind}"
                 formula = "({" + coordinate + "})/({" + master + "})" + power
-                found[kind] = Kind(words, f"{si[coordinate]}/{si[master]}{power}", formula, example)
-    return {kind: made for kind, made in found.items() if kind not in _STATED}
+                kinds[kind] = Kind(words, f"{si[coordinate]}/{si[master]}{power}", formula, example)
+    return {kind: made for kind, made in kinds.items() if kind not in _STATED}
 
 
 DERIVATIVES = tuple(derivative_kind(c, m, k) for c in ("angle", "length") for m in ("time", "angle", "length") for k in (1, 2, 3))
@@ -175,11 +175,11 @@ class Unit:
 @cache
 def _definitions() -> dict[str, Unit]:
     """The units without prefixes, by each of their names."""
-    found: dict[str, Unit] = {}
+    units: dict[str, Unit] = {}
     for names, number, of in _DEFINITIONS:
-        unit = Unit(powers=tuple(int(base == of) for base in _BASES)) if of in _BASES else _product(of, found)
-        found |= dict.fromkeys(names.split(), Unit().times(unit).times(Unit(Decimal(number))))
-    return found
+        unit = Unit(powers=tuple(int(base == of) for base in _BASES)) if of in _BASES else _product(of, units)
+        units |= dict.fromkeys(names.split(), Unit().times(unit).times(Unit(Decimal(number))))
+    return units
 
 
 def _named(name: str, known: Mapping[str, Unit]) -> Unit | None:
@@ -282,10 +282,10 @@ def unit_factor(text: str, kind: str) -> Decimal:
     wanted = KINDS[kind]
     if unit.powers == unit_of(wanted.si).powers:  # whose factor is 1
         return unit.factor
-    found = measured(unit)
-    if (found, kind) == ("a frequency", "angular speed"):
-        raise QuantityError(f"{found}, {wanted.words} is wanted.", "Write turns as rpm or turn/s, angles as deg/s or rad/s.")
-    raise QuantityError(f"{found}, {wanted.words} is wanted.", f"Write it like '{wanted.example}'.")
+    actual = measured(unit)
+    if (actual, kind) == ("a frequency", "angular speed"):
+        raise QuantityError(f"{actual}, {wanted.words} is wanted.", "Write turns as rpm or turn/s, angles as deg/s or rad/s.")
+    raise QuantityError(f"{actual}, {wanted.words} is wanted.", f"Write it like '{wanted.example}'.")
 
 
 def split(text: str) -> tuple[str, str]:

@@ -95,11 +95,11 @@ STEP = 30.0  # degrees of the drive between two dots of the force's curve
 def shaken(run: Run) -> Shaking:
     """Shaking force and moment of a run, about the point that its scene names. Raises `OutputError` where nothing shakes."""
     asked = run.motion.mechanism.studies.shaking
-    found = shaking(run.motion, (0.0, 0.0) if asked is None else asked.about)
-    if found.single == 0.0 and found.peak_moment == 0.0:
+    result = shaking(run.motion, (0.0, 0.0) if asked is None else asked.about)
+    if result.single == 0.0 and result.peak_moment == 0.0:
         why = f"{run.scene.name}: nothing shakes the frame: no link with a mass is accelerated."
         raise OutputError(why, "Give links a mass beside their axis.")
-    return found
+    return result
 
 
 def write_polar(path: Path, title: str, motion: Motion, shakings: Mapping[str, Shaking]) -> None:

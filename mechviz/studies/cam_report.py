@@ -52,11 +52,11 @@ Row = tuple[str, str, bool | None, bool]  # what, words, passed, stated
 
 def cam_facts(motion: Motion, forces: Forces | None, *, margin: float | None = None) -> list[CamFact]:
     """What a run tells of all cams; ``margin`` [N] instead of the scene's, for the least spring."""
-    found: list[CamFact] = []
+    facts: list[CamFact] = []
     for cam in placed_cams(motion):
         rows = _facts(motion, forces, cam, joint_of(motion, cam), margin)
-        found += [CamFact(cam.name, what, Text(words), passed, stated) for what, words, passed, stated in rows]
-    return found
+        facts += [CamFact(cam.name, what, Text(words), passed, stated) for what, words, passed, stated in rows]
+    return facts
 
 
 def law_facts(motion: Motion) -> list[CamFact]:
@@ -126,11 +126,11 @@ def _loaded(forces: Forces, cam: AnyCam, joint: CamJoint, force: Real, margin: f
     else:
         yield "contact force", words, None, False
     if rating is not None and rating.width is not None:
-        found = contact_stress(forces, cam, rating)
-        k = int(np.nanargmax(found.pressure))
-        half = f"strip of {as_length(2.0 * found.half_width[k], 4)} by {as_length(rating.width, 4)}"
-        words = f"up to {_megapascals(found.pressure[k])} at {_place(cam, x[k])}, {half}"
-        yield _judged("Hertz pressure", words, float(found.pressure[k]), rating.limit, _megapascals)
+        stress = contact_stress(forces, cam, rating)
+        k = int(np.nanargmax(stress.pressure))
+        half = f"strip of {as_length(2.0 * stress.half_width[k], 4)} by {as_length(rating.width, 4)}"
+        words = f"up to {_megapascals(stress.pressure[k])} at {_place(cam, x[k])}, {half}"
+        yield _judged("Hertz pressure", words, float(stress.pressure[k]), rating.limit, _megapascals)
     if not cam.form and need is not None:
         yield from (("least spring", words, None, False) for words in _springs(forces, cam, need))
 
@@ -151,28 +151,28 @@ def _limits(cam: AnyCam) -> Iterator[Row]:
             yield "undercut", f"{_verdict(False)}; from {_place(cam, first)} to {_place(cam, last)} {words}", False, False
     if not isinstance(cam, PlacedCam) or cam.given is not None:
         return
-    found = find_limits(cam.cam)
+    limits = find_limits(cam.cam)
     ends = [
         f"{word} up to {as_angle(abs(reached.value), 5)} at {_place(cam, reached.angle)}"
-        for word, reached in (("rise", found.rise), ("return", found.fall))
+        for word, reached in (("rise", limits.rise), ("return", limits.fall))
     ]
-    worst = max(found.rise.value, found.fall.value)
+    worst = max(limits.rise.value, limits.fall.value)
     if cam.decides is not None:
         yield "base circle", f"{as_length(cam.base, 6)}, the least for its limits; decided by: {cam.decides}", None, False
     yield _judged("pressure angle", ", ".join(ends), worst, cam.pressure_limit, _degrees)
     if cam.curvature_limit is not None:
-        least = 0.0 if found.undercut or found.convex is None else found.convex.value
+        least = 0.0 if limits.undercut or limits.convex is None else limits.convex.value
         fits = least >= cam.curvature_limit * (1.0 - NOISE)
         words = f"least radius of the convex profile {as_length(least, 5)}; limit {as_length(cam.curvature_limit, 5)}"
         yield "curvature", f"{words}: {_verdict(fits)}", fits, True
     radius = (
-        [] if found.convex is None else [f"least radius {as_length(found.convex.value, 5)} at {_place(cam, found.convex.angle)}"]
+        [] if limits.convex is None else [f"least radius {as_length(limits.convex.value, 5)} at {_place(cam, limits.convex.angle)}"]
     )
-    if found.greatest_roller is not None and np.isfinite(found.greatest_roller.value):
-        radius.append(f"radii of the follower up to {as_length(found.greatest_roller.value, 5)}")
-    yield "undercut", "; ".join([_verdict(not found.undercut), *radius]), not found.undercut, False
-    if isinstance(cam.face, Flat) and found.distance_left is not None and found.distance_right is not None:
-        left, right = abs(found.distance_left.value), abs(found.distance_right.value)
+    if limits.greatest_roller is not None and np.isfinite(limits.greatest_roller.value):
+        radius.append(f"radii of the follower up to {as_length(limits.greatest_roller.value, 5)}")
+    yield "undercut", "; ".join([_verdict(not limits.undercut), *radius]), not limits.undercut, False
+    if isinstance(cam.face, Flat) and limits.distance_left is not None and limits.distance_right is not None:
+        left, right = abs(limits.distance_left.value), abs(limits.distance_right.value)
         words = f"the contact goes {as_length(left, 5)} to the left and {as_length(right, 5)} to the right"
         if not np.isfinite([cam.face.left, cam.face.right]).any():
             yield "face", words, None, False
@@ -218,13 +218,13 @@ def _springs(forces: Forces, cam: AnyCam, need: float) -> Iterator[str]:
     """The least spring for a margin, in words."""
     x = cam.argument(forces.motion)
     try:
-        found = least_springs(forces, cam, need)
+        springs = least_springs(forces, cam, need)
     except MechanismError as error:
         yield "; ".join(Text.of(f.message).source for f in error.faults)
         return
-    if not found:
+    if not springs:
         yield "no spring presses this follower"
-    for spring in found:
+    for spring in springs:
         ways = []
         if spring.stiffness is not None:
             ways.append(f"{as_quantity(spring.stiffness, 'stiffness', 5)} with its free length")
@@ -254,19 +254,19 @@ def drawn_lines(motion: Motion, units: UnitSystem, drawn: CamDrawn | None = None
         if how is None:
             continue
         try:
-            found = drawn_lift(cam, how)
+            construction = drawn_lift(cam, how)
         except MechanismError as error:
             lines += ["", *(f"cam {cam.name}: {f.in_units(units).message}" for f in error.faults)]
             continue
         unit, factor = ("mm", 1e3) if cam.arm == 0.0 else ("°", float(np.degrees(1.0)))
-        lines += ["", Text(f"cam {cam.name}, graphical method: {_drawn_words(cam, how, found.largest)}", units)]
+        lines += ["", Text(f"cam {cam.name}, graphical method: {_drawn_words(cam, how, construction.largest)}", units)]
         lines += [Text(f"  {words}", units) for words in _simplified_words(cam)]
         lines.append(f"  {'cam':>7} {'s':>10} {'error':>10} {'ds':>10} {'error':>10} {'dds':>10} {'error':>10}")
         lines.append(
             f"  {'°':>7} {unit:>10} {unit:>10} {unit + '/rad':>10} {unit + '/rad':>10} {unit + '/rad²':>10} {unit + '/rad²':>10}"
         )
-        for k, angle in enumerate(found.angle):
-            cells = (f"{factor * v:10.4f}" for i in range(3) for v in (found.drawn[i, k], found.error[i, k]))
+        for k, angle in enumerate(construction.angle):
+            cells = (f"{factor * v:10.4f}" for i in range(3) for v in (construction.drawn[i, k], construction.error[i, k]))
             lines.append(f"  {np.degrees(angle):7.2f} " + " ".join(cells))
     return lines[1:]
 
@@ -275,8 +275,8 @@ def _simplified_words(cam: AnyCam) -> Iterator[str]:
     """What the lecture's profile of an offset knife costs, which leaves out the phase atan(m/h)."""
     if not isinstance(cam, PlacedCam) or cam.given is not None or cam.offset == 0.0 or not isinstance(cam.face, Knife):
         return
-    found = simplified_offset_error(cam.cam.law, cam.offset, np.radians(np.arange(0.0, 360.0, 0.25)))
-    miss = f"misses its lift by up to {as_length(found.largest, 4)} at {as_angle(found.angle, 4)}"
+    error = simplified_offset_error(cam.cam.law, cam.offset, np.radians(np.arange(0.0, 360.0, 0.25)))
+    miss = f"misses its lift by up to {as_length(error.largest, 4)} at {as_angle(error.angle, 4)}"
     yield f"laid off at the cam's angle, without the phase atan(m/h) of the offset m, the profile {miss}"
 
 
@@ -315,8 +315,8 @@ def _sizes(cam: PlacedCam, motion: Motion, forces: Forces | None, want: Requirem
     lift = made.law.raised(-follower.base_coordinate(cam.base))
     hub = joint_of(motion, cam).hub
     try:
-        found = least_base(lift, follower, want, turn, hub)
-        yield "base circle", f"{as_length(cam.base, 6)} now, least {as_length(found.base, 6)}; decided by: {found.decides}"
+        least = least_base(lift, follower, want, turn, hub)
+        yield "base circle", f"{as_length(cam.base, 6)} now, least {as_length(least.base, 6)}; decided by: {least.decides}"
     except MechanismError as error:
         yield "base circle", "; ".join(Text.of(f"{f.message} {f.remedy}").source for f in error.faults)
     guide = follower.guide

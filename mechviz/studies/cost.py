@@ -52,12 +52,12 @@ def measure(scene: Scene, *, repeats: int = 7, outputs: Any = None, executor: Ex
     mechanism = scene.mechanism
     plan: Plan = make_plan(mechanism) if outputs is None else make_plan(mechanism, outputs)
     frames = None if scene.simulation is not None else default_times(mechanism, scene.frames, scene.cycles)
-    found: dict[str, list[float]] = {}
+    walls: dict[str, list[float]] = {}
 
     def clocked(name: str, work: Callable[[], Any]) -> Any:
         start = time.perf_counter()
         result = work()
-        found.setdefault(name, []).append(time.perf_counter() - start)
+        walls.setdefault(name, []).append(time.perf_counter() - start)
         return result
 
     effects = effects_of(mechanism)
@@ -65,7 +65,7 @@ def measure(scene: Scene, *, repeats: int = 7, outputs: Any = None, executor: Ex
     for _ in range(repeats + 1):
         if scene.simulation is not None:
             for spent in run_scene(scene, executor=executor).stages:
-                found.setdefault(spent.name, []).append(spent.seconds)
+                walls.setdefault(spent.name, []).append(spent.seconds)
             continue
         compiled = clocked("compile", partial(compile_mechanism, mechanism, executor=executor))
         motion = clocked("positions", partial(_positions, compiled, frames))
@@ -83,7 +83,7 @@ def measure(scene: Scene, *, repeats: int = 7, outputs: Any = None, executor: Ex
                 clocked("energy and power balance", partial(_read, forces, ("energy", "power_balance")))
         if plan.has("closure and condition"):
             clocked("closure and condition", partial(_read, motion, HEALTH))
-    return [Cost(name, statistics.median(times[1:])) for name, times in found.items()]  # the first one warms up
+    return [Cost(name, statistics.median(times[1:])) for name, times in walls.items()]  # the first one warms up
 
 
 def _positions(compiled: Compiled, frames: Any) -> Motion:
@@ -171,9 +171,9 @@ def side_by_side(
 def used() -> Iterator[Callable[[], float]]:
     """What share of the time in its block this program had the processor for: told, at most 1, by what it gives."""
     wall, own = time.perf_counter(), time.process_time()
-    found = [1.0]
-    yield lambda: found[0]
-    found[0] = min(1.0, (time.process_time() - own) / max(time.perf_counter() - wall, 1e-9))
+    share = [1.0]
+    yield lambda: share[0]
+    share[0] = min(1.0, (time.process_time() - own) / max(time.perf_counter() - wall, 1e-9))
 
 
 def machine() -> str:
@@ -212,10 +212,10 @@ def executor_lines(scene: Scene, executor: Executor) -> list[str]:
 def missing_lines(scene: Scene) -> list[str]:
     """What of a scene C does not have, so that numpy runs it."""
     compiled = compile_mechanism(scene.mechanism)
-    found = {"positions and rates": _not_written(compiled)}
+    reasons = {"positions and rates": _not_written(compiled)}
     if scene.simulation is not None:
-        found["the motion under forces"] = missing_in_c(compiled)
-    return [f"numpy runs {what}: {why}." for what, why in found.items() if why is not None]
+        reasons["the motion under forces"] = missing_in_c(compiled)
+    return [f"numpy runs {what}: {why}." for what, why in reasons.items() if why is not None]
 
 
 def _not_written(compiled: Compiled) -> str | None:

@@ -111,20 +111,20 @@ def influences(
     """The scene's answer, and the influence of each of its effects and loads, and of the effects that it could have."""
     base = answer_of(scene)
     variants = list(_variants(scene))
-    found = []
+    every = []
     for k, (name, kind, named, change) in enumerate(variants):
         advance(k, len(variants))
         try:
             changed = scene.changed(change)
             other = answer_of(changed)
         except MechanismError as e:
-            found.append(Influence(name, kind, named, problem=e.faults[0].message))
+            every.append(Influence(name, kind, named, problem=e.faults[0].message))
             continue
         works = [partial(_compute, s) for s in ((scene, changed) if named else (changed, scene))]
         times = side_by_side(works[0], works[1], budget, least=1 if scene.simulation is not None else 5)
-        found.append(_compared(name, kind, named, (base, other) if named else (other, base), times))
+        every.append(_compared(name, kind, named, (base, other) if named else (other, base), times))
     advance(len(variants), len(variants))
-    return base, found
+    return base, every
 
 
 def _compared(name: str, kind: str, named: bool, answers: tuple[Answer, Answer], times: tuple[Timed, Timed]) -> Influence:
@@ -159,9 +159,9 @@ def _compared(name: str, kind: str, named: bool, answers: tuple[Answer, Answer],
     )
 
 
-def influence_lines(base: Answer, found: list[Influence], accuracy: float) -> list[str]:
+def influence_lines(base: Answer, every: list[Influence], accuracy: float) -> list[str]:
     """The table and the suggestion in words."""
-    width = max(len(i.name) for i in found) if found else 6
+    width = max(len(i.name) for i in every) if every else 6
     head = (
         f"{'':<{width}}  {'kind':<6} {'in the scene':<12} {'peak effort':>11} {'peak reaction':>13} {'any frame':>10} {'time':>16}"
     )
@@ -173,7 +173,7 @@ def influence_lines(base: Answer, found: list[Influence], accuracy: float) -> li
             return "-"
         return f"{100.0 * value:.0f} %" if abs(value) >= 10.0 ** (digits - 2) else f"{100.0 * value:.{digits}g} %"
 
-    for i in found:
+    for i in every:
         row = f"{i.name:<{width}}  {i.kind:<6} {'yes' if i.named else 'no':<12} "
         if i.problem:
             lines.append(row + i.problem)
@@ -182,7 +182,7 @@ def influence_lines(base: Answer, found: list[Influence], accuracy: float) -> li
         row += f"{percent(i.effort):>11} {percent(i.reaction):>13} {percent(i.curve):>10} {time:>16}"
         lines.append(row + (f" {percent(i.fluctuation):>12}" if simulated else ""))
     lines += ["", f"worth having at an accuracy of {accuracy:g} (nothing is changed by itself):"]
-    for i in sorted((i for i in found if not i.problem), key=lambda i: -np.nan_to_num(i.curve)):
+    for i in sorted((i for i in every if not i.problem), key=lambda i: -np.nan_to_num(i.curve)):
         verb = "changes" if i.named else "would change"
         what = "the peak effort" if not np.isnan(i.effort) else "the largest reaction"
         value = i.effort if not np.isnan(i.effort) else i.reaction

@@ -59,13 +59,13 @@ def compare_laws(
         missing = f"'{cam}' is no cam with a lift." if cam is not None else "the scene has no cam with a lift."
         raise MechanismError(Fault("joints", missing, f"Name one of {', '.join(able)}." if able else "Choose one that has."))
     name = able[0] if cam is None else cam
-    found = [_solved(AS_IT_IS, scene, name, frames)]
+    cams = [_solved(AS_IT_IS, scene, name, frames)]
     for shown, (law, parameters) in laws.items():
         try:
-            found.append(_solved(shown, with_law(scene, name, law, parameters), name, frames))
+            cams.append(_solved(shown, with_law(scene, name, law, parameters), name, frames))
         except MechanismError as error:
-            found.append(LawOnCam(shown, fault=str(Text.of(error.faults[0].message).in_units(scene.units))))
-    return found
+            cams.append(LawOnCam(shown, fault=str(Text.of(error.faults[0].message).in_units(scene.units))))
+    return cams
 
 
 def with_law(scene: Scene, cam: str, law: str, parameters: Mapping[str, float]) -> Scene:
@@ -96,8 +96,8 @@ def _solved(shown: str, scene: Scene, name: str, frames: int | None) -> LawOnCam
     if run.forces is not None and not cam.form:
         margin = 0.0 if joint.rating is None or joint.rating.margin is None else joint.rating.margin
         try:
-            found = least_springs(run.forces, cam, margin)
-            springs = ["none" if s.stiffness is None else as_quantity(s.stiffness, "stiffness", 4) for s in found]
+            least = least_springs(run.forces, cam, margin)
+            springs = ["none" if s.stiffness is None else as_quantity(s.stiffness, "stiffness", 4) for s in least]
         except MechanismError as error:
             springs = [Text.of(error.faults[0].message).source]
     return LawOnCam(

@@ -116,12 +116,12 @@ def ladder(
     if plane_cams(base):
         steps["cam profile"] = lambda: _profiles(base, budget)
     chosen = [step for dial, step in steps.items() if only is None or dial in only]
-    found: list[Point] = []
+    points: list[Point] = []
     for k, step in enumerate(chosen):
         advance(k, len(chosen))
-        found += step()
+        points += step()
     advance(len(chosen), len(chosen))
-    return found
+    return points
 
 
 def _dial(name: str, value: Any, base: Accuracy = DEFAULT) -> Accuracy:
@@ -177,8 +177,8 @@ def _differentiation(run: Run, budget: float) -> Iterator[Point]:
             time = np.linspace(0.0, end, n * scene.cycles + 1)
             exact = quantities(solve_motion(replace(run.compiled, accuracy=DEFAULT), time), None)
             accuracy = Accuracy(**options)
-            found = quantities(_solve(run, accuracy, time)[0], None)
-            named = {q.name: q for q in found}
+            every = quantities(_solve(run, accuracy, time)[0], None)
+            named = {q.name: q for q in every}
             joints = [(q, named[q.name]) for q in exact if q.kind != "position" and q.name in named]
             errors = [float(np.nanmax(np.abs(b.values - a.values))) / a.scale for a, b in joints]
             if words == "exact":
@@ -210,9 +210,10 @@ def _iterated(run: Run, dial: str, method: str, tolerances: tuple[float, ...], b
     best = {q.name: q for q in quantities(*_solve(run, _dial(dial, tolerances[-1]), time))}
     for tolerance in tolerances:
         accuracy = _dial(dial, tolerance)
-        found = [q for q in quantities(*_solve(run, accuracy, time)) if q.kind in kinds and q.name in best]
+        iterated = [q for q in quantities(*_solve(run, accuracy, time)) if q.kind in kinds and q.name in best]
         error = max(
-            (float(np.nanmax(np.abs(q.values - best[q.name].values), initial=0.0)) / best[q.name].scale for q in found), default=0.0
+            (float(np.nanmax(np.abs(q.values - best[q.name].values), initial=0.0)) / best[q.name].scale for q in iterated),
+            default=0.0,
         )
         spent = timed(partial(_solve, run, accuracy, time), budget)
         here = tolerance == getattr(run.accuracy, dial)
@@ -221,9 +222,9 @@ def _iterated(run: Run, dial: str, method: str, tolerances: tuple[float, ...], b
 
 def _simulated(scene: Scene, accuracy: Accuracy) -> Simulation:
     """The motion under forces with a setting, and nothing else."""
-    found = run_scene(scene, accuracy=accuracy, outputs=()).simulation
-    assert found is not None
-    return found
+    simulation = run_scene(scene, accuracy=accuracy, outputs=()).simulation
+    assert simulation is not None
+    return simulation
 
 
 def _integrator(run: Run, budget: float) -> Iterator[Point]:
@@ -250,9 +251,9 @@ def _integrator(run: Run, budget: float) -> Iterator[Point]:
 
             work = partial(_simulated, run.scene, accuracy)
             try:
-                found = work()
-                shared = t[t <= found.duration]
-                error = float(np.nanmax(poses_apart(found.view(shared), best.view(shared) if len(shared) < len(t) else truth)))
+                result = work()
+                shared = t[t <= result.duration]
+                error = float(np.nanmax(poses_apart(result.view(shared), best.view(shared) if len(shared) < len(t) else truth)))
             except MechanismError:
                 continue  # such a tolerance does not come through
             spent = timed(work, budget, least=1 if budget < 0.1 else 3)
@@ -370,16 +371,16 @@ def kept(scene: Scene, target: float | None, rough: bool = True) -> Measured | N
     try:
         data: dict[str, Any] = json.loads(_file(scene, target).read_text(encoding="utf-8"))
         points = tuple(Point(**p) for p in data["points"])
-        found = Measured(data["scene"], data["machine"], data["day"], points, data["rough"], data["share"])
+        measured = Measured(data["scene"], data["machine"], data["day"], points, data["rough"], data["share"])
     except (OSError, ValueError, KeyError, TypeError):  # not there, or of another form
         return None
-    return found if rough or not found.rough else None
+    return measured if rough or not measured.rough else None
 
 
 def keep(scene: Scene, target: float | None, points: list[Point], rough: bool = False, share: float = 1.0) -> Measured:
     """Keep a ladder; where the folder cannot be written nothing is kept."""
-    found = Measured(scene.name, machine(), date.today().isoformat(), tuple(points), rough, share)
-    data = {**asdict(found), "points": [p.as_dict() for p in points]}
+    measured = Measured(scene.name, machine(), date.today().isoformat(), tuple(points), rough, share)
+    data = {**asdict(measured), "points": [p.as_dict() for p in points]}
     try:
         path = _file(scene, target)
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -388,4 +389,4 @@ def keep(scene: Scene, target: float | None, points: list[Point], rough: bool = 
         temporary.replace(path)
     except OSError:
         pass  # it is measured again next time
-    return found
+    return measured

@@ -133,10 +133,10 @@ def check_lines(scene: Scene, *, equations: bool = False, modes: bool = False) -
 def _friction(forces: Forces, units: Units) -> list[str]:
     """Where friction jams the mechanism or makes it self-locking, and where it can have several states."""
     events = (e.in_units(units) for e in friction_events(forces))
-    found = [e for e in events if e.level == "WARN" or e.text.startswith("self-locking")]
-    if not found:
+    warned = [e for e in events if e.level == "WARN" or e.text.startswith("self-locking")]
+    if not warned:
         return ["friction   no jam and no self-locking over the run"]
-    lines = [f"{e.item}: from {e.time:.6g} s it {e.text}" if e.text.startswith("jams") else f"{e.item}: {e.text}" for e in found]
+    lines = [f"{e.item}: from {e.time:.6g} s it {e.text}" if e.text.startswith("jams") else f"{e.item}: {e.text}" for e in warned]
     return _section("friction", lines)
 
 
@@ -148,8 +148,8 @@ def _contact(forces: Forces, units: Units, decided: list[str]) -> list[str]:
     pressed = [cam.name for cam in placed_cams(motion) if not cam.form and cam.name not in decided]
     if not pressed:
         return []
-    found = [e for e in cam_events(motion, forces) if e.item in pressed and e.text.startswith("contact ")]
-    said = [e.in_units(units) for e in found if e.text.split()[1] in ("lost", "regained")]
+    contacts = [e for e in cam_events(motion, forces) if e.item in pressed and e.text.startswith("contact ")]
+    said = [e.in_units(units) for e in contacts if e.text.split()[1] in ("lost", "regained")]
     lines = [f"{e.item}: {e.text.replace(' at ', f' at {e.time:.6g} s, ', 1)}" for e in said]
     return _section("contact", lines or ["no follower leaves its cam over the run"])
 
@@ -190,9 +190,9 @@ def _grashof(compiled: Compiled, units: Units) -> list[str]:
 
 def _all_modes(compiled: Compiled, units: Units) -> list[str]:
     lines = ["modes      all assembly modes of each group at the start, the groups before it as stated"]
-    for name, found in all_modes(compiled.model, compiled.assembly, compiled.start):
-        lines.append(f"  {name}: {len(found)}")
-        lines += [f"    {text.in_units(units)}{'   <- stated' if here else ''}" for text, here in found]
+    for name, described in all_modes(compiled.model, compiled.assembly, compiled.start):
+        lines.append(f"  {name}: {len(described)}")
+        lines += [f"    {text.in_units(units)}{'   <- stated' if here else ''}" for text, here in described]
     return lines
 
 
@@ -209,11 +209,11 @@ def _modes(compiled: Compiled) -> list[str]:
 def _outputs(motion: Motion, scene: Scene) -> list[str]:
     """Stroke or range, and time ratio, of what is guided in the frame."""
     lines = []
-    for found in strokes(motion, scene.cycles):
-        kind = "angle" if found.rotary else "length"
-        size, low, high = (scene.units.show(value, kind, 5) for value in (found.length, _plain(found.low), _plain(found.high)))
-        ratio = "" if np.isnan(found.time_ratio) else f"; time ratio {found.time_ratio:.5g}"
-        lines.append(f"{found.joint}: {'range' if found.rotary else 'stroke'} {size}, {low} to {high}{ratio}")
+    for stroke in strokes(motion, scene.cycles):
+        kind = "angle" if stroke.rotary else "length"
+        size, low, high = (scene.units.show(value, kind, 5) for value in (stroke.length, _plain(stroke.low), _plain(stroke.high)))
+        ratio = "" if np.isnan(stroke.time_ratio) else f"; time ratio {stroke.time_ratio:.5g}"
+        lines.append(f"{stroke.joint}: {'range' if stroke.rotary else 'stroke'} {size}, {low} to {high}{ratio}")
     return _section("output", lines)
 
 
@@ -240,7 +240,7 @@ def _idle(scene: Scene, compiled: Compiled, ranges: list[tuple[float, float]]) -
 
 def _told_by_runs(mechanism: Mechanism) -> list[str]:
     """What a scene limits that nobody knows before forces have decided the motion."""
-    found = []
+    limited = []
     for joint in mechanism.joints:
         if isinstance(joint, CamJoint):
             rating = joint.rating
@@ -249,15 +249,15 @@ def _told_by_runs(mechanism: Mechanism) -> list[str]:
                 "contact force": rating is not None and rating.margin is not None,
                 "pressure angle": joint.contour is not None and joint.pressure_limit is not None,  # else its law tells
             }
-            found += [f"whether the {what} at {joint.name} keeps its limit" for what, stated in limits.items() if stated]
+            limited += [f"whether the {what} at {joint.name} keeps its limit" for what, stated in limits.items() if stated]
     for load in mechanism.loads:
         if isinstance(load, Spring) and load.solid_length is not None:
-            found.append(f"whether {load.name} is squeezed below its solid length")
+            limited.append(f"whether {load.name} is squeezed below its solid length")
         elif isinstance(load, GasSpring | GasPressure):
-            found.append(f"whether {load.name} stays within its stroke")
+            limited.append(f"whether {load.name} stays within its stroke")
         elif isinstance(load, BeltTension) and load.coefficient:
-            found.append(f"whether the belt {load.joint} slips")
-    return found
+            limited.append(f"whether the belt {load.joint} slips")
+    return limited
 
 
 def _reach(compiled: Compiled, ranges: list[tuple[float, float]], units: Units) -> list[str]:
@@ -351,12 +351,12 @@ def _curve(law: Law) -> tuple[MotionCurve | None, str]:
 
 
 def _words(curve: MotionCurve, kind: str, units: Units) -> str:
-    found = jumps(curve, ends=False)
+    steps = jumps(curve, ends=False)
     pieces = f"{len(curve.pieces)} pieces, continuous"
-    if not found:
+    if not steps:
         return f"{pieces} up to the jerk"
-    order = min(j.order for j in found)
-    places = [units.show(j.angle, kind, 5) for j in found if j.order == order]
+    order = min(j.order for j in steps)
+    places = [units.show(j.angle, kind, 5) for j in steps if j.order == order]
     more = f" and {len(places) - _MOST_PLACES} more" if len(places) > _MOST_PLACES else ""
     smooth = f"{pieces} up to the {ORDER_NAMES[order - 1]}" if order else f"{len(curve.pieces)} pieces"
     shock = ", infinite jerk" if order == 2 else ", a knock" if order < 2 else ""

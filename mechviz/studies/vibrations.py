@@ -34,19 +34,19 @@ def vibrations_of(scene: Scene, *, seek: Seek = "stable") -> Vibrations:
     return small_vibrations(scene.mechanism, seek=seek, stops=scene.simulation.stops)
 
 
-def _rotary(found: Vibrations) -> list[bool]:
-    return [found.equilibrium.compiled.model.rotary(p) for p in found.joints]
+def _rotary(vibrations: Vibrations) -> list[bool]:
+    return [vibrations.equilibrium.compiled.model.rotary(p) for p in vibrations.joints]
 
 
-def _shape(found: Vibrations, mode: Mode) -> Any:
+def _shape(vibrations: Vibrations, mode: Mode) -> Any:
     """The mode's shape with its largest part one: one radian, or the mechanism's size where that counts as much."""
-    size = found.equilibrium.compiled.model.length_scale
-    scale = np.array([1.0 if r else size for r in _rotary(found)])
+    size = vibrations.equilibrium.compiled.model.length_scale
+    scale = np.array([1.0 if r else size for r in _rotary(vibrations)])
     return mode.shape / np.abs(mode.shape / scale).max()
 
 
-def _row(found: Vibrations, k: int) -> list[str]:
-    mode = found.modes[k]
+def _row(vibrations: Vibrations, k: int) -> list[str]:
+    mode = vibrations.modes[k]
     halving = "never"
     if abs(mode.growth) > 1e-9 * max(1.0, abs(mode.square)) ** 0.5:
         halving = f"{'doubles' if mode.growth > 0 else 'halves'} in {np.log(2.0) / abs(mode.growth):.4g} s"
@@ -54,16 +54,16 @@ def _row(found: Vibrations, k: int) -> list[str]:
         cells = [f"{mode.frequency:.6g}", f"{mode.damping_ratio:.4g}", f"{mode.damped_frequency:.6g}", halving]
     else:
         cells = [mode.kind, "-", "-", halving]
-    return [str(k + 1), *cells, *(f"{x:.4g}" for x in _shape(found, mode))]
+    return [str(k + 1), *cells, *(f"{x:.4g}" for x in _shape(vibrations, mode))]
 
 
-def vibration_lines(scene: Scene, found: Vibrations) -> list[str]:
+def vibration_lines(scene: Scene, vibrations: Vibrations) -> list[str]:
     """Equilibrium, its stability, and a table of the modes."""
-    eq = found.equilibrium
-    rotary = _rotary(found)
+    eq = vibrations.equilibrium
+    rotary = _rotary(vibrations)
     at = np.where(np.abs(eq.position) < 1e-12, 0.0, eq.position)
     shown = [scene.units.show(x, "angle" if r else "length") for x, r in zip(at, rotary, strict=True)]
-    places = [f"{p} = {x}" for p, x in zip(found.joints, shown, strict=True)]
+    places = [f"{p} = {x}" for p, x in zip(vibrations.joints, shown, strict=True)]
     words = {
         "stable": "stable: a small disturbance makes it vibrate about this place",
         "neutral": "neutral: it stays where it is put, in at least one direction",
@@ -72,28 +72,28 @@ def vibration_lines(scene: Scene, found: Vibrations) -> list[str]:
     lines = [
         scene.title,
         f"equilibrium: {', '.join(places)}",
-        f"  {words[found.stability]}",
+        f"  {words[vibrations.stability]}",
         f"  found in {eq.steps} steps, what is left of the forces there is {eq.residual:.1e} of them",
-        *(f"  {note}" for note in found.notes),
+        *(f"  {note}" for note in vibrations.notes),
         "",
     ]
     units = ["rad" if r else "m" for r in rotary]
     heads = ["mode", "frequency [Hz]", "damping ratio", "damped [Hz]", "dies away"]
-    rows = [[*heads, *(f"{p} [{u}]" for p, u in zip(found.joints, units, strict=True))]]
-    rows += [_row(found, k) for k in range(len(found.modes))]
+    rows = [[*heads, *(f"{p} [{u}]" for p, u in zip(vibrations.joints, units, strict=True))]]
+    rows += [_row(vibrations, k) for k in range(len(vibrations.modes))]
     widths = [max(len(row[k]) for row in rows) for k in range(len(rows[0]))]
     lines += ["  ".join(cell.rjust(w) for cell, w in zip(row, widths, strict=True)) for row in rows]
     return lines
 
 
-def vibrations_csv(found: Vibrations, path: Path) -> Path:
+def vibrations_csv(vibrations: Vibrations, path: Path) -> Path:
     """The modes as a table: frequencies, damping, exponents, mass-normalised shapes (phi' M phi = 1), in SI units."""
     heads = ["mode", "kind", "frequency_Hz", "damping_ratio", "damped_frequency_Hz"]
-    heads += ["exponent_1_re", "exponent_1_im", "exponent_2_re", "exponent_2_im", *(f"shape_{p}" for p in found.joints)]
+    heads += ["exponent_1_re", "exponent_1_im", "exponent_2_re", "exponent_2_im", *(f"shape_{p}" for p in vibrations.joints)]
     with replacing(path) as temporary, open(temporary, "w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file)
         writer.writerow(heads)
-        for k, m in enumerate(found.modes):
+        for k, m in enumerate(vibrations.modes):
             exponents = [x for e in m.eigenvalues for x in (e.real, e.imag)]
             writer.writerow(
                 [k + 1, m.kind, *map(repr, (m.frequency, m.damping_ratio, m.damped_frequency, *exponents, *map(float, m.shape)))]
@@ -101,7 +101,7 @@ def vibrations_csv(found: Vibrations, path: Path) -> Path:
     return path
 
 
-def mode_scene(scene: Scene, found: Vibrations, number: int, *, amplitude: float = 0.08) -> Scene:
+def mode_scene(scene: Scene, vibrations: Vibrations, number: int, *, amplitude: float = 0.08) -> Scene:
     """The scene moving in one mode (1, 2 ...): every free coordinate is driven as a harmonic oscillation about the equilibrium.
 
     ``amplitude``: largest displacement of a point relative to the mechanism's size (links turn by 20 degrees at most). Dry friction
@@ -109,8 +109,8 @@ def mode_scene(scene: Scene, found: Vibrations, number: int, *, amplitude: float
     Raises `SceneError`.
     """
     faults = []
-    if not 1 <= number <= len(found.modes):
-        faults.append(Fault("mode", f"there is no mode {number}.", f"Give a number from 1 to {len(found.modes)}."))
+    if not 1 <= number <= len(vibrations.modes):
+        faults.append(Fault("mode", f"there is no mode {number}.", f"Give a number from 1 to {len(vibrations.modes)}."))
     if not (np.isfinite(amplitude) and 0 < amplitude <= 1):
         faults.append(Fault("amplitude", f"{amplitude:g} is no part of the mechanism's size.", "Give a number such as 0.08."))
     for name, entry in scene.document.joints.items():
@@ -119,33 +119,33 @@ def mode_scene(scene: Scene, found: Vibrations, number: int, *, amplitude: float
             faults.append(Fault(f"joints.{name}", "a mode is shown by driven joints, and a free body has none.", remedy))
     if faults:
         raise SceneError(scene.name, faults)
-    mode, eq = found.modes[number - 1], found.equilibrium
-    parts = mode.shape * _amplitude(found, number - 1, amplitude)
+    mode, eq = vibrations.modes[number - 1], vibrations.equilibrium
+    parts = mode.shape * _amplitude(vibrations, number - 1, amplitude)
     frequency = mode.frequency if mode.kind == "vibration" else SLOW
     changes = _without_forces_of_motion(scene)
     for drive in eq.compiled.mechanism.drives:
         joint = drive.joint
-        if joint in found.joints:
-            i = found.joints.index(joint)
+        if joint in vibrations.joints:
+            i = vibrations.joints.index(joint)
             centre, part = float(eq.position[i]), float(parts[i])
-            rotary = _rotary(found)[i]
+            rotary = _rotary(vibrations)[i]
         else:
             centre, part = float(drive.law(np.zeros(1))[0][0]), 0.0
             model = eq.compiled.model
             rotary = model.joints[model.joint_index[joint]].coordinate == "angle"
         changes["joints", joint, "drive"] = _harmonic(centre, part, frequency, "rad" if rotary else "m")
     speed = f"{mode.frequency:.4g} Hz" if mode.kind == "vibration" else f"{mode.kind}, not to its own time"
-    changes["title",] = f"{scene.title}: mode {number} of {len(found.modes)}, {speed}"
+    changes["title",] = f"{scene.title}: mode {number} of {len(vibrations.modes)}, {speed}"
     changes["teaches",] = "A mode of vibration: all parts move in step and pass the equilibrium at the same instant."
     changes["run",] = {"frames": 240, "cycles": 3}
     for sketched in (False, True):
         try:
-            made = scene.changed(changes | _sketch(scene, found) if sketched else changes, name=f"{scene.name}-mode-{number}")
+            made = scene.changed(changes | _sketch(scene, vibrations) if sketched else changes, name=f"{scene.name}-mode-{number}")
         except (SceneError, MechanismError):
             if sketched:
                 raise
             continue
-        if _same_place(made, found):
+        if _same_place(made, vibrations):
             return made
     remedy = "Its assembly mode there cannot be stated: start the scene nearer to its equilibrium."
     raise SceneError(scene.name, Fault("mode", "the equilibrium is put together in another way than the scene.", remedy))
@@ -157,11 +157,11 @@ def _harmonic(centre: float, amplitude: float, frequency: float, unit: str) -> d
     return {"oscillation": motion if amplitude >= 0 else {**motion, "phase": "180 deg"}}
 
 
-def _amplitude(found: Vibrations, k: int, fraction: float) -> float:
+def _amplitude(vibrations: Vibrations, k: int, fraction: float) -> float:
     """What the mode's shape is multiplied by."""
-    eq = found.equilibrium
+    eq = vibrations.equilibrium
     model = eq.compiled.model
-    motion = eq.motion_with(found.modes[k].shape)
+    motion = eq.motion_with(vibrations.modes[k].shape)
     moved = [float(np.hypot(*motion.point(link.name, name, 1)[0])) for link in model.mechanism.links for name in link.points]
     turned = [abs(float(motion.velocity(link)[0, 2])) for link in model.links[1:]]
     bounds = [fraction * model.length_scale / max(moved, default=0.0)] if max(moved, default=0.0) > 0 else []
@@ -185,7 +185,7 @@ def _without_forces_of_motion(scene: Scene) -> dict[Place, Any]:
     return changes
 
 
-def _sketch(scene: Scene, found: Vibrations) -> dict[Place, Any]:
+def _sketch(scene: Scene, vibrations: Vibrations) -> dict[Place, Any]:
     """The changes that state the places of all links at the equilibrium instead of the assembly modes of the start."""
     document = scene.document
     changes: dict[Place, Any] = {}
@@ -194,7 +194,7 @@ def _sketch(scene: Scene, found: Vibrations) -> dict[Place, Any]:
             changes |= {("joints", name, key): None for key in joint.traits.modes if getattr(joint, key) is not None}
     if any(isinstance(link.points, list) for link in document.links.values()):
         return changes  # the sketch is their shape
-    motion, sketch = found.equilibrium.motion, {}
+    motion, sketch = vibrations.equilibrium.motion, {}
     for name in document.links:
         if name != document.frame:
             x, y, angle = (float(v) for v in motion.pose(name)[0])
@@ -202,9 +202,9 @@ def _sketch(scene: Scene, found: Vibrations) -> dict[Place, Any]:
     return changes | {("sketch",): sketch}
 
 
-def _same_place(scene: Scene, found: Vibrations) -> bool:
+def _same_place(scene: Scene, vibrations: Vibrations) -> bool:
     """Whether a scene starts with every link where it is in the equilibrium."""
-    start, wanted = solve_motion(compile_mechanism(scene.mechanism), np.zeros(1)), found.equilibrium.motion
+    start, wanted = solve_motion(compile_mechanism(scene.mechanism), np.zeros(1)), vibrations.equilibrium.motion
     size = wanted.model.length_scale
     for link in wanted.model.links[1:]:
         a, b = start.pose(link)[0], wanted.pose(link)[0]

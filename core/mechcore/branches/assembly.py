@@ -130,15 +130,15 @@ def fitting_statements(model: Model, drives: Sequence[float]) -> str:
     choices = [block for block in model.blocks if block.kind in TWO_MODES]
     if len(choices) > _MOST_CHOICES or any(block.kind == "general" for block in model.blocks):
         return ""
-    found = []
+    statements = []
     for words in product(*(WORDS[block.kind] for block in choices)):
         modes = dict(zip((block.name for block in choices), words, strict=True))
         try:
             assemble(replace(model, mechanism=replace(model.mechanism, sketch={}, modes=modes)), drives, others=False)
         except MechanismError:
             continue
-        found.append(" and ".join(f'{KEYS[word]} = "{word}" at {joint}' for joint, word in modes.items()))
-    return f", or state the assembly mode of the start instead: {' or '.join(found)} fits there" if found else ""
+        statements.append(" and ".join(f'{KEYS[word]} = "{word}" at {joint}' for joint, word in modes.items()))
+    return f", or state the assembly mode of the start instead: {' or '.join(statements)} fits there" if statements else ""
 
 
 def _apart(model: Model, block: Block, miss: float, other: str) -> Fault:
@@ -201,9 +201,9 @@ def _mode_words(model: Model, block: Block, state: State, modes: Sequence[float]
         return places
     rows = []
     for mode in modes:
-        found = _solution(model, block, state, mode)
-        slides = [f"{model.joints[j].name} is displaced by {as_length(float(found['slide', j].real), 4)}" for j in block.slides]
-        angles = [_angle_words(model, g, float(np.angle(found["angle", g]))) for g in block.angles]
+        solution = _solution(model, block, state, mode)
+        slides = [f"{model.joints[j].name} is displaced by {as_length(float(solution['slide', j].real), 4)}" for j in block.slides]
+        angles = [_angle_words(model, g, float(np.angle(solution["angle", g]))) for g in block.angles]
         rows.append([*slides, *angles])
     telling = [k for k, words in enumerate(zip(*rows, strict=True)) if len(set(words)) > 1]
     return [", ".join(row[k] for k in telling) or place for row, place in zip(rows, places, strict=True)]
@@ -301,8 +301,8 @@ def _start_of_general(model: Model, block: Block, state: State) -> tuple[Real | 
         faults = _fix_relations_of_group(model, block, state, angles, slides)
         if faults:
             return None, faults
-    found = group_modes(model, block, state, near=[*angles, *slides])
-    if len(found) == 0:
+    modes = group_modes(model, block, state, near=[*angles, *slides])
+    if len(modes) == 0:
         return None, [
             Fault(
                 f"joints.{block.name}",
@@ -311,26 +311,26 @@ def _start_of_general(model: Model, block: Block, state: State) -> tuple[Real | 
             )
         ]
     if all(a is None for a in angles) and all(s is None for s in slides):
-        if len(found) == 1:
-            return found[0], []
-        listed = "; ".join(_describe(model, block, x) for x in found[:8])
+        if len(modes) == 1:
+            return modes[0], []
+        listed = "; ".join(_describe(model, block, x) for x in modes[:8])
         return None, [
             Fault(
                 f"joints.{block.name}",
-                f"the assembly mode is not stated; this group has {len(found)} at the start.",
+                f"the assembly mode is not stated; this group has {len(modes)} at the start.",
                 f"Add a [sketch] with rough angles of its links, near one of: {listed}.",
             )
         ]
     guess = np.array([np.nan if a is None else a for a in angles] + [np.nan if s is None else s for s in slides])
     n = len(block.angles)
-    error = np.abs(np.exp(1j * found[:, :n]) - np.exp(1j * guess[:n]))
-    error = np.nansum(error, axis=-1) + np.nansum(np.abs(found[:, n:] - guess[n:]), axis=-1) / model.length_scale
+    error = np.abs(np.exp(1j * modes[:, :n]) - np.exp(1j * guess[:n]))
+    error = np.nansum(error, axis=-1) + np.nansum(np.abs(modes[:, n:] - guess[n:]), axis=-1) / model.length_scale
     best = np.argsort(error)
     if len(best) > 1 and error[best[1]] - error[best[0]] < 1e-6:
         return None, [
             Fault(f"joints.{block.name}", "the sketch fits two assembly modes equally.", "Sketch more links of this group.")
         ]
-    return found[best[0]], []
+    return modes[best[0]], []
 
 
 def _fix_relations_of_group(
@@ -385,12 +385,12 @@ def group_modes(model: Model, block: Block, state: State, *, starts: int = 400, 
     trial = state.copy()
     with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
         place(model, block, trial, 0.0, x)
-    found = trial.newton[block.name].x
-    found = found[np.isfinite(found).all(axis=-1)]
+    solutions = trial.newton[block.name].x
+    solutions = solutions[np.isfinite(solutions).all(axis=-1)]
     if not block.relations:
-        found[:, :n] = (found[:, :n] + np.pi) % (2.0 * np.pi) - np.pi
+        solutions[:, :n] = (solutions[:, :n] + np.pi) % (2.0 * np.pi) - np.pi
     unique: list[tuple[Real, Real]] = []
-    for row in found:
+    for row in solutions:
         key = np.concatenate([np.exp(1j * row[:n]), row[n:] / model.length_scale])
         if all(np.abs(key - other).max() > 1e-6 for other, _ in unique):
             unique.append((key, row))
@@ -404,19 +404,19 @@ def all_modes(model: Model, assembly: Assembly, drives: Sequence[float]) -> list
     out = []
     with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
         for block, mode in zip(model.blocks, assembly.modes, strict=True):
-            found: list[tuple[Text, bool]] = []
+            described: list[tuple[Text, bool]] = []
             if block.kind in TWO_MODES:
                 sign = orientation(model, block, block.name)
                 signs = (sign, -sign)
                 for word, s, text in zip(WORDS[block.kind], signs, _mode_words(model, block, state, signs), strict=True):
-                    found.append((Text(f"{word}: {text}"), s == mode))
+                    described.append((Text(f"{word}: {text}"), s == mode))
             elif block.kind == "general":
                 start = assembly.starts[block.name]
                 for x in group_modes(model, block, state):
                     n = len(block.angles)
                     same = np.abs(np.exp(1j * x[:n]) - np.exp(1j * start[:n])).max(initial=0.0) < 1e-6
-                    found.append((Text(_describe(model, block, x)), bool(same)))
+                    described.append((Text(_describe(model, block, x)), bool(same)))
             place(model, block, state, mode, assembly.starts.get(block.name))
-            if found:
-                out.append((block.name, found))
+            if described:
+                out.append((block.name, described))
     return out

@@ -313,11 +313,11 @@ def _limit(branch: Branch, row: Row, span: float, direction: float) -> float:
     p = row.parameter
     reach = p + direction * NEAR * span
     with np.errstate(all="ignore"):
-        found = [_missing(branch, row, reach)]
+        limits = [_missing(branch, row, reach)]
         for block in branch.model.blocks:
             if block.kind == "general" and block.name in row.singular_values:
-                found.append(_fold(branch, block, row, NEAR * span))
-    ahead = [q for q in found if q is not None and 0.0 <= direction * (q - p) <= NEAR * span]
+                limits.append(_fold(branch, block, row, NEAR * span))
+    ahead = [q for q in limits if q is not None and 0.0 <= direction * (q - p) <= NEAR * span]
     return min(ahead, key=lambda q: direction * q, default=p)
 
 

@@ -37,7 +37,7 @@ def stated_modes(model: Model) -> dict[str, list[str]]:
     A joint belongs to the last group that it needs in order of solution: an outer pin of a dyad to the dyad, not to what bears it.
     """
     last = {unknown: k for k, block in enumerate(model.blocks) if block.loops for unknown in block.unknowns}
-    found: dict[str, list[str]] = {}
+    stated: dict[str, list[str]] = {}
     for joint in model.mechanism.modes:
         j = model.joint_index.get(joint)
         if j is None:
@@ -45,8 +45,8 @@ def stated_modes(model: Model) -> dict[str, list[str]]:
         unknowns = [("slide", j), *(("angle", model.angles.group[k]) for k in model.ends[j])]
         k = max(last.get(x, -1) for x in unknowns)
         if k >= 0 and model.blocks[k].kind in TWO_MODES:
-            found.setdefault(model.blocks[k].name, []).append(joint)
-    return found
+            stated.setdefault(model.blocks[k].name, []).append(joint)
+    return stated
 
 
 def stated_sign(model: Model, block: Block, state: State, joints: Sequence[str]) -> tuple[float, list[Fault]]:
@@ -69,9 +69,9 @@ def _sign(model: Model, block: Block, state: State, joint: str, word: str) -> tu
     if word in words:
         return (1.0 if word == words[0] else -1.0) * orientation(model, block, joint), []
     if word in ("open", "crossed") and block.kind == "theta_theta":
-        found = _open_mode(model, block, state)
-        if found is not None:
-            return (found if word == "open" else -found), []
+        open_sign = _open_mode(model, block, state)
+        if open_sign is not None:
+            return (open_sign if word == "open" else -open_sign), []
         message, remedy = f"'{word}' needs a four-bar loop, which this group does not close.", "State side instead."
     else:
         message = f"'{word}' is not an assembly mode of this group."

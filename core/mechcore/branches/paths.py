@@ -82,16 +82,16 @@ class BranchPath:
         if self.period is None:
             return path.starts(parameter)
         turns = np.floor((parameter - self.start) / self.period)
-        found = path.starts(parameter - turns * self.period)
+        starts = path.starts(parameter - turns * self.period)
         angles = {block.name: len(block.angles) for block in self.model.blocks if block.kind == "general"}
         for name, spline in path.splines.items():
             gain = np.round((spline(self.start + self.period) - spline(self.start)) / TURN) * TURN
             if name in angles:
                 gain[angles[name] :] = 0.0
-                found[name] = found[name] + turns[:, None] * gain
+                starts[name] = starts[name] + turns[:, None] * gain
             else:
-                found[name] = found[name] + turns * gain
-        return found
+                starts[name] = starts[name] + turns * gain
+        return starts
 
     def reached(self, parameter: Real) -> Flags:
         """Whether the path came as far as parameters (F,)."""
@@ -252,21 +252,21 @@ def branch_path(
         behind, ahead = min(low, start - more), max(high, start + more)  # it has to be known on both sides of the start
     edge = EDGE * max(10.0 * step, abs(low), abs(high))
     for _ in range(len(branch.model.blocks) + 3):
-        found = continuation_path(branch, begin, behind, ahead, step)
-        path = BranchPath(branch, found, start, (low, high), edge, by_time)
+        continuation = continuation_path(branch, begin, behind, ahead, step)
+        path = BranchPath(branch, continuation, start, (low, high), edge, by_time)
         flat, gaps = _flat_groups(path, sample)
-        wider = (behind == low and found.flat_ends[0], ahead == high and found.flat_ends[1])
+        wider = (behind == low and continuation.flat_ends[0], ahead == high and continuation.flat_ends[1])
         if not flat and not any(wider):
             break
         if flat:
             branch = _with_continued(branch, flat)
         behind, ahead = behind - more * wider[0], ahead + more * wider[1]
     path = replace(path, branch=branch)
-    if found.ends[0] > low + edge:
-        gaps.append((low, found.ends[0], -1))
-    if found.ends[1] < high - edge:
-        gaps.append((found.ends[1], high, -1))
-    passed = [c for p, name in found.passed for c in [_singular_point(path, p, name, sample)] if c is not None]
+    if continuation.ends[0] > low + edge:
+        gaps.append((low, continuation.ends[0], -1))
+    if continuation.ends[1] < high - edge:
+        gaps.append((continuation.ends[1], high, -1))
+    passed = [c for p, name in continuation.passed for c in [_singular_point(path, p, name, sample)] if c is not None]
     if not passed:
         return replace(path, gaps=tuple(gaps))
     still = tuple(ConstantSpeed(q, 0.0) for q in branch.still)
@@ -282,8 +282,8 @@ def _flat_start(branch: Branch, start: float, step: float) -> float:
 
     def margins(p: float) -> Real:
         state = branch.placed(p, branch.assembly.starts)
-        found = [np.min([float(h) for h in dead_point_margin(model, b, state)]) for b in model.blocks if b.kind in TWO_MODES]
-        return np.array(found)
+        least = [np.min([float(h) for h in dead_point_margin(model, b, state)]) for b in model.blocks if b.kind in TWO_MODES]
+        return np.array(least)
 
     here = margins(start)
     if not (here < FLAT).any() or _singular(branch, start):
@@ -328,9 +328,9 @@ def _with_continued(branch: Branch, numbers: set[int]) -> Branch:
 
 def _flat_groups(path: BranchPath, sample: float) -> tuple[set[int], list[tuple[float, float, int]]]:
     """Groups with a closed form that come to a flat position on a path, and where they cannot be put together."""
-    model, found = path.model, path.continuation
+    model, continuation = path.model, path.continuation
     two = [i for i, b in enumerate(model.blocks) if b.kind in TWO_MODES]
-    low, high = found.known
+    low, high = continuation.known
     count = int(min(max((high - low) / sample, 16), MOST_SAMPLES))
     if not two or high <= low:
         return set(), []
@@ -345,7 +345,7 @@ def _flat_groups(path: BranchPath, sample: float) -> tuple[set[int], list[tuple[
                 min(float(np.broadcast_to(h, p.shape)[k]) for h in dead_point_margin(model, model.blocks[i], state))
                 for k in (0, -1)
             ]
-        if any(flips for _, flips in instants) or (found.singular and min(ends) < STUCK):
+        if any(flips for _, flips in instants) or (continuation.singular and min(ends) < STUCK):
             flat.add(i)
         gaps += [(a, b, i) for a, b in missing]
     return flat, gaps
@@ -354,10 +354,10 @@ def _flat_groups(path: BranchPath, sample: float) -> tuple[set[int], list[tuple[
 def _singular_point(path: BranchPath, p: float, name: str, sample: float) -> SingularPoint | None:
     """A singular position that a path has passed next to ``p``; None where the motion beside it is not known."""
     number = next(i for i, b in enumerate(path.model.blocks) if b.name == name and b.kind == "general")
-    found = locate(path.model, path.model.blocks[number], path.placed, p, sample)
-    if found is None:
+    located = locate(path.model, path.model.blocks[number], path.placed, p, sample)
+    if located is None:
         return None
-    place, width = found
+    place, width = located
     laws = path.branch.laws
     speed = max(abs(float(law(place)[1])) for law in laws)
     fastest = max(float(np.abs(law(np.linspace(*path.continuation.ends, 101))[1]).max()) for law in laws)
@@ -427,8 +427,8 @@ class WaypointPath:
         for k in range(known, last):
             a, b = points[k], points[k + 1]
             first = {name: np.asarray(x)[None] for name, x in (a.starts or {}).items()}
-            found = _continued(model, assembly, a.drives[None], first, b.drives[None])
-            points[k + 1] = replace(b, starts={name: x[0] for name, x in found.items()})
+            continued = _continued(model, assembly, a.drives[None], first, b.drives[None])
+            points[k + 1] = replace(b, starts={name: x[0] for name, x in continued.items()})
         used, which = np.unique(before, return_inverse=True)
         at = [points[k].starts or {} for k in used]
         starts = {name: np.array([s[name] for s in at])[which] for name in at[0]}

@@ -50,12 +50,12 @@ class StartPose:
     def with_stops(self, stops: Iterable[tuple[str, str, float]]) -> StartPose:
         """The same with ranges of joints that have stops (joint, side, coordinate): these come first. Beside a single stop there is
         a turn of room."""
-        found: dict[str, list[float]] = {}
+        limits: dict[str, list[float]] = {}
         for joint, side, at in stops:
-            low, high = found.setdefault(joint, [-math.inf, math.inf])
-            found[joint] = [low, min(high, at)] if side == "upper" else [max(low, at), high]
+            low, high = limits.setdefault(joint, [-math.inf, math.inf])
+            limits[joint] = [low, min(high, at)] if side == "upper" else [max(low, at), high]
         ranges = dict(self.ranges)
-        for joint, (low, high) in found.items():
+        for joint, (low, high) in limits.items():
             if high == math.inf:
                 high = low + TURN - TOUCH
             elif low == -math.inf:
@@ -71,14 +71,14 @@ def _turns_about(angle: Values, about: float) -> Values:
 
 def _ranges_of_tables(mechanism: Mechanism) -> dict[str, Range]:
     """Ranges of the tables over coordinates of joints that loads of a mechanism have, all of a joint together, by joint."""
-    found: dict[str, Range] = {}
+    ranges: dict[str, Range] = {}
     for load in mechanism.loads:
         factor = getattr(load, "factor", None)
         table = None if factor is None else factor.function
         if factor is not None and factor.of == "position" and factor.joint and isinstance(table, Table) and table.period is None:
-            low, high = found.get(factor.joint, (math.inf, -math.inf))
-            found[factor.joint] = min(low, table.x[0]), max(high, table.x[-1])
-    return found
+            low, high = ranges.get(factor.joint, (math.inf, -math.inf))
+            ranges[factor.joint] = min(low, table.x[0]), max(high, table.x[-1])
+    return ranges
 
 
 def start_pose(model: Model, class_angles: Real) -> StartPose:
@@ -252,19 +252,19 @@ class UnwrappedAngles:
             at = np.searchsorted(which, np.arange(len(used)))  # where each waypoint comes in
             places = np.insert(x, at, [_row(points[k]) for k in used], axis=0)
             fresh = np.insert(np.zeros(len(x), bool), at, True)
-            found = self._followed(places, np.insert(raw[:, order], at, known, axis=-1), fresh, place)
+            followed = self._followed(places, np.insert(raw[:, order], at, known, axis=-1), fresh, place)
             starts = np.flatnonzero(fresh)
-            shift = TURN * np.round((known - found[:, starts]) / TURN)
+            shift = TURN * np.round((known - followed[:, starts]) / TURN)
             out = np.empty_like(raw)
-            out[:, order] = (found + np.repeat(shift, np.diff(np.append(starts, len(places))), axis=1))[:, ~fresh]
+            out[:, order] = (followed + np.repeat(shift, np.diff(np.append(starts, len(places))), axis=1))[:, ~fresh]
             return out
 
         return self._of(frames, near)
 
     def _followed(self, x: Real, raw: Real, fresh: Flags | None, place: Place) -> Real:
         """Angles at times and positions of drives (n, 1 + d), followed from one to the next but for the ``fresh`` ones."""
-        *_, found, own = _follow(lambda y: raw_angles(self.model, *place(y)), x, raw, np.append(math.inf, self.steps), fresh)
-        return np.asarray(found[:, own])
+        *_, followed, own = _follow(lambda y: raw_angles(self.model, *place(y)), x, raw, np.append(math.inf, self.steps), fresh)
+        return np.asarray(followed[:, own])
 
     def _known(self, points: list[Waypoint], used: Index, place: Place) -> Real:
         """Angles (s, n) at the waypoints ``used`` (n,), those before them followed where they are not known yet."""
@@ -283,14 +283,14 @@ def _row(at: Waypoint) -> Real:
 
 def _time_step(laws: Sequence[Law], steps: Real) -> float:
     """A step of time [s] in which no drive goes farther than its own step."""
-    found = []
+    lengths = []
     for law, step in zip(laws, steps, strict=True):
         if not moves(law):
             continue
         t = np.linspace(0.0, law.duration, SAMPLES + 1)
         fastest = float(np.abs(law(t)[1]).max())
-        found.append(min(law.duration / 32.0, step / fastest if fastest > 0.0 else math.inf))
-    return min(found)
+        lengths.append(min(law.duration / 32.0, step / fastest if fastest > 0.0 else math.inf))
+    return min(lengths)
 
 
 class _Table:
@@ -354,12 +354,12 @@ class _Table:
                 count = math.ceil(abs(wanted - last) / self.step)
                 x = np.linspace(last, wanted if count <= CHUNK else last + sign * CHUNK * self.step, min(count, CHUNK) + 1)
                 raw = np.concatenate([angles[:, -up, None], raw_angles(self.model, *place(x[1:, None]))], axis=-1)
-                places, raw, found, _ = self._follow(x, raw, place)
+                places, raw, followed_by, _ = self._follow(x, raw, place)
                 lost = ~np.isfinite(raw).all(axis=0)
                 if lost.any():
                     self.ends[up] = True
                 new = slice(1, int(np.argmax(lost)) if lost.any() else None)
-                more, followed = places[new, 0], found[:, new]
+                more, followed = places[new, 0], followed_by[:, new]
                 self.known = (
                     (np.append(p, more), np.append(angles, followed, axis=1))
                     if up
@@ -377,7 +377,7 @@ def along_designs(model: Model, time: Real, frames: Frames, laws: tuple[Law, ...
 
     def near(raw: Real) -> Real:
         x, steps = np.append(0.0, time)[:, None], np.array([_time_step(laws, largest_steps(model, COARSE))])
-        *_, found, own = _follow(raw_at, x, np.concatenate([start, raw], axis=-1), steps)
-        return np.asarray(found[..., own[1:]])
+        *_, followed, own = _follow(raw_at, x, np.concatenate([start, raw], axis=-1), steps)
+        return np.asarray(followed[..., own[1:]])
 
     return LinkAngles(model, start_pose(model, start), partial(raw_angles, model, *frames), near)

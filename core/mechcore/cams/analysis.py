@@ -80,11 +80,11 @@ def analyse(
     angle = np.atleast_1d(np.asarray(angles, float))
     each = max(samples // contour.count, 9)
     piece, u, q, corner = locate(task, angle, each, None if near is None else _between(near, angle, contour.count, each))
-    found = _differentiate(task, angle, piece, u, q, corner)
+    derived = _differentiate(task, angle, piece, u, q, corner)
     spans: tuple[Bridge, ...] = ()
     if bridges and angle.size > 2 and np.all(np.diff(angle) > 0.0):
-        spans = tuple(_bridges(task, found, each))
-    return Contact(angle, found.motion, found.parameter, corner, found.point, found.normal, found.radius, spans)
+        spans = tuple(_bridges(task, derived, each))
+    return Contact(angle, derived.motion, derived.parameter, corner, derived.point, derived.normal, derived.radius, spans)
 
 
 def _between(near: Contact, angle: Real, count: int, each: int) -> Index:
@@ -208,12 +208,12 @@ def _residual(task: Task, angle: Real, c: Complex, t: Real, q: Real, fixed: bool
 # --- bridges ------------------------------------------------------------------------------------------------------------------
 
 
-def _bridges(task: Task, found: _Found, each: int) -> list[Bridge]:
+def _bridges(task: Task, derived: _Found, each: int) -> list[Bridge]:
     """Places where the contact leaps: the step along the profile is far more than its rate on either side explains."""
-    z, rate, angle = found.point, found.rate, found.angle
+    z, rate, angle = derived.point, derived.rate, derived.angle
     step = np.abs(np.diff(z))
     allowed = 4.0 * np.fmax(rate[1:], rate[:-1]) * np.diff(angle) + 1e-6 * task.contour.size
-    out = _knife_corners(task, found, each)
+    out = _knife_corners(task, derived, each)
     for k in np.flatnonzero(step > allowed):
         a, b = float(angle[k]), float(angle[k + 1])
         za, zb = z[k], z[k + 1]
@@ -240,18 +240,18 @@ def _bridges(task: Task, found: _Found, each: int) -> list[Bridge]:
     return sorted(out, key=lambda b: b.angle)
 
 
-def _knife_corners(task: Task, found: _Found, each: int) -> list[Bridge]:
+def _knife_corners(task: Task, derived: _Found, each: int) -> list[Bridge]:
     """A knife passes a corner: its velocity jumps although the contact does not leap. The angle is found by bisection."""
     if isinstance(task.follower.face, Flat) or task.follower.radius > 0.0:
         return []
     out: list[Bridge] = []
     count, sharp = task.contour.count, task.contour.sharp_joints
-    piece = np.clip(np.floor(np.nan_to_num(found.parameter)), 0, count - 1).astype(int)
+    piece = np.clip(np.floor(np.nan_to_num(derived.parameter)), 0, count - 1).astype(int)
     ahead, back = (piece[:-1] + 1) % count == piece[1:], piece[:-1] == (piece[1:] + 1) % count
     joint = np.where(ahead, piece[1:], piece[:-1])
-    both = np.isfinite(found.parameter[1:]) & np.isfinite(found.parameter[:-1])
+    both = np.isfinite(derived.parameter[1:]) & np.isfinite(derived.parameter[:-1])
     for k in np.flatnonzero((piece[1:] != piece[:-1]) & (ahead | back) & sharp[joint] & both):
-        a, b = float(found.angle[k]), float(found.angle[k + 1])
+        a, b = float(derived.angle[k]), float(derived.angle[k + 1])
         for _ in range(50):
             middle = 0.5 * (a + b)
             on = locate(task, np.array([middle]), each)[0][0]

@@ -116,7 +116,7 @@ def joint_angles(contour: Contour, follower: Follower, turn: int = 1) -> Real:
     cam's angle is where the turned guide passes through it: cos(angle + a) = k.
     """
     guide, face, r = follower.guide, follower.face, follower.radius
-    found: list[float] = []
+    angles: list[float] = []
     for k in range(contour.count):
         for piece, end in ((contour.pieces[k - 1], 1.0), (contour.pieces[k], 0.0)):
             z, d = piece(np.array([end]), 1)[:, 0]
@@ -124,7 +124,7 @@ def joint_angles(contour: Contour, follower: Follower, turn: int = 1) -> Real:
             if isinstance(face, Flat):
                 if isinstance(guide, Translating):
                     up = 1j * np.exp(1j * face.tilt)
-                    found.append(float(np.angle(up / normal)) * turn)
+                    angles.append(float(np.angle(up / normal)) * turn)
                     continue
                 assert isinstance(guide, Oscillating)
                 # distance of the pivot from the tangent: n . (joint - pivot e^{-i turn theta}) is that of the face from the pivot
@@ -142,8 +142,8 @@ def joint_angles(contour: Contour, follower: Follower, turn: int = 1) -> Real:
                     target = (abs(p) ** 2 + abs(guide.pivot) ** 2 - guide.arm**2) / q if q else 2.0
             if size > 0.0 and abs(target) <= size:  # cos(lean - turn theta) = target/size
                 swing = float(np.arccos(target / size))
-                found += [turn * (lean - swing), turn * (lean + swing)]
-    return np.asarray(np.mod(np.array(found), 2.0 * np.pi))
+                angles += [turn * (lean - swing), turn * (lean + swing)]
+    return np.asarray(np.mod(np.array(angles), 2.0 * np.pi))
 
 
 @dataclass(frozen=True, eq=False)

@@ -146,12 +146,12 @@ class MotionProgram:
         given |= {f"mode {k}": x for k, x in enumerate(modes)}
         given |= {f"constant {r}": x for r, x in enumerate(constants)}
         given |= {f"near {g}": state.near[f"angle {g}"] for g in self.model.multi_turn}
-        found = self._positions(n, given)
+        rows = self._positions(n, given)
         for s in self._classes:
-            state.rot[s] = found.plane()
-        state.slide |= {j: found.real() for j in self._slides}
-        state.angle |= {g: found.real() for g in self._angles}
-        return state, [found.plane() for _ in self.model.links[1:]]
+            state.rot[s] = rows.plane()
+        state.slide |= {j: rows.real() for j in self._slides}
+        state.angle |= {g: rows.real() for g in self._angles}
+        return state, [rows.plane() for _ in self.model.links[1:]]
 
     def rates(self, state: State, first: Sequence[Values], second: Sequence[Values], n: int) -> CompiledRates:
         """First and second rates at n frames, as `mechcore.kinematics.rates`, for rates of the drives."""
@@ -159,15 +159,15 @@ class MotionProgram:
         given |= {f"slide {j}": x for j, x in state.slide.items()}
         for k, of_drives in enumerate((first, second), 1):
             given |= {f"rate {d} {k}": x for d, x in enumerate(of_drives)}
-        found = self._rates(n, given)
+        rows = self._rates(n, given)
         speeds = Rates(self.model, first)
         both = speeds, Rates(self.model, second, before=speeds)
         for rates in both:
             for s in self._classes:
-                rates.factor[s], rates.angular[s] = found.plane(), found.real()
-            rates.slide |= {j: found.real() for j in self._slides}
-            rates.group |= {g: found.real() for g in self._groups}
-        return CompiledRates(*both, *([found.plane() for _ in self.model.links[1:]] for _ in both))
+                rates.factor[s], rates.angular[s] = rows.plane(), rows.real()
+            rates.slide |= {j: rows.real() for j in self._slides}
+            rates.group |= {g: rows.real() for g in self._groups}
+        return CompiledRates(*both, *([rows.plane() for _ in self.model.links[1:]] for _ in both))
 
 
 def written(model: Model) -> MotionProgram | str:
@@ -197,12 +197,12 @@ def motion_program(model: Model, executor: Executor, frames: int) -> MotionProgr
     """
     if executor == "numpy" or (executor == "auto" and frames < PAYS):
         return None
-    found = model.once(loaded)
-    if isinstance(found, MechanismError):
+    program = model.once(loaded)
+    if isinstance(program, MechanismError):
         if executor == "c":
-            raise found
+            raise program
         return None
-    return found
+    return program
 
 
 """Blocks of frames, each computed whole, number by number in rows of its own: so the compiler makes vectors of them."""

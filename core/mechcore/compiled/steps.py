@@ -42,7 +42,7 @@ def place_all(model: Model, state: State, modes: list[Any]) -> None:
 def origins(model: Model, turned: Sequence[Any], slid: Mapping[int, Any]) -> list[Any]:
     """Places of all links' origins from rotations E of the rotation classes and s E of the sliding joints; or their rates, from
     the rates of these."""
-    found: list[Any] = [0j] * len(model.links)
+    places: list[Any] = [0j] * len(model.links)
 
     def arm(k: int, j: int, side: int) -> Any:
         joint = model.joints[j]
@@ -54,8 +54,8 @@ def origins(model: Model, turned: Sequence[Any], slid: Mapping[int, Any]) -> lis
         if link:
             p, j = model.tree.parent[link], model.tree.joint[link]
             side = 1 if model.ends[j][1] == link else 0
-            found[link] = found[p] + arm(p, j, 1 - side) - arm(link, j, side)
-    return found
+            places[link] = places[p] + arm(p, j, 1 - side) - arm(link, j, side)
+    return places
 
 
 def followed_angle(model: Model, state: State, group: int) -> Any:

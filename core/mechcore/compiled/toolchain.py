@@ -32,20 +32,20 @@ LOADED = 256  # libraries that stay loaded under their source
 @cache
 def compiler() -> tuple[str, ...] | None:
     """The command of a C compiler: the system's ``cc``, else that of the package ``ziglang``; None where there is neither."""
-    found = shutil.which("cc")
-    if found is not None:
-        return (found,)
+    command = shutil.which("cc")
+    if command is not None:
+        return (command,)
     return (sys.executable, "-m", "ziglang", "cc") if find_spec("ziglang") is not None else None
 
 
 def required_compiler() -> tuple[str, ...]:
     """`compiler`. Raises `MechanismError` where there is none."""
-    found = compiler()
-    if found is None:
+    command = compiler()
+    if command is None:
         why = "there is no C compiler: neither a command 'cc' nor the package ziglang is found."
         remedy = "Install one (pip install 'mechviz[fast]' brings ziglang), or choose the executor numpy."
         raise MechanismError(Fault("executor", why, remedy))
-    return found
+    return command
 
 
 @lru_cache(LOADED)

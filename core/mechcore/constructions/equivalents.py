@@ -64,21 +64,21 @@ def equivalent(motion: Motion, joint: str, forces: Forces | None = None) -> Equi
 def _cam(motion: Motion, joint: CamJoint) -> Equivalent:
     placed = next(r for r in motion.model.relations if r.name == joint.name).geometry
     s = placed.at(motion)
-    found = equivalent_linkage(s)
+    linkage = equivalent_linkage(s)
     flat = isinstance(placed.cam.follower.face, Flat)
     guide = placed.cam.follower.guide
-    place = {"K": found.centre, "T": s.contact if flat else s.reference[0]}
+    place = {"K": linkage.centre, "T": s.contact if flat else s.reference[0]}
     bars = [("K", "T")]
     if not placed.cam.wedge:
-        place["O"] = np.zeros_like(found.centre)
+        place["O"] = np.zeros_like(linkage.centre)
         bars = [("O", "K"), *bars]
     if isinstance(guide, Oscillating):
-        place["P"] = np.full_like(found.centre, guide.pivot)
+        place["P"] = np.full_like(linkage.centre, guide.pivot)
         bars.append(("T", "P"))
     pins = {name: frames_of(placed.place(motion, z), motion.frames) for name, z in place.items()}
     world = placed.axes * motion.rotation(motion.model.index[placed.carrier])
     along = frames_of(1j * s.ground_normal * world, motion.frames)
-    straight = np.isnan(found.centre)
+    straight = np.isnan(linkage.centre)
     blocks = [Block(pins["T"], np.where(flat | straight, along, np.nan))]
     if placed.cam.wedge:  # it moves straight on: its centre of curvature is pinned to a block on its bed
         blocks.append(Block(pins["K"], np.where(straight, np.nan, frames_of(world, motion.frames))))

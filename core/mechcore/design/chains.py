@@ -56,8 +56,8 @@ def kinematic_chains(links: int, freedom: int = 1) -> tuple[Chain, ...]:
             Fault("freedom", f"no chain of {links} links with simple joints has {freedom} degrees of freedom.",
                   f"With {freedom} take {odd}, at least {freedom + 3}." if freedom > 0 else "Take one or more.")
         )  # fmt: skip
-    found = [_chain(links, joints) for joints in _grown(links) if 3 * (links - 1) - 2 * len(joints) == freedom]
-    return tuple(sorted(found, key=lambda chain: (sorted(chain.degrees, reverse=True), chain.joints)))
+    chains = [_chain(links, joints) for joints in _grown(links) if 3 * (links - 1) - 2 * len(joints) == freedom]
+    return tuple(sorted(chains, key=lambda chain: (sorted(chain.degrees, reverse=True), chain.joints)))
 
 
 def _chain(links: int, joints: Joints) -> Chain:
@@ -71,24 +71,24 @@ def _chain(links: int, joints: Joints) -> Chain:
 @lru_cache(maxsize=16)
 def _grown(links: int) -> tuple[Joints, ...]:
     """Canonical graphs of so many links without a rigid part, of whatever freedom."""
-    found: dict[Joints, None] = {}
+    grown: dict[Joints, None] = {}
     if links >= 4:
-        found[_canonical(links, tuple((k, (k + 1) % links) for k in range(links)))] = None
+        grown[_canonical(links, tuple((k, (k + 1) % links) for k in range(links)))] = None
     for before in range(4, links + 1):
         added = links - before
         seeds = list(_grown(before)) if added else []
         if added == 0:  # joints between links that are there: as long as they bring anything new
-            seeds = list(found)
+            seeds = list(grown)
         while seeds:
             new = [
                 joints
                 for seed in seeds
                 for joints in dict.fromkeys(_canonical(links, ear) for ear in _with_ear(before, seed, added))
-                if joints not in found and not _has_rigid_part(links, joints)
+                if joints not in grown and not _has_rigid_part(links, joints)
             ]
-            found.update(dict.fromkeys(new))
+            grown.update(dict.fromkeys(new))
             seeds = list(dict.fromkeys(new)) if added == 0 else []
-    return tuple(found)
+    return tuple(grown)
 
 
 def _with_ear(links: int, joints: Joints, added: int) -> Iterator[Joints]:

@@ -88,8 +88,8 @@ class FunctionGenerator:
 
     def _near(self, phi: Real, wanted: Real) -> Real:
         """The rocker angles at phi, by whole turns nearest to the wanted ones."""
-        found = self.rocker_angles(phi)
-        return found + TURN * np.round((wanted - found) / TURN)
+        psi = self.rocker_angles(phi)
+        return psi + TURN * np.round((wanted - psi) / TURN)
 
     def structural_error(self, task: FunctionTask, x: Real) -> Real:
         """Generated minus wanted output at x (K,) [rad], on the generator's branch."""
@@ -107,11 +107,11 @@ class FunctionGenerator:
         if k in (0, GRID - 1):
             return float(errors[k]), float(x[k])
         ends = (x[k - 1], x[k + 1])
-        found = minimize_scalar(
+        optimum = minimize_scalar(
             lambda at: -abs(self.structural_error(task, np.array([at]))[0]), bounds=ends, method="bounded",
             options={"xatol": REFINED * abs(task.end - task.start)},
         )  # fmt: skip
-        return float(self.structural_error(task, np.array([found.x]))[0]), float(found.x)
+        return float(self.structural_error(task, np.array([optimum.x]))[0]), float(optimum.x)
 
     def least_transmission(self, task: FunctionTask) -> float:
         """Least acute angle between coupler and rocker over the range [rad]."""
@@ -135,7 +135,7 @@ def generators(
     if len(x) == 3 and input_start is not None and output_start is not None:
         starts = [(input_start, output_start)]
     elif len(x) == 4 and input_start is not None and output_start is None:
-        starts = [(input_start, found) for found in _output_starts(phi + input_start, psi)]
+        starts = [(input_start, output) for output in _output_starts(phi + input_start, psi)]
     elif len(x) == 5 and input_start is None and output_start is None:
         starts = _both_starts(phi, psi)
     else:
@@ -169,8 +169,8 @@ def fitted_generator(
 
         def errors(given: Real) -> Real:
             made = _generator(phi, psi, float(unknowns(given)[3]), float(unknowns(given)[4]), x, unknowns(given)[:3])
-            found = np.full(len(x), np.nan) if made is None else made.structural_error(task, x)
-            return np.where(np.isfinite(found), found, np.pi)
+            misses = np.full(len(x), np.nan) if made is None else made.structural_error(task, x)
+            return np.where(np.isfinite(misses), misses, np.pi)
 
         def slopes(given: Real) -> Real:
             k1, k2, *_ = unknowns(given)
@@ -188,8 +188,8 @@ def fitted_generator(
             ).x
         )
         k, input_start, output_start = solved[:3], float(solved[3]), float(solved[4])
-    found = _generator(phi, psi, input_start, output_start, x, k)
-    if found is None:
+    misses = _generator(phi, psi, input_start, output_start, x, k)
+    if misses is None:
         raise MechanismError(
             Fault(
                 "function",
@@ -197,7 +197,7 @@ def fitted_generator(
                 "Give other start angles, or smaller ranges of input and output.",
             )
         )
-    return found
+    return misses
 
 
 def _rows(phi: Real, psi: Real) -> tuple[Real, Real]:
@@ -266,13 +266,13 @@ def _both_starts(phi: Real, psi: Real) -> list[tuple[float, float]]:
     ordered = np.concatenate([harmonics[half:], harmonics[:half]])
     kept = np.flatnonzero(np.abs(ordered) > 1e-12 * np.abs(ordered).max())
     roots = np.roots(ordered[kept[0] : kept[-1] + 1][::-1])
-    found: list[tuple[float, float]] = []
+    starts: list[tuple[float, float]] = []
     for angle in np.angle(roots[np.abs(np.abs(roots) - 1.0) < 1e-3]):
         for output in _output_starts(phi[firsts] + angle, psi[firsts]):
             polished = _polished(phi, psi, float(angle), output)
-            if polished is not None and not any(np.hypot(*np.subtract(polished, other)) < 1e-7 for other in found):
-                found.append(polished)
-    return sorted(found)
+            if polished is not None and not any(np.hypot(*np.subtract(polished, other)) < 1e-7 for other in starts):
+                starts.append(polished)
+    return sorted(starts)
 
 
 def _polished(phi: Real, psi: Real, input_start: float, output_start: float) -> tuple[float, float] | None:

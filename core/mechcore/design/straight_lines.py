@@ -76,10 +76,10 @@ def straightness(line: StraightLine) -> Straightness:
     def extreme(values: Real, part: int, sign: float) -> float:
         k = int((sign * values).argmax())
         ends = theta[max(k - 1, 0)], theta[min(k + 1, SAMPLES - 1)]
-        found = minimize_scalar(
+        optimum = minimize_scalar(
             lambda x: -sign * at(np.array([x]))[part][0], bounds=ends, method="bounded", options={"xatol": 1e-10}
         )
-        return sign * max(sign * float(values[k]), -float(found.fun))
+        return sign * max(sign * float(values[k]), -float(optimum.fun))
 
     travel = extreme(along, 0, 1.0) - extreme(along, 0, -1.0)
     return Straightness(travel, extreme(across, 1, -1.0), extreme(across, 1, 1.0))
@@ -96,6 +96,6 @@ def hoecken(straight: float) -> StraightLine:
         _, _, p = FourBar(0j, complex(lengths[0]), 1.0, lengths[1], lengths[1], 1, 2.0 * complex(lengths[1])).positions(theta)
         return float(np.ptp(p.imag) / np.ptp(p.real)) if np.isfinite(p).all() else 1.0
 
-    found = minimize(cost, (2.6, 3.4), method="Nelder-Mead", options={"xatol": 1e-9, "fatol": 1e-15, "maxiter": 2000}).x
-    four_bar = FourBar(0j, complex(found[0]), 1.0, float(found[1]), float(found[1]), 1, 2.0 * complex(found[1]))
+    optimum = minimize(cost, (2.6, 3.4), method="Nelder-Mead", options={"xatol": 1e-9, "fatol": 1e-15, "maxiter": 2000}).x
+    four_bar = FourBar(0j, complex(optimum[0]), 1.0, float(optimum[1]), float(optimum[1]), 1, 2.0 * complex(optimum[1]))
     return StraightLine(four_bar, float(theta[0]), float(theta[-1]), 1.0 + 0j, STRAIGHT_LINES["hoecken"].about)

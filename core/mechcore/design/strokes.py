@@ -81,8 +81,8 @@ def best_slider_crank(stroke: float, ratio: float) -> SliderCrank:
         made = slider_crank(stroke, ratio, part * most)
         return (made.crank + made.offset) / made.rod
 
-    found = minimize_scalar(cost, bounds=(1e-9, 1.0 - 1e-9), method="bounded", options={"xatol": 1e-12})
-    return slider_crank(stroke, ratio, float(found.x) * most)
+    optimum = minimize_scalar(cost, bounds=(1e-9, 1.0 - 1e-9), method="bounded", options={"xatol": 1e-12})
+    return slider_crank(stroke, ratio, float(optimum.x) * most)
 
 
 # -- crank-rockers ----------------------------------------------------------------------------------------------------
@@ -91,12 +91,12 @@ def crank_rockers(swing: float, ratio: float, rocker: float = 1.0) -> list[FourB
 
     The pins of the rocker's ends, B1 and B2, are seen from the crank's pivot under alpha. Frame along x, rocker pivot on the right.
     """
-    found = []
+    four_bars = []
     for side in (-1, 1):
         for at in np.linspace(0.0, 2.0 * np.pi, SCAN, endpoint=False):
             made = _crank_rocker(swing, alpha_of(ratio), rocker, side, float(at))
-            found += [] if made is None else [made]
-    return found
+            four_bars += [] if made is None else [made]
+    return four_bars
 
 
 def best_crank_rocker(swing: float, ratio: float, rocker: float = 1.0) -> FourBar:

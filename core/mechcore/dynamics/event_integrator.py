@@ -299,10 +299,10 @@ class EventIntegrator:
                 strain(self.compiled, q[0], v[0], t) if program is None or program.partial else program.strain(q, v, np.array([t]))
             )
 
-        found = at(t)
-        self.unwatched = 2 if found < 0.4 * STRAINED else 0
-        if found <= TOO_STRAINED or at(window.start) > STRAINED:
-            return t if found > STRAINED else None
+        largest = at(t)
+        self.unwatched = 2 if largest < 0.4 * STRAINED else 0
+        if largest <= TOO_STRAINED or at(window.start) > STRAINED:
+            return t if largest > STRAINED else None
         low, high = window.start, t
         for _ in range(HALVINGS):
             middle = 0.5 * (low + high)
@@ -311,14 +311,14 @@ class EventIntegrator:
 
     def _change_chart(self, t: float, q: Real, v: Real) -> tuple[Real, Real]:
         """Other coordinates lead from now on, if any are better; coordinates and rates in their chart."""
-        found = take_over(self.compiled, q, v, t, self.charted)
-        if found is None:
+        taken = take_over(self.compiled, q, v, t, self.charted)
+        if taken is None:
             if strain(self.compiled, q, v, t) > LOST:
                 where = ", ".join(self.coordinates)
                 why = f"at t = {t:.6g} s {where} come to a dead point: they do not decide where the mechanism goes on."
                 raise MechanismError(Fault("dynamics", why, "Give the free start at other joints."))
             return q, v
-        f, (compiled, *fresh) = len(self.coordinates), found
+        f, (compiled, *fresh) = len(self.coordinates), taken
         q, v = (np.append(x, old[f:]) for x, old in zip(fresh, (q, v), strict=True))
         if all(compiled.model is not c.model for c in self.charted):
             self.charted.append(compiled)
@@ -333,8 +333,8 @@ class EventIntegrator:
 
     def _simulation(self, segments: Sequence[Segment], evaluations: int, happened: Happened) -> Simulation:
         method = "radau" if self.method == "radau" else "gauss"
-        found = happened.events, method, self.tolerance, evaluations, happened.lost
-        return Simulation(self.original, tuple(segments), *found, self.stops.stops, happened.pushed, self.separable_cams)
+        facts = happened.events, method, self.tolerance, evaluations, happened.lost
+        return Simulation(self.original, tuple(segments), *facts, self.stops.stops, happened.pushed, self.separable_cams)
 
     def _meet_stops(self, t: float, q: Real, v: Real) -> tuple[Real, Real]:
         """What happens at the stops that are touched at an instant; coordinates and rates after it."""

@@ -52,14 +52,14 @@ class Stop:
 
 def with_slot_ends(mechanism: Mechanism, stops: Sequence[Stop]) -> tuple[Stop, ...]:
     """Stops of a mechanism with the ends of its slots, guides and cylinders, but for those that a stated stop comes before."""
-    found = list(stops)
+    all_stops = list(stops)
     for name, (low, high) in mechanism.ends.items():
         own = [s for s in stops if s.joint == name]
         if not any(s.side == "lower" and s.at >= low for s in own):
-            found.append(Stop(name=f"{name} lower end", joint=name, at=low, side="lower"))
+            all_stops.append(Stop(name=f"{name} lower end", joint=name, at=low, side="lower"))
         if not any(s.side == "upper" and s.at <= high for s in own):
-            found.append(Stop(name=f"{name} upper end", joint=name, at=high))
-    return tuple(found)
+            all_stops.append(Stop(name=f"{name} upper end", joint=name, at=high))
+    return tuple(all_stops)
 
 
 @dataclass(frozen=True, kw_only=True)

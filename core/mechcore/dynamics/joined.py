@@ -128,10 +128,10 @@ class JoinedMotion(Motion):
         return self.over_parts(lambda m: m.condition)
 
 
-def together(frames: int, found: Sequence[tuple[Index, T]]) -> T:
+def together(frames: int, parts_have: Sequence[tuple[Index, T]]) -> T:
     """What parts have at their frames: arrays (F, ...), dictionaries or dataclasses of such."""
-    first: Any = found[0][1]
-    many: Any = found
+    first: Any = parts_have[0][1]
+    many: Any = parts_have
     out: Any
     if isinstance(first, dict):
         out = {name: together(frames, [(rows, f[name]) for rows, f in many]) for name in first}
@@ -305,11 +305,11 @@ def _has(forces: Forces, joint: str) -> bool:
 
 def _transmitted(forces: Forces, joint: str) -> Real:
     """What a joint transmits; where it has clearance, the moment of friction in the bearing as well (F, 3)."""
-    found = forces.reaction(joint)
+    total = forces.reaction(joint)
     for w in forces.applied:
         if w.kind == RUBBING and w.name == rubbing_name(joint):
-            found = found + np.column_stack([np.zeros((forces.motion.frames, 2)), w.moment])
-    return found
+            total = total + np.column_stack([np.zeros((forces.motion.frames, 2)), w.moment])
+    return total
 
 
 def _drives(forces: Forces, joint: str) -> bool:

@@ -54,10 +54,10 @@ def segment_forces(motion: Motion, system: System, q: Real, v: Real, resting: Se
     rows, _ = jacobian_of(motion, tangents(motion, free), [stop.joint for stop in resting])
     efforts = np.stack([forces.effort(motion.mechanism.drives[i].joint) for i in free], axis=1)
     inner = rows @ rows.swapaxes(1, 2)
-    found = np.linalg.solve(inner, rows @ efforts[..., None])[..., 0]
+    holding = np.linalg.solve(inner, rows @ efforts[..., None])[..., 0]
     held = [
         joint_wrench(motion, stop.joint, effort, name=stop_name(stop), kind=STOP, cause=STOP)
-        for stop, effort in zip(resting, found.T, strict=True)
+        for stop, effort in zip(resting, holding.T, strict=True)
     ]
     if isinstance(system, DrySystem):
         return forces_with(motion, system, q, v, held)
@@ -144,10 +144,10 @@ class Breakpoints(Programmed):
     def stated(self, after: float) -> float:
         """The first time [s] later than another one at which a law says that it changes its form; infinite where none does."""
         k = int(np.searchsorted(self.breaks, after, side="right"))
-        found = float(min([*self.breaks[k : k + 1], *(_next_break(law, after) for law in self.laws)], default=np.inf))
-        if not np.isfinite(found):
-            return found
-        return found - 2.0 * float(np.spacing(found))  # the last node of a window that ends there is before it, however rounded
+        first = float(min([*self.breaks[k : k + 1], *(_next_break(law, after) for law in self.laws)], default=np.inf))
+        if not np.isfinite(first):
+            return first
+        return first - 2.0 * float(np.spacing(first))  # the last node of a window that ends there is before it, however rounded
 
     def _forms(self, window: Window, t: Real) -> Real:
         q, v, _ = window(t)
@@ -156,9 +156,9 @@ class Breakpoints(Programmed):
         if forms is not None:
             return forms
         motion = motion_at(self.compiled, q, v, t)
-        found = [*(e.phase(motion) for e in self.effects), *(c.segment(motion) for c in self.cams)]
-        found += list(senses(motion).T) if self.driven else []
-        return np.stack([np.broadcast_to(x, t.shape) for x in found])
+        numbers = [*(e.phase(motion) for e in self.effects), *(c.segment(motion) for c in self.cams)]
+        numbers += list(senses(motion).T) if self.driven else []
+        return np.stack([np.broadcast_to(x, t.shape) for x in numbers])
 
     def __call__(self, window: Window, after: float) -> float | None:
         """The first time [s] in a window, later than another one, at which a law changes its form; None where none does."""
@@ -170,8 +170,8 @@ class Breakpoints(Programmed):
         high = high if known is None else known
         t = np.concatenate([[low], low + (high - low) * _X, [high]])
         for _ in range(ROUNDS):
-            found = self._forms(window, t)
-            changed = np.flatnonzero((found[:, 1:] != found[:, :-1]).any(axis=0))
+            forms = self._forms(window, t)
+            changed = np.flatnonzero((forms[:, 1:] != forms[:, :-1]).any(axis=0))
             if not len(changed):
                 return known
             k = int(changed[0])
@@ -183,8 +183,8 @@ class Breakpoints(Programmed):
 
 def breakpoint_finder(compiled: Compiled) -> Breakpoints | None:
     """What finds the breakpoints of a mechanism's laws; None where nothing in it has several forms."""
-    found = Breakpoints(compiled)
-    return found if found.searched or len(found.breaks) or found.laws else None
+    finder = Breakpoints(compiled)
+    return finder if finder.searched or len(finder.breaks) or finder.laws else None
 
 
 def _next_break(law: Law, after: float) -> float:

@@ -85,14 +85,13 @@ def simulate(
             observe(rest)
         return rest
     if isinstance(system, Curve) and not system.rest and not stops and not watches and method in ("auto", "energy"):
-        found = by_energy(system, q[0], v[0], duration, tolerance=float(np.clip(1e-3 * tolerance, 1e-13, 1e-7)))
-        if found is not None:
-            if found.period is not None and duration > MOST_TURNS * found.period:
-                why = (
-                    f"{duration:.6g} s are {duration / found.period:.6g} periods; motions are followed over {MOST_TURNS:,} at most."
-                )
-                raise MechanismError(Fault("run.duration", why, f"Give at most {MOST_TURNS * found.period:.3g} s."))
-            whole = Simulation(compiled, (Segment(0.0, duration, compiled, found, system),), (), "energy", tolerance, 0)
+        energy = by_energy(system, q[0], v[0], duration, tolerance=float(np.clip(1e-3 * tolerance, 1e-13, 1e-7)))
+        if energy is not None:
+            if energy.period is not None and duration > MOST_TURNS * energy.period:
+                periods = duration / energy.period
+                why = f"{duration:.6g} s are {periods:.6g} periods; motions are followed over {MOST_TURNS:,} at most."
+                raise MechanismError(Fault("run.duration", why, f"Give at most {MOST_TURNS * energy.period:.3g} s."))
+            whole = Simulation(compiled, (Segment(0.0, duration, compiled, energy, system),), (), "energy", tolerance, 0)
             if observe is not None:
                 observe(whole)
             return whole

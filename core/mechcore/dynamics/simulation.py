@@ -98,8 +98,8 @@ class Simulation:
         out = np.empty((3, len(t), len(free_of(self.compiled))))
         for segment, rows in self._rows(t):
             if segment.compiled is self.compiled or segment.separated:
-                for found, x in zip(out, segment(t[rows]), strict=True):
-                    found[rows] = x[:, : out.shape[2]]
+                for values, x in zip(out, segment(t[rows]), strict=True):
+                    values[rows] = x[:, : out.shape[2]]
             else:
                 out[:, rows] = self._original(segment, t[rows])
         return out[0], out[1], out[2]
@@ -150,9 +150,9 @@ class Simulation:
 
     def coordinates(self, t: Real) -> dict[str, Real]:
         """The free coordinates with their rates (n, 3), by joint: whole turns are known here."""
-        found = np.stack(self(t), axis=-1)
+        rows = np.stack(self(t), axis=-1)
         free = [d.joint for d in self.compiled.mechanism.drives if isinstance(d.law, Free)]
-        return {joint: found[:, i] for i, joint in enumerate(free)}
+        return {joint: rows[:, i] for i, joint in enumerate(free)}
 
     def forces(self, motion: Motion) -> Forces:
         """All joint reactions of a motion of this simulation, by the kinetostatic core.
@@ -289,7 +289,7 @@ def _differs(segment: Segment, method: str, tolerance: float, samples: int) -> f
     scale = coordinate_scales(segment.compiled)
     f = len(scale)
     solve: Any = solve_ivp  # stubs of scipy, where there are any, take real states for complex ones
-    found = solve(
+    solution = solve(
         right_hand_side(segment.system, f),
         (segment.start, segment.end),
         np.concatenate([q[0], v[0]]),
@@ -298,9 +298,9 @@ def _differs(segment: Segment, method: str, tolerance: float, samples: int) -> f
         rtol=tolerance,
         atol=tolerance * np.append(scale, scale / (segment.end - segment.start)) * 1e-2,
     )
-    if not found.success:
+    if not solution.success:
         return float("inf")
-    return float(np.max(np.abs(found.y[:f].T - q) / scale))
+    return float(np.max(np.abs(solution.y[:f].T - q) / scale))
 
 
 NODES = 16

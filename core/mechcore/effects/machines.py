@@ -107,8 +107,8 @@ class PositionServo(LoadEffect[Servo]):
         """Where the coordinate should be, or its rate."""
         time: Any = at.time
         wanted = self._targets[derivative]
-        found: Any = time.code.value_of(wanted) if isinstance(time, Symbol) else wanted(time)
-        return cast(Real, found)
+        values: Any = time.code.value_of(wanted) if isinstance(time, Symbol) else wanted(time)
+        return cast(Real, values)
 
     @property
     def laws(self) -> tuple[Law, ...]:

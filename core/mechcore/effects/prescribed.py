@@ -78,10 +78,10 @@ def _of_symbol(factor: Factor, argument: Symbol) -> Values:
 
 
 def _by_horner(function: Polynomial, argument: Any) -> Any:
-    found: Any = function.coefficients[-1]
+    value: Any = function.coefficients[-1]
     for c in function.coefficients[-2::-1]:
-        found = found * (argument / function.per) + c
-    return found
+        value = value * (argument / function.per) + c
+    return value
 
 
 def _of_traced(factor: Factor, argument: Traced) -> Values:

@@ -23,22 +23,22 @@ NOISE = 1e-9  # pull below this part of the largest force is rounding
 
 def cam_events(motion: Motion, forces: Forces | None) -> list[Event]:
     """Events of all cams of a run, in order of time."""
-    found: list[Event] = []
+    events: list[Event] = []
     for cam in placed_cams(motion):
         if not motion.frames:
             continue
-        found += _shocks(motion, cam)
-        found += _leaps(motion, cam)
-        found += _beyond(motion, cam)
-        found += limit_events(motion, cam)
+        events += _shocks(motion, cam)
+        events += _leaps(motion, cam)
+        events += _beyond(motion, cam)
+        events += limit_events(motion, cam)
         if forces is not None and not cam.form:
-            found += _lost(forces, cam)
+            events += _lost(forces, cam)
         joint = joint_of(motion, cam)
         if forces is not None and joint.rating is not None:
-            found += _rated(forces, cam, joint.rating)
+            events += _rated(forces, cam, joint.rating)
         if joint.drawn is not None:
-            found.append(_drawn(motion, cam, joint.drawn))
-    return sorted(found, key=lambda e: e.time)
+            events.append(_drawn(motion, cam, joint.drawn))
+    return sorted(events, key=lambda e: e.time)
 
 
 def _rated(forces: Forces, cam: AnyCam, rating: CamRating) -> Iterator[Event]:
@@ -220,13 +220,13 @@ def _beyond(motion: Motion, cam: AnyCam) -> Iterator[Event]:
 
 def lost_ranges(cam: AnyCam) -> list[tuple[float, float, float, float]]:
     """Ranges of the law that the cutter takes away: from, to, where the follower misses the law most, and by how much there."""
-    found = []
+    ranges = []
     for first, last in cam.lost if cam.intended is not None else ():
         grid = np.linspace(first, last, 181)
         miss = cam.cam.law(grid, 0)[0] - cam.intended.law(grid, 0)[0]  # type: ignore[union-attr]  # not None here
         k = int(np.argmax(np.abs(miss)))
-        found.append((first, last, float(grid[k]), float(miss[k])))
-    return found
+        ranges.append((first, last, float(grid[k]), float(miss[k])))
+    return ranges
 
 
 def limit_events(motion: Motion, cam: AnyCam, touches: Flags | None = None) -> Iterator[Event]:

@@ -52,13 +52,13 @@ def contact_stress(forces: Forces, cam: AnyCam, rating: CamRating) -> HertzConta
     force = contact_force(forces, cam)
     radius, roller = _radii(forces.motion, cam, force)
     size = np.abs(force) if cam.form else force
-    found = [
+    stresses = [
         hertz(size[mask], radius[mask], float(r), rating.width, rating.modulus, rating.poisson)
         for r in np.unique(roller)
         for mask in [roller == r]
     ]
     pressure, half = np.empty(len(size)), np.empty(len(size))
-    for r, part in zip(np.unique(roller), found, strict=True):
+    for r, part in zip(np.unique(roller), stresses, strict=True):
         pressure[roller == r], half[roller == r] = part.pressure, part.half_width
     return HertzContact(pressure, half)
 
@@ -129,7 +129,7 @@ def least_springs(forces: Forces, cam: AnyCam, margin: float) -> list[LeastSprin
             )
         )
     now = contact_force(forces, cam)
-    found = []
+    springs = []
     for load in mechanism.loads:
         if not isinstance(load, Spring) or cam.form:
             continue
@@ -148,8 +148,8 @@ def least_springs(forces: Forces, cam: AnyCam, margin: float) -> list[LeastSprin
         if load.stiffness == 0.0:
             slack = None
         rate, free = (None if x is None else max(x, 0.0) for x in (stiff, slack))
-        found.append(LeastSpring(load.name, margin, float(now.min()), rate, free, (first, second)))
-    return found
+        springs.append(LeastSpring(load.name, margin, float(now.min()), rate, free, (first, second)))
+    return springs
 
 
 def _least(gain: Real, need: Real) -> tuple[float | None, int]:
@@ -174,18 +174,18 @@ def drawn_lift(cam: AnyCam, drawn: CamDrawn) -> Graphical:
             Fault(f"joints.{cam.name}.graphical", "the method turns a plane disc cam step by step.", "Leave it out for other cams.")
         )
     divisions = round(2.0 * np.pi / drawn.step)
-    found = graphical(cam.contour, cam.cam.follower, divisions, drawn.lines, drawn.resolution, cam.cam.turn)
+    construction = graphical(cam.contour, cam.cam.follower, divisions, drawn.lines, drawn.resolution, cam.cam.turn)
     shift = np.array([[cam.zero], [0.0], [0.0]])
     sign = np.array([[1.0], [cam.ahead], [1.0]])
-    return Graphical(found.angle, (found.drawn - shift) * sign, (found.exact - shift) * sign)
+    return Graphical(construction.angle, (construction.drawn - shift) * sign, (construction.exact - shift) * sign)
 
 
-def drawn_rows(motion: Motion, cam: PlacedCam, found: Graphical) -> Real:
+def drawn_rows(motion: Motion, cam: PlacedCam, construction: Graphical) -> Real:
     """At every frame what the drawing gives by straight lines between its points, and its error: lift, first and second derivative
     with respect to the cam's angle, drawn and drawn less exact (F, 6)."""
     x = cam.argument(motion) * cam.ahead
-    angle = np.append(found.angle, 2.0 * np.pi)
+    angle = np.append(construction.angle, 2.0 * np.pi)
     at = np.mod(x, 2.0 * np.pi)
-    values = [np.interp(at, angle, np.append(row, row[0])) for row in found.drawn]
+    values = [np.interp(at, angle, np.append(row, row[0])) for row in construction.drawn]
     exact = cam.law(cam.argument(motion)) - np.array([[cam.zero], [0.0], [0.0]])
     return np.column_stack([*values, *(v - e for v, e in zip(values, exact, strict=True))])

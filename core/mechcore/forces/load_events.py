@@ -132,11 +132,11 @@ def crossing(forces: Forces, values: Callable[[Forces], Real], t0: float, t1: fl
         t = np.sort(np.linspace(t0, t1, PARTS + 1))
         if not np.all(np.diff(t) > 0.0):
             break
-        found = values(solve_forces(again(t)))
+        loads = values(solve_forces(again(t)))
         if t1 < t0:
-            t, found = t[::-1], found[::-1]
-        k = int(np.argmax(found < 0.0)) or PARTS
-        t0, t1, n0, n1 = float(t[k - 1]), float(t[k]), float(found[k - 1]), float(found[k])
+            t, loads = t[::-1], loads[::-1]
+        k = int(np.argmax(loads < 0.0)) or PARTS
+        t0, t1, n0, n1 = float(t[k - 1]), float(t[k]), float(loads[k - 1]), float(loads[k])
     return t0 if n0 == n1 else t0 + (t1 - t0) * float(np.clip(n0 / (n0 - n1), 0.0, 1.0))
 
 
@@ -166,7 +166,7 @@ def belt_grip(motion: Motion, load: BeltTension) -> BeltGrip:
 def belt_events(forces: Forces) -> list[Event]:
     """Where belts with a coefficient would slip, in order of time; their motion goes on as if they did not."""
     motion = forces.motion
-    found: list[Event] = []
+    events: list[Event] = []
     for load in motion.mechanism.loads:
         if not isinstance(load, BeltTension) or not load.coefficient or not motion.frames:
             continue
@@ -189,5 +189,5 @@ def belt_events(forces: Forces) -> list[Event]:
                 f"slack span, coefficient {load.coefficient:g}, wrap {as_angle(min(grip.wraps), 4)}). The motion goes on as if it "
                 "held"
             )
-            found.append(Event(start, "WARN", load.joint, text, carried))
-    return sorted(found, key=lambda e: e.time)
+            events.append(Event(start, "WARN", load.joint, text, carried))
+    return sorted(events, key=lambda e: e.time)

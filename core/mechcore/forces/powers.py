@@ -73,11 +73,11 @@ class PowerTable:
 
     def by_cause(self) -> dict[str, tuple[float, float]]:
         """Work supplied and absorbed [J] by cause."""
-        found: dict[str, tuple[float, float]] = {}
+        works: dict[str, tuple[float, float]] = {}
         for i in self.items:
-            a, b = found.get(i.cause, (0.0, 0.0))
-            found[i.cause] = (a + i.supplied, b + i.absorbed)
-        return found
+            a, b = works.get(i.cause, (0.0, 0.0))
+            works[i.cause] = (a + i.supplied, b + i.absorbed)
+        return works
 
 
 def works(power: Real, time: Real) -> tuple[float, float]:
@@ -183,11 +183,11 @@ def drive_shares(forces: Forces) -> tuple[Share, ...]:
         raise MechanismError(Fault("drives", "the mechanism has no drive.", "Add one."))
     powers = {d.joint: forces.power(d.joint) for d in motion.mechanism.drives}
     small = SMALL * max(float(np.nanmax(np.abs(p), initial=0.0)) for p in powers.values())
-    found = []
+    shares = []
     for joint, power in powers.items():
         supplied, absorbed = works(power, motion.time)
-        found.append(Share(joint, power, supplied, absorbed, _positive(power - small, motion.time)))
-    return tuple(found)
+        shares.append(Share(joint, power, supplied, absorbed, _positive(power - small, motion.time)))
+    return tuple(shares)
 
 
 def _positive(values: Real, time: Real) -> tuple[tuple[float, float], ...]:

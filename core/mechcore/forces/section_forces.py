@@ -117,22 +117,22 @@ def section_forces(forces: Forces, study: SectionStudy) -> SectionForces:
     """Section forces along a link. Raises `MechanismError` where the link's axis is not clear."""
     axis = axis_of(forces.motion.mechanism, study.link, study.points)
     with np.errstate(**QUIET):
-        found = [(rows, _of_part(part, study, axis)) for rows, part in forces.parts]
-    if len(found) == 1:
-        return found[0][1]
-    width = max(part.stations.shape[1] for _, part in found)
+        parts = [(rows, _of_part(part, study, axis)) for rows, part in forces.parts]
+    if len(parts) == 1:
+        return parts[0][1]
+    width = max(part.stations.shape[1] for _, part in parts)
 
     def joined(value: Callable[[SectionForces], NDArray[Any]]) -> NDArray[Any]:
-        first = value(found[0][1])
+        first = value(parts[0][1])
         out = np.empty((forces.motion.frames, *((width,) if first.ndim == 2 else ())), first.dtype)
-        for rows, part in found:
+        for rows, part in parts:
             v = value(part)
             out[rows] = v if v.ndim == 1 else np.concatenate([v, np.repeat(v[:, -1:], width - v.shape[1], axis=1)], axis=1)
         return out
 
     arrays: dict[str, Any] = {name: joined(attrgetter(name)) for name in _ARRAYS}
     bending = Extreme(*(joined(attrgetter(f"bending.{name}")) for name in ("values", "stations")))
-    return replace(found[0][1], bending=bending, **arrays)
+    return replace(parts[0][1], bending=bending, **arrays)
 
 
 def _of_part(forces: Forces, study: SectionStudy, axis: Axis) -> SectionForces:
@@ -251,8 +251,8 @@ class _Acting:
         there = np.concatenate(double, axis=1)
         stations = np.concatenate([np.tile(even, (frames, 1)), there, there], axis=1)
         sides = np.concatenate([np.ones(len(even) + there.shape[1]), -np.ones(there.shape[1])])
-        found = Cuts(stations, sides)
-        return found.taken(np.lexsort((np.broadcast_to(sides, stations.shape), stations)))
+        all_cuts = Cuts(stations, sides)
+        return all_cuts.taken(np.lexsort((np.broadcast_to(sides, stations.shape), stations)))
 
     def inside(self, cuts: Cuts) -> tuple[Real, Real, Real]:
         """N, V and M (F, n) in cuts (F, n)."""

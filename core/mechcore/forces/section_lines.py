@@ -138,22 +138,22 @@ def _ends(link: Link, names: Sequence[str]) -> tuple[str, ...]:
 
 
 def _joint_points(mechanism: Mechanism, link: str) -> list[str]:
-    found = []
+    points = []
     for joint in mechanism.joints:
         ends = [*zip(getattr(joint, "links", ()), getattr(joint, "points", ()), strict=False)]
         if isinstance(joint, CamJoint):
             ends.append((joint.links[0 if joint.inverse else 1], joint.point))
-        found += [point for k, point in ends if k == link and point is not None]
-    return found
+        points += [point for k, point in ends if k == link and point is not None]
+    return points
 
 
 def _load_points(mechanism: Mechanism, link: str) -> list[str]:
-    found = []
+    points = []
     for load in mechanism.loads:
         ends = [*zip(getattr(load, "links", ()), getattr(load, "points", ()), strict=False)]
         ends.append((getattr(load, "link", None), getattr(load, "point", None)))
-        found += [point for k, point in ends if k == link and isinstance(point, str)]
-    return found
+        points += [point for k, point in ends if k == link and isinstance(point, str)]
+    return points
 
 
 @dataclass(frozen=True)

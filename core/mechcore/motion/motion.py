@@ -188,10 +188,10 @@ class Motion:
         """First and second rates by the compiled program."""
         assert self._program is not None
         first, second = ([d[k] for d in self._drives] for k in (1, 2))
-        found = self._program.rates(self.state, first, second, self.frames)
-        self._origins |= {(k, 1): rate for k, rate in enumerate(found.origin_velocities, 1)}
-        self._origins |= {(k, 2): rate for k, rate in enumerate(found.origin_accelerations, 1)}
-        return found
+        computed = self._program.rates(self.state, first, second, self.frames)
+        self._origins |= {(k, 1): rate for k, rate in enumerate(computed.origin_velocities, 1)}
+        self._origins |= {(k, 2): rate for k, rate in enumerate(computed.origin_accelerations, 1)}
+        return computed
 
     @lazy
     def accelerations(self) -> Rates:

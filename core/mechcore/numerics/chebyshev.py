@@ -231,7 +231,7 @@ def fit_where_needed(
         middle = 0.5 * edges[~fine].sum(axis=1)
         edges = np.stack([edges[~fine, 0], middle, middle, edges[~fine, 1]], axis=1).reshape(-1, 2)
         before = np.repeat(tail[~fine], 2)
-    lows, found, tails = (np.concatenate(x) for x in zip(*done, strict=True)) if len(done) > 1 else done[0]
+    lows, series, tails = (np.concatenate(x) for x in zip(*done, strict=True)) if len(done) > 1 else done[0]
     order = np.argsort(lows)
-    panels = Panels(float(boundaries[0]), np.nan, found[order], periodic, np.append(lows[order], boundaries[-1]))
+    panels = Panels(float(boundaries[0]), np.nan, series[order], periodic, np.append(lows[order], boundaries[-1]))
     return panels, float(tails.max())

@@ -69,9 +69,9 @@ def substitute_masses(mass: float, inertia: float, points: Sequence[PointMass]) 
         [None if p.x is None else p.x / length for p in points],
         [None if p.y is None else p.y / length for p in points],
     )
-    found = [s for guess in task.solve(unknown) if (s := task.polished(guess, unknown)) is not None]
+    solved = [s for guess in task.solve(unknown) if (s := task.polished(guess, unknown)) is not None]
     solutions: list[tuple[Real, Real]] = []
-    for m, xy in sorted(found, key=lambda s: (np.sum(s[0] < 0.0), *s[0].round(9))):
+    for m, xy in sorted(solved, key=lambda s: (np.sum(s[0] < 0.0), *s[0].round(9))):
         if not any(np.allclose(m, a, atol=1e-7) and np.allclose(xy, b, atol=1e-7) for a, b in solutions):
             solutions.append((m, xy))
     if solutions:
@@ -200,10 +200,10 @@ class _Task:
             out.append({**known, (p, "x"): -float(sx(t)) / mu, (q, "y"): -float(sy(t)) / nu})
         return out
 
-    def polished(self, found: Mapping[Unknown, float], unknown: Sequence[Unknown]) -> tuple[Real, Real] | None:
+    def polished(self, unknowns: Mapping[Unknown, float], unknown: Sequence[Unknown]) -> tuple[Real, Real] | None:
         """Masses and places after Newton steps on the four equations; None where these are not satisfied after all."""
         v = {k: np.array([self.value(i, k) for i in range(self.n)]) for k in ("mass", "x", "y")}
-        for (i, k), value in found.items():
+        for (i, k), value in unknowns.items():
             v[k][i] = value
         for step in range(4):
             m, x, y = v["mass"], v["x"], v["y"]

@@ -66,15 +66,15 @@ def profile_points(placed: PlacedCam, count: int = _SAMPLES) -> Complex:
 def find_cams(mechanism: Mechanism, parts: Builder, size: float, samples: int = _SAMPLES) -> tuple[CamDrawing, ...]:
     """All cams of a mechanism; ``samples``: points of each profile."""
     by_name = {r.name: r.geometry for r in parts.relations}
-    found: list[CamDrawing] = []
+    drawings: list[CamDrawing] = []
     for p in mechanism.joints:
         if isinstance(p, CamJoint) and p.spatial is None and not p.inverse:
             placed = by_name[p.name]
-            found.append(_drawing(mechanism, parts, p, p.point, placed, size, samples))
+            drawings.append(_drawing(mechanism, parts, p, p.point, placed, size, samples))
             if placed.mate is not None and p.second is not None:
                 second = _drawing(mechanism, parts, p, p.second[0], placed.mate, size, samples)
-                found.append(replace(second, mate_of=len(found) - 1, grounded=False))
-    return tuple(found)
+                drawings.append(replace(second, mate_of=len(drawings) - 1, grounded=False))
+    return tuple(drawings)
 
 
 def _drawing(
@@ -116,11 +116,11 @@ def _drawing(
 
 def cam_extents(cams: Sequence[CamDrawing]) -> Mapping[str, list[Vec2]]:
     """Corners of what is drawn of every cam's link, in units of the size."""
-    found: dict[str, list[Vec2]] = {}
+    extents: dict[str, list[Vec2]] = {}
     for cam in cams:
         x0, y0, x1, y1 = cam.profile.bounds
-        found.setdefault(cam.cam, []).extend([(x0, y0), (x1, y0), (x1, y1), (x0, y1)])
-    return found
+        extents.setdefault(cam.cam, []).extend([(x0, y0), (x1, y0), (x1, y1), (x0, y1)])
+    return extents
 
 
 _ROLLER = 256  # sides of the roller
@@ -142,7 +142,7 @@ class InverseDrawing:
 def find_inverse(mechanism: Mechanism, parts: Builder, size: float) -> tuple[InverseDrawing, ...]:
     """All inverse cams of a mechanism."""
     by_name = {r.name: r.geometry for r in parts.relations}
-    found = []
+    drawings = []
     for joint in mechanism.joints:
         if not isinstance(joint, CamJoint) or not joint.inverse:
             continue
@@ -156,8 +156,8 @@ def find_inverse(mechanism: Mechanism, parts: Builder, size: float) -> tuple[Inv
         out = [w[0] + 1.6 * radius * (w[0] - w[8]) / abs(w[0] - w[8]), w[-1] + 1.6 * radius * (w[-1] - w[-9]) / abs(w[-1] - w[-9])]
         tip = (placed.tip.real / size, placed.tip.imag / size)
         first, last = ((z.real, z.imag) for z in out)
-        found.append(InverseDrawing(joint.name, joint.links[0], joint.links[1], groove, (first, last), tip, radius))
-    return tuple(found)
+        drawings.append(InverseDrawing(joint.name, joint.links[0], joint.links[1], groove, (first, last), tip, radius))
+    return tuple(drawings)
 
 
 def _group(drawing: InverseDrawing) -> str:

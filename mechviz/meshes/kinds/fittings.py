@@ -196,15 +196,15 @@ def find_telescopes(
     lever with a block on it, and drawn as one.
     """
     named = {joint.name for joint in mechanism.joints if isinstance(joint, Cylinder)}
-    found = []
+    telescopes = []
     for joint in sliding:
         if joint.name in named:
-            found.append(Telescope(joint.name, joint.links[0], joint.links[1], travels[joint.name]))
+            telescopes.append(Telescope(joint.name, joint.links[0], joint.links[1], travels[joint.name]))
             continue
         telescope = _in_all_but_name(mechanism, joints, joint, marks, travels[joint.name])
         if telescope is not None and telescope.travel[0] > 3.0 * r:
-            found.append(telescope)
-    return tuple(found)
+            telescopes.append(telescope)
+    return tuple(telescopes)
 
 
 def _in_all_but_name(

@@ -124,8 +124,8 @@ class _Finder:
 
     def axes(self, joint: Gear | Belt) -> tuple[list[complex], list[complex]]:
         """Axes of both wheels, on the carrier and on the wheels' links."""
-        found = [self.parts.axis_between(joint, link, joint.carrier) for link in joint.links]
-        return [on_carrier / self.size for on_carrier, _ in found], [own / self.size for _, own in found]
+        axes = [self.parts.axis_between(joint, link, joint.carrier) for link in joint.links]
+        return [on_carrier / self.size for on_carrier, _ in axes], [own / self.size for _, own in axes]
 
     def add(self, wheel: Wheel) -> int:
         """The number of a wheel; the same toothing in two joints is one wheel."""
@@ -144,7 +144,7 @@ class _Finder:
         distance = abs(c2 - c1)
         stated = all(float(n).is_integer() and _FEWEST <= n <= _MOST for n in joint.sizes)
         kinds: tuple[Literal["gear", "ring"], ...] = ("gear", "ring" if joint.internal else "gear")
-        found = [
+        wheels = [
             self.add(
                 Wheel(
                     link=link,
@@ -160,7 +160,7 @@ class _Finder:
         ]
         outward = (c2 - c1) / distance * cmath.exp(1j * self.turn(joint.carrier))
         first = -outward if joint.internal else outward
-        self.meshes.append((found[0], found[1], first, first if joint.internal else -outward))
+        self.meshes.append((wheels[0], wheels[1], first, first if joint.internal else -outward))
 
     def belt(self, joint: Belt) -> None:
         centres, own = self.axes(joint)

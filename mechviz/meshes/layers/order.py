@@ -102,8 +102,8 @@ def greedy(costs: Costs, ranks: Integers) -> Layers:
         levels = np.arange(int(layers.max()) + 2, dtype=np.int16)
         trials = np.repeat(layers[:, None], len(levels), axis=1)
         trials[row, :, group] = levels
-        found = costs(trials.reshape(-1, n), partial=True).reshape(count, -1)
-        layers[row, group] = found.argmin(axis=1)
+        prices = costs(trials.reshape(-1, n), partial=True).reshape(count, -1)
+        layers[row, group] = prices.argmin(axis=1)
     return layers
 
 
@@ -119,12 +119,12 @@ def improve(costs: Costs, layers: Layers) -> Layers:
     while open_.any():
         which = np.flatnonzero(open_)
         trials = packed(_moved(current[which]).reshape(-1, n)).reshape(len(which), -1, n)
-        found = costs(trials.reshape(-1, n)).reshape(len(which), -1)
+        prices = costs(trials.reshape(-1, n)).reshape(len(which), -1)
         # few groups: the best step; many groups: the first step down will do
-        step = found.argmin(axis=1) if n <= _FEW else (found < cost[which, None] - _LESS).argmax(axis=1)
+        step = prices.argmin(axis=1) if n <= _FEW else (prices < cost[which, None] - _LESS).argmax(axis=1)
         row = np.arange(len(which))
-        helps = found[row, step] < cost[which] - _LESS
-        current[which[helps]], cost[which[helps]] = trials[row[helps], step[helps]], found[row[helps], step[helps]]
+        helps = prices[row, step] < cost[which] - _LESS
+        current[which[helps]], cost[which[helps]] = trials[row[helps], step[helps]], prices[row[helps], step[helps]]
         open_[which[~helps]] = False
         _, first = np.unique(current, axis=0, return_index=True)
         first.sort()
@@ -280,10 +280,10 @@ def _improved(costs: Costs, order: Layers) -> Layers:
         for k in range(len(chunks)):  # on from where the last step was found: what is behind it has been tried
             chunk = (start + k) % len(chunks)
             trials = packed(_applied(current[0], chunks[chunk]))
-            found = costs(trials)
-            best = int(np.argmin(found))
-            if found[best] < cost - 1e-9:
-                current, cost, start, moved = trials[best : best + 1], float(found[best]), chunk, True
+            prices = costs(trials)
+            best = int(np.argmin(prices))
+            if prices[best] < cost - 1e-9:
+                current, cost, start, moved = trials[best : best + 1], float(prices[best]), chunk, True
                 break
         if not moved:
             return np.asarray(current[0])

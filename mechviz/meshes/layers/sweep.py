@@ -100,7 +100,7 @@ class Sweeps:
         high = np.stack([x.max(axis=1), y.max(axis=1)]) + radius
         a, b = pairs.T
         near = np.flatnonzero((np.minimum(high[:, a], high[:, b]) >= np.maximum(low[:, a], low[:, b])).all(axis=0))
-        found = []
+        meetings = []
         step = max(1, _PORTION // x.shape[1])
         for k in range(0, len(near), step):
             some = near[k : k + step]
@@ -109,10 +109,10 @@ class Sweeps:
             row, frame = np.nonzero(square <= ((1.0 + 1e-12) * (radius[i] + radius[j]) ** 2)[:, None])
             depth = self._depth(pairs[some[row]], frame)
             kept = depth >= 0.0
-            found.append((some[row[kept]], frame[kept], depth[kept]))
-        if not found:
+            meetings.append((some[row[kept]], frame[kept], depth[kept]))
+        if not meetings:
             return np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros(0)
-        pair, frame, depth = (np.concatenate(part) for part in zip(*found, strict=True))
+        pair, frame, depth = (np.concatenate(part) for part in zip(*meetings, strict=True))
         return pair, frame, depth
 
     def _depth(self, pairs: Integers, frame: Integers) -> Real:
@@ -168,9 +168,9 @@ class Sweeps:
         dx, dy, c, s = (part[place[line]] for part in self._relative(self._link[i], self._link[j], frame))
         x, y = xy[vertices].T
         lines = shapely.linestrings(np.column_stack([dx + c * x - s * y, dy + s * x + c * y]), indices=line)
-        found = np.zeros(len(pairs), bool)
-        found[place[shapely.intersects(self._prepared[i][place], lines)]] = True
-        return found
+        touching = np.zeros(len(pairs), bool)
+        touching[place[shapely.intersects(self._prepared[i][place], lines)]] = True
+        return touching
 
 
 def _ranges(start: Integers, count: Integers) -> Integers:

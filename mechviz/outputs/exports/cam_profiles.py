@@ -36,20 +36,20 @@ def cam_outlines(run: Run) -> list[Outline]:
 
     Raises `OutputError` where a profile crosses itself.
     """
-    found: list[Outline] = []
+    outlines: list[Outline] = []
     for cam in placed_cams(run.motion):
         if isinstance(cam, PlacedSpatial):
-            found += developed(cam)
+            outlines += developed(cam)
         if not isinstance(cam, PlacedCam):
             continue
-        found.append(_profile(cam))
+        outlines.append(_profile(cam))
         if cam.groove and cam.bed is None and cam.cam.follower.radius > 0.0:
-            found.append(_far_flank(cam))
+            outlines.append(_far_flank(cam))
         if cam.mate is not None:
-            found.append(replace(_profile(cam.mate), name=f"{cam.name} second cam"))
-    for outline in found:
+            outlines.append(replace(_profile(cam.mate), name=f"{cam.name} second cam"))
+    for outline in outlines:
         _check(outline)
-    return found
+    return outlines
 
 
 def _into_link(cam: PlacedCam, z: Complex) -> Complex:

@@ -77,17 +77,17 @@ class Mark:
 def find_marks(shown: Presentation, families: Iterable[str] = ARROWS) -> list[Mark]:
     """The arrows and moments of some families, the struts, bushings and torsion springs of what is shown."""
     wanted, picture = set(families), shown.picture
-    found = []
+    marks = []
     for arrow in (a for a in picture.of(Arrow) if a.group in wanted):
         vector, family = arrow.vector, FAMILIES[arrow.group]
         lengths = vector.value / picture.scales.per_metre(family.name)
-        found.append(_arrow(f"{family.label}: {vector.item}", arrow.origin, lengths, arrow.height, picture.size, family.color))
+        marks.append(_arrow(f"{family.label}: {vector.item}", arrow.origin, lengths, arrow.height, picture.size, family.color))
     largest = max((_largest(arc.moment.value) for arc in picture.of(Arc)), default=0.0)
     for arc in (a for a in picture.of(Arc) if a.group in wanted):
         moment, family = arc.moment, FAMILIES[arc.group]
         name = f"{family.label}: moment {moment.item}"
-        found.append(_moment(name, arc, moment.value / largest, picture.size, family.color))
-    return [*found, *_strut_glyphs(shown)]
+        marks.append(_moment(name, arc, moment.value / largest, picture.size, family.color))
+    return [*marks, *_strut_glyphs(shown)]
 
 
 def _largest(values: Real) -> float:
@@ -136,23 +136,23 @@ def _strut_glyphs(shown: Presentation) -> list[Mark]:
     """The loads that the picture draws as lines between links: what moves as a whole is a solid here."""
     picture, loads = shown.picture, shown.catalogue.numbers.loads
     size, top = picture.size, picture.top
-    found: list[Mark] = []
+    marks: list[Mark] = []
     for node in picture.of(Lines, "springs"):
         load = node.owner[1]
         kind = loads[load].kind
         strips = [held(s[..., :2].astype(float), np.asarray(np.isfinite(s).all(axis=(1, 2)))) for s in node.strips]
         if kind in ("damper", "gas spring", "actuator"):
             a, b = ends_of_strut(*strips, closed=kind != "damper")
-            found += _strut(f"{kind} {load}", a, b, size, top + POT * size)
+            marks += _strut(f"{kind} {load}", a, b, size, top + POT * size)
         elif kind == "bushing":
             ring, bar, _ = strips
             along = (bar[:, 1] - bar[:, 0]) @ np.array([1.0, 1.0j])
-            found += _bushing(
+            marks += _bushing(
                 f"bushing {load}", ring[:, :-1].mean(axis=1), bar.mean(axis=1), np.angle(along), size, top + 0.01 * size
             )
         elif kind == "torsion spring":
-            found.append(_spiral(f"spring {load}", *axis_of_spiral(strips[0], size), size, top))
-    return found
+            marks.append(_spiral(f"spring {load}", *axis_of_spiral(strips[0], size), size, top))
+    return marks
 
 
 def _bushing(name: str, centre: Real, place: Real, angle: Real, size: float, height: float) -> list[Mark]:

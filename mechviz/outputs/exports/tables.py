@@ -35,8 +35,8 @@ def wide_table(run: Run, times: Real | None = None) -> dict[str, Real]:
     """
     at_frames = np.asarray(run.motion.time, float)
     columns: dict[str, Real] = {"time [s]": at_frames if times is None else np.asarray(times, float)}
-    found = run.numbers.tables.values()
-    for table in sorted(found, key=lambda t: t.path[:2] != ("data", "drive")):  # drives first, the rest as it comes
+    tables = run.numbers.tables.values()
+    for table in sorted(tables, key=lambda t: t.path[:2] != ("data", "drive")):  # drives first, the rest as it comes
         rows = table.values
         if times is not None:
             rows = read_between(table.path, at_frames, lambda path: run.numbers.values(*path), times, run.accuracy.interpolation)

@@ -48,15 +48,15 @@ class ChromiumError(OutputError):
 def find_chromium() -> str:
     """The path of Chromium or Chrome; the environment variable MECHVIZ_CHROMIUM goes first. Raises `ChromiumError`."""
     wanted = os.environ.get(VARIABLE)
-    found = shutil.which(wanted) if wanted else next((path for name in NAMES if (path := shutil.which(name))), None)
-    if found is None:
+    program = shutil.which(wanted) if wanted else next((path for name in NAMES if (path := shutil.which(name))), None)
+    if program is None:
         what = f"{VARIABLE} names '{wanted}', which is no program." if wanted else "Pictures need Chromium, which is not installed."
         raise ChromiumError(
             what,
             f"Install it (Debian: apt-get install chromium), or name another Chrome in {VARIABLE}; "
             "mechviz share makes a page that any browser shows, and shot -o picture.svg a drawing without one.",
         )
-    return found
+    return program
 
 
 class Chromium:

@@ -181,21 +181,21 @@ def _write_gif(pictures: Iterator[bytes], path: Path, rate: int) -> None:
 
 def find_ffmpeg() -> str:
     """The path of ffmpeg, else of the one in the package imageio-ffmpeg where that is installed. Raises `OutputError`."""
-    found = shutil.which("ffmpeg")
-    if found is None:
+    program = shutil.which("ffmpeg")
+    if program is None:
         try:
             import imageio_ffmpeg  # type: ignore[import-not-found,import-untyped,unused-ignore]  # no dependency: only where it is
 
-            found = str(imageio_ffmpeg.get_ffmpeg_exe())
+            program = str(imageio_ffmpeg.get_ffmpeg_exe())
         except (ImportError, RuntimeError):  # not there, or without a program for this machine
-            found = None
-    if found is None:
+            program = None
+    if program is None:
         raise OutputError(
             "An MP4 needs ffmpeg, which is not installed.",
             "Install it (Debian: apt-get install ffmpeg; or pip install imageio-ffmpeg), or write a .gif.",
             1,
         )
-    return found
+    return program
 
 
 def _write_video(pictures: Iterator[bytes], path: Path, rate: int, ffmpeg: str) -> None:

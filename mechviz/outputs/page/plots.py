@@ -39,14 +39,14 @@ class Plot:
 
 def find_plots(catalogue: Catalogue, frames: Frames) -> list[Plot]:
     """All plots, those of several items first: what belongs side by side, and the catalogue."""
-    found = [*_gathered(catalogue)]
+    plots = [*_gathered(catalogue)]
     for q in catalogue.quantities:
-        found.append(Plot(q.label[:1].upper() + q.label[1:], q.unit, q.curves, q.values(), q.key))
-    found = [replace(plot, values=plot.values[frames.rows]) for plot in found]
-    found = _without_noise([plot for plot in found if np.isfinite(plot.values).any()])
-    found += [p for p in (_polar(plot) for plot in found) if p is not None]
-    found += _phases(found)
-    return sorted(found, key=lambda p: (p.key.startswith("health."), p.x is not None, not p.key.startswith("cam.")))
+        plots.append(Plot(q.label[:1].upper() + q.label[1:], q.unit, q.curves, q.values(), q.key))
+    plots = [replace(plot, values=plot.values[frames.rows]) for plot in plots]
+    plots = _without_noise([plot for plot in plots if np.isfinite(plot.values).any()])
+    plots += [p for p in (_polar(plot) for plot in plots) if p is not None]
+    plots += _phases(plots)
+    return sorted(plots, key=lambda p: (p.key.startswith("health."), p.x is not None, not p.key.startswith("cam.")))
 
 
 def _gathered(catalogue: Catalogue) -> Iterator[Plot]:
@@ -106,13 +106,13 @@ def _without_noise(plots: list[Plot]) -> list[Plot]:
         if not p.key.startswith("health."):
             size = float(np.max(np.abs(p.values), initial=0.0, where=np.isfinite(p.values)))
             largest[p.unit] = max(largest.get(p.unit, 0.0), size)
-    found = []
+    kept = []
     for p in plots:
         values = p.values
         if not p.key.startswith("health."):
             values = np.where(np.abs(values) <= ROUND_OFF * largest[p.unit], 0.0, values)
-        found.append(Plot(p.title, p.unit, p.names, values, p.key))
-    return found
+        kept.append(Plot(p.title, p.unit, p.names, values, p.key))
+    return kept
 
 
 def _polar(plot: Plot) -> Plot | None:
@@ -125,7 +125,7 @@ def _polar(plot: Plot) -> Plot | None:
 
 def _phases(plots: list[Plot]) -> list[Plot]:
     """Phase diagrams: rate against coordinate of every joint that does not merely turn on and on."""
-    found = []
+    phases = []
     by_key = {p.key: p for p in plots}
     for key, p in by_key.items():
         joint, _, what = key.rpartition(".")
@@ -135,8 +135,10 @@ def _phases(plots: list[Plot]) -> list[Plot]:
         steps = np.diff(p.values[:, 0])
         if not (np.all(steps >= 0.0) or np.all(steps <= 0.0)):
             title = f"{p.title.partition(':')[0]}: phase diagram, velocity against {what}"
-            found.append(Plot(title, rate.unit, ("velocity",), rate.values, f"{joint}.phase", p.values[:, 0], f"{what} [{p.unit}]"))
-    return found
+            phases.append(
+                Plot(title, rate.unit, ("velocity",), rate.values, f"{joint}.phase", p.values[:, 0], f"{what} [{p.unit}]")
+            )
+    return phases
 
 
 def pack_plot(plot: Plot, pack: Any) -> dict[str, Any]:

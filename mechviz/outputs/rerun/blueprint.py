@@ -180,16 +180,16 @@ def _plots(run: Run, spans: Mapping[str, tuple[float, float]]) -> list[Any]:
 def spans_of_plots(run: Run) -> dict[str, tuple[float, float]]:
     """Least and greatest value on the vertical axis of every plot whose curves are known, by the plot's name."""
     times = _axis_values(run)
-    found = {}
+    spans = {}
     for output in (output for stack in _stacks(run) for output in stack):
         if output.values is not None:
             curves = output.values.shape[1]
             # the lines take a row in the legend of several curves
             calm = calm_range(output.values, output.least)
-            found[output.name] = calm or (
+            spans[output.name] = calm or (
                 _span(output.values) if curves == 1 else legend_place(times, output.values, curves + 1)[1]
             )
-    return found
+    return spans
 
 
 def _span(values: Real) -> tuple[float, float]:

@@ -109,14 +109,14 @@ def link_properties(run: Run) -> dict[str, tuple[float, float, float, float]]:
     """
     model = run.motion.model
     heavy = set(links_with_mass(run))
-    found = {}
+    properties = {}
     for name in links_of(run.motion)[1:]:
         k = model.index[name]
         mass, centre, inertia = model.masses[k]
         if name not in heavy:
             mass, centre, inertia = 0.0, _reference_point(model, k), 0.0
-        found[name] = (mass, centre.real, centre.imag, inertia)
-    return found
+        properties[name] = (mass, centre.real, centre.imag, inertia)
+    return properties
 
 
 def _reference_point(model: Model, k: int) -> complex:
@@ -224,11 +224,11 @@ def _properties(run: Run, picture: Picture, wall_seconds: float, *, complete: bo
 
 def _listed_quantities(catalogue: Catalogue) -> str:
     """The catalogue as JSON: of every quantity its key, label, unit and curves, and the entity that holds it."""
-    found = [
+    listed = [
         {"key": q.key, "label": q.label, "unit": q.unit, "curves": list(q.curves), "entity": entity(*q.path)}
         for q in catalogue.quantities
     ]
-    return json.dumps(found, ensure_ascii=False)
+    return json.dumps(listed, ensure_ascii=False)
 
 
 def _stated(run: Run) -> dict[str, Any]:
@@ -269,9 +269,9 @@ def notes(run: Run, solids: Solids, scales: Scales, stages: list[Stage], every: 
         lines += ["## Parameters", "", *(f"- {line}" for line in parameter_words(scene.document)), ""]
     lines += ["## Computed", "", *(f"- **{s.name}**: {s.why}" for s in plan.computed), ""]
     lines += ["## Left out", "", *(f"- **{s.name}**: {s.why}" for s in plan.skipped), ""]
-    found = study_lines(run)
-    if found:
-        lines += ["## Studies", "", *(f"- {line}" for line in found), ""]
+    studies = study_lines(run)
+    if studies:
+        lines += ["## Studies", "", *(f"- {line}" for line in studies), ""]
     lines += ["## Cost", "", "| stage | time [ms] |", "|---|---|"]
     lines += [f"| {s.name} | {1e3 * s.seconds:.1f} |" for s in stages]
     shown = [

@@ -306,11 +306,11 @@ def _entity_faults(recording: Recording, path: str, time: Any, finite: bool) -> 
             kind = COMPONENTS.get(name) or FIELDS.get(name.rpartition(":")[2])
             if kind is not None:
                 try:
-                    found = _read_column(batch[name], kind._replace(drawn=kind.drawn or finite), name, moving)
+                    column = _read_column(batch[name], kind._replace(drawn=kind.drawn or finite), name, moving)
                 except ValueError as error:
                     yield f"its {name} {error}"
                     return
-                counts[name] = np.concatenate([counts[name], found]) if name in counts and moving else found
+                counts[name] = np.concatenate([counts[name], column]) if name in counts and moving else column
     for first, *others in TOGETHER:
         if first in names:
             missing = [name for name in others if name not in names]
@@ -372,7 +372,7 @@ def _table_faults(recording: Recording, path: str, time: Any, counts: Any) -> It
         yield "it has no values"
         return
     names = recording.static(path, component="SeriesLines:names")
-    units = ", ".join(found[1] if (found := UNIT.search(str(name))) else "1" for name in (() if names is None else names))
+    units = ", ".join(unit[1] if (unit := UNIT.search(str(name))) else "1" for name in (() if names is None else names))
     allowed = units_of(parts_of(path)) or (units,)
     width = len(allowed[0].split(", "))
     if np.any(counts != width):

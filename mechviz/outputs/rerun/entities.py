@@ -112,14 +112,14 @@ class Timelines:
     def of(cls, run: Run) -> Timelines:
         """The timelines of a run."""
         motion = run.motion
-        found: dict[str, Integers] = {}
+        angles: dict[str, Integers] = {}
         for drive in motion.mechanism.drives:
             position = motion.coordinate(drive.joint)[:, 0]
             if joint_unit(motion, drive.joint) == "rad":
-                found.setdefault("drive_mdeg", _integers(np.degrees(position) * 1e3))
+                angles.setdefault("drive_mdeg", _integers(np.degrees(position) * 1e3))
             else:
-                found.setdefault("drive_um", _integers(position * 1e6))
-        return cls(time=_integers(motion.time * 1e9), drives=tuple(found.items()))
+                angles.setdefault("drive_um", _integers(position * 1e6))
+        return cls(time=_integers(motion.time * 1e9), drives=tuple(angles.items()))
 
     def columns(self, frames: Integers) -> list[Any]:
         """Time columns of some frames."""

@@ -90,13 +90,13 @@ def main_outputs(run: Run) -> list[Output]:
 
 def study_outputs(run: Run) -> list[Output]:
     """Plots of what a scene asks for beside motion and forces: reduced masses with their derivatives, shaking forces."""
-    found = []
+    outputs = []
     for name, r in run.studies.reduced.items():
         what = "Reduced moment of inertia [kg m²]" if r.point is None else "Reduced mass [kg]"
         path = entity("data", "reduced", name)
-        found.append(Output(f"{what}, {name}", ((path, (True, False, False, False)),), r.mass[:, None]))
-    found += [gathered.output for gathered in _shaking(run)]
-    return found
+        outputs.append(Output(f"{what}, {name}", ((path, (True, False, False, False)),), r.mass[:, None]))
+    outputs += [gathered.output for gathered in _shaking(run)]
+    return outputs
 
 
 def _shaking(run: Run) -> list[Gathered]:
@@ -120,19 +120,19 @@ def cam_outputs(run: Run) -> list[Output]:
     single = len(names) == 1
     units = {cam.name: "m" if cam.arm == 0.0 else "rad" for cam in placed_cams(run.motion)}
     lift = f"Lift [{units[names[0]]}]" if single else "Lift"
-    found = [Output(lift, tuple((entity("data", "cams", name, "lift"), (True, False, False)) for name in names), single=single)]
+    outputs = [Output(lift, tuple((entity("data", "cams", name, "lift"), (True, False, False)) for name in names), single=single)]
     for k, title in ((3, "Pressure angle [rad]"), *(((2, "Contact force [N]"),) if run.forces is not None else ())):
-        found.append(Output(title, tuple((path, tuple(i == k for i in range(6))) for path in contacts), single=single))
+        outputs.append(Output(title, tuple((path, tuple(i == k for i in range(6))) for path in contacts), single=single))
     rated = {p.name: p for p in run.motion.mechanism.joints if isinstance(p, CamJoint) and p.name in names}
     stressed = [n for n, p in rated.items() if p.rating is not None and p.rating.width is not None and run.forces is not None]
     if stressed:
         paths = tuple((entity("data", "cams", n, "stress"), (True, False)) for n in stressed)
-        found.append(Output("Hertz pressure [Pa]", paths, single=len(stressed) == 1))
+        outputs.append(Output("Hertz pressure [Pa]", paths, single=len(stressed) == 1))
     for name in (n for n, p in rated.items() if p.drawn is not None):
         both = (entity("data", "cams", name, "graphical"), (False, False, True, False, False, False))
         exact = (entity("data", "cams", name, "lift"), (False, False, True))
-        found.append(Output(f"Acceleration of the lift, drawn and exact, {name}", (both, exact)))
-    return found
+        outputs.append(Output(f"Acceleration of the lift, drawn and exact, {name}", (both, exact)))
+    return outputs
 
 
 def _moved(run: Run) -> tuple[list[JointInfo], list[tuple[str, str]]]:
@@ -174,7 +174,7 @@ def _efforts(run: Run) -> list[Gathered]:
     forces = run.forces
     if forces is None:
         return []
-    found = []
+    efforts = []
     for unit, path, name, u in (("rad", "torque", "Driving torque", "N m"), ("m", "force", "Driving force", "N")):
         joints = [d.joint for d in run.motion.mechanism.drives if joint_unit(run.motion, d.joint) == unit]
         if joints:
@@ -182,22 +182,22 @@ def _efforts(run: Run) -> list[Gathered]:
             alone = (entity("data", "drive", joints[0]), (False, False, False, True, False)) if len(joints) == 1 else None
             series = tuple(f"{p} [{u}]" for p in joints)
             least = rounding_of_efforts(run, unit)
-            found.append(Gathered(("plots", path), f"{name} [{u}]", series, values, alone, least))
-    return found
+            efforts.append(Gathered(("plots", path), f"{name} [{u}]", series, values, alone, least))
+    return efforts
 
 
 def free_outputs(run: Run) -> list[Output]:
     """Where forces decide the motion: speeds of the free coordinates, angular and linear in separate plots, and the energy."""
     if run.simulation is None or run.forces is None:
         return []
-    found = [gathered.output for gathered in _speeds(run)]
-    return [*found, *_gaps(run), Output("Energy [J]", ((entity("data", "energy"), ()),), run.forces.energy)]
+    speeds = [gathered.output for gathered in _speeds(run)]
+    return [*speeds, *_gaps(run), Output("Energy [J]", ((entity("data", "energy"), ()),), run.forces.energy)]
 
 
 def _speeds(run: Run) -> list[Gathered]:
     if run.simulation is None:
         return []
-    found = []
+    speeds = []
     prescribed = {d.joint for d in run.motion.mechanism.drives} | made_joints(run.scene.mechanism)
     joints = [d.joint for d in run.scene.mechanism.drives if d.joint not in prescribed]
     for unit, path in (("rad", "angular speed"), ("m", "speed")):
@@ -206,8 +206,8 @@ def _speeds(run: Run) -> list[Gathered]:
             rates = np.column_stack([run.motion.coordinate(p)[:, 1] for p in some])
             alone = (entity("data", "joints", some[0], "motion"), (False, True, False)) if len(some) == 1 else None
             names = tuple(f"{p} [{unit}/s]" for p in some)
-            found.append(Gathered(("plots", path), f"Speed [{unit}/s]", names, rates, alone))
-    return found
+            speeds.append(Gathered(("plots", path), f"Speed [{unit}/s]", names, rates, alone))
+    return speeds
 
 
 def _gaps(run: Run) -> list[Output]:

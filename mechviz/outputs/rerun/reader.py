@@ -57,8 +57,8 @@ def ticks(column: Any) -> Integers:
     """A column of times as whole numbers."""
     import pyarrow as pa
 
-    found: Integers = column.cast(pa.int64()).to_numpy(zero_copy_only=False)
-    return found
+    counts: Integers = column.cast(pa.int64()).to_numpy(zero_copy_only=False)
+    return counts
 
 
 PROPERTIES = "/__properties/mechviz"
@@ -155,8 +155,8 @@ class Recording:
 
     def times(self, *parts: str) -> Integers:
         """The times [ns] of all rows of an entity, sorted."""
-        found = [ticks(batch["time"]) for batch in self._moving.get(_path(parts), ())]
-        return np.sort(np.concatenate(found)) if found else np.zeros(0, np.int64)
+        pieces = [ticks(batch["time"]) for batch in self._moving.get(_path(parts), ())]
+        return np.sort(np.concatenate(pieces)) if pieces else np.zeros(0, np.int64)
 
     def batches(self, path: str) -> Iterator[tuple[Any, bool]]:
         """The arrow batches of an entity, each with whether it has times."""
@@ -247,8 +247,8 @@ class Recording:
 
     def static(self, *parts: str, component: str = "Scalars:scalars") -> NDArray[Any] | None:
         """The newest static value of a component, or None."""
-        found = [b for b in self._static.get(_path(parts), ()) if component in b.schema.names]
-        return _numpy(found[-1][component].flatten()) if found else None
+        batches = [b for b in self._static.get(_path(parts), ()) if component in b.schema.names]
+        return _numpy(batches[-1][component].flatten()) if batches else None
 
 
 def _path(parts: tuple[str, ...]) -> str:
@@ -259,18 +259,18 @@ def _path(parts: tuple[str, ...]) -> str:
 
 def _times_of_frames(path: Path, most: int) -> Integers | None:
     """The times of all whole frames [ns], where there are more than ``most``."""
-    found: dict[str, list[Integers]] = {}
+    counted: dict[str, list[Integers]] = {}
     batches = []
     for batch in chunks_in(path):
         name = entity_of(batch)
         if name == PROPERTIES:
             batches.append(batch)
         elif "time" in batch.schema.names and name.startswith(TABLES):
-            found.setdefault(name, []).append(ticks(batch["time"]))
+            counted.setdefault(name, []).append(ticks(batch["time"]))
     said, _ = read_properties(_plain_properties(batches))
     if said is None or said.frames <= most:
         return None
-    times = {name: np.sort(np.concatenate(parts)) for name, parts in found.items()}
+    times = {name: np.sort(np.concatenate(parts)) for name, parts in counted.items()}
     frames = times.get(entity("data", "links", said.model.frame, "pose"), np.zeros(0, np.int64))
     if not said.complete:
         frames = frames[frames <= _last_whole_time({name: own[-1] for name, own in times.items() if len(own)})]
@@ -283,13 +283,13 @@ def _last_whole_time(last: dict[str, Any]) -> int:
 
 
 def _plain_properties(batches: list[Any]) -> dict[str, Any]:
-    found: dict[str, Any] = {}
+    properties: dict[str, Any] = {}
     for batch in batches:
         for name in batch.schema.names:
             if not name.startswith("rerun") and len(batch):
-                found[name.split(":")[-1].split(".")[-1]] = batch[name].to_pylist()[-1]
+                properties[name.split(":")[-1].split(".")[-1]] = batch[name].to_pylist()[-1]
     lists = ("effects", "skipped", "power_items")
-    return {k: list(v or []) if k in lists else v[0] if isinstance(v, list) and v else v for k, v in found.items()}
+    return {k: list(v or []) if k in lists else v[0] if isinstance(v, list) and v else v for k, v in properties.items()}
 
 
 def _numpy(values: Any) -> NDArray[Any]:

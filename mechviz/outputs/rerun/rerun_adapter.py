@@ -84,8 +84,8 @@ def _messages(path: Path) -> Iterator[tuple[int, int, bytes]]:
     """Place, kind and content of each whole message, up to the end of the recording or of the file."""
     with open_regular(path) as file:
         size, at = os.fstat(file.fileno()).st_size, FILE_HEADER
-        while (found := _header(file, at)) is not None:
-            kind, length = found
+        while (header := _header(file, at)) is not None:
+            kind, length = header
             after = at + MESSAGE_HEADER.size + length
             if kind > LAYOUT:
                 raise RecordingError(f"'{path}' is damaged at byte {at}: it holds no message of a recording.", DAMAGED)
@@ -135,13 +135,13 @@ def entity_of(batch: Any) -> str:
 
 def fields(data: bytes) -> Message:
     """The fields of a protobuf message. Raises ValueError where it is none."""
-    found: Message = {}
+    message: Message = {}
     at = 0
     while at < len(data):
         key, at = _varint(data, at)
         number, wire = key >> 3, key & 7
         if wire == 0:
-            found[number], at = _varint(data, at)
+            message[number], at = _varint(data, at)
             continue
         if wire == 2:
             length, at = _varint(data, at)
@@ -151,8 +151,8 @@ def fields(data: bytes) -> Message:
             raise ValueError("a message cannot be read")
         if at + length > len(data):
             raise ValueError("a message ends too early")
-        found[number], at = data[at : at + length], at + length
-    return found
+        message[number], at = data[at : at + length], at + length
+    return message
 
 
 def _varint(data: bytes, at: int) -> tuple[int, int]:

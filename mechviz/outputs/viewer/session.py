@@ -233,9 +233,9 @@ class EditSession:
                 self._present(self.show)
         draft = self.history.present
         if run is self.run:
-            found = self._weigh(draft, run)
-            if found is not None and run is self.run:
-                self._contributed(found)
+            shares = self._weigh(draft, run)
+            if shares is not None and run is self.run:
+                self._contributed(shares)
 
     def _weigh(self, draft: Draft, run: Run) -> tuple[Contribution, ...] | None:
         """What each effect and load contributes: the run with it and without it."""
@@ -244,7 +244,7 @@ class EditSession:
         self._patient = False
         loads = list(draft.document.loads)
         named = set(run.scene.effects)
-        found = []
+        shares = []
         items = [(e, e in named, draft.with_effect(e, e not in named)) for e in EFFECTS]
         items += [(name, name not in draft.idle, draft.with_load(name, name in draft.idle)) for name in loads]
         here = _peak(run)
@@ -262,18 +262,18 @@ class EditSession:
                     seconds = before - cost if on else cost - before
                 except (MechanismError, ValueError) as error:
                     why = _words(error)  # without it there is no such mechanism, or friction has no coefficient to act with
-            found.append(Contribution(name, on, here if on else peak, peak if on else here, max(seconds, 0.0), why))
-        return tuple(found)
+            shares.append(Contribution(name, on, here if on else peak, peak if on else here, max(seconds, 0.0), why))
+        return tuple(shares)
 
 
 def _cost(scene: Any) -> float:
     """Processor time of a run [s]: the least of a few, which others on the machine do not change."""
-    found = []
+    times = []
     for _ in range(REPEATS):
         start = time.thread_time()
         run_scene(scene)
-        found.append(time.thread_time() - start)
-    return min(found)
+        times.append(time.thread_time() - start)
+    return min(times)
 
 
 def _peak(run: Run) -> float:
@@ -291,5 +291,5 @@ def _peak(run: Run) -> float:
 def _words(error: Exception) -> str:
     """An error for the user: its faults one after the other."""
     faults: Any = getattr(error, "faults", ())
-    found = [f"{f.message} {f.remedy}".strip() for f in faults]
-    return " ".join(found) or str(error)
+    texts = [f"{f.message} {f.remedy}".strip() for f in faults]
+    return " ".join(texts) or str(error)

@@ -124,12 +124,12 @@ def points_of(mechanism: Mechanism) -> dict[str, Mapping[str, tuple[float, float
 def polodes_of(run: Run) -> dict[str, Rolling]:
     """Pole curves that the scene asks for, by link."""
     points = {link.name: link.points for link in run.motion.mechanism.links}
-    found = {}
+    rolling = {}
     for name, polodes in run.studies.centrodes.items():
         corners = [complex(*xy) for xy in (*points[name].values(), next(iter(points[name].values()), (0.0, 0.0)))]
         fixed, moving = (way @ np.array([1.0, 1.0j]) for way in (polodes.fixed, polodes.moving))
-        found[name] = Rolling(fixed, moving, np.array(corners))
-    return found
+        rolling[name] = Rolling(fixed, moving, np.array(corners))
+    return rolling
 
 
 def _kept(old: Scales, new: Scales) -> Scales:
@@ -159,28 +159,28 @@ def alike(a: Any, b: Any) -> bool:
 
 def show_of_recording(recording: Recording) -> ViewModel:
     """What is shown of a recording, complete or interrupted."""
-    found = presentation_in(recording)
-    numbers = found.catalogue.numbers
+    shown = presentation_in(recording)
+    numbers = shown.catalogue.numbers
     ticks, _ = recording.scalars("data", "links", numbers.frame, "pose")
-    head, cut, rest = found.notes.partition("\n## ")
+    head, cut, rest = shown.notes.partition("\n## ")
     return ViewModel(
-        title=found.title,
-        teaches=found.teaches,
-        picture=found.picture,
-        bodies=bodies_of(found.picture.of(BodyNode, "solids")),
-        catalogue=found.catalogue,
-        events=found.events,
+        title=shown.title,
+        teaches=shown.teaches,
+        picture=shown.picture,
+        bodies=bodies_of(shown.picture.of(BodyNode, "solids")),
+        catalogue=shown.catalogue,
+        events=shown.events,
         # without the title and what the scene teaches, with headings that fit a panel
         notes=words.notes(html_of(f"### {rest}".replace("\n## ", "\n### ") if cut else head)),
-        drawings=found.drawings,
+        drawings=shown.drawings,
         charts=cache(RecordedDrawings(recording, ticks).charts),
-        polodes=cache(lambda: polodes_in(found.picture, numbers)),
+        polodes=cache(lambda: polodes_in(shown.picture, numbers)),
     )
 
 
 def polodes_in(picture: Picture, numbers: Numbers) -> dict[str, Rolling]:
     """Pole curves of the links of which they were drawn: from the recorded pose and velocity the instant centre follows."""
-    found = {}
+    rolling = {}
     places = {name: xy for name in numbers.joints if (xy := numbers.values("data", "joints", name, "position")) is not None}
     for _, link in (node.owner for node in picture.of(Lines, "polodes")):
         rate = numbers.values("data", "links", link, "velocity")
@@ -193,5 +193,5 @@ def polodes_in(picture: Picture, numbers: Numbers) -> dict[str, Rolling]:
         fixed = np.where(np.isfinite(fixed), fixed, np.nan)
         own = [places[n] for n, j in numbers.joints.items() if link in j.links and n in places and np.isfinite(places[n]).all()]
         corners = [complex((complex(*xy[0]) - at[0]) / turn[0]) for xy in own]
-        found[link] = Rolling(fixed, (fixed - at) / turn, np.array([*corners, *corners[:1]], complex))
-    return found
+        rolling[link] = Rolling(fixed, (fixed - at) / turn, np.array([*corners, *corners[:1]], complex))
+    return rolling

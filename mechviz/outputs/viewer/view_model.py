@@ -126,8 +126,8 @@ class ViewModel:
     @cached_property
     def paths(self) -> Mapping[str, Real]:
         """Places (F, 3) [m] of traced points by name."""
-        found = {node.owner[1]: np.asarray(node.strips[0][0], float) for node in self.picture.of(Lines, "paths")}
-        return {name: places for name, places in found.items() if len(places) == self.frames}
+        drawn = {node.owner[1]: np.asarray(node.strips[0][0], float) for node in self.picture.of(Lines, "paths")}
+        return {name: places for name, places in drawn.items() if len(places) == self.frames}
 
     @cached_property
     def joints(self) -> Mapping[str, Real]:

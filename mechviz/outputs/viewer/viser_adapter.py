@@ -355,9 +355,9 @@ def _moved(states: list[Any], before: list[NDArray[Any]], after: list[NDArray[An
     new = np.array(after, float)
     moved = (np.abs(new - np.array(before)) > LEAST_MOVE).any(axis=1)
     values = new.tolist()
-    found = []
+    changed = []
     for k in np.flatnonzero(moved & np.isfinite(new).all(axis=1)):  # viser draws nothing at all of what is not a number
         if not states[k].removed:
             before[k][:] = values[k]
-            found.append((states[k], tuple(values[k])))
-    return found
+            changed.append((states[k], tuple(values[k])))
+    return changed

@@ -305,8 +305,8 @@ def drawn_bodies(mechanism: Mechanism, document: SceneDocument) -> dict[str, Bod
         poses = None
     from mechviz.meshes.solids import drawn_outlines  # few scenes need meshes
 
-    found = drawn_outlines(as_drawn(mechanism), poses, links)
-    return {name: combine(_body(p) for p in outlines) for name, outlines in found.items()}
+    drawn = drawn_outlines(as_drawn(mechanism), poses, links)
+    return {name: combine(_body(p) for p in outlines) for name, outlines in drawn.items()}
 
 
 def _body(outline: Polygon) -> Body:

@@ -48,9 +48,9 @@ def read_dxf(content: bytes) -> tuple[Complex, Real, float | None]:
             loose += zip(z[:-1].tolist(), z[1:].tolist(), bulges.tolist(), strict=False)
     closed += _chains(loose)
     if len(closed) != 1:
-        found = f"{len(closed)} closed outlines" if closed else "no closed outline"
+        outlines = f"{len(closed)} closed outlines" if closed else "no closed outline"
         damage = f"; {len(auditor.errors)} of its parts are damaged" if auditor.errors else ""
-        raise _bad(f"it has {found}{damage}.", "Leave the profile of the cam alone in it, closed.")
+        raise _bad(f"it has {outlines}{damage}.", "Leave the profile of the cam alone in it, closed.")
     return *closed[0], _UNITS.get(document.units)
 
 
@@ -119,7 +119,7 @@ def _chains(loose: list[tuple[complex, complex, float]]) -> list[tuple[Complex, 
         return []
     near = _NEAR * max(max(abs(a), abs(b)) for a, b, _ in loose)
     rest = [piece for piece in loose if abs(piece[0] - piece[1]) > near or piece[2] != 0.0]
-    found = []
+    chains = []
     while rest:
         chain = [rest.pop()]
         while abs(chain[-1][1] - chain[0][0]) > near:
@@ -130,8 +130,8 @@ def _chains(loose: list[tuple[complex, complex, float]]) -> list[tuple[Complex, 
             a, b, bulge = rest.pop(k)
             chain.append((a, b, bulge) if abs(a - end) <= near else (b, a, -bulge))
         else:
-            found.append((np.array([a for a, _, _ in chain]), np.array([bulge for _, _, bulge in chain])))
-    return found
+            chains.append((np.array([a for a, _, _ in chain]), np.array([bulge for _, _, bulge in chain])))
+    return chains
 
 
 def biarcs(points: Complex, tangents: Complex) -> tuple[Complex, Real]:
@@ -194,14 +194,14 @@ def read_columns(content: bytes, names: tuple[str, ...]) -> tuple[tuple[list[flo
         if not names or set(names) <= places.keys():
             units = [m.group(2) if c < len(heads) and (m := heads[c]) else None for c in columns]
         rows = rows[1:]
-    found: tuple[list[float], list[float]] = ([], [])
+    numbers: tuple[list[float], list[float]] = ([], [])
     for k, row in enumerate(rows):
         cells = [row[c] if c < len(row) else "" for c in columns]
         if not all(_is_number(cell) for cell in cells):
             raise _bad(f"row {k + 1} has no point: {delimiter.join(row)[:40]!r}.", "Give two numbers in every row.")
-        for column, cell in zip(found, cells, strict=True):
+        for column, cell in zip(numbers, cells, strict=True):
             column.append(float(cell))
-    return found, (units[0], units[1])
+    return numbers, (units[0], units[1])
 
 
 def _is_number(cell: str) -> bool:

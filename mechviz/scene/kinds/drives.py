@@ -155,39 +155,39 @@ class DriveDocument(Table):
 
     @model_validator(mode="after")
     def _one_law(self) -> DriveDocument:
-        laws, found = self.laws, []
+        laws, wrong = self.laws, []
         if not laws:
             if self.signals:
                 raise fault(f"{self.signals[0]} without the speed that it multiplies.", "Add the speed, such as speed = '60 rpm'.")
             raise fault("the drive has no law of motion.", "Give speed, oscillation, segments, table or program.")
         if len(laws) > 1:
-            found.append(("", f"the drive has {' and '.join(laws)} at once.", "Keep one law of motion."))
+            wrong.append(("", f"the drive has {' and '.join(laws)} at once.", "Keep one law of motion."))
         if self.zones is not None and self.speed is None:
-            found.append(("", "zones without a speed.", "Add the steady speed, such as speed = '60 rpm'."))
+            wrong.append(("", "zones without a speed.", "Add the steady speed, such as speed = '60 rpm'."))
         if self.speed is not None and magnitude(self.speed) == 0.0 and self.range is not None:
-            found.append(("range", "a range of a drive that stands still.", "Say where: start = ..., or give it a speed."))
+            wrong.append(("range", "a range of a drive that stands still.", "Say where: start = ..., or give it a speed."))
         plain = ("start", *SIGNALS, "duration") if self.signals else ("start", "travel", "range")
         goes_with = {"speed": plain, "oscillation": (), "table": ()}
         allowed = {key for law in laws for key in goes_with.get(law, ("start",))}
         for key in ("start", "travel", "range", *SIGNALS, "duration"):
             if getattr(self, key) is not None and key not in allowed:
                 words = " or ".join(self.signals if laws == ["speed"] and self.signals else laws)
-                found.append((key, f"{key} does not go with {words}.", f"Leave out {key}."))
+                wrong.append((key, f"{key} does not go with {words}.", f"Leave out {key}."))
         if len(self.signals) > 1:
-            found.append(("", f"the speed has {' and '.join(self.signals)} at once.", "Keep one signal."))
+            wrong.append(("", f"the speed has {' and '.join(self.signals)} at once.", "Keep one signal."))
         if laws == ["speed"] and self.range == "reachable" and self.travel is not None:
-            found.append(("travel", "travel of a drive that goes as far as it can.", "Keep travel or range."))
+            wrong.append(("travel", "travel of a drive that goes as far as it can.", "Keep travel or range."))
         if laws == ["speed"] and isinstance(self.range, list) and (self.start is not None or self.travel is not None):
-            found.append(("range", "range together with start or travel: range says both.", "Keep one of them."))
+            wrong.append(("range", "range together with start or travel: range says both.", "Keep one of them."))
         if isinstance(self.start, list) and not {"speed", "zones"}.isdisjoint(laws) and not {"segments", "program"} & set(laws):
-            found.append(
+            wrong.append(
                 (
                     "start",
                     "a list: only segments and programs start with a velocity and an acceleration.",
                     "Give the position alone.",
                 )
             )
-        refuse(found)
+        refuse(wrong)
         return self
 
 
@@ -278,14 +278,14 @@ class WatchDocument(Table):
 
     @model_validator(mode="after")
     def _one_thing(self) -> WatchDocument:
-        found = []
+        wrong = []
         if (self.joint is None) == (self.point is None):
             what = "neither a joint nor a point" if self.joint is None else "a joint and a point at once"
-            found.append(("", f"{what} to watch.", 'Give one of them, such as joint = "A".'))
+            wrong.append(("", f"{what} to watch.", 'Give one of them, such as joint = "A".'))
         elif self.of is not None and (self.of in ("x", "y")) != (self.point is not None):
             sort = '"x" or "y"' if self.point is not None else '"position" or "velocity"'
-            found.append(("of", f"'{self.of}' of a {'point' if self.point is not None else 'joint'}.", f"Write {sort}."))
-        refuse(found)
+            wrong.append(("of", f"'{self.of}' of a {'point' if self.point is not None else 'joint'}.", f"Write {sort}."))
+        refuse(wrong)
         return self
 
     @property

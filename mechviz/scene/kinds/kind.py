@@ -77,15 +77,15 @@ class KindTable(Table):
         kind = self.KINDS[self.kind]
         strangers = self.model_fields_set - {*self.KINDS, *self.EVERY, *kind.keys}
         order = list(type(self).model_fields).index if strangers else None
-        found = [
+        wrong = [
             (key, f"{key} does not go with {kind.words}.", self.instead(key))
             for key in sorted(strangers, key=order)
             if self.says(key)
         ]
         for key, example in kind.needs.items():
             if getattr(self, key) is None:
-                found.append(("", f"'{key}' is missing.", f"Add {key} = {example}."))
-        return found + (one_of(self, kind.one_of, what) if kind.one_of else [])
+                wrong.append(("", f"'{key}' is missing.", f"Add {key} = {example}."))
+        return wrong + (one_of(self, kind.one_of, what) if kind.one_of else [])
 
 
 # -- joints -------------------------------------------------------------------------------------------------------------
@@ -276,9 +276,9 @@ def different_links(reading: Reading, path: str, ends: str | list[str]) -> Itera
     """The fault of two points, "link.point", between which a load acts, on one link."""
     if isinstance(ends, str):
         return
-    found = [split_point(reading, text) for text in ends]
-    if ends[0] != ends[1] and found[0] and found[1] and found[0][0] == found[1][0]:
-        yield Fault(path, f"both points are on '{found[0][0]}'.", "Name points of two links.")
+    places = [split_point(reading, text) for text in ends]
+    if ends[0] != ends[1] and places[0] and places[1] and places[0][0] == places[1][0]:
+        yield Fault(path, f"both points are on '{places[0][0]}'.", "Name points of two links.")
 
 
 def known_shaft(reading: Reading, path: str, name: str) -> Iterator[Fault]:

@@ -243,7 +243,7 @@ def _file(name: str, axes: Axes, path: str) -> tuple[list[float], list[float]]:
 def _conditions(points: Sequence[PointDocument], over: float, axes: Axes, path: str) -> tuple[Condition, ...] | None:
     convert = axes.convert
     before = len(convert.faults)
-    found = []
+    conditions = []
     for k, point in enumerate(points):
         at = axes.place(point.at, f"{path}[{k}].at")
         state = axes.state(point.to, f"{path}[{k}].to")
@@ -251,5 +251,5 @@ def _conditions(points: Sequence[PointDocument], over: float, axes: Axes, path: 
             return None
         if not 0.0 < at < over:
             convert.note(f"{path}[{k}].at", "it is not inside the segment.", "Give a place between its two ends.")
-        found += [Condition(at, v, order) for order, v in enumerate(state) if v is not None]
-    return tuple(found) if len(convert.faults) == before else None
+        conditions += [Condition(at, v, order) for order, v in enumerate(state) if v is not None]
+    return tuple(conditions) if len(convert.faults) == before else None

@@ -183,17 +183,17 @@ Smooth = Annotated[Smoothness, PlainValidator(_smooth), WithJsonSchema({"anyOf":
 
 def _names(of: str, joint: str | None, drive: str | None, point: str | None) -> list[tuple[str, str, str]]:
     """Faults where the name of a joint or point does not go with what the factor depends on."""
-    found = []
+    wrong = []
     if joint is not None and drive is not None:
-        found.append(("drive", "joint and drive at once.", "Keep one of them."))
+        wrong.append(("drive", "joint and drive at once.", "Keep one of them."))
     for key, value in (("joint", joint), ("drive", drive)):
         if value is not None and of not in _OF_PAIRS:
-            found.append((key, f"{key} does not go with {of}.", f"Leave out {key}."))
+            wrong.append((key, f"{key} does not go with {of}.", f"Leave out {key}."))
     if of in _OF_POINTS and point is None:
-        found.append(("", f"depends on {of}, but of which point?", 'Add point = "link.point".'))
+        wrong.append(("", f"depends on {of}, but of which point?", 'Add point = "link.point".'))
     if of not in _OF_POINTS and point is not None:
-        found.append(("point", f"point does not go with {of}.", "Leave out point."))
-    return found
+        wrong.append(("point", f"point does not go with {of}.", "Leave out point."))
+    return wrong
 
 
 class FactorTable(Table):
@@ -237,13 +237,13 @@ class FactorTable(Table):
     def _same_length(self) -> FactorTable:
         refuse(one_of(self, ARGUMENTS, "the table"))
         rows = getattr(self, self.of)
-        found = _names(self.of, self.joint, self.drive, self.point)
+        wrong = _names(self.of, self.joint, self.drive, self.point)
         if self.sound(self.of, "factor") and len(rows) != len(self.factor):
             plural = f"{self.of}s" if self.of in ("position", "time", "speed") else f"values of {self.of}"
-            found.append(("", f"{len(rows)} {plural} and {len(self.factor)} factors.", f"Give one factor for each {self.of}."))
+            wrong.append(("", f"{len(rows)} {plural} and {len(self.factor)} factors.", f"Give one factor for each {self.of}."))
         if self.period is not None and self.of not in ("position", "time"):
-            found.append(("period", f"period does not go with {self.of}.", "Leave out period."))
-        refuse(found)
+            wrong.append(("period", f"period does not go with {self.of}.", "Leave out period."))
+        refuse(wrong)
         return self
 
 

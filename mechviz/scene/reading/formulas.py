@@ -64,11 +64,11 @@ class Resolved:
 
 def resolve(raw: Mapping[str, Any]) -> Resolved:
     """The plain data of a scene with its expressions replaced by their values, in the scene's units."""
-    found = Resolved(dict(raw))
+    result = Resolved(dict(raw))
     entries = raw.get("parameters", {})
     if isinstance(entries, Mapping):
-        _parameters(entries, found)
-    known = {name: parameter.amount for name, parameter in found.parameters.items()}
+        _parameters(entries, result)
+    known = {name: parameter.amount for name, parameter in result.parameters.items()}
     faulty = set(entries) - set(known) if isinstance(entries, Mapping) else set()
     units = _units(raw.get("units"))
     values: dict[Place, Any] = {}
@@ -79,16 +79,16 @@ def resolve(raw: Mapping[str, Any]) -> Resolved:
             continue
         path = path_text(leaf.path)
         values[leaf.path] = math.nan
-        with found.noting(path):
+        with result.noting(path):
             expression = parse_expression(leaf.value)
             if faulty.intersection(expression.names):
-                found.unknown.add(path)
+                result.unknown.add(path)
             else:
                 values[leaf.path] = _value_at(leaf, expression, known, units)
-                found.formulas[leaf.path] = expression.text
+                result.formulas[leaf.path] = expression.text
     if values:
-        found.data = with_values(found.data, values)
-    return found
+        result.data = with_values(result.data, values)
+    return result
 
 
 def parameter_changes(document: SceneDocument, values: Mapping[str, float | str]) -> tuple[dict[Place, Any], list[Fault]]:
@@ -106,9 +106,9 @@ def parameter_changes(document: SceneDocument, values: Mapping[str, float | str]
         given = _expression_or_none(value)
         amounts = {other: parameter.amount for other, parameter in known.items()}
         if given is not None and set(given.names) <= set(known):
-            found, before = given.value(amounts), known[name].amount
-            if found.powers != before.powers:
-                faults.append(Fault(path, f"'{value}' is {found.words}, {name} is {before.words}.", "Give a value of that kind."))
+            amount, before = given.value(amounts), known[name].amount
+            if amount.powers != before.powers:
+                faults.append(Fault(path, f"'{value}' is {amount.words}, {name} is {before.words}.", "Give a value of that kind."))
         changes["parameters", name, *(["value"] if isinstance(entries[name], Mapping) else [])] = value
     return changes, faults
 
@@ -117,14 +117,14 @@ def parameter_arrays(document: SceneDocument, values: Mapping[str, Real]) -> dic
     """The parameters of many designs side by side: ``values`` (D,) of some in SI units, and of all that follow from them."""
     entries = document.written()["parameters"]
     known = resolve({"parameters": entries}).parameters
-    found = {name: Amount(own, known[name].amount.powers) for name, own in values.items()}
+    amounts = {name: Amount(own, known[name].amount.powers) for name, own in values.items()}
     waiting = {
-        name: _expression(e.get("value") if isinstance(e, Mapping) else e) for name, e in entries.items() if name not in found
+        name: _expression(e.get("value") if isinstance(e, Mapping) else e) for name, e in entries.items() if name not in amounts
     }
     while waiting:
-        for name in [name for name, e in waiting.items() if found.keys() >= set(e.names)]:
-            found[name] = waiting.pop(name).value(found)
-    return found
+        for name in [name for name, e in waiting.items() if amounts.keys() >= set(e.names)]:
+            amounts[name] = waiting.pop(name).value(amounts)
+    return amounts
 
 
 def formula_values(document: SceneDocument, amounts: Mapping[str, Amount], places: Iterable[Place]) -> dict[Place, Real]:
@@ -135,15 +135,15 @@ def formula_values(document: SceneDocument, amounts: Mapping[str, Amount], place
 def parameters_behind(document: SceneDocument, place: Place) -> set[str]:
     """The parameters that the expression at a place follows from, also by way of others."""
     entries = document.written().get("parameters", {})
-    found: set[str] = set()
+    names: set[str] = set()
     waiting = list(parse_expression(document.formulas[place]).names)
     while waiting:
         name = waiting.pop()
-        if name not in found:
-            found.add(name)
+        if name not in names:
+            names.add(name)
             entry = entries[name]
             waiting += _expression(entry.get("value") if isinstance(entry, Mapping) else entry).names
-    return found
+    return names
 
 
 def parameter_words(document: SceneDocument) -> list[str]:
@@ -194,55 +194,57 @@ def _has_operator(text: str) -> bool:
 
 def _value_at(leaf: Leaf, expression: Expression, known: Mapping[str, Amount], units: Units) -> float | int:
     """The value of an expression as a bare number of its place. Raises `QuantityError` where it is of another kind."""
-    found = expression.value(known)
-    number = float(found.number)
+    amount = expression.value(known)
+    number = float(amount.number)
     quantity = leaf.mark(Quantity)
     if quantity is None:
-        if any(found.powers):
-            raise QuantityError(f"'{expression.text}' is {found.words}, a plain number is wanted.", "Divide it by one of its kind.")
+        if any(amount.powers):
+            raise QuantityError(
+                f"'{expression.text}' is {amount.words}, a plain number is wanted.", "Divide it by one of its kind."
+            )
         if leaf.kind is float:
             return number
         if abs(number - round(number)) > 1e-9 * max(1.0, abs(number)):
             raise QuantityError(f"'{expression.text}' is {number:g}, a whole number is wanted.", "Choose the parameters so.")
         return round(number)
-    kind = next((kind for kind in quantity.kinds if wanted_powers(kind) == found.powers), None)
+    kind = next((kind for kind in quantity.kinds if wanted_powers(kind) == amount.powers), None)
     if kind is None:
         words = " or ".join(KINDS[each].words for each in quantity.kinds)
         remedy = f"Multiply a plain number by a unit, such as {KINDS[quantity.kinds[0]].example.split(' ', 1)[1]}."
-        remedy = remedy if not any(found.powers) else "Check its parameters and units."
-        remedy = angle_remedy(found.powers, wanted_powers(quantity.kinds[0]), remedy)
-        raise QuantityError(f"'{expression.text}' is {found.words}, {words} is wanted.", remedy)
+        remedy = remedy if not any(amount.powers) else "Check its parameters and units."
+        remedy = angle_remedy(amount.powers, wanted_powers(quantity.kinds[0]), remedy)
+        raise QuantityError(f"'{expression.text}' is {amount.words}, {words} is wanted.", remedy)
     return float(Decimal(repr(number)) / units.factor(kind))
 
 
 # -- parameters -------------------------------------------------------------------------------------------------------
-def _parameters(entries: Mapping[str, Any], found: Resolved) -> None:
+def _parameters(entries: Mapping[str, Any], result: Resolved) -> None:
     """The values of the parameters, in an order in which each follows those that it names."""
     expressions: dict[str, Expression] = {}
     for name, entry in entries.items():
         wrong = name_fault(str(name))
         if wrong is not None:
-            found.faults.append(Fault(f"parameters.{name}", *wrong))
+            result.faults.append(Fault(f"parameters.{name}", *wrong))
             continue
         value = entry.get("value") if isinstance(entry, Mapping) else entry
         path = f"parameters.{name}.value" if isinstance(entry, Mapping) else f"parameters.{name}"
-        with found.noting(path):
+        with result.noting(path):
             expressions[name] = _expression(value)
     amounts: dict[str, Amount] = {}
     waiting = dict(expressions)
     while waiting:
         ready = [name for name, e in waiting.items() if not waiting.keys() & set(e.names)]
         if not ready:
-            _note_cycles(waiting, found)
+            _note_cycles(waiting, result)
             break
         for name in sorted(ready, key=lambda name: bool(waiting[name].names)):
             expression = waiting.pop(name)
             if all(inner in amounts or inner not in entries for inner in expression.names):
-                with found.noting(f"parameters.{name}"):
+                with result.noting(f"parameters.{name}"):
                     amounts[name] = expression.value(amounts)
     for name in entries:
         if name in amounts:
-            _bounds(name, entries[name], expressions[name], amounts, found)
+            _bounds(name, entries[name], expressions[name], amounts, result)
 
 
 def _expression(value: Any) -> Expression:
@@ -257,7 +259,7 @@ def _expression(value: Any) -> Expression:
     return Expression(repr(value), (), lambda _: number)
 
 
-def _note_cycles(waiting: Mapping[str, Expression], found: Resolved) -> None:
+def _note_cycles(waiting: Mapping[str, Expression], result: Resolved) -> None:
     """Notes each circle of parameters that follow from each other, by name; those that only need one of them say nothing."""
     told: set[str] = set()
     for first in waiting:
@@ -272,10 +274,10 @@ def _note_cycles(waiting: Mapping[str, Expression], found: Resolved) -> None:
             told.update(circle)
             words = " -> ".join([*circle, circle[0]])
             said = f"follows from itself: {words}." if len(circle) > 1 else f"'{waiting[first].text}' names itself."
-            found.faults.append(Fault(f"parameters.{first}", said, "Give one of them a value of its own."))
+            result.faults.append(Fault(f"parameters.{first}", said, "Give one of them a value of its own."))
 
 
-def _bounds(name: str, entry: Any, expression: Expression, amounts: Mapping[str, Amount], found: Resolved) -> None:
+def _bounds(name: str, entry: Any, expression: Expression, amounts: Mapping[str, Amount], result: Resolved) -> None:
     """A parameter with its range and tolerance, which must be of its kind."""
     amount, path = amounts[name], f"parameters.{name}"
     numbers: dict[str, float] = {}
@@ -284,7 +286,7 @@ def _bounds(name: str, entry: Any, expression: Expression, amounts: Mapping[str,
     pair = limits if isinstance(limits, list | tuple) and len(limits) == 2 else (None, None)
     for key, value in (("range[0]", pair[0]), ("range[1]", pair[1]), ("tolerance", stated.get("tolerance"))):
         if value is not None:
-            with found.noting(f"{path}.{key}"):
+            with result.noting(f"{path}.{key}"):
                 known = {inner: amounts[inner] for inner in amounts if inner != name or key == "tolerance"}
                 other = _expression(value).value(known)
                 if other.powers != amount.powers:
@@ -293,9 +295,9 @@ def _bounds(name: str, entry: Any, expression: Expression, amounts: Mapping[str,
     low, high = numbers.get("range[0]", -math.inf), numbers.get("range[1]", math.inf)
     own = not expression.names
     if low >= high:
-        found.faults.append(Fault(f"{path}.range", "begins where it ends, or above.", "Give the smaller value first."))
+        result.faults.append(Fault(f"{path}.range", "begins where it ends, or above.", "Give the smaller value first."))
     elif not low * (1.0 - 1e-12 * np.sign(low)) <= float(amount.number) <= high * (1.0 + 1e-12 * np.sign(high)):
-        found.faults.append(Fault(path, f"'{expression.text}' is outside of its range.", "Change the value, or widen its range."))
+        result.faults.append(Fault(path, f"'{expression.text}' is outside of its range.", "Change the value, or widen its range."))
     if numbers.get("tolerance", 0.0) < 0.0:
-        found.faults.append(Fault(f"{path}.tolerance", "is negative.", "It counts either way: give it without a sign."))
-    found.parameters[name] = ParameterValue(name, amount, low, high, abs(numbers.get("tolerance", 0.0)), own)
+        result.faults.append(Fault(f"{path}.tolerance", "is negative.", "It counts either way: give it without a sign."))
+    result.parameters[name] = ParameterValue(name, amount, low, high, abs(numbers.get("tolerance", 0.0)), own)

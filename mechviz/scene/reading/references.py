@@ -126,9 +126,11 @@ def check_trace(reading: Reading, *, certain: bool) -> Iterator[Fault]:
         if text in trace[:k]:
             yield Fault(f"trace[{k}]", f"'{text}' is traced twice.", "Leave it out once.")
             continue
-        found = resolve_trace(reading, text)
-        if isinstance(found, Fault) and (certain if "no pin joins" in found.message else whole or "has no point" in found.message):
-            yield Fault(f"trace[{k}]", found.message, found.remedy)
+        traced = resolve_trace(reading, text)
+        if isinstance(traced, Fault) and (
+            certain if "no pin joins" in traced.message else whole or "has no point" in traced.message
+        ):
+            yield Fault(f"trace[{k}]", traced.message, traced.remedy)
 
 
 def resolve_trace(reading: Reading, text: str) -> tuple[str, str] | Fault:

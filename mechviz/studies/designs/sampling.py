@@ -164,10 +164,10 @@ def unit_sample(sample: Sample, dimensions: int) -> Real:
     from scipy.stats import qmc
 
     if sample.method == "lhs":
-        found = qmc.LatinHypercube(d=dimensions, seed=sample.seed).random(sample.count)
+        points = qmc.LatinHypercube(d=dimensions, seed=sample.seed).random(sample.count)
     else:
-        found = qmc.Sobol(d=dimensions, scramble=True, seed=sample.seed).random(sample.count)
-    return np.asarray(found, float)
+        points = qmc.Sobol(d=dimensions, scramble=True, seed=sample.seed).random(sample.count)
+    return np.asarray(points, float)
 
 
 def sampled(variations: Sequence[Variation], sample: Sample) -> Real:

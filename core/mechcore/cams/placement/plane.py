@@ -246,10 +246,10 @@ class PlacedCam:
         """The cam at every frame."""
         x = on_knots(self.cam.law, self.argument(motion) * self.ahead)
         known = np.isfinite(x)
-        found = self.cam.at(np.where(known, x, self.cam.law.start))
+        synthesis = self.cam.at(np.where(known, x, self.cam.law.start))
         if not known.all():
-            found.motion[:, ~known] = np.nan
-        return found
+            synthesis.motion[:, ~known] = np.nan
+        return synthesis
 
     def place(self, motion: Motion, z: Plane) -> Plane:
         """Points of the theory's ground axes in the world."""

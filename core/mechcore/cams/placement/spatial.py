@@ -105,11 +105,11 @@ class PlacedSpatial(PlacedRoller):
 
     def check(self) -> None:
         """Raises where the flanks cannot be cut by the roller."""
-        found = self.limits(count=360, layers=5)
-        limits = min(found, key=lambda each: each.sharpness.value)
+        reached = self.limits(count=360, layers=5)
+        limits = min(reached, key=lambda each: each.sharpness.value)
         if not limits.undercut:
             return
-        most = self.greatest_roller(found)
+        most = self.greatest_roller(reached)
         raise MechanismError(
             Fault(
                 "cam.radius",
@@ -182,7 +182,7 @@ class PlacedSpatial(PlacedRoller):
         pace = np.broadcast_to(turning, (motion.frames,))[:, None]
         rate = self.sense * self.law(self.argument(motion))[1][:, None] * pace  # of the follower's coordinate
         slip = rate * self.cam.mount.carried(point) - pace * np.cross([0.0, 0.0, 1.0], point)
-        found = [
+        directions = [
             Rubbing(
                 place=np.asarray(self.place(motion, self._shadow(point))),
                 along=np.asarray(self._shadow(d) * self.world(motion)),
@@ -191,7 +191,7 @@ class PlacedSpatial(PlacedRoller):
             )
             for d in (np.cross(t.a, t.normal), t.a)
         ]
-        return found[0], found[1], np.abs(self._shadow(t.normal))
+        return directions[0], directions[1], np.abs(self._shadow(t.normal))
 
     def pressing(self, motion: Motion, reaction: Complex) -> Real:
         """Force along the normal in space (F) [N] from the frictionless reaction on the follower; positive: the lifting flank."""

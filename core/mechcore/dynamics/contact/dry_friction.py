@@ -54,14 +54,14 @@ class GivenFriction(FrictionResult):
     """Friction of a motion that forward dynamics has found, sticking included: ``values`` (F, e) along the elements' unit
     wrenches."""
 
-    def __init__(self, motion: Motion, applied: Sequence[Wrench], elements: Sequence[Element], found: Dry, passed: Transmitted):
+    def __init__(self, motion: Motion, applied: Sequence[Wrench], elements: Sequence[Element], solution: Dry, passed: Transmitted):
         self.motion = motion
         self.stability = np.ones(motion.frames)
         self.elements = tuple(elements)
         self.jammed = np.zeros(motion.frames, bool)
         self.reached = np.ones(motion.frames)
         self._applied = tuple(applied)
-        self._found = found
+        self._found = solution
         self._passed = passed  # what joints and relations transmit
 
     @property
@@ -82,14 +82,14 @@ class GivenFriction(FrictionResult):
 
 def forces_with(motion: Motion, system: DrySystem, q: Real, v: Real, held: Sequence[Wrench] = ()) -> Forces:
     """Reactions of a segment of motion with its friction, sticking included; ``held``: what end stops hold."""
-    found = system.solve(q, v, motion.time)
+    friction = system.solve(q, v, motion.time)
     applied = (*wrenches(motion), *held)
     force, moment = sum_up(list(applied), len(motion.model.links))
     elements = [replace(e, sign=np.full(motion.frames, s)) for e, s in zip(elements_of(motion), system.signs, strict=True)]
     for i, e in enumerate(elements):
-        e.load(motion, force, moment, found.value[:, i])
+        e.load(motion, force, moment, friction.value[:, i])
     passed = transmit(motion, force, moment)
-    return Forces(motion, applied, *passed[:2], GivenFriction(motion, applied, elements, found, passed))
+    return Forces(motion, applied, *passed[:2], GivenFriction(motion, applied, elements, friction, passed))
 
 
 class DrySystem:
@@ -108,13 +108,13 @@ class DrySystem:
     def holding(self, q: Real, v: Real, t: Real) -> Real:
         """What keeps the joints at rest (n, p): torque [N m] or force [N] in the direction of each one's coordinate."""
         motion, units = moving(self.compiled, q, v, t)
-        r, found = reduced_equations(motion, units), self.solve(q, v, t)
+        r, friction = reduced_equations(motion, units), self.solve(q, v, t)
         tau = np.stack([rates_of(units, e) for e in elements_of(motion)], axis=1)
         missing = (
-            (r.inertia @ found.acceleration[:, : len(units), None])[..., 0]
+            (r.inertia @ friction.acceleration[:, : len(units), None])[..., 0]
             + r.bias
             - r.force
-            - np.einsum("nef,ne->nf", tau, found.value)
+            - np.einsum("nef,ne->nf", tau, friction.value)
         )
         rows, _ = jacobian_of(motion, units, self.rests)
         return np.asarray(np.linalg.solve(rows @ rows.swapaxes(1, 2), rows @ missing[..., None])[..., 0])

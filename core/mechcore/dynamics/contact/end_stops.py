@@ -188,10 +188,10 @@ class EndStops:
         while True:
             after, lost = v, None
             if brief.any() or (before < 0.0).any():
-                found = impact(touched.mobility, before, restitution, brief)
-                if found is None:
+                impulses = impact(touched.mobility, before, restitution, brief)
+                if impulses is None:
                     raise self._led(touched.which[int(np.argmin(before / touched.least))], t)
-                after, lost = shifted(v, touched.answers @ found[0]), found[1]
+                after, lost = shifted(v, touched.answers @ impulses[0]), impulses[1]
                 self._left.clear()
             closed, second = self._pressed(touched, q, after, t, equations)
             rates = touched.rates(after)
@@ -324,11 +324,11 @@ def impact(mobility: Real, rates: Real, restitution: Real, flat: Flags) -> tuple
     struck = (rates < 0.0) & ~flat
     smallest = np.minimum(restitution, restitution[struck].min(initial=1.0))
     for e in (restitution, smallest, np.zeros(len(rates))):
-        found = _impulses(mobility, rates, e * np.maximum(-rates, 0.0), flat)
-        if found is not None:
-            lost = -0.5 * float(found @ (2.0 * rates + mobility @ found))
-            if lost >= -ROUNDING * float(np.abs(found) @ np.abs(rates)) or not e.any():
-                return found, lost
+        impulses = _impulses(mobility, rates, e * np.maximum(-rates, 0.0), flat)
+        if impulses is not None:
+            lost = -0.5 * float(impulses @ (2.0 * rates + mobility @ impulses))
+            if lost >= -ROUNDING * float(np.abs(impulses) @ np.abs(rates)) or not e.any():
+                return impulses, lost
     return None
 
 
@@ -339,11 +339,11 @@ def _impulses(mobility: Real, rates: Real, least: Real, flat: Flags) -> Real | N
     reduced = mobility[np.ix_(loose, loose)] + mobility[np.ix_(loose, flat)] @ closing @ mobility[np.ix_(flat, loose)]
     free = rates[loose] + mobility[np.ix_(loose, flat)] @ closing @ rates[flat] - least[loose]
     scale = 1.0 / np.sqrt(np.maximum(np.diag(reduced), 1e-300))
-    found = complementary(scale[:, None] * reduced * scale, scale * free)
-    if found is None:
+    solution = complementary(scale[:, None] * reduced * scale, scale * free)
+    if solution is None:
         return None
     out = np.zeros(len(rates))
-    out[loose] = scale * found
+    out[loose] = scale * solution
     out[flat] = closing @ (rates[flat] + mobility[np.ix_(flat, loose)] @ out[loose])
     return out
 

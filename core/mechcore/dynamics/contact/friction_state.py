@@ -99,9 +99,9 @@ class FrictionState:
         """A joint begins to stick or to slide."""
         kind = "stick" if word == "stick" else "slip"
         text = f"{joint} sticks" if kind == "stick" else f"{joint} slides in the {word[-1]} direction"
-        found = SimulationEvent(t, kind, joint, text)
-        if found not in self._log.events[-4:]:  # a joint may have friction of several kinds
-            self._log.tell(found)
+        event = SimulationEvent(t, kind, joint, text)
+        if event not in self._log.events[-4:]:  # a joint may have friction of several kinds
+            self._log.tell(event)
 
 
 Key = tuple[str, str, str]
@@ -169,24 +169,24 @@ class Phases:
             self.signs = np.where(still & (second != 0.0), second, self.signs)
         elif still.any():
             if loose is not None and still[loose[0]]:
-                found = DrySystem(self.compiled, np.where(still, 0.0, self.signs), rests=rests).solve(*row)
-                self.signs[loose[0]] = -np.sign(found.value[0, loose[0]])
+                friction = DrySystem(self.compiled, np.where(still, 0.0, self.signs), rests=rests).solve(*row)
+                self.signs[loose[0]] = -np.sign(friction.value[0, loose[0]])
             for _ in range(2 * len(before) + 2):
-                found = self.system().solve(*row)
-                over = still & (self.signs == 0.0) & (np.abs(found.value[0]) > found.limit[0] * (1.0 + 1e-12))
+                friction = self.system().solve(*row)
+                over = still & (self.signs == 0.0) & (np.abs(friction.value[0]) > friction.limit[0] * (1.0 + 1e-12))
                 if not over.any():
                     break
-                worst = int(np.argmax(np.where(over, np.abs(found.value[0]) / np.maximum(found.limit[0], 1e-300), 0.0)))
-                self.signs[worst] = -np.sign(found.value[0, worst])
+                worst = int(np.argmax(np.where(over, np.abs(friction.value[0]) / np.maximum(friction.limit[0], 1e-300), 0.0)))
+                self.signs[worst] = -np.sign(friction.value[0, worst])
         then, now = self._states(before), self._states(self.signs)
         return [(joint, WORDS[now[joint, what]]) for joint, what in now if now[joint, what] != then[joint, what]]
 
     def _states(self, signs: Real) -> dict[tuple[str, str], float]:
         """Sign by joint and relative motion: it sticks if friction of one kind holds it, whatever else rubs there."""
-        found: dict[tuple[str, str], float] = {}
+        states: dict[tuple[str, str], float] = {}
         for (joint, what, _), s in zip(self.keys, signs, strict=True):
-            found[joint, what] = float(s) if found.get((joint, what), s) == s else 0.0
-        return found
+            states[joint, what] = float(s) if states.get((joint, what), s) == s else 0.0
+        return states
 
     def at_rest(self, t: float, q: Real, v: Real) -> Real:
         """Speeds (f,) without what rounding has left of the relative speeds of the elements that stick."""
@@ -239,8 +239,8 @@ class Phases:
             noise = LOOSE * sum(abs(float(self._free(way, *row)[0])) for way in (1.0, -1.0))
             return [(partial(self._free, way), noise, (0, way)) for way in (1.0, -1.0)]
         system = self.system()
-        found = system.solve(*row)
-        noise = LOOSE * (found.limit[0] + np.abs(found.value[0]))
+        friction = system.solve(*row)
+        noise = LOOSE * (friction.limit[0] + np.abs(friction.value[0]))
         return [(partial(_excess, system, int(i)), float(noise[i]), (int(i), 0.0)) for i in stuck]
 
     def independent_event_functions(self) -> list[EventFunction]:
@@ -268,8 +268,8 @@ class Phases:
 
 def _excess(system: DrySystem, i: int, q: Real, v: Real, t: Real) -> Real:
     """By how much what would hold a sticking element exceeds its limit (n,)."""
-    found = system.solve(q, v, t)
-    return np.asarray(np.abs(found.value[:, i]) - found.limit[:, i])
+    friction = system.solve(q, v, t)
+    return np.asarray(np.abs(friction.value[:, i]) - friction.limit[:, i])
 
 
 def braking_elements(compiled: Compiled, q: Real, v: Real, t: float = 0.0) -> list[Element]:

@@ -190,9 +190,9 @@ class FollowerSeparation:
         gradient = contact.away * np.insert(-np.array(slopes), k, 1.0)
         inertia = reduce(compiled, q[None], v[None], row).inertia[0]
         answer = np.linalg.solve(inertia, gradient)
-        found = impact(np.array([[gradient @ answer]]), np.array([hit]), np.array([restitution]), np.array([False]))
-        assert found is not None  # some mass moves with the follower's guide
-        return shifted(v, answer * found[0]), -hit, found[1]
+        impulses = impact(np.array([[gradient @ answer]]), np.array([hit]), np.array([restitution]), np.array([False]))
+        assert impulses is not None  # some mass moves with the follower's guide
+        return shifted(v, answer * impulses[0]), -hit, impulses[1]
 
     def followed(self, name: str, motion: Motion) -> Real:
         """The guide's coordinate (F,) at which the follower would touch its cam."""
@@ -210,13 +210,13 @@ class FollowerSeparation:
         """How fast the fastest cam runs through its law, in turns of a disc [rad/s]; of a wedge in lengths of its law."""
         row = np.array([t])
         motion = motion_at(compiled, q[None], v[None], row)
-        found = [0.0]
+        paces = [0.0]
         for c in self.contacts.values():
             if c.cam.bed is not None:
-                found.append(abs(float(motion.coordinate(c.cam.bed)[0, 1])) / c.cam.cam.law.length * TURN)
+                paces.append(abs(float(motion.coordinate(c.cam.bed)[0, 1])) / c.cam.cam.law.length * TURN)
             else:
-                found.append(abs(float(motion.velocity(c.cam.links[0])[0, 2] - _angular_velocity(motion, c.cam.carrier))))
-        return max(found)
+                paces.append(abs(float(motion.velocity(c.cam.links[0])[0, 2] - _angular_velocity(motion, c.cam.carrier))))
+        return max(paces)
 
     def samples(self, compiled: Compiled, window: Window) -> int:
         """How many places of a window contacts are looked at."""

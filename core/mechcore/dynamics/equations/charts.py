@@ -88,9 +88,9 @@ class Chart(Programmed):
         if not self.rests:
             return with_states(r.acceleration(), motion), np.zeros((len(t), 0))
         rows, second = jacobian_of(motion, units, self.rests)
-        found, holding = constrained(r.inertia, r.force - r.bias, rows, second)
-        found[:, self.held] = 0.0
-        return with_states(found, motion), holding
+        accelerations, holding = constrained(r.inertia, r.force - r.bias, rows, second)
+        accelerations[:, self.held] = 0.0
+        return with_states(accelerations, motion), holding
 
     def holding(self, q: Real, v: Real, t: Real) -> Real:
         """What keeps the joints at rest (n, p): torque [N m] or force [N] in the direction of each one's coordinate."""
@@ -158,12 +158,12 @@ def take_over(compiled: Compiled, q: Real, v: Real, t: float, known: Sequence[Co
     if not eased.min() <= EASED * np.abs(rows).max():
         return None
     joints = [names[k] for k in sets[int(np.argmin(eased))]]
-    found = np.array([motion.coordinate(joint)[0] for joint in joints])
-    place, speeds = found[:, 0], found[:, 1]
+    coordinates = np.array([motion.coordinate(joint)[0] for joint in joints])
+    place, speeds = coordinates[:, 0], coordinates[:, 1]
     candidates = [c for c in known if [c.mechanism.drives[i].joint for i in free_of(c)] == joints]
     for candidate in (*candidates, None):
         if candidate is None:
-            other = carried_on(_compiled(compiled, motion, joints, found), place, t, motion)
+            other = carried_on(_compiled(compiled, motion, joints, coordinates), place, t, motion)
         else:
             other = enter(candidate, place, t, motion)
         if _same(motion, other, place, speeds, t):
@@ -182,14 +182,14 @@ def _sets(rows: Real) -> list[tuple[int, ...]]:
     return [tuple(sorted(int(k) for k in qr(rows.T, mode="r", pivoting=True)[1][:f]))]
 
 
-def _compiled(compiled: Compiled, motion: Motion, joints: Sequence[str], found: Real) -> Compiled:
+def _compiled(compiled: Compiled, motion: Motion, joints: Sequence[str], coordinates: Real) -> Compiled:
     """The mechanism with other free coordinates, put together as it stands now; from there on the laws of drives lead."""
     mechanism = named(compiled.mechanism)
     poses: dict[str, tuple[float, float, float]] = {}
     for link in motion.model.links[1:]:
         x, y, angle = motion.pose(link)[0]
         poses[link] = float(x), float(y), float(angle)
-    free = [Drive(joint=joint, law=Free(float(x[0]), float(x[1]))) for joint, x in zip(joints, found, strict=True)]
+    free = [Drive(joint=joint, law=Free(float(x[0]), float(x[1]))) for joint, x in zip(joints, coordinates, strict=True)]
     led = [d for d in mechanism.drives if not isinstance(d.law, Free)]
     still = [Drive(joint=d.joint, law=Free(float(motion.coordinate(d.joint)[0, 0]), 0.0)) for d in led]
     placed = compile_mechanism(
@@ -331,8 +331,8 @@ def best_chart(
             if isinstance(chart.curve, Curve) and not counted:
                 return CurveChart(again, replace(chart.curve, compiled=again), chart.valid_range), place, rate if v else 0.0
     led = np.array([[coordinate, rate if v else 0.0]])
-    found = carried_on(_compiled(compiled, motion, [joint], led), np.array([coordinate]), 0.0, motion)
-    if not _same_poses(motion, motion_at(found, *_at_rest(coordinate))):
+    own = carried_on(_compiled(compiled, motion, [joint], led), np.array([coordinate]), 0.0, motion)
+    if not _same_poses(motion, motion_at(own, *_at_rest(coordinate))):
         raise MechanismError(
             Fault(
                 "dynamics",
@@ -340,7 +340,7 @@ def best_chart(
                 "Start elsewhere, or give it another speed.",
             )
         )
-    return CurveChart(found, *curve_around(found, coordinate, tolerance)), coordinate, rate if v else 0.0
+    return CurveChart(own, *curve_around(own, coordinate, tolerance)), coordinate, rate if v else 0.0
 
 
 def _place_on(chart: CurveChart, coordinate: float, rate: float) -> float | None:
@@ -373,12 +373,12 @@ def carried_on(compiled: Compiled, q: Real, t: float, motion: Motion) -> Compile
     """A mechanism in a new chart, put together at its coordinates q (f,) at time t [s]. The angles of its links go on from those
     of a ``motion`` (one frame) of the same mechanism there, in another chart."""
     at = replace(_entered(compiled, q, t, motion), starts=compiled.assembly.starts)
-    found = replace(compiled, angles=UnwrappedAngles(compiled.model, motion.angles.start, at, exact=False))
-    model, angles = compiled.model, motion_at(found, q[None], np.zeros_like(q)[None], np.array([t])).angles
+    followed = replace(compiled, angles=UnwrappedAngles(compiled.model, motion.angles.start, at, exact=False))
+    model, angles = compiled.model, motion_at(followed, q[None], np.zeros_like(q)[None], np.array([t])).angles
     turning = [j for j in model.driven if model.joints[j].coordinate == "angle"]
     gone = (angles.joint(model.joints[j].name)[0] - at.drives[model.driven[j]] for j in turning)
-    found.angles.exact = all(abs(float(x)) < 1.0 for x in gone)
-    return found
+    followed.angles.exact = all(abs(float(x)) < 1.0 for x in gone)
+    return followed
 
 
 def enter(compiled: Compiled, q: Real, t: float, motion: Motion) -> Compiled:
@@ -416,13 +416,13 @@ def _starts(compiled: Compiled, at: Waypoint, motion: Motion) -> Starts:
             sign * float(waypoint.drives[d]) for d, sign in turning.class_drives[rotation_class]
         )
 
-    known, found = first.starts or {}, {}
+    known, later = first.starts or {}, {}
     for block in model.blocks:
         if block.name in known:
             turned = [known[block.name][i] + group(at, g) - group(first, g) for i, g in enumerate(block.angles)]
             old = motion.model.joint_index
             slid = [float(np.ravel(motion.state.slide[old[model.joints[j].name]])[0]) for j in block.slides]
-            found[block.name] = np.array([*turned, *slid])
+            later[block.name] = np.array([*turned, *slid])
     for g in model.multi_turn:
-        found[f"angle {g}"] = np.asarray(known[f"angle {g}"] + group(at, g) - group(first, g))
-    return found
+        later[f"angle {g}"] = np.asarray(known[f"angle {g}"] + group(at, g) - group(first, g))
+    return later

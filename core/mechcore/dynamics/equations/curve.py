@@ -103,10 +103,10 @@ class Curve(Programmed):
         if self.rest:
             n = len(t)
             steps = [float(x[0]) for x in steps_of_differences(self.compiled, q, v, a)]
-            found = self.changing(
+            forces = self.changing(
                 np.concatenate([q, q + steps[0], q]), np.concatenate([v, v, v + steps[1]]), np.concatenate([t, t, t])
             ).reshape(3, n)
-            by_q, by_v = by_q + (found[1] - found[0]) / steps[0], by_v + (found[2] - found[0]) / steps[1]
+            by_q, by_v = by_q + (forces[1] - forces[0]) / steps[0], by_v + (forces[2] - forces[0]) / steps[1]
         return (by_q / f[:, 0])[:, None, None], (by_v / f[:, 0])[:, None, None]
 
 
@@ -119,8 +119,8 @@ def beside_singular(compiled: Compiled, x: Real) -> Real:
 
     def distances(q: Real) -> Real:
         with np.errstate(divide="ignore", invalid="ignore"):
-            found = 1.0 / _unit(compiled, q).condition
-        return np.where(reached(compiled, q), found, np.nan)
+            inverse = 1.0 / _unit(compiled, q).condition
+        return np.where(reached(compiled, q), inverse, np.nan)
 
     near = distances(x)
     for _ in range(DEEPEST):

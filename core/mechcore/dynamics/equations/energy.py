@@ -137,12 +137,12 @@ class EnergyMotion:
 
     def boundaries(self, end: float) -> Real:
         """Times until ``end`` [s] between which the motion is one smooth function."""
-        found = np.concatenate([leg.time + np.unique(leg.edges[:-1]) for leg in self.legs])
+        times = np.concatenate([leg.time + np.unique(leg.edges[:-1]) for leg in self.legs])
         if self.period is not None and end > self.last:
-            again = found[found >= self.last - self.period * (1.0 + 1e-12)]
+            again = times[times >= self.last - self.period * (1.0 + 1e-12)]
             turns = np.arange(1, int(np.ceil((end - self.last) / self.period)) + 1)
-            found = np.concatenate([found, (again + turns[:, None] * self.period).ravel()])
-        return np.asarray(found[(found >= 0.0) & (found < end)])
+            times = np.concatenate([times, (again + turns[:, None] * self.period).ravel()])
+        return np.asarray(times[(times >= 0.0) & (times < end)])
 
 
 SMALL = 1e-10  # of the largest energy: below, its last digits decide how far a swing goes, and its table would be fitted in vain

@@ -83,11 +83,11 @@ class Program:
             modes = [m * float(self._singular.signs(i, away)) for i, m in enumerate(self.compiled.assembly.modes)]
             self._equations.modes[: len(modes)] = modes
         near = self.near(q[None], v[None], np.array([t0]))
-        found = self._equations.window(rule, (t0, h), (q, v), self._drives(t0 + h * rule.nodes), near, guess, tolerance)
-        if found is None or self._singular is None:
-            return found
-        places = q + h * rule.nodes[:, None] * v + h * h * (rule.twice @ found[0])
-        return found if self._clear(np.append(q[0], places[:, 0])) else None
+        solved = self._equations.window(rule, (t0, h), (q, v), self._drives(t0 + h * rule.nodes), near, guess, tolerance)
+        if solved is None or self._singular is None:
+            return solved
+        places = q + h * rule.nodes[:, None] * v + h * h * (rule.twice @ solved[0])
+        return solved if self._clear(np.append(q[0], places[:, 0])) else None
 
     def _clear(self, q: Real) -> bool:
         """Whether no singular point is near the way over positions (n,) of the only drive."""
@@ -137,9 +137,9 @@ def _written(compiled: Compiled) -> tuple[WrittenEquations, tuple[int, ...]] | s
     key = (*turned, tuple(compiled.assembly.modes), tuple(compiled.assembly.constants))
     if key not in known:
         try:
-            found = written_equations(compiled)
-            long = found[0].lines > MOST_LINES
-            known[key] = f"the program would have {found[0].lines:,} lines" if long else found
+            written = written_equations(compiled)
+            long = written[0].lines > MOST_LINES
+            known[key] = f"the program would have {written[0].lines:,} lines" if long else written
         except Untraceable as reason:
             known[key] = str(reason)
     return known[key]

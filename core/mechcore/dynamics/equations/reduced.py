@@ -68,13 +68,13 @@ def constrained(inertia: Real, force: Real, jacobian: Real, second: Real | None 
         right = np.zeros((*force.shape[:-1], c)) if second is None else -second
         inertia, force = full, np.concatenate([force, right], axis=-1)
     try:
-        found = np.asarray(np.linalg.solve(inertia, force[..., None])[..., 0], float)
+        unknowns = np.asarray(np.linalg.solve(inertia, force[..., None])[..., 0], float)
     except np.linalg.LinAlgError:  # one of many, frame by frame
         each = np.broadcast_to(inertia, (*force.shape, force.shape[-1]))
-        found = solved(each.reshape(-1, *each.shape[-2:]), force.reshape(-1, force.shape[-1])).reshape(force.shape)
+        unknowns = solved(each.reshape(-1, *each.shape[-2:]), force.reshape(-1, force.shape[-1])).reshape(force.shape)
     if c == f and (second is None or not second.any()):
-        found[..., :f] *= 0.0  # everything is held: rounding would have a direction
-    return found[..., :f], found[..., f:]
+        unknowns[..., :f] *= 0.0  # everything is held: rounding would have a direction
+    return unknowns[..., :f], unknowns[..., f:]
 
 
 def free_of(compiled: Compiled | Motion) -> list[int]:

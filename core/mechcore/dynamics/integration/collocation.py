@@ -158,12 +158,12 @@ def solve_window(
     for count in range(1, 16):
         q, v = drift + h * h * (rule.twice @ a), v0 + h * (rule.once @ a)
         with np.errstate(over="ignore", invalid="ignore", divide="ignore"):  # a trial may be anywhere
-            found = system(q, v, t)
-        residual = found - a
+            force = system(q, v, t)
+        residual = force - a
         if not np.isfinite(residual).all():
             return None
         if matrix is None:
-            by_q, by_v = system.slopes(q, v, t, found)
+            by_q, by_v = system.slopes(q, v, t, force)
             if f == 1:
                 matrix = np.eye(s) - h * h * by_q[:, :, 0] * rule.twice - h * by_v[:, :, 0] * rule.once
             else:

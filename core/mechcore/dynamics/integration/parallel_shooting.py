@@ -154,11 +154,11 @@ class ParallelShooting:
         matrix = matrix.reshape(k, s * f, s * f) + np.eye(s * f)
         from_start = np.concatenate([by_q, by_v + h4 * rule.nodes[:, None, None] * by_q], axis=3)
         rhs = np.concatenate([(force - trajectory.a)[..., None], from_start], axis=3).reshape(k, s * f, 1 + 2 * f)
-        found = np.linalg.solve(matrix, rhs).reshape(k, s, f, 1 + 2 * f)
+        corrections = np.linalg.solve(matrix, rhs).reshape(k, s, f, 1 + 2 * f)
         once, twice = _ends(rule)
         h3 = h[:, None, None]
         ends = np.concatenate(
-            [h3 * h3 * np.einsum("s,ksfc->kfc", twice, found), h3 * np.einsum("s,ksfc->kfc", once, found)], axis=1
+            [h3 * h3 * np.einsum("s,ksfc->kfc", twice, corrections), h3 * np.einsum("s,ksfc->kfc", once, corrections)], axis=1
         )
         ends[:, :, 1:] += np.eye(2 * f)
         ends[:, range(f), range(1 + f, 1 + 2 * f)] += h[:, None]
@@ -166,5 +166,5 @@ class ParallelShooting:
         state = starts[0]
         for i in range(1, k):
             state = starts[i] = ends[i - 1, :, 0] + ends[i - 1, :, 1:] @ state
-        a = trajectory.a + found[..., 0] + (found[..., 1:] @ starts[:, None, :, None])[..., 0]
+        a = trajectory.a + corrections[..., 0] + (corrections[..., 1:] @ starts[:, None, :, None])[..., 0]
         return Trajectory.along(rule, trajectory.boundaries, trajectory.q[0], trajectory.v[0], a)

@@ -45,7 +45,7 @@ def refine(by: Integrator, q: Real, v: Real, t0: float, t1: float, known: Known)
     """The solution of `Integrator.run`, found by what is ``known``; it raises the same."""
     rule, breakpoints = by.rule(MORE), by.breakpoints
     solver = ParallelShooting(by.system, rule, by.tolerance, by.scale)
-    found = Solution()
+    solution = Solution()
     t, q, v = t0, np.asarray(q, float), np.asarray(v, float)
     least = 1e-13 * max(abs(t0), abs(t1), 1e-300)
     keep = (known.boundaries[1:] > t0 + 20.0 * least) & (known.boundaries[:-1] < t1 - least)
@@ -72,36 +72,36 @@ def refine(by: Integrator, q: Real, v: Real, t0: float, t1: float, known: Known)
                 bent += 1
             else:
                 break_time = None
-            found.windows.append(window)
+            solution.windows.append(window)
             t = window.start + window.length
             if by.after is not None and by.after(window) is not None:
-                found.evaluations = solver.evaluations
-                return found
+                solution.evaluations = solver.evaluations
+                return solution
             if break_time is not None:
                 later = trajectory.boundaries[trajectory.boundaries > t + 20.0 * least]
                 ends, cut = np.concatenate([later, ends]), np.concatenate([np.zeros(len(later), bool), cut])
                 if len(ends) > 1 and ends[0] - t < SLIVER * (ends[1] - ends[0]):
                     ends, cut = ends[1:], cut[1:]
                 break
-        end_q, end_v, _ = found.windows[-1](np.array([t]))
+        end_q, end_v, _ = solution.windows[-1](np.array([t]))
         q, v = end_q[0], end_v[0] if by.keeps is None else by.keeps(end_q[0], end_v[0])
-    found.evaluations = solver.evaluations
+    solution.evaluations = solver.evaluations
     if t < t1 - least:
         rest = by.run(q, v, t, t1)
-        found.windows += rest.windows
-        found.evaluations += rest.evaluations
-    return found
+        solution.windows += rest.windows
+        solution.evaluations += rest.evaluations
+    return solution
 
 
 def _until(solver: ParallelShooting, window: Window, break_time: float, breakpoints: BreakpointFinder, least: float) -> Window:
     """A window that ends at its first breakpoint. Where that is not found, the window as long as it was guessed."""
     for _ in range(5):
         boundaries = np.array([window.start, break_time])
-        found = solver.solve(boundaries, window.q, window.v, partial(_acceleration, window))
-        if found is None or len(found.a) > 1:
+        trajectory = solver.solve(boundaries, window.q, window.v, partial(_acceleration, window))
+        if trajectory is None or len(trajectory.a) > 1:
             part = solver.rule.legendre @ _acceleration(window, window.start + (break_time - window.start) * solver.rule.nodes)
             return Window(window.start, break_time - window.start, window.q, window.v, part, True)
-        (window,) = found.windows(solver.rule)
+        (window,) = trajectory.windows(solver.rule)
         again = breakpoints(window, window.start + 10.0 * least)
         if again is None or again >= break_time - NEAR * window.length:
             break

@@ -331,8 +331,8 @@ class _Rows:
         if len(boundaries) <= FEW:
             return []
         shooting.longest = longest
-        found = shooting.solve(boundaries, q, v, lambda t: np.repeat(a, len(t), axis=0), halvings=0)
-        good = [] if found is None else found.windows(shooting.rule)[: shooting.sound(found, MARGIN)]
+        trajectory = shooting.solve(boundaries, q, v, lambda t: np.repeat(a, len(t), axis=0), halvings=0)
+        good = [] if trajectory is None else trajectory.windows(shooting.rule)[: shooting.sound(trajectory, MARGIN)]
         for k, window in enumerate(good):
             end = window.start + window.length
             other = self.breakpoints(window, window.start + 10.0 * self.least)
@@ -344,13 +344,13 @@ class _Rows:
 
     def _boundaries(self, t: float, end: float) -> Real:
         """The time and the breakpoints after it, as many as can be solved together, none too far from the one before."""
-        found, longest = [t], min(self.natural, self.most)
-        while len(found) <= MOST // len(self.shooting.rule.nodes):
-            stated = self.breakpoints.stated(found[-1] + 20.0 * self.least)
-            if not stated < min(end, found[-1] + longest):
+        boundaries, longest = [t], min(self.natural, self.most)
+        while len(boundaries) <= MOST // len(self.shooting.rule.nodes):
+            stated = self.breakpoints.stated(boundaries[-1] + 20.0 * self.least)
+            if not stated < min(end, boundaries[-1] + longest):
                 break
-            found.append(stated)
-        return np.array(found)
+            boundaries.append(stated)
+        return np.array(boundaries)
 
 
 def _stuck(t: float, h: float) -> MechanismError:

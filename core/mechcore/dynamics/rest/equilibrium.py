@@ -156,11 +156,11 @@ def find_equilibrium(mechanism: Mechanism | Compiled, *, seek: Seek = "stable", 
         left = float(np.abs(force * scale).max()) / largest
         step = _newton(force * scale, -by_q * scale[:, None] * scale, seek) * scale
         if left <= 1e-13 or (left <= 1e-10 and float(np.abs(step / scale).max()) <= 1e-12):
-            found = Equilibrium(compiled, q, -by_q, left, count)
-            for effect in found.motion.model.once(applied_effects):
-                effect.check(found.motion)
-            _within(found, with_slot_ends(compiled.mechanism, stops))
-            return found
+            equilibrium = Equilibrium(compiled, q, -by_q, left, count)
+            for effect in equilibrium.motion.model.once(applied_effects):
+                effect.check(equilibrium.motion)
+            _within(equilibrium, with_slot_ends(compiled.mechanism, stops))
+            return equilibrium
         q = _step(compiled, q, force, step, seek, largest)
     joint, k = _worst(compiled, force * scale)
     rotary = compiled.model.rotary(joint)
@@ -217,15 +217,15 @@ def _lost(compiled: Compiled, q: Real) -> MechanismError:
     return MechanismError(Fault("dynamics.equilibrium", why, "Start nearer to the equilibrium, or make other joints free."))
 
 
-def _within(found: Equilibrium, stops: Sequence[Stop]) -> None:
+def _within(equilibrium: Equilibrium, stops: Sequence[Stop]) -> None:
     """Refuse an equilibrium that lies beyond a stop: the mechanism rests on the stop instead."""
-    motion = found.motion
-    known = dict(zip(found.joints, found.position, strict=True))
+    motion = equilibrium.motion
+    known = dict(zip(equilibrium.joints, equilibrium.position, strict=True))
     for s in stops:
         at = known[s.joint] if s.joint in known else float(motion.coordinate(s.joint)[0, 0])
         beyond = (at - s.at) * (1.0 if s.side == "upper" else -1.0)
-        if beyond > 1e-12 * found.compiled.model.coordinate_scale(s.joint):
-            far = as_coordinate(beyond, rotary=found.compiled.model.rotary(s.joint))
+        if beyond > 1e-12 * equilibrium.compiled.model.coordinate_scale(s.joint):
+            far = as_coordinate(beyond, rotary=equilibrium.compiled.model.rotary(s.joint))
             why = f"the equilibrium lies {far} beyond '{s.name}': the mechanism rests on this stop and does not vibrate freely."
             raise MechanismError(Fault(f"joints.{s.joint}.stops", why, "Move the stop, or leave it out."))
 

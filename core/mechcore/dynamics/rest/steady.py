@@ -173,18 +173,18 @@ class _Machine:
         """dw/dx (n,) and its derivative by w."""
         v = np.sqrt(2.0 * w)
         step = STEP * float(v.max())
-        found = self.slope(np.concatenate([x, x, x]), np.concatenate([v, v + step, v - step])).reshape(3, -1)
-        return found[0], (found[1] - found[2]) / (2.0 * step * v)
+        slopes = self.slope(np.concatenate([x, x, x]), np.concatenate([v, v + step, v - step])).reshape(3, -1)
+        return slopes[0], (slopes[1] - slopes[2]) / (2.0 * step * v)
 
     def forms(self, x: Real, v: Real) -> Real:
         """Numbers of the forms that the laws of the forces have (m, n)."""
-        found: list[Any] = []
+        forms: list[Any] = []
         if self.piecewise:
             motion = motion_at(self.compiled, *self.rows(x, v))
-            found += [np.broadcast_to(e.phase(motion), x.shape) for e in self.piecewise]
+            forms += [np.broadcast_to(e.phase(motion), x.shape) for e in self.piecewise]
         if self.rubs:
-            found += list(self.signs(x).T)
-        return np.array(found).reshape(len(found), len(x))
+            forms += list(self.signs(x).T)
+        return np.array(forms).reshape(len(forms), len(x))
 
 
 def _balance(machine: _Machine, span: float, wanted: float) -> float:
@@ -242,11 +242,11 @@ def _cut(edges: Real, machine: _Machine, speed: Callable[[Real], Real]) -> Real:
         middle = 0.5 * (low + high)
         same = (machine.forms(middle, speed(middle)) == before).all(axis=0)
         low, high = np.where(same, middle, low), np.where(same, high, middle)
-    found = np.concatenate([edges, high])
-    found.sort()
-    keep = np.append(np.diff(found) > 1e-9 * span, True)
+    borders = np.concatenate([edges, high])
+    borders.sort()
+    keep = np.append(np.diff(borders) > 1e-9 * span, True)
     keep[0] = True
-    out = found[keep]
+    out = borders[keep]
     out[0], out[-1] = 0.0, span
     return np.asarray(out)
 
@@ -305,8 +305,8 @@ def _run(
     period = float(np.sum(h[:, None] * WEIGHTS / np.sqrt(2.0 * w)))
     run = SteadyRun(compiled, joint, start, sense, turns, edges, begins, coefficients, period, multiplier, 0.0, 0.0)
     places = [edges[:-1], *_standstills(edges, coefficients)]
-    found = run(np.concatenate(places))
-    return replace(run, least=float(found.min()), greatest=float(found.max()))
+    speeds = run(np.concatenate(places))
+    return replace(run, least=float(speeds.min()), greatest=float(speeds.max()))
 
 
 def _standstills(edges: Real, coefficients: Real) -> list[Real]:

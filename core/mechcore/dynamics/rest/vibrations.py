@@ -120,8 +120,8 @@ def small_vibrations(mechanism: Mechanism | Compiled, *, seek: Seek = "stable", 
     ``seek``, ``stops``: as of `find_equilibrium`. Prescribed drives and the time of loads stand still at their start, dry friction
     is left out; the notes say so. Raises `MechanismError` where there is no equilibrium, or a coordinate moves no mass.
     """
-    found = find_equilibrium(mechanism, seek=seek, stops=stops)
-    compiled, q = found.compiled, found.position
+    equilibrium = find_equilibrium(mechanism, seek=seek, stops=stops)
+    compiled, q = equilibrium.compiled, equilibrium.position
     if "inertia" not in compiled.mechanism.effects:
         raise MechanismError(Fault("effects", "vibrations need masses, and inertia is not named.", 'Add "inertia" to effects.'))
     inertia = reduce(compiled, q[None], np.zeros((1, len(q))), np.zeros(1)).inertia[0]
@@ -136,7 +136,7 @@ def small_vibrations(mechanism: Mechanism | Compiled, *, seek: Seek = "stable", 
             )
         )
     damping = _damping(compiled, q)
-    stiffness = found.stiffness
+    stiffness = equilibrium.stiffness
     skew = float(np.abs(stiffness - stiffness.T).max() / (np.abs(stiffness).max() or 1.0))
     notes = _notes(compiled)
     if skew <= 1e-8:
@@ -146,7 +146,7 @@ def small_vibrations(mechanism: Mechanism | Compiled, *, seek: Seek = "stable", 
             f"some forces have no potential (the stiffness is {skew:.2g} away from symmetric): modes are those of its symmetric "
             "part, eigenvalues those of the whole"
         )
-    return Vibrations(found, inertia, damping, stiffness, _modes(inertia, damping, stiffness, scale), tuple(notes))
+    return Vibrations(equilibrium, inertia, damping, stiffness, _modes(inertia, damping, stiffness, scale), tuple(notes))
 
 
 def _damping(compiled: Compiled, q: Real) -> Real:

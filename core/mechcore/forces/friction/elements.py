@@ -149,21 +149,21 @@ def _parts(joint: Joint) -> list[tuple[Movement, Kind, float]]:
     f = friction_of(joint)
     if f is None:
         return []
-    found: list[tuple[Movement, Kind, float]] = []
+    parts: list[tuple[Movement, Kind, float]] = []
     if isinstance(joint, Revolute | Prismatic | Cylinder):
         what: Movement = "turn" if isinstance(joint, Revolute) else "slide"
         kind: Kind = "pin" if what == "turn" else "guide" if isinstance(joint, Prismatic) else "drive"
         arm = f.radius if what == "turn" else 1.0
-        found = [(what, kind, arm)] if f.coefficient and arm else []
-        return [*found, (what, "brake", f.brake)] if f.brake else found
+        parts = [(what, kind, arm)] if f.coefficient and arm else []
+        return [*parts, (what, "brake", f.brake)] if f.brake else parts
     if isinstance(joint, CamJoint):
         roller = getattr(joint.face, "radius", 0.0) if f.radius else 0.0  # it rolls, and rubs on its pin
         share = f.radius / roller if roller else 1.0
-        found = [("slide", "contact", share)]
-        return found if joint.spatial is None else [*found, ("slide", "contact", np.sqrt(1.0 - share * share))]
+        parts = [("slide", "contact", share)]
+        return parts if joint.spatial is None else [*parts, ("slide", "contact", np.sqrt(1.0 - share * share))]
     if isinstance(joint, PinSlot):
-        found = [("slide", "normal", 1.0), ("turn", "normal", f.radius)]
-        return found if f.radius else found[:1]
+        parts = [("slide", "normal", 1.0), ("turn", "normal", f.radius)]
+        return parts if f.radius else parts[:1]
     if isinstance(joint, Screw):
         return [("slide", "contact", f.radius)]
     return [("turn", "normal" if isinstance(joint, Rolling) else "contact", f.lever)]

@@ -37,7 +37,7 @@ def sign_changes(forces: Forces) -> list[tuple[float, str]]:
     if friction is None:
         return []
     motion = forces.motion
-    found = []
+    changes = []
     for e in friction.elements:
         if not np.isfinite(e.rate).all() or not e.sign.any() or e.place is not None:  # the sliding of cams is known at frames only
             continue
@@ -47,8 +47,8 @@ def sign_changes(forces: Forces) -> list[tuple[float, str]]:
             return np.stack([relative_rate(m, of, e.what, e.index, e.links) for of in (m.speeds, m.accelerations)], axis=-1)
 
         times = turning_points(motion.time, np.where(e.sign == 0.0, 0.0, e.rate), rows(motion)[:, 1])
-        found += [(float(t), e.joint) for t in zeros(motion, rows, times)]
-    return sorted(set(found))
+        changes += [(float(t), e.joint) for t in zeros(motion, rows, times)]
+    return sorted(set(changes))
 
 
 def find_jams(forces: Forces) -> list[Jam]:
@@ -59,19 +59,19 @@ def find_jams(forces: Forces) -> list[Jam]:
     time = forces.motion.time
     again = _again(forces)
     near = forces.motion.accuracy.event * float(np.max(np.diff(time), initial=0.0))
-    found = []
+    jams = []
     for first, last in runs(friction.jammed):
         frame = first + int(np.argmin(friction.reached[first : last + 1]))
         start, end = float(time[first]), float(time[last])
         if again is not None:
             start = _edge(again, float(time[first - 1]), start, near) if first else start
             end = _edge(again, float(time[last + 1]), end, near) if last + 1 < len(time) else end
-        found.append(Jam(start, end, friction.jammed_by(frame), float(friction.reached[frame])))
+        jams.append(Jam(start, end, friction.jammed_by(frame), float(friction.reached[frame])))
     if again is not None:
         for jam in _hidden(again, friction, time, near):  # two low frames may lead to the same one
-            if not any(jam.start <= known.end and known.start <= jam.end for known in found):
-                found.append(jam)
-    return sorted(found, key=lambda jam: jam.start)
+            if not any(jam.start <= known.end and known.start <= jam.end for known in jams):
+                jams.append(jam)
+    return sorted(jams, key=lambda jam: jam.start)
 
 
 def _again(forces: Forces) -> Callable[[Real], FrictionResult] | None:
@@ -129,7 +129,7 @@ def friction_events(forces: Forces) -> list[Event]:
     if friction is None or not forces.motion.frames:
         return []
     motion, time = forces.motion, forces.motion.time
-    found = [
+    events = [
         Event(t, "INFO", joint, f"friction changes its sign: the relative motion reverses, {at_drive(motion, t)}")
         for t, joint in sign_changes(forces)
     ]
@@ -140,13 +140,13 @@ def friction_events(forces: Forces) -> list[Event]:
             f"jams {until}: friction in {names} is too strong for any drive effort, {at_drive(motion, jam.start)} to "
             f"{at_drive(motion, jam.end)}; it could be moved with {100.0 * jam.reached:.4g} % of the coefficients"
         )
-        found.append(Event(jam.start, "WARN", jam.joints[0] if jam.joints else "mechanism", text))
+        events.append(Event(jam.start, "WARN", jam.joints[0] if jam.joints else "mechanism", text))
     for first, last in runs(friction.ambiguous):
         text = (
             f"more than one state of friction is in equilibrium until {time[last]:.6g} s, {at_drive(motion, float(time[first]))}: "
             "given is the one that grows out of the frictionless state"
         )
-        found.append(Event(float(time[first]), "WARN", "mechanism", text))
+        events.append(Event(float(time[first]), "WARN", "mechanism", text))
     drives = ", ".join(d.joint for d in motion.mechanism.drives) or "mechanism"
     locked = friction.self_locking
     for first, last in runs(locked):
@@ -158,9 +158,9 @@ def friction_events(forces: Forces) -> list[Event]:
         if first == last:
             span = f"at {start:.6g} s ({at_drive(motion, start)})"
         whole = "over the whole run" if locked.all() else span
-        found.append(Event(start, "INFO", drives, f"self-locking {whole}: the loads cannot move the drive"))
-    found += _cost(forces, friction)
-    return sorted(found, key=lambda e: e.time)
+        events.append(Event(start, "INFO", drives, f"self-locking {whole}: the loads cannot move the drive"))
+    events += _cost(forces, friction)
+    return sorted(events, key=lambda e: e.time)
 
 
 def _cost(forces: Forces, friction: FrictionResult) -> Iterator[Event]:
@@ -198,9 +198,9 @@ def _lane(time: Real, states: list[str], turns: list[float]) -> list[tuple[float
         states[k + 1] if 0 < k < n - 1 and states[k] == "at rest" and "at rest" not in (states[k - 1], states[k + 1]) else states[k]
         for k in range(n)
     ]
-    found = [(float(time[0]), calm[0])]
+    changes = [(float(time[0]), calm[0])]
     for k in range(1, n):
         if calm[k] != calm[k - 1]:
             between = [t for t in turns if time[k - 1] < t <= time[k]]
-            found.append((between[0] if between else float(time[k]), calm[k]))
-    return found
+            changes.append((between[0] if between else float(time[k]), calm[k]))
+    return changes

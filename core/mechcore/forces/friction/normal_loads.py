@@ -79,9 +79,9 @@ def solve_normal_loads(a: Real, k: Real, euclidean: Flags, tolerance: float = TO
     steps = 0
     for some, below, dominant in ((easy, bound[easy], True), (calm, radius[radius < 1.0], False)):
         if len(some):
-            found = _contract(a[some], k[some], euclidean, below, dominant=dominant, tolerance=tolerance)
-            loads[some], residual[some] = found[:2]
-            steps = max(steps, found[2])
+            contracted = _contract(a[some], k[some], euclidean, below, dominant=dominant, tolerance=tolerance)
+            loads[some], residual[some] = contracted[:2]
+            steps = max(steps, contracted[2])
     if len(rest):
         loads[rest], reached[rest], share[rest], residual[rest] = _follow(a[rest], k[rest], euclidean, radius[radius >= 1.0])
         jammed[rest] = reached[rest] < 1.0
@@ -117,19 +117,19 @@ def several(a: Real, k: Real, euclidean: Flags, loads: Real) -> Flags:
     Where the map contracts there are none; elsewhere two states can be possible, as they are for a rod that is pushed over a rough
     floor (Painleve).
     """
-    found = np.zeros(len(a), bool)
+    many = np.zeros(len(a), bool)
     rows = np.flatnonzero(np.isfinite(loads).all(axis=1) & (loads.max(axis=1, initial=0.0) > 0.0))
     rows = rows[spectral_radius(_sizes(k[rows], euclidean)) >= 1.0]
     if not len(rows):
-        return found
+        return many
     aa, kk, own = a[rows], k[rows], loads[rows]
     largest = own.max(axis=1, keepdims=True)
     rng = np.random.default_rng(5)
     for _ in range(STARTS):
         start = largest * np.exp(rng.uniform(-2.0, 4.0)) * rng.uniform(0.0, 1.0, own.shape)
         new, ok, _ = _arrive(aa, kk, euclidean, start)
-        found[rows] |= ok & (np.abs(new - own).max(axis=1) > 1e-6 * np.maximum(largest[:, 0], np.abs(new).max(axis=1)))
-    return found
+        many[rows] |= ok & (np.abs(new - own).max(axis=1) > 1e-6 * np.maximum(largest[:, 0], np.abs(new).max(axis=1)))
+    return many
 
 
 def _simple_bound(m: Real) -> Real:

@@ -225,11 +225,11 @@ class EffectsTab:
         assert show.run is not None
         return plan_svg(show.run.motion.mechanism, show.run.plan)
 
-    def weighed(self, found: tuple[Contribution, ...]) -> None:
+    def weighed(self, shares: tuple[Contribution, ...]) -> None:
         """Show what each effect contributes."""
         drives = self._session.show.drives
         effort = "reaction" if not drives else "drive force" if drives[0].sliding else "drive torque"
-        self.table.content = words.contributions(found, effort)
+        self.table.content = words.contributions(shares, effort)
 
     def _switch_effect(self, name: str, _: Any) -> None:
         on = bool(self.effects[name].value)

@@ -41,16 +41,16 @@ def pivots_of(session: EditSession) -> dict[str, Pivot]:
     scene = session.run.scene
     document = scene.document
     units = Units(**document.units.model_dump())
-    found: dict[tuple[str, ...], dict[int, Parameter]] = {}
+    places: dict[tuple[str, ...], dict[int, Parameter]] = {}
     for p in find_parameters(scene):
         fixed = (p.path[:1] == ("sketch",) and len(p.path) == 3) or p.path[:3] == ("links", document.frame, "points")
         if fixed and isinstance(p.path[-1], int):
-            found.setdefault(tuple(map(str, p.path[:-1])), {})[p.path[-1]] = p
+            places.setdefault(tuple(map(str, p.path[:-1])), {})[p.path[-1]] = p
     frame = {link.name: link for link in scene.mechanism.links}[scene.mechanism.frame]
     ends = [zip(joint.links, joint.points, strict=True) for joint in scene.mechanism.joints if hasattr(joint, "points")]
     used = {point for joint in ends for link, point in joint if link == frame.name}
     pivots = {}
-    for path, xy in found.items():
+    for path, xy in places.items():
         name = path[-1]
         if name in frame.points and name in used and len(xy) == 2:
             metres = [units.si(1.0 if not p.suffix else f"1 {p.suffix}", "length") for p in (xy[0], xy[1])]

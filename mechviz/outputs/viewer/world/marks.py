@@ -143,11 +143,11 @@ class Joints:
 
     def tracks(self) -> dict[str, tuple[Real, None]]:
         """By the name of a node: its places (F, 3) over the frames."""
-        found: dict[str, tuple[Real, None]] = {}
+        places: dict[str, tuple[Real, None]] = {}
         for key, xyz in self._groups:
-            found[f"{self._names[key]}/dot"] = (xyz, None)
-            found[f"{self._names[key]}/name"] = (xyz + self._beside, None)
-        return found
+            places[f"{self._names[key]}/dot"] = (xyz, None)
+            places[f"{self._names[key]}/name"] = (xyz + self._beside, None)
+        return places
 
     def _add_dot(self, key: tuple[str, ...]) -> viser.IcosphereHandle:
         color = PICKED if self._picked & set(key) else (236, 239, 243)
@@ -240,25 +240,25 @@ KINDS = {"pin_slot": "pin in a slot"}
 
 def hover_names(show: ViewModel) -> dict[str, Name]:
     """By the node that is drawn: what it is called, more words, and the names of its parts where it draws several things."""
-    found: dict[str, Name] = {}
+    hovered: dict[str, Name] = {}
     for link in show.poses:
-        found[link_path(link)] = (f"link {link}", "the fixed link" if link == show.frame else "click to look closer", ())
+        hovered[link_path(link)] = (f"link {link}", "the fixed link" if link == show.frame else "click to look closer", ())
     driven = {drive.name for drive in show.drives}
     for names, _ in joint_groups(show.joints, 1e-6 * show.size):
         words = [_joint(show, name) + (", driven" if name in driven else "") for name in names]
         if len(names) > 1:
             words = [f"{name}: {text}" for name, text in zip(names, words, strict=True)]
-        found[f"{joint_path(names)}/dot"] = (f"joint {', '.join(names)}", "; ".join(words), ())
+        hovered[f"{joint_path(names)}/dot"] = (f"joint {', '.join(names)}", "; ".join(words), ())
     for name in show.paths:
-        found[dot_path(name)] = (f"point {name}", "a traced point, on its path", ())
+        hovered[dot_path(name)] = (f"point {name}", "a traced point, on its path", ())
     for family, arrows in arrows_by_family(show).items():
         kind = FAMILIES[family]
         items = tuple(f"{kind.label}: {arrow.vector.item}" for arrow in arrows)
-        found[f"/vectors/{family}"] = (kind.label, f"{kind.meaning} [{kind.unit}]", items)
+        hovered[f"/vectors/{family}"] = (kind.label, f"{kind.meaning} [{kind.unit}]", items)
     for arc in show.picture.of(Arc):
         family, item = arc.group, arc.moment.item
-        found[arc_path(family, item)] = (f"{FAMILIES[family].label}: {item}", "a moment [N m]", ())
-    return found
+        hovered[arc_path(family, item)] = (f"{FAMILIES[family].label}: {item}", "a moment [N m]", ())
+    return hovered
 
 
 def _joint(show: ViewModel, name: str) -> str:

@@ -80,7 +80,7 @@ def stretched_cams(
     bodies: Mapping[str, Body], before: Mapping[str, tuple[str, Any]], after: Mapping[str, tuple[str, Any]]
 ) -> dict[str, Body]:
     """The bodies of cams whose profiles are others now, by link; the rest is not among them."""
-    found: dict[str, Body] = {}
+    new_bodies: dict[str, Body] = {}
     for name, (link, old) in before.items():
         if name not in after or link not in bodies:
             continue
@@ -99,8 +99,8 @@ def stretched_cams(
                 Piece(np.column_stack([w.real, w.imag, piece.vertices[:, 2]]).astype(np.float32), piece.faces, piece.color)
             )
         else:
-            found[link] = replace(bodies[link], pieces=tuple(pieces))
-    return found
+            new_bodies[link] = replace(bodies[link], pieces=tuple(pieces))
+    return new_bodies
 
 
 def stretched(z: Complex, before: Complex, after: Complex, *, wedge: bool = False, groove: bool = False) -> Complex | None:

@@ -183,11 +183,11 @@ def _face(follower: FollowerDocument, path: str, convert: Converter) -> Any:
 
 def _given_contour(profile: ProfileDocument, base: float, path: str, convert: Converter) -> Contour | None:
     """A given profile in the axes of the cam's link [m]; faults of it are noted."""
-    found = _shape(profile, base, path, convert)
+    contour = _shape(profile, base, path, convert)
     # circles and radii over the polar angle never cross themselves
-    place = self_crossing(found) if found is not None and profile.eccentric is None and profile.radius is None else None
+    place = self_crossing(contour) if contour is not None and profile.eccentric is None and profile.radius is None else None
     if place is None:
-        return found
+        return contour
     key = next(k for k in SHAPES if getattr(profile, k) is not None)
     near = f"x = {as_length(place.real, 4)}, y = {as_length(place.imag, 4)}"
     why = f"it crosses itself near {near}: profiles that cross themselves are no cam."

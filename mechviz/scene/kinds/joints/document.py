@@ -93,27 +93,27 @@ class JointDocument(CommonKeys, CamKeys, WheelKeys, LowerKeys):
 
     @model_validator(mode="after")
     def _one_joint(self) -> JointDocument:
-        found: list[tuple[str, str, str]] = one_of(self, tuple(KINDS), "the joint")
-        refuse([*found, *self._two_modes(_MODES)] if found else [])
+        wrong: list[tuple[str, str, str]] = one_of(self, tuple(KINDS), "the joint")
+        refuse([*wrong, *self._two_modes(_MODES)] if wrong else [])
         kind = self.traits
         if self.links[0] == self.links[1]:
-            found.append((self.kind, f"joins '{self.links[0]}' to itself.", "Name two different links."))
-        found += self.misfits(f"the {kind.words.removeprefix('a ')}")
+            wrong.append((self.kind, f"joins '{self.links[0]}' to itself.", "Name two different links."))
+        wrong += self.misfits(f"the {kind.words.removeprefix('a ')}")
         for key in self.free.strangers(kind.pose) if self.free is not None else ():
             known = "x, y, angle, vx, vy and omega" if kind.pose else "position and speed"
-            found.append(("free", f"{key} does not go with {kind.words}.", f"Its start has {known}."))
+            wrong.append(("free", f"{key} does not go with {kind.words}.", f"Its start has {known}."))
         if self.friction is not None and kind.rubs is not None:
-            found += friction_faults(kind.rubs, kind.words, self.friction)
+            wrong += friction_faults(kind.rubs, kind.words, self.friction)
         modes = [key for key in kind.modes if getattr(self, key) is not None]
-        found += self._two_modes(modes)
+        wrong += self._two_modes(modes)
         if self.led and modes and not kind.own_mode:
             what = (
                 "a driven joint, whose position the drive" if self.drive is not None else "a free joint, whose position its start"
             )
-            found.append((modes[0], f"{modes[0]} on {what} decides.", f"Leave out {modes[0]}."))
+            wrong.append((modes[0], f"{modes[0]} on {what} decides.", f"Leave out {modes[0]}."))
         if self.drive is not None and self.free is not None:
-            found.append(("free", "free and drive at once: either forces or the drive decide the motion.", "Keep one of them."))
-        refuse(found)
+            wrong.append(("free", "free and drive at once: either forces or the drive decide the motion.", "Keep one of them."))
+        refuse(wrong)
         return self
 
     def says(self, key: str) -> bool:

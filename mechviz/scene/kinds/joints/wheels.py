@@ -130,11 +130,11 @@ def _pressure_angle(m: JointMaker) -> float:
 # -- names that they refer to -----------------------------------------------------------------------------------------
 def _pinned_to(document: SceneDocument, link: str) -> dict[str, str]:
     """Links that a revolute joint joins to a link -> that joint, the first one of each."""
-    found: dict[str, str] = {}
+    links: dict[str, str] = {}
     for name, joint in document.joints.items():
         if joint.kind == "revolute" and link in joint.links:
-            found.setdefault(joint.links[0] if joint.links[1] == link else joint.links[1], name)
-    return found
+            links.setdefault(joint.links[0] if joint.links[1] == link else joint.links[1], name)
+    return links
 
 
 def _on_one_axis(document: SceneDocument, link: str) -> list[str]:
@@ -142,7 +142,7 @@ def _on_one_axis(document: SceneDocument, link: str) -> list[str]:
 
     Welds are followed too; whether the axis is then the same is seen when the scene is compiled.
     """
-    found, ends = [link], [(link, "")]
+    axle, ends = [link], [(link, "")]
     for here, place in ends:  # grows while it is walked through
         for name, joint in document.joints.items():
             if joint.kind not in ("revolute", "weld") or here not in joint.links:
@@ -157,8 +157,8 @@ def _on_one_axis(document: SceneDocument, link: str) -> list[str]:
                 continue
             if end not in ends:
                 ends.append(end)
-                found.append(end[0])
-    return list(dict.fromkeys(found))[1:]
+                axle.append(end[0])
+    return list(dict.fromkeys(axle))[1:]
 
 
 def _places(document: SceneDocument, link: str, name: str) -> object:

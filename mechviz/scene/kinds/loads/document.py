@@ -75,26 +75,26 @@ class LoadDocument(CommonKeys, MachineKeys, GasKeys, SpringKeys, PrescribedKeys)
     def _one_load(self) -> LoadDocument:
         refuse(one_of(self, tuple(KINDS), "the load"))
         kind = self.traits
-        found = self.misfits(f"the {self.kind}")
+        wrong = self.misfits(f"the {self.kind}")
         if kind.some and all(getattr(self, key) is None for key in kind.some):
-            found.append(("", f"{kind.words} has neither {' nor '.join(kind.some)}.", f"Add {kind.some[0]} = {LINEAR}."))
+            wrong.append(("", f"{kind.words} has neither {' nor '.join(kind.some)}.", f"Add {kind.some[0]} = {LINEAR}."))
         for key in ("stiffness", "linear"):
             value = getattr(self, key)
             if key in kind.keys and value is not None and isinstance(value, list) != kind.threefold:
                 why = f"{kind.words} has {f'one {key}' if isinstance(value, list) else f'a {key} in x, y and angle'}."
                 remedy = "Give one value." if isinstance(value, list) else f"Write {key} = [x, y, angle]."
-                found.append((key, why, remedy))
+                wrong.append((key, why, remedy))
         factors = [key for key in FACTORS if getattr(self, key) is not None]
         if isinstance(self.target, DriveDocument) and factors:
-            found.append(
+            wrong.append(
                 (factors[0], f"{factors[0]} beside a target that is a law of motion.", "Give one value as target, or leave it out.")
             )
         if len(factors) > 1:
-            found.append((factors[1], f"{' and '.join(factors)} at once.", "Keep one of them."))
+            wrong.append((factors[1], f"{' and '.join(factors)} at once.", "Keep one of them."))
         ends = getattr(self, self.kind)
         if kind.between and isinstance(ends, list) and ends[0] == ends[1]:
-            found.append((self.kind, f"acts between '{ends[0]}' and itself.", "Name two different ones."))
-        refuse(found)
+            wrong.append((self.kind, f"acts between '{ends[0]}' and itself.", "Name two different ones."))
+        refuse(wrong)
         return self
 
     def instead(self, key: str) -> str:
@@ -120,8 +120,8 @@ def load_specs(name: str, load: LoadDocument, reading: Reading, convert: Convert
     made: list[tuple[Load, ...]] = []
     for kind in load.kinds:
         try:
-            found = KINDS[kind].make(LoadMaker(name, load, reading, convert, lead))
-            made.append(found if isinstance(found, tuple) else () if found is None else (found,))
+            spec = KINDS[kind].make(LoadMaker(name, load, reading, convert, lead))
+            made.append(spec if isinstance(spec, tuple) else () if spec is None else (spec,))
         except (AssertionError, ArithmeticError, IndexError, TypeError, ValueError):
             if not reading.faults:
                 raise

@@ -90,15 +90,15 @@ class DiagramDocument(Table):
 
     @model_validator(mode="after")
     def _whole(self) -> DiagramDocument:
-        found = []
+        wrong = []
         if self.branches not in (("outward", "inward"), ("power", "exhaust", "intake", "compression")):
             hint = "Give outward and inward (two strokes), or power, exhaust, intake and compression (four strokes)."
-            found.append(("", f"the diagram has {', '.join(self.branches) or 'no branch'}.", hint))
+            wrong.append(("", f"the diagram has {', '.join(self.branches) or 'no branch'}.", hint))
         n = len(self.displacement)
         for key in self.branches:
             if self.sound(key, "displacement") and len(getattr(self, key)) != n:
-                found.append((key, f"{len(getattr(self, key))} pressures and {n} displacements.", "Give one pressure for each."))
-        refuse(found)
+                wrong.append((key, f"{len(getattr(self, key))} pressures and {n} displacements.", "Give one pressure for each."))
+        refuse(wrong)
         return self
 
 

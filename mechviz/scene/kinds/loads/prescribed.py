@@ -105,8 +105,8 @@ def factor_of(m: LoadMaker) -> Factor | None:
     """The factor of a load, None where there is none or a fault was noted."""
     for key in SIGNALS:
         if (signal := getattr(m.load, key)) is not None:
-            found = signal_of(key, signal, m.convert, f"{m.path}.{key}")
-            return None if found is None else Factor(function=found, of="time")
+            signal_function = signal_of(key, signal, m.convert, f"{m.path}.{key}")
+            return None if signal_function is None else Factor(function=signal_function, of="time")
     given: FactorTable | FactorPolynomial | None = m.load.table or m.load.polynomial
     if given is None:
         return None
@@ -131,10 +131,10 @@ def _argument_kind(m: LoadMaker, of: str, joint: str | None) -> str | None:
     if of in _ARGUMENT_KINDS:
         return _ARGUMENT_KINDS[of]
     first = m.lead or next((name for name, p in m.document.joints.items() if p.led), None)
-    found = m.document.joints.get(joint or first or "")
-    if found is None or len(found.kinds) > 1:
+    known = m.document.joints.get(joint or first or "")
+    if known is None or len(known.kinds) > 1:
         return None
-    sort = found.coordinate
+    sort = known.coordinate
     return sort if of == "position" else _RATES[sort]
 
 

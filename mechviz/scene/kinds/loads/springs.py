@@ -87,8 +87,8 @@ class SpringKeys(Table):
 def _between(m: LoadMaker, kind: Callable[..., Load], ends: list[str] | None, values: dict[str, Any]) -> Load | None:
     """A load between two points; None where one of them is not there."""
     assert ends is not None
-    found = m.ends(ends)
-    return None if found is None else kind(**m.common, **found, **values)
+    places = m.ends(ends)
+    return None if places is None else kind(**m.common, **places, **values)
 
 
 def _spring(m: LoadMaker) -> Load | None:
