@@ -1,4 +1,4 @@
-"""What ``import mechviz as mv`` offers for work in Python: ``run`` solves a scene, ``open`` reads a recording, and both give a
+"""The façade of ``import mechviz as mv``: ``run`` solves a scene, ``open`` reads a recording, and both give a
 `Result`: quantities by name, plots, pictures, pages, the browser view."""
 
 from __future__ import annotations
@@ -93,7 +93,7 @@ class Result:
 
     @property
     def events(self) -> tuple[Event, ...]:
-        """What happens during the run: dead points, limits, peaks, stops, jams; sorted by time."""
+        """Events during the run: dead points, limits, peaks, stops, jams; sorted by time."""
         if not isinstance(self._source, Run):
             return self._source.events
         return events_of(self._source)
@@ -101,7 +101,7 @@ class Result:
     # -- what it was made from ----------------------------------------------------------------------------------------
     @property
     def title(self) -> str:
-        """What the scene calls itself."""
+        """The scene's title."""
         return self._source.scene.title if isinstance(self._source, Run) else self._source.said.title
 
     @property
@@ -130,7 +130,7 @@ class Result:
 
     @cached_property
     def presentation(self) -> Presentation:
-        """What pages and pictures are made from. Raises `RecordingError` of a damaged recording."""
+        """The presentation from which pages and pictures are made. Raises `RecordingError` of a damaged recording."""
         return presentation_of(self._source) if isinstance(self._source, Run) else presentation_in(self._source)
 
     def sensitivity(self, of: str, by: Sequence[str] = ()) -> Sensitivity:

@@ -84,7 +84,7 @@ class Run:
 
     @cached_property
     def errors(self) -> ErrorEstimate:
-        """What the run says of its own errors."""
+        """Estimate of the run's own errors."""
         return estimate_errors(self)
 
     @cached_property
@@ -223,7 +223,7 @@ def _resimulate(
     observe: Callable[[Simulation, float], None] | None,
     warn: Callable[[str], None] | None,
 ) -> Resimulate:
-    """What makes the motion that forces make of a scene's free coordinates, with a tolerance and perhaps another method, perhaps
+    """Maker of the motion under forces of a scene's free coordinates, with a tolerance and perhaps another method, perhaps
     from a motion that is like it; only the first motion is observed while it is found."""
     spec = scene.simulation
     assert spec is not None

@@ -124,7 +124,7 @@ def lost_turns(motion: Any) -> Real:
 
 
 def _unbalanced(run: Run) -> Real:
-    """What the balance of energies says of the error of a motion under forces (F,), largest so far: rates are off by at least half
+    """Error of a motion under forces by its balance of energies (F,), largest so far: rates are off by at least half
     of what is missing, relative to the largest change of an energy. A force that jumps without a reason shows here."""
     assert run.simulation is not None
     kinetic, potential, work, lost = run.simulation.energies(np.append(run.simulation.start, run.motion.time)).T

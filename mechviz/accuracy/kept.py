@@ -170,7 +170,7 @@ def _besides(fit: Fit) -> str:
 
 
 def _motion(run: Run, target: float) -> str:
-    """What the integration leaves, by its companion."""
+    """Error of the integration, by its companion."""
     assert run.simulation is not None
     left = float("nan")
     if run.again is not None:

@@ -54,7 +54,7 @@ def unforeseen(error: BaseException, *, shown: bool) -> int:
 
 
 def _item_of(error: BaseException) -> str:
-    """What the innermost of our functions that names an item was working on."""
+    """Item that the innermost of our functions that names one was working on."""
     frames = [frame for frame, _ in traceback.walk_tb(error.__traceback__)]
     for frame in reversed(frames):
         package, _, part = str(frame.f_globals.get("__name__", "")).partition(".")

@@ -1,4 +1,4 @@
-"""What commands share that read scenes: their argument, faults of scenes as messages, quantities of options."""
+"""Shared by commands that read scenes: their argument, faults of scenes as messages, quantities of options."""
 
 from __future__ import annotations
 

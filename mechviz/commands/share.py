@@ -143,7 +143,7 @@ def film(
 def _presentation(
     source: str, values: list[str] | None, frames: int | None, cycles: int | None, keep: bool, most: int | None = None
 ) -> Presentation:
-    """What is shown of the recording that is meant, of a long one at ``most`` frames where a number is given, or of the scene."""
+    """Presentation of the recording that is meant, of a long one at ``most`` frames where a number is given, or of the scene."""
     if not is_recording(source):
         run = solve(load_scene(source, values), frames, cycles)
         check_trust(run, keep)

@@ -1,4 +1,4 @@
-"""What commands share that solve scenes: their options, and whether the results can be trusted."""
+"""Shared by commands that solve scenes: their options, and whether the results can be trusted."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What has been made of a scene: undo, redo, reset. Steps of one drag are one step."""
+"""History of an edited scene: undo, redo, reset. Steps of one drag are one step."""
 
 from __future__ import annotations
 

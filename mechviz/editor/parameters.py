@@ -68,7 +68,7 @@ class Parameter:
         return key_of(self.path)
 
     def written(self, value: float) -> float | int | str:
-        """What stands in the file for a shown value."""
+        """Text in the file for a shown value."""
         number = round(value) if self.whole else float(f"{self.sign * value:.12g}")
         return f"{number!r} {self.suffix}" if self.suffix else number
 
@@ -359,7 +359,7 @@ def _group(path: Place) -> str:
 
 
 def _label(path: Place) -> str:
-    """What a value is called: the item and the key, without the words that the group says already."""
+    """Label of a value: the item and the key, without the words that the group says already."""
     parts = [str(p) for p in path if not isinstance(p, int)]
     axis = ("x", "y")
     last = path[-1]

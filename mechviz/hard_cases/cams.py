@@ -147,7 +147,8 @@ def _flat_undercut() -> Outcome:
 
 
 def _cut() -> Outcome:
-    """What a cutter leaves of an undercut profile: it lies inside the nominal one, and the roller cannot follow the law there."""
+    """The profile that a cutter leaves where it undercuts: it lies inside the nominal one, and the roller cannot follow the law
+    there."""
     law = program([Segment(0.8, 0.03), Segment(0.4, 0.03), Segment(0.8, 0.0), Segment(TURN - 2.0)])
     follower = Follower(Translating(), Roller(0.02))
     cam = cam_on_base(law, follower, 0.02)

@@ -34,7 +34,7 @@ class Check:
 
 @dataclass(frozen=True)
 class Outcome:
-    """What a case found. ``residual``: largest loop residual over the mechanism's size; ``condition``: largest of a block;
+    """Outcome of a case. ``residual``: largest loop residual over the mechanism's size; ``condition``: largest of a block;
     ``events``: what the program says of the place, in words."""
 
     found: str

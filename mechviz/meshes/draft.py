@@ -1,4 +1,4 @@
-"""What is drawn before heights are known: pieces of links in groups, each of which will lie on one layer."""
+"""Drafts of links before heights are known: pieces of links in groups, each of which will lie on one layer."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ class Piece:
 
 @dataclass(frozen=True, eq=False)
 class Neck:
-    """What joins a plate to its block (or jaw) on the layer of a rail."""
+    """Neck that joins a plate to its block (or jaw) on the layer of a rail."""
 
     link: str
     outline: Polygon

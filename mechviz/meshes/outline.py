@@ -135,7 +135,7 @@ def keyed_bore(centre: Vec2, shaft: float, hole: float, towards: Vec2, segments:
 
 
 def key_outline(centre: Vec2, shaft: float, towards: Vec2, segments: int) -> Polygon:
-    """What of the key stands out of its shaft, a hair apart from it: no two parts share a corner."""
+    """The part of the key that stands out of its shaft, a hair apart from it: no two parts share a corner."""
     half = _FIT * _HALF * shaft
     whole = _turned(box(0.0, -half, (1.0 + _FIT * _HIGH) * shaft, half), centre, towards)
     return polygons(whole.difference(disc(centre, 1.004 * shaft, segments)))[0]

@@ -178,7 +178,7 @@ def _drilled_marks(model: Model, piece: Piece, shape: Polygon, turned: Sequence[
 
 
 def _necks(model: Model, draft: Draft, levels: Levels) -> list[Part]:
-    """What joins plates to blocks on other layers, from face to face."""
+    """Necks that join plates to blocks on other layers, from face to face."""
     parts = []
     size = model.proportions
     for neck in draft.necks:
@@ -255,7 +255,7 @@ def _stepped(axle: Axle, steps: Sequence[tuple[float, float, float]], bevel: flo
 
 @dataclass(frozen=True)
 class _Stand:
-    """What holds a ground pivot or a fixed block: a column from a pedestal to the nearest layer of its links."""
+    """Support of a ground pivot or a fixed block: a column from a pedestal to the nearest layer of its links."""
 
     centre: Vec2
     radius: float

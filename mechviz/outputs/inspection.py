@@ -1,4 +1,4 @@
-"""What a recording holds, in words and numbers, read from the file alone."""
+"""Content of a recording, in words and numbers, read from the file alone."""
 
 from __future__ import annotations
 

@@ -1,4 +1,5 @@
-"""What every output shows, of a solved run or of a recording: the picture, the catalogue, events, states, constructions, words."""
+"""Presentation of a solved run or of a recording, which every output takes: the picture, the catalogue, events, states,
+constructions, words."""
 
 from __future__ import annotations
 
@@ -33,7 +34,7 @@ class Lane:
 
 @dataclass(frozen=True, eq=False)
 class Presentation:
-    """What outputs are made from. ``name``: the scene's; ``notes`` are markdown; ``chosen`` (F,) are the numbers of the frames that
+    """The source of all outputs. ``name``: the scene's; ``notes`` are markdown; ``chosen`` (F,) are the numbers of the frames that
     are here, of ``total`` frames of the whole run; ``simulated``: forces decide the motion."""
 
     name: str
@@ -52,7 +53,7 @@ class Presentation:
 
 
 def presentation_of(run: Run, begin: Callable[[str], None] = lambda _: None) -> Presentation:
-    """What is shown of a run. ``begin`` is told each stage when it begins."""
+    """Presentation of a run. ``begin`` is told each stage when it begins."""
     begin("solid meshes")
     solids = solids_of(run)
     begin("tables, arrows and events")
@@ -77,7 +78,7 @@ def presentation_of(run: Run, begin: Callable[[str], None] = lambda _: None) -> 
 
 
 def presentation_in(recording: Recording) -> Presentation:
-    """What is shown of a recording, complete or interrupted."""
+    """View model of a recording, complete or interrupted."""
     numbers = numbers_in(recording)
     ticks, _ = recording.scalars("data", "links", numbers.frame, "pose")
     every = ticks if recording.frame_times is None else recording.frame_times

@@ -54,7 +54,7 @@ def key_of(item: Vector | Moment) -> str:
 
 
 def owner_of(item: Vector | Moment) -> tuple[str, str]:
-    """What an arrow belongs to: a joint, a load, a link or a point."""
+    """Owner of an arrow: a joint, a load, a link or a point."""
     kinds = {"applied": "load", "gravity": "link", "inertia": "link", "velocity": "point", "acceleration": "point"}
     return kinds.get(item.family, "joint"), item.item
 

@@ -40,7 +40,7 @@ THIN, THICK, DOT = 0.0016, 0.0028, 0.009  # radii in sizes of the mechanism
 
 
 def centre_nodes(run: Run, solids: Solids) -> Iterator[Node]:
-    """What the scene's constructions about centres draw on the mechanism; the colours are made for a dark ground."""
+    """Nodes of the constructions about centres on the mechanism; the colours are made for a dark ground."""
     studies, height = run.studies, solids.z_top + 0.008 * solids.size
     for name, centre in studies.instant_centres.items():
         yield from _instant_centre(_Pen(run, solids, "instant_centres", name, height), centre, studies.instant_centres)

@@ -1,4 +1,4 @@
-"""What a picture consists of: a flat list of nodes, each with a key, an owner, the group that switches it, and a track."""
+"""Parts of a picture: a flat list of nodes, each with a key, an owner, the group that switches it, and a track."""
 
 from __future__ import annotations
 
@@ -148,7 +148,7 @@ N = TypeVar("N", bound=Node)
 
 @dataclass(frozen=True, eq=False)
 class Picture:
-    """What is seen over the frames at ``time`` (F,) [s]: ``poses`` x, y, angle (F, 3) [m, m, rad] of all links, and the nodes.
+    """Everything seen over the frames at ``time`` (F,) [s]: ``poses`` x, y, angle (F, 3) [m, m, rad] of all links, and the nodes.
 
     ``frame`` is the fixed link, ``size`` [m] the mechanism's, ``bounds`` (2, 3) [m] the box around all solids over the run, ``top``
     [m] the height before which there is nothing solid; ``scales``: how large arrows are drawn; ``widths`` of springs by name, over

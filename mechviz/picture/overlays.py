@@ -30,7 +30,7 @@ SUBSTITUTE_FORCE = (244, 178, 255)
 
 
 def overlay_nodes(run: Run, solids: Solids) -> Iterator[Node]:
-    """What the scene's constructions draw on the mechanism; the colours are made for a dark ground."""
+    """Nodes of the scene's constructions on the mechanism; the colours are made for a dark ground."""
     size, top = solids.size, solids.z_top
     yield from _funicular(run, size, top + 0.01 * size)
     yield from _polodes(run, solids, top + 0.006 * size)

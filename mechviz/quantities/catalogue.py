@@ -101,7 +101,7 @@ class Together:
 
 @dataclass(frozen=True, eq=False)
 class Axis:
-    """What a plot runs against: ``values`` (F,) never decrease or never increase."""
+    """The abscissa of a plot: ``values`` (F,) never decrease or never increase."""
 
     label: str
     unit: str
@@ -170,7 +170,7 @@ class Catalogue:
 
     @cached_property
     def first(self) -> tuple[Quantity, ...]:
-        """What is plotted at the start: driving efforts, then the motion of the output or of a traced point."""
+        """Quantities that are plotted at the start: driving efforts, then the motion of the output or of a traced point."""
         n = self.numbers
         wanted = [f"drive.{name}.{effort}" for name in n.drives for effort in ("torque", "force")]
         output = self.output
@@ -240,7 +240,7 @@ class Catalogue:
 
 
 def names_of(n: Numbers) -> Names:
-    """What the entries of the catalogue depend on beside the tables."""
+    """Facts on which the entries of the catalogue depend beside the tables."""
     pins = frozenset(name for name in n.joints if n.is_pin(name))
     rubbing = frozenset(name for name in n.joints if n.rubs(name))
     return Names(n.frame, n.drives, tuple(n.joints), n.links, n.points, tuple(n.loads), pins, rubbing, n.has_forces)

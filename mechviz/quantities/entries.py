@@ -1,4 +1,4 @@
-"""What the columns of a table are called and in which units people read them: the rules of the catalogue.
+"""Names of the columns of a table, and the units in which people read them: the rules of the catalogue.
 
 They depend on names alone, not on values, so that a scene whose values change keeps its entries.
 """
@@ -18,7 +18,7 @@ from mechviz.quantities.items import Columns
 Path = tuple[str, ...]
 
 UNITS = {"m": ("mm", 1e3), "rad": ("°", 180.0 / np.pi), "Pa": ("MPa", 1e-6)}
-"""What people read instead of SI units."""
+"""Units that people read instead of SI units."""
 
 MOTION = {
     "slide": "displacement",
@@ -55,8 +55,8 @@ TABLES = ("motion", "pose", "position", "velocity", "acceleration", "reaction", 
 
 
 class Names(NamedTuple):
-    """What the entries depend on beside paths and columns; ``pins``: joints whose couple is friction alone, ``rubbing``: joints
-    with friction."""
+    """Facts on which the entries depend beside paths and columns; ``pins``: joints whose couple is friction alone, ``rubbing``:
+    joints with friction."""
 
     frame: str
     drives: tuple[str, ...]
@@ -160,7 +160,7 @@ def _grouped(
 
 
 def _name(what: str, unit: str, columns: tuple[str, ...]) -> str:
-    """What a quantity is called: a column by its own name where it stands alone."""
+    """Title of a quantity: a column by its own name where it stands alone."""
     column = columns[0]
     if what == "motion":
         return MOTION.get(column.replace(" ", "_"), column)

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 
 def simulation_events(run: Run) -> list[Event]:
-    """What happened while the motion was found, and what else is worth a word at the frames."""
+    """Events of a motion under forces, and what else is worth a word at the frames."""
     simulation = run.simulation
     assert simulation is not None
     events = [Event(float(h.time), "WARN" if h.kind == "lost" else "INFO", h.item, h.text) for h in simulation.events]
@@ -94,7 +94,7 @@ def line_of(event: Event) -> str:
 
 
 def _course_events(run: Run) -> list[Event]:
-    """What happens in the course of the motion."""
+    """Events in the course of the motion."""
     if run.simulation is not None:
         return [*simulation_events(run), *load_events(run.motion, run.scene.mechanism)]
     rubbing = [] if run.forces is None else friction_events(run.forces)

@@ -182,7 +182,7 @@ def _contact(run: Run, cam: AnyCam) -> Real:
 
 
 def _rated(run: Run, cam: Any, lifts: Columns) -> Iterator[Table]:
-    """What a scene asks for beside: Hertz pressure, the drawn lift and its error."""
+    """Ratings that a scene asks for: Hertz pressure, the drawn lift and its error."""
     joint = joint_of(run.motion, cam)
     if joint.rating is not None and joint.rating.width is not None and run.forces is not None:
         columns: Columns = (("hertz_pressure", "Pa"), ("half_width", "m"))
@@ -228,7 +228,7 @@ def _driven(run: Run, joint: str) -> Real:
 
 
 def _answers(run: Run) -> Iterator[Table]:
-    """What the scene asks for beyond motion and forces, under ``/data/answers``."""
+    """Outputs that the scene asks for beyond motion and forces, under ``/data/answers``."""
     motion = run.motion
     computed: dict[str, tuple[tuple[str, str], Callable[[], Any]]] = {
         "transmission_angle": (("angle", "rad"), cache(partial(metrics.transmission_angles, motion))),

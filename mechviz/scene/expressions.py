@@ -46,7 +46,7 @@ class Amount:
 
     @property
     def words(self) -> str:
-        """What it measures, in words."""
+        """Quantity that it measures, in words."""
         return "a plain number" if self.powers == PLAIN else measured(Unit(powers=self.powers))
 
 
@@ -95,7 +95,7 @@ def name_fault(name: str) -> tuple[str, str] | None:
 
 
 def angle_remedy(powers: Powers, wanted: Powers, remedy: str) -> str:
-    """What to do about a value of other powers than wanted: radians are a unit here."""
+    """Remedy for a value of other powers than wanted: radians are a unit here."""
     if powers[1:] != wanted[1:]:
         return remedy
     turns = wanted[0] - powers[0]

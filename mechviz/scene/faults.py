@@ -1,4 +1,4 @@
-"""What is wrong with a scene, said so that it can be put right: every fault at once, in the order of the file.
+"""Faults of a scene, each with its remedy: every fault at once, in the order of the file.
 
 What the core says of a mechanism is told in the words of its scene: its units, and paths of keys that its document has.
 """

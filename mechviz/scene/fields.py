@@ -331,7 +331,7 @@ class Table(BaseModel):
 
     @classmethod
     def __get_pydantic_json_schema__(cls, core: CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
-        """What stands below each key in the source describes it in the schema. pydantic's own ``use_attribute_docstrings`` reads
+        """The text below each key in the source describes it in the schema. pydantic's own ``use_attribute_docstrings`` reads
         the sources whenever the tables are loaded, which takes a tenth of a second of every command."""
         schema = handler(core)
         entries = handler.resolve_ref_schema(schema)["properties"]

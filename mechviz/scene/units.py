@@ -265,7 +265,7 @@ def unit_of(text: str) -> Unit:
 
 
 def measured(unit: Unit) -> str:
-    """What a unit measures, in words."""
+    """Quantity that a unit measures, in words."""
     for kind in KINDS.values():
         if unit.powers == unit_of(kind.si).powers:
             return kind.words

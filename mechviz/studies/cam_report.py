@@ -51,7 +51,7 @@ Row = tuple[str, str, bool | None, bool]  # what, words, passed, stated
 
 
 def cam_facts(motion: Motion, forces: Forces | None, *, margin: float | None = None) -> list[CamFact]:
-    """What a run tells of all cams; ``margin`` [N] instead of the scene's, for the least spring."""
+    """Facts of all cams over a run; ``margin`` [N] instead of the scene's, for the least spring."""
     facts: list[CamFact] = []
     for cam in placed_cams(motion):
         rows = _facts(motion, forces, cam, joint_of(motion, cam), margin)
@@ -60,7 +60,7 @@ def cam_facts(motion: Motion, forces: Forces | None, *, margin: float | None = N
 
 
 def law_facts(motion: Motion) -> list[CamFact]:
-    """What the laws of all cams tell by themselves, whatever the run is."""
+    """Facts of the laws of all cams, whatever the run is."""
     rows = [(cam.name, row) for cam in placed_cams(motion) for row in _limits(cam)]
     return [CamFact(name, what, Text(words), passed, stated) for name, (what, words, passed, stated) in rows]
 
@@ -272,7 +272,7 @@ def drawn_lines(motion: Motion, units: UnitSystem, drawn: CamDrawn | None = None
 
 
 def _simplified_words(cam: AnyCam) -> Iterator[str]:
-    """What the lecture's profile of an offset knife costs, which leaves out the phase atan(m/h)."""
+    """Error of the lecture's profile of an offset knife, which leaves out the phase atan(m/h)."""
     if not isinstance(cam, PlacedCam) or cam.given is not None or cam.offset == 0.0 or not isinstance(cam.face, Knife):
         return
     error = simplified_offset_error(cam.cam.law, cam.offset, np.radians(np.arange(0.0, 360.0, 0.25)))

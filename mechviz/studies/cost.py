@@ -169,7 +169,7 @@ def side_by_side(
 
 @contextmanager
 def used() -> Iterator[Callable[[], float]]:
-    """What share of the time in its block this program had the processor for: told, at most 1, by what it gives."""
+    """Gives a function: the share of the time in its block, at most 1, for which this program had the processor."""
     wall, own = time.perf_counter(), time.process_time()
     share = [1.0]
     yield lambda: share[0]
@@ -194,7 +194,7 @@ START, EACH = 0.3, 5e-4  # [s] that compiling takes, and each line of it
 
 @in_scene_words
 def executor_lines(scene: Scene, executor: Executor) -> list[str]:
-    """What runs each stage of a scene, in lines for the plan. Raises `MechanismError` where C is asked for without a compiler."""
+    """Executor of each stage of a scene, in lines for the plan. Raises `MechanismError` where C is asked for without a compiler."""
     if executor == "numpy":
         return ["executor", "  numpy, as asked for"]
     if executor == "c":
@@ -210,7 +210,7 @@ def executor_lines(scene: Scene, executor: Executor) -> list[str]:
 
 @in_scene_words
 def missing_lines(scene: Scene) -> list[str]:
-    """What of a scene C does not have, so that numpy runs it."""
+    """Stages of a scene that C does not have, so that numpy runs them."""
     compiled = compile_mechanism(scene.mechanism)
     reasons = {"positions and rates": _not_written(compiled)}
     if scene.simulation is not None:

@@ -1,4 +1,5 @@
-"""What each effect of a scene does to the answer, beside what it costs: each is left out, or added, and all is computed again."""
+"""Influence of each effect of a scene on the answer, beside what it costs: each is left out, or added, and all is computed
+again."""
 
 from __future__ import annotations
 
@@ -26,7 +27,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Answer:
-    """What a run is asked for: the largest effort of its drives, the largest reaction [N], and where forces decide the motion the
+    """Answer of a run: the largest effort of its drives, the largest reaction [N], and where forces decide the motion the
     fluctuation of the speed (largest less smallest over the mean); NaN where there is none. ``curve``: efforts and reactions."""
 
     effort: float
@@ -195,7 +196,7 @@ def influence_lines(base: Answer, every: list[Influence], accuracy: float) -> li
 
 
 def _price(i: Influence) -> str:
-    """What an effect costs, in words; what is less than the spread of the times is not told as a number."""
+    """Price of an effect, in words; what is less than the spread of the times is not told as a number."""
     if abs(i.cost) <= max(i.spread, 0.01):
         return "its price is lost in the noise of the times"
     share = f"{abs(100.0 * i.cost):.0f}" if abs(i.cost) >= 0.1 else f"{abs(100.0 * i.cost):.2g}"

@@ -197,7 +197,7 @@ def _differentiation(run: Run, budget: float) -> Iterator[Point]:
 
 
 def _rates_error(run: Run, time: Real) -> Real:
-    """What the program says of its exact rates: they are not compared with themselves."""
+    """Error of the program's exact rates: they are not compared with themselves."""
     motion = solve_motion(replace(run.compiled, accuracy=DEFAULT), time)
     return estimate_errors(replace(run, motion=motion, forces=None, accuracy=DEFAULT)).acceleration
 

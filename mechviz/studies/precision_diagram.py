@@ -175,7 +175,7 @@ def _rgb(code: str) -> tuple[int, int, int]:
 
 
 UNSET: dict[str, dict[str, Any]] = {"integrator": {"nodes": None}, "tessellation": {"chord": None}}
-"""What the options of a dial mean where they do not say it."""
+"""Meaning of the options of a dial where they do not say it."""
 
 NAMES = {order: name for name, order in ORDERS.items()}
 

@@ -1,4 +1,4 @@
-"""What `mechviz check` and `mechviz plan` print: structure, reach and plan of a scene, as plain lines."""
+"""Texts of `mechviz check` and `mechviz plan`: structure, reach and plan of a scene, as plain lines."""
 
 from __future__ import annotations
 
@@ -155,7 +155,7 @@ def _contact(forces: Forces, units: Units, decided: list[str]) -> list[str]:
 
 
 def _belts(forces: Forces, units: Units) -> list[str]:
-    """What belts can carry, and where they slip."""
+    """Grip of belts, and where they slip."""
     motion = forces.motion
     loads = [load for load in motion.mechanism.loads if isinstance(load, BeltTension) and load.coefficient]
     most = {load.joint: units.show(belt_grip(motion, load).most, "force", 5) for load in loads}
@@ -239,7 +239,7 @@ def _idle(scene: Scene, compiled: Compiled, ranges: list[tuple[float, float]]) -
 
 
 def _told_by_runs(mechanism: Mechanism) -> list[str]:
-    """What a scene limits that nobody knows before forces have decided the motion."""
+    """Limits of a scene that only forces decide."""
     limited = []
     for joint in mechanism.joints:
         if isinstance(joint, CamJoint):

@@ -158,7 +158,7 @@ def _harmonic(centre: float, amplitude: float, frequency: float, unit: str) -> d
 
 
 def _amplitude(vibrations: Vibrations, k: int, fraction: float) -> float:
-    """What the mode's shape is multiplied by."""
+    """Factor of the mode's shape."""
     eq = vibrations.equilibrium
     model = eq.compiled.model
     motion = eq.motion_with(vibrations.modes[k].shape)

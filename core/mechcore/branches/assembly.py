@@ -91,7 +91,8 @@ def assemble(model: Model, drives: Sequence[float], *, others: bool = True) -> A
 
 
 def starts_of(model: Model, state: State, shape: tuple[int, ...] = ()) -> dict[str, Real]:
-    """What solved positions (*shape) are continued from: unknowns of general blocks, and angles of groups beyond one turn."""
+    """Starts from which solved positions (*shape) are continued: unknowns of general blocks, and angles of groups beyond one
+    turn."""
     starts = {name: np.asarray(newton.x) for name, newton in state.newton.items()}
     return starts | {f"angle {g}": np.broadcast_to(real_angle(model, state, g), shape) for g in model.multi_turn}
 

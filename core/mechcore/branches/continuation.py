@@ -44,7 +44,8 @@ HALVINGS = 60
 
 @dataclass(frozen=True, eq=False)
 class Branch:
-    """What is followed: a mechanism as assembled, whose first drives go by ``laws`` of a parameter; the others are held ``still``.
+    """The curve that is followed: a mechanism as assembled, whose first drives go by ``laws`` of a parameter; the others are held
+    ``still``.
 
     Groups of ``model`` that are of the kind "general" are continued, and the angles of those that count turns.
     """

@@ -284,7 +284,7 @@ def _zero(values: Real, nodes: Real) -> float:
 
 
 def rounding_of(model: Model) -> float:
-    """What lengths are uncertain by, relative to the size, because points far from their origin keep fewer digits.
+    """Uncertainty of lengths, relative to the size, because points far from their origin keep fewer digits.
 
     At an origin 10 km away no drawing says to better than 2e-12 m whether a parallelogram is one.
     """

@@ -1,4 +1,4 @@
-"""What keeps a follower on its cam: yokes of constant breadth, conjugate cams, springs; jamming of the guide, Hertz stress."""
+"""Closure of cam and follower: yokes of constant breadth, conjugate cams, springs; jamming of the guide, Hertz stress."""
 
 from __future__ import annotations
 
@@ -66,7 +66,7 @@ def conjugate(
 
 @dataclass(frozen=True)
 class Closure:
-    """What presses a translating follower on its cam: mass [kg], spring rate [N/m], its deflection at zero lift [m], weight
+    """Closure of a translating follower: mass [kg], spring rate [N/m], its deflection at zero lift [m], weight
     and load.
 
     ``gravity`` [m/s2] acts against the lift where positive; ``load`` [N] likewise. For an oscillating follower: moment of

@@ -178,7 +178,7 @@ def undercut_ranges(cam: Cam, angles: ArrayLike) -> list[tuple[float, float]]:
 
 @dataclass(frozen=True)
 class Requirement:
-    """What a cam is to keep to; ``None`` is not asked. Angles [rad], lengths [m].
+    """Limits that a cam is to keep; ``None`` is not asked. Angles [rad], lengths [m].
 
     The lecture's three conditions: the smallest radius of curvature (strength and wear), the largest pressure angle (bending of
     the follower, load of the guide), for flat faces the largest pressure distance (bending of the stem).

@@ -19,7 +19,7 @@ from mechcore.kinematics.rates import Rates, accelerations, velocities
 from mechcore.kinematics.state import State, initial_state
 
 Executor = Literal["auto", "numpy", "c"]
-"""What runs the steps of a mechanism's program: numpy over all frames, or a program in C that is compiled when first needed."""
+"""The executor of a mechanism's program: numpy over all frames, or a program in C that is compiled when first needed."""
 PAYS = 1_000_000  # frames from which on compiling a program costs less than it spares: both grow with its length
 MOST_LINES = 40_000  # of a program: compiling that takes some 20 s
 FUNCTION = """
@@ -191,7 +191,7 @@ def loaded(model: Model) -> MotionProgram | MechanismError | None:
 
 
 def motion_program(model: Model, executor: Executor, frames: int) -> MotionProgram | None:
-    """What runs the steps of a model at so many frames: a compiled program; None for numpy.
+    """The executor of a model's steps at so many frames: a compiled program; None for numpy.
 
     Raises `MechanismError` where C is asked for and cannot be compiled.
     """

@@ -413,4 +413,4 @@ UFUNCS: dict[str, Callable[..., Any]] = {
     "arctan": partial(called, "atan"),
     **{name: partial(called, name) for name in ("sqrt", "floor", "cos", "sin", "tan", "tanh", "log", "log1p", "expm1", "rint")},
 }
-"""What numpy's functions are of symbols."""
+"""Functions of symbols by numpy's names."""

@@ -35,7 +35,7 @@ class Block:
 
 @dataclass(frozen=True, eq=False)
 class Equivalent:
-    """What replaces a joint, in the world: ``pins`` by name (F,) [m], NaN at infinity, ``bars`` from pin to pin, ``blocks``."""
+    """The equivalent of a joint, in the world: ``pins`` by name (F,) [m], NaN at infinity, ``bars`` from pin to pin, ``blocks``."""
 
     joint: str
     pins: dict[str, Complex]

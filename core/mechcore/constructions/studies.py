@@ -60,7 +60,7 @@ class SubstituteResult:
 
 @dataclass(frozen=True, eq=False)
 class StudyResults:
-    """What was asked for; the rest is empty."""
+    """Results of the studies that were asked for; the rest is empty."""
 
     polygons: Mapping[str, tuple[Polygon, ...]] = field(default_factory=dict)
     centrodes: Mapping[str, Centrodes] = field(default_factory=dict)

@@ -18,7 +18,7 @@ TURN = 2.0 * np.pi
 
 
 class Grashof(Enum):
-    """What the lengths of a four-bar let its crank (the link that is driven) and its rocker do."""
+    """Kind of motion that the lengths of a four-bar allow its crank (the link that is driven) and its rocker."""
 
     CRANK_ROCKER = "crank-rocker"
     ROCKER_CRANK = "rocker-crank"
@@ -120,7 +120,7 @@ def from_pins(crank_pivot: complex, rocker_pivot: complex, a: complex, b: comple
 
 @dataclass(frozen=True, eq=False)
 class Defects:
-    """What keeps D linkages from running through their K positions in the driver's one sense; flags (D,), true is a defect.
+    """Defects that keep D linkages from running through their K positions in the driver's one sense; flags (D,), true is a defect.
 
     ``branch``: a dead point of the driver lies between positions. ``circuit``: the linkage has to be taken apart between positions.
     ``order``: the driver meets the positions in another order than asked for.

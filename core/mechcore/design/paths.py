@@ -269,7 +269,8 @@ class PathProblem:
         return np.concatenate([miss.real, miss.imag, HINGE * np.maximum(broken, 0.0)], axis=1), slopes
 
     def designs(self, x: Real) -> list[PathDesign]:
-        """What was found, the best first, each once; without those whose crank does not turn or meets the points out of order."""
+        """The linkages found, the best first, each once; without those whose crank does not turn or meets the points out of
+        order."""
         numbers = np.arange(len(x))
         residual, _ = self.evaluate(x, numbers)
         size = len(self.task.points)

@@ -263,7 +263,8 @@ class EventIntegrator:
                 effect.check(motion)
 
     def _known(self, t: float) -> Known | None:
-        """What a motion that is nearly this one says of the segment that begins at ``t`` [s]; None where it has other segments."""
+        """Knowledge from a motion that is nearly this one of the segment that begins at ``t`` [s]; None where it has other
+        segments."""
         segments = () if self.like is None else self.like.segments[len(self.segments) : len(self.segments) + 1]
         for segment in segments:
             same = segment.independent == list(self.coordinates) and segment.separated == tuple(sorted(self.separated))
@@ -337,7 +338,7 @@ class EventIntegrator:
         return Simulation(self.original, tuple(segments), *facts, self.stops.stops, happened.pushed, self.separable_cams)
 
     def _meet_stops(self, t: float, q: Real, v: Real) -> tuple[Real, Real]:
-        """What happens at the stops that are touched at an instant; coordinates and rates after it."""
+        """Coordinates and rates after the stops that are touched at an instant have acted."""
         if self.separation is not None:
             for stop in self.stops.approached(q, v, t, self._system()):
                 q, v = self._part(t, q, v, stop)

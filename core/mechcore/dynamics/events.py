@@ -1,4 +1,4 @@
-"""What can happen in the course of a motion: stops that are hit, values that are passed, ends that are reached."""
+"""Events in the course of a motion: stops that are hit, values that are passed, ends that are reached."""
 
 from __future__ import annotations
 
@@ -103,7 +103,8 @@ class SimulationEvent:
 def event_function_of(
     watch: EventTrigger | Stop, coordinates: dict[str, int], motion_at: Callable[[Real, Real, Real], Motion]
 ) -> EventFunction:
-    """What a stop or a watch measures, minus its limit; free coordinates are read off, all else is computed from the motion."""
+    """Event function of a stop or a watch: its quantity minus its limit; free coordinates are read off, all else is computed from
+    the motion."""
     of = watch.of if isinstance(watch, EventTrigger) else "position"
     if watch.joint in coordinates and of in ("position", "velocity"):
         i = coordinates[watch.joint]
@@ -221,7 +222,7 @@ class Happened:
 
 
 class Log:
-    """What has happened, in order of time; `news` is what has not been asked for yet."""
+    """Everything that has happened, in order of time; `news` is the part that has not been asked for yet."""
 
     def __init__(self) -> None:
         self.events: list[SimulationEvent] = []
@@ -244,7 +245,7 @@ class Log:
         return self._since(0, 0, 0)
 
     def news(self) -> Happened:
-        """What has happened since this was asked for the last time."""
+        """Everything that has happened since this was asked for the last time."""
         since, self._told = self._told, (len(self.events), len(self._lost), len(self._pushed))
         return self._since(*since)
 

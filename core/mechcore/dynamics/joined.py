@@ -129,7 +129,7 @@ class JoinedMotion(Motion):
 
 
 def together(frames: int, parts_have: Sequence[tuple[Index, T]]) -> T:
-    """What parts have at their frames: arrays (F, ...), dictionaries or dataclasses of such."""
+    """Values of parts at their frames put together: arrays (F, ...), dictionaries or dataclasses of such."""
     first: Any = parts_have[0][1]
     many: Any = parts_have
     out: Any
@@ -178,7 +178,7 @@ class JoinedForces(Forces):
         return self._join(lambda f: _transmitted(f, joint) if _has(f, joint) else np.zeros((f.motion.frames, 3)))
 
     def pressed(self, joint: str) -> Real:
-        """What the joint transmits without what friction adds to it."""
+        """Force and couple that the joint transmits, without the share of friction"""
         return self._join(lambda f: f.pressed(joint) if _has(f, joint) else np.zeros((f.motion.frames, 3)))
 
     def position(self, joint: str) -> Real:
@@ -186,7 +186,7 @@ class JoinedForces(Forces):
         return self._join(lambda f: f.position(joint) if _has(f, joint) else f.motion._rows(relation.contact(f.motion, 1.0)[0]))
 
     def effort(self, joint: str) -> Real:
-        """What the drive of a joint exerts, zero where the joint is not driven (F,)."""
+        """Torque or force of a joint's drive (F,) [N m or N], zero where the joint is not driven."""
         return self._join(lambda f: f.effort(joint) if _drives(f, joint) else np.zeros(f.motion.frames))
 
     def wrench(self, joint: str) -> Real:
@@ -272,7 +272,7 @@ class JoinedFriction(FrictionResult):
         return self._forces._join(known)
 
     def applied(self, joint: str) -> Real:
-        """What friction adds to the force and couple on the second link (F, 3)."""
+        """Share of friction in the force [N] and couple [N m] on the second link (F, 3)."""
         return self._join(lambda f: f.applied(joint), 3, joint)
 
     def wrench(self, joint: str) -> Real:
@@ -304,7 +304,7 @@ def _has(forces: Forces, joint: str) -> bool:
 
 
 def _transmitted(forces: Forces, joint: str) -> Real:
-    """What a joint transmits; where it has clearance, the moment of friction in the bearing as well (F, 3)."""
+    """Force [N] and couple [N m] of a joint (F, 3); where it has clearance, the moment of friction in the bearing as well."""
     total = forces.reaction(joint)
     for w in forces.applied:
         if w.kind == RUBBING and w.name == rubbing_name(joint):

@@ -101,7 +101,7 @@ class Segment:
         return [self.compiled.mechanism.drives[i].joint for i in free_of(self.compiled)]
 
     def known(self, scale: Real) -> Known:
-        """What it says to one who looks for the same motion again; ``scale`` (f,): typical sizes of its coordinates."""
+        """Knowledge for whoever looks for the same motion again; ``scale`` (f,): typical sizes of its coordinates."""
         if isinstance(self.solution, Solution):
             windows = self.solution.windows
             boundaries = np.array([*(w.start for w in windows), self.solution.end])
@@ -182,7 +182,7 @@ class Breakpoints(Programmed):
 
 
 def breakpoint_finder(compiled: Compiled) -> Breakpoints | None:
-    """What finds the breakpoints of a mechanism's laws; None where nothing in it has several forms."""
+    """Finder of the breakpoints of a mechanism's laws; None where nothing in it has several forms."""
     finder = Breakpoints(compiled)
     return finder if finder.searched or len(finder.breaks) or finder.laws else None
 

@@ -39,7 +39,7 @@ class SubtreeStep(NamedTuple):
 
 
 class Balance(NamedTuple):
-    """What balances at an unknown: the moments on the ``links`` of an angle, or the force on the subtree of a ``child`` (0: none)
+    """Balance at an unknown: the moments on the ``links`` of an angle, or the force on the subtree of a ``child`` (0: none)
     along ``sign`` times its guide; and the forces in the cuts of later blocks in which it appears: ``loops``, each with the numbers
     of the vectors that it moves, and ``relations``."""
 
@@ -78,7 +78,7 @@ class BalanceProgram(NamedTuple):
 
 
 def balance_program(model: Model) -> BalanceProgram:
-    """What balances where in a model; ask for it by `Model.once`."""
+    """All balances of a model, in order; ask for them by `Model.once`."""
     joint, parent, outwards = model.tree.joint, model.tree.parent, model.tree.order
     sides = {k: 1 if model.ends[joint[k]][1] == k else 0 for k in outwards}  # of each link in the joint that leads to it
     child = {joint[k]: k for k in outwards}

@@ -1,4 +1,4 @@
-"""What happens to the cams of a mechanism over a run: contact lost and regained, infinite jerk, pressure angles beyond a limit."""
+"""Events of the cams of a mechanism over a run: contact lost and regained, infinite jerk, pressure angles beyond a limit."""
 
 from __future__ import annotations
 

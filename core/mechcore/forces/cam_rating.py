@@ -29,7 +29,7 @@ def placed_cams(motion: Motion) -> list[AnyCam]:
 
 
 def joint_of(motion: Motion, cam: AnyCam) -> CamJoint:
-    """What the mechanism says of a cam."""
+    """Rating of a cam that the mechanism states."""
     return next(p for p in motion.mechanism.joints if p.name == cam.name and isinstance(p, CamJoint))
 
 

@@ -23,7 +23,7 @@ from mechcore.numerics.frames import QUIET, added, crossed, nothing, summed
 def transmit(
     motion: Motion, force: Sequence[Plane], moment: Sequence[Values], flanks: Mapping[int, Values] | None = None
 ) -> tuple[list[tuple[Plane, Values]], dict[str, tuple[Plane, Plane]], dict[int, Values]]:
-    """What joints and relations transmit under loads on the links: linear in the loads.
+    """Forces that joints and relations transmit under loads on the links: linear in the loads.
 
     ``force`` (complex) and ``moment`` (about its origin) of each link are (F,) or have axes before that of the frames.
     ``flanks``: multipliers whose signs say which flank or span of each relation carries; else it is the one that the loads ask for.

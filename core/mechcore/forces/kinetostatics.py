@@ -109,7 +109,7 @@ class Forces:
         return self.motion.joint_position(joint)
 
     def wrench(self, joint: str) -> Real:
-        """What a drive exerts on the joint's second link: Fx, Fy [N], moment [N m] at the joint's position (F, 3)."""
+        """Wrench of a drive on the joint's second link: Fx, Fy [N], moment [N m] at the joint's position (F, 3)."""
         j = self._joint(joint)
         force, moment = self._drive(j)
         if joint in self._contacts:  # a driven wheel: the force acts at its centre, the joint is where it touches

@@ -80,7 +80,7 @@ def _idle(motion: Motion, load: Force | Torque | Actuator, drives: list[str]) ->
 
 
 def _argument(motion: Motion, factor: Factor, joint: str) -> Real:
-    """What a factor depends on over the frames (F,); ``joint``: the one whose coordinate or rate it is."""
+    """Argument of a factor over the frames (F,); ``joint``: the one whose coordinate or rate it is."""
     if factor.of == "time":
         return motion.time
     if factor.of in ("position", "velocity"):

@@ -167,7 +167,7 @@ def _classed(
 
 @dataclass(frozen=True, eq=False)
 class Share:
-    """What a drive does over a run: its power (F,) [W], works [J], and the times [s] between which it delivers power."""
+    """Work of a drive over a run: its power (F,) [W], works [J], and the times [s] between which it delivers power."""
 
     joint: str
     power: Real

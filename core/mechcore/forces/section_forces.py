@@ -50,7 +50,7 @@ class _At(NamedTuple):
 
 
 class _Along(NamedTuple):
-    """What a guide's bearing exerts along a segment, in the link's axes: a pressure linear in the distance from its ``middle``,
+    """Load of a guide's bearing along a segment, in the link's axes: a pressure linear in the distance from its ``middle``,
     with resultant and couple, a force along it and a couple, both uniform. ``station`` of the middle on the segment, not clipped.
     """
 
@@ -198,7 +198,7 @@ class _Acting:
         return station
 
     def _reactions(self) -> None:
-        """What joints exert on the link, drives included."""
+        """Forces of joints on the link, drives included."""
         forces = self.forces
         model = forces.motion.model
         own = model.links[self.k]
@@ -317,7 +317,7 @@ def all_sections(forces: Forces) -> Iterator[tuple[str, SectionForces]]:
 
 @dataclass(frozen=True, eq=False)
 class GuideLoad:
-    """What the bearing of a guide exerts on the joint's second link, in the world, over frames (F,).
+    """Load of a guide's bearing on the joint's second link, in the world, over frames (F,).
 
     ``middle`` of the bearing and the guide's ``direction`` are complex; ``normal`` force across the guide [N], to the left of its
     direction; ``couple`` of the pressure about the middle [N m]; of friction the force ``along`` the guide [N] and the couple
@@ -345,7 +345,7 @@ def bearings(mechanism: Mechanism) -> tuple[Prismatic, ...]:
 
 
 def guide_load(forces: Forces, joint: Prismatic) -> GuideLoad:
-    """What the bearing of a sliding joint carries; the force of a drive of the joint is not part of it."""
+    """Load of a sliding joint's bearing; the force of a drive of the joint is not part of it."""
     assert joint.friction is not None
     motion, bearing = forces.motion, joint.friction
     j = motion.model.joint_index[joint.name]

@@ -505,7 +505,7 @@ UFUNCS: dict[str, Callable[..., Any]] = {
     "floor": _no_slope(np.floor),
     "rint": _no_slope(np.rint),
 }
-"""What numpy's functions are of traced arrays."""
+"""Functions of traced arrays by numpy's names."""
 
 BY_VALUE = ("less", "less_equal", "greater", "greater_equal", "isfinite", "isnan", "isinf")
 FUNCTIONS: dict[str, Callable[..., Any]] = {

@@ -44,7 +44,8 @@ class Reduced:
 
     @cached_property
     def balancing(self) -> Real:
-        """What a drive at this link or point has to supply for the motion (F,) [N m or N]: J a + J' v^2 / 2 - reduced force."""
+        """Torque or force that a drive at this link or point has to supply for the motion (F,) [N m or N]: J a + J' v^2 / 2 -
+        reduced force."""
         with np.errstate(invalid="ignore"):
             return self.mass * self.second + 0.5 * self.slope * self.rate**2 - self.force
 

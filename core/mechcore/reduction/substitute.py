@@ -25,7 +25,7 @@ Unknown = tuple[int, str]  # index of a mass, "mass", "x" or "y"
 
 @dataclass(frozen=True)
 class PointMass:
-    """What is known of one substitute mass [kg, m from S]; None is unknown."""
+    """One substitute mass, as far as it is known [kg, m from S]; None is unknown."""
 
     mass: float | None = None
     x: float | None = None

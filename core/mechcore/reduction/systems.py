@@ -70,7 +70,7 @@ class Resultant:
 
 
 def resultant(points: ArrayLike, forces: ArrayLike, couples: ArrayLike | None = None) -> Resultant:
-    """What a force system comes to: a single force on its line of action, a couple, or equilibrium.
+    """The resultant of a force system: a single force on its line of action, a couple, or equilibrium.
 
     The line is at the distance M / R of the point to which the system was reduced. What is left of forces that cancel counts
     as zero

@@ -1,4 +1,4 @@
-"""What is drawn of cam joints: profiles and places, and of inverse cams the body with a slot, in which the crank's roller runs."""
+"""Drawing of cam joints: profiles and places, and of inverse cams the body with a slot, in which the crank's roller runs."""
 
 from __future__ import annotations
 

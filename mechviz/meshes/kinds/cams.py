@@ -138,7 +138,7 @@ def _draw_bed(model: Model, draft: Draft, cam: CamDrawing, group: str) -> None:
 
 @dataclass(frozen=True, eq=False)
 class _Head:
-    """What touches the cam, about the follower's point in the theory's ground axes; up to which height it reaches."""
+    """Head of a follower, about its point in the theory's ground axes; up to which height it reaches."""
 
     touching: Polygon
     top: float
@@ -204,7 +204,7 @@ def _head(model: Model, cam: CamDrawing) -> _Head:
 
 
 def _finger(arc: Complex, half: float) -> Polygon:
-    """What joins an arc to its centre, the origin, without reaching beyond the arc."""
+    """Web that joins an arc to its centre, the origin, without reaching beyond the arc."""
     return Polygon([(z.real, z.imag) for z in [*arc, 0j]]).union(
         Point(0.0, 0.0)
         .buffer(half)

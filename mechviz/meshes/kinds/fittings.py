@@ -116,7 +116,7 @@ def group_telescopes(model: Model, draft: Draft) -> None:
 
 
 def lug(model: Model, link: str) -> list[outline.Disc]:
-    """What the plate of a barrel or rod needs beside its pin to hold on to the round part."""
+    """Strap by which the plate of a barrel or rod holds on to the round part beside its pin."""
     r = model.proportions.r
     for telescope in model.telescopes:
         if link in (telescope.barrel, telescope.rod):

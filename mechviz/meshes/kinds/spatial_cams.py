@@ -297,7 +297,7 @@ def _rollers(model: Model, levels: Levels, drawing: SpatialDrawing, height: floa
 
 
 def _turret(model: Model, levels: Levels, drawing: SpatialDrawing, shape: Polygon) -> list[Part]:
-    """What carries the rollers of a turret: a disc, or a star where they stand on it."""
+    """Carrier of the rollers of a turret: a disc, or a star where they stand on it."""
     if not drawing.placed.blank.rollers or drawing.hinge is None:
         return []
     low, high = levels.plate(levels.of(drawing.follower))

@@ -202,7 +202,7 @@ def _windows(model: Model, wheel: Wheel) -> list[Polygon]:
 
 
 def _hold(model: Model, draft: Draft, k: int) -> None:
-    """What a wheel hangs on: its link's plate, by a hub or a web, or the ground."""
+    """Fastening of a wheel: its link's plate, by a hub or a web, or the ground."""
     wheel, size = model.wheels.wheels[k], model.proportions
     if wheel.kind == "ring" and _still(model, wheel.link):
         pose = model.poses[wheel.link][0] if model.frames and wheel.link != model.frame else np.zeros(3)

@@ -213,7 +213,7 @@ def _primitive(out: _Writer, vertices: Array, normals: Array, faces: Array, mate
 
 
 def _shown(out: _Writer, shape: Shape) -> dict[str, Any]:
-    """What a mark looks like; flat ones are seen from both sides."""
+    """Material of a mark; flat ones are seen from both sides."""
     material = out.material(shape.color, both=bool(np.ptp(shape.vertices[:, 2]) == 0.0))
     primitive = _primitive(out, shape.vertices, shape.normals, shape.faces, material)
     if shape.targets is not None:

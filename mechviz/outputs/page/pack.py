@@ -76,7 +76,7 @@ class Pack:
 
 
 def unpack(text: str) -> tuple[dict[str, Any], list[Array]]:
-    """What `Pack.text` was made from: the header and the arrays as floats or integers."""
+    """Content of a `Pack.text`: the header and the arrays as floats or integers."""
     raw = zlib.decompress(base64.b64decode(text))
     start = 4 + int.from_bytes(raw[:4], "little")
     header = json.loads(raw[4:start])

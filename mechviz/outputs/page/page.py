@@ -63,7 +63,7 @@ GROUPS = {
     **{group: words for group, (words, _) in CENTRES.items()},
     **{group: diagram.title for group, diagram in DIAGRAMS.items()},
 }
-"""What can be shown and hidden beside the families of arrows."""
+"""Groups that can be shown and hidden beside the families of arrows."""
 
 
 def show_text(
@@ -111,7 +111,7 @@ def show_text(
 
 
 def _axes(catalogue: Catalogue, frames: Frames, pack: Pack) -> list[dict[str, Any]]:
-    """What plots can run against beside time: positions of drives that go one way only."""
+    """Abscissas of plots beside time: positions of drives that go one way only."""
     found = []
     for axis in catalogue.axes[:-1]:
         values = axis.values[frames.rows]
@@ -153,7 +153,7 @@ def _core(picture: Picture) -> Any:
 
 
 def _groups(picture: Picture, drawn: list[dict[str, Any]]) -> list[dict[str, Any]]:
-    """What can be shown and hidden: names, colours on light and dark grounds, whether shown at first, the arrows' scale."""
+    """Groups that can be shown and hidden: names, colours on light and dark grounds, whether shown at first, the arrows' scale."""
     present = {d["group"] for d in drawn}
     forces = bool(present & set(FORCE_FAMILIES))
     found: list[dict[str, Any]] = []

@@ -1,4 +1,4 @@
-"""What a page can plot: the quantities of the catalogue, and which are shown at first."""
+"""Plots of a page: the quantities of the catalogue, and which are shown at first."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a page draws in space: the nodes of a picture as arrays, heights and looks."""
+"""Drawables of a page: the nodes of a picture as arrays, heights and looks."""
 
 from __future__ import annotations
 

@@ -207,7 +207,7 @@ def _stacked(views: list[Any]) -> Any:
 
 
 def _axis_values(run: Run) -> Real:
-    """What the opening timeline counts at the frames (F,)."""
+    """Ticks of the opening timeline at the frames (F,)."""
     axis = plotted_against(run)
     return run.motion.time if axis is None else run.motion.coordinate(axis)[:, 0]
 

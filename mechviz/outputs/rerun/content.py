@@ -1,4 +1,4 @@
-"""What a recording holds: its families of entities, its properties, its notes."""
+"""Content of a recording: its families of entities, its properties, its notes."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class Content:
-    """What the families make their entities from."""
+    """Source of the entities of all families."""
 
     run: Run
     solids: Solids
@@ -135,7 +135,7 @@ def _reference_point(model: Model, k: int) -> complex:
 
 
 def property_statics(run: Run) -> Iterator[Static]:
-    """What balances of the moving links need, see `link_properties`; nothing of a run without reactions."""
+    """Masses that balances of the moving links need, see `link_properties`; nothing of a run without reactions."""
     import rerun as rr
 
     for name, values in link_properties(run).items() if run.forces is not None else ():
@@ -244,7 +244,7 @@ def recorded_frames(run: Run) -> int:
 
 
 def accuracy_words(run: Run) -> tuple[str, ...]:
-    """What the run says of its own errors, in lines."""
+    """Estimate of the run's own errors, in lines."""
     worst = run.errors.worst()
     words = ", ".join(f"{name.replace('_', ' ')} {value:.1e}" for name, value in worst.items())
     lines = [f"estimated errors, relative: {words}"]

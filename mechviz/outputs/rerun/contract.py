@@ -1,4 +1,4 @@
-"""What a recording has to hold, and the faults of one that does not, by name: properties, model, tables, drawn things.
+"""Contract of recordings, and the faults of one that breaks it, by name: properties, model, tables, drawn things.
 
 Whatever opens a recording has it checked once, so that nobody who reads it further meets a missing table, a width that is not
 the stated one, a place that is not finite or a face without its corners.
@@ -165,8 +165,8 @@ def _words(error: Any) -> str:
 
 
 class Kind(NamedTuple):
-    """What a component holds: numbers, whole numbers (``whole``), ``text`` or ``truth``; vectors of ``width`` of them; ``each``:
-    how many a row has. ``drawn``: it has to be finite and not too far away."""
+    """Kind of values in a component: numbers, whole numbers (``whole``), ``text`` or ``truth``; vectors of ``width`` of them;
+    ``each``: how many a row has. ``drawn``: it has to be finite and not too far away."""
 
     leaf: str = "number"
     width: int = 0
@@ -282,7 +282,7 @@ def _needed(model: Model, forces: bool) -> Iterator[tuple[str, ...]]:
 
 
 def faults_of(recording: Recording) -> Iterator[str]:
-    """What is wrong with the entities of a recording whose properties are right."""
+    """Faults of the entities of a recording whose properties are right."""
     said, has = recording.said, set(recording.entities)
     yield from (f"{path} is missing" for path in missing_tables(recording))
     yield from (f"{node.entity} is missing" for node in said.picture or () if node.kind == "body" and node.entity not in has)

@@ -247,7 +247,7 @@ def _phase(run: Run) -> Diagram | None:
 
 
 def _followers(run: Run) -> list[str]:
-    """What the mechanism moves: sliders at the frame that no drive moves, then rockers."""
+    """Outputs of the mechanism: sliders at the frame that no drive moves, then rockers."""
     mechanism = run.motion.mechanism
     driven = {d.joint for d in mechanism.drives}
     free = [j for j in joints_of(run.motion) if mechanism.frame in j.links and j.name not in driven]

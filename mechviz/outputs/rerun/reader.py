@@ -186,7 +186,7 @@ class Recording:
 
     @property
     def notes(self) -> str:
-        """What was computed and left out, as markdown."""
+        """Plan of the run, computed and left out, as markdown."""
         return str(self._document("notes"))
 
     def _document(self, name: str) -> Any:

@@ -1,4 +1,4 @@
-"""What a recording shows: its numbers, the picture, constructions and diagrams, as they were drawn."""
+"""View of a recording: its numbers, the picture, constructions and diagrams, as they were drawn."""
 
 from __future__ import annotations
 
@@ -83,7 +83,7 @@ LOOKS = 48  # poses at which the extent of the mechanism is looked at
 
 
 def picture_in(recording: Recording, numbers: Numbers) -> Picture:
-    """What a recording shows."""
+    """View of a recording."""
     said = recording.said
     reader = _Reader(recording, numbers)
     entries = [*_guessed(recording)] if said.picture is None else said.picture

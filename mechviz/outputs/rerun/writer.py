@@ -64,7 +64,7 @@ MOST_WARNINGS = 6  # in the summary
 
 @dataclass(frozen=True)
 class RecordingSummary:
-    """What was computed, left out and written, and what each stage cost. As text: what a person should know of the result."""
+    """Report of a recording: stages computed and left out, and what each cost. As text: what a person should know of the result."""
 
     path: Path
     recording_id: str
@@ -93,7 +93,7 @@ class RecordingSummary:
         return "\n".join(lines)
 
     def costs(self) -> str:
-        """What was computed, what was left out, and what each stage cost, the dearest first."""
+        """Stages that were computed and left out, and what each cost, the dearest first."""
         dearest = sorted(self.stages, key=lambda s: -s.seconds)
         width = max(len(s.name) for s in dearest)
         lines = [f"computed: {', '.join(self.computed)}", f"left out: {', '.join(self.skipped) or 'nothing'}"]

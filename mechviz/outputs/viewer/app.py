@@ -188,7 +188,7 @@ class Viewer:
 
     @property
     def scene(self) -> Scene3D:
-        """What is drawn in 3D."""
+        """Node groups drawn in 3D."""
         return self.inspector.scene
 
     @property

@@ -26,7 +26,7 @@ REBUILT = 4.0  # solids are made anew when the run is so many times as long as t
 
 
 class Growth:
-    """What is shown of a growing run: ``show`` at first, then what `take` gives."""
+    """The shown part of a growing run: ``show`` at first, then what `take` gives."""
 
     def __init__(self, server: viser.ViserServer, run: Run):
         self._built = build(run)
@@ -37,7 +37,7 @@ class Growth:
         self._bar = server.gui.add_html("", order=-1.0)
 
     def take(self, run: Run, duration: float) -> tuple[ViewModel, bool]:
-        """What is shown of more frames, and whether the solids are new: slots are as long and layers as many as the run needs.
+        """View model of more frames, and whether the solids are new: slots are as long and layers as many as the run needs.
         ``duration`` of the whole run [s]."""
         reshaped = run.motion.frames >= REBUILT * self._for
         if reshaped:

@@ -130,7 +130,7 @@ class Inspector:
 
     @property
     def show(self) -> ViewModel:
-        """What is shown now."""
+        """The view model shown now."""
         return self.scene.current
 
     def draw(self, frame: int, playing: bool) -> None:
@@ -285,7 +285,7 @@ class Inspector:
         self.diagrams.show(frame, playing)
 
     def _changed(self) -> None:
-        """What is drawn is another: say so in the legend, and draw it."""
+        """Draw what is chosen now, and say so in the legend."""
         self._explain()
         self.playback.change()
         self._player.refresh()

@@ -119,7 +119,7 @@ class Tracks:
 
 @dataclass
 class _Sent:
-    """What a browser has."""
+    """Tracks that a browser has."""
 
     version: int = -1
 
@@ -146,7 +146,7 @@ class BrowserPlayback:
     _lock: Any = field(default_factory=threading.RLock)
 
     def change(self) -> None:
-        """What moves is another from now on."""
+        """Tracks are others from now on."""
         self._stale = True
 
     def hold(self, held: bool) -> None:

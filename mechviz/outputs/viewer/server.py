@@ -307,7 +307,7 @@ class Change:
 
 
 class Changes:
-    """What browsers have changed since the last picture that was drawn whole. A change of which the callback or the picture fails
+    """Changes of browsers since the last picture that was drawn whole. A change of which the callback or the picture fails
     is undone, so that what is drawn next does not fail as well."""
 
     def __init__(self) -> None:

@@ -43,8 +43,8 @@ class Status:
 
 @dataclass(frozen=True)
 class Contribution:
-    """What an effect or load does: the peak of the driving effort (of a motion without drives: of the reactions) with and without
-    it, and what it costs [s]; NaN: not known, and ``why`` not."""
+    """Contribution of an effect or load: the peak of the driving effort (of a motion without drives: of the reactions) with and
+    without it, and what it costs [s]; NaN: not known, and ``why`` not."""
 
     name: str
     on: bool
@@ -238,7 +238,7 @@ class EditSession:
                 self._contributed(shares)
 
     def _weigh(self, draft: Draft, run: Run) -> tuple[Contribution, ...] | None:
-        """What each effect and load contributes: the run with it and without it."""
+        """Contributions of each effect and load: the run with it and without it."""
         spent = sum(stage.seconds for stage in run.stages)
         quick = spent < QUICK or self._patient
         self._patient = False

@@ -55,7 +55,7 @@ class Built:
 
 
 def _drawn(mechanism: Mechanism) -> tuple[Any, ...]:
-    """What solids depend on, apart from how the links move: what acts at a point is carried by the link's shape."""
+    """Key of the solids, apart from how the links move: what acts at a point is carried by the link's shape."""
     points = [(link.name, link.points) for link in mechanism.links]
     loaded = [(load.link, load.point) for load in mechanism.loads if isinstance(load, Force)]
     return points, mechanism.joints, mechanism.traced, loaded, [drive.joint for drive in mechanism.drives]
@@ -82,7 +82,7 @@ def pieces_of(mesh: Mesh) -> tuple[Piece, ...]:
 
 
 def show_of_run(run: Run, built: Built, before: ViewModel | None = None) -> ViewModel:
-    """What is shown of a run with solids that were built for it, or for the same mechanism with other lengths.
+    """View model of a run with solids that were built for it, or for the same mechanism with other lengths.
 
     ``before``: what was shown so far of the same scene. Scales and heights are then kept as far as they still fit, so that
     dragging is quick and arrows can be compared; events are those of before until there are solids for the new run.
@@ -158,7 +158,7 @@ def alike(a: Any, b: Any) -> bool:
 
 
 def show_of_recording(recording: Recording) -> ViewModel:
-    """What is shown of a recording, complete or interrupted."""
+    """View model of a recording, complete or interrupted."""
     shown = presentation_in(recording)
     numbers = shown.catalogue.numbers
     ticks, _ = recording.scalars("data", "links", numbers.frame, "pose")

@@ -1,4 +1,4 @@
-"""What the viewer shows: the picture and the catalogue of a solved run or of a recording, with what only the viewer needs."""
+"""View model: the picture and the catalogue of a solved run or of a recording, with what only the viewer needs."""
 
 from __future__ import annotations
 
@@ -158,7 +158,7 @@ class ViewModel:
 
     @property
     def first(self) -> tuple[Quantity, ...]:
-        """What is plotted at the start."""
+        """Quantities that are plotted at the start."""
         return self.catalogue.first
 
     @property

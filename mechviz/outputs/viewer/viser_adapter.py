@@ -312,7 +312,7 @@ def _queue_of(target: Target) -> infra.WebsockMessageHandler:
 
 
 def buffer_of(server: viser.ViserServer) -> SharedBuffer:
-    """What waits for, and is kept for, all browsers of a server."""
+    """Messages that wait for, and are kept for, all browsers of a server."""
     buffer = _queue_of(server).get_message_buffer()
     assert isinstance(buffer, SharedBuffer)
     return buffer

@@ -1,4 +1,4 @@
-"""What the panels say, as HTML. Every text of a scene is escaped: browsers run scripts that stand in attributes."""
+"""Texts of the panels, as HTML. Every text of a scene is escaped: browsers run scripts that stand in attributes."""
 
 from __future__ import annotations
 
@@ -53,7 +53,8 @@ def heading(title: str, teaches: str) -> str:
 def legend(
     families: Iterable[str], paths: Iterable[str], scales: Scales, factor: float | Callable[[str], float], size: float
 ) -> str:
-    """What each colour means and how long which value is drawn; ``factor`` is the user's enlargement, of all or by family."""
+    """Legend: the meaning of each colour, and how long which value is drawn; ``factor`` is the user's enlargement, of all or by
+    family."""
     enlarged = factor if callable(factor) else lambda _: factor
     families, paths = list(families), list(paths)
     rows = [_swatch(INKS[f], 0.42, f"<b>{FAMILIES[f].label}</b>: {FAMILIES[f].meaning}") for f in families]
@@ -91,7 +92,7 @@ def legend_line(families: Iterable[str], paths: Iterable[str], scales: Scales, f
 
 
 def plan_list(run: Run) -> str:
-    """What was computed, what was left out and why, and the time that it took."""
+    """Stages that were computed or left out, why, and the time that each took."""
     done = "".join(f"<li>{escape(step.name)}</li>" for step in run.plan.computed)
     left = "".join(
         f'<li>{escape(step.name)} <span style="opacity:0.65">({escape(step.why)})</span></li>' for step in run.plan.skipped

@@ -92,7 +92,7 @@ def simulation_spec(
     convert: Converter,
     points: Mapping[str, tuple[str, str]],
 ) -> SimulationSpec | None:
-    """What `mechcore.dynamics.simulate` needs; None where nothing is free. ``points``: watched texts -> link and point."""
+    """Arguments of `mechcore.dynamics.simulate`; None where nothing is free. ``points``: watched texts -> link and point."""
     if not starts and not any(entry.liftoff or entry.clearance for entry in document.joints.values()):
         return None
     separable_cams = tuple(
@@ -156,7 +156,7 @@ def _duration(document: SceneDocument, convert: Converter) -> float:
 
 
 def simulation_faults(reading: Reading) -> Iterator[Fault]:
-    """What does not fit together about free coordinates, in what could be read."""
+    """Faults of free coordinates, in what could be read."""
     document = reading.document
     run, joints = document.run, document.joints
     free = [name for name, joint in joints.items() if joint.free is not None]
@@ -212,7 +212,7 @@ def _idle(document: SceneDocument) -> Iterator[Fault]:
 
 
 def _without_drives(document: SceneDocument) -> Iterator[Fault]:
-    """What is told by the drive, of a structure that has none."""
+    """Faults of keys that need a drive, in a structure that has none."""
     why = "the scene has no drive"
     for k, answer in enumerate(document.answers):
         if answer != "transmission_angle":

@@ -127,7 +127,7 @@ class MassDocument(Table):
         return self
 
     def problems(self) -> list[tuple[str, str, str]]:
-        """What does not go together in it."""
+        """Faults of keys that do not go together."""
         found = []
         kinds = [k for k in _KINDS if getattr(self, k) not in (None, False)]
         if len(kinds) != 1:

@@ -211,7 +211,7 @@ LEVER = Rubbing(("lever",), lambda t: Friction(lever=t.si("lever")), defaults=Fa
 
 
 def friction_faults(rubs: Rubbing, words: str, table: FrictionDocument) -> list[tuple[str, str, str]]:
-    """What does not fit in the table of a joint, each (key, message, remedy); ``words``: what the joint is called."""
+    """Faults in the friction of a joint, each (key, message, remedy); ``words``: what the joint is called."""
     found = []
     for key in table.model_fields_set:
         if key not in rubs.keys and getattr(table, key) is not None:
@@ -284,7 +284,7 @@ class ClearanceDocument(Table):
 
 
 def clearance_faults(document: SceneDocument) -> Iterator[Fault]:
-    """What does not fit together about clearances, in what could be read."""
+    """Faults of clearances, in what could be read."""
     for name, joint in document.joints.items():
         c, path = joint.clearance, f"joints.{name}.clearance"
         if c is None or joint.kinds != ["revolute"]:

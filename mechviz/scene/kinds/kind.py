@@ -1,4 +1,4 @@
-"""What every kind of joint and load states of itself, and what it is given to become one of the core."""
+"""Kinds of joints and loads: the facts that each states of itself, and what it is given to become one of the core."""
 
 from __future__ import annotations
 
@@ -69,7 +69,7 @@ class KindTable(Table):
         return getattr(self, key) is not None
 
     def instead(self, key: str) -> str:
-        """What to do about a key that does not go with the kind."""
+        """Remedy for a key that does not go with the kind."""
         return self.KINDS[self.kind].instead.get(key, f"Leave out {key}.")
 
     def misfits(self, what: str) -> list[tuple[str, str, str]]:

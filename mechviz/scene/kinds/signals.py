@@ -165,7 +165,7 @@ def signal_of(key: str, given: Table, convert: Converter, path: str) -> Signal |
 
 
 ARGUMENTS = ("position", "velocity", "time", "x", "y", "vx", "vy", "speed")
-"""What a factor can depend on: coordinate or rate of a joint, the time, place or velocity of a point."""
+"""Arguments of a factor: coordinate or rate of a joint, the time, place or velocity of a point."""
 
 _OF_PAIRS, _OF_POINTS = ("position", "velocity"), ("x", "y", "vx", "vy", "speed")
 

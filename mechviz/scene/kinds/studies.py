@@ -1,4 +1,4 @@
-"""What a scene can ask for beside motion, forces and answers: plans, polodes, centres, force systems, reduction, shaking,
+"""Studies of a scene beside motion, forces and outputs: plans, polodes, centres, force systems, reduction, shaking,
 substitute masses, section forces."""
 
 from __future__ import annotations

@@ -248,7 +248,7 @@ def _parameters(entries: Mapping[str, Any], result: Resolved) -> None:
 
 
 def _expression(value: Any) -> Expression:
-    """What a parameter's value says. Raises `QuantityError` where it says nothing."""
+    """Expression or number of a parameter's value. Raises `QuantityError` where it says nothing."""
     if isinstance(value, bool) or not isinstance(value, int | float | str):
         raise QuantityError("a parameter without a value.", "Write it like r = '30 mm'; a plain number has no unit.")
     if isinstance(value, str):

@@ -100,8 +100,8 @@ def _fits(annotation: Any, raw: Any, loc: Loc) -> bool:
 
 
 def _faults_of_the_whole(table: Table, raw: Mapping[str, Any], loc: Loc, guessed: set[str], *, faulty: bool) -> list[Fault]:
-    """What the table's own validators say about parts that do not go together, as far as ``faulty`` parts let them, and not about
-    keys that are only ``guessed``."""
+    """Faults that the table's own validators find in parts that do not go together, as far as ``faulty`` parts let them, and not
+    about keys that are only ``guessed``."""
     found: list[Fault] = []
     for validator in type(table).__pydantic_decorators__.model_validators.values():
         if validator.info.mode == "after":
@@ -168,7 +168,7 @@ def _length(marks: list[Any]) -> tuple[int | None, int | None]:
 
 
 def _stand_in(annotation: Any, raw: Any) -> Any:
-    """What stands for a value that could not be read."""
+    """Stand-in for a value that could not be read."""
     kind, marks = peel(annotation, raw)
     origin = get_origin(kind)
     if any(isinstance(mark, UnitName) for mark in marks):
@@ -210,7 +210,7 @@ _SECTIONS = ("links", "joints", "sketch", "loads", "watch", "systems", "substitu
 
 @dataclass
 class Reading:
-    """What could be read of a scene, with stand-ins for what could not.
+    """A scene as far as it could be read, with stand-ins for the rest.
 
     ``broken`` names the items of each section that are not wholly known, "*" where the section itself is not;
     ``shapeless`` holds the joints of which not even the kind is known, which the document leaves out.

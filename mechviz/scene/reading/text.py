@@ -150,7 +150,7 @@ def _is_shallow(value: Any, levels: int) -> bool:
 
 
 def _syntax_fault(said: str, text: str) -> Fault:
-    """What the TOML reader said, with the line that it stumbled over."""
+    """Fault that the TOML reader found, with the line that it stumbled over."""
     message, _, place = said.splitlines()[0].partition(" (at ")
     numbers = [int(n) for n in re.findall(r"[0-9]+", place)]
     rows = text.splitlines()

@@ -32,7 +32,7 @@ from mechviz.studies.designs.tables import needs_forces, rows_of
 
 @dataclass(frozen=True, eq=False)
 class Batch:
-    """What computes designs side by side: the compiled nominal design, the times of the frames, and which values vary."""
+    """Designs side by side: the compiled nominal design, the times of the frames, and which values vary."""
 
     scene: Scene
     compiled: Compiled
@@ -122,7 +122,7 @@ class Batch:
 def batch_of(
     scene: Scene, variations: Sequence[Variation], measures: Sequence[Measure], catalogue: Catalogue, frames: int, cycles: int
 ) -> Batch | None:
-    """What computes the designs side by side; None where the variations reach further than joints and masses, or the mechanism
+    """Batch of the designs side by side; None where the variations reach further than joints and masses, or the mechanism
     has groups, effects or quantities that are computed design by design."""
     names = {v.name for v in variations}
     places = tuple(place for place in scene.document.formulas if names & parameters_behind(scene.document, place))

@@ -1,4 +1,4 @@
-"""What a study finds of its designs: in batches where the core can, each by itself where it cannot; here or in another process."""
+"""Evaluation of designs: in batches where the core can, each by itself where it cannot; here or in another process."""
 
 from __future__ import annotations
 
@@ -55,13 +55,13 @@ class Study:
 
     @property
     def batch(self) -> Batch | None:
-        """What computes its designs side by side; None where each is run by itself."""
+        """Batch that computes its designs side by side; None where each is run by itself."""
         return _batch(self)
 
 
 @dataclass(frozen=True, eq=False)
 class Found:
-    """What was found of designs: numbers (D,) or curves (D, F) of each measure; NaN, and a reason, where there is none."""
+    """Results of designs: numbers (D,) or curves (D, F) of each measure; NaN, and a reason, where there is none."""
 
     values: tuple[Real, ...]
     reasons: tuple[str, ...]
@@ -154,7 +154,7 @@ def _run_alone(study: Study, design: Real) -> Run | str:
 
 
 def _reduced(measure: Measure, quantity: Quantity, run: Run) -> Real:
-    """What a measure makes of a quantity of a run: a number, or a curve (F,)."""
+    """Value of a measure of a quantity of a run: a number, or a curve (F,)."""
     values = quantity.values()[:, measure.column(quantity)]
     drives = run.motion.mechanism.drives
     drive = run.catalogue.coordinate(drives[0].joint) if drives else None
@@ -162,7 +162,7 @@ def _reduced(measure: Measure, quantity: Quantity, run: Run) -> Real:
 
 
 def evaluate(study: Study, designs: Real) -> Found:
-    """What is found of designs (D, n), the values of the study's variations in their units."""
+    """Results of designs (D, n), the values of the study's variations in their units."""
     batch = study.batch
     if batch is not None:
         curves, reasons = batch.curves(designs)
@@ -185,7 +185,7 @@ def evaluate(study: Study, designs: Real) -> Found:
 
 
 def _alone(study: Study, design: Real, empty: list[Real]) -> tuple[list[Real], str]:
-    """What each measure makes of one design, and why there is nothing, "" where there is."""
+    """Values of each measure of one design, and why there is nothing, "" where there is."""
     run = _run_alone(study, design)
     if isinstance(run, str):
         return empty, run

@@ -1,4 +1,4 @@
-"""What a study asks of each design: a quantity of the catalogue over the run, or one number of it."""
+"""Measures of a design: a quantity of the catalogue over the run, or one number of it."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ class Measure:
         return lengths[0] if lengths else 0
 
     def reduced(self, values: Real, time: Real, drive: Real | None) -> Real:
-        """What is made of curves (D, F) at times (F,) [s]: (D,), or the curves themselves. ``drive`` (F,): the first drive's
+        """Measures of curves (D, F) at times (F,) [s]: (D,), or the curves themselves. ``drive`` (F,): the first drive's
         coordinate."""
         if self.reducer == "":
             return values

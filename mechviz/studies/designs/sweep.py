@@ -111,7 +111,7 @@ class Store:
 
 
 def about_study(study: Study, sample: Sample | None) -> dict[str, str]:
-    """What a file of a study says of itself: the scene, the question, the seeds, the version."""
+    """Header of a study's file: the scene, the question, the seeds, the version."""
     question = {
         "vary": [[v.name, v.unit, list(v.values), v.low, v.high, v.count] for v in study.variations],
         "of": [measure.text for measure in study.measures],
@@ -190,7 +190,7 @@ def run_study(
     most: int = 4,
     progress: Callable[[int, int], None] = lambda *_: None,
 ) -> Table:
-    """What is found of all designs (D, n): by an executor, with ``most`` portions in its hands at once, or here without one.
+    """Results of all designs (D, n): by an executor, with ``most`` portions in its hands at once, or here without one.
 
     With a store, what is known stays known whatever happens. ``progress`` is told how many designs are done, and of how many.
     """

@@ -276,7 +276,7 @@ def _in_slot(motion: Motion, cam: PlacedInverse, force: Values) -> Real:
 
 
 def _in_space(motion: Motion, cam: PlacedSpatial, force: Values, above: int) -> Real:
-    """What slides past the roller across its axis is rolled off; an arm beside a barrel carries the roller round."""
+    """Sliding past the roller across its axis is rolled off; an arm beside a barrel carries the roller round."""
     flank = np.broadcast_to(np.asarray(above or force, float), (motion.frames,))
     across, _, _ = cam.rubbing(motion, flank)
     side = np.where(flank < 0.0, -1.0, 1.0) if cam.form else 1.0

@@ -1,1 +1,1 @@
-"""What touches and lets go: dry friction, end stops and impacts, followers that leave their cams."""
+"""Contacts that close and open: dry friction, end stops and impacts, followers that leave their cams."""

@@ -40,7 +40,7 @@ from mechcore.motion.motion import Motion
 
 @dataclass(frozen=True, eq=False)
 class Dry:
-    """What friction does: accelerations (n, f + s), see `with_states`; friction ``value``, the ``limit`` up to which it sticks,
+    """Friction of a state: accelerations (n, f + s), see `with_states`; friction ``value``, the ``limit`` up to which it sticks,
     relative ``rate`` and ``second`` rate of every element (n, e)."""
 
     acceleration: Real
@@ -106,7 +106,7 @@ class DrySystem:
         self.rests = tuple(rests)
 
     def holding(self, q: Real, v: Real, t: Real) -> Real:
-        """What keeps the joints at rest (n, p): torque [N m] or force [N] in the direction of each one's coordinate."""
+        """Efforts that keep the joints at rest (n, p): torque [N m] or force [N] in the direction of each one's coordinate."""
         motion, units = moving(self.compiled, q, v, t)
         r, friction = reduced_equations(motion, units), self.solve(q, v, t)
         tau = np.stack([rates_of(units, e) for e in elements_of(motion)], axis=1)
@@ -205,7 +205,7 @@ def rates_of(units: Sequence[Motion], e: Element) -> Real:
 
 
 def _respond(motion: Motion, units: Sequence[Motion], elements: Sequence[Element], answers: Real) -> Response:
-    """What joints transmit under all loads and inertia, and under unit friction with the inertia forces of what it accelerates."""
+    """Transmitted forces under all loads and inertia, and under unit friction with the inertia forces of what it accelerates."""
     model, n, e = motion.model, motion.frames, len(elements)
     base = transmit(motion, *sum_up(wrenches(motion), len(model.links)))
     force: list[Plane] = [0j] * len(model.links)

@@ -129,8 +129,8 @@ class EndStops:
 
     # -- in the course of a segment ------------------------------------------------------------------------------------
     def event_functions(self, q: Real, v: Real, t: float, system: System) -> list[tuple[EventFunction, float, int]]:
-        """What ends a segment that begins at q, v (f,), t [s]: an event function, the value that it then exceeds by more than
-        rounding, and the number of the stop that is struck or left."""
+        """Event functions that end a segment that begins at q, v (f,), t [s]: an event function, the value that it then exceeds by
+        more than rounding, and the number of the stop that is struck or left."""
         out: list[tuple[EventFunction, float, int]] = []
         for k in range(len(self.stops)):
             if k in self.closed:
@@ -145,7 +145,7 @@ class EndStops:
         return np.asarray(least - self.gap(k, q, v, t))
 
     def _pull(self, k: int, system: System, q: Real, v: Real, t: Real) -> Real:
-        """What a closed stop would have to pull with (n,): negative while something presses on it."""
+        """Force or torque with which a closed stop would have to pull (n,): negative while something presses on it."""
         assert isinstance(system, Chart | DrySystem)  # the others know no stops
         return np.asarray(-self._signs[k] * system.holding(q, v, t)[:, system.rests.index(self.stops[k].joint)])
 

@@ -65,12 +65,12 @@ class FrictionState:
         return phases.system()
 
     def slip_ends(self) -> tuple[list[tuple[EventFunction, bool]], list[EventFunction]]:
-        """What ends the slip of elements, and that of prescribed ones: as `Phases.slip_ends` and
+        """Event functions that end the slip of elements, and that of prescribed ones: as `Phases.slip_ends` and
         `Phases.independent_event_functions` say it."""
         return ([], []) if self._phases is None else (self._phases.slip_ends(), self._phases.independent_event_functions())
 
     def stick_ends(self, q: Real, v: Real, t: float) -> list[tuple[EventFunction, float, tuple[int, float]]]:
-        """What ends the sticking of elements, as in `Phases.stick_ends`."""
+        """Event functions that end the sticking of elements, as in `Phases.stick_ends`."""
         return [] if self._phases is None else self._phases.stick_ends(q, v, t)
 
     def settle(self, t: float, q: Real, v: Real, rests: tuple[str, ...], loose: tuple[int, float] | None = None) -> Real:
@@ -229,8 +229,8 @@ class Phases:
         return [(partial(self._rate, i), bool(s < 0)) for i, s in enumerate(self.signs) if s != 0.0 and not self.prescribed[i]]
 
     def stick_ends(self, q: Real, v: Real, t: float) -> list[tuple[EventFunction, float, tuple[int, float]]]:
-        """What ends the sticking of an element in a phase that begins at q, v (f,), t [s]: an event function that then exceeds
-        zero, by how much it may do so by rounding, and what comes loose (see `decide`)."""
+        """Event functions that end the sticking of an element in a phase that begins at q, v (f,), t [s]: an event function that
+        then exceeds zero, by how much it may do so by rounding, and what comes loose (see `decide`)."""
         row = q[None], v[None], np.array([t])
         stuck = np.flatnonzero((self.signs == 0.0) & ~self.prescribed)
         if not len(stuck):
@@ -290,7 +290,7 @@ def senses(motion: Motion) -> Real:
 
 
 def keys_of(elements: Sequence[Element]) -> list[Key]:
-    """What an element is called, whatever other contacts the mechanism has."""
+    """Name of an element, whatever other contacts the mechanism has."""
     return [(e.joint, e.what, e.kind) for e in elements]
 
 

@@ -93,7 +93,7 @@ class Chart(Programmed):
         return with_states(accelerations, motion), holding
 
     def holding(self, q: Real, v: Real, t: Real) -> Real:
-        """What keeps the joints at rest (n, p): torque [N m] or force [N] in the direction of each one's coordinate."""
+        """Efforts that keep the joints at rest (n, p): torque [N m] or force [N] in the direction of each one's coordinate."""
         return self._solve(q, v, t)[1]
 
     def slopes(self, q: Real, v: Real, t: Real, a: Real) -> tuple[Real, Real]:

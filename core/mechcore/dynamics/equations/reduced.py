@@ -83,7 +83,7 @@ def free_of(compiled: Compiled | Motion) -> list[int]:
 
 
 def coordinate_scales(compiled: Compiled) -> Real:
-    """What counts as a large displacement of each free coordinate (f,): 1 rad, or the length scale of the mechanism [m]."""
+    """Scale of a large displacement of each free coordinate (f,): 1 rad, or the length scale of the mechanism [m]."""
     drives = compiled.mechanism.drives
     return np.array([compiled.model.coordinate_scale(drives[i].joint) for i in free_of(compiled)])
 

@@ -29,7 +29,7 @@ SLIVER = 0.05  # of the window after it: what a breakpoint has left of one goes 
 
 @dataclass(frozen=True, eq=False)
 class Known:
-    """What is known of a motion: ``boundaries`` (k + 1,) [s] of windows where it is smooth; ``cut`` (k,): those that end where the
+    """A known motion: ``boundaries`` (k + 1,) [s] of windows where it is smooth; ``cut`` (k,): those that end where the
     equations change their form; ``acceleration``: times (n,) -> (n, f)."""
 
     boundaries: Real

@@ -262,14 +262,14 @@ class Fastest:
 
     @property
     def stepped_over(self) -> str:
-        """What is said of a run that does without it."""
+        """Note on a run that does without it."""
         return (
             f"a vibration of {self.frequency:.4g} Hz with an amplitude of {self.swing}, of spring '{self.load}' with "
             f"{self.stiffness}, is not followed: accelerations and forces are those without it"
         )
 
     def words(self, duration: float) -> str:
-        """What a run has before it."""
+        """Price of a run."""
         return (
             f"{self.frequency:.4g} Hz is the fastest vibration, of spring '{self.load}' with {self.stiffness}: "
             f"{self.periods(duration):,.0f} periods in {duration:.6g} s"
@@ -329,7 +329,7 @@ def _stiffness(spring: Spring | TorsionSpring | Bushing) -> str:
 
 
 def check_periods(fastest: Fastest, duration: float, tolerance: float) -> Text | None:
-    """What to tell before a run that has to follow its fastest vibration; None where that is quickly done. Raises `MechanismError`
+    """Warning before a run that has to follow its fastest vibration; None where that is quickly done. Raises `MechanismError`
     where nobody would wait for it."""
     periods = fastest.periods(duration)
     if periods < TOLD:

@@ -122,7 +122,7 @@ class Element:
 
 
 def scales_of(model: Model, elements: Sequence[Element]) -> Real:
-    """What counts as a large displacement of each element (e,): 1 rad, or the length scale of the mechanism [m]."""
+    """Scale of a large displacement of each element (e,): 1 rad, or the length scale of the mechanism [m]."""
     return np.array([1.0 if e.what == "turn" else model.length_scale for e in elements])
 
 
@@ -145,7 +145,8 @@ def two_sided(motion: Motion) -> bool:
 
 
 def _parts(joint: Joint) -> list[tuple[Movement, Kind, float]]:
-    """What friction brakes in a joint, by which normal load, with which arm [m or 1] or, of a brake, effort [N m or N]."""
+    """Movements that friction brakes in a joint, by which normal load, with which arm [m or 1] or, of a brake, effort [N m or
+    N]."""
     f = friction_of(joint)
     if f is None:
         return []

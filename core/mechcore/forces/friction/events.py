@@ -175,7 +175,7 @@ def _cost(forces: Forces, friction: FrictionResult) -> Iterator[Event]:
 
 
 def friction_lanes(forces: Forces) -> dict[str, list[tuple[float, str]]]:
-    """What every joint with friction does, as (time [s], state) from each change on, and the "mechanism" as a whole.
+    """States of every joint with friction, as (time [s], state) from each change on, and the "mechanism" as a whole.
 
     Joints: "slips +", "slips -", "at rest", "jammed". Mechanism: "moves", "self-locking", "jammed".
     """

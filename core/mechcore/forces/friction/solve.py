@@ -37,7 +37,7 @@ AT_ONCE = 400_000  # elements times frames that are solved in one call
 def solve_friction(
     motion: Motion, applied: Sequence[Wrench], force: Sequence[Plane], moment: Sequence[Values]
 ) -> tuple[list[tuple[Plane, Values]], dict[str, tuple[Plane, Plane]], FrictionResult]:
-    """What joints transmit, what relations transmit (as `mechcore.forces.equilibrium.transmit` gives them), and the friction.
+    """Forces that joints and relations transmit (as `mechcore.forces.equilibrium.transmit` gives them), and the friction.
 
     ``force`` and ``moment`` are what loads put on the links. Raises `MechanismError` where statics leaves the normal load of a
     joint with friction undetermined.
@@ -215,7 +215,7 @@ class FrictionResult:
         return np.array(self._solution.loads[:, self._elements_of(joint)[0]])
 
     def applied(self, joint: str) -> Real:
-        """What friction adds to the force and couple on the second link that the joint transmits anyway (F, 3)."""
+        """Share of friction in the force [N] and couple [N m] on the second link (F, 3), beside what the joint transmits anyway."""
         out = np.zeros((self.motion.frames, 3))
         for i in self._elements_of(joint):
             e, value = self.elements[i], self.value(i)
@@ -244,7 +244,7 @@ class FrictionResult:
         return out
 
     def state(self, joint: str) -> list[str]:
-        """What the joint does at every frame: "slips +", "slips -" (the sign of its rate), "at rest" or "jammed"."""
+        """State of the joint at every frame: "slips +", "slips -" (the sign of its rate), "at rest" or "jammed"."""
         sign = self.elements[self._elements_of(joint)[0]].sign
         words = np.where(sign > 0, "slips +", np.where(sign < 0, "slips -", "at rest"))
         return list(np.where(self.jammed, "jammed", words))
@@ -320,7 +320,7 @@ class FrictionResult:
 
     @cached_property
     def _transmitted(self) -> Transmitted:
-        """What the joints transmit with friction, by superposition."""
+        """Forces of the joints with friction, by superposition."""
         transmitted, contacts, multipliers = self._response.base
         values = [self.value(i) for i in range(len(self.elements))]
         with np.errstate(invalid="ignore"):

@@ -57,7 +57,7 @@ class AccuracyTab:
         self.choice.on_update(callback("Applying a setting", self._pick))
 
     def update(self) -> None:
-        """What the present run says of itself; of a motion under forces that takes another one, so that it waits for measuring."""
+        """Estimate of the present run's errors; of a motion under forces that takes another one, so that it waits for measuring."""
         if self._session.run.simulation is None:
             self.errors.content = self._said()
         if self.wanted.value != self._wanted():

@@ -52,7 +52,7 @@ def chart_svg(diagram: Diagram, frame: int) -> str:
 
 @lru_cache(maxsize=8)
 def _backdrop(diagram: Diagram) -> str:
-    """What does not move: axes, ticks, curves. Diagrams are told apart by themselves, not by what they hold."""
+    """Fixed part of a diagram: axes, ticks, curves. Diagrams are told apart by themselves, not by what they hold."""
     x0, x1, y0, y1 = diagram.ranges
     up = _up(diagram)
     xs = np.arange(0.0, 361.0, 90.0) if diagram.turn == 360.0 else round_ticks(x0, x1, TICKS)

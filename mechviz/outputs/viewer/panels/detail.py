@@ -20,7 +20,7 @@ FIRST = ("reaction", "contact force", "torque", "force", "pressure angle", "angu
 
 
 def items_of(show: ViewModel) -> tuple[str, ...]:
-    """What can be looked at: ``link crank``, ``joint A``, ``cam K``, ``drive A``."""
+    """Items that can be looked at: ``link crank``, ``joint A``, ``cam K``, ``drive A``."""
     return tuple(dict.fromkeys(q.item for q in show.quantities if q.item and q.item != "health"))
 
 

@@ -49,7 +49,7 @@ class PlanGraph:
 
 
 def plan_graph(mechanism: Mechanism, plan: Plan) -> PlanGraph:
-    """What calls for what. An arrow goes to the highest derivative of the motion that an effect needs; those below follow."""
+    """Graph of needs. An arrow goes to the highest derivative of the motion that an effect needs; those below follow."""
     why = {step.name: step.why for step in (*plan.computed, *plan.skipped)}
     computed = {step.name for step in plan.computed}
     boxes: list[Box] = []

@@ -1,4 +1,4 @@
-"""What is changed in the picture itself: pivots of the fixed link are dragged, points are traced by a click."""
+"""Handles in the picture itself: pivots of the fixed link are dragged, points are traced by a click."""
 
 from __future__ import annotations
 

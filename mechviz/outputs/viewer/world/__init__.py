@@ -1,1 +1,1 @@
-"""What stands in the 3D view: solids, arrows, lines, marks, constructions, the camera."""
+"""Content of the 3D view: solids, arrows, lines, marks, constructions, the camera."""

@@ -92,7 +92,7 @@ class View:
 
     @property
     def height(self) -> float:
-        """What is seen of the plane that is looked at [m]."""
+        """Size of the visible part of the plane that is looked at [m]."""
         return float(2.0 * self.distance * np.tan(0.5 * self.fov))
 
 

@@ -112,7 +112,7 @@ def _apart(z: Complex, least: float) -> Complex:
 
 @dataclass(frozen=True, eq=False)
 class Construction:
-    """What one switch shows: ``nodes`` and how they are brought to a frame."""
+    """Nodes of one switch: ``nodes`` and how they are brought to a frame."""
 
     nodes: tuple[viser.LineSegmentsHandle | viser.LabelHandle | viser.IcosphereHandle, ...]
     show: Callable[[int], None]

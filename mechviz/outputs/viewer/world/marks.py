@@ -262,7 +262,7 @@ def hover_names(show: ViewModel) -> dict[str, Name]:
 
 
 def _joint(show: ViewModel, name: str) -> str:
-    """What a joint is: ``revolute, crank and coupler``."""
+    """Words for a joint: ``revolute, crank and coupler``."""
     joint = show.numbers.joints[name]
     return f"{KINDS.get(joint.kind, joint.kind)}, {' and '.join(joint.links)}"
 

@@ -143,7 +143,7 @@ def _cam(m: JointMaker) -> Joint | None:
 
 
 def _blank(profile: ProfileDocument, path: str, convert: Converter) -> SpatialBlank | None:
-    """What a spatial cam is cut from; None of a plane one."""
+    """Blank of a spatial cam; None of a plane one."""
     kind = next((key for key in SOLIDS if getattr(profile, key) is not None), None)
     if kind is None:
         return None
@@ -299,7 +299,7 @@ _OF_THE_CORE = {
     "undercut": "profile.undercut", "guide": "follower.guide", "point": "follower.point", "second": "follower.second",
     "left": "follower.face",
 }  # fmt: skip
-"""What a cam joint of the core states, in a scene; its face is one of `_FACES`."""
+"""Translation of a cam joint's keys to the core; its face is one of `_FACES`."""
 
 _FACES = ("roller", "mushroom", "groove", "flat")
 

@@ -353,7 +353,7 @@ def whole_step(step: float) -> float | None:
 
 
 def step_fault(step: float) -> tuple[str, str]:
-    """What is wrong with a step [rad] that ``whole_step`` does not take, and the remedy."""
+    """Fault of a step [rad] that ``whole_step`` does not take, and the remedy."""
     turns = 2.0 * math.pi / step if step > 0.0 else math.inf
     size = as_angle(step)
     if step > 0.0 and turns > _MOST:

@@ -67,7 +67,7 @@ class JointDocument(CommonKeys, CamKeys, WheelKeys, LowerKeys):
 
     @property
     def traits(self) -> JointKind:
-        """What is known of its kind."""
+        """Its kind."""
         return KINDS[self.kind]
 
     @property
@@ -83,7 +83,7 @@ class JointDocument(CommonKeys, CamKeys, WheelKeys, LowerKeys):
 
     @property
     def coordinate(self) -> Literal["angle", "length"]:
-        """What a drive on it prescribes."""
+        """The coordinate that a drive on it prescribes."""
         return self.traits.driven or "angle"
 
     @property
@@ -121,7 +121,7 @@ class JointDocument(CommonKeys, CamKeys, WheelKeys, LowerKeys):
         return getattr(self, key) not in (None, False, [])
 
     def instead(self, key: str) -> str:
-        """What to do about a key that does not go with the kind."""
+        """Remedy for a key that does not go with the kind."""
         kind = self.traits
         if key in ("drive", "free"):
             return kind.undriven

@@ -76,7 +76,7 @@ def _screw(m: JointMaker) -> Joint:
 
 
 def _guided(m: JointMaker) -> dict[str, Any]:
-    """What all joints along a guide state."""
+    """Keys of all joints along a guide."""
     return {
         "name": m.name,
         "links": m.joint.links,

@@ -162,7 +162,7 @@ def _on_one_axis(document: SceneDocument, link: str) -> list[str]:
 
 
 def _places(document: SceneDocument, link: str, name: str) -> object:
-    """What a scene says about where a point is."""
+    """Places of points, as far as a scene states them."""
     known = document.links.get(link)
     return known.points.get(name, name) if known is not None and isinstance(known.points, dict) else name
 

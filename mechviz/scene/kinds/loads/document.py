@@ -68,7 +68,7 @@ class LoadDocument(CommonKeys, MachineKeys, GasKeys, SpringKeys, PrescribedKeys)
 
     @property
     def traits(self) -> LoadKind:
-        """What is known of its kind."""
+        """Its kind."""
         return KINDS[self.kind]
 
     @model_validator(mode="after")
@@ -98,7 +98,7 @@ class LoadDocument(CommonKeys, MachineKeys, GasKeys, SpringKeys, PrescribedKeys)
         return self
 
     def instead(self, key: str) -> str:
-        """What to do about a key that does not go with the kind."""
+        """Remedy for a key that does not go with the kind."""
         return "Write linear = ..." if key == "coefficient" and "linear" in self.traits.keys else super().instead(key)
 
 
