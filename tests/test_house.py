@@ -21,7 +21,7 @@ LAYERS = {
     ),
     "mechviz": (
         ("files", "meshes"), ("figures", "scene"), ("quantities",), ("accuracy",), ("runs",), ("picture",),
-        ("editor", "studies"), ("outputs",), ("hard_cases",), ("facade",), ("commands",), ("__main__",),
+        ("automata", "editor", "studies"), ("outputs",), ("hard_cases",), ("facade",), ("commands",), ("__main__",),
     ),
 }  # fmt: skip
 

@@ -64,8 +64,11 @@ def _setting(text: str) -> tuple[str, float | str]:
 
 def quantity_of(scene: Scene, text: str | None, option: str, kind: str) -> float | None:
     """A quantity of a kind, in SI units, from an option: a text with a unit, or a number in the scene's units."""
-    if text is None:
-        return None
+    return None if text is None else quantity(Units(**scene.document.units.model_dump()), text, option, kind)
+
+
+def quantity(units: Units, text: str, option: str, kind: str) -> float:
+    """A quantity of a kind, in SI units, from an option: a text with a unit, or a number in some units."""
     try:
         value: float | str = float(text)
     except ValueError:
@@ -73,6 +76,6 @@ def quantity_of(scene: Scene, text: str | None, option: str, kind: str) -> float
     if isinstance(value, float) and not math.isfinite(value):
         fail(f"--{option}: {text} is not a finite number. Give a finite one.")
     try:
-        return Units(**scene.document.units.model_dump()).si(value, kind)
+        return units.si(value, kind)
     except QuantityError as e:
         fail(f"--{option}: {e} {e.remedy}")

@@ -45,6 +45,9 @@ COMMANDS = {
         "balance": "Balance the shaking force of a four-bar or slider-crank by counterweights; show it before and after.",
         "vibrations": "Find the equilibrium of a scene with free joints, and its natural frequencies, damping ratios and modes.",
     },
+    "draw": {
+        "draw": "Turn an SVG drawing, or words, into a machine that draws it: three cams on a shaft, levers, rods and a pen.",
+    },
     "sweep": {
         "sweep": "Compute quantities of many designs: a grid, lists or samples of a scene's parameters, one row for each design.",
     },

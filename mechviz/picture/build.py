@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 from mechviz.meshes.kinds.spatial_cams import spin_transforms
 from mechviz.picture.arrows import Arrows, arrows_of, key_of, owner_of
 from mechviz.picture.centres import centre_nodes
+from mechviz.picture.ink import ink_nodes
 from mechviz.picture.nodes import Body, Lines, Mesh, Picture, Points, Poses
 from mechviz.picture.overlays import overlay_nodes, section_nodes
 from mechviz.picture.proportions import about_z, arc_height, arrow_height, in_space, path_height
@@ -76,6 +77,7 @@ def picture_of(run: Run, solids: Solids, arrows: Arrows | None = None, known: Pi
         *_friction(run, solids),
         *_masses(run, solids),
         *_paths(run, solids, heights),
+        *ink_nodes(run, solids),
         *joint_nodes(run, solids),
         *overlay_nodes(run, solids),
         *centre_nodes(run, solids),

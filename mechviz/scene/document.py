@@ -34,7 +34,14 @@ from mechviz.scene.kinds.friction import FrictionDefaults
 from mechviz.scene.kinds.joints.document import JointDocument
 from mechviz.scene.kinds.loads.document import LoadDocument
 from mechviz.scene.kinds.settings import AccuracyEntry, ParameterEntry
-from mechviz.scene.kinds.studies import PlanName, SectionsDocument, ShakingDocument, SubstituteDocument, SystemDocument
+from mechviz.scene.kinds.studies import (
+    PenDocument,
+    PlanName,
+    SectionsDocument,
+    ShakingDocument,
+    SubstituteDocument,
+    SystemDocument,
+)
 from mechviz.scene.names import LinkName
 
 EffectName = Literal["inertia", "gravity", "friction"]
@@ -221,6 +228,8 @@ class SceneDocument(Table):
     """Substitute masses, by the name of the link that they replace."""
     sections: dict[Name, SectionsDocument] = Field(default={})
     """Links along which section forces are wanted, by name."""
+    pens: dict[Name, PenDocument] = Field(default={})
+    """Points that draw, by the name of what they draw."""
 
     _formulas: Mapping[Place, str] = PrivateAttr(default={})
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Collection, Iterator
 from dataclasses import dataclass
 from functools import cache
-from typing import TYPE_CHECKING, Annotated, Any, Literal, get_args
+from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeVar, get_args
 
 from pydantic import Field
 
@@ -17,6 +17,8 @@ from mechviz.scene.fields import Table, Text, Unknown
 if TYPE_CHECKING:
     from mechviz.scene.kinds.joints.document import JointDocument
     from mechviz.scene.reading.recovery import Reading
+
+T = TypeVar("T")
 
 
 @dataclass(frozen=True)
@@ -30,6 +32,12 @@ class Reference:
     fits: Callable[[JointDocument], bool] | None = None
 
 
+@dataclass(frozen=True)
+class FromFolder:
+    """Marks a text as the path of a file, from the folder of the scene."""
+
+
+FileName = Annotated[Text, FromFolder()]
 LinkName = Annotated[Text, Reference("link")]
 PointName = Annotated[Text, Reference("point")]
 TwoLinks = Annotated[list[LinkName], Field(min_length=2, max_length=2)]
@@ -38,22 +46,33 @@ TwoPoints = Annotated[list[PointName], Field(min_length=2, max_length=2)]
 
 def references(document: Table) -> Iterator[tuple[Leaf, Reference]]:
     """The names in a document that refer to other parts of it, and to what."""
-    for leaf in leaves(document, keys=lambda table: stated_keys(table, _referring(type(table)))):
-        reference = leaf.mark(Reference)
-        if reference is not None:
-            yield leaf, reference
+    return _marked(document, Reference)
+
+
+def files_named(document: Table) -> list[str]:
+    """The paths of files in a document, each once."""
+    return list(dict.fromkeys(str(leaf.value) for leaf, _ in _marked(document, FromFolder)))
+
+
+def _marked(document: Table, sort: type[T]) -> Iterator[tuple[Leaf, T]]:
+    """The values in a document that have a mark of a sort, and that mark."""
+    kind: Any = sort
+    for leaf in leaves(document, keys=lambda table: stated_keys(table, _marking(type(table), kind))):
+        mark = leaf.mark(sort)
+        if mark is not None:
+            yield leaf, mark
 
 
 @cache
-def _referring(cls: type[Table]) -> tuple[str, ...]:
-    """The keys of a table that hold references, or tables that do."""
-    return tuple(key for key, hint in hints_of(cls).items() if _refers(hint))
+def _marking(cls: type[Table], sort: Any) -> tuple[str, ...]:
+    """The keys of a table that hold texts with a mark of a sort, or tables that do."""
+    return tuple(key for key, hint in hints_of(cls).items() if _marks(hint, sort))
 
 
-def _refers(annotation: Any) -> bool:
+def _marks(annotation: Any, sort: type) -> bool:
     if isinstance(annotation, type) and issubclass(annotation, Table):
-        return bool(_referring(annotation))
-    return isinstance(annotation, Reference) or any(map(_refers, get_args(annotation)))
+        return bool(_marking(annotation, sort))
+    return isinstance(annotation, sort) or any(_marks(inner, sort) for inner in get_args(annotation))
 
 
 def check_names(reading: Reading) -> Iterator[Fault]:

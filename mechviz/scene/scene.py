@@ -21,8 +21,8 @@ from mechviz.scene.convert import Converter
 from mechviz.scene.document import FORMER, FORMER_INNER, SceneDocument, value_at, with_values
 from mechviz.scene.faults import SceneError, in_file_order, path_as_written, path_text
 from mechviz.scene.folder import SceneFolder, copy_files
-from mechviz.scene.kinds.bodies import MassDocument
 from mechviz.scene.kinds.settings import accuracy_of
+from mechviz.scene.names import files_named
 from mechviz.scene.reading.formulas import ParameterValue, parameter_changes, resolve
 from mechviz.scene.reading.recovery import Reading, read_document
 from mechviz.scene.reading.text import find_scene, parse_toml, read_text, toml_text
@@ -82,11 +82,8 @@ class Scene:
 
     @property
     def files(self) -> dict[str, bytes]:
-        """The files that it names, by these names: meshes of masses, profiles of cams."""
-        links, joints = self.document.links.values(), self.document.joints.values()
-        names = [link.mass.mesh for link in links if isinstance(link.mass, MassDocument)]
-        names += [joint.profile.file for joint in joints if joint.profile is not None]
-        return {name: self.folder.read(name) for name in names if name is not None}
+        """The files that it names, by these names: meshes of masses, profiles of cams, tables of laws."""
+        return {name: self.folder.read(name) for name in files_named(self.document)}
 
     @property
     def title(self) -> str:

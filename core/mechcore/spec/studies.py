@@ -70,6 +70,18 @@ class SectionStudy:
 
 
 @dataclass(frozen=True, kw_only=True)
+class PenStudy:
+    """A point of a link that draws: always, or while a ``joint``'s coordinate is at most, or at least, a ``level`` [rad or m]."""
+
+    name: str
+    link: str
+    point: str
+    joint: str | None = None
+    level: float = 0.0
+    below: bool = True  # down at most at the level
+
+
+@dataclass(frozen=True, kw_only=True)
 class Studies:
     """Studies that are asked for beside motion, forces and answers; see `mechcore.constructions.studies`."""
 
@@ -85,6 +97,7 @@ class Studies:
     evolutes: tuple[Place, ...] = ()
     inflection: tuple[str, ...] = ()  # links
     percussion: tuple[Place, ...] = ()  # points about which their links turn
+    pens: tuple[PenStudy, ...] = ()
 
     def items(self) -> tuple[tuple[str, str], ...]:
         """Name and meaning of each study that is asked for."""
@@ -109,4 +122,5 @@ class Studies:
             (f"inflection circle {link}", "where paths have inflections; pole tangent by Bobillier") for link in self.inflection
         ]
         asked += [(f"percussion {a}.{b}", "centre of percussion and the line of the inertia resultant") for a, b in self.percussion]
+        asked += [(f"pen {s.name}", f"what {s.link}.{s.point} draws") for s in self.pens]
         return tuple(asked)

@@ -66,18 +66,20 @@ def glb_bytes(shown: Presentation, *, arrows: Iterable[str] = ARROWS) -> bytes:
         tree.add(name, parent, shapes[key], translation=poses.places, rotation=poses.turns, **scaled)
     for mark in find_marks(shown, arrows):
         _add_mark(tree, mark, 0)
-    for path in picture.of(Lines, "paths"):
-        places = path.strips[0][0]
-        if len(places) < 2:
-            continue
+    for path in picture.of(Lines, "paths", "ink"):  # of ink what is drawn in the end
         stroke = out.material(path.colors[0], line=True)
-        line = {
-            "attributes": {"POSITION": out.accessor(places, target=VERTICES, bounds=True)},
-            "mode": LINE_STRIP,
-            "material": stroke,
-        }
-        name = f"path of {path.owner[1]}"
-        tree.add(name, 0, out.mesh(name, [line]))
+        lines = [
+            {
+                "attributes": {"POSITION": out.accessor(strip[-1], target=VERTICES, bounds=True)},
+                "mode": LINE_STRIP,
+                "material": stroke,
+            }
+            for strip in path.strips
+            if strip.shape[1] > 1
+        ]
+        if lines:
+            name = f"{path.group.removesuffix('s')} of {path.owner[1]}"
+            tree.add(name, 0, out.mesh(name, lines))
     document: dict[str, Any] = {
         "asset": {"version": "2.0", "generator": "mechviz"},
         "scene": 0,

@@ -53,6 +53,8 @@ ROOM = 0.3  # of the mechanism's size: most room for arrows that reach beyond th
 
 GROUPS = {
     "paths": "Paths",
+    "ink": "Ink",
+    "sheet": "Sheets",
     "springs": "Springs",
     "masses": "Masses",
     "polode": "Moving polodes",

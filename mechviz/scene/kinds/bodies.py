@@ -30,6 +30,7 @@ from mechviz.scene.fields import (
     refuse,
     table_or_value,
 )
+from mechviz.scene.names import FileName
 
 if TYPE_CHECKING:
     import shapely
@@ -84,7 +85,7 @@ class MassDocument(Table):
     """A plate with this outline, in the link's frame; `bulges` make sides round."""
     bulges: list[Number] | None = None
     """For each side of the polygon the tangent of a quarter of the angle that it spans as an arc; 0 is straight."""
-    mesh: Text | None = None
+    mesh: FileName | None = None
     """A mesh file (STL, OBJ, PLY, OFF, GLB), closed, in the link's frame, its z axis normal to the plane of motion."""
     drawn: bool = False
     """A plate with the outline with which the link is drawn, holes for its pins and cut-outs included."""

@@ -28,6 +28,7 @@ from mechviz.scene.fields import (
     table_or_value,
     value_or_list,
 )
+from mechviz.scene.names import FileName
 from mechviz.scene.units import DERIVATIVES, KINDS
 
 FREE = "free"
@@ -105,7 +106,7 @@ class PositionTable(Table):
     """Places, at least six; the range of the segment is theirs."""
     values: Annotated[list[Coordinate], Field(min_length=6)] | None = None
     """Positions there."""
-    file: Text | None = None
+    file: FileName | None = None
     """Instead of both: a CSV table of two columns whose header states the units, as "angle [deg], lift [mm]". Path from the folder
     of the scene file."""
     tolerance: Annotated[float | str, Quantity(("angle", "length"), "zero")] = 0.0

@@ -12,7 +12,16 @@ from pydantic import Field, model_validator
 from mechcore.errors import Fault, MechanismError
 from mechcore.forces.section_lines import axis_of
 from mechcore.spec.mechanism import Mechanism
-from mechcore.spec.studies import POLYGONS, CrossSection, SectionStudy, ShakingStudy, Studies, SubstituteStudy, SystemStudy
+from mechcore.spec.studies import (
+    POLYGONS,
+    CrossSection,
+    PenStudy,
+    SectionStudy,
+    ShakingStudy,
+    Studies,
+    SubstituteStudy,
+    SystemStudy,
+)
 from mechviz.scene.faults import did_you_mean, listing
 from mechviz.scene.fields import (
     Flag,
@@ -28,7 +37,8 @@ from mechviz.scene.fields import (
     refuse,
 )
 from mechviz.scene.kinds.bodies import lumps_of
-from mechviz.scene.names import LinkName
+from mechviz.scene.kinds.drives import Level
+from mechviz.scene.names import LinkName, PointName, Reference
 
 if TYPE_CHECKING:
     from mechviz.scene.assembly.links import Placement
@@ -133,6 +143,31 @@ class CrossSectionDocument(Table):
             missing = "'width' is missing." if "height" in sides else "'height' is missing."
             none = ("", "a cross-section without diameter, height and width.", "Give a diameter, or height and width.")
             refuse([(sides[0], missing, "Give both, or a diameter.") if sides else none])
+        return self
+
+
+class PenDocument(Table):
+    """A point that draws: its line appears as it moves."""
+
+    point: PointName
+    """The point, "link.point"."""
+    joint: Annotated[Text, Reference("joint")] | None = None
+    """The joint that lifts it: with at_most or at_least its coordinate tells where the pen is down. Default: it always is."""
+    at_most: Level | None = None
+    """The pen is down where the joint's coordinate is at most this."""
+    at_least: Level | None = None
+    """The pen is down where the joint's coordinate is at least this."""
+
+    @model_validator(mode="after")
+    def _one_limit(self) -> PenDocument:
+        limits = [key for key in ("at_most", "at_least") if getattr(self, key) is not None]
+        if not self.sound("joint", "at_most", "at_least"):
+            return self
+        if self.joint is None:
+            refuse([(key, f"{key} without a joint.", 'Add joint = "C", or leave it out.') for key in limits])
+        elif len(limits) != 1:
+            both = [(limits[-1], "at_least stands beside at_most.", "Leave out one of them.")] if limits else []
+            refuse(both or [("joint", "a joint that lifts the pen, and not where.", "Add at_most = ... or at_least = ...")])
         return self
 
 
@@ -295,12 +330,24 @@ def studies_of(
         inflection=tuple(document.inflection),
         percussion=tuple(_place(text) for text in document.percussion),
         sections=tuple(_sections(name, entry, document, placement, convert) for name, entry in document.sections.items()),
+        pens=tuple(_pen(name, entry, document, placement, convert) for name, entry in document.pens.items()),
     )
 
 
 def _place(text: str) -> tuple[str, str]:
     link, _, point = text.partition(".")
     return link, point
+
+
+def _pen(name: str, entry: PenDocument, document: SceneDocument, placement: Placement, convert: Converter) -> PenStudy:
+    owned = ((link, entry.point[len(link) + 1 :]) for link in document.links if entry.point.startswith(f"{link}."))
+    link, point = next(((link, point) for link, point in owned if point in placement.points.get(link, {})), ("", ""))
+    lifting = document.joints.get(entry.joint) if entry.joint is not None else None
+    key = "at_most" if entry.at_most is not None else "at_least"
+    limit, level = getattr(entry, key), 0.0
+    if lifting is not None and limit is not None:
+        level = convert.si(limit, lifting.coordinate, f"pens.{name}.{key}")
+    return PenStudy(name=name, link=link, point=point, joint=entry.joint, level=level, below=key == "at_most")
 
 
 def _sections(

@@ -205,7 +205,7 @@ def _blank(cls: type[Table]) -> Table:
     return table
 
 
-_SECTIONS = ("links", "joints", "sketch", "loads", "watch", "systems", "substitutes", "sections")
+_SECTIONS = ("links", "joints", "sketch", "loads", "watch", "systems", "substitutes", "sections", "pens")
 
 
 @dataclass

@@ -12,6 +12,7 @@ from mechviz.outputs.viewer.playback import PointTrack
 from mechviz.outputs.viewer.view_model import ViewModel
 from mechviz.outputs.viewer.viser_adapter import Posed
 from mechviz.outputs.viewer.world.solids import link_path
+from mechviz.picture.ink import INK, SHEET
 from mechviz.picture.nodes import Body, Lines, Mesh
 from mechviz.picture.proportions import LINKER
 from mechviz.quantities.vectors import FAMILIES
@@ -108,9 +109,14 @@ def _same(a: Mesh, b: Mesh) -> bool:
     return a.vertices is b.vertices or (a.vertices.shape == b.vertices.shape and np.array_equal(a.vertices, b.vertices))
 
 
-INKS = {"springs": (LINKER, (176, 188, 204)), "friction": (FAMILIES["friction"].color, FAMILIES["friction"].on_dark)}
+INKS = {
+    "springs": (LINKER, (176, 188, 204)),
+    "friction": (FAMILIES["friction"].color, FAMILIES["friction"].on_dark),
+    "ink": ((28, 44, 96), INK),
+    "sheet": ((150, 156, 168), SHEET),
+}
 """Colours of groups on a light and on a dark page."""
-WIDTHS = {"springs": 3.0, "friction": 1.8}  # [px]
+WIDTHS = {"springs": 3.0, "friction": 1.8, "ink": 3.0, "sheet": 1.5}  # [px]
 
 
 def segments(node: Lines, frame: int) -> Single:

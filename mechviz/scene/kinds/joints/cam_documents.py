@@ -32,6 +32,7 @@ from mechviz.scene.fields import (
     refuse,
 )
 from mechviz.scene.kinds.segments import LawDocument, LiftSegment, RadiusSegment
+from mechviz.scene.names import FileName
 from mechviz.scene.units import magnitude
 
 if TYPE_CHECKING:
@@ -147,7 +148,7 @@ class ProfileDocument(Table):
     """Outline: makes the side after each corner an arc: tangent of a quarter of its angle, positive counter-clockwise."""
     points: Annotated[list[Point], Field(min_length=7)] | None = None
     """Given profile: a spline through measured points in the axes of the cam's link."""
-    file: Text | None = None
+    file: FileName | None = None
     """Given profile: a DXF drawing with one closed outline, or a CSV table of points. Path from the folder of the scene file."""
     file_unit: Size | None = None
     """Length of the unit of a file that does not state one, such as "1 mm"."""

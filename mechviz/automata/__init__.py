@@ -1,0 +1,1 @@
+"""Automata: drawings and words become machines that draw them."""

@@ -1,0 +1,249 @@
+"""The motion of a pen along strokes: at an even speed, slower at corners, with a bounded jerk, in one turn of a shaft.
+
+Each stroke is run through from rest to rest under a bounded acceleration; the pen lifts, goes straight on to the next stroke, and
+is put down. This motion over time is smoothed by a cubic B-spline (four averages over a time h in a row), so that its jerk is
+continuous and at most (2/3) |change of velocity| / h^2 at a corner. A corner of turn d that is passed at the speed v is cut by
+(7/15) v h sin(d/2); where the line would miss its stroke by more than is allowed the pen goes slower.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.ndimage import minimum_filter1d
+
+from mechcore.arrays import Complex, Real
+from mechcore.errors import Fault, MechanismError
+from mechcore.texts import as_length
+
+HALF = 2.0  # the smoothing reaches this many h to either side
+_SMOOTH = 0.3  # h over the time in which the pen comes to full speed
+_FINE = 3.0  # samples of a stroke within h at full speed
+_GRID = 6  # places of the smoothed motion within h
+_SLOWEST = 0.01  # of the full speed
+_ROUNDS = 40  # of slowing down where the line misses its stroke
+_RAMPS = (0.004, 0.0057, 0.008, 0.0113, 0.016, 0.0226, 0.032, 0.045)  # ways to full speed, over the size of the drawing
+_WINDOW = 10  # samples to either side among which the nearest place of a line is
+DOWN = 0.25  # of the lift: below it the pen is on the paper
+_OFF = 0.36  # of the time of a cycloidal lift: after it the pen is higher than that
+_NOTHING = 1e-9  # of a range [rad]
+_EVEN = 0.2  # a speed counts as even within this part of the full one
+
+
+@dataclass(frozen=True, eq=False)
+class PenMotion:
+    """Places (N,) [m] of the pen at even steps of the shaft's angle from 0 on, and the angles [rad] of what it does.
+
+    ``strokes``: begin and end of each, while the pen rests on the paper; ``gaps``: after each stroke begin and end of the lifting,
+    begin and end of the lowering. ``error`` [m]: the largest distance between the line and its strokes, either way. ``even``: the
+    share of the line that is drawn at the full speed, within a fifth. Peaks by the angle: ``speed`` [m/rad], ``acceleration``
+    [m/rad^2], ``jerk`` [m/rad^3].
+    """
+
+    places: Complex
+    strokes: tuple[tuple[float, float], ...]
+    gaps: tuple[tuple[float, float, float, float], ...]
+    error: float
+    even: float
+    speed: float
+    acceleration: float
+    jerk: float
+
+    @property
+    def angles(self) -> Real:
+        """Shaft angles (N,) of the places."""
+        return 2.0 * np.pi * np.arange(len(self.places)) / len(self.places)
+
+    @property
+    def lifts(self) -> list[tuple[float, float | None]]:
+        """Ranges [rad] of the turn one after the other, and to where the pen goes in them: 1 up, 0 down, None stays."""
+        found: list[tuple[float, float | None]] = []
+        at = 0.0
+        for rising, up, falling, down in self.gaps:
+            steps = [(rising - at, None), (up - rising, 1.0), (falling - up, None), (down - falling, 0.0)]
+            found += [(over, to) for over, to in steps if over > _NOTHING]
+            at = down
+        return found
+
+
+def plan_motion(
+    strokes: Sequence[Complex],
+    error: float,
+    rise: float,
+    size: Callable[[float, float], float] = lambda speed, acceleration: acceleration,
+) -> PenMotion:
+    """The motion along strokes (n,) [m] that misses them by at most ``error`` [m], the pen's lifts taking ``rise`` [rad] each.
+
+    How quickly the pen comes to full speed is chosen: the least ``size`` of the largest speed [m/rad] and acceleration [m/rad^2],
+    by the shaft's angle. Raises where the error cannot be reached.
+    """
+    if not error > 0.0:
+        raise MechanismError(Fault("error", f"{as_length(error)}: a line cannot be drawn without any error.", "Give more."))
+    if not 2.0 * len(strokes) * rise < math.pi:
+        raise MechanismError(
+            Fault("strokes", f"{len(strokes)} strokes: the pen would be lifted most of the time.", "Join strokes.")
+        )
+    every = np.concatenate(list(strokes))
+    extent = max(np.ptp(every.real), np.ptp(every.imag))
+    found = [motion for part in _RAMPS if (motion := _planned(strokes, error, rise, part * extent)) is not None]
+    if not found:
+        why = f"an error of {as_length(error)} on a drawing of {as_length(float(extent))} cannot be reached."
+        raise MechanismError(Fault("error", why, "Allow a larger error, or draw it smaller."))
+    return min(found, key=lambda motion: size(motion.speed, motion.acceleration))
+
+
+def _planned(strokes: Sequence[Complex], error: float, rise: float, ramp: float) -> PenMotion | None:
+    """The motion that comes to full speed (1) over the way ``ramp`` [m]; None where it misses strokes by more than allowed."""
+    a = 0.5 / ramp
+    h = _SMOOTH / a
+    fine = h / _FINE
+    lines = [_sampled(stroke, fine) for stroke in strokes]
+    caps = [np.ones(len(line)) for line in lines]
+    for _ in range(_ROUNDS):
+        timed = _timed(lines, caps, a, h, rise)
+        smooth = _Smooth.of(timed, h)
+        worst = 0.0
+        for k, line in enumerate(lines):
+            drawn = smooth.at(timed.times[k])
+            miss = np.maximum(_apart(line, drawn), _apart(drawn, line))
+            worst = max(worst, float(miss.max()))
+            slower = np.clip(np.sqrt(0.8 * error / np.maximum(miss, 1e-300)), 0.7, 1.0)
+            caps[k] = np.maximum(caps[k] * minimum_filter1d(slower, 2 * _WINDOW + 1), _SLOWEST)
+        if worst <= error:
+            return _finished(timed, smooth, worst, h)
+    return None
+
+
+@dataclass(frozen=True, eq=False)
+class _Timed:
+    """When the pen is where: ``times`` of the samples of each stroke; ``knots`` and ``places`` of the whole cycle, which lasts
+    ``total``; ``marks``: angles as in `PenMotion`."""
+
+    times: list[Real]
+    knots: Real
+    places: Complex
+    total: float
+    strokes: list[tuple[float, float]]
+    gaps: list[tuple[float, float, float, float]]
+
+
+def _timed(lines: list[Complex], caps: list[Real], a: float, h: float, rise: float) -> _Timed:
+    """The samples of all strokes with their times, and of the ways between them; lifts are a part of the whole time."""
+    own = [_times(line, cap, a) for line, cap in zip(lines, caps, strict=True)]
+    ways = [_sampled(np.array([line[-1], lines[(k + 1) % len(lines)][0]]), h) for k, line in enumerate(lines)]
+    between = [_times(way, np.ones(len(way)), a) for way in ways]
+    total = sum(t[-1] for t in (*own, *between))
+    for _ in range(60):  # the lifts are a part of the whole: a contraction
+        lift = rise / (2.0 * np.pi) * total
+        before = 2.0 * HALF * h + _OFF * lift  # the smoothed pen rests, then lifts a quarter
+        waits = [max(before, 0.5 * (2.0 * lift + 2.0 * HALF * h - t[-1])) for t in between]
+        total, last = sum(t[-1] for t in (*own, *between)) + 2.0 * sum(waits), total
+        if abs(total - last) < 1e-12 * total:
+            break
+    clock, times, knots, places, strokes, gaps = HALF * h, [], [], [], [], []
+    for line, t, way, t_way, wait in zip(lines, own, ways, between, waits, strict=True):
+        times.append(clock + t)
+        strokes.append((clock - HALF * h, clock + t[-1] + HALF * h))
+        clock += t[-1]
+        begin = clock + HALF * h
+        knots += [times[-1], clock + wait + t_way]
+        places += [line, way]
+        clock += 2.0 * wait + t_way[-1]
+        gaps.append((begin, begin + lift, clock - HALF * h - lift, clock - HALF * h))
+    knots.append(np.array([total + HALF * h]))
+    places.append(lines[0][:1])
+    return _Timed(times, np.concatenate(knots), np.concatenate(places), total, strokes, gaps)
+
+
+@dataclass(frozen=True, eq=False)
+class _Smooth:
+    """A periodic motion of the pen after the smoothing: its places on a grid of times, and the spectrum that they come from."""
+
+    grid: Real
+    places: Complex
+    spectrum: Complex
+    rates: Complex
+    total: float
+
+    @classmethod
+    def of(cls, timed: _Timed, h: float) -> _Smooth:
+        count = int(np.ceil(timed.total * _GRID / h))
+        grid = timed.total * np.arange(count) / count
+        x, y = (np.interp(grid, timed.knots, part, period=timed.total) for part in (timed.places.real, timed.places.imag))
+        frequency = np.fft.fftfreq(count, timed.total / count)
+        spectrum = np.fft.fft(x + 1j * y) * np.sinc(frequency * h) ** 4
+        return cls(grid, np.fft.ifft(spectrum), spectrum, np.asarray(2j * np.pi * frequency, complex), timed.total)
+
+    def at(self, times: Real) -> Complex:
+        x, y = (np.interp(times, self.grid, part, period=self.total) for part in (self.places.real, self.places.imag))
+        return np.asarray(x + 1j * y)
+
+    def rate(self, order: int) -> Complex:
+        return np.fft.ifft(self.spectrum * self.rates**order)
+
+
+def _finished(timed: _Timed, smooth: _Smooth, error: float, h: float) -> PenMotion:
+    """The motion by the angle of the shaft, at places a step of h apart."""
+    turn = 2.0 * np.pi / timed.total
+    count = max(int(np.ceil(timed.total / h)), 32)
+    n = len(smooth.grid)
+    spectrum = np.fft.fftshift(smooth.spectrum)
+    half = min(count, n) // 2
+    kept = np.zeros(count, complex)  # resampled without any change below half of the new rate
+    kept[:half], kept[-half:] = spectrum[n // 2 : n // 2 + half], spectrum[n // 2 - half : n // 2]
+    places = np.fft.ifft(kept) * (count / n)
+    drawn = np.zeros(n, bool)
+    for begin, end in timed.strokes:
+        drawn |= (smooth.grid >= begin) & (smooth.grid <= end)
+    speed = np.abs(smooth.rate(1))
+    ink = float(speed[drawn].sum())
+    even = float(speed[drawn & (speed > 1.0 - _EVEN)].sum()) / ink if ink > 0.0 else 0.0
+    fine = np.zeros(n, complex)
+    fine[:half], fine[-half:] = spectrum[n // 2 : n // 2 + half], spectrum[n // 2 - half : n // 2]
+    peaks = [float(np.abs(np.fft.ifft(fine * smooth.rates**k)).max()) / turn**k for k in (1, 2, 3)]
+    return PenMotion(
+        places,
+        tuple((turn * a, turn * b) for a, b in timed.strokes),
+        tuple((turn * a, turn * b, turn * c, turn * d) for a, b, c, d in timed.gaps),
+        error,
+        even,
+        *peaks,
+    )
+
+
+def _sampled(z: Complex, step: float) -> Complex:
+    """Points of a polyline at most a step apart, its corners among them."""
+    counts = np.maximum(1, np.ceil(np.abs(np.diff(z)) / step).astype(int))
+    return np.concatenate([*(a + (b - a) * np.arange(n) / n for a, b, n in zip(z[:-1], z[1:], counts, strict=True)), z[-1:]])
+
+
+def _times(z: Complex, cap: Real, a: float) -> Real:
+    """Times of samples that are passed from rest to rest, as fast as their caps and the acceleration allow."""
+    ways = np.abs(np.diff(z))
+    square = np.minimum(cap, 1.0) ** 2
+    square[0] = square[-1] = 0.0
+    done = np.concatenate([[0.0], np.cumsum(ways)])
+    rising = np.minimum.accumulate(square - 2.0 * a * done) + 2.0 * a * done
+    falling = (np.minimum.accumulate((rising + 2.0 * a * done)[::-1]))[::-1] - 2.0 * a * done
+    v = np.sqrt(np.maximum(falling, 0.0))
+    mean = 0.5 * (v[1:] + v[:-1])
+    short = mean <= 0.0  # one step from rest to rest: up to its middle and down again
+    dt = np.where(short, 2.0 * np.sqrt(ways / a), ways / np.where(short, 1.0, mean))
+    return np.concatenate([[0.0], np.cumsum(dt)])
+
+
+def _apart(points: Complex, line: Complex) -> Real:
+    """Distances of points (n,) from a line through as many points, looked for near the same place in it."""
+    n = len(points)
+    best = np.full(n, np.inf)
+    at = np.arange(n)
+    for shift in range(-_WINDOW, _WINDOW):
+        j = np.clip(at + shift, 0, n - 2)
+        a, b = line[j], line[j + 1]
+        way = b - a
+        u = np.clip(np.real((points - a) * np.conj(way)) / np.maximum(np.abs(way) ** 2, 1e-300), 0.0, 1.0)
+        best = np.minimum(best, np.abs(points - a - u * way))
+    return best

@@ -1,0 +1,172 @@
+"""Strokes of a drawing: read from SVG or written in a single-stroke font, scaled to a sheet, put in order."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+
+from mechcore.arrays import Complex
+from mechcore.errors import Fault, MechanismError
+from mechviz.files import OutputError, open_regular
+
+EXTRA = "Install it: pip install 'mechviz[draw]'"
+_CORNER = math.radians(55.0)  # a polyline of a font turns less where it stands for a curve
+_STEP = 8  # points between two of a font's
+_FLAT = 400  # pieces of the drawing's larger side: a curve's chords are this short where it is flattened
+_MOST = 200_000  # points of a drawing
+_ROUNDS = 40  # of improvement of the order of strokes
+
+
+def svg_strokes(path: Path | str) -> list[Complex]:
+    """The strokes of an SVG drawing, one for each part of a path, (n,) points in its own unit with y upwards.
+
+    Curves are flattened. Fillings are taken by their outlines. Raises `OutputError` where it cannot be read or has nothing in it.
+    """
+    try:
+        from svgelements import SVG, Move, Shape
+        from svgelements import Path as Trail
+    except ImportError:
+        raise OutputError("svgelements reads SVG drawings and is missing here.", EXTRA) from None
+    try:
+        with open_regular(path) as file:
+            drawing = SVG.parse(file, reify=True)
+    except OSError as error:
+        raise OutputError(f"'{path}' cannot be read: {(error.strerror or str(error)).lower()}.", "Name an SVG file.") from None
+    except Exception as error:  # whatever the parser meets in a file that is none
+        raise OutputError(f"'{path}' is no SVG drawing: {error}.", "Save it as plain SVG.") from None
+    trails = [Trail(part) for shape in drawing.elements() if isinstance(shape, Shape) for part in Trail(shape).as_subpaths()]
+    boxes = [box for trail in trails if (box := trail.bbox()) is not None]
+    if not boxes:
+        raise OutputError(f"'{path}' has no paths or shapes to draw.", "Turn its text into paths, and leave out images.")
+    low, high = np.min(boxes, axis=0)[:2], np.max(boxes, axis=0)[2:]
+    chord = float(max(high - low)) / _FLAT
+    found, count = [], 0
+    for trail in trails:
+        points: list[complex] = []
+        for segment in trail:
+            if isinstance(segment, Move):
+                continue
+            n = 1 if type(segment).__name__ in ("Line", "Close") else max(2, math.ceil(segment.length(error=1e-3) / chord))
+            spots = [segment.point(k / n) for k in range(0 if not points else 1, n + 1)]
+            points += [complex(p.x, -p.y) for p in spots if p is not None]
+            count += n
+            if count > _MOST:
+                raise OutputError(f"'{path}' has more than {_MOST} points.", "Draw fewer or shorter lines.")
+        if len(points) > 1:
+            found.append(np.array(points))
+    strokes = _cleaned(found)
+    if not strokes:
+        raise OutputError(f"'{path}' has no line of any length.", "Draw at least one.")
+    return strokes
+
+
+def text_strokes(text: str, font: str = "scripts") -> list[Complex]:
+    """A text in a Hershey font of single strokes: (n,) points each in the font's unit, corners kept and the rest rounded.
+
+    Raises `OutputError` where the font or the letters are not known.
+    """
+    try:
+        from HersheyFonts import HersheyFonts
+    except ImportError:
+        raise OutputError("Hershey-Fonts has the letters of --text and is missing here.", EXTRA) from None
+    pen = HersheyFonts()
+    if font not in pen.default_font_names:
+        raise OutputError(f"There is no font '{font}'.", f"Fonts: {', '.join(sorted(pen.default_font_names))}.")
+    pen.load_default_font(font)
+    strokes = [np.array([complex(x, -y) for x, y in stroke]) for stroke in pen.strokes_for_text(text)]
+    strokes = _cleaned(strokes)
+    if not strokes:
+        raise OutputError(f"'{text}' has no letters that the font '{font}' knows.", "Write letters, digits or signs.")
+    return [_rounded(stroke) for stroke in strokes]
+
+
+def on_sheet(strokes: Sequence[Complex], width: float) -> list[Complex]:
+    """The strokes scaled so that the larger side of the box around them is ``width`` [m], the middle of the box at the origin."""
+    every = np.concatenate(list(strokes))
+    low, high = complex(every.real.min(), every.imag.min()), complex(every.real.max(), every.imag.max())
+    size = max((high - low).real, (high - low).imag)
+    if not size > 0.0:
+        raise MechanismError(Fault("strokes", "all points of the drawing lie at one place.", "Draw a line."))
+    return [(stroke - 0.5 * (low + high)) * (width / size) for stroke in strokes]
+
+
+def in_order(strokes: Sequence[Complex], near: float) -> list[Complex]:
+    """The strokes in an order, and each in a direction, with short ways between them: the nearest next, then improved by turning
+    parts of the order round (2-opt). Strokes whose ends are not farther apart than ``near`` are joined."""
+    rest, found = list(strokes), []
+    at = min(rest, key=lambda s: s[0].real)[0]
+    while rest:
+        gaps = [min(abs(s[0] - at), abs(s[-1] - at)) for s in rest]
+        stroke = rest.pop(int(np.argmin(gaps)))
+        if abs(stroke[-1] - at) < abs(stroke[0] - at):
+            stroke = stroke[::-1]
+        found.append(stroke)
+        at = stroke[-1]
+    for _ in range(_ROUNDS):
+        if not _improved(found):
+            break
+    joined = [found[0]]
+    for stroke in found[1:]:
+        if abs(stroke[0] - joined[-1][-1]) <= near:
+            joined[-1] = np.concatenate([joined[-1], stroke[1:]])
+        else:
+            joined.append(stroke)
+    return joined
+
+
+def _improved(order: list[Complex]) -> bool:
+    """Turns round one part of the order where that shortens the ways between; False where none does."""
+    n = len(order)
+    starts, ends = np.array([s[0] for s in order]), np.array([s[-1] for s in order])
+    for i in range(n):
+        before = ends[i - 1]  # the last one leads back to the first: a machine draws again and again
+        j = np.arange(i, n if i else n - 1)
+        after = starts[(j + 1) % n]
+        gain = abs(starts[i] - before) + abs(after - ends[j]) - abs(ends[j] - before) - abs(after - starts[i])
+        k = int(np.argmax(gain)) if len(j) else 0
+        if len(j) and gain[k] > 1e-9 * (1.0 + abs(before)):
+            last = int(j[k])
+            order[i : last + 1] = [s[::-1] for s in reversed(order[i : last + 1])]
+            return True
+    return False
+
+
+def _cleaned(strokes: Sequence[Complex]) -> list[Complex]:
+    """Without points that repeat the one before, and without strokes of one point."""
+    found = []
+    size = max((float(np.ptp(s.real) + np.ptp(s.imag)) for s in strokes if len(s)), default=0.0)
+    for stroke in strokes:
+        if len(stroke) > 1:
+            kept = stroke[np.concatenate([[True], abs(np.diff(stroke)) > 1e-9 * size])]
+            if len(kept) > 1:
+                found.append(kept)
+    return found
+
+
+def _rounded(z: Complex) -> Complex:
+    """Cubic curves through the points of a polyline (centripetal Catmull-Rom) between its corners."""
+    d = np.diff(z)
+    turn = np.abs(np.angle(d[1:] / d[:-1]))
+    corners = [0, *(np.flatnonzero(turn > _CORNER) + 1).tolist(), len(z) - 1]
+    parts = [_through(z[a : b + 1]) for a, b in pairwise(corners)]
+    return np.concatenate([parts[0], *(part[1:] for part in parts[1:])])
+
+
+def _through(z: Complex) -> Complex:
+    if len(z) < 3:
+        return z
+    p = np.concatenate([[2.0 * z[0] - z[1]], z, [2.0 * z[-1] - z[-2]]])
+    k = np.sqrt(np.abs(np.diff(p)))
+    pieces = [z[:1]]
+    u = np.arange(1, _STEP + 1) / _STEP
+    for i in range(1, len(p) - 2):
+        a, b, c = k[i - 1], k[i], k[i + 1]
+        first = b * ((p[i] - p[i - 1]) / a - (p[i + 1] - p[i - 1]) / (a + b) + (p[i + 1] - p[i]) / b)
+        last = b * ((p[i + 1] - p[i]) / b - (p[i + 2] - p[i]) / (b + c) + (p[i + 2] - p[i + 1]) / c)
+        h = u[:, None] ** np.arange(4) @ np.array([[1, 0, 0, 0], [0, 1, 0, 0], [-3, -2, 3, -1], [2, 1, -2, 1]], float)
+        pieces.append(h @ np.array([p[i], first, p[i + 1], last]))
+    return np.concatenate(pieces)

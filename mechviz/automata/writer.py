@@ -1,0 +1,326 @@
+"""A drawing machine for a motion of a pen: two levers on a shaft of cams lead the pen by two rods, a third lever lifts it.
+
+Lengths follow from the size of the drawing: levers and rods as long as it, on pivots 0.7 times it apart; the pen is half of it
+beyond the pin of the rods, the sheet 1.65 times it above the pivots. On the cams the levers are shorter, by one of `RATIOS`. The
+shaft lies below the pivots, as far as the cams ask for: they are as small as a limit of the pressure angle and rollers that do not
+undercut allow.
+"""
+
+from __future__ import annotations
+
+import cmath
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import shapely
+
+from mechcore.arrays import Complex, Real
+from mechcore.cams import Cam, Follower, Oscillating, Roller
+from mechcore.errors import Fault, MechanismError
+from mechcore.laws.boundary_conditions import measured_table
+from mechcore.laws.catalogue import rise as rise_of
+from mechcore.laws.curve import MotionCurve
+from mechcore.laws.program import Segment, program
+from mechcore.laws.segment_laws import Dwell, NormalisedLaw
+from mechcore.texts import as_angle, as_length
+from mechviz.automata.pen_motion import DOWN, PenMotion, plan_motion
+from mechviz.automata.texts import csv_table, place, quoted
+from mechviz.runs import run_scene
+from mechviz.scene.folder import SceneFolder
+from mechviz.scene.scene import Scene, loads
+
+RATIOS = (4.0, 6.0, 9.0, 13.0)  # of the levers, the least one at which the cams are no larger than the drawing
+_PIVOTS, _LEVER, _ROD, _PEN, _SHEET = 0.35, 1.0, 1.0, 0.5, 1.65  # over the size of the drawing
+_ROLLER = 0.02  # radius of the rollers, over the size of the drawing
+_SPARE = 1.2  # least radius of curvature of the pitch curve, over the roller's
+_LIFT = 0.02  # way of the third roller, over the size of the drawing
+_LIFTER = 0.35  # length of the third lever
+_LIFTS = math.radians(4.0)  # of the shaft, for a lift of the pen
+_MOST_LIFTING = 0.3  # of the turn
+_GROWTH = 1.04  # of cams, from one size that is tried to the next
+_LARGEST = 40.0  # cams, over the size of the drawing
+_TRIES = 4  # machines, each drawn with a smaller share of the error than the one before
+_TEACHES = "Two cams on one shaft move two levers, whose rods lead the pen along the line; a third lifts it between strokes."
+_CHECKED = 4  # frames for each row of the tables where the line is compared with its strokes
+
+
+@dataclass(frozen=True, eq=False)
+class Writer:
+    """A drawing machine and what is known of it.
+
+    ``scene`` with its tables, None of a bare motion; ``motion`` of the pen; ``error`` [m]: largest distance between the line that
+    the machine draws and the strokes, either way; ``ratio`` of the levers: so much farther the pen moves than the rollers do, and
+    so much larger become what the cams are off. Of the three cams: ``pressure_angles`` [rad], largest ``radii`` of the pitch
+    curves [m], ``sharpest`` [m]: least convex radii of curvature of the profiles.
+    """
+
+    scene: Scene | None
+    motion: PenMotion
+    error: float
+    ratio: float = 1.0
+    pressure_angles: tuple[float, ...] = ()
+    radii: tuple[float, ...] = ()
+    sharpest: tuple[float, ...] = ()
+
+
+def design_writer(
+    strokes: Sequence[Complex],
+    error: float,
+    *,
+    title: str,
+    name: str = "writer",
+    speed: float = math.pi / 30.0,
+    pressure_limit: float = math.radians(40.0),
+    levers: bool = True,
+    tell: Callable[[str], object] = lambda _: None,
+) -> Writer:
+    """The machine that draws strokes (n,) [m] about the origin, and misses them by at most ``error`` [m] when it is run.
+
+    ``speed`` of the shaft [rad/s]; without ``levers`` the pen's motion alone. ``tell`` hears what is done. Raises where the error
+    cannot be reached.
+    """
+    every = np.concatenate(list(strokes))
+    size = max(float(np.ptp(every.real)), float(np.ptp(every.imag)))
+    rise = min(_LIFTS, _MOST_LIFTING * 2.0 * math.pi / (2.0 * len(strokes)))
+    ratio, roller = 1.0 / RATIOS[0], _ROLLER * size
+
+    def cam_size(speed: float, acceleration: float) -> float:
+        return max(ratio * speed / math.tan(pressure_limit), math.sqrt(_SPARE * roller * ratio * acceleration))
+
+    share = 0.95
+    for _ in range(_TRIES):
+        tell("planning the pen's motion")
+        motion = plan_motion(strokes, share * error, rise, cam_size)
+        if not levers:
+            return Writer(None, motion, motion.error)
+        tell("sizing the cams")
+        for lever_ratio in RATIOS:
+            machine = _Machine.sized(motion, size, lever_ratio, pressure_limit)
+            if max(machine.radii) <= size:
+                break
+        scene = machine.scene(title, name, speed, pressure_limit)
+        tell("running the machine")
+        reached = drawn_error(scene, motion, [stroke + machine.sheet for stroke in strokes])
+        if reached <= error:
+            return Writer(scene, motion, reached, lever_ratio, machine.pressure_angles, machine.radii, machine.sharpest)
+        share *= 0.9 * error / reached
+    why = f"the machine misses the drawing by {as_length(reached, 3)}, not by at most {as_length(error, 3)}."
+    raise MechanismError(Fault("error", why, "Allow a larger error."))
+
+
+def drawn_error(scene: Scene, motion: PenMotion, strokes: Sequence[Complex]) -> float:
+    """The largest distance [m] between strokes (n,) on the sheet and what a scene's pen ``P`` draws of each, either way."""
+    frames = _CHECKED * len(motion.places)
+    moved = run_scene(scene.changed({("run", "frames"): frames})).motion
+    at = moved.point("left rod", "P") @ np.array([1.0, 1.0j])
+    angles = 2.0 * np.pi * np.arange(len(at)) / frames
+    worst = 0.0
+    for stroke, (begin, end) in zip(strokes, motion.strokes, strict=True):
+        line = at[(angles >= begin) & (angles <= end)]
+        for points, other in ((line, stroke), (stroke, line)):
+            path = shapely.LineString(np.column_stack([other.real, other.imag]))
+            worst = max(worst, float(shapely.distance(shapely.points(points.real, points.imag), path).max()))
+    return worst
+
+
+@dataclass(frozen=True, eq=False)
+class _Wanted:
+    """The law of a lever's lift over the shaft's angle [rad], its arm [m], and the side of the line to the axis where that is."""
+
+    lift: MotionCurve
+    arm: float
+    side: str
+
+
+@dataclass(frozen=True, eq=False)
+class _Lever:
+    """A lever with a roller on its cam: its pivot [m], direction [rad] of its arm at zero lift, radius of the base circle [m]."""
+
+    pivot: complex
+    of: _Wanted
+    heading: float
+    base: float
+    cam: Cam
+
+    @property
+    def extremes(self) -> tuple[float, float, float]:
+        """Largest pressure angle [rad], least convex radius of the profile [m], largest radius of the pitch curve [m]."""
+        pressure, sharpest, radius = _looked_at(self.cam)
+        return pressure, sharpest - self.cam.follower.radius, radius
+
+
+def _looked_at(cam: Cam) -> tuple[float, float, float]:
+    """Largest pressure angle [rad], least convex radius of the pitch curve [m], its largest distance from the axis [m]."""
+    found = cam.at(np.linspace(0.0, 2.0 * np.pi, _CHECKED * max(len(cam.law.pieces), 720)))
+    rho = found.pitch_radius
+    convex = rho[rho > 0.0]
+    return float(np.abs(found.pressure_angle).max()), float(convex.min(initial=np.inf)), float(np.abs(found.pitch).max())
+
+
+def _cam(wanted: _Wanted, middle: float, roller: float) -> tuple[Cam, float] | None:
+    """The cam whose lever stands across at half the lift, its roller then ``middle`` from the axis, and the distance of its pivot;
+    None where the lever does not reach."""
+    lift, arm = wanted.lift, wanted.arm
+    apart = math.hypot(middle, arm)
+    top = float(lift(np.linspace(0.0, 2.0 * np.pi, 721), 0)[0].max())
+    start = math.acos(arm / apart) - 0.5 * top
+    if not (start > 0.05 and start + top < math.pi - 0.05):
+        return None
+    guide = Oscillating(complex(apart), arm, 1 if wanted.side == "right" else -1)
+    return Cam(lift.raised(start), Follower(guide, Roller(roller))), apart
+
+
+def _least(wanted: Sequence[_Wanted], roller: float, limit: float, low: float, high: float) -> float:
+    """The least distance [m] of the rollers from the axis, at half their lifts, at which all cams can be cut and pushed."""
+    middle = low
+    while middle < high:
+        made = [_cam(lever, middle, roller) for lever in wanted]
+        if all(found is not None and _fits(found[0], roller, limit) for found in made):
+            return middle
+        middle *= _GROWTH
+    why = f"no cam up to a radius of {as_length(high, 3)} keeps to a pressure angle of {as_angle(limit, 3)} without undercut."
+    raise MechanismError(Fault("pressure_limit", why, "Allow a larger angle or a larger error, or draw less in one turn."))
+
+
+def _fits(cam: Cam, roller: float, limit: float) -> bool:
+    pressure, sharpest, _ = _looked_at(cam)
+    return pressure <= limit and sharpest >= _SPARE * roller
+
+
+@dataclass(frozen=True, eq=False)
+class _Machine:
+    """The places of everything: ``size`` of the drawing, ``sheet``: its middle, levers left, right and lifting."""
+
+    size: float
+    sheet: complex
+    axis: complex
+    levers: tuple[_Lever, _Lever, _Lever]
+    starts: tuple[float, float]  # directions of the two output arms at zero lift
+    lift: float  # of the third lever [rad]
+    lift_segments: list[tuple[float, float | None]]
+    tables: tuple[Real, Real]  # lifts of the two levers [deg] at even steps of the shaft
+
+    @classmethod
+    def sized(cls, motion: PenMotion, size: float, ratio: float, limit: float) -> _Machine:
+        pivots, sheet = (complex(-_PIVOTS * size), complex(_PIVOTS * size)), 1j * _SHEET * size
+        pen, lever, rod, beyond = motion.places + sheet, _LEVER * size, _ROD * size, _PEN * size
+        first = _lever_angles(pen, pivots[0], lever, rod + beyond, 1.0)
+        elbow = pivots[0] + lever * np.exp(1j * first)
+        pin = elbow + (pen - elbow) * (rod / (rod + beyond))
+        turned = [first, _lever_angles(pin, pivots[1], lever, rod, -1.0)]
+        tables = (np.degrees(turned[0].max() - turned[0]), np.degrees(turned[1] - turned[1].min()))
+        rounded = (np.round(tables[0], 7), np.round(tables[1], 7))
+        angles = np.linspace(0.0, 2.0 * np.pi, len(motion.places) + 1)
+        lifts = [measured_table(angles, np.radians(np.append(t, t[0])), 0.0, True)[0] for t in rounded]
+        arm, roller = lever / ratio, _ROLLER * size
+        low, high, lifter = 0.3 * size, _LARGEST * size, _LIFTER * size
+        lift = _LIFT * size / lifter
+        segments = [(over, to if to is None else lift * to) for over, to in motion.lifts]
+        wanted = [_Wanted(law, arm, side) for law, side in zip(lifts, ("right", "left"), strict=True)]
+        third = _Wanted(_lift_law(segments), lifter, "left")
+        middle, own = _least(wanted, roller, limit, low, high), _least([third], roller, limit, low, high)
+        found = [_cam(wanted[0], middle, roller), _cam(wanted[1], middle, roller), _cam(third, own, roller)]
+        (left, apart), (right, _), (up, below) = (f for f in found if f is not None)
+        axis = -1j * math.sqrt(apart**2 - (_PIVOTS * size) ** 2)
+        levers = []
+        for cam, pivot, lever_of in zip((left, right, up), (*pivots, axis - 1j * below), (*wanted, third), strict=True):
+            start = float(cam.law.pieces[0].at(0.0, 0)[0] - lever_of.lift.pieces[0].at(0.0, 0)[0])
+            heading = cmath.phase(axis - pivot) + (start if lever_of.side == "left" else -start)
+            base = abs(abs(axis - pivot) - lever_of.arm * cmath.exp(1j * start)) - roller
+            levers.append(_Lever(pivot, lever_of, heading, base, cam))
+        starts = (float(turned[0].max()), float(turned[1].min()))
+        return cls(size, sheet, axis, (levers[0], levers[1], levers[2]), starts, lift, segments, rounded)
+
+    @property
+    def pressure_angles(self) -> tuple[float, ...]:
+        return tuple(lever.extremes[0] for lever in self.levers)
+
+    @property
+    def sharpest(self) -> tuple[float, ...]:
+        return tuple(lever.extremes[1] for lever in self.levers)
+
+    @property
+    def radii(self) -> tuple[float, ...]:
+        return tuple(lever.extremes[2] for lever in self.levers)
+
+    def scene(self, title: str, name: str, speed: float, limit: float) -> Scene:
+        """The scene, with the tables of its cams in its folder."""
+        size, (left, right, up) = self.size, self.levers
+        sides = zip(("left", "right"), self.tables, strict=True)
+        files = {f"{name}-{side}.csv": csv_table("angle [deg],lift [deg]", 360.0, table) for side, table in sides}
+        out, rod = _LEVER * size, _ROD * size
+        wire = up.pivot + 2.0 * up.of.arm * cmath.exp(1j * (up.heading + 0.5 * math.pi))
+        starts = (*self.starts, 0.0)
+        heads = [cmath.rect(lever.of.arm, lever.heading - start) for lever, start in zip(self.levers, starts, strict=True)]
+        frames = max(len(self.tables[0]), min(2 * len(self.tables[0]), 1000))
+        speed_text = quoted(f"{30.0 / math.pi * speed:.12g} rpm")
+        pivots = ", ".join(f"{pin} = {place(lever.pivot)}" for pin, lever in zip("ABC", self.levers, strict=True))
+        lines = [
+            f"title = {quoted(title)}",
+            f"teaches = {quoted(_TEACHES)}",
+            'units = { length = "mm", angle = "deg" }',
+            "",
+            "[run]",
+            f"frames = {frames}",
+            "",
+            "[links]",
+            f"frame = {{ points = {{ O = {place(self.axis)}, {pivots} }} }}",
+            "cams = { points = { O = [0, 0] } }",
+            f'"left lever" = {{ points = {{ A = [0, 0], D = {place(complex(out))}, R = {place(heads[0])} }} }}',
+            f'"right lever" = {{ points = {{ B = [0, 0], E = {place(complex(out))}, R = {place(heads[1])} }} }}',
+            f'"left rod" = {{ points = {{ D = [0, 0], F = {place(complex(rod))}, P = {place(complex(rod + _PEN * size))} }} }}',
+            f'"right rod" = {{ points = {{ E = [0, 0], F = {place(complex(rod))} }} }}',
+            f"lifter = {{ points = {{ C = [0, 0], R = {place(heads[2])}, W = {place(wire - up.pivot)} }} }}",
+            "",
+            "[joints]",
+            f'O = {{ revolute = ["frame", "cams"], drive = {{ speed = {speed_text} }} }}',
+            'A = { revolute = ["frame", "left lever"] }',
+            'B = { revolute = ["frame", "right lever"] }',
+            'C = { revolute = ["frame", "lifter"] }',
+            'D = { revolute = ["left lever", "left rod"] }',
+            'E = { revolute = ["right lever", "right rod"] }',
+            'F = { revolute = ["left rod", "right rod"], side = "left" }',
+            "",
+            "[pens.P]",
+            'point = "left rod.P"',
+            'joint = "C"',
+            f"at_most = {math.degrees(DOWN * self.lift):.6g}",
+        ]
+        for cam, link, lever, guide in (("X", "left lever", left, "A"), ("Y", "right lever", right, "B"), ("Z", "lifter", up, "C")):
+            lines += [
+                "",
+                f"[joints.{cam}]",
+                f'cam = ["cams", {quoted(link)}]',
+                f'follower = {{ roller = {1e3 * _ROLLER * size:.6g}, guide = "{guide}", point = "R", side = "{lever.of.side}" }}',
+                "",
+                f"[joints.{cam}.profile]",
+                f"base = {1e3 * lever.base:.9g}",
+                f"pressure_limit = {math.degrees(limit):.6g}",
+            ]
+            if lever is up:
+                steps = (
+                    f"    {{ over = {math.degrees(over):.12g} }}," if to is None
+                    else f"    {{ over = {math.degrees(over):.12g}, to = {math.degrees(to):.6g} }},"
+                    for over, to in self.lift_segments
+                )  # fmt: skip
+                lines += ["lift = [", *steps, "]"]
+            else:
+                file = f"{name}-{link.partition(' ')[0]}.csv"
+                lines += [f'lift = [{{ over = 360, law = {{ position = {{ file = "{file}", periodic = true }} }} }}]']
+        return loads("\n".join(lines) + "\n", name, SceneFolder(contents=files))
+
+
+def _lever_angles(pen: Complex, pivot: complex, lever: float, rod: float, side: float) -> Real:
+    """Directions (N,) [rad] of a lever whose rod reaches the pen, its end on the left (``side`` 1) of the line to it."""
+    away = pen - pivot
+    far = np.abs(away)
+    cosine = (lever**2 + far**2 - rod**2) / (2.0 * lever * far)
+    return np.unwrap(np.angle(away)) + side * np.arccos(cosine)
+
+
+def _lift_law(segments: Sequence[tuple[float, float | None]]) -> MotionCurve:
+    law = NormalisedLaw(rise_of("cycloidal"))
+    parts = [Segment(over, None, Dwell()) if to is None else Segment(over, (to,), law) for over, to in segments]
+    return program(parts, (0.0,), repeats=True)

@@ -1,0 +1,99 @@
+"""``mechviz draw``: a drawing or a word becomes a machine that draws it."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+import typer
+
+from mechviz.automata.plotter import plotter_scene
+from mechviz.automata.strokes import in_order, on_sheet, svg_strokes, text_strokes
+from mechviz.automata.writer import design_writer
+from mechviz.commands.common import check_targets, fail, interruptible, progress_bar, say
+from mechviz.commands.loading import clear_errors, quantity
+from mechviz.files import check_target, replacing
+from mechviz.scene.scene import Scene, dump
+from mechviz.scene.units import Units
+
+_UNITS = Units(length="mm", angle="deg")
+
+
+def draw(
+    picture: Annotated[Path | None, typer.Argument(metavar="[PICTURE.svg]", help="its paths and shapes are drawn")] = None,
+    output: Annotated[Path | None, typer.Option("--output", "-o", help="scene of the machine to write (.toml)")] = None,
+    text: Annotated[str | None, typer.Option("--text", metavar="WORDS", help="write this instead of drawing a picture")] = None,
+    font: Annotated[str, typer.Option("--font", help="of --text: scripts, cursive, rowmans, futural ...")] = "scripts",
+    size: Annotated[str, typer.Option("--size", help="larger side of the drawing")] = "100 mm",
+    error: Annotated[str, typer.Option("--error", help="how far the drawn line may be off its strokes")] = "0.1 mm",
+    speed: Annotated[str, typer.Option("--speed", help="of the shaft: the drawing takes one turn")] = "1 rpm",
+    pressure_angle: Annotated[str, typer.Option("--pressure-angle", help="largest one of the cams")] = "40 deg",
+    program: Annotated[
+        Path | None, typer.Option("--program", metavar="FILE.toml", help="also, or only: a program of three axes for motors")
+    ] = None,
+) -> None:
+    """Turn an SVG drawing, or words, into a machine that draws it: three cams on a shaft, levers, rods and a pen.
+
+    Two cams lead the pen, a third one lifts it between strokes. The pen goes at an even speed, slower at corners, with a bounded
+    jerk. The cams are as small as the pressure angle and undercut allow. The machine is run, and the distance of its line from the
+    strokes stated. Beside the scene lie the tables of its cams; export their profiles with: mechviz export FILE.toml --dxf FILE.
+
+    Try: mechviz draw --text Ada -o ada.toml, then mechviz view ada.toml
+    """
+    if (picture is None) == (text is None):
+        fail("Give a picture, or --text WORDS.")
+    if output is None and program is None:
+        fail("Where to? Give -o FILE.toml for the machine, or --program FILE.toml.")
+    for path in (output, program):
+        if path is not None and path.suffix != ".toml":
+            fail(f"'{path}' does not end in .toml, as scenes do.")
+    width, off = quantity(_UNITS, size, "size", "length"), quantity(_UNITS, error, "error", "length")
+    rate, limit = quantity(_UNITS, speed, "speed", "angular speed"), quantity(_UNITS, pressure_angle, "pressure-angle", "angle")
+    for value, option, words in ((width, "size", size), (off, "error", error), (rate, "speed", speed)):
+        if not value > 0.0:
+            fail(f"--{option}: {words} is not above zero.")
+    if not 0.0 < limit < math.radians(80.0):
+        fail(f"--pressure-angle: {pressure_angle} is not between 0 and 80 deg.")
+    name = text if text is not None else picture.stem if picture is not None else ""
+    with clear_errors(str(picture or "")):
+        check_targets(str(picture or ""), output, program)
+        with interruptible("matplotlib.path"), progress_bar("drawing") as bar:
+            bar.stage("reading strokes")
+            raw = text_strokes(text, font) if text is not None else svg_strokes(str(picture))
+            strokes = in_order(on_sheet(raw, width), 0.5 * off)
+            stem = (output or program or Path("writer")).stem
+            title = f"A machine that writes “{name}”" if text is not None else f"A machine that draws “{name}”"
+            writer = design_writer(
+                strokes, off, title=title, name=stem, speed=rate, pressure_limit=limit, levers=output is not None, tell=bar.stage
+            )
+        motion = writer.motion
+        points, ink = sum(map(len, strokes)), sum(float(np.abs(np.diff(s)).sum()) for s in strokes)
+        print(f"{len(strokes)} strokes, {points} points, {_mm(ink)} of line on {_mm(width)}")
+        print(f"drawn within {_mm(writer.error)} of its strokes; {100.0 * motion.even:.0f} % of the line at an even speed")
+        print(f"jerk at most {1e3 * motion.jerk * rate**3:.3g} mm/s^3 at {speed}")
+        for key, pressure, radius, sharp in zip("XYZ", writer.pressure_angles, writer.radii, writer.sharpest, strict=False):
+            words = f"radius {_mm(radius)}, pressure angle up to {math.degrees(pressure):.3g} deg, least convex radius"
+            print(f"cam {key}: {words} {_mm(sharp)}")
+        if writer.ratio > 1.0:
+            print(f"levers {writer.ratio:g} to 1: a cam that is off by 0.01 mm moves the pen by about {0.01 * writer.ratio:.2g} mm")
+        if output is not None and writer.scene is not None:
+            _write(writer.scene, output)
+        if program is not None:
+            _write(plotter_scene(motion, 2.0 * math.pi / rate, title=f"Axes that draw “{name}”", name=program.stem), program)
+
+
+def _mm(length: float) -> str:
+    return f"{1e3 * length:.3g} mm"
+
+
+def _write(scene: Scene, path: Path) -> None:
+    """Write a scene and its tables, over those that were there."""
+    for name, data in scene.files.items():
+        place = path.parent / name
+        check_target(place)
+        with replacing(place) as temporary:
+            temporary.write_bytes(data)
+    dump(scene, path, keep=True)
+    say(f"{path} written, with {' and '.join(scene.files)}.")
