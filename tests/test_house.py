@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import re
 from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
@@ -177,3 +178,37 @@ def test_the_insides_of_a_library_are_used_in_one_module(folder: str) -> None:
                 own = isinstance(node.value, ast.Name) and node.value.id in ("self", "cls")
                 lines |= set() if own or node.attr == "_replace" else {node.lineno}  # `_replace` of a NamedTuple is public
         assert not lines or (name == adapter and len(lines) <= most), f"{name}: lines {sorted(lines)}"
+
+
+RESULTS = {  # what the core's façade gives, and results that it leads to
+    "mechcore.motion.motion": ("Motion",),
+    "mechcore.forces.kinetostatics": ("Forces",),
+    "mechcore.forces.friction.solve": ("FrictionResult",),
+    "mechcore.forces.section_forces": ("SectionForces",),
+    "mechcore.dynamics.simulation": ("Simulation",),
+    "mechcore.dynamics.joined": ("JoinedMotion", "JoinedForces", "JoinedFriction"),
+    "mechcore.cams.synthesis": ("Synthesis", "Cam"),
+    "mechcore.cams.analysis": ("Contact",),
+    "mechcore.reduction.reduced": ("Reduced",),
+    "mechcore.reduction.balancing": ("Shaking",),
+}
+SHAPE = re.compile(r"\([A-Za-z0-9*+ ._-]+,[^)]*\)|\([Fn]\)|as many|frame by frame")
+UNIT = re.compile(r"\[[^\]]+\]|relative|unit vector|dimensionless|derivatives")
+
+
+def test_results_state_their_shapes_and_units() -> None:
+    """The docstrings of public values of results that are arrays; what overrides a documented one may be silent."""
+    silent: list[str] = []
+    for name, classes in RESULTS.items():
+        known = {n.name: n for n in tree(name).body if isinstance(n, ast.ClassDef)}
+        for node in (known[c] for c in classes):
+            for method in node.body:
+                if not isinstance(method, ast.FunctionDef) or method.name.startswith("_") or method.returns is None:
+                    continue
+                text = ast.get_docstring(method)
+                if not {"Real", "Complex"} & set(re.findall(r"\w+", ast.unparse(method.returns))) or (text is None and node.bases):
+                    continue
+                shaped = SHAPE.search(text or "") or "all arrays are" in (ast.get_docstring(node) or "")
+                if not (text and shaped and UNIT.search(text)):
+                    silent.append(f"{name}.{node.name}.{method.name}: {(text or 'nothing').splitlines()[0]}")
+    assert not silent, "\n".join(silent)

@@ -101,23 +101,23 @@ class Synthesis:
 
     @cached_property
     def pitch(self) -> Complex:
-        """Path of the reference point in the cam's axes."""
+        """Path of the reference point in the cam's axes [m]."""
         t = self.reference[0]
         return np.asarray(t + self.angle if self.cam.wedge else self._frame * t)
 
     @cached_property
     def normal(self) -> Complex:
-        """Outward unit normal of the working curve in the cam's axes."""
+        """Outward normal, a unit vector, of the working curve in the cam's axes."""
         return self._frame * self._normal
 
     @property
     def ground_normal(self) -> Complex:
-        """Unit normal from the cam to the follower in ground axes."""
+        """Normal from the cam to the follower in ground axes, a unit vector."""
         return self._normal
 
     @cached_property
     def working(self) -> Complex:
-        """The profile in the cam's axes."""
+        """The profile in the cam's axes [m]."""
         if isinstance(self.cam.follower.face, Flat):
             d, along, _ = self._face
             return self.pitch + self._frame * (along * d)
@@ -126,7 +126,7 @@ class Synthesis:
 
     @cached_property
     def contact(self) -> Complex:
-        """The touching point in ground axes."""
+        """The touching point in ground axes [m]."""
         if isinstance(self.cam.follower.face, Flat):
             d, along, _ = self._face
             return np.asarray(self.reference[0] + along * d)
@@ -181,7 +181,8 @@ class Synthesis:
 
     @cached_property
     def sharpness(self) -> Real:
-        """Regularity of the working curve: 1 where the profile follows the pitch curve, 0 at a cusp, negative where undercut.
+        """Regularity of the working curve, dimensionless: 1 where the profile follows the pitch curve, 0 at a cusp, negative where
+        undercut.
 
         1 - r/rho for round faces (finite where rho is infinite); for a flat face its radius over the face's distance from O.
         """

@@ -173,12 +173,12 @@ class JoinedForces(Forces):
         return self._parts
 
     def reaction(self, joint: str) -> Real:
-        """Everything that the joint transmits; where its coordinate leads a part, the drive has nothing to do; zero while a
-        follower has left its cam."""
+        """Everything that the joint transmits (F, 3) [N, N m]; where its coordinate leads a part, the drive has nothing to do; zero
+        while a follower has left its cam."""
         return self._join(lambda f: _transmitted(f, joint) if _has(f, joint) else np.zeros((f.motion.frames, 3)))
 
     def pressed(self, joint: str) -> Real:
-        """Force and couple that the joint transmits, without the share of friction"""
+        """Force [N] and couple [N m] that the joint transmits, without the share of friction (F, 3)."""
         return self._join(lambda f: f.pressed(joint) if _has(f, joint) else np.zeros((f.motion.frames, 3)))
 
     def position(self, joint: str) -> Real:

@@ -149,7 +149,7 @@ class Simulation:
         return JoinedMotion(t, parts, mechanism=shown, again=self.view, coordinates=self.coordinates(t), model=self._model)
 
     def coordinates(self, t: Real) -> dict[str, Real]:
-        """The free coordinates with their rates (n, 3), by joint: whole turns are known here."""
+        """The free coordinates with their rates (n, 3) [rad or m, and per s], by joint: whole turns are known here."""
         rows = np.stack(self(t), axis=-1)
         free = [d.joint for d in self.compiled.mechanism.drives if isinstance(d.law, Free)]
         return {joint: rows[:, i] for i, joint in enumerate(free)}

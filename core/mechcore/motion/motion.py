@@ -253,11 +253,11 @@ class Motion:
         return (local * self.model.turn[k]) * self.turned(derivative)[self.model.angles.rotation_class[k]]
 
     def angle(self, k: int) -> Real:
-        """Angle of a link's frame [rad], continuous from the start pose."""
+        """Angle of a link's frame (F,) [rad], continuous from the start pose."""
         return self.angles.link(k)
 
     def group_angle(self, group: int) -> Real:
-        """Angle of a group of links that turn together [rad], without what drives turn within it, from the start pose on."""
+        """Angle of a group of links that turn together (F,) [rad], without what drives turn within it, from the start pose on."""
         turning = self.model.angles
         rotation_class = turning.classes_of[group][0]
         driven = sum(sign * self.drives[d][0] for d, sign in turning.class_drives[rotation_class])
@@ -362,7 +362,7 @@ class Motion:
 
     @cached_property
     def condition(self) -> Real:
-        """Largest block condition number of each frame (F,); inf where a block is singular."""
+        """Largest block condition number of each frame (F,), dimensionless; inf where a block is singular."""
         worst = np.ones(self.shape)
         for block, cols in zip(self.model.blocks, self.columns, strict=True):
             worst = np.maximum(worst, condition(self.model, block, cols))

@@ -37,6 +37,7 @@ class Shaking:
 
     @property
     def magnitude(self) -> Real:
+        """Amount of the shaking force (F,) [N]."""
         return np.hypot(self.force[:, 0], self.force[:, 1])
 
     @property

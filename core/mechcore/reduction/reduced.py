@@ -39,6 +39,7 @@ class Reduced:
 
     @cached_property
     def energy(self) -> Real:
+        """Kinetic energy of the mechanism (F,) [J]."""
         with np.errstate(invalid="ignore"):
             return 0.5 * self.mass * self.rate**2
 

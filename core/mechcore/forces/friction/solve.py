@@ -191,7 +191,8 @@ class FrictionResult:
 
     @cached_property
     def stability(self) -> Real:
-        """How far the friction is from a jam (F,): 1 without any, 0 where the effort grows beyond all bounds, NaN at a jam."""
+        """How far the friction is from a jam (F,), dimensionless: 1 without any, 0 where the effort grows beyond all bounds, NaN at
+        a jam."""
         return stability(*system(self.motion, self.elements, self._response), self._solution.loads)
 
     @cached_property
