@@ -264,7 +264,7 @@ def _reach(compiled: Compiled, ranges: list[tuple[float, float]], units: Units) 
     drive = compiled.mechanism.drives[0]
     rotary = compiled.model.rotary(drive.joint)
     kind = "angle" if rotary else "length"
-    full = rotary and len(ranges) == 1 and ranges[0][1] - ranges[0][0] > 2.0 * np.pi - 1e-9
+    full = rotary and len(ranges) == 1 and abs(ranges[0][1] - ranges[0][0] - 2.0 * np.pi) < 1e-9
     spans = [f"{units.show(_plain(a), kind, 7)} to {units.show(_plain(b), kind, 7)}" for a, b in ranges]
     what = "free" if isinstance(drive.law, Free) else "drive"
     beside = ", the others at their start" if len(compiled.mechanism.drives) > 1 else ""

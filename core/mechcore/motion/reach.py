@@ -54,7 +54,8 @@ def _ranges(compiled: Compiled, samples: int) -> list[tuple[float, float]]:
         low, high = path.continuation.ends
         low = max([low, *(end for _, end, _ in path.gaps if end < q0)])
         high = min([high, *(start for start, _, _ in path.gaps if start > q0)])
-        low, high = (q0 - half, q0 + half) if rotary and high - low >= 2.0 * half else (low, high)
+        if rotary and low <= q0 - full and high >= q0 + full:  # with a limit on one side it comes back to another mode after a turn
+            low, high = q0 - half, q0 + half
         if not model.mechanism.ends:
             return [(low, high)]
     else:

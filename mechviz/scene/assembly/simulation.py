@@ -331,7 +331,7 @@ def _swing(mechanism: Mechanism, joint: str, cycle: float) -> Law:
         ranges = reachable_ranges(compiled)
     low, high = ranges[0] if ranges else (law.start, law.start)
     inside = low <= law.start <= high
-    if rotary and high - low > TURN * (1.0 - (1e-5 if cycle else 1e-9)):
+    if rotary and abs(high - low - TURN) < TURN * (1e-5 if cycle else 1e-9):
         return law
     if not rotary and high - low > 9.0 * size:
         raise MechanismError(Fault(path, "nothing limits how far it can go.", "Give a range = [least, greatest]."))

@@ -278,3 +278,41 @@ def test_crossing_grashof_with_a_slider_swings():
 def test_only_a_drive_that_says_no_more_than_its_speed_is_made_to_swing(drive):
     assert not swinging(rocker(drive).document)
     assert not swinging(mechviz.load("swinging-double-pendulum").document)
+
+
+def test_a_crank_that_comes_back_to_another_mode_after_a_turn_has_a_limit():
+    """A Stephenson six-bar that is solved as a triad: backwards its crank makes a whole turn and more, forwards it stops after 4 deg."""
+    scene = mechviz.loads(
+        """
+        units = { length = "mm", angle = "deg" }
+        [links]
+        link0 = { points = ["J1", "J2"] }
+        link1 = { points = ["J1", "J3"] }
+        link2 = { points = ["J4", "J5"] }
+        link3 = { points = ["J6", "J7"] }
+        frame = { points = ["J2", "J4", "J6"] }
+        link5 = { points = ["J3", "J5", "J7"] }
+        [joints]
+        J1 = { revolute = ["link0", "link1"] }
+        J2 = { revolute = ["frame", "link0"], drive = { speed = "30 rpm", range = "reachable" } }
+        J3 = { revolute = ["link1", "link5"] }
+        J4 = { revolute = ["frame", "link2"] }
+        J5 = { revolute = ["link2", "link5"] }
+        J6 = { revolute = ["frame", "link3"] }
+        J7 = { revolute = ["link3", "link5"] }
+        [sketch]
+        J1 = [-12.404, 95.213]
+        J2 = [92.427, 25.705]
+        J3 = [-90.946, 29.681]
+        J4 = [60.494, -62.141]
+        J5 = [-56.993, -80.926]
+        J6 = [30.756, -3.928]
+        J7 = [-41.107, -18.444]
+        """
+    )
+    low, high = ends(scene.mechanism.drives[0].law)
+    drawn = math.atan2(25.705 - 95.213, 92.427 + 12.404)
+    assert low < drawn < high < drawn + math.radians(10.0)
+    assert high - low > 2.0 * math.pi
+    assert run_scene(scene, frames=90).motion.frames == 91
+    assert not any("full turn" in line for line in check_lines(scene))
