@@ -55,6 +55,10 @@ COMMANDS = {
         "sensitivity": "Print how quantities depend on parameters, ranked by what one percent of each does: exact derivatives, no "
         "trial runs.",
     },
+    "synthesise": {
+        "synthesise": "Find mechanisms for a task: a function, positions of a body, a path, a stroke, a straight line; "
+        "or list kinematic chains.",
+    },
     "view": {
         "view": "Show a scene in the browser at http://127.0.0.1:PORT until Ctrl-C, to look at and to edit; or play a recording.",
     },
@@ -98,9 +102,14 @@ def load_command(name: str) -> Any:
     if name in TIMED:
         for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
             os.environ.setdefault(variable, "1")
-    single = typer.Typer(add_completion=False, rich_markup_mode=None, pretty_exceptions_enable=False)
     module = next(module for module, commands in COMMANDS.items() if name in commands)
-    single.command(name)(_with_finite_numbers(getattr(import_module(f"mechviz.commands.{module}"), name)))
+    function = getattr(import_module(f"mechviz.commands.{module}"), name)
+    if isinstance(function, typer.Typer):  # a group of commands
+        for own in function.registered_commands:
+            own.callback = _with_finite_numbers(own.callback) if own.callback else None
+        return get_command(function)
+    single = typer.Typer(add_completion=False, rich_markup_mode=None, pretty_exceptions_enable=False)
+    single.command(name)(_with_finite_numbers(function))
     return get_command(single)
 
 

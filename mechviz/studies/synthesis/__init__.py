@@ -1,0 +1,1 @@
+"""Synthesis: scenes from tasks, every solution with its numbers and its defects."""

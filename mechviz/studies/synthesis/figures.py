@@ -1,0 +1,124 @@
+"""Charts of syntheses: structural errors, Burmester's curves with the positions, paths with their points, chains as sketches."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from mechcore.arrays import Complex, Real
+from mechcore.design.burmester import BurmesterCurve, Poses
+from mechcore.design.chains import Chain
+from mechcore.design.freudenstein import FunctionGenerator, FunctionTask
+from mechcore.design.paths import PathDesign
+from mechviz.figures import COLOURS, chart
+from mechviz.studies.synthesis.chains import layout, outline
+from mechviz.studies.synthesis.four_bars import MotionDesign
+from mechviz.studies.synthesis.linkages import MM
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+MOST_SHOWN = 6
+GREY = "#6c757d"
+
+
+def error_figure(task: FunctionTask, found: Sequence[FunctionGenerator], symbol: str) -> Figure:
+    """Structural errors over the range, one curve a solution, zero at its precision points."""
+    with chart(7.0, 4.0) as figure:
+        axes = figure.subplots()
+        x = np.linspace(task.start, task.end, 401)
+        for k, made in enumerate(found[:MOST_SHOWN]):
+            axes.plot(x, np.degrees(made.structural_error(task, x)), color=COLOURS[k], label=f"{k + 1}")
+            if len(made.points) <= 5:
+                axes.plot(made.points, np.zeros(len(made.points)), "o", color=COLOURS[k], markersize=4)
+        axes.set(xlabel="x", ylabel="structural error [deg]", title=symbol)
+        axes.legend(title="solution")
+    return figure
+
+
+def motion_figure(poses: Poses, found: Sequence[MotionDesign], curve: BurmesterCurve | None = None) -> Figure:
+    """Positions of the body, the first linkage in all of them, and of four positions the circle-point and centre-point curves."""
+    with chart(7.6, 6.4) as figure:
+        axes = figure.subplots()
+        shown = list(poses.places)
+        if curve is not None:
+            _curve(axes, (curve.w * poses.turns[0] + poses.places[0]) * MM, COLOURS[2], "circle points, in position 1")
+            _curve(axes, curve.c * MM, COLOURS[1], "centre points")
+        for made in found[:1]:
+            bar = made.four_bar
+            for k, (a, b) in enumerate(made.pins.T):
+                shown += [bar.crank_pivot, a, b, bar.rocker_pivot]
+                _curve(
+                    axes,
+                    np.array([bar.crank_pivot, a, b, bar.rocker_pivot]) * MM,
+                    COLOURS[0],
+                    "",
+                    alpha=0.3 if k else 1.0,
+                    marker="o",
+                )
+                _curve(axes, np.array([a, poses.places[k], b]) * MM, GREY, "", alpha=0.3 if k else 1.0)
+        for k, (place, turn) in enumerate(zip(poses.places, poses.turns, strict=True)):
+            for direction, colour in ((1.0, "#222222"), (1j, GREY)):
+                _curve(axes, MM * np.array([place, place + 0.18 * poses.reach * turn * direction], complex), colour, "")
+            axes.annotate(f"{k + 1}", (place.real * MM, place.imag * MM), textcoords="offset points", xytext=(-9, -9))
+        middle = 0.5 * (complex(max(np.real(shown)), max(np.imag(shown))) + complex(min(np.real(shown)), min(np.imag(shown)))) * MM
+        size = max(0.6 * max(np.ptp(np.real(shown)), np.ptp(np.imag(shown))), 0.8 * poses.reach) * MM
+        axes.set(
+            xlim=(middle.real - size, middle.real + size), ylim=(middle.imag - size, middle.imag + size), aspect="equal",
+            xlabel="x [mm]", ylabel="y [mm]",
+        )  # fmt: skip
+        if curve is not None:
+            axes.legend(loc="upper right")
+    return figure
+
+
+def path_figure(points: Complex, found: Sequence[PathDesign]) -> Figure:
+    """Points and the coupler curves of the best linkages through them."""
+    with chart(7.0, 6.0) as figure:
+        axes = figure.subplots()
+        turn = np.linspace(0.0, 2.0 * np.pi, 721)
+        for k, made in enumerate(found[:MOST_SHOWN]):
+            curve = made.four_bar.positions(turn)[2] * MM
+            axes.plot(curve.real, curve.imag, color=COLOURS[k], linewidth=2.0 if k == 0 else 1.0, label=f"{k + 1}")
+        best = found[0]
+        a, b, p = (z[0] * MM for z in best.four_bar.positions(best.theta[:1]))
+        for line in ([best.four_bar.crank_pivot * MM, a, b, best.four_bar.rocker_pivot * MM], [a, p, b]):
+            _curve(axes, np.array(line), GREY, "", marker="o")
+        axes.plot(points.real * MM, points.imag * MM, "o", color="#222222", markersize=4)
+        for k, z in enumerate(points[:60]):
+            axes.annotate(f"{k + 1}", (z.real * MM, z.imag * MM), textcoords="offset points", xytext=(4, 4), fontsize="small")
+        axes.set(aspect="equal", xlabel="x [mm]", ylabel="y [mm]")
+        axes.legend(title="solution")
+    return figure
+
+
+def chains_figure(chains: Sequence[Chain]) -> Figure:
+    """Sketches of chains: binary links as bars, others as polygons; links of one colour, when held, give the same mechanism."""
+    columns = min(4, len(chains))
+    rows = -(-len(chains) // columns)
+    with chart(2.4 * columns, 2.5 * rows) as figure:
+        for axes in figure.subplots(rows, columns, squeeze=False).ravel():
+            axes.set_axis_off()
+        for k, chain in enumerate(chains):
+            axes = figure.axes[k]
+            places = layout(chain)
+            for kind, group in enumerate(chain.frames):
+                colour = COLOURS[kind % len(COLOURS)]
+                for link in group:
+                    corners = outline(chain, link, places)
+                    if len(corners) > 2:
+                        axes.fill(corners.real, corners.imag, color=colour, alpha=0.25, linewidth=0)
+                    ring = np.append(corners, corners[0])
+                    axes.plot(ring.real, ring.imag, color=colour, linewidth=2.4)
+            axes.plot(places.real, places.imag, "o", color="#222222", markerfacecolor="white", markersize=5)
+            axes.set_aspect("equal")
+            axes.set_title(f"{k + 1}: {len(chain.frames)} inversion{'s' if len(chain.frames) != 1 else ''}", fontsize="small")
+    return figure
+
+
+def _curve(axes: Axes, points: Complex | Real, colour: str, label: str, alpha: float = 1.0, marker: str = "") -> None:
+    places = np.asarray(points, complex)
+    axes.plot(places.real, places.imag, color=colour, linewidth=1.3, label=label, alpha=alpha, marker=marker, markersize=4)

@@ -1,0 +1,250 @@
+"""Function, motion and path generation: tasks in SI units to four-bars as solutions."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from mechcore.arrays import Complex, Real
+from mechcore.design.burmester import (
+    BurmesterCurve,
+    Poses,
+    bisector,
+    burmester_curve,
+    burmester_points,
+    fixed_pivots,
+    guidance,
+    moving_pivots,
+)
+from mechcore.design.four_bars import FourBar, acute, from_pins, used_range
+from mechcore.design.freudenstein import FunctionGenerator, FunctionTask
+from mechcore.design.paths import PathDesign
+from mechcore.errors import Fault, MechanismError
+from mechviz.studies.synthesis.linkages import MM, four_bar_scene, once, through
+from mechviz.studies.synthesis.solutions import Solution
+
+GRID = 13  # moving pivots a side that are tried where nothing is said of them
+SPREAD = 1.5  # half the side of that grid over the reach of the poses
+FARTHEST = 6.0  # fixed pivots over the reach, beyond which they are left out
+SHARPEST = 10.0  # longest over shortest link that is offered
+CURVE_POINTS = 120  # points of Burmester's curves that are paired
+EXAMINED = 400  # of the pairs without defects, those of the best transmission at the poses, that are examined over their range
+APART = 0.25  # of the reach: distance of pivots that makes two proposals different
+EXACT = 1e-9  # of the size of a path: what misses by less passes its points
+FINE = 181  # crank angles between first and last pose
+
+
+def function_solutions(task: FunctionTask, found: Sequence[FunctionGenerator], frame: float, words: str) -> list[Solution]:
+    """Function generators as solutions, with a frame of some length [m]; ``words``: the function."""
+    out = []
+    for k, made in enumerate(found):
+        error, place = made.largest_error(task)
+        least = np.nan if np.isnan(error) else made.least_transmission(task)
+        bar = made.four_bar().scaled(frame)
+        begin = made.input_start + (np.pi if made.crank < 0.0 else 0.0)
+        end = begin + task.input_range
+        runs = bool(np.isfinite(error))
+        drive = once(begin, end) if runs else through(bar, np.array([begin, end]), usable=False)
+        scene = four_bar_scene(
+            bar, drive, name=f"function-{k + 1}", title=f"Function generator of {words}", traced=False,
+            teaches=f"The rocker's angle follows {words} of the crank's: exactly at {len(made.points)} points or by least squares, "
+            "nearly between them. What is left is the structural error.",
+        )  # fmt: skip
+        numbers = four_bar_lengths(bar) | {
+            "crank at start [deg]": _angle(begin),
+            "largest error [deg]": f"{np.degrees(error):.4g}" if runs else "-",
+            "at x": f"{place:.4g}",
+            "transmission [deg]": f"{np.degrees(least):.1f}" if runs else "-",
+            "type": bar.grashof.value,
+        }
+        defects = made.defects.words(0) or ("" if runs else "does not run through")
+        out.append(Solution(scene, numbers, defects))
+    return out
+
+
+def ranked_paths(found: Sequence[PathDesign], points: Complex) -> list[PathDesign]:
+    """Designs, the best first: those that miss nothing in the order of their transmission angles, the others of their errors."""
+    size = float(np.abs(points - points.mean()).max())
+
+    def rank(made: PathDesign) -> tuple[float, float]:
+        return (0.0, -made.four_bar.least_transmission()) if made.largest < EXACT * size else (made.error, 0.0)
+
+    return sorted(found, key=rank)
+
+
+def path_solutions(found: Sequence[PathDesign], points: Complex) -> list[Solution]:
+    """Four-bars through points as solutions."""
+    out = []
+    for k, made in enumerate(found):
+        drive = through(made.four_bar, made.theta, usable=True)
+        scene = four_bar_scene(
+            made.four_bar, drive, name=f"path-{k + 1}", title=f"Four-bar through {len(points)} points", targets=points,
+            teaches=f"The coupler point E passes {len(points)} points of the frame, P1 and so on, at most "
+            f"{made.largest * MM:.3g} mm away.",
+        )  # fmt: skip
+        rms = np.sqrt(made.error / len(points)) * MM
+        out.append(
+            Solution(
+                scene,
+                four_bar_lengths(made.four_bar)
+                | {
+                    "rms [mm]": f"{rms:.4g}",
+                    "largest [mm]": f"{made.largest * MM:.4g}",
+                    "transmission [deg]": f"{np.degrees(made.four_bar.least_transmission()):.1f}",
+                },
+            )
+        )
+    return out
+
+
+# -- motion generation ------------------------------------------------------------------------------------------------
+def dyads(poses: Poses, moving: Sequence[complex], fixed: Sequence[complex], swing: float) -> tuple[Complex, Complex]:
+    """Moving pivots (R,) in the body and fixed pivots (R,) for poses: those that are given, completed, or all there are.
+
+    ``moving`` and ``fixed`` are given pivots, for two or three poses; ``swing``: angle [rad] by which cranks turn between two.
+    Without them: a grid of moving pivots for two or three poses, points of Burmester's curves for four, all dyads for five.
+    """
+    count = len(poses.places)
+    if count > 3 and (moving or fixed):
+        raise MechanismError(
+            Fault(
+                "poses", f"with {count} positions pivots cannot be chosen.", "Leave out the pivots, or give two or three positions."
+            )
+        )
+    if count >= 5:
+        w, c = burmester_points(poses)
+        if len(w) < 2:
+            raise MechanismError(
+                Fault("poses", "no two cranks lead the body through these positions.", "Move one of them a little.")
+            )
+        return w, c
+    if count == 4:
+        return thinned(burmester_curve(poses), poses)
+    if count == 2 and fixed:
+        raise MechanismError(Fault("fixed", "with two positions the moving pivots are given.", "Give those, or a third position."))
+    if not moving and not fixed:
+        side = np.linspace(-SPREAD, SPREAD, GRID) * poses.reach
+        middle = (poses.places.mean() - poses.places[0]) / poses.turns[0]
+        moving = list((middle + side + 1j * side[:, None]).ravel())
+    w = np.array(list(moving), complex)
+    if count == 2:
+        lines = [bisector(poses, complex(one)) for one in w]
+        both = [
+            (one, at + sign * along / (2.0 * np.tan(swing / 2.0)))
+            for one, (at, along) in zip(w, lines, strict=True)
+            for sign in (1, -1)
+        ]
+        return np.array([one for one, _ in both]), np.array([at for _, at in both])
+    given = np.array(list(fixed), complex)
+    return np.concatenate([w, moving_pivots(poses, given)]), np.concatenate([fixed_pivots(poses, w), given])
+
+
+def thinned(curve: BurmesterCurve, poses: Poses) -> tuple[Complex, Complex]:
+    """So many points of Burmester's curves that are not far away, at about equal steps."""
+    middle = poses.places.mean()
+    near = np.isfinite(curve.w) & (np.abs(curve.c - middle) < FARTHEST * poses.reach) & (np.abs(curve.w) < FARTHEST * poses.reach)
+    w, c = curve.w[near], curve.c[near]
+    step = np.abs(np.diff(w, prepend=w[:1])) + np.abs(np.diff(c, prepend=c[:1]))
+    along = np.cumsum(np.minimum(step, 0.2 * poses.reach))
+    wanted = np.linspace(0.0, along[-1], CURVE_POINTS)
+    chosen = np.unique(np.searchsorted(along, wanted).clip(0, len(w) - 1))
+    return w[chosen], c[chosen]
+
+
+@dataclass(frozen=True, eq=False)
+class MotionDesign:
+    """A four-bar that leads a body through N poses: its crank angles there (N,) [rad], pins A and B there (2, N) [m], its least
+    transmission angle between them [rad] (NaN with defects), its defects in words, its pivots in body and frame (4,)."""
+
+    four_bar: FourBar
+    theta: Real
+    pins: Complex
+    transmission: float
+    defects: str
+    pivots: Complex
+
+
+def motion_designs(poses: Poses, w: Complex, c: Complex, most: int, *, all_of_them: bool) -> list[MotionDesign]:
+    """Four-bars of pairs of dyads: all with their defects, or so many that differ, without defects, best transmission first."""
+    found = guidance(poses, w, c)
+    pins = poses.of_points(found.w)
+    crank, rocker = np.abs(pins[:, 0] - found.c[:, :1])[:, 0], np.abs(pins[:, 1] - found.c[:, 1:])[:, 0]
+    lengths = np.stack([crank, np.abs(found.w[:, 0] - found.w[:, 1]), rocker, np.abs(found.c[:, 0] - found.c[:, 1])])
+    at_poses = acute(pins[:, 0] - pins[:, 1], found.c[:, 1:] - pins[:, 1]).min(1)
+    if all_of_them:
+        order = np.lexsort((-at_poses, ~found.defects.none))[:most]
+    else:
+        order = np.flatnonzero(found.defects.none & (lengths.max(0) < SHARPEST * lengths.min(0)))
+        order = order[np.argsort(-at_poses[order])][:EXAMINED]
+    made = []
+    for k in order:
+        first, second, a, b, place = (complex(z) for z in (*found.c[k], *pins[k, :, 0], poses.places[0]))
+        bar = from_pins(first, second, a, b, place)
+        theta = np.angle(pins[k, 0] - found.c[k, 0])
+        defects = found.defects.words(k)
+        least = np.nan
+        if not defects:
+            theta = _unwrapped(bar, theta)
+            least = float(bar.transmission(np.linspace(*used_range(theta, bar.crank_turns), FINE)).min())
+        made.append(MotionDesign(bar, theta, pins[k], least, defects, np.concatenate([found.w[k], found.c[k]])))
+    if all_of_them:
+        return made
+    kept: list[MotionDesign] = []
+    for one in sorted((one for one in made if np.isfinite(one.transmission)), key=lambda one: -one.transmission):
+        if len(kept) < most and all(np.abs(one.pivots - other.pivots).max() > APART * poses.reach for other in kept):
+            kept.append(one)
+    if not kept:
+        raise MechanismError(
+            Fault("poses", "every four-bar that reaches the positions has a defect of branch, circuit or order.",
+                  "Turn the body less between positions, or give pivots of your own to see the defects.")
+        )  # fmt: skip
+    return kept
+
+
+def motion_solutions(poses: Poses, found: Sequence[MotionDesign]) -> list[Solution]:
+    """Four-bars that lead a body through poses as solutions."""
+    count = len(poses.places)
+    out = []
+    for k, made in enumerate(found):
+        bar = made.four_bar
+        scene = four_bar_scene(
+            bar, through(bar, made.theta, usable=not made.defects), name=f"motion-{k + 1}", targets=poses.places,
+            title=f"Four-bar that leads a body through {count} positions",
+            teaches=f"The coupler is led through {count} positions: E passes P1 to P{count} of the frame, turned as asked for.",
+        )  # fmt: skip
+        pivots = (("A", bar.crank_pivot), ("D", bar.rocker_pivot))
+        numbers = {f"{name} [mm]": f"({z.real * MM:.4g}, {z.imag * MM:.4g})" for name, z in pivots} | four_bar_lengths(bar)
+        numbers |= {
+            "transmission [deg]": "-" if made.defects else f"{np.degrees(made.transmission):.1f}",
+            "type": bar.grashof.value,
+        }
+        if count > 5:  # not met exactly
+            miss = float(np.abs(bar.positions(made.theta)[2] - poses.places).max())
+            numbers |= {"farthest [mm]": f"{miss * MM:.3g}"}
+        out.append(Solution(scene, numbers, made.defects))
+    return out
+
+
+def _unwrapped(bar: FourBar, theta: Real) -> Real:
+    """Crank angles of poses on the side of the turn that the crank passes: those that do not turn fully, without a jump."""
+    if bar.crank_turns:
+        return theta
+    cut = bar.frame_angle + np.pi  # where the crank lies stretched; it cannot pass there unless it cannot pass folded
+    if abs(bar.frame - bar.crank) < abs(bar.coupler - bar.rocker) and bar.frame + bar.crank <= bar.coupler + bar.rocker:
+        cut = bar.frame_angle
+    turn = 2.0 * np.pi
+    return np.asarray(cut + np.mod(theta - cut, turn) - turn)
+
+
+def four_bar_lengths(bar: FourBar) -> dict[str, str]:
+    """The lengths of a four-bar [mm] by their titles."""
+    return {
+        f"{name} [mm]": f"{value * MM:.6g}"
+        for name, value in (("frame", bar.frame), ("crank", bar.crank), ("coupler", bar.coupler), ("rocker", bar.rocker))
+    }
+
+
+def _angle(value: float) -> str:
+    return f"{np.degrees(np.angle(np.exp(1j * value))):.4g}"

@@ -1,0 +1,124 @@
+"""Scenes of linkages that were synthesised: four-bars, slider-cranks, slotted levers. Lengths in mm, angles in degrees."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from mechcore.arrays import Complex, Real
+from mechcore.design.four_bars import FourBar, used_range
+from mechcore.design.strokes import SlottedLever
+from mechviz.scene.scene import Scene
+
+MM = 1e3
+SPEED = "60 rpm"
+Drive = Mapping[str, Any]
+
+
+def four_bar_scene(
+    bar: FourBar, drive: Drive, *, name: str, title: str, teaches: str, targets: Complex | None = None, traced: bool = True
+) -> Scene:
+    """A four-bar as a scene: crank on A with pin B, coupler to C, rocker on D, traced point E. ``targets``: points of the frame."""
+    marks = {f"P{k + 1}": _xy(z) for k, z in enumerate(() if targets is None else targets)}
+    coupler = {"B": [0, 0], "C": [bar.coupler * MM, 0]} | ({"E": _xy(bar.tracer)} if traced else {})
+    return Scene.build(
+        name=name,
+        title=title,
+        teaches=teaches,
+        units={"length": "mm", "angle": "deg"},
+        trace=["E"] if traced else [],
+        answers=["transmission_angle"],
+        links={
+            "frame": {"points": {"A": _xy(bar.crank_pivot), "D": _xy(bar.rocker_pivot), **marks}},
+            "crank": {"points": {"A": [0, 0], "B": [bar.crank * MM, 0]}},
+            "coupler": {"points": coupler},
+            "rocker": {"points": {"D": [0, 0], "C": [bar.rocker * MM, 0]}},
+        },
+        joints={
+            "A": {"revolute": ["frame", "crank"], "drive": drive},
+            "B": {"revolute": ["crank", "coupler"]},
+            "C": {"revolute": ["coupler", "rocker"], "side": "left" if bar.side > 0 else "right"},
+            "D": {"revolute": ["rocker", "frame"]},
+        },
+    )
+
+
+def slider_crank_scene(
+    crank: float, rod: float, offset: float, drive: Drive, *, name: str, title: str, teaches: str, ahead: bool = True
+) -> Scene:
+    """A slider-crank as a scene: crank on A, pins B and C, the slide along x through G. Lengths and offset [m]."""
+    return Scene.build(
+        name=name,
+        title=title,
+        teaches=teaches,
+        units={"length": "mm", "angle": "deg"},
+        answers=["transmission_angle"],
+        links={
+            "frame": {"points": {"A": [0, 0], "G": [0, offset * MM]}},
+            "crank": {"points": {"A": [0, 0], "B": [crank * MM, 0]}},
+            "rod": {"points": {"B": [0, 0], "C": [rod * MM, 0]}},
+            "slider": {"points": {"C": [0, 0]}},
+        },
+        joints={
+            "A": {"revolute": ["frame", "crank"], "drive": drive},
+            "B": {"revolute": ["crank", "rod"]},
+            "C": {"revolute": ["rod", "slider"]},
+            "S": {"prismatic": ["frame", "slider"], "at": ["G", "C"], "along": [1, 0], "branch": "ahead" if ahead else "behind"},
+        },
+    )
+
+
+def slotted_lever_scene(made: SlottedLever, *, name: str, title: str, teaches: str) -> Scene:
+    """A crank O-A whose block slides on a lever, B-C, as a scene."""
+    return Scene.build(
+        name=name,
+        title=title,
+        teaches=teaches,
+        units={"length": "mm", "angle": "deg"},
+        trace=["C"],
+        links={
+            "frame": {"points": {"O": [0, 0], "B": [0, -made.frame * MM]}},
+            "crank": {"points": {"O": [0, 0], "A": [made.crank * MM, 0]}},
+            "block": {"points": {"A": [0, 0]}},
+            "lever": {"points": {"B": [0, 0], "C": [made.lever * MM, 0]}},
+        },
+        joints={
+            "O": {"revolute": ["frame", "crank"], "drive": {"speed": SPEED}},
+            "A": {"revolute": ["crank", "block"]},
+            "S": {"prismatic": ["lever", "block"], "at": ["B", "A"], "along": [1, 0], "branch": "ahead"},
+            "B": {"revolute": ["frame", "lever"]},
+        },
+    )
+
+
+def through(bar: FourBar, theta: Real, *, usable: bool) -> Drive:
+    """A drive that leads the crank through angles (K,) [rad]: full turns where it can, else to and fro between the ends.
+
+    A linkage that is not ``usable`` runs as far as it can go.
+    """
+    if not usable and not bar.crank_turns:
+        return {"speed": SPEED, "range": "reachable", "start": math.degrees(theta[0])}
+    first, last = used_range(theta, bar.crank_turns) if usable else (float(theta[0]), float(theta[0]) + 1.0)
+    if bar.crank_turns:
+        return {"speed": SPEED if last >= first else f"-{SPEED}", "start": math.degrees(first)}
+    return to_and_fro(first, last)
+
+
+def to_and_fro(first: float, last: float) -> Drive:
+    """A harmonic motion between two angles [rad], from the first on."""
+    half = math.degrees(abs(last - first)) / 2.0
+    phase = -90 if last >= first else 90
+    return {"oscillation": {"centre": math.degrees(first + last) / 2.0, "amplitude": half, "period": "2 s", "phase": phase}}
+
+
+def once(first: float, last: float) -> Drive:
+    """A steady motion from an angle to another [rad] in two seconds."""
+    speed = math.degrees(last - first) / 2.0
+    return {"speed": f"{speed!r} deg/s", "range": sorted(math.degrees(angle) for angle in (first, last))}
+
+
+def _xy(z: complex) -> list[float]:
+    return [float(np.real(z)) * MM, float(np.imag(z)) * MM]

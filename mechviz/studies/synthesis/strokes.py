@@ -1,0 +1,85 @@
+"""Strokes, swings and straight lines as solutions."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from mechcore.design.four_bars import FourBar
+from mechcore.design.straight_lines import STRAIGHT_LINES, StraightLine, hoecken, straightness
+from mechcore.design.strokes import SliderCrank, SlottedLever
+from mechcore.errors import Fault, MechanismError
+from mechviz.scene.faults import did_you_mean
+from mechviz.studies.synthesis.four_bars import four_bar_lengths
+from mechviz.studies.synthesis.linkages import MM, SPEED, four_bar_scene, slider_crank_scene, slotted_lever_scene, to_and_fro
+from mechviz.studies.synthesis.solutions import Solution
+
+QUICK = "At constant speed of the crank the way back takes less time than the way out, by the angle between the dead lines."
+
+
+def slider_crank_solution(made: SliderCrank, stroke: float, ratio: float) -> Solution:
+    """A slider-crank of a stroke [m] and a time ratio."""
+    scene = slider_crank_scene(
+        made.crank, made.rod, made.offset, {"speed": SPEED}, name="stroke", teaches=QUICK,
+        title=f"Slider-crank with a stroke of {stroke * MM:g} mm and a time ratio of {ratio:g}",
+    )  # fmt: skip
+    numbers = {
+        "crank [mm]": f"{made.crank * MM:.6g}",
+        "rod [mm]": f"{made.rod * MM:.6g}",
+        "offset [mm]": f"{made.offset * MM:.6g}",
+        "pressure angle [deg]": f"{np.degrees(made.pressure_angle):.2f}",
+    }
+    return Solution(scene, numbers, "" if made.turns else "the crank does not turn fully")
+
+
+def slotted_lever_solution(made: SlottedLever, stroke: float, ratio: float) -> Solution:
+    """A slotted lever whose end has a stroke [m] and a time ratio."""
+    title = f"Slotted lever with a stroke of {stroke * MM:g} mm and a time ratio of {ratio:g}"
+    numbers = {
+        "crank [mm]": f"{made.crank * MM:.6g}",
+        "pivots apart [mm]": f"{made.frame * MM:.6g}",
+        "lever [mm]": f"{made.lever * MM:.6g}",
+        "swing [deg]": f"{np.degrees(made.swing):.4g}",
+    }
+    return Solution(slotted_lever_scene(made, name="stroke", title=title, teaches=QUICK), numbers)
+
+
+def crank_rocker_solution(made: FourBar, swing: float, ratio: float) -> Solution:
+    """A crank-rocker of a swing [rad] and a time ratio."""
+    scene = four_bar_scene(
+        made, {"speed": SPEED}, name="swing", teaches=QUICK, traced=False,
+        title=f"Crank-rocker with a swing of {np.degrees(swing):g} deg and a time ratio of {ratio:g}",
+    )  # fmt: skip
+    return Solution(scene, four_bar_lengths(made) | {"transmission [deg]": f"{np.degrees(made.least_transmission()):.2f}"})
+
+
+def straight_line_solutions(names: list[str], travel: float, straight: float | None) -> list[Solution]:
+    """Straight-line linkages by name, of a travel [m]; ``straight``: crank range [rad] for which Hoecken's are chosen."""
+    for name in names:
+        if name not in STRAIGHT_LINES:
+            raise MechanismError(Fault("name", f"there is no straight line of '{name}'.", did_you_mean(name, STRAIGHT_LINES)))
+    if straight is not None and not 0.0 < straight <= np.radians(240.0):
+        raise MechanismError(
+            Fault("range", f"{np.degrees(straight):g} deg of the crank.", "Give more than 0 and at most 240 degrees.")
+        )
+    lines = {name: STRAIGHT_LINES[name] for name in (names or STRAIGHT_LINES)}
+    if straight is not None:
+        lines = {name: hoecken(straight) if name == "hoecken" else line for name, line in lines.items()}
+    return [_straight_line(name, line, travel) for name, line in lines.items()]
+
+
+def _straight_line(name: str, line: StraightLine, travel: float) -> Solution:
+    found = straightness(line)
+    bar = line.four_bar.scaled(travel / found.travel)
+    drive = {"speed": SPEED} if bar.crank_turns else to_and_fro(line.start, line.end)
+    scene = four_bar_scene(
+        bar, drive, name=name, title=f"Straight line of {name.capitalize()}",
+        teaches=f"Point E runs {travel * MM:g} mm on a nearly straight line, within "
+        f"{found.ratio * travel * MM:.3g} mm: {line.about}.",
+    )  # fmt: skip
+    numbers = {"name": name} | four_bar_lengths(bar) | {
+        "crank from [deg]": f"{np.degrees(line.start):.4g}",
+        "to [deg]": f"{np.degrees(line.end):.4g}",
+        "width [mm]": f"{found.ratio * travel * MM:.4g}",
+        "width/travel": f"{found.ratio:.3g}",
+    }  # fmt: skip
+    return Solution(scene, numbers)

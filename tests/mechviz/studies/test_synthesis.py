@@ -1,0 +1,184 @@
+"""Synthesis on the command line: solutions are scenes that do what was asked for."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+import mechviz
+from mechcore.design.burmester import Poses, burmester_curve
+from mechcore.design.chains import kinematic_chains
+from mechcore.design.strokes import time_ratio
+from mechviz.commands.main import app
+from mechviz.runs import run_scene
+from mechviz.studies.synthesis.chains import chain_solutions, layout, outline
+from mechviz.studies.synthesis.four_bars import dyads, motion_designs, motion_solutions
+
+
+def asked(*words):
+    return CliRunner().invoke(app, ["synthesise", *map(str, words)])
+
+
+def given(*words):
+    """Lines of a table."""
+    done = asked(*words)
+    assert done.exit_code == 0, done.stderr
+    return done.stdout.splitlines()
+
+
+def values(run, key):
+    return run.catalogue[key].values()[:, 0]
+
+
+def track(run, point):
+    """A point's path (F,) [mm], complex: "coupler.E"."""
+    x, y = (run.catalogue[f"point.{point}.position"].values()[:, k] for k in (0, 1))
+    return x + 1j * y
+
+
+def test_a_function_generator_is_a_scene_that_follows_its_function(tmp_path):
+    words = ("function", "1/x", "--from", 1, "--to", 2, "--crank", 90, "--rocker", -90, "--points", 4, "--crank-start", 30)
+    header, best, other = given(*words, "-o", tmp_path, "--plot", tmp_path / "error.svg")
+    assert "-0.09743" in best and "5.757" in other and "defects" in header
+    run = run_scene(mechviz.load(tmp_path / "function-1.toml"), frames=400)
+    psi = np.unwrap(values(run, "link.rocker.angle"), period=360)
+    x = 1.0 + np.linspace(0, 1, 401)
+    error = psi - -90.0 * (1 / x - 1.0) / (0.5 - 1.0)
+    points = 1.5 - 0.5 * np.cos((2 * np.arange(4) + 1) * np.pi / 8)  # Chebyshev's: there the error is that of the zero mark
+    assert np.ptp(np.interp(points, x, error)) < 1e-3
+    assert error[0] - np.interp(points[0], x, error) == pytest.approx(-0.09743, abs=1e-3)
+    assert "structural error" in (tmp_path / "error.svg").read_text()
+
+
+def test_angles_and_least_squares():
+    (_, row) = given("function", "tan(x)", "--from", 0, "--to", "45 deg", "--crank", 60, "--rocker", 60, "--points", 31,
+                     "--crank-start", 60, "--rocker-start", 90)  # fmt: skip
+    assert row.endswith("none")
+    assert asked("function", "tan(x)", "--from", 0, "--to", 1, "--crank", 60, "--rocker", 60).exit_code == 2
+
+
+@pytest.mark.parametrize("count", [2, 3, 4])
+def test_bodies_pass_their_positions(count, tmp_path):
+    rows = [(0, 0, 0), (30, 15, 20), (60, 20, 45), (75, 10, 70)][:count]
+    poses = Poses(np.array([complex(x, y) for x, y, _ in rows]) / 1e3, np.radians([angle for *_, angle in rows]))
+    lines = given(
+        "motion", *(f"{x},{y},{angle}" for x, y, angle in rows), "--most", 3, "-o", tmp_path, "--plot", tmp_path / "a.svg"
+    )
+    assert len(lines) == 4 and all(line.endswith("none") for line in lines[1:])
+    run = run_scene(mechviz.load(tmp_path / "motion-1.toml"), frames=2000)
+    path = track(run, "coupler.E") / 1e3
+    angle = np.radians(values(run, "link.coupler.angle"))
+    nearest = [int(abs(path - place).argmin()) for place in poses.places]
+    assert np.abs(path[nearest] - poses.places).max() < 5e-4
+    turned = np.exp(1j * (angle[nearest] - angle[nearest[0]]))
+    assert np.abs(turned - poses.turns / poses.turns[0]).max() < 0.02
+
+
+def test_pivots_of_ones_own_are_judged():
+    lines = given("motion", "0,0,0", "30,15,20", "60,20,45", "--moving", "-10,5", "--fixed", "80,-40")
+    assert len(lines) == 3  # driven at either one
+    poses = Poses(np.array([0, 0.03 + 0.015j, 0.06 + 0.02j]), np.radians([0, 20, 45]))
+    w, c = dyads(poses, [-0.01 + 0.005j], [0.08 - 0.04j], 1.0)
+    assert w[0] == -0.01 + 0.005j and c[1] == pytest.approx(0.08 - 0.04j)
+    for made in motion_designs(poses, w, c, 9, all_of_them=True):
+        bar, pins = made.four_bar, made.pins
+        assert abs(pins[0] - bar.crank_pivot) == pytest.approx(bar.crank, rel=1e-9)
+        assert abs(pins[1] - bar.rocker_pivot) == pytest.approx(bar.rocker, rel=1e-9)
+
+
+def test_five_positions_show_every_solution_with_its_defects(tmp_path):
+    rows = ["872,1480,41.3103", "811,1894,29.3927", "409,2090,21.4859", "-119,1941,18.3346", "-499,1580,19.1368"]
+    lines = given("motion", *rows, "--most", 12)
+    assert len(lines) == 13
+    assert sum(line.endswith("none") for line in lines) == 4
+    file = tmp_path / "poses.csv"
+    file.write_text("x,y,angle\n" + "\n".join(rows))
+    assert given("motion", file, "--most", 12) == lines
+
+
+def test_paths_are_drawn(tmp_path):
+    points = ["3000,3000", "2759,3363", "2372,3663", "1890,3862", "1355,3943"]
+    lines = given("path", *points, "--step", 15, "--start", 30, "--pivot", "0,0", "--frame-angle", 0, "--screened", 3000,
+                  "-o", tmp_path / "best.toml", "--plot", tmp_path / "path.svg")  # fmt: skip
+    rms = float(lines[1].split()[5])
+    assert rms**2 * 5 == pytest.approx(7.415751e-7 * 1e6, rel=1e-3)
+    run = run_scene(mechviz.load(tmp_path / "best.toml"), frames=720)
+    path = track(run, "coupler.E")
+    for point in points:
+        assert abs(path - complex(*map(float, point.split(",")))).min() < 15.0
+
+
+def test_strokes_and_swings_are_had_at_their_time_ratio(tmp_path):
+    given("stroke", 200, "--ratio", 1.2, "-o", tmp_path / "press.toml")
+    given("stroke", 200, "--ratio", 2, "--frame", 150, "-o", tmp_path / "lever.toml")
+    given("swing", 40, "--ratio", 1.1176, "-o", tmp_path / "swing.toml")
+    runs = {name: run_scene(mechviz.load(tmp_path / f"{name}.toml"), frames=3600) for name in ("press", "lever", "swing")}
+    x = values(runs["press"], "joint.S.displacement")[:-1]
+    assert (np.ptp(x), time_ratio(x)) == pytest.approx((200.0, 1.2), rel=1e-4)
+    lever = track(runs["lever"], "lever.C")[:-1]
+    assert (np.ptp(lever.real), time_ratio(lever.real)) == pytest.approx((200.0, 2.0), rel=1e-3)
+    rocker = values(runs["swing"], "link.rocker.angle")[:-1]
+    assert (np.ptp(rocker), time_ratio(rocker)) == pytest.approx((40.0, 1.1176), rel=1e-3)
+
+
+def test_straight_lines_are_straight(tmp_path):
+    assert len(given("line", "--travel", 80, "-o", tmp_path)) == 6
+    path = track(run_scene(mechviz.load(tmp_path / "watt.toml"), frames=400), "coupler.E")
+    assert np.ptp(path.imag) == pytest.approx(80.0, rel=1e-3)
+    assert np.ptp(path.real) == pytest.approx(80.0 * 0.0217, rel=1e-2)
+
+
+def test_every_inversion_of_six_links_runs():
+    solutions = chain_solutions(kinematic_chains(6))
+    assert len(solutions) == 5
+    for one in solutions:
+        run = run_scene(one.scene, frames=20)
+        assert np.isfinite(run.motion.closure).all()
+
+
+def test_sketches_of_eight_links_do_not_cross():
+    """Two links may touch at a joint only: segments of different links have no inner point in common."""
+    for chain in kinematic_chains(8):
+        places = layout(chain)
+        rings = [outline(chain, link, places) for link in range(chain.links)]
+        edges = [(a, b) for ring in rings for a, b in zip(ring, np.roll(ring, 1), strict=True)]
+        for n, (a, b) in enumerate(edges):
+            for c, d in edges[:n]:
+                if len({a, b, c, d}) == 4:
+                    matrix = [[(b - a).real, (c - d).real], [(b - a).imag, (c - d).imag]]
+                    along = np.linalg.solve(matrix, [(c - a).real, (c - a).imag])
+                    assert not ((along > 0) & (along < 1)).all(), chain
+
+
+def test_burmesters_curves_pass_the_pivots_of_every_proposal():
+    poses = Poses(np.array([0, 0.03 + 0.015j, 0.06 + 0.02j, 0.075 + 0.01j]), np.radians([0, 20, 45, 70]))
+    curve = burmester_curve(poses, 4000)
+    found = motion_designs(poses, *dyads(poses, [], [], 1.0), 5, all_of_them=False)
+    assert len(motion_solutions(poses, found)) == 5
+    for made in found:
+        for pivot in (made.four_bar.crank_pivot, made.four_bar.rocker_pivot):
+            assert np.nanmin(abs(curve.c - pivot)) < 0.002
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (("function", "1/x", "--from", 0, "--to", 2, "--crank", 90, "--rocker", 90), "range"),
+        (("function", "1/y", "--from", 1, "--to", 2, "--crank", 90, "--rocker", 90), "'y'"),
+        (("function", "1/x", "--from", 1, "--to", 2, "--crank", 90, "--rocker", 90), "points"),
+        (("motion", "0,0,0", "1,2"), "position 2"),
+        (("motion", "0,0,0", "0,0,0"), "same"),
+        (("motion", "0,0,0", "10,0,0", "20,5,0", "30,7,0"), "translates"),
+        (("path", "0,0", "1,1", "2,0", "--step", 10, "--angles", "0,1,2"), "--step"),
+        (("path", "0,0", "1,1"), "points"),
+        (("stroke", 200, "--ratio", 0.5), "ratio"),
+        (("line", "wat"), "watt"),
+        (("chains", 5), "freedom"),
+    ],
+)
+def test_what_cannot_be_done_is_said(words, said):
+    done = asked(*words)
+    assert done.exit_code == 2
+    assert said in done.stderr
+    assert "Traceback" not in done.stderr
