@@ -43,6 +43,7 @@ COMMANDS = {
     },
     "studies": {
         "balance": "Balance the shaking force of a four-bar or slider-crank by counterweights; show it before and after.",
+        "graph": "Print the contour graph of a scene, links as vertices, joints as edges, with its independent loops; -o draws it.",
         "vibrations": "Find the equilibrium of a scene with free joints, and its natural frequencies, damping ratios and modes.",
     },
     "draw": {

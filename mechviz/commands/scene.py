@@ -1,4 +1,4 @@
-"""``mechviz show``, ``schema`` and ``check``: what a scene says."""
+"""``mechviz show``, ``graph``, ``schema`` and ``check``: what a scene says."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""``mechviz balance`` and ``vibrations``: studies that make other scenes."""
+"""``mechviz balance``, ``graph`` and ``vibrations``: studies of a scene."""
 
 from __future__ import annotations
 
@@ -7,12 +7,15 @@ from typing import Annotated
 
 import typer
 
+from mechcore.constructions.contour_graph import contour_graph
+from mechcore.motion.solve import compile_mechanism
 from mechviz.commands.common import check_targets, fail, interruptible, say
 from mechviz.commands.loading import SceneArg, SetOpt, clear_errors, load_scene, quantity_of
 from mechviz.commands.solving import solve
 from mechviz.outputs.rerun.writer import write_recording
 from mechviz.scene.scene import Scene, dump
 from mechviz.studies.balance import balance_scene, write_polar
+from mechviz.studies.graph import graph_lines, write_graph
 from mechviz.studies.vibrations import mode_scene, vibration_lines, vibrations_csv, vibrations_of
 
 
@@ -49,6 +52,29 @@ def _dump(scene: Scene, path: Path) -> None:
     """Write a scene and say so, and which files went with it."""
     copies = dump(scene, path)
     say(f"{path} written." + (f" Copied beside it: {', '.join(copy.name for copy in copies)}." if copies else ""))
+
+
+def graph(
+    scene: SceneArg,
+    values: SetOpt = None,
+    output: Annotated[Path | None, typer.Option("--output", "-o", help="also write it as a picture (.svg, .png or .pdf)")] = None,
+) -> None:
+    """Print the contour graph of a scene, links as vertices, joints as edges, with its independent loops; -o draws it.
+
+    The numbers of links and loops are those of mechviz check --equations. plans = ["graph"] in a scene shows it in viewer,
+    recording and page.
+
+    Try: mechviz graph contour-lever -o graph.svg
+    """
+    with clear_errors(scene):
+        check_targets(scene, output)
+        loaded = load_scene(scene, values)
+        found = contour_graph(compile_mechanism(loaded.mechanism).model)
+        print("\n".join([loaded.title, *graph_lines(found)]))
+        if output is not None:
+            with interruptible("matplotlib.figure"):
+                write_graph(found, loaded.title, output)
+            say(f"{output} written.")
 
 
 def vibrations(

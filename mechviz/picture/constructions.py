@@ -7,13 +7,16 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from mechcore.arrays import Complex, Real
+from mechcore.constructions.contour_graph import ContourGraph, contour_graph
 from mechcore.constructions.force_polygons import Funicular
 from mechcore.constructions.polygons import Edge, Polygon
+from mechviz.picture.contour_graph import layout, loop_number
 
 if TYPE_CHECKING:
     from mechviz.runs import Run
@@ -71,7 +74,8 @@ class Mark:
 
 @dataclass(frozen=True, eq=False)
 class Drawing:
-    """Arrows and points, their size ``bounds`` (2, 2) [m] over the run, and the scale: units of the quantity per metre."""
+    """Arrows and points, their size ``bounds`` (2, 2) [m] over the run, and the scale: units of the quantity per metre, 0 where it
+    has none."""
 
     name: str
     title: str
@@ -113,6 +117,8 @@ def drawings_of(run: Run, size: float) -> dict[str, Drawing]:
     """All drawings that a run's scene asks for, by the name of their entity under ``polygons``."""
     studies = run.studies
     drawings = {name: draw_polygons(name, polygons, size) for name, polygons in studies.polygons.items()}
+    if "graph" in run.motion.mechanism.studies.polygons:
+        drawings["graph"] = draw_graph(contour_graph(run.motion.model), run.motion.frames, size)
     if studies.systems:
         drawings["funicular/forces"] = draw_funicular(run, size)
     if studies.shaking is not None:
@@ -156,6 +162,23 @@ def draw_polygons(name: str, polygons: Sequence[Polygon], size: float) -> Drawin
     unit = polygons[0].unit if polygons else "1"
     title = f"{name.capitalize()} plan: 1 m of the drawing = {amount(per_metre, unit)}"
     return Drawing(name, title, tuple(strokes), tuple(marks), per_metre, unit, closing)
+
+
+def draw_graph(graph: ContourGraph, frames: int, size: float) -> Drawing:
+    """The contour graph, about as large as the mechanism: edges with the names of joints, numbered links, numbers of loops."""
+    found = layout(graph)
+    ends = np.concatenate([found.vertices, *found.edges])
+    scale = FILL * size / max(float(np.ptp(ends.real)), float(np.ptp(ends.imag)), 1.0)
+    still = np.ones(frames, complex)
+    strokes = []
+    for edge, z in zip(graph.edges, found.edges, strict=True):
+        color = COLORS["reaction" if edge.driven else "load" if edge.higher else "ray"]
+        for k, (a, b) in enumerate(pairwise(scale * z)):  # the name stands in the middle
+            label = edge.joint if k == (len(z) - 1) // 2 else ""
+            strokes.append(Stroke(label, color, a * still, (b - a) * still, plain=True))
+    marks = [Mark(f"{k} {name}", scale * z * still) for k, (name, z) in enumerate(zip(graph.links, found.vertices, strict=True))]
+    marks += [Mark(loop_number(k), scale * z * still) for k, z in enumerate(found.numbers)]
+    return Drawing("graph", "Contour graph", tuple(strokes), tuple(marks), 0.0, "1", whole=True)
 
 
 def draw_funicular(run: Run, size: float) -> Drawing:

@@ -130,7 +130,7 @@ class SceneBuilder:
         return self
 
     def plan(self, *names: str) -> SceneBuilder:
-        """Graphical constructions to draw: "velocity", "acceleration", "force"."""
+        """Graphical constructions to draw: "velocity", "acceleration", "force", "graph"."""
         self._data.setdefault("plans", []).extend(names)
         return self
 

@@ -287,25 +287,7 @@ def _class_of(model: Model, own: Sequence[int], inner: Sequence[int], joints: Se
 
 def loop_joints(model: Model) -> tuple[tuple[str, ...], ...]:
     """The joints of each independent loop, in order round the loop, from the tree's side to the closing joint."""
-    out = []
-    for c in model.loops:
-        p, q = model.ends[c.closing]
-        up, down = [], []
-        line = []
-        k = p
-        while True:
-            line.append(k)
-            if k == 0:
-                break
-            k = model.tree.parent[k]
-        k = q
-        while k not in line:
-            down.append(model.tree.joint[k])
-            k = model.tree.parent[k]
-        for link in line[: line.index(k)]:
-            up.append(model.tree.joint[link])
-        out.append(tuple(model.joints[j].name for j in [*reversed(up), c.closing, *down]))
-    return tuple(out)
+    return tuple(tuple(model.joints[j].name for j, _, _ in loop_steps(model, loop.closing)) for loop in model.loops)
 
 
 def redundant_joints(model: Model) -> tuple[str, ...]:
@@ -335,7 +317,7 @@ def loop_equations(motion: Motion, frame: int = 0) -> list[str]:
     lines.append("places of the joints in metres, at the start; positive angles counter-clockwise")
 
     for number, loop in enumerate(model.loops, 1):
-        steps = _around(model, loop.closing)
+        steps = loop_steps(model, loop.closing)
         bodies = [0 if not steps else steps[0][1], *(q for _, _, q in steps)]
         names = [model.joints[j].name for j, _, _ in steps]
         lines += ["", f"loop {number}: {'-'.join(map(str, bodies))} through {', '.join(names)}"]
@@ -413,7 +395,7 @@ def _tied(motion: Motion, relation: Relation, number: int, frame: int) -> tuple[
     return first, "".join(_term(c, rate[name[0]] + name[1:], least) for name, c in total.items()) + squares
 
 
-def _around(model: Model, closing: int) -> list[tuple[int, int, int]]:
+def loop_steps(model: Model, closing: int) -> list[tuple[int, int, int]]:
     """The joints round a loop: (joint, from body, to body), starting at the body nearest to the frame."""
     p, q = model.ends[closing]
     tree = model.tree

@@ -12,6 +12,7 @@ POLYGONS: Mapping[str, str] = {
     "velocity": "velocity plan: images of the points, joined by omega x r and sliding velocities",
     "acceleration": "acceleration plan with centripetal, tangential, Coriolis and sliding parts",
     "force": "force plan of every group, in the order of the hand method",
+    "graph": "contour graph: links as vertices, joints as edges, loops numbered",
 }
 """Graphical constructions that a scene can ask for; see `mechcore.constructions`."""
 
@@ -101,7 +102,7 @@ class Studies:
 
     def items(self) -> tuple[tuple[str, str], ...]:
         """Name and meaning of each study that is asked for."""
-        asked = [(f"plan {name}", POLYGONS[name]) for name in self.polygons]
+        asked = [("contour graph" if name == "graph" else f"plan {name}", POLYGONS[name]) for name in self.polygons]
         asked += [(f"polodes {link}", "paths of the instant centre on the frame and on the link") for link in self.centrodes]
         asked += [
             (f"equivalent {joint}", "the linkage of lower pairs that moves like this higher pair") for joint in self.equivalent

@@ -46,7 +46,7 @@ if TYPE_CHECKING:
     from mechviz.scene.document import SceneDocument
 
 
-PlanName = Literal["velocity", "acceleration", "force"]
+PlanName = Literal["velocity", "acceleration", "force", "graph"]
 if set(get_args(PlanName)) != set(POLYGONS):
     raise ImportError("mechviz.scene.kinds.studies.PlanName and mechcore.spec.studies.POLYGONS name different plans")
 

@@ -43,7 +43,9 @@ PLANS = {
     "velocity": "the images of the points, from a pole: what the method by hand draws",
     "acceleration": "with the centripetal, tangential and Coriolis parts",
     "force": "the closed polygon of the forces on each group; needs forces",
+    "graph": "links as vertices, joints as edges, independent loops numbered",
 }
+TITLES = {"graph": "Contour graph"}
 POLODES = "the fixed and the moving centrode: one rolls on the other"
 MOST_POLODES = 5  # links whose switches are seen at once
 NONE_OF_A_RECORDING = "The recording holds no diagrams. Press 'Edit this scene', where it carries its own, to ask for some."
@@ -220,7 +222,9 @@ class Diagrams:
             if session is not None and show.run is not None:
                 with gui.add_folder("Construct"):
                     for name in get_args(PlanName):
-                        self.asked["plans", name] = gui.add_checkbox(f"{name.capitalize()} plan", False, hint=PLANS.get(name))
+                        self.asked["plans", name] = gui.add_checkbox(
+                            TITLES.get(name, f"{name.capitalize()} plan"), False, hint=PLANS[name]
+                        )
                 with gui.add_folder("Pole curves", expand_by_default=len(show.poses) <= MOST_POLODES):
                     for link in show.poses:
                         if link != show.frame:

@@ -256,7 +256,7 @@ class PlanNodes:
         quantity = drawing.title.split(":")[0]
         caption = self._label(
             f"{path}/caption",
-            f"{quantity}. {scale(drawing.unit.replace('^2', '²'), drawing.per_metre, size)}",
+            f"{quantity}. {scale(drawing.unit.replace('^2', '²'), drawing.per_metre, size)}" if drawing.per_metre else quantity,
             1.0,
             "bottom-center",
         )
