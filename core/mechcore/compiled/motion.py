@@ -38,11 +38,13 @@ int {name}(long n, const double *p, const double *const *in, const long *step, d
     return x && y;
 }}
 """
+"""Blocks of frames, each computed whole, number by number in rows of its own: so the compiler makes vectors of them."""
 CLONES = """\
 #include <stdlib.h>
 #if defined(__x86_64__) && defined(__gnu_linux__) && defined(__GNUC__) && !defined(__clang__)
 __attribute__((target_clones("avx512f", "avx2", "default")))
 #endif"""
+"""The same operations on as many frames at once as the processor can; without contraction their results are the same."""
 BLOCK = 64  # frames
 
 
@@ -203,10 +205,6 @@ def motion_program(model: Model, executor: Executor, frames: int) -> MotionProgr
             raise program
         return None
     return program
-
-
-"""Blocks of frames, each computed whole, number by number in rows of its own: so the compiler makes vectors of them."""
-"""The same operations on as many frames at once as the processor can; without contraction their results are the same."""
 
 
 class Kernel:

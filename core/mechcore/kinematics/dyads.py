@@ -83,7 +83,8 @@ def theta_theta(a: Plane, b: Plane, c: Plane, mode: Values) -> tuple[Complex, Co
     across = half * four_areas(ra, rb, d)
     across = _with_mode(across, mode)
     shift = difference * half
-    e1, e2 = np.empty(np.shape(across), complex), np.empty(np.shape(across), complex)
+    shape = np.shape(across)
+    e1, e2 = np.empty(shape, complex), np.empty(shape, complex)
     np.add(0.5, shift, out=e1.real)
     e1.imag = across
     np.subtract(0.5, shift, out=e2.real)

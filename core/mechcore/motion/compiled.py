@@ -120,7 +120,7 @@ def place(compiled: Compiled, time: Real, values: DriveValues, *, given: bool) -
         solved, singular_points = path.model, path.singular_points
         parameter = time if path.by_time else positions[0]
         starts = path.starts(parameter)
-    elif not given and len(time) and _beyond(singular_points, span := float(np.max(time))) and needs_span(model):
+    elif not given and len(time) and model.once(needs_span) and _beyond(singular_points, span := float(np.max(time))):
         singular_points = find_singular_points(model, compiled.assembly.modes, compiled.assembly.starts, span=span)
         compiled = replace(compiled, singular_points=singular_points)  # for further times within that span
     if singular_points is not None and singular_points.found:
