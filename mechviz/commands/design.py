@@ -9,13 +9,16 @@ from typing import Annotated
 
 import typer
 
-from mechviz.commands.common import aligned, check_targets, interruptible
+from mechcore.arrays import Real
+from mechviz.commands.common import aligned, check_targets, interruptible, progress_bar, say
 from mechviz.commands.loading import SceneArg, SetOpt, clear_errors, load_scene
-from mechviz.commands.solving import CyclesOpt, FramesOpt, solve
+from mechviz.commands.solving import CyclesOpt, FramesOpt, processes, solve
 from mechviz.figures import check_ending, save_chart
-from mechviz.files import check_target, replacing
+from mechviz.files import OutputError, check_target, replacing
+from mechviz.quantities.catalogue import Axis
 from mechviz.studies.designs.measures import parse_measure
 from mechviz.studies.designs.sensitivity import sensitivities, tornado
+from mechviz.studies.designs.tolerance import Distribution, Tolerances, parse_limits, tolerance_chart, toleranced, tolerances
 from mechviz.studies.designs.variables import variables_of
 
 ByOpt = Annotated[
@@ -64,14 +67,97 @@ def sensitivity(
                 save_chart(tornado(found[0], loaded.title), plot)
                 print(plot)
             if csv_file is not None:
-                stream = StringIO()
-                writer = csv.writer(stream, lineterminator="\n")
-                of_slopes = [
+                slopes = [
                     f"d {one.measure.key} / d {v.name} [{one.quantity.unit}/{v.unit or '1'}]" for one in found for v in variables
                 ]
-                writer.writerow(["time [s]", *(f"{one.measure.key} [{one.quantity.unit}]" for one in found), *of_slopes])
+                heads = ["time [s]", *(f"{one.measure.key} [{one.quantity.unit}]" for one in found), *slopes]
                 columns = [run.motion.time, *(one.curve for one in found), *(d for one in found for d in one.slopes)]
-                writer.writerows(zip(*(map(repr, map(float, column)) for column in columns), strict=True))
-                with replacing(csv_file) as temporary:
-                    temporary.write_text(stream.getvalue(), encoding="utf-8")
+                write_columns(csv_file, heads, columns)
                 print(csv_file)
+
+
+def tolerance(
+    scene: SceneArg,
+    of: OfOpt,
+    stated: Annotated[
+        list[str] | None,
+        typer.Option("--tolerance", "-t", metavar="NAME=VALUE", help="of a parameter or number [default: those of the scene]"),
+    ] = None,
+    limits: Annotated[
+        list[str] | None,
+        typer.Option("--limits", metavar="LOW..HIGH", help="of the quantities in order, in their units; one end may be left out"),
+    ] = None,
+    samples: Annotated[int, typer.Option("--samples", min=16, max=2**24, help="designs of the sample, a power of two")] = 16384,
+    distribution: Annotated[
+        Distribution, typer.Option("--distribution", help="of parts within their tolerances; normal: three standard deviations")
+    ] = "normal",
+    seed: Annotated[int, typer.Option("--seed", min=0, help="of the sample")] = 0,
+    plot: Annotated[
+        Path | None, typer.Option("--plot", help="write a chart of the first: its band, or its distribution (.svg, .png or .pdf)")
+    ] = None,
+    csv_file: Annotated[Path | None, typer.Option("--csv", help="write the bands of curves over the frames as a table")] = None,
+    jobs: Annotated[int, typer.Option("--jobs", "-j", min=1, max=1024, help="processes")] = 1,
+    frames: FramesOpt = None,
+    cycles: CyclesOpt = None,
+    values: SetOpt = None,
+) -> None:
+    """Print what tolerances do to quantities: worst case, root sum of squares and samples, and what each tolerance contributes.
+
+    A key without a reducer is followed over the whole cycle: a band about its curve, told where it is widest. Tolerances are those
+    of the scene's parameters, or given here, also of numbers by their places.
+
+    Try: mechviz tolerance parametric-press --of drive.A.torque:peak -t ratio=0.02 -t force=0.1kN --limits ..118 --plot band.svg
+    """
+    with clear_errors(scene):
+        check_targets(scene, plot, csv_file)
+        for target in filter(None, (plot, csv_file)):
+            check_target(target)
+        if plot is not None:
+            check_ending(plot)
+        loaded = load_scene(scene, values)
+        measures = [parse_measure(loaded, text) for text in of]
+        variables = toleranced(loaded, stated or ())
+        ends = [parse_limits(text) for text in limits or ()]
+        with interruptible(*(["matplotlib.figure"] if plot is not None else [])):
+            run = solve(loaded, frames, cycles)
+            with progress_bar("sampling") as bar, processes(jobs) as executor:
+                found = tolerances(
+                    run, measures, variables, limits=ends, samples=samples, distribution=distribution, seed=seed,
+                    executor=executor, most=2 * jobs, progress=bar,
+                )  # fmt: skip
+            axis = run.catalogue.axes[0]
+            for one in found:
+                where = "" if one.at is None else f", widest at: {axis.label} = {axis.values[one.at]:.5g} {axis.unit}"
+                print(f"{one.measure.text}{where}")
+                print("\n".join(f"  {line}" for line in [*aligned(one.lines()), *aligned(one.rows())]))
+                if not one.exact:
+                    say(f"note: {one.measure.text} has no exact derivatives here: contributions are fitted to the samples.")
+            if plot is not None:
+                save_chart(tolerance_chart(found[0], loaded.title, axis), plot)
+                print(plot)
+            if csv_file is not None:
+                _write_bands(csv_file, axis, found)
+                print(csv_file)
+
+
+def _write_bands(path: Path, axis: Axis, found: list[Tolerances]) -> None:
+    """The bands of curves over the frames. Raises `OutputError`, also where there is no curve."""
+    curves = [one for one in found if one.curve]
+    if not curves:
+        raise OutputError(f"'{path}': no curve is asked for.", "Leave the reducer of a quantity out.")
+    heads, columns = [axis.title], [axis.values]
+    for one in curves:
+        heads += [f"{one.measure.text}: {word} [{one.quantity.unit}]" for word in ("nominal", "worst ±", "rss ±", "mean", "sigma")]
+        heads += [f"{one.measure.text}: {word} [{one.quantity.unit}]" for word in ("0.135 %", "99.865 %")]
+        columns += [one.nominal, one.worst, one.likely, one.mean, one.sigma, *one.tails]
+    write_columns(path, heads, columns)
+
+
+def write_columns(path: Path, heads: list[str], columns: list[Real]) -> None:
+    """A table of numbers as CSV, replaced as a whole."""
+    stream = StringIO()
+    writer = csv.writer(stream, lineterminator="\n")
+    writer.writerow(heads)
+    writer.writerows(zip(*(map(repr, map(float, column)) for column in columns), strict=True))
+    with replacing(path) as temporary:
+        temporary.write_text(stream.getvalue(), encoding="utf-8")

@@ -55,6 +55,8 @@ COMMANDS = {
     "design": {
         "sensitivity": "Print how quantities depend on parameters, ranked by what one percent of each does: exact derivatives, no "
         "trial runs.",
+        "tolerance": "Print what tolerances do to quantities: worst case, root sum of squares and samples, and what each tolerance "
+        "contributes.",
     },
     "synthesise": {
         "synthesise": "Find mechanisms for a task: a function, positions of a body, a path, a stroke, a straight line; "

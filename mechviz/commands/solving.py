@@ -2,6 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from concurrent.futures import Executor as Pool
+from concurrent.futures import ProcessPoolExecutor
+from contextlib import contextmanager
+from multiprocessing import get_context
 from typing import Annotated, Literal
 
 import typer
@@ -72,3 +77,17 @@ def warn_of_accuracy(run: Run) -> None:
         for line in target_words(run):
             if line.startswith("warning"):
                 say(line)
+
+
+@contextmanager
+def processes(jobs: int) -> Iterator[Pool | None]:
+    """So many processes, or none for one job, which is done here."""
+    if jobs == 1:
+        yield None
+        return
+    with ProcessPoolExecutor(jobs, mp_context=get_context("spawn")) as executor:
+        try:
+            yield executor
+        except BaseException:
+            executor.shutdown(wait=False, cancel_futures=True)
+            raise

@@ -3,10 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from concurrent.futures import Executor, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
-from contextlib import contextmanager
-from multiprocessing import get_context
 from pathlib import Path
 from typing import Annotated
 
@@ -15,7 +12,7 @@ import typer
 
 from mechviz.commands.common import check_targets, fail, interruptible, progress_bar, say
 from mechviz.commands.loading import SceneArg, SetOpt, clear_errors, load_scene
-from mechviz.commands.solving import CyclesOpt, FramesOpt
+from mechviz.commands.solving import CyclesOpt, FramesOpt, processes
 from mechviz.files import check_target
 from mechviz.studies.designs.evaluate import study_of
 from mechviz.studies.designs.measures import parse_measure
@@ -71,7 +68,7 @@ def sweep(
             if store is not None:
                 store.open(fresh=fresh)
             try:
-                with progress_bar("sweeping") as bar, _executor(jobs) as executor:
+                with progress_bar("sweeping") as bar, processes(jobs) as executor:
                     table = run_study(study, designs, store, executor=executor, most=2 * jobs, progress=bar)
             except BrokenProcessPool:
                 fail("A process of the study has died, perhaps for lack of memory. The same command goes on; take fewer --jobs.", 1)
@@ -84,20 +81,6 @@ def sweep(
         else:
             print(output)
         say("\n".join(_summary(table)))
-
-
-@contextmanager
-def _executor(jobs: int) -> Iterator[Executor | None]:
-    """So many processes, or none for one job, which is done here."""
-    if jobs == 1:
-        yield None
-        return
-    with ProcessPoolExecutor(jobs, mp_context=get_context("spawn")) as executor:
-        try:
-            yield executor
-        except BaseException:
-            executor.shutdown(wait=False, cancel_futures=True)
-            raise
 
 
 def _summary(table: Table) -> Iterator[str]:

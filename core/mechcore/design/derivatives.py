@@ -10,8 +10,8 @@ one number by all that varies.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, fields, is_dataclass, replace
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, TypeVar
 
@@ -37,10 +37,10 @@ from mechcore.motion.solve import compile_mechanism
 from mechcore.numerics.frames import QUIET, lazy, stacked
 from mechcore.numerics.tape import Tape, Traced, Untraced, value_of
 from mechcore.spec.mechanism import Mechanism, braked
+from mechcore.spec.numbers import Place, numbers_in, with_numbers
 from mechcore.topology.graph import vector_loops
 
 T = TypeVar("T")
-Place = tuple[Any, ...]
 Numbers = dict[Place, Any]  # of a compiled mechanism, by where they are
 ROUNDING = 2e-14  # relative: what a map of a few operations may be off
 NODES = 13  # of the polynomial of a map that is not affine
@@ -202,12 +202,13 @@ class Derivatives:
         loops = vector_loops(model.ends, joints, model.tree)
         sums = [loop_sum(c, model.angles, turn) for c in loops]
         kept = [tuple(arm for arm in total.arms if (c, arm[0]) in self._arms) for c, total in enumerate(sums)]
-        mechanism = _lifted(model.mechanism, {p[1:]: x for p, x in self.leaves.items() if p[0] == "mechanism"})
+        mechanism = with_numbers(model.mechanism, {p[1:]: x for p, x in self.leaves.items() if p[0] == "mechanism"})
         masses = {}
         for k, (mass, centre, inertia) in zip(model.links, model.masses, strict=True):
             masses[k] = get(("mass", k), mass), get(("centre", k), centre), get(("inertia", k), inertia)
         bodies = {
-            k: _lifted(link, {p[2:]: x for p, x in self.leaves.items() if p[:2] == ("body", k)}) for k, link in model.bodies.items()
+            k: with_numbers(link, {p[2:]: x for p, x in self.leaves.items() if p[:2] == ("body", k)})
+            for k, link in model.bodies.items()
         }
         return replace(
             model,
@@ -445,7 +446,7 @@ def _numbers(model: Model, at: Motion, time: Real) -> Numbers:
         found |= {("point", link, name): z for name, z in points.items()}
         found["mass", link], found["centre", link], found["inertia", link] = mass, centre, inertia
     for link, body in model.bodies.items():
-        found |= {("body", link, *place): x for place, x in _floats(body.gravity, ("gravity",))}
+        found |= {("body", link, *place): x for place, x in numbers_in(body.gravity, ("gravity",))}
     for r, constraint in enumerate(model.constraints):
         for kind in ("groups", "drives", "slides"):
             found |= {(kind, r, i): c for i, c in getattr(constraint, kind)}
@@ -460,38 +461,9 @@ def _numbers(model: Model, at: Motion, time: Real) -> Numbers:
     for d, values in enumerate(drive_values(model.mechanism, time)):
         found |= {("drive", d, k): np.broadcast_to(np.asarray(x, float), time.shape) for k, x in enumerate(values)}
     m = model.mechanism
-    found |= {("mechanism", *place): x for place, x in _floats(m.gravity, ("gravity",))}
-    found |= {("mechanism", *place): x for place, x in _floats(m.loads, ("loads",))}
+    found |= {("mechanism", *place): x for place, x in numbers_in(m.gravity, ("gravity",))}
+    found |= {("mechanism", *place): x for place, x in numbers_in(m.loads, ("loads",))}
     return found
-
-
-def _floats(thing: Any, place: Place) -> list[tuple[Place, float]]:
-    """The numbers of a dataclass or tuple, each with its place."""
-    if isinstance(thing, float):
-        return [(place, thing)]
-    if isinstance(thing, tuple):
-        return [found for k, inner in enumerate(thing) for found in _floats(inner, (*place, k))]
-    if is_dataclass(thing):
-        return [found for f in fields(thing) for found in _floats(getattr(thing, f.name), (*place, f.name))]
-    return []
-
-
-def _lifted(thing: Any, leaves: Mapping[Place, Traced]) -> Any:
-    """A dataclass or tuple with traced numbers at some places."""
-    if not leaves:
-        return thing
-    if () in leaves:
-        return leaves[()]
-    below: dict[Any, dict[Place, Traced]] = {}
-    for (first, *rest), leaf in leaves.items():
-        below.setdefault(first, {})[tuple(rest)] = leaf
-    if isinstance(thing, tuple):
-        return tuple(_lifted(inner, below.get(k, {})) for k, inner in enumerate(thing))
-    copied = object.__new__(type(thing))
-    copied.__dict__.update(thing.__dict__)
-    for name, own in below.items():
-        object.__setattr__(copied, name, _lifted(getattr(thing, name), own))
-    return copied
 
 
 def _argument(constraint: LinearConstraint, state: State) -> Any:

@@ -16,9 +16,10 @@ from mechcore.kinematics.build import loop_sum
 from mechcore.kinematics.positions import place_all
 from mechcore.motion.compiled import Compiled, DriveValues, drive_values
 from mechcore.motion.motion import Motion
+from mechcore.spec.numbers import Place, with_numbers
 from mechcore.topology.graph import vector_loops
 
-CHUNK = 4096  # numbers in an array that is worked on: small enough to stay in the cache
+CHUNK = 16384  # numbers in an array that is worked on: small enough to stay in the cache, and large enough to pay for the calls
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,12 +36,14 @@ def sweep(
     time: ArrayLike,
     collect: Callable[[Motion], Mapping[str, Real]],
     masses: Mapping[str, tuple[ArrayLike, ArrayLike, ArrayLike]] | None = None,
+    loads: Mapping[Place, ArrayLike] | None = None,
 ) -> Sweep:
     """Motion of D variants of a mechanism at times (F,) [s].
 
     ``points``: (link, point) -> positions (D, 2) [m] in the link's frame, of points at which the link is joined; all else is as
     compiled, the assembly modes too. ``masses``: link -> mass (D,) [kg], centre of mass (D, 2) [m] and moment of inertia about it
-    (D,) [kg m^2], of links whose masses vary beside. ``collect`` takes from a motion what is wanted, arrays (designs, F, ...).
+    (D,) [kg m^2], of links whose masses vary beside. ``loads``: numbers (D,) in place of those of the mechanism's loads, by their
+    places in them (`numbers_in`). ``collect`` takes from a motion what is wanted, arrays (designs, F, ...).
     Designs that cannot be assembled are NaN in the frames concerned and marked, not fatal. Groups without a closed form and
     mechanisms with change points depend on a design's own path and are refused.
     """
@@ -73,7 +76,8 @@ def sweep(
     for start in range(0, count, chunk):
         part = {key: xy[start : start + chunk, :] for key, xy in varied.items()}
         weights = {link: _rows_of_masses(own, start, chunk) for link, own in (masses or {}).items()}
-        motion = _motion(compiled, part, weights, time, values)
+        stated = {key: np.asarray(x, float)[start : start + chunk, None] for key, x in (loads or {}).items()}
+        motion = _motion(compiled, part, weights, stated, time, values)
         parts.append(collect(motion))
         ok = np.ones(motion.shape, bool)
         for rot in motion.state.rot:
@@ -95,6 +99,7 @@ def _motion(
     compiled: Compiled,
     points: Mapping[tuple[str, str], Real],
     masses: Mapping[str, tuple[Real, Complex, Real]],
+    loads: Mapping[Place, Real],
     time: Real,
     values: DriveValues,
 ) -> Motion:
@@ -110,7 +115,10 @@ def _motion(
         joints.append(joint)
     closed = vector_loops(model.ends, joints, model.tree)
     sums = tuple(loop_sum(c, model.angles, model.turn) for c in closed)
-    variant = replace(model, joints=tuple(joints), loops=closed, loop_sums=sums, varied=place, varied_masses=masses)
+    mechanism = replace(model.mechanism, loads=with_numbers(model.mechanism.loads, loads))
+    variant = replace(
+        model, mechanism=mechanism, joints=tuple(joints), loops=closed, loop_sums=sums, varied=place, varied_masses=masses
+    )
     modes, laws = compiled.assembly.modes, tuple(d.law for d in model.mechanism.drives)
     state = place_all(variant, [v[0] for v in values], modes)
 

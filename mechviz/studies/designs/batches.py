@@ -1,4 +1,4 @@
-"""Many designs in one call of the core: where parameters vary nothing but the places of joints and the masses of links.
+"""Many designs in one call of the core: where parameters vary nothing but places of joints, masses of links and numbers of loads.
 
 What can be computed this way is tried out on a few designs beside the run of each by itself; where they differ, all are run by
 themselves.
@@ -7,7 +7,7 @@ themselves.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -19,15 +19,19 @@ from mechcore.motion.motion import Motion
 from mechcore.motion.solve import compile_mechanism, default_times
 from mechcore.motion.sweep import sweep
 from mechcore.spec.mechanism import Link, braked
+from mechcore.spec.numbers import numbers_in
 from mechviz.quantities.catalogue import Catalogue, Quantity
 from mechviz.scene.annotations import Place
-from mechviz.scene.document import LinkDocument
+from mechviz.scene.document import LinkDocument, value_at
+from mechviz.scene.faults import path_text
 from mechviz.scene.kinds.bodies import MassDocument
 from mechviz.scene.reading.formulas import formula_values, parameter_arrays, parameters_behind
 from mechviz.scene.scene import Scene
 from mechviz.studies.designs.measures import Measure, quantity_of
 from mechviz.studies.designs.sampling import Variation
 from mechviz.studies.designs.tables import needs_forces, rows_of
+
+Numbers = dict[tuple[int | str, ...], float]  # by their places in a mechanism
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,6 +44,7 @@ class Batch:
     variations: tuple[Variation, ...]
     columns: tuple[tuple[Measure, Quantity, int], ...]
     places: tuple[Place, ...]
+    loads: tuple[tuple[tuple[int | str, ...], Place, float, float], ...]  # number of a load = constant + factor times a value
 
     @property
     def drive(self) -> Real | None:
@@ -62,7 +67,8 @@ class Batch:
         for k in wrong:
             reasons[k] = reasons[k] or "links: a mass or moment of inertia is negative"
         with np.errstate(all="ignore"):
-            found = sweep(self.compiled, points, self.time, self._collect, masses)
+            loads = {number: constant + factor * values[place] for number, place, constant, factor in self.loads}
+            found = sweep(self.compiled, points, self.time, self._collect, masses, loads)
         curves = [found.results[str(k)] for k in range(len(self.columns))]
         for k in map(int, np.flatnonzero(~found.assembled)):
             reasons[k] = reasons[k] or "joints: the mechanism cannot be assembled at all frames of the run"
@@ -86,6 +92,8 @@ class Batch:
             return masses[link]
 
         for place, numbers in values.items():
+            if place[0] != "links":
+                continue
             link = str(place[1])
             if place[2] == "points":
                 key = link, str(place[3])
@@ -142,7 +150,8 @@ def batch_of(
         columns.append((measure, quantity, measure.column(quantity)))
     try:
         compiled = compile_mechanism(mechanism, scene.accuracy)
-        batch = Batch(scene, compiled, default_times(mechanism, frames, cycles), tuple(variations), tuple(columns), places)
+        loads = tuple(found for place in places if place[0] == "loads" for found in _load_numbers(scene, place))
+        batch = Batch(scene, compiled, default_times(mechanism, frames, cycles), tuple(variations), tuple(columns), places, loads)
         nominal = [[scene.parameters[v.name].amount.number / v.factor for v in variations]]
         batch.curves(np.array(nominal, float))
     except (LookupError, MechanismError, StopIteration, ValueError, TypeError):
@@ -152,9 +161,36 @@ def batch_of(
 
 def _can_vary(scene: Scene, place: Place) -> bool:
     """Whether a value of the document may differ from design to design."""
+    if place[0] == "loads":
+        return True
     if place[0] != "links" or place[2] not in ("points", "mass", "centre", "inertia"):
         return False
     link = scene.document.links[str(place[1])]
     if place[2] == "points":
         return isinstance(link.points, dict)
     return not isinstance(link.mass, MassDocument) and link.shape is None and not link.lumps
+
+
+def _load_numbers(scene: Scene, place: Place) -> list[tuple[tuple[int | str, ...], Place, float, float]]:
+    """The numbers of loads that a value of the document decides, each with its constant and its factor. Raises `ValueError` where
+    it decides something else, or not in proportion."""
+    unit = float(scene.units.factor(scene.kinds[path_text(place)])) if path_text(place) in scene.kinds else 1.0
+    value = float(value_at(scene.document, place))
+    step = 0.125 * (abs(value) or 1.0)
+
+    def numbers(x: float) -> tuple[Numbers, Numbers]:
+        mechanism = scene.changed({place: x}).mechanism
+        return dict(numbers_in(mechanism.loads)), dict(numbers_in(replace(mechanism, loads=())))
+
+    (low, one), (middle, _), (high, other) = (numbers(value + s * step) for s in (-1.0, 0.0, 1.0))
+    if one != other or low.keys() != high.keys():
+        raise ValueError(f"{path_text(place)} decides more than numbers of loads")
+    found = []
+    for number, x in middle.items():
+        if low[number] == high[number]:
+            continue
+        if abs(low[number] + high[number] - 2.0 * x) > 1e-14 * (abs(low[number]) + abs(high[number])):
+            raise ValueError(f"{path_text(place)} is not proportional to a number of a load")
+        factor = (high[number] - low[number]) / (2.0 * step * unit)
+        found.append((number, place, x - factor * value * unit, factor))
+    return found

@@ -86,8 +86,7 @@ def variables_of(scene: Scene, names: Sequence[str] = ()) -> tuple[Variable, ...
 
 def core_parameters(scene: Scene, variables: Sequence[Variable]) -> tuple[Parameter, ...]:
     """Variables as the core differentiates by them, in their units. Ranges do not end what is looked at beside a value."""
-    ranges = [name for name, p in scene.parameters.items() if np.isfinite(p.low) or np.isfinite(p.high)]
-    wide = scene.changed({("parameters", name, "range"): None for name in ranges}) if ranges else scene
+    wide = without_ranges(scene)
 
     def of(variable: Variable) -> Parameter:
         def mechanism(value: float) -> Mechanism:
@@ -96,6 +95,12 @@ def core_parameters(scene: Scene, variables: Sequence[Variable]) -> tuple[Parame
         return Parameter(variable.name, variable.value, variable.width, mechanism)
 
     return tuple(of(v) for v in variables)
+
+
+def without_ranges(scene: Scene) -> Scene:
+    """The scene without the ranges of its parameters."""
+    ranges = [name for name, p in scene.parameters.items() if np.isfinite(p.low) or np.isfinite(p.high)]
+    return scene.changed({("parameters", name, "range"): None for name in ranges}) if ranges else scene
 
 
 def _of_parameter(scene: Scene, known: ParameterValue) -> Variable:

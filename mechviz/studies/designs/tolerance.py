@@ -1,0 +1,385 @@
+"""Tolerances: what parts that are off within theirs do to a quantity. Worst case, root sum of squares, and samples (Monte Carlo).
+
+The first two come from exact derivatives at the nominal design and say how much each tolerance contributes; corners and samples
+compute the mechanism anew for every design. A tolerance is a limit either way: parts vary normally with a third of it as standard
+deviation, or uniformly or triangularly within it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import Executor
+from dataclasses import dataclass, replace
+from itertools import product
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+
+from mechcore.arrays import Real
+from mechcore.errors import Fault, MechanismError
+from mechviz.figures import chart
+from mechviz.quantities.catalogue import Axis, Quantity
+from mechviz.runs import Run
+from mechviz.scene.annotations import Place
+from mechviz.scene.scene import Scene
+from mechviz.scene.units import QuantityError, split, unit_of
+from mechviz.studies.designs.evaluate import Found, study_of
+from mechviz.studies.designs.measures import Measure
+from mechviz.studies.designs.sampling import Variation
+from mechviz.studies.designs.sensitivity import sensitivities
+from mechviz.studies.designs.sweep import run_study
+from mechviz.studies.designs.variables import Variable, parameters_of, variables_of, without_ranges
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+Distribution = Literal["normal", "uniform", "triangular"]
+SIGMAS = {"normal": 3.0, "uniform": 3.0**0.5, "triangular": 6.0**0.5}
+"""Standard deviations in a tolerance."""
+REPEATS = 8  # independent scrambles of the samples, whose differences say how far results may be off
+MOST_CORNERS = 12  # tolerances whose corners are all computed
+MOST_NUMBERS = 60_000_000  # of the curves of all samples
+TAILS = (0.00135, 0.99865)  # three standard deviations either way, of a normal distribution
+
+
+@dataclass(frozen=True)
+class Limits:
+    """Between which values a quantity has to stay, in its unit; infinite where it need not."""
+
+    low: float = -np.inf
+    high: float = np.inf
+
+
+@dataclass(frozen=True, eq=False)
+class Tolerances:
+    """What tolerances do to a measure, in its unit. Arrays end with the frames (F,) where it is a curve, else they are numbers.
+
+    ``nominal``; ``slopes`` (P, ...) of each variable, in its unit; ``worst`` and ``likely``: half widths by the sum of all
+    contributions and by the root of their squares; ``corners``: least and greatest over all corners of the tolerances, where there
+    are few; ``mean``, ``sigma``, ``tails`` (2, ...) and ``ends`` (2, ...) of the samples, and standard errors of the first two;
+    ``lost``: samples that cannot be assembled; ``values`` of samples of a number.
+    """
+
+    measure: Measure
+    quantity: Quantity
+    variables: tuple[Variable, ...]
+    distribution: Distribution
+    nominal: Real
+    slopes: Real
+    exact: bool  # whether the slopes are derivatives, else they are fitted to the samples
+    worst: Real
+    likely: Real
+    corners: Real | None
+    mean: Real
+    sigma: Real
+    errors: Real
+    tails: Real
+    ends: Real
+    samples: int
+    lost: int
+    values: Real
+    limits: Limits | None
+    inside: float  # part of the samples that stays within the limits at all frames
+
+    @property
+    def curve(self) -> bool:
+        """Whether it is a curve over the frames."""
+        return self.nominal.ndim > 0
+
+    @property
+    def at(self) -> int | None:
+        """The frame where the likely deviation is greatest; None of a number."""
+        return int(np.nanargmax(self.likely)) if self.curve else None
+
+    def deviations(self) -> Real:
+        """Contribution (P,) of each variable to the worst case, of a curve at its worst frame."""
+        moved = np.abs(self.slopes[:, self.at] if self.curve else self.slopes)
+        return np.asarray(moved * np.array([v.tolerance for v in self.variables]))
+
+    def shares(self) -> Real:
+        """Part (P,) of each variable in the variance, of a curve at its worst frame."""
+        squares = self.deviations() ** 2
+        return np.asarray(squares / squares.sum()) if squares.sum() > 0.0 else squares
+
+    @property
+    def capability(self) -> tuple[float, float]:
+        """Cp and Cpk of the samples of a number within its limits: how often six and three standard deviations fit in; NaN where
+        there are no limits that they are about."""
+        if self.curve or self.limits is None or not float(self.sigma) > 0.0:
+            return float("nan"), float("nan")
+        low, high, mean, sigma = self.limits.low, self.limits.high, float(self.mean), float(self.sigma)
+        cp = (high - low) / (6.0 * sigma) if np.isfinite(high - low) else float("nan")
+        return cp, min(high - mean, mean - low) / (3.0 * sigma)
+
+    def lines(self) -> Iterator[tuple[str, ...]]:
+        """What was found, a row for each figure."""
+        unit, k = self.quantity.unit, self.at
+
+        def of(x: Real) -> float:
+            return float(x if k is None else x[..., k])
+
+        nominal = of(self.nominal)
+        yield "nominal", f"{nominal:.6g} {unit}"
+        yield "worst case", f"± {of(self.worst):.4g} {unit}"
+        if self.corners is not None:
+            low, high = (of(x) - nominal for x in self.corners)
+            yield "all corners", f"{low:+.4g} to {high:+.4g} {unit}"
+        yield "root sum square", f"± {of(self.likely):.4g} {unit}"
+        yield "mean of the samples", f"{of(self.mean):.6g} {unit}"
+        yield "standard deviation", f"{of(self.sigma):.4g} {unit}"
+        yield "99.73 % between", f"{of(self.tails[0]) - nominal:+.4g} and {of(self.tails[1]) - nominal:+.4g} {unit}"
+        if self.limits is not None:
+            error = 100.0 * float(np.sqrt(max(self.inside * (1.0 - self.inside), 0.0) / self.samples))
+            yield "yield", f"{100.0 * self.inside:.4g} %" + (f" ± {error:.2g} %" if error else "")
+            cp, cpk = self.capability
+            if np.isfinite(cpk):
+                yield "Cp, Cpk", f"{cp:.3g}, {cpk:.3g}" if np.isfinite(cp) else f"-, {cpk:.3g}"
+        if self.lost:
+            yield "not assembled", f"{self.lost} of {self.samples} samples"
+
+    def rows(self) -> Iterator[tuple[str, ...]]:
+        """The contributions, their headings first, the greatest first."""
+        yield "variable", "value", "tolerance", f"does ± [{self.quantity.unit}]", "of the variance"
+        off, shares = self.deviations(), self.shares()
+        for k in np.argsort(-shares, kind="stable"):
+            v = self.variables[k]
+            yield (
+                v.name, f"{v.value:.6g} {v.unit}".strip(), f"± {v.tolerance:.4g} {v.unit}".strip(),
+                f"{off[k]:.4g}", f"{100.0 * shares[k]:.3g} %",
+            )  # fmt: skip
+
+
+def tolerances(
+    run: Run,
+    measures: Sequence[Measure],
+    variables: Sequence[Variable],
+    *,
+    limits: Sequence[Limits | None] = (),
+    samples: int = 16384,
+    distribution: Distribution = "normal",
+    seed: int = 0,
+    executor: Executor | None = None,
+    most: int = 4,
+    progress: Callable[[int, int], None] = lambda *_: None,
+) -> list[Tolerances]:
+    """What the tolerances of variables do to measures of a run. ``samples``: a power of two, at least 16. Raises
+    `MechanismError`."""
+    some = [v for v in variables if v.tolerance > 0.0]
+    if not some:
+        remedy = "Give parameters a tolerance in the scene, or here: --tolerance stroke=0.1mm."
+        raise MechanismError(Fault("--tolerance", "nothing has a tolerance.", remedy))
+    if samples < 2 * REPEATS or samples & (samples - 1):
+        below = max(1 << (samples.bit_length() - 1), 2 * REPEATS)
+        raise MechanismError(
+            Fault("--samples", f"{samples} is no power of two from {2 * REPEATS} on.", f"Take {below} or {2 * below}.")
+        )
+    frames = max((1 if m.reducer else run.scene.frames + 1) for m in measures)
+    if samples * frames > MOST_NUMBERS:
+        why = f"curves of {samples} samples at {frames} frames are more numbers than are kept."
+        raise MechanismError(Fault("--samples", why, f"Take {1 << ((MOST_NUMBERS // frames).bit_length() - 1)}, or fewer frames."))
+    scene, varied = parametrised(run.scene, some)
+    study = study_of(scene, varied, measures, frames=run.scene.frames or None, cycles=run.scene.cycles)
+    nominal, half = (np.array([getattr(v, name) for v in some]) for name in ("value", "tolerance"))
+    corners = np.array(list(product((-1.0, 1.0), repeat=len(some)))) if len(some) <= MOST_CORNERS else np.zeros((0, len(some)))
+    offsets = np.concatenate([corners, _samples(len(some), samples, distribution, seed)])
+    designs = np.concatenate([nominal[None], nominal + half * offsets])
+    found = run_study(study, designs, executor=executor, most=most, progress=progress).found
+    if found.reasons[0]:
+        raise MechanismError(Fault("--of", f"the nominal design has no values: {found.reasons[0]}.", "Mend the scene."))
+    try:
+        slopes = [s.derivatives if s.measure.reducer else s.slopes for s in sensitivities(run, measures, some)]
+        exact = True
+    except MechanismError:  # friction, motions under forces ...: straight lines through the samples
+        slopes, exact = [_fitted(values, designs, len(corners)) for values in found.values], False
+    stated = [*limits, *[None] * (len(measures) - len(limits))]
+    return [
+        _judged(measure, quantity, tuple(some), distribution, d, exact, _Sampled(found, k, len(corners)), limit)
+        for k, (measure, quantity, d, limit) in enumerate(zip(measures, study.quantities, slopes, stated, strict=True))
+    ]
+
+
+def parametrised(scene: Scene, variables: Sequence[Variable]) -> tuple[Scene, list[Variation]]:
+    """A scene in which all variables are parameters without ranges, and how they vary within their tolerances."""
+    changes: dict[Place, object] = {}
+    varied = []
+    for k, v in enumerate(variables):
+        name = v.name
+        if v.place[0] != "parameters":
+            name = f"varied_{k + 1}"
+            changes["parameters", name] = f"{v.value!r} {v.unit}" if v.unit else v.value
+            changes[v.place] = name
+        varied.append(Variation(name, v.unit, low=v.value - v.tolerance, high=v.value + v.tolerance))
+    wide = without_ranges(scene)
+    return (wide.changed(changes) if changes else wide), varied
+
+
+def _samples(count: int, samples: int, distribution: Distribution, seed: int) -> Real:
+    """Offsets (samples, count) in tolerances: `REPEATS` scrambles of Sobol points, one after the other."""
+    from scipy.special import ndtri
+    from scipy.stats import qmc
+
+    seeds = np.random.SeedSequence(seed).spawn(REPEATS)
+    points = [qmc.Sobol(count, rng=np.random.default_rng(s)).random(samples // REPEATS) for s in seeds]
+    u = np.clip(np.concatenate(points), 1e-12, 1.0 - 1e-12)
+    if distribution == "uniform":
+        return np.asarray(2.0 * u - 1.0)
+    if distribution == "triangular":
+        return np.asarray(np.where(u < 0.5, np.sqrt(2.0 * u) - 1.0, 1.0 - np.sqrt(2.0 * (1.0 - u))))
+    return np.asarray(ndtri(u) / SIGMAS["normal"])
+
+
+def _fitted(values: Real, designs: Real, corners: int) -> Real:
+    """Slopes (P, ...) of straight lines through samples."""
+    sampled, off = values[1 + corners :], designs[1 + corners :] - designs[0]
+    known = np.isfinite(sampled.reshape(len(sampled), -1)).all(axis=1)
+    matrix = np.column_stack([off[known], np.ones(int(known.sum()))])
+    return np.asarray(np.linalg.lstsq(matrix, sampled[known], rcond=None)[0][:-1])
+
+
+class _Sampled:
+    """What was found of the nominal design, the corners and the samples of a measure."""
+
+    def __init__(self, found: Found, k: int, corners: int):
+        values = found.values[k]
+        self.nominal, self.corners, self.samples = values[0], values[1 : 1 + corners], values[1 + corners :]
+        self.lost = sum(1 for reason in found.reasons[1 + corners :] if reason)
+
+
+def _judged(
+    measure: Measure,
+    quantity: Quantity,
+    variables: tuple[Variable, ...],
+    distribution: Distribution,
+    slopes: Real,
+    exact: bool,
+    found: _Sampled,
+    limits: Limits | None,
+) -> Tolerances:
+    half = np.array([v.tolerance for v in variables]).reshape(-1, *[1] * (slopes.ndim - 1))
+    moved = np.abs(slopes) * half
+    groups = found.samples.reshape(REPEATS, -1, *found.samples.shape[1:])
+    known = np.isfinite(found.samples.reshape(len(found.samples), -1)).all(axis=1)
+    some = found.samples[known]
+    if not len(some):
+        raise MechanismError(Fault("--tolerance", "no sample can be assembled.", "Give smaller tolerances."))
+    with np.errstate(invalid="ignore"):
+        scatter = np.stack([np.nanmean(groups, axis=1), np.nanstd(groups, axis=1, ddof=1)])
+    inside = 1.0
+    if limits is not None:
+        within = (found.samples >= limits.low) & (found.samples <= limits.high)
+        inside = float(within.reshape(len(within), -1).all(axis=1).mean())
+    return Tolerances(
+        measure=measure,
+        quantity=quantity,
+        variables=variables,
+        distribution=distribution,
+        nominal=np.asarray(found.nominal),
+        slopes=slopes,
+        exact=exact,
+        worst=np.asarray(moved.sum(axis=0)),
+        likely=np.asarray(3.0 / SIGMAS[distribution] * np.sqrt((moved**2).sum(axis=0))),
+        corners=np.stack([np.nanmin(found.corners, axis=0), np.nanmax(found.corners, axis=0)]) if len(found.corners) else None,
+        mean=np.asarray(some.mean(axis=0)),
+        sigma=np.asarray(some.std(axis=0, ddof=1)),
+        errors=scatter.std(axis=1, ddof=1) / REPEATS**0.5,
+        tails=np.quantile(some, TAILS, axis=0),
+        ends=np.stack([some.min(axis=0), some.max(axis=0)]),
+        samples=len(found.samples),
+        lost=found.lost,
+        values=some if measure.reducer else np.zeros(0),
+        limits=limits,
+        inside=inside,
+    )
+
+
+def toleranced(scene: Scene, stated: Sequence[str]) -> list[Variable]:
+    """The scene's variables with tolerances: its own, or those of texts such as ``stroke=0.1mm``. Raises `MechanismError`."""
+    given: dict[str, str] = {}
+    for text in stated:
+        name, equals, value = text.partition("=")
+        if not equals or not name.strip() or not value.strip():
+            raise MechanismError(Fault(f"--tolerance {text}", "is no tolerance.", "Write it like stroke=0.1mm."))
+        given[name.strip()] = value.strip().removeprefix("±").strip()
+    own = [v.name for v in parameters_of(scene)]
+    names = [*own, *(name for name in given if name not in own)]
+    return [_with_tolerance(v, given[v.name]) if v.name in given else v for v in variables_of(scene, names)] if names else []
+
+
+def _with_tolerance(variable: Variable, text: str) -> Variable:
+    try:
+        try:
+            number, unit = float(text), variable.unit
+        except ValueError:
+            stated, unit = split(text)
+            number = float(stated)
+        mine, theirs = (unit_of(u) if u else None for u in (variable.unit.replace("°", "deg"), unit.replace("°", "deg")))
+        if (mine.powers if mine else None) != (theirs.powers if theirs else None):
+            raise QuantityError(f"'{unit}' is no unit of {variable.name}.", f"Give it in {variable.unit or 'plain numbers'}.")
+        factor = float(theirs.factor / mine.factor) if mine and theirs else 1.0
+    except QuantityError as error:
+        raise MechanismError(Fault(f"--tolerance {variable.name}={text}", str(error), error.remedy)) from None
+    if not 0.0 <= number < np.inf:
+        raise MechanismError(Fault(f"--tolerance {variable.name}={text}", "is negative or infinite.", "It counts either way."))
+    return replace(variable, tolerance=number * factor)
+
+
+def parse_limits(text: str) -> Limits:
+    """The limits that a text such as ``90..118``, ``..118`` or ``90..`` names. Raises `MechanismError`."""
+    low, dots, high = text.partition("..")
+    try:
+        found = Limits(float(low) if low.strip() else -np.inf, float(high) if high.strip() else np.inf)
+        if dots and found.low < found.high:
+            return found
+    except ValueError:
+        pass
+    raise MechanismError(
+        Fault(f"--limits {text}", "are no limits.", "Write them like 90..118, ..118 or 90.., in the quantity's unit.")
+    )
+
+
+# -- charts -----------------------------------------------------------------------------------------------------------
+def tolerance_chart(found: Tolerances, title: str, axis: Axis) -> Figure:
+    """A curve with its bands over the axis, or the distribution of a number; beside it what each tolerance contributes."""
+    with chart(9.5, 4.2) as figure:
+        left, right = figure.subplots(1, 2, width_ratios=(2.2, 1.0))
+        (_band if found.curve else _histogram)(left, found, axis)
+        if found.limits is not None:
+            for limit in (found.limits.low, found.limits.high):
+                if np.isfinite(limit) and found.curve:
+                    left.plot(axis.values, limit - found.nominal, color="#c8553d", linestyle="--", linewidth=1.0)
+                elif np.isfinite(limit):
+                    left.axvline(limit, color="#c8553d", linestyle="--", linewidth=1.0)
+        left.legend(frameon=True)
+        shares = found.shares()
+        order = [int(k) for k in np.argsort(-shares, kind="stable")[:12]]
+        places = np.arange(len(order))
+        right.barh(places, [100.0 * shares[k] for k in order], color="#3a7d44")
+        right.set_yticks(
+            places, [f"{found.variables[k].name} ± {found.variables[k].tolerance:.3g} {found.variables[k].unit}" for k in order]
+        )
+        right.invert_yaxis()
+        right.set_xlabel("part in the variance [%]")
+        figure.suptitle(f"{title}: tolerance of {found.quantity.label}")
+    return figure
+
+
+def _band(axes: Axes, found: Tolerances, axis: Axis) -> None:
+    """Deviations from the nominal curve: the curve itself would hide its band."""
+    x, nominal = axis.values, found.nominal
+    axes.fill_between(x, -found.worst, found.worst, color="#dbe5ee", label="worst case")
+    axes.fill_between(x, -found.likely, found.likely, color="#a9c6df", label="root sum square")
+    axes.plot(x, found.tails[0] - nominal, color="#1b6ca8", label="99.73 % of the samples")
+    axes.plot(x, found.tails[1] - nominal, color="#1b6ca8")
+    axes.set_xlabel(axis.title)
+    axes.set_ylabel(f"{found.quantity.label}: deviation [{found.quantity.unit}]")
+
+
+def _histogram(axes: Axes, found: Tolerances, axis: Axis) -> None:
+    axes.hist(found.values, bins=80, density=True, color="#a9c6df", label=f"{found.samples} samples")
+    middle, spread = float(found.mean), float(found.sigma)
+    if spread > 0.0:
+        x = np.linspace(middle - 4.0 * spread, middle + 4.0 * spread, 200)
+        axes.plot(x, np.exp(-0.5 * ((x - middle) / spread) ** 2) / (spread * np.sqrt(2.0 * np.pi)), color="#1b6ca8", label="normal")
+    axes.set_xlabel(f"{found.measure.text} [{found.quantity.unit}]")
+    axes.set_yticks([])

@@ -1,0 +1,121 @@
+"""Tolerances: the published and recomputed cases, bands of a slider-crank in closed form, yield, what is refused."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from mechanisms import case
+from typer.testing import CliRunner
+
+from mechcore.errors import MechanismError
+from mechviz.commands.main import app
+from mechviz.runs import run_scene
+from mechviz.scene.scene import Scene, load
+from mechviz.studies.designs.measures import parse_measure
+from mechviz.studies.designs.tolerance import Limits, parse_limits, toleranced, tolerances
+
+CASE = case("design", "tolerance-four-bar")
+
+
+@pytest.fixture(scope="module")
+def rocker():
+    """The angle of the reference's rocker, by 16384 samples."""
+    given = CASE["inputs"]
+    spread = dict(zip("abcd", given["tolerance_abcd"], strict=True))
+    scene = Scene.build(
+        units={"length": "m", "angle": "rad"},
+        parameters={k: {"value": f"{given[k]} m", "tolerance": f"{spread[k]} m"} for k in "abcd"},
+        links={
+            "frame": {"points": {"A": [0, 0], "D": ["d", 0]}},
+            "crank": {"points": {"A": [0, 0], "B": ["a", 0]}},
+            "coupler": {"points": {"B": [0, 0], "C": ["b", 0]}},
+            "rocker": {"points": {"D": [0, 0], "C": ["c", 0]}},
+        },
+        joints={
+            "A": {"revolute": ["frame", "crank"], "drive": {"start": f"{given['theta_deg']} deg", "speed": 1.0}},
+            "B": {"revolute": ["crank", "coupler"]},
+            "C": {"revolute": ["coupler", "rocker"], "side": "left"},
+            "D": {"revolute": ["frame", "rocker"]},
+        },
+    )
+    run = run_scene(scene, frames=8)
+    measure = parse_measure(scene, f"link.rocker.angle:at {given['theta_deg']} deg")
+    return tolerances(run, [measure], toleranced(scene, ()), limits=[Limits(*given["limits_deg"])], seed=3)[0]
+
+
+def test_the_four_bar_of_the_reference(rocker):
+    expected = {k: v for k, v in CASE["expected"].items() if isinstance(v, float)}
+    degree = 180.0 / np.pi
+    assert float(rocker.nominal) == pytest.approx(expected["psi"] * degree, rel=1e-12)
+    np.testing.assert_allclose(rocker.slopes, np.array(CASE["expected"]["S_abcd"]) * degree, rtol=1e-10)
+    assert float(rocker.likely) == pytest.approx(3.0 * expected["sigma_linear"] * degree, rel=1e-10)
+    assert float(rocker.worst) == pytest.approx(expected["worst_case_linear"] * degree, rel=1e-10)
+    np.testing.assert_allclose(
+        sorted(rocker.corners - rocker.nominal), np.array(CASE["expected"]["worst_case_exact"]) * degree, rtol=1e-9
+    )
+    np.testing.assert_allclose(100.0 * rocker.shares(), CASE["expected"]["contribution_percent"], rtol=1e-9)
+
+
+def test_samples_agree_with_quadrature_within_their_own_errors(rocker):
+    degree = 180.0 / np.pi
+    exact = CASE["expected"]
+    assert abs(float(rocker.mean) - exact["mean_exact"] * degree) < 4.0 * rocker.errors[0] + 1e-12
+    assert abs(float(rocker.sigma) - exact["sigma_exact"] * degree) < 4.0 * rocker.errors[1] + 1e-12
+    assert rocker.errors[1] < 1e-3 * float(rocker.sigma), "Sobol points know it better than chance"
+    cp, cpk = rocker.capability
+    assert (cp, cpk) == pytest.approx((exact["Cp"], exact["Cpk"]), rel=2e-3)
+    assert rocker.inside == pytest.approx(exact["yield_normal"], abs=4.0 * np.sqrt(0.0139 / rocker.samples))
+
+
+def test_the_band_of_a_ram_is_its_closed_form():
+    scene = load("parametric-press")
+    run = run_scene(scene, frames=24)
+    found = tolerances(run, [parse_measure(scene, "link.ram.position[x]")], toleranced(scene, ["ratio=0.05"]), samples=64)[0]
+    q, throw, rod = run.catalogue.coordinate("A"), 40.0, 160.0
+    root = np.sqrt(rod**2 - (throw * np.sin(q)) ** 2)
+    by_stroke = 0.1 * 0.5 * np.abs(np.cos(q) + (4.0 * rod - throw * np.sin(q) ** 2) / root)
+    by_ratio = 0.05 * throw * rod / root
+    np.testing.assert_allclose(found.worst, by_stroke + by_ratio, rtol=1e-11)
+    np.testing.assert_allclose(found.likely, np.hypot(by_stroke, by_ratio), rtol=1e-11)
+    half = 0.5 * (found.corners[1] - found.corners[0])
+    np.testing.assert_allclose(half, found.worst, rtol=1e-3)  # the corners know what straight lines do not
+    assert found.at is not None and found.deviations().sum() == pytest.approx(found.worst[found.at])
+
+
+def test_uniform_parts_fill_their_tolerance():
+    scene = load("parametric-press")
+    run = run_scene(scene, frames=4)
+    measure = parse_measure(scene, "link.ram.position[x]:max")  # throw + rod: five throws, straight in the stroke
+    found = tolerances(run, [measure], toleranced(scene, []), samples=1024, distribution="uniform")[0]
+    assert found.sigma == pytest.approx(0.25 / np.sqrt(3.0), rel=2e-3)
+    assert found.ends[1] - found.nominal == pytest.approx(0.25, rel=5e-3) and found.ends[1] - found.nominal <= 0.25
+
+
+def test_what_has_no_derivatives_is_fitted_to_samples():
+    scene = load("parametric-press").changed(
+        {("effects",): ["inertia", "friction"], ("joints", "A", "friction"): {"coefficient": 0.1, "radius": "10 mm"}}
+    )
+    run = run_scene(scene, frames=4)
+    found = tolerances(run, [parse_measure(scene, "drive.A.torque:peak")], toleranced(scene, ["force=0.1 kN"]), samples=16)[0]
+    assert not found.exact and found.shares().sum() == pytest.approx(1.0) and found.shares()[1] > 0.5
+
+
+def test_nonsense_is_refused():
+    scene = load("parametric-press")
+    run = run_scene(scene, frames=4)
+    with pytest.raises(MechanismError, match="power of two"):
+        tolerances(run, [parse_measure(scene, "drive.A.torque:peak")], toleranced(scene, []), samples=100)
+    for text in ("stroke", "stroke=1 kg", "stroke=-1mm", "nothing=1"):
+        with pytest.raises(MechanismError):
+            toleranced(scene, [text])
+    for text in ("5", "6..5", "a..b"):
+        with pytest.raises(MechanismError):
+            parse_limits(text)
+
+
+def test_the_command_says_yield_and_contributions(tmp_path):
+    band = tmp_path / "band.csv"
+    words = ["tolerance", "parametric-press", "-n", "12", "--of", "drive.A.torque:peak", "--of", "link.ram.position[x]"]
+    said = CliRunner().invoke(app, [*words, "--limits", "..115", "--samples", "64", "--csv", str(band)])
+    assert said.exit_code == 0 and "yield" in said.stdout and "stroke" in said.stdout
+    assert len(band.read_text().splitlines()) == 14
