@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -33,7 +33,7 @@ class Heights:
     _near: float  # in sizes
 
     def of_joint(self, joint: str) -> float:
-        """Just before a joint's pin; before everything if it has none (gears, belts)."""
+        """Just before a joint's pin, or before what touches there; before everything if nothing is drawn of it."""
         return self.joints.get(joint, self.top)
 
     def of_point(self, link: str, xy: Vec2) -> float:
@@ -50,14 +50,22 @@ class Heights:
                         return 0.5 * (prism.low + prism.high) * self.size
         return None
 
-    def crossed(self, between: tuple[float, float], lines: Real, frames: Integers) -> bool:
-        """Whether lines (K, n, 2) [m], see `cleared`, meet a part that reaches in between two heights [m]."""
+    def flat(self, link: str) -> Iterator[tuple[shapely.Polygon, float, float]]:
+        """Outlines [m] in the link's frame of its flat parts, each with the heights [m] between which it lies."""
+        for part in self._parts:
+            if part.link == link and part.kind in _FLAT:
+                for prism in part.space:
+                    outline = shapely.transform(prism.outline, lambda xy: xy * self.size)
+                    yield outline, prism.low * self.size, prism.high * self.size
+
+    def crossed(self, between: tuple[float, float], lines: Real, frames: Integers, but: str = "") -> bool:
+        """Whether lines (K, n, 2) [m], see `cleared`, meet a part between two heights [m]; ``but``: not of this link."""
         lines = np.asarray(lines, float) / self.size
         known = np.isfinite(lines).all(axis=(1, 2))
         lines, frames = lines[known], np.asarray(frames)[known]
         low, high = between[0] / self.size, between[1] / self.size
         local: dict[str, shapely.Geometry] = {}
-        for part in self._parts if len(lines) else ():
+        for part in (part for part in self._parts if len(lines) and part.link != but):
             for prism in part.space:
                 if prism.low < high and prism.high > low:
                     if part.link not in local:
@@ -106,6 +114,10 @@ def find_heights(
             if any(link in axle.centres and np.hypot(*np.subtract(axle.centres[link], xy)) < near for link, xy in spots.items()):
                 spots = {**axle.centres, **spots}
         joints[joint.name] = _front(parts, spots, near, model.size, top)
+    for contact in mechanism.joints:  # what touches without a pin: cams, gears, belts
+        touching = [_height(part) for part in parts if part.link == contact.links[1] and contact.name in part.mates]
+        if contact.name not in joints and touching:
+            joints[contact.name] = min((max(touching) + _LIFT) * model.size, top)
     kept = {link: np.asarray(pose, float) for link, pose in (poses or {}).items()}
     return Heights(model.size, top, joints, kept, tuple(parts), near)
 

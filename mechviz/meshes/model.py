@@ -151,16 +151,23 @@ class Model:
     inverse: tuple[InverseDrawing, ...] = ()
     spatial: tuple[SpatialDrawing, ...] = ()  # barrel, end and globoidal cams
     guide_points: Mapping[str, Vec2] = field(default_factory=dict)  # prismatic joint -> its point on the ground, where there is one
+    spindle: bool = False  # the ground guides blocks by rods through them, not by rails beside them
+
+    def spindles(self, link: str) -> set[str]:
+        """Guides of the ground that are rods through a link."""
+        return {guide.joint for guide in self.guides if self.spindle and (guide.rail, guide.block) == (self.frame, link)}
 
     def pins(self, link: str) -> list[Vec2]:
         """Pin centres of a link, in its frame."""
         return [axle.centres[link] for axle in self.axles if link in axle.centres]
 
 
-def build_model(mechanism: Mechanism, poses: Mapping[str, Real] | None, segments: int, profile: int = 1080) -> Model:
+def build_model(
+    mechanism: Mechanism, poses: Mapping[str, Real] | None, segments: int, profile: int = 1080, *, spindle: bool = False
+) -> Model:
     """Scale a mechanism and its poses (F, 3) [m, m, rad] to size 1 and find its axles, guides and wheels.
 
-    ``segments``: sides of a full circle; ``profile``: points of a cam's profile.
+    ``segments``: sides of a full circle; ``profile``: points of a cam's profile; ``spindle``: the ground's guides are rods.
     """
     parts = build_joints(mechanism)
     links = tuple(parts.links.values())
@@ -206,6 +213,7 @@ def build_model(mechanism: Mechanism, poses: Mapping[str, Real] | None, segments
         spatial=spatial,
         inverse=find_inverse(mechanism, parts, size),
         guide_points=_ground_points(mechanism.frame, joints),
+        spindle=spindle,
     )
 
 

@@ -226,7 +226,8 @@ def _pin(model: Model, draft: Draft, levels: Levels, axle_number: int) -> Part:
     shell = revolve(_stepped(axle, steps, size.bevel), centre, model.segments)
     space = tuple(Prism(disc(centre, radius, model.segments), low, high) for radius, low, high in steps)
     space += (Prism(disc(centre, axle.pin, model.segments), steps[0][1], steps[-1][2]),)
-    return Part(axle.owner, "pin", shell, PIN, space)
+    around = frozenset(joint for link in axle.centres for joint in model.spindles(link))  # it ends before the rod through the link
+    return Part(axle.owner, "pin", shell, PIN, space, around)
 
 
 def _bushed(draft: Draft, levels: Levels, axle: Axle, low: int, high: int) -> bool:

@@ -122,8 +122,11 @@ def _draw_guide(model: Model, draft: Draft, guide: Guide, form: str, *, at_home:
     if form == "rails":
         group = draft.groups[guide.block] if at_home else f"rails of {guide.joint}"
         block = _block(model, guide, half_width=1.25 * r, whole=at_home)
-        draft.pieces.append(Piece(guide.block, block, group, "block"))
+        draft.pieces.append(Piece(guide.block, block, group, "block", frozenset(model.spindles(guide.block))))
         low, high = _span(model, guide, whole=at_home)
+        if model.spindle:
+            _draw_spindle(model, draft, guide, group, (low, high))
+            return
         strips = outline.guide_rails(guide.origin, guide.along, low, high, 1.25 * r, r)
         draft.pieces += [Piece(model.frame, strip, group, "rail") for strip in strips]
     elif guide.block == model.frame:
@@ -150,6 +153,17 @@ def _draw_guide(model: Model, draft: Draft, guide: Guide, form: str, *, at_home:
     if not at_home:
         neck = outline.rectangle(guide.block_point, guide.block_along, 1.3 * r, 1.1 * r, 0.2 * r)
         draft.necks.append(Neck(guide.block, neck, (draft.groups[guide.block], group)))
+
+
+def _draw_spindle(model: Model, draft: Draft, guide: Guide, group: str, span: tuple[float, float]) -> None:
+    """A rod of the ground through its block, from the guide's own point on."""
+    size = model.proportions
+    low, high = min(span[0], -1.5 * size.r), max(span[1], 1.5 * size.r)
+    radius = min(0.5 * size.t, 0.55 * size.r)
+    bar = outline.rectangle(_along(guide.origin, guide.along, 0.5 * (low + high)), guide.along, high - low, 2.0 * radius, 0.0)
+    profile = ((0.0, low), (radius, low), (radius, high), (0.0, high))
+    line = (guide.origin, guide.along)
+    draft.pieces.append(Piece(model.frame, bar, group, "rod", frozenset([guide.joint]), profile=profile, line=line))
 
 
 def _plate(model: Model, link: str, forms: Mapping[str, str]) -> Polygon:

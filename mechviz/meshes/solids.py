@@ -85,16 +85,18 @@ def build_solids(
     tolerance: float = 0.005,
     chord: float | None = None,
     profile: int = 1080,
+    spindle: bool = False,
 ) -> Solids:
     """Solid parts for every link of a mechanism.
 
     poses: x, y, angle (F, 3) [m, m, rad] of every link over the run; layers are chosen so that nothing collides at
     these frames. Without them layers follow from the joints alone. `tolerance` is the largest distance between a circle
     and its chords, in radii of the circle; `chord` [m] is one that holds for all circles instead: as many sides as the largest
-    needs, at most 2048. `profile`: points of a cam's profile. Raises `MechanismError` where links differ too much in size.
+    needs, at most 2048. `profile`: points of a cam's profile. `spindle`: the ground's guides are rods through their blocks. Raises
+    `MechanismError` where links differ too much in size.
     """
     try:
-        return _build(mechanism, poses, tolerance, chord, profile)
+        return _build(mechanism, poses, tolerance, chord, profile, spindle)
     except (ShapeError, GEOSException) as error:
         spans = {link.name: float(np.max(np.ptp([*link.points.values()], axis=0), initial=0.0)) for link in mechanism.links}
         long, short = max(spans, key=lambda k: spans[k]), min((k for k in spans if spans[k]), key=lambda k: spans[k], default="")
@@ -103,9 +105,11 @@ def build_solids(
         raise MechanismError(Fault(f"links.{long}", words, "Check their points and units.")) from None
 
 
-def _build(mechanism: Mechanism, poses: Mapping[str, Real] | None, tolerance: float, chord: float | None, profile: int) -> Solids:
+def _build(
+    mechanism: Mechanism, poses: Mapping[str, Real] | None, tolerance: float, chord: float | None, profile: int, spindle: bool
+) -> Solids:
     """The solids of `build_solids`."""
-    model = build_model(mechanism, poses, _sides(tolerance, 128), profile)
+    model = build_model(mechanism, poses, _sides(tolerance, 128), profile, spindle=spindle)
     if chord is not None:
         model = replace(model, segments=_sides(chord / (model.size * largest_circle(model)), 512))
     draft = draft_pieces(model)

@@ -144,7 +144,10 @@ def _vectors(n: Numbers) -> Iterator[Vector]:
         gravity = load.kind == "gravity"
         value = n.values("data", "loads", "gravity", load.links[0]) if gravity else n.values("data", "loads", name)
         if value is not None and np.any(np.nan_to_num(value[:, :2])):
-            yield Vector(*(("gravity", load.links[0]) if gravity else ("applied", name)), value[:, 3:], value[:, :2])
+            at, force = value[:, 3:], value[:, :2]
+            if load.points and load.links[0] == n.frame:  # what is stated acts on the ground: what acts on the link is drawn
+                at, force = n.place(load.links[1], load.points[1]), -force
+            yield Vector(*(("gravity", load.links[0]) if gravity else ("applied", name)), at, force)
     for name in n.links:
         value, at = n.values("data", "links", name, "inertia"), n.values("data", "points", centre_name(name), "position")
         if value is not None and at is not None:

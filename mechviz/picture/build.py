@@ -14,7 +14,7 @@ from mechviz.quantities.items import links_of
 if TYPE_CHECKING:
     from mechviz.runs import Run
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING
 
 from numpy.typing import NDArray
@@ -22,6 +22,8 @@ from numpy.typing import NDArray
 from mechviz.meshes.kinds.spatial_cams import spin_transforms
 from mechviz.picture.arrows import Arrows, arrows_of, key_of, owner_of
 from mechviz.picture.centres import centre_nodes
+from mechviz.picture.fixtures import bounds_with, find_fixtures, joined
+from mechviz.picture.flywheels import has_spindle
 from mechviz.picture.ink import ink_nodes
 from mechviz.picture.nodes import Body, Lines, Mesh, Picture, Points, Poses
 from mechviz.picture.overlays import overlay_nodes, section_nodes
@@ -63,14 +65,16 @@ DOT, DOT_COLOR = 0.0045, (250, 250, 250)
 def picture_of(run: Run, solids: Solids, arrows: Arrows | None = None, known: Picture | None = None) -> Picture:
     """Everything that is seen of a run with its solids.
 
-    ``arrows``: where they have been found before; ``known``: the picture of a run of the same scene, of which heights are kept.
+    ``arrows``: where they have been found before; ``known``: the picture of a run of the same scene, of which heights and fixtures
+    are kept.
     """
     heights = {} if known is None else {node.key: node.height for node in known.nodes}
     arrows = arrows or arrows_of(run, solids.size)
     widths = {} if known is None else known.widths
     coils = find_coils(run, solids, {name: (heights[f"spring.{name}"], width) for name, width in widths.items()})
+    fixtures = find_fixtures(run, solids, coils) if known is None else known.fixtures
     nodes = [
-        *solid_nodes(run, solids),
+        *solid_nodes(run, solids, fixtures),
         *_springs(coils),
         *_marks(run, solids),
         *_struts(run, solids),
@@ -85,7 +89,6 @@ def picture_of(run: Run, solids: Solids, arrows: Arrows | None = None, known: Pi
         *arrows.nodes(_arrow_heights(run, solids, arrows, coils, heights), solids.z_top),
     ]
     numbers = run.numbers
-    bounds = np.asarray(solids.bounds, float)
     return Picture(
         numbers.time,
         numbers.frame,
@@ -93,9 +96,10 @@ def picture_of(run: Run, solids: Solids, arrows: Arrows | None = None, known: Pi
         tuple(nodes),
         arrows.scales,
         solids.size,
-        bounds,
+        bounds_with(run, solids, fixtures),
         solids.z_top,
         widths={coil.name: coil.width for coil in coils},
+        fixtures=fixtures,
     )
 
 
@@ -106,12 +110,13 @@ def bare_picture(run: Run, solids: Solids) -> Picture:
     return Picture(n.time, n.frame, n.poses, nodes, scales, solids.size, np.asarray(solids.bounds, float), solids.z_top)
 
 
-def solid_nodes(run: Run, solids: Solids) -> Iterator[Body]:
-    """The solids of the links; one that turns about an axis of its own in the plane has poses in the axes of its link."""
+def solid_nodes(run: Run, solids: Solids, fixtures: Mapping[str, Sequence[Mesh]] | None = None) -> Iterator[Body]:
+    """The solids of the links with what is fixed to them; one that turns about an axis of its own in the plane has poses in the
+    axes of its link."""
     for name, solid in solids.links.items():
         if not len(solid.faces):
             continue
-        mesh = Mesh(solid.vertices, solid.faces, solid.normals, solid.colors[:, :3])
+        mesh = joined([Mesh(solid.vertices, solid.faces, solid.normals, solid.colors[:, :3]), *(fixtures or {}).get(name, ())])
         poses = None
         if solid.spin is not None:
             turned = run.motion.pose(name)[:, 2] - run.motion.pose(solid.spin.carrier)[:, 2]
@@ -278,4 +283,4 @@ def solids_of(run: Run) -> Solids:
     frames = np.unique(np.linspace(0, motion.frames - 1, min(motion.frames, LOOKS)).round().astype(int))
     dials = run.kept
     poses = {link: motion.pose(link)[frames] for link in links_of(motion)}
-    return build_solids(motion.mechanism, poses, chord=dials.chord, profile=dials.profile or PROFILE)
+    return build_solids(motion.mechanism, poses, chord=dials.chord, profile=dials.profile or PROFILE, spindle=has_spindle(run))

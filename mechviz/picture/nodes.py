@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TypeVar
@@ -151,8 +151,8 @@ class Picture:
     """Everything seen over the frames at ``time`` (F,) [s]: ``poses`` x, y, angle (F, 3) [m, m, rad] of all links, and the nodes.
 
     ``frame`` is the fixed link, ``size`` [m] the mechanism's, ``bounds`` (2, 3) [m] the box around all solids over the run, ``top``
-    [m] the height before which there is nothing solid; ``scales``: how large arrows are drawn; ``widths`` of springs by name, over
-    that of one around a stem only, where they are known.
+    [m] the height before which there is nothing solid; ``scales``: how large arrows are drawn. Where they are known: ``widths`` of
+    springs by name, over that of one around a stem only; ``fixtures``, what is drawn with links beside their solids.
     """
 
     time: Real
@@ -164,6 +164,7 @@ class Picture:
     bounds: Real
     top: float
     widths: Mapping[str, float] = field(default_factory=dict)
+    fixtures: Mapping[str, Sequence[Mesh]] = field(default_factory=dict)
 
     @cached_property
     def by_key(self) -> Mapping[str, Node]:

@@ -43,6 +43,7 @@ class Coil:
     vertices: Single  # (V, 3) [m]
     faces: NDArray[np.uint32]  # (N, 3)
     normals: Single  # (V, 3), unit
+    straight: bool  # hung up by straight ends on its axis, not pressed between flat ones
 
     def scales(self) -> Real:
         """Factors along x, y and z (F, 3)."""
@@ -102,6 +103,7 @@ def _coil(run: Run, solids: Solids, load: Spring, known: tuple[float, float] | N
         shell.vertices.astype(np.float32),
         shell.faces.astype(np.uint32),
         normals.astype(np.float32),
+        straight,
     )
 
 

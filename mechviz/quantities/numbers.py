@@ -11,6 +11,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mechcore.arrays import Real
+from mechcore.spec.loads import Actuator, Damper, GasSpring, Spring
+from mechcore.spec.mechanism import Mechanism, Vec2
 from mechviz.quantities.items import JointInfo, Table, joints_of, links_of
 from mechviz.quantities.tables import tables
 from mechviz.quantities.vectors import centre_name, point_name
@@ -25,10 +27,12 @@ TOLERANCE = 1e-12
 
 @dataclass(frozen=True)
 class LoadInfo:
-    """A load: what it is, and the links that it acts on; the stated values act on the first."""
+    """A load: what it is, and the links that it acts on; the stated values act on the first. ``points`` of a load between two
+    points: where they are on the links, in the links' frames [m]."""
 
     kind: str
     links: tuple[str, ...]
+    points: tuple[Vec2, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,6 +84,12 @@ class Numbers:
         centres = [centre_name(link) for link in self.links]
         return (*self.traced, *(c for c in centres if ("data", "points", c, "position") in self.tables))
 
+    def place(self, link: str, xy: Vec2) -> Real:
+        """World positions (F, 2) [m] of a point given in a link's frame [m]."""
+        x, y, angle = self.poses[link].T
+        c, s = np.cos(angle), np.sin(angle)
+        return np.column_stack([x + c * xy[0] - s * xy[1], y + s * xy[0] + c * xy[1]])
+
     @cached_property
     def poses(self) -> Mapping[str, Real]:
         """x, y [m] and angle [rad] (F, 3) of all links."""
@@ -96,13 +106,22 @@ def numbers_of(run: Run) -> Numbers:
         links=tuple(links_of(motion)),
         joints={j.name: j for j in joints_of(motion)},
         drives=tuple(d.joint for d in mechanism.drives),
-        loads={name: LoadInfo(load.kind, tuple(load.links)) for name, load in loads.items()},
+        loads={name: LoadInfo(load.kind, tuple(load.links), _ends(mechanism, name)) for name, load in loads.items()},
         traced=tuple(point_name(*key) for key in mechanism.traced),
         tables={table.path: table for table in tables(run)},
         cycle=cycle_of(run),
         length_scale=motion.model.length_scale,
         tolerance=closure_tolerance(run),
     )
+
+
+def _ends(mechanism: Mechanism, name: str) -> tuple[Vec2, ...]:
+    """Where a load between two points acts on its links, in their frames [m]."""
+    load = next((load for load in mechanism.loads if load.name == name), None)
+    if not isinstance(load, Spring | Damper | GasSpring | Actuator) or not load.points:
+        return ()
+    places = {link.name: link.points for link in mechanism.links}
+    return tuple((float(x), float(y)) for x, y in (places[link][p] for link, p in zip(load.links, load.points, strict=True)))
 
 
 def closure_tolerance(run: Run) -> float:

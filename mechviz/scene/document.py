@@ -105,6 +105,10 @@ Points = Annotated[Annotated[PointTable, Tag("<table>")] | Annotated[PointNames,
 Centre = Annotated[Annotated[Point, Tag("<list>")] | Annotated[Text, Tag("<name>")], Discriminator(name_or_list)]
 
 
+Look = Literal["flywheel", "fan", "spindle"]
+LookEntry = Annotated[Annotated[list[Look], Tag("<list>")] | Annotated[Look, Tag("<name>")], Discriminator(_is_text)]
+
+
 class LinkDocument(Table):
     """A rigid link."""
 
@@ -122,6 +126,8 @@ class LinkDocument(Table):
     """Instead of centre and inertia: "bar", slender between the first two points, or "point", all at the first."""
     lumps: list[LumpDocument] = Field(default=[])
     """Point masses fixed to the link: counterweights, or all of its mass (a lumped model)."""
+    looks: LookEntry | None = None
+    """What is drawn with it: "flywheel" or "fan" on its shaft on the ground; "spindle": of the ground, a rod as its guide."""
 
     @model_validator(mode="after")
     def _shape_fits(self) -> LinkDocument:

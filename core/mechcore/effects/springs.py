@@ -51,13 +51,10 @@ class Line(_BetweenPoints[Joining]):
         return unit_vectors(vector)
 
     def between(self, at: Configuration, force: Plane) -> list[Wrench]:
-        """``force`` on the first link at its point, the opposite on the second link at the same point and line; where the first is
-        the frame, what acts on the second at its own point."""
-        (first, own), (second, other), vector = self.end(at, 0), self.end(at, 1), self.vector(at)
-        if first == 0:
-            (first, own), (second, other), vector, force = (second, other), (first, own), -vector, -force
+        """``force`` on the first link at its point, the opposite on the second link at the same point and line."""
+        (first, own), (second, other) = self.end(at, 0), self.end(at, 1)
         arm = own * at.rotation(first)
-        other_arm = other * at.rotation(second) - vector
+        other_arm = other * at.rotation(second) - self.vector(at)
         return [Wrench(self.name, self.kind, first, force, 0.0, arm, self.cause, second, other_arm)]
 
 

@@ -219,19 +219,34 @@ def _cam_parts(model: Model, drawing: SpatialDrawing, height: float) -> list[Par
         return Part(link, kind, _outwards(Shell(points, shell.faces)), color, (Prism(spot, low, high),), mates)
 
     free = 1.1 * r * drawing.size  # of the shaft between cam and bearing
-    long, wide = 1.6 * r * drawing.size, 2.0 * shaft
-    bar = revolve(((0.0, z0 - free), (radius, z0 - free), (radius, z1 + free), (0.0, z1 + free)), segments=_BORE)
+    long = 1.6 * r * drawing.size  # of a bearing
+    low, high = z0 - free - long, z1 + free + long
+    over = 0.15 * long  # how far the shaft comes out of its bearings
+    bar = revolve(((0.0, low - over), (radius, low - over), (radius, high + over), (0.0, high + over)), segments=_BORE)
     found = [part(drawing.cam, "wheel", _solid(rings, bore)), part(drawing.cam, "pin", bar, PIN)]
     if placed.blank.rollers:
         found.append(part(drawing.cam, "wheel", rib(placed)))
     if keyed:
         key = plate(key_outline(axis, radius, (1.0, 0.0), _BORE), (ends[0], ends[1]), 0.0)
         found.append(part(drawing.cam, "key", key, PIN))
-    for a, b in ((z0 - free - long, z0 - free), (z1 + free, z1 + free + long)):
-        box = revolve(((0.0, a), (1.414 * wide, a), (1.414 * wide, b), (0.0, b)), segments=4)
-        turned = box.vertices @ np.array([[1, 1, 0], [-1, 1, 0], [0, 0, 1.414]]) / 1.414
-        found.append(part(placed.carrier, "pedestal", Shell(turned, box.faces)))
+    block, bed = _bearing(shaft, 1.06 * float(np.hypot(*np.concatenate(rings)[:, :2].T).max()), -1j if drawing.flat else 1.0)
+    for shape, (a, b) in ((block, (low, low + long)), (block, (high - long, high)), (bed, (low - over, high + over))):
+        found.append(part(placed.carrier, "pedestal", plate(shape, (a, b), 0.05 * long)))
     return found
+
+
+def _bearing(shaft: float, reach: float, out: complex) -> tuple[Polygon, Polygon]:
+    """Across the axis of a shaft [m] the outlines of a bearing block and of the bed that it stands on, a distance ``reach`` [m]
+    behind the axis; ``out``: the direction towards the viewer."""
+    wide, foot, deep = 2.0 * shaft, 2.6 * shaft, 0.9 * shaft
+
+    def turned(*corners: complex) -> Polygon:
+        return Polygon([(z.real, z.imag) for z in (out * corner for corner in corners)])
+
+    neck = turned(1j * wide, -reach + 1j * wide, -reach - 1j * wide, -1j * wide)
+    block = neck.union(disc((0.0, 0.0), wide, _BORE)).difference(disc((0.0, 0.0), 1.01 * shaft, _BORE))
+    bed = turned(-reach + 1j * foot, -reach - deep + 1j * foot, -reach - deep - 1j * foot, -reach - 1j * foot)
+    return block, bed
 
 
 def _still(drawing: SpatialDrawing, p: Real, height: float) -> Real:

@@ -180,7 +180,10 @@ def model_json(run: Run) -> str:
         "links": n.links,
         "joints": {j.name: {"type": j.kind, "links": list(j.links)} for j in n.joints.values()},
         "drives": n.drives,
-        "loads": {name: {"kind": load.kind, "links": list(load.links)} for name, load in n.loads.items()},
+        "loads": {
+            name: {"kind": load.kind, "links": list(load.links), **({"points": load.points} if load.points else {})}
+            for name, load in n.loads.items()
+        },
         "traced": n.traced,
     }
     return json.dumps(model, ensure_ascii=False)

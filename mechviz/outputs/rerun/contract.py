@@ -59,10 +59,11 @@ class JointPart(Part):
 
 
 class LoadPart(Part):
-    """A load of the model: its kind and the links that it acts on."""
+    """A load of the model: its kind and the links that it acts on; between two points, where these are in the links' frames [m]."""
 
     kind: str
     links: Annotated[tuple[str, ...], Field(min_length=1)]
+    points: tuple[tuple[float, float], ...] = ()
 
 
 class Model(Part):

@@ -51,7 +51,7 @@ def numbers_in(recording: Recording) -> Numbers:
         links=model.links,
         joints=joints,
         drives=model.drives,
-        loads={name: LoadInfo(load.kind, load.links) for name, load in model.loads.items()},
+        loads={name: LoadInfo(load.kind, load.links, load.points) for name, load in model.loads.items()},
         traced=tuple(traced),
         tables=tables,
         cycle=said.cycle or float(np.ptp(time)) or 1.0,

@@ -151,8 +151,8 @@ def write_recording(
         motion = [a.vector for a in picture.of(Arrow, "velocity", "acceleration")]
         forces = [a.vector for a in picture.of(Arrow, *FORCE_FAMILIES)]
         bounds = {
-            "forces": extent(forces, scales, solids.bounds, solids.size),
-            "motion": extent(motion, scales, solids.bounds, solids.size),
+            "forces": extent(forces, scales, picture.bounds, solids.size),
+            "motion": extent(motion, scales, picture.bounds, solids.size),
         }
         drawn = overlay_box(run, solids)
         if motion or forces:

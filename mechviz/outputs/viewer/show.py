@@ -26,8 +26,10 @@ from mechviz.outputs.viewer.world.warp import cam_profiles, stretched_cams, warp
 from mechviz.picture.arrows import arrows_of
 from mechviz.picture.build import picture_of, solid_nodes, solids_of
 from mechviz.picture.constructions import drawings_of
+from mechviz.picture.fixtures import find_fixtures
 from mechviz.picture.nodes import Body as BodyNode
 from mechviz.picture.nodes import Lines, Mesh, Picture
+from mechviz.picture.springs import find_coils
 from mechviz.quantities.events import events_of
 from mechviz.quantities.numbers import Numbers
 from mechviz.quantities.vectors import Scales
@@ -64,7 +66,7 @@ def _drawn(mechanism: Mechanism) -> tuple[Any, ...]:
 def build(run: Run) -> Built:
     """The solids of a run."""
     motion, solids = run.motion, solids_of(run)
-    bodies = bodies_of(solid_nodes(run, solids))
+    bodies = bodies_of(solid_nodes(run, solids, find_fixtures(run, solids, find_coils(run, solids))))
     return Built(motion.mechanism, run.accuracy, solids, bodies, run.numbers.poses, cam_profiles(motion))
 
 

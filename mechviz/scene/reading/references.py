@@ -34,6 +34,7 @@ def check_references(reading: Reading) -> Iterator[Fault]:
     document = reading.document
     yield from _joints(reading)
     yield from _sketch(reading)
+    yield from _looks(reading)
     for key, names in (("effects", document.effects), ("answers", document.answers)):
         for k, name in enumerate(names):
             if name in names[:k] and not isinstance(name, Meant):
@@ -88,6 +89,22 @@ def _joints(reading: Reading) -> Iterator[Fault]:
             guide = joint.guide if joint.guide in joint.links else joint.links[0]
             for k, point in enumerate(joint.along):
                 yield from known_point(reading, f"{path}.along[{k}]", guide, str(point))
+
+
+def _looks(reading: Reading) -> Iterator[Fault]:
+    """What is to be drawn on a shaft needs one, a spindle is of the ground."""
+    document = reading.document
+    pinned = {link for j in document.joints.values() if "revolute" in j.kinds and document.frame in j.links for link in j.links}
+    for name, link in document.links.items():
+        for kind in [link.looks] if isinstance(link.looks, str) else link.looks or ():
+            if isinstance(kind, Unknown) or "*" in reading.broken["joints"]:
+                continue
+            if (kind == "spindle") is not (name == document.frame):
+                whose = "of the fixed link, whose guides become rods" if kind == "spindle" else "on the shaft of a moving link"
+                yield Fault(f"links.{name}.looks", f"a {kind} is {whose}; this is another link.", "Leave it out, or move it there.")
+            elif kind != "spindle" and name not in pinned:
+                remedy = "Leave it out, or give it to a link that a revolute joint joins to the fixed link."
+                yield Fault(f"links.{name}.looks", f"a {kind} turns on a shaft in the ground; this link has none.", remedy)
 
 
 def check_joining(reading: Reading, touched: Mapping[str, Iterable[str]]) -> Iterator[Fault]:

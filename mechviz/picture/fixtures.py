@@ -1,0 +1,209 @@
+"""What bears springs and stops links: seats, abutments and anvils, solids that are drawn with the links that they are fixed to."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+import shapely
+from shapely import affinity
+from shapely.geometry import Polygon, box
+
+from mechcore.arrays import Real
+from mechcore.dynamics.events import Stop
+from mechcore.spec.loads import Spring
+from mechcore.spec.mechanism import Vec2
+from mechviz.meshes.extrude import plate
+from mechviz.meshes.outline import hatched_bar, pedestal, polygons
+from mechviz.meshes.shading import FRAME, crisp, face_normals
+from mechviz.picture.flywheels import named_wheels
+from mechviz.picture.nodes import Mesh
+from mechviz.picture.proportions import looks
+from mechviz.picture.springs import Coil, find_struts
+
+if TYPE_CHECKING:
+    from mechviz.meshes.solids import Solids
+    from mechviz.runs import Run
+
+
+STEADY = 0.02  # [rad]: a spring that turns no further against a link has a seat on it
+ASKEW = 0.35  # [rad]: and this far against the ground, on which a seat stands across the mean direction
+HALF = 1.5  # of a seat on the ground, in radii of the coil
+STEMS = (0.62, 0.95)  # half widths of the gap for a stem through it that are tried, in radii of the coil
+HINGE = 0.02  # half the width of a bracket of the ground for dampers, gas springs and actuators, in sizes of the mechanism
+BLOCK = 0.045  # half the width of an anvil, in sizes of the mechanism
+OUT = 0.82  # of the arm of a link: where it meets its anvil
+GAP = 1e-3  # in sizes of the mechanism, between a link and the anvil that it rests on
+
+
+def find_fixtures(run: Run, solids: Solids, coils: Sequence[Coil]) -> Mapping[str, list[Mesh]]:
+    """Meshes in the frames of links, by the links that they are fixed to."""
+    found: dict[str, list[Mesh]] = {}
+    loads = {load.name: load for load in run.motion.mechanism.loads if isinstance(load, Spring)}
+    for coil in coils:
+        for end in (0, 1):
+            for link, mesh in _seat(run, solids, loads[coil.name], coil, end):
+                found.setdefault(link, []).append(mesh)
+    for at in _hinges(run):
+        room = solids.z_top - 2.0 * HINGE * solids.size, solids.z_top
+        for link, mesh in _bracket(run, solids, at, HINGE * solids.size, room):
+            found.setdefault(link, []).append(mesh)
+    for link, (outline, heights, color) in named_wheels(run, solids):
+        found.setdefault(link, []).append(_mesh(outline, heights, color[:3]))
+    stated = () if run.simulation is None else run.simulation.stops
+    for stop in stated:
+        for mesh in _anvil(run, solids, stop):
+            found.setdefault(run.motion.mechanism.frame, []).append(mesh)
+    return found
+
+
+def joined(meshes: Sequence[Mesh]) -> Mesh:
+    """Several meshes as one."""
+    starts = np.cumsum([0, *(len(mesh.vertices) for mesh in meshes)])
+    return Mesh(
+        np.concatenate([mesh.vertices for mesh in meshes]),
+        np.concatenate([mesh.faces + np.uint32(start) for mesh, start in zip(meshes, starts, strict=False)]),
+        np.concatenate([mesh.normals for mesh in meshes]),
+        np.concatenate([mesh.colors for mesh in meshes]),
+    )
+
+
+def bounds_with(run: Run, solids: Solids, fixtures: Mapping[str, Sequence[Mesh]]) -> Real:
+    """The box (2, 3) [m] around the solids and what is fixed to them, over the run."""
+    low, high = np.array(solids.bounds, float)
+    frames = looks(run, solids.heights)[0]
+    for link, meshes in fixtures.items():
+        points = np.concatenate([mesh.vertices for mesh in meshes]).astype(float)
+        pose = run.motion.pose(link)[frames]
+        pose = pose[np.isfinite(pose).all(axis=1)]
+        local = points[:, 0] + 1j * points[:, 1]
+        world = (pose[:, 0] + 1j * pose[:, 1])[:, None] + local * np.exp(1j * pose[:, 2])[:, None]
+        low = np.minimum(low, [world.real.min(initial=np.inf), world.imag.min(initial=np.inf), points[:, 2].min()])
+        high = np.maximum(high, [world.real.max(initial=-np.inf), world.imag.max(initial=-np.inf), points[:, 2].max()])
+    return np.array([low, high])
+
+
+def _mesh(outline: Polygon, z: tuple[float, float], color: tuple[int, int, int]) -> Mesh:
+    shell = plate(outline, z, 0.0)
+    vertices, faces, normals, _ = crisp(shell.vertices, shell.faces, *face_normals(shell.vertices, shell.faces))
+    colors = np.tile(np.array(color, np.uint8), (len(vertices), 1))
+    return Mesh(vertices.astype(np.float32), faces.astype(np.uint32), normals.astype(np.float32), colors)
+
+
+def _hinges(run: Run) -> set[Vec2]:
+    """Where dampers, gas springs and actuators end on the ground [m]."""
+    mechanism = run.motion.mechanism
+    points = next(link for link in mechanism.links if link.name == mechanism.frame).points
+    struts = find_struts(mechanism) if run.forces is not None else ()
+    return {points[point] for strut in struts for link, point in strut.ends if link == mechanism.frame}
+
+
+# -- springs --------------------------------------------------------------------------------------------------------------
+def _seat(run: Run, solids: Solids, load: Spring, coil: Coil, end: int) -> Iterator[tuple[str, Mesh]]:
+    """What one end of a spring rests on or hangs from: a plate or a bracket of the ground, a washer on a link against which it
+    does not turn."""
+    link, frame = load.links[end], run.motion.mechanism.frame
+    at = next(spec for spec in run.motion.mechanism.links if spec.name == link).points[load.points[end]]
+    turned = np.unwrap(coil.pose[:, 2] + np.pi * end - run.motion.pose(link)[:, 2])  # into the spring, as the link sees it
+    turned = turned[np.isfinite(turned)]
+    radius = float(np.abs(coil.vertices[:, 1]).max())
+    heights = coil.height - radius, coil.height + radius
+    if len(turned) and np.ptp(turned) > ASKEW and link == frame:
+        yield from _bracket(run, solids, at, 0.5 * radius, (coil.height - 0.5 * radius, coil.height + 0.5 * radius))
+    if not len(turned) or np.ptp(turned) > (ASKEW if link == frame else STEADY):
+        return
+    direction = 0.5 * float(turned.min() + turned.max())
+
+    def placed(shape: Polygon) -> Polygon:
+        return affinity.translate(affinity.rotate(shape, direction, origin=(0.0, 0.0), use_radians=True), *at)
+
+    if link != frame:
+        if not coil.straight:
+            yield link, _mesh(placed(box(-0.18 * radius, -radius, 0.0, radius)), heights, (150, 156, 164))
+        return
+    whole = hatched_bar((0.0, HALF * radius), (0.0, -HALF * radius), 0.8 * radius, thickness=0.4 * radius)
+    gaps = (box(-9.0 * radius, -part * radius, radius, part * radius) for part in STEMS)
+    for shape in (whole, *map(whole.difference, gaps)):
+        pieces = [placed(piece) for piece in polygons(shape) if piece.area > 0.02 * radius**2]
+        if not any(_in_the_way(run, solids, piece, heights) for piece in pieces):
+            for piece in pieces:
+                yield link, _mesh(piece, heights, FRAME[:3])
+            return
+
+
+def _bracket(run: Run, solids: Solids, at: Vec2, half: float, heights: tuple[float, float]) -> Iterator[tuple[str, Mesh]]:
+    """A foot of the ground about a point between two heights [m], ``half`` as wide [m]."""
+    shape = pedestal(at, half, 64)
+    if not _in_the_way(run, solids, shape, heights):
+        yield run.motion.mechanism.frame, _mesh(shape, heights, FRAME[:3])
+
+
+def _in_the_way(run: Run, solids: Solids, shape: Polygon, heights: tuple[float, float]) -> bool:
+    """Whether a link passes through a shape of the ground between two heights [m]."""
+    frames, known = looks(run, solids.heights)
+    ring = np.asarray(shape.exterior.coords)
+    return solids.heights.crossed(heights, np.broadcast_to(ring, (len(frames), *ring.shape)), known, run.motion.mechanism.frame)
+
+
+# -- end stops ------------------------------------------------------------------------------------------------------------
+def _anvil(run: Run, solids: Solids, stop: Stop) -> Iterator[Mesh]:
+    """The block of the ground that a link strikes at an end stop of its joint with the ground."""
+    mechanism, motion, size = run.motion.mechanism, run.motion, solids.size
+    joint = run.numbers.joints[stop.joint]
+    if mechanism.frame not in joint.links or stop.joint in mechanism.ends:
+        return
+    link = next(name for name in joint.links if name != mechanism.frame)
+    coordinate, places = motion.coordinate(stop.joint)[:, 0], motion.joint_position(stop.joint) @ [1.0, 1.0j]
+    frame = int(np.nanargmin(np.abs(coordinate - stop.at)))
+    pose, pivot, left = motion.pose(link)[frame], complex(places[frame]), float(stop.at - coordinate[frame])
+    beyond = 1.0 if stop.side == "upper" else -1.0
+    if run.numbers.slides(stop.joint):
+        along = complex(np.nansum(np.diff(places) * np.sign(np.diff(coordinate))))  # as the coordinate grows
+        if not along:
+            return
+        along /= abs(along)
+        normal, middle, turn, shift = beyond * along, 0.0, 0.0, left * along
+    else:
+        if joint.links[0] == link:
+            beyond, left = -beyond, -left
+        points = next(spec for spec in mechanism.links if spec.name == link).points.values()
+        arm = max((complex(*pose[:2]) + complex(*xy) * np.exp(1j * pose[2]) - pivot for xy in points), key=abs)
+        if not arm:
+            return
+        normal = beyond * 1j * arm / abs(arm) * np.exp(1j * left)
+        middle, turn, shift = beyond * OUT * abs(arm), left, 0j
+    found = _reach(solids, link, pose, (pivot, turn), (normal, middle))
+    if found is None:
+        return
+    front, (low, high) = found
+    half, across = BLOCK * size, -1j * normal
+    ends = (pivot + shift + across * (middle + side * half) + normal * (front + GAP * size) for side in (-1.0, 1.0))
+    a, b = ((z.real, z.imag) for z in ends)
+    bar = hatched_bar(b, a, 0.9 * half, thickness=0.6 * half)
+    if not _in_the_way(run, solids, bar, (low, high)):
+        yield _mesh(bar, (low, high), FRAME[:3])
+
+
+def _reach(
+    solids: Solids,
+    link: str,
+    pose: Real,
+    moved: tuple[complex, float],
+    strip: tuple[complex, float],
+) -> tuple[float, tuple[float, float]] | None:
+    """How far a link reaches along a direction within a strip, and the heights [m] of what does.
+
+    ``moved``: a pivot, from which is counted, and the turn about it [rad] that brings the link from its ``pose`` (3,) to the stop;
+    ``strip``: its direction, and how far to the right of the pivot it lies [m].
+    """
+    (x, y, angle), (pivot, turn), (normal, middle) = pose, moved, strip
+    best: tuple[float, tuple[float, float]] | None = None
+    for outline, low, high in solids.heights.flat(link):
+        points = shapely.get_coordinates(shapely.segmentize(outline.exterior, 0.01 * solids.size)) @ [1.0, 1.0j]
+        world = points * np.exp(1j * angle) + complex(x, y)
+        local = (world - pivot) * np.exp(1j * turn) / normal
+        inside = np.abs(-local.imag - middle) < BLOCK * solids.size
+        if inside.any() and (best is None or float(local.real[inside].max()) > best[0]):
+            best = float(local.real[inside].max()), (low, high)
+    return best

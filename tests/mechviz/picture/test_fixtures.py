@@ -1,0 +1,121 @@
+"""What bears springs and stops links: where it stands, and that no link runs into it; flywheels, fans and spindles."""
+
+from __future__ import annotations
+
+from functools import cache
+
+import numpy as np
+import pytest
+import shapely
+
+from mechcore.spec.loads import Spring
+from mechviz import scene
+from mechviz.meshes.model import place
+from mechviz.meshes.solids import Solids
+from mechviz.picture.build import picture_of, solids_of
+from mechviz.picture.fixtures import find_fixtures
+from mechviz.picture.nodes import Mesh, Picture
+from mechviz.picture.springs import find_coils
+from mechviz.runs import Run, run_scene
+from mechviz.scene.faults import SceneError
+
+
+@cache
+def shown(name: str, frames: int = 120) -> tuple[Run, Solids, Picture]:
+    run = run_scene(scene.load(name), frames=frames)
+    solids = solids_of(run)
+    return run, solids, picture_of(run, solids)
+
+
+def outline(mesh: Mesh) -> shapely.Polygon:
+    """What of a plane is covered by a mesh, seen from the front."""
+    return shapely.union_all(shapely.buffer(shapely.polygons(mesh.vertices[mesh.faces][:, :, :2].astype(float)), 1e-9))
+
+
+@pytest.mark.parametrize("name", ["cam-roller", "valve-train", "valve-spring", "toggle-press-stop", "lifted-boom", "trip-hammer"])
+def test_no_link_runs_into_what_stands_on_the_ground(name):
+    run, solids, picture = shown(name)
+    frame = run.motion.mechanism.frame
+    standing = [(outline(mesh), mesh.vertices[:, 2]) for mesh in picture.fixtures[frame]]
+    assert standing
+    for link, poses in picture.poses.items():
+        for shape, low, high in solids.heights.flat(link) if link != frame else ():
+            for fixed, z in standing:
+                if low < z.max() and high > z.min():
+                    ring = np.asarray(shape.exterior.coords)
+                    moved = shapely.polygons(place(ring, poses[::3]))
+                    assert not shapely.intersects(fixed.buffer(-1e-6 * solids.size), moved).any(), (name, link)
+
+
+@pytest.mark.parametrize("name", ["cam-roller", "valve-spring"])
+def test_a_seat_of_the_ground_lies_beyond_the_end_of_its_spring_and_across_it(name):
+    run, solids, picture = shown(name)
+    spring = next(load for load in run.motion.mechanism.loads if isinstance(load, Spring))
+    end = spring.links.index(run.motion.mechanism.frame)
+    at, other = (run.motion.point(spring.links[k], spring.points[k])[0] for k in (end, 1 - end))
+    into = (other - at) / np.hypot(*(other - at))
+    ground = [mesh.vertices[:, :2] - at for mesh in picture.fixtures[run.motion.mechanism.frame]]
+    reach = np.concatenate(ground) @ into
+    assert reach.max() == pytest.approx(0.0, abs=1e-6 * solids.size) and reach.min() < -0.005 * solids.size
+    face = np.concatenate([xy[np.abs(xy @ into) < 1e-6 * solids.size] for xy in ground])
+    assert np.ptp(face @ [-into[1], into[0]]) > 0.04 * solids.size
+
+
+def test_a_hammer_rests_on_its_anvil():
+    """At the angle of its stop the lever touches the anvil, and one degree further it would be inside."""
+    _, solids, picture = shown("trip-hammer")
+    (anvil,) = (outline(mesh) for mesh in picture.fixtures["frame"])
+    lever = shapely.union_all([shape for shape, _, _ in solids.heights.flat("hammer")])
+
+    def turned(degrees: float) -> shapely.Polygon:
+        return shapely.affinity.rotate(lever, degrees, origin=(0.0, 0.0))
+
+    assert 0.0 < anvil.distance(turned(0.0)) < 2e-3 * solids.size
+    assert anvil.intersects(turned(-1.0)) and not anvil.intersects(turned(1.0))
+
+
+def test_a_spring_that_is_pressed_has_a_washer_on_its_link_and_one_that_hangs_has_none():
+    assert {"frame", "follower"} <= set(shown("cam-roller")[2].fixtures)
+    assert set(shown("toggle-press-stop")[2].fixtures) == {"frame"}
+
+
+def test_a_flywheel_and_a_fan_turn_with_their_link_behind_everything():
+    run, solids, picture = shown("engine-start-up")
+    wheel, fan, shaft = picture.fixtures["crank"]
+    spec = next(link for link in run.motion.mechanism.links if link.name == "crank")
+    radius = np.hypot(*wheel.vertices[:, :2].T).max()
+    assert radius == pytest.approx(1.1 * np.sqrt(spec.inertia / spec.mass), rel=1e-4)  # about A, the origin
+    assert np.hypot(*fan.vertices[:, :2].T).max() < radius
+    assert max(mesh.vertices[:, 2].max() for mesh in (wheel, fan)) < solids.bounds[0, 2]
+    assert shaft.vertices[:, 2].max() == pytest.approx(solids.bounds[0, 2], rel=1e-6)
+    at = run.motion.joint_position("A")[0]
+    assert (picture.bounds[0, :2] <= at - 0.999 * radius).all() and (picture.bounds[1, :2] >= at + 0.999 * radius).all()
+    assert not find_fixtures(run_scene(scene.load("kinetostatic-four-bar"), frames=12), solids, [])
+
+
+def test_a_spindle_guides_its_sleeve_instead_of_rails():
+    _, solids, _ = shown("flyball-governor")
+    assert "rail" not in solids.links["frame"].kinds and "rod" in solids.links["frame"].kinds and not solids.clashes
+
+
+@pytest.mark.parametrize(
+    ("link", "looks", "why"),
+    [
+        ("coupler", "flywheel", "turns on a shaft in the ground; this link has none"),
+        ("crank", "spindle", "is of the fixed link"),
+        ("frame", ["fan"], "is on the shaft of a moving link"),
+        ("crank", "fly-wheel", "flywheel"),
+    ],
+)
+def test_what_cannot_be_drawn_is_refused_at_its_link(link, looks, why):
+    document = scene.load("kinetostatic-four-bar").document.model_dump(exclude_defaults=True)
+    document["links"][link]["looks"] = looks
+    with pytest.raises(SceneError) as error:
+        scene.Scene.build(name="named", **document)
+    assert f"links.{link}.looks" in str(error.value) and why in str(error.value)
+
+
+def test_coils_of_one_place_share_a_bracket():
+    run, solids, picture = shown("lifted-boom")
+    assert len(picture.fixtures["frame"]) == 3  # two stops, and one bracket of the gas spring and its damper
+    assert find_coils(run, solids) == []
