@@ -38,14 +38,17 @@ class Arrows:
     asides: tuple[float, ...]
     radii: tuple[float, ...]
 
-    def nodes(self, heights: Mapping[str, float], otherwise: float) -> Iterator[Node]:
-        """The nodes of a picture, at heights [m] by key."""
+    def nodes(self, heights: Mapping[str, float], otherwise: float, beside: Mapping[str, float] | None = None) -> Iterator[Node]:
+        """The nodes of a picture, at heights [m] by key; ``beside``: asides and radii [m] by key, where they are known."""
+        known = beside or {}
         for vector, aside in zip(self.vectors, self.asides, strict=True):
             key = key_of(vector)
-            yield Arrow(key, owner_of(vector), vector.family, vector.entity, heights.get(key, otherwise), vector, aside)
+            place = known.get(key, aside)
+            yield Arrow(key, owner_of(vector), vector.family, vector.entity, heights.get(key, otherwise), vector, place)
         for moment, radius in zip(self.moments, self.radii, strict=True):
             key = key_of(moment)
-            yield Arc(key, owner_of(moment), moment.family, moment.entity, heights.get(key, otherwise), moment, radius)
+            place = known.get(key, radius)
+            yield Arc(key, owner_of(moment), moment.family, moment.entity, heights.get(key, otherwise), moment, place)
 
 
 def key_of(item: Vector | Moment) -> str:

@@ -6,11 +6,11 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 import numpy as np
-from mechcore.joints.parts import build_joints
 from shapely import affinity
 from shapely.geometry import Point, Polygon, box
 from shapely.ops import unary_union
 
+from mechcore.joints.registry import build_joints
 from mechcore.spec.mechanism import Mechanism, Vec2
 from mechviz.meshes.outline import disc, polygons
 from mechviz.meshes.shading import PIN, Color

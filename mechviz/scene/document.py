@@ -106,7 +106,7 @@ Centre = Annotated[Annotated[Point, Tag("<list>")] | Annotated[Text, Tag("<name>
 
 
 Look = Literal["flywheel", "fan", "spindle"]
-LookEntry = Annotated[Annotated[list[Look], Tag("<list>")] | Annotated[Look, Tag("<name>")], Discriminator(_is_text)]
+LookEntry = Annotated[Annotated[list[Look], Tag("<list>")] | Annotated[Look, Tag("<name>")], Discriminator(name_or_list)]
 
 
 class LinkDocument(Table):

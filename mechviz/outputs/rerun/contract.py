@@ -93,7 +93,8 @@ class Model(Part):
 
 
 class NodePart(Part):
-    """A node of the picture: what it is of, where it is drawn, which entity holds it."""
+    """A node of the picture: what it is of, where it is drawn, which entity holds it; ``beside``: how far an arrow stands from its
+    line, or the radius of an arc [m]."""
 
     key: str
     kind: str
@@ -102,6 +103,7 @@ class NodePart(Part):
     group: str
     height: FiniteFloat
     parent: str = ""
+    beside: FiniteFloat | None = None
 
 
 class QuantityPart(Part):

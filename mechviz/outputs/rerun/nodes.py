@@ -91,6 +91,8 @@ def _entry(node: Node) -> dict[str, Any]:
     }
     if isinstance(node, Body | Points | Lines):
         entry["parent"] = node.parent
+    if isinstance(node, Arrow | Arc):
+        entry["beside"] = node.aside if isinstance(node, Arrow) else node.radius
     return entry
 
 

@@ -92,7 +92,8 @@ def picture_in(recording: Recording, numbers: Numbers) -> Picture:
     size = said.size or float(np.ptp(bounds[:, :2], axis=0).max()) or 1.0
     scales = Scales(said.newtons_per_metre, said.newton_metres_per_metre, said.mps_per_metre, said.mps2_per_metre)
     circles = [n.owner[1] for n in nodes if n.entity[:2] == ("vectors", "friction") and n.entity[-1] == "circle"]
-    found = with_scales(numbers, size, scales, circles).nodes({e.key: e.height for e in entries}, float(bounds[1, 2]))
+    beside = {e.key: e.beside for e in entries if e.beside is not None}
+    found = with_scales(numbers, size, scales, circles).nodes({e.key: e.height for e in entries}, float(bounds[1, 2]), beside)
     order = {entry.key: k for k, entry in enumerate(entries)}
     nodes = sorted([*nodes, *found], key=lambda node: order.get(node.key, len(order)))
     top = float(bounds[1, 2] + 0.01 * size) if said.top is None else said.top
