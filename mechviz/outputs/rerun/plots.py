@@ -9,12 +9,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mechcore.arrays import Integers, Real
-from mechcore.forces.cam_rating import placed_cams
 from mechcore.forces.friction.events import friction_lanes
 from mechcore.motion.events import Event
 from mechcore.spec.clearance import journals_of, made_joints
 from mechcore.spec.mechanism import CamJoint
 from mechviz.outputs.rerun.entities import Static, Stream, Timelines, entity, packed
+from mechviz.quantities.entries import UNITS
 from mechviz.quantities.events import lanes_of
 from mechviz.quantities.items import JointInfo, Table, joint_unit, joints_of
 from mechviz.quantities.tables import rounding_of_efforts
@@ -78,14 +78,27 @@ def main_outputs(run: Run) -> list[Output]:
     if names:
         return [gathered.output for gathered in _of_joints(run, names)]
     return [
-        Output(
-            f"Point {kind} [{u}]",
-            tuple((entity("data", "points", point_name(*p), kind), (True, True)) for p in points),
-            np.column_stack([run.motion.point(*p, k) for p in points]),
-        )
-        for k, (kind, u) in enumerate((("position", "m"), ("velocity", "m/s"), ("acceleration", "m/s²")))
-        if points
+        *(gathered.output for gathered in _places(run, points)),
+        *(
+            Output(
+                f"Point {kind} [{u}]",
+                tuple((entity("data", "points", point_name(*p), kind), (True, True)) for p in points),
+                np.column_stack([run.motion.point(*p, k) for p in points]),
+            )
+            for k, kind, u in ((1, "velocity", "m/s"), (2, "acceleration", "m/s²"))
+            if points
+        ),
     ]
+
+
+def _places(run: Run, points: list[tuple[str, str]]) -> list[Gathered]:
+    """Where points are."""
+    if not points:
+        return []
+    shown, factor = UNITS["m"]
+    names = tuple(f"{point_name(*p)}.{axis} [{shown}]" for p in points for axis in "xy")
+    values = factor * np.column_stack([run.motion.point(*p) for p in points])
+    return [Gathered(("plots", "position"), f"Point position [{shown}]", names, values)]
 
 
 def study_outputs(run: Run) -> list[Output]:
@@ -113,26 +126,39 @@ def _shaking(run: Run) -> list[Gathered]:
 
 def cam_outputs(run: Run) -> list[Output]:
     """Lift and pressure angle of the cams, and the force where they touch."""
-    names = [r.name for r in run.motion.model.relations if r.kind == "cam"][:MOST]
+    names = _cams(run)
     if not names:
         return []
-    contacts = [entity("data", "cams", name, "contact") for name in names]
-    single = len(names) == 1
-    units = {cam.name: "m" if cam.arm == 0.0 else "rad" for cam in placed_cams(run.motion)}
-    lift = f"Lift [{units[names[0]]}]" if single else "Lift"
-    outputs = [Output(lift, tuple((entity("data", "cams", name, "lift"), (True, False, False)) for name in names), single=single)]
-    for k, title in ((3, "Pressure angle [rad]"), *(((2, "Contact force [N]"),) if run.forces is not None else ())):
-        outputs.append(Output(title, tuple((path, tuple(i == k for i in range(6))) for path in contacts), single=single))
+    outputs = [gathered.output for gathered in _of_cams(run)]
+    if run.forces is not None:
+        force = tuple((entity("data", "cams", name, "contact"), tuple(i == 2 for i in range(6))) for name in names)
+        outputs.insert(2, Output("Contact force [N]", force, single=len(names) == 1))
     rated = {p.name: p for p in run.motion.mechanism.joints if isinstance(p, CamJoint) and p.name in names}
-    stressed = [n for n, p in rated.items() if p.rating is not None and p.rating.width is not None and run.forces is not None]
-    if stressed:
-        paths = tuple((entity("data", "cams", n, "stress"), (True, False)) for n in stressed)
-        outputs.append(Output("Hertz pressure [Pa]", paths, single=len(stressed) == 1))
     for name in (n for n, p in rated.items() if p.drawn is not None):
         both = (entity("data", "cams", name, "graphical"), (False, False, True, False, False, False))
         exact = (entity("data", "cams", name, "lift"), (False, False, True))
         outputs.append(Output(f"Acceleration of the lift, drawn and exact, {name}", (both, exact)))
     return outputs
+
+
+def _cams(run: Run) -> list[str]:
+    """The cams that are plotted."""
+    return [r.name for r in run.motion.model.relations if r.kind == "cam"][:MOST]
+
+
+def _of_cams(run: Run) -> list[Gathered]:
+    """Lift, pressure angle and Hertz pressure of the cams in the units in which people read them."""
+    found = []
+    for table, column, title in (("lift", 0, "Lift"), ("contact", 3, "Pressure angle"), ("stress", 0, "Hertz pressure")):
+        tables = {name: run.numbers.tables.get(("data", "cams", name, table)) for name in _cams(run)}
+        curves = {name: (t.values[:, column], UNITS[t.columns[column][1]]) for name, t in tables.items() if t is not None}
+        if curves:
+            units = {unit for _, (unit, _) in curves.values()}
+            series = tuple(f"{name} [{unit}]" for name, (_, (unit, _)) in curves.items())
+            values = np.column_stack([factor * value for value, (_, factor) in curves.values()])
+            view = f"{title} [{units.pop()}]" if len(units) == 1 else title
+            found.append(Gathered(("plots", title.lower()), view, series, values))
+    return found
 
 
 def _moved(run: Run) -> tuple[list[JointInfo], list[tuple[str, str]]]:
@@ -153,16 +179,14 @@ def _of_joints(run: Run, joints: list[JointInfo]) -> list[Gathered]:
     angles = [values[np.isfinite(values[:, 0]), 0] for values in motions]
     turning = any(len(a) and np.ptp(a) > 2.0 * np.pi for a in angles)  # which no rocker does
     unit, noun, first = ("m", "Slider", "displacement") if sliding else ("rad", "Output" if turning else "Rocker", "angle")
-    return [
-        Gathered(
-            ("plots", kind),
-            f"{noun} {kind} [{u}]",
-            tuple(f"{j.name} [{u}]" for j in joints),
-            np.column_stack([values[:, k] for values in motions]),
-            (entity("data", "joints", joints[0].name, "motion"), tuple(i == k for i in range(3))) if len(joints) == 1 else None,
-        )
-        for k, (kind, u) in enumerate(((first, unit), ("velocity", f"{unit}/s"), ("acceleration", f"{unit}/s²")))
-    ]
+    found = []
+    for k, (kind, si) in enumerate(((first, unit), ("velocity", f"{unit}/s"), ("acceleration", f"{unit}/s²"))):
+        u, factor = UNITS.get(si, (si, 1.0))
+        own = len(joints) == 1 and u == si  # the data themselves are plotted
+        alone = (entity("data", "joints", joints[0].name, "motion"), tuple(i == k for i in range(3))) if own else None
+        values = factor * np.column_stack([motion[:, k] for motion in motions])
+        found.append(Gathered(("plots", kind), f"{noun} {kind} [{u}]", tuple(f"{j.name} [{u}]" for j in joints), values, alone))
+    return found
 
 
 def effort_outputs(run: Run) -> list[Output]:
@@ -191,7 +215,8 @@ def free_outputs(run: Run) -> list[Output]:
     if run.simulation is None or run.forces is None:
         return []
     speeds = [gathered.output for gathered in _speeds(run)]
-    return [*speeds, *_gaps(run), Output("Energy [J]", ((entity("data", "energy"), ()),), run.forces.energy)]
+    gaps = [gathered.output for gathered in _gaps(run)]
+    return [*speeds, *gaps, Output("Energy [J]", ((entity("data", "energy"), ()),), run.forces.energy)]
 
 
 def _speeds(run: Run) -> list[Gathered]:
@@ -210,14 +235,15 @@ def _speeds(run: Run) -> list[Gathered]:
     return speeds
 
 
-def _gaps(run: Run) -> list[Output]:
+def _gaps(run: Run) -> list[Gathered]:
     """How far journals and bearings of joints with clearance are apart."""
     journals = journals_of(run.scene.mechanism)
     if not journals:
         return []
-    gaps = tuple((entity("data", "joints", p, "journal"), (False, False, True)) for p in journals)
     apart = [j.radial - np.hypot(*(run.motion.coordinate(s)[:, 0] for s in j.slides)) for j in journals.values()]
-    return [Output("Gap in the bearing [m]", gaps, np.column_stack(apart))]
+    unit, factor = UNITS["m"]
+    names = tuple(f"{p} [{unit}]" for p in journals)
+    return [Gathered(("plots", "gap"), f"Gap in the bearing [{unit}]", names, factor * np.column_stack(apart))]
 
 
 def reaction_outputs(run: Run) -> list[Output]:
@@ -262,8 +288,9 @@ def plot_streams(run: Run, every: int) -> Iterator[Stream]:
 
 
 def _gathered(run: Run) -> list[Gathered]:
-    joints, _ = _moved(run)
-    every = [*(_of_joints(run, joints) if joints else []), *_efforts(run), *_speeds(run), *_shaking(run)]
+    joints, points = _moved(run)
+    moved = _of_joints(run, joints) if joints else _places(run, points)
+    every = [*moved, *_of_cams(run), *_efforts(run), *_speeds(run), *_gaps(run), *_shaking(run)]
     return [g for g in every if g.alone is None]
 
 

@@ -105,8 +105,8 @@ def test_recording_page_viewer_and_glb_show_the_same_marks():
 
 def test_pulleys_are_not_called_rockers():
     names = [output.name for output in main_outputs(DRIVE.run)]
-    assert names == ["Output angle [rad]", "Output velocity [rad/s]", "Output acceleration [rad/s²]"]
-    assert main_outputs(made("kinetostatic-four-bar").run)[0].name == "Rocker angle [rad]"
+    assert names == ["Output angle [°]", "Output velocity [rad/s]", "Output acceleration [rad/s²]"]
+    assert main_outputs(made("kinetostatic-four-bar").run)[0].name == "Rocker angle [°]"
 
 
 def test_marks_that_look_as_before_keep_their_nodes():
