@@ -15,14 +15,17 @@ from mechcore.forces.powers import flywheel
 from mechcore.spec.mechanism import CamDrawn
 from mechcore.texts import Text
 from mechviz.commands.common import check_targets, fail, interruptible
-from mechviz.commands.loading import ReachableOpt, SceneArg, SetOpt, clear_errors, load_scene, quantity_of
+from mechviz.commands.loading import ReachableOpt, SceneArg, SetOpt, clear_errors, load_scene, quantity, quantity_of
 from mechviz.commands.solving import AccuracyOpt, CyclesOpt, ExecutorOpt, FramesOpt, KeepOpt, check_trust, solve, warn_of_accuracy
+from mechviz.quantities.moment import time_at
 from mechviz.quantities.power_table import flywheel_lines, force_lines, power_csv, sized_lines, steady_lines
+from mechviz.runs import Run
 from mechviz.scene.convert import LARGEST
 from mechviz.scene.kinds.joints.cam_documents import step_fault, whole_step
 from mechviz.studies.balance import shaken, write_polar
 from mechviz.studies.cam_report import cam_facts, cam_lines, drawn_lines, size_lines
 from mechviz.studies.cost import cost_lines, executor_lines, measure
+from mechviz.studies.equations import equation_lines, equilibrium_at, latex_lines
 from mechviz.studies.report import plan_lines, statics_lines
 
 
@@ -33,6 +36,14 @@ def forces(
     fluctuation: Annotated[
         float | None,
         typer.Option("--flywheel", metavar="DELTA", help="flywheel for a coefficient of fluctuation such as 0.02"),
+    ] = None,
+    equations: Annotated[
+        bool, typer.Option("--equations", help="instead: the equilibrium equations of each group with numbers, at a moment")
+    ] = False,
+    latex: Annotated[bool, typer.Option("--latex", help="equations: as LaTeX")] = False,
+    at: Annotated[
+        str | None,
+        typer.Option("--at", metavar="ANGLE|TIME", help='equations: an angle of the drive, "60 deg", or a time, "20 ms"'),
     ] = None,
     plot: Annotated[Path | None, typer.Option("--plot", help="write polar plots of the shaking force (.svg, .png or .pdf)")] = None,
     steady: Annotated[
@@ -54,7 +65,12 @@ def forces(
     Place: external forces come from outside, internal ones act between two links. Power: driving forces supply at every instant,
     resisting ones absorb, alternating ones do both. Use: useful resistance is what the machine is there for, harmful is loss.
     Supplied and absorbed works are equal: inertia and gravity only lend energy over a cycle.
+
+    With --equations: what the method by hand writes down (d'Alembert), the last group first, and the check of all equations at
+    once: mechviz forces kinetostatic-four-bar --equations --at "60 deg"
     """
+    if not equations and (latex or at is not None):
+        fail("--latex and --at are for --equations.")
     if steady is not None:
         _print_steady(scene, values, steady, fluctuation)
         return
@@ -65,6 +81,10 @@ def forces(
         warn_of_accuracy(run)
         if run.forces is None:
             fail(f'{run.scene.name}: the scene names no effects and no loads, so there are no forces. Add effects = ["inertia"].')
+        if equations:
+            found, frame = equilibrium_at(run, _moment_of(run, at))
+            print("\n".join(latex_lines(found, frame) if latex else [run.scene.title, *equation_lines(found, frame)]))
+            return
         print(run.scene.title)
         print("\n".join(force_lines(run.forces) if run.motion.mechanism.led else statics_lines(run.forces, run.scene.units)))
         if fluctuation is not None:
@@ -75,6 +95,17 @@ def forces(
             if plot is not None:
                 write_polar(plot, run.scene.title, run.motion, {"shaking force": shaken(run)})
                 print(plot)
+
+
+def _moment_of(run: Run, text: str | None) -> float:
+    """The time [s] that an option names: by an angle of the drive (a bare number is one), or by a time; the start by none."""
+    if text is None:
+        return float(run.motion.time[0])
+    seconds = quantity(run.scene.units, text, "at", "time") if text.rstrip().endswith(("s", "min")) else None
+    angle = None if seconds is not None else quantity_of(run.scene, text, "at", "angle")
+    moment = time_at(run.catalogue, at=seconds, angle=angle)
+    assert moment is not None
+    return moment
 
 
 def _print_steady(source: str, values: list[str] | None, turns: int, fluctuation: float | None) -> None:

@@ -35,7 +35,7 @@ def least_norm(
             return first
         flanks = first[2]
     flanks = flanks or {}
-    matrix, labels = _equilibrium(motion, flanks)
+    matrix, labels = equilibrium_matrix(motion, flanks)
     n = len(model.links) - 1
     shape = np.broadcast_shapes((motion.frames,), *(np.shape(v) for v in (*force, *moment)))
     loads = [part for k in range(1, n + 1) for part in (-force[k].real, -force[k].imag, -moment[k] / model.length_scale)]
@@ -78,7 +78,7 @@ def _traced(matrix: Any, rhs: Any) -> Any:
 def indeterminate(motion: Motion) -> tuple[str, ...]:
     """Joints whose reactions statics does not determine, at the run's best conditioned frame."""
     model = motion.model
-    matrix, labels = _equilibrium(motion, {})
+    matrix, labels = equilibrium_matrix(motion, {})
     frame = int(np.argmin(np.where(np.isfinite(motion.condition), motion.condition, np.inf)))
     _, s, vt = np.linalg.svd(matrix[frame])
     rank = int((s > RANK * s[0]).sum())
@@ -87,7 +87,7 @@ def indeterminate(motion: Motion) -> tuple[str, ...]:
     return tuple(dict.fromkeys(name for name, free in zip(names, loose, strict=True) if free))
 
 
-def _equilibrium(motion: Motion, flanks: Mapping[int, Values]) -> tuple[Real, list[tuple[str, int, Plane]]]:
+def equilibrium_matrix(motion: Motion, flanks: Mapping[int, Values]) -> tuple[Real, list[tuple[str, int, Plane]]]:
     """Matrix (F, 3 links, unknowns) of the equilibrium of all links, moments over the size, and its unknowns."""
     model = motion.model
     labels: list[tuple[str, int, Plane]] = []

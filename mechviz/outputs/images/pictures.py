@@ -21,10 +21,10 @@ from mechviz.outputs.images.browser import Chromium
 from mechviz.outputs.page.pack import Progress, quiet
 from mechviz.outputs.page.page import make_page, pace_of
 from mechviz.outputs.presentation import Presentation
+from mechviz.quantities.moment import time_at
 
 VIEWS = ("3d", "front", "iso", "top", "left", "right", "back")
 GIF_RATE, VIDEO_RATE = 20, 30  # pictures a second; a GIF counts in hundredths of a second
-NANOSECOND, ROUNDING = 1e-9, 1e-9  # [s], [rad]: so exactly are the ends of a run told
 SETTLED = "new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))"
 
 Begin = Callable[[str], None]
@@ -50,36 +50,8 @@ class Moment:
 
 
 def moment(shown: Presentation, *, at: float | None = None, frame: int | None = None, angle: float | None = None) -> Moment:
-    """The moment at a time [s], at a frame, or where the drive first reaches an angle [rad].
-
-    Raises `OutputError` outside the run.
-    """
-    time, numbers = shown.picture.time, shown.catalogue.numbers
-    if at is not None:
-        if not time[0] - NANOSECOND <= at <= time[-1] + NANOSECOND:
-            raise OutputError(
-                f"The time {at:g} s is outside the run, which goes from {time[0]:g} s to {time[-1]:g} s.", "Name a time in it."
-            )
-        return Moment(at)
-    if frame is not None:
-        if not 0 <= frame < len(time):
-            raise OutputError(f"Frame {frame} is not in the run, whose frames are 0 to {len(time) - 1}.", "Name one of them.")
-        return Moment(float(time[frame]))
-    if angle is None:
-        return Moment()
-    turning = [name for name in numbers.drives if not numbers.slides(name)]
-    if not turning:
-        raise OutputError("There is no angle to go to: no drive of this mechanism turns.", "Name a time or a frame.")
-    position = shown.catalogue.coordinate(turning[0])
-    low, high = np.minimum(position[:-1], position[1:]), np.maximum(position[:-1], position[1:])
-    reached = np.flatnonzero((low - ROUNDING <= angle) & (angle <= high + ROUNDING))
-    if not len(reached):
-        span = f"{np.degrees(position.min()):g}° to {np.degrees(position.max()):g}°"
-        raise OutputError(f"The angle {np.degrees(angle):g}° is outside what the drive does, {span}.", "Name an angle in it.")
-    k = int(reached[0])
-    part = 0.0 if position[k + 1] == position[k] else (angle - position[k]) / (position[k + 1] - position[k])
-    part = min(max(part, 0.0), 1.0)
-    return Moment(float(time[k] + part * (time[k + 1] - time[k])))
+    """The moment at a time [s], at a frame, or where the drive first reaches an angle [rad], see `time_at`."""
+    return Moment(time_at(shown.catalogue, at=at, frame=frame, angle=angle))
 
 
 def shot(

@@ -1,0 +1,156 @@
+"""``mechviz forces --equations``: the equilibrium equations of each group with numbers, as text and as LaTeX."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from mechcore.constructions.equations import Equation, Equilibrium, GroupEquations, LinkEquations, Unknown
+from mechcore.errors import Fault, MechanismError
+from mechcore.forces.kinetostatics import Forces, solve_forces
+from mechviz.runs import Run
+
+THIN = r"\,"
+NOTHING = 1e-12
+"""A load this much smaller than the largest of its link is rounding."""
+
+
+def equilibrium_at(run: Run, time: float) -> tuple[Equilibrium, int]:
+    """The equilibrium of a run and its frame at a time [s]: solved there where laws lead the motion, else at the nearest frame.
+
+    Raises `MechanismError` where friction jams the mechanism at that time.
+    """
+    assert run.forces is not None
+    forces, frame = run.forces, int(np.argmin(np.abs(run.motion.time - time)))
+    if run.motion.again is not None and run.simulation is None and abs(run.motion.time[frame] - time) > 0.0:
+        forces, frame = solve_forces(run.motion.again(np.array([time]))), 0
+    found = Equilibrium(_part(forces, frame)[0])
+    frame = _part(forces, frame)[1]
+    if not np.isfinite(found.values[frame]).all():
+        why = f"at {time:.6g} s friction jams the mechanism: no forces of the drives move it."
+        raise MechanismError(Fault("forces", why, "Choose another moment, or less friction."))
+    return found, frame
+
+
+def _part(forces: Forces, frame: int) -> tuple[Forces, int]:
+    """The part of a motion of several to which a frame belongs, and its number there."""
+    for rows, part in forces.parts:
+        where = np.flatnonzero(rows == frame)
+        if len(where):
+            return part, int(where[0])
+    raise ValueError(f"no part holds frame {frame}")
+
+
+def equation_lines(found: Equilibrium, frame: int) -> list[str]:
+    """The equations of every group at a frame, the last group first, with what they give, as lines of text."""
+    motion = found.forces.motion
+    lines = [
+        f"equilibrium at {motion.time[frame]:.6g} s, in N, m and N m",
+        "R_B, N_B, M_B act on the second link of joint B, the opposite on its first; T_B, F_B: drives; sum M_B: about joint B",
+    ]
+    for number, group in enumerate(found.groups(frame), 1):
+        lines += ["", f"group {number}: {group.group}"]
+        for link in group.links:
+            lines.append(f"  {link.link}")
+            for label, x, y, turn in link.loads:
+                if abs(x) + abs(y) + abs(turn) > 0.0:
+                    lines.append(f"    load {label}: Fx {_number(x)}, Fy {_number(y)}, moment {_number(turn)}")
+            for equation in link.equations:
+                least = _rounding(link, equation, motion.model.length_scale)
+                lines.append(f"    {f'sum {_sum(equation)}':<10} {_text(equation, least)} = 0")
+        if group.known:
+            lines.append(f"  known      {_values(group.known)}")
+        lines.append(f"  gives      {_values(group.found)}")
+    return [*lines, "", *_together(found, frame)]
+
+
+def _together(found: Equilibrium, frame: int) -> Iterator[str]:
+    """What the equations give at once, as a check."""
+    rows, columns = found.matrix.shape[1:]
+    yield f"all {rows} equations at once, without groups, for {columns} unknowns: " + (
+        f"the same values, to {_difference(found, frame):.1e} of the largest"
+        if found.determinate
+        else f"statics does not decide them all; these values leave {found.residual[frame]:.1e} of the largest term"
+    )
+
+
+def _difference(found: Equilibrium, frame: int) -> float:
+    values, again = found.values[frame], found.at_once()[frame]
+    largest = float(np.abs(values).max(initial=0.0))
+    return float(np.abs(again - values).max(initial=0.0)) / (largest or 1.0)
+
+
+def _rounding(link: LinkEquations, equation: Equation, size: float) -> float:
+    """Loads that are no larger are rounding."""
+    force = max((abs(x) + abs(y) for _, x, y, _ in link.loads), default=0.0)
+    return NOTHING * (force if equation.sum != "M" else max([force * size, *(abs(m) for _, _, _, m in link.loads)]))
+
+
+def _sum(equation: Equation) -> str:
+    return f"M_{equation.about}" if equation.about else equation.sum
+
+
+def _number(value: float) -> str:
+    return f"{value:.6g}"
+
+
+def _text(equation: Equation, least: float) -> str:
+    parts = [("-" if c < 0.0 else "+", abs(c), u.name) for c, u in equation.terms]
+    if abs(equation.load) > least:
+        parts.append(("-" if equation.load < 0.0 else "+", abs(equation.load), ""))
+    return _joined(parts, " ")
+
+
+def _joined(parts: list[tuple[str, float, str]], between: str) -> str:
+    """Terms with their signs: a factor 1 is left out, the first term has no plus."""
+    words = []
+    for k, (sign, size, name) in enumerate(parts):
+        unit = name and abs(size - 1.0) < 1e-12
+        term = name if unit else f"{_number(size)}{between if name else ''}{name}"
+        words.append((f"{sign} " if k else "-" if sign == "-" else "") + term)
+    return " ".join(words) or "0"
+
+
+def _values(pairs: tuple[tuple[Unknown, float], ...]) -> str:
+    return ", ".join(f"{u.name} = {_number(v)} {u.unit}" for u, v in pairs) or "nothing new"
+
+
+def latex_lines(found: Equilibrium, frame: int) -> list[str]:
+    """The same as LaTeX, to be put into a document that loads amsmath."""
+    motion = found.forces.motion
+    lines = [f"% equilibrium at {motion.time[frame]:.6g} s, in N, m and N m"]
+    for number, group in enumerate(found.groups(frame), 1):
+        lines += [
+            rf"\paragraph{{Group {number}: {', '.join(_escaped(k) for k in group.group.links)}}}",
+            *_latex_group(group, motion.model.length_scale),
+        ]
+    return lines
+
+
+def _latex_group(group: GroupEquations, size: float) -> Iterator[str]:
+    yield r"\begin{align*}"
+    for link in group.links:
+        for equation in link.equations:
+            parts = [("-" if c < 0.0 else "+", abs(c), _symbol(u)) for c, u in equation.terms]
+            if abs(equation.load) > _rounding(link, equation, size):
+                parts.append(("-" if equation.load < 0.0 else "+", abs(equation.load), ""))
+            about = rf"M_{{\mathrm{{{_escaped(equation.about)}}}}}" if equation.about else "M"
+            of = about if equation.sum == "M" else f"F_{equation.sum[-1]}"
+            yield rf"\textstyle\sum {of}^{{\text{{{_escaped(link.link)}}}}}&:& {_joined(parts, THIN)} &= 0 \\"
+    yield r"\end{align*}"
+    given = (rf"{_symbol(u)} = {_latex_number(v)}{THIN}\mathrm{{{u.unit.replace(' ', THIN)}}}" for u, v in group.found)
+    yield r"\[" + r",\quad ".join(given) + r"\]"
+
+
+def _symbol(u: Unknown) -> str:
+    return rf"{u.letter}_{{\mathrm{{{_escaped(u.joint)}}}{u.axis}}}"
+
+
+def _latex_number(value: float) -> str:
+    mantissa, _, exponent = _number(value).partition("e")
+    return rf"{mantissa}\cdot 10^{{{int(exponent)}}}" if exponent else mantissa
+
+
+def _escaped(text: str) -> str:
+    return text.replace("_", r"\_").replace("&", r"\&").replace("%", r"\%").replace("#", r"\#")

@@ -1,0 +1,78 @@
+"""Equilibrium equations by groups: the solved forces fulfil them, all at once they give the same, and their numbers are the
+reference's."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import mechviz
+from mechcore.constructions.equations import Equilibrium
+from mechcore.forces.kinetostatics import solve_forces
+from mechcore.motion.solve import compile_mechanism, default_times, solve_motion
+
+NAMES = (
+    "kinetostatic-four-bar", "slider-crank-compressor", "cam-friction", "cam-conjugate-oscillating", "four-bar-friction-circles",
+    "gear-train", "belt-drive", "rack-and-pinion", "slotted-lever",
+)  # fmt: skip
+
+
+def equilibrium_of(name, frames=9):
+    scene = mechviz.load(name)
+    motion = solve_motion(compile_mechanism(scene.mechanism), default_times(scene.mechanism, frames, scene.cycles))
+    return Equilibrium(solve_forces(motion))
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_all_equations_at_once_give_what_the_groups_gave(name):
+    """Newton and Euler for every link, without cuts, trees or virtual work."""
+    found = equilibrium_of(name)
+    assert found.determinate and found.matrix.shape[1] == found.matrix.shape[2]
+    known = np.isfinite(found.values).all(axis=1)
+    assert known.any() and found.residual[known].max() < 1e-11
+    largest = np.abs(found.values[known]).max()
+    assert found.at_once()[known] == pytest.approx(found.values[known], abs=1e-9 * largest)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_every_group_decides_as_many_unknowns_as_it_has_equations(name):
+    found = equilibrium_of(name)
+    given = set()
+    for group in found.groups(3):
+        assert len(group.found) == 3 * len(group.links)
+        assert {u for u, _ in group.known} <= given
+        given |= {u for u, _ in group.found}
+        values = dict(group.found + group.known)
+        scale = max(map(abs, values.values()), default=1.0)
+        for link in group.links:
+            for equation in link.equations:
+                left = equation.load + sum(c * values[u] for c, u in equation.terms)
+                assert abs(left) <= 1e-10 * scale
+                column = {"Fx": 1, "Fy": 2, "M": 3}[equation.sum]
+                assert equation.load == pytest.approx(sum(row[column] for row in link.loads), abs=1e-12 * scale)
+    assert given == set(found.unknowns)
+
+
+def test_the_numbers_are_those_of_the_reference():
+    """Reference case kinetostatics-fourbar at crank angle 0: the dyad first, then the crank with its torque."""
+    first, last = equilibrium_of("kinetostatic-four-bar").groups(0)
+    assert [link.link for link in first.links] == ["coupler", "rocker"] and [link.link for link in last.links] == ["crank"]
+    values = {u.name: v for u, v in (*first.found, *last.found)}
+    assert values["T_A"] == pytest.approx(6.263621286093999, rel=1e-10)
+    assert (values["R_Dx"], values["R_Dy"]) == pytest.approx((89.16285328808743, 89.67820599095988), rel=1e-10)
+    moments = first.links[0].equations[2]
+    assert moments.about == "D" and {u.joint for _, u in moments.terms} == {"B"}  # the pin in between has no arm, as by hand
+    assert {u.name for u, _ in last.known} == {"R_Bx", "R_By"}
+
+
+def test_a_redundant_mechanism_is_told_as_such():
+    found = equilibrium_of("double-parallelogram")
+    assert not found.determinate and found.matrix.shape[2] == found.matrix.shape[1] + 1
+    assert found.residual.max() < 1e-11
+
+
+def test_arms_are_about_the_joint():
+    """A crank of 0.1 m: the pin's force across it has a moment about A of 0.1 m times it, whatever the origin of its frame."""
+    crank = equilibrium_of("kinetostatic-four-bar").groups(0)[-1].links[0]
+    arms = {u.name: c for c, u in crank.equations[2].terms}
+    assert arms == pytest.approx({"R_By": -0.1, "T_A": 1.0})

@@ -1,0 +1,45 @@
+"""``mechviz forces --equations``: text and LaTeX of the equilibrium equations at a moment."""
+
+from __future__ import annotations
+
+import re
+
+import pytest
+from typer.testing import CliRunner
+
+from mechviz.commands.main import app
+
+
+def said(*arguments):
+    return CliRunner().invoke(app, ["forces", *arguments])
+
+
+def test_equations_at_an_angle_are_solved_there():
+    """The driving torque of the reference at 60 deg, though no frame of 7 is there."""
+    few, many = (said("kinetostatic-four-bar", "--equations", "--at", "50 deg", "-n", n).stdout for n in ("7", "360"))
+    torque = [re.search(r"T_A = (\S+) N m", text)[1] for text in (few, many)]
+    assert float(torque[0]) == pytest.approx(float(torque[1]), rel=1e-5)
+    assert "sum M_D" in few and "group 1: class II RRR: coupler, rocker" in few
+    at_once = re.search(r"all 9 equations at once, without groups, for 9 unknowns: the same values, to (\S+) of", few)
+    assert float(at_once[1]) < 1e-12
+    assert "at 0.02 s" in said("kinetostatic-four-bar", "--equations", "--at", "20 ms").stdout
+
+
+def test_latex_is_mathematics():
+    from matplotlib.mathtext import MathTextParser
+
+    text = said("connecting-rod-bending", "--equations", "--at", "30", "--latex").stdout
+    rows = [line for line in text.splitlines() if line.endswith(r"&= 0 \\")]
+    assert len(rows) == 9 and text.count(r"\begin{align*}") == text.count(r"\end{align*}") == 2
+    for row in rows:
+        plain = row.removesuffix(r" \\").replace("&", "").replace(r"\textstyle", "").replace(r"\text", r"\mathrm")
+        MathTextParser("path").parse(f"${plain}$")
+    for line in text.splitlines():
+        assert line.count("{") == line.count("}")
+
+
+def test_what_does_not_fit_is_refused():
+    assert said("kinetostatic-four-bar", "--at", "20 ms").exit_code == 2
+    outside = said("kinetostatic-four-bar", "--equations", "--at", "400 deg")
+    assert outside.exit_code == 2 and "outside what the drive does" in outside.stderr
+    assert said("crank-rocker", "--equations").exit_code == 2
