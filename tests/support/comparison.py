@@ -21,11 +21,11 @@ TOLERANCE = 1e-12  # of motions under forces
 class Result:
     """Everything that is compared, of a case that was solved."""
 
-    def __init__(self, case: Case):
+    def __init__(self, case: Case, tolerance: float = TOLERANCE):
         self.case, self.events = case, []
         m = case.mechanism
         if case.free:
-            run = simulate(m, float(case.time[-1]), tolerance=TOLERANCE, stops=case.stops, watches=case.watches)
+            run = simulate(m, float(case.time[-1]), tolerance=tolerance, stops=case.stops, watches=case.watches)
             self.events = [(h.time, h.kind, h.item) for h in run.events]
             self.motion = run.motion(case.time)
             self.forces = run.forces(self.motion)
