@@ -17,6 +17,7 @@ from pathlib import Path
 import numpy as np
 from matplotlib.ticker import MultipleLocator
 
+from mechcore.constants import TURN
 from mechviz.figures import chart, save_chart
 from mechviz.outputs.rerun.writer import write_recording
 from mechviz.runs import run_scene
@@ -168,7 +169,7 @@ def hard_pictures() -> None:
     from mechcore.dynamics.simulate import simulate
     from mechcore.laws.program import Segment, program
     from mechcore.motion.solve import compile_mechanism, solve_motion
-    from mechviz.hard_cases.mechanisms import TURN, four_bar, load_at, pendulum, sleeve
+    from mechviz.hard_cases.mechanisms import four_bar, load_at, pendulum, sleeve
 
     t = np.linspace(0.0, 2.0 * TURN, 721)
     curves: list[Curve] = []
