@@ -45,7 +45,6 @@ from scipy.integrate import solve_ivp
 from mechcore.compiled.toolchain import compiler
 from mechcore.dynamics.equations.charts import Chart
 from mechcore.dynamics.simulate import simulate
-from mechcore.dynamics.simulation import right_hand_side
 from mechcore.motion.solve import compile_mechanism
 from mechcore.spec.loads import TorsionDamper
 
@@ -239,7 +238,11 @@ def same_equations(mechanism: Any, duration: float) -> tuple[list[Row], float]:
     compiled = compile_mechanism(mechanism)
     drives = mechanism.drives
     start = np.array([float(d.law(0.0)[k]) for k in (0, 1) for d in drives])
-    rhs = right_hand_side(Chart(compiled), len(drives))
+    system, f = Chart(compiled), len(drives)
+
+    def rhs(t: float, y: np.ndarray) -> np.ndarray:
+        return np.concatenate([y[f:], system(y[None, :f], y[None, f:], np.array([t]))[0]])
+
     rows: list[Row] = []
     for tolerance in (1e-4, 1e-6, 1e-7, 1e-9):
         rows.append(("mechviz", f"gauss {tolerance:.0e}", partial(mechviz_end, compiled, duration, tolerance, "gauss")))

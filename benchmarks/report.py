@@ -254,7 +254,8 @@ import sys
 from mechviz.commands.main import app
 for name in ("crank-rocker", "slider-crank-compressor"):
     more = ["--quick"] if sys.argv[2] == "quick" else []
-    app(["accuracy", name, "--target", "1e-6", "--again", "-o", f"{sys.argv[1]}/accuracy-{name}.svg", *more], standalone_mode=False)
+    app(["accuracy", name, "--target", "1e-6", "--again", "--all", "-o", f"{sys.argv[1]}/accuracy-{name}.svg", *more],
+        standalone_mode=False)
     print()
 """
 

@@ -12,7 +12,7 @@ from typing import Any, Literal
 from mechcore.errors import Fault, MechanismError
 
 Differentiation = Literal["exact", "differences", "graphical"]
-Numbers = Literal["float64", "float32"]
+NumberFormat = Literal["float64", "float32"]
 
 LOOSEST, TIGHTEST = 1e-1, 1e-13
 """Largest and smallest error that can be asked for: below, rounding times condition decides."""
@@ -37,7 +37,7 @@ class Accuracy:
     event: float = 1e-9  # times of events, in distances of two frames
     chord: float | None = None  # between round shapes and their facets [m]; None: 0.5 % of the radius, or by the target
     profile: int | None = None  # points of a cam's profile in meshes; None: 1080, or by the target
-    numbers: Numbers | None = None  # digits that recorded data keep; None: float64, or by the target
+    numbers: NumberFormat | None = None  # digits that recorded data keep; None: float64, or by the target
     decimation: int = 1  # every so many frames are recorded
     pictures: int | None = None  # every so many of those arrows are drawn; None: up to 720 a cycle, or by the target
 

@@ -127,15 +127,6 @@ def errors_between(coarse: list[Quantity], time: Real, fine: list[Quantity], t: 
     return out
 
 
-def worst_by_kind(every: list[Quantity], errors: dict[str, Real]) -> dict[str, Real]:
-    """The largest error of each kind at every time (n,)."""
-    out: dict[str, Real] = {}
-    for q in every:
-        error = np.nan_to_num(errors[q.name])
-        out[q.kind] = np.maximum(out[q.kind], error) if q.kind in out else error
-    return out
-
-
 MARKED = 1e-3  # part of the scale: jumps that are smaller may be rounding next to the singular position
 NEAREST = 0.01  # of the distance of two frames: so near to a pole a value is told; nearer it has no bound
 

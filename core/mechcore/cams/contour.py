@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike
 
 from mechcore.arrays import Complex, Flags, Index, Real
 from mechcore.cams.followers import Flat
-from mechcore.cams.pieces import CamPiece, CircularArc, Line, PolarPiece, PolynomialPiece, Smooth, moved_piece
+from mechcore.cams.pieces import ArcPiece, CamPiece, PolarPiece, PolynomialPiece, Smooth, StraightPiece, moved_piece
 from mechcore.cams.synthesis import Cam
 from mechcore.errors import Fault, MechanismError
 from mechcore.laws.curve import MotionCurve
@@ -60,16 +60,18 @@ class Contour:
     def _rows(self) -> tuple[Index, Complex, Complex]:
         """Of every piece: its kind (1 polynomial, lines among them; 2 arc; 0 something else), coefficients, and an arc's
         centre, radius, start and sweep. Many pieces are evaluated in one go with them."""
-        kinds = np.array([2 if isinstance(p, CircularArc) else int(isinstance(p, Line | PolynomialPiece)) for p in self.pieces])
+        kinds = np.array(
+            [2 if isinstance(p, ArcPiece) else int(isinstance(p, StraightPiece | PolynomialPiece)) for p in self.pieces]
+        )
         longest = max([2, *(len(p.c) for p in self.pieces if isinstance(p, PolynomialPiece))])
         powers = np.zeros((len(self.pieces), longest), complex)
         arcs = np.zeros((len(self.pieces), 4), complex)
         for k, p in enumerate(self.pieces):
-            if isinstance(p, Line):
+            if isinstance(p, StraightPiece):
                 powers[k, :2] = p.a, p.b - p.a
             elif isinstance(p, PolynomialPiece):
                 powers[k, : len(p.c)] = p.c
-            elif isinstance(p, CircularArc):
+            elif isinstance(p, ArcPiece):
                 arcs[k] = p.centre, p.radius, p.start, p.sweep
         return kinds, powers, arcs
 
@@ -174,14 +176,14 @@ def line(a: complex, b: complex) -> Smooth:
     """A straight piece."""
     if a == b:
         raise MechanismError(Fault("contour", "a line of no length.", "Leave it out."))
-    return Line(complex(a), complex(b))
+    return StraightPiece(complex(a), complex(b))
 
 
 def arc(centre: complex, radius: float, start: float, sweep: float) -> Smooth:
     """A circular piece from the polar angle ``start`` over ``sweep`` (counter-clockwise positive) [rad]."""
     if not radius > 0.0 or sweep == 0.0:
         raise MechanismError(Fault("contour", f"an arc of radius {as_length(radius)} over {as_angle(sweep)}.", "Leave it out."))
-    return CircularArc(complex(centre), float(radius), float(start), float(sweep))
+    return ArcPiece(complex(centre), float(radius), float(start), float(sweep))
 
 
 def circle(radius: float, centre: complex = 0.0) -> Contour:
@@ -210,10 +212,10 @@ def bulged(vertices: ArrayLike, bulges: ArrayLike | None = None, closed: bool = 
 
 def _bulge(p: complex, q: complex, bulge: float) -> Smooth:
     if abs(bulge) < 1e-12:
-        return Line(complex(p), complex(q))
+        return StraightPiece(complex(p), complex(q))
     sweep = 4.0 * np.arctan(bulge)
     centre = 0.5 * (p + q) + 1j * (q - p) * (1.0 - bulge**2) / (4.0 * bulge)
-    return CircularArc(complex(centre), float(abs(p - centre)), float(np.angle(p - centre)), float(sweep))
+    return ArcPiece(complex(centre), float(abs(p - centre)), float(np.angle(p - centre)), float(sweep))
 
 
 def polygon(vertices: ArrayLike) -> Contour:
@@ -285,10 +287,10 @@ def joined(cam: Cam, pieces: Sequence[CamPiece]) -> list[Smooth]:
         if abs(a - b) <= 1e-9 * abs(a) or not (flat or r > 0.0):
             continue
         if flat:
-            out.append(Line(a, b))
+            out.append(StraightPiece(a, b))
             continue
         centre = complex(piece.offset(end, r, 0)[0, 0])
-        out.append(CircularArc(centre, r, float(np.angle(a - centre)), float(np.angle((b - centre) / (a - centre)))))
+        out.append(ArcPiece(centre, r, float(np.angle(a - centre)), float(np.angle((b - centre) / (a - centre)))))
     return out
 
 

@@ -40,7 +40,7 @@ class _Offset(ABC):
 
 
 @dataclass(frozen=True)
-class Line(_Offset):
+class StraightPiece(_Offset):
     a: complex
     b: complex
 
@@ -53,7 +53,7 @@ class Line(_Offset):
 
 
 @dataclass(frozen=True)
-class CircularArc(_Offset):
+class ArcPiece(_Offset):
     centre: complex
     radius: float
     start: float
@@ -166,10 +166,10 @@ class MovedPiece:
 
 def moved_piece(piece: Smooth, shift: complex, turn: complex) -> Smooth:
     """A turned and shifted piece; lines, arcs and polynomials stay what they are."""
-    if isinstance(piece, Line):
-        return Line(shift + turn * piece.a, shift + turn * piece.b)
-    if isinstance(piece, CircularArc):
-        return CircularArc(shift + turn * piece.centre, piece.radius, piece.start + float(np.angle(turn)), piece.sweep)
+    if isinstance(piece, StraightPiece):
+        return StraightPiece(shift + turn * piece.a, shift + turn * piece.b)
+    if isinstance(piece, ArcPiece):
+        return ArcPiece(shift + turn * piece.centre, piece.radius, piece.start + float(np.angle(turn)), piece.sweep)
     if isinstance(piece, PolynomialPiece):
         c = turn * piece.c
         c[0] += shift

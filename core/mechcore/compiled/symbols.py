@@ -25,7 +25,7 @@ class Node(NamedTuple):
     number: int
 
 
-class Numbers(NamedTuple):
+class ParameterRow(NamedTuple):
     """Parameters that stand side by side, as tables have them: C is given where the first one is."""
 
     values: tuple[float, ...]
@@ -79,8 +79,8 @@ class Code:
     """A straight-line program that is being written. Its nodes are forms of C with places for their operands."""
 
     def __init__(self) -> None:
-        self._nodes: list[tuple[str, tuple[Operand | Numbers, ...]]] = []
-        self._known: dict[tuple[str, tuple[Operand | Numbers, ...]], Node] = {}
+        self._nodes: list[tuple[str, tuple[Operand | ParameterRow, ...]]] = []
+        self._known: dict[tuple[str, tuple[Operand | ParameterRow, ...]], Node] = {}
         self.of_time: list[Callable[[Any], Any]] = []  # functions of the time whose values the program is given
 
     def input(self, expression: str) -> Symbol:
@@ -100,14 +100,14 @@ class Code:
     def piecewise(self, x: Symbol, borders: Real, coefficients: Real) -> Symbol:
         """Polynomials between borders (n + 1,), of x less the lower one, by coefficients (n, 4), highest power first; the first and
         the last one go on beyond."""
-        numbers = Numbers(tuple(map(float, (*borders, *coefficients.ravel()))))
+        numbers = ParameterRow(tuple(map(float, (*borders, *coefficients.ravel()))))
         return Symbol(self, self.node(f"piecewise({{}}, {len(coefficients)}, {{}})", numbers, x.re), 0.0)
 
     def searched(self, x: Symbol, numbers: Sequence[float]) -> Symbol:
         """How many of some numbers in order are not greater than x."""
-        return Symbol(self, self.node(f"searched({{}}, {len(numbers)}, {{}})", Numbers(tuple(map(float, numbers))), x.re), 0.0)
+        return Symbol(self, self.node(f"searched({{}}, {len(numbers)}, {{}})", ParameterRow(tuple(map(float, numbers))), x.re), 0.0)
 
-    def node(self, form: str, *operands: Operand | Numbers) -> Node:
+    def node(self, form: str, *operands: Operand | ParameterRow) -> Node:
         """A real number in C, the operands at the places ``{}`` of its form; known already, where it has been written before."""
         key = form, operands
         known = self._known.get(key)
@@ -123,12 +123,12 @@ class Code:
         for number in range(len(self._nodes) - 1, -1, -1):
             if number in needed:
                 needed.update(x.number for x in self._nodes[number][1] if isinstance(x, Node))
-        places: dict[float | Numbers, int] = {x: k for k, x in enumerate(parameters)}
+        places: dict[float | ParameterRow, int] = {x: k for k, x in enumerate(parameters)}
 
-        def name(operand: Operand | Numbers) -> str:
+        def name(operand: Operand | ParameterRow) -> str:
             if isinstance(operand, Node):
                 return f"t{operand.number}"
-            if isinstance(operand, Numbers):
+            if isinstance(operand, ParameterRow):
                 if operand not in places:
                     places[operand] = len(parameters)
                     parameters.extend(operand.values)

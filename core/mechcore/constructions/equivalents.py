@@ -26,7 +26,7 @@ REPLACED = (CamJoint, Gear, Rack, PinSlot)
 
 
 @dataclass(frozen=True, eq=False)
-class Block:
+class SlidingBlock:
     """A block at ``place`` (F,) [m] that slides in the direction ``along`` (F,), a unit vector; NaN in frames without one."""
 
     place: Complex
@@ -40,7 +40,7 @@ class Equivalent:
     joint: str
     pins: dict[str, Complex]
     bars: tuple[tuple[str, str], ...]
-    blocks: tuple[Block, ...] = ()
+    blocks: tuple[SlidingBlock, ...] = ()
 
 
 def equivalent(motion: Motion, joint: str, forces: Forces | None = None) -> Equivalent:
@@ -57,7 +57,7 @@ def equivalent(motion: Motion, joint: str, forces: Forces | None = None) -> Equi
     if isinstance(spec, PinSlot):
         j = motion.model.joint_index[joint]
         place = frames_of(motion.joint_point(j), motion.frames)
-        return Equivalent(joint, {"": place}, (), (Block(place, frames_of(motion.guide(j), motion.frames)),))
+        return Equivalent(joint, {"": place}, (), (SlidingBlock(place, frames_of(motion.guide(j), motion.frames)),))
     return _teeth(motion, spec, forces)
 
 
@@ -79,9 +79,9 @@ def _cam(motion: Motion, joint: CamJoint) -> Equivalent:
     world = placed.axes * motion.rotation(motion.model.index[placed.carrier])
     along = frames_of(1j * s.ground_normal * world, motion.frames)
     straight = np.isnan(linkage.centre)
-    blocks = [Block(pins["T"], np.where(flat | straight, along, np.nan))]
+    blocks = [SlidingBlock(pins["T"], np.where(flat | straight, along, np.nan))]
     if placed.cam.wedge:  # it moves straight on: its centre of curvature is pinned to a block on its bed
-        blocks.append(Block(pins["K"], np.where(straight, np.nan, frames_of(world, motion.frames))))
+        blocks.append(SlidingBlock(pins["K"], np.where(straight, np.nan, frames_of(world, motion.frames))))
     return Equivalent(joint.name, pins, tuple(bars), tuple(b for b in blocks if np.isfinite(b.along).any()))
 
 
@@ -107,7 +107,7 @@ def _teeth(motion: Motion, joint: Gear | Rack, forces: Forces | None) -> Equival
     if isinstance(joint, Rack):  # its flank is straight: the rod's end slides along it
         pins["C"] = pitch
         bars: tuple[tuple[str, str], ...] = (("O1", "N1"), ("N1", "C"))
-        blocks: tuple[Block, ...] = (Block(frames_of(pitch, motion.frames), frames_of(1j * line, motion.frames)),)
+        blocks: tuple[SlidingBlock, ...] = (SlidingBlock(frames_of(pitch, motion.frames), frames_of(1j * line, motion.frames)),)
     else:
         pins |= {"N2": _foot(second, pitch, line), "O2": second}
         bars, blocks = (("O1", "N1"), ("N1", "N2"), ("N2", "O2")), ()

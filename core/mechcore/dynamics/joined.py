@@ -11,7 +11,7 @@ import numpy as np
 
 from mechcore.arrays import Index, Real
 from mechcore.dynamics.events import Stop
-from mechcore.dynamics.segments import STOP, stop_name
+from mechcore.dynamics.segments import STOP, stop_load
 from mechcore.effects.base import Wrench, power_of
 from mechcore.effects.journal import IN_PAIRS, RUBBING, rubbing_name
 from mechcore.forces.friction.solve import FrictionResult
@@ -161,7 +161,7 @@ class JoinedForces(Forces):
     ):
         self.motion: JoinedMotion = motion
         self._parts = tuple(parts)
-        self._stops = {stop_name(s): s for s in stops}
+        self._stops = {stop_load(s): s for s in stops}
         self._energies = energies
         self.friction = None if all(f.friction is None for _, f in parts) else JoinedFriction(self)
 

@@ -36,7 +36,7 @@ _X = (np.arange(PLACES) + 0.5) / PLACES
 _FINE = np.linspace(0.0, 1.0, 97)
 
 
-def stop_name(stop: Stop) -> str:
+def stop_load(stop: Stop) -> str:
     """Name of an end stop among the loads."""
     return f"stop {stop.name}"
 
@@ -56,7 +56,7 @@ def segment_forces(motion: Motion, system: System, q: Real, v: Real, resting: Se
     inner = rows @ rows.swapaxes(1, 2)
     holding = np.linalg.solve(inner, rows @ efforts[..., None])[..., 0]
     held = [
-        joint_wrench(motion, stop.joint, effort, name=stop_name(stop), kind=STOP, cause=STOP)
+        joint_wrench(motion, stop.joint, effort, name=stop_load(stop), kind=STOP, cause=STOP)
         for stop, effort in zip(resting, holding.T, strict=True)
     ]
     if isinstance(system, DrySystem):

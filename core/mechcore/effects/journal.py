@@ -17,7 +17,7 @@ from mechcore.arrays import Complex, Index, Real
 from mechcore.effects.base import Configuration, LoadEffect, Wrench, relative_speed
 from mechcore.spec.loads import JournalContact, JournalLoss
 
-Contact = TypeVar("Contact", bound=JournalContact)
+AnyContact = TypeVar("AnyContact", bound=JournalContact)
 
 PRESSING, LOSING, RUBBING = "contact", "contact loss", "contact friction"
 IN_PAIRS = (PRESSING, LOSING, RUBBING)
@@ -50,7 +50,7 @@ def loss_factor(restitution: float, speed: float) -> float:
     return float(brentq(left, low, high, xtol=1e-15, rtol=1e-14)) / speed
 
 
-class _Journal(LoadEffect[Contact]):
+class _Journal(LoadEffect[AnyContact]):
     """Where the journal is in its bearing; results have a leading frame axis."""
 
     def eccentricity(self, at: Configuration, derivative: int = 0) -> Complex:

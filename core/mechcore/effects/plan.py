@@ -17,7 +17,7 @@ OUTPUTS = ("positions", "velocities", "accelerations", "forces", "energy", "heal
 
 
 @dataclass(frozen=True)
-class Step:
+class PlannedStage:
     """One stage or effect and the reason why it is computed or left out."""
 
     name: str
@@ -28,8 +28,8 @@ class Step:
 class Plan:
     """``computed`` and ``skipped`` stages and effects, in working order. ``effects``: those computed, by name."""
 
-    computed: tuple[Step, ...]
-    skipped: tuple[Step, ...]
+    computed: tuple[PlannedStage, ...]
+    skipped: tuple[PlannedStage, ...]
     effects: tuple[str, ...]
 
     def has(self, name: str) -> bool:
@@ -43,14 +43,14 @@ def make_plan(mechanism: Mechanism, outputs: Iterable[str] = OUTPUTS) -> Plan:
     loads = effects[len(mechanism.effects) :]
     free = [d.joint for d in mechanism.drives if isinstance(d.law, Free)]
     do_forces = bool(effects) and bool(wanted & {"forces", "energy"})
-    computed: list[Step] = [Step("positions", "always")]
+    computed: list[PlannedStage] = [PlannedStage("positions", "always")]
     if free:
         why = f"forces decide the motion of {_listed(free)}: it is found before all else"
-        computed.insert(0, Step("motion under forces", why))
-    skipped: list[Step] = []
+        computed.insert(0, PlannedStage("motion under forces", why))
+    skipped: list[PlannedStage] = []
 
     def step(name: str, needed: bool, why: str, why_not: str) -> None:
-        (computed if needed else skipped).append(Step(name, why if needed else why_not))
+        (computed if needed else skipped).append(PlannedStage(name, why if needed else why_not))
 
     def called_for(quantity: str) -> list[str]:
         return [e.name for e in effects if quantity in e.needs] if do_forces else []

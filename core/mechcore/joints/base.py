@@ -51,7 +51,7 @@ def point_of(link: Link, name: str) -> complex:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Curve:
+class CoordinateFunction:
     """A nonlinear term: ``function(sum of coefficient * angle + sum of coefficient * displacement + shift)``.
 
     ``function``: arguments (...) -> value, first and second derivative with respect to the argument, (3, ...), value in metres.
@@ -64,7 +64,7 @@ class Curve:
     shift: float = 0.0
 
 
-Contact = Callable[["Motion", Values], tuple[Plane, Plane]]
+ContactFunction = Callable[["Motion", Values], tuple[Plane, Plane]]
 """(motion, multiplier) -> place [m], force on the second link per multiplier."""
 
 
@@ -95,8 +95,8 @@ class Relation:
     links: tuple[str, str]
     angles: tuple[tuple[str, float], ...]  # (link, coefficient [m])
     slides: tuple[tuple[str, float], ...]  # (sliding joint, coefficient)
-    contact: Contact
-    curve: Curve | None = None
+    contact: ContactFunction
+    curve: CoordinateFunction | None = None
     constant: float | None = None  # [m], of the links' own angles and of displacements
     bearing: Bearing | None = None
     geometry: Any = None  # what else the joint knows, for those who draw or record it

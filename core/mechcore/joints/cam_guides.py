@@ -11,7 +11,7 @@ from mechcore.cams.placement.inverse import PlacedInverse
 from mechcore.cams.placement.plane import PlacedCam
 from mechcore.cams.placement.spatial import PlacedSpatial
 from mechcore.errors import Fault, MechanismError
-from mechcore.joints.base import Bearing, Builder, Curve, Relation, point_of
+from mechcore.joints.base import Bearing, Builder, CoordinateFunction, Relation, point_of
 from mechcore.laws.curve import MotionCurve, Piece
 from mechcore.spec.mechanism import CamJoint, Prismatic
 
@@ -47,7 +47,7 @@ def relate(
             angles=angles,
             slides=slides,
             contact=placed.contact,
-            curve=Curve(function=lift, angles=cam[0], slides=cam[1], shift=placed.phase),
+            curve=CoordinateFunction(function=lift, angles=cam[0], slides=cam[1], shift=placed.phase),
             constant=constant,
             geometry=placed,
             bearing=bearing,

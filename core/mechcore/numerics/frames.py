@@ -14,7 +14,7 @@ from mechcore.arrays import Complex, Plane, Real, Values
 
 QUIET: Any = {"invalid": "ignore", "divide": "ignore", "over": "ignore"}  # out of reach or singular: NaN or infinite, no warning
 Value = TypeVar("Value")
-Numbers = TypeVar("Numbers", Values, Plane)
+Scalars = TypeVar("Scalars", Values, Plane)
 
 
 class lazy(Generic[Value]):
@@ -42,7 +42,7 @@ def nothing(a: Plane | Values) -> bool:
     return type(a) is not ndarray and bool(a == 0)
 
 
-def added(a: Numbers, b: Numbers, sign: int = 1) -> Numbers:
+def added(a: Scalars, b: Scalars, sign: int = 1) -> Scalars:
     """a + b, or a - b, plain zeros left out."""
     if type(b) is not ndarray and b == 0:
         return a

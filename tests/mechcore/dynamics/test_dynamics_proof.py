@@ -11,13 +11,13 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from mechanisms import case
 from scipy.special import ellipk
+from scipy_check import cross_check
 
 import mechviz
 from mechcore.dynamics.equations.charts import Chart
 from mechcore.dynamics.events import Stop
 from mechcore.dynamics.integration.collocation import Window, gauss, radau, solve_window
 from mechcore.dynamics.simulate import simulate
-from mechcore.dynamics.simulation import cross_check
 from mechcore.errors import MechanismError
 from mechcore.forces.kinetostatics import solve_forces
 from mechcore.laws.timed import Free

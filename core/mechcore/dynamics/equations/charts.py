@@ -21,7 +21,7 @@ from mechcore.branches.paths import Starts, Waypoint
 from mechcore.branches.unwrapped import UnwrappedAngles, raw_angles
 from mechcore.constants import TURN
 from mechcore.dynamics.equations.curve import Curve, beside_singular, tabulate, whole_turn
-from mechcore.dynamics.equations.program import Program, Programmed
+from mechcore.dynamics.equations.program import EquationsProgram, Programmed
 from mechcore.dynamics.equations.reduced import (
     constrained,
     free_of,
@@ -71,7 +71,7 @@ class Chart(Programmed):
         free = [compiled.mechanism.drives[i].joint for i in free_of(compiled)]
         self.held = [free.index(joint) for joint in self.rests if joint in free]
 
-    def program(self, *, long: bool = False) -> Program | None:
+    def program(self, *, long: bool = False) -> EquationsProgram | None:
         return None if self.rests else super().program(long=long)
 
     def __call__(self, q: Real, v: Real, t: Real) -> Real:

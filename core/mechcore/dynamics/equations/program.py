@@ -33,7 +33,7 @@ from mechcore.motion.motion import Motion
 from mechcore.spec.mechanism import braked
 
 
-class Program:
+class EquationsProgram:
     """The equations of motion of a compiled mechanism, ready to run."""
 
     def __init__(self, compiled: Compiled, written: WrittenEquations, followed: tuple[int, ...]):
@@ -101,7 +101,7 @@ class Program:
         return self._equations.windows(rule, at, bounds, count)
 
 
-def compiled_program(compiled: Compiled) -> Program | None:
+def compiled_program(compiled: Compiled) -> EquationsProgram | None:
     """The program of a mechanism's equations of motion; None where C does not have them or there is no compiler that works.
 
     Ask for it by `Compiled.once`. Raises `MechanismError` where C is asked for and cannot be compiled.
@@ -110,7 +110,7 @@ def compiled_program(compiled: Compiled) -> Program | None:
     if isinstance(written, str):
         return None
     try:
-        return Program(compiled, *written)
+        return EquationsProgram(compiled, *written)
     except MechanismError:
         if compiled.executor == "c":
             raise
@@ -154,7 +154,7 @@ class Programmed:
 
     compiled: Compiled
 
-    def program(self, *, long: bool = False) -> Program | None:
+    def program(self, *, long: bool = False) -> EquationsProgram | None:
         """The compiled program where C is asked for; where the executor is "auto", for a ``long`` motion, and once it is there."""
         executor, there = self.compiled.executor, compiled_program in self.compiled.kept
         return self.compiled.once(compiled_program) if executor == "c" or (executor == "auto" and (long or there)) else None

@@ -31,7 +31,7 @@ CLOSE = 0.9  # part of the proportion up to which the map contracts
 
 
 @dataclass(frozen=True, eq=False)
-class Solution:
+class NormalLoads:
     """``loads`` (F, n), NaN where ``jammed`` (F,); ``reached`` (F,): proportion of the coefficients that can still be moved.
 
     ``share`` (F, n): how far each braked motion takes part in the jam, the largest 1; zero elsewhere. ``residual`` (F,): error of
@@ -46,7 +46,7 @@ class Solution:
     iterations: int
 
 
-def solve_normal_loads(a: Real, k: Real, euclidean: Flags, tolerance: float = TOLERANCE) -> Solution:
+def solve_normal_loads(a: Real, k: Real, euclidean: Flags, tolerance: float = TOLERANCE) -> NormalLoads:
     """Solve ``g = |a + K g|``: ``a`` (F, n, 2), ``k`` (F, n, 2, n); ``euclidean`` (n,): length of two numbers, else the larger one.
 
     Frames with numbers that are not finite stay NaN and do not count as jammed. ``tolerance``: of the terms of its equation.
@@ -58,15 +58,15 @@ def solve_normal_loads(a: Real, k: Real, euclidean: Flags, tolerance: float = TO
         parts = [solve_normal_loads(a[c : c + at_once], k[c : c + at_once], euclidean, tolerance) for c in cuts]
         whole = {
             name: np.concatenate([getattr(part, name) for part in parts])
-            for name in Solution.__annotations__
+            for name in NormalLoads.__annotations__
             if name != "iterations"
         }
-        return Solution(**whole, iterations=max(part.iterations for part in parts))
+        return NormalLoads(**whole, iterations=max(part.iterations for part in parts))
     size = _sizes(k, euclidean)
     bound = _simple_bound(size)  # does for most mechanisms
     if (bound < 1.0).all() and np.isfinite(a).all():  # NaN is not below one
         loads, residual, steps = _contract(a, k, euclidean, bound, dominant=True, tolerance=tolerance)
-        return Solution(loads, np.zeros(frames, bool), np.ones(frames), np.zeros((frames, n)), residual, steps)
+        return NormalLoads(loads, np.zeros(frames, bool), np.ones(frames), np.zeros((frames, n)), residual, steps)
     loads = np.full((frames, n), np.nan)
     reached, residual = np.ones(frames), np.full(frames, np.nan)
     share = np.zeros((frames, n))
@@ -85,7 +85,7 @@ def solve_normal_loads(a: Real, k: Real, euclidean: Flags, tolerance: float = TO
     if len(rest):
         loads[rest], reached[rest], share[rest], residual[rest] = _follow(a[rest], k[rest], euclidean, radius[radius >= 1.0])
         jammed[rest] = reached[rest] < 1.0
-    return Solution(loads, jammed, reached, share, residual, steps)
+    return NormalLoads(loads, jammed, reached, share, residual, steps)
 
 
 def _contract(a: Real, k: Real, euclidean: Flags, radius: Real, *, dominant: bool, tolerance: float) -> tuple[Real, Real, int]:

@@ -21,7 +21,7 @@ from mechcore.effects.base import Wrench, power_of
 from mechcore.errors import Fault, MechanismError
 from mechcore.forces.equilibrium import transmit
 from mechcore.forces.friction.elements import Element, elements_of, two_sided
-from mechcore.forces.friction.normal_loads import Solution, several, solve_normal_loads, stability
+from mechcore.forces.friction.normal_loads import NormalLoads, several, solve_normal_loads, stability
 from mechcore.motion.motion import Motion
 from mechcore.motion.redundancy import indeterminate
 from mechcore.spec.mechanism import Revolute, braked, friction_of
@@ -177,7 +177,7 @@ class FrictionResult:
     """
 
     def __init__(
-        self, motion: Motion, applied: Sequence[Wrench], elements: Sequence[Element], response: Response, solution: Solution
+        self, motion: Motion, applied: Sequence[Wrench], elements: Sequence[Element], response: Response, solution: NormalLoads
     ):
         self.motion = motion
         self.elements = tuple(elements)
