@@ -58,9 +58,9 @@ COMMANDS = {
         "tolerance": "Print what tolerances do to quantities: worst case, root sum of squares and samples, and what each tolerance "
         "contributes.",
     },
-    "synthesise": {
-        "synthesise": "Find mechanisms for a task: a function, positions of a body, a path, a stroke, a straight line; "
-        "or list kinematic chains.",
+    "synthesis": {
+        "synthesise": "Find mechanisms for a task: a function, positions of a body, a path, a stroke, a dwell; or list "
+        "kinematic chains.",
     },
     "view": {
         "view": "Show a scene in the browser at http://127.0.0.1:PORT until Ctrl-C, to look at and to edit; or play a recording.",

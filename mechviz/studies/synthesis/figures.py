@@ -10,8 +10,10 @@ import numpy as np
 from mechcore.arrays import Complex, Real
 from mechcore.design.burmester import BurmesterCurve, Poses
 from mechcore.design.chains import Chain
+from mechcore.design.dwells import DwellLinkage
 from mechcore.design.freudenstein import FunctionGenerator, FunctionTask
 from mechcore.design.paths import PathDesign
+from mechcore.design.springs import LidSpring, LidTask
 from mechviz.figures import COLOURS, chart
 from mechviz.studies.synthesis.chains import layout, outline
 from mechviz.studies.synthesis.four_bars import MotionDesign
@@ -91,6 +93,32 @@ def path_figure(points: Complex, found: Sequence[PathDesign]) -> Figure:
         for k, z in enumerate(points[:60]):
             axes.annotate(f"{k + 1}", (z.real * MM, z.imag * MM), textcoords="offset points", xytext=(4, 4), fontsize="small")
         axes.set(aspect="equal", xlabel="x [mm]", ylabel="y [mm]")
+        axes.legend(title="solution")
+    return figure
+
+
+def dwell_figure(found: Sequence[DwellLinkage]) -> Figure:
+    """Angles of the levers over a turn of the crank from the beginning of their rest."""
+    with chart(7.0, 4.0) as figure:
+        axes = figure.subplots()
+        turn = np.linspace(0.0, 2.0 * np.pi, 721)
+        for k, made in enumerate(found[:MOST_SHOWN]):
+            angle = np.degrees(made.lever_angles(made.start + turn))
+            axes.plot(np.degrees(turn), angle - angle[0], color=COLOURS[k], label=f"{k + 1}")
+        axes.set(xlabel="crank angle since the rest began [deg]", ylabel="lever angle [deg]", xlim=(0.0, 360.0))
+        axes.legend(title="solution")
+    return figure
+
+
+def lid_figure(task: LidTask, found: Sequence[LidSpring]) -> Figure:
+    """Forces of the hand over the angle of the lid, with and without the springs."""
+    with chart(7.0, 4.0) as figure:
+        axes = figure.subplots()
+        theta = np.linspace(task.start, task.end, 181)
+        axes.plot(np.degrees(theta), task.mass * task.gravity * task.arm / task.hand * np.cos(theta), color=GREY, label="no spring")
+        for k, made in enumerate(found[:MOST_SHOWN]):
+            axes.plot(np.degrees(theta), made.effort(task, theta), color=COLOURS[k], label=f"{k + 1}")
+        axes.set(xlabel="lid angle [deg]", ylabel="force of the hand [N]")
         axes.legend(title="solution")
     return figure
 

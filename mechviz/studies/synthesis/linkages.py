@@ -22,8 +22,8 @@ def four_bar_scene(
     bar: FourBar, drive: Drive, *, name: str, title: str, teaches: str, targets: Complex | None = None, traced: bool = True
 ) -> Scene:
     """A four-bar as a scene: crank on A with pin B, coupler to C, rocker on D, traced point E. ``targets``: points of the frame."""
-    marks = {f"P{k + 1}": _xy(z) for k, z in enumerate(() if targets is None else targets)}
-    coupler = {"B": [0, 0], "C": [bar.coupler * MM, 0]} | ({"E": _xy(bar.tracer)} if traced else {})
+    links, joints = four_bar_parts(bar, drive, traced=traced)
+    links["frame"]["points"] |= {f"P{k + 1}": place(z) for k, z in enumerate(() if targets is None else targets)}
     return Scene.build(
         name=name,
         title=title,
@@ -31,19 +31,27 @@ def four_bar_scene(
         units={"length": "mm", "angle": "deg"},
         trace=["E"] if traced else [],
         answers=["transmission_angle"],
-        links={
-            "frame": {"points": {"A": _xy(bar.crank_pivot), "D": _xy(bar.rocker_pivot), **marks}},
-            "crank": {"points": {"A": [0, 0], "B": [bar.crank * MM, 0]}},
-            "coupler": {"points": coupler},
-            "rocker": {"points": {"D": [0, 0], "C": [bar.rocker * MM, 0]}},
-        },
-        joints={
-            "A": {"revolute": ["frame", "crank"], "drive": drive},
-            "B": {"revolute": ["crank", "coupler"]},
-            "C": {"revolute": ["coupler", "rocker"], "side": "left" if bar.side > 0 else "right"},
-            "D": {"revolute": ["rocker", "frame"]},
-        },
+        links=links,
+        joints=joints,
     )
+
+
+def four_bar_parts(bar: FourBar, drive: Drive, *, traced: bool) -> tuple[dict[str, Any], dict[str, Any]]:
+    """Links and joints of a four-bar as tables of a scene in mm."""
+    coupler = {"B": [0, 0], "C": [bar.coupler * MM, 0]} | ({"E": place(bar.tracer)} if traced else {})
+    links = {
+        "frame": {"points": {"A": place(bar.crank_pivot), "D": place(bar.rocker_pivot)}},
+        "crank": {"points": {"A": [0, 0], "B": [bar.crank * MM, 0]}},
+        "coupler": {"points": coupler},
+        "rocker": {"points": {"D": [0, 0], "C": [bar.rocker * MM, 0]}},
+    }
+    joints = {
+        "A": {"revolute": ["frame", "crank"], "drive": drive},
+        "B": {"revolute": ["crank", "coupler"]},
+        "C": {"revolute": ["coupler", "rocker"], "side": "left" if bar.side > 0 else "right"},
+        "D": {"revolute": ["rocker", "frame"]},
+    }
+    return links, joints
 
 
 def slider_crank_scene(
@@ -120,5 +128,6 @@ def once(first: float, last: float) -> Drive:
     return {"speed": f"{speed!r} deg/s", "range": sorted(math.degrees(angle) for angle in (first, last))}
 
 
-def _xy(z: complex) -> list[float]:
+def place(z: complex) -> list[float]:
+    """Coordinates [mm] of a place [m]."""
     return [float(np.real(z)) * MM, float(np.imag(z)) * MM]

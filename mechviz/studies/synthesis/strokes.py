@@ -5,14 +5,16 @@ from __future__ import annotations
 import numpy as np
 
 from mechcore.design.four_bars import FourBar
+from mechcore.design.freudenstein import FunctionTask, SliderGenerator
 from mechcore.design.straight_lines import STRAIGHT_LINES, StraightLine, hoecken, straightness
 from mechcore.design.strokes import SliderCrank, SlottedLever
 from mechcore.errors import Fault, MechanismError
 from mechviz.scene.faults import did_you_mean
 from mechviz.studies.synthesis.four_bars import four_bar_lengths
-from mechviz.studies.synthesis.linkages import MM, SPEED, four_bar_scene, slider_crank_scene, slotted_lever_scene, to_and_fro
+from mechviz.studies.synthesis.linkages import MM, SPEED, four_bar_scene, once, slider_crank_scene, slotted_lever_scene, to_and_fro
 from mechviz.studies.synthesis.solutions import Solution
 
+SAMPLES = 361  # of a structural error
 QUICK = "At constant speed of the crank the way back takes less time than the way out, by the angle between the dead lines."
 
 
@@ -29,6 +31,29 @@ def slider_crank_solution(made: SliderCrank, stroke: float, ratio: float) -> Sol
         "pressure angle [deg]": f"{np.degrees(made.pressure_angle):.2f}",
     }
     return Solution(scene, numbers, "" if made.turns else "the crank does not turn fully")
+
+
+def slider_function_solution(task: FunctionTask, made: SliderGenerator, words: str) -> Solution:
+    """A slider-crank whose slider follows a function, ``words``."""
+    x = np.linspace(task.start, task.end, SAMPLES)
+    turned, wanted = task.turned(x)
+    errors = made.displacements(made.input_start + turned) - made.output_start - wanted
+    runs = bool(np.isfinite(errors).all())
+    first = made.input_start
+    drive = (
+        once(first, first + task.input_range) if runs else {"speed": SPEED, "range": "reachable", "start": float(np.degrees(first))}
+    )
+    scene = slider_crank_scene(
+        made.crank, made.rod, made.offset, drive, name="slider", ahead=made.side > 0, title=f"Slider-crank that follows {words}",
+        teaches=f"The slider's way follows {words} of the crank's angle, exactly at its precision points and nearly between them.",
+    )  # fmt: skip
+    numbers = {
+        "crank [mm]": f"{made.crank * MM:.6g}",
+        "rod [mm]": f"{made.rod * MM:.6g}",
+        "offset [mm]": f"{made.offset * MM:.6g}",
+        "largest error [mm]": f"{errors[np.abs(errors).argmax()] * MM:.4g}" if runs else "-",
+    }
+    return Solution(scene, numbers, "branch" if made.branch else "" if runs else "does not run through")
 
 
 def slotted_lever_solution(made: SlottedLever, stroke: float, ratio: float) -> Solution:

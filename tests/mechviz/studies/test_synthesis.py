@@ -9,11 +9,14 @@ from typer.testing import CliRunner
 import mechviz
 from mechcore.design.burmester import Poses, burmester_curve
 from mechcore.design.chains import kinematic_chains
+from mechcore.design.dwells import dwell_linkages
 from mechcore.design.strokes import time_ratio
 from mechviz.commands.main import app
 from mechviz.runs import run_scene
+from mechviz.studies.synthesis import figures
 from mechviz.studies.synthesis.chains import chain_solutions, layout, outline
 from mechviz.studies.synthesis.four_bars import dyads, motion_designs, motion_solutions
+from mechviz.studies.synthesis.rests import dwell_solutions
 
 
 def asked(*words):
@@ -127,6 +130,39 @@ def test_straight_lines_are_straight(tmp_path):
     path = track(run_scene(mechviz.load(tmp_path / "watt.toml"), frames=400), "coupler.E")
     assert np.ptp(path.imag) == pytest.approx(80.0, rel=1e-3)
     assert np.ptp(path.real) == pytest.approx(80.0 * 0.0217, rel=1e-2)
+
+
+def test_levers_rest_while_the_crank_turns_on():
+    dwell, swing = np.radians([80, 25])
+    found = dwell_linkages(dwell, swing, seed=1, most=3, screened=800)
+    best = found[0]
+    assert all(best.drift <= one.drift for one in found) and best.drift < 1e-3 * swing
+    theta = best.start + np.linspace(0, 2 * np.pi, 721)
+    angle = best.lever_angles(theta)
+    f = best.pivot + best.lever * np.exp(1j * angle)
+    assert abs(f - best.four_bar.positions(theta)[2]) == pytest.approx(np.full(721, best.link), rel=1e-12)
+    run = run_scene(dwell_solutions(found, 0.02, dwell)[0].scene, frames=720)
+    lever = np.unwrap(values(run, "link.lever.angle"), period=360)
+    assert lever - lever[0] == pytest.approx(np.degrees(angle - angle[0]), abs=1e-9)
+    assert np.ptp(lever) == pytest.approx(25.0, rel=1e-2)
+    assert np.ptp(lever[:161]) == pytest.approx(np.degrees(best.drift), rel=0.05)  # the run begins with the rest
+    assert figures.dwell_figure(found).axes
+
+
+def test_lids_stay(tmp_path):
+    given("lid", "12kg", "--arm", 300, "--hand", 550, "--box", 250, "-o", tmp_path / "lid.toml", "--plot", tmp_path / "lid.svg")
+    run = run_scene(mechviz.load(tmp_path / "lid.toml"), frames=120)
+    hand = values(run, "drive.O.torque") / 0.55
+    assert abs(hand).max() < 3.0 < 12 * 9.80665 * 0.3 / 0.55
+
+
+def test_sliders_follow_functions(tmp_path):
+    words = ("--from", 0, "--to", 1, "--crank", 60, "--travel", -40, "--crank-start", 20, "--slider-start", 150)
+    row = given("slider", "x^2", *words, "-o", tmp_path / "slider.toml")[1]
+    run = run_scene(mechviz.load(tmp_path / "slider.toml"), frames=400)
+    x = values(run, "link.slider.position")
+    error = x - (150.0 - 40.0 * np.linspace(0, 1, 401) ** 2)
+    assert abs(error).max() == pytest.approx(float(row.split()[-2]), abs=2e-3)
 
 
 def test_every_inversion_of_six_links_runs():

@@ -1,0 +1,135 @@
+"""Springs placed for a stated effort: a lid on a hinge is held by a coil spring so that the hand's force is as wanted.
+
+The lid turns about the origin, its centre of mass at ``arm e^(i theta)``, the hand at a stated distance and across the lid. The
+spring joins P of the frame to ``Q = q e^(i (theta + kappa))`` of the lid, which it turns by ``k (1 - L0/L) Im(conj(Q) P)``. Without
+a free length and with P above the hinge the balance would be exact; a real spring comes near.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from mechcore.arrays import Index, Real
+from mechcore.errors import Fault, MechanismError
+from mechcore.numerics.least_squares import fit_all
+
+SAMPLES = 41  # angles at which the effort is compared
+STARTS = 120
+SOLID, STRETCHED = 0.5, 1.8  # least and greatest length of a spring over its free length
+HINGE = 100.0  # weight of a length beyond these, over the weight's own moment
+ALIKE = 0.2  # of the box, below which two placements are one
+STIFFEST = 10.0  # stiffness over the moment of the weight over the square of the box: stiffer ones sit at the hinge itself
+
+
+@dataclass(frozen=True)
+class LidTask:
+    """Mass [kg], distances of its centre and of the hand from the hinge [m], first and last angle of the lid [rad].
+
+    ``effort``: wanted force of the hand across the lid [N], upwards positive; ``box``: largest coordinates of P and largest
+    distance of Q from the hinge [m]; ``pushes``: a compression spring instead of an extension spring.
+    """
+
+    mass: float
+    arm: float
+    hand: float
+    start: float
+    end: float
+    box: float
+    effort: float = 0.0
+    pushes: bool = False
+    gravity: float = 9.80665
+
+    def __post_init__(self) -> None:
+        for name in ("mass", "arm", "hand", "box"):
+            value = getattr(self, name)
+            if not 0.0 < value < np.inf:
+                raise MechanismError(Fault(name, f"{value:g} is not above zero.", "Give a value above zero."))
+        if self.start == self.end:
+            raise MechanismError(Fault("angles", "the lid does not turn.", "Give two angles that differ."))
+
+
+@dataclass(frozen=True)
+class LidSpring:
+    """A spring: P in the frame [m], Q in the lid's frame [m], stiffness [N/m], free length [m]; efforts of the hand [N]."""
+
+    frame_point: complex
+    lid_point: complex
+    stiffness: float
+    free_length: float
+    error: float
+
+    def effort(self, task: LidTask, theta: Real) -> Real:
+        """Force of the hand (K,) [N] across the lid at its angles (K,) [rad]."""
+        q = self.lid_point * np.exp(1j * theta)
+        length = np.abs(self.frame_point - q)
+        moment = self.stiffness * (1.0 - self.free_length / length) * np.imag(np.conj(q) * self.frame_point)
+        return np.asarray((task.mass * task.gravity * task.arm * np.cos(theta) - moment) / task.hand)
+
+    def lengths(self, theta: Real) -> Real:
+        """Length of the spring (K,) [m] at angles of the lid (K,) [rad]."""
+        return np.asarray(np.abs(self.frame_point - self.lid_point * np.exp(1j * theta)))
+
+
+def lid_springs(task: LidTask, seed: int = 0) -> list[LidSpring]:
+    """Springs whose effort is nearest to the wanted one over the range in least squares, the best first; their largest deviation
+    stands as ``error`` [N]. Many random starts are refined side by side with exact derivatives. Raises MechanismError if none fits.
+
+    Unknowns over the box: P (2), q; then kappa, k and L0/box over the weight's own.
+    """
+    theta = np.linspace(task.start, task.end, SAMPLES)
+    weight = task.mass * task.gravity * task.arm
+    wanted = np.cos(theta) - task.effort * task.hand / weight
+    rng = np.random.default_rng(seed)
+    low = np.array([-1.0, -1.0, 0.05, -np.pi, 0.0, 0.05])
+    high = np.array([1.0, 1.0, 1.0, np.pi, STIFFEST, 3.0])
+    first = np.array([-1.0, -1.0, 0.2, -np.pi, 0.3, 0.2])
+    starts = rng.uniform(first, np.array([1.0, 1.0, 1.0, np.pi, 8.0, 1.5]), (STARTS, 6))
+    least, most = (SOLID, 1.0) if task.pushes else (1.0, STRETCHED)
+
+    def evaluate(x: Real, _: Index) -> tuple[Real, Real]:
+        p = (x[:, 0] + 1j * x[:, 1])[:, None]
+        turned = np.exp(1j * (theta + x[:, 3, None]))
+        q = x[:, 2, None] * turned
+        k, free = x[:, 4, None], x[:, 5, None]
+        arm = p - q
+        length = np.maximum(np.abs(arm), 1e-9)
+        lever, part = np.imag(np.conj(q) * p), 1.0 - free / length
+        by = [  # derivatives of lever and length by P, q and kappa
+            (-q.imag, arm.real / length),
+            (q.real, arm.imag / length),
+            (np.imag(np.conj(turned) * p), -np.real(np.conj(arm) * turned) / length),
+            (np.imag(np.conj(1j * q) * p), -np.real(np.conj(arm) * 1j * q) / length),
+        ]
+        moments = np.stack([k * (part * dc + lever * free / length**2 * dl) for dc, dl in by], axis=-1)
+        moments = np.concatenate([moments, (part * lever)[..., None], (-k * lever / length)[..., None]], axis=-1)
+        slopes = np.stack([np.broadcast_to(dl, length.shape) for _, dl in by], axis=-1)
+        slopes = np.concatenate([slopes, np.zeros((*length.shape, 2))], axis=-1)
+        unit = np.zeros(6)
+        unit[5] = 1.0
+        short, long = least * free - length, length - most * free
+        rows = [
+            (k * part * lever - wanted, moments),
+            (HINGE * np.maximum(short, 0.0), HINGE * (short > 0.0)[..., None] * (least * unit - slopes)),
+            (HINGE * np.maximum(long, 0.0), HINGE * (long > 0.0)[..., None] * (slopes - most * unit)),
+        ]
+        return np.concatenate([r for r, _ in rows], axis=1), np.concatenate([j for _, j in rows], axis=1)
+
+    fits = fit_all(evaluate, starts, low, high)
+    found: list[LidSpring] = []
+    for row in fits.x[np.argsort(fits.cost, kind="stable")]:
+        point = task.box * row[2] * np.exp(1j * row[3])
+        made = LidSpring(
+            complex(row[0], row[1]) * task.box, complex(point), float(row[4]) * weight / task.box**2, float(row[5]) * task.box, 0.0
+        )
+        lengths = made.lengths(theta) / made.free_length
+        if lengths.min() < least - 1e-3 or lengths.max() > most + 1e-3 or made.stiffness <= 0.0:
+            continue
+        if any(max(abs(made.frame_point - o.frame_point), abs(made.lid_point - o.lid_point)) < ALIKE * task.box for o in found):
+            continue
+        error = float(np.abs(made.effort(task, theta) - task.effort).max())
+        found.append(LidSpring(made.frame_point, made.lid_point, made.stiffness, made.free_length, error))
+    if not found:
+        raise MechanismError(Fault("box", f"no spring within {task.box:g} m of the hinge holds this lid.", "Give it more room."))
+    return found
