@@ -10,13 +10,17 @@ from typing import Annotated
 import typer
 
 from mechcore.arrays import Real
-from mechviz.commands.common import aligned, check_targets, interruptible, progress_bar, say
+from mechviz.commands.common import aligned, check_targets, fail, interruptible, progress_bar, say
 from mechviz.commands.loading import SceneArg, SetOpt, clear_errors, load_scene
 from mechviz.commands.solving import CyclesOpt, FramesOpt, processes, solve
 from mechviz.figures import check_ending, save_chart
 from mechviz.files import OutputError, check_target, replacing
 from mechviz.quantities.catalogue import Axis
+from mechviz.scene.scene import dump
 from mechviz.studies.designs.measures import parse_measure
+from mechviz.studies.designs.optimise import Search, front_chart
+from mechviz.studies.designs.optimise import optimise as find_best
+from mechviz.studies.designs.problem import KEPT, problem_of
 from mechviz.studies.designs.sensitivity import sensitivities, tornado
 from mechviz.studies.designs.tolerance import Distribution, Tolerances, parse_limits, tolerance_chart, toleranced, tolerances
 from mechviz.studies.designs.variables import variables_of
@@ -138,6 +142,74 @@ def tolerance(
             if csv_file is not None:
                 _write_bands(csv_file, axis, found)
                 print(csv_file)
+
+
+def optimise(
+    scene: SceneArg,
+    output: Annotated[Path | None, typer.Option("--output", "-o", help="scene to write (.toml)")] = None,
+    seed: Annotated[int, typer.Option("--seed", min=0, help="of the search: the same one finds the same")] = 0,
+    population: Annotated[
+        int, typer.Option("--population", min=0, max=100_000, help="designs in a generation [default: 12 a variable, at least 32]")
+    ] = 0,
+    generations: Annotated[int, typer.Option("--generations", min=0, max=100_000, help="of differential evolution, at most")] = 60,
+    points: Annotated[int, typer.Option("--points", min=3, max=1000, help="of the front of several objectives")] = 9,
+    front: Annotated[Path | None, typer.Option("--front", help="several objectives: write the front as a table (.csv)")] = None,
+    plot: Annotated[
+        Path | None, typer.Option("--plot", help="several objectives: write a chart of the front (.svg, .png or .pdf)")
+    ] = None,
+    jobs: Annotated[int, typer.Option("--jobs", "-j", min=1, max=1024, help="processes")] = 1,
+    frames: FramesOpt = None,
+    cycles: CyclesOpt = None,
+    values: SetOpt = None,
+) -> None:
+    """Find the design that a scene's goal asks for, and write it as a scene.
+
+    The goal stands in the scene: [goal] with what to minimise, maximise or follow, and limits; parameters vary within their ranges.
+    The search looks all over them, then goes along exact derivatives where there are some. Ctrl-C ends it with the best so far.
+
+    Try: mechviz optimise parametric-press -o better.toml
+    """
+    if output is not None and output.suffix != ".toml":
+        fail(f"--output: '{output}' does not end in .toml.")
+    with clear_errors(scene):
+        check_targets(scene, output, front, plot)
+        for target in filter(None, (output, front, plot)):
+            check_target(target)
+        if plot is not None:
+            check_ending(plot)
+        loaded = load_scene(scene, values)
+        problem = problem_of(loaded, frames=frames, cycles=cycles)
+        if (front is not None or plot is not None) and len(problem.terms) < 2:
+            fail("--front, --plot: the goal has one objective only, and so no front.")
+        with interruptible("scipy.optimize", "scipy.stats", *(["matplotlib.figure"] if plot is not None else [])):
+            with progress_bar("optimising") as bar, processes(jobs) as executor:
+
+                def told(stage: str, objective: int, value: float, violation: float) -> None:
+                    shown = problem.terms[objective].shown(value)
+                    bar.stage(f"{stage}: {shown if violation <= KEPT else f'limits missed by {100.0 * violation:.3g} %'}")
+
+                search = Search(problem, seed, population, generations, executor, told)
+                best = find_best(search, points=points)
+            print("\n".join(aligned(best.lines())))
+            say(f"{search.evaluations} designs were looked at.")
+            if search.refused:
+                say(f"note: no steps along derivatives were taken: {search.refused}")
+            if output is not None:
+                dump(best.scene, output)
+                print(output)
+            if plot is not None:
+                save_chart(front_chart(best, loaded.title), plot)
+                print(plot)
+            if front is not None:
+                objectives = problem.judged(best.front).objectives
+                heads = [f"{t.text} [{t.unit}]" for t in problem.terms] + [v.title for v in problem.variables]
+                write_columns(
+                    front, heads, [*(t.sign * x for t, x in zip(problem.terms, objectives.T, strict=True)), *best.front.T]
+                )
+                print(front)
+    if search.interrupted:
+        say("Interrupted: this is the best design so far.")
+        raise typer.Exit(130)
 
 
 def _write_bands(path: Path, axis: Axis, found: list[Tolerances]) -> None:

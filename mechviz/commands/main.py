@@ -57,6 +57,7 @@ COMMANDS = {
         "trial runs.",
         "tolerance": "Print what tolerances do to quantities: worst case, root sum of squares and samples, and what each tolerance "
         "contributes.",
+        "optimise": "Find the design that a scene's goal asks for, and write it as a scene.",
     },
     "synthesis": {
         "synthesise": "Find mechanisms for a task: a function, positions of a body, a path, a stroke, a dwell; or list "

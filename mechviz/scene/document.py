@@ -31,6 +31,7 @@ from mechviz.scene.fields import (
 from mechviz.scene.kinds.bodies import LumpDocument, MassDocument, MassEntry
 from mechviz.scene.kinds.drives import Method, Tolerance, WatchDocument
 from mechviz.scene.kinds.friction import FrictionDefaults
+from mechviz.scene.kinds.goals import GoalDocument
 from mechviz.scene.kinds.joints.document import JointDocument
 from mechviz.scene.kinds.loads.document import LoadDocument
 from mechviz.scene.kinds.settings import AccuracyEntry, ParameterEntry
@@ -234,6 +235,8 @@ class SceneDocument(Table):
     """Substitute masses, by the name of the link that they replace."""
     sections: dict[Name, SectionsDocument] = Field(default={})
     """Links along which section forces are wanted, by name."""
+    goal: GoalDocument | None = None
+    """What `mechviz optimise` looks for: parameters that vary, objectives, limits."""
     pens: dict[Name, PenDocument] = Field(default={})
     """Points that draw, by the name of what they draw."""
 

@@ -43,7 +43,7 @@ from mechcore.topology.graph import vector_loops
 T = TypeVar("T")
 Numbers = dict[Place, Any]  # of a compiled mechanism, by where they are
 ROUNDING = 2e-14  # relative: what a map of a few operations may be off
-NODES = 13  # of the polynomial of a map that is not affine
+NODES = 9  # of the polynomial of a map that is not affine
 TAIL = 1e-12  # its last coefficients are below this part of the largest, or the interval is too wide
 NARROWER = 4.0
 TRIES = 5
@@ -497,7 +497,7 @@ def slopes(numbers: Callable[[float], Numbers], nominal: Numbers, parameter: Par
     """Derivatives of numbers by a parameter, of those that depend on it, to rounding.
 
     A number that lies on a straight line at four values has its slope from the outer ones. Others are followed by a polynomial
-    through 13 Chebyshev points whose last coefficients have to vanish to rounding, in narrower and narrower intervals.
+    through 9 Chebyshev points whose last coefficients have to vanish to rounding, in narrower and narrower intervals.
     """
     width = parameter.width
     for _ in range(TRIES):

@@ -61,10 +61,12 @@ class Study:
 
 @dataclass(frozen=True, eq=False)
 class Found:
-    """Results of designs: numbers (D,) or curves (D, F) of each measure; NaN, and a reason, where there is none."""
+    """Results of designs: numbers (D,) or curves (D, F) of each measure; NaN, and a reason, where there is none. ``missing``:
+    the part (D,) of the frames that have no values, 1 where that is not known."""
 
     values: tuple[Real, ...]
     reasons: tuple[str, ...]
+    missing: Real = field(default_factory=lambda: np.zeros(0))
 
 
 @dataclass(frozen=True, eq=False)
@@ -168,12 +170,14 @@ def evaluate(study: Study, designs: Real) -> Found:
         curves, reasons = batch.curves(designs)
         drive = batch.drive
         values = []
+        missing = np.mean([~np.isfinite(curve) for curve in curves], axis=(0, 2))
+        missing = np.where([not reason for reason in reasons], 0.0, np.where(missing > 0.0, missing, 1.0))
         for (measure, _, _), curve in zip(batch.columns, curves, strict=True):
             known = np.array([not reason for reason in reasons])
             curve[~known] = np.nan
             with np.errstate(invalid="ignore"):
                 values.append(measure.reduced(curve, batch.time, drive))
-        return Found(tuple(values), tuple(reasons))
+        return Found(tuple(values), tuple(reasons), missing)
     rows: list[list[Real]] = []
     said: list[str] = []
     empty = [np.full_like(_reduced(m, q, study.nominal), np.nan) for m, q in zip(study.measures, study.quantities, strict=True)]
@@ -181,7 +185,8 @@ def evaluate(study: Study, designs: Real) -> Found:
         row, reason = _alone(study, design, empty)
         rows.append(row)
         said.append(reason)
-    return Found(tuple(np.array(column) for column in zip(*rows, strict=True)), tuple(said))
+    missing = np.array([1.0 if reason else 0.0 for reason in said])
+    return Found(tuple(np.array(column) for column in zip(*rows, strict=True)), tuple(said), missing)
 
 
 def _alone(study: Study, design: Real, empty: list[Real]) -> tuple[list[Real], str]:

@@ -50,6 +50,10 @@ class Variable:
         """A value as a scene states it."""
         return f"{value!r} {self.unit}" if self.unit and not self.bare else value
 
+    def at(self, value: float) -> Variable:
+        """The same with another value."""
+        return replace(self, value=value)
+
     def changed(self, scene: Scene, value: float) -> Scene:
         """The scene with another value of it. Raises `MechanismError`."""
         return scene.changed({self.place: self.stated(value)})

@@ -1,0 +1,316 @@
+"""Optimisation: the design of a scene that its goal asks for.
+
+Samples, differential evolution over whole populations, then steps along exact derivatives; of several objectives the front of
+compromises.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from concurrent.futures import Executor
+from contextlib import suppress
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from mechcore.arrays import Real
+from mechcore.errors import Fault, MechanismError
+from mechviz.figures import chart
+from mechviz.scene.scene import Scene
+from mechviz.studies.designs.evaluate import evaluate
+from mechviz.studies.designs.problem import KEPT, Judged, Limit, Problem
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+AT_BOUND = 1e-6  # of its range: a variable so close to an end is at it
+SLACK = 1e-6  # relative: a compromise may be so much worse in one objective, or nothing could be gained in the other
+DIGITS = 9  # of values in the scene that is written
+
+MOST_TRIES = 2  # a step along derivatives: beyond, it goes nowhere
+
+
+class _Enough(Exception):
+    """Ends a search along derivatives."""
+
+
+Progress = Callable[[str, int, float, float], None]
+"""(what is done, number of the objective, its best value so far, the violation of that)."""
+
+
+@dataclass
+class Search:
+    """The search for a problem's best designs: what has been looked at, and the best of it.
+
+    ``archive``: all that was judged, in portions; ``evaluations``: how many designs; ``refused``: why no derivatives were used.
+    """
+
+    problem: Problem
+    seed: int = 0
+    population: int = 0
+    generations: int = 60
+    executor: Executor | None = None
+    progress: Progress = lambda *_: None
+    archive: list[Judged] = field(default_factory=list)
+    evaluations: int = 0
+    refused: str = ""
+    interrupted: bool = False
+
+    def judged(self, designs: Real) -> Judged:
+        """Designs (D, n) judged, and kept."""
+        found = self.problem.judged(designs, self.executor)
+        self.archive.append(found)
+        self.evaluations += len(designs)
+        return found
+
+    @property
+    def all(self) -> Judged:
+        """All designs that have been judged."""
+        parts = self.archive
+        return Judged(*(np.concatenate([getattr(p, name) for p in parts]) for name in ("designs", "objectives", "violations")))
+
+    def best(self, objective: int = 0) -> tuple[Real, float, float]:
+        """The best design (n,) so far, its objective and its violation."""
+        known = self.all
+        k = known.best(objective)
+        return known.designs[k], float(known.objectives[k, objective]), float(known.violations[k])
+
+    def tell(self, stage: str, objective: int = 0) -> None:
+        """Say how far it is."""
+        _, value, violation = self.best(objective)
+        self.progress(stage, objective, value, violation)
+
+    # -- global -------------------------------------------------------------------------------------------------------
+    def look_around(self, objective: int = 0) -> None:
+        """Sobol points over the whole range, the scene's own design among them, then differential evolution from these."""
+        from scipy.optimize import differential_evolution
+        from scipy.stats import qmc
+
+        bounds = self.problem.bounds
+        n = len(bounds)
+        count = self.population or max(32, 1 << int(np.ceil(np.log2(12 * n))))
+        rng = np.random.default_rng(np.random.SeedSequence([self.seed, objective]))
+        points = qmc.Sobol(n, rng=rng).random_base2(int(np.ceil(np.log2(8 * count))))
+        designs = bounds[:, 0] + (bounds[:, 1] - bounds[:, 0]) * points
+        start = np.clip(self.problem.start, bounds[:, 0], bounds[:, 1])
+        screened = self.judged(np.vstack([start, designs]))
+        self.tell("samples", objective)
+        order = np.lexsort((np.nan_to_num(screened.objectives[:, objective], nan=np.inf), screened.violations))
+        worst = float(np.nanmax(np.where(screened.feasible, np.abs(screened.objectives[:, objective]), 0.0), initial=0.0)) or 1.0
+
+        def merit(x: Real) -> Real:
+            own = self.judged(np.atleast_2d(x.T))
+            penalised = 10.0 * worst * (1.0 + own.violations)  # every design that misses a limit is worse than any that does not
+            return np.asarray(np.where(own.feasible, own.objectives[:, objective], penalised))
+
+        def told(intermediate_result: Any) -> None:
+            self.tell("differential evolution", objective)
+
+        differential_evolution(
+            merit, list(map(tuple, bounds)), init=screened.designs[order[:count]], maxiter=self.generations, tol=1e-6,
+            vectorized=True, updating="deferred", polish=False, rng=rng, callback=told, mutation=(0.4, 0.9),
+        )  # fmt: skip
+
+    # -- along derivatives --------------------------------------------------------------------------------------------
+    def refine(self, objective: int = 0, most: dict[int, float] | None = None, start: Real | None = None, steps: int = 40) -> None:
+        """Sequential quadratic programming from the best design so far, by exact derivatives; ``most``: greatest values of other
+        objectives. Where there are no derivatives nothing happens, and `refused` says why."""
+        from scipy.optimize import minimize
+
+        problem = self.problem
+        bounds = problem.bounds
+        low, span = bounds[:, 0], bounds[:, 1] - bounds[:, 0]
+        begin = self.best(objective)[0] if start is None else start
+        size = max(abs(float(self.problem.judged(begin[None]).objectives[0, objective])), 1e-12)
+        known: dict[bytes, tuple[Real, Real, Real, Real] | None] = {}
+
+        def at(u: Real) -> tuple[Real, Real, Real, Real] | None:
+            key = u.tobytes()
+            if key not in known:
+                if len(known) > MOST_TRIES * steps:
+                    raise _Enough
+                try:
+                    known[key] = problem.differentiated(low + span * np.clip(u, 0.0, 1.0))
+                except MechanismError:
+                    known[key] = None
+                self.judged((low + span * np.clip(u, 0.0, 1.0))[None])
+                self.tell("along derivatives", objective)
+            return known[key]
+
+        rows = [(limit.measure, k, side) for k, limit in enumerate(problem.limits) for side in _sides(limit)]
+        ends = most or {}
+
+        squared = problem.terms[objective].distance
+
+        def value(u: Real) -> float:
+            found = at(u)
+            if found is None:
+                return 1e3
+            own = float(found[0][objective]) / size
+            return own * own if squared else own
+
+        def slope(u: Real) -> Real:
+            found = at(u)
+            if found is None:
+                return np.zeros(len(u))
+            own = np.nan_to_num(found[2][objective] * span) / size
+            return np.asarray(2.0 * found[0][objective] / size * own if squared else own)
+
+        def slack(u: Real) -> Real:
+            found = at(u)
+            if found is None:
+                return np.full(len(rows) + len(ends), -1.0)
+            own = [side * (found[1][k] - end) / problem.limits[k].scale for _, k, (side, end) in rows]
+            return np.array(own + [(end - found[0][m]) / max(abs(end), 1e-12) for m, end in ends.items()])
+
+        def slack_slope(u: Real) -> Real:
+            found = at(u)
+            if found is None:
+                return np.zeros((len(rows) + len(ends), len(u)))
+            own = [side * found[3][k] * span / problem.limits[k].scale for _, k, (side, _) in rows]
+            return np.asarray(np.nan_to_num(own + [-found[2][m] * span / max(abs(end), 1e-12) for m, end in ends.items()]))
+
+        first = (begin - low) / span
+        try:
+            known[first.tobytes()] = problem.differentiated(begin)
+        except MechanismError as error:
+            self.refused = str(error.faults[0].message)
+            return
+        constraints = [{"type": "ineq", "fun": slack, "jac": slack_slope}] if rows or ends else []
+        with suppress(_Enough):
+            options = {"maxiter": steps, "ftol": 1e-10}
+            box = [(0.0, 1.0)] * len(first)
+            minimize(value, first, jac=slope, bounds=box, constraints=constraints, method="SLSQP", options=options)
+
+
+def _sides(limit: Limit) -> Iterator[tuple[float, float]]:
+    if np.isfinite(limit.least):
+        yield 1.0, limit.least
+    if np.isfinite(limit.most):
+        yield -1.0, limit.most
+
+
+@dataclass(frozen=True, eq=False)
+class Optimum:
+    """The end of a search: the best ``design`` (n,), of several objectives the ``front`` (K, n) of designs of which none is better
+    than another in all, in the order of the first objective."""
+
+    search: Search
+    design: Real
+    front: Real
+
+    @property
+    def scene(self) -> Scene:
+        """The scene of the best design, its values rounded to nine digits."""
+        return self.scene_of(self.design)
+
+    def scene_of(self, design: Real) -> Scene:
+        """The scene of a design."""
+        return self.search.problem.scene(np.array([float(f"{x:.{DIGITS}g}") for x in design]))
+
+    def lines(self) -> Iterator[tuple[str, ...]]:
+        """A table: objectives, limits and variables before and after."""
+        problem = self.search.problem
+        rounded = np.array([float(f"{x:.{DIGITS}g}") for x in self.design])
+        both = problem.judged(np.stack([problem.start, rounded]))
+        values = _limited(problem, np.stack([problem.start, rounded]))
+        yield "", "before", "after", ""
+        for k, term in enumerate(problem.terms):
+            old, new = both.objectives[:, k]
+            change = f"{100.0 * term.sign * (new - old) / abs(old):+.3g} %" if np.isfinite(old) and old else ""
+            yield term.text, term.shown(old) if np.isfinite(old) else "none", term.shown(new), change
+        for k, limit in enumerate(problem.limits):
+            low, high = (f"{x:.6g}" if np.isfinite(x) else "" for x in (limit.least, limit.most))
+            missed = float(limit.violation(values[1:, k])[0])
+            state = "missed" if missed > KEPT else "reached" if _reached(limit, values[1, k]) else "kept"
+            row = [f"{x:.6g} {limit.unit}".strip() for x in values[:, k]]
+            yield f"{limit.text} in {low}..{high}", row[0], row[1], state
+        for v, x in zip(problem.variables, rounded, strict=True):
+            close = AT_BOUND * (v.high - v.low)
+            end = "at its least value" if x - v.low < close else "at its greatest value" if v.high - x < close else ""
+            yield v.name, f"{v.value:.6g} {v.unit}".strip(), f"{x:.9g} {v.unit}".strip(), end
+
+
+def _limited(problem: Problem, designs: Real) -> Real:
+    """The limited values (D, L) of designs."""
+    found = evaluate(problem.study, designs)
+    return np.stack([found.values[limit.measure] for limit in problem.limits], axis=-1) if problem.limits else np.zeros((2, 0))
+
+
+def _reached(limit: Limit, value: float) -> bool:
+    return bool(min(abs(value - limit.least), abs(limit.most - value)) <= 1e-4 * limit.scale)
+
+
+def optimise(search: Search, *, points: int = 9) -> Optimum:
+    """The best design of a problem; of several objectives with a front of so many ``points``. Ctrl-C ends the search with the best
+    so far (`Search.interrupted`). Raises `MechanismError` where no design keeps the limits."""
+    objectives = len(search.problem.terms)
+    try:
+        for k in range(objectives):
+            search.look_around(k)
+            search.refine(k, steps=40 if search.best(k)[2] <= KEPT else 10)
+        if objectives > 1:
+            _spread(search, points)
+    except KeyboardInterrupt:
+        search.interrupted = True
+        if not search.archive:
+            raise
+    design, _, violation = search.best()
+    if violation > KEPT and not search.interrupted:
+        why = f"no design was found that keeps all limits: the best misses them by {100.0 * violation:.3g} % in sum."
+        if violation >= 10.0:
+            why = "no design was found that can be assembled in all frames of the run."
+        raise MechanismError(Fault("goal", why, "Widen limits or ranges, or look longer: --generations, --population."))
+    front = _front(search, points) if objectives > 1 else design[None]
+    return Optimum(search, front[len(front) // 2] if objectives > 1 else design, front)
+
+
+def _levels(known: Judged, points: int) -> Real:
+    """Values of the second objective from that where the first is least down to its own least."""
+    ends = [float(known.objectives[known.best(k), 1]) for k in (0, 1)]
+    return np.linspace(ends[0], ends[1], points)
+
+
+def _below(known: Judged, level: float) -> int | None:
+    """The design whose first objective is least among those with the second up to a level, where there is one."""
+    kept = np.flatnonzero(known.feasible & (known.objectives[:, 1] <= level + SLACK * abs(level)))
+    return int(kept[np.lexsort(known.objectives[kept].T[::-1])[0]]) if len(kept) else None
+
+
+def _spread(search: Search, points: int) -> None:
+    """Compromises between the first two objectives: each one least, the other no greater than values between its ends."""
+    first = search.best(0)
+    search.refine(1, {0: first[1] + SLACK * abs(first[1])}, first[0], steps=8)
+    for level in _levels(search.all, points)[1:]:
+        begin = _below(search.all, float(level))
+        if begin is not None:
+            search.refine(0, {1: float(level) + SLACK * abs(float(level))}, search.all.designs[begin], steps=8)
+
+
+def _front(search: Search, points: int) -> Real:
+    """Designs (K, n), one for each of so many levels of the second objective, of which none is better than another in both."""
+    known = search.all
+    chosen = [k for level in _levels(known, points) if (k := _below(known, float(level))) is not None]
+    front: list[int] = []
+    for k in dict.fromkeys(chosen):
+        if not any(j != k and np.all(known.objectives[j] <= known.objectives[k]) for j in chosen):
+            front.append(k)
+    return known.designs[front]
+
+
+def front_chart(found: Optimum, title: str) -> Figure:
+    """The front of two objectives among all designs that keep the limits."""
+    problem, known = found.search.problem, found.search.all
+    first, second = problem.terms[:2]
+    some = known.objectives[known.feasible]
+    front = problem.judged(found.front).objectives
+    with chart(6.5, 4.5) as figure:
+        axes = figure.subplots()
+        axes.plot(first.sign * some[:, 0], second.sign * some[:, 1], ".", markersize=2.0, color="#c3c9d0", label="looked at")
+        axes.plot(first.sign * front[:, 0], second.sign * front[:, 1], "o-", color="#1b6ca8", label="front")
+        axes.set_xlabel(f"{first.text} [{first.unit}]")
+        axes.set_ylabel(f"{second.text} [{second.unit}]")
+        axes.legend()
+        figure.suptitle(f"{title}: compromises")
+    return figure

@@ -1,0 +1,304 @@
+"""The problem that a scene's goal states: variables within bounds, objectives to be made small, limits to be kept."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from concurrent.futures import Executor
+from dataclasses import dataclass
+
+import numpy as np
+
+from mechcore.arrays import Flags, Real
+from mechcore.errors import Fault, MechanismError
+from mechviz.quantities.catalogue import Quantity
+from mechviz.runs import Run, run_scene
+from mechviz.scene.kinds.goals import GoalDocument
+from mechviz.scene.scene import Scene
+from mechviz.scene.units import QuantityError, split, unit_of
+from mechviz.studies.designs.evaluate import Study, evaluate, study_of
+from mechviz.studies.designs.measures import Measure, parse_measure
+from mechviz.studies.designs.sampling import Variation
+from mechviz.studies.designs.sensitivity import sensitivities
+from mechviz.studies.designs.variables import Variable, parameters_of
+
+KEPT = 1e-9  # relative: a limit that is missed by no more is kept
+PORTION = 512  # designs that are handed on at once
+UNFIT = 10.0  # violation of a design that cannot be assembled at some frame; up to twice that where it cannot be at any
+
+
+@dataclass(frozen=True, eq=False)
+class Term:
+    """An objective: made of the values of some measures, the smaller the better.
+
+    ``value``: arrays (D, ...) of its measures -> (D,); ``weights``: values of one design -> derivatives of it by those values.
+    """
+
+    text: str
+    unit: str
+    measures: tuple[int, ...]
+    value: Callable[[Sequence[Real]], Real]
+    weights: Callable[[Sequence[Real]], list[Real]]
+    sign: float = 1.0
+    distance: bool = False  # whether it is never negative, and has a kink at zero that its square has not
+
+    def shown(self, value: float) -> str:
+        """A value for people."""
+        return f"{self.sign * value:.6g} {self.unit}"
+
+
+@dataclass(frozen=True, eq=False)
+class Limit:
+    """What a measure has to stay above and below, in the unit of its quantity, and what its violation is compared with."""
+
+    text: str
+    unit: str
+    measure: int
+    least: float
+    most: float
+    scale: float
+
+    def violation(self, values: Real) -> Real:
+        """By how much (D,), relative, values miss the limit; 0 where they keep it."""
+        low, high = (self.least - values) / self.scale, (values - self.most) / self.scale
+        return np.asarray(np.maximum(np.maximum(low, high), 0.0))
+
+
+@dataclass(frozen=True, eq=False)
+class Judged:
+    """What designs are worth: ``objectives`` (D, m), the smaller the better, and ``violations`` (D,), 0 where all is kept."""
+
+    designs: Real
+    objectives: Real
+    violations: Real
+
+    @property
+    def feasible(self) -> Flags:
+        """Whether all limits are kept (D,)."""
+        return np.asarray(self.violations <= KEPT)
+
+    def best(self, objective: int = 0) -> int:
+        """The design with the least violation, among those without any the one with the least objective."""
+        missed = np.where(self.feasible, 0.0, self.violations)
+        return int(np.lexsort((np.nan_to_num(self.objectives[:, objective], nan=np.inf), missed))[0])
+
+
+@dataclass(frozen=True, eq=False)
+class Problem:
+    """A goal with everything that it names."""
+
+    study: Study
+    variables: tuple[Variable, ...]
+    terms: tuple[Term, ...]
+    limits: tuple[Limit, ...]
+
+    @property
+    def bounds(self) -> Real:
+        """Least and greatest values (n, 2) of the variables in their units."""
+        return np.array([(v.low, v.high) for v in self.variables])
+
+    @property
+    def start(self) -> Real:
+        """The values (n,) of the scene."""
+        return np.array([v.value for v in self.variables])
+
+    def judged(self, designs: Real, executor: Executor | None = None) -> Judged:
+        """Objectives and violations of designs (D, n), in portions over an executor if there is one."""
+        portions = [designs[k : k + PORTION] for k in range(0, len(designs), PORTION)]
+        if executor is None:
+            answers = [evaluate(self.study, own) for own in portions]
+        else:
+            answers = list(executor.map(evaluate, [self.study] * len(portions), portions))
+        values = [np.concatenate([a.values[k] for a in answers]) for k in range(len(self.study.measures))]
+        missing = np.concatenate([a.missing for a in answers])
+        with np.errstate(invalid="ignore"):
+            objectives = np.stack([term.value([values[k] for k in term.measures]) for term in self.terms], axis=-1)
+            violations = sum((limit.violation(values[limit.measure]) for limit in self.limits), np.zeros(len(designs)))
+        unfit = (missing > 0.0) | ~np.isfinite(objectives).all(axis=1) | ~np.isfinite(violations)
+        violations = np.where(unfit, UNFIT * (1.0 + missing), violations)
+        return Judged(designs, np.where(unfit[:, None], np.nan, objectives), violations)
+
+    def scene(self, design: Real) -> Scene:
+        """The scene of a design (n,)."""
+        values = {v.name: v.stated(float(x)) for v, x in zip(self.variables, design, strict=True)}
+        return self.study.scene.with_parameters(values)
+
+    def run(self, design: Real) -> Run:
+        """The run of a design. Raises `MechanismError`."""
+        return run_scene(self.scene(design), frames=self.study.frames, cycles=self.study.cycles)
+
+    def differentiated(self, design: Real) -> tuple[Real, Real, Real, Real]:
+        """Objectives (m,) and limited values (L,) of a design, and their derivatives (m, n) and (L, n) by the variables. Raises
+        `MechanismError` where it cannot be run, or has no derivatives."""
+        run = self.run(design)
+        moved = [v.at(float(x)) for v, x in zip(self.variables, design, strict=True)]
+        slopes = sensitivities(run, self.study.measures, moved)
+        values = [np.asarray(s.number) if s.measure.reducer else s.curve for s in slopes]
+        by = [s.derivatives[:, None] if s.measure.reducer else s.slopes for s in slopes]
+        objectives, gradients = [], []
+        for term in self.terms:
+            own = [values[k] for k in term.measures]
+            objectives.append(float(term.value([x[None] for x in own])[0]))
+            weights = term.weights(own)
+            parts = [by[k] @ np.atleast_1d(w) for k, w in zip(term.measures, weights, strict=True)]
+            gradients.append(np.sum(parts, axis=0))
+        limited = np.array([float(values[limit.measure]) for limit in self.limits])
+        limited_by = np.array([by[limit.measure][:, 0] for limit in self.limits]).reshape(len(self.limits), len(design))
+        return np.array(objectives), limited, np.array(gradients), limited_by
+
+
+def problem_of(scene: Scene, *, frames: int | None = None, cycles: int | None = None) -> Problem:
+    """The problem that a scene's goal states. Raises `MechanismError`."""
+    goal = scene.document.goal
+    if goal is None:
+        remedy = 'Say what to look for: [goal] minimise = "drive.A.torque:peak".'
+        raise MechanismError(Fault("goal", "the scene has no goal.", remedy))
+    variables = _variables(scene, goal)
+    measures: list[Measure] = []
+
+    def measure(text: str, path: str) -> int:
+        try:
+            wanted = parse_measure(scene, text)
+        except MechanismError as error:
+            raise MechanismError([Fault(path, f.message, f.remedy) for f in error.faults]) from None
+        if wanted not in measures:
+            measures.append(wanted)
+        return measures.index(wanted)
+
+    numbers = [(k, "minimise", 1.0) for k in goal.minimise] + [(k, "maximise", -1.0) for k in goal.maximise]
+    simple = [(text, measure(text, f"goal.{key}"), sign) for text, key, sign in numbers]
+    limited = [(text, measure(text, f"goal.limits.{text}"), entry) for text, entry in goal.limits.items()]
+    for text, k, *_ in (*simple, *limited):
+        if not measures[k].reducer:
+            raise MechanismError(Fault("goal", f"'{text}' is a curve.", f"Say what of it counts: {text}:peak, :max, :min or :rms."))
+    followed = None if goal.follow is None else measure(goal.follow.quantity, "goal.follow.quantity")
+    along = None
+    if goal.path is not None:
+        along = [measure(f"point.{goal.path.point}.position[{axis}]", "goal.path.point") for axis in "xy"]
+    varied = [Variation(v.name, v.unit, low=v.low, high=v.high) for v in variables]
+    study = study_of(scene, varied, measures, frames=frames, cycles=cycles)
+    quantities = study.quantities
+    terms = [
+        Term(text, quantities[k].unit, (k,), lambda own, s=sign: s * own[0], lambda own, s=sign: [np.array([s])], sign)  # type: ignore[misc]
+        for text, k, sign in simple
+    ]
+    drive = _drive(study)
+    if goal.follow is not None and followed is not None:
+        wanted = np.array([_in_unit(x, quantities[followed].unit, "goal.follow.values") for x in goal.follow.values])
+        places = [_place(study, x, "goal.follow.drive") for x in goal.follow.drive]
+        terms.append(_following(goal.follow.quantity, quantities[followed], followed, _weights_at(study, drive, places), wanted))
+    if goal.path is not None and along is not None:
+        factor = float(scene.units.factor("length")) * 1e3  # of mm, as points are told
+        through = np.array(goal.path.through, float) * factor
+        at = None
+        if goal.path.drive is not None:
+            at = _weights_at(study, drive, [_place(study, x, "goal.path.drive") for x in goal.path.drive])
+        terms.append(_passing(goal.path.point, (along[0], along[1]), through, at))
+    limits = []
+    for text, k, entry in limited:
+        ends = [None if x is None else _in_unit(x, quantities[k].unit, f"goal.limits.{text}") for x in (entry.least, entry.most)]
+        least, most = -np.inf if ends[0] is None else ends[0], np.inf if ends[1] is None else ends[1]
+        if least > most:
+            raise MechanismError(
+                Fault(f"goal.limits.{text}", "its least value is above the greatest.", "Give them the other way round.")
+            )
+        scale = max(abs(x) for x in (least, most) if np.isfinite(x)) or 1.0
+        limits.append(Limit(text, quantities[k].unit, k, least, most, scale))
+    return Problem(study, variables, tuple(terms), tuple(limits))
+
+
+def _variables(scene: Scene, goal: GoalDocument) -> tuple[Variable, ...]:
+    own = {v.name: v for v in parameters_of(scene)}
+    names = goal.vary or [v.name for v in own.values() if np.isfinite(v.low) and np.isfinite(v.high)]
+    for name in names:
+        if name not in own or not (np.isfinite(own[name].low) and np.isfinite(own[name].high)):
+            why = "has no range" if name in own else "follows from others" if name in scene.parameters else "is no parameter"
+            remedy = "Name a parameter that stands for itself, with a range: r = { value = '30 mm', range = ['20 mm', '50 mm'] }."
+            raise MechanismError(Fault("goal.vary", f"'{name}' {why}.", remedy))
+    if not names:
+        raise MechanismError(Fault("goal", "no parameter has a range in which it may vary.", "Give parameters a range."))
+    return tuple(own[name] for name in names)
+
+
+def _in_unit(value: float | str, unit: str, path: str) -> float:
+    """A stated value in the unit of a quantity. Raises `MechanismError`."""
+    if not isinstance(value, str):
+        return float(value)
+    try:
+        number, own = split(value)
+        wanted = unit_of(unit.replace("°", "deg").replace("²", "^2")) if unit not in ("", "1") else None
+        given = unit_of(own)
+        if wanted is None or wanted.powers != given.powers:
+            raise QuantityError(f"'{own}' is no unit of what is told in {unit or 'plain numbers'}.", "Give it in that.")
+        return float(number) * float(given.factor / wanted.factor)
+    except QuantityError as error:
+        raise MechanismError(Fault(path, str(error), error.remedy)) from None
+
+
+def _drive(study: Study) -> Real:
+    """The first drive's coordinate (F,) in the run, the same for all designs [rad or m]."""
+    drives = study.nominal.motion.mechanism.drives
+    if not drives:
+        return np.zeros(0)
+    return study.nominal.catalogue.coordinate(drives[0].joint)
+
+
+def _place(study: Study, value: float | str, path: str) -> float:
+    """A stated position of the first drive [rad or m]."""
+    run = study.nominal
+    slides = bool(run.motion.mechanism.drives) and run.catalogue.numbers.slides(run.motion.mechanism.drives[0].joint)
+    return _in_unit(value, "mm" if slides else "°", path) * (1e-3 if slides else np.pi / 180.0)
+
+
+def _weights_at(study: Study, drive: Real, places: Sequence[float]) -> Real:
+    """What the values of a curve (F,) weigh in its values where the drive is at places: (M, F). Raises `MechanismError`."""
+    time, unit = study.nominal.catalogue.numbers.time, np.eye(len(drive))
+    rows = []
+    for place in places:
+        probe = Measure(f"at {np.degrees(place):.6g}", "", reducer="at", place=place)
+        rows.append(probe.reduced(unit, time, drive if len(drive) else None))
+    return np.array(rows)
+
+
+def _following(text: str, quantity: Quantity, measure: int, at: Real, wanted: Real) -> Term:
+    """The root mean square deviation of a curve from values at places."""
+
+    def value(own: Sequence[Real]) -> Real:
+        return np.asarray(np.sqrt(np.mean((own[0] @ at.T - wanted) ** 2, axis=-1)))
+
+    def weights(own: Sequence[Real]) -> list[Real]:
+        left = own[0] @ at.T - wanted
+        return [left @ at / (len(wanted) * max(float(np.sqrt(np.mean(left**2))), 1e-300))]
+
+    return Term(f"deviation of {text}", quantity.unit, (measure,), value, weights, distance=True)
+
+
+def _passing(point: str, measures: tuple[int, int], through: Real, at: Real | None) -> Term:
+    """The root mean square distance of places from a path, at places of the drive or wherever it is nearest."""
+
+    def distances(x: Real, y: Real) -> tuple[Real, Real, Real]:
+        """Vectors from the places to the path (..., M), and what the frames weigh in these (..., M, F)."""
+        if at is not None:
+            return x @ at.T - through[:, 0], y @ at.T - through[:, 1], np.broadcast_to(at, (*x.shape[:-1], *at.shape))
+        dx, dy = x[..., None, :] - through[:, 0, None], y[..., None, :] - through[:, 1, None]
+        # the nearest place of the polygon through the frames
+        ex, ey = np.diff(dx, axis=-1), np.diff(dy, axis=-1)
+        with np.errstate(invalid="ignore", divide="ignore"):
+            share = np.clip(np.nan_to_num(-(dx[..., :-1] * ex + dy[..., :-1] * ey) / (ex**2 + ey**2)), 0.0, 1.0)
+        px, py = dx[..., :-1] + share * ex, dy[..., :-1] + share * ey
+        near = np.argmin(px**2 + py**2, axis=-1)[..., None]
+        s = np.take_along_axis(share, near, -1)
+        weights = np.zeros(dx.shape)
+        np.put_along_axis(weights, near, 1.0 - s, -1)
+        np.put_along_axis(weights, near + 1, s, -1)
+        return np.take_along_axis(px, near, -1)[..., 0], np.take_along_axis(py, near, -1)[..., 0], weights
+
+    def value(own: Sequence[Real]) -> Real:
+        dx, dy, _ = distances(own[0], own[1])
+        return np.asarray(np.sqrt(np.mean(dx**2 + dy**2, axis=-1)))
+
+    def weights(own: Sequence[Real]) -> list[Real]:
+        dx, dy, by = distances(own[0], own[1])
+        size = len(through) * max(float(np.sqrt(np.mean(dx**2 + dy**2))), 1e-300)
+        return [np.asarray((d[:, None] * by).sum(axis=0) / size) for d in (dx, dy)]
+
+    return Term(f"distance of {point}", "mm", measures, value, weights, distance=True)

@@ -1,0 +1,154 @@
+"""Optimisation: optima known beforehand, slopes of objectives, fronts, interruptions, what cannot be had."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from mechcore.errors import MechanismError
+from mechviz.commands.main import app
+from mechviz.runs import run_scene
+from mechviz.scene.scene import Scene, load
+from mechviz.studies.designs.optimise import Search, optimise
+from mechviz.studies.designs.problem import problem_of
+
+FRAMES = 24
+HIDDEN = {"a": 60.0, "b": 175.0, "c": 140.0, "x": 80.0, "y": 55.0}
+
+
+def four_bar(values, goal):
+    """A four-bar with a traced point whose dimensions vary."""
+    return Scene.build(
+        units={"length": "mm", "angle": "deg"},
+        parameters={
+            k: {"value": f"{v} mm", "range": [f"{0.7 * HIDDEN[k]} mm", f"{1.4 * HIDDEN[k]} mm"]} for k, v in values.items()
+        },
+        links={
+            "frame": {"points": {"A": [0, 0], "D": [200, 0]}},
+            "crank": {"points": {"A": [0, 0], "B": ["a", 0]}},
+            "coupler": {"points": {"B": [0, 0], "C": ["b", 0], "E": ["x", "y"]}},
+            "rocker": {"points": {"D": [0, 0], "C": ["c", 0]}},
+        },
+        joints={
+            "A": {"revolute": ["frame", "crank"], "drive": {"speed": 10.0}},
+            "B": {"revolute": ["crank", "coupler"]},
+            "C": {"revolute": ["coupler", "rocker"], "side": "left"},
+            "D": {"revolute": ["frame", "rocker"]},
+        },
+        trace=["coupler.E"],
+        goal=goal,
+    )
+
+
+@pytest.fixture(scope="module")
+def wanted():
+    """Angles of the rocker, and places of the point, of the hidden design."""
+    run = run_scene(four_bar(HIDDEN, None), frames=FRAMES)
+    return run.catalogue["link.rocker.angle"].values()[:-1:4, 0], run.catalogue["point.coupler.E.position"].values()[:-1:3]
+
+
+def goals(wanted):
+    angles, places = wanted
+    return {
+        "follow": {"follow": {"quantity": "link.rocker.angle", "drive": list(np.arange(0.0, 360.0, 60.0)), "values": list(angles)}},
+        "timed path": {"path": {"point": "coupler.E", "through": places.tolist(), "drive": list(np.arange(0.0, 360.0, 45.0))}},
+        "path": {"path": {"point": "coupler.E", "through": places.tolist()}},
+        "both": {"minimise": "link.rocker.angle:range", "maximise": ["point.coupler.E.position[x]:rms"]},
+    }
+
+
+AWAY = {k: v * f for (k, v), f in zip(HIDDEN.items(), (1.1, 0.93, 1.12, 0.9, 1.15), strict=True)}
+
+
+@pytest.mark.parametrize("kind", ["follow", "timed path", "path", "both"])
+def test_slopes_of_objectives_are_limits_of_their_differences(kind, wanted):
+    problem = problem_of(four_bar(AWAY, goals(wanted)[kind]), frames=FRAMES)
+    _, _, slopes, _ = problem.differentiated(problem.start)
+    for k in range(len(problem.variables)):
+        step = np.zeros(len(problem.variables))
+        step[k] = 1e-3
+        near = problem.judged(np.stack([problem.start + step, problem.start - step])).objectives
+        np.testing.assert_allclose(slopes[:, k], (near[0] - near[1]) / 2e-3, rtol=1e-4, atol=1e-7)
+
+
+@pytest.mark.parametrize("kind", ["follow", "timed path"])
+def test_a_hidden_linkage_is_found_again(kind, wanted):
+    goal = goals(wanted)[kind]
+    names = "abc" if kind == "follow" else "axy"
+    search = Search(problem_of(four_bar({k: AWAY[k] for k in names} | {k: HIDDEN[k] for k in HIDDEN if k not in names},
+                                        goal | {"vary": list(names)}), frames=FRAMES), generations=8)  # fmt: skip
+    best = optimise(search)
+    np.testing.assert_allclose(best.design, [HIDDEN[k] for k in names], rtol=1e-4)
+    assert search.best()[1] < 1e-3 and not search.refused
+
+
+def press(goal):
+    return load("parametric-press").changed({("goal",): {"vary": ["stroke", "ratio"], **goal}})
+
+
+def test_limits_decide_where_they_are_reached():
+    """The ram reaches (1 + ratio) stroke/2: least at the least ratio and the least stroke that is allowed."""
+    goal = {"minimise": "link.ram.position[x]:max", "limits": {"joint.S.displacement:range": {"least": "7 cm"}}}
+    best = optimise(Search(problem_of(press(goal), frames=12), seed=3))
+    np.testing.assert_allclose(best.design, [70.0, 3.0], rtol=1e-8)
+    rows = {row[0]: row for row in best.lines()}
+    assert "reached" in str(rows) and rows["ratio"][3] == "at its least value"
+    assert best.scene.parameters["stroke"].amount.number == pytest.approx(0.07)
+
+
+def test_the_same_seed_finds_the_same():
+    goal = {"minimise": "drive.A.torque:peak", "limits": {"joint.S.displacement:range": {"least": 70}}}
+    designs = [optimise(Search(problem_of(press(goal), frames=12), seed=s, generations=3)).design for s in (5, 5)]
+    np.testing.assert_array_equal(*designs)
+
+
+def test_a_front_has_no_design_that_another_beats():
+    """Stroke against length: on the front the ratio is least, and nothing else is."""
+    goal = {"minimise": "link.ram.position[x]:max", "maximise": "joint.S.displacement:range"}
+    best = optimise(Search(problem_of(press(goal), frames=12), generations=8), points=4)
+    objectives = best.search.problem.judged(best.front).objectives
+    assert len(best.front) == 4 and np.all(np.diff(objectives[:, 0]) > 0.0) and np.all(np.diff(objectives[:, 1]) < 0.0)
+    np.testing.assert_allclose(best.front[[0, -1], 0], [40.0, 120.0], rtol=1e-5)
+    np.testing.assert_allclose(best.front[:, 1], 3.0, rtol=5e-3)
+
+
+def test_an_interrupted_search_keeps_its_best():
+    calls = []
+
+    def stop(*said):
+        calls.append(said)
+        if len(calls) == 3:
+            raise KeyboardInterrupt
+
+    search = Search(problem_of(press({"minimise": "link.ram.position[x]:max"}), frames=12), progress=stop)
+    best = optimise(search)
+    assert (
+        search.interrupted
+        and search.all.objectives[search.all.best(), 0] == search.problem.judged(best.design[None]).objectives[0, 0]
+    )
+
+
+def test_what_cannot_be_had_is_said():
+    with pytest.raises(MechanismError, match="misses them by"):
+        goal = {"minimise": "link.ram.position[x]:max", "limits": {"joint.S.displacement:range": {"least": 500}}}
+        optimise(Search(problem_of(press(goal), frames=12), generations=2))
+    for goal, words in (
+        ({"minimise": "drive.A.torque"}, "is a curve"),
+        ({"minimise": "drive.A.torque:peak", "vary": ["speed2"]}, "is no parameter"),
+        ({"minimise": "drive.A.torque:peak", "vary": ["throw"]}, "follows from others"),
+        ({"minimise": "drive.A.torque:peak", "limits": {"joint.B.reaction:peak": {"most": "3 mm"}}}, "no unit"),
+        ({}, "without an objective"),
+        ({"follow": {"quantity": "drive.A.torque", "drive": [0, 1], "values": [1, 2, 3]}}, "Give as many"),
+    ):
+        with pytest.raises(MechanismError, match=words):
+            problem_of(press(goal), frames=12)
+
+
+def test_the_command_writes_a_better_scene(tmp_path):
+    file = tmp_path / "better.toml"
+    said = CliRunner().invoke(app, ["optimise", "parametric-press", "-n", "24", "--generations", "3", "-o", str(file)])
+    assert said.exit_code == 0 and "reached" in said.stdout
+    better = run_scene(load(file), frames=24).catalogue["drive.A.torque"].values().max()
+    assert better < 0.9 * run_scene(load("parametric-press"), frames=24).catalogue["drive.A.torque"].values().max()
+    assert CliRunner().invoke(app, ["optimise", "crank-rocker"]).exit_code == 2
