@@ -12,7 +12,7 @@ from mechcore.arrays import Real
 from mechcore.joints.base import Builder, LoopJoint
 from mechcore.joints.registry import build_joints
 from mechcore.spec.loads import Force
-from mechcore.spec.mechanism import CamJoint, Link, Mechanism, PinSlot, Prismatic, Rolling, Vec2
+from mechcore.spec.mechanism import CamJoint, Link, Mechanism, PinSlot, Prismatic, Rolling, Screw, Vec2
 from mechviz.meshes.kinds.cam_profiles import CamDrawing, InverseDrawing, cam_extents, find_cams, find_inverse
 from mechviz.meshes.kinds.fittings import Telescope, find_telescopes
 from mechviz.meshes.kinds.spatial_cams import SpatialDrawing, find_spatial
@@ -152,10 +152,12 @@ class Model:
     spatial: tuple[SpatialDrawing, ...] = ()  # barrel, end and globoidal cams
     guide_points: Mapping[str, Vec2] = field(default_factory=dict)  # prismatic joint -> its point on the ground, where there is one
     spindle: bool = False  # the ground guides blocks by rods through them, not by rails beside them
+    leads: Mapping[str, float] = field(default_factory=dict)  # guide of a screw, whose spindle goes through the nut -> its lead
 
     def spindles(self, link: str) -> set[str]:
         """Guides of the ground that are rods through a link."""
-        return {guide.joint for guide in self.guides if self.spindle and (guide.rail, guide.block) == (self.frame, link)}
+        own = [guide.joint for guide in self.guides if (guide.rail, guide.block) == (self.frame, link)]
+        return {joint for joint in own if self.spindle or joint in self.leads}
 
     def pins(self, link: str) -> list[Vec2]:
         """Pin centres of a link, in its frame."""
@@ -214,6 +216,7 @@ def build_model(
         inverse=find_inverse(mechanism, parts, size),
         guide_points=_ground_points(mechanism.frame, joints),
         spindle=spindle,
+        leads={f"{j.name}.slide": abs(j.lead) / size for j in mechanism.joints if isinstance(j, Screw)},
     )
 
 

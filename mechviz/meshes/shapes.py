@@ -18,6 +18,7 @@ from mechcore.arrays import Real
 from mechcore.spec.mechanism import Vec2
 from mechviz.meshes import outline
 from mechviz.meshes.draft import Draft, Neck, Piece, joined
+from mechviz.meshes.extrude import Profile
 from mechviz.meshes.kinds.cam_profiles import draw_inverse
 from mechviz.meshes.kinds.cams import draw_cams, group_cams
 from mechviz.meshes.kinds.fittings import (
@@ -32,6 +33,8 @@ from mechviz.meshes.kinds.fittings import (
 from mechviz.meshes.kinds.wheels_drawn import draw_wheels, group_wheels, rail_ends
 from mechviz.meshes.model import Guide, Model
 
+_FINE, _ROOT = 0.3, 0.82  # of a thread, in radii of its spindle: the least lead that can be seen, its root
+
 
 def draft_pieces(model: Model) -> Draft:
     """Choose the form of every guide and draw all pieces."""
@@ -42,8 +45,11 @@ def draft_pieces(model: Model) -> Draft:
     group_slots(model, draft)
     forms = {guide.joint: _form(model, guide) for guide in model.guides}
     homes = _homes(model, draft, forms)
+    turned = {_spindle_of(guide) for guide in model.leads if forms.get(guide) == "rails"}
     plates = {
-        name: _plate(model, name, forms) for name in model.links if name != model.frame and name not in homes and name not in plain
+        name: _plate(model, name, forms)
+        for name in model.links
+        if name != model.frame and name not in homes and name not in plain and name not in turned
     }
     join_welds(model, draft, plates)
     for guide in model.guides:
@@ -124,8 +130,9 @@ def _draw_guide(model: Model, draft: Draft, guide: Guide, form: str, *, at_home:
         block = _block(model, guide, half_width=1.25 * r, whole=at_home)
         draft.pieces.append(Piece(guide.block, block, group, "block", frozenset(model.spindles(guide.block))))
         low, high = _span(model, guide, whole=at_home)
-        if model.spindle:
+        if model.spindle or guide.joint in model.leads:
             _draw_spindle(model, draft, guide, group, (low, high))
+        if model.spindle:
             return
         strips = outline.guide_rails(guide.origin, guide.along, low, high, 1.25 * r, r)
         draft.pieces += [Piece(model.frame, strip, group, "rail") for strip in strips]
@@ -156,14 +163,35 @@ def _draw_guide(model: Model, draft: Draft, guide: Guide, form: str, *, at_home:
 
 
 def _draw_spindle(model: Model, draft: Draft, guide: Guide, group: str, span: tuple[float, float]) -> None:
-    """A rod of the ground through its block, from the guide's own point on."""
+    """A rod of the ground through its block, from the guide's own point on; that of a screw has a thread."""
     size = model.proportions
     low, high = min(span[0], -1.5 * size.r), max(span[1], 1.5 * size.r)
     radius = min(0.5 * size.t, 0.55 * size.r)
     bar = outline.rectangle(_along(guide.origin, guide.along, 0.5 * (low + high)), guide.along, high - low, 2.0 * radius, 0.0)
-    profile = ((0.0, low), (radius, low), (radius, high), (0.0, high))
+    turns = _threads(low, high, model.leads[guide.joint], radius) if guide.joint in model.leads else ((radius, low), (radius, high))
+    profile = ((0.0, low), *turns, (0.0, high))
     line = (guide.origin, guide.along)
-    draft.pieces.append(Piece(model.frame, bar, group, "rod", frozenset([guide.joint]), profile=profile, line=line))
+    mates = frozenset([guide.joint])
+    draft.pieces.append(Piece(model.frame, bar, group, "rod", mates, profile=profile, line=line))
+    if guide.joint in model.leads:
+        shaft = outline.disc((0.0, 0.0), 0.3 * radius, model.segments)  # within the rod: the turning link itself
+        draft.groups[_spindle_of(guide.joint)] = group
+        draft.pieces.append(Piece(_spindle_of(guide.joint), shaft, group, "block", mates))
+    if guide.joint in model.leads and span[0] > 0.8 * size.r:  # room before the nut
+        bearing = outline.rectangle(guide.origin, guide.along, 0.7 * size.r, 1.9 * size.r, 0.15 * size.r)
+        draft.pieces.append(Piece(model.frame, bearing, group, "block", mates))
+
+
+def _spindle_of(guide: str) -> str:
+    """The link that turns in the guide of a screw."""
+    return f"{guide.removesuffix('.slide')}.spindle"
+
+
+def _threads(low: float, high: float, lead: float, radius: float) -> Profile:
+    """Profile of a thread with its lead, or as fine as can be seen."""
+    count = max(int((high - low) / max(lead, _FINE * radius)), 1)
+    x = np.linspace(low, high, 2 * count + 1)
+    return tuple((radius * (1.0 if k % 2 == 0 else _ROOT), float(at)) for k, at in enumerate(x))
 
 
 def _plate(model: Model, link: str, forms: Mapping[str, str]) -> Polygon:

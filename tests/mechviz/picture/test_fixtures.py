@@ -98,6 +98,19 @@ def test_a_spindle_guides_its_sleeve_instead_of_rails():
     assert "rail" not in solids.links["frame"].kinds and "rod" in solids.links["frame"].kinds and not solids.clashes
 
 
+def test_a_screw_has_its_spindle_between_the_rails():
+    """As long as the nut travels, from the bearing on; its thread has the lead."""
+    run, solids, _ = shown("screw-jack")
+    kinds = solids.links["frame"].kinds
+    assert {"rod", "rail", "block"} <= set(kinds) and not solids.clashes
+    nut = run.motion.joint_position("S.slide")[:, 0]
+    vertices = solids.links["frame"].vertices
+    x = np.unique(vertices[np.abs(vertices[:, 1] + 0.02) < 1e-6, 0].round(6))  # on the spindle, in the plane through its axis
+    assert x[0] < 0.1 and x[-1] > nut.max()
+    crests = x[(x > 0.13) & (x < nut.max())]
+    assert np.median(np.diff(crests)) == pytest.approx(0.0025, rel=0.05), "a crest and a root in each lead of 5 mm"
+
+
 @pytest.mark.parametrize(
     ("link", "looks", "why"),
     [
