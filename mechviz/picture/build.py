@@ -25,6 +25,7 @@ from mechviz.picture.centres import centre_nodes
 from mechviz.picture.fixtures import bounds_with, find_fixtures, joined
 from mechviz.picture.flywheels import has_spindle
 from mechviz.picture.ink import ink_nodes
+from mechviz.picture.inversion import inversion_nodes
 from mechviz.picture.nodes import Body, Lines, Mesh, Picture, Points, Poses
 from mechviz.picture.overlays import overlay_nodes, section_nodes
 from mechviz.picture.proportions import about_z, arc_height, arrow_height, in_space, path_height
@@ -85,6 +86,7 @@ def picture_of(run: Run, solids: Solids, arrows: Arrows | None = None, known: Pi
         *joint_nodes(run, solids),
         *overlay_nodes(run, solids),
         *centre_nodes(run, solids),
+        *inversion_nodes(run, solids),
         *section_nodes(run, solids),
         *arrows.nodes(_arrow_heights(run, solids, arrows, coils, heights), solids.z_top),
     ]

@@ -159,6 +159,11 @@ class SceneBuilder:
         self._data.setdefault("percussion", []).extend(points)
         return self
 
+    def inversion(self, *joints: str) -> SceneBuilder:
+        """Disc cams whose synthesis by inversion is drawn."""
+        self._data.setdefault("inversion", []).extend(joints)
+        return self
+
     def equivalent(self, *joints: str) -> SceneBuilder:
         """Cams, gears, racks, pins in slots whose equivalent linkages are drawn."""
         self._data.setdefault("equivalent", []).extend(joints)

@@ -15,6 +15,7 @@ from mechcore.constructions.curvature import InflectionCircle, PathCurvature, in
 from mechcore.constructions.equivalents import Equivalent, equivalent
 from mechcore.constructions.force_polygons import Funicular, force_polygons, funicular
 from mechcore.constructions.instant_centres import InstantCentre, kennedy
+from mechcore.constructions.inversion import CamInversion, cam_inversion
 from mechcore.constructions.percussion import Percussion, percussion
 from mechcore.constructions.polygons import Centrodes, Polygon, acceleration_polygon, centrodes, velocity_polygon
 from mechcore.errors import Fault, MechanismError
@@ -76,6 +77,7 @@ class StudyResults:
     evolutes: Mapping[str, PathCurvature] = field(default_factory=dict)
     inflection: Mapping[str, InflectionCircle] = field(default_factory=dict)
     percussion: Mapping[str, Percussion] = field(default_factory=dict)
+    inversion: Mapping[str, CamInversion] = field(default_factory=dict)
 
 
 def compute(motion: Motion, forces: Forces | None) -> StudyResults:
@@ -100,6 +102,7 @@ def compute(motion: Motion, forces: Forces | None) -> StudyResults:
         instant_centres=kennedy(motion, asked.instant_centres) if asked.instant_centres else {},
         evolutes={_place(*at): path_curvature(motion, *at) for at in asked.evolutes},
         inflection={link: inflection_circle(motion, link) for link in asked.inflection},
+        inversion={joint: cam_inversion(motion, joint) for joint in asked.inversion},
         percussion={_place(*at): percussion(motion, *at) for at in asked.percussion},
     )
     return result if asked.shaking is None else _shaken(result, asked.shaking, motion)

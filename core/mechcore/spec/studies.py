@@ -98,6 +98,7 @@ class Studies:
     evolutes: tuple[Place, ...] = ()
     inflection: tuple[str, ...] = ()  # links
     percussion: tuple[Place, ...] = ()  # points about which their links turn
+    inversion: tuple[str, ...] = ()  # cams
     pens: tuple[PenStudy, ...] = ()
 
     def items(self) -> tuple[tuple[str, str], ...]:
@@ -124,4 +125,5 @@ class Studies:
         ]
         asked += [(f"percussion {a}.{b}", "centre of percussion and the line of the inertia resultant") for a, b in self.percussion]
         asked += [(f"pen {s.name}", f"what {s.link}.{s.point} draws") for s in self.pens]
+        asked += [(f"inversion {joint}", "profile as the envelope of the follower") for joint in self.inversion]
         return tuple(asked)

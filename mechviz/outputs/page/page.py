@@ -15,6 +15,7 @@ from mechviz.outputs.page.shapes import hex_of, pack_bodies, pack_drawables, pac
 from mechviz.outputs.presentation import Presentation
 from mechviz.outputs.rerun.blueprint import LONGEST_SHOW, SECONDS_A_CYCLE, SHORTEST_SHOW
 from mechviz.picture.centres import CENTRES
+from mechviz.picture.inversion import INVERSION, WORDS
 from mechviz.picture.nodes import Picture
 from mechviz.picture.overlays import DIAGRAMS, HIDDEN
 from mechviz.quantities.catalogue import Catalogue
@@ -62,6 +63,7 @@ GROUPS = {
     "funicular": "Funicular",
     "substitutes": "Substitute masses",
     "equivalent": "Equivalent linkages",
+    INVERSION: WORDS,
     **{group: words for group, (words, _) in CENTRES.items()},
     **{group: diagram.title for group, diagram in DIAGRAMS.items()},
 }

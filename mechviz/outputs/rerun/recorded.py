@@ -19,6 +19,7 @@ from mechviz.outputs.rerun.reader import Recording
 from mechviz.picture.arrows import with_scales
 from mechviz.picture.centres import CENTRES
 from mechviz.picture.constructions import Drawing, Mark, Stroke
+from mechviz.picture.inversion import INVERSION
 from mechviz.picture.nodes import ArrowSet, Body, Color, Lines, Mesh, Node, Picture, Points, Poses
 from mechviz.picture.surface_marks import KINDS
 from mechviz.quantities.items import JointInfo, Table
@@ -123,6 +124,9 @@ def _guessed(recording: Recording) -> Iterator[NodePart]:
                 found = ("arrowset", "funicular.resultants", ["construction", "funicular"], "funicular", "")
             case ("polygons", "polodes", link):
                 found = ("lines", f"polode.{link}.fixed", ["link", link], "polodes", "")
+            case ("mechanism", "links", link, name) if name.startswith(f"{INVERSION} "):
+                joint, what = name.removeprefix(f"{INVERSION} ").rsplit(" ", 1)
+                found = ("lines", f"{INVERSION}.{joint}.{what}", ["joint", joint], INVERSION, link)
             case ("mechanism", "links", link, "polode"):
                 found = ("lines", f"polode.{link}.moving", ["link", link], "polode", link)
             case ("polygons", "equivalent", joint):

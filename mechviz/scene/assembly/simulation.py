@@ -36,8 +36,8 @@ if TYPE_CHECKING:
 
 _NEEDS_DRIVE = ("velocity_ratio", "mechanical_advantage")
 _STUDIES = (
-    "plans", "polodes", "equivalent", "reduced", "shaking", "instant_centres", "evolutes", "inflection", "percussion", "systems",
-    "substitutes",
+    "plans", "polodes", "equivalent", "reduced", "shaking", "instant_centres", "evolutes", "inflection", "percussion",
+    "inversion", "systems", "substitutes",
 )  # fmt: skip
 _ADD_FREE = 'Leave it out, or let forces move a joint: free = { speed = "10 rpm" } instead of its drive.'
 

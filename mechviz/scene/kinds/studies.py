@@ -188,7 +188,17 @@ def needs_inertia(document: SceneDocument, link: str) -> bool:
 
 def check_studies(document: SceneDocument, links: Mapping[str, list[str] | None], complete: bool) -> Iterator[Fault]:
     """Faults of reference. ``links``: names of the points of every link, None where they could not be read."""
-    for key in ("plans", "polodes", "equivalent", "reduced", "instant_centres", "evolutes", "inflection", "percussion"):
+    for key in (
+        "plans",
+        "polodes",
+        "equivalent",
+        "reduced",
+        "instant_centres",
+        "evolutes",
+        "inflection",
+        "percussion",
+        "inversion",
+    ):
         names = getattr(document, key)
         for k, name in enumerate(names):
             if name in names[:k] and is_whole(name):
@@ -212,6 +222,11 @@ def check_studies(document: SceneDocument, links: Mapping[str, list[str] | None]
                 continue
             yield from _link(f"{key}[{k}]", link, links, complete, document.frame)
             yield from _point(f"{key}[{k}]", link, point, links)
+    cams = [name for name, joint in document.joints.items() if joint.kinds == ["cam"]]
+    for k, name in enumerate(document.inversion):
+        if complete and is_whole(name) and name not in cams:
+            what = "is no cam" if name in document.joints else "is no joint"
+            yield Fault(f"inversion[{k}]", f"'{name}' {what}.", did_you_mean(name, cams, what="Cams") or "Leave it out.")
     fitting = [name for name, joint in document.joints.items() if joint.kinds and joint.traits.higher]
     for k, name in enumerate(document.equivalent):
         if not complete or not is_whole(name) or name in fitting:
@@ -328,6 +343,7 @@ def studies_of(
         instant_centres=tuple(document.instant_centres),
         evolutes=tuple(_place(text) for text in document.evolutes),
         inflection=tuple(document.inflection),
+        inversion=tuple(document.inversion),
         percussion=tuple(_place(text) for text in document.percussion),
         sections=tuple(_sections(name, entry, document, placement, convert) for name, entry in document.sections.items()),
         pens=tuple(_pen(name, entry, document, placement, convert) for name, entry in document.pens.items()),

@@ -41,7 +41,7 @@ def test_the_gallery_has_what_it_promises():
         "rolling-wheel", "slotted-lever", "excavator-arm", "parallelogram", "antiparallelogram", "kite", "piston-driven-crank",
         "double-parallelogram", "two-guides", "near-flat-four-bar", "eight-bar", "stephenson-six-bar", "micro-gripper",
         "plans-four-bar", "coriolis-lever",
-        "polodes-four-bar", "instant-centres", "inflection-circle", "connecting-rod-inertia",
+        "polodes-four-bar", "instant-centres", "inflection-circle", "connecting-rod-inertia", "cam-by-inversion",
         "cardan-circles", "four-forces", "parallel-forces", "substitute-masses", "reduced-inertia",
         "shaking-four-bar", "shaking-engine", "percussion-centre", "inertia-translation", "inertia-uniform-translation",
         "inertia-rotation-about-centre", "inertia-uniform-rotation-about-centre", "inertia-uniform-rotation",

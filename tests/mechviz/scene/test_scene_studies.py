@@ -121,6 +121,7 @@ def test_the_schema_knows_the_keywords():
         ({"inflection": ["frame"]}, "inflection[0]", "fixed link"),
         ({"evolutes": ["coupler"]}, "evolutes[0]", "names no point"),
         ({"evolutes": ["coupler.X"]}, "evolutes[0]", "no point 'X'"),
+        ({"inversion": ["A"]}, "inversion[0]", "'A' is no cam"),
         ({"percussion": ["rod.B"]}, "percussion[0]", "no link 'rod'"),
         ({"reduced": ["rocker.X"]}, "reduced[0]", "no point 'X'"),
         ({"reduced": ["rock.D"]}, "reduced[0]", "Did you mean 'rocker'?"),

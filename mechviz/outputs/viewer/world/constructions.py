@@ -23,6 +23,7 @@ from mechviz.outputs.viewer.world.labels import LabelPlaces, half_sizes
 from mechviz.outputs.viewer.world.solids import link_path
 from mechviz.picture.centres import CENTRES
 from mechviz.picture.constructions import Drawing, rows_of
+from mechviz.picture.inversion import INVERSION, WORDS
 from mechviz.picture.nodes import ArrowSet, Lines, Node, Points
 from mechviz.picture.overlays import DIAGRAMS, HIDDEN
 
@@ -41,6 +42,7 @@ OVERLAYS = {
     "Polodes": ("polodes", "polode"),
     "Funicular polygon": ("funicular",),
     "Equivalent linkages": ("equivalent",),
+    WORDS: (INVERSION,),
     "Substitute masses": ("substitutes",),
     **{words: (group,) for group, (words, _) in CENTRES.items()},
     **{diagram.title: (group,) for group, diagram in DIAGRAMS.items()},
@@ -304,7 +306,7 @@ class PlanNodes:
                     nodes += [lines, *(label for _, label in named)]
                     shows.append(partial(_bend, node, lines, named))
                 case Lines():
-                    below = f"{link_path(node.parent)}/polode" if node.parent else path
+                    below = f"{link_path(node.parent)}/{node.key.replace('/', '_')}" if node.parent else path
                     flat = segments(node, 0)
                     nodes.append(self._lines(below, flat, [node.colors[0]] * len(flat), 2.5))
                 case ArrowSet():
