@@ -49,6 +49,9 @@ COMMANDS = {
     "draw": {
         "draw": "Turn an SVG drawing, or words, into a machine that draws it: three cams on a shaft, levers, rods and a pen.",
     },
+    "walk": {
+        "walk": "Let a mechanism walk: its fixed link becomes the body, and the foot that is lowest stands still on the ground.",
+    },
     "sweep": {
         "sweep": "Compute quantities of many designs: a grid, lists or samples of a scene's parameters, one row for each design.",
     },

@@ -151,6 +151,7 @@ class Model:
     inverse: tuple[InverseDrawing, ...] = ()
     spatial: tuple[SpatialDrawing, ...] = ()  # barrel, end and globoidal cams
     guide_points: Mapping[str, Vec2] = field(default_factory=dict)  # prismatic joint -> its point on the ground, where there is one
+    planes: Mapping[str, float] = field(default_factory=dict)  # link -> how far in front of the others it lies at least
     spindle: bool = False  # the ground guides blocks by rods through them, not by rails beside them
     leads: Mapping[str, float] = field(default_factory=dict)  # guide of a screw, whose spindle goes through the nut -> its lead
 
@@ -217,6 +218,7 @@ def build_model(
         guide_points=_ground_points(mechanism.frame, joints),
         spindle=spindle,
         leads={f"{j.name}.slide": abs(j.lead) / size for j in mechanism.joints if isinstance(j, Screw)},
+        planes={link.name: link.plane / size for link in links if link.plane},
     )
 
 

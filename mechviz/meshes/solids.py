@@ -114,7 +114,8 @@ def _build(
         model = replace(model, segments=_sides(chord / (model.size * largest_circle(model)), 512))
     draft = draft_pieces(model)
     levels = stack_pieces(model, draft)
-    if (levels.top + 1) * model.proportions.pitch > DEEPEST and not model.telescopes:  # thin barrels would look like wires
+    free = not model.telescopes and not model.planes  # thin barrels would look like wires; stated planes stay
+    if free and (levels.top + 1) * model.proportions.pitch > DEEPEST:
         model = replace(model, proportions=model.proportions.thinner(DEEPEST / ((levels.top + 1) * model.proportions.pitch)))
         draft, levels = draft_pieces(model), replace(levels, size=model.proportions)
     parts = make_parts(model, draft, levels)

@@ -18,6 +18,7 @@ from mechviz.scene.fields import (
     Duration,
     GravityVector,
     Inertia,
+    Length,
     Name,
     Point,
     Table,
@@ -29,6 +30,7 @@ from mechviz.scene.fields import (
     refuse,
 )
 from mechviz.scene.kinds.bodies import LumpDocument, MassDocument, MassEntry
+from mechviz.scene.kinds.copies import CopyDocument
 from mechviz.scene.kinds.drives import Method, Tolerance, WatchDocument
 from mechviz.scene.kinds.friction import FrictionDefaults
 from mechviz.scene.kinds.goals import GoalDocument
@@ -125,6 +127,8 @@ class LinkDocument(Table):
     """Acceleration of gravity for this link alone, where it differs from the scene's."""
     shape: Literal["bar", "point"] | None = None
     """Instead of centre and inertia: "bar", slender between the first two points, or "point", all at the first."""
+    plane: Length = 0.0
+    """Parallel planes: how far in front of the other links it lies at least, along the shaft. Drawn, not computed."""
     lumps: list[LumpDocument] = Field(default=[])
     """Point masses fixed to the link: counterweights, or all of its mass (a lumped model)."""
     looks: LookEntry | None = None
@@ -239,6 +243,8 @@ class SceneDocument(Table):
     """Links along which section forces are wanted, by name."""
     goal: GoalDocument | None = None
     """What `mechviz optimise` looks for: parameters that vary, objectives, limits."""
+    copies: list[CopyDocument] = Field(default=[])
+    """Links once more with their joints and loads, turned on their shaft by a phase and moved along it."""
     pens: dict[Name, PenDocument] = Field(default={})
     """Points that draw, by the name of what they draw."""
 

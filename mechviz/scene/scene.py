@@ -21,6 +21,7 @@ from mechviz.scene.convert import Converter
 from mechviz.scene.document import FORMER, FORMER_INNER, SceneDocument, value_at, with_values
 from mechviz.scene.faults import SceneError, in_file_order, path_as_written, path_text
 from mechviz.scene.folder import SceneFolder, copy_files
+from mechviz.scene.kinds.copies import with_copies
 from mechviz.scene.kinds.settings import accuracy_of
 from mechviz.scene.names import files_named
 from mechviz.scene.reading.formulas import ParameterValue, parameter_changes, resolve
@@ -221,7 +222,13 @@ def _read(raw: Mapping[str, Any], name: str, folder: SceneFolder, *, source: str
     for section in ("watch", "loads"):
         if isinstance(data.get(section), Mapping):
             data[section] = {key: _with_present_keys(data[section][key], f"{section}.{key}", former) for key in data[section]}
-    return _assembled(read_document(data), name, folder, former, source, file)
+    reading = read_document(with_copies(data, resolve(data).data if "copies" in data else {}))
+    reading.faults += [
+        Fault(f"copies[{k}]", "its links cannot be copied as it is written.", "Name links of the scene, and write plain values.")
+        for k in range(len(reading.document.copies))
+        if not reading.faults
+    ]
+    return _assembled(reading, name, folder, former, source, file)
 
 
 def _with_present_keys(value: Any, path: str, former: dict[str, str]) -> Any:

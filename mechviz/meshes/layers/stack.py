@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
@@ -76,11 +77,27 @@ def stack_pieces(model: Model, draft: Draft) -> Levels:
     behind |= {number[draft.groups[name]]: _CARRIER for name in model.wheels.carriers - {model.frame}}
     behind |= {number[group]: _CARRIER for group in webs(model, draft)}
     order = order_layers(conflicts, posts, behind)
-    layer = {name: order.layers[number[name]] for name in names}
+    layer = _in_planes(model, draft, {name: order.layers[number[name]] for name in names})
     axles, necks = len(model.axles), len(draft.necks)
-    top = max(order.layers, default=0)
+    top = max(layer.values(), default=0)
     passed = tuple(tuple(sorted({layer[g] for g in draft.reached(model, k)})) for k in range(axles))
     return Levels(model.proportions, layer, draft.groups, passed, order.front[:axles], order.front[axles + necks :], top)
+
+
+def _in_planes(model: Model, draft: Draft, layer: dict[str, int]) -> dict[str, int]:
+    """Layers of groups so that links of a plane lie together, as far in front of the first plane as is stated at least."""
+    plane = dict.fromkeys(layer, 0.0)
+    for piece in draft.pieces:
+        plane[piece.group] = max(plane[piece.group], model.planes.get(piece.link, 0.0), key=abs)
+    found: dict[str, int] = {}
+    last = -1
+    for at in sorted(set(plane.values())):
+        own = [group for group in layer if plane[group] == at]
+        used = sorted({layer[group] for group in own})
+        first = max(last + 1, math.ceil((at - min(plane.values())) / model.proportions.pitch - 1e-9))
+        found |= {group: first + used.index(layer[group]) for group in own}
+        last = first + len(used) - 1
+    return found
 
 
 def _axle_reach(model: Model, draft: Draft, number: int) -> _Reach:

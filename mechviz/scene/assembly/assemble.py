@@ -98,7 +98,9 @@ def assemble(
             continue  # what fails here fails by a part that could not be read, which is noted already
         if points:
             own = None if link.gravity is None else convert.vector(link.gravity, "gravity", f"links.{key}.gravity")
-            links.append(Link(name=key, points=points, mass=mass, centre=centre, inertia=inertia, gravity=own))
+            plane = convert.si(link.plane, "length", f"links.{key}.plane")
+            made = Link(name=key, points=points, mass=mass, centre=centre, inertia=inertia, gravity=own, plane=plane)
+            links.append(made)
     made_joints = [
         joint_spec(key, joint, document, placement, convert) for key, joint in document.joints.items() if len(joint.kinds) == 1
     ]

@@ -1,0 +1,131 @@
+"""A walk on level ground of a mechanism whose frame is the body of an animal or a toy: the lowest foot stands still.
+
+The body keeps its attitude. At every time the foot that is lowest in the body's axes is the one on the ground: the body moves as
+that foot's point moves in it, backwards. Where another foot takes over the speed of the body may jump. Feet that touch the ground
+without being the lowest slip.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from mechcore.arrays import Complex, Index, Real
+from mechcore.errors import Fault, MechanismError
+from mechviz.runs import run_scene
+from mechviz.scene.scene import Scene
+
+GROUND, CART = "ground", "cart"
+SLIDES = ("along", "up")
+_TABLE = 240  # rows of a cycle, beside the places where another foot takes over
+
+
+@dataclass(frozen=True, eq=False)
+class Walk:
+    """A walk over one cycle at ``time`` (F,) [s]: ``body`` (F,) the place of the body's axes in the world [m], the first at x = 0;
+    ``rate`` its velocity (F,) [m/s], ``foot`` (F,) which foot stands on the ground. ``time`` has the times at which another one
+    takes over twice, with the velocities before and after.
+
+    ``advance`` [m] in the cycle; ``bounce`` [m]: how far the body goes up and down; ``shares`` of the cycle that each foot stands;
+    ``slips`` [m]: how far each slips in the cycle while it is on the ground, or not higher than ``touch``, and another one stands.
+    """
+
+    feet: tuple[str, ...]
+    time: Real
+    body: Complex
+    rate: Complex
+    foot: Index
+    advance: float
+    bounce: float
+    shares: tuple[float, ...]
+    slips: tuple[float, ...]
+    touch: float
+
+
+def walk_of(scene: Scene, feet: Sequence[tuple[str, str]], touch: float) -> Walk:
+    """The walk of a scene whose fixed link is the body, on its ``feet``: links and their points. ``touch`` [m], see `Walk`.
+
+    Raises where there are fewer than two feet, or where the motion does not repeat.
+    """
+    names = tuple(f"{link}.{point}" for link, point in feet)
+    if len(feet) < 2:
+        raise MechanismError(Fault("feet", f"{len(feet)} feet: at least two take turns.", "Name another one."))
+    motion = run_scene(scene.changed({("run", "frames"): _TABLE, ("run", "cycles"): 1})).motion
+    place, rate = (np.stack([motion.point(*foot, k) @ np.array([1.0, 1.0j]) for foot in feet]) for k in (0, 1))
+    gap = float(np.abs(place[:, -1] - place[:, 0]).max())
+    if gap > 1e-6 * float(np.abs(place).max()):
+        raise MechanismError(Fault("feet", "their paths do not close in a cycle of the drive.", "Let the drive turn once."))
+    t, z, v, foot = _with_changes(motion.time, place, rate)
+    step = np.diff(t)
+    speed = -v[foot, np.arange(len(t))]
+    x = np.concatenate([[0.0], np.cumsum(0.5 * (speed.real[1:] + speed.real[:-1]) * step)])
+    body = x - 1j * z[foot, np.arange(len(t))].imag
+    low = z.imag - z.imag.min(axis=0) <= touch
+    slips = []
+    for k in range(len(feet)):
+        along = np.abs((v[k] + speed).real)
+        on = low[k] & (foot != k)
+        slips.append(float(np.sum(np.where(on[1:] & on[:-1], 0.5 * (along[1:] + along[:-1]) * step, 0.0))))
+    stands = [float(np.sum(step[(foot[1:] == k) & (foot[:-1] == k)]) / (t[-1] - t[0])) for k in range(len(feet))]
+    bounce = float(np.ptp(body.imag))
+    return Walk(names, t, body, speed, foot, float(x[-1]), bounce, tuple(stands), tuple(slips), touch)
+
+
+def _with_changes(time: Real, place: Complex, rate: Complex) -> tuple[Real, Complex, Complex, Index]:
+    """Times, places and velocities of all feet and the one that stands, with the times put in, twice, at which that changes."""
+    lowest = np.argmin(place.imag, axis=0)
+    times, places, rates, feet = [time[:1]], [place[:, :1]], [rate[:, :1]], [lowest[:1]]
+    for k in range(len(time) - 1):
+        a, b = lowest[k], lowest[k + 1]
+        if a != b:
+            h = time[k + 1] - time[k]
+            d0, d1 = (place[a, j].imag - place[b, j].imag for j in (k, k + 1))
+            u = d0 / (d0 - d1)
+            for which in (a, b):
+                times.append(np.array([time[k] + u * h]))
+                places.append(_between(place[:, k], place[:, k + 1], rate[:, k], rate[:, k + 1], u, h)[:, None])
+                rates.append(((1.0 - u) * rate[:, k] + u * rate[:, k + 1])[:, None])
+                feet.append(np.array([which]))
+        times.append(time[k + 1 : k + 2])
+        places.append(place[:, k + 1 : k + 2])
+        rates.append(rate[:, k + 1 : k + 2])
+        feet.append(lowest[k + 1 : k + 2])
+    return np.concatenate(times), np.concatenate(places, axis=1), np.concatenate(rates, axis=1), np.concatenate(feet)
+
+
+def _between(a: Complex, b: Complex, da: Complex, db: Complex, u: float, h: float) -> Complex:
+    """A cubic through places and rates at both ends of a step, at a part of it."""
+    w = 1.0 - u
+    return a * w * w * (1.0 + 2.0 * u) + b * u * u * (1.0 + 2.0 * w) + h * (da * u * w * w - db * u * u * w)
+
+
+def walking_scene(scene: Scene, walk: Walk, name: str) -> Scene:
+    """The scene with the ground as its fixed link: two slides lead the body along it, as the walk says; the feet are traced."""
+    document = scene.document
+    data = document.written()
+    taken = [key for key in (GROUND, CART) if key in document.links] + [key for key in (*SLIDES,) if key in document.joints]
+    if taken:
+        raise MechanismError(Fault("links", f"a part is called '{taken[0]}' already.", "Rename it."))
+    low = float(walk.body.imag.min())
+    data["frame"] = GROUND
+    body = dict(data["links"][document.frame])
+    body["points"] = {**body["points"], CART: ["0 mm", "0 mm"]}
+    data["links"] = {
+        GROUND: {"points": {GROUND: ["0 mm", "0 mm"]}},
+        CART: {"points": {GROUND: ["0 mm", "0 mm"], CART: ["0 mm", f"{0.5e3 * low:.9g} mm"]}},
+        **{link: body if link == document.frame else table for link, table in data["links"].items()},
+    }
+    duration = float(walk.time[-1] - walk.time[0])
+    at = [f"{t:.9g} s" for t in walk.time - walk.time[0]]
+    up = walk.rate.imag - np.trapezoid(walk.rate.imag, walk.time) / duration  # of a cycle that closes
+    guides = {"along": ([GROUND, CART], GROUND, [1, 0]), "up": ([CART, document.frame], CART, [0, 1])}
+    for (key, (links, point, along)), rate in zip(guides.items(), (walk.rate.real, up), strict=True):
+        start = 0.0 if key == "along" else float(walk.body[0].imag) - 0.5 * low
+        law = {"velocity": {"at": at, "values": [f"{1e3 * value:.9g} mm/s" for value in rate]}}
+        drive = {"start": f"{1e3 * start:.9g} mm", "segments": [{"duration": f"{duration:.9g} s", "law": law}]}
+        data["joints"][key] = {"prismatic": links, "at": point, "along": along, "drive": drive}
+    data["trace"] = list(dict.fromkeys([*data.get("trace", []), *walk.feet]))
+    data["title"] = f"{scene.title}, walking"
+    return Scene.build(name=name, folder=scene.folder, **data)

@@ -1,0 +1,118 @@
+"""Copies of parts on a shaft, planes along it, and mechanisms that walk."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import mechviz
+from mechviz.automata.walking import walk_of, walking_scene
+from mechviz.picture.build import solids_of
+from mechviz.runs import run_scene
+
+UNITS = {"length": "mm", "angle": "deg"}
+
+
+def stack(count, **copy):
+    return mechviz.Scene.build(
+        units=UNITS,
+        parameters={"late": "40 deg"},
+        run={"frames": 72},
+        links={
+            "frame": {"points": {"O": [0, 0], "G": [0, 60], "C": [90, 0]}},
+            "shaft": {"points": {"O": [0, 0], "B": [12, 0]}},
+            "lifter": {"points": {"T": [0, 0]}},
+            "rod": {"points": {"B": [0, 0], "C": [70, 0]}},
+            "slide": {"points": {"C": [0, 0]}},
+        },
+        joints={
+            "O": {"revolute": ["frame", "shaft"], "drive": {"speed": "10 rpm"}},
+            "S": {"prismatic": ["frame", "lifter"], "at": ["G", "T"], "along": [0, 1]},
+            "K": {
+                "cam": ["shaft", "lifter"],
+                "follower": {"roller": 5, "guide": "S", "point": "T"},
+                "profile": {"base": 20, "phase": 15, "lift": [{"over": 180, "to": 12}, {"over": 180, "to": 0}]},
+            },
+            "B": {"revolute": ["shaft", "rod"]},
+            "C": {"revolute": ["rod", "slide"]},
+            "X": {"prismatic": ["frame", "slide"], "at": ["O", "C"], "branch": "ahead"},
+        },
+        copies=[{"count": count, **copy}] if count else [],
+    )
+
+
+def test_copied_followers_do_the_same_a_phase_earlier():
+    """Turned by its phase a cam lifts as the first one does a phase later: three lifts are one curve, shifted by frames."""
+    motion = run_scene(stack(2, of=["lifter"], phase=40)).motion
+    lift = [motion.point(name, "T")[:-1, 1] for name in ("lifter", "lifter 2", "lifter 3")]
+    for k, late in enumerate(lift):
+        assert np.allclose(late, np.roll(lift[0], -8 * k), atol=1e-12)
+    assert np.ptp(lift[0]) == pytest.approx(12e-3)
+
+
+def test_copied_cranks_are_fixed_to_the_first_at_their_phase():
+    """A slider-crank a quarter of a turn ahead, from the closed form of its stroke."""
+    motion = run_scene(stack(1, of=["shaft", "lifter", "rod", "slide"], phase=90)).motion
+    angle = 2.0 * np.pi * np.arange(73) / 72
+    for name, phase in (("slide", 0.0), ("slide 2", 0.5 * np.pi)):
+        turn = angle + phase
+        assert np.allclose(motion.point(name, "C")[:, 0], 12e-3 * np.cos(turn) + np.sqrt(70e-3**2 - (12e-3 * np.sin(turn)) ** 2))
+    lift = [motion.point(name, "T")[:-1, 1] for name in ("lifter", "lifter 2")]
+    assert np.allclose(lift[0], lift[1], atol=1e-12) is False
+    assert {joint.name for joint in motion.mechanism.joints} >= {"K 2", "S 2", "B 2", "X 2", "O 2"}
+
+
+def test_copies_lie_one_behind_the_other_along_the_shaft():
+    apart = 0.05
+    run = run_scene(stack(3, of=["lifter"], phase=-30, offset=1e3 * apart))
+    z = {name: solid.vertices[:, 2] for name, solid in solids_of(run).links.items() if name.startswith("lifter")}
+    middles = [0.5 * (v.min() + v.max()) for v in (z[name] for name in ("lifter", "lifter 2", "lifter 3", "lifter 4"))]
+    beyond = np.array(middles) - middles[0] - apart * np.arange(4)
+    assert np.all(beyond > -1e-6) and np.all(beyond < 6e-3)  # whole layers of 4.9 mm
+
+
+def test_copies_read_back_as_they_were_and_faults_are_told():
+    scene = stack(2, of=["lifter"], phase="late / 2")
+    assert mechviz.loads(scene.to_toml()) == scene
+    with pytest.raises(mechviz.SceneError, match=r"copies\[0\]\.of\[0\].*there is no link 'liftr'"):
+        stack(1, of=["liftr"])
+    with pytest.raises(mechviz.SceneError, match=r"copies\[0\].count"):
+        stack(0.5, of=["lifter"])
+
+
+@pytest.fixture(scope="module")
+def toy():
+    return mechviz.load("walking-toy")
+
+
+def test_the_standing_foot_stands_still_in_the_scene_of_the_walk(toy):
+    walk = walk_of(toy, [("foot", "H"), ("foot 2", "H")], 1e-3)
+    motion = run_scene(walking_scene(toy, walk, "walk").changed({("run", "frames"): 999})).motion
+    heights = np.stack([motion.point(foot, "H")[:, 1] for foot in ("foot", "foot 2")])
+    speeds = np.stack([motion.point(foot, "H", 1)[:, 0] for foot in ("foot", "foot 2")])
+    stands = heights.argmin(axis=0)
+    assert np.abs(heights.min(axis=0)).max() < 2e-6
+    assert np.abs(speeds[stands, np.arange(1000)]).max() < 1e-3 * np.abs(speeds).max()
+    gone = motion.point("frame", "A")[-1] - motion.point("frame", "A")[0]
+    assert gone == pytest.approx([walk.advance, 0.0], abs=1e-6)
+
+
+def test_a_walk_of_wheels_of_spokes_is_the_one_of_a_rimless_wheel():
+    """Feet at the ends of evenly spaced spokes about the crank's axis: the body rolls over each spoke like a rimless wheel, whose
+    step is a chord, whose bounce is r (1 - cos(pi / n)), and of which a foot never slips."""
+    n, r = 5, 30.0
+    feet = {f"F{k}": [r * np.cos(2.0 * np.pi * k / n), r * np.sin(2.0 * np.pi * k / n)] for k in range(n)}
+    scene = mechviz.Scene.build(
+        units=UNITS,
+        links={"frame": {"points": {"A": [0, 0]}}, "wheel": {"points": {"A": [0, 0], **feet}}},
+        joints={"A": {"revolute": ["frame", "wheel"], "drive": {"speed": "-10 rpm"}}},
+    )
+    walk = walk_of(scene, [("wheel", name) for name in feet], 1e-9)
+    assert walk.advance == pytest.approx(n * 2e-3 * r * np.sin(np.pi / n), rel=1e-4)
+    assert walk.bounce == pytest.approx(1e-3 * r * (1.0 - np.cos(np.pi / n)), rel=1e-3)
+    assert walk.shares == pytest.approx([1.0 / n] * n, rel=1e-3) and max(walk.slips) < 1e-15
+
+
+def test_a_walk_needs_two_feet(toy):
+    with pytest.raises(Exception, match="at least two take turns"):
+        walk_of(toy, [("foot", "H")], 1e-3)
