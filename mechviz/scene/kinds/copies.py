@@ -46,7 +46,7 @@ def with_copies(raw: Mapping[str, Any], known: Mapping[str, Any]) -> dict[str, A
         return dict(raw)
     if any(name not in raw["links"] or not isinstance(raw["links"][name], Mapping) for entry in copies for name in entry.of):
         return dict(raw)
-    found = deepcopy({key: value for key, value in raw.items() if key != "copies"})
+    found: dict[str, Any] = deepcopy({key: value for key, value in raw.items() if key != "copies"})
     for entry in copies:
         before = deepcopy(found)
         for number in range(1, entry.count + 1):
