@@ -79,7 +79,7 @@ class _Copy:
 
     def _joint(self, name: str, joint: Mapping[str, Any]) -> dict[str, Any]:
         links = _links(joint)
-        new = self._renamed(joint)
+        new: dict[str, Any] = self._renamed(joint)
         placed = not {"cam", "gear", "belt", "chain", "rack", "planar"} & joint.keys()
         if placed and "at" not in joint:
             new["at"] = name  # the points keep their names
