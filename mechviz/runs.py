@@ -33,6 +33,7 @@ from mechviz.accuracy.kept import kept_dials
 from mechviz.quantities.catalogue import Catalogue
 from mechviz.quantities.numbers import Numbers, numbers_of
 from mechviz.scene.faults import in_scene_words
+from mechviz.scene.limits import check_frames
 
 if TYPE_CHECKING:
     from mechcore.dynamics.event_integrator import Method
@@ -143,6 +144,7 @@ def run_scene(
     counted = frames is not None or (accuracy is None and "frames" in scene.document.run.model_fields_set)
     scene = with_run(scene, frames or dials.frames, cycles)
     mechanism = scene.mechanism
+    check_frames(len(mechanism.links), scene.frames)
     wanted = set(outputs)
     plan = make_plan(mechanism, wanted)
 

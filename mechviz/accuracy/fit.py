@@ -19,6 +19,7 @@ from mechcore.forces.kinetostatics import solve_forces
 from mechcore.motion.solve import compile_mechanism, default_times, solve_motion
 from mechviz.accuracy.estimate import integration_error
 from mechviz.accuracy.quantities import Quantity, errors_between, quantities
+from mechviz.scene.limits import check_frames, most_frames
 
 if TYPE_CHECKING:
     from mechcore.dynamics.simulation import Simulation
@@ -131,7 +132,10 @@ def fit_frames(scene: Scene, accuracy: Accuracy, simulation: Simulation | None =
     parts = scene.cycles if simulation is None else 1
     goal = max(SHARE * accuracy.target, ENOUGH)
     frames, best, crowded = 48 * parts, None, None
-    low, high = FEWEST * parts, min(MOST * parts, MOST_FRAMES)
+    links = len(scene.mechanism.links)
+    check_frames(links, frames)
+    most = min(MOST * parts, MOST_FRAMES, most_frames(links) or MOST_FRAMES)
+    low, high = FEWEST * parts, most
     last: Fit | None = None
     for _ in range(ROUNDS):
         fit = achieved(at, end, frames, order)
@@ -161,7 +165,7 @@ def fit_frames(scene: Scene, accuracy: Accuracy, simulation: Simulation | None =
     chosen = best or crowded
     if chosen is None:
         return replace(fit, needed=max(frames, fit.frames + 1))
-    return _past_bends(at, end, order, chosen, accuracy.target, min(MOST * parts, MOST_FRAMES))
+    return _past_bends(at, end, order, chosen, accuracy.target, most)
 
 
 def _past_bends(at: Provider, end: float, order: int, fit: Fit, target: float, most: int) -> Fit:

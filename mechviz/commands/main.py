@@ -22,6 +22,7 @@ from typer.main import get_command
 
 from mechviz.commands.common import fail, no_output, orderly, unforeseen
 from mechviz.scene.folder import TOPICS, gallery
+from mechviz.scene.limits import LARGE
 
 COMMANDS = {
     "main": {
@@ -91,6 +92,8 @@ COMMANDS = {
 LINE = 100  # characters
 TRACEBACK = "--traceback"
 """Said anywhere, it shows where a fault of the program happened."""
+ANY_SIZE = "--large"
+"""Said anywhere, it lifts the limits of `mechviz.scene.limits`."""
 TIMED = ("accuracy", "effects")
 """Commands whose times are of one thread, which numpy has to be told before it loads."""
 
@@ -177,7 +180,8 @@ app = typer.Typer(
     "Exit codes: 0 done; 2 it cannot be done as it is asked for (options, scene, recording, a file that cannot be written there); "
     "1 something is in the way (a full disk, a port in use, no Chromium), or a hard case fails; "
     "3 the results cannot be trusted: they do not balance or close; "
-    "70 a fault of mechviz: --traceback, anywhere, shows where; 130 and 143 interrupted.",
+    "70 a fault of mechviz: --traceback, anywhere, shows where; 130 and 143 interrupted.\n\n"
+    "--large, anywhere, takes scenes and runs that are refused as too large, whatever time and memory they need.",
     no_args_is_help=True,
     add_completion=False,
     rich_markup_mode=None,
@@ -194,7 +198,9 @@ def main() -> None:
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="backslashreplace")  # terminals of few letters: a name in them is no reason to stop
     shown = TRACEBACK in sys.argv
-    sys.argv[1:] = [word for word in sys.argv[1:] if word != TRACEBACK]
+    if ANY_SIZE in sys.argv:
+        os.environ[LARGE] = "1"
+    sys.argv[1:] = [word for word in sys.argv[1:] if word not in (TRACEBACK, ANY_SIZE)]
     code: str | int | None = 0
     try:
         try:

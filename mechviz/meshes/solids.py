@@ -98,7 +98,7 @@ def build_solids(
     try:
         return _build(mechanism, poses, tolerance, chord, profile, spindle)
     except (ShapeError, GEOSException) as error:
-        spans = {link.name: float(np.max(np.ptp([*link.points.values()], axis=0), initial=0.0)) for link in mechanism.links}
+        spans = {link.name: float(np.max(np.ptp([(0.0, 0.0), *link.points.values()], axis=0))) for link in mechanism.links}
         long, short = max(spans, key=lambda k: spans[k]), min((k for k in spans if spans[k]), key=lambda k: spans[k], default="")
         beside = f", and link '{short}' {spans[short]:.3g} m" if short and short != long else ""
         words = f"the solids cannot be made: {error}; this link is {spans[long]:.3g} m long{beside}."

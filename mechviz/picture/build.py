@@ -35,6 +35,7 @@ from mechviz.picture.surface_marks import find_surface_marks
 from mechviz.quantities.vectors import point_name
 from mechviz.scene.convert import Converter
 from mechviz.scene.kinds.bodies import lumps_of
+from mechviz.scene.limits import check_drawn
 
 if TYPE_CHECKING:
     from mechviz.meshes.solids import Solids
@@ -280,8 +281,9 @@ def _single(values: Real) -> Single:
 
 
 def solids_of(run: Run) -> Solids:
-    """Meshes of all links, in layers that do not collide during the run."""
+    """Meshes of all links, in layers that do not collide during the run. Raises `MechanismError` where there are too many."""
     motion = run.motion
+    check_drawn(len(motion.mechanism.links))
     frames = np.unique(np.linspace(0, motion.frames - 1, min(motion.frames, LOOKS)).round().astype(int))
     dials = run.kept
     poses = {link: motion.pose(link)[frames] for link in links_of(motion)}

@@ -23,6 +23,7 @@ from mechviz.scene.faults import SceneError, in_file_order, path_as_written, pat
 from mechviz.scene.folder import SceneFolder, copy_files
 from mechviz.scene.kinds.copies import with_copies
 from mechviz.scene.kinds.settings import accuracy_of
+from mechviz.scene.limits import size_faults
 from mechviz.scene.names import files_named
 from mechviz.scene.reading.formulas import ParameterValue, parameter_changes, resolve
 from mechviz.scene.reading.recovery import Reading, read_document
@@ -212,6 +213,9 @@ def assembled(document: SceneDocument, name: str, folder: SceneFolder) -> Scene:
 
 def _read(raw: Mapping[str, Any], name: str, folder: SceneFolder, *, source: str | None = None, file: str | None = None) -> Scene:
     """The scene of plain data; ``source`` is the text that they come from, ``file`` its name in messages."""
+    large = size_faults(raw)
+    if large:
+        raise SceneError(file or name, large)
     former = {FORMER[key]: key for key in raw if key in FORMER}
     twice = [
         Fault(old, f"{new} and {old} at once, which say the same.", f"Keep {new}.") for new, old in former.items() if new in raw

@@ -9,6 +9,8 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any, Protocol
 
+import numpy as np
+
 from mechcore.arrays import Plane, Real, Values
 from mechcore.kinematics.columns import Columns, Vectors, rates
 from mechcore.kinematics.model import Model
@@ -111,6 +113,13 @@ class Rates:
                     total = total - second * self.before.argument(t.curve) ** 2
             out.append(total)
         return out
+
+    def determined(self) -> Rates:
+        """These rates, NaN at frames at which they are infinite: at a singular position they are not determined."""
+        for x in (*self.angular, *self.factor, *self.slide.values(), *self.group.values()):
+            if isinstance(x, np.ndarray) and not np.isfinite(np.add.reduce(x, axis=None)) and x.flags.writeable:
+                x[~np.isfinite(x)] = np.nan
+        return self
 
     def argument(self, curve: NonlinearTerm) -> Values:
         """Rate of a curve's argument."""

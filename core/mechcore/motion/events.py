@@ -20,6 +20,7 @@ from mechcore.spec.mechanism import Mechanism
 from mechcore.texts import Text, UnitSystem, as_angle, as_coordinate, as_length
 
 MOST_SOLVED = 100_000  # limit positions times links that are solved for again
+MOST_BOUNDARIES = 10_000  # of the zones of a drive's law in a run
 POOR = 30.0
 """Transmission angle [degrees] below which a linkage runs badly (textbooks say 30 to 45)."""
 
@@ -209,7 +210,12 @@ def _drive_events(motion: Motion) -> Iterator[Event]:
         if not moves(drive.law):
             continue
         breaks = np.asarray(drive.law.breaks, float)
-        cycles = np.arange(int(np.floor(last / drive.law.duration)) + 1)
+        count = float(np.floor(last / drive.law.duration)) + 1.0
+        if count * max(len(breaks), 1) > MOST_BOUNDARIES:
+            words = f"{count * max(len(breaks), 1):.3g} zone boundaries of the drive's law are passed: too many to be told"
+            yield Event(first, "INFO", drive.joint, words)
+            continue
+        cycles = np.arange(int(count))
         edges = np.array([motion.time[k] for rest in rests for k in rest])
         step = (last - first) / max(motion.frames - 1, 1)
         for t in np.ravel(cycles[:, None] * drive.law.duration + breaks):

@@ -181,7 +181,8 @@ class Motion:
             return self._rates.speeds
         rates = [d[1] for d in self._drives]
         with np.errstate(**QUIET):
-            return velocities(self.model, self.loop_vectors, self.columns, rates, self.patches, self.state.bends)
+            found = velocities(self.model, self.loop_vectors, self.columns, rates, self.patches, self.state.bends)
+            return found.determined()
 
     @lazy
     def _rates(self) -> CompiledRates:
@@ -202,7 +203,7 @@ class Motion:
             return self._rates.accelerations
         rates = [d[2] for d in self._drives]
         with np.errstate(**QUIET):  # at a singular position rates are infinite, or not determined
-            return accelerations(self.model, self.loop_vectors, self.columns, self.speeds, rates, self.patches)
+            return accelerations(self.model, self.loop_vectors, self.columns, self.speeds, rates, self.patches).determined()
 
     # -- plane vectors as complex numbers, links and joints as indices ------------------------------------------------
     def rotation(self, k: int) -> Plane:

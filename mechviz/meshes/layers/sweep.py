@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from shapely.geometry import Polygon
 
 from mechcore.arrays import Flags, Integers, Real
+from mechviz.meshes.extrude import ShapeError
 
 _FIRST = 3  # places at which a question is tried before all others
 _TOGETHER = (48, 6)  # frames in a row that are looked at as one, in turn
@@ -22,10 +23,13 @@ _PORTION = 500_000  # pairs of outlines times frames, and vertices, in one array
 
 
 class Sweeps:
-    """Outlines fixed to links, and the poses (F, 3) of those links over the run, in units of the size."""
+    """Outlines fixed to links, and the poses (F, 3) of those links over the run, in units of the size. Raises `ShapeError` where an
+    outline is empty."""
 
     def __init__(self, outlines: Sequence[Polygon], links: Sequence[str], poses: Mapping[str, Real]) -> None:
         self._shapes = np.array(outlines, object)
+        if shapely.is_empty(self._shapes).any():  # beside a link that is very much longer
+            raise ShapeError("the outline of a part is lost in rounding")
         names = list(dict.fromkeys(links))
         self._link = np.array([names.index(link) for link in links], np.int64)
         pose = np.array([poses[name] for name in names], float).reshape(len(names), -1, 3)

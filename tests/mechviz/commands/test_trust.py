@@ -11,12 +11,16 @@ import pytest
 
 import mechviz
 from mechcore.errors import MechanismError
+from mechcore.motion import events
+from mechcore.motion.events import find_events
 from mechviz.accuracy.estimate import check_finite, doubts
 from mechviz.commands import recording
 from mechviz.commands.main import main
+from mechviz.picture.build import solids_of
 from mechviz.runs import run_scene
+from mechviz.scene import limits
 from mechviz.scene.faults import SceneError
-from mechviz.scene.scene import loads
+from mechviz.scene.scene import Scene, loads
 
 FOUR_BAR = """
 units = {{ length = "mm", angle = "deg" }}
@@ -85,6 +89,58 @@ def test_results_that_do_not_balance_are_not_written_unless_they_are_to_be_kept(
     assert code == 3 and "power balance" in text and "--keep" in text and not target.exists()
     code, text = said(monkeypatch, capsys, "record", str(heavy), "-o", str(target), "--keep")
     assert code == 0 and "power balance" in text and target.exists()
+
+
+def changed(name: str, *changes: tuple[tuple[str | int, ...], object], frames: int = 8) -> Scene:
+    """A scene of the gallery with other values at some places."""
+    return mechviz.load(name).changed({("run", "frames"): frames, **dict(changes)})
+
+
+def test_rates_at_a_singular_position_are_not_determined_and_raise_no_warning():
+    """The ground joint on the crank's: the dyad is flat at the start, where its links turn at any speed."""
+    motion = run_scene(changed("four-bar-chain", (("links", "frame", "points", "A2"), [0, 0]))).motion
+    rates = [motion.velocity(link) for link in motion.model.links]
+    assert any(np.isnan(r).any() for r in rates) and not any(np.isinf(r).any() for r in rates)
+
+
+def test_a_link_beside_which_the_others_vanish_is_refused_by_name():
+    run = run_scene(changed("contour-lever", (("links", "slider", "points", "D"), [1e29, 0])))
+    with pytest.raises(MechanismError, match=r"links\.slider: the solids cannot be made") as error:
+        solids_of(run)
+    assert error.value.faults[0].remedy
+
+
+def test_zone_boundaries_of_a_drive_are_counted_where_they_are_too_many(monkeypatch):
+    """A drive whose law repeats once in a run has no more boundaries than one."""
+    motion = run_scene(changed("crank-rocker")).motion
+    assert not [e for e in find_events(motion) if "too many to be told" in e.text]
+    monkeypatch.setattr(events, "MOST_BOUNDARIES", 1)
+    (told,) = [e for e in find_events(motion) if "too many to be told" in e.text]
+    assert told.item == motion.mechanism.drives[0].joint
+
+
+def test_what_is_too_large_is_refused_with_its_number_unless_it_is_wanted(monkeypatch, capsys, tmp_path):
+    links = "".join(f"l{k} = {{ points = {{ A = [0, 0] }} }}\n" for k in range(30))
+    text = FOUR_BAR.format(centre="15", start="0").replace("[joints]", links + "[joints]")
+    monkeypatch.setattr(limits, "MOST_ITEMS", 30)
+    with pytest.raises(SceneError, match=r"38 links, joints and loads; up to 30 are taken\.[\s\S]*--large"):
+        loads(text)
+    monkeypatch.setattr(limits, "MOST_KEYS", 20)
+    with pytest.raises(SceneError, match=r"keys; up to 20 are read"):
+        loads(text)
+    monkeypatch.setattr(limits, "MOST_KEYS", 200)
+    monkeypatch.setattr(limits, "MOST_POSES", 1000)
+    monkeypatch.setattr(limits, "MOST_DRAWN", 2)
+    words = ("record", "crank-rocker", "-o", str(tmp_path / "a.rrd"), "--frames")
+    code, said_of_it = said(monkeypatch, capsys, *words, "300")
+    assert code == 2 and "1,200 poses" in said_of_it and "up to 250 frames" in said_of_it and "--large" in said_of_it
+    code, said_of_it = said(monkeypatch, capsys, *words, "30")
+    assert code == 2 and "4 links; solids are laid out for up to 2" in said_of_it
+    monkeypatch.setenv(limits.LARGE, "")
+    assert said(monkeypatch, capsys, *words, "300", "--large")[0] == 0
+    monkeypatch.setenv(limits.LARGE, "1")
+    with pytest.raises(SceneError, match="no chain of joints joins it"):
+        loads(text)  # it is read, and what is wrong with it is told
 
 
 def test_sound_runs_raise_no_doubts():
