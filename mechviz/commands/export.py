@@ -11,6 +11,7 @@ import typer
 
 from mechviz.commands.common import check_targets, fail, interruptible, progress_bar
 from mechviz.commands.loading import ReachableOpt, SetOpt, SourceArg, clear_errors, load_scene, quantity_of
+from mechviz.commands.recording import open_recording
 from mechviz.commands.solving import AccuracyOpt, CyclesOpt, ExecutorOpt, FramesOpt, KeepOpt, check_trust, solve, warn_of_accuracy
 from mechviz.outputs.exports.cam_profiles import export_profiles
 from mechviz.outputs.exports.gltf import export_glb
@@ -18,7 +19,7 @@ from mechviz.outputs.exports.gltf_marks import ARROWS
 from mechviz.outputs.exports.solids import export_3mf, export_stl
 from mechviz.outputs.exports.tables import even_times, export_csv, export_parquet
 from mechviz.outputs.presentation import presentation_in, presentation_of
-from mechviz.outputs.rerun.reader import Recording, is_recording
+from mechviz.outputs.rerun.reader import is_recording
 from mechviz.quantities.vectors import FAMILIES
 
 
@@ -65,7 +66,7 @@ def export(
             if glb is None or profiles or values or reachable or any(option is not None for option in others):
                 fail(f"{source} is a recording: of it --glb FILE is exported, with --arrows. Give its scene for all else.")
             with interruptible("pyarrow"), progress_bar(f"exporting {glb.name}"):
-                print(export_glb(presentation_in(Recording(source)), glb, arrows=families))
+                print(export_glb(presentation_in(open_recording(source)), glb, arrows=families))
             return
         loaded = load_scene(source, values, reachable=reachable)
         step = quantity_of(loaded, every, "every", "time")

@@ -14,6 +14,7 @@ from mechviz.commands.loading import ReachableOpt, SceneArg, SetOpt, clear_error
 from mechviz.commands.solving import AccuracyOpt, CyclesOpt, ExecutorOpt, FramesOpt, KeepOpt, check_trust, solve
 from mechviz.outputs.inspection import format_inspection
 from mechviz.outputs.inspection import inspect as inspect_recording
+from mechviz.outputs.rerun.reader import Recording
 from mechviz.outputs.rerun.writer import live, write_recording
 from mechviz.runs import Run, run_scene, with_run
 from mechviz.scene.scene import Scene
@@ -83,6 +84,14 @@ def _solve_live(
             observe=observer,
             executor=executor,
         )
+
+
+def open_recording(path: str, most: int | None = None) -> Recording:
+    """A recording, after saying what is missing of it; ``most`` as of `Recording`."""
+    found = Recording(path, most=most)
+    if found.note:
+        say(f"note: {found.note}")
+    return found
 
 
 def inspect(recording: Annotated[Path, typer.Argument(metavar="FILE.rrd", help="a mechviz recording")]) -> None:

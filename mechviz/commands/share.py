@@ -10,6 +10,7 @@ import typer
 
 from mechviz.commands.common import check_targets, fail, interruptible, progress_bar, say
 from mechviz.commands.loading import SetOpt, SourceArg, clear_errors, load_scene
+from mechviz.commands.recording import open_recording
 from mechviz.commands.solving import KeepOpt, check_trust, solve
 from mechviz.files import replacing
 from mechviz.outputs.images.browser import find_chromium
@@ -20,7 +21,7 @@ from mechviz.outputs.images.pictures import shot as take
 from mechviz.outputs.page.pack import MOST_FRAMES
 from mechviz.outputs.page.page import make_page
 from mechviz.outputs.presentation import Presentation, presentation_in, presentation_of
-from mechviz.outputs.rerun.reader import Recording, is_recording
+from mechviz.outputs.rerun.reader import is_recording
 from mechviz.scene.units import QuantityError, Units
 
 FramesOpt = Annotated[
@@ -152,7 +153,7 @@ def _presentation(
     if frames is not None or cycles is not None or values:
         fail(f"{source} is a recording, whose frames, cycles and parameters are what they are. Give a scene for other ones.")
     with progress_bar(f"opening {Path(source).name}"):
-        return presentation_in(Recording(source, most=most))
+        return presentation_in(open_recording(source, most=most))
 
 
 def _ending(path: Path, endings: tuple[str, ...], what: str) -> None:

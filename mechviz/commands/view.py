@@ -9,8 +9,8 @@ import typer
 
 from mechviz.commands.common import fail
 from mechviz.commands.loading import ReachableOpt, SetOpt, clear_errors, load_scene
+from mechviz.commands.recording import open_recording
 from mechviz.commands.solving import AccuracyOpt, CyclesOpt, ExecutorOpt, FramesOpt, solve, warn_of_accuracy
-from mechviz.outputs.rerun.reader import Recording
 from mechviz.outputs.viewer.app import serve, serve_while
 from mechviz.outputs.viewer.server import ViewerError
 from mechviz.runs import run_scene, with_run
@@ -37,7 +37,7 @@ def view(
             if live:
                 fail("--live is for scenes: a recording is there at once.")
             try:
-                serve(Recording(scene), port=port)
+                serve(open_recording(scene), port=port)
             except ViewerError as e:
                 fail(str(e), 1)
             return

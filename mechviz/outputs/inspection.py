@@ -64,6 +64,7 @@ class Inspection:
     bytes: int
     version: str
     complete: bool
+    note: str  # what is missing of it
     scene: str
     title: str
     frame: str
@@ -97,6 +98,7 @@ def inspect(path: Path | str) -> Inspection:
         bytes=recording.path.stat().st_size,
         version=said.version,
         complete=said.complete,
+        note=recording.note,
         scene=said.scene,
         title=said.title,
         frame=model.frame,
@@ -262,11 +264,11 @@ def _drive_range(rows: Rows) -> str:
 
 def format_inspection(found: Inspection) -> str:
     """An inspection as plain text for a terminal."""
-    state = "" if found.complete else " (interrupted before it was complete)"
     joints = ", ".join(f"{j.name} ({j.kind}: {' - '.join(j.links)})" for j in found.joints)
     span = f"{found.start:.6g} s to {found.end:.6g} s"
     rows = [
-        ("file", f"{found.path}, {found.bytes / 1e6:.2f} MB, mechviz {found.version}{state}"),
+        ("file", f"{found.path}, {found.bytes / 1e6:.2f} MB, mechviz {found.version}"),
+        *([("note", found.note)] if found.note else []),
         ("scene", found.scene),
         ("links", f"{len(found.links)}: {', '.join(k + ' (frame)' if k == found.frame else k for k in found.links)}"),
         ("joints", f"{len(found.joints)}: {joints}"),

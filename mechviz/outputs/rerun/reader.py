@@ -17,7 +17,7 @@ from mechcore.motion.events import Event
 from mechviz.files import open_regular, plain_name
 from mechviz.outputs.rerun.contract import Properties, faults_of, missing_tables, read_properties
 from mechviz.outputs.rerun.entities import APPLICATION, RecordingError, entity
-from mechviz.outputs.rerun.rerun_adapter import MAGIC, application_of, check_readable, chunks_in, entity_of
+from mechviz.outputs.rerun.rerun_adapter import MAGIC, DamageError, application_of, check_readable, chunks_in, entity_of
 from mechviz.quantities.items import read_between
 from mechviz.scene.folder import SceneFolder
 from mechviz.scene.scene import Scene, loads
@@ -81,7 +81,8 @@ class Rows:
 
 class Recording:
     """A mechviz recording in memory. Raises `RecordingError` where the file is missing, broken or not one of ours, with every fault
-    of what it holds, see `contract`. Of one that was interrupted, or is cut short, the whole frames are read.
+    of what it holds, see `contract`. Of one that was interrupted, cut short or damaged, the whole frames before that are read, and
+    ``note`` says so.
 
     Entities go by unescaped parts (``("data", "links", "crank", "pose")``) or by their path as rerun writes it.
 
@@ -95,10 +96,13 @@ class Recording:
     def __init__(self, path: Path | str, *, most: int | None = None):
         self.path = Path(path)
         self.frame_times: Integers | None = None
+        self._damage: DamageError | None = None
         self._moving: dict[str, list[Any]] = {}  # arrow batches of each entity, in the order of the file
         self._static: dict[str, list[Any]] = {}
         self._load(most)
         if PROPERTIES not in self._static:
+            if self._damage is not None:
+                raise self._damage
             application = application_of(self.path)
             if application == APPLICATION:
                 raise RecordingError(f"'{path}' holds no frames: it was interrupted before the first were whole.", REMEDY)
@@ -110,6 +114,8 @@ class Recording:
             if not said.complete:
                 self._cut(_last_whole_time({path: max(self.times(path), default=-1) for path in self._moving}))
                 if missing_tables(self):
+                    if self._damage is not None:
+                        raise self._damage
                     raise RecordingError(f"'{path}' holds no frames: it was interrupted before the first were whole.", REMEDY)
             faults = list(faults_of(self))
         if faults:
@@ -124,9 +130,9 @@ class Recording:
 
         check_readable(self.path)
         if most is not None:
-            self.frame_times = _times_of_frames(self.path, most)
+            self.frame_times = _times_of_frames(self._chunks(), most)
         times = None if self.frame_times is None else self.frame_times[evenly(len(self.frame_times), most or 1)]
-        for batch in chunks_in(self.path):
+        for batch in self._chunks():
             moving, name = "time" in batch.schema.names, entity_of(batch)
             known = (self._moving if moving else self._static).setdefault(name, [])
             if moving and times is not None and not name.startswith(IN_FULL):
@@ -134,6 +140,20 @@ class Recording:
                 if known and known[-1].schema.equals(batch.schema):  # small batches take more room than what is in them
                     batch = pa.concat_batches([known.pop(), batch])
             known.append(batch)
+
+    def _chunks(self) -> Iterator[Any]:
+        """The chunks before the damage, if there is any."""
+        try:
+            yield from chunks_in(self.path)
+        except DamageError as error:
+            self._damage = error
+
+    @property
+    def note(self) -> str:
+        """What is missing of the recording, in a sentence; nothing where it is complete."""
+        if self._damage is not None:
+            return f"{self._damage.message} Only the frames before that are here."
+        return "" if self.said.complete else "It was interrupted: the frames up to then are here."
 
     def _cut(self, last: int) -> None:
         """Leave out the rows of tables and pictures after a time [ns]."""
@@ -257,11 +277,11 @@ def _path(parts: tuple[str, ...]) -> str:
     return entity(*parts)
 
 
-def _times_of_frames(path: Path, most: int) -> Integers | None:
+def _times_of_frames(chunks: Iterator[Any], most: int) -> Integers | None:
     """The times of all whole frames [ns], where there are more than ``most``."""
     counted: dict[str, list[Integers]] = {}
     batches = []
-    for batch in chunks_in(path):
+    for batch in chunks:
         name = entity_of(batch)
         if name == PROPERTIES:
             batches.append(batch)

@@ -32,8 +32,12 @@ Message = dict[int, Any]
 """A protobuf message: of each field its last value, a number or bytes."""
 
 
+class DamageError(RecordingError):
+    """A recording whose file is damaged; what stands before the damage has been read."""
+
+
 def chunks_in(path: Path) -> Iterator[Any]:
-    """The chunks of the first recording in a file as arrow batches, in the order of the file. Raises `RecordingError`."""
+    """The chunks of the first recording in a file as arrow batches, in the order of the file. Raises `DamageError`."""
     first: bytes | None = None
     for at, kind, data in _messages(path):
         if kind == CHUNK:
@@ -46,7 +50,7 @@ def chunks_in(path: Path) -> Iterator[Any]:
                 batch = _batch(message)
             except (ValueError, LookupError, TypeError, OSError, NotImplementedError) as error:
                 why = (str(error).splitlines() or [type(error).__name__])[0][:200]
-                raise RecordingError(f"'{path}' is damaged at byte {at}: {why}.", DAMAGED) from None
+                raise DamageError(f"'{path}' is damaged at byte {at}: {why}.", DAMAGED) from None
             yield batch
 
 
@@ -88,7 +92,7 @@ def _messages(path: Path) -> Iterator[tuple[int, int, bytes]]:
             kind, length = header
             after = at + MESSAGE_HEADER.size + length
             if kind > LAYOUT:
-                raise RecordingError(f"'{path}' is damaged at byte {at}: it holds no message of a recording.", DAMAGED)
+                raise DamageError(f"'{path}' is damaged at byte {at}: it holds no message of a recording.", DAMAGED)
             if kind == END or after > size:
                 return
             if kind != LAYOUT:

@@ -75,9 +75,7 @@ class Viewer:
 
     def _play_recording(self, recording: Recording, show: ViewModel) -> None:
         """Show a recording as it is."""
-        note = f"A recording, played as it is: {recording.path.name}." + (
-            "" if recording.said.complete else " It was interrupted: the frames up to then are here."
-        )
+        note = f"A recording, played as it is: {recording.path.name}. {recording.note}".rstrip()
         self._build(show, note, (lambda: self._open_scene(recording)) if recording.scene_text else None)
 
     def _open_scene(self, recording: Recording) -> None:

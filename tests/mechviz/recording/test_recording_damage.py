@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import shutil
+from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
@@ -13,9 +14,10 @@ from damage import batches, damaged, entity_of, read_all, write
 
 import mechviz
 from mechcore.errors import MechanismError
+from mechviz.commands.recording import open_recording
 from mechviz.files import OutputError
-from mechviz.outputs.inspection import inspect
-from mechviz.outputs.rerun import writer
+from mechviz.outputs.inspection import format_inspection, inspect
+from mechviz.outputs.rerun import rerun_adapter, writer
 from mechviz.outputs.rerun.entities import RecordingError
 from mechviz.outputs.rerun.reader import Recording
 from recordings import made, ran
@@ -102,6 +104,40 @@ def test_a_part_that_is_cut_anywhere_is_read_up_to_its_last_whole_block(tmp_path
             assert not recording.said.complete
             assert len({len(recording.times(path)) for path in recording.entities if path.startswith("/data/links")} - {0}) == 1
     assert frames == sorted(frames) and set(frames) == {0, 40, 80} and frames[-1] == 80
+
+
+def test_what_stands_before_damage_is_read_and_what_is_missing_is_said(tmp_path, monkeypatch, capsys):
+    """Of three blocks the last is damaged: the others are as they were."""
+    monkeypatch.setattr(writer, "BLOCK", 40)
+    whole, hurt = tmp_path / "whole.rrd", tmp_path / "hurt.rrd"
+    writer.write_recording(ran("crank-rocker", 100), whole)
+    data = bytearray(whole.read_bytes())
+    sound = Recording(whole)
+    places, at = [], rerun_adapter.FILE_HEADER
+    while (kind := rerun_adapter.MESSAGE_HEADER.unpack_from(data, at))[0] != rerun_adapter.END:
+        places += [at] if kind[0] == rerun_adapter.CHUNK else []
+        at += rerun_adapter.MESSAGE_HEADER.size + kind[1]
+    ends = {}
+    for at in places:
+        hurt.write_bytes(data[:at])
+        with suppress(RecordingError):
+            ends[at] = len(Recording(hurt).times("data", "links", "crank", "pose"))
+    after = next(at for at, frames in ends.items() if frames == 80)
+    data[after + rerun_adapter.MESSAGE_HEADER.size] ^= 255
+    hurt.write_bytes(data)
+    for most in (None, 20):
+        found = Recording(hurt, most=most)
+        assert f"damaged at byte {after}" in found.note
+    found = Recording(hurt)
+    time, poses = found.scalars("data", "links", "rocker", "pose")
+    assert len(time) == 80 and np.array_equal(poses, sound.scalars("data", "links", "rocker", "pose")[1][:80])
+    told = format_inspection(inspect(hurt))
+    assert "80, 0 s to" in told and "damaged at byte" in told
+    assert "damaged" in open_recording(str(hurt)).note and "damaged at byte" in capsys.readouterr().err
+    data[places[0] + rerun_adapter.MESSAGE_HEADER.size] ^= 255
+    hurt.write_bytes(data)
+    with pytest.raises(RecordingError, match=f"damaged at byte {places[0]}"):
+        Recording(hurt)
 
 
 def test_turned_bits_in_the_frame_of_a_chunk_do_not_end_the_process(whole, tmp_path):
