@@ -53,6 +53,9 @@ COMMANDS = {
     "walk": {
         "walk": "Let a mechanism walk: its fixed link becomes the body, and the foot that is lowest stands still on the ground.",
     },
+    "tasks": {
+        "solve": "Solve an inverse task of a lecture, without a scene.",
+    },
     "sweep": {
         "sweep": "Compute quantities of many designs: a grid, lists or samples of a scene's parameters, one row for each design.",
     },
