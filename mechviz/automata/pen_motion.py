@@ -60,13 +60,13 @@ class PenMotion:
     @property
     def lifts(self) -> list[tuple[float, float | None]]:
         """Ranges [rad] of the turn one after the other, and to where the pen goes in them: 1 up, 0 down, None stays."""
-        found: list[tuple[float, float | None]] = []
+        strides: list[tuple[float, float | None]] = []
         at = 0.0
         for rising, up, falling, down in self.gaps:
             steps = [(rising - at, None), (up - rising, 1.0), (falling - up, None), (down - falling, 0.0)]
-            found += [(over, to) for over, to in steps if over > _NOTHING]
+            strides += [(over, to) for over, to in steps if over > _NOTHING]
             at = down
-        return found
+        return strides
 
 
 def plan_motion(
@@ -88,11 +88,11 @@ def plan_motion(
         )
     every = np.concatenate(list(strokes))
     extent = max(np.ptp(every.real), np.ptp(every.imag))
-    found = [motion for part in _RAMPS if (motion := _planned(strokes, error, rise, part * extent)) is not None]
-    if not found:
+    motions = [motion for part in _RAMPS if (motion := _planned(strokes, error, rise, part * extent)) is not None]
+    if not motions:
         why = f"an error of {as_length(error)} on a drawing of {as_length(float(extent))} cannot be reached."
         raise MechanismError(Fault("error", why, "Allow a larger error, or draw it smaller."))
-    return min(found, key=lambda motion: size(motion.speed, motion.acceleration))
+    return min(motions, key=lambda motion: size(motion.speed, motion.acceleration))
 
 
 def _planned(strokes: Sequence[Complex], error: float, rise: float, ramp: float) -> PenMotion | None:

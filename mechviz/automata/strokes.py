@@ -44,7 +44,7 @@ def svg_strokes(path: Path | str) -> list[Complex]:
         raise OutputError(f"'{path}' has no paths or shapes to draw.", "Turn its text into paths, and leave out images.")
     low, high = np.min(boxes, axis=0)[:2], np.max(boxes, axis=0)[2:]
     chord = float(max(high - low)) / _FLAT
-    found, count = [], 0
+    lines, count = [], 0
     for trail in trails:
         points: list[complex] = []
         for segment in trail:
@@ -57,8 +57,8 @@ def svg_strokes(path: Path | str) -> list[Complex]:
             if count > _MOST:
                 raise OutputError(f"'{path}' has more than {_MOST} points.", "Draw fewer or shorter lines.")
         if len(points) > 1:
-            found.append(np.array(points))
-    strokes = _cleaned(found)
+            lines.append(np.array(points))
+    strokes = _cleaned(lines)
     if not strokes:
         raise OutputError(f"'{path}' has no line of any length.", "Draw at least one.")
     return strokes
@@ -97,20 +97,20 @@ def on_sheet(strokes: Sequence[Complex], width: float) -> list[Complex]:
 def in_order(strokes: Sequence[Complex], near: float) -> list[Complex]:
     """The strokes in an order, and each in a direction, with short ways between them: the nearest next, then improved by turning
     parts of the order round (2-opt). Strokes whose ends are not farther apart than ``near`` are joined."""
-    rest, found = list(strokes), []
+    rest, ordered = list(strokes), []
     at = min(rest, key=lambda s: s[0].real)[0]
     while rest:
         gaps = [min(abs(s[0] - at), abs(s[-1] - at)) for s in rest]
         stroke = rest.pop(int(np.argmin(gaps)))
         if abs(stroke[-1] - at) < abs(stroke[0] - at):
             stroke = stroke[::-1]
-        found.append(stroke)
+        ordered.append(stroke)
         at = stroke[-1]
     for _ in range(_ROUNDS):
-        if not _improved(found):
+        if not _improved(ordered):
             break
-    joined = [found[0]]
-    for stroke in found[1:]:
+    joined = [ordered[0]]
+    for stroke in ordered[1:]:
         if abs(stroke[0] - joined[-1][-1]) <= near:
             joined[-1] = np.concatenate([joined[-1], stroke[1:]])
         else:
@@ -137,14 +137,14 @@ def _improved(order: list[Complex]) -> bool:
 
 def _cleaned(strokes: Sequence[Complex]) -> list[Complex]:
     """Without points that repeat the one before, and without strokes of one point."""
-    found = []
+    cleaned = []
     size = max((float(np.ptp(s.real) + np.ptp(s.imag)) for s in strokes if len(s)), default=0.0)
     for stroke in strokes:
         if len(stroke) > 1:
             kept = stroke[np.concatenate([[True], abs(np.diff(stroke)) > 1e-9 * size])]
             if len(kept) > 1:
-                found.append(kept)
-    return found
+                cleaned.append(kept)
+    return cleaned
 
 
 def _rounded(z: Complex) -> Complex:

@@ -153,10 +153,10 @@ class _Lever:
 
 def _looked_at(cam: Cam) -> tuple[float, float, float]:
     """Largest pressure angle [rad], least convex radius of the pitch curve [m], its largest distance from the axis [m]."""
-    found = cam.at(np.linspace(0.0, 2.0 * np.pi, _CHECKED * max(len(cam.law.pieces), 720)))
-    rho = found.pitch_radius
+    synthesis = cam.at(np.linspace(0.0, 2.0 * np.pi, _CHECKED * max(len(cam.law.pieces), 720)))
+    rho = synthesis.pitch_radius
     convex = rho[rho > 0.0]
-    return float(np.abs(found.pressure_angle).max()), float(convex.min(initial=np.inf)), float(np.abs(found.pitch).max())
+    return float(np.abs(synthesis.pressure_angle).max()), float(convex.min(initial=np.inf)), float(np.abs(synthesis.pitch).max())
 
 
 def _cam(wanted: _Wanted, middle: float, roller: float) -> tuple[Cam, float] | None:
@@ -177,7 +177,7 @@ def _least(wanted: Sequence[_Wanted], roller: float, limit: float, low: float, h
     middle = low
     while middle < high:
         made = [_cam(lever, middle, roller) for lever in wanted]
-        if all(found is not None and _fits(found[0], roller, limit) for found in made):
+        if all(size is not None and _fits(size[0], roller, limit) for size in made):
             return middle
         middle *= _GROWTH
     why = f"no cam up to a radius of {as_length(high, 3)} keeps to a pressure angle of {as_angle(limit, 3)} without undercut."
@@ -221,8 +221,8 @@ class _Machine:
         wanted = [_Wanted(law, arm, side) for law, side in zip(lifts, ("right", "left"), strict=True)]
         third = _Wanted(_lift_law(segments), lifter, "left")
         middle, own = _least(wanted, roller, limit, low, high), _least([third], roller, limit, low, high)
-        found = [_cam(wanted[0], middle, roller), _cam(wanted[1], middle, roller), _cam(third, own, roller)]
-        (left, apart), (right, _), (up, below) = (f for f in found if f is not None)
+        cams = [_cam(wanted[0], middle, roller), _cam(wanted[1], middle, roller), _cam(third, own, roller)]
+        (left, apart), (right, _), (up, below) = (f for f in cams if f is not None)
         axis = -1j * math.sqrt(apart**2 - (_PIVOTS * size) ** 2)
         levers = []
         for cam, pivot, lever_of in zip((left, right, up), (*pivots, axis - 1j * below), (*wanted, third), strict=True):

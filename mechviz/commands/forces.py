@@ -82,8 +82,8 @@ def forces(
         if run.forces is None:
             fail(f'{run.scene.name}: the scene names no effects and no loads, so there are no forces. Add effects = ["inertia"].')
         if equations:
-            found, frame = equilibrium_at(run, _moment_of(run, at))
-            print("\n".join(latex_lines(found, frame) if latex else [run.scene.title, *equation_lines(found, frame)]))
+            equilibrium, frame = equilibrium_at(run, _moment_of(run, at))
+            print("\n".join(latex_lines(equilibrium, frame) if latex else [run.scene.title, *equation_lines(equilibrium, frame)]))
             return
         print(run.scene.title)
         print("\n".join(force_lines(run.forces) if run.motion.mechanism.led else statics_lines(run.forces, run.scene.units)))

@@ -69,11 +69,11 @@ def graph(
     with clear_errors(scene):
         check_targets(scene, output)
         loaded = load_scene(scene, values)
-        found = contour_graph(compile_mechanism(loaded.mechanism).model)
-        print("\n".join([loaded.title, *graph_lines(found)]))
+        drawn = contour_graph(compile_mechanism(loaded.mechanism).model)
+        print("\n".join([loaded.title, *graph_lines(drawn)]))
         if output is not None:
             with interruptible("matplotlib.figure"):
-                write_graph(found, loaded.title, output)
+                write_graph(drawn, loaded.title, output)
             say(f"{output} written.")
 
 

@@ -49,8 +49,8 @@ def centre_nodes(run: Run, solids: Solids) -> Iterator[Node]:
     for name, circle in studies.inflection.items():
         yield from _inflection(_Pen(run, solids, "inflection", name, height), circle)
     scale = _force_scale(studies.percussion, solids.size)
-    for name, found in studies.percussion.items():
-        yield from _percussion(_Pen(run, solids, "percussion", name, height), found, scale)
+    for name, percussion in studies.percussion.items():
+        yield from _percussion(_Pen(run, solids, "percussion", name, height), percussion, scale)
 
 
 @dataclass(frozen=True, eq=False)
@@ -144,39 +144,39 @@ def _inflection(pen: _Pen, circle: InflectionCircle) -> Iterator[Node]:
     yield from pen.lines("circle", strips)
     yield from pen.dot("P", circle.pole, PIN, "P")
     yield from pen.dot("J", circle.end, CIRCLE, "J")
-    found = circle.bobillier
-    if found is None:
+    bobillier = circle.bobillier
+    if bobillier is None:
         return
-    meeting, rays = pen.near(found.meeting), {}
-    for name, place, centre in zip(found.points, found.places, found.centres, strict=True):
+    meeting, rays = pen.near(bobillier.meeting), {}
+    for name, place, centre in zip(bobillier.points, bobillier.places, bobillier.centres, strict=True):
         rays[f" ray {name}"] = (_through(pole, place, pen.near(centre)), RAY, THIN)
-    rays[" points"] = (_through(found.places[0], found.places[1], meeting), RAY, THIN)
-    rays[" centres"] = (_through(pen.near(found.centres[0]), pen.near(found.centres[1]), meeting), RAY, THIN)
+    rays[" points"] = (_through(bobillier.places[0], bobillier.places[1], meeting), RAY, THIN)
+    rays[" centres"] = (_through(pen.near(bobillier.centres[0]), pen.near(bobillier.centres[1]), meeting), RAY, THIN)
     rays["collineation axis"] = (np.stack([pole, meeting], axis=1), AXIS, THICK)
     yield from pen.lines("bobillier", rays)
-    yield from pen.dot("Q", found.meeting, AXIS, "Q")
+    yield from pen.dot("Q", bobillier.meeting, AXIS, "Q")
 
 
-def _percussion(pen: _Pen, found: Percussion, per_metre: float) -> Iterator[Node]:
-    size, through = pen.size, pen.near(found.through)
+def _percussion(pen: _Pen, strike: Percussion, per_metre: float) -> Iterator[Node]:
+    size, through = pen.size, pen.near(strike.through)
     with np.errstate(invalid="ignore", divide="ignore"):
-        along = found.force / np.abs(found.force)
-    meeting = pen.near(found.meeting)
+        along = strike.force / np.abs(strike.force)
+    meeting = pen.near(strike.meeting)
     reach = np.real(np.conj(along) * (np.where(np.isfinite(meeting), meeting, through) - through))
     low, high = np.minimum(reach, 0.0) - OPEN * size, np.maximum(reach, 0.0) + OPEN * size
     strips = {
-        " arm": (np.stack([found.pivot, found.mass_centre, found.centre], axis=1), RAY, THIN),
+        " arm": (np.stack([strike.pivot, strike.mass_centre, strike.centre], axis=1), RAY, THIN),
         "inertia resultant": (np.stack([through + low * along, through + high * along], axis=1), FORCE, THIN),
-        " carried": (np.stack([found.mass_centre, meeting], axis=1), PART, THIN),
-        " turned": (np.stack([found.centre, meeting], axis=1), PART, THIN),
+        " carried": (np.stack([strike.mass_centre, meeting], axis=1), PART, THIN),
+        " turned": (np.stack([strike.centre, meeting], axis=1), PART, THIN),
     }
     yield from pen.lines("line", strips)
-    carried = np.abs(found.carried).max(initial=0.0) > 1e-9 * np.abs(found.turned).max(initial=0.0)
-    for part, place, color in (("S", found.mass_centre, PIN), ("W", found.centre, FOUND), ("T", found.meeting, FORCE)):
+    carried = np.abs(strike.carried).max(initial=0.0) > 1e-9 * np.abs(strike.turned).max(initial=0.0)
+    for part, place, color in (("S", strike.mass_centre, PIN), ("W", strike.centre, FOUND), ("T", strike.meeting, FORCE)):
         if part != "T" or carried:  # of a pivot that is at rest T is W
             yield from pen.dot(part, place, color, part)
-    arrows = [(np.where(np.isfinite(meeting), meeting, through), found.force)]
-    arrows += [(found.mass_centre, found.carried), (found.centre, found.turned)] if carried else []
+    arrows = [(np.where(np.isfinite(meeting), meeting, through), strike.force)]
+    arrows += [(strike.mass_centre, strike.carried), (strike.centre, strike.turned)] if carried else []
     starts, forces = (np.stack(part, axis=1) for part in zip(*arrows, strict=True))
     there = np.isfinite(starts) & np.isfinite(forces)
     look: dict[str, Any] = {
@@ -188,9 +188,9 @@ def _percussion(pen: _Pen, found: Percussion, per_metre: float) -> Iterator[Node
     yield ArrowSet(radius=2.0 * THICK * size, **look, **pen.common("forces"))
 
 
-def _force_scale(found: Mapping[str, Percussion], size: float) -> float:
+def _force_scale(studied: Mapping[str, Percussion], size: float) -> float:
     """Newtons per metre of arrows: the largest is a third of the mechanism."""
-    parts = [np.abs(part) for p in found.values() for part in (p.force, p.carried, p.turned)]
+    parts = [np.abs(part) for p in studied.values() for part in (p.force, p.carried, p.turned)]
     largest = float(np.nanmax(parts, initial=0.0)) if parts else 0.0
     return 3.0 * largest / size if largest > 0.0 else 1.0
 

@@ -166,18 +166,18 @@ def draw_polygons(name: str, polygons: Sequence[Polygon], size: float) -> Drawin
 
 def draw_graph(graph: ContourGraph, frames: int, size: float) -> Drawing:
     """The contour graph, about as large as the mechanism: edges with the names of joints, numbered links, numbers of loops."""
-    found = layout(graph)
-    ends = np.concatenate([found.vertices, *found.edges])
+    places = layout(graph)
+    ends = np.concatenate([places.vertices, *places.edges])
     scale = FILL * size / max(float(np.ptp(ends.real)), float(np.ptp(ends.imag)), 1.0)
     still = np.ones(frames, complex)
     strokes = []
-    for edge, z in zip(graph.edges, found.edges, strict=True):
+    for edge, z in zip(graph.edges, places.edges, strict=True):
         color = COLORS["reaction" if edge.driven else "load" if edge.higher else "ray"]
         for k, (a, b) in enumerate(pairwise(scale * z)):  # the name stands in the middle
             label = edge.joint if k == (len(z) - 1) // 2 else ""
             strokes.append(Stroke(label, color, a * still, (b - a) * still, plain=True))
-    marks = [Mark(f"{k} {name}", scale * z * still) for k, (name, z) in enumerate(zip(graph.links, found.vertices, strict=True))]
-    marks += [Mark(loop_number(k), scale * z * still) for k, z in enumerate(found.numbers)]
+    marks = [Mark(f"{k} {name}", scale * z * still) for k, (name, z) in enumerate(zip(graph.links, places.vertices, strict=True))]
+    marks += [Mark(loop_number(k), scale * z * still) for k, z in enumerate(places.numbers)]
     return Drawing("graph", "Contour graph", tuple(strokes), tuple(marks), 0.0, "1", whole=True)
 
 

@@ -76,9 +76,9 @@ def _spread(count: int, pairs: Sequence[tuple[int, int]], loops: Sequence[Sequen
     for start in range(STARTS if count > 3 else 1):
         order = np.arange(count) if not start else random.permutation(count)
         z = _majorized(np.exp(2j * np.pi * np.argsort(order) / count) * count / (2.0 * np.pi), far)
-        found = (float(_crossings(z, pairs)), _stress(z, far))
-        if found[0] < least[0] or (found[0] == least[0] and found[1] < least[1] - 1e-6):
-            best, least = z, found
+        cost = (float(_crossings(z, pairs)), _stress(z, far))
+        if cost[0] < least[0] or (cost[0] == least[0] and cost[1] < least[1] - 1e-6):
+            best, least = z, cost
     for loop in loops if least[0] else ():
         z = _around(count, pairs, loop)
         if _crossings(z, pairs) < least[0]:
@@ -137,15 +137,15 @@ def _stress(z: Complex, far: Real) -> float:
 def _crossings(z: Complex, pairs: Sequence[tuple[int, int]]) -> int:
     """Pairs of edges without a common end that cross, and vertices on others or on edges that are not theirs."""
     apart = np.abs(z[:, None] - z) + len(z) * np.eye(len(z))
-    found = int((apart < CLEAR).sum()) // 2
+    count = int((apart < CLEAR).sum()) // 2
     for p, q in pairs:
         along = z[q] - z[p]
         for k in set(range(len(z))) - {p, q} if abs(along) > CLEAR else ():
             part = ((z[k] - z[p]) / along).real
-            found += int(abs(z[p] + np.clip(part, 0.0, 1.0) * along - z[k]) < CLEAR)
+            count += int(abs(z[p] + np.clip(part, 0.0, 1.0) * along - z[k]) < CLEAR)
     for (a, b), (c, d) in combinations({(min(e), max(e)) for e in pairs}, 2):
         if {a, b} & {c, d}:
             continue
         sides = [((z[q] - z[p]).conjugate() * (z[r] - z[p])).imag for p, q, r in ((a, b, c), (a, b, d), (c, d, a), (c, d, b))]
-        found += int(sides[0] * sides[1] < 0.0 and sides[2] * sides[3] < 0.0)
-    return found
+        count += int(sides[0] * sides[1] < 0.0 and sides[2] * sides[3] < 0.0)
+    return count

@@ -39,23 +39,23 @@ GAP = 1e-3  # in sizes of the mechanism, between a link and the anvil that it re
 
 def find_fixtures(run: Run, solids: Solids, coils: Sequence[Coil]) -> Mapping[str, list[Mesh]]:
     """Meshes in the frames of links, by the links that they are fixed to."""
-    found: dict[str, list[Mesh]] = {}
+    meshes: dict[str, list[Mesh]] = {}
     loads = {load.name: load for load in run.motion.mechanism.loads if isinstance(load, Spring)}
     for coil in coils:
         for end in (0, 1):
             for link, mesh in _seat(run, solids, loads[coil.name], coil, end):
-                found.setdefault(link, []).append(mesh)
+                meshes.setdefault(link, []).append(mesh)
     for at in _hinges(run):
         room = solids.z_top - 2.0 * HINGE * solids.size, solids.z_top
         for link, mesh in _bracket(run, solids, at, HINGE * solids.size, room):
-            found.setdefault(link, []).append(mesh)
+            meshes.setdefault(link, []).append(mesh)
     for link, (outline, heights, color) in named_wheels(run, solids):
-        found.setdefault(link, []).append(_mesh(outline, heights, color[:3]))
+        meshes.setdefault(link, []).append(_mesh(outline, heights, color[:3]))
     stated = () if run.simulation is None else run.simulation.stops
     for stop in stated:
         for mesh in _anvil(run, solids, stop):
-            found.setdefault(run.motion.mechanism.frame, []).append(mesh)
-    return found
+            meshes.setdefault(run.motion.mechanism.frame, []).append(mesh)
+    return meshes
 
 
 def joined(meshes: Sequence[Mesh]) -> Mesh:
@@ -173,10 +173,10 @@ def _anvil(run: Run, solids: Solids, stop: Stop) -> Iterator[Mesh]:
             return
         normal = beyond * 1j * arm / abs(arm) * np.exp(1j * left)
         middle, turn, shift = beyond * OUT * abs(arm), left, 0j
-    found = _reach(solids, link, pose, (pivot, turn), (normal, middle))
-    if found is None:
+    reached = _reach(solids, link, pose, (pivot, turn), (normal, middle))
+    if reached is None:
         return
-    front, (low, high) = found
+    front, (low, high) = reached
     half, across = BLOCK * size, -1j * normal
     ends = (pivot + shift + across * (middle + side * half) + normal * (front + GAP * size) for side in (-1.0, 1.0))
     a, b = ((z.real, z.imag) for z in ends)

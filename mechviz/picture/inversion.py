@@ -29,12 +29,12 @@ PROFILE_POINTS = 361
 def inversion_nodes(run: Run, solids: Solids) -> Iterator[Lines]:
     """Lines at rest on the cam's link, of each cam that the scene names."""
     height = solids.z_top + 0.004 * solids.size
-    for name, found in run.studies.inversion.items():
-        for part, (strips, color, width) in _parts(found, solids.size).items():
-            common: dict[str, Any] = {"owner": ("joint", name), "group": INVERSION, "height": height, "parent": found.link}
+    for name, inversion in run.studies.inversion.items():
+        for part, (strips, color, width) in _parts(inversion, solids.size).items():
+            common: dict[str, Any] = {"owner": ("joint", name), "group": INVERSION, "height": height, "parent": inversion.link}
             yield Lines(
                 key=f"{INVERSION}.{name}.{part}",
-                entity=("mechanism", "links", found.link, f"{INVERSION} {name} {part}"),
+                entity=("mechanism", "links", inversion.link, f"{INVERSION} {name} {part}"),
                 strips=tuple(space(z[None], height) for z in strips),
                 colors=(color,),
                 radii=(width * solids.size,),
@@ -42,25 +42,25 @@ def inversion_nodes(run: Run, solids: Solids) -> Iterator[Lines]:
             )
 
 
-def _parts(found: CamInversion, size: float) -> dict[str, tuple[Sequence[Complex], Color, float]]:
+def _parts(drawn: CamInversion, size: float) -> dict[str, tuple[Sequence[Complex], Color, float]]:
     """Strips (points,) in the axes of the cam's link, their colour and radius, by what they are."""
-    circles = [found.centre + found.base * ROUND]
-    if found.carrier > 1e-9 * size:
-        circles.append(found.centre + found.carrier * ROUND)
-    ends = zip(found.origins, found.references, strict=True)
+    circles = [drawn.centre + drawn.base * ROUND]
+    if drawn.carrier > 1e-9 * size:
+        circles.append(drawn.centre + drawn.carrier * ROUND)
+    ends = zip(drawn.origins, drawn.references, strict=True)
     rays = [np.array([origin, reference]) for origin, reference in ends]
-    if found.faces is not None:
-        followers = list(found.faces)
-    elif found.radius > 0.0:
-        followers = [z + found.radius * ROUND for z in found.references]
+    if drawn.faces is not None:
+        followers = list(drawn.faces)
+    elif drawn.radius > 0.0:
+        followers = [z + drawn.radius * ROUND for z in drawn.references]
     else:
-        followers = [z + KNIFE * size * _edge(z - origin) for z, origin in zip(found.references, found.origins, strict=True)]
-    some = np.linspace(0, len(found.profile), PROFILE_POINTS).astype(int) % len(found.profile)
+        followers = [z + KNIFE * size * _edge(z - origin) for z, origin in zip(drawn.references, drawn.origins, strict=True)]
+    some = np.linspace(0, len(drawn.profile), PROFILE_POINTS).astype(int) % len(drawn.profile)
     return {
         "circles": (circles, CIRCLES, THICK),
         "rays": (rays, RAYS, THIN),
         "followers": (followers, FOLLOWERS, THIN),
-        "profile": ([found.profile[some]], PROFILE, THICK),
+        "profile": ([drawn.profile[some]], PROFILE, THICK),
     }
 
 

@@ -61,10 +61,10 @@ def _funicular(run: Run, size: float, height: float) -> Iterator[Node]:
 
 
 def _polodes(run: Run, solids: Solids, height: float) -> Iterator[Node]:
-    for name, found in run.studies.centrodes.items():
+    for name, both in run.studies.centrodes.items():
         common: dict[str, Any] = {"owner": ("link", name), "height": height, "radii": (0.0032 * solids.size,)}
         fixed, moving = (
-            tuple(piece[None] for piece in polode_pieces(way, found.fixed, solids, z=height)) for way in (found.fixed, found.moving)
+            tuple(piece[None] for piece in polode_pieces(way, both.fixed, solids, z=height)) for way in (both.fixed, both.moving)
         )
         if fixed:
             yield Lines(
@@ -203,15 +203,15 @@ def chain_pins(run: Run, size: float) -> list[tuple[str, list[tuple[str, Complex
     """Pins of equivalent linkages by joint, each with its label (F,), NaN beyond any picture. Only those that are no pins
     anyway."""
     shown = ("K", "N1", "N2")
-    found = []
+    named = []
     for name, chain in run.studies.equivalents.items():
         last = list(chain.pins.values())[-1]
         with np.errstate(invalid="ignore"):
             pins = [
                 (label, np.where(np.abs(z - last) < FAR * size, z, np.nan)) for label, z in chain.pins.items() if label in shown
             ]
-        found.append((name, pins))
-    return found
+        named.append((name, pins))
+    return named
 
 
 def within(z: Complex, size: float) -> Complex:
@@ -282,8 +282,8 @@ def section_nodes(run: Run, solids: Solids) -> Iterator[Lines | Points]:
         peaks = {link: float(np.nanmax(np.abs(diagram.ordinates(s)), initial=0.0)) for link, s in sections.items()}
         largest = max(peaks.values(), default=0.0)
         scale = TALLEST * solids.size / largest if largest > 0.0 else 0.0
-        for link, found in sections.items():
-            strips = [_in_world(run, link, strip) for strip in _strips(found, scale * np.nan_to_num(diagram.ordinates(found)))]
+        for link, section in sections.items():
+            strips = [_in_world(run, link, strip) for strip in _strips(section, scale * np.nan_to_num(diagram.ordinates(section)))]
             height = _height(run, solids, link, strips[0])
             outline, ordinates, tip = (in_space(np.stack([z.real, z.imag], axis=-1), height) for z in strips)
             common: dict[str, Any] = {"owner": ("link", link), "group": group, "height": height, "colors": (diagram.color,)}
@@ -293,15 +293,15 @@ def section_nodes(run: Run, solids: Solids) -> Iterator[Lines | Points]:
             yield Points(key=f"{key}.largest", entity=(*path, "largest"), parent="", places=tip, **look, **common)
 
 
-def _strips(found: SectionForces, ordinates: Real) -> tuple[Complex, Complex, Complex]:
+def _strips(section: SectionForces, ordinates: Real) -> tuple[Complex, Complex, Complex]:
     """Outline, ordinates and tip of the largest (F, n), complex in the link's axes, of lengths (F, n) [m] to the axis' left."""
-    tips = found.places + 1j * found.directions * ordinates
-    outline = np.concatenate([found.places[:, :1], tips, found.places[:, -1:]], axis=1)
-    even = np.linspace(0.0, found.axis.length, ORDINATES)
+    tips = section.places + 1j * section.directions * ordinates
+    outline = np.concatenate([section.places[:, :1], tips, section.places[:, -1:]], axis=1)
+    even = np.linspace(0.0, section.axis.length, ORDINATES)
     cuts = Cuts(even, np.ones(ORDINATES))
-    feet = np.broadcast_to(found.axis.place(cuts), (len(tips), ORDINATES))
-    lengths = np.stack([np.interp(even, s, v) for s, v in zip(found.stations, ordinates, strict=True)])
-    heads = feet + 1j * found.axis.directions[found.axis.segment(cuts)] * lengths
+    feet = np.broadcast_to(section.axis.place(cuts), (len(tips), ORDINATES))
+    lengths = np.stack([np.interp(even, s, v) for s, v in zip(section.stations, ordinates, strict=True)])
+    heads = feet + 1j * section.axis.directions[section.axis.segment(cuts)] * lengths
     comb = np.stack([feet, heads, feet], axis=2).reshape(len(tips), -1)
     k = np.argmax(np.abs(ordinates), axis=1)[:, None]
     return outline, comb, np.take_along_axis(tips, k, axis=1)

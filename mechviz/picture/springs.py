@@ -70,12 +70,12 @@ def find_coils(run: Run, solids: Solids, known: Mapping[str, tuple[float, float]
     """The springs of a run in which forces are computed. ``known``: height [m] and width of those found before, by name."""
     if run.forces is None:
         return []
-    found = []
+    coils = []
     for load in run.motion.mechanism.loads:
         if isinstance(load, Spring):
             coil = _coil(run, solids, load, (known or {}).get(load.name))
-            found += [] if coil is None else [coil]
-    return found
+            coils += [] if coil is None else [coil]
+    return coils
 
 
 def _coil(run: Run, solids: Solids, load: Spring, known: tuple[float, float] | None) -> Coil | None:
@@ -282,10 +282,10 @@ def axis_of_spiral(spiral: Real, size: float) -> tuple[Real, Real, Real]:
     middle = spiral.mean(axis=1)
     z = (spiral - middle[:, None]) / size
     equations = np.concatenate([2.0 * z, np.ones((*z.shape[:2], 1))], axis=2)
-    found = np.linalg.pinv(equations) @ ((z**2).sum(axis=2) - (r / size) ** 2)[..., None]
-    from_centre = (z - found[:, None, :2, 0]) @ np.array([1.0, 1.0j])
+    centre = np.linalg.pinv(equations) @ ((z**2).sum(axis=2) - (r / size) ** 2)[..., None]
+    from_centre = (z - centre[:, None, :2, 0]) @ np.array([1.0, 1.0j])
     steps = np.angle(from_centre[:, 1:] / from_centre[:, :-1])
-    return middle + size * found[:, :2, 0], np.unwrap(np.angle(from_centre[:, 0])), steps.sum(axis=1)
+    return middle + size * centre[:, :2, 0], np.unwrap(np.angle(from_centre[:, 0])), steps.sum(axis=1)
 
 
 SIDES = 8  # of the wire

@@ -145,10 +145,10 @@ def _centre_lines(run: Run) -> Iterator[str]:
     if centres:
         near = [c.gap[np.isfinite(c.gap) & (np.abs(c.place - c.place[0]) < NEAR * size)] for c in centres.values()]
         yield "instant centres of " + ", ".join(f"{k} {link}" for k, link in enumerate(run.motion.model.links))
-        found = [f"{name} in {' and '.join(''.join(line.through) for line in c.lines)}" for name, c in centres.items() if c.lines]
-        if found:
+        texts = [f"{name} in {' and '.join(''.join(line.through) for line in c.lines)}" for name, c in centres.items() if c.lines]
+        if texts:
             worst = float(np.max(np.concatenate(near), initial=0.0)) / size
-            yield f"{', '.join(found)}: as the velocities have them, to {worst:.1e} of the mechanism's size"
+            yield f"{', '.join(texts)}: as the velocities have them, to {worst:.1e} of the mechanism's size"
         alone = [name for name, c in centres.items() if c.found_by == "velocities"]
         if alone:
             yield f"{', '.join(alone)}: by the velocities, as no two lines decide them"
@@ -175,17 +175,17 @@ def _centre_lines(run: Run) -> Iterator[str]:
         yield f"centre of percussion of {name}: {words}"
 
 
-def _section_words(found: SectionForces, time: Real) -> str:
+def _section_words(section: SectionForces, time: Real) -> str:
     """Ranges and the largest bending moment, with its place and time."""
-    size = np.abs(found.bending.values)
+    size = np.abs(section.bending.values)
     if not np.isfinite(size).any():
         return "not known, it jams over the whole run"
     k = int(np.nanargmax(size))
-    low, high = float(np.nanmin(found.normal)), float(np.nanmax(found.normal))
-    words = f"N {low:.5g} to {high:.5g} N, |V| up to {float(np.nanmax(np.abs(found.shear))):.5g} N, largest bending moment "
-    place, length = 1e3 * found.bending.stations[k], 1e3 * found.axis.length
-    words += f"{found.bending.values[k]:.5g} N m at {place:.5g} mm of its {length:.5g} mm, {time[k]:.5g} s"
-    if found.bending_stress is not None and found.stress is not None:
-        bending, normal = (1e-6 * float(np.nanmax(s)) for s in (found.bending_stress, found.stress))
+    low, high = float(np.nanmin(section.normal)), float(np.nanmax(section.normal))
+    words = f"N {low:.5g} to {high:.5g} N, |V| up to {float(np.nanmax(np.abs(section.shear))):.5g} N, largest bending moment "
+    place, length = 1e3 * section.bending.stations[k], 1e3 * section.axis.length
+    words += f"{section.bending.values[k]:.5g} N m at {place:.5g} mm of its {length:.5g} mm, {time[k]:.5g} s"
+    if section.bending_stress is not None and section.stress is not None:
+        bending, normal = (1e-6 * float(np.nanmax(s)) for s in (section.bending_stress, section.stress))
         words += f"; bending stress up to {bending:.5g} MPa, with the normal force {normal:.5g} MPa"
     return words

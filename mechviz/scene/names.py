@@ -102,8 +102,8 @@ def link_names(reading: Reading) -> list[str]:
 
 def point_names(reading: Reading, link: str) -> list[str] | None:
     """Names of the points of a link, None where they could not be read (or there is no such link)."""
-    found = reading.document.links.get(link)
-    return list(found.points) if found is not None and found.sound("points") else None
+    document = reading.document.links.get(link)
+    return list(document.points) if document is not None and document.sound("points") else None
 
 
 def points_of_joint(name: str, joint: JointDocument) -> tuple[str, str]:

@@ -25,12 +25,12 @@ def equilibrium_at(run: Run, time: float) -> tuple[Equilibrium, int]:
     forces, frame = run.forces, int(np.argmin(np.abs(run.motion.time - time)))
     if run.motion.again is not None and run.simulation is None and abs(run.motion.time[frame] - time) > 0.0:
         forces, frame = solve_forces(run.motion.again(np.array([time]))), 0
-    found = Equilibrium(_part(forces, frame)[0])
+    equilibrium = Equilibrium(_part(forces, frame)[0])
     frame = _part(forces, frame)[1]
-    if not np.isfinite(found.values[frame]).all():
+    if not np.isfinite(equilibrium.values[frame]).all():
         why = f"at {time:.6g} s friction jams the mechanism: no forces of the drives move it."
         raise MechanismError(Fault("forces", why, "Choose another moment, or less friction."))
-    return found, frame
+    return equilibrium, frame
 
 
 def _part(forces: Forces, frame: int) -> tuple[Forces, int]:
@@ -42,14 +42,14 @@ def _part(forces: Forces, frame: int) -> tuple[Forces, int]:
     raise ValueError(f"no part holds frame {frame}")
 
 
-def equation_lines(found: Equilibrium, frame: int) -> list[str]:
+def equation_lines(equilibrium: Equilibrium, frame: int) -> list[str]:
     """The equations of every group at a frame, the last group first, with what they give, as lines of text."""
-    motion = found.forces.motion
+    motion = equilibrium.forces.motion
     lines = [
         f"equilibrium at {motion.time[frame]:.6g} s, in N, m and N m",
         "R_B, N_B, M_B act on the second link of joint B, the opposite on its first; T_B, F_B: drives; sum M_B: about joint B",
     ]
-    for number, group in enumerate(found.groups(frame), 1):
+    for number, group in enumerate(equilibrium.groups(frame), 1):
         lines += ["", f"group {number}: {group.group}"]
         for link in group.links:
             lines.append(f"  {link.link}")
@@ -62,21 +62,21 @@ def equation_lines(found: Equilibrium, frame: int) -> list[str]:
         if group.known:
             lines.append(f"  known      {_values(group.known)}")
         lines.append(f"  gives      {_values(group.found)}")
-    return [*lines, "", *_together(found, frame)]
+    return [*lines, "", *_together(equilibrium, frame)]
 
 
-def _together(found: Equilibrium, frame: int) -> Iterator[str]:
+def _together(equilibrium: Equilibrium, frame: int) -> Iterator[str]:
     """What the equations give at once, as a check."""
-    rows, columns = found.matrix.shape[1:]
+    rows, columns = equilibrium.matrix.shape[1:]
     yield f"all {rows} equations at once, without groups, for {columns} unknowns: " + (
-        f"the same values, to {_difference(found, frame):.1e} of the largest"
-        if found.determinate
-        else f"statics does not decide them all; these values leave {found.residual[frame]:.1e} of the largest term"
+        f"the same values, to {_difference(equilibrium, frame):.1e} of the largest"
+        if equilibrium.determinate
+        else f"statics does not decide them all; these values leave {equilibrium.residual[frame]:.1e} of the largest term"
     )
 
 
-def _difference(found: Equilibrium, frame: int) -> float:
-    values, again = found.values[frame], found.at_once()[frame]
+def _difference(equilibrium: Equilibrium, frame: int) -> float:
+    values, again = equilibrium.values[frame], equilibrium.at_once()[frame]
     largest = float(np.abs(values).max(initial=0.0))
     return float(np.abs(again - values).max(initial=0.0)) / (largest or 1.0)
 
@@ -116,11 +116,11 @@ def _values(pairs: tuple[tuple[Unknown, float], ...]) -> str:
     return ", ".join(f"{u.name} = {_number(v)} {u.unit}" for u, v in pairs) or "nothing new"
 
 
-def latex_lines(found: Equilibrium, frame: int) -> list[str]:
+def latex_lines(equilibrium: Equilibrium, frame: int) -> list[str]:
     """The same as LaTeX, to be put into a document that loads amsmath."""
-    motion = found.forces.motion
+    motion = equilibrium.forces.motion
     lines = [f"% equilibrium at {motion.time[frame]:.6g} s, in N, m and N m"]
-    for number, group in enumerate(found.groups(frame), 1):
+    for number, group in enumerate(equilibrium.groups(frame), 1):
         lines += [
             rf"\paragraph{{Group {number}: {', '.join(_escaped(k) for k in group.group.links)}}}",
             *_latex_group(group, motion.model.length_scale),

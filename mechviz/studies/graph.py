@@ -33,8 +33,8 @@ def graph_lines(graph: ContourGraph) -> list[str]:
 
 def write_graph(graph: ContourGraph, title: str, path: Path) -> None:
     """Write the graph as a chart (.svg, .png or .pdf). Raises `OutputError`."""
-    found = layout(graph)
-    ends = np.concatenate([found.vertices, *found.edges])
+    places = layout(graph)
+    ends = np.concatenate([places.vertices, *places.edges])
     low = np.array([ends.real.min(), ends.imag.min()]) - ROOM
     high = np.array([ends.real.max(), ends.imag.max()]) + ROOM
     width, height = np.maximum(UNIT * (high - low), (3.2, 1.0))
@@ -43,19 +43,19 @@ def write_graph(graph: ContourGraph, title: str, path: Path) -> None:
         axes = figure.add_subplot()
         axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), aspect="equal", title=title)
         axes.axis("off")
-        for edge, z in zip(graph.edges, found.edges, strict=True):
+        for edge, z in zip(graph.edges, places.edges, strict=True):
             look = "--" if edge.higher else "-"
             axes.plot(z.real, z.imag, look, color=LOOP if edge.driven else EDGE, linewidth=2.6 if edge.driven else 1.6, zorder=1)
             middle = 0.5 * (z[len(z) // 2] + z[(len(z) - 1) // 2])
             box = {"boxstyle": "round,pad=0.15", "facecolor": "white", "edgecolor": "none"}
             axes.text(middle.real, middle.imag, edge.joint, ha="center", va="center", bbox=box, zorder=2)
-        for k, (name, z) in enumerate(zip(graph.links, found.vertices, strict=True)):
+        for k, (name, z) in enumerate(zip(graph.links, places.vertices, strict=True)):
             marker = "s" if k == 0 else "o"
             axes.plot(z.real, z.imag, marker, color=FRAME if k == 0 else LINK, markersize=19.0, zorder=3)
             axes.text(z.real, z.imag, str(k), ha="center", va="center", color="white", weight="bold", zorder=4)
             outwards = z / abs(z) if abs(z) > 1e-9 else -1j
             axes.text(z.real, z.imag + (0.24 if outwards.imag >= -1e-9 else -0.24), name, ha="center", va="center", zorder=4)
-        for k, z in enumerate(found.numbers):
+        for k, z in enumerate(places.numbers):
             axes.text(z.real, z.imag, loop_number(k), ha="center", va="center", color=LOOP, size=12.0, weight="bold", zorder=2)
         _legend(figure, graph)
         save_chart(figure, path)

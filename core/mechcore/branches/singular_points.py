@@ -127,9 +127,9 @@ def find_singular_points(
     first = model.joints[model.joint_index[drives[0].joint]]
     if len(drives) == 1 and first.coordinate == "angle":
         turn = (ConstantSpeed(float(drives[0].law(0.0)[0]), 1.0),)
-        found = _until_closed(model, modes, 2.0 * np.pi, turn, by_drive=True)
-        if found is not None:
-            return found
+        points = _until_closed(model, modes, 2.0 * np.pi, turn, by_drive=True)
+        if points is not None:
+            return points
     laws = tuple(d.law for d in drives)
     cycle = model.mechanism.cycle
     if not np.isfinite(cycle) or cycle <= 0:
@@ -197,7 +197,7 @@ def _sampled(
     state = initial_state(model, [v[0] for v in values])
     still = np.max([np.abs(v[1]) for v in values], axis=0)
     speed = float(still.max(initial=0.0))
-    found: list[SingularPoint] = []
+    points: list[SingularPoint] = []
     gaps: list[Gap] = []
     resolved, rounding = True, rounding_of(model)
     blurred = np.zeros(len(time), bool)  # samples at which an earlier group's positions are interpolated
@@ -222,11 +222,11 @@ def _sampled(
             place(model, block, state, mode * sign)
             for c in own:  # what hangs on this block must not see its ill-conditioned positions
                 c, fine = _smoothed(model, block, state, time, c, period, step, finer, blurred)
-                found.append(c)
+                points.append(c)
                 resolved &= fine
             if by_drive and block.angles and not np.isfinite(np.sum(state.rot[model.angles.classes_of[block.angles[0]][0]])):
                 return None, True
-    return SingularPoints(period=period, found=tuple(found), laws=laws, by_drive=by_drive, gaps=tuple(gaps)), resolved
+    return SingularPoints(period=period, found=tuple(points), laws=laws, by_drive=by_drive, gaps=tuple(gaps)), resolved
 
 
 def _smoothed(
@@ -236,10 +236,10 @@ def _smoothed(
     best = np.inf
     width = finer
     while width >= 1:
-        found = [smooth(model, block, state, time, c.time + turn, step * width) for turn in (-period, 0.0, period)]
-        tail = max(t for t, _ in found)
+        smoothed = [smooth(model, block, state, time, c.time + turn, step * width) for turn in (-period, 0.0, period)]
+        tail = max(t for t, _ in smoothed)
         if tail < 0.5 * best:
-            best, patches, c = tail, [p for _, p in found if p is not None], replace(c, step=step * width)
+            best, patches, c = tail, [p for _, p in smoothed if p is not None], replace(c, step=step * width)
         if tail < TAIL:
             break
         width //= 2

@@ -106,7 +106,7 @@ def _bobillier(motion: Motion, circle: InflectionCircle) -> Bobillier | None:
     """By the first two pins of the link whose centres of curvature are finite, on different rays, in most frames."""
     model, n = motion.model, motion.frames
     k, size = model.index[circle.link], model.length_scale
-    found: list[tuple[str, complex, Complex, Complex]] = []
+    pairs: list[tuple[str, complex, Complex, Complex]] = []
     for joint, ends in zip(model.joints, model.ends, strict=True):
         if joint.slide is not None or k not in ends or not joint.turns:
             continue
@@ -115,12 +115,12 @@ def _bobillier(motion: Motion, circle: InflectionCircle) -> Bobillier | None:
         centre = circle.centre_of_curvature(place)
         with np.errstate(invalid="ignore"):
             good = np.abs(centre - place) < size / STILL**0.5
-            apart = all(np.median(np.abs(cross(p - circle.pole, place - circle.pole))) > 1e-9 * size**2 for _, _, p, _ in found)
+            apart = all(np.median(np.abs(cross(p - circle.pole, place - circle.pole))) > 1e-9 * size**2 for _, _, p, _ in pairs)
         if good.mean() > 0.5 and apart:
-            found.append((joint.name, local, place, centre))
-    if len(found) < 2:
+            pairs.append((joint.name, local, place, centre))
+    if len(pairs) < 2:
         return None
-    (first, _, a, ka), (second, _, b, kb) = found[:2]
+    (first, _, a, ka), (second, _, b, kb) = pairs[:2]
     with np.errstate(invalid="ignore", divide="ignore"):
         meeting = a + cross(ka - a, kb - ka) / cross(b - a, kb - ka) * (b - a)
         axis = meeting - circle.pole

@@ -152,9 +152,9 @@ class Equilibrium:
             used = [c for c in range(len(self.unknowns)) if self.matrix[:, rows, c].any()]
             pairs = [(self.unknowns[c], float(self.values[frame, c])) for c in used]
             known = [pair for c, pair in zip(used, pairs, strict=True) if c in given]
-            found = [pair for c, pair in zip(used, pairs, strict=True) if c not in given]
+            unknown = [pair for c, pair in zip(used, pairs, strict=True) if c not in given]
             equations = tuple(self._of_link(k, links, frame) for k in links)
-            out.append(GroupEquations(group, equations, tuple(found), tuple(known)))
+            out.append(GroupEquations(group, equations, tuple(unknown), tuple(known)))
             given += [c for c in used if c not in given]
         return tuple(out)
 
@@ -189,7 +189,7 @@ class Equilibrium:
 
     def _acting(self, k: int) -> list[Acting]:
         """Loads on a link, friction too."""
-        found, friction = acting_on(self.forces, k), self.forces.friction
+        acting, friction = acting_on(self.forces, k), self.forces.friction
         model = self.forces.motion.model
         for connection in model.connections if friction is not None else ():
             if model.links[k] not in connection.links or friction is None:
@@ -197,8 +197,8 @@ class Equilibrium:
             rows = friction.applied(connection.name) * (-1.0 if connection.links[0] == model.links[k] else 1.0)
             if rows.any():
                 label, place = f"friction {connection.name}", self.forces.position(connection.name) @ PLANE
-                found.append(Acting(label, label, "friction", rows[:, :2] @ PLANE, rows[:, 2], place))
-        return found
+                acting.append(Acting(label, label, "friction", rows[:, :2] @ PLANE, rows[:, 2], place))
+        return acting
 
     def _loads(self, k: int) -> tuple[Real, Real, Real]:
         """Resultant of the loads on a link, about the origin of its frame."""

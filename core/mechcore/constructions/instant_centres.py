@@ -79,9 +79,9 @@ def kennedy(motion: Motion, links: Sequence[str] = ()) -> dict[str, InstantCentr
     true, bodies = scene.centres()
     normals = scene.normals(bodies, true)
     loci: dict[Pair, tuple[_Locus, ...]] = {pair: () for pair in _pins(model, bodies) if pair in true}
-    while found := {p: _best(p, sorted(set(bodies)), loci, true, normals) for p in true if p not in loci}:
-        loci |= {p: two for p, two in found.items() if two}  # in rounds: each centre by as short a chain as there is
-        if not any(found.values()):
+    while fresh := {p: _best(p, sorted(set(bodies)), loci, true, normals) for p in true if p not in loci}:
+        loci |= {p: two for p, two in fresh.items() if two}  # in rounds: each centre by as short a chain as there is
+        if not any(fresh.values()):
             break
     asked = {bodies[model.index[link]] for link in links} if links else set(bodies)
     wanted = [pair for pair in true if set(pair) <= asked]
@@ -119,18 +119,18 @@ class _Scene:
     def centres(self) -> tuple[dict[Pair, Real], list[int]]:
         """Unit vectors (F, 3) of the centres by velocities, NaN where two links do not move against each other, and of each link
         the lowest number of those against which it never moves: only these have centres."""
-        found: dict[Pair, Real] = {}
+        crosses: dict[Pair, Real] = {}
         index = self.motion.model.index
         for (first, second), (turn, shift) in relative_turns(self.motion).items():
             at = (-1j * shift - turn * self.middle) / self.size
-            found[index[first], index[second]] = np.stack([at.real, at.imag, turn], axis=-1)
-        sizes = {pair: np.linalg.norm(c, axis=-1) for pair, c in found.items()}
+            crosses[index[first], index[second]] = np.stack([at.real, at.imag, turn], axis=-1)
+        sizes = {pair: np.linalg.norm(c, axis=-1) for pair, c in crosses.items()}
         least = STILL * np.fmax.reduce([*sizes.values(), np.zeros(self.motion.frames)])
         bodies = list(range(len(index)))
         for (a, b), size in sizes.items():
             if not (size > least).any():
                 bodies = [bodies[a] if k == bodies[b] else k for k in bodies]
-        return {(a, b): _unit(c, least[:, None]) for (a, b), c in found.items() if bodies[a] == a and bodies[b] == b}, bodies
+        return {(a, b): _unit(c, least[:, None]) for (a, b), c in crosses.items() if bodies[a] == a and bodies[b] == b}, bodies
 
     def normals(self, bodies: Sequence[int], true: Mapping[Pair, Real]) -> dict[Pair, list[_Locus]]:
         """Common normals of higher pairs by links; not of joints out of the plane, whose centre does not lie on it."""
@@ -138,14 +138,14 @@ class _Scene:
         lines = [(j.name, e, motion.joint_point(k), 1j * motion.guide(k))
                  for k, (j, e) in enumerate(zip(model.joints, model.ends, strict=True)) if j.freedoms == 2]  # fmt: skip
         lines += [(r.name, (model.index[r.links[0]], model.index[r.links[1]]), *r.contact(motion, 1.0)) for r in model.relations]
-        found: dict[Pair, list[_Locus]] = {}
+        loci_of: dict[Pair, list[_Locus]] = {}
         for name, ends, at, along in lines:
             pair = _pair(bodies, ends)
             z, d = ((frames_of(v, motion.frames) - m) / s for v, m, s in ((at, self.middle, self.size), (along, 0j, 1.0)))
             line = _unit(np.stack([-d.imag, d.real, z.real * d.imag - z.imag * d.real], axis=-1))
             if pair in true and _typical(np.abs((line * true[pair]).sum(axis=-1))) < LEAST:
-                found.setdefault(pair, []).append(_Locus(line, joint=name))
-        return found
+                loci_of.setdefault(pair, []).append(_Locus(line, joint=name))
+        return loci_of
 
     def point(self, c: Real) -> tuple[Complex, Complex]:
         """The place (F,) of a homogeneous point (F, 3), NaN at infinity, and the direction (F,) in which it lies there."""

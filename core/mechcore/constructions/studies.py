@@ -155,15 +155,15 @@ def _substitute(study: SubstituteStudy, motion: Motion) -> SubstituteResult:
     try:
         excess = 0.0
         if study.static:
-            found, excess = _static(mass, inertia, points)
+            solved, excess = _static(mass, inertia, points)
         else:
-            found = substitute_masses(mass, inertia, points)
+            solved = substitute_masses(mass, inertia, points)
     except MechanismError as error:
         raise MechanismError([replace(f, path=path) for f in error.faults]) from None
-    if study.solution > len(found.solutions):
-        remedy = "Choose other places or masses." if not found.solutions else f"Give solution = 1 to {len(found.solutions)}."
-        raise MechanismError(Fault(path, f"{found.message}.", remedy))
-    masses, places = found.solutions[study.solution - 1]
+    if study.solution > len(solved.solutions):
+        remedy = "Choose other places or masses." if not solved.solutions else f"Give solution = 1 to {len(solved.solutions)}."
+        raise MechanismError(Fault(path, f"{solved.message}.", remedy))
+    masses, places = solved.solutions[study.solution - 1]
     turned = (places @ np.array([1.0, 1.0j]))[None, :] * np.broadcast_to(motion.rotation(k), motion.frames)[:, None]
     arms = np.stack([turned.real, turned.imag], axis=-1)
     rotation_class = motion.model.angles.rotation_class[k]
@@ -174,7 +174,7 @@ def _substitute(study: SubstituteStudy, motion: Motion) -> SubstituteResult:
     correction = excess * np.array(alpha) if study.static else None
     single = -masses[:, None] * acceleration_field(arms, motion.centre_of_mass(study.link, 2), omega, alpha)
     return SubstituteResult(
-        found=found,
+        found=solved,
         chosen=study.solution - 1,
         masses=masses,
         places=motion.centre_of_mass(study.link)[:, None, :] + arms,

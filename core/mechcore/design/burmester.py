@@ -242,12 +242,12 @@ def _conic_points(first: Real, second: Real) -> list[Real]:
     bc = poly.polysub(poly.polymul(b1, c2), poly.polymul(b2, c1))
     resultant = poly.polysub(poly.polymul(ac, ac), poly.polymul(ab, bc))
     roots = poly.polyroots(resultant)
-    found = []
+    points = []
     for t in roots.real[np.abs(roots.imag) < REAL * (1.0 + np.abs(roots))]:
         below = float(poly.polyval(t, ab))
         if below != 0.0:
-            found.append(np.asarray(turned @ np.array([-float(poly.polyval(t, ac)) / below, t, 1.0]), float))
-    return found
+            points.append(np.asarray(turned @ np.array([-float(poly.polyval(t, ac)) / below, t, 1.0]), float))
+    return points
 
 
 def _dyad(t: Complex, turn: Complex, w: complex, c: complex) -> tuple[complex, complex]:

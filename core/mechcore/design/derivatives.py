@@ -79,9 +79,9 @@ class Derivatives:
         with np.errstate(**QUIET):
             self._varied = [self._numbers_of(p) for p in self.parameters]
             for place, number in self._nominal.items():
-                found = [slopes.get(place) for slopes in self._varied]
-                if any(d is not None for d in found):
-                    self.leaves[place] = self._leaf(number, found)
+                own = [slopes.get(place) for slopes in self._varied]
+                if any(d is not None for d in own):
+                    self.leaves[place] = self._leaf(number, own)
         self._refused(self._motion)
 
     # -- results ------------------------------------------------------------------------------------------------------
@@ -104,9 +104,9 @@ class Derivatives:
         given = {number: np.stack(d) for number, d in self._slopes.items()}
         if not given:
             return [np.zeros((len(self.parameters), *np.shape(value_of(x)))) for x in results]
-        found = iter(self.tape.forward(given, traced))
+        values = iter(self.tape.forward(given, traced))
         count = len(self.parameters)
-        out = [np.array(next(found)) if isinstance(x, Traced) else np.zeros((count, *np.shape(x))) for x in results]
+        out = [np.array(next(values)) if isinstance(x, Traced) else np.zeros((count, *np.shape(x))) for x in results]
         for d in out:
             if len(self.singular) and d.shape[1:2] == (self.nominal.frames,):
                 d[:, self.singular] = np.nan
@@ -149,10 +149,10 @@ class Derivatives:
 
         return slopes(at, self._nominal, parameter)
 
-    def _leaf(self, number: Any, found: Sequence[Any]) -> Traced:
+    def _leaf(self, number: Any, slopes: Sequence[Any]) -> Traced:
         leaf = self.tape.variable(number)
         zero = np.zeros_like(leaf.value)
-        self._slopes[leaf.number] = [zero if d is None else np.broadcast_to(d, zero.shape).astype(zero.dtype) for d in found]
+        self._slopes[leaf.number] = [zero if d is None else np.broadcast_to(d, zero.shape).astype(zero.dtype) for d in slopes]
         return leaf
 
     def beside(self, of: Callable[[Model], Any], number: Any, key: Place) -> Any:
@@ -160,13 +160,13 @@ class Derivatives:
         ``of``: numbers that the compiled mechanism keeps to itself, at the nominal motion."""
         if key not in self.leaves:
             plain = np.asarray(of(self.nominal.model))
-            found = []
+            own = []
             for p in self.parameters:
                 known = slopes(lambda x, p=p: {(): np.asarray(of(build_model(p.mechanism(x))))}, {(): plain}, p)  # type: ignore[misc]
-                found.append(known.get(()))
-            if all(d is None for d in found):
+                own.append(known.get(()))
+            if all(d is None for d in own):
                 return number
-            self.leaves[key] = self._leaf(np.zeros_like(plain), found)
+            self.leaves[key] = self._leaf(np.zeros_like(plain), own)
         return number + self.leaves[key]
 
     # -- on the tape --------------------------------------------------------------------------------------------------
@@ -237,15 +237,15 @@ class Derivatives:
         """The curve of a relation and its two derivatives on the tape, by its shape and its argument."""
         bend = self.nominal.state.bends[r]
         argument = _argument(self._model.constraints[r], self._state_so_far)
-        found = []
+        bent = []
         for k in range(3):
             by_argument: Any = bend[k + 1] if k < 2 else np.full_like(bend[k], np.nan)  # a third derivative is not at hand
             z: Any = bend[k]
             if isinstance(argument, Traced):
                 z = self.tape.elementwise(z, [(argument, by_argument, None)])
             leaf = self.leaves.get(("bend", r, k))
-            found.append(z if leaf is None else z - leaf.value + leaf)
-        return found
+            bent.append(z if leaf is None else z - leaf.value + leaf)
+        return bent
 
     def _relation(self, r: int, own: Relation) -> Relation:
         def contact(motion: Motion, multiplier: Values) -> tuple[Any, Any]:
@@ -435,35 +435,35 @@ def _arms(model: Model) -> set[tuple[int, int]]:
 
 def _numbers(model: Model, at: Motion, time: Real) -> Numbers:
     """The numbers of a compiled mechanism that results follow from; curves at the arguments of a nominal motion."""
-    found: Numbers = {("time",): time}
+    numbers: Numbers = {("time",): time}
     for j, joint in enumerate(model.joints):
-        found["joint", j, "a"], found["joint", j, "b"] = joint.a, joint.b
+        numbers["joint", j, "a"], numbers["joint", j, "b"] = joint.a, joint.b
         if joint.slide is not None:
-            found["joint", j, "slide"] = joint.slide
+            numbers["joint", j, "slide"] = joint.slide
     for k, (turn, offset) in enumerate(zip(model.turn, model.angles.offset, strict=True)):
-        found["turn", k], found["offset", k] = turn, offset
+        numbers["turn", k], numbers["offset", k] = turn, offset
     for link, points, (mass, centre, inertia) in zip(model.links, model.points, model.masses, strict=True):
-        found |= {("point", link, name): z for name, z in points.items()}
-        found["mass", link], found["centre", link], found["inertia", link] = mass, centre, inertia
+        numbers |= {("point", link, name): z for name, z in points.items()}
+        numbers["mass", link], numbers["centre", link], numbers["inertia", link] = mass, centre, inertia
     for link, body in model.bodies.items():
-        found |= {("body", link, *place): x for place, x in numbers_in(body.gravity, ("gravity",))}
+        numbers |= {("body", link, *place): x for place, x in numbers_in(body.gravity, ("gravity",))}
     for r, constraint in enumerate(model.constraints):
         for kind in ("groups", "drives", "slides"):
-            found |= {(kind, r, i): c for i, c in getattr(constraint, kind)}
+            numbers |= {(kind, r, i): c for i, c in getattr(constraint, kind)}
         if constraint.curve is not None:
             bend = constraint.curve.function(_argument(at.model.constraints[r], at.state))
-            found |= {("bend", r, k): np.asarray(bend[k]) for k in range(3)}
+            numbers |= {("bend", r, k): np.asarray(bend[k]) for k in range(3)}
     if model.constraints:
         constants = [c.constant for c in model.constraints]
         if any(c is None for c in constants):
             constants = list(compile_mechanism(model.mechanism).assembly.constants)
-        found |= {("constant", r): c for r, c in enumerate(constants)}
+        numbers |= {("constant", r): c for r, c in enumerate(constants)}
     for d, values in enumerate(drive_values(model.mechanism, time)):
-        found |= {("drive", d, k): np.broadcast_to(np.asarray(x, float), time.shape) for k, x in enumerate(values)}
+        numbers |= {("drive", d, k): np.broadcast_to(np.asarray(x, float), time.shape) for k, x in enumerate(values)}
     m = model.mechanism
-    found |= {("mechanism", *place): x for place, x in numbers_in(m.gravity, ("gravity",))}
-    found |= {("mechanism", *place): x for place, x in numbers_in(m.loads, ("loads",))}
-    return found
+    numbers |= {("mechanism", *place): x for place, x in numbers_in(m.gravity, ("gravity",))}
+    numbers |= {("mechanism", *place): x for place, x in numbers_in(m.loads, ("loads",))}
+    return numbers
 
 
 def _argument(constraint: LinearConstraint, state: State) -> Any:
@@ -515,7 +515,7 @@ def _slopes(
     numbers: Callable[[float], Numbers], nominal: Numbers, parameter: Parameter, width: float, known: tuple[Numbers, ...]
 ) -> Numbers:
     below, above, between = known
-    found: Numbers = {}
+    slopes: Numbers = {}
     bent = []
     for place, middle in nominal.items():
         low, high, inner = (np.asarray(x[place]) for x in (below, above, between))
@@ -525,10 +525,10 @@ def _slopes(
         line = 0.5 * (low + high), 0.5 * (high - low)
         off = max(float(np.max(np.abs(line[0] - middle))), float(np.max(np.abs(line[0] + 0.375 * line[1] - inner))))
         if off <= ROUNDING * size:
-            found[place] = line[1] / width
+            slopes[place] = line[1] / width
         else:
             bent.append(place)
-    return found | _by_polynomials(numbers, bent, parameter, width) if bent else found
+    return slopes | _by_polynomials(numbers, bent, parameter, width) if bent else slopes
 
 
 def _by_polynomials(numbers: Callable[[float], Numbers], places: Sequence[Place], parameter: Parameter, width: float) -> Numbers:
@@ -537,16 +537,16 @@ def _by_polynomials(numbers: Callable[[float], Numbers], places: Sequence[Place]
     odd = np.array([k * (-1.0) ** ((k - 1) // 2) if k % 2 else 0.0 for k in range(NODES)])  # derivatives of T_k at 0
     for _ in range(TRIES):
         sampled = [numbers(parameter.value + width * float(x)) for x in nodes]
-        found: Numbers = {}
+        slopes: Numbers = {}
         for place in places:
             values = np.stack([np.asarray(x[place]) for x in sampled])
             coefficients = np.tensordot(fit, values, 1)
             size = float(np.max(np.abs(coefficients)))
             if not float(np.max(np.abs(coefficients[-2:]))) <= TAIL * size:
                 break
-            found[place] = np.tensordot(odd, coefficients, 1) / width
+            slopes[place] = np.tensordot(odd, coefficients, 1) / width
         else:
-            return found
+            return slopes
         width /= NARROWER
-    where = ".".join(map(str, places[len(found)]))
+    where = ".".join(map(str, places[len(slopes)]))
     raise _refusal(f"{where} does not change smoothly with {parameter.name}.", "Vary something else, or sweep it.")

@@ -82,12 +82,12 @@ def dwell_linkages(dwell: float, swing: float, seed: int = 0, most: int = 5, scr
         spread *= 0.5
     best = np.argsort(misfit, kind="stable")[:PLACED]
     _, start, centre, radius = _fits(designs[best], window)
-    found: list[DwellLinkage] = []
+    linkages: list[DwellLinkage] = []
     for k, design in enumerate(designs[best]):
         if np.isfinite(misfit[best[k]]):
-            found += _with_lever(_four_bar(design), start[k], centre[k], radius[k], dwell, swing)
+            linkages += _with_lever(_four_bar(design), start[k], centre[k], radius[k], dwell, swing)
     kept: list[DwellLinkage] = []
-    for one in sorted(found, key=lambda one: one.drift):
+    for one in sorted(linkages, key=lambda one: one.drift):
         shape = _shape(one)
         if len(kept) < most and all(np.abs(shape / _shape(other) - 1.0).max() > 0.05 for other in kept):
             kept.append(one)

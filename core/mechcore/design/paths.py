@@ -108,7 +108,7 @@ def path_designs(task: PathTask, seed: int = 0, screened: int = 20000, refined: 
 # -- screening --------------------------------------------------------------------------------------------------------
 def _screen(task: PathTask, rng: np.random.Generator, side: int, sense: int, count: int, kept: int) -> tuple[Real, Real]:
     """The best of random designs of a branch and a sense, fitted by linear least squares: variables (kept, 10), steps (kept, K)."""
-    found: list[tuple[Real, Real, Real]] = []
+    screened: list[tuple[Real, Real, Real]] = []
     for first in range(0, count, CHUNK):
         size = min(CHUNK, count - first)
         ratios = _ratios(rng, size, task)
@@ -117,8 +117,8 @@ def _screen(task: PathTask, rng: np.random.Generator, side: int, sense: int, cou
         x, cost = _linear(task, ratios, start, steps, side, sense)
         best = np.argsort(cost)[:kept]
         best = best[np.isfinite(cost[best])]
-        found.append((x[best], cost[best], steps[best]))
-    x, cost, steps = (np.concatenate(part) for part in zip(*found, strict=True))
+        screened.append((x[best], cost[best], steps[best]))
+    x, cost, steps = (np.concatenate(part) for part in zip(*screened, strict=True))
     best = np.argsort(cost, kind="stable")[:kept]
     return x[best], steps[best]
 
@@ -126,12 +126,12 @@ def _screen(task: PathTask, rng: np.random.Generator, side: int, sense: int, cou
 def _ratios(rng: np.random.Generator, count: int, task: PathTask) -> Real:
     """Random ratios (D, 3) of frame, coupler and rocker to a crank that turns fully."""
     most = min(LARGEST_RATIO, task.lengths[1] / task.lengths[0] if task.lengths[0] else np.inf)
-    found = np.empty((0, 3))
-    while len(found) < count:
+    ratios = np.empty((0, 3))
+    while len(ratios) < count:
         tried = np.exp(rng.uniform(0.0, np.log(most), (4 * count, 3)))
         longest = tried.max(1)
-        found = np.concatenate([found, tried[1.0 + longest < tried.sum(1) - longest]])
-    return found[:count]
+        ratios = np.concatenate([ratios, tried[1.0 + longest < tried.sum(1) - longest]])
+    return ratios[:count]
 
 
 def _steps(task: PathTask, rng: np.random.Generator, count: int) -> Real:
@@ -161,21 +161,21 @@ def _linear(task: PathTask, ratios: Real, start: Real, steps: Real, side: int, s
         normal += 1e-13 * np.einsum("dii->d", normal)[:, None, None] * np.eye(len(columns))
         return np.asarray(np.linalg.solve(normal, np.einsum("dki,dk->di", rows, both)[..., None])[..., 0])
 
-    found = solved(place + scale + tracer, target)
+    full = solved(place + scale + tracer, target)
     own = len(place)
-    p = found[:, own] * turn if task.frame_angle is not None else found[:, own] + 1j * found[:, own + 1]
-    length = np.abs(p) if task.frame_angle is None else found[:, own]
+    p = full[:, own] * turn if task.frame_angle is not None else full[:, own] + 1j * full[:, own + 1]
+    length = np.abs(p) if task.frame_angle is None else full[:, own]
     low, high = task.lengths[0], task.lengths[1] / np.maximum(ratios.max(1), 1.0)
     limited = np.clip(length, max(low, 1e-6 * task.size), high)
     cut = (limited != length) & (low <= high)
     direction = turn if task.frame_angle is not None else p / np.maximum(np.abs(p), 1e-300)
     p = limited * direction
     rest = solved(place + tracer, target - p[:, None] * crank)
-    found = np.where(
-        cut[:, None], np.concatenate([rest[:, :own], rest[:, own:]], axis=1), np.delete(found, slice(own, own + len(scale)), axis=1)
+    full = np.where(
+        cut[:, None], np.concatenate([rest[:, :own], rest[:, own:]], axis=1), np.delete(full, slice(own, own + len(scale)), axis=1)
     )
-    z0 = found[:, 0] + 1j * found[:, 1] if place else np.full(len(p), task.pivot, complex)
-    q = (found[:, own] + 1j * found[:, own + 1]) * turn
+    z0 = full[:, 0] + 1j * full[:, 1] if place else np.full(len(p), task.pivot, complex)
+    q = (full[:, own] + 1j * full[:, own + 1]) * turn
     miss = z0[:, None] + p[:, None] * crank + q[:, None] * coupler - task.points
     cost = np.where(low <= high, np.einsum("dk,dk->d", miss, np.conj(miss)).real, np.inf)
     u = q * limited / p
@@ -279,7 +279,7 @@ class PathProblem:
         every: Flags = np.ones(len(x), bool)
         usable = np.isfinite(squares).all(1) & (x[:, FRAME : ROCKER + 1] @ _GRASHOF.T <= 1e-9 * self.task.size).all(1)
         usable &= self._ordered(theta, every)
-        found: list[PathDesign] = []
+        designs: list[PathDesign] = []
         taken: list[Real] = []
         for k in sorted(np.flatnonzero(usable), key=lambda k: float(squares[k].sum())):
             shape = np.array([*x[k, [FRAME, CRANK, COUPLER, ROCKER, U, V]], *x[k, :2]]) / self.task.size
@@ -297,8 +297,8 @@ class PathProblem:
                 int(self.sides[k]),
                 complex(x[k, U], x[k, V]),
             )
-            found.append(PathDesign(bar, x[k, BETA] + theta[k], float(squares[k].sum()), float(np.sqrt(squares[k].max()))))
-        return found
+            designs.append(PathDesign(bar, x[k, BETA] + theta[k], float(squares[k].sum()), float(np.sqrt(squares[k].max()))))
+        return designs
 
     def _ordered(self, theta: Real, every: Flags) -> Flags:
         """Designs whose crank meets the points in their order within a turn."""

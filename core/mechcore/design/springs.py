@@ -117,7 +117,7 @@ def lid_springs(task: LidTask, seed: int = 0) -> list[LidSpring]:
         return np.concatenate([r for r, _ in rows], axis=1), np.concatenate([j for _, j in rows], axis=1)
 
     fits = fit_all(evaluate, starts, low, high)
-    found: list[LidSpring] = []
+    springs: list[LidSpring] = []
     for row in fits.x[np.argsort(fits.cost, kind="stable")]:
         point = task.box * row[2] * np.exp(1j * row[3])
         made = LidSpring(
@@ -126,10 +126,10 @@ def lid_springs(task: LidTask, seed: int = 0) -> list[LidSpring]:
         lengths = made.lengths(theta) / made.free_length
         if lengths.min() < least - 1e-3 or lengths.max() > most + 1e-3 or made.stiffness <= 0.0:
             continue
-        if any(max(abs(made.frame_point - o.frame_point), abs(made.lid_point - o.lid_point)) < ALIKE * task.box for o in found):
+        if any(max(abs(made.frame_point - o.frame_point), abs(made.lid_point - o.lid_point)) < ALIKE * task.box for o in springs):
             continue
         error = float(np.abs(made.effort(task, theta) - task.effort).max())
-        found.append(LidSpring(made.frame_point, made.lid_point, made.stiffness, made.free_length, error))
-    if not found:
+        springs.append(LidSpring(made.frame_point, made.lid_point, made.stiffness, made.free_length, error))
+    if not springs:
         raise MechanismError(Fault("box", f"no spring within {task.box:g} m of the hinge holds this lid.", "Give it more room."))
-    return found
+    return springs

@@ -187,11 +187,11 @@ def _blocks(
     for j in sorted(range(len(ends)), key=lambda j: j in sliding):  # a joint that slides closes another group than its two links
         between.setdefault(frozenset(turning.group[k] for k in ends[j]), j)
     blocks = []
-    for found, own_relations, (_, unknowns) in zip(rows, relations, order.blocks, strict=True):
+    for loop_rows, own_relations, (_, unknowns) in zip(rows, relations, order.blocks, strict=True):
         picked = [unknown[u] for u in unknowns]
         group = tuple(i for what, i in picked if what == "angle")
         slides = tuple(i for what, i in picked if what == "slide")
-        own = tuple(sorted(found))
+        own = tuple(sorted(loop_rows))
         blocks.append(
             Block(
                 kind=_kind(own, own_relations, group, slides, sums, turning),

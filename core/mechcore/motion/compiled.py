@@ -62,8 +62,8 @@ class Compiled:
         """``work(self)``, done once for this object, as `Model.once`; ``kept`` has what has been done."""
         if work not in self.kept:
             self.kept[work] = work(self)
-        found: T = self.kept[work]
-        return found
+        result: T = self.kept[work]
+        return result
 
 
 def drive_values(

@@ -74,11 +74,11 @@ class Tape:
             return total.real if real else total
 
         def back(w: Numbers) -> list[Numbers]:
-            found = []
+            tangents = []
             for x, h, g in traced:
                 own = np.conj(h) * w if g is None else np.conj(h) * w + g * np.conj(w)
-                found.append(_gathered(own, x.value))
-            return found
+                tangents.append(_gathered(own, x.value))
+            return tangents
 
         return self.step(value, [x for x, _, _ in traced], forward, back)
 
@@ -95,12 +95,12 @@ class Tape:
             for d, (i, r) in zip(given, traced, strict=True):
                 if d is not None:
                     moved[..., i] = _spread(d, np.ndim(r.value), len(shape))
-            found = -(inverse @ moved[..., None])[..., 0]
+            solution = -(inverse @ moved[..., None])[..., 0]
             if spare:  # equations that are left over have to move along
-                left = np.abs(moved + (matrix @ found[..., None])[..., 0]).max(axis=-1, keepdims=True)
+                left = np.abs(moved + (matrix @ solution[..., None])[..., 0]).max(axis=-1, keepdims=True)
                 size = np.abs(moved).max(axis=-1, keepdims=True)
-                found = np.where(left <= 1e-9 * size, found, np.nan)
-            return found
+                solution = np.where(left <= 1e-9 * size, solution, np.nan)
+            return solution
 
         def back(w: Numbers) -> list[Numbers]:
             rows = -(np.swapaxes(inverse, -1, -2) @ w[..., None])[..., 0]
@@ -121,13 +121,13 @@ class Tape:
                 if any(d is not None for d in operands):
                     d = np.asarray(step.forward(operands))
                     known[step.result] = np.broadcast_to(d, (count, *self.values[step.result].shape))
-        found = []
+        tangents = []
         for x in wanted:
             d = known[x.number]
-            found.append(
+            tangents.append(
                 np.zeros((count, *x.value.shape), x.value.dtype) if d is None else np.broadcast_to(d, (count, *x.value.shape))
             )
-        return found
+        return tangents
 
     def adjoint(self, wanted: Traced, weights: Numbers) -> dict[int, Numbers]:
         """Derivatives of sums of a real result, each with ``weights`` (M, ...), by everything on the tape, by number: (M, ...)."""
@@ -329,17 +329,17 @@ def _divide(a: Any, b: Any) -> Any:
     x, y = value_of(a), value_of(b)
     with np.errstate(divide="ignore", invalid="ignore"):
         inverse = 1.0 / np.asarray(y)
-        found = x * inverse if np.iscomplexobj(y) else x / y
-        return _tape(a, b).elementwise(found, [(a, inverse, None), (b, -found * inverse, None)])
+        quotient = x * inverse if np.iscomplexobj(y) else x / y
+        return _tape(a, b).elementwise(quotient, [(a, inverse, None), (b, -quotient * inverse, None)])
 
 
 def _power(a: Any, b: Any) -> Any:
     x, n = value_of(a), value_of(b)
     with np.errstate(divide="ignore", invalid="ignore"):
-        found = np.asarray(x, float) ** n if not np.iscomplexobj(x) else x**n
-        slope = n * np.asarray(x, found.dtype) ** (n - 1.0) if isinstance(a, Traced) else 0.0
-        growth = found * np.log(x) if isinstance(b, Traced) else 0.0
-    return _tape(a, b).elementwise(found, [(a, slope, None), (b, growth, None)])
+        power = np.asarray(x, float) ** n if not np.iscomplexobj(x) else x**n
+        slope = n * np.asarray(x, power.dtype) ** (n - 1.0) if isinstance(a, Traced) else 0.0
+        growth = power * np.log(x) if isinstance(b, Traced) else 0.0
+    return _tape(a, b).elementwise(power, [(a, slope, None), (b, growth, None)])
 
 
 def _absolute(z: Traced) -> Any:
@@ -386,27 +386,27 @@ def _of_one(function: Callable[[Any], Any], slope: Callable[[Any, Any], Any]) ->
 
     def traced(x: Traced) -> Any:
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-            found = function(x.value)
-            return x.tape.elementwise(found, [(x, slope(x.value, found), None)])
+            value = function(x.value)
+            return x.tape.elementwise(value, [(x, slope(x.value, value), None)])
 
     return traced
 
 
 def _stack(parts: Sequence[Any], axis: int = 0) -> Any:
     values = [np.asarray(value_of(x)) for x in parts]
-    found = np.stack(values, axis)
+    stacked = np.stack(values, axis)
     traced = [(k, x) for k, x in enumerate(parts) if isinstance(x, Traced)]
     place = axis if axis < 0 else axis + 1
 
     def forward(given: list[Any]) -> Any:
         count = len(next(d for d in given if d is not None))
-        whole = [np.zeros((count, *values[0].shape), found.dtype) for _ in values]
+        whole = [np.zeros((count, *values[0].shape), stacked.dtype) for _ in values]
         for d, (k, _) in zip(given, traced, strict=True):
             whole[k] = whole[k] if d is None else np.broadcast_to(d, whole[k].shape)
         return np.stack(whole, place)
 
     return _tape(*parts).step(
-        found, [x for _, x in traced], forward, lambda w: [_gathered(np.take(w, k, place), x.value) for k, x in traced]
+        stacked, [x for _, x in traced], forward, lambda w: [_gathered(np.take(w, k, place), x.value) for k, x in traced]
     )
 
 
@@ -443,21 +443,21 @@ def _solve(a: Any, b: Any) -> Any:
     """Linear equations (..., n, n) with right-hand sides (..., n, k), all real."""
     matrix = np.asarray(value_of(a))
     inverse = np.linalg.inv(matrix)
-    found = inverse @ value_of(b)
+    solution = inverse @ value_of(b)
     traced = [x for x in (a, b) if isinstance(x, Traced)]
 
     def forward(given: list[Any]) -> Any:
         total: Any = 0.0
         for d, x in zip(given, traced, strict=True):
             if d is not None:
-                total = total + (d if x is b else -(d @ found))
+                total = total + (d if x is b else -(d @ solution))
         return inverse @ total
 
     def back(w: Numbers) -> list[Numbers]:
         rhs = np.swapaxes(inverse, -1, -2) @ w
-        return [_gathered(rhs if x is b else -(rhs @ np.swapaxes(found, -1, -2)), x.value) for x in traced]
+        return [_gathered(rhs if x is b else -(rhs @ np.swapaxes(solution, -1, -2)), x.value) for x in traced]
 
-    return _tape(a, b).step(found, traced, forward, back)
+    return _tape(a, b).step(solution, traced, forward, back)
 
 
 def piecewise(x: Traced, borders: Real, coefficients: Real) -> Any:

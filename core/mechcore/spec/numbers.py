@@ -16,9 +16,9 @@ def numbers_in(thing: Any, place: Place = ()) -> list[tuple[Place, float]]:
     if isinstance(thing, float):
         return [(place, thing)]
     if isinstance(thing, tuple):
-        return [found for k, inner in enumerate(thing) for found in numbers_in(inner, (*place, k))]
+        return [number for k, inner in enumerate(thing) for number in numbers_in(inner, (*place, k))]
     if is_dataclass(thing):
-        return [found for f in fields(thing) for found in numbers_in(getattr(thing, f.name), (*place, f.name))]
+        return [number for f in fields(thing) for number in numbers_in(getattr(thing, f.name), (*place, f.name))]
     return []
 
 
@@ -27,8 +27,8 @@ def with_numbers(thing: T, numbers: Mapping[Place, Any]) -> T:
     if not numbers:
         return thing
     if () in numbers:
-        found: T = numbers[()]
-        return found
+        same: T = numbers[()]
+        return same
     below: dict[Any, dict[Place, Any]] = {}
     for (first, *rest), number in numbers.items():
         below.setdefault(first, {})[tuple(rest)] = number

@@ -78,13 +78,13 @@ def function(
         if points > 5:
             if starts[0] is None or starts[1] is None:
                 fail("--crank-start, --rocker-start: a fit of many points begins from both. Give them.")
-            found = [fitted_generator(task, x, starts[0], starts[1], refine=True, starts_too=free)]
+            generated = [fitted_generator(task, x, starts[0], starts[1], refine=True, starts_too=free)]
         else:
-            found = generators(task, x, *starts)
-        if not found:
+            generated = generators(task, x, *starts)
+        if not generated:
             fail("No four-bar meets these points. Give other start angles, or other ranges of input and output.")
-        solutions = function_solutions(task, found, length_of(frame, "frame"), expression)
-        give(solutions, output, plot, lambda: figures.error_figure(task, found, expression))
+        solutions = function_solutions(task, generated, length_of(frame, "frame"), expression)
+        give(solutions, output, plot, lambda: figures.error_figure(task, generated, expression))
 
 
 def slider(
@@ -145,9 +145,9 @@ def motion(
         in_body = [(z - complex(poses.places[0])) / complex(poses.turns[0]) for z in pivots[0]]
         w, c = dyads(poses, in_body, pivots[1], angle_of(swing, "swing"))
         named = bool(moving or fixed)
-        found = motion_designs(poses, w, c, most, all_of_them=named or len(rows) >= 5)
+        designs = motion_designs(poses, w, c, most, all_of_them=named or len(rows) >= 5)
         curve = burmester_curve(poses) if len(rows) == 4 else None
-        give(motion_solutions(poses, found), output, plot, lambda: figures.motion_figure(poses, found, curve))
+        give(motion_solutions(poses, designs), output, plot, lambda: figures.motion_figure(poses, designs, curve))
 
 
 def path(
@@ -200,7 +200,7 @@ def path(
             (1, -1) if start is None else (1,),
         )
         with interruptible():
-            found = ranked_paths(path_designs(task, seed, screened), task.points)[:most]
-        if not found:
+            designs = ranked_paths(path_designs(task, seed, screened), task.points)[:most]
+        if not designs:
             fail("No crank-rocker passes the points in their order. Try another --seed, more --screened, or wider bounds.")
-        give(path_solutions(found, task.points), output, plot, lambda: figures.path_figure(task.points, found))
+        give(path_solutions(designs, task.points), output, plot, lambda: figures.path_figure(task.points, designs))

@@ -108,9 +108,9 @@ def dwell(
     with clear_errors("dwell"):
         check(output, plot)
         with interruptible():
-            found = dwell_linkages(angle_of(rest, "dwell"), angle_of(swing, "swing"), seed, most)
-        solutions = dwell_solutions(found, length_of(crank, "crank"), angle_of(rest, "dwell"))
-        give(solutions, output, plot, lambda: figures.dwell_figure(found))
+            linkages = dwell_linkages(angle_of(rest, "dwell"), angle_of(swing, "swing"), seed, most)
+        solutions = dwell_solutions(linkages, length_of(crank, "crank"), angle_of(rest, "dwell"))
+        give(solutions, output, plot, lambda: figures.dwell_figure(linkages))
 
 
 def lid(
@@ -140,8 +140,8 @@ def lid(
             angle_of(end, "to"), length_of(box, "box"), quantity_in(effort, "effort", "force"), pushes,
         )  # fmt: skip
         with interruptible():
-            found = lid_springs(task, seed)[:most]
-        give(lid_solutions(task, found), output, plot, lambda: figures.lid_figure(task, found))
+            springs = lid_springs(task, seed)[:most]
+        give(lid_solutions(task, springs), output, plot, lambda: figures.lid_figure(task, springs))
 
 
 def chains(
@@ -160,15 +160,15 @@ def chains(
         check(output, plot)
         if output is not None and freedom != 1:
             fail("--output is for chains of one degree of freedom: others need a drive for each. Leave it out, and take --plot.")
-        found = kinematic_chains(links, freedom)
-        for k, chain in enumerate(found, 1):
+        drawn = kinematic_chains(links, freedom)
+        for k, chain in enumerate(drawn, 1):
             joints = " ".join(f"{a + 1}-{b + 1}" for a, b in chain.joints)
             parts = ", falls apart without one of its links" if chain.fractionated else ""
             print(f"{k:>3}  {len(chain.frames)} inversion{'s' if len(chain.frames) != 1 else ' '}  {joints}{parts}")
-        print(f"{len(found)} chains, {sum(len(chain.frames) for chain in found)} inversions.")
+        print(f"{len(drawn)} chains, {sum(len(chain.frames) for chain in drawn)} inversions.")
         with interruptible(*(() if plot is None else ("matplotlib.figure",))):
             if output is not None:
-                written(write(chain_solutions(found), output))
+                written(write(chain_solutions(drawn), output))
             if plot is not None:
-                save_chart(figures.chains_figure(found), plot)
+                save_chart(figures.chains_figure(drawn), plot)
                 say(f"{plot} written.")

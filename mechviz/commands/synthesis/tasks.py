@@ -126,8 +126,8 @@ def function_of(text: str, start: str, end: str) -> tuple[Callable[[Real], Real]
         fail(f"{e} {e.remedy}")
 
     def y(x: Real) -> Real:
-        found = np.broadcast_to(np.asarray(expression.value({"x": Amount(x, powers)}).number, float), np.shape(x))
-        return np.array(found)
+        values = np.broadcast_to(np.asarray(expression.value({"x": Amount(x, powers)}).number, float), np.shape(x))
+        return np.array(values)
 
     if float(ends[0].number) == float(ends[1].number):
         fail("--from, --to: the range of x is empty.")

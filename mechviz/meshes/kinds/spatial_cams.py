@@ -75,7 +75,7 @@ def spin_transforms(spin: Spin, turn: Real) -> tuple[Real, Real]:
 def find_spatial(mechanism: Mechanism, parts: Builder, size: float) -> tuple[SpatialDrawing, ...]:
     """All spatial cams of a mechanism."""
     by_name = {r.name: r.geometry for r in parts.relations}
-    found = []
+    drawings = []
     for joint in mechanism.joints:
         if not isinstance(joint, CamJoint) or joint.spatial is None:
             continue
@@ -89,13 +89,13 @@ def find_spatial(mechanism: Mechanism, parts: Builder, size: float) -> tuple[Spa
             loop_joint = next(j for j in parts.joints if j.name == joint.guide)
             first = loop_joint.links[0] == placed.carrier
             up = complex(1j * placed.axes * np.exp(1j * (-loop_joint.angle if first else loop_joint.angle)))
-        found.append(
+        drawings.append(
             SpatialDrawing(
                 joint.name, joint.links[0], joint.links[1], placed, size, (placed.own.real / size, placed.own.imag / size),
                 (tip.real / size, tip.imag / size), hinge, up,
             )
         )  # fmt: skip
-    return tuple(found)
+    return tuple(drawings)
 
 
 # -- the cam in its own axes ----------------------------------------------------------------------------------------------
@@ -223,16 +223,16 @@ def _cam_parts(model: Model, drawing: SpatialDrawing, height: float) -> list[Par
     low, high = z0 - free - long, z1 + free + long
     over = 0.15 * long  # how far the shaft comes out of its bearings
     bar = revolve(((0.0, low - over), (radius, low - over), (radius, high + over), (0.0, high + over)), segments=_BORE)
-    found = [part(drawing.cam, "wheel", _solid(rings, bore)), part(drawing.cam, "pin", bar, PIN)]
+    parts = [part(drawing.cam, "wheel", _solid(rings, bore)), part(drawing.cam, "pin", bar, PIN)]
     if placed.blank.rollers:
-        found.append(part(drawing.cam, "wheel", rib(placed)))
+        parts.append(part(drawing.cam, "wheel", rib(placed)))
     if keyed:
         key = plate(key_outline(axis, radius, (1.0, 0.0), _BORE), (ends[0], ends[1]), 0.0)
-        found.append(part(drawing.cam, "key", key, PIN))
+        parts.append(part(drawing.cam, "key", key, PIN))
     block, bed = _bearing(shaft, 1.06 * float(np.hypot(*np.concatenate(rings)[:, :2].T).max()), -1j if drawing.flat else 1.0)
     for shape, (a, b) in ((block, (low, low + long)), (block, (high - long, high)), (bed, (low - over, high + over))):
-        found.append(part(placed.carrier, "pedestal", plate(shape, (a, b), 0.05 * long)))
-    return found
+        parts.append(part(placed.carrier, "pedestal", plate(shape, (a, b), 0.05 * long)))
+    return parts
 
 
 def _bearing(shaft: float, reach: float, out: complex) -> tuple[Polygon, Polygon]:
@@ -278,15 +278,15 @@ def _rollers(model: Model, levels: Levels, drawing: SpatialDrawing, height: floa
         mouth, end = inner - 0.1 * depth, outer - _CLEAR * depth
         profile = ((0.0, start), (pin, start), (pin, mouth), (radius, mouth), (radius, end), (0.0, end))
         upright = revolve(profile, segments=96).vertices
-        found, hinge = [], complex(*drawing.hinge)
+        parts, hinge = [], complex(*drawing.hinge)
         for tip in around(placed, complex(*drawing.tip), hinge):
             way = (tip - hinge) / abs(tip - hinge)
             xy = hinge + way * (upright[:, 2] + 1j * upright[:, 0])
             vertices = np.column_stack([xy.real, xy.imag, upright[:, 1] + height])
             shell = _outwards(Shell(vertices, revolve(profile, segments=96).faces))
             prism = Prism(disc((tip.real, tip.imag), 0.5 * radius, 24), height - radius, height + radius)
-            found.append(Part(drawing.follower, "roller", shell, PIN, (prism,), mates))
-        return [*found, *_turret(model, levels, drawing, disc(drawing.hinge, 0.8 * inner, 180))]
+            parts.append(Part(drawing.follower, "roller", shell, PIN, (prism,), mates))
+        return [*parts, *_turret(model, levels, drawing, disc(drawing.hinge, 0.8 * inner, 180))]
     top = levels.plate(levels.of(drawing.follower))[0]
     low = height + inner + _CLEAR * depth
     edge = min(height + outer + 0.1 * depth, top)
@@ -297,18 +297,18 @@ def _rollers(model: Model, levels: Levels, drawing: SpatialDrawing, height: floa
         spots = [spots[0] - reach, spots[0] + reach]
     elif placed.blank.rollers and drawing.hinge is not None:
         spots = around(placed, spots[0], complex(*drawing.hinge))
-    found = []
+    parts = []
     for z in spots:
         at = (z.real, z.imag)
         shell = revolve(profile, at, segments=96)
-        found.append(Part(drawing.follower, "roller", shell, PIN, (Prism(disc(at, radius, 48), low, top),), mates))
+        parts.append(Part(drawing.follower, "roller", shell, PIN, (Prism(disc(at, radius, 48), low, top),), mates))
     if drawing.hinge is None:
-        return found
+        return parts
     spokes = [LineString([drawing.hinge, (z.real, z.imag)]).buffer(0.6 * radius) for z in spots]
     star = unary_union(
         [*spokes, *(disc((z.real, z.imag), 0.9 * radius, 48) for z in spots), disc(drawing.hinge, 1.6 * model.proportions.r, 48)]
     )
-    return [*found, *_turret(model, levels, drawing, star)]
+    return [*parts, *_turret(model, levels, drawing, star)]
 
 
 def _turret(model: Model, levels: Levels, drawing: SpatialDrawing, shape: Polygon) -> list[Part]:

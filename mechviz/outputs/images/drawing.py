@@ -196,13 +196,13 @@ def _at(values: Real, frame: float) -> Real:
 
 def _path(shape: Any, place: Any) -> str:
     """A polygon, or several, as the data of an SVG path."""
-    found = []
+    moves = []
     for polygon in getattr(shape, "geoms", [shape]):
         if isinstance(polygon, Polygon):
             for ring in (polygon.exterior, *polygon.interiors):
                 corners = place(np.asarray(ring.coords)[:-1])
-                found.append("M" + "L".join(f"{x:.1f} {y:.1f}" for x, y in corners) + "Z")
-    return "".join(found)
+                moves.append("M" + "L".join(f"{x:.1f} {y:.1f}" for x, y in corners) + "Z")
+    return "".join(moves)
 
 
 def _shaded(color: str, factor: float) -> str:

@@ -116,14 +116,14 @@ def show_text(
 
 def _axes(catalogue: Catalogue, frames: Frames, pack: Pack) -> list[dict[str, Any]]:
     """Abscissas of plots beside time: positions of drives that go one way only."""
-    found = []
+    axes = []
     for axis in catalogue.axes[:-1]:
         values = axis.values[frames.rows]
-        found.append({"title": axis.label, "unit": axis.unit, "values": pack.floats(values)})
+        axes.append({"title": axis.label, "unit": axis.unit, "values": pack.floats(values)})
         if axis.unit == "°" and np.ptp(values) > 361.0:
             title = f"{axis.label}, cycles overlaid"
-            found.append({"title": title, "unit": axis.unit, "values": pack.floats(values), "turn": 360.0})
-    return found
+            axes.append({"title": title, "unit": axis.unit, "values": pack.floats(values), "turn": 360.0})
+    return axes
 
 
 def pace_of(shown: Presentation) -> float:
@@ -160,7 +160,7 @@ def _groups(picture: Picture, drawn: list[dict[str, Any]]) -> list[dict[str, Any
     """Groups that can be shown and hidden: names, colours on light and dark grounds, whether shown at first, the arrows' scale."""
     present = {d["group"] for d in drawn}
     forces = bool(present & set(FORCE_FAMILIES))
-    found: list[dict[str, Any]] = []
+    groups: list[dict[str, Any]] = []
     for name, family in FAMILIES.items():
         if name not in present:
             continue
@@ -172,6 +172,6 @@ def _groups(picture: Picture, drawn: list[dict[str, Any]]) -> list[dict[str, Any
         if arrows and per_metre > 0.0 and per_metre != 1.0:
             value = round_value(LEGEND * float(np.ptp(picture.bounds, axis=0)[:2].max()) * per_metre)
             entry |= {"length": value / per_metre, "value": f"{value:g} {family.unit}"}
-        found.append(entry)
-    found += [{"name": k, "label": v, "shown": k not in HIDDEN} for k, v in GROUPS.items() if k in present]
-    return found
+        groups.append(entry)
+    groups += [{"name": k, "label": v, "shown": k not in HIDDEN} for k, v in GROUPS.items() if k in present]
+    return groups

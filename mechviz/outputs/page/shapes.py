@@ -23,7 +23,7 @@ def pack_links(picture: Picture, frames: Frames, pack: Pack) -> list[Shape]:
     """Links with their poses (frames, 3: x, y [m], angle [rad]) and their solids; ``spin``: shift [m] and quaternion (frames, 7) of
     a solid in its link's frame, where it turns about an axis in the plane."""
     solids = {body.parent: body for body in picture.of(Body, "solids")}
-    found = []
+    shapes = []
     for name, poses in picture.poses.items():
         pose = poses[frames.rows]
         moves = bool(np.ptp(pose, axis=0).max(initial=0.0) > 0.0)
@@ -33,14 +33,14 @@ def pack_links(picture: Picture, frames: Frames, pack: Pack) -> list[Shape]:
             spin = solids[name].poses
             if spin is not None:
                 link["spin"] = pack.floats(_spin(spin, frames))
-        found.append(link)
-    return found
+        shapes.append(link)
+    return shapes
 
 
 def pack_bodies(picture: Picture, frames: Frames, pack: Pack) -> list[Shape]:
     """Solids beside those of the links, as links are packed: springs, with their stretch along their axes (frames), and marks on
     rollers and belts. ``group``: what shows and hides them."""
-    found = []
+    shapes = []
     for body in picture.of(Body, "springs", *KINDS):
         poses = body.poses
         assert poses is not None
@@ -59,15 +59,15 @@ def pack_bodies(picture: Picture, frames: Frames, pack: Pack) -> list[Shape]:
             more |= {"stretch": pack.floats(poses.scales[frames.rows, 0])}
         shape = _mesh(body.mesh, pack, height)
         group = "springs" if body.group == "springs" else "riders"
-        found.append({"name": body.owner[1], "group": group, "pose": pack.floats(pose), "moves": True, "mesh": shape, **more})
-    return found
+        shapes.append({"name": body.owner[1], "group": group, "pose": pack.floats(pose), "moves": True, "mesh": shape, **more})
+    return shapes
 
 
 def pack_drawables(picture: Picture, frames: Frames, pack: Pack, progress: Progress = quiet) -> list[tuple[Shape, Real | None]]:
     """Arrows, strips and points with the box (2, 2) [m] around each; ``group`` says what shows and hides them, ``link`` (a number)
     under whose pose they lie."""
     numbers = {name: k for k, name in enumerate(picture.poses)}
-    found = []
+    shapes = []
     for done, node in enumerate(picture.nodes):
         progress(done, len(picture.nodes))
         drawn = None if isinstance(node, Body) else _drawable(node, picture, frames, pack)
@@ -76,9 +76,9 @@ def pack_drawables(picture: Picture, frames: Frames, pack: Pack, progress: Progr
         shape, points = drawn
         parent = node.parent if isinstance(node, Points | Lines) else ""
         place = {"link": numbers[parent]} if parent else {}
-        found.append(({"group": node.group, "name": node.owner[1], **place, **shape}, None if parent else _box(points)))
+        shapes.append(({"group": node.group, "name": node.owner[1], **place, **shape}, None if parent else _box(points)))
     progress(len(picture.nodes), len(picture.nodes))
-    return found
+    return shapes
 
 
 def pack_drawing(drawing: Drawing, size: float, frames: Frames, pack: Pack) -> Shape:

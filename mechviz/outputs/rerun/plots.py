@@ -148,7 +148,7 @@ def _cams(run: Run) -> list[str]:
 
 def _of_cams(run: Run) -> list[Gathered]:
     """Lift, pressure angle and Hertz pressure of the cams in the units in which people read them."""
-    found = []
+    gathered = []
     for table, column, title in (("lift", 0, "Lift"), ("contact", 3, "Pressure angle"), ("stress", 0, "Hertz pressure")):
         tables = {name: run.numbers.tables.get(("data", "cams", name, table)) for name in _cams(run)}
         curves = {name: (t.values[:, column], UNITS[t.columns[column][1]]) for name, t in tables.items() if t is not None}
@@ -157,8 +157,8 @@ def _of_cams(run: Run) -> list[Gathered]:
             series = tuple(f"{name} [{unit}]" for name, (_, (unit, _)) in curves.items())
             values = np.column_stack([factor * value for value, (_, factor) in curves.values()])
             view = f"{title} [{units.pop()}]" if len(units) == 1 else title
-            found.append(Gathered(("plots", title.lower()), view, series, values))
-    return found
+            gathered.append(Gathered(("plots", title.lower()), view, series, values))
+    return gathered
 
 
 def _moved(run: Run) -> tuple[list[JointInfo], list[tuple[str, str]]]:
@@ -179,14 +179,14 @@ def _of_joints(run: Run, joints: list[JointInfo]) -> list[Gathered]:
     angles = [values[np.isfinite(values[:, 0]), 0] for values in motions]
     turning = any(len(a) and np.ptp(a) > 2.0 * np.pi for a in angles)  # which no rocker does
     unit, noun, first = ("m", "Slider", "displacement") if sliding else ("rad", "Output" if turning else "Rocker", "angle")
-    found = []
+    gathered = []
     for k, (kind, si) in enumerate(((first, unit), ("velocity", f"{unit}/s"), ("acceleration", f"{unit}/s²"))):
         u, factor = UNITS.get(si, (si, 1.0))
         own = len(joints) == 1 and u == si  # the data themselves are plotted
         alone = (entity("data", "joints", joints[0].name, "motion"), tuple(i == k for i in range(3))) if own else None
         values = factor * np.column_stack([motion[:, k] for motion in motions])
-        found.append(Gathered(("plots", kind), f"{noun} {kind} [{u}]", tuple(f"{j.name} [{u}]" for j in joints), values, alone))
-    return found
+        gathered.append(Gathered(("plots", kind), f"{noun} {kind} [{u}]", tuple(f"{j.name} [{u}]" for j in joints), values, alone))
+    return gathered
 
 
 def effort_outputs(run: Run) -> list[Output]:

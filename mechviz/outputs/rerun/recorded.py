@@ -94,9 +94,9 @@ def picture_in(recording: Recording, numbers: Numbers) -> Picture:
     scales = Scales(said.newtons_per_metre, said.newton_metres_per_metre, said.mps_per_metre, said.mps2_per_metre)
     circles = [n.owner[1] for n in nodes if n.entity[:2] == ("vectors", "friction") and n.entity[-1] == "circle"]
     beside = {e.key: e.beside for e in entries if e.beside is not None}
-    found = with_scales(numbers, size, scales, circles).nodes({e.key: e.height for e in entries}, float(bounds[1, 2]), beside)
+    arrows = with_scales(numbers, size, scales, circles).nodes({e.key: e.height for e in entries}, float(bounds[1, 2]), beside)
     order = {entry.key: k for k, entry in enumerate(entries)}
-    nodes = sorted([*nodes, *found], key=lambda node: order.get(node.key, len(order)))
+    nodes = sorted([*nodes, *arrows], key=lambda node: order.get(node.key, len(order)))
     top = float(bounds[1, 2] + 0.01 * size) if said.top is None else said.top
     return Picture(numbers.time, numbers.frame, numbers.poses, tuple(nodes), scales, size, bounds, top)
 
@@ -106,50 +106,50 @@ def _guessed(recording: Recording) -> Iterator[NodePart]:
     for path in recording.entities:
         match parts_of(path):
             case ("mechanism", "links", link, "mesh"):
-                found = ("body", f"link.{link}", ["link", link], "solids", link)
+                facts = ("body", f"link.{link}", ["link", link], "solids", link)
             case ("mechanism", "links", link, "lumps"):
-                found = ("points", f"masses.{link}", ["link", link], "masses", link)
+                facts = ("points", f"masses.{link}", ["link", link], "masses", link)
             case ("mechanism", "links", link, name) if (kind := name.split(" ")[0]) in KINDS:
-                found = ("body", f"{kind}.{name[len(kind) + 1 :]}", ["link", link], kind, link)
+                facts = ("body", f"{kind}.{name[len(kind) + 1 :]}", ["link", link], kind, link)
             case ("mechanism", "springs", name):
                 solid = recording.static(path, component="Mesh3D:triangle_indices") is not None
-                found = ("body" if solid else "lines", f"spring.{name}", ["load", name], "springs", "")
+                facts = ("body" if solid else "lines", f"spring.{name}", ["load", name], "springs", "")
             case ("mechanism", "paths", name):
-                found = ("lines", f"path.{name}", ["point", name], "paths", "")
+                facts = ("lines", f"path.{name}", ["point", name], "paths", "")
             case ("mechanism", "joints", name):
-                found = ("points", f"joint.{name}", ["joint", name], "joints", "")
+                facts = ("points", f"joint.{name}", ["joint", name], "joints", "")
             case ("polygons", "funicular"):
-                found = ("lines", "funicular.strings", ["construction", "funicular"], "funicular", "")
+                facts = ("lines", "funicular.strings", ["construction", "funicular"], "funicular", "")
             case ("polygons", "funicular", "resultant"):
-                found = ("arrowset", "funicular.resultants", ["construction", "funicular"], "funicular", "")
+                facts = ("arrowset", "funicular.resultants", ["construction", "funicular"], "funicular", "")
             case ("polygons", "polodes", link):
-                found = ("lines", f"polode.{link}.fixed", ["link", link], "polodes", "")
+                facts = ("lines", f"polode.{link}.fixed", ["link", link], "polodes", "")
             case ("mechanism", "links", link, name) if name.startswith(f"{INVERSION} "):
                 joint, what = name.removeprefix(f"{INVERSION} ").rsplit(" ", 1)
-                found = ("lines", f"{INVERSION}.{joint}.{what}", ["joint", joint], INVERSION, link)
+                facts = ("lines", f"{INVERSION}.{joint}.{what}", ["joint", joint], INVERSION, link)
             case ("mechanism", "links", link, "polode"):
-                found = ("lines", f"polode.{link}.moving", ["link", link], "polode", link)
+                facts = ("lines", f"polode.{link}.moving", ["link", link], "polode", link)
             case ("polygons", "equivalent", joint):
-                found = ("lines", f"equivalent.{joint}", ["joint", joint], "equivalent", "")
+                facts = ("lines", f"equivalent.{joint}", ["joint", joint], "equivalent", "")
             case ("polygons", "equivalent", joint, "pins"):
-                found = ("points", f"equivalent.{joint}.pins", ["joint", joint], "equivalent", "")
+                facts = ("points", f"equivalent.{joint}.pins", ["joint", joint], "equivalent", "")
             case ("polygons", group, item, what) if group in CENTRES:
                 archetypes = {"LineStrips3D": "lines", "Points3D": "points", "Arrows3D": "arrowset"}
                 looks = (k for name, k in archetypes.items() if recording.static(path, component=f"{name}:colors") is not None)
-                found = (next(looks, "lines"), f"{group}.{item}.{what}", [CENTRES[group][1], item], group, "")
+                facts = (next(looks, "lines"), f"{group}.{item}.{what}", [CENTRES[group][1], item], group, "")
             case ("sections", group, link):
-                found = ("lines", f"section.{link}.{group}", ["link", link], group, "")
+                facts = ("lines", f"section.{link}.{group}", ["link", link], group, "")
             case ("sections", group, link, "largest"):
-                found = ("points", f"section.{link}.{group}.largest", ["link", link], group, "")
+                facts = ("points", f"section.{link}.{group}.largest", ["link", link], group, "")
             case ("polygons", "substitutes", link):
-                found = ("points", f"substitutes.{link}", ["link", link], "substitutes", "")
+                facts = ("points", f"substitutes.{link}", ["link", link], "substitutes", "")
             case ("polygons", "substitutes", link, "forces"):
-                found = ("arrowset", f"substitutes.{link}.forces", ["link", link], "substitutes", "")
+                facts = ("arrowset", f"substitutes.{link}.forces", ["link", link], "substitutes", "")
             case ("vectors", "friction", joint, ("circle" | "line") as what):
-                found = ("lines", f"friction.{joint}.{what}", ["joint", joint], "friction", "")
+                facts = ("lines", f"friction.{joint}.{what}", ["joint", joint], "friction", "")
             case _:
                 continue
-        part: dict[str, Any] = dict(zip(("kind", "key", "owner", "group", "parent"), found, strict=True))
+        part: dict[str, Any] = dict(zip(("kind", "key", "owner", "group", "parent"), facts, strict=True))
         yield NodePart(entity=path, height=0.0, **part)
 
 
@@ -213,13 +213,13 @@ class _Reader:
         count = int(rows.lengths.max(initial=0))
         if not count or not np.isin(rows.lengths, (0, count)).all():
             return None
-        there, row_of, found = rows.lengths > 0, _rows_at(rows.time, self.ticks), []
+        there, row_of, strips = rows.lengths > 0, _rows_at(rows.time, self.ticks), []
         for k in range(count):
             drawn = np.stack([np.asarray(value, np.float32) for value in rows.values[k::count]])
             every = np.full((len(there), *drawn.shape[1:]), np.nan, np.float32)
             every[there] = drawn
-            found.append(every[row_of])
-        return there[row_of], found
+            strips.append(every[row_of])
+        return there[row_of], strips
 
     def _lines(self, path: str, common: dict[str, Any]) -> Lines | None:
         colors, radii, labels = self._look(path, "LineStrips3D")
@@ -256,9 +256,9 @@ class _Reader:
         """Colours, radii and labels."""
         colors, radii, labels = (self.recording.static(path, component=f"{archetype}:{n}") for n in ("colors", "radii", "labels"))
         shades = [int(c) for c in colors] if colors is not None and len(colors) else [0x808080FF]
-        found = tuple(unpacked(c) for c in shades)
+        shown = tuple(unpacked(c) for c in shades)
         sizes = tuple(float(r) for r in (radii if radii is not None else ()))
-        return found, sizes, tuple(str(text) for text in (labels if labels is not None else ()))
+        return shown, sizes, tuple(str(text) for text in (labels if labels is not None else ()))
 
 
 _TRANSFORM = (("translation", 3), ("quaternion", 4), ("scale", 3))
@@ -297,7 +297,7 @@ class RecordedDrawings:
 
     def drawings(self) -> dict[str, Drawing]:
         """Plans and polygons by the name of their entity; recordings that do not say their scale have none."""
-        found = {}
+        drawings = {}
         for path in self._below("/polygons/"):
             known = {name: self.recording.static(path, component=name) for name in ("title", "unit", "per_metre", "least", "whole")}
             if any(value is None for value in known.values()):
@@ -310,14 +310,14 @@ class RecordedDrawings:
             )
             at = self._points(f"{path}/points")
             marks = [Mark(label, np.where(lost, np.nan, z)) for label, z in at]
-            found[name] = Drawing(
+            drawings[name] = Drawing(
                 name, str(title), strokes, tuple(marks), float(per_metre), str(unit), least=float(least), whole=bool(whole)
             )
-        return found
+        return drawings
 
     def charts(self) -> list[Chart]:
         """Diagrams of one quantity against another: where their moving points were drawn says what they show."""
-        found = []
+        charts = []
         for path in self._below("/diagrams/"):
             part = partial(self.recording.static, path)
             ranges = part(component="ranges")
@@ -336,14 +336,14 @@ class RecordedDrawings:
             if title is None or across is None or up is None or equal is None or turn is None:
                 continue
             said = str(title[0]), str(across[0]), str(up[0])
-            found.append(Chart(parts_of(path)[-1], *said, curves, equal=bool(equal[0]), turn=float(turn[0]) or None))
-        return found
+            charts.append(Chart(parts_of(path)[-1], *said, curves, equal=bool(equal[0]), turn=float(turn[0]) or None))
+        return charts
 
     # -- inside -------------------------------------------------------------------------------------------------------
     def _below(self, start: str) -> list[str]:
         """Entities whose path begins so, however deep."""
-        found = [path for path in self.recording.entities if path.startswith(start)]
-        return sorted(found, key=lambda path: ORDER.index(name) if (name := parts_of(path)[1]) in ORDER else len(ORDER))
+        paths = [path for path in self.recording.entities if path.startswith(start)]
+        return sorted(paths, key=lambda path: ORDER.index(name) if (name := parts_of(path)[1]) in ORDER else len(ORDER))
 
     def _rows(self, path: str, component: str) -> Real | None:
         """Vectors (F, n, 2) of an entity, NaN where a row has not as many as most; None where there are none."""
@@ -389,15 +389,15 @@ class RecordedDrawings:
         if not count or not (rows.lengths == count).all():
             return ()
         row_of = _rows_at(rows.time, self.ticks)
-        found = []
+        strokes = []
         for k, (label, color, _) in enumerate(zip(*self._looks(path, "LineStrips3D", count), strict=True)):
             strips: list[Any] = list(rows.values[k::count])
             if len({len(strip) for strip in strips}) != 1:
                 continue
             z = np.stack([_complex(np.asarray(strip, float)) for strip in strips])[row_of]
             for part in range(z.shape[1] - 1):
-                found.append(Stroke(label if not part else "", color, z[:, part], z[:, part + 1] - z[:, part], plain=True))
-        return tuple(found)
+                strokes.append(Stroke(label if not part else "", color, z[:, part], z[:, part + 1] - z[:, part], plain=True))
+        return tuple(strokes)
 
     def _points(self, path: str) -> list[tuple[str, Complex]]:
         spots = self._rows(path, "Points3D:positions")

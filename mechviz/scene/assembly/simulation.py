@@ -76,14 +76,14 @@ def planar_starts(
 ) -> dict[str, Free]:
     """Starts of the coordinates x, y and angle of a planar joint by their ``names``; ``drawn``: where they are not stated [m, m,
     rad]. A coordinate whose values have a fault, which is noted, is missing."""
-    found = {}
+    starts = {}
     for name, key, rate, place in zip(names, ("x", "y", "angle"), ("vx", "vy", "omega"), drawn, strict=True):
         kind = "angle" if key == "angle" else "length"
         start = place if getattr(given, key) is None else convert.si(getattr(given, key), kind, f"{path}.{key}")
         speed = convert.si(getattr(given, rate), _rate_kind(kind), f"{path}.{rate}")
         if not (math.isnan(start) or math.isnan(speed)):
-            found[name] = Free(start, speed)
-    return found
+            starts[name] = Free(start, speed)
+    return starts
 
 
 def simulation_spec(
@@ -141,8 +141,8 @@ def standstill(document: SceneDocument, laws: Iterable[Law], convert: Converter)
 def stated_duration(document: SceneDocument, convert: Converter) -> float | None:
     """How long the run goes on [s], None where it does not say so soundly."""
     run = document.run
-    found = math.nan if run.duration is None or not run.sound("duration") else convert.si(run.duration, "time", "run.duration")
-    return None if math.isnan(found) else found
+    duration = math.nan if run.duration is None or not run.sound("duration") else convert.si(run.duration, "time", "run.duration")
+    return None if math.isnan(duration) else duration
 
 
 def _duration(document: SceneDocument, convert: Converter) -> float:

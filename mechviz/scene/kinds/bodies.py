@@ -129,29 +129,29 @@ class MassDocument(Table):
 
     def problems(self) -> list[tuple[str, str, str]]:
         """Faults of keys that do not go together."""
-        found = []
+        wrong = []
         kinds = [k for k in _KINDS if getattr(self, k) not in (None, False)]
         if len(kinds) != 1:
             what = " and ".join(kinds) + " at once." if kinds else "none of solid, plate, polygon, mesh and drawn."
-            found.append(("", f"the mass has {what}", "Give exactly one of them."))
+            wrong.append(("", f"the mass has {what}", "Give exactly one of them."))
         if (self.density is None) == (self.mass is None):
-            found.append(("", "the mass needs either a density or a mass.", "Give exactly one of them."))
+            wrong.append(("", "the mass needs either a density or a mass.", "Give exactly one of them."))
         if kinds == ["plate"]:
-            found += [(k, f"a plate needs its {k}.", f"Add {k} = ...") for k in ("width",) if getattr(self, k) is None]
+            wrong += [(k, f"a plate needs its {k}.", f"Add {k} = ...") for k in ("width",) if getattr(self, k) is None]
         if self.density is not None and kinds in (["plate"], ["polygon"], ["drawn"]) and self.thickness is None:
-            found.append(("thickness", "a density needs the thickness of the plate.", "Add thickness = ..., or give the mass."))
+            wrong.append(("thickness", "a density needs the thickness of the plate.", "Add thickness = ..., or give the mass."))
         if self.bosses and self.thickness is None:
-            found.append(("thickness", "bosses need the thickness of the plate.", "Add thickness = ..."))
+            wrong.append(("thickness", "bosses need the thickness of the plate.", "Add thickness = ..."))
         if self.polygon is not None and len(self.polygon) < 2 + (not self.bulges):
-            found.append(("polygon", "an outline needs three corners, or two and arcs between them.", "Add corners."))
+            wrong.append(("polygon", "an outline needs three corners, or two and arcs between them.", "Add corners."))
         if self.bulges is not None and self.polygon is not None and len(self.bulges) != len(self.polygon):
-            found.append(("bulges", f"{len(self.bulges)} bulges for {len(self.polygon)} sides.", "Give one for each side."))
+            wrong.append(("bulges", f"{len(self.bulges)} bulges for {len(self.polygon)} sides.", "Give one for each side."))
         if kinds == ["solid"]:
             wanted = SOLIDS[str(self.solid)].sizes if str(self.solid) in SOLIDS else (*_SIZES, "thickness")
             for k in (*_SIZES, "thickness"):
                 if getattr(self, k) is not None and k not in wanted:
-                    found.append((k, f"a {self.solid} has no {k}.", f"Its sizes: {', '.join(wanted)}."))
-        return found
+                    wrong.append((k, f"a {self.solid} has no {k}.", f"Its sizes: {', '.join(wanted)}."))
+        return wrong
 
 
 MassEntry = Annotated[Annotated[Mass, Tag("<value>")] | Annotated[MassDocument, Tag("<table>")], Discriminator(table_or_value)]
@@ -198,11 +198,11 @@ def body_of(
     before = len(convert.faults)
     try:
         if m.solid is not None:
-            found = _solid(m, points, centre, density, mass, convert, path)
+            body = _solid(m, points, centre, density, mass, convert, path)
         elif m.mesh is not None:
-            found = _mesh(m, density, mass, convert, path)
+            body = _mesh(m, density, mass, convert, path)
         else:
-            found = _flat(m, points, density, mass, convert, path, drawn)
+            body = _flat(m, points, density, mass, convert, path, drawn)
     except MechanismError as error:
         if len(convert.faults) == before and is_whole(m):
             for f in error.faults:
@@ -211,10 +211,10 @@ def body_of(
     if (
         len(convert.faults) == before
         and is_whole(m)
-        and not (math.isfinite(found.inertia) and found.mass >= 0.0 and found.inertia >= 0.0)
+        and not (math.isfinite(body.inertia) and body.mass >= 0.0 and body.inertia >= 0.0)
     ):
         convert.note(path, "the shape has no positive mass.", "Check sizes, holes and density.")
-    return found
+    return body
 
 
 def _solid(

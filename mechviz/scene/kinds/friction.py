@@ -140,35 +140,35 @@ class _Table:
 
 def _pin(t: _Table) -> Friction | None:
     brake = t.si("brake", "torque")
-    found = t.sliding(brake, only_brake=t.own.radius is None and t.default.radius is None)
-    if found is None:
+    values = t.sliding(brake, only_brake=t.own.radius is None and t.default.radius is None)
+    if values is None:
         return Friction(brake=brake) if brake else None
     radius = t.si("radius", fallback=t.default.radius)
     if not radius:
-        if t.stated and found["coefficient"] and t.sound("radius"):
+        if t.stated and values["coefficient"] and t.sound("radius"):
             remedy = 'Add radius = "5 mm", the radius of the pin, here or in [friction].'
             t.note("", "'radius' is missing: friction in a pin acts at its radius.", remedy)
         return None
     exact = t.default.exact if t.own.exact is None else t.own.exact
-    return Friction(**found, radius=radius, exact=exact, brake=brake)
+    return Friction(**values, radius=radius, exact=exact, brake=brake)
 
 
 def _pin_in_slot(t: _Table) -> Friction | None:
-    found = t.sliding(0.0)
-    return None if found is None else Friction(**found, radius=t.si("radius"))
+    values = t.sliding(0.0)
+    return None if values is None else Friction(**values, radius=t.si("radius"))
 
 
 def _slider(t: _Table) -> Friction | None:
     brake = t.si("brake", "force")
-    found = t.sliding(brake)
-    if found is None:
+    values = t.sliding(brake)
+    if values is None:
         return Friction(brake=brake) if brake else None
     bearing = t.si("length", fallback=t.default.length)
     for key in ("offset", "height", "bearing"):
         if not bearing and getattr(t.own, key) is not None and t.sound("length"):
             t.note(key, "without a length of the bearing it has no meaning.", 'Add length = "60 mm", the length of the bearing.')
     return Friction(
-        **found,
+        **values,
         length=bearing,
         bearing=t.own.bearing or "slider",
         offset=t.si("offset"),
@@ -185,11 +185,11 @@ def _seals(t: _Table) -> Friction | None:
 
 
 def _thread(t: _Table) -> Friction | None:
-    found = t.sliding(0.0)
-    if found is not None and t.own.radius is None and t.sound("radius"):
+    values = t.sliding(0.0)
+    if values is not None and t.own.radius is None and t.sound("radius"):
         t.note("", "'radius' is missing: friction acts at the mean radius of the thread.", 'Add radius = "9 mm".')
         return None
-    return None if found is None else Friction(**found, radius=t.si("radius"))
+    return None if values is None else Friction(**values, radius=t.si("radius"))
 
 
 def _roller(t: _Table) -> Friction | None:
@@ -212,14 +212,14 @@ LEVER = Rubbing(("lever",), lambda t: Friction(lever=t.si("lever")), defaults=Fa
 
 def friction_faults(rubs: Rubbing, words: str, table: FrictionDocument) -> list[tuple[str, str, str]]:
     """Faults in the friction of a joint, each (key, message, remedy); ``words``: what the joint is called."""
-    found = []
+    faults = []
     for key in table.model_fields_set:
         if key not in rubs.keys and getattr(table, key) is not None:
             remedy = f"Known here: {', '.join(rubs.keys)}."
-            found.append(("friction", f"{key} does not go with the friction of {words}.", remedy))
-    if rubs is LEVER and table.lever is None and table.sound("lever") and not found:
-        found.append(("friction", "'lever' is missing.", 'Add lever = "0.5 mm": the arm of the force across the contact.'))
-    return found
+            faults.append(("friction", f"{key} does not go with the friction of {words}.", remedy))
+    if rubs is LEVER and table.lever is None and table.sound("lever") and not faults:
+        faults.append(("friction", "'lever' is missing.", 'Add lever = "0.5 mm": the arm of the force across the contact.'))
+    return faults
 
 
 def friction_spec(
@@ -232,9 +232,9 @@ def friction_spec(
     return rubs.make(_Table(f"{path}.friction", own, default, table is not None, convert))
 
 
-def idle_effect(effects: list[Any], joints: Mapping[str, JointDocument], found: list[Friction | None], convert: Converter) -> None:
+def idle_effect(effects: list[Any], joints: Mapping[str, JointDocument], each: list[Friction | None], convert: Converter) -> None:
     """Note a fault where friction is named and no joint has any."""
-    if "friction" in effects and joints and not any(f is not None for f in found):
+    if "friction" in effects and joints and not any(f is not None for f in each):
         rubbing = [f"joints.{name}" for name, joint in joints.items() if joint.friction is not None]
         if any(f.path == at or f.path.startswith((f"{at}.", f"{at}[")) for f in convert.faults for at in rubbing):
             return  # a joint with friction is faulty itself

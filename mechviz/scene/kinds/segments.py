@@ -87,15 +87,15 @@ class CurveDocument(Table):
 
     @model_validator(mode="after")
     def _one_form(self) -> CurveDocument:
-        found = one_of(self, ("at", "harmonics"), "the function")
+        wrong = one_of(self, ("at", "harmonics"), "the function")
         if self.harmonics is None and self.mean is not None:
-            found.append(("mean", "a mean value without harmonics.", "Leave it out."))
+            wrong.append(("mean", "a mean value without harmonics.", "Leave it out."))
         for key in ("values", "steps"):
             if self.at is None and key in self.model_fields_set and self.sound("at"):
-                found.append((key, f"{key} without the places.", "Give at = [...], or leave it out."))
+                wrong.append((key, f"{key} without the places.", "Give at = [...], or leave it out."))
         if self.at is not None and self.sound("at", "values") and len(self.at) != len(self.values or ()):
-            found.append(("", f"{len(self.at)} places and {len(self.values or ())} values.", "Give one value for each place."))
-        refuse(found)
+            wrong.append(("", f"{len(self.at)} places and {len(self.values or ())} values.", "Give one value for each place."))
+        refuse(wrong)
         return self
 
 
@@ -116,12 +116,12 @@ class PositionTable(Table):
 
     @model_validator(mode="after")
     def _one_form(self) -> PositionTable:
-        found = one_of(self, ("at", "file"), "the table")
+        wrong = one_of(self, ("at", "file"), "the table")
         if self.at is not None and self.sound("at", "values") and len(self.at) != len(self.values or ()):
-            found.append(("", f"{len(self.at)} places and {len(self.values or ())} values.", "Give one value for each place."))
+            wrong.append(("", f"{len(self.at)} places and {len(self.values or ())} values.", "Give one value for each place."))
         if self.file is not None and self.values is not None:
-            found.append(("values", "values beside a file.", "Keep one of them."))
-        refuse(found)
+            wrong.append(("values", "values beside a file.", "Keep one of them."))
+        refuse(wrong)
         return self
 
 
@@ -171,17 +171,17 @@ class LawDocument(Table):
 
     @model_validator(mode="after")
     def _one_law(self) -> LawDocument:
-        found = one_of(self, KINDS_OF_LAW, "the law")
+        wrong = one_of(self, KINDS_OF_LAW, "the law")
         owners = {"scaled": "acceleration", "powers": "polynomial", "degree": "spline"} | dict.fromkeys(
             ("limits", "smooth", "steps"), "least"
         )
         for key, owner in owners.items():
             if key in self.model_fields_set and getattr(self, owner) is None and self.sound(owner):
-                found.append((key, f"{key} goes with {owner}.", "Leave it out."))
+                wrong.append((key, f"{key} goes with {owner}.", "Leave it out."))
         for key, factor in self.limits.items():
             if factor <= 0.0:
-                found.append(("limits", f"{factor:g} is no limit of the {key}.", "Give a positive factor."))
-        refuse(found)
+                wrong.append(("limits", f"{factor:g} is no limit of the {key}.", "Give a positive factor."))
+        refuse(wrong)
         return self
 
     @property
@@ -234,29 +234,29 @@ class SegmentTable(Table):
 
     @model_validator(mode="after")
     def _known_law(self) -> SegmentTable:
-        found: list[tuple[str, str, str]] = []
+        wrong: list[tuple[str, str, str]] = []
         name = self.named
         shaped = name is not None and name != "polynomial"
         if shaped and self.sound("law", "parameters"):
             try:
                 rise(str(name), **self.parameters)
             except MechanismError as error:
-                found += [("law" if f.path == "law" else "parameters", f.message, f.remedy) for f in error.faults]
+                wrong += [("law" if f.path == "law" else "parameters", f.message, f.remedy) for f in error.faults]
         if not shaped:
             for key in ("parameters", "mirrored"):
                 if key in self.model_fields_set:
-                    found.append(
+                    wrong.append(
                         (key, f"{key} does not go with this law.", "It goes with a law that `mechviz laws` lists: leave it out.")
                     )
         if isinstance(self.law, LawDocument):
             if self.to is None and self.sound("to", "law") and not self.law.unread and self.law.needs_end:
-                found.append(("law", "a law that does not say where the segment ends.", "Add to = ..."))
+                wrong.append(("law", "a law that does not say where the segment ends.", "Add to = ..."))
         elif self.to is None and self.sound("to") and "law" in self.model_fields_set:
-            found.append(("law", "a law for a dwell, which says no end.", "Add to = ..., or leave out the law."))
+            wrong.append(("law", "a law for a dwell, which says no end.", "Add to = ..., or leave out the law."))
         if self.asks_too_much:
             why = "a law of its own shape cannot meet a velocity or an acceleration."
-            found.append(("to", why, 'Write "free" for them, or take law = "polynomial".'))
-        refuse(found)
+            wrong.append(("to", why, 'Write "free" for them, or take law = "polynomial".'))
+        refuse(wrong)
         return self
 
 
@@ -299,10 +299,10 @@ class ProgramDocument(Table):
 
     @model_validator(mode="after")
     def _one_master(self) -> ProgramDocument:
-        found = one_of(self, ("speed", "master", "knots"), "the program")
-        if not found and self.knots is not None and "phase" in self.model_fields_set:
-            found.append(("phase", "a phase beside the knots of another axis.", "Leave it out, or state it there."))
-        refuse(found)
+        wrong = one_of(self, ("speed", "master", "knots"), "the program")
+        if not wrong and self.knots is not None and "phase" in self.model_fields_set:
+            wrong.append(("phase", "a phase beside the knots of another axis.", "Leave it out, or state it there."))
+        refuse(wrong)
         return self
 
 

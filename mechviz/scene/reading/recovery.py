@@ -102,18 +102,18 @@ def _fits(annotation: Any, raw: Any, loc: Loc) -> bool:
 def _faults_of_the_whole(table: Table, raw: Mapping[str, Any], loc: Loc, guessed: set[str], *, faulty: bool) -> list[Fault]:
     """Faults that the table's own validators find in parts that do not go together, as far as ``faulty`` parts let them, and not
     about keys that are only ``guessed``."""
-    found: list[Fault] = []
+    faults: list[Fault] = []
     for validator in type(table).__pydantic_decorators__.model_validators.values():
         if validator.info.mode == "after":
             try:
                 validator.func(table)
             except PydanticCustomError as error:
                 sound = [f for f in (error.context or {}).get("faults", ()) if f[0] not in guessed]
-                found += words_of({"type": error.type, "input": raw, "ctx": {"faults": sound}}, loc)
+                faults += words_of({"type": error.type, "input": raw, "ctx": {"faults": sound}}, loc)
             except (ArithmeticError, AssertionError, LookupError, TypeError, ValueError):
                 if not faulty:
                     raise  # not a stand-in's doing
-    return found
+    return faults
 
 
 def _read(annotation: Any, raw: Any, loc: Loc, faults: list[Fault]) -> tuple[Any, bool]:
@@ -225,11 +225,11 @@ class Reading:
     @cached_property
     def owners(self) -> dict[str, list[str]]:
         """Name of a point -> the links that have it."""
-        found: dict[str, list[str]] = {}
+        owners: dict[str, list[str]] = {}
         for name, link in self.document.links.items():
             for point in link.points if link.sound("points") else ():
-                found.setdefault(point, []).append(name)
-        return found
+                owners.setdefault(point, []).append(name)
+        return owners
 
     @cached_property
     def pointless(self) -> list[str]:
@@ -305,8 +305,8 @@ _MISSPELT = 0.75
 def meant_keys(key: str, known: Sequence[str]) -> list[str]:
     """The known keys that an unknown one may stand for, the most probable first."""
     longer = [name for name in known if name.startswith(f"{key}_")]
-    found = [_SYNONYMS.get(key, ""), *longer, *nearest(key, known, 5)]
-    return [name for name in dict.fromkeys(found) if name in known]
+    meant = [_SYNONYMS.get(key, ""), *longer, *nearest(key, known, 5)]
+    return [name for name in dict.fromkeys(meant) if name in known]
 
 
 def misspelt(key: str, meant: str) -> bool:
@@ -371,11 +371,11 @@ def _wrong_length(path: str, loc: Loc, value: Any, context: Mapping[str, Any]) -
     """A list or table with too few or too many entries."""
     n = len(value) if isinstance(value, list | dict) else context.get("actual_length", 0)
     if loc[-1] in KINDS:
-        found = f"names {n} link{'' if n == 1 else 's'}, a joint joins two."
+        what = f"names {n} link{'' if n == 1 else 's'}, a joint joins two."
         if n < 3 or loc[-1] != "revolute":
-            return Fault(path, found, 'Write it like ["frame", "crank"].')
+            return Fault(path, what, 'Write it like ["frame", "crank"].')
         remedy = f'A pin through {n} links is {n - 1} joints with at = "{loc[1]}": the first link with each of the others.'
-        return Fault(path, found, remedy)
-    found = f"has {n} entr{'y' if n == 1 else 'ies'}." if n else "is empty."
+        return Fault(path, what, remedy)
+    what = f"has {n} entr{'y' if n == 1 else 'ies'}." if n else "is empty."
     least, most = context.get("min_length"), context.get("max_length")
-    return Fault(path, found, f"Give at most {most}." if most is not None and n > most else f"Give at least {least}.")
+    return Fault(path, what, f"Give at most {most}." if most is not None and n > most else f"Give at least {least}.")

@@ -68,9 +68,9 @@ class Batch:
             reasons[k] = reasons[k] or "links: a mass or moment of inertia is negative"
         with np.errstate(all="ignore"):
             loads = {number: constant + factor * values[place] for number, place, constant, factor in self.loads}
-            found = sweep(self.compiled, points, self.time, self._collect, masses, loads)
-        curves = [found.results[str(k)] for k in range(len(self.columns))]
-        for k in map(int, np.flatnonzero(~found.assembled)):
+            swept = sweep(self.compiled, points, self.time, self._collect, masses, loads)
+        curves = [swept.results[str(k)] for k in range(len(self.columns))]
+        for k in map(int, np.flatnonzero(~swept.assembled)):
             reasons[k] = reasons[k] or "joints: the mechanism cannot be assembled at all frames of the run"
         whole: Flags = np.all([np.isfinite(curve).all(axis=1) for curve in curves], axis=0)
         for k in map(int, np.flatnonzero(~whole)):
@@ -115,7 +115,7 @@ class Batch:
     def _collect(self, motion: Motion) -> dict[str, Real]:
         """The curves (D, F) of all measures, by their numbers."""
         forces = solve_forces(motion) if any(needs_forces(q.path) for _, q, _ in self.columns) else None
-        found: dict[str, Real] = {}
+        collected: dict[str, Real] = {}
         tables: dict[tuple[str, ...], Real] = {}
         for k, (_, quantity, column) in enumerate(self.columns):
             if quantity.path not in tables:
@@ -123,8 +123,8 @@ class Batch:
                 tables[quantity.path] = np.broadcast_to(rows, (*motion.shape, rows.shape[-1]))
             rows = tables[quantity.path]
             flat = quantity.entry.read(rows.reshape(-1, rows.shape[-1]))
-            found[str(k)] = np.ascontiguousarray(flat[:, column].reshape(motion.shape))
-        return found
+            collected[str(k)] = np.ascontiguousarray(flat[:, column].reshape(motion.shape))
+        return collected
 
 
 def batch_of(
@@ -150,7 +150,7 @@ def batch_of(
         columns.append((measure, quantity, measure.column(quantity)))
     try:
         compiled = compile_mechanism(mechanism, scene.accuracy)
-        loads = tuple(found for place in places if place[0] == "loads" for found in _load_numbers(scene, place))
+        loads = tuple(varied for place in places if place[0] == "loads" for varied in _load_numbers(scene, place))
         batch = Batch(scene, compiled, default_times(mechanism, frames, cycles), tuple(variations), tuple(columns), places, loads)
         nominal = [[scene.parameters[v.name].amount.number / v.factor for v in variations]]
         batch.curves(np.array(nominal, float))
@@ -185,12 +185,12 @@ def _load_numbers(scene: Scene, place: Place) -> list[tuple[tuple[int | str, ...
     (low, one), (middle, _), (high, other) = (numbers(value + s * step) for s in (-1.0, 0.0, 1.0))
     if one != other or low.keys() != high.keys():
         raise ValueError(f"{path_text(place)} decides more than numbers of loads")
-    found = []
+    varied = []
     for number, x in middle.items():
         if low[number] == high[number]:
             continue
         if abs(low[number] + high[number] - 2.0 * x) > 1e-14 * (abs(low[number]) + abs(high[number])):
             raise ValueError(f"{path_text(place)} is not proportional to a number of a load")
         factor = (high[number] - low[number]) / (2.0 * step * unit)
-        found.append((number, place, x - factor * value * unit, factor))
-    return found
+        varied.append((number, place, x - factor * value * unit, factor))
+    return varied

@@ -91,8 +91,8 @@ class Measure:
         share = (self.place - drive[k]) / (drive[k + 1] - drive[k])
         t = time[k] + share * (time[k + 1] - time[k])
         moved = np.moveaxis(np.atleast_2d(values), -1, 0)
-        found = between(time, moved, np.array([t]), 3)[0]
-        return np.asarray(found if values.ndim > 1 else found[0])
+        value = between(time, moved, np.array([t]), 3)[0]
+        return np.asarray(value if values.ndim > 1 else value[0])
 
 
 def parse_measure(scene: Scene, text: str) -> Measure:
@@ -123,11 +123,11 @@ def parse_measure(scene: Scene, text: str) -> Measure:
 
 def quantity_of(measure: Measure, catalogue: Catalogue) -> Quantity:
     """The quantity that a measure is of. Raises `MechanismError` where the catalogue has none of its key."""
-    found = catalogue.by_key.get(measure.key)
-    if found is None:
+    quantity = catalogue.by_key.get(measure.key)
+    if quantity is None:
         remedy = did_you_mean(measure.key, catalogue.by_key, what="There are")
         raise _wrong(measure.text, f"there is no quantity '{measure.key}'.", remedy)
-    return found
+    return quantity
 
 
 def _wrong(text: str, message: str, remedy: str) -> MechanismError:

@@ -59,10 +59,10 @@ class Search:
 
     def judged(self, designs: Real) -> Judged:
         """Designs (D, n) judged, and kept."""
-        found = self.problem.judged(designs, self.executor)
-        self.archive.append(found)
+        judgement = self.problem.judged(designs, self.executor)
+        self.archive.append(judgement)
         self.evaluations += len(designs)
-        return found
+        return judgement
 
     @property
     def all(self) -> Judged:
@@ -144,32 +144,32 @@ class Search:
         squared = problem.terms[objective].distance
 
         def value(u: Real) -> float:
-            found = at(u)
-            if found is None:
+            state = at(u)
+            if state is None:
                 return 1e3
-            own = float(found[0][objective]) / size
+            own = float(state[0][objective]) / size
             return own * own if squared else own
 
         def slope(u: Real) -> Real:
-            found = at(u)
-            if found is None:
+            state = at(u)
+            if state is None:
                 return np.zeros(len(u))
-            own = np.nan_to_num(found[2][objective] * span) / size
-            return np.asarray(2.0 * found[0][objective] / size * own if squared else own)
+            own = np.nan_to_num(state[2][objective] * span) / size
+            return np.asarray(2.0 * state[0][objective] / size * own if squared else own)
 
         def slack(u: Real) -> Real:
-            found = at(u)
-            if found is None:
+            state = at(u)
+            if state is None:
                 return np.full(len(rows) + len(ends), -1.0)
-            own = [side * (found[1][k] - end) / problem.limits[k].scale for _, k, (side, end) in rows]
-            return np.array(own + [(end - found[0][m]) / max(abs(end), 1e-12) for m, end in ends.items()])
+            own = [side * (state[1][k] - end) / problem.limits[k].scale for _, k, (side, end) in rows]
+            return np.array(own + [(end - state[0][m]) / max(abs(end), 1e-12) for m, end in ends.items()])
 
         def slack_slope(u: Real) -> Real:
-            found = at(u)
-            if found is None:
+            state = at(u)
+            if state is None:
                 return np.zeros((len(rows) + len(ends), len(u)))
-            own = [side * found[3][k] * span / problem.limits[k].scale for _, k, (side, _) in rows]
-            return np.asarray(np.nan_to_num(own + [-found[2][m] * span / max(abs(end), 1e-12) for m, end in ends.items()]))
+            own = [side * state[3][k] * span / problem.limits[k].scale for _, k, (side, _) in rows]
+            return np.asarray(np.nan_to_num(own + [-state[2][m] * span / max(abs(end), 1e-12) for m, end in ends.items()]))
 
         first = (begin - low) / span
         try:
@@ -234,8 +234,8 @@ class Optimum:
 
 def _limited(problem: Problem, designs: Real) -> Real:
     """The limited values (D, L) of designs."""
-    found = evaluate(problem.study, designs)
-    return np.stack([found.values[limit.measure] for limit in problem.limits], axis=-1) if problem.limits else np.zeros((2, 0))
+    results = evaluate(problem.study, designs)
+    return np.stack([results.values[limit.measure] for limit in problem.limits], axis=-1) if problem.limits else np.zeros((2, 0))
 
 
 def _reached(limit: Limit, value: float) -> bool:
@@ -299,12 +299,12 @@ def _front(search: Search, points: int) -> Real:
     return known.designs[front]
 
 
-def front_chart(found: Optimum, title: str) -> Figure:
+def front_chart(optimum: Optimum, title: str) -> Figure:
     """The front of two objectives among all designs that keep the limits."""
-    problem, known = found.search.problem, found.search.all
+    problem, known = optimum.search.problem, optimum.search.all
     first, second = problem.terms[:2]
     some = known.objectives[known.feasible]
-    front = problem.judged(found.front).objectives
+    front = problem.judged(optimum.front).objectives
     with chart(6.5, 4.5) as figure:
         axes = figure.subplots()
         axes.plot(first.sign * some[:, 0], second.sign * some[:, 1], ".", markersize=2.0, color="#c3c9d0", label="looked at")

@@ -105,13 +105,13 @@ def sensitivities(run: Run, measures: Sequence[Measure], variables: Sequence[Var
     quantities = [quantity_of(measure, run.catalogue) for measure in measures]
     frames, cycles = run.scene.frames, run.scene.cycles
     parameters = core_parameters(run.scene, variables)
-    found = Derivatives(run.motion, parameters, lambda mechanism: default_times(mechanism, frames, cycles))
-    forces = found.forces if any(needs_forces(q.path) for q in quantities) else None
+    exact = Derivatives(run.motion, parameters, lambda mechanism: default_times(mechanism, frames, cycles))
+    forces = exact.forces if any(needs_forces(q.path) for q in quantities) else None
     columns = []
     for measure, quantity in zip(measures, quantities, strict=True):
         try:
             with np.errstate(all="ignore"):
-                rows = rows_of(quantity.path, found.motion, forces)
+                rows = rows_of(quantity.path, exact.motion, forces)
                 columns.append(quantity.entry.read(rows)[:, measure.column(quantity)])
         except (LookupError, TypeError):
             why = f"the derivatives of {quantity.key} are not known."
@@ -120,7 +120,7 @@ def sensitivities(run: Run, measures: Sequence[Measure], variables: Sequence[Var
     drive = run.catalogue.coordinate(drives[0].joint) if drives else None
     time = run.catalogue.numbers.time
     results = []
-    for measure, quantity, slopes in zip(measures, quantities, found.of(*columns), strict=True):
+    for measure, quantity, slopes in zip(measures, quantities, exact.of(*columns), strict=True):
         curve = quantity.values()[:, measure.column(quantity)]
         number, derivatives = float("nan"), np.full(len(variables), np.nan)
         if measure.reducer:
@@ -130,26 +130,26 @@ def sensitivities(run: Run, measures: Sequence[Measure], variables: Sequence[Var
     return results
 
 
-def tornado(found: Sensitivity, title: str, most: int = 20) -> Figure:
+def tornado(row: Sensitivity, title: str, most: int = 20) -> Figure:
     """A tornado chart: what a percent less and more of each variable does, and its tolerance where it has one."""
-    order = found.order()[:most]
-    one, off = found.by_one_percent(), found.by_tolerance()
-    toleranced = any(found.variables[k].tolerance for k in order)
+    order = row.order()[:most]
+    one, off = row.by_one_percent(), row.by_tolerance()
+    toleranced = any(row.variables[k].tolerance for k in order)
     with chart(7.0, 1.2 + 0.3 * len(order)) as figure:
         panels = figure.subplots(1, 2 if toleranced else 1, sharey=True, squeeze=False)[0]
-        names = [f"{found.variables[k].name} = {found.variables[k].value:.5g} {found.variables[k].unit}".strip() for k in order]
+        names = [f"{row.variables[k].name} = {row.variables[k].value:.5g} {row.variables[k].unit}".strip() for k in order]
         places = np.arange(len(order))
         panels[0].barh(places, [-one[k] for k in order], color="#c8553d", label="1 % less")
         panels[0].barh(places, [one[k] for k in order], color="#1b6ca8", label="1 % more")
-        panels[0].set_xlabel(f"change of {found.measure.text} [{found.quantity.unit}]")
+        panels[0].set_xlabel(f"change of {row.measure.text} [{row.quantity.unit}]")
         panels[0].set_yticks(places, names)
         panels[0].invert_yaxis()
         panels[0].legend()
         if toleranced:
             panels[1].barh(places, [2.0 * off[k] for k in order], left=[-off[k] for k in order], color="#3a7d44")
             panels[1].use_sticky_edges = False
-            panels[1].set_xlabel(f"by its tolerance [{found.quantity.unit}]")
+            panels[1].set_xlabel(f"by its tolerance [{row.quantity.unit}]")
         for axes in panels:
             axes.axvline(0.0, color="#222222", linewidth=0.8)
-        figure.suptitle(f"{title}: sensitivity of {found.quantity.label}")
+        figure.suptitle(f"{title}: sensitivity of {row.quantity.label}")
     return figure

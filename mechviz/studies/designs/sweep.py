@@ -129,23 +129,23 @@ def about_study(study: Study, sample: Sample | None) -> dict[str, str]:
 
 def columns_of(study: Study) -> list[str]:
     """Headings of the measures, with units."""
-    found = []
+    columns = []
     for measure, quantity in zip(study.measures, study.quantities, strict=True):
-        found.append(f"{measure.text} [{quantity.unit}]")
-    return found
+        columns.append(f"{measure.text} [{quantity.unit}]")
+    return columns
 
 
-def arrow_table(study: Study, numbers: Index, designs: Real, found: Found) -> pa.Table:
+def arrow_table(study: Study, numbers: Index, designs: Real, results: Found) -> pa.Table:
     """The rows of some designs: their numbers, the parameters, what was found, and the reasons where nothing was."""
     import pyarrow as pa
 
     columns: dict[str, pa.Array] = {"design": pa.array(numbers, pa.int64())}
     columns |= {v.title: pa.array(designs[:, k]) for k, v in enumerate(study.variations)}
-    for title, values in zip(columns_of(study), found.values, strict=True):
+    for title, values in zip(columns_of(study), results.values, strict=True):
         flat = pa.array(np.ascontiguousarray(values).reshape(-1))
         one = values.ndim == 1
         columns[title] = flat if one else pa.FixedSizeListArray.from_arrays(flat, values.shape[1])
-    columns[REASON] = pa.array([reason or None for reason in found.reasons], pa.string())
+    columns[REASON] = pa.array([reason or None for reason in results.reasons], pa.string())
     return pa.table(columns)
 
 
@@ -212,8 +212,8 @@ def run_study(
         last = time.monotonic()
 
     try:
-        for numbers, found in _computed(study, designs, chunks(study, count, known), executor, most):
-            rows.append(arrow_table(study, numbers, designs[numbers], found))
+        for numbers, results in _computed(study, designs, chunks(study, count, known), executor, most):
+            rows.append(arrow_table(study, numbers, designs[numbers], results))
             finished += len(numbers)
             progress(min(finished, count), count)
             if time.monotonic() - last > FLUSH:

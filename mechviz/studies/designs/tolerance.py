@@ -184,17 +184,17 @@ def tolerances(
     corners = np.array(list(product((-1.0, 1.0), repeat=len(some)))) if len(some) <= MOST_CORNERS else np.zeros((0, len(some)))
     offsets = np.concatenate([corners, _samples(len(some), samples, distribution, seed)])
     designs = np.concatenate([nominal[None], nominal + half * offsets])
-    found = run_study(study, designs, executor=executor, most=most, progress=progress).found
-    if found.reasons[0]:
-        raise MechanismError(Fault("--of", f"the nominal design has no values: {found.reasons[0]}.", "Mend the scene."))
+    results = run_study(study, designs, executor=executor, most=most, progress=progress).found
+    if results.reasons[0]:
+        raise MechanismError(Fault("--of", f"the nominal design has no values: {results.reasons[0]}.", "Mend the scene."))
     try:
         slopes = [s.derivatives if s.measure.reducer else s.slopes for s in sensitivities(run, measures, some)]
         exact = True
     except MechanismError:  # friction, motions under forces ...: straight lines through the samples
-        slopes, exact = [_fitted(values, designs, len(corners)) for values in found.values], False
+        slopes, exact = [_fitted(values, designs, len(corners)) for values in results.values], False
     stated = [*limits, *[None] * (len(measures) - len(limits))]
     return [
-        _judged(measure, quantity, tuple(some), distribution, d, exact, _Sampled(found, k, len(corners)), limit)
+        _judged(measure, quantity, tuple(some), distribution, d, exact, _Sampled(results, k, len(corners)), limit)
         for k, (measure, quantity, d, limit) in enumerate(zip(measures, study.quantities, slopes, stated, strict=True))
     ]
 
@@ -240,10 +240,10 @@ def _fitted(values: Real, designs: Real, corners: int) -> Real:
 class _Sampled:
     """What was found of the nominal design, the corners and the samples of a measure."""
 
-    def __init__(self, found: Found, k: int, corners: int):
-        values = found.values[k]
+    def __init__(self, results: Found, k: int, corners: int):
+        values = results.values[k]
         self.nominal, self.corners, self.samples = values[0], values[1 : 1 + corners], values[1 + corners :]
-        self.lost = sum(1 for reason in found.reasons[1 + corners :] if reason)
+        self.lost = sum(1 for reason in results.reasons[1 + corners :] if reason)
 
 
 def _judged(
@@ -253,40 +253,40 @@ def _judged(
     distribution: Distribution,
     slopes: Real,
     exact: bool,
-    found: _Sampled,
+    sample: _Sampled,
     limits: Limits | None,
 ) -> Tolerances:
     half = np.array([v.tolerance for v in variables]).reshape(-1, *[1] * (slopes.ndim - 1))
     moved = np.abs(slopes) * half
-    groups = found.samples.reshape(REPEATS, -1, *found.samples.shape[1:])
-    known = np.isfinite(found.samples.reshape(len(found.samples), -1)).all(axis=1)
-    some = found.samples[known]
+    groups = sample.samples.reshape(REPEATS, -1, *sample.samples.shape[1:])
+    known = np.isfinite(sample.samples.reshape(len(sample.samples), -1)).all(axis=1)
+    some = sample.samples[known]
     if not len(some):
         raise MechanismError(Fault("--tolerance", "no sample can be assembled.", "Give smaller tolerances."))
     with np.errstate(invalid="ignore"):
         scatter = np.stack([np.nanmean(groups, axis=1), np.nanstd(groups, axis=1, ddof=1)])
     inside = 1.0
     if limits is not None:
-        within = (found.samples >= limits.low) & (found.samples <= limits.high)
+        within = (sample.samples >= limits.low) & (sample.samples <= limits.high)
         inside = float(within.reshape(len(within), -1).all(axis=1).mean())
     return Tolerances(
         measure=measure,
         quantity=quantity,
         variables=variables,
         distribution=distribution,
-        nominal=np.asarray(found.nominal),
+        nominal=np.asarray(sample.nominal),
         slopes=slopes,
         exact=exact,
         worst=np.asarray(moved.sum(axis=0)),
         likely=np.asarray(3.0 / SIGMAS[distribution] * np.sqrt((moved**2).sum(axis=0))),
-        corners=np.stack([np.nanmin(found.corners, axis=0), np.nanmax(found.corners, axis=0)]) if len(found.corners) else None,
+        corners=np.stack([np.nanmin(sample.corners, axis=0), np.nanmax(sample.corners, axis=0)]) if len(sample.corners) else None,
         mean=np.asarray(some.mean(axis=0)),
         sigma=np.asarray(some.std(axis=0, ddof=1)),
         errors=scatter.std(axis=1, ddof=1) / REPEATS**0.5,
         tails=np.quantile(some, TAILS, axis=0),
         ends=np.stack([some.min(axis=0), some.max(axis=0)]),
-        samples=len(found.samples),
-        lost=found.lost,
+        samples=len(sample.samples),
+        lost=sample.lost,
         values=some if measure.reducer else np.zeros(0),
         limits=limits,
         inside=inside,
@@ -328,9 +328,9 @@ def parse_limits(text: str) -> Limits:
     """The limits that a text such as ``90..118``, ``..118`` or ``90..`` names. Raises `MechanismError`."""
     low, dots, high = text.partition("..")
     try:
-        found = Limits(float(low) if low.strip() else -np.inf, float(high) if high.strip() else np.inf)
-        if dots and found.low < found.high:
-            return found
+        limits = Limits(float(low) if low.strip() else -np.inf, float(high) if high.strip() else np.inf)
+        if dots and limits.low < limits.high:
+            return limits
     except ValueError:
         pass
     raise MechanismError(
@@ -339,47 +339,47 @@ def parse_limits(text: str) -> Limits:
 
 
 # -- charts -----------------------------------------------------------------------------------------------------------
-def tolerance_chart(found: Tolerances, title: str, axis: Axis) -> Figure:
+def tolerance_chart(spans: Tolerances, title: str, axis: Axis) -> Figure:
     """A curve with its bands over the axis, or the distribution of a number; beside it what each tolerance contributes."""
     with chart(9.5, 4.2) as figure:
         left, right = figure.subplots(1, 2, width_ratios=(2.2, 1.0))
-        (_band if found.curve else _histogram)(left, found, axis)
-        if found.limits is not None:
-            for limit in (found.limits.low, found.limits.high):
-                if np.isfinite(limit) and found.curve:
-                    left.plot(axis.values, limit - found.nominal, color="#c8553d", linestyle="--", linewidth=1.0)
+        (_band if spans.curve else _histogram)(left, spans, axis)
+        if spans.limits is not None:
+            for limit in (spans.limits.low, spans.limits.high):
+                if np.isfinite(limit) and spans.curve:
+                    left.plot(axis.values, limit - spans.nominal, color="#c8553d", linestyle="--", linewidth=1.0)
                 elif np.isfinite(limit):
                     left.axvline(limit, color="#c8553d", linestyle="--", linewidth=1.0)
         left.legend(frameon=True)
-        shares = found.shares()
+        shares = spans.shares()
         order = [int(k) for k in np.argsort(-shares, kind="stable")[:12]]
         places = np.arange(len(order))
         right.barh(places, [100.0 * shares[k] for k in order], color="#3a7d44")
         right.set_yticks(
-            places, [f"{found.variables[k].name} ± {found.variables[k].tolerance:.3g} {found.variables[k].unit}" for k in order]
+            places, [f"{spans.variables[k].name} ± {spans.variables[k].tolerance:.3g} {spans.variables[k].unit}" for k in order]
         )
         right.invert_yaxis()
         right.set_xlabel("part in the variance [%]")
-        figure.suptitle(f"{title}: tolerance of {found.quantity.label}")
+        figure.suptitle(f"{title}: tolerance of {spans.quantity.label}")
     return figure
 
 
-def _band(axes: Axes, found: Tolerances, axis: Axis) -> None:
+def _band(axes: Axes, tolerances: Tolerances, axis: Axis) -> None:
     """Deviations from the nominal curve: the curve itself would hide its band."""
-    x, nominal = axis.values, found.nominal
-    axes.fill_between(x, -found.worst, found.worst, color="#dbe5ee", label="worst case")
-    axes.fill_between(x, -found.likely, found.likely, color="#a9c6df", label="root sum square")
-    axes.plot(x, found.tails[0] - nominal, color="#1b6ca8", label="99.73 % of the samples")
-    axes.plot(x, found.tails[1] - nominal, color="#1b6ca8")
+    x, nominal = axis.values, tolerances.nominal
+    axes.fill_between(x, -tolerances.worst, tolerances.worst, color="#dbe5ee", label="worst case")
+    axes.fill_between(x, -tolerances.likely, tolerances.likely, color="#a9c6df", label="root sum square")
+    axes.plot(x, tolerances.tails[0] - nominal, color="#1b6ca8", label="99.73 % of the samples")
+    axes.plot(x, tolerances.tails[1] - nominal, color="#1b6ca8")
     axes.set_xlabel(axis.title)
-    axes.set_ylabel(f"{found.quantity.label}: deviation [{found.quantity.unit}]")
+    axes.set_ylabel(f"{tolerances.quantity.label}: deviation [{tolerances.quantity.unit}]")
 
 
-def _histogram(axes: Axes, found: Tolerances, axis: Axis) -> None:
-    axes.hist(found.values, bins=80, density=True, color="#a9c6df", label=f"{found.samples} samples")
-    middle, spread = float(found.mean), float(found.sigma)
+def _histogram(axes: Axes, tolerances: Tolerances, axis: Axis) -> None:
+    axes.hist(tolerances.values, bins=80, density=True, color="#a9c6df", label=f"{tolerances.samples} samples")
+    middle, spread = float(tolerances.mean), float(tolerances.sigma)
     if spread > 0.0:
         x = np.linspace(middle - 4.0 * spread, middle + 4.0 * spread, 200)
         axes.plot(x, np.exp(-0.5 * ((x - middle) / spread) ** 2) / (spread * np.sqrt(2.0 * np.pi)), color="#1b6ca8", label="normal")
-    axes.set_xlabel(f"{found.measure.text} [{found.quantity.unit}]")
+    axes.set_xlabel(f"{tolerances.measure.text} [{tolerances.quantity.unit}]")
     axes.set_yticks([])

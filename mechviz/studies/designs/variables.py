@@ -74,18 +74,18 @@ def variables_of(scene: Scene, names: Sequence[str] = ()) -> tuple[Variable, ...
     if not names:
         every = [_of_number(scene, leaf) for leaf in numbers.values() if leaf.path[0] in ("links", "loads")]
         return tuple(v for v in every if v.value != 0.0)
-    found = []
+    variables = []
     for name in names:
         if name in own:
-            found.append(own[name])
+            variables.append(own[name])
         elif name in numbers:
-            found.append(_of_number(scene, numbers[name]))
+            variables.append(_of_number(scene, numbers[name]))
         else:
             following = name in scene.parameters
             why = "follows from other parameters." if following else "is neither a parameter nor a number of the scene."
             remedy = f"Vary one of {', '.join(own)}." if following else did_you_mean(name, [*own, *numbers], what="There are")
             raise MechanismError(Fault(f"--by {name}", why, remedy))
-    return tuple(found)
+    return tuple(variables)
 
 
 def core_parameters(scene: Scene, variables: Sequence[Variable]) -> tuple[Parameter, ...]:

@@ -27,12 +27,12 @@ MOST_SHOWN = 6
 GREY = "#6c757d"
 
 
-def error_figure(task: FunctionTask, found: Sequence[FunctionGenerator], symbol: str) -> Figure:
+def error_figure(task: FunctionTask, generators: Sequence[FunctionGenerator], symbol: str) -> Figure:
     """Structural errors over the range, one curve a solution, zero at its precision points."""
     with chart(7.0, 4.0) as figure:
         axes = figure.subplots()
         x = np.linspace(task.start, task.end, 401)
-        for k, made in enumerate(found[:MOST_SHOWN]):
+        for k, made in enumerate(generators[:MOST_SHOWN]):
             axes.plot(x, np.degrees(made.structural_error(task, x)), color=COLOURS[k], label=f"{k + 1}")
             if len(made.points) <= 5:
                 axes.plot(made.points, np.zeros(len(made.points)), "o", color=COLOURS[k], markersize=4)
@@ -41,7 +41,7 @@ def error_figure(task: FunctionTask, found: Sequence[FunctionGenerator], symbol:
     return figure
 
 
-def motion_figure(poses: Poses, found: Sequence[MotionDesign], curve: BurmesterCurve | None = None) -> Figure:
+def motion_figure(poses: Poses, designs: Sequence[MotionDesign], curve: BurmesterCurve | None = None) -> Figure:
     """Positions of the body, the first linkage in all of them, and of four positions the circle-point and centre-point curves."""
     with chart(7.6, 6.4) as figure:
         axes = figure.subplots()
@@ -49,7 +49,7 @@ def motion_figure(poses: Poses, found: Sequence[MotionDesign], curve: BurmesterC
         if curve is not None:
             _curve(axes, (curve.w * poses.turns[0] + poses.places[0]) * MM, COLOURS[2], "circle points, in position 1")
             _curve(axes, curve.c * MM, COLOURS[1], "centre points")
-        for made in found[:1]:
+        for made in designs[:1]:
             bar = made.four_bar
             for k, (a, b) in enumerate(made.pins.T):
                 shown += [bar.crank_pivot, a, b, bar.rocker_pivot]
@@ -77,15 +77,15 @@ def motion_figure(poses: Poses, found: Sequence[MotionDesign], curve: BurmesterC
     return figure
 
 
-def path_figure(points: Complex, found: Sequence[PathDesign]) -> Figure:
+def path_figure(points: Complex, designs: Sequence[PathDesign]) -> Figure:
     """Points and the coupler curves of the best linkages through them."""
     with chart(7.0, 6.0) as figure:
         axes = figure.subplots()
         turn = np.linspace(0.0, 2.0 * np.pi, 721)
-        for k, made in enumerate(found[:MOST_SHOWN]):
+        for k, made in enumerate(designs[:MOST_SHOWN]):
             curve = made.four_bar.positions(turn)[2] * MM
             axes.plot(curve.real, curve.imag, color=COLOURS[k], linewidth=2.0 if k == 0 else 1.0, label=f"{k + 1}")
-        best = found[0]
+        best = designs[0]
         a, b, p = (z[0] * MM for z in best.four_bar.positions(best.theta[:1]))
         for line in ([best.four_bar.crank_pivot * MM, a, b, best.four_bar.rocker_pivot * MM], [a, p, b]):
             _curve(axes, np.array(line), GREY, "", marker="o")
@@ -97,12 +97,12 @@ def path_figure(points: Complex, found: Sequence[PathDesign]) -> Figure:
     return figure
 
 
-def dwell_figure(found: Sequence[DwellLinkage]) -> Figure:
+def dwell_figure(linkages: Sequence[DwellLinkage]) -> Figure:
     """Angles of the levers over a turn of the crank from the beginning of their rest."""
     with chart(7.0, 4.0) as figure:
         axes = figure.subplots()
         turn = np.linspace(0.0, 2.0 * np.pi, 721)
-        for k, made in enumerate(found[:MOST_SHOWN]):
+        for k, made in enumerate(linkages[:MOST_SHOWN]):
             angle = np.degrees(made.lever_angles(made.start + turn))
             axes.plot(np.degrees(turn), angle - angle[0], color=COLOURS[k], label=f"{k + 1}")
         axes.set(xlabel="crank angle since the rest began [deg]", ylabel="lever angle [deg]", xlim=(0.0, 360.0))
@@ -110,13 +110,13 @@ def dwell_figure(found: Sequence[DwellLinkage]) -> Figure:
     return figure
 
 
-def lid_figure(task: LidTask, found: Sequence[LidSpring]) -> Figure:
+def lid_figure(task: LidTask, springs: Sequence[LidSpring]) -> Figure:
     """Forces of the hand over the angle of the lid, with and without the springs."""
     with chart(7.0, 4.0) as figure:
         axes = figure.subplots()
         theta = np.linspace(task.start, task.end, 181)
         axes.plot(np.degrees(theta), task.mass * task.gravity * task.arm / task.hand * np.cos(theta), color=GREY, label="no spring")
-        for k, made in enumerate(found[:MOST_SHOWN]):
+        for k, made in enumerate(springs[:MOST_SHOWN]):
             axes.plot(np.degrees(theta), made.effort(task, theta), color=COLOURS[k], label=f"{k + 1}")
         axes.set(xlabel="lid angle [deg]", ylabel="force of the hand [N]")
         axes.legend(title="solution")

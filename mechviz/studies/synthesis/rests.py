@@ -14,10 +14,10 @@ from mechviz.studies.synthesis.linkages import MM, SPEED, four_bar_parts, place,
 from mechviz.studies.synthesis.solutions import Solution
 
 
-def dwell_solutions(found: Sequence[DwellLinkage], crank: float, dwell: float) -> list[Solution]:
+def dwell_solutions(linkages: Sequence[DwellLinkage], crank: float, dwell: float) -> list[Solution]:
     """Dwell linkages as solutions, with a crank of some length [m]."""
     out = []
-    for k, made in enumerate(found):
+    for k, made in enumerate(linkages):
         bar = made.four_bar.scaled(crank)
         links, joints = four_bar_parts(bar, {"speed": SPEED, "start": math.degrees(made.start)}, traced=True)
         links["frame"]["points"]["G"] = place(made.pivot * crank)
@@ -50,10 +50,10 @@ def dwell_solutions(found: Sequence[DwellLinkage], crank: float, dwell: float) -
     return out
 
 
-def lid_solutions(task: LidTask, found: Sequence[LidSpring]) -> list[Solution]:
+def lid_solutions(task: LidTask, springs: Sequence[LidSpring]) -> list[Solution]:
     """Balancing springs as solutions: the drive of the hinge is what the hand has to do, times its distance."""
     out = []
-    for k, made in enumerate(found):
+    for k, made in enumerate(springs):
         scene = Scene.build(
             name=f"lid-{k + 1}",
             title="Lid that a spring balances",

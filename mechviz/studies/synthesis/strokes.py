@@ -93,18 +93,18 @@ def straight_line_solutions(names: list[str], travel: float, straight: float | N
 
 
 def _straight_line(name: str, line: StraightLine, travel: float) -> Solution:
-    found = straightness(line)
-    bar = line.four_bar.scaled(travel / found.travel)
+    measured = straightness(line)
+    bar = line.four_bar.scaled(travel / measured.travel)
     drive = {"speed": SPEED} if bar.crank_turns else to_and_fro(line.start, line.end)
     scene = four_bar_scene(
         bar, drive, name=name, title=f"Straight line of {name.capitalize()}",
         teaches=f"Point E runs {travel * MM:g} mm on a nearly straight line, within "
-        f"{found.ratio * travel * MM:.3g} mm: {line.about}.",
+        f"{measured.ratio * travel * MM:.3g} mm: {line.about}.",
     )  # fmt: skip
     numbers = {"name": name} | four_bar_lengths(bar) | {
         "crank from [deg]": f"{np.degrees(line.start):.4g}",
         "to [deg]": f"{np.degrees(line.end):.4g}",
-        "width [mm]": f"{found.ratio * travel * MM:.4g}",
-        "width/travel": f"{found.ratio:.3g}",
+        "width [mm]": f"{measured.ratio * travel * MM:.4g}",
+        "width/travel": f"{measured.ratio:.3g}",
     }  # fmt: skip
     return Solution(scene, numbers)

@@ -92,36 +92,36 @@ class Diagram:
 
 def diagrams_of(show: ViewModel) -> dict[str, Diagram | Chart]:
     """All diagrams of what is shown: the plans that its scene asks for, pole curves, paths of traced points, and charts."""
-    found: dict[str, Diagram | Chart] = {}
+    diagrams: dict[str, Diagram | Chart] = {}
     for drawing in show.drawings().values():
         title = drawing.title.split(":")[0]
         curves: tuple[Curve, ...] = ()
         if drawing.name == "shaking":
             ways = [(i.label, i.color, i.start + i.vector) for i in drawing.strokes]
             curves = tuple(Curve(label, color, z[np.isfinite(z)], z) for label, color, z in ways)
-        found[title] = Diagram(title, drawing.bounds, drawing.per_metre, drawing.unit.replace("^2", "²"), drawing, curves)
+        diagrams[title] = Diagram(title, drawing.bounds, drawing.per_metre, drawing.unit.replace("^2", "²"), drawing, curves)
     for name, polodes in show.polodes().items():
         title = f"Polodes of {name}"
-        found[title] = _polodes(show, polodes, title, name)
+        diagrams[title] = _polodes(show, polodes, title, name)
     for name, xyz in show.paths.items():
         z = xyz[:, 0] + 1j * xyz[:, 1]
         title = f"Path of {name}"
-        found[title] = Diagram(title, _box([z]), 1e3, "mm", curves=(Curve(name, PATH[True], z, z),))
-    found |= {chart.title: chart for chart in (*cam_charts(show), *show.charts())}
-    return found
+        diagrams[title] = Diagram(title, _box([z]), 1e3, "mm", curves=(Curve(name, PATH[True], z, z),))
+    diagrams |= {chart.title: chart for chart in (*cam_charts(show), *show.charts())}
+    return diagrams
 
 
 def cam_charts(show: ViewModel) -> list[Chart]:
     """Pressure angle and curvature of the profile of every cam over the run."""
-    axis, found = show.axes[0], []
+    axis, charts = show.axes[0], []
     a_turn = axis.unit == "°" and bool(np.all((axis.values > -1e-6) & (axis.values < 360.0 + 1e-6)))
     for q in show.quantities:
         if q.label.startswith("cam ") and q.label.endswith((": pressure angle", ": curvature")):
             item, what = q.label.split(": ", 1)
             title = f"{what.capitalize()} [{q.unit}] of {item}"
             curve = ChartCurve(item, axis.values, q.values()[:, 0])
-            found.append(Chart(q.label, title, axis.title, f"[{q.unit}]", (curve,), turn=360.0 if a_turn else None))
-    return found
+            charts.append(Chart(q.label, title, axis.title, f"[{q.unit}]", (curve,), turn=360.0 if a_turn else None))
+    return charts
 
 
 def _polodes(show: ViewModel, polodes: Rolling, title: str, name: str) -> Diagram:
@@ -325,10 +325,10 @@ def _text(at: tuple[float, float], text: str, color: str, anchor: str = "middle"
 
 def _written(label: str) -> str:
     """``a_CBⁿ`` with CB below the line, as it is written by hand."""
-    found = re.fullmatch(r"([A-Za-z])_(.+?)([ⁿᵗᶜʳ]?)", label)
-    if found is None:
+    parts = re.fullmatch(r"([A-Za-z])_(.+?)([ⁿᵗᶜʳ]?)", label)
+    if parts is None:
         return escape(label)
-    letter, below, above = (escape(part) for part in found.groups())
+    letter, below, above = (escape(part) for part in parts.groups())
     return f'{letter}<tspan dy="3" font-size="8.5">{below}</tspan>' + (f'<tspan dy="-3">{above}</tspan>' if above else "")
 
 

@@ -200,10 +200,10 @@ class ArrowNodes:
 
 def arrows_by_family(show: ViewModel) -> dict[str, list[Arrow]]:
     """The arrows that share a node, in the order in which they are drawn."""
-    found: dict[str, list[Arrow]] = {}
+    families: dict[str, list[Arrow]] = {}
     for arrow in show.picture.of(Arrow):
-        found.setdefault(arrow.group, []).append(arrow)
-    return found
+        families.setdefault(arrow.group, []).append(arrow)
+    return families
 
 
 def arc_path(family: str, item: str) -> str:

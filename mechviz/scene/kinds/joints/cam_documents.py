@@ -84,17 +84,17 @@ class FollowerDocument(Table):
 
     @model_validator(mode="after")
     def _one_face(self) -> FollowerDocument:
-        found = one_of(self, FACES, "the follower")
+        wrong = one_of(self, FACES, "the follower")
         for key in ("knife", "flat"):
             if getattr(self, key) is False:
-                found.append((key, "false says nothing.", f"Write {key} = true, or leave it out."))
+                wrong.append((key, "false says nothing.", f"Write {key} = true, or leave it out."))
         if self.second is not None and self.roller is None and self.sound("roller"):
-            found.append(("second", "a second roller beside a face that is none.", "Give roller = ... too, or leave it out."))
-        if not found and self.flat is None:
+            wrong.append(("second", "a second roller beside a face that is none.", "Give roller = ... too, or leave it out."))
+        if not wrong and self.flat is None:
             for key in ("tilt", "face"):
                 if key in self.model_fields_set:
-                    found.append((key, f"{key} goes with a flat face.", "Leave it out."))
-        refuse(found)
+                    wrong.append((key, f"{key} goes with a flat face.", "Leave it out."))
+        refuse(wrong)
         return self
 
 
@@ -183,20 +183,20 @@ class ProfileDocument(Table):
 
     @model_validator(mode="after")
     def _moves(self) -> ProfileDocument:
-        found = one_of(self, SHAPES, "the profile")
+        wrong = one_of(self, SHAPES, "the profile")
         given = [key for key in SHAPES if getattr(self, key) is not None]
         kind = given[0] if len(given) == 1 else ""
         wants_base = kind in ("lift", "radius", "")
         turret = [key for key in ("barrel", "globoid") if getattr(getattr(self, key), "rollers", None) is not None]
         for key in ("rib", "end"):
             if getattr(getattr(self, key), "rollers", None) is not None:
-                found.append((key, f"rollers do not go with {key}.", "Give barrel or globoid, or leave them out."))
+                wrong.append((key, f"rollers do not go with {key}.", "Give barrel or globoid, or leave them out."))
         if turret and self.base is not None:
-            found.append(
+            wrong.append(
                 ("base", "base does not go with a turret: a roller is as far before the middle as it goes.", "Leave it out.")
             )
         if kind and wants_base and not turret and self.base is None and self.sound("base"):
-            found.append(("base", "'base' is missing.", "Give the radius of the base circle."))
+            wrong.append(("base", "'base' is missing.", "Give the radius of the base circle."))
         lone = {
             "base": ("lift", "radius"), "sense": ("lift",), "phase": ("lift",), "bed": ("lift",), "undercut": ("lift",),
             "curvature_limit": ("lift",), "hub": ("lift",),
@@ -204,45 +204,45 @@ class ProfileDocument(Table):
         }  # fmt: skip
         for key, kinds in lone.items():
             if kind and kind not in kinds and key in self.model_fields_set:
-                found.append((key, f"{key} does not go with {kind}.", f"It goes with {' and '.join(kinds)}: leave it out."))
+                wrong.append((key, f"{key} does not go with {kind}.", f"It goes with {' and '.join(kinds)}: leave it out."))
         solids = [key for key in SOLIDS if getattr(self, key) is not None]
         if len(solids) > 1:
-            found.append(("", f"the profile has {' and '.join(solids)} at once.", "Keep one of them."))
+            wrong.append(("", f"the profile has {' and '.join(solids)} at once.", "Keep one of them."))
         for key in (*solids, *(["axis"] if self.axis is not None else [])):
             if kind and kind != "lift":
-                found.append((key, f"{key} does not go with {kind}.", "It goes with lift: leave it out."))
+                wrong.append((key, f"{key} does not go with {kind}.", "It goes with lift: leave it out."))
             elif self.bed is not None:
-                found.append((key, f"{key} does not go with a wedge.", "Leave bed out, and pin the cam to its axis."))
+                wrong.append((key, f"{key} does not go with a wedge.", "Leave bed out, and pin the cam to its axis."))
         if self.axis is not None and not solids:
-            found.append(("axis", "a plane cam turns about an axis across the plane.", "Leave it out, or give barrel = ..."))
+            wrong.append(("axis", "a plane cam turns about an axis across the plane.", "Leave it out, or give barrel = ..."))
         if self.undercut == "cut" and solids:
-            found.append(("undercut", "spatial cams are refused where they are undercut.", "Leave it out."))
+            wrong.append(("undercut", "spatial cams are refused where they are undercut.", "Leave it out."))
         if self.base == LEAST:
             disc = kind in ("lift", "") and self.bed is None and not solids
             if not disc:
-                found.append(("base", 'the value "least" is for discs with a lift.', "Give a length."))
+                wrong.append(("base", 'the value "least" is for discs with a lift.', "Give a length."))
             elif self.pressure_limit is None and self.curvature_limit is None and self.hub is None:
                 why = "the least base circle for which limit?"
-                found.append(("base", why, "Add pressure_limit, curvature_limit or hub."))
+                wrong.append(("base", why, "Add pressure_limit, curvature_limit or hub."))
         elif self.hub is not None:
-            found.append(("hub", 'hub goes with base = "least".', "Leave it out."))
+            wrong.append(("hub", 'hub goes with base = "least".', "Leave it out."))
         elif self.base is not None and self.sound("base") and not solids:
             size = magnitude(self.base) if isinstance(self.base, str) else self.base
             if size < 0.0:
                 words = describe(self.base) if isinstance(self.base, str) else f"{self.base:g}"
-                found.append(("base", f"{words} is negative.", "Give a positive value."))
+                wrong.append(("base", f"{words} is negative.", "Give a positive value."))
         if self.rib is not None and self.rib.thickness is None and self.rib.sound("thickness"):
-            found.append(("rib", "'thickness' is missing.", "Give the thickness of the rib."))
+            wrong.append(("rib", "'thickness' is missing.", "Give the thickness of the rib."))
         segments = self.lift if kind == "lift" else self.radius if kind == "radius" else None
         if (
             segments
             and self.sound(kind)
             and all(s.to is None and s.sound("to") and not isinstance(s.law, LawDocument) for s in segments)
         ):
-            found.append((kind, "all segments are dwells: nothing moves.", "Give one of them an end, to = ..."))
+            wrong.append((kind, "all segments are dwells: nothing moves.", "Give one of them an end, to = ..."))
         if kind == "outline" and self.bulges is not None and self.outline is not None and len(self.bulges) != len(self.outline):
-            found.append(("bulges", f"{len(self.bulges)} bulges for {len(self.outline)} corners.", "Give one for every corner."))
-        refuse(found)
+            wrong.append(("bulges", f"{len(self.bulges)} bulges for {len(self.outline)} corners.", "Give one for every corner."))
+        refuse(wrong)
         return self
 
 
@@ -278,22 +278,22 @@ class RatingDocument(Table):
 
     @model_validator(mode="after")
     def _agrees(self) -> RatingDocument:
-        found = []
+        wrong = []
         if self.modulus is not None and self.materials is not None:
-            found.append(("modulus", "materials and modulus at once.", "Keep one of them."))
+            wrong.append(("modulus", "materials and modulus at once.", "Keep one of them."))
         if self.poisson is not None and self.modulus is None:
-            found.append(("poisson", "poisson goes with modulus.", "Give modulus too, or leave it out."))
+            wrong.append(("poisson", "poisson goes with modulus.", "Give modulus too, or leave it out."))
         for key in ("materials", "modulus", "limit"):
             if getattr(self, key) is not None and self.width is None and self.sound("width"):
-                found.append((key, f"{key} without a width of the contact.", 'Add width = "12 mm".'))
+                wrong.append((key, f"{key} without a width of the contact.", 'Add width = "12 mm".'))
         for k, name in enumerate(self.materials or []):
             if not isinstance(name, Unknown) and isinstance(name, str) and name not in MATERIALS:
                 near = did_you_mean(name, MATERIALS, what="Materials")
-                found.append((f"materials[{k}]", f"'{name}' is no material.", near or "Give modulus = [...] instead."))
+                wrong.append((f"materials[{k}]", f"'{name}' is no material.", near or "Give modulus = [...] instead."))
         for k, ratio in enumerate(self.poisson or []):
             if isinstance(ratio, float) and not -1.0 < ratio <= 0.5:
-                found.append((f"poisson[{k}]", f"{ratio:g} is no Poisson's ratio.", "Metals have 0.25 to 0.35, none is above 0.5."))
-        refuse(found)
+                wrong.append((f"poisson[{k}]", f"{ratio:g} is no Poisson's ratio.", "Metals have 0.25 to 0.35, none is above 0.5."))
+        refuse(wrong)
         return self
 
 
