@@ -20,6 +20,7 @@ from mechviz.outputs.viewer.panels.diagrams import Diagrams
 from mechviz.outputs.viewer.panels.effects import EffectsTab
 from mechviz.outputs.viewer.panels.handles import Pivots, traced_at, with_traced
 from mechviz.outputs.viewer.panels.plots import Plots
+from mechviz.outputs.viewer.panels.positions import Positions
 from mechviz.outputs.viewer.panels.saving import Saver
 from mechviz.outputs.viewer.panels.switches import Switches
 from mechviz.outputs.viewer.panels.timeline import Timeline
@@ -31,6 +32,7 @@ from mechviz.outputs.viewer.view_model import ViewModel
 from mechviz.outputs.viewer.viser_adapter import send_now, uuid_of
 from mechviz.outputs.viewer.world.marks import HoverNames
 from mechviz.outputs.viewer.world.scene import Scene3D
+from mechviz.studies.synthesis.four_bars import poses_in
 
 SLOW = 0.25  # [s] between changes of what need not follow every move of a slider
 PLOTS = 0.06  # [s] between changes of plots while the next value of a slider waits already
@@ -89,6 +91,7 @@ class Inspector:
         self.effects: EffectsTab | None = None
         self.pivots: Pivots | None = None
         self.accuracy: AccuracyTab | None = None
+        self.positions: Positions | None = None
         if session is not None:
             tab = tabs.add_tab("Edit", viser.Icon.ADJUSTMENTS)
             with tab:
@@ -96,6 +99,9 @@ class Inspector:
                 self.handles = gui.add_checkbox("Drag pivots", False, hint="handles on the points of the fixed link")
             self.compare.on_update(callback("Comparing", lambda _: self._compare(bool(self.compare.value))))
             self.handles.on_update(callback("Showing handles", lambda _: self._handles(bool(self.handles.value))))
+            if poses_in(session.run.scene) is not None:
+                with tab:
+                    self.positions = Positions(server, gui.add_folder("Positions"), session, callback)
             self.controls = Controls(server, tab, session, callback)
             self.pivots = Pivots(server, session, callback)
             self.effects = EffectsTab(server, tabs.add_tab("Effects", viser.Icon.SCALE), session, callback)
@@ -153,6 +159,8 @@ class Inspector:
                 self.scene.update(show)
                 if self.pivots is not None:
                     self.pivots.update(show)
+                if self.positions is not None:
+                    self.positions.update(show)
                 self.scene.show(frame)
             send_now(self._server, PATIENCE)
             hurried = self._session is not None and self._session.overtaken and show.frames == self._plotted.frames
@@ -241,6 +249,8 @@ class Inspector:
                 self.controls.settle()
             if self.pivots is not None:
                 self.pivots.update(self.show)
+            if self.positions is not None:
+                self.positions.update(self.show)
             self.scene.refit()
             self.playback.hold(False)
         self._server.flush()

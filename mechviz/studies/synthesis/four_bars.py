@@ -22,9 +22,13 @@ from mechcore.design.four_bars import FourBar, acute, from_pins, used_range
 from mechcore.design.freudenstein import FunctionGenerator, FunctionTask
 from mechcore.design.paths import PathDesign
 from mechcore.errors import Fault, MechanismError
+from mechviz.scene.scene import Scene
 from mechviz.studies.synthesis.linkages import MM, four_bar_scene, once, through
 from mechviz.studies.synthesis.solutions import Solution
 
+CHOICES = 12  # four-bars that are offered where positions are placed by hand
+SWING = np.radians(60.0)  # of cranks between two positions, where nothing is said of it
+ARM = 0.2  # of the reach: how far from its place the mark of a body's direction stands
 GRID = 13  # moving pivots a side that are tried where nothing is said of them
 SPREAD = 1.5  # half the side of that grid over the reach of the poses
 FARTHEST = 6.0  # fixed pivots over the reach, beyond which they are left out
@@ -80,7 +84,8 @@ def path_solutions(found: Sequence[PathDesign], points: Complex) -> list[Solutio
     for k, made in enumerate(found):
         drive = through(made.four_bar, made.theta, usable=True)
         scene = four_bar_scene(
-            made.four_bar, drive, name=f"path-{k + 1}", title=f"Four-bar through {len(points)} points", targets=points,
+            made.four_bar, drive, name=f"path-{k + 1}", title=f"Four-bar through {len(points)} points",
+            marks={f"P{i + 1}": complex(z) for i, z in enumerate(points)},
             teaches=f"The coupler point E passes {len(points)} points of the frame, P1 and so on, at most "
             f"{made.largest * MM:.3g} mm away.",
         )  # fmt: skip
@@ -203,6 +208,29 @@ def motion_designs(poses: Poses, w: Complex, c: Complex, most: int, *, all_of_th
     return kept
 
 
+def motion_choices(poses: Poses, most: int = CHOICES) -> list[MotionDesign]:
+    """Four-bars for poses without anything else being said: at most so many, those without defects first."""
+    found = motion_designs(poses, *dyads(poses, (), (), SWING), most, all_of_them=len(poses.places) >= 5)
+    return sorted(found, key=lambda made: bool(made.defects))
+
+
+def _marks(poses: Poses) -> dict[str, complex]:
+    """Points of the frame that show poses: P where the body is, Q on its x axis."""
+    arms = zip(poses.places, poses.places + ARM * poses.reach * poses.turns, strict=True)
+    return {f"{letter}{k}": complex(z) for k, pair in enumerate(arms, 1) for letter, z in zip("PQ", pair, strict=True)}
+
+
+def poses_in(scene: Scene) -> Poses | None:
+    """The poses that a scene of `motion_solutions` shows; None for any other scene."""
+    links = {link.name: link for link in scene.mechanism.links}
+    points = {name: complex(*place) for name, place in links[scene.mechanism.frame].points.items()}
+    count = sum(f"P{k}" in points and f"Q{k}" in points for k in range(1, len(points) + 1))
+    if count < 2 or set(links) != {scene.mechanism.frame, "crank", "coupler", "rocker"} or "E" not in links["coupler"].points:
+        return None
+    p, q = (np.array([points.get(f"{letter}{k}", complex(np.nan)) for k in range(1, count + 1)]) for letter in "PQ")
+    return Poses(p, np.angle(q - p)) if np.isfinite(p).all() and np.isfinite(q).all() else None
+
+
 def motion_solutions(poses: Poses, found: Sequence[MotionDesign]) -> list[Solution]:
     """Four-bars that lead a body through poses as solutions."""
     count = len(poses.places)
@@ -210,9 +238,10 @@ def motion_solutions(poses: Poses, found: Sequence[MotionDesign]) -> list[Soluti
     for k, made in enumerate(found):
         bar = made.four_bar
         scene = four_bar_scene(
-            bar, through(bar, made.theta, usable=not made.defects), name=f"motion-{k + 1}", targets=poses.places,
-            title=f"Four-bar that leads a body through {count} positions",
-            teaches=f"The coupler is led through {count} positions: E passes P1 to P{count} of the frame, turned as asked for.",
+            bar, through(bar, made.theta, usable=not made.defects), name=f"motion-{k + 1}", marks=_marks(poses),
+            title="Four-bar that leads a body through positions",
+            teaches="The coupler is led through positions: its point E passes P1, P2 ... of the frame, and the x axis of the body "
+            "points to Q1, Q2 ...",
         )  # fmt: skip
         pivots = (("A", bar.crank_pivot), ("D", bar.rocker_pivot))
         numbers = {f"{name} [mm]": f"({z.real * MM:.4g}, {z.imag * MM:.4g})" for name, z in pivots} | four_bar_lengths(bar)

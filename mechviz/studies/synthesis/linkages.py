@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from mechcore.arrays import Complex, Real
+from mechcore.arrays import Real
 from mechcore.design.four_bars import FourBar, used_range
 from mechcore.design.strokes import SlottedLever
 from mechviz.scene.scene import Scene
@@ -19,11 +19,18 @@ Drive = Mapping[str, Any]
 
 
 def four_bar_scene(
-    bar: FourBar, drive: Drive, *, name: str, title: str, teaches: str, targets: Complex | None = None, traced: bool = True
+    bar: FourBar,
+    drive: Drive,
+    *,
+    name: str,
+    title: str,
+    teaches: str,
+    marks: Mapping[str, complex] | None = None,
+    traced: bool = True,
 ) -> Scene:
-    """A four-bar as a scene: crank on A with pin B, coupler to C, rocker on D, traced point E. ``targets``: points of the frame."""
+    """A four-bar as a scene: crank on A with pin B, coupler to C, rocker on D, traced point E; ``marks``: points of the frame."""
     links, joints = four_bar_parts(bar, drive, traced=traced)
-    links["frame"]["points"] |= {f"P{k + 1}": place(z) for k, z in enumerate(() if targets is None else targets)}
+    links["frame"]["points"] |= {name: place(z) for name, z in (marks or {}).items()}
     return Scene.build(
         name=name,
         title=title,
