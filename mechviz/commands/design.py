@@ -12,7 +12,7 @@ import typer
 from mechcore.arrays import Real
 from mechviz.commands.common import aligned, check_targets, fail, interruptible, progress_bar, say
 from mechviz.commands.loading import SceneArg, SetOpt, clear_errors, load_scene
-from mechviz.commands.solving import CyclesOpt, FramesOpt, processes, solve
+from mechviz.commands.solving import CyclesOpt, DaskOpt, FramesOpt, JobsOpt, solve, workers
 from mechviz.figures import check_ending, save_chart
 from mechviz.files import OutputError, check_target, replacing
 from mechviz.quantities.catalogue import Axis
@@ -100,7 +100,8 @@ def tolerance(
         Path | None, typer.Option("--plot", help="write a chart of the first: its band, or its distribution (.svg, .png or .pdf)")
     ] = None,
     csv_file: Annotated[Path | None, typer.Option("--csv", help="write the bands of curves over the frames as a table")] = None,
-    jobs: Annotated[int, typer.Option("--jobs", "-j", min=1, max=1024, help="processes")] = 1,
+    jobs: JobsOpt = 1,
+    dask: DaskOpt = None,
     frames: FramesOpt = None,
     cycles: CyclesOpt = None,
     values: SetOpt = None,
@@ -124,10 +125,10 @@ def tolerance(
         ends = [parse_limits(text) for text in limits or ()]
         with interruptible(*(["matplotlib.figure"] if plot is not None else [])):
             run = solve(loaded, frames, cycles)
-            with progress_bar("sampling") as bar, processes(jobs) as executor:
+            with progress_bar("sampling") as bar, workers(jobs, dask) as (executor, most):
                 found = tolerances(
                     run, measures, variables, limits=ends, samples=samples, distribution=distribution, seed=seed,
-                    executor=executor, most=2 * jobs, progress=bar,
+                    executor=executor, most=most, progress=bar,
                 )  # fmt: skip
             axis = run.catalogue.axes[0]
             for one in found:
@@ -157,7 +158,8 @@ def optimise(
     plot: Annotated[
         Path | None, typer.Option("--plot", help="several objectives: write a chart of the front (.svg, .png or .pdf)")
     ] = None,
-    jobs: Annotated[int, typer.Option("--jobs", "-j", min=1, max=1024, help="processes")] = 1,
+    jobs: JobsOpt = 1,
+    dask: DaskOpt = None,
     frames: FramesOpt = None,
     cycles: CyclesOpt = None,
     values: SetOpt = None,
@@ -182,7 +184,7 @@ def optimise(
         if (front is not None or plot is not None) and len(problem.terms) < 2:
             fail("--front, --plot: the goal has one objective only, and so no front.")
         with interruptible("scipy.optimize", "scipy.stats", *(["matplotlib.figure"] if plot is not None else [])):
-            with progress_bar("optimising") as bar, processes(jobs) as executor:
+            with progress_bar("optimising") as bar, workers(jobs, dask) as (executor, _):
 
                 def told(stage: str, objective: int, value: float, violation: float) -> None:
                     shown = problem.terms[objective].shown(value)

@@ -58,6 +58,7 @@ COMMANDS = {
     },
     "sweep": {
         "sweep": "Compute quantities of many designs: a grid, lists or samples of a scene's parameters, one row for each design.",
+        "study": "Draw a study: the response to a parameter, contours, parallel coordinates or a scatter matrix.",
     },
     "design": {
         "sensitivity": "Print how quantities depend on parameters, ranked by what one percent of each does: exact derivatives, no "

@@ -79,15 +79,45 @@ def warn_of_accuracy(run: Run) -> None:
                 say(line)
 
 
+JobsOpt = Annotated[int, typer.Option("--jobs", "-j", min=1, max=1024, help="processes")]
+DaskOpt = Annotated[
+    str | None,
+    typer.Option("--dask", metavar="ADDRESS", help="scheduler of a Dask cluster that computes, such as tcp://host:8786"),
+]
+
+
 @contextmanager
-def processes(jobs: int) -> Iterator[Pool | None]:
-    """So many processes, or none for one job, which is done here."""
-    if jobs == 1:
-        yield None
-        return
-    with ProcessPoolExecutor(jobs, mp_context=get_context("spawn")) as executor:
-        try:
-            yield executor
-        except BaseException:
-            executor.shutdown(wait=False, cancel_futures=True)
-            raise
+def workers(jobs: int, dask: str | None = None) -> Iterator[tuple[Pool | None, int]]:
+    """An executor that computes designs, and how many portions it is well given at once: a Dask cluster, so many processes, or
+    none for one job, which is done here."""
+    if dask is not None:
+        with _cluster(dask) as found:
+            yield found
+    elif jobs == 1:
+        yield None, 2
+    else:
+        with ProcessPoolExecutor(jobs, mp_context=get_context("spawn")) as executor:
+            try:
+                yield executor, 2 * jobs
+            except BaseException:
+                executor.shutdown(wait=False, cancel_futures=True)
+                raise
+
+
+@contextmanager
+def _cluster(address: str) -> Iterator[tuple[Pool, int]]:
+    """The executor of a Dask cluster's client. What a lost worker had in hand Dask itself gives to another."""
+    try:
+        from distributed import Client, KilledWorker
+    except ImportError:
+        fail("--dask needs the package distributed: pip install 'mechviz[dask]'.")
+    try:
+        client = Client(address, timeout="10s", set_as_default=False)
+    except (OSError, ValueError, TimeoutError) as error:
+        fail(f"--dask: no scheduler answers at '{address}' ({error}). Start one with: dask scheduler.")
+    try:
+        yield client.get_executor(pure=False), 2 * max(1, sum(client.nthreads().values()))
+    except KilledWorker:
+        fail("Workers of the cluster died again and again, perhaps for lack of memory. The same command goes on with a study.", 1)
+    finally:
+        client.close()

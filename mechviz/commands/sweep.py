@@ -12,9 +12,11 @@ import typer
 
 from mechviz.commands.common import check_targets, fail, interruptible, progress_bar, say
 from mechviz.commands.loading import SceneArg, SetOpt, clear_errors, load_scene
-from mechviz.commands.solving import CyclesOpt, FramesOpt, processes
+from mechviz.commands.solving import CyclesOpt, DaskOpt, FramesOpt, JobsOpt, workers
+from mechviz.figures import check_ending, save_chart
 from mechviz.files import check_target
 from mechviz.studies.designs.evaluate import study_of
+from mechviz.studies.designs.figures import Kind, read_study, study_chart
 from mechviz.studies.designs.measures import parse_measure
 from mechviz.studies.designs.sampling import grid, parse_sample, parse_variation, sampled
 from mechviz.studies.designs.sweep import Store, Table, about_study, columns_of, csv_lines, run_study
@@ -39,7 +41,8 @@ def sweep(
         str | None, typer.Option("--sample", metavar="lhs:N|sobol:N", help="designs that fill the ranges, instead of a grid")
     ] = None,
     seed: Annotated[int, typer.Option("--seed", min=0, help="of the sample")] = 0,
-    jobs: Annotated[int, typer.Option("--jobs", "-j", min=1, max=1024, help="processes")] = 1,
+    jobs: JobsOpt = 1,
+    dask: DaskOpt = None,
     frames: FramesOpt = None,
     cycles: CyclesOpt = None,
     values: SetOpt = None,
@@ -68,8 +71,8 @@ def sweep(
             if store is not None:
                 store.open(fresh=fresh)
             try:
-                with progress_bar("sweeping") as bar, processes(jobs) as executor:
-                    table = run_study(study, designs, store, executor=executor, most=2 * jobs, progress=bar)
+                with progress_bar("sweeping") as bar, workers(jobs, dask) as (executor, most):
+                    table = run_study(study, designs, store, executor=executor, most=most, progress=bar)
             except BrokenProcessPool:
                 fail("A process of the study has died, perhaps for lack of memory. The same command goes on; take fewer --jobs.", 1)
             except (KeyboardInterrupt, SystemExit) as end:
@@ -92,3 +95,28 @@ def _summary(table: Table) -> Iterator[str]:
             for word, k in (("least", int(np.nanargmin(values))), ("greatest", int(np.nanargmax(values)))):
                 where = ", ".join(f"{v.title} = {x:.6g}" for v, x in zip(table.study.variations, table.designs[k], strict=True))
                 yield f"{title}: {word} {values[k]:.6g} at {where}"
+
+
+def study(
+    file: Annotated[Path, typer.Argument(metavar="FILE.parquet", help="study that mechviz sweep has written")],
+    output: Annotated[Path, typer.Option("--output", "-o", help="chart to write (.svg, .png or .pdf)")],
+    of: Annotated[str | None, typer.Option("--of", metavar="QUANTITY", help="the result to draw [default: the first]")] = None,
+    kind: Annotated[
+        Kind,
+        typer.Option("--kind", help="auto: the response to one parameter, contours of two, parallel coordinates of more"),
+    ] = "auto",
+) -> None:
+    """Draw a study: the response to a parameter, contours, parallel coordinates or a scatter matrix.
+
+    Designs without values are marked, so that the limits of what can be built are seen.
+
+    Try: mechviz sweep parametric-press --vary stroke:9 --vary ratio:9 --of drive.A.torque:peak -o study.parquet
+         mechviz study study.parquet -o contour.svg
+    """
+    with clear_errors(str(file)):
+        check_targets(str(file), output)
+        check_target(output)
+        check_ending(output)
+        with interruptible("pyarrow.parquet", "matplotlib.figure"):
+            save_chart(study_chart(read_study(file), kind, of), output)
+        print(output)

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
 from pathlib import Path
+from threading import Lock
 
 import numpy as np
 
@@ -20,6 +21,7 @@ from mechviz.studies.designs.measures import Measure, quantity_of
 from mechviz.studies.designs.sampling import Variation
 from mechviz.studies.designs.tables import needs_forces
 
+ONE_AT_A_TIME = Lock()  # threads of one process, such as workers of clusters have, share its prepared studies
 TRIED = 3  # designs that are computed both ways before batches are trusted
 AGREEMENT = 1e-9  # relative, of a batch and a run by itself
 _PLAIN = ("pose", "velocity", "acceleration", "position", "reaction", "motion", "inertia")
@@ -165,6 +167,11 @@ def _reduced(measure: Measure, quantity: Quantity, run: Run) -> Real:
 
 def evaluate(study: Study, designs: Real) -> Found:
     """Results of designs (D, n), the values of the study's variations in their units."""
+    with ONE_AT_A_TIME:
+        return _evaluated(study, designs)
+
+
+def _evaluated(study: Study, designs: Real) -> Found:
     batch = study.batch
     if batch is not None:
         curves, reasons = batch.curves(designs)

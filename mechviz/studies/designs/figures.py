@@ -1,0 +1,192 @@
+"""Charts of studies that are stored: responses, contours with what cannot be had, parallel coordinates, scatter matrices."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+
+from mechcore.arrays import Flags, Real
+from mechcore.errors import Fault, MechanismError
+from mechviz.figures import chart
+from mechviz.studies.designs.sweep import REASON
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+Kind = Literal["auto", "response", "contour", "parallel", "scatter"]
+LEVELS = 14
+MOST_LINES = 3000  # of parallel coordinates, and curves drawn over each other
+COLOURS = "viridis"
+MISSING = "#c8553d"
+WANTED = "Give a study that `mechviz sweep -o FILE.parquet` has written."
+
+
+@dataclass(frozen=True, eq=False)
+class StoredStudy:
+    """A study as its file has it: ``variables`` and ``results`` by their titles, each (D,), results of curves (D, F); ``reasons``
+    of designs without values, "" of the others."""
+
+    title: str
+    variables: dict[str, Real]
+    results: dict[str, Real]
+    reasons: tuple[str, ...]
+
+    @property
+    def feasible(self) -> Flags:
+        """Whether there are values (D,)."""
+        return np.array([not reason for reason in self.reasons], bool)
+
+    def result(self, wanted: str | None) -> tuple[str, Real]:
+        """A result by its title or by the text that was asked for, by default the first. Raises `MechanismError`."""
+        for title, values in self.results.items():
+            if wanted is None or wanted in (title, title.rpartition(" [")[0]):
+                return title, values
+        remedy = f"There are: {', '.join(self.results)}."
+        raise MechanismError(Fault(f"--of {wanted}", "is no result of the study.", remedy))
+
+
+def read_study(path: Path) -> StoredStudy:
+    """The study in a file that ``mechviz sweep`` has written. Raises `MechanismError`."""
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    try:
+        table = pq.read_table(path)
+    except (OSError, pa.ArrowInvalid) as error:
+        raise MechanismError(Fault(str(path), f"cannot be read: {error}.", WANTED)) from None
+    said = {key.decode(): value.decode() for key, value in (table.schema.metadata or {}).items()}
+    if "mechviz.study" not in said:
+        raise MechanismError(Fault(str(path), "is no study of mechviz.", WANTED))
+    question = json.loads(said["mechviz.study"])
+    names = [f"{name} [{unit}]" if unit else name for name, unit, *_ in question["vary"]]
+    others = [name for name in table.column_names if name not in (*names, "design", REASON)]
+    results = {}
+    for name in others:
+        column = table[name].combine_chunks()
+        curve = pa.types.is_fixed_size_list(column.type)
+        flat = np.asarray((column.flatten() if curve else column).to_numpy(zero_copy_only=False), float)
+        results[name] = flat.reshape(table.num_rows, -1) if curve else flat
+    variables = {name: table[name].to_numpy() for name in names}
+    return StoredStudy(said.get("mechviz.scene", path.stem), variables, results, tuple(r or "" for r in table[REASON].to_pylist()))
+
+
+def study_chart(study: StoredStudy, kind: Kind = "auto", of: str | None = None) -> Figure:
+    """A chart of one result of a study: of one variable its response, of two contours, of more parallel coordinates. Raises
+    `MechanismError` where a kind does not fit."""
+    title, values = study.result(of)
+    if not study.feasible.any():
+        raise MechanismError(Fault("study", f"no design has values: {study.reasons[0]}.", "Vary parameters over other ranges."))
+    count = len(study.variables)
+    if kind == "auto":
+        kind = "response" if count == 1 or values.ndim > 1 else "contour" if count == 2 else "parallel"
+    if kind == "contour" and count != 2:
+        raise MechanismError(Fault("--kind contour", f"the study varies {count} parameters, not two.", "Take parallel or scatter."))
+    if values.ndim > 1 and kind != "response":
+        raise MechanismError(Fault(f"--kind {kind}", f"'{title}' is a curve.", "Take response, or sweep a number of it."))
+    size = (2.2 * (count + 1), 2.2 * (count + 1)) if kind == "scatter" else (max(6.5, 1.8 * (count + 1)), 4.5)
+    with chart(*size) as figure:
+        {"response": _response, "contour": _contour, "parallel": _parallel, "scatter": _scatter}[kind](figure, study, title, values)
+        figure.suptitle(f"{study.title}: {title}")
+    return figure
+
+
+def _response(figure: Figure, study: StoredStudy, title: str, values: Real) -> None:
+    axes = figure.subplots()
+    name, x = next(iter(study.variables.items()))
+    ok = study.feasible
+    if values.ndim > 1:
+        shown = np.flatnonzero(ok)[:: max(1, int(ok.sum()) // MOST_LINES)]
+        along = np.linspace(0.0, 100.0, values.shape[1])
+        colour = _coloured(figure, axes, x[shown], name)
+        for k, shade in zip(shown, colour, strict=True):
+            axes.plot(along, values[k], color=shade, linewidth=0.8)
+        axes.set_xlabel("part of the run [%]")
+    else:
+        order = np.argsort(x, kind="stable")
+        one = len(study.variables) == 1
+        axes.plot(x[order], np.where(ok, values, np.nan)[order], "-" if one else ".", color="#1b6ca8")
+        if not ok.all():
+            low = float(np.nanmin(values[ok]))
+            axes.plot(x[~ok], np.full(int((~ok).sum()), low), "|", color=MISSING, label="no values")
+            axes.legend()
+        axes.set_xlabel(name)
+    axes.set_ylabel(title)
+
+
+def _contour(figure: Figure, study: StoredStudy, title: str, values: Real) -> None:
+    axes = figure.subplots()
+    (first, x), (second, y) = study.variables.items()
+    ok = study.feasible
+    columns, rows = np.unique(x), np.unique(y)
+    if len(columns) * len(rows) == len(x):  # a grid
+        place = np.searchsorted(columns, x), np.searchsorted(rows, y)
+        grid = np.full((len(rows), len(columns)), np.nan)
+        grid[place[1], place[0]] = np.where(ok, values, np.nan)
+        filled = axes.contourf(columns, rows, grid, LEVELS, cmap=COLOURS)
+    else:
+        filled = axes.tricontourf(x[ok], y[ok], values[ok], LEVELS, cmap=COLOURS)
+    figure.colorbar(filled, ax=axes, label=title)
+    if not ok.all():
+        axes.set_facecolor("#f1e4e1")
+        axes.plot(x[~ok], y[~ok], "x", color=MISSING, markersize=3.0, label="no values")
+        axes.legend(frameon=True)
+    axes.set_xlabel(first)
+    axes.set_ylabel(second)
+
+
+def _parallel(figure: Figure, study: StoredStudy, title: str, values: Real) -> None:
+    axes = figure.subplots()
+    ok = np.flatnonzero(study.feasible)
+    shown = ok[np.argsort(values[ok])][:: max(1, len(ok) // MOST_LINES)]  # the greatest on top
+    columns = {**study.variables, title: values}
+    heights = []
+    for column in columns.values():
+        low, high = float(np.min(column[ok])), float(np.max(column[ok]))
+        heights.append((column[shown] - low) / ((high - low) or 1.0))
+    colour = _coloured(figure, axes, values[shown], title)
+    for line, shade in zip(np.array(heights).T, colour, strict=True):
+        axes.plot(np.arange(len(columns)), line, color=shade, linewidth=0.6, alpha=0.7)
+    axes.set_xticks(np.arange(len(columns)), [_with_range(name, column[ok]) for name, column in columns.items()])
+    axes.set_yticks([])
+    axes.grid(visible=True, axis="x", color="#222222")
+
+
+def _scatter(figure: Figure, study: StoredStudy, title: str, values: Real) -> None:
+    ok = study.feasible
+    columns = {**study.variables, title: values}
+    names = list(columns)
+    panels = figure.subplots(len(names), len(names), squeeze=False)
+    for i, below in enumerate(names):
+        for j, beside in enumerate(names):
+            axes = panels[i][j]
+            if i == j:
+                axes.hist(columns[below][ok], bins=24, color="#a9c6df")
+                axes.set_yticks([])
+            else:
+                axes.scatter(columns[beside][ok], columns[below][ok], c=values[ok], s=3.0, cmap=COLOURS)
+                axes.plot(columns[beside][~ok], columns[below][~ok], "x", color=MISSING, markersize=2.0)
+            if i == len(names) - 1:
+                axes.set_xlabel(beside, fontsize=7)
+            if j == 0:
+                axes.set_ylabel(below, fontsize=7)
+            axes.tick_params(labelsize=6)
+
+
+def _coloured(figure: Figure, axes: Axes, values: Real, label: str) -> list[tuple[float, ...]]:
+    """Colours of values, with their scale beside the axes."""
+    from matplotlib import colormaps
+    from matplotlib.cm import ScalarMappable
+    from matplotlib.colors import Normalize
+
+    scale = Normalize(float(np.min(values)), float(np.max(values)))
+    figure.colorbar(ScalarMappable(scale, COLOURS), ax=axes, label=label)
+    return [tuple(shade) for shade in colormaps[COLOURS](scale(values))]
+
+
+def _with_range(name: str, values: Real) -> str:
+    return f"{name}\n{float(np.min(values)):.4g} to {float(np.max(values)):.4g}"
