@@ -282,9 +282,16 @@ def _single(values: Real) -> Single:
 
 def solids_of(run: Run) -> Solids:
     """Meshes of all links, in layers that do not collide during the run. Raises `MechanismError` where there are too many."""
+    dials = run.kept
+    return build_solids(
+        run.motion.mechanism, looked_at(run), chord=dials.chord, profile=dials.profile or PROFILE, spindle=has_spindle(run)
+    )
+
+
+def looked_at(run: Run) -> dict[str, Real]:
+    """The poses (F, 3) of all links at the frames at which the search for colliding solids looks. Raises `MechanismError` where
+    there are too many."""
     motion = run.motion
     check_drawn(len(motion.mechanism.links))
     frames = np.unique(np.linspace(0, motion.frames - 1, min(motion.frames, LOOKS)).round().astype(int))
-    dials = run.kept
-    poses = {link: motion.pose(link)[frames] for link in links_of(motion)}
-    return build_solids(motion.mechanism, poses, chord=dials.chord, profile=dials.profile or PROFILE, spindle=has_spindle(run))
+    return {link: motion.pose(link)[frames] for link in links_of(motion)}

@@ -69,7 +69,11 @@ def _hex(color: tuple[int, int, int, int]) -> str:
 
 def export_3mf(run: Run, path: Path | str, *, solids: Solids | None = None) -> Path:
     """Write the solids of all links as 3MF."""
-    text = model_xml(run, solids or solids_of(run))
+    return write_3mf(path, model_xml(run, solids or solids_of(run)))
+
+
+def write_3mf(path: Path | str, text: str) -> Path:
+    """Write a 3MF file around its model part."""
     with replacing(Path(path)) as temporary, zipfile.ZipFile(temporary, "w", zipfile.ZIP_DEFLATED) as archive:
         for name, content in (("[Content_Types].xml", _TYPES), ("_rels/.rels", _RELATIONS), ("3D/3dmodel.model", text)):
             entry = zipfile.ZipInfo(name, _STAMP)

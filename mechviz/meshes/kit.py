@@ -1,0 +1,203 @@
+"""A mechanism as a kit of flat parts: plates, pins and spacers, each a body of its own, from the same pieces as its solids."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from shapely import affinity
+from shapely.geometry import MultiPoint, Point, Polygon, box
+from shapely.ops import unary_union
+
+from mechcore.arrays import Real
+from mechcore.spec.mechanism import Mechanism
+from mechviz.meshes.draft import Draft
+from mechviz.meshes.layers.stack import Levels, stack_pieces
+from mechviz.meshes.model import Axle, Model, build_model
+from mechviz.meshes.outline import disc, polygons
+from mechviz.meshes.shapes import draft_pieces
+
+SIDES = 128  # of a full circle
+_EDGE = 1.8  # of the bosses: how far a base reaches beyond the axes that stand on it
+_FLAT = 0.3  # of its radius: how much is cut off a shaft that turns its cams
+_SAME = 1e-6  # in sizes of the mechanism
+_APART = 4.0  # between parts that are laid out [mm]
+
+
+@dataclass(frozen=True, eq=False)
+class FlatPart:
+    """A part of a kit: its ``outline`` [mm] with all holes, of which those that are ``circles`` are (x, y, radius) [mm], and its
+    ``thickness`` [mm]: of a pin its length. ``kind``: "plate", "pin" or "spacer"; ``count``: how many of them there are."""
+
+    name: str
+    kind: str
+    outline: Polygon
+    thickness: float
+    circles: tuple[tuple[float, float, float], ...] = ()
+    count: int = 1
+
+
+def kit_of(
+    mechanism: Mechanism, poses: Mapping[str, Real] | None, thickness: float, clearance: float, washer: float
+) -> list[FlatPart]:
+    """The parts of a kit, plates first. Plates are ``thickness`` [mm] thick, ``washer`` [mm] apart; a pin turns in holes that are
+    wider by ``clearance`` [mm], and sits fast in the part that holds it. A shaft that turns its cams is flattened on one side.
+
+    ``poses`` as in `build_solids`. Belts, barrels and spatial cams are no flat parts and left out.
+    """
+    model = build_model(mechanism, poses, SIDES)
+    draft = draft_pieces(model)
+    levels = stack_pieces(model, draft)
+    return _Kit(model, draft, levels, thickness, clearance, washer).parts()
+
+
+@dataclass(frozen=True, eq=False)
+class _Kit:
+    model: Model
+    draft: Draft
+    levels: Levels
+    thickness: float
+    clearance: float
+    washer: float
+
+    @property
+    def scale(self) -> float:
+        """Millimetres in a size."""
+        return 1e3 * self.model.size
+
+    def parts(self) -> list[FlatPart]:
+        plates = [*self._bases(), *self._plates()]
+        return [*plates, *_counted([*self._pins()]), *_counted([*self._spacers()])]
+
+    # -- plates ---------------------------------------------------------------------------------------------------------
+    def _plates(self) -> Iterator[FlatPart]:
+        shapes: dict[tuple[str, str, tuple[float, float]], list[Polygon]] = {}
+        for piece in self.draft.pieces:
+            if not piece.profile and piece.kind != "belt":
+                shapes.setdefault((piece.link, piece.group, piece.height), []).append(piece.outline)
+        names: dict[str, int] = {}
+        for (link, group, height), outlines in shapes.items():
+            for shape in polygons(unary_union(outlines)):
+                number = names[link] = names.get(link, 0) + 1
+                circles, flats = self._holes(link, shape)
+                outline = affinity.scale(shape, self.scale, self.scale, origin=(0.0, 0.0))
+                holes = [Point(x, y).buffer(r, quad_segs=SIDES // 4) for x, y, r in circles]
+                cut = polygons(outline.difference(unary_union([*holes, *flats])))[0]
+                deep = (height[1] - height[0]) * self.thickness
+                label = link if number == 1 else f"{link} {number} ({group})"
+                yield FlatPart(label, "plate", cut, deep, circles)
+
+    def _holes(self, link: str, shape: Polygon) -> tuple[tuple[tuple[float, float, float], ...], list[Polygon]]:
+        """Round holes (x, y, radius) [mm] for the pins in a piece of a link, and those with a flat side [mm]."""
+        circles, flats = [], []
+        for axle in self.model.axles:
+            fast = self._fast(axle)
+            x0, y0 = fast[link][:2] if link in fast else axle.centres.get(link, (np.nan, np.nan))
+            if not shape.contains(Point(x0, y0)):
+                continue
+            x, y, radius = self.scale * x0, self.scale * y0, self.scale * axle.pin
+            if link not in fast:
+                circles.append((x, y, radius + 0.5 * self.clearance + self.scale * axle.play.get(link, 0.0)))
+            elif axle.key is None:
+                circles.append((x, y, radius))
+            else:
+                flats.append(affinity.translate(_shaft(radius, axle.key, fast[link][2]), x, y))
+        return tuple(circles), flats
+
+    def _fast(self, axle: Axle) -> dict[str, tuple[float, float, float]]:
+        """Links that a pin is fast in: its owner and what is welded to that there: the axis, and by how much they are turned back
+        against the owner [rad]."""
+        at = axle.centres[axle.owner]
+        found = {axle.owner: (*at, 0.0)}
+        for weld in self.model.welds:
+            for k, sign in ((0, -1.0), (1, 1.0)):
+                if weld.links[k] == axle.owner and np.hypot(*np.subtract(weld.points[k], at)) < _SAME:
+                    found[weld.links[1 - k]] = (*weld.points[1 - k], sign * weld.angle)
+        return found
+
+    def _bases(self) -> Iterator[FlatPart]:
+        """A plate behind all, and one in front of all where pins stand on that, about the axes that are fixed to the ground."""
+        frame, model = self.model.frame, self.model
+        rails = [p.outline for p in self.draft.pieces if p.link == frame and not p.profile]
+        for front in (False, True):
+            own = [a for a, f in zip(model.axles, self.levels.axle_front, strict=True) if frame in a.centres and f == front]
+            if not own:
+                continue
+            reach = _EDGE * max(axle.boss for axle in own)
+            spots = MultiPoint([axle.centres[frame] for axle in own]).buffer(reach, quad_segs=SIDES // 4)
+            shape = unary_union([spots, *([] if front else rails)]).convex_hull
+            circles = []
+            for axle in own:
+                turns = 0.0 if axle.owner == frame else 0.5 * self.clearance
+                x, y = (self.scale * v for v in axle.centres[frame])
+                circles.append((x, y, self.scale * axle.pin + turns))
+            outline = affinity.scale(shape, self.scale, self.scale, origin=(0.0, 0.0))
+            holes = unary_union([Point(x, y).buffer(r, quad_segs=SIDES // 4) for x, y, r in circles])
+            cut = polygons(outline.difference(holes))[0]
+            yield FlatPart("front" if front else "base", "plate", cut, self.thickness, tuple(circles))
+
+    # -- what goes through them -----------------------------------------------------------------------------------------
+    def _reach(self, number: int) -> list[int]:
+        """Layers that the pin of an axle has plates on, the bases among them."""
+        axle = self.model.axles[number]
+        layers = [
+            *self.levels.axle_layers[number],
+            *(self.levels.of(link) for link in self._fast(axle) if link in self.draft.groups),
+        ]
+        if self.model.frame in axle.centres:
+            layers.append(self.levels.top + 1 if self.levels.axle_front[number] else -1)
+        return sorted(set(layers))
+
+    def _pins(self) -> Iterator[FlatPart]:
+        for number, axle in enumerate(self.model.axles):
+            layers = self._reach(number)
+            if len(layers) < 2:
+                continue
+            radius = self.scale * axle.pin
+            span = layers[-1] - layers[0]
+            shape = disc((0.0, 0.0), radius, SIDES) if axle.key is None else _shaft(radius, axle.key, 0.0)
+            name = f"{'shaft' if axle.key is not None else 'pin'} {2.0 * radius:.3g} mm"
+            yield FlatPart(name, "pin", shape, span * (self.thickness + self.washer) + self.thickness)
+
+    def _spacers(self) -> Iterator[FlatPart]:
+        for number, axle in enumerate(self.model.axles):
+            layers = self._reach(number)
+            inner = self.scale * axle.pin + 0.5 * self.clearance
+            outer = max(self.scale * axle.sleeve, inner + 1.0)
+            ring = disc((0.0, 0.0), outer, SIDES).difference(disc((0.0, 0.0), inner, SIDES))
+            for a, b in pairwise(layers):
+                height = (b - a) * (self.thickness + self.washer) - self.thickness
+                yield FlatPart(f"spacer {2.0 * inner:.3g} mm", "spacer", polygons(ring)[0], height, ((0.0, 0.0, inner),))
+
+
+def _shaft(radius: float, key: tuple[float, float], turned: float) -> Polygon:
+    """A round shaft about the origin, flattened in the direction of its key, which is ``turned`` [rad]."""
+    turn = math.degrees(math.atan2(key[1], key[0]) + turned)
+    cut = box((1.0 - _FLAT) * radius, -2.0 * radius, 2.0 * radius, 2.0 * radius)
+    whole = disc((0.0, 0.0), radius, SIDES).difference(affinity.rotate(cut, turn, origin=(0.0, 0.0)))
+    return polygons(whole)[0]
+
+
+def _counted(parts: Sequence[FlatPart]) -> list[FlatPart]:
+    """Equal parts once, with their number."""
+    found: dict[tuple[str, float, float], list[FlatPart]] = {}
+    for part in parts:
+        found.setdefault((part.name, round(part.thickness, 6), round(part.outline.area, 6)), []).append(part)
+    return [FlatPart(p[0].name, p[0].kind, p[0].outline, p[0].thickness, p[0].circles, len(p)) for p in found.values()]
+
+
+def laid_out(parts: Sequence[FlatPart], width: float) -> list[tuple[FlatPart, float, float]]:
+    """Every part, as often as it is there, and how far it is moved [mm]: in rows up to a width [mm], none over another one."""
+    every = [part for part in parts for _ in range(part.count)]
+    every.sort(key=lambda part: -np.ptp(part.outline.bounds[1::2]))
+    found, x, y, tall = [], 0.0, 0.0, 0.0
+    for part in every:
+        x0, y0, x1, y1 = part.outline.bounds
+        if x > 0.0 and x + (x1 - x0) > width:
+            x, y, tall = 0.0, y + tall + _APART, 0.0
+        found.append((part, x - x0, y - y0))
+        x, tall = x + (x1 - x0) + _APART, max(tall, y1 - y0)
+    return found

@@ -1,0 +1,100 @@
+"""Kits of flat parts: plates, pins and spacers fit together with the stated clearance, and lie apart on their sheet."""
+
+from __future__ import annotations
+
+import zipfile
+from io import StringIO
+from xml.etree import ElementTree
+
+import numpy as np
+import pytest
+from shapely import affinity
+
+from mechviz.meshes.kit import kit_of, laid_out
+from mechviz.outputs.exports.kit import export_kit
+from mechviz.picture.build import looked_at
+from mechviz.runs import run_scene
+from mechviz.scene.scene import load
+
+THICK, PLAY, WASHER = 4.0, 0.3, 1.5
+MODEL = "{http://schemas.microsoft.com/3dmanufacturing/core/2015/02}"
+
+
+@pytest.fixture(scope="module")
+def bird():
+    return run_scene(load("pecking-bird"))
+
+
+@pytest.fixture(scope="module")
+def parts(bird):
+    return kit_of(bird.motion.mechanism, looked_at(bird), THICK, PLAY, WASHER)
+
+
+def test_holes_are_pins_with_the_clearance(parts):
+    """Every pin is fast in one of the links that it joins, and turns in the others."""
+    (pin,) = {round(0.5 * np.ptp(part.outline.bounds[::2]), 6) for part in parts if part.kind == "pin"}
+    plates = {part.name: part for part in parts if part.kind == "plate"}
+    assert {"base", "crank", "rod", "body", "neck", "stay"} == set(plates)
+    radii = sorted(r for part in plates.values() for *_, r in part.circles)
+    assert np.allclose(radii, [pin] * 7 + [pin + 0.5 * PLAY] * 7, atol=1e-3)  # seven joints of two links each
+    assert all(r == pytest.approx(pin + 0.5 * PLAY, abs=1e-3) for part in parts if part.kind == "spacer" for *_, r in part.circles)
+
+
+def test_holes_lie_where_the_joints_are(bird, parts):
+    links = {link.name: link for link in bird.motion.mechanism.links}
+    for part in (p for p in parts if p.kind == "plate" and p.name != "base"):
+        own = np.array(list(links[part.name].points.values()))
+        for x, y, _ in part.circles:
+            assert np.hypot(*(1e3 * own - (x, y)).T).min() < 1e-6
+
+
+def test_pins_are_as_long_as_what_they_join(parts):
+    """A pin through plates d layers apart is d (thickness + washer) + thickness long; its spacers fill what is between them."""
+    pins = [part for part in parts if part.kind == "pin" for _ in range(part.count)]
+    spacers = [part for part in parts if part.kind == "spacer" for _ in range(part.count)]
+    layers = [(part.thickness - THICK) / (THICK + WASHER) for part in pins]
+    assert np.allclose(layers, np.round(layers)) and min(layers) >= 1.0 and len(pins) == 7
+    assert sum(p.thickness - 2.0 * THICK for p in pins) == pytest.approx(sum(s.thickness for s in spacers))
+
+
+def test_parts_lie_apart(parts):
+    placed = laid_out(parts, 150.0)
+    shapes = [affinity.translate(part.outline, x, y) for part, x, y in placed]
+    assert len(placed) == sum(part.count for part in parts)
+    assert all(not a.intersects(b) for k, a in enumerate(shapes) for b in shapes[:k])
+    assert min(s.bounds[0] for s in shapes) > -1e-9 and min(s.bounds[1] for s in shapes) > -1e-9
+
+
+def test_a_hand_crank_and_cams_turn_with_their_shaft():
+    run = run_scene(load("waving-figure"))
+    found = kit_of(run.motion.mechanism, looked_at(run), THICK, PLAY, WASHER)
+    shaft = next(part for part in found if part.name.startswith("shaft") and part.kind == "pin")
+    for name in ("crank", "shaft"):
+        plate = next(part for part in found if part.name == name)
+        assert not plate.circles and any(
+            abs(ring.length - shaft.outline.exterior.length) < 1e-6 for ring in plate.outline.interiors
+        )
+
+
+def test_the_files_hold_the_parts(bird, parts, tmp_path):
+    import ezdxf
+    import trimesh
+
+    paths = {path.name: path for path in export_kit(bird, tmp_path / "kit", THICK, PLAY, WASHER)}
+    drawing = ezdxf.read(StringIO(paths["plates.dxf"].read_text()))
+    circles = sorted(e.dxf.radius for e in drawing.modelspace().query("CIRCLE"))
+    assert circles == pytest.approx(sorted(r for part in parts if part.kind == "plate" for *_, r in part.circles))
+    with zipfile.ZipFile(paths["kit.3mf"]) as archive:
+        root = ElementTree.fromstring(archive.read("3D/3dmodel.model"))
+    volumes = {}
+    for body in root.iter(f"{MODEL}object"):
+        points = [[float(v.get(axis)) for axis in "xyz"] for v in body.iter(f"{MODEL}vertex")]
+        faces = [[int(t.get(f"v{k}")) for k in (1, 2, 3)] for t in body.iter(f"{MODEL}triangle")]
+        mesh = trimesh.Trimesh(points, faces)
+        assert mesh.is_watertight and mesh.bounds[0][2] == 0.0
+        volumes[body.get("name")] = mesh.volume
+    for part in parts:
+        if part.kind == "plate":
+            assert volumes[part.name] == pytest.approx(part.outline.area * THICK, rel=1e-6)
+    assert len(list(root.iter(f"{MODEL}item"))) == sum(part.count for part in parts)
+    assert paths["parts.csv"].read_text().count("\n") == len(parts) + 1 and 'stroke="red"' in paths["plates.svg"].read_text()
