@@ -145,6 +145,23 @@ def open_tab(client: viser.ClientHandle | None, name: str) -> None:
         run_script(client, OPEN_TAB.replace("NAME", json.dumps(name)), "open tab")
 
 
+# Where a phone is turned on its side, both docks are folded as it opens: the picture has the room, a tap opens one of them.
+FOLD = """
+if (!window.mechvizFold) {
+  const low = window.mechvizFold = matchMedia("(max-height: 480px) and (min-width: 36.01em)"), folded = new Set();
+  const fold = (left) => {
+    if (!low.matches) return;
+    for (const button of document.querySelectorAll("[data-dock-region-collapse][aria-expanded=true]")) {
+      const side = button.dataset.dockRegionCollapse;
+      if (!folded.has(side)) { folded.add(side); button.click(); setTimeout(() => document.activeElement.blur(), 50); }
+    }
+    if (left && folded.size < 2) setTimeout(fold, 200, left - 1);
+  };
+  low.addEventListener("change", () => { folded.clear(); fold(10); });
+  fold(50);
+}
+"""
+
 # the timeline as a strip below the picture, a drawer on phones
 LAYOUT = """{ let own = document.getElementById("mechviz-layout");
   if (!own) { own = document.createElement("style"); own.id = "mechviz-layout"; document.head.append(own); }
@@ -154,4 +171,4 @@ LAYOUT = """{ let own = document.getElementById("mechviz-layout");
 def lay_out(server: viser.ViserServer) -> None:
     """Give the page of every browser, now and later, the layout of ``layout.css``."""
     style = files(__package__).joinpath("layout.css").read_text(encoding="utf-8")
-    run_script(server, LAYOUT.replace("STYLE", json.dumps(style)), "layout")
+    run_script(server, LAYOUT.replace("STYLE", json.dumps(style)) + FOLD, "layout")
