@@ -156,9 +156,9 @@ class Model:
     leads: Mapping[str, float] = field(default_factory=dict)  # guide of a screw, whose spindle goes through the nut -> its lead
 
     def spindles(self, link: str) -> set[str]:
-        """Guides of the ground that are rods through a link."""
-        own = [guide.joint for guide in self.guides if (guide.rail, guide.block) == (self.frame, link)]
-        return {joint for joint in own if self.spindle or joint in self.leads}
+        """Guides of the ground whose screws go through a link."""
+        own = {guide.joint for guide in self.guides if (guide.rail, guide.block) == (self.frame, link)}
+        return own & set(self.leads)
 
     def pins(self, link: str) -> list[Vec2]:
         """Pin centres of a link, in its frame."""

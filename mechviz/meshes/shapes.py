@@ -65,9 +65,9 @@ def draft_pieces(model: Model) -> Draft:
 
 
 def _form(model: Model, guide: Guide) -> str:
-    """How a guide is drawn: "rails" beside a block, a "slot" in the rail's plate, or a "saddle" around a bar."""
+    """How a guide is drawn: "rails" beside a block, a "slot" in the rail's plate, or a "saddle" around a bar, or a spindle."""
     if guide.rail == model.frame:
-        return "rails"
+        return "saddle" if model.spindle and guide.joint not in model.leads else "rails"
     if guide.block == model.frame and _straight(model, guide.rail, guide.origin, guide.along):
         return "saddle"
     slot = _slot(model, guide)
@@ -130,10 +130,8 @@ def _draw_guide(model: Model, draft: Draft, guide: Guide, form: str, *, at_home:
         block = _block(model, guide, half_width=1.25 * r, whole=at_home)
         draft.pieces.append(Piece(guide.block, block, group, "block", frozenset(model.spindles(guide.block))))
         low, high = _span(model, guide, whole=at_home)
-        if model.spindle or guide.joint in model.leads:
+        if guide.joint in model.leads:
             _draw_spindle(model, draft, guide, group, (low, high))
-        if model.spindle:
-            return
         strips = outline.guide_rails(guide.origin, guide.along, low, high, 1.25 * r, r)
         draft.pieces += [Piece(model.frame, strip, group, "rail") for strip in strips]
     elif guide.block == model.frame:
@@ -149,8 +147,10 @@ def _draw_guide(model: Model, draft: Draft, guide: Guide, form: str, *, at_home:
         group = draft.groups[guide.rail]
         draft.pieces.append(Piece(guide.block, _block(model, guide, _die(model), whole=at_home), group, "block"))
     else:
-        group = draft.groups[guide.rail]
-        if not _straight(model, guide.rail, guide.origin, guide.along):
+        group = f"rails of {guide.joint}" if guide.rail == model.frame else draft.groups[guide.rail]
+        if guide.rail == model.frame:
+            _draw_rod(model, draft, guide, group)
+        elif not _straight(model, guide.rail, guide.origin, guide.along):
             return  # jaws would run into the plate: the block only lies on it
         for side in (1.0, -1.0):
             jaw = _beside(guide.block_point, guide.block_along, side * 1.35 * r, 2.0 * model.proportions.block, 0.5 * r)
@@ -162,22 +162,32 @@ def _draw_guide(model: Model, draft: Draft, guide: Guide, form: str, *, at_home:
         draft.necks.append(Neck(guide.block, neck, (draft.groups[guide.block], group)))
 
 
+def _draw_rod(model: Model, draft: Draft, guide: Guide, group: str) -> None:
+    """A spindle of the ground between the jaws of its block, from the guide's own point on."""
+    size = model.proportions
+    low, high = _span(model, guide, whole=False)
+    low, high = min(low, 1.3 * size.r), max(high, 1.3 * size.r)
+    radius = min(0.5 * size.t, 0.55 * size.r)
+    bar = outline.rectangle(_along(guide.origin, guide.along, 0.5 * (low + high)), guide.along, high - low, 2.0 * radius, 0.0)
+    profile = ((0.0, low), (radius, low), (radius, high), (0.0, high))
+    draft.pieces.append(Piece(model.frame, bar, group, "rod", profile=profile, line=(guide.origin, guide.along)))
+
+
 def _draw_spindle(model: Model, draft: Draft, guide: Guide, group: str, span: tuple[float, float]) -> None:
-    """A rod of the ground through its block, from the guide's own point on; that of a screw has a thread."""
+    """The threaded rod of a screw through its nut, from the guide's own point on, in its bearing."""
     size = model.proportions
     low, high = min(span[0], -1.5 * size.r), max(span[1], 1.5 * size.r)
     radius = min(0.5 * size.t, 0.55 * size.r)
     bar = outline.rectangle(_along(guide.origin, guide.along, 0.5 * (low + high)), guide.along, high - low, 2.0 * radius, 0.0)
-    turns = _threads(low, high, model.leads[guide.joint], radius) if guide.joint in model.leads else ((radius, low), (radius, high))
+    turns = _threads(low, high, model.leads[guide.joint], radius)
     profile = ((0.0, low), *turns, (0.0, high))
     line = (guide.origin, guide.along)
     mates = frozenset([guide.joint])
     draft.pieces.append(Piece(model.frame, bar, group, "rod", mates, profile=profile, line=line))
-    if guide.joint in model.leads:
-        shaft = outline.disc((0.0, 0.0), 0.3 * radius, model.segments)  # within the rod: the turning link itself
-        draft.groups[_spindle_of(guide.joint)] = group
-        draft.pieces.append(Piece(_spindle_of(guide.joint), shaft, group, "block", mates))
-    if guide.joint in model.leads and span[0] > 0.8 * size.r:  # room before the nut
+    shaft = outline.disc((0.0, 0.0), 0.3 * radius, model.segments)  # within the rod: the turning link itself
+    draft.groups[_spindle_of(guide.joint)] = group
+    draft.pieces.append(Piece(_spindle_of(guide.joint), shaft, group, "block", mates))
+    if span[0] > 0.8 * size.r:  # room before the nut
         bearing = outline.rectangle(guide.origin, guide.along, 0.7 * size.r, 1.9 * size.r, 0.15 * size.r)
         draft.pieces.append(Piece(model.frame, bearing, group, "block", mates))
 

@@ -92,6 +92,7 @@ class Player {
     document.querySelector("#tab-events").textContent = `Events (${this.header.events.length})`;
     if (!this.header.events.length) $("events").textContent = "Nothing in particular happens in this run.";
     $("notes").innerHTML = this.header.notes; // escaped when the page was written
+    for (const box of document.querySelectorAll("#notes .wide")) box.tabIndex = 0; // what scrolls is reached by keys
     if (this.header.total > this.header.frames) {
       const note = document.createElement("p");
       note.id = "thinned";

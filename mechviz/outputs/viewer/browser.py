@@ -37,6 +37,7 @@ if (!window.mechvizKeys) {
 # viser names the row of a control, but neither the thumb of its slider nor the box beside it: screen readers need that.
 NAMES = """
 if (!window.mechvizNames) {
+  const ICONS = { "list-search": "Search in the scene tree", "adjustments": "Settings and connection" };
   const name = () => {
     window.mechvizNames.waiting = 0;
     for (const label of document.querySelectorAll("label[for]")) {
@@ -50,10 +51,14 @@ if (!window.mechvizNames) {
     }
     for (const button of document.querySelectorAll(".mantine-Notification-closeButton:not([aria-label])"))
       button.setAttribute("aria-label", "Close");
+    for (const button of document.querySelectorAll(".mantine-ActionIcon-root:not([aria-label])")) {
+      const icon = (button.innerHTML.match(/tabler-icon-([a-z-]+)/) || ["", "button"])[1];  // viser's own, in the heads of panels
+      button.setAttribute("aria-label", ICONS[icon] || icon.replaceAll("-", " "));
+    }
   };
   window.mechvizNames = { waiting: 0 };
   // Numbers and pictures change all the time: only new controls need names
-  const NEW = "label[for], input, [role=slider], .mantine-Notification-closeButton";
+  const NEW = "label[for], input, [role=slider], .mantine-Notification-closeButton, .mantine-ActionIcon-root";
   const isNew = (node) => node.nodeType === 1 && (node.matches(NEW) || !!node.querySelector(NEW));
   new MutationObserver((changes) => {
     if (!window.mechvizNames.waiting && changes.some((change) => [...change.addedNodes].some(isNew)))

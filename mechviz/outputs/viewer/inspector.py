@@ -359,5 +359,5 @@ class Inspector:
 
 def theme(server: viser.ViserServer, dark: bool) -> None:
     """Colours of the page; no logo, no button that would share it."""
-    brand = (74, 136, 216) if dark else (34, 92, 160)  # read on its ground, and white is read on it
+    brand = (74, 136, 216) if dark else (27, 78, 140)  # read on its ground, and white is read on it
     server.gui.configure_theme(show_logo=False, show_share_button=False, brand_color=brand, dark_mode=dark)

@@ -36,7 +36,8 @@ from mechviz.outputs.viewer.world.camera import PRESETS, fit_view
 from mechviz.outputs.viewer.world.constructions import OVERLAYS
 from mechviz.outputs.viewer.world.solids import sectioned
 from mechviz.outputs.viewer.world.warp import stretched, warped, warped_body
-from mechviz.picture.build import solids_of
+from mechviz.picture.build import picture_of, solids_of
+from mechviz.picture.nodes import Body as BodyNode
 from mechviz.quantities.catalogue import Health
 from mechviz.runs import run_scene
 from mechviz.scene.document import value_at, with_values
@@ -455,7 +456,7 @@ def test_solids_follow_the_dials_of_the_accuracy():
     """The viewer draws what a recording of the same run holds, and other dials ask for other solids."""
     plain, fine = (run_scene(scene.load("cam-roller"), frames=4, accuracy=a) for a in (None, Accuracy(chord=1e-5, profile=2160)))
     faces = {name: sum(len(p.faces) for p in body.pieces) for name, body in build(fine).bodies.items()}
-    assert faces == {name: len(solid.faces) for name, solid in solids_of(fine).links.items()}
+    assert faces == {body.parent: len(body.mesh.faces) for body in picture_of(fine, solids_of(fine)).of(BodyNode, "solids")}
     assert sum(faces.values()) > 1.5 * sum(len(solid.faces) for solid in solids_of(plain).links.values())
     first, same, finer = (run_scene(scene.load("crank-rocker"), frames=4, accuracy=Accuracy(chord=c)) for c in (1e-4, 1e-4, 1e-5))
     built = build(first)

@@ -62,7 +62,6 @@ NAMELESS = """() => [...document.querySelectorAll('button, input:not([type=hidde
     .filter(e => e.tagName === 'svg' || e.offsetParent !== null)
     .filter(e => !(e.getAttribute('aria-label') || e.getAttribute('title') || e.textContent.trim()))
     .filter(e => !(e.labels && e.labels.length))
-    .filter(e => !e.closest('.mantine-ActionIcon-root'))  // viser's own buttons in the heads of panels
     .map(e => e.outerHTML.slice(0, 250))"""
 # Where a place of the scene is on the page; viser turns the scene in its own world
 PROJECTED = """([x, y, z]) => { const m = window.__viserMutable, r = m.canvas.getBoundingClientRect();
