@@ -133,8 +133,8 @@ class _Timed:
 def _timed(lines: list[Complex], caps: list[Real], a: float, h: float, rise: float) -> _Timed:
     """The samples of all strokes with their times, and of the ways between them; lifts are a part of the whole time."""
     own = [_times(line, cap, a) for line, cap in zip(lines, caps, strict=True)]
-    ways = [_sampled(np.array([line[-1], lines[(k + 1) % len(lines)][0]]), h) for k, line in enumerate(lines)]
-    between = [_times(way, np.ones(len(way)), a) for way in ways]
+    strides = [_sampled(np.array([line[-1], lines[(k + 1) % len(lines)][0]]), h) for k, line in enumerate(lines)]
+    between = [_times(way, np.ones(len(way)), a) for way in strides]
     total = sum(t[-1] for t in (*own, *between))
     for _ in range(60):  # the lifts are a part of the whole: a contraction
         lift = rise / (2.0 * np.pi) * total
@@ -144,7 +144,7 @@ def _timed(lines: list[Complex], caps: list[Real], a: float, h: float, rise: flo
         if abs(total - last) < 1e-12 * total:
             break
     clock, times, knots, places, strokes, gaps = HALF * h, [], [], [], [], []
-    for line, t, way, t_way, wait in zip(lines, own, ways, between, waits, strict=True):
+    for line, t, way, t_way, wait in zip(lines, own, strides, between, waits, strict=True):
         times.append(clock + t)
         strokes.append((clock - HALF * h, clock + t[-1] + HALF * h))
         clock += t[-1]
@@ -222,16 +222,16 @@ def _sampled(z: Complex, step: float) -> Complex:
 
 def _times(z: Complex, cap: Real, a: float) -> Real:
     """Times of samples that are passed from rest to rest, as fast as their caps and the acceleration allow."""
-    ways = np.abs(np.diff(z))
+    lengths = np.abs(np.diff(z))
     square = np.minimum(cap, 1.0) ** 2
     square[0] = square[-1] = 0.0
-    done = np.concatenate([[0.0], np.cumsum(ways)])
+    done = np.concatenate([[0.0], np.cumsum(lengths)])
     rising = np.minimum.accumulate(square - 2.0 * a * done) + 2.0 * a * done
     falling = (np.minimum.accumulate((rising + 2.0 * a * done)[::-1]))[::-1] - 2.0 * a * done
     v = np.sqrt(np.maximum(falling, 0.0))
     mean = 0.5 * (v[1:] + v[:-1])
     short = mean <= 0.0  # one step from rest to rest: up to its middle and down again
-    dt = np.where(short, 2.0 * np.sqrt(ways / a), ways / np.where(short, 1.0, mean))
+    dt = np.where(short, 2.0 * np.sqrt(lengths / a), lengths / np.where(short, 1.0, mean))
     return np.concatenate([[0.0], np.cumsum(dt)])
 
 
@@ -243,7 +243,7 @@ def _apart(points: Complex, line: Complex) -> Real:
     for shift in range(-_WINDOW, _WINDOW):
         j = np.clip(at + shift, 0, n - 2)
         a, b = line[j], line[j + 1]
-        way = b - a
-        u = np.clip(np.real((points - a) * np.conj(way)) / np.maximum(np.abs(way) ** 2, 1e-300), 0.0, 1.0)
-        best = np.minimum(best, np.abs(points - a - u * way))
+        stride = b - a
+        u = np.clip(np.real((points - a) * np.conj(stride)) / np.maximum(np.abs(stride) ** 2, 1e-300), 0.0, 1.0)
+        best = np.minimum(best, np.abs(points - a - u * stride))
     return best

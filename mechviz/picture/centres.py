@@ -124,8 +124,8 @@ def _evolute(pen: _Pen, path: PathCurvature, solids: Solids) -> Iterator[Node]:
     strips = {" circle": (_arc(path.place, path.tangent, path.curvature, ARC * pen.size), CIRCLE, THIN)}
     strips[" radius"] = (np.stack([path.place, centre], axis=1), RAY, THIN)
     yield from pen.lines("circle", strips)
-    way = np.column_stack([path.centre.real, path.centre.imag])
-    pieces = tuple(piece[None] for piece in polode_pieces(way, way, solids, z=pen.height))
+    evolute = np.column_stack([path.centre.real, path.centre.imag])
+    pieces = tuple(piece[None] for piece in polode_pieces(evolute, evolute, solids, z=pen.height))
     if pieces:
         yield Lines(strips=pieces, colors=(CURVE,), radii=(THICK * pen.size,), **pen.common("evolute"))
     yield from pen.dot("centre", path.centre, CURVE, f"K of {pen.name}")

@@ -94,10 +94,10 @@ def _needed(z: Real, fine: float) -> Index:
         a, b = parts.pop()
         if b - a < 2:
             continue
-        way, inner = z[b] - z[a], z[a + 1 : b] - z[a]
-        square = float(way @ way)
-        along = np.clip(inner @ way / square, 0.0, 1.0) if square > 0.0 else np.zeros(len(inner))
-        far = np.hypot(*(inner - along[:, None] * way).T)
+        chord, inner = z[b] - z[a], z[a + 1 : b] - z[a]
+        square = float(chord @ chord)
+        along = np.clip(inner @ chord / square, 0.0, 1.0) if square > 0.0 else np.zeros(len(inner))
+        far = np.hypot(*(inner - along[:, None] * chord).T)
         k = int(np.argmax(far))
         if far[k] > fine:
             keep[a + 1 + k] = True

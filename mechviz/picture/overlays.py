@@ -64,7 +64,7 @@ def _polodes(run: Run, solids: Solids, height: float) -> Iterator[Node]:
     for name, both in run.studies.centrodes.items():
         common: dict[str, Any] = {"owner": ("link", name), "height": height, "radii": (0.0032 * solids.size,)}
         fixed, moving = (
-            tuple(piece[None] for piece in polode_pieces(way, both.fixed, solids, z=height)) for way in (both.fixed, both.moving)
+            tuple(piece[None] for piece in polode_pieces(path, both.fixed, solids, z=height)) for path in (both.fixed, both.moving)
         )
         if fixed:
             yield Lines(
@@ -229,7 +229,7 @@ def substitute_scale(run: Run, size: float) -> float:
     return largest / (size / 3.0) if largest > 0.0 else 1.0
 
 
-def polode_pieces(way: Real, place: Real, solids: Solids, *, z: float) -> list[Single]:
+def polode_pieces(path: Real, place: Real, solids: Solids, *, z: float) -> list[Single]:
     """A polode (F, 2) as strips, cut where it runs far out of the picture or jumps through infinity.
 
     ``place`` (F, 2): the fixed one, of both. It is judged in the world, so that both are cut at the same frames.
@@ -241,10 +241,10 @@ def polode_pieces(way: Real, place: Real, solids: Solids, *, z: float) -> list[S
     joined = inside[1:] & inside[:-1] & (step < 0.5 * solids.size)
     pieces: list[Single] = []
     start = 0
-    for k in range(len(way)):
-        if k + 1 == len(way) or not joined[k]:
+    for k in range(len(path)):
+        if k + 1 == len(path) or not joined[k]:
             if k > start:
-                pieces.append(np.column_stack([way[start : k + 1], np.full(k + 1 - start, z)]).astype(np.float32))
+                pieces.append(np.column_stack([path[start : k + 1], np.full(k + 1 - start, z)]).astype(np.float32))
             start = k + 1
     return pieces
 

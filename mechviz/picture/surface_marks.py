@@ -137,17 +137,19 @@ def _along(run: Run, solids: Solids, cam: PlacedSpatial, link: str, at: tuple[fl
     base, arm = run.motion.pose(cam.carrier)[0], run.motion.pose(link)[0]
     place = complex(base[0], base[1]) + cam.pivot * np.exp(1j * base[2]) - complex(arm[0], arm[1])
     hinge = place * np.exp(-1j * arm[2])
-    way = (complex(*at) - hinge) / abs(complex(*at) - hinge)
-    axis = np.array([way.real, way.imag, 0.0])
+    unit = (complex(*at) - hinge) / abs(complex(*at) - hinge)
+    axis = np.array([unit.real, unit.imag, 0.0])
     start = np.array([hinge.real, hinge.imag, 0.5 * (part.vertices[:, 2].min() + part.vertices[:, 2].max())])
     own = (part.vertices - start) @ axis
     wide = np.linalg.norm(part.vertices - start - own[:, None] * axis, axis=1) > 0.99 * radius
     low, high = float(own[wide].min()), float(own[wide].max())
     vertices, faces, normals = _stripes(radius, high - low)
-    frame = np.array([[-way.imag, way.real, 0.0], [0.0, 0.0, 1.0], axis])  # across, towards the viewer, along: a rotation
+    frame = np.array([[-unit.imag, unit.real, 0.0], [0.0, 0.0, 1.0], axis])  # across, towards the viewer, along: a rotation
     x, y, z = (start + low * axis).tolist()
     shape = (vertices @ frame).astype(np.float32), faces, (normals @ frame).astype(np.float32)
-    yield SurfaceMark("roller", cam.name, link, (x, y, z), roller_angle(run.motion, cam, force), *shape, axis=(way.real, way.imag))
+    yield SurfaceMark(
+        "roller", cam.name, link, (x, y, z), roller_angle(run.motion, cam, force), *shape, axis=(unit.real, unit.imag)
+    )
 
 
 def _face(solids: Solids, link: str, at: tuple[float, float], radius: float) -> float | None:
@@ -220,12 +222,12 @@ OVER = 0.09  # how far it stands out, in thicknesses
 def find_belt_marks(run: Run, solids: Solids) -> Iterator[SurfaceMark]:
     """The marks of all belts of a run, below the links that carry the pulleys."""
     for loop in solids.loops:
-        way = way_of(run, loop)
+        closed = way_of(run, loop)
         over = OVER * loop.thick
         box = _box(LONG * loop.thick, loop.thick + 2.0 * over, loop.high - loop.low + 2.0 * over)
         height = 0.5 * (loop.low + loop.high)
         for k in range(MARKS):
-            at, direction = loop.at(way + k * loop.length / MARKS)
+            at, direction = loop.at(closed + k * loop.length / MARKS)
             path = np.column_stack([at.real, at.imag, np.full(len(at), height)])
             first = (float(path[0, 0]), float(path[0, 1]), height)
             yield SurfaceMark("belt", f"{loop.joint} {k + 1}", loop.carrier, first, direction, *box, path=path)

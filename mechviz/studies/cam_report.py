@@ -87,9 +87,9 @@ def _facts(motion: Motion, forces: Forces | None, cam: AnyCam, joint: CamJoint, 
     force = None if forces is None else contact_force(forces, cam)
     rows = cam.rows(motion, 1.0 if force is None else np.nan_to_num(force, nan=1.0))
     x = cam.argument(motion)
-    way = float(np.nanmax(rows.lift) - np.nanmin(rows.lift))
+    travel = float(np.nanmax(rows.lift) - np.nanmin(rows.lift))
     steepest = _second_derivative(cam, float(np.nanmax(np.abs(cam.law(x)[2]))))
-    yield "lift", f"{as_coordinate(way, rotary=cam.arm != 0.0)}, largest s'' {steepest}", None, False
+    yield "lift", f"{as_coordinate(travel, rotary=cam.arm != 0.0)}, largest s'' {steepest}", None, False
     steep = np.abs(rows.pressure_angle)
     by_law = list(_limits(cam))
     yield from by_law

@@ -283,8 +283,8 @@ def _slots(motion: Motion, units: Units) -> list[str]:
     lines = []
     for joint in motion.mechanism.joints:
         if isinstance(joint, PinSlot) and joint.ends is None:
-            way = motion.coordinate(joint.name)[:, 0]
-            low, high = (units.show(_plain(float(x)), "length", 6) for x in (way.min(), way.max()))
+            travel = motion.coordinate(joint.name)[:, 0]
+            low, high = (units.show(_plain(float(x)), "length", 6) for x in (travel.min(), travel.max()))
             lines.append(
                 f"slot       {joint.name}: its pin goes from {low} to {high}; no length says where the slot ends and lets it go"
             )

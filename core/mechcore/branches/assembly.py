@@ -276,17 +276,17 @@ def _sketched_mode(model: Model, block: Block, state: State) -> float | None:
     """The mode nearest to the sketch, None where the sketch does not tell."""
     errors = []
     for mode in (1.0, -1.0):
-        error, told = 0.0, False
+        error, stated = 0.0, False
         for (what, i), value in _solution(model, block, state, mode).items():
             if what == "angle":
                 angle = sketched_angle(model, i, state)
                 if angle is not None:
-                    error, told = error + abs(value - cmath.exp(1j * angle)), True
+                    error, stated = error + abs(value - cmath.exp(1j * angle)), True
             else:
                 slide = sketched_slide(model, i)
                 if slide is not None:
-                    error, told = error + abs(value - slide) / model.length_scale, True
-        if not told:
+                    error, stated = error + abs(value - slide) / model.length_scale, True
+        if not stated:
             return None
         errors.append(error)
     if abs(errors[0] - errors[1]) < 1e-9:

@@ -184,8 +184,8 @@ def sketched_slide(model: Model, j: int) -> float | None:
         x, y, angle = sketch[link]
         at.append(x + 1j * y + local * cmath.exp(1j * angle))
     d = (joint.slide or 0j) * cmath.exp(1j * sketch[joint.links[joint.guide]][2])
-    way = (at[1] - at[0]) if joint.guide == 0 else (at[0] - at[1])
-    return (way * d.conjugate()).real
+    offset = (at[1] - at[0]) if joint.guide == 0 else (at[0] - at[1])
+    return (offset * d.conjugate()).real
 
 
 def sketched_drives(model: Model, start: Sequence[float]) -> tuple[float, ...] | None:
@@ -199,9 +199,9 @@ def sketched_drives(model: Model, start: Sequence[float]) -> tuple[float, ...] |
         if place is None:
             continue
         rotary = model.rotary(drive.joint)
-        way = math.remainder(place - q, TURN) if rotary else place - q
-        if abs(way) > AT_START * model.coordinate_scale(drive.joint):
-            drawn[k], away = q + way, True
+        travel = math.remainder(place - q, TURN) if rotary else place - q
+        if abs(travel) > AT_START * model.coordinate_scale(drive.joint):
+            drawn[k], away = q + travel, True
     return tuple(drawn) if away else None
 
 

@@ -146,10 +146,10 @@ def needs_span(model: Model) -> bool:
     for d in model.mechanism.drives:
         if not moves(d.law):
             continue
-        way = float(d.law(d.law.duration)[0] - d.law(0.0)[0])
+        travel = float(d.law(d.law.duration)[0] - d.law(0.0)[0])
         if model.joints[model.joint_index[d.joint]].coordinate == "angle":
-            way -= 2.0 * np.pi * round(way / (2.0 * np.pi))
-        if abs(way) > 1e-9 or abs(d.law.duration - model.mechanism.cycle) > 1e-12 * d.law.duration:
+            travel -= 2.0 * np.pi * round(travel / (2.0 * np.pi))
+        if abs(travel) > 1e-9 or abs(d.law.duration - model.mechanism.cycle) > 1e-12 * d.law.duration:
             return True
     return False
 
@@ -362,8 +362,8 @@ def _below(time: Real, h: Real, rounding: float) -> list[tuple[float, float]]:
 def passages(singular_points: SingularPoints, drive: Law, time: Real, q: Real) -> list[SingularPoint]:
     """When a run passes the singular points along its only drive: ``time`` (F,) [s], the drive's law and positions (F,)."""
     start = float(singular_points.laws[0](0.0)[0])
-    way = q - start
-    along = singular_points.within(float(np.min(way)), float(np.max(way)))
+    travel = q - start
+    along = singular_points.within(float(np.min(travel)), float(np.max(travel)))
     place = np.array([c.time + start for c in along])
     behind = np.searchsorted(place, q)  # how many places each frame is beyond
     many = np.abs(np.diff(behind))

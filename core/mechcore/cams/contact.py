@@ -88,8 +88,8 @@ class Task:
         if isinstance(guide, Translating):
             down, centre = -1j + 0.0 * q, guide.offset + 1j * q
         else:
-            way = guide.home * np.exp(-1j * guide.side * q)
-            down, centre = 1j * guide.side * way, guide.pivot + guide.arm * way
+            arm = guide.home * np.exp(-1j * guide.side * q)
+            down, centre = 1j * guide.side * arm, guide.pivot + guide.arm * arm
         return np.asarray(np.abs(np.angle((z - centre) / down)) <= face.half_angle)
 
     def _on_face(self, q: Real, z: Complex, t: Complex, d: Complex | complex) -> Real:

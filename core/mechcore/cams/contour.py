@@ -323,15 +323,15 @@ def self_crossing(contour: Contour) -> complex | None:
 
     z = contour.samples(max(2, -(-SEGMENTS // contour.count) + 1))[2]
     z = z[np.abs(z - np.roll(z, 1)) > _NEAR * contour.size]
-    way = np.roll(z, -1) - z
-    middle = z + 0.5 * way
+    sides = np.roll(z, -1) - z
+    middle = z + 0.5 * sides
     tree = cKDTree(np.column_stack([middle.real, middle.imag]))
-    i, j = tree.query_pairs(float(np.abs(way).max(initial=0.0)) * (1.0 + _NEAR), output_type="ndarray").T
+    i, j = tree.query_pairs(float(np.abs(sides).max(initial=0.0)) * (1.0 + _NEAR), output_type="ndarray").T
     apart = j - i  # i < j
     i, j = (k[(apart > 1) & (apart < len(z) - 1)] for k in (i, j))
-    gap, det = z[j] - z[i], np.imag(np.conj(way[i]) * way[j])
-    clear = np.abs(det) > _NEAR * np.abs(way[i] * way[j])  # not parallel
-    i, gap, det, other, own = i[clear], gap[clear], det[clear], way[j[clear]], way[i[clear]]
+    gap, det = z[j] - z[i], np.imag(np.conj(sides[i]) * sides[j])
+    clear = np.abs(det) > _NEAR * np.abs(sides[i] * sides[j])  # not parallel
+    i, gap, det, other, own = i[clear], gap[clear], det[clear], sides[j[clear]], sides[i[clear]]
     t, s = np.imag(np.conj(gap) * other) / det, np.imag(np.conj(gap) * own) / det
     met = np.flatnonzero((np.abs(t - 0.5) <= 0.5 + _NEAR) & (np.abs(s - 0.5) <= 0.5 + _NEAR))
     return complex(z[i[met[0]]] + t[met[0]] * own[met[0]]) if met.size else None

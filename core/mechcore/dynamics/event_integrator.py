@@ -328,9 +328,9 @@ class EventIntegrator:
         self.friction.begin(compiled, t, q, v)
         return q, self._settle(t, q, v)
 
-    def _segment(self, start: float, end: float, way: Solution, system: System) -> Segment:
+    def _segment(self, start: float, end: float, solution: Solution, system: System) -> Segment:
         """A segment in which the present stops and contacts hold."""
-        return Segment(start, end, self.compiled, way, system, self.stops.rested, tuple(sorted(self.separated)))
+        return Segment(start, end, self.compiled, solution, system, self.stops.rested, tuple(sorted(self.separated)))
 
     def _simulation(self, segments: Sequence[Segment], evaluations: int, happened: Happened) -> Simulation:
         method = "radau" if self.method == "radau" else "gauss"

@@ -142,11 +142,11 @@ def _shocks(motion: Motion, cam: AnyCam) -> Iterator[Event]:
     if not steps:
         return
     leaps = [b.angle for b in cam.bridges]
-    told: list[float] = []
+    named: list[float] = []
     for step in sorted(steps, key=lambda s: s.order):
-        if any(abs(step.angle - a) < 1e-9 * law.length for a in (*told, *leaps)):
+        if any(abs(step.angle - a) < 1e-9 * law.length for a in (*named, *leaps)):
             continue  # where the velocity jumps, the rest is no news
-        told.append(step.angle)
+        named.append(step.angle)
         what = "the velocity jumps: a knock" if step.order == 1 else "the acceleration jumps: infinite jerk"
         for t in _passes(motion, cam, step.angle):
             text = f"{what} at {_where(cam, step.angle * cam.ahead)}, {at_drive(motion, t)}"
@@ -178,11 +178,11 @@ def _leaps(motion: Motion, cam: AnyCam) -> Iterator[Event]:
         before, after = bridge.velocity
         knock = ": the velocity jumps, a knock" if bridge.shock else ""
         point = cam.contour(np.array([bridge.leaves, bridge.lands]))[0]
-        way = abs(point[1] - point[0])
+        distance = abs(point[1] - point[0])
         what = (
             "the contact passes a corner"
-            if way < 1e-6 * cam.contour.size
-            else f"the contact leaps {as_length(way, 4)} over a hollow"
+            if distance < 1e-6 * cam.contour.size
+            else f"the contact leaps {as_length(distance, 4)} over a hollow"
         )
         for t in _passes(motion, cam, bridge.angle):
             text = f"{what}{knock} at {_where(cam, bridge.angle)}, {at_drive(motion, t)}"

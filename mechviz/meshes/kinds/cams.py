@@ -125,11 +125,11 @@ def _draw_bed(model: Model, draft: Draft, cam: CamDrawing, group: str) -> None:
     low, high, deep = min(z.real for z in back), max(z.real for z in back), min(z.imag for z in back)
     if model.frames:
         pose = model.poses[cam.cam]
-        way = ((pose[:, 0] + 1j * pose[:, 1]) * np.conj(placed.axes)).real
+        travel = ((pose[:, 0] + 1j * pose[:, 1]) * np.conj(placed.axes)).real
         at = np.array([[complex(x, y)] for x, y in cam.profile.exterior.coords])
         world = ((pose[:, 0] + 1j * pose[:, 1] + at * np.exp(1j * pose[:, 2])) - placed.centre / cam.size) * np.conj(placed.axes)
         low, high, deep = world.real.min(), world.real.max(), world.imag.min()
-        low, high = low - 0.2 * r * bool(np.ptp(way) > 0), high + 0.2 * r
+        low, high = low - 0.2 * r * bool(np.ptp(travel) > 0), high + 0.2 * r
     ends = [placed.centre / cam.size + placed.axes * complex(x, deep - 0.05 * r) for x in (high, low)]
     a, b = ((z.real, z.imag) for z in ends)
     bar = outline.hatched_bar(b, a, r, thickness=0.42 * r)

@@ -280,8 +280,8 @@ def _rollers(model: Model, levels: Levels, drawing: SpatialDrawing, height: floa
         upright = revolve(profile, segments=96).vertices
         parts, hinge = [], complex(*drawing.hinge)
         for tip in around(placed, complex(*drawing.tip), hinge):
-            way = (tip - hinge) / abs(tip - hinge)
-            xy = hinge + way * (upright[:, 2] + 1j * upright[:, 0])
+            direction = (tip - hinge) / abs(tip - hinge)
+            xy = hinge + direction * (upright[:, 2] + 1j * upright[:, 0])
             vertices = np.column_stack([xy.real, xy.imag, upright[:, 1] + height])
             shell = _outwards(Shell(vertices, revolve(profile, segments=96).faces))
             prism = Prism(disc((tip.real, tip.imag), 0.5 * radius, 24), height - radius, height + radius)

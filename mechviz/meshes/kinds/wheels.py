@@ -288,10 +288,10 @@ class _Finder:
                     other = j if known == i else i
                     here, there = (at_i, at_j) if known == i else (at_j, at_i)
                     # both tooth positions count along the direction in which the first wheel's rim turns
-                    way = {i: 1.0, j: 1.0 if self.wheels[j].kind == "ring" else -1.0}
-                    offset = way[known] * self._offset(known, here) + 0.5 * math.pi * self.wheels[i].module
+                    sense = {i: 1.0, j: 1.0 if self.wheels[j].kind == "ring" else -1.0}
+                    offset = sense[known] * self._offset(known, here) + 0.5 * math.pi * self.wheels[i].module
                     wheel = self.wheels[other]
-                    phase = way[other] * offset / wheel.radius + cmath.phase(there) - self.turn(wheel.link)
+                    phase = sense[other] * offset / wheel.radius + cmath.phase(there) - self.turn(wheel.link)
                     self.wheels[other] = replace(wheel, phase=math.remainder(phase, 2.0 * math.pi / wheel.teeth))
                     settled.add(other)
                     queue.append(other)

@@ -198,12 +198,12 @@ def _spiral(name: str, centre: Real, start: Real, wound: Real, size: float, top:
     part = np.linspace(0.0, 1.0, STEPS * 3)
     radius = spiral_radius(part, size)
     half = 0.5 * RIBBON * size
-    ways = [np.stack([(radius + side * half) * np.exp(1j * g * part) for side in (1.0, -1.0)], axis=1).ravel() for g in grid]
-    shape = _flat(ways[0], ribbon_faces(len(part)), LINKER)
+    edges = [np.stack([(radius + side * half) * np.exp(1j * g * part) for side in (1.0, -1.0)], axis=1).ravel() for g in grid]
+    shape = _flat(edges[0], ribbon_faces(len(part)), LINKER)
     places = np.column_stack([centre, np.full(len(centre), top + 0.01 * size)])
     if len(grid) == 1:
         return Mark(name, places, start, shape=shape)
-    targets = np.stack([np.column_stack([(w - ways[0]).real, (w - ways[0]).imag, np.zeros(len(w))]) for w in ways[1:]])
+    targets = np.stack([np.column_stack([(w - edges[0]).real, (w - edges[0]).imag, np.zeros(len(w))]) for w in edges[1:]])
     at = (wound - low) / (high - low) * TARGETS  # between which two windings, and how far: a hat over each target
     weights = np.clip(1.0 - np.abs(at[:, None] - np.arange(1, TARGETS + 1)), 0.0, 1.0)
     shape = Shape(shape.vertices, shape.normals, shape.faces, shape.color, targets)

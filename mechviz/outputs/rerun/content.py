@@ -126,12 +126,12 @@ def _reference_point(model: Model, k: int) -> complex:
     """
     own = [(j, 0 if p == k else 1) for j, (p, q) in enumerate(model.ends) if k in (p, q)]
     at = [model.joints[j].b if side else model.joints[j].a for j, side in own]
-    way = max((b - a for a in at for b in at), key=abs)
-    if abs(way) <= 1e-9 * model.length_scale:
+    span = max((b - a for a in at for b in at), key=abs)
+    if abs(span) <= 1e-9 * model.length_scale:
         guides = [model.joints[j].slide for j, side in own if model.joints[j].guide == side]
         direction = next((d for d in guides if d is not None), 1 + 0j)
-        way = model.length_scale * direction / abs(direction)
-    return sum(at) / len(at) + way * OBLIQUE
+        span = model.length_scale * direction / abs(direction)
+    return sum(at) / len(at) + span * OBLIQUE
 
 
 def property_statics(run: Run) -> Iterator[Static]:

@@ -267,8 +267,8 @@ def _rod_from_end(
         convert.note(path, f"a {kind} needs its {' and '.join(missing)}.", f"Its sizes: {', '.join(SOLIDS[kind].sizes)}.")
         return Body(1.0)
     reach = sizes["length"] * abs(math.sin(sizes.get("angle", 0.5 * math.pi)))  # seen along the axis of rotation
-    way = 0.5 * reach * (to - start) / abs(to - start) if to != start else 0j
-    return solid("rod", mass=mass, density=density, centre=((start + way).real, (start + way).imag), length=reach)
+    along = 0.5 * reach * (to - start) / abs(to - start) if to != start else 0j
+    return solid("rod", mass=mass, density=density, centre=((start + along).real, (start + along).imag), length=reach)
 
 
 def _flat(

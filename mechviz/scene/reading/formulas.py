@@ -261,7 +261,7 @@ def _expression(value: Any) -> Expression:
 
 def _note_cycles(waiting: Mapping[str, Expression], result: Resolved) -> None:
     """Notes each circle of parameters that follow from each other, by name; those that only need one of them say nothing."""
-    told: set[str] = set()
+    named: set[str] = set()
     for first in waiting:
         chain = [first]
         while True:
@@ -270,8 +270,8 @@ def _note_cycles(waiting: Mapping[str, Expression], result: Resolved) -> None:
                 break
             chain.append(after)
         circle = chain[chain.index(after) :] if after in chain else []
-        if circle and first in circle and not told.intersection(circle):
-            told.update(circle)
+        if circle and first in circle and not named.intersection(circle):
+            named.update(circle)
             words = " -> ".join([*circle, circle[0]])
             said = f"follows from itself: {words}." if len(circle) > 1 else f"'{waiting[first].text}' names itself."
             result.faults.append(Fault(f"parameters.{first}", said, "Give one of them a value of its own."))

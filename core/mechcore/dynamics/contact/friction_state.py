@@ -212,16 +212,16 @@ class Phases:
 
     def _either_way(self, row: tuple[Real, Real, Real]) -> Real:
         """One freedom at rest: it moves the way in which it then really accelerates, or sticks."""
-        for way in (1.0, -1.0):
-            signs = self.directions(row, way)
-            if float(self._free(way, *row)[0]) > 0.0:
+        for sense in (1.0, -1.0):
+            signs = self.directions(row, sense)
+            if float(self._free(sense, *row)[0]) > 0.0:
                 return signs
         return np.zeros(len(self.signs))
 
-    def directions(self, row: tuple[Real, Real, Real], way: float) -> Real:
+    def directions(self, row: tuple[Real, Real, Real], sense: float) -> Real:
         """Signs of the elements' speeds where the only coordinate moves one way (e,)."""
         q, v, t = row
-        motion = moving(self.compiled, q[:1], way * np.ones_like(v[:1]), t[:1])[0]
+        motion = moving(self.compiled, q[:1], sense * np.ones_like(v[:1]), t[:1])[0]
         return np.array([float(np.sign(e.rate[0])) for e in elements_of(motion)])
 
     def slip_ends(self) -> list[tuple[EventFunction, bool]]:
@@ -236,8 +236,8 @@ class Phases:
         if not len(stuck):
             return []
         if not np.any(self.signs) and self.alone and not self.rests:
-            noise = LOOSE * sum(abs(float(self._free(way, *row)[0])) for way in (1.0, -1.0))
-            return [(partial(self._free, way), noise, (0, way)) for way in (1.0, -1.0)]
+            noise = LOOSE * sum(abs(float(self._free(sense, *row)[0])) for sense in (1.0, -1.0))
+            return [(partial(self._free, sense), noise, (0, sense)) for sense in (1.0, -1.0)]
         system = self.system()
         friction = system.solve(*row)
         noise = LOOSE * (friction.limit[0] + np.abs(friction.value[0]))
@@ -258,12 +258,12 @@ class Phases:
         e = elements_of(motion)[i]
         return np.asarray(e.rate)
 
-    def _free(self, way: float, q: Real, v: Real, t: Real) -> Real:
-        """Acceleration (n,) in the sense ``way`` of what rests, if it began to move that way: forces that depend on the sense of
+    def _free(self, sense: float, q: Real, v: Real, t: Real) -> Real:
+        """Acceleration (n,) in the sense ``sense`` of what rests, if it began to move that way: forces that depend on the sense of
         the motion (gas in a cylinder) are those of that sense."""
-        signs = self.directions((q, v, t), way)
-        begun = np.column_stack([np.full(len(v), way * BEGUN), v[:, 1:]])
-        return np.asarray(way * DrySystem(self.compiled, signs, breaking=True)(q, begun, t)[:, 0])
+        signs = self.directions((q, v, t), sense)
+        begun = np.column_stack([np.full(len(v), sense * BEGUN), v[:, 1:]])
+        return np.asarray(sense * DrySystem(self.compiled, signs, breaking=True)(q, begun, t)[:, 0])
 
 
 def _excess(system: DrySystem, i: int, q: Real, v: Real, t: Real) -> Real:

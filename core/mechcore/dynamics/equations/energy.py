@@ -173,30 +173,30 @@ def by_energy(curve: Curve, q0: float, v0: float, duration: float, *, tolerance:
     elif before > 0.0:  # it comes from a turning point: from there on, the motion is smooth in `_way`'s parameter
         from_rest = True
     while t < duration and len(legs) < 100_000:
-        way = _way_to_turn(work, q, kinetic, sign, reach)
-        if way is None:
+        travel = _way_to_turn(work, q, kinetic, sign, reach)
+        if travel is None:
             return None
-        turning = np.isfinite(way)
+        turning = np.isfinite(travel)
         if not turning:
-            way = reach if curve.table.periodic else min(reach, _room(curve.table, q, sign))
+            travel = reach if curve.table.periodic else min(reach, _room(curve.table, q, sign))
         ends = (from_rest, bool(turning))
-        start, length = q - sign * before, before + way
+        start, length = q - sign * before, before + travel
         clock = _clock(work, start, sign * length, ends, 0.0 if from_rest else kinetic, tolerance)
         if clock is None:
             return None
-        passed = float(clock(np.array([_place(before, way, ends)]))[0, 1]) if before else 0.0
+        passed = float(clock(np.array([_place(before, travel, ends)]))[0, 1]) if before else 0.0
         leg = Leg(start, sign * length, ends, t - passed, clock)
         legs.append(leg)
         if ends == (True, True):
             legs.append(leg.back)
             return EnergyMotion(curve, tuple(legs), 2.0 * leg.duration, 0.0)
-        t, q_next = leg.time + leg.duration, q + sign * way
+        t, q_next = leg.time + leg.duration, q + sign * travel
         if turning:
             sign, kinetic = -sign, 0.0
         elif not from_rest and abs(work.per_turn) <= 1e-14 * size and curve.table.periodic:
             return EnergyMotion(curve, tuple(legs), leg.duration, sign * length)
         else:
-            kinetic += float(work.gain(q, np.array([sign * way]))[0])
+            kinetic += float(work.gain(q, np.array([sign * travel]))[0])
             if not from_rest or abs(work.per_turn) > 1e-14 * size:  # else the next turn is the one that repeats
                 reach = min(2.0 * reach, 64.0 * TURN)
         q, from_rest, before = q_next, bool(turning), 0.0
@@ -243,17 +243,17 @@ class _Work:
         done = float(self(np.array([q]))[1][0]) - float(turns) * self.per_turn
         return kinetic + self.lowest - done > 1e-6 * self.largest
 
-    def near(self, q: float, way: Real) -> Real:
+    def near(self, q: float, travel: Real) -> Real:
         """Work (n,) on signed ways (n,) from q on that are no longer than a panel, to all digits however short they are."""
-        force = self.table((q + way[:, None] * _GAUSS[0]).ravel())[:, 1].reshape(way.size, _GAUSS[0].size)
-        return np.asarray(way * (force @ _GAUSS[1]))
+        force = self.table((q + travel[:, None] * _GAUSS[0]).ravel())[:, 1].reshape(travel.size, _GAUSS[0].size)
+        return np.asarray(travel * (force @ _GAUSS[1]))
 
-    def gain(self, q: float, way: Real) -> Real:
+    def gain(self, q: float, travel: Real) -> Real:
         """Work (n,) on signed ways (n,) from q on."""
-        out = self(q + way)[1] - self(np.array([q]))[1]
-        short = np.abs(way) <= self.table.width
+        out = self(q + travel)[1] - self(np.array([q]))[1]
+        short = np.abs(travel) <= self.table.width
         if short.any():
-            out[short] = self.near(q, way[short])
+            out[short] = self.near(q, travel[short])
         return np.asarray(out)
 
 
@@ -272,11 +272,11 @@ def _way_to_turn(work: _Work, q: float, kinetic: float, sign: float, reach: floa
     if work.never_turns(q, kinetic, sign):
         return float("inf")
     per = SAMPLES * table.count * max(1, round(span / (table.high - table.low)))
-    ways = span * (np.arange(1, per + 1) / per)
-    left = kinetic + work(q + sign * ways)[1] - work(np.array([q]))[1]
+    travels = span * (np.arange(1, per + 1) / per)
+    left = kinetic + work(q + sign * travels)[1] - work(np.array([q]))[1]
     out = np.flatnonzero(left <= 0.0)
     if len(out) and out[0] == 0:  # a short way, or rounding next to a start at rest
-        short = ways[0] * 2.0 ** np.arange(-SHORTEST, 1.0)
+        short = travels[0] * 2.0 ** np.arange(-SHORTEST, 1.0)
         out_near = np.flatnonzero(kinetic + work.near(q, sign * short) <= 0.0)
         if len(out_near) and (out_near[0] or kinetic):
             k = out_near[0]
@@ -284,7 +284,7 @@ def _way_to_turn(work: _Work, q: float, kinetic: float, sign: float, reach: floa
         out = out[1:]
     if not len(out):
         return float("inf")
-    return _turn(work, q, kinetic, sign, ways[out[0] - 1], ways[out[0]])
+    return _turn(work, q, kinetic, sign, travels[out[0] - 1], travels[out[0]])
 
 
 SHORTEST = 40  # halvings of the first sample: a way of 1e-12 of it is still told from none
@@ -292,22 +292,22 @@ SHORTEST = 40  # halvings of the first sample: a way of 1e-12 of it is still tol
 
 def _turn(work: _Work, q: float, kinetic: float, sign: float, low: float, high: float) -> float | None:
     """The way between two others at which the kinetic energy is used up: Newton's method, and halving where that leads astray."""
-    way, before = 0.5 * (low + high), np.inf
+    travel, before = 0.5 * (low + high), np.inf
     for _ in range(200):
-        left = kinetic + float(work.gain(q, np.array([sign * way]))[0])
-        slope = sign * float(work.table(np.array([q + sign * way]))[0, 1])
+        left = kinetic + float(work.gain(q, np.array([sign * travel]))[0])
+        slope = sign * float(work.table(np.array([q + sign * travel]))[0, 1])
         if left > 0.0:
-            low = way
+            low = travel
         else:
-            high = way
-        new = way - left / slope if slope else np.inf
+            high = travel
+        new = travel - left / slope if slope else np.inf
         if not low <= new <= high:
             new = 0.5 * (low + high)
-        change, way = abs(new - way), new
-        if change <= 4e-16 * way or before <= change <= 1e-12 * way:  # the last digits waver
+        change, travel = abs(new - travel), new
+        if change <= 4e-16 * travel or before <= change <= 1e-12 * travel:  # the last digits waver
             break
         before = change
-    return way if float(work.table(np.array([q + sign * way]))[0, 1]) else None
+    return travel if float(work.table(np.array([q + sign * travel]))[0, 1]) else None
 
 
 def _clock(work: _Work, start: float, length: float, ends: tuple[bool, bool], kinetic: float, tolerance: float) -> Panels | None:

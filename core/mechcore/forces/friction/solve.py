@@ -147,23 +147,23 @@ def pick(together: Transmitted, i: int, shape: tuple[int, int]) -> Transmitted:
     )
 
 
-def system(motion: Motion, elements: Sequence[Element], response: Response, way: float = 1.0) -> tuple[Real, Real, Flags]:
+def system(motion: Motion, elements: Sequence[Element], response: Response, sense: float = 1.0) -> tuple[Real, Real, Flags]:
     """``a`` (F, n, 2), ``K`` (F, n, 2, n) and the kinds of norm (n,) of the normal loads ``g = |a + K g|``.
 
-    ``way`` = -1: the same loads while everything moves backwards.
+    ``sense`` = -1: the same loads while everything moves backwards.
     """
     frames, n = motion.frames, len(elements)
     a, k = np.empty((n, 2, frames)), np.empty((n, 2, n, frames))  # frames last in memory, where numpy is quick
     with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
         for i, element in enumerate(elements):
-            sign = way * element.sign
+            sign = sense * element.sign
             a[i, 0], a[i, 1] = element.normal(motion, *response.base[:2], sign)
             if element.kind == "brake":
                 k[i] = 0.0
                 continue
             for j, (source, unit) in enumerate(zip(elements, response.units, strict=True)):
                 p, q = element.normal(motion, *unit[:2], sign)
-                braking = -way * source.sign * source.factor
+                braking = -sense * source.sign * source.factor
                 k[i, 0, j], k[i, 1, j] = braking * p, braking * q
     return np.moveaxis(a, -1, 0), np.moveaxis(k, -1, 0), np.array([e.euclidean for e in elements])
 
@@ -296,7 +296,7 @@ class FrictionResult:
         """
         p0 = self.frictionless_power
         forward = p0 - self.power
-        a, k, kinds = system(self.motion, self.elements, self._response, way=-1.0)
+        a, k, kinds = system(self.motion, self.elements, self._response, sense=-1.0)
         back = solve_normal_loads(a, k, kinds)
         lost = np.zeros(self.motion.frames)
         for i, e in enumerate(self.elements):

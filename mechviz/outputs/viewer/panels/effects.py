@@ -134,9 +134,9 @@ def plan_svg(mechanism: Mechanism, plan: Plan) -> str:
             f'<g opacity="{1 if b.on else 0.55}" data-on="{int(b.on)}"><title>{escape(f"{b.label}: {b.why}")}</title>'
             f'<rect x="{left:g}" y="{top:.1f}" width="{width:g}" height="{ROW:g}" rx="4" {look}/>{words}</g>'
         )
-    told = f"{sum(b.on for b in graph.boxes)} of {len(graph.boxes)} stages are computed"
+    summary = f"{sum(b.on for b in graph.boxes)} of {len(graph.boxes)} stages are computed"
     return (
-        f'<div style="padding:0.1em 0.5em 0.3em"><svg role="img" aria-label="Analysis plan: {told}" '
+        f'<div style="padding:0.1em 0.5em 0.3em"><svg role="img" aria-label="Analysis plan: {summary}" '
         f'viewBox="0 0 {WIDTH:g} {height:g}" style="display:block;width:100%">{"".join(parts)}</svg></div>'
     )
 
@@ -147,18 +147,18 @@ def _arrow(start: tuple[float, float, float], end: tuple[float, float, float], b
     x1, y1, w1 = end
     if abs(x0 - x1) < 1.0:
         a, b = (x0 + w0 / 2.0, y0 + ROW), (x1 + w1 / 2.0, y1)
-        way = f"M{a[0]:.1f},{a[1]:.1f} V{b[1] - 3:.1f}"
+        path = f"M{a[0]:.1f},{a[1]:.1f} V{b[1] - 3:.1f}"
         tip = f"M{b[0]:.1f},{b[1]:.1f} L{b[0] - 3:.1f},{b[1] - 5:.1f} L{b[0] + 3:.1f},{b[1] - 5:.1f} Z"
     elif x1 - x0 > COLUMNS[1][0] + COLUMNS[1][1]:
         a, b = (x0 + w0, y0 + ROW / 2.0 + 5.0), (x1, y1 + ROW / 2.0 + 5.0)
-        way = f"M{a[0]:.1f},{a[1]:.1f} h6 V{below:.1f} H{b[0] - 10:.1f} V{b[1]:.1f} H{b[0] - 3:.1f}"
+        path = f"M{a[0]:.1f},{a[1]:.1f} h6 V{below:.1f} H{b[0] - 10:.1f} V{b[1]:.1f} H{b[0] - 3:.1f}"
         tip = f"M{b[0]:.1f},{b[1]:.1f} L{b[0] - 5:.1f},{b[1] - 3:.1f} L{b[0] - 5:.1f},{b[1] + 3:.1f} Z"
     else:
         a, b = (x0 + w0, y0 + ROW / 2.0), (x1, y1 + ROW / 2.0)
         bend = 0.5 * (b[0] - a[0])
-        way = f"M{a[0]:.1f},{a[1]:.1f} C{a[0] + bend:.1f},{a[1]:.1f} {b[0] - bend:.1f},{b[1]:.1f} {b[0] - 3:.1f},{b[1]:.1f}"
+        path = f"M{a[0]:.1f},{a[1]:.1f} C{a[0] + bend:.1f},{a[1]:.1f} {b[0] - bend:.1f},{b[1]:.1f} {b[0] - 3:.1f},{b[1]:.1f}"
         tip = f"M{b[0]:.1f},{b[1]:.1f} L{b[0] - 5:.1f},{b[1] - 3:.1f} L{b[0] - 5:.1f},{b[1] + 3:.1f} Z"
-    return f'<path d="{way}" fill="none" stroke="currentColor" opacity="0.55"/><path d="{tip}" fill="currentColor" opacity="0.7"/>'
+    return f'<path d="{path}" fill="none" stroke="currentColor" opacity="0.55"/><path d="{tip}" fill="currentColor" opacity="0.7"/>'
 
 
 def _wrapped(text: str, letters: int) -> list[str]:
