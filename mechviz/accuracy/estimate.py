@@ -304,13 +304,7 @@ def poses_apart(one: Any, other: Any) -> Real:
     return worst
 
 
-JUDGED = ("closure", "power balance", "energy drift")  # a large condition number alone is an event, no fault
 LARGEST_ERROR = 0.1  # estimated, relative; of all but what is read between frames
-MEANINGS = {
-    "closure": "the loops do not close",
-    "power balance": "the powers supplied and absorbed do not balance",
-    "energy drift": "the energy is not conserved",
-}
 
 
 def check_finite(run: Run) -> None:
@@ -333,19 +327,9 @@ def check_finite(run: Run) -> None:
 def doubts(run: Run, *, errors: bool = False) -> list[str]:
     """Why the results of a run cannot be trusted, a sentence each; none where they can. ``errors``: also where its estimated errors
     are large, which of a motion under forces takes a second run."""
-    return [*_bad_sums(run), *(_large_errors(run) if errors else ())]
-
-
-def _bad_sums(run: Run) -> Iterator[str]:
     moves = _moves(run)
-    for health in run.catalogue.health:
-        if health.name in JUDGED:
-            size = np.abs(health.values[moves])
-            worst = float(np.max(size, initial=0.0)) if np.isfinite(size).all() else np.nan
-            if not worst < health.bad:
-                unit = "" if health.unit == "1" else f" {health.unit}"
-                said = f"it reaches {worst:.3g}{unit}" if np.isfinite(worst) else "it is no finite number"
-                yield f"{MEANINGS[health.name]}: {health.name}, {said}, of at most {health.bad:.3g}{unit}."
+    sums = (health.doubt(moves) for health in run.catalogue.health)
+    return [*filter(None, sums), *(_large_errors(run) if errors else ())]
 
 
 def _large_errors(run: Run) -> Iterator[str]:

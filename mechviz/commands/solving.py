@@ -62,13 +62,18 @@ def solve(scene: Scene, frames: int | None, cycles: int | None, accuracy: float 
 
 def check_trust(run: Run, keep: bool, *, errors: bool = False) -> None:
     """Say why the results of a run cannot be trusted, and leave before anything is written, unless they are to be kept."""
-    reasons = doubts(run, errors=errors)
-    for words in reasons:
-        say(f"not to be trusted: {words}")
-    if reasons and not keep:
+    if warn_of_doubts(run, errors=errors) and not keep:
         fail(
             "Nothing is written. Check the values of the scene against each other; --keep takes the results as they are.", UNTRUSTED
         )
+
+
+def warn_of_doubts(run: Run, *, errors: bool = False) -> bool:
+    """Say why the results of a run cannot be trusted, if so; ``errors`` as of `doubts`."""
+    reasons = doubts(run, errors=errors)
+    for words in reasons:
+        say(f"not to be trusted: {words}")
+    return bool(reasons)
 
 
 def warn_of_accuracy(run: Run) -> None:

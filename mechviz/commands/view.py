@@ -10,7 +10,7 @@ import typer
 from mechviz.commands.common import fail
 from mechviz.commands.loading import ReachableOpt, SetOpt, clear_errors, load_scene
 from mechviz.commands.recording import open_recording
-from mechviz.commands.solving import AccuracyOpt, CyclesOpt, ExecutorOpt, FramesOpt, solve, warn_of_accuracy
+from mechviz.commands.solving import AccuracyOpt, CyclesOpt, ExecutorOpt, FramesOpt, solve, warn_of_accuracy, warn_of_doubts
 from mechviz.outputs.viewer.app import serve, serve_while
 from mechviz.outputs.viewer.server import ViewerError
 from mechviz.runs import run_scene, with_run
@@ -54,6 +54,7 @@ def view(
                 )
             else:
                 run = solve(loaded, frames, cycles, accuracy, executor)
+                warn_of_doubts(run)
                 warn_of_accuracy(run)
                 serve(run, port=port, folder=folder)
         except ViewerError as e:

@@ -10,7 +10,7 @@ from functools import cached_property
 
 import numpy as np
 
-from mechcore.arrays import Real
+from mechcore.arrays import Flags, Real
 from mechviz.quantities.entries import UNITS, Entry, Names, entries
 from mechviz.quantities.items import Table
 from mechviz.quantities.numbers import Numbers
@@ -112,6 +112,13 @@ class Axis:
         return f"{self.label} [{self.unit}]"
 
 
+MEANINGS = {  # what it means where one is bad; a large condition number alone is an event, no fault
+    "closure": "the loops do not close",
+    "power balance": "the powers supplied and absorbed do not balance",
+    "energy drift": "the energy is not conserved",
+}
+
+
 @dataclass(frozen=True, eq=False)
 class Health:
     """A residual or condition number ``values`` (F,). ``good``: up to here all is well; ``bad``: from here on nothing is."""
@@ -129,6 +136,19 @@ class Health:
         with np.errstate(divide="ignore", invalid="ignore"):
             part = np.log(size / self.good) / np.log(self.bad / self.good)
         return np.asarray(np.where(np.isfinite(size), np.clip(np.nan_to_num(part, nan=0.0), 0.0, 1.0), 1.0))
+
+    def doubt(self, frames: Flags | None = None) -> str:
+        """Why the run cannot be trusted by this, in a sentence; nothing where it can. ``frames`` (F,): those that are judged, by
+        default all at which it is a number."""
+        if self.name not in MEANINGS:
+            return ""
+        size = np.abs(self.values[np.isfinite(self.values) if frames is None else frames])
+        worst = float(np.max(size, initial=0.0)) if np.isfinite(size).all() else np.nan
+        if worst < self.bad:
+            return ""
+        unit = "" if self.unit == "1" else f" {self.unit}"
+        said = f"it reaches {worst:.3g}{unit}" if np.isfinite(worst) else "it is no finite number"
+        return f"{MEANINGS[self.name]}: {self.name}, {said}, of at most {self.bad:.3g}{unit}."
 
 
 @dataclass(frozen=True, eq=False)

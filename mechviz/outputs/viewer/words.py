@@ -91,6 +91,12 @@ def legend_line(families: Iterable[str], paths: Iterable[str], scales: Scales, f
     return _block("".join(parts), "display:flex;flex-wrap:wrap;gap:0.1em 1.1em;font-size:0.78em;line-height:1.4")
 
 
+def doubts(sentences: Iterable[str]) -> str:
+    """Why the run cannot be trusted; nothing where it can."""
+    rows = "".join(f"<div>Not to be trusted: {escape(text)}</div>" for text in sentences if text)
+    return f'<div role="alert" style="color:#c22f2f;font-size:0.8em;line-height:1.35">{rows}</div>' if rows else ""
+
+
 def plan_list(run: Run) -> str:
     """Stages that were computed or left out, why, and the time that each took."""
     done = "".join(f"<li>{escape(step.name)}</li>" for step in run.plan.computed)

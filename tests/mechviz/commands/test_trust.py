@@ -16,6 +16,7 @@ from mechcore.motion.events import find_events
 from mechviz.accuracy.estimate import check_finite, doubts
 from mechviz.commands import recording
 from mechviz.commands.main import main
+from mechviz.outputs.viewer.app import Viewer
 from mechviz.picture.build import solids_of
 from mechviz.runs import run_scene
 from mechviz.scene import limits
@@ -89,6 +90,15 @@ def test_results_that_do_not_balance_are_not_written_unless_they_are_to_be_kept(
     assert code == 3 and "power balance" in text and "--keep" in text and not target.exists()
     code, text = said(monkeypatch, capsys, "record", str(heavy), "-o", str(target), "--keep")
     assert code == 0 and "power balance" in text and target.exists()
+
+
+def test_the_viewer_says_why_a_run_cannot_be_trusted():
+    with Viewer(run_scene(loads(FOUR_BAR.format(centre="1e16", start="0"))), port=0) as viewer:
+        assert viewer.session.wait()
+        assert "Not to be trusted: the powers supplied and absorbed do not balance" in viewer.timeline.strip.content
+        viewer.session.change("centre", lambda draft: draft.with_value(("links", "crank", "centre"), [15, 0]))
+        assert viewer.session.wait(rested=True)
+        assert "Not to be trusted" not in viewer.timeline.strip.content, viewer.session.status
 
 
 def changed(name: str, *changes: tuple[tuple[str | int, ...], object], frames: int = 8) -> Scene:

@@ -91,7 +91,7 @@ def _health(show: ViewModel, svg: str) -> str:
         f'<summary title="{word}" aria-label="{word}" style="cursor:pointer;list-style:none;font-size:0.78em;white-space:nowrap">'
         f'<span style="display:inline-block;width:1em;height:1em;border-radius:50%;'
         f'margin-right:0.45em;background:{color}"></span>'
-        f"{word if worst >= WRONG else ''}</summary>{svg}</details></div>"
+        f"{word if worst >= WRONG else ''}</summary>{words.doubts(h.doubt() for h in show.health)}{svg}</details></div>"
     )
 
 

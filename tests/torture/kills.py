@@ -1,0 +1,105 @@
+"""`mechviz record` killed (-9) at random times, again and again into the same folder.
+
+    OPENBLAS_NUM_THREADS=1 python tests/torture/kills.py [COUNT] [SECONDS] [FIRST]
+
+ends after so many kills or seconds, prints what went wrong, and exits with 1 where anything did: a file of another name is left,
+the recording that was there before is not as it was, the next run does not begin, a traceback, or other frames are read of the
+unfinished recording than stand in it in whole blocks.
+"""
+
+from __future__ import annotations
+
+import random
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+import numpy as np
+from forked import command, faults, forked, load_all
+
+from mechviz.outputs.inspection import format_inspection, inspect
+from mechviz.outputs.rerun import writer
+from mechviz.outputs.rerun.entities import RecordingError
+from mechviz.outputs.rerun.reader import Recording, ticks
+from mechviz.outputs.rerun.rerun_adapter import chunks_in, entity_of
+
+SCENES = ("crank-rocker", "kinetostatic-four-bar", "cam-spring")
+FRAMES, BLOCK = 160, 20
+
+
+def frames_in_whole_blocks(path: Path) -> int:
+    """Frames up to which all tables have rows, counted from the chunks of a file alone."""
+    last: dict[str, list[int]] = {}
+    for batch in chunks_in(path):
+        name = entity_of(batch)
+        if "time" in batch.schema.names and name.startswith(("/data/", "/health/")):
+            last.setdefault(name, []).extend(ticks(batch["time"]).tolist())
+    if not last:
+        return 0
+    end = min(max(times) for times in last.values())
+    return int(min(np.sum(np.asarray(times) <= end) for times in last.values()))
+
+
+def check(target: Path, part: Path) -> None:
+    """Read a recording and the unfinished one beside it, if there is one; says what is wrong."""
+    if not Recording(target).said.complete:
+        print("WRONG: the recording is not complete")
+    format_inspection(inspect(target))
+    if part.exists():
+        _check_part(part)
+
+
+def _check_part(path: Path) -> None:
+    whole = frames_in_whole_blocks(path)
+    try:
+        found = inspect(path)
+        format_inspection(found)
+    except RecordingError as error:
+        if whole or not error.remedy:
+            print(f"WRONG: {whole} frames stand there, and it says: {error}")
+        return
+    if Recording(path).said.complete:
+        print("WRONG: it calls itself complete")
+    if found.frames != whole:
+        print(f"WRONG: {found.frames} of {whole} frames are read")
+
+
+def main(count: int = 200, seconds: float = 3600.0, first: int = 0) -> int:
+    """Kills recordings; gives the number of faults."""
+    writer.BLOCK = BLOCK
+    load_all()
+    begun, wrong, left, tried = time.monotonic(), 0, 0, 0
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        target, part, said = folder / "a.rrd", folder / "a.part.rrd", folder / "said"
+        for seed in range(first, first + count):
+            if time.monotonic() - begun > seconds:
+                break
+            rng = random.Random(seed)
+            scene = rng.choice(SCENES)
+            words = command("record", scene, "--frames", str(FRAMES), "-o", str(target))
+            if seed == first or rng.random() < 0.1:
+                start = time.monotonic()
+                told = faults(forked(words, said), (0,))
+                takes = time.monotonic() - start
+            else:
+                before = target.read_bytes()
+                forked(words, said, kill_after=rng.uniform(0.0, 1.1 * takes))
+                tried += 1
+                found = {path.name for path in folder.iterdir()} - {"a.rrd", "a.part.rrd", "said"}
+                told = f"{sorted(found)} are left" if found else ""
+                if part.exists():
+                    left += 1
+                    told = told or ("" if target.read_bytes() == before else "the recording that was there has changed")
+                checked = forked(lambda: check(target, part), said)
+                told = told or (checked.text if "WRONG" in checked.text else faults(checked, (0,)))
+            if told:
+                wrong += 1
+                print(f"seed {seed}, {scene}: {told}", flush=True)
+    print(f"{tried} kills, {left} left an unfinished recording, {wrong} faults; {time.monotonic() - begun:.0f} s")
+    return wrong
+
+
+if __name__ == "__main__":
+    sys.exit(min(1, main(*(kind(text) for kind, text in zip((int, float, int), sys.argv[1:], strict=False)))))
