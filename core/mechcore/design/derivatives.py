@@ -20,10 +20,13 @@ from numpy.polynomial import chebyshev
 
 from mechcore.arrays import Index, Real, Values
 from mechcore.branches.unwrapped import LinkAngles
+from mechcore.effects.base import Wrench
 from mechcore.effects.registry import totals
 from mechcore.errors import Fault, MechanismError
 from mechcore.forces.equilibrium import joint_forces
-from mechcore.forces.kinetostatics import Forces
+from mechcore.forces.friction.elements import Element, elements_of, two_sided
+from mechcore.forces.friction.solve import FrictionResult
+from mechcore.forces.kinetostatics import Forces, solve_forces
 from mechcore.joints.base import Relation
 from mechcore.kinematics.build import build_model, loop_sum
 from mechcore.kinematics.columns import matrix_of
@@ -93,9 +96,6 @@ class Derivatives:
     @cached_property
     def forces(self) -> Forces:
         """The forces on the tape."""
-        mechanism = self.nominal.mechanism
-        if "friction" in mechanism.effects and braked(mechanism.joints):
-            raise _refusal("dry friction depends on the reactions, and its derivatives are not known.", "Leave friction out.")
         return self._refused(self._forces)
 
     def of(self, *results: Any) -> list[Real]:
@@ -181,9 +181,46 @@ class Derivatives:
         return self.motion
 
     def _forces(self) -> Forces:
-        motion = self.motion
+        motion, mechanism = self.motion, self.nominal.mechanism
         force, moment, formed = totals(motion)
+        if "friction" in mechanism.effects and braked(mechanism.joints):
+            return self._with_friction(formed(), force, moment)
         return _TracedForces(motion, formed, *joint_forces(motion, force, moment)[:2])
+
+    def _with_friction(self, applied: Sequence[Wrench], force: list[Any], moment: list[Any]) -> Forces:
+        """Forces with dry friction: the normal loads move as the Jacobian of their own equations says."""
+        motion, nominal = self.motion, solve_forces(self.nominal)
+        known = nominal.friction
+        assert known is not None
+        if two_sided(motion):
+            raise Untraced("a cam that may press on either side rubs")
+        elements = elements_of(motion)
+        flanks = {r: np.where(value_of(m) >= 0.0, 1.0, -1.0) for r, m in joint_forces(motion, list(force), list(moment))[2].items()}
+
+        def transmitted(loads: Sequence[Any]) -> tuple[Any, Any]:
+            own_force, own_moment = list(force), list(moment)
+            for element, load in zip(elements, loads, strict=True):
+                element.load(motion, own_force, own_moment, -element.sign * element.factor * load)
+            return joint_forces(motion, own_force, own_moment, flanks)[:2]
+
+        plain = [np.nan_to_num(known.loads[:, i]) for i in range(len(elements))]
+        through = transmitted(plain)
+        left = []
+        for element, load in zip(elements, plain, strict=True):
+            p, q = element.normal(motion, *through, element.sign)
+            left.append(load - (np.hypot(p, q) if element.euclidean else np.maximum(np.abs(p), np.abs(q))))
+        if any(isinstance(x, Traced) for x in left):
+            slopes = known.slopes
+            changes: list[Any] = list(self.tape.implicit(left, slopes, _inverse(slopes)))
+        else:
+            changes = [0.0] * len(elements)
+        loads = [load + change for load, change in zip(plain, changes, strict=True)]
+        solved = _TracedForces(motion, applied, *transmitted(loads), _TracedFriction(motion, applied, elements, loads, known))
+        for joint in (c.name for c in motion.model.connections):  # flanks may have changed sides on the way
+            ours, theirs = value_of(solved.reaction(joint)), nominal.reaction(joint)
+            if not np.allclose(ours, theirs, rtol=1e-6, atol=1e-6 * float(np.nanmax(np.abs(theirs), initial=0.0)), equal_nan=True):
+                raise Untraced("friction decides which flanks of gears carry")
+        return solved
 
     def _get(self, place: Place, plain: Any) -> Any:
         return self.leaves.get(place, plain)
@@ -392,6 +429,21 @@ class _TracedAngles(LinkAngles):
         return angle if offset is None else angle + (offset - offset.value)
 
 
+class _TracedFriction(FrictionResult):
+    """Friction whose normal loads may be on a tape."""
+
+    def __init__(
+        self, motion: Motion, applied: Sequence[Wrench], elements: Sequence[Element], loads: Sequence[Any], known: FrictionResult
+    ):
+        self.motion, self.elements, self._applied = motion, tuple(elements), tuple(applied)
+        self.jammed = known.jammed
+        self._loads = loads
+
+    def value(self, i: int) -> Any:
+        element = self.elements[i]
+        return -element.sign * element.factor * self._loads[i]
+
+
 class _TracedForces(Forces):
     """Forces whose numbers may be on a tape."""
 
@@ -463,6 +515,9 @@ def _numbers(model: Model, at: Motion, time: Real) -> Numbers:
     m = model.mechanism
     numbers |= {("mechanism", *place): x for place, x in numbers_in(m.gravity, ("gravity",))}
     numbers |= {("mechanism", *place): x for place, x in numbers_in(m.loads, ("loads",))}
+    for i, stated in enumerate(m.joints):
+        rubbing = numbers_in(getattr(stated, "friction", None), ("joints", i, "friction"))
+        numbers |= {("mechanism", *place): x for place, x in rubbing}
     return numbers
 
 

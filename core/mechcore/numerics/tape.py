@@ -365,8 +365,8 @@ def _arctan2(y: Any, x: Any) -> Any:
 def _hypot(x: Any, y: Any) -> Any:
     a, b = value_of(x), value_of(y)
     size = np.hypot(a, b)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        return _tape(x, y).elementwise(size, [(x, a / size, None), (y, b / size, None)])
+    by_x, by_y = (np.divide(z, size, out=np.zeros(size.shape), where=size != 0.0) for z in (a, b))  # at the tip of the cone 0
+    return _tape(x, y).elementwise(size, [(x, by_x, None), (y, by_y, None)])
 
 
 def _remainder(a: Any, b: Any) -> Any:

@@ -190,7 +190,7 @@ def tolerances(
     try:
         slopes = [s.derivatives if s.measure.reducer else s.slopes for s in sensitivities(run, measures, some)]
         exact = True
-    except MechanismError:  # friction, motions under forces ...: straight lines through the samples
+    except MechanismError:  # energies, motions under forces ...: straight lines through the samples
         slopes, exact = [_fitted(values, designs, len(corners)) for values in results.values], False
     stated = [*limits, *[None] * (len(measures) - len(limits))]
     return [

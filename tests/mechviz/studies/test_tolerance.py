@@ -92,12 +92,12 @@ def test_uniform_parts_fill_their_tolerance():
 
 
 def test_what_has_no_derivatives_is_fitted_to_samples():
-    scene = load("parametric-press").changed(
-        {("effects",): ["inertia", "friction"], ("joints", "A", "friction"): {"coefficient": 0.1, "radius": "10 mm"}}
-    )
+    scene = load("parametric-press")
     run = run_scene(scene, frames=4)
-    found = tolerances(run, [parse_measure(scene, "drive.A.torque:peak")], toleranced(scene, ["force=0.1 kN"]), samples=16)[0]
-    assert not found.exact and found.shares().sum() == pytest.approx(1.0) and found.shares()[1] > 0.5
+    key = next(f"{key}[{q.curves[0]}]:max" for key, q in run.catalogue.by_key.items() if key.startswith("energy"))
+    found = tolerances(run, [parse_measure(scene, key)], toleranced(scene, ["ratio=0.01"]), samples=16)[0]
+    assert not found.exact and found.shares().sum() == pytest.approx(1.0)
+    assert found.shares()[0] > 0.5  # the stroke decides how fast the masses go
 
 
 def test_nonsense_is_refused():

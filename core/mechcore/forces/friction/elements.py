@@ -20,7 +20,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, cast
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -33,6 +33,7 @@ from mechcore.kinematics.model import Model
 from mechcore.kinematics.rates import Rates
 from mechcore.laws.timed import Free
 from mechcore.motion.motion import Motion
+from mechcore.numerics.tape import Traced, value_of
 from mechcore.spec.mechanism import (
     CamJoint,
     Cylinder,
@@ -288,7 +289,8 @@ def _of_cam(
 
 def _sign(rate: Real, least: float) -> Real:
     """Sign of a relative speed (F,); zero at rest, where friction is undetermined and counted as zero."""
-    return np.asarray(np.where(np.abs(rate) <= max(REST * _peak(rate), least), 0.0, np.sign(rate)))
+    speed = value_of(rate)
+    return np.asarray(np.where(np.abs(speed) <= max(REST * _peak(speed), least), 0.0, np.sign(speed)))
 
 
 def relative_rate(motion: Motion, rates: Rates, what: Movement, j: int, links: tuple[int, int]) -> Real:
@@ -298,8 +300,11 @@ def relative_rate(motion: Motion, rates: Rates, what: Movement, j: int, links: t
         value = rates.angular[rotation_class[links[1]]] - rates.angular[rotation_class[links[0]]]
     else:
         value = rates.slide[j]
+    if isinstance(value, Traced):
+        return cast(Real, np.broadcast_to(value, (motion.frames,)))
     return np.array(np.broadcast_to(np.asarray(value, float), (motion.frames,)))
 
 
 def _peak(values: ArrayLike) -> float:
-    return float(np.max(np.abs(values), initial=0.0, where=np.isfinite(values)))
+    numbers = np.asarray(value_of(values))
+    return float(np.max(np.abs(numbers), initial=0.0, where=np.isfinite(numbers)))

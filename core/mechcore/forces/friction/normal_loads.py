@@ -107,7 +107,7 @@ def stability(a: Real, k: Real, euclidean: Flags, loads: Real) -> Real:
     """det(I - D K) (F,) at solved loads: 1 without friction, 0 at a jam, NaN where there are no loads."""
     out = np.full(len(a), np.nan)
     good = np.flatnonzero(np.isfinite(loads).all(axis=1))
-    out[good] = np.linalg.det(_jacobian(a[good], k[good], euclidean, loads[good])[1])
+    out[good] = np.linalg.det(jacobian(a[good], k[good], euclidean, loads[good])[1])
     return out
 
 
@@ -183,7 +183,7 @@ def _norm(y: Real, euclidean: Flags) -> tuple[Real, Real]:
     return g, d
 
 
-def _jacobian(a: Real, k: Real, euclidean: Flags, g: Real) -> tuple[Real, Real]:
+def jacobian(a: Real, k: Real, euclidean: Flags, g: Real) -> tuple[Real, Real]:
     """Residual g - |a + K g| (F, n) and its derivative I - D K (F, n, n)."""
     y = a + np.einsum("fiaj,fj->fia", k, g)
     size, d = _norm(y, euclidean)
@@ -269,7 +269,7 @@ def _norm_last(y: Real, kinds: Flags) -> tuple[Real, Real]:
 
 
 def _jacobian_last(a: Real, k: Real, kinds: Flags, g: Real) -> tuple[Real, Real]:
-    """As `_jacobian`, for a (n, 2, F), k (n, 2, n, F), g (n, F)."""
+    """As `jacobian`, for a (n, 2, F), k (n, 2, n, F), g (n, F)."""
     y = a + np.einsum("iajf,jf->iaf", k, g)
     size, d = _norm_last(y, kinds)
     slope = -(d[:, 0, None] * k[:, 0] + d[:, 1, None] * k[:, 1])
@@ -306,7 +306,7 @@ def _follow(a: Real, k: Real, euclidean: Flags, radius: Real) -> tuple[Real, Rea
         if not len(active):
             break
         aa, ka, here, at = a[active], k[active], g[active], p[active]
-        _, matrix = _jacobian(aa, ka * at[:, None, None, None], euclidean, here)
+        _, matrix = jacobian(aa, ka * at[:, None, None, None], euclidean, here)
         y = aa + at[:, None, None] * np.einsum("fiaj,fj->fia", ka, here)
         slope = _solve(matrix, np.einsum("fia,fiaj,fj->fi", _norm(y, euclidean)[1], ka, here))
         size = np.minimum(_terms(aa, ka * at[:, None, None, None], here), np.abs(here).max(axis=1, keepdims=True))
@@ -347,11 +347,11 @@ def _arrive(a: Real, k: Real, euclidean: Flags, g: Real) -> tuple[Real, Flags, R
     """Plain Newton, where it arrives at loads, and I - D K there. Loads are norms: where the equations hold none is negative."""
     with np.errstate(all="ignore"):
         for _ in range(8):
-            f, matrix = _jacobian(a, k, euclidean, g)
+            f, matrix = jacobian(a, k, euclidean, g)
             if np.all(np.abs(f) <= 1e-12 * _terms(a, k, g)):
                 break
             g = g - _solve(matrix, f)
-        f, matrix = _jacobian(a, k, euclidean, g)
+        f, matrix = jacobian(a, k, euclidean, g)
         return g, np.all(np.abs(f) <= 1e-10 * _terms(a, k, g), axis=1), matrix
 
 
@@ -362,7 +362,7 @@ def _terms(a: Real, k: Real, g: Real) -> Real:
 
 def _share(a: Real, k: Real, euclidean: Flags, g: Real) -> Real:
     """How strongly each column of K moves the smallest eigenvalue of I - D K: the joints whose friction makes the jam (F, n)."""
-    _, matrix = _jacobian(a, k, euclidean, g)
+    _, matrix = jacobian(a, k, euclidean, g)
     u, _, vt = np.linalg.svd(matrix)
     left, right = u[:, :, -1], vt[:, -1]
     effect = np.abs(np.einsum("fi,fij->fj", left, np.eye(g.shape[1]) - matrix) * right)

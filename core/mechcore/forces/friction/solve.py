@@ -21,9 +21,10 @@ from mechcore.effects.base import Wrench, power_of
 from mechcore.errors import Fault, MechanismError
 from mechcore.forces.equilibrium import transmit
 from mechcore.forces.friction.elements import Element, elements_of, two_sided
-from mechcore.forces.friction.normal_loads import NormalLoads, several, solve_normal_loads, stability
+from mechcore.forces.friction.normal_loads import NormalLoads, jacobian, several, solve_normal_loads, stability
 from mechcore.motion.motion import Motion
 from mechcore.motion.redundancy import indeterminate
+from mechcore.numerics.frames import rows_of
 from mechcore.spec.mechanism import Revolute, braked, friction_of
 
 Transmitted = tuple[list[tuple[Plane, Values]], dict[str, tuple[Plane, Plane]], dict[int, Values]]
@@ -201,6 +202,16 @@ class FrictionResult:
         return several(*system(self.motion, self.elements, self._response), self._solution.loads)
 
     @property
+    def loads(self) -> Real:
+        """Normal loads (F, n) [N] of the elements."""
+        return self._solution.loads
+
+    @property
+    def slopes(self) -> Real:
+        """Derivatives (F, n, n), dimensionless, of what is left of the equations of the normal loads by these."""
+        return jacobian(*system(self.motion, self.elements, self._response), self._solution.loads)[1]
+
+    @property
     def joints(self) -> tuple[str, ...]:
         """The joints that have friction."""
         return tuple(dict.fromkeys(e.joint for e in self.elements))
@@ -217,22 +228,25 @@ class FrictionResult:
 
     def applied(self, joint: str) -> Real:
         """Share of friction in the force [N] and couple [N m] on the second link (F, 3), beside what the joint transmits anyway."""
-        out = np.zeros((self.motion.frames, 3))
+        return rows_of((self.motion.frames,), *self._applied_to(joint))
+
+    def _applied_to(self, joint: str) -> tuple[Plane, Values]:
+        force: Plane = 0j
+        couple: Values = 0.0
         for i in self._elements_of(joint):
             e, value = self.elements[i], self.value(i)
             if e.what == "turn":
-                out[:, 2] += value
+                couple = couple + value
             else:
-                out[:, 0] += value * e.along.real
-                out[:, 1] += value * e.along.imag
+                force = force + value * e.along
         for relation in self.motion.model.relations:  # what bearings of shafts in the plane carry
             for name, sign in relation.bearing.joints if relation.bearing is not None else ():
                 if name == joint:
                     for i in self._elements_of(relation.name):
                         twist = self.elements[i].twist
                         assert twist is not None  # of a cam about an axis in the plane
-                        out[:, 2] += sign * self.value(i) * twist
-        return out
+                        couple = couple + sign * self.value(i) * twist
+        return force, couple
 
     def wrench(self, joint: str) -> Real:
         """Friction on the joint's second link: Fx, Fy [N] and couple [N m], stated at the joint's position (F, 3)."""
