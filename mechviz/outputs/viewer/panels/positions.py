@@ -120,10 +120,9 @@ class Positions:
                 self._nodes[k].position, self._nodes[k].wxyz = position, turned
 
     def _dragged(self, k: int, event: Any) -> None:
-        phase = getattr(event, "phase", "update")
-        self._held = k if phase in ("start", "update") else -1
+        """The four-bar follows when the handle is let go: until then the picture, and with it the way of the mouse, stays as it is."""
+        self._held = k if event.phase != "end" else -1
         x, y, _ = (float(v) for v in event.target.position)
         w, _, _, z = (float(v) for v in event.target.wxyz)
-        if not np.isfinite([x, y, w, z]).all() or k >= len(self.poses.places):
-            return
-        self.ask(f"number {k + 1}", moved(self.poses, k, complex(x, y), 2.0 * float(np.arctan2(z, w))))
+        if self._held < 0 and np.isfinite([x, y, w, z]).all() and k < len(self.poses.places):
+            self.ask(f"number {k + 1}", moved(self.poses, k, complex(x, y), 2.0 * float(np.arctan2(z, w))))
