@@ -8,7 +8,7 @@ theta3. Designs of random ratios are screened by linear least squares in one arr
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -19,8 +19,12 @@ from mechcore.numerics.least_squares import fit_all
 
 LARGEST_RATIO = 20.0  # of a link to the crank among the designs that are screened
 CHUNK = 4000  # designs that are screened in one array call
+ITERATIONS = 1500  # bounds and cognates make long valleys
 HINGE = 3.0  # weight of the length by which Grashof's rule is broken
 NARROWEST, WIDEST = 0.3, 5.5  # rad, crank ranges that are tried for an open path without timing
+DENSE = 20  # points without timing: of more, designs are chosen by about so many, and the best refined at all of them
+DENSE_REFINED, DENSE_KEPT, DENSE_ITERATIONS = 40, 8, 400
+RELATED = 0.02  # relative difference below which only one of two designs is refined at all points
 ALIKE = 1e-5  # relative difference of lengths below which two designs are one
 
 X0, Y0, BETA, FRAME, CRANK, COUPLER, ROCKER, U, V, START = range(10)
@@ -85,6 +89,38 @@ def path_designs(task: PathTask, seed: int = 0, screened: int = 20000, refined: 
     ``screened`` designs are tried for each branch and sense of rotation, and the best of each refined. The same seed gives the same
     designs. Raises MechanismError where no start fulfils the bounds.
     """
+    if task.steps is None and len(task.points) > DENSE:
+        return _dense(task, seed, screened)
+    return _sparse(task, seed, screened, refined, ITERATIONS)
+
+
+def _dense(task: PathTask, seed: int, screened: int) -> list[PathDesign]:
+    """Designs for many points without timing, by way of fewer points."""
+    count = len(task.points)
+    chosen: Index = np.unique(np.linspace(0, count - 1, DENSE).round().astype(int))
+    along = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(task.points)))])
+    coarse = replace(task, points=task.points[chosen])
+    found: list[PathDesign] = []
+    for one in _sparse(coarse, seed, screened, DENSE_REFINED, DENSE_ITERATIONS):
+        if len(found) < DENSE_KEPT and all(_difference(one, other) > RELATED for other in found):
+            found.append(one)
+    if not found:
+        return []
+    rows = []
+    for one in found:
+        theta = np.array(one.theta)
+        if task.closed:  # the last point is the first, a turn later
+            theta[-1] = theta[0] + np.sign(theta[-2] - theta[0]) * TURN
+        bar = one.four_bar
+        shape = [bar.frame, bar.crank, bar.coupler, bar.rocker, bar.tracer.real, bar.tracer.imag]
+        angles = np.interp(along, along[chosen], theta) - bar.frame_angle
+        rows.append([bar.crank_pivot.real, bar.crank_pivot.imag, bar.frame_angle, *shape, *angles])
+    problem = PathProblem(task, np.array([one.four_bar.side for one in found]), np.ones(len(found), int))
+    x = np.array(rows)
+    return problem.designs(fit_all(problem.evaluate, x, *problem.bounds(x), DENSE_ITERATIONS).x)
+
+
+def _sparse(task: PathTask, seed: int, screened: int, refined: int, iterations: int) -> list[PathDesign]:
     rng = np.random.default_rng(seed)
     modes = [(side, sense) for side in (1, -1) for sense in task.senses]
     share = max(refined // len(modes), 1)
@@ -101,8 +137,16 @@ def path_designs(task: PathTask, seed: int = 0, screened: int = 20000, refined: 
     problem = PathProblem(task, np.array(sides), np.array(senses))
     if task.steps is None:
         x = np.concatenate([x[:, :START], x[:, START:] + np.array(senses)[:, None] * np.concatenate(timings)], axis=1)
-    fits = fit_all(problem.evaluate, x, *problem.bounds(x))
+    fits = fit_all(problem.evaluate, x, *problem.bounds(x), iterations)
     return problem.designs(fits.x)
+
+
+def _difference(first: PathDesign, second: PathDesign) -> float:
+    """Largest difference of the lengths of two designs over the largest one."""
+    a, b = (
+        np.array([x.frame, x.crank, x.coupler, x.rocker, x.tracer.real, x.tracer.imag]) for x in (first.four_bar, second.four_bar)
+    )
+    return float(np.abs(a - b).max() / np.abs(a).max())
 
 
 # -- screening --------------------------------------------------------------------------------------------------------

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from design_cases import design_case, plane
 
+from mechcore.design import paths
 from mechcore.design.four_bars import FourBar, Grashof, from_pins
 from mechcore.design.paths import PathProblem, PathTask, path_designs
 from mechcore.errors import MechanismError
@@ -139,3 +140,14 @@ def test_what_is_no_path_is_refused():
         PathTask(np.array([0j, 1.0, 1j]), np.zeros(2))
     with pytest.raises(MechanismError, match="lengths"):
         PathTask(np.array([0j, 1.0, 1j]), lengths=(3.0, 2.0))
+
+
+def test_many_points_without_timing_are_met_by_way_of_fewer(monkeypatch):
+    monkeypatch.setattr(paths, "DENSE_REFINED", 12)  # enough here, and quicker
+    monkeypatch.setattr(paths, "DENSE_ITERATIONS", 100)
+    bar = FourBar(0j, 3 + 0.5j, 1.0, 3.2, 2.6, 1, 1.5 + 1.2j)
+    points = bar.positions(np.linspace(0.4, 0.4 + 2 * np.pi, 25))[2]
+    found = path_designs(PathTask(points), seed=2, screened=400)
+    size = abs(points - points.mean()).max()
+    assert found[0].largest < 0.02 * size
+    assert found[0].four_bar.positions(found[0].theta)[2] == pytest.approx(points, abs=1.0001 * found[0].largest)

@@ -120,7 +120,7 @@ class Positions:
                 self._nodes[k].position, self._nodes[k].wxyz = position, turned
 
     def _dragged(self, k: int, event: Any) -> None:
-        """The four-bar follows when the handle is let go: until then the picture, and with it the way of the mouse, stays as it is."""
+        """The four-bar follows when the handle is let go: until then the picture under the mouse stays as it is."""
         self._held = k if event.phase != "end" else -1
         x, y, _ = (float(v) for v in event.target.position)
         w, _, _, z = (float(v) for v in event.target.wxyz)
