@@ -1,18 +1,21 @@
-"""Makes the pictures of the README: the viewer in headless Chromium.
+"""Makes the pictures of the viewer in the README and the guides: the viewer in headless Chromium.
 
-python docs/make_pictures.py [--to FOLDER] [SCENE ...]
+python docs/make_pictures.py [--to FOLDER] [NAME ...]
 """
 
 from __future__ import annotations
 
 import argparse
 import shutil
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from playwright.sync_api import sync_playwright
 
 import mechviz
+from mechviz.editor.parameters import find_parameters
 from mechviz.outputs.viewer.app import Viewer
 from mechviz.outputs.viewer.world.solids import link_path
 from mechviz.runs import run_scene
@@ -28,20 +31,66 @@ ARGS = [
 READY = """names => { const m = window.__viserMutable; return !!m && !!m.messageQueue && m.messageQueue.length === 0 &&
     names.every(n => m.nodeRefFromName[n]); }"""
 SETTLING = 3500  # [ms] that the page takes to fit its view and to draw it
+WIDE, PHONE = (1400, 850), (390, 844)
 
 
-def shoot(browser: Any, scene: str, path: Path, *, part: float | None = None) -> None:
-    """One picture of a scene, at the frame at which the viewer opens or at a part of its run."""
-    run = run_scene(mechviz.load(scene))
+def _nothing(_viewer: Viewer, _page: Any) -> None:
+    """Leave the page as it opens."""
+
+
+def _dark(viewer: Viewer, page: Any) -> None:
+    page.get_by_role("tab", name="View", exact=True).click()
+    page.get_by_label("Dark page").check()
+    page.get_by_role("tab", name="Edit", exact=True).click()
+
+
+def _compare(viewer: Viewer, page: Any) -> None:
+    session = viewer.session
+    crank = next(p for p in find_parameters(session.run.scene) if p.label.startswith("crank"))
+    session.move(crank, 46.0)
+    session.wait(rested=True)
+    page.get_by_label("Compare with the scene as opened").check()
+
+
+def _polygons(viewer: Viewer, page: Any) -> None:
+    page.get_by_role("tab", name="Diagrams", exact=True).click()
+
+
+@dataclass(frozen=True)
+class Shot:
+    """A picture: the scene, the part of its run, what is done to the page first, and its size in pixels."""
+
+    scene: str
+    part: float | None = None
+    prepare: Callable[[Viewer, Any], None] = _nothing
+    size: tuple[int, int] = WIDE
+
+
+SHOTS: Mapping[str, Shot] = {
+    "viewer": Shot("slider-crank-compressor", 0.87),
+    "viewer-six-bar": Shot("watt-six-bar"),
+    "viewer-cam": Shot("cam-roller", 0.15),
+    "viewer-phone": Shot("stephenson-six-bar", size=PHONE),
+    "viewer-dark": Shot("engine-start-up", 0.4, _dark),
+    "viewer-compare": Shot("slider-crank-compressor", 0.87, _compare),
+    "viewer-polygons": Shot("plans-four-bar", None, _polygons),
+}
+
+
+def shoot(browser: Any, shot: Shot, path: Path) -> None:
+    """One picture, at the frame at which the viewer opens or at a part of its run."""
+    run = run_scene(mechviz.load(shot.scene))
     with Viewer(run, port=0) as viewer:
         viewer.pause()
-        if part is not None:
-            viewer.set_frame(int(part * (run.motion.frames - 1)))
-        page = browser.new_page(viewport={"width": 1400, "height": 850})
+        if shot.part is not None:
+            viewer.set_frame(int(shot.part * (run.motion.frames - 1)))
+        width, height = shot.size
+        page = browser.new_page(viewport={"width": width, "height": height})
         page.set_default_timeout(60_000)
         page.goto(viewer.url)
         page.add_style_tag(content=".mantine-Notifications-root{display:none !important}")
         page.wait_for_function(READY, arg=[link_path(link) for link in run.motion.model.links])
+        shot.prepare(viewer, page)
         page.wait_for_timeout(SETTLING)
         page.screenshot(path=path)
         page.close()
@@ -49,17 +98,15 @@ def shoot(browser: Any, scene: str, path: Path, *, part: float | None = None) ->
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("scenes", nargs="*", metavar="SCENE")
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("names", nargs="*", metavar="NAME", help=f"of {', '.join(SHOTS)} [default: all]")
     parser.add_argument("--to", type=Path, default=HERE, metavar="FOLDER")
     chosen = parser.parse_args()
     chosen.to.mkdir(parents=True, exist_ok=True)
     with sync_playwright() as p:
         browser = p.chromium.launch(executable_path=shutil.which("chromium"), args=ARGS)
-        for scene in chosen.scenes:
-            shoot(browser, scene, chosen.to / f"{scene}.png")
-        if not chosen.scenes:
-            shoot(browser, "slider-crank-compressor", chosen.to / "viewer.png", part=0.87)
+        for name in chosen.names or SHOTS:
+            shoot(browser, SHOTS[name], chosen.to / f"{name}.png")
         browser.close()
 
 
