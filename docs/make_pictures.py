@@ -15,7 +15,6 @@ from typing import Any
 from playwright.sync_api import sync_playwright
 
 import mechviz
-from mechviz.editor.parameters import find_parameters
 from mechviz.outputs.viewer.app import Viewer
 from mechviz.outputs.viewer.world.solids import link_path
 from mechviz.runs import run_scene
@@ -45,10 +44,12 @@ def _dark(viewer: Viewer, page: Any) -> None:
 
 
 def _compare(viewer: Viewer, page: Any) -> None:
-    session = viewer.session
-    crank = next(p for p in find_parameters(session.run.scene) if p.label.startswith("crank"))
-    session.move(crank, 46.0)
-    session.wait(rested=True)
+    control = page.locator("label", has_text="crank A–B [mm]").first.get_attribute("for")
+    box = page.locator(f'[id="{control}"] ~ div input')
+    box.fill("46")
+    box.press("Enter")
+    page.wait_for_timeout(SETTLING)
+    viewer.session.wait(rested=True)
     page.get_by_label("Compare with the scene as opened").check()
 
 
@@ -71,7 +72,7 @@ SHOTS: Mapping[str, Shot] = {
     "viewer-six-bar": Shot("watt-six-bar"),
     "viewer-cam": Shot("cam-roller", 0.15),
     "viewer-phone": Shot("stephenson-six-bar", size=PHONE),
-    "viewer-dark": Shot("engine-start-up", 0.4, _dark),
+    "viewer-dark": Shot("engine-start-up", 0.12, _dark),
     "viewer-compare": Shot("slider-crank-compressor", 0.87, _compare),
     "viewer-polygons": Shot("plans-four-bar", None, _polygons),
 }

@@ -55,7 +55,7 @@ def named_wheels(run: Run, solids: Solids) -> Iterator[tuple[str, Placed]]:
             shape = _flywheel(centre, radius) if kind == "flywheel" else _fan(centre, FAN * radius) if kind == "fan" else None
             if shape is not None:
                 high = top - ROOM * size
-                yield link, (shape, (high - THICK * size, high), color)
+                yield link, (shape, (high - THICK * size, high), color if kind == "flywheel" else PIN)
                 top = high - THICK * size
         if top < back:
             yield link, (disc(centre, SHAFT * size, 48), (top - ROOM * size, back), PIN)
