@@ -78,6 +78,8 @@ def check_target(path: Path) -> Path:
         raise OutputError(f"'{path}' is a folder.", "Name a file in it.")
     if real.exists() and not real.is_file():
         raise OutputError(f"'{path}' is not a regular file.", "Name a file that may be replaced.")
+    if not real.parent.exists() and path.is_symlink():
+        raise OutputError(f"'{path}' is a link to '{real}', whose folder does not exist.", "Remove it, or write to another file.")
     if not real.parent.exists():
         raise OutputError(f"The folder '{path.parent}' does not exist.", "Create it, or write to another folder.")
     if not real.parent.is_dir():

@@ -19,7 +19,7 @@ from mechcore.forces.kinetostatics import solve_forces
 from mechcore.motion.solve import compile_mechanism, default_times, solve_motion
 from mechviz.accuracy.estimate import integration_error
 from mechviz.accuracy.quantities import Quantity, errors_between, quantities
-from mechviz.scene.limits import check_frames, most_frames
+from mechviz.scene.limits import check_frames
 
 if TYPE_CHECKING:
     from mechcore.dynamics.simulation import Simulation
@@ -30,6 +30,7 @@ Provider = Callable[[Real], list[Quantity]]
 
 FEWEST, MOST = 16, 200_000  # frames a cycle
 MOST_FRAMES = 1_000_000  # of a run
+MOST_POSES = 2_000_000  # frames of all links: a gigabyte
 ROUNDS = 7
 SHARE = 0.9  # of the wanted error for the frames: digits and tolerances have the rest
 NEAR = 0.25  # of that: nearer than this is near enough
@@ -134,7 +135,7 @@ def fit_frames(scene: Scene, accuracy: Accuracy, simulation: Simulation | None =
     frames, best, crowded = 48 * parts, None, None
     links = len(scene.mechanism.links)
     check_frames(links, frames)
-    most = min(MOST * parts, MOST_FRAMES, most_frames(links) or MOST_FRAMES)
+    most = min(MOST * parts, MOST_FRAMES, MOST_POSES // links)
     low, high = FEWEST * parts, most
     last: Fit | None = None
     for _ in range(ROUNDS):

@@ -12,7 +12,7 @@ import numpy as np
 from mechcore.accuracy import Accuracy
 from mechcore.arrays import Real
 from mechviz.accuracy.estimate import integration_error
-from mechviz.accuracy.fit import MOST, MOST_FRAMES, Fit
+from mechviz.accuracy.fit import MOST, MOST_FRAMES, MOST_POSES, Fit
 from mechviz.accuracy.quantities import Quantity, quantities
 
 if TYPE_CHECKING:
@@ -160,7 +160,7 @@ def _frames(run: Run, target: float) -> str:
     remedy = "Ask for a larger error."
     if run.accuracy.interpolation < 5:
         remedy = 'Choose interpolation = "quintic", or ask for a larger error.'
-    most = f"{MOST} a cycle, {MOST_FRAMES} in all"
+    most = f"{MOST} a cycle, {MOST_FRAMES} in all, {MOST_POSES} of all links"
     return f"{missed}; about {fit.needed} frames would be needed, and no more than {most} are computed{_besides(fit)}. {remedy}"
 
 

@@ -36,15 +36,10 @@ def size_faults(data: Mapping[str, Any]) -> list[Fault]:
     return []
 
 
-def most_frames(links: int) -> int | None:
-    """The most frames that a run with so many links may have; None where there is no limit."""
-    return None if lifted() else max(MOST_POSES // max(links, 1), 2)
-
-
 def check_frames(links: int, frames: int) -> None:
     """Raises `MechanismError` where a run takes more memory than most machines have."""
-    most = most_frames(links)
-    if most is not None and frames > most:
+    most = MOST_POSES // max(links, 1)
+    if frames > most and not lifted():
         what = f"{frames:,} frames of {links:,} links are {links * frames:,} poses; up to {MOST_POSES:,} are kept"
         raise MechanismError(_too_large("run.frames", what, f"Give up to {most:,} frames"))
 

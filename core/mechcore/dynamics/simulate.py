@@ -38,6 +38,10 @@ PUSHED = 1e-4  # of the largest force in a table: what is more is not the table'
 BALANCED = 1e-13  # of those forces: what is left in an equilibrium by rounding
 
 
+LOOKED_AT = 100  # windows, after which it is foreseen how many a motion takes
+MANY = 2_000  # windows that take long enough to be told before
+
+
 def simulate(
     mechanism: Mechanism | Compiled,
     duration: float,
@@ -59,8 +63,8 @@ def simulate(
     their followers: with them, all drives may be prescribed. The other dials of the integrator are those of the compiled
     mechanism's `Accuracy`. ``progress`` is told the time reached, ``observe`` gets every segment of the motion as soon as it is
     known, in order, with what happened at its beginning: `Simulation.followed_by` puts them together. ``like``: the same motion to
-    another tolerance or by its energy, from which collocation then starts (see `refine`). ``warn`` is told what will take long,
-    before it does. Raises `MechanismError`.
+    another tolerance or by its energy, from which collocation then starts (see `refine`). ``warn`` is told what will take long, as
+    soon as that is foreseen. Raises `MechanismError`.
     """
     compiled = mechanism if isinstance(mechanism, Compiled) else compile_mechanism(mechanism)
     stops = with_slot_ends(compiled.mechanism, stops)
@@ -112,6 +116,8 @@ def simulate(
         words = check_periods(fast, duration, tolerance)
         if words is not None and warn is not None:
             warn(words)
+    if warn is not None:
+        progress = _counted(duration, warn, progress)
     integrator = EventIntegrator(
         compiled, (system, valid_range), duration, tolerance, method, stops, watches, separable_cams, progress, observe, like
     )
@@ -120,6 +126,22 @@ def simulate(
         return run
     events = (SimulationEvent(0.0, "stiff", unseen.load, unseen.stepped_over), *run.events)
     return replace(run, unseen=(unseen.amplitude, unseen.frequency), events=events)
+
+
+def _counted(duration: float, warn: Callable[[str], None], told: Callable[[float], None] | None) -> Callable[[float], None]:
+    """A progress that warns once, where the windows of `LOOKED_AT` calls lead so little on that very many will be needed."""
+    counts = 0
+
+    def progress(until: float) -> None:
+        nonlocal counts
+        counts += 1
+        if counts == LOOKED_AT and until * MANY < LOOKED_AT * duration:
+            needed = LOOKED_AT * duration / max(until, 1e-300)
+            warn(f"{LOOKED_AT:,} windows led to {until:.3g} s of {duration:.6g} s: it takes about {needed:.2g} of them in all.")
+        if told is not None:
+            told(until)
+
+    return progress
 
 
 def _steps_over(compiled: Compiled, fast: Fastest, duration: float, tolerance: float, method: Method) -> bool:

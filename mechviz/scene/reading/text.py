@@ -36,6 +36,9 @@ def find_scene(source: str | Path) -> Path:
             text[:60],
             Fault("scene", f"this is no path of a file: {error}.", "Give a gallery name or the path of a .toml file."),
         ) from None
+    if path.is_symlink():
+        fault = Fault("file", f"this is a link to '{path.resolve()}', which does not exist.", "Give the scene itself.")
+        raise SceneError(text, fault)
     if isinstance(source, Path) or path.suffix or len(path.parts) != 1:
         folder = path.parent
         if not folder.is_dir():

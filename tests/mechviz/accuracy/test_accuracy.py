@@ -295,7 +295,7 @@ def test_more_frames_resolve_a_bend_and_not_a_jump(extra, reached, jumps, monkey
 
     monkeypatch.setattr(fit_module, "provider", lambda *_: at)
     monkeypatch.setattr(fit_module, "duration", lambda *_: 1.0)
-    fit = fit_frames(types.SimpleNamespace(cycles=1), accuracy_for(1e-5, interpolation=3))
+    fit = fit_frames(types.SimpleNamespace(cycles=1, mechanism=load("crank-rocker").mechanism), accuracy_for(1e-5, interpolation=3))
     assert fit.error <= 1e-5 and (fit.there <= 1e-5) == reached and fit.left_out <= 0.1
     assert fit.jumps == jumps and fit.frames < 3000
     if not reached:

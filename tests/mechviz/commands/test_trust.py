@@ -153,6 +153,19 @@ def test_what_is_too_large_is_refused_with_its_number_unless_it_is_wanted(monkey
         loads(text)  # it is read, and what is wrong with it is told
 
 
+def test_a_motion_of_very_many_windows_is_told_once_while_it_begins(monkeypatch):
+    """Under a gravity of 100 million g a pendulum swings 10,000 times as fast, so that it takes as many more windows."""
+    heavy = changed("swinging-double-pendulum", (("gravity",), [0.0, -1e9]), (("run", "duration"), "3 ms"))
+    monkeypatch.setattr(sys.modules["mechcore.dynamics.simulate"], "MANY", 500)
+    told: list[str] = []
+    run_scene(heavy, warn=told.append)
+    (words,) = [text for text in told if "windows" in text]
+    assert "100 windows led to" in words
+    told.clear()
+    run_scene(changed("swinging-double-pendulum"), warn=told.append)
+    assert not told
+
+
 def test_sound_runs_raise_no_doubts():
     for name in ("kinetostatic-four-bar", "jamming-sleeve"):
         assert not doubts(run_scene(mechviz.load(name), frames=24), errors=True), name
@@ -164,6 +177,15 @@ def test_a_load_that_is_no_number_is_an_error_that_names_it():
     load.values[3, 0] = np.nan
     with pytest.raises(MechanismError, match=f"loads.{load.name}: its force is no finite number at 1 of 13 frames"):
         check_finite(run)
+
+
+def test_links_that_lead_nowhere_are_called_that(monkeypatch, capsys, tmp_path):
+    for name, there in (("a.rrd", "nowhere/a.rrd"), ("a.toml", "nowhere.toml")):
+        (tmp_path / name).symlink_to(tmp_path / there)
+    code, text = said(monkeypatch, capsys, "record", "crank-rocker", "-o", str(tmp_path / "a.rrd"))
+    assert code == 2 and "is a link to" in text and "nowhere/a.rrd', whose folder does not exist" in text
+    code, text = said(monkeypatch, capsys, "check", str(tmp_path / "a.toml"))
+    assert code == 2 and "is a link to" in text and "does not exist" in " ".join(text.split())
 
 
 def test_a_pipe_or_a_device_is_no_scene(tmp_path):
