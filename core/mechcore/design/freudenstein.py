@@ -46,7 +46,7 @@ class FunctionTask:
         y = np.asarray(self.function(x), float)
         if not (np.isfinite(y).all() and np.isfinite([first, last]).all()):
             raise MechanismError(Fault("function", "it has no finite value at some places of the range.", "Give another range."))
-        if first == last:
+        if abs(first - last) <= 1e-12 * max(float(np.abs(y).max()), abs(first), abs(last)):
             raise MechanismError(
                 Fault(
                     "function",

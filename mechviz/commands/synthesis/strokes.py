@@ -39,7 +39,7 @@ def stroke(
     """
     with clear_errors("stroke"):
         check(output, None)
-        travel = length_of(length, "stroke")
+        travel = length_of(length, "STROKE")
         if frame is not None:
             if offset is not None:
                 fail("--offset is for slider-cranks. Leave it out, or --frame.")
@@ -63,7 +63,7 @@ def swing(
     """
     with clear_errors("swing"):
         check(output, None)
-        wanted = angle_of(angle, "swing")
+        wanted = angle_of(angle, "SWING")
         give(
             [crank_rocker_solution(best_crank_rocker(wanted, ratio, length_of(rocker, "rocker")), wanted, ratio)],
             output,
@@ -108,8 +108,8 @@ def dwell(
     with clear_errors("dwell"):
         check(output, plot)
         with interruptible():
-            linkages = dwell_linkages(angle_of(rest, "dwell"), angle_of(swing, "swing"), seed, most)
-        solutions = dwell_solutions(linkages, length_of(crank, "crank"), angle_of(rest, "dwell"))
+            linkages = dwell_linkages(angle_of(rest, "DWELL"), angle_of(swing, "swing"), seed, most)
+        solutions = dwell_solutions(linkages, length_of(crank, "crank"), angle_of(rest, "DWELL"))
         give(solutions, output, plot, lambda: figures.dwell_figure(linkages))
 
 
@@ -136,7 +136,7 @@ def lid(
     with clear_errors("lid"):
         check(output, plot)
         task = LidTask(
-            quantity_in(mass, "mass", "mass"), length_of(arm, "arm"), length_of(hand, "hand"), angle_of(start, "from"),
+            quantity_in(mass, "MASS", "mass"), length_of(arm, "arm"), length_of(hand, "hand"), angle_of(start, "from"),
             angle_of(end, "to"), length_of(box, "box"), quantity_in(effort, "effort", "force"), pushes,
         )  # fmt: skip
         with interruptible():

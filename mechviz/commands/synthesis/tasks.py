@@ -66,7 +66,7 @@ def length_of(text: str, option: str) -> float:
     """A length [m] of an option, not below zero."""
     value = quantity_in(text, option, "length")
     if value < 0.0:
-        fail(f"--{option}: {text} is negative. Give a length.")
+        fail(f"{_named(option)}: {text} is negative. Give a length.")
     return value
 
 
@@ -81,7 +81,12 @@ def quantity_in(text: str, option: str, kind: str) -> float:
             raise QuantityError(f"{text} is not a finite number.", "Give a finite one.")
         return UNITS.si(value, kind)
     except QuantityError as e:
-        fail(f"--{option}: {e} {e.remedy}")
+        fail(f"{_named(option)}: {e} {e.remedy}")
+
+
+def _named(option: str) -> str:
+    """An option as it is written; arguments have names in capitals, or of several words."""
+    return option if option.isupper() or " " in option else f"--{option}"
 
 
 def pairs_of(given: Sequence[str] | None) -> list[complex]:

@@ -209,6 +209,8 @@ def test_burmesters_curves_pass_the_pivots_of_every_proposal():
         (("path", "0,0", "1,1", "2,0", "--step", 10, "--angles", "0,1,2"), "--step"),
         (("path", "0,0", "1,1"), "points"),
         (("stroke", 200, "--ratio", 0.5), "ratio"),
+        (("stroke", "long", "--ratio", 1.2), "STROKE: "),
+        (("function", "sin(x)", "--from", 0, "--to", "180 deg", "--crank", 90, "--rocker", 60), "both ends"),
         (("line", "wat"), "watt"),
         (("chains", 5), "freedom"),
     ],
