@@ -16,6 +16,9 @@ from typing import BinaryIO
 NOT_REGULAR = "it is not a regular file"
 _UNSAFE = re.compile(r"[^\w .+-]")
 
+LARGE = "MECHVIZ_LARGE"
+"""Environment variable that lifts limits of sizes (`mechviz.scene.limits`), as the option ``--large`` of the commands does."""
+
 
 class OutputError(Exception):
     """A file that could not be written or read: what happened and what to do about it.

@@ -21,8 +21,8 @@ from typer.core import TyperGroup
 from typer.main import get_command
 
 from mechviz.commands.common import fail, no_output, orderly, unforeseen
+from mechviz.files import LARGE
 from mechviz.scene.folder import TOPICS, gallery
-from mechviz.scene.limits import LARGE
 
 COMMANDS = {
     "main": {
@@ -47,20 +47,16 @@ COMMANDS = {
         "graph": "Print the contour graph of a scene, links as vertices, joints as edges, with its independent loops; -o draws it.",
         "vibrations": "Find the equilibrium of a scene with free joints, and its natural frequencies, damping ratios and modes.",
     },
-    "draw": {
+    "automata": {
         "draw": "Turn an SVG drawing, or words, into a machine that draws it: three cams on a shaft, levers, rods and a pen.",
-    },
-    "walk": {
         "walk": "Let a mechanism walk: its fixed link becomes the body, and the foot that is lowest stands still on the ground.",
     },
     "tasks": {
         "solve": "Solve an inverse task of a lecture, without a scene.",
     },
-    "sweep": {
+    "designs": {
         "sweep": "Compute quantities of many designs: a grid, lists or samples of a scene's parameters, one row for each design.",
         "study": "Draw a study: the response to a parameter, contours, parallel coordinates or a scatter matrix.",
-    },
-    "design": {
         "sensitivity": "Print how quantities depend on parameters, ranked by what one percent of each does: exact derivatives, no "
         "trial runs.",
         "tolerance": "Print what tolerances do to quantities: worst case, root sum of squares and samples, and what each tolerance "

@@ -33,10 +33,9 @@ from mechviz.scene.kinds.bodies import LumpDocument, MassDocument, MassEntry
 from mechviz.scene.kinds.copies import CopyDocument
 from mechviz.scene.kinds.drives import Method, Tolerance, WatchDocument
 from mechviz.scene.kinds.friction import FrictionDefaults
-from mechviz.scene.kinds.goals import GoalDocument
 from mechviz.scene.kinds.joints.document import JointDocument
 from mechviz.scene.kinds.loads.document import LoadDocument
-from mechviz.scene.kinds.settings import AccuracyEntry, ParameterEntry
+from mechviz.scene.kinds.settings import AccuracyEntry, GoalDocument, ParameterEntry
 from mechviz.scene.kinds.studies import (
     PenDocument,
     PlanName,

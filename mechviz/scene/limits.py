@@ -7,9 +7,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from mechcore.errors import Fault, MechanismError
-
-LARGE = "MECHVIZ_LARGE"
-"""Environment variable that lifts the limits, as the option ``--large`` of the commands does."""
+from mechviz.files import LARGE
 
 MOST_KEYS = 200_000  # of a scene: it is read in half a minute
 MOST_ITEMS = 50_000  # links, joints and loads: checked in a minute or two

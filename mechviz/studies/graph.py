@@ -9,7 +9,7 @@ import numpy as np
 
 from mechcore.constructions.contour_graph import ContourGraph
 from mechviz.figures import COLOURS, chart, save_chart
-from mechviz.picture.contour_graph import layout, loop_number
+from mechviz.picture.constructions import layout, loop_number
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

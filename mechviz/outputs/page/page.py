@@ -15,9 +15,8 @@ from mechviz.outputs.page.shapes import hex_of, pack_bodies, pack_drawables, pac
 from mechviz.outputs.presentation import Presentation
 from mechviz.outputs.rerun.blueprint import LONGEST_SHOW, SECONDS_A_CYCLE, SHORTEST_SHOW
 from mechviz.picture.centres import CENTRES
-from mechviz.picture.inversion import INVERSION, WORDS
 from mechviz.picture.nodes import Picture
-from mechviz.picture.overlays import DIAGRAMS, HIDDEN
+from mechviz.picture.overlays import DIAGRAMS, HIDDEN, INVERSION, WORDS
 from mechviz.quantities.catalogue import Catalogue
 from mechviz.quantities.vectors import FAMILIES, FORCE_FAMILIES, round_value
 

@@ -19,8 +19,8 @@ from mechviz.outputs.rerun.reader import Recording
 from mechviz.picture.arrows import with_scales
 from mechviz.picture.centres import CENTRES
 from mechviz.picture.constructions import Drawing, Mark, Stroke
-from mechviz.picture.inversion import INVERSION
 from mechviz.picture.nodes import ArrowSet, Body, Color, Lines, Mesh, Node, Picture, Points, Poses
+from mechviz.picture.overlays import INVERSION
 from mechviz.picture.surface_marks import KINDS
 from mechviz.quantities.items import JointInfo, Table
 from mechviz.quantities.numbers import TOLERANCE, LoadInfo, Numbers

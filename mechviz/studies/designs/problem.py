@@ -12,7 +12,7 @@ from mechcore.arrays import Flags, Real
 from mechcore.errors import Fault, MechanismError
 from mechviz.quantities.catalogue import Quantity
 from mechviz.runs import Run, run_scene
-from mechviz.scene.kinds.goals import GoalDocument
+from mechviz.scene.kinds.settings import GoalDocument
 from mechviz.scene.scene import Scene
 from mechviz.scene.units import QuantityError, split, unit_of
 from mechviz.studies.designs.evaluate import Study, evaluate, study_of

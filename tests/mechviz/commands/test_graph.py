@@ -14,8 +14,7 @@ from mechviz.commands.main import app
 from mechviz.outputs.rerun.reader import Recording
 from mechviz.outputs.rerun.writer import write_recording
 from mechviz.outputs.viewer.show import show_of_recording
-from mechviz.picture.constructions import drawings_of
-from mechviz.picture.contour_graph import layout
+from mechviz.picture.constructions import drawings_of, layout
 from mechviz.runs import run_scene
 from recordings import gallery_scene
 

@@ -23,9 +23,8 @@ from mechviz.outputs.viewer.world.labels import LabelPlaces, half_sizes
 from mechviz.outputs.viewer.world.solids import link_path
 from mechviz.picture.centres import CENTRES
 from mechviz.picture.constructions import Drawing, rows_of
-from mechviz.picture.inversion import INVERSION, WORDS
 from mechviz.picture.nodes import ArrowSet, Lines, Node, Points
-from mechviz.picture.overlays import DIAGRAMS, HIDDEN
+from mechviz.picture.overlays import DIAGRAMS, HIDDEN, INVERSION, WORDS
 
 Color = tuple[int, int, int]
 
