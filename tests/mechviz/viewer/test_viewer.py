@@ -330,6 +330,24 @@ def test_comparing_draws_the_curves_of_both_designs_and_says_how_far_their_peaks
     assert len(slot.chart.series) == len(torque.curves) + 2 and "opened" not in slot._readout.content
 
 
+def test_transmission_angles_and_velocity_ratios_can_be_asked_for_and_plotted(four_bar):
+    """By a switch: the quantity is offered then, is that of the metrics, and goes with the switch."""
+    with Viewer(four_bar, port=0) as shown:
+        for on in (True, False):
+            shown.session.change("answers", lambda draft, on=on: draft.with_named("answers", "transmission_angle", on))
+            assert shown.session.wait(rested=True)
+            until(lambda on=on: shown.inspector.diagrams.asked["answers", "transmission_angle"].value is on)
+            offered = {q.key: q for q in shown.inspector.show.quantities}
+            assert ("transmission_angle.D.angle" in offered) is on
+            if on:
+                found = offered["transmission_angle.D.angle"]
+                rocker, coupler = (four_bar.motion.pose(link)[:, 2] for link in ("rocker", "coupler"))
+                between = np.degrees(np.abs(np.angle(np.exp(1j * (rocker - coupler)))))
+                np.testing.assert_allclose(found.values()[:, 0], np.minimum(between, 180.0 - between), atol=1e-9)
+                shown.plots.choose(shown.plots.slots[0], found.title)
+                assert shown.plots.slots[0].quantity.title == found.title
+
+
 def test_plots_are_added_joined_saved_and_removed(viewer):
     plots, known = viewer.plots, {q.key: q for q in viewer.inspector.show.quantities}
     count = len(plots.slots)

@@ -15,6 +15,7 @@ import numpy as np
 import viser
 
 from mechcore.arrays import Complex, Real
+from mechcore.spec.mechanism import ANSWERS
 from mechviz.outputs.rerun.drawings import Curve as ChartCurve
 from mechviz.outputs.rerun.drawings import Diagram as Chart
 from mechviz.outputs.viewer import words
@@ -225,6 +226,10 @@ class Diagrams:
                         self.asked["plans", name] = gui.add_checkbox(
                             TITLES.get(name, f"{name.capitalize()} plan"), False, hint=PLANS[name]
                         )
+                with gui.add_folder("Quantities to plot"):
+                    for name, hint in ANSWERS.items():
+                        words_of = name.replace("_", " ").capitalize()
+                        self.asked["answers", name] = gui.add_checkbox(words_of, False, hint=hint)
                 with gui.add_folder("Pole curves", expand_by_default=len(show.poses) <= MOST_POLODES):
                     for link in show.poses:
                         if link != show.frame:
