@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -19,6 +20,7 @@ from mechviz.scene.scene import Scene
 
 GROUND, CART = "ground", "cart"
 SLIDES = ("along", "up")
+_FEWEST = 8  # rows of a table
 _TABLE = 240  # rows of a cycle, beside the places where another foot takes over
 
 
@@ -58,10 +60,11 @@ def walk_of(scene: Scene, feet: Sequence[tuple[str, str]], touch: float) -> Walk
     if gap > 1e-6 * float(np.abs(place).max()):
         raise MechanismError(Fault("feet", "their paths do not close in a cycle of the drive.", "Let the drive turn once."))
     t, z, v, foot = _with_changes(motion.time, place, rate)
-    step = np.diff(t)
-    speed = -v[foot, np.arange(len(t))]
-    x = np.concatenate([[0.0], np.cumsum(0.5 * (speed.real[1:] + speed.real[:-1]) * step)])
-    body = x - 1j * z[foot, np.arange(len(t))].imag
+    step, frames = np.diff(t), np.arange(len(t))
+    speed = -v[foot, frames]
+    back = -np.diff(z.real, axis=1)[foot[1:], frames[1:] - 1]  # while a foot stands the body goes as its point goes backwards
+    x = np.concatenate([[0.0], np.cumsum(np.where(step > 0.0, back, 0.0))])
+    body = x - 1j * z[foot, frames].imag
     low = z.imag - z.imag.min(axis=0) <= touch
     slips = []
     for k in range(len(feet)):
@@ -117,15 +120,22 @@ def walking_scene(scene: Scene, walk: Walk, name: str) -> Scene:
         CART: {"points": {GROUND: ["0 mm", "0 mm"], CART: ["0 mm", f"{0.5e3 * low:.9g} mm"]}},
         **{link: body if link == document.frame else table for link, table in data["links"].items()},
     }
-    duration = float(walk.time[-1] - walk.time[0])
-    at = [f"{t:.9g} s" for t in walk.time - walk.time[0]]
-    up = walk.rate.imag - np.trapezoid(walk.rate.imag, walk.time) / duration  # of a cycle that closes
+    changes = np.flatnonzero(np.diff(walk.time) == 0.0) + 1
+    stances = list(zip(np.split(walk.time, changes), np.split(walk.body, changes), strict=True))
     guides = {"along": ([GROUND, CART], GROUND, [1, 0]), "up": ([CART, document.frame], CART, [0, 1])}
-    for (key, (links, point, along)), rate in zip(guides.items(), (walk.rate.real, up), strict=True):
-        start = 0.0 if key == "along" else float(walk.body[0].imag) - 0.5 * low
-        law = {"velocity": {"at": at, "values": [f"{1e3 * value:.9g} mm/s" for value in rate]}}
-        drive = {"start": f"{1e3 * start:.9g} mm", "segments": [{"duration": f"{duration:.9g} s", "law": law}]}
+    for key, (links, point, along) in guides.items():
+        ways = [(t, z.real if key == "along" else z.imag - 0.5 * low) for t, z in stances]
+        drive = {"start": f"{1e3 * ways[0][1][0]:.9g} mm", "segments": [_stance(t, way) for t, way in ways]}
         data["joints"][key] = {"prismatic": links, "at": point, "along": along, "drive": drive}
     data["trace"] = list(dict.fromkeys([*data.get("trace", []), *walk.feet]))
     data["title"] = f"{scene.title}, walking"
     return Scene.build(name=name, folder=scene.folder, **data)
+
+
+def _stance(time: Real, way: Real) -> dict[str, Any]:
+    """The segment of a drive over the places of a slide while one foot stands."""
+    after = time - time[0]
+    if len(time) < _FEWEST:
+        after, way = np.linspace(0.0, after[-1], _FEWEST), np.interp(np.linspace(0.0, after[-1], _FEWEST), after, way)
+    table = {"at": [f"{t:.9g} s" for t in after], "values": [f"{1e3 * x:.9g} mm" for x in way]}
+    return {"duration": f"{after[-1]:.9g} s", "law": {"position": table}}

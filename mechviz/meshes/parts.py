@@ -181,15 +181,16 @@ def _necks(model: Model, draft: Draft, levels: Levels) -> list[Part]:
     """Necks that join plates to blocks on other layers, from face to face."""
     parts = []
     size = model.proportions
-    for neck in draft.necks:
+    for number, neck in enumerate(draft.necks):
         lower, upper = sorted(levels.layer[group] for group in neck.groups)
         if lower == upper:
             continue
         plate_is_lower = levels.layer[neck.groups[0]] == lower
         low = levels.plate(lower)[1] + (0.0 if plate_is_lower else 0.3 * size.boss)
         high = levels.plate(upper)[0] - (0.3 * size.boss if plate_is_lower else 0.0)
-        holes = [  # a little wider than those of the plates: no two parts share a corner
-            disc(axle.centres[neck.link], 1.03 * axle.hole_in(neck.link), model.segments)
+        wide = 1.03 + 0.002 * sum(other.link == neck.link for other in draft.necks[:number])
+        holes = [  # a little wider than those of the plates and of other necks: no two parts share a corner
+            disc(axle.centres[neck.link], wide * axle.hole_in(neck.link), model.segments)
             for axle in model.axles
             if neck.link in axle.centres and neck.outline.distance(Point(axle.centres[neck.link])) < axle.hole_in(neck.link)
         ]
