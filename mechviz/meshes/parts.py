@@ -14,7 +14,7 @@ from shapely.geometry import Point, Polygon
 from shapely.ops import unary_union
 
 from mechcore.spec.mechanism import Vec2
-from mechviz.meshes.draft import Draft, Piece
+from mechviz.meshes.draft import Draft, Neck, Piece
 from mechviz.meshes.extrude import Groove, Part, Prism, Profile, Shell, Turned, plate, revolve
 from mechviz.meshes.kinds.spatial_cams import turrets_reach
 from mechviz.meshes.layers.stack import Levels
@@ -178,17 +178,24 @@ def _drilled_marks(model: Model, piece: Piece, shape: Polygon, turned: Sequence[
 
 
 def _necks(model: Model, draft: Draft, levels: Levels) -> list[Part]:
-    """Necks that join plates to blocks on other layers, from face to face."""
+    """Necks that join plates to blocks on other layers, from face to face; of necks within each other the longest."""
     parts = []
     size = model.proportions
-    for number, neck in enumerate(draft.necks):
+    spans: list[tuple[Neck, float, float]] = []
+    for neck in draft.necks:
         lower, upper = sorted(levels.layer[group] for group in neck.groups)
         if lower == upper:
             continue
         plate_is_lower = levels.layer[neck.groups[0]] == lower
         low = levels.plate(lower)[1] + (0.0 if plate_is_lower else 0.3 * size.boss)
         high = levels.plate(upper)[0] - (0.3 * size.boss if plate_is_lower else 0.0)
-        wide = 1.03 + 0.002 * sum(other.link == neck.link for other in draft.necks[:number])
+        spans.append((neck, low, high))
+    kept: list[tuple[Neck, float, float]] = []
+    for neck, low, high in sorted(spans, key=lambda span: span[1] - span[2]):
+        if not any(n.link == neck.link and a <= low and high <= b and n.outline.equals(neck.outline) for n, a, b in kept):
+            kept.append((neck, low, high))
+    for number, (neck, low, high) in enumerate(kept):
+        wide = 1.03 + 0.002 * sum(other.link == neck.link for other, _, _ in kept[:number])
         holes = [  # a little wider than those of the plates and of other necks: no two parts share a corner
             disc(axle.centres[neck.link], wide * axle.hole_in(neck.link), model.segments)
             for axle in model.axles
