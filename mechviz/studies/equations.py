@@ -65,6 +65,24 @@ def equation_lines(equilibrium: Equilibrium, frame: int) -> list[str]:
     return [*lines, "", *_together(equilibrium, frame)]
 
 
+def equation_table(run: Run) -> list[str]:
+    """The equations at the start as Markdown, of a scene that asks for force polygons; nothing where it does not, or jams there."""
+    if run.forces is None or "force" not in run.motion.mechanism.studies.polygons:
+        return []
+    try:
+        equilibrium, frame = equilibrium_at(run, float(run.motion.time[0]))
+    except MechanismError:
+        return []
+    lines = ["## Equilibrium equations at the start", "", "| group | link | sum | equation |", "|---|---|---|---|"]
+    for number, group in enumerate(equilibrium.groups(frame), 1):
+        for link in group.links:
+            for equation in link.equations:
+                least = _rounding(link, equation, run.motion.model.length_scale)
+                lines.append(f"| {number} | {link.link} | {_sum(equation)} | {_text(equation, least)} = 0 |")
+        lines.append(f"| {number} | gives | | {_values(group.found)} |")
+    return [*lines, "", *(f"- {line}" for line in _together(equilibrium, frame)), ""]
+
+
 def _together(equilibrium: Equilibrium, frame: int) -> Iterator[str]:
     """What the equations give at once, as a check."""
     rows, columns = equilibrium.matrix.shape[1:]

@@ -28,6 +28,7 @@ from mechviz.quantities.study_tables import study_lines
 from mechviz.quantities.vectors import Scales
 from mechviz.runs import Run, Stage, package_version
 from mechviz.scene.reading.formulas import parameter_words
+from mechviz.studies.equations import equation_table
 
 if TYPE_CHECKING:
     from mechcore.kinematics.model import Model
@@ -275,6 +276,7 @@ def notes(run: Run, solids: Solids, scales: Scales, stages: list[Stage], every: 
     studies = study_lines(run)
     if studies:
         lines += ["## Studies", "", *(f"- {line}" for line in studies), ""]
+    lines += equation_table(run)
     lines += ["## Cost", "", "| stage | time [ms] |", "|---|---|"]
     lines += [f"| {s.name} | {1e3 * s.seconds:.1f} |" for s in stages]
     shown = [

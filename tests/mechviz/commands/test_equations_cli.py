@@ -8,6 +8,10 @@ import pytest
 from typer.testing import CliRunner
 
 from mechviz.commands.main import app
+from mechviz.outputs.rerun.reader import Recording
+from mechviz.outputs.rerun.writer import write_recording
+from mechviz.runs import run_scene
+from recordings import gallery_scene
 
 
 def said(*arguments):
@@ -36,6 +40,17 @@ def test_latex_is_mathematics():
         MathTextParser("path").parse(f"${plain}$")
     for line in text.splitlines():
         assert line.count("{") == line.count("}")
+
+
+def test_a_scene_that_asks_for_force_polygons_has_its_equations_in_the_notes(tmp_path):
+    scene = gallery_scene("kinetostatic-four-bar")
+    for plans, there in (([], False), (["force"], True)):
+        run = run_scene(scene.changed({("plans",): plans}), frames=6)
+        write_recording(run, tmp_path / "a.rrd")
+        notes = Recording(tmp_path / "a.rrd").notes
+        assert ("Equilibrium equations" in notes) == there
+    assert "| 1 | coupler | M_D | 0.249629 R_Bx - 0.166389 R_By + 6.18829 = 0 |" in notes
+    assert "T_A = 6.26362 N m" in notes and "all 9 equations at once" in notes
 
 
 def test_what_does_not_fit_is_refused():
