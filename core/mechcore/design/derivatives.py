@@ -54,7 +54,7 @@ TRIES = 5
 
 @dataclass(frozen=True)
 class Parameter:
-    """Something that a mechanism follows from: its name, its ``value``, the ``mechanism`` that belongs to another value, and a
+    """A number from which a mechanism follows: its name, its ``value``, the ``mechanism`` that belongs to another value, and a
     half ``width`` of values around its own for which there is one."""
 
     name: str

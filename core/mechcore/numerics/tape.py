@@ -20,7 +20,7 @@ Numbers: TypeAlias = NDArray[Any]  # real or complex
 
 
 class Untraced(TypeError):
-    """Something that has no slope here: a conversion to a plain number, or a function that is not known."""
+    """Raised where a computation has no slope here: a conversion to a plain number, or a function that is not known."""
 
 
 class Step(NamedTuple):
@@ -41,7 +41,7 @@ class Tape:
         self.values: list[Numbers] = []  # of every traced result
 
     def variable(self, value: Any) -> Traced:
-        """Something by which derivatives are taken, or that has derivatives of its own."""
+        """A traced array that follows from nothing before it: derivatives are taken by it, or stated."""
         return self.result(np.asarray(value))
 
     def result(self, value: Numbers) -> Traced:
@@ -193,8 +193,7 @@ class Traced:
 
     def clip(self, low: Any = None, high: Any = None) -> Any:
         """Kept between two numbers, as numpy has it."""
-        above = self if low is None else np.maximum(self, low)
-        return above if high is None else np.minimum(above, high)
+        return _clip(self, low, high)
 
     def astype(self, _: Any) -> Traced:
         return self
@@ -221,7 +220,7 @@ class Traced:
         return len(self.value)
 
     def __array__(self, *_: Any, **__: Any) -> Any:
-        raise Untraced("it is computed in a way that has no derivative here")
+        raise Untraced("a part of this mechanism, such as a cam in space, is computed in a way whose derivatives are not known")
 
     __float__ = __complex__ = __int__ = __array__
 
@@ -374,6 +373,11 @@ def _remainder(a: Any, b: Any) -> Any:
     return _tape(a, b).elementwise(np.mod(x, y), [(a, 1.0, None), (b, -np.floor(x / y), None)])
 
 
+def _clip(x: Any, low: Any = None, high: Any = None) -> Any:
+    above = x if low is None else np.maximum(x, low)
+    return above if high is None else np.minimum(above, high)
+
+
 def _where(condition: Any, a: Any, b: Any) -> Any:
     chosen = np.asarray(value_of(condition), bool)
     if not (isinstance(a, Traced) or isinstance(b, Traced)):
@@ -427,6 +431,11 @@ def _sum(x: Traced, axis: Any = None) -> Any:
         lambda given: given[0].sum(axis=inner),
         lambda w: [np.broadcast_to(np.expand_dims(w, inner), (len(w), *x.value.shape))],
     )
+
+
+def _mean(x: Traced, axis: Any = None) -> Any:
+    total = _sum(x, axis)
+    return total * (total.value.size / x.value.size)
 
 
 def _swapaxes(x: Traced, first: int, second: int) -> Any:
@@ -497,6 +506,7 @@ UFUNCS: dict[str, Callable[..., Any]] = {
     "arcsin": _of_one(np.arcsin, lambda x, y: 1.0 / np.sqrt(1.0 - x * x)),
     "arccos": _of_one(np.arccos, lambda x, y: -1.0 / np.sqrt(1.0 - x * x)),
     "tanh": _of_one(np.tanh, lambda x, y: 1.0 - y * y),
+    "clip": _clip,
     "sqrt": _of_one(np.sqrt, lambda x, y: 0.5 / y),
     "log": _of_one(np.log, lambda x, y: 1.0 / x),
     "log1p": _of_one(np.log1p, lambda x, y: 1.0 / (1.0 + x)),
@@ -517,11 +527,12 @@ FUNCTIONS: dict[str, Callable[..., Any]] = {
     "column_stack": _column_stack,
     "broadcast_to": _broadcast_to,
     "sum": _sum,
+    "mean": _mean,
     "solve": _solve,
     "swapaxes": _swapaxes,
     "shape": lambda a: a.value.shape,
     "ndim": lambda a: a.value.ndim,
-    "clip": lambda a, low=None, high=None: a.clip(low, high),
+    "clip": _clip,
     "round": _no_slope(np.round),
     "iscomplexobj": lambda a: np.iscomplexobj(a.value),
 }

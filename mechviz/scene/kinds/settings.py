@@ -204,7 +204,7 @@ class FollowDocument(Table):
     drive: Annotated[list[Value], Field(min_length=2)]
     """Where the first drive is: with units, or numbers in degrees or mm."""
     values: Annotated[list[Value], Field(min_length=2)]
-    """What the quantity is to be there: with units, or numbers in its own."""
+    """Values that it is to have there: with units, or numbers in its own."""
 
     @model_validator(mode="after")
     def _as_many(self) -> FollowDocument:
@@ -231,7 +231,7 @@ class PathDocument(Table):
 
 
 class GoalDocument(Table):
-    """What `mechviz optimise` looks for."""
+    """The goal of `mechviz optimise`: parameters that vary, objectives, limits."""
 
     vary: list[Name] = Field(default=[])
     """Parameters that may vary within their ranges. Default: all that stand for themselves and have a range."""

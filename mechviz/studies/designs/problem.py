@@ -48,7 +48,7 @@ class Term:
 
 @dataclass(frozen=True, eq=False)
 class Limit:
-    """What a measure has to stay above and below, in the unit of its quantity, and what its violation is compared with."""
+    """Least and greatest value of a measure, in the unit of its quantity, and the scale of its violation."""
 
     text: str
     unit: str
@@ -65,7 +65,7 @@ class Limit:
 
 @dataclass(frozen=True, eq=False)
 class Judged:
-    """What designs are worth: ``objectives`` (D, m), the smaller the better, and ``violations`` (D,), 0 where all is kept."""
+    """Designs with their ``objectives`` (D, m), the smaller the better, and ``violations`` (D,), 0 where all is kept."""
 
     designs: Real
     objectives: Real
@@ -250,7 +250,7 @@ def _place(study: Study, value: float | str, path: str) -> float:
 
 
 def _weights_at(study: Study, drive: Real, places: Sequence[float]) -> Real:
-    """What the values of a curve (F,) weigh in its values where the drive is at places: (M, F). Raises `MechanismError`."""
+    """Weights (M, F) of the values of a curve (F,) in its values where the drive is at places. Raises `MechanismError`."""
     time, unit = study.nominal.catalogue.numbers.time, np.eye(len(drive))
     rows = []
     for place in places:

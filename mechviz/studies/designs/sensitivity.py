@@ -38,7 +38,7 @@ class Sensitivity:
 
     @property
     def size(self) -> float:
-        """What effects are compared with: the number, or the largest value of the curve."""
+        """The scale of effects: the number, or the largest value of the curve."""
         return abs(self.number) if self.measure.reducer else float(np.nanmax(np.abs(self.curve)))
 
     @property
@@ -47,11 +47,11 @@ class Sensitivity:
         return np.array([v.value for v in self.variables])
 
     def by_one_percent(self) -> Real:
-        """What a percent more of each variable does (P,); of a curve the largest over the run, with its sign."""
+        """Effect (P,) of a percent more of each variable; of a curve the largest over the run, with its sign."""
         return 0.01 * self.values * self._largest()
 
     def by_tolerance(self) -> Real:
-        """What the tolerance of each variable does (P,), 0 where it has none."""
+        """Effect (P,) of the tolerance of each variable, 0 where it has none."""
         return np.array([v.tolerance for v in self.variables]) * np.abs(self._largest())
 
     def _largest(self) -> Real:

@@ -53,7 +53,7 @@ class Limits:
 
 @dataclass(frozen=True, eq=False)
 class Tolerances:
-    """What tolerances do to a measure, in its unit. Arrays end with the frames (F,) where it is a curve, else they are numbers.
+    """Effects of tolerances on a measure, in its unit. Arrays end with the frames (F,) where it is a curve, else they are numbers.
 
     ``nominal``; ``slopes`` (P, ...) of each variable, in its unit; ``worst`` and ``likely``: half widths by the sum of all
     contributions and by the root of their squares; ``corners``: least and greatest over all corners of the tolerances, where there
@@ -113,7 +113,7 @@ class Tolerances:
         return cp, min(high - mean, mean - low) / (3.0 * sigma)
 
     def lines(self) -> Iterator[tuple[str, ...]]:
-        """What was found, a row for each figure."""
+        """Rows of the figures: name and value."""
         unit, k = self.quantity.unit, self.at
 
         def of(x: Real) -> float:
@@ -163,7 +163,7 @@ def tolerances(
     most: int = 4,
     progress: Callable[[int, int], None] = lambda *_: None,
 ) -> list[Tolerances]:
-    """What the tolerances of variables do to measures of a run. ``samples``: a power of two, at least 16. Raises
+    """Effects of the tolerances of variables on measures of a run. ``samples``: a power of two, at least 16. Raises
     `MechanismError`."""
     some = [v for v in variables if v.tolerance > 0.0]
     if not some:
@@ -238,7 +238,7 @@ def _fitted(values: Real, designs: Real, corners: int) -> Real:
 
 
 class _Sampled:
-    """What was found of the nominal design, the corners and the samples of a measure."""
+    """Values of a measure: of the nominal design, the corners and the samples."""
 
     def __init__(self, results: Found, k: int, corners: int):
         values = results.values[k]

@@ -1,4 +1,4 @@
-"""What a study may vary of a scene: its parameters, or any number of it by its place."""
+"""Variables of studies: parameters of a scene, or any number of it by its place."""
 
 from __future__ import annotations
 
