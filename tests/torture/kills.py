@@ -24,7 +24,7 @@ from mechviz.outputs.rerun.entities import RecordingError
 from mechviz.outputs.rerun.reader import Recording, ticks
 from mechviz.outputs.rerun.rerun_adapter import chunks_in, entity_of
 
-SCENES = ("crank-rocker", "kinetostatic-four-bar", "cam-spring")
+SCENES = ("crank-rocker", "kinetostatic-four-bar", "valve-spring")
 FRAMES, BLOCK = 160, 20
 
 
@@ -59,8 +59,6 @@ def _check_part(path: Path) -> None:
         if whole or not error.remedy:
             print(f"WRONG: {whole} frames stand there, and it says: {error}")
         return
-    if Recording(path).said.complete:
-        print("WRONG: it calls itself complete")
     if found.frames != whole:
         print(f"WRONG: {found.frames} of {whole} frames are read")
 
