@@ -207,7 +207,7 @@ def _parameter(scene: Scene, spot: Leaf) -> Parameter | None:
         low, high = max(3.0, math.floor(low)), max(math.ceil(high), 4.0)
     step = 1.0 if whole else _nice((high - low) / STEPS)
     span = WIDEST * (high - low)
-    bound = 0.0 if least == "zero" else step if least else -math.inf
+    bound = 0.0 if least == "zero" else (min(step, low) if low > 0.0 else step) if least else -math.inf
     if quantity is None and number >= 0.0:
         bound = 0.0
     hard_low = max(high - span, bound) if high > low else bound
@@ -333,7 +333,7 @@ def _nice(value: float) -> float:
 def _round_out(low: float, high: float) -> tuple[float, float]:
     """A range with round ends that holds another one."""
     step = _nice((high - low) / 20.0)
-    return float(f"{math.floor(low / step + 1e-9) * step:.10g}") or (step if low > 0.0 else 0.0), float(
+    return float(f"{math.floor(low / step + 1e-9) * step:.10g}") or (_nice(low) if low > 0.0 else 0.0), float(
         f"{math.ceil(high / step - 1e-9) * step:.10g}"
     )
 
