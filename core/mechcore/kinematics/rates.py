@@ -7,6 +7,7 @@ velocities of what is known, once more with centripetal, Coriolis and known acce
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from math import isfinite
 from typing import Any, Protocol
 
 import numpy as np
@@ -116,7 +117,13 @@ class Rates:
 
     def determined(self) -> Rates:
         """These rates, NaN at frames at which they are infinite: at a singular position they are not determined."""
-        for x in (*self.angular, *self.factor, *self.slide.values(), *self.group.values()):
+        solved = (*self.group.values(), *self.slide.values())  # all other rates follow from these and the drives'
+        for rate in solved:
+            if not isfinite(np.add.reduce(rate, axis=None)):
+                break
+        else:
+            return self
+        for x in (*self.angular, *self.factor, *solved):
             if isinstance(x, np.ndarray) and not np.isfinite(np.add.reduce(x, axis=None)) and x.flags.writeable:
                 x[~np.isfinite(x)] = np.nan
         return self

@@ -181,8 +181,7 @@ class Motion:
             return self._rates.speeds
         rates = [d[1] for d in self._drives]
         with np.errstate(**QUIET):
-            found = velocities(self.model, self.loop_vectors, self.columns, rates, self.patches, self.state.bends)
-            return found.determined()
+            return velocities(self.model, self.loop_vectors, self.columns, rates, self.patches, self.state.bends).determined()
 
     @lazy
     def _rates(self) -> CompiledRates:
