@@ -114,7 +114,8 @@ def walking_scene(scene: Scene, walk: Walk, name: str) -> Scene:
     low = float(walk.body.imag.min())
     data["frame"] = GROUND
     body = dict(data["links"][document.frame])
-    body["points"] = {**body["points"], CART: ["0 mm", "0 mm"]}
+    px, py = next(iter({link.name: link for link in scene.mechanism.links}[document.frame].points.values()))
+    body["points"] = {**body["points"], CART: [f"{1e3 * px:.9g} mm", f"{1e3 * py:.9g} mm"]}
     data["links"] = {
         GROUND: {"points": {GROUND: ["0 mm", "0 mm"]}},
         CART: {"points": {GROUND: ["0 mm", "0 mm"], CART: ["0 mm", f"{0.5e3 * low:.9g} mm"]}},
@@ -124,7 +125,7 @@ def walking_scene(scene: Scene, walk: Walk, name: str) -> Scene:
     stances = list(zip(np.split(walk.time, changes), np.split(walk.body, changes), strict=True))
     guides = {"along": ([GROUND, CART], GROUND, [1, 0]), "up": ([CART, document.frame], CART, [0, 1])}
     for key, (links, point, along) in guides.items():
-        ways = [(t, z.real if key == "along" else z.imag - 0.5 * low) for t, z in stances]
+        ways = [(t, z.real + px if key == "along" else z.imag + py - 0.5 * low) for t, z in stances]
         drive = {"start": f"{1e3 * ways[0][1][0]:.9g} mm", "segments": [_stance(t, way) for t, way in ways]}
         data["joints"][key] = {"prismatic": links, "at": point, "along": along, "drive": drive}
     data["trace"] = list(dict.fromkeys([*data.get("trace", []), *walk.feet]))

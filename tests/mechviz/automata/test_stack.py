@@ -93,7 +93,7 @@ def test_the_standing_foot_stands_still_in_the_scene_of_the_walk(toy):
     stands = heights.argmin(axis=0)
     assert np.abs(heights.min(axis=0)).max() < 2e-6
     assert np.abs(speeds[stands, np.arange(1000)]).max() < 1e-3 * np.abs(speeds).max()
-    gone = motion.point("frame", "A")[-1] - motion.point("frame", "A")[0]
+    gone = motion.point("body", "A")[-1] - motion.point("body", "A")[0]
     assert gone == pytest.approx([walk.advance, 0.0], abs=1e-6)
 
 
