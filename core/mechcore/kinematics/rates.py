@@ -119,7 +119,7 @@ class Rates:
         """These rates, NaN at frames at which they are infinite: at a singular position they are not determined."""
         solved = (*self.group.values(), *self.slide.values())  # all other rates follow from these and the drives'
         for rate in solved:
-            if not isfinite(np.add.reduce(rate, axis=None)):
+            if isinstance(rate, np.ndarray) and not isfinite(np.add.reduce(rate, axis=None)):
                 break
         else:
             return self
