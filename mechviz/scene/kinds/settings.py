@@ -177,7 +177,7 @@ def _listed(value: object) -> object:
     return [value] if isinstance(value, str) else value
 
 
-Measures = Annotated[list[Text], BeforeValidator(_listed)]
+Measures = Annotated[list[Text], BeforeValidator(_listed, json_schema_input_type=Text | list[Text])]
 Coordinates = Annotated[list[Number], Field(min_length=2, max_length=2)]
 
 
