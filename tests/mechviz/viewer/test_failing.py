@@ -45,11 +45,11 @@ def test_a_control_of_which_the_callback_fails_goes_back(viewer, browser, monkey
     slot, real = viewer.plots.slots[0], Slot.plot
     before = slot.choice.value
 
-    def fail(self: Slot, quantity: Any, axis: Any, frame: int) -> None:
+    def fail(self: Slot, quantity: Any, axis: Any, frame: int, compared: Any = None) -> None:
         if quantity.title != before:
-            self._read(quantity, axis)
+            self._read(quantity, axis, compared)
             raise ZeroDivisionError("out of order")
-        real(self, quantity, axis, frame)
+        real(self, quantity, axis, frame, compared)
 
     monkeypatch.setattr(Slot, "plot", fail)
     choose(browser, slot)

@@ -565,8 +565,10 @@ def _look_at_a_cam(page: Any, viewer: Viewer) -> None:
     until(page, lambda: page.get_by_role("alert").count() == 0, "all is well")
     assert viewer.session.wait(rested=True)
     whole = {piece.color for piece in viewer.inspector.show.bodies["cam"].pieces}
+    (low, high), picture = viewer.inspector.show.bounds[:, 2], viewer.inspector.show.picture
+    axis = next(node.height for node in picture.nodes if node.key == "spring.return_spring")
     open_tab(page, "View")
-    _type(page, "Section", "30")
+    _type(page, "Section", str(int(100.0 * (high - axis) / (high - low)) + 1))  # just behind the axis of the spring
     scene3d = viewer.inspector.scene
     until(page, lambda: {piece.color for piece in scene3d.links._drawn["cam"].pieces} - whole != set(), "a cut of another colour")
     until(page, lambda: not page.evaluate(SEEN, "/bodies/spring.return_spring"), "the spring before the cut is away")
