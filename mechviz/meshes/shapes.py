@@ -155,7 +155,9 @@ def _draw_guide(model: Model, draft: Draft, guide: Guide, form: str, *, at_home:
         for side in (1.0, -1.0):
             jaw = _beside(guide.block_point, guide.block_along, side * 1.35 * r, 2.0 * model.proportions.block, 0.5 * r)
             draft.pieces.append(Piece(guide.block, jaw, group, "block"))
-            draft.necks.append(Neck(guide.block, jaw, (draft.groups[guide.block], group)))
+            # narrower than the jaw: no two parts share a corner, not even where the jaw is too fine for a bevel
+            neck = _beside(guide.block_point, guide.block_along, side * 1.35 * r, 1.96 * model.proportions.block, 0.46 * r)
+            draft.necks.append(Neck(guide.block, neck, (draft.groups[guide.block], group)))
         return
     if not at_home:
         neck = outline.rectangle(guide.block_point, guide.block_along, 1.3 * r, 1.1 * r, 0.2 * r)

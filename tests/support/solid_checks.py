@@ -13,7 +13,7 @@ from sections import section
 
 from mechcore.joints.registry import build_joints
 from mechcore.motion.solve import compile_mechanism, default_times, solve_motion
-from mechcore.spec.mechanism import CamJoint, Joint, Link, Mechanism
+from mechcore.spec.mechanism import CamJoint, Joint, Link, Mechanism, Screw
 from mechviz.meshes.solids import Solids
 
 FRAMES = 48
@@ -74,10 +74,13 @@ def meeting_links(spec: Mechanism, poses: Poses, solids: Solids, every: int = 3)
     """Links whose solids cut the same plane in shapes that overlap at some frame: from the final meshes alone."""
     # cams about an axis in the plane do not keep their section: test_cam_spatial_scenes looks at them in space
     meshes = {name: solid.mesh for name, solid in solids.links.items() if solid.spin is None}
+    meshes |= without_threads(spec, solids)
     scaled = {name: trimesh.Trimesh(m.vertices / solids.size, m.faces, process=False) for name, m in meshes.items()}
     heights = np.unique(np.round(np.concatenate([m.vertices[:, 2] for m in scaled.values()]), 6))
     still = np.zeros_like(next(iter(poses.values())))
     touching = {frozenset(p.links) for p in spec.joints if isinstance(p, CamJoint)}  # to the tolerance of their tessellation
+    screws = [joint for joint in spec.joints if isinstance(joint, Screw)]
+    within = {frozenset((joint.links[joint.guide], f"{joint.name}.spindle")) for joint in screws}  # it turns inside rod and bearing
     found = set()
     for z in 0.5 * (heights[1:] + heights[:-1]):
         cut = {name: section(mesh, z) for name, mesh in scaled.items() if mesh.bounds[0, 2] < z < mesh.bounds[1, 2]}
@@ -85,12 +88,22 @@ def meeting_links(spec: Mechanism, poses: Poses, solids: Solids, every: int = 3)
             continue
         at = {name: placed(shape, poses.get(name, still)[::every], solids.size) for name, shape in cut.items()}
         for a, b in itertools.combinations(cut, 2):
-            if (a, b) in found:
+            if (a, b) in found or {a, b} in within:
                 continue
             first = shapely.buffer(at[a], -TOUCH / solids.size) if {a, b} in touching else at[a]
             if shapely.intersects(first, at[b]).any():
                 found.add((a, b))
     return found
+
+
+def without_threads(spec: Mechanism, solids: Solids) -> dict[str, trimesh.Trimesh]:
+    """The meshes of links that guide nuts, without the threaded rods in those: `Solids.clashes` keeps all else off the rods."""
+    screws = [joint for joint in spec.joints if isinstance(joint, Screw)]
+    meshes = {}
+    for name in {joint.links[joint.guide] for joint in screws}:
+        parts = [part for kind, part in zip(solids.links[name].kinds, solids.links[name].parts, strict=True) if kind != "rod"]
+        meshes[name] = trimesh.util.concatenate(parts)
+    return meshes
 
 
 def in_world(xy: tuple[float, float] | np.ndarray, pose: np.ndarray) -> np.ndarray:
