@@ -254,7 +254,7 @@ class _Machine:
         wire = up.pivot + 2.0 * up.of.arm * cmath.exp(1j * (up.heading + 0.5 * math.pi))
         starts = (*self.starts, 0.0)
         heads = [cmath.rect(lever.of.arm, lever.heading - start) for lever, start in zip(self.levers, starts, strict=True)]
-        frames = max(len(self.tables[0]), min(2 * len(self.tables[0]), 1000))
+        frames = 2 * len(self.tables[0])  # accelerations between the rows of the tables are seen
         speed_text = quoted(f"{30.0 / math.pi * speed:.12g} rpm")
         pivots = ", ".join(f"{pin} = {place(lever.pivot)}" for pin, lever in zip("ABC", self.levers, strict=True))
         lines = [
