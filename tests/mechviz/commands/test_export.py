@@ -17,9 +17,9 @@ from mechviz.outputs.exports.tables import export_csv, export_parquet, wide_tabl
 from mechviz.picture.build import solids_of
 from mechviz.runs import run_scene
 from mechviz.scene.scene import loads
-from recordings import made
+from recordings import ran
 
-COMPRESSOR = made("slider-crank-compressor").run
+COMPRESSOR = ran("slider-crank-compressor")
 
 
 def test_csv_reads_back_bit_for_bit(tmp_path):
@@ -47,7 +47,7 @@ def test_csv_reads_back_bit_for_bit(tmp_path):
 
 
 def test_kinematics_has_no_columns_of_forces():
-    names = " ".join(wide_table(made("crank-rocker").run))
+    names = " ".join(wide_table(ran("crank-rocker")))
     assert "torque" not in names and "reaction" not in names and "coupler.E.vx [m/s]" in names
 
 
@@ -73,7 +73,7 @@ def test_stl_is_one_closed_solid_a_link_in_millimetres(tmp_path):
 
 
 def test_links_whose_names_look_alike_get_files_of_their_own(tmp_path):
-    text = made("crank-rocker").run.scene.text
+    text = ran("crank-rocker").scene.text
     for old, new in (("crank ", '"link:1"'), ('"crank"', '"link:1"'), ("rocker ", '"link?1"'), ('"rocker"', '"link?1"')):
         text = text.replace(f"\n{old}", f"\n{new}") if old.endswith(" ") else text.replace(old, new)
     files = export_stl(run_scene(loads(text), frames=8), tmp_path)

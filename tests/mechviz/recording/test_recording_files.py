@@ -22,10 +22,10 @@ from mechviz.outputs.rerun.writer import write_recording
 from mechviz.quantities.tables import tables
 from mechviz.runs import run_scene
 from mechviz.scene.scene import load
-from recordings import made
+from recordings import made, ran
 
 ROOT = Path(__file__).resolve().parents[3]
-RUN = made("crank-rocker").run
+RUN = ran("crank-rocker")
 
 
 def test_the_example_that_is_kept_holds_what_is_recorded_today():
@@ -55,7 +55,7 @@ def test_many_recordings_in_one_process_keep_no_threads_files_or_memory(tmp_path
     def resident() -> float:
         return 4096e-6 * int(Path("/proc/self/statm").read_text().split()[1])
 
-    run = made("crank-rocker", 12).run
+    run = ran("crank-rocker", 12)
     for _ in range(4):
         write_recording(run, tmp_path / "a.rrd")
     before, size = held(), resident()
@@ -159,7 +159,7 @@ def test_an_interrupted_run_keeps_what_it_had(tmp_path):
 
     path = tmp_path / "a.rrd"
     path.write_bytes(b"old")
-    run = made("crank-rocker", 4000).run
+    run = ran("crank-rocker", 4000)
     with pytest.raises(KeyboardInterrupt) as stopped:
         write_recording(run, path, progress=stop)
     assert path.read_bytes() == b"old"
