@@ -17,7 +17,7 @@ from mechviz.commands.common import aligned, check_targets, fail, interruptible,
 from mechviz.commands.loading import SceneArg, SetOpt, clear_errors, load_scene
 from mechviz.commands.solving import CyclesOpt, DaskOpt, FramesOpt, JobsOpt, solve, workers
 from mechviz.figures import check_ending, save_chart
-from mechviz.files import OutputError, check_target, replacing
+from mechviz.files import OutputError, replacing
 from mechviz.quantities.catalogue import Axis
 from mechviz.scene.scene import dump
 from mechviz.studies.designs.evaluate import study_of
@@ -69,9 +69,7 @@ def sweep(
     if output is not None and output.suffix != ".parquet":
         fail(f"--output: '{output}' does not end in .parquet.")
     with clear_errors(scene):
-        if output is not None:
-            check_targets(scene, output)
-            check_target(output)
+        check_targets(scene, output)
         loaded = load_scene(scene, values)
         variations = [parse_variation(loaded, text) for text in vary]
         chosen = None if sample is None else parse_sample(sample, seed)
@@ -126,7 +124,6 @@ def study(
     """
     with clear_errors(str(file)):
         check_targets(str(file), output)
-        check_target(output)
         check_ending(output)
         with interruptible("pyarrow.parquet", "matplotlib.figure"):
             save_chart(study_chart(read_study(file), kind, of), output)
@@ -161,8 +158,6 @@ def sensitivity(
     """
     with clear_errors(scene):
         check_targets(scene, plot, csv_file)
-        for target in filter(None, (plot, csv_file)):
-            check_target(target)
         if plot is not None:
             check_ending(plot)
         loaded = load_scene(scene, values)
@@ -223,8 +218,6 @@ def tolerance(
     """
     with clear_errors(scene):
         check_targets(scene, plot, csv_file)
-        for target in filter(None, (plot, csv_file)):
-            check_target(target)
         if plot is not None:
             check_ending(plot)
         loaded = load_scene(scene, values)
@@ -283,8 +276,6 @@ def optimise(
         fail(f"--output: '{output}' does not end in .toml.")
     with clear_errors(scene):
         check_targets(scene, output, front, plot)
-        for target in filter(None, (output, front, plot)):
-            check_target(target)
         if plot is not None:
             check_ending(plot)
         loaded = load_scene(scene, values)
@@ -294,11 +285,11 @@ def optimise(
         with interruptible("scipy.optimize", "scipy.stats", *(["matplotlib.figure"] if plot is not None else [])):
             with progress_bar("optimising") as bar, workers(jobs, dask) as (executor, _):
 
-                def told(stage: str, objective: int, value: float, violation: float) -> None:
+                def report(stage: str, objective: int, value: float, violation: float) -> None:
                     shown = problem.terms[objective].shown(value)
                     bar.stage(f"{stage}: {shown if violation <= KEPT else f'limits missed by {100.0 * violation:.3g} %'}")
 
-                search = Search(problem, seed, population, generations, executor, told)
+                search = Search(problem, seed, population, generations, executor, report)
                 best = find_best(search, points=points)
             print("\n".join(aligned(best.lines())))
             say(f"{search.evaluations} designs were looked at.")

@@ -104,12 +104,12 @@ class Search:
             penalised = 10.0 * worst * (1.0 + own.violations)  # every design that misses a limit is worse than any that does not
             return np.asarray(np.where(own.feasible, own.objectives[:, objective], penalised))
 
-        def told(intermediate_result: Any) -> None:
+        def report(intermediate_result: Any) -> None:
             self.tell("differential evolution", objective)
 
         differential_evolution(
             merit, list(map(tuple, bounds)), init=screened.designs[order[:count]], maxiter=self.generations, tol=1e-6,
-            vectorized=True, updating="deferred", polish=False, rng=rng, callback=told, mutation=(0.4, 0.9),
+            vectorized=True, updating="deferred", polish=False, rng=rng, callback=report, mutation=(0.4, 0.9),
         )  # fmt: skip
 
     # -- along derivatives --------------------------------------------------------------------------------------------
