@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any, TypeVar, cast
 
 import numpy as np
@@ -59,46 +60,32 @@ def factor_of(at: Configuration, factor: Factor | None, load: str) -> Real | flo
 
 def _of_symbol(factor: Factor, argument: Symbol) -> Values:
     """The factor in a program that is written down."""
-    function = factor.function
-    value: Any  # a symbol or a number: both stand for arrays
     if factor.of == "time":
-        value = argument.code.value_of(function)
-    elif isinstance(function, Table):
-        low, high, period = function.x[0], function.x[-1], function.period
-        within: Any = argument.clip(low, high) if period is None else low + np.mod(argument - low, period)
-        value = argument.code.piecewise(within, *function.pieces())
-    elif isinstance(function, Polynomial):
-        value = _by_horner(function, argument)
-    else:
-        try:
-            value = function(argument)
-        except Exception as error:  # a user's function may raise anything, the more so if it is given no numbers
-            raise Untraceable("a factor is a function of Python") from error
-    return cast(Values, value)
-
-
-def _by_horner(function: Polynomial, argument: Any) -> Any:
-    value: Any = function.coefficients[-1]
-    for c in function.coefficients[-2::-1]:
-        value = value * (argument / function.per) + c
-    return value
+        return cast(Values, argument.code.value_of(factor.function))
+    return _of_one(factor.function, argument, argument.code.piecewise, Untraceable)
 
 
 def _of_traced(factor: Factor, argument: Traced) -> Values:
     """The factor with its slope."""
-    function: Any = factor.function
+    return _of_one(factor.function, argument, piecewise, Untraced)
+
+
+def _of_one(function: Any, argument: Any, pieces: Callable[..., Any], refused: type[Exception]) -> Values:
+    """A function of a symbol or a traced array, both of which stand for arrays; ``pieces`` is how it is put together."""
     value: Any
     if isinstance(function, Table):
         low, high, period = function.x[0], function.x[-1], function.period
         within: Any = argument.clip(low, high) if period is None else low + np.mod(argument - low, period)
-        value = piecewise(within, *function.pieces())
+        value = pieces(within, *function.pieces())
     elif isinstance(function, Polynomial):
-        value = _by_horner(function, argument)
+        value = function.coefficients[-1]
+        for c in function.coefficients[-2::-1]:
+            value = value * (argument / function.per) + c
     else:
         try:
             value = function(argument)
         except Exception as error:  # a user's function may raise anything, the more so if it is given no numbers
-            raise Untraced("a factor is a function of Python") from error
+            raise refused("a factor is a function of Python") from error
     return cast(Values, value)
 
 
