@@ -1,4 +1,4 @@
-"""What the scenes of machines are written with."""
+"""Texts of which scenes of machines are written: tables, quoted words, places."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What pens draw: lines that grow with the frames, and the sheet that they are drawn on."""
+"""Ink of pens: lines that grow with the frames, and the sheet that they are drawn on."""
 
 from __future__ import annotations
 

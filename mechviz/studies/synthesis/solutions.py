@@ -1,4 +1,4 @@
-"""What a synthesis gives: solutions with their numbers and defects, as a table and as scene files."""
+"""Solutions of a synthesis with their numbers and defects, as a table and as scene files."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What bears springs and stops links: where it stands, and that no link runs into it; flywheels, fans and spindles."""
+"""Fixtures of springs and stops: where they stand, and that no link runs into them; flywheels, fans and spindles."""
 
 from __future__ import annotations
 
