@@ -10,7 +10,8 @@ import signal
 from collections.abc import Callable
 
 import pytest
-from hypothesis import settings
+from hypothesis import HealthCheck, settings
+from hypothesis.internal.conjecture import providers
 
 # a worker for each core: threads of BLAS would only wait for each other (before numpy is loaded; processes of tests inherit it)
 os.environ.setdefault("OMP_NUM_THREADS", "1")
@@ -19,9 +20,17 @@ os.environ.pop("PYTHONDONTWRITEBYTECODE", None)  # processes of tests: each woul
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:  # started in the background: processes of tests would not be interrupted
     signal.signal(signal.SIGINT, signal.default_int_handler)
 
-# a busy machine fails no test: examples have no deadline, all else is as hypothesis chooses it (in CI it is another choice)
-settings.register_profile("without a clock", settings.default, deadline=None)
-settings.load_profile("without a clock")
+# a busy machine fails no test, and a run here tries the examples of CI: what is random is searched by --hypothesis-profile=search
+settings.register_profile("search", deadline=None, suppress_health_check=[HealthCheck.too_slow], derandomize=False, print_blob=True)
+settings.register_profile("suite", settings.get_profile("search"), max_examples=60, derandomize=True, database=None)
+settings.load_profile("suite")
+
+
+@pytest.hookimpl(trylast=True)
+def pytest_configure(config: pytest.Config) -> None:
+    if settings.get_current_profile_name() == "suite":  # no examples from the constants of what happens to be loaded
+        providers._get_local_constants = providers.Constants
+
 
 # modules whose tests of a gallery scene share its run, its solids and its recording
 PER_SCENE = {

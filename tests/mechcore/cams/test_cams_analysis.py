@@ -46,7 +46,7 @@ def test_eccentric_disc_of_the_reference(name):
         np.testing.assert_allclose(place, [r["flat"]["contact_offset"] for r in rows], atol=1e-15)
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(
     st.sampled_from(LAWS),
     st.sampled_from(LAWS),

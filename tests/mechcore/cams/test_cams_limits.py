@@ -85,7 +85,7 @@ def test_least_base_for_a_pressure_angle(row):
     assert found.decides == "pressure angle on the rise"
 
 
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=15)
 @given(st.floats(12, 40), st.floats(12, 40), st.floats(0.0, 0.012), st.floats(0.001, 0.02), st.sampled_from([1, -1]))
 def test_best_offset_is_feasible_and_beats_its_neighbours(up, down, radius, r, turn):
     want = Requirement(radius, np.radians(up), np.radians(down))
@@ -125,7 +125,7 @@ def test_least_base_of_oscillating_followers_is_the_least(face, side):
     assert fails or limits.convex.value < want.radius
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(
     st.sampled_from(sorted(set(RISES) - {"constant-velocity", "constant-acceleration"})),
     st.sampled_from(sorted(set(RISES) - {"constant-velocity", "constant-acceleration"})),

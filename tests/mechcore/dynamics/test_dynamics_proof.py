@@ -145,7 +145,7 @@ def test_scipy_agrees_between_impacts_and_releases():
 # --- conservation -----------------------------------------------------------------------------------------------------
 
 
-@settings(max_examples=12, deadline=None)
+@settings(max_examples=12)
 @given(st.floats(0.2, 0.5), st.floats(0.8, 1.4), st.floats(0.8, 1.4), st.floats(-3.0, 3.0), st.floats(-8.0, 8.0))
 def test_four_bars_keep_their_energy_and_come_back_when_time_is_reversed(crank, coupler, rocker, angle, speed):
     assume(abs(coupler - rocker) < 1.0 - crank)  # else the links miss each other
@@ -163,7 +163,7 @@ def poses(simulation) -> dict[str, tuple[float, float, float]]:
     return {k: tuple(float(x) for x in motion.pose(k)[0]) for k in motion.model.links[1:]}
 
 
-@settings(max_examples=12, deadline=None)
+@settings(max_examples=12)
 @given(
     st.floats(0.1, 20.0),
     st.floats(0.1, 20.0),

@@ -74,17 +74,20 @@ def test_six_bars_under_random_effects(mechanism):
 @settings(max_examples=40)
 @given(loaded(crank_rockers()))
 def test_potential_energy_is_what_springs_and_gravity_take(mechanism):
-    """dU/dt = -power of all that stores energy, by central differences of order 4 with falling steps."""
+    """dU/dt = -power of all that stores energy, by central differences of order 4 with falling steps.
+
+    Near a dead point the order shows with small steps only: an error of a larger step may be small by chance.
+    """
     stores = [e for e in effects_of(mechanism) if e.stores]
     errors = []
-    for h in (2e-2, 1e-2):
+    for h in (1e-2, 2.5e-3, 6.25e-4):
         m = move(mechanism, 1.0 + h * np.arange(-2, 3))
         energy = np.broadcast_to(potential(m), m.shape)
         power = sum((power_of(m, w) for e in stores for w in e.wrenches(m)), np.zeros(5))
         slope = np.array([1.0, -8.0, 0.0, 8.0, -1.0]) @ energy / (12.0 * h)
         across = 1e-3 * sum(np.abs(w.force).max() for e in stores for w in e.wrenches(m))  # forces that do no work, up to rounding
         errors.append(abs(slope + power[2]) / max(np.abs(energy).max(), np.abs(power).max(), across, 1e-12))
-    assert errors[1] < 1e-9 or errors[1] < errors[0] / 8.0, errors
+    assert errors[2] < 1e-9 or errors[2] < errors[0] / 1000.0, errors  # 65,536 times smaller, in the limit
 
 
 def every_load() -> Mechanism:

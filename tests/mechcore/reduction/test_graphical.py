@@ -164,7 +164,7 @@ def test_the_funicular_polygon_finds_the_resultants_of_the_reference(name):
             assert np.isnan(found.meeting[0])
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(st.integers(0, 10**6), st.integers(2, 8))
 def test_the_result_does_not_depend_on_the_pole(seed, n):
     rng = np.random.default_rng(seed)
@@ -189,7 +189,7 @@ def test_the_result_does_not_depend_on_the_pole(seed, n):
             assert found.closing.max() < 1e-9
 
 
-@settings(max_examples=50, deadline=None)
+@settings(max_examples=50)
 @given(st.integers(0, 10**6))
 def test_strings_are_parallel_to_rays_and_meet_on_the_forces(seed):
     rng = np.random.default_rng(seed)

@@ -126,7 +126,7 @@ def test_shaking_is_what_joints_and_drives_do_to_the_frame(name):
     assert np.abs(found.moment - moment).max() <= 1e-10 * found.peak_moment
 
 
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=15)
 @given(st.integers(0, 10**6))
 def test_a_balanced_four_bar_does_not_shake_whatever_the_crank_does(seed):
     rng = np.random.default_rng(seed)

@@ -132,7 +132,6 @@ def test_members_of_the_sine_constant_cosine_family_are_the_classical_laws():
     np.testing.assert_allclose(rise("trapezoidal-velocity", run_up=0.2, braking=0.3)(0.5, 1)[1], 1 / 0.75, rtol=1e-14)
 
 
-@settings(deadline=None)
 @given(st.lists(st.floats(0.02, 1.0), min_size=7, max_size=7))
 def test_any_zones_of_acceleration_start_and_end_at_rest(shares):
     shares = np.array(shares) / sum(shares)
@@ -151,7 +150,6 @@ def test_skewed_parabola_has_the_accelerations_of_its_shares():
     np.testing.assert_allclose(back([0.3], 0)[0], 1.0 - skewed([0.7], 0)[0], rtol=1e-15)
 
 
-@settings(deadline=None)
 @given(st.sampled_from(sorted(RISES)), st.floats(-3, 3), st.floats(0.1, 5), st.floats(-2, 2), st.floats(0.01, 3))
 def test_scaling_reversing_and_integrating_keep_the_derivatives_consistent(name, start, length, value, stroke):
     curve = rise(name).scaled(start, length, value, stroke)
@@ -190,7 +188,7 @@ def test_polynomial_from_rest_conditions_is_3_4_5_and_its_elders():
         np.testing.assert_allclose(polynomial_law(conditions).pieces[0].poly, rise(name).pieces[0].poly, atol=1e-10)
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(st.data())
 def test_polynomials_and_splines_meet_any_conditions_at_any_angles(data):
     angles = data.draw(st.lists(st.integers(0, 12), min_size=2, max_size=5, unique=True))
@@ -328,7 +326,6 @@ def test_least_contact_force_keeps_the_margin():
 # --- programs -------------------------------------------------------------------------------------------------------------
 
 
-@settings(deadline=None)
 @given(
     st.lists(st.tuples(st.floats(0.2, 2.0), st.floats(-3, 3), st.sampled_from(sorted(RISES))), min_size=1, max_size=5),
     st.floats(-2, 2),
