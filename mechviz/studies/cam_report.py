@@ -52,17 +52,35 @@ Row = tuple[str, str, bool | None, bool]  # what, words, passed, stated
 
 def cam_facts(motion: Motion, forces: Forces | None, *, margin: float | None = None) -> list[CamFact]:
     """Facts of all cams over a run; ``margin`` [N] instead of the scene's, for the least spring."""
-    facts: list[CamFact] = []
+    facts = size_facts(motion)
     for cam in placed_cams(motion):
         rows = _facts(motion, forces, cam, joint_of(motion, cam), margin)
         facts += [CamFact(cam.name, what, Text(words), passed, stated) for what, words, passed, stated in rows]
     return facts
 
 
+def size_facts(motion: Motion) -> list[CamFact]:
+    """The sizes that the scene asks to be the least, as they were found."""
+    return [
+        CamFact(cam.name, what, Text(words)) for cam in placed_cams(motion) for what, words in _found(joint_of(motion, cam), cam)
+    ]
+
+
+def _found(joint: CamJoint, cam: AnyCam) -> Iterator[tuple[str, str]]:
+    if isinstance(cam, PlacedCam) and cam.decides is not None:
+        yield "base circle", f"{as_length(cam.base, 6)}, the least for its limits; decided by: {cam.decides}"
+    for what, value in joint.sized:
+        if what == "offset":
+            yield what, f"{as_length(value, 6)}, with which the base circle is least"
+        elif isinstance(joint.face, Roller) and joint.rating is not None and joint.rating.limit is not None:
+            limit = f"a Hertz pressure of {_megapascals(joint.rating.limit)}"
+            yield what, f"{as_length(joint.face.radius, 6)}, the least for {limit}; decided at {_place(cam, value)}"
+
+
 def law_facts(motion: Motion) -> list[CamFact]:
     """Facts of the laws of all cams, whatever the run is."""
     rows = [(cam.name, row) for cam in placed_cams(motion) for row in _limits(cam)]
-    return [CamFact(name, what, Text(words), passed, stated) for name, (what, words, passed, stated) in rows]
+    return size_facts(motion) + [CamFact(name, what, Text(words), passed, stated) for name, (what, words, passed, stated) in rows]
 
 
 def cam_lines(motion: Motion, facts: list[CamFact], units: UnitSystem) -> list[str]:
@@ -157,8 +175,6 @@ def _limits(cam: AnyCam) -> Iterator[Row]:
         for word, reached in (("rise", limits.rise), ("return", limits.fall))
     ]
     worst = max(limits.rise.value, limits.fall.value)
-    if cam.decides is not None:
-        yield "base circle", f"{as_length(cam.base, 6)}, the least for its limits; decided by: {cam.decides}", None, False
     yield _judged("pressure angle", ", ".join(ends), worst, cam.pressure_limit, _degrees)
     if cam.curvature_limit is not None:
         least = 0.0 if limits.undercut or limits.convex is None else limits.convex.value

@@ -34,7 +34,7 @@ from mechcore.texts import Text
 from mechviz.quantities.items import joints_of
 from mechviz.scene.faults import in_scene_words
 from mechviz.scene.units import Units
-from mechviz.studies.cam_report import cam_facts, cam_lines, law_facts
+from mechviz.studies.cam_report import cam_facts, cam_lines, law_facts, size_facts
 
 if TYPE_CHECKING:
     from mechviz.scene.scene import Scene
@@ -118,6 +118,7 @@ def check_lines(scene: Scene, *, equations: bool = False, modes: bool = False) -
     cams = [joint for joint in scene.mechanism.joints if isinstance(joint, CamJoint)]
     if cams:
         known = law_facts(motion) if free or decided else cam_facts(motion, forces)  # forces decide what a run makes of them
+        lines += _section("sizes", [f"{f.cam}: {f.what} {f.text.in_units(scene.units)}" for f in size_facts(motion)])
         lines += _section("limits", [f"{f.cam}: {f.what} {f.text.in_units(scene.units)}" for f in known if f.failed])
         if any(joint.rating is not None or joint.drawn is not None for joint in cams) and not free:
             lines += ["", *cam_lines(motion, known, scene.units)]

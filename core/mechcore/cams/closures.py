@@ -236,15 +236,15 @@ def hertz(
     return HertzContact(pressure, half)
 
 
-def roller_range(
+def rollers_for(
     force: ArrayLike,
     pitch_radius: ArrayLike,
     width: float,
     limit: float,
     modulus: tuple[float, float] = (2.1e11, 2.1e11),
     poisson: tuple[float, float] = (0.3, 0.3),
-) -> tuple[float, float]:
-    """The least and the greatest roller [m] with which the Hertz pressure keeps to ``limit`` [Pa] on a given pitch curve.
+) -> tuple[Real, Real]:
+    """The least and the greatest rollers (n) [m] with which the Hertz pressure keeps to ``limit`` [Pa] on a given pitch curve.
 
     ``force`` (n) [N] along the normal, ``pitch_radius`` (n) [m], negative where it is hollow: neither depends on the roller while
     the pitch curve stays. A roller r has the reduced radius r (rho - r) / rho, at most rho / 4. The least is infinite where a
@@ -258,4 +258,17 @@ def roller_range(
         root = np.sqrt(1.0 - 4.0 * need / rho)
         low = np.where(need == 0.0, 0.0, 2.0 * need / (1.0 + root))
         high = np.where(rho > 0.0, 0.5 * rho * (1.0 + root), np.inf)
-    return float(np.where(np.isnan(low), np.inf, low).max()), float(np.where(np.isnan(high), 0.0, high).min())
+    return np.where(np.isnan(low), np.inf, low), np.where(np.isnan(high), 0.0, high)
+
+
+def roller_range(
+    force: ArrayLike,
+    pitch_radius: ArrayLike,
+    width: float,
+    limit: float,
+    modulus: tuple[float, float] = (2.1e11, 2.1e11),
+    poisson: tuple[float, float] = (0.3, 0.3),
+) -> tuple[float, float]:
+    """The least and the greatest roller [m] that do at all places of a pitch curve; arguments as those of `rollers_for`."""
+    low, high = rollers_for(force, pitch_radius, width, limit, modulus, poisson)
+    return float(low.max()), float(high.min())

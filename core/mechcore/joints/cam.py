@@ -146,9 +146,8 @@ def _disc(joint: CamJoint, builder: Builder, carrier: str, guide: Prismatic | Re
         raise fault_of(joint, "lift", f"after a turn the lift is {higher} higher than before.", "Let it return to its start.")
     law = law if law.repeats else law.repeating()
     base, decides = joint.base, None
-    if joint.least:
-        want = Requirement(radius=joint.curvature_limit, pressure_rise=joint.pressure_limit, pressure_fall=joint.pressure_limit)
-        base, decides = _least_base(law, follower, want, joint.sense, joint.hub)
+    if "base" in joint.least:
+        base, decides = _least_base(law, follower, required(joint), joint.sense, joint.hub)
     cam = cam_on_base(law, follower, base, turn=joint.sense)
     mount = axes * cmath.exp(1j * joint.sense * joint.phase)
     made = _common(joint, carrier, cam, centre, axes) | {"own": own, "mount": mount, "arm": arm, "base": base, "decides": decides}
@@ -163,6 +162,11 @@ def _disc(joint: CamJoint, builder: Builder, carrier: str, guide: Prismatic | Re
             "intended": cam, "lost": left.lost,
         }  # fmt: skip
     return made
+
+
+def required(joint: CamJoint) -> Requirement:
+    """The limits that a cam states."""
+    return Requirement(radius=joint.curvature_limit, pressure_rise=joint.pressure_limit, pressure_fall=joint.pressure_limit)
 
 
 def _mate(

@@ -326,8 +326,9 @@ class CamJoint:
     law is read as the cam turns in ``sense`` (1 counter-clockwise), ``phase`` ahead. An oscillating follower has its point on
     ``side`` of the line from its pivot to the cam's axis. ``closure``: "force" only presses; "form" pulls too: a
     groove with a knife or roller, a yoke with flat faces. ``pressure_limit`` [rad]: a larger pressure angle is an event;
-    ``curvature_limit`` [m]: least radius of the convex profile. ``least``: the base circle is the least that keeps to both, is not
-    undercut and not smaller than the ``hub`` [m]; ``base`` does not count then.
+    ``curvature_limit`` [m]: least radius of the convex profile. ``least``: sizes that follow. The "base" circle is the
+    least that keeps to both, is not undercut and not smaller than the ``hub`` [m] (``base`` does not count then); for "offset" and
+    "roller", and for ``sized``, see `with_least_sizes` of `mechcore.forces.cam_sizes`.
     ``second``: point and radius of a second roller on a second cam of the same shaft, which pulls (a conjugate pair).
     ``undercut``: a profile that is too sharp for its follower is refused, or made as the cutter leaves it ("cut").
     """
@@ -352,7 +353,8 @@ class CamJoint:
     spatial: SpatialBlank | None = None  # the cam's axis lies in the plane: base is the roller's place along it at zero lift
     pressure_limit: float | None = None  # [rad]
     curvature_limit: float | None = None  # [m]
-    least: bool = False
+    least: tuple[Literal["base", "offset", "roller"], ...] = ()
+    sized: tuple[tuple[Literal["offset", "roller"], float], ...] = ()  # offset [m]; where the roller is decided [rad]
     hub: float = 0.0  # [m]
     rating: CamRating | None = None
     drawn: CamDrawn | None = None

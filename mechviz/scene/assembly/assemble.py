@@ -6,7 +6,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 from mechcore.dynamics.events import with_slot_ends
-from mechcore.errors import Fault
+from mechcore.errors import Fault, MechanismError
+from mechcore.forces.cam_sizes import with_least_sizes
 from mechcore.laws.timed import Free, Law, moves
 from mechcore.reduction.bodies import Body
 from mechcore.spec.clearance import with_clearances
@@ -25,9 +26,12 @@ from mechviz.scene.assembly.simulation import (
     with_swings,
 )
 from mechviz.scene.convert import Converter, likely_sort
+from mechviz.scene.document import SceneDocument
+from mechviz.scene.faults import document_path
 from mechviz.scene.folder import SceneFolder
 from mechviz.scene.kinds.drive_laws import jumping_speeds, law_of
 from mechviz.scene.kinds.friction import clearances_of, idle_effect
+from mechviz.scene.kinds.joints.cam_documents import LEAST
 from mechviz.scene.kinds.joints.document import JointDocument, check_joints, drawn_place, joint_spec, modes_of
 from mechviz.scene.kinds.kind import drawn_angle
 from mechviz.scene.kinds.loads.document import check_loads, load_specs
@@ -181,11 +185,38 @@ def assemble(
         return None, faults
     if outlines is None and drawn_links(document):
         return assemble(reading, name, folder, drawn_bodies(mechanism, document))
+    if faults := _least_roller_faults(document, decided=simulation is not None):
+        return None, faults
+    mechanism, faults = _sized(mechanism, document)
+    if faults:
+        return None, faults
     if clearances:
         mechanism = with_clearances(mechanism, clearances)
     if simulation is not None and mechanism.ends:
         simulation = replace(simulation, stops=with_slot_ends(mechanism, simulation.stops))
     return Assembly(mechanism, simulation, convert.kinds), []
+
+
+def _least_roller_faults(document: SceneDocument, *, decided: bool) -> list[Fault]:
+    """Why rollers cannot be the least: ``decided``, forces decide the motion; or masses follow from what is drawn."""
+    faults = []
+    for key, joint in document.joints.items():
+        if joint.follower is None or joint.follower.roller != LEAST:
+            continue
+        drawn = [link for link in joint.links if link in drawn_links(document)]
+        why = "forces decide the motion, which the roller changes" if decided else ""
+        why = why or (f"the mass of '{drawn[0]}' follows from what is drawn, and that from the roller" if drawn else "")
+        if why:
+            faults.append(Fault(f"joints.{key}.follower.roller", f"{why}.", "Give its radius."))
+    return faults
+
+
+def _sized(mechanism: Mechanism, document: SceneDocument) -> tuple[Mechanism, list[Fault]]:
+    """The mechanism with the least sizes of its cams."""
+    try:
+        return with_least_sizes(mechanism), []
+    except MechanismError as error:
+        return mechanism, [Fault(document_path(document, f.path), f.message, f.remedy) for f in error.faults]
 
 
 def _check_length(joint: JointDocument, law: Law, convert: Converter, path: str) -> None:

@@ -52,6 +52,65 @@ def test_the_least_base_circle_of_a_scene_keeps_its_limits_and_less_does_not(nam
     assert (angle is not None and worst > angle) or (radius is not None and smaller.convex.value < radius)
 
 
+def sized(base: str, roller: str, offset: str = "", place: float = 14.0) -> str:
+    """The offset roller follower with sizes of its cam; `place`: of the guide across the cam's axis."""
+    text = text_of("cam-roller-offset").replace("base = 38", f"base = {base}").replace("[14, 95]", f"[{place}, 95]")
+    rating = 'rating = { width = 8, limit = "300 MPa" }'
+    return text.replace("roller = 10,", f"roller = {roller}, {offset}").replace("[joints.K.pro", f"{rating}\n[joints.K.pro")
+
+
+def worst_stress(text: str) -> float:
+    run = run_scene(mechviz.loads(text), frames=3600)
+    cam = placed_cams(run.motion)[0]
+    return float(np.nanmax(contact_stress(run.forces, cam, joint_of(run.motion, cam).rating).pressure))
+
+
+def test_the_least_roller_of_a_scene_just_keeps_to_the_hertz_pressure():
+    roller = placed(mechviz.loads(sized("38", '"least"'))).face.radius * 1e3
+    assert worst_stress(sized("38", f"{roller}")) == pytest.approx(300e6, rel=2e-6)
+    assert worst_stress(sized("38", f"{0.99 * roller}")) > 300.5e6
+
+
+def test_the_offset_of_a_scene_s_least_base_circle_and_its_roller_hold_when_they_are_typed():
+    found = placed(mechviz.loads(sized('"least"', '"least"', 'offset = "least",')))
+    roller, offset = 1e3 * found.face.radius, 1e3 * found.offset
+    bases = [placed(mechviz.loads(sized('"least"', f"{roller}", place=offset + shift))).base for shift in (-0.5, 0.0, 0.5)]
+    assert bases[1] == pytest.approx(found.base, rel=1e-9)
+    assert min(bases[0], bases[2]) > found.base * 1.001
+    assert worst_stress(sized(f"{1e3 * found.base}", f"{roller}", place=offset)) == pytest.approx(300e6, rel=2e-6)
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (("roller = 10,", 'roller = "least",'), "for which Hertz pressure"),
+        (("roller = 10,", 'roller = 10, offset = "least",'), "of which base circle"),
+        (("roller = 10,", 'roller = "least", offset = "most",'), "joints.K.follower.offset"),
+    ],
+)
+def test_faults_of_followers_that_are_to_be_the_least(change, words):
+    with pytest.raises(MechanismError, match=words):
+        mechviz.loads(text_of("cam-roller-offset").replace(*change))
+
+
+def test_no_roller_is_the_least_where_nothing_presses_it_or_none_does():
+    text = sized("38", '"least"')
+    with pytest.raises(
+        MechanismError, match=r"joints.K.follower.roller +no roller on this cam keeps to a Hertz pressure of 20 MPa"
+    ):
+        mechviz.loads(text.replace("300 MPa", "20 MPa"))
+    with pytest.raises(MechanismError, match="no force presses this follower"):
+        mechviz.loads(re.sub(r"(?s)\[loads\].*", "", text).replace('effects = ["inertia", "gravity"]', "effects = []"))
+
+
+def test_check_says_which_sizes_it_found(tmp_path):
+    path = tmp_path / "cam.toml"
+    path.write_text(sized('"least"', '"least"', 'offset = "least",'))
+    out = CliRunner().invoke(app, ["check", str(path)]).output
+    assert "K: offset 2.45916 mm, with which the base circle is least" in out
+    assert "the least for a Hertz pressure of 300 MPa; decided at" in out
+
+
 def test_sizes_are_told_and_hold_when_the_scene_has_them():
     """The told base circle, typed into the scene, just reaches the limit; so does the told roller on the same pitch curve."""
     text = text_of("cam-roller")

@@ -39,6 +39,7 @@ if TYPE_CHECKING:
 
 _STEEPEST = math.radians(89.0)
 _FINEST_UNIT = 1e-9  # of a drawing [m]
+_SMALL = 1e-6  # the roller from which the least is looked for [m]
 
 
 class CamKeys(Table):
@@ -87,7 +88,7 @@ def _cam(m: JointMaker) -> Joint | None:
         if not 0.0 < limit < 0.5 * math.pi and not math.isnan(limit):
             usual = f"Usual are {as_angle(math.radians(30.0), 3)} to {as_angle(math.radians(45.0), 3)}."
             convert.note(f"{path}.profile.pressure_limit", f"{as_angle(limit)}.", usual)
-    face = _face(follower, path, convert)
+    face = _face(follower, path, convert, 0.0 if friction is None else friction.radius)
     second = None
     if follower.second is not None:
         second = (follower.second.point, convert.si(follower.second.roller, "length", f"{path}.follower.second.roller"))
@@ -95,7 +96,7 @@ def _cam(m: JointMaker) -> Joint | None:
         roller = follower.roller if follower.groove is None else follower.groove
         if roller is not None and not friction.radius:
             convert.note(f"{path}.friction", "'radius' is missing: a roller rolls, and rubs on its pin.", 'Add radius = "4 mm".')
-        elif roller is not None and not friction.radius < convert.si(roller, "length", f"{path}.follower"):
+        elif roller is not None and roller != LEAST and not friction.radius < convert.si(roller, "length", f"{path}.follower"):
             convert.note(f"{path}.friction.radius", "the pin is not thinner than its roller.", "Give a smaller radius.")
         elif roller is None and friction.radius:
             convert.note(f"{path}.friction", "a radius of a pin where there is no roller.", "Leave it out.")
@@ -112,6 +113,7 @@ def _cam(m: JointMaker) -> Joint | None:
     other = profile.bed is not None or follower.groove is not None or any(getattr(profile, key) is not None for key in SOLIDS)
     if joint.graphical is not None and other:
         convert.note(f"{path}.graphical", "the method turns a plane disc cam step by step.", "Leave it out for other cams.")
+    asked = _least_sizes(joint, path, convert, other=other, oscillates=oscillates)
     if len(convert.faults) > before or math.isnan(base) or math.isnan(phase) or face is None or (lift is None) == (contour is None):
         return None
     return CamJoint(
@@ -135,11 +137,40 @@ def _cam(m: JointMaker) -> Joint | None:
         spatial=_blank(profile, f"{path}.profile", convert),
         pressure_limit=limit,
         curvature_limit=sharpest,
-        least=least,
+        least=asked,
         hub=hub or 0.0,
         rating=rating,
         drawn=drawn,
     )
+
+
+def _least_sizes(
+    joint: JointDocument, path: str, convert: Converter, *, other: bool, oscillates: bool
+) -> tuple[Literal["base", "offset", "roller"], ...]:
+    """The sizes that are to be the least; ``other``: than a disc. Faults are noted."""
+    profile, follower, rating = joint.profile, joint.follower, joint.rating
+    assert profile is not None and follower is not None
+    asked: list[Literal["base", "offset", "roller"]] = ["base"] if profile.base == LEAST else []
+    if follower.offset is not None:
+        asked.append("offset")
+        if profile.base != LEAST:
+            convert.note(
+                f"{path}.follower.offset", 'the offset of which base circle is least? base is not "least".', 'Add base = "least".'
+            )
+        elif oscillates or follower.flat is not None:
+            why = "of a flat face it changes nothing but the stem's load." if follower.flat else "an arm has none."
+            convert.note(f"{path}.follower.offset", why, "Leave it out.")
+    if follower.roller == LEAST:
+        asked.append("roller")
+        where = f"{path}.follower.roller"
+        if other or profile.lift is None or follower.second is not None or joint.closure == "form" or joint.liftoff is not None:
+            convert.note(
+                where, 'the value "least" is for discs with a lift and a follower that is pressed on them.', "Give a length."
+            )
+        elif rating is None or rating.width is None or rating.limit is None:
+            remedy = 'Add rating = { width = "8 mm", limit = "600 MPa" }, or give a length.'
+            convert.note(where, "the least roller for which Hertz pressure?", remedy)
+    return tuple(asked)
 
 
 def _blank(profile: ProfileDocument, path: str, convert: Converter) -> SpatialBlank | None:
@@ -161,10 +192,13 @@ def _blank(profile: ProfileDocument, path: str, convert: Converter) -> SpatialBl
     return SpatialBlank(kind, sizes[0], sizes[1], axis, sizes[2], 0 if math.isnan(rollers) else rollers)
 
 
-def _face(follower: FollowerDocument, path: str, convert: Converter) -> Any:
+def _face(follower: FollowerDocument, path: str, convert: Converter, pin: float) -> Any:
+    """Its face; a roller that is to be the least is first a small one, around its ``pin`` [m]."""
     if follower.groove is not None:
         radius = convert.si(follower.groove, "length", f"{path}.follower.groove")
         return None if math.isnan(radius) else Roller(radius)
+    if follower.roller == LEAST:
+        return Roller(max(_SMALL, 2.0 * pin))
     if follower.roller is not None:
         radius = convert.si(follower.roller, "length", f"{path}.follower.roller")
         return None if math.isnan(radius) else Roller(radius)
@@ -297,7 +331,7 @@ def _check_cam(reading: Reading, path: str, joint: JointDocument) -> Iterator[Fa
 _OF_THE_CORE = {
     "lift": "profile.lift", "base": "profile.base", "bed": "profile.bed", "sense": "profile.sense", "phase": "profile.phase",
     "undercut": "profile.undercut", "guide": "follower.guide", "point": "follower.point", "second": "follower.second",
-    "left": "follower.face",
+    "left": "follower.face", "offset": "follower.offset",
 }  # fmt: skip
 """Translation of a cam joint's keys to the core; its face is one of `_FACES`."""
 

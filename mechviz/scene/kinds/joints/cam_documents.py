@@ -62,8 +62,8 @@ class FollowerDocument(Table):
     (closure = "form")."""
     knife: Flag | None = None
     """A knife edge, true."""
-    roller: Size | None = None
-    """Radius of a roller."""
+    roller: Annotated[float | str, Quantity(("length",), "above zero", word=LEAST)] | None = None
+    """Radius of a roller; "least": the least that keeps to the limit of the rating's Hertz pressure on a disc with a lift."""
     mushroom: Size | None = None
     """Radius of an arc face."""
     flat: Flag | None = None
@@ -79,6 +79,8 @@ class FollowerDocument(Table):
     """Flat: how far the face reaches [left, right] from the point; an event tells where that is too short."""
     second: SecondDocument | None = None
     """Closure = "form": a second roller on a second cam of the same shaft, which pulls (a conjugate pair)."""
+    offset: Literal["least"] | None = None
+    """"least", beside base = "least": the guide is moved across itself to where the base circle is least."""
     side: Literal["left", "right"] | None = None
     """Oscillating: the point lies on this side of the line from the pivot to the cam's axis. Default left."""
 
