@@ -19,6 +19,7 @@ from mechcore.laws.curve import MotionCurve
 from mechcore.laws.factors import ORDER_NAMES, jumps
 from mechcore.laws.program import CLOCK, Follow
 from mechcore.laws.timed import ConstantSpeed, Free, Law, Piecewise
+from mechcore.motion.at_once import agreement
 from mechcore.motion.compiled import Compiled
 from mechcore.motion.events import overshoots, strokes
 from mechcore.motion.metrics import grashof
@@ -127,8 +128,22 @@ def check_lines(scene: Scene, *, equations: bool = False, modes: bool = False) -
     if modes:
         lines += _all_modes(compiled, scene.units)
     if equations:
-        lines += ["", *solution_order(motion.model), "", *loop_equations(motion)]
+        lines += ["", *solution_order(motion.model), "", *loop_equations(motion), "", _at_once(motion)]
     return lines
+
+
+def _at_once(motion: Motion) -> str:
+    """What the rates are by all equations together, as a check of the groups."""
+    found = agreement(motion)
+    if found is None:
+        return "rates by all equations at once: left out, they are too many"
+    words = f"all {found.equations} equations of joints and drives at once, without groups, for {found.unknowns} rates of links"
+    if found.velocity is None or found.acceleration is None:
+        return f"{words}: they decide them at no frame"
+    return (
+        f"{words}: the same velocities, to {found.velocity:.1e} of the largest, and accelerations, to {found.acceleration:.1e}, "
+        f"at {found.frames} frames"
+    )
 
 
 def _friction(forces: Forces, units: Units) -> list[str]:

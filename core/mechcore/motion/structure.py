@@ -13,7 +13,7 @@ from mechcore.arrays import Real
 from mechcore.constants import SINGULAR
 from mechcore.joints.base import Relation
 from mechcore.kinematics.model import Model
-from mechcore.kinematics.program import LinearConstraint
+from mechcore.motion.at_once import Rows
 from mechcore.motion.motion import Motion
 
 MOST_TOGETHER = 300  # links that hang together, of whose constraints the rank is found: its price grows with the third power
@@ -57,25 +57,11 @@ def rank_mobility(motion: Motion, frame: int = 0, *, tolerance: float = 1e-9) ->
     freedoms = sum(model.joints[j].freedoms for j in leaves)
     kept = [k for k in range(1, len(model.links)) if k not in leaves.values()]
     rows: list[dict[int, float]] = []  # coefficients of a constraint by the numbers of coordinates, three of each link
-    for j, (joint, (p, q)) in enumerate(zip(model.joints, model.ends, strict=True)):
-        if j in leaves:
-            continue
-        x: dict[int, float] = {}
-        y: dict[int, float] = {}
-        for k, side, sign in ((p, 0, 1.0), (q, 1, -1.0)):
-            arm = complex(np.broadcast_to(motion.arm(k, j, side), motion.frames)[frame]) / model.length_scale
-            x |= {3 * k: sign, 3 * k + 2: -sign * arm.imag}
-            y |= {3 * k + 1: sign, 3 * k + 2: sign * arm.real}
-        if joint.slide is None:
-            rows += [x, y]
-        else:
-            d = complex(np.broadcast_to(motion.guide(j), motion.frames)[frame])
-            rows.append({c: d.real * y.get(c, 0.0) - d.imag * x.get(c, 0.0) for c in x | y})
-        if not joint.turns:
-            rows.append({3 * p + 2: 1.0, 3 * q + 2: -1.0})
-    for constraint in model.constraints:
-        (row,) = _constraint_row(model, motion, constraint, frame)
-        rows.append({int(c): float(row[c]) for c in np.flatnonzero(row)})
+    equations = Rows(motion, frame)
+    for j in range(len(model.joints)):
+        if j not in leaves:
+            rows += equations.joint(j)
+    rows += [equations.relation(constraint) for constraint in model.constraints]
     parts = _parts(rows, kept)
     large = max(map(len, parts.values()), default=0) > MOST_TOGETHER
     if large and not model.redundant and float(np.broadcast_to(motion.condition, motion.frames)[frame]) <= SINGULAR:
@@ -144,32 +130,6 @@ def _leaf_links(model: Model) -> dict[int, int]:
         if len(at[other]) == 1 and other not in bound:
             fresh.append(other)
     return leaves
-
-
-def _constraint_row(model: Model, motion: Motion, constraint: LinearConstraint, frame: int) -> np.ndarray:
-    """A relation's rate by the links' absolute coordinates, lengths in units of the size."""
-    row = np.zeros((1, 3 * len(model.links)))
-    relation = next(r for r in model.relations if r.name == constraint.name)
-    angles, slides = list(relation.angles), list(constraint.slides)
-    if relation.curve is not None and constraint.curve is not None:
-        bend = motion.state.bends[model.relations.index(relation)][1]
-        slope = float(np.broadcast_to(bend, motion.frames)[frame])
-        angles += [(link, slope * c) for link, c in relation.curve.angles]
-        slides += [(j, slope * c) for j, c in constraint.curve.slides]
-    for link, c in angles:
-        row[0, 3 * model.index[link] + 2] += c / model.length_scale
-    for j, c in slides:
-        p, q = model.ends[j]
-        joint = model.joints[j]
-        d = complex(np.broadcast_to(motion.guide(j), motion.frames)[frame])
-        owner, other = (p, q) if joint.guide == 0 else (q, p)
-        at = complex(np.broadcast_to(motion.joint_point(j), motion.frames)[frame])
-        for k, sign in ((other, 1.0), (owner, -1.0)):  # rate of the coordinate: relative velocity at the sliding point
-            arm = (at - complex(np.broadcast_to(motion.origins[k], motion.frames)[frame])) / model.length_scale
-            row[0, 3 * k] += sign * c * d.real
-            row[0, 3 * k + 1] += sign * c * d.imag
-            row[0, 3 * k + 2] += sign * c * (d.imag * arm.real - d.real * arm.imag)
-    return row
 
 
 def groups(model: Model) -> tuple[Group, ...]:
