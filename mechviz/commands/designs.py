@@ -236,6 +236,8 @@ def tolerance(
                 where = "" if one.at is None else f", widest at: {axis.label} = {axis.values[one.at]:.5g} {axis.unit}"
                 print(f"{one.measure.text}{where}")
                 print("\n".join(f"  {line}" for line in [*aligned(one.lines()), *aligned(one.rows())]))
+                if one.curve:
+                    print("\n".join(f"  {line}" for line in aligned(one.band(axis))))
                 if not one.exact:
                     say(f"note: {one.measure.text} has no exact derivatives here: contributions are fitted to the samples.")
             if plot is not None:

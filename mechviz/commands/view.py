@@ -11,15 +11,19 @@ from mechviz.commands.common import fail
 from mechviz.commands.loading import ReachableOpt, SetOpt, clear_errors, load_scene
 from mechviz.commands.recording import open_recording
 from mechviz.commands.solving import AccuracyOpt, CyclesOpt, ExecutorOpt, FramesOpt, solve, warn_of_accuracy, warn_of_doubts
+from mechviz.outputs.rerun.reader import Recording
 from mechviz.outputs.viewer.app import serve, serve_while
 from mechviz.outputs.viewer.server import ViewerError
-from mechviz.runs import run_scene, with_run
+from mechviz.runs import Run, run_scene, with_run
 
 
 def view(
     scene: Annotated[
         str, typer.Argument(metavar="SCENE|RECORDING.rrd", help="gallery name, path of a scene file (.toml), or a recording (.rrd)")
     ],
+    others: Annotated[
+        list[str] | None, typer.Argument(metavar="[OTHER]...", help="designs to compare it with: pale behind it, with their curves")
+    ] = None,
     port: Annotated[int, typer.Option("--port", "-p", min=0, max=65535, help="port on 127.0.0.1; 0 takes a free one")] = 8080,
     frames: FramesOpt = None,
     cycles: CyclesOpt = None,
@@ -29,15 +33,21 @@ def view(
     reachable: ReachableOpt = False,
     live: Annotated[bool, typer.Option("--live", help="motion under forces: show it while it is found")] = False,
 ) -> None:
-    """Show a scene in the browser at http://127.0.0.1:PORT until Ctrl-C, to look at and to edit; or play a recording."""
+    """Show a scene in the browser at http://127.0.0.1:PORT until Ctrl-C, to look at and to edit; or play a recording.
+
+    More scenes or recordings are drawn pale behind the first, their curves dashed beside its own: mechviz view better.toml
+    parametric-press. --set is for the first.
+    """
     with clear_errors(scene):
         if scene.endswith(".rrd"):
             if (frames, cycles, accuracy) != (None, None, None) or values:
                 fail("--frames, --cycles, --accuracy and --set are for scenes: a recording is played as it is.")
             if live:
                 fail("--live is for scenes: a recording is there at once.")
+            recorded = open_recording(scene)
+            beside = _beside(others, None, cycles)
             try:
-                serve(open_recording(scene), port=port)
+                serve(recorded, port=port, beside=beside)
             except ViewerError as e:
                 fail(str(e), 1)
             return
@@ -45,6 +55,8 @@ def view(
         folder = Path(scene).parent.resolve() if Path(scene).is_file() else None
         try:
             if live:
+                if others:
+                    fail("--live shows one scene: leave the others out.")
                 if loaded.simulation is None:
                     fail(f"{loaded.name}: nothing is free, so that the whole motion is there at once. Leave out --live.")
 
@@ -56,6 +68,20 @@ def view(
                 run = solve(loaded, frames, cycles, accuracy, executor)
                 warn_of_doubts(run)
                 warn_of_accuracy(run)
-                serve(run, port=port, folder=folder)
+                serve(run, port=port, folder=folder, beside=_beside(others, run.scene.frames, cycles))
         except ViewerError as e:
             fail(str(e), 1)
+
+
+def _beside(others: list[str] | None, frames: int | None, cycles: int | None) -> dict[str, Run | Recording]:
+    """Other designs by their names, solved with as many frames where they are scenes."""
+    found: dict[str, Run | Recording] = {}
+    for other in others or ():
+        with clear_errors(other):
+            solved = open_recording(other) if other.endswith(".rrd") else solve(load_scene(other), frames, cycles)
+        name, k = Path(other).stem, 1
+        while name in found:
+            k += 1
+            name = f"{Path(other).stem} {k}"
+        found[name] = solved
+    return found

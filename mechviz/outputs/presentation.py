@@ -22,6 +22,7 @@ from mechviz.picture.nodes import Color, Picture
 from mechviz.quantities.catalogue import Catalogue
 from mechviz.quantities.events import events_of
 from mechviz.runs import Run, package_version
+from mechviz.studies.designs.bands import Bands, bands_of
 
 
 @dataclass(frozen=True)
@@ -50,6 +51,7 @@ class Presentation:
     chosen: Integers
     total: int
     simulated: bool
+    bands: Callable[[], Bands] = Bands  # of tolerances; found when they are asked for, of a recording there are none
 
 
 def presentation_of(run: Run, begin: Callable[[str], None] = lambda _: None) -> Presentation:
@@ -74,6 +76,7 @@ def presentation_of(run: Run, begin: Callable[[str], None] = lambda _: None) -> 
         chosen=np.arange(frames),
         total=frames,
         simulated=run.simulation is not None,
+        bands=cache(lambda: bands_of(run)),
     )
 
 

@@ -4,7 +4,7 @@
 class SvgSurface {
   constructor(width, height, ground) {
     [this.width, this.height, this.parts, this.depth] = [width, height, [`<rect width="100%" height="100%" fill="${ground}"/>`], 0];
-    Object.assign(this, { font: "11px sans-serif", lineWidth: 1, strokeStyle: "#000", fillStyle: "#000", textAlign: "left", textBaseline: "alphabetic", path: "", dashes: [], open: [0] });
+    Object.assign(this, { font: "11px sans-serif", lineWidth: 1, globalAlpha: 1, strokeStyle: "#000", fillStyle: "#000", textAlign: "left", textBaseline: "alphabetic", path: "", dashes: [], open: [0] });
   }
 
   save() {
@@ -53,6 +53,10 @@ class SvgSurface {
   stroke() {
     const dashes = this.dashes.length ? ` stroke-dasharray="${this.dashes.join(" ")}"` : "";
     if (this.path) this.parts.push(`<path d="${this.path}" fill="none" stroke="${this.strokeStyle}" stroke-width="${this.lineWidth}" stroke-linejoin="round"${dashes}/>`);
+  }
+
+  fill() {
+    if (this.path) this.parts.push(`<path d="${this.path}Z" fill="${this.fillStyle}" fill-opacity="${this.globalAlpha}"/>`);
   }
 
   setLineDash(dashes) {

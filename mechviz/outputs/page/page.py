@@ -79,7 +79,7 @@ def show_text(
     pack = Pack()
     frames = find_frames(shown, most, keep)
     picture, catalogue = shown.picture, shown.catalogue
-    curves = find_plots(catalogue, frames) if plots else []
+    curves = find_plots(catalogue, frames, shown.bands().halves) if plots else []
     drawn = pack_drawables(picture, frames, pack, progress)
     drawables = [drawable for drawable, _ in drawn]
     bodies = pack_bodies(picture, frames, pack)

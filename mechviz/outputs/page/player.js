@@ -65,6 +65,12 @@ class Player {
 
   buildSide() {
     this.axes.forEach((a, k) => $("axis").add(new Option(`${a.title} [${a.unit}]`, k)));
+    this.band = 1; // how many times as wide as they are tolerance bands are drawn
+    $("band-choice").hidden = !this.header.plots.some((p) => p.half !== undefined);
+    $("band").onchange = () => {
+      this.band = Number($("band").value);
+      for (const plot of this.plots) plot.draw();
+    };
     $("axis").onchange = () => {
       this.axis = this.axes[Number($("axis").value)];
       this.drawPlots();

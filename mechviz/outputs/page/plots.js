@@ -64,15 +64,20 @@ class Plot {
     const [first] = parts;
     this.plot = first;
     this.values = arrays[first.values];
+    this.half = arrays[first.half]; // of the tolerance band, where there is one
     if (parts.length > 1) {
       const item = (p) => p.title.split(":")[0];
       const names = parts.flatMap((p) => p.names.map((name) => (p.names.length > 1 ? `${item(p)}: ${name}` : p.title)));
       this.plot = { title: parts.map((p) => p.title).join(", "), unit: first.unit, names };
       this.values = new Float32Array(header.frames * names.length);
+      this.half = parts.some((p) => p.half !== undefined) ? new Float32Array(header.frames * names.length).fill(NaN) : undefined;
       let column = 0;
       for (const p of parts)
         for (let c = 0; c < p.names.length; c++, column++)
-          for (let k = 0; k < header.frames; k++) this.values[k * names.length + column] = arrays[p.values][k * p.names.length + c];
+          for (let k = 0; k < header.frames; k++) {
+            this.values[k * names.length + column] = arrays[p.values][k * p.names.length + c];
+            if (p.half !== undefined) this.half[k * names.length + column] = arrays[p.half][k * p.names.length + c];
+          }
     }
     this.beside.replaceChildren(new Option(parts.length > 1 ? `with ${parts.length - 1} more` : "with …", -1));
     header.plots.forEach((p, k) => {
@@ -91,8 +96,10 @@ class Plot {
     const [width, height] = [this.canvas.clientWidth, this.canvas.clientHeight];
     if (kind === "CSV") {
       const axis = this.axis();
-      const columns = plot.names.map((_, c) => Array.from({ length: this.player.header.frames }, (_, k) => values[k * plot.names.length + c]));
-      download(name, "text/csv", csv([`${axis.title} [${axis.unit}]`, ...plot.names.map((n) => `${n} [${plot.unit}]`)], [axis.values, ...columns]));
+      const columns = (list) => plot.names.map((_, c) => Array.from({ length: this.player.header.frames }, (_, k) => list[k * plot.names.length + c]));
+      const heads = (words) => plot.names.map((n) => `${n}${words} [${plot.unit}]`);
+      const bands = this.half ? [heads(" tolerance ±"), columns(this.half)] : [[], []];
+      download(name, "text/csv", csv([`${axis.title} [${axis.unit}]`, ...heads(""), ...bands[0]], [axis.values, ...columns(values), ...bands[1]]));
     } else if (kind === "SVG") {
       const surface = new SvgSurface(width, height, this.player.theme.card);
       this.paint(surface, width, height);
@@ -133,7 +140,14 @@ class Plot {
     const frames = player.header.frames;
     const xs = axis.turn ? Float64Array.from(axis.values, (v) => v - axis.turn * Math.floor(v / axis.turn + 1e-9)) : axis.values;
     let [x0, x1] = axis.turn ? [0, axis.turn] : span(xs);
+    const half = player.band ? this.half : undefined;
+    const edge = (i, side) => values[i] + side * player.band * half[i];
     let [y0, y1] = span(values);
+    if (half)
+      for (const side of [-1, 1]) {
+        const [low, high] = span(half.map((_, i) => edge(i, side)));
+        if (half.some(Number.isFinite)) [y0, y1] = [Math.min(y0, low), Math.max(y1, high)];
+      }
     [y0, y1] = padded(y0, y1);
     if (plot.x !== undefined) [x0, x1] = padded(x0, x1);
     const inner = { w: width - ROOM.left - ROOM.right, h: height - ROOM.top - ROOM.bottom };
@@ -182,6 +196,27 @@ class Plot {
         rule(g, X(xs[Math.round(player.frameAt(e.time))]), ROOM.top, X(xs[Math.round(player.frameAt(e.time))]), ROOM.top + inner.h, e.level === "WARN" ? theme.warn : theme.soft);
       }
     g.setLineDash([]);
+    if (half) {
+      g.globalAlpha = 0.22;
+      for (let c = 0; c < count; c++) {
+        g.fillStyle = theme.curves[c % theme.curves.length];
+        let run = []; // frames over which the band goes on
+        const fill = () => {
+          g.beginPath();
+          for (const k of run) g.lineTo(X(xs[k]), Y(edge(k * count + c, 1)));
+          for (const k of run.reverse()) g.lineTo(X(xs[k]), Y(edge(k * count + c, -1)));
+          g.fill();
+          run = [];
+        };
+        for (let k = 0; k < frames; k++) {
+          const known = Number.isFinite(half[k * count + c]);
+          if (!known || (axis.turn && k && xs[k] < xs[k - 1])) fill();
+          if (known) run.push(k);
+        }
+        fill();
+      }
+      g.globalAlpha = 1;
+    }
     g.lineWidth = 1.8;
     g.lineJoin = "round";
     for (let c = 0; c < count; c++) {
@@ -241,7 +276,8 @@ class Plot {
       const span = this.readout.children[c];
       span.firstChild.style.setProperty("--c", color);
       span.firstChild.textContent = name;
-      span.lastChild.data = `${words(v)} ${plot.unit === "1" ? "" : plot.unit}`;
+      const off = this.half ? between(this.half, count, c) : NaN;
+      span.lastChild.data = `${words(v)}${Number.isFinite(off) ? ` ± ${words(off, 2)}` : ""} ${plot.unit === "1" ? "" : plot.unit}`;
     });
   }
 

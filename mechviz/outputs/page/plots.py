@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -20,7 +20,8 @@ MOST_REACTIONS = 6  # joints in one plot
 @dataclass(frozen=True, eq=False)
 class Plot:
     """Curves ``values`` (frames, n) of one unit. ``x`` (frames,): what they run against where that is neither time nor the drive,
-    as in a phase diagram; ``equal``: both axes in one scale, as in a polar plot."""
+    as in a phase diagram; ``equal``: both axes in one scale, as in a polar plot; ``half`` (frames, n): half the widths of their
+    tolerance bands."""
 
     title: str
     unit: str
@@ -30,6 +31,7 @@ class Plot:
     x: Real | None = None
     x_title: str = ""
     equal: bool = False
+    half: Real | None = None
 
     @property
     def varies(self) -> bool:
@@ -37,19 +39,22 @@ class Plot:
         return bool(np.any(np.nanmax(self.values, axis=0) > np.nanmin(self.values, axis=0)))
 
 
-def find_plots(catalogue: Catalogue, frames: Frames) -> list[Plot]:
-    """All plots, those of several items first: what belongs side by side, and the catalogue."""
-    plots = [*_gathered(catalogue)]
+def find_plots(catalogue: Catalogue, frames: Frames, halves: Mapping[str, Real]) -> list[Plot]:
+    """All plots, those of several items first: what belongs side by side, and the catalogue. ``halves`` (F, n): half widths of
+    tolerance bands by the keys of quantities."""
+    plots = [*_gathered(catalogue, halves)]
     for q in catalogue.quantities:
-        plots.append(Plot(q.label[:1].upper() + q.label[1:], q.unit, q.curves, q.values(), q.key))
-    plots = [replace(plot, values=plot.values[frames.rows]) for plot in plots]
+        plots.append(Plot(q.label[:1].upper() + q.label[1:], q.unit, q.curves, q.values(), q.key, half=halves.get(q.key)))
+    plots = [
+        replace(plot, values=plot.values[frames.rows], half=None if plot.half is None else plot.half[frames.rows]) for plot in plots
+    ]
     plots = _without_noise([plot for plot in plots if np.isfinite(plot.values).any()])
     plots += [p for p in (_polar(plot) for plot in plots) if p is not None]
     plots += _phases(plots)
     return sorted(plots, key=lambda p: (p.key.startswith("health."), p.x is not None, not p.key.startswith("cam.")))
 
 
-def _gathered(catalogue: Catalogue) -> Iterator[Plot]:
+def _gathered(catalogue: Catalogue, halves: Mapping[str, Real]) -> Iterator[Plot]:
     """Quantities of several items that share a plot: efforts, reactions, what the mechanism moves, shaking moments."""
     n, known = catalogue.numbers, catalogue.by_key
 
@@ -57,7 +62,11 @@ def _gathered(catalogue: Catalogue) -> Iterator[Plot]:
         there = {name: known[k] for name, k in items.items() if k in known}
         if len(there) > 1:
             values = np.column_stack([q.values()[:, column] for q in there.values()])
-            yield Plot(title, next(iter(there.values())).unit, tuple(there), values, key)
+            half = None
+            if any(q.key in halves for q in there.values()):
+                unknown = np.full((len(values), column + 1), np.nan)
+                half = np.column_stack([halves.get(q.key, unknown)[:, column] for q in there.values()])
+            yield Plot(title, next(iter(there.values())).unit, tuple(there), values, key, half=half)
 
     for effort in ("torque", "force"):
         yield from together(f"Driving {effort}", f"plots.{effort}", {name: f"drive.{name}.{effort}" for name in n.drives})
@@ -111,7 +120,7 @@ def _without_noise(plots: list[Plot]) -> list[Plot]:
         values = p.values
         if not p.key.startswith("health."):
             values = np.where(np.abs(values) <= ROUND_OFF * largest[p.unit], 0.0, values)
-        kept.append(Plot(p.title, p.unit, p.names, values, p.key))
+        kept.append(replace(p, values=values))
     return kept
 
 
@@ -144,4 +153,5 @@ def _phases(plots: list[Plot]) -> list[Plot]:
 def pack_plot(plot: Plot, pack: Any) -> dict[str, Any]:
     """A plot for the page's header."""
     more = {} if plot.x is None else {"x": pack.floats(plot.x), "x_title": plot.x_title, "equal": plot.equal}
+    more |= {} if plot.half is None else {"half": pack.floats(plot.half)}
     return {"title": plot.title, "unit": plot.unit, "names": list(plot.names), "values": pack.floats(plot.values), **more}

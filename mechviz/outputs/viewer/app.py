@@ -8,7 +8,7 @@ import sys
 import threading
 import time
 import webbrowser
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from types import FrameType, TracebackType
 from typing import TYPE_CHECKING, Any
@@ -26,7 +26,7 @@ from mechviz.outputs.viewer.playback import BrowserPlayback
 from mechviz.outputs.viewer.player import Player
 from mechviz.outputs.viewer.server import HOST, Changes, ViewerError, report, safely, start_server, stop_server
 from mechviz.outputs.viewer.session import EditSession
-from mechviz.outputs.viewer.show import show_of_recording
+from mechviz.outputs.viewer.show import build, show_of_recording, show_of_run
 from mechviz.outputs.viewer.view_model import ViewModel
 from mechviz.outputs.viewer.world.scene import Scene3D
 from mechviz.runs import Run, run_scene
@@ -48,15 +48,28 @@ class Viewer:
     working folder). A recording is played without computing anything; where it carries its scene, that can be solved and edited.
     Raises `ViewerError` if the port cannot be had or the recording cannot be shown.
 
-    ``growing``: the run is the beginning of one that is still computed; `grow` takes more of it, `finish` all of it.
+    ``growing``: the run is the beginning of one that is still computed; `grow` takes more of it, `finish` all of it. ``beside``:
+    other designs by their names, pale behind it, their curves beside its own.
     """
 
-    def __init__(self, shown: Run | Recording, port: int = 8080, folder: Path | None = None, *, growing: bool = False):
+    def __init__(
+        self,
+        shown: Run | Recording,
+        port: int = 8080,
+        folder: Path | None = None,
+        *,
+        growing: bool = False,
+        beside: Mapping[str, Run | Recording] | None = None,
+    ):
         self._session: EditSession | None = None
         self._growth: Growth | None = None
         self.opening: threading.Thread | None = None
         self._folder = folder or (shown.path.resolve().parent if isinstance(shown, Recording) else Path.cwd())
         show = show_of_recording(shown) if isinstance(shown, Recording) else None
+        self._beside = {
+            name: show_of_recording(other) if isinstance(other, Recording) else show_of_run(other, build(other))
+            for name, other in (beside or {}).items()
+        }
         self.server, self.guard = start_server(port, "mechviz")
         self.changes = Changes()
         self.guard.admitted = self.changes.remember
@@ -157,7 +170,9 @@ class Viewer:
             self._undraw,
             remote=playback,
         )
-        self.inspector = Inspector(server, show, self.player, self._session, self._folder, callback, playback, note, edit)
+        self.inspector = Inspector(
+            server, show, self.player, self._session, self._folder, callback, playback, note, edit, self._beside
+        )
         self.player.start()
         self.set_frame(show.opening)
 
@@ -244,9 +259,16 @@ class Viewer:
         self.close()
 
 
-def serve(shown: Run | Recording, port: int = 8080, open_browser: bool = False, folder: Path | None = None) -> None:
-    """Serve a run or a recording until Ctrl-C or SIGTERM. Raises `ViewerError` if the port cannot be had."""
-    with _until_stopped() as stopped, Viewer(shown, port, folder) as viewer:
+def serve(
+    shown: Run | Recording,
+    port: int = 8080,
+    open_browser: bool = False,
+    folder: Path | None = None,
+    beside: Mapping[str, Run | Recording] | None = None,
+) -> None:
+    """Serve a run or a recording until Ctrl-C or SIGTERM, with other designs ``beside`` it. Raises `ViewerError` if the port cannot
+    be had."""
+    with _until_stopped() as stopped, Viewer(shown, port, folder, beside=beside) as viewer:
         print(f"{viewer.inspector.show.title}: {viewer.url}", flush=True)
         print("Open this address in a browser on this machine. Ctrl-C stops the viewer.", flush=True)
         if open_browser:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -19,7 +19,7 @@ from mechviz.outputs.viewer.panels.detail import DetailPanel, items_of
 from mechviz.outputs.viewer.panels.diagrams import Diagrams
 from mechviz.outputs.viewer.panels.effects import EffectsTab
 from mechviz.outputs.viewer.panels.handles import Pivots, traced_at, with_traced
-from mechviz.outputs.viewer.panels.plots import Plots
+from mechviz.outputs.viewer.panels.plots import OPENED, Plots
 from mechviz.outputs.viewer.panels.positions import Positions
 from mechviz.outputs.viewer.panels.saving import Saver
 from mechviz.outputs.viewer.panels.switches import Switches
@@ -44,7 +44,7 @@ LEFT_WIDTH, RIGHT_WIDTH = 300, 370  # [px]
 class Inspector:
     """The panels: editing and switches on the left, plots on the right, the timeline below. ``session`` is None where nothing can
     be
-    edited: of a recording that does not carry its scene.
+    edited: of a recording that does not carry its scene. ``beside``: other designs by their names, which are compared with it.
 
     ``draw(frame, playing)`` brings everything to a frame, ``present(show)`` takes another run.
     """
@@ -60,10 +60,12 @@ class Inspector:
         playback: BrowserPlayback,
         note: str = "",
         edit: Any = None,
+        beside: Mapping[str, ViewModel] | None = None,
     ):
         self._server, self._player, self._session = server, player, session
         self._lock = threading.RLock()
         self._tracing = self._closed = False
+        self.compare: dict[str, viser.GuiCheckboxHandle] = {}
         self._slow, self._followed = 0.0, show
         self._drew, self._plotted = 0.0, show
         self.playback = playback
@@ -76,9 +78,9 @@ class Inspector:
 
         gui.main_panel.dock_left()
         gui.main_panel.set_width(LEFT_WIDTH)
-        self.scene = Scene3D(
-            server, show, self._guarded("Looking closer", self._clicked_link), self._guarded("Looking closer", self._clicked_joints)
-        )
+        self._designs = {**({OPENED: session.opened} if session is not None else {}), **(beside or {})}
+        clicked = self._guarded("Looking closer", self._clicked_link), self._guarded("Looking closer", self._clicked_joints)
+        self.scene = Scene3D(server, show, *clicked, self._designs)
         gui.add_html(words.heading(show.title, show.teaches) + (words.hint(note) if note else ""))
         if edit is not None:
             self.edit = gui.add_button("Edit this scene", icon=viser.Icon.EDIT, hint="solve the recorded scene, and change it")
@@ -95,9 +97,8 @@ class Inspector:
         if session is not None:
             tab = tabs.add_tab("Edit", viser.Icon.ADJUSTMENTS)
             with tab:
-                self.compare = gui.add_checkbox("Compare with the scene as opened", False)
+                self._offer_comparison("Compare with the scene as opened", OPENED, callback)
                 self.handles = gui.add_checkbox("Drag pivots", False, hint="handles on the points of the fixed link")
-            self.compare.on_update(callback("Comparing", lambda _: self._compare(bool(self.compare.value))))
             self.handles.on_update(callback("Showing handles", lambda _: self._handles(bool(self.handles.value))))
             if poses_in(session.run.scene) is not None:
                 with tab:
@@ -107,6 +108,9 @@ class Inspector:
             self.effects = EffectsTab(server, tabs.add_tab("Effects", viser.Icon.SCALE), session, callback)
             self.accuracy = AccuracyTab(server, tabs.add_tab("Accuracy"), session, callback)
         view = tabs.add_tab("View", viser.Icon.EYE)
+        with view:
+            for name in beside or {}:
+                self._offer_comparison(f"Compare with {name}", name, callback)
         self.switches = Switches(server, view, self.scene, player, drawn, self._changed, self._darken)
         if session is None:
             with tabs.add_tab("About", viser.Icon.INFO_CIRCLE):
@@ -132,6 +136,8 @@ class Inspector:
         for client in server.get_clients().values():  # those that have seen something else so far
             self.scene.cameras.follow(client)
             self.scene.cameras.look(client, "front")
+        if beside:
+            self._draw_compared()
         self._explain()
 
     @property
@@ -243,6 +249,7 @@ class Inspector:
                     self._plot(self.show, frame)
                 if self._followed is not self.show:
                     self._follow(self.show, frame)
+            self.plots.settle(self.show)
             if self.accuracy is not None:
                 self.accuracy.update()  # its estimates take longer than the run itself
             if self.controls is not None:
@@ -309,12 +316,23 @@ class Inspector:
             self._legend.content = content
             self.timeline.explain(words.legend_line(shown, names, show.scales, arrows.factor, show.size))
 
-    def _compare(self, on: bool) -> None:
-        with self._lock:
-            self.scene.ghost.switch(on)
-            self.plots.compare(self._session.opened if on and self._session is not None else None)
+    def _offer_comparison(self, words: str, name: str, callback: Callback) -> None:
+        """A box that draws another design behind the mechanism, and its curves beside those of it."""
+        self.compare[name] = self._server.gui.add_checkbox(words, name != OPENED)  # who asks for others wants to see them
+        self.compare[name].on_update(callback("Comparing", lambda _: self._compare()))
+
+    def _compare(self) -> None:
+        self._draw_compared()
         self.playback.change()
         self._player.refresh()
+
+    def _draw_compared(self) -> None:
+        chosen = {name: show for name, show in self._designs.items() if self.compare[name].value}
+        with self._lock:
+            for name, ghost in self.scene.ghosts.items():
+                if ghost.on is not (name in chosen):
+                    ghost.switch(name in chosen)
+            self.plots.compare(chosen)
 
     def _handles(self, on: bool) -> None:
         assert self.pivots is not None

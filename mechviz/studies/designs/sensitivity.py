@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -99,21 +99,13 @@ def sensitivity(run: Run, of: str, by: Sequence[str] = ()) -> Sensitivity:
 
 def sensitivities(run: Run, measures: Sequence[Measure], variables: Sequence[Variable]) -> list[Sensitivity]:
     """The same of several measures, which share the work."""
-    if run.simulation is not None:
-        why = "forces decide the motion of this scene: its derivatives by parameters are not known."
-        raise MechanismError(Fault("simulation", why, "Sweep the parameter instead: mechviz sweep SCENE --vary ..."))
     quantities = [quantity_of(measure, run.catalogue) for measure in measures]
-    frames, cycles = run.scene.frames, run.scene.cycles
-    parameters = core_parameters(run.scene, variables)
-    exact = Derivatives(run.motion, parameters, lambda mechanism: default_times(mechanism, frames, cycles))
-    forces = exact.forces if any(needs_forces(q.path) for q in quantities) else None
+    exact = derivatives_of(run, variables)
     columns = []
     for measure, quantity in zip(measures, quantities, strict=True):
         try:
-            with np.errstate(all="ignore"):
-                rows = rows_of(quantity.path, exact.motion, forces)
-                columns.append(quantity.entry.read(rows)[:, measure.column(quantity)])
-        except (LookupError, TypeError):
+            columns.append(traced(exact, quantity)[:, measure.column(quantity)])
+        except LookupError:
             why = f"the derivatives of {quantity.key} are not known."
             raise MechanismError(Fault(f"--of {measure.text}", why, "Sweep it instead: mechviz sweep SCENE --vary ...")) from None
     drives = run.motion.mechanism.drives
@@ -128,6 +120,27 @@ def sensitivities(run: Run, measures: Sequence[Measure], variables: Sequence[Var
             derivatives = slopes @ measure.weights(curve, time, drive)
         results.append(Sensitivity(measure, quantity, tuple(variables), curve, slopes, number, derivatives))
     return results
+
+
+def derivatives_of(run: Run, variables: Sequence[Variable]) -> Derivatives:
+    """Derivatives of a run by variables of its scene, in their units; frames of one number are compared. Raises
+    `MechanismError`."""
+    if run.simulation is not None:
+        why = "forces decide the motion of this scene: its derivatives by parameters are not known."
+        raise MechanismError(Fault("simulation", why, "Sweep the parameter instead: mechviz sweep SCENE --vary ..."))
+    frames, cycles = run.scene.frames, run.scene.cycles
+    return Derivatives(run.motion, core_parameters(run.scene, variables), lambda m: default_times(m, frames, cycles))
+
+
+def traced(exact: Derivatives, quantity: Quantity) -> Any:
+    """The values (F, n) of a quantity on the tape, in its unit. Raises `LookupError` where its derivatives are not known, and
+    `MechanismError` where those of the forces are not."""
+    forces = exact.forces if needs_forces(quantity.path) else None
+    try:
+        with np.errstate(all="ignore"):
+            return quantity.entry.read(rows_of(quantity.path, exact.motion, forces))
+    except TypeError:
+        raise LookupError(quantity.key) from None
 
 
 def tornado(row: Sensitivity, title: str, most: int = 20) -> Figure:

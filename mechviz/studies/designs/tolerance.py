@@ -40,6 +40,7 @@ SIGMAS = {"normal": 3.0, "uniform": 3.0**0.5, "triangular": 6.0**0.5}
 REPEATS = 8  # independent scrambles of the samples, whose differences say how far results may be off
 MOST_CORNERS = 12  # tolerances whose corners are all computed
 MOST_NUMBERS = 60_000_000  # of the curves of all samples
+PLACES = 13  # of a band that is printed
 TAILS = (0.00135, 0.99865)  # three standard deviations either way, of a normal distribution
 
 
@@ -137,6 +138,18 @@ class Tolerances:
                 yield "Cp, Cpk", f"{cp:.3g}, {cpk:.3g}" if np.isfinite(cp) else f"-, {cpk:.3g}"
         if self.lost:
             yield "not assembled", f"{self.lost} of {self.samples} samples"
+
+    def band(self, axis: Axis) -> Iterator[tuple[str, ...]]:
+        """Rows of the band of a curve along an axis, its headings first: at places evenly between its ends."""
+        unit = self.quantity.unit
+        yield axis.title, f"nominal [{unit}]", "worst case", "root sum square", "99.73 % between"
+        places = np.linspace(axis.values[0], axis.values[-1], PLACES)
+        for k in dict.fromkeys(int(np.argmin(np.abs(axis.values - place))) for place in places):
+            low, high = self.tails[:, k] - self.nominal[k]
+            yield (
+                f"{axis.values[k]:.5g}", f"{self.nominal[k]:.6g}", f"± {self.worst[k]:.4g}", f"± {self.likely[k]:.4g}",
+                f"{low:+.4g} and {high:+.4g}",
+            )  # fmt: skip
 
     def rows(self) -> Iterator[tuple[str, ...]]:
         """The contributions, their headings first, the greatest first."""

@@ -30,11 +30,12 @@ from mechviz.outputs.images.pictures import Look, film, moment
 from mechviz.outputs.page.markdown import html_of
 from mechviz.outputs.page.pack import Pack, unpack
 from mechviz.outputs.page.page import make_page
-from mechviz.outputs.presentation import presentation_in
+from mechviz.outputs.presentation import presentation_in, presentation_of
 from mechviz.outputs.rerun.entities import parts_of
 from mechviz.outputs.rerun.reader import Recording
 from mechviz.outputs.rerun.writer import write_recording
 from mechviz.runs import run_scene
+from mechviz.scene.scene import load
 from recordings import made
 
 TEN = made("ten-link-forces", 360)
@@ -143,6 +144,19 @@ def test_plots_are_the_numbers_of_the_recording_in_units_for_people(ten):
     rate = TEN.data("joints", "D", "motion")[:, 1].astype(np.float32)
     assert phase["unit"] == "rad/s" and np.array_equal(arrays[phase["values"]], rate)
     assert "Joint A: phase diagram, velocity against angle" not in plots  # it turns on and on
+
+
+def test_plots_have_the_bands_of_tolerances():
+    """Of the ram's slide by its closed form; of quantities that share a plot, too."""
+    run = run_scene(load("parametric-press"), frames=24)
+    page, frames = make_page(presentation_of(run))
+    header, arrays = content(page)
+    plots = {p["title"]: p for p in header["plots"]}
+    q = run.catalogue.coordinate("A")[frames.rows]
+    by_stroke = np.abs(np.cos(q) + (16.0 - np.sin(q) ** 2) / np.sqrt(16.0 - np.sin(q) ** 2))
+    np.testing.assert_allclose(arrays[plots["Joint S: displacement"]["half"]], 0.05 * by_stroke, rtol=1e-6)
+    together = plots["Joint reactions, magnitude"]
+    assert len(arrays[together["half"]]) == len(q) * len(together["names"]) and "half" not in plots["Energy"]
 
 
 def test_arrows_are_drawn_where_and_as_long_as_in_the_recording(ten):

@@ -119,3 +119,5 @@ def test_the_command_says_yield_and_contributions(tmp_path):
     said = CliRunner().invoke(app, [*words, "--limits", "..115", "--samples", "64", "--csv", str(band)])
     assert said.exit_code == 0 and "yield" in said.stdout and "stroke" in said.stdout
     assert len(band.read_text().splitlines()) == 14
+    along = said.stdout.partition("angle of drive A [°]")[2].splitlines()[1:14]
+    assert [row.split()[:2] for row in along[:4:3]] == [["0", "200"], ["90", "154.919"]] and len(along) == 13

@@ -304,11 +304,11 @@ def test_a_point_that_is_clicked_is_traced(viewer, page):
 def test_the_scene_as_opened_stands_behind_as_a_ghost(viewer, page):
     _type(page, CRANK, "0.13")
     page.get_by_label("Compare with the scene as opened").check()
-    page.wait_for_function(SEEN, arg="/opened/crank")
+    page.wait_for_function(SEEN, arg="/beside_0/crank")
     x, y, _ = viewer.session.opened.poses["coupler"][300]
-    until(page, lambda: np.allclose(page.evaluate(POSE, "/opened/coupler")[4:6], [x, y], atol=1e-4), "as it was opened")
+    until(page, lambda: np.allclose(page.evaluate(POSE, "/beside_0/coupler")[4:6], [x, y], atol=1e-4), "as it was opened")
     page.get_by_label("Compare with the scene as opened").uncheck()
-    until(page, lambda: not page.evaluate(SEEN, "/opened/crank"), "gone")
+    until(page, lambda: not page.evaluate(SEEN, "/beside_0/crank"), "gone")
 
 
 def test_a_pivot_is_dragged_and_everything_follows(viewer, page):

@@ -313,7 +313,7 @@ def test_comparing_draws_the_curves_of_both_designs_and_says_how_far_their_peaks
     plots, slot = viewer.plots, viewer.plots.slots[0]
     document = scene.load("kinetostatic-four-bar").document.model_dump(exclude_defaults=True)
     other_run = run_scene(scene.Scene.build(name="bare", **{**document, "loads": {}}), frames=90)
-    plots.compare(show_of_run(other_run, build(other_run)))
+    plots.compare({"as opened": show_of_run(other_run, build(other_run))})
     torque = next(q for q in viewer.inspector.show.quantities if q.key == "drive.A.torque")
     plots.choose(slot, torque.title)
     assert len(slot.chart.series) == len(slot.chart.data) == 2 * len(torque.curves) + 2
@@ -326,8 +326,41 @@ def test_comparing_draws_the_curves_of_both_designs_and_says_how_far_their_peaks
     peaks = [v[np.argmax(np.abs(v))] for v in (torque.values()[:, 0], values)]
     for part in (*map(words.number, peaks), f"{abs(abs(peaks[0] / peaks[1]) - 1.0):.1%}".replace("%", " %")):
         assert part in slot._readout.content
-    plots.compare(None)
+    plots.compare({})
     assert len(slot.chart.series) == len(torque.curves) + 2 and "opened" not in slot._readout.content
+
+
+def test_designs_are_compared_from_the_start_and_curves_have_the_bands_of_their_tolerances():
+    """The ram of the press by its closed form, also after an edit; the bands are wider where that is asked for."""
+    press = run_scene(scene.load("parametric-press"), frames=24)
+    longer = run_scene(scene.load("parametric-press").with_parameters({"stroke": "110 mm"}), frames=24)
+
+    def half(run, throw):
+        q, rod = run.catalogue.coordinate("A"), 4.0 * throw
+        root = np.sqrt(rod**2 - (throw * np.sin(q)) ** 2)
+        return 0.05 * np.abs(np.cos(q) + (4.0 * rod - throw * np.sin(q) ** 2) / root)
+
+    with Viewer(press, port=0, beside={"longer": longer}) as shown:
+        plots, slot = shown.plots, shown.plots.slots[0]
+        plots.choose(slot, "joint S: displacement [mm]")
+        x, now, other, high, low, _ = slot.chart.data
+        frame = np.searchsorted(x, shown.inspector.show.axes[0].values)
+        np.testing.assert_allclose(other[frame], 1.375 * now[frame], rtol=1e-12)
+        np.testing.assert_allclose(high[frame] - now[frame], half(press, 40.0), rtol=1e-9)
+        np.testing.assert_allclose(low + high, 2.0 * now, rtol=1e-12)
+        assert slot.chart.bands[0]["series"] == (3, 4) and "tolerances: ± 0.25 mm" in slot._readout.content
+        assert shown.scene.ghosts["longer"].on and not shown.scene.ghosts["as opened"].on
+        stroke = next(p for p in shown.session.parameters if p.path[:2] == ("parameters", "stroke"))
+        shown.session.move(stroke, 110.0)
+        assert shown.session.wait(rested=True)
+        _, now, other, high, _, _ = slot.chart.data
+        np.testing.assert_allclose(now[frame], other[frame], rtol=1e-12)
+        np.testing.assert_allclose(high[frame] - now[frame], half(longer, 55.0), rtol=1e-9)
+        plots.band.value = "10 times"
+        until(lambda: np.allclose(slot.chart.data[3][frame] - now[frame], 10.0 * half(longer, 55.0)))
+        shown.session.move(stroke, 100.0)  # where another dimension of the scene has a kink
+        assert shown.session.wait(rested=True)
+        assert "does not change smoothly with stroke" in plots._refused.content and len(slot.chart.data) == 4
 
 
 def test_transmission_angles_and_velocity_ratios_can_be_asked_for_and_plotted(four_bar):

@@ -6,7 +6,8 @@ import html
 import re
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field
 from itertools import cycle
 from typing import Any
 
@@ -20,8 +21,10 @@ from mechviz.outputs.viewer.playback import NumberTrack, PlotTrack
 from mechviz.outputs.viewer.server import Callback
 from mechviz.outputs.viewer.view_model import ViewModel
 from mechviz.outputs.viewer.viser_adapter import uuid_of
-from mechviz.outputs.viewer.words import number
+from mechviz.outputs.viewer.words import hint, number
 from mechviz.quantities.catalogue import Axis, Quantity, Together
+from mechviz.runs import Run
+from mechviz.studies.designs.bands import Bands, bands_of, with_tolerances
 
 # From four points a pixel on uPlot draws by columns of pixels, in which a gap beside the cursor line swallows it; plots are about
 # 270 pixels wide
@@ -96,6 +99,9 @@ COLORS = ("#2563c9", "#d97706", "#0f8a5f", "#7c3aed", "#64748b", "#0e7490", "#a1
 # Their names and values on a dark page
 ON_DARK = ("#7fb0ff", "#f0a545", "#4fc79a", "#b79bff", "#a8b3c4", "#5cc8de", "#d8b04a")
 OPENED = "as opened"
+DASHES = ([6, 4], [2, 3], [10, 3, 2, 3])  # of the designs that are compared, and again
+BANDS = {"none": 0.0, "as it is": 1.0, "10 times": 10.0, "100 times": 100.0}  # how wide a tolerance band is drawn
+PALE = "38"  # opacity of a band
 ROUND_OFF = 1e-9  # of a quantity's largest value
 CURSOR = "#c2255c"
 CURSOR_RATE = 12.0  # moves a second while playing: each sends the whole plot
@@ -115,9 +121,27 @@ def peak_of(values: Real) -> float:
     return float(known[np.argmax(np.abs(known))]) if len(known) else float("nan")
 
 
+@dataclass(frozen=True, eq=False)
+class Beside:
+    """What a plot shows beside its curves (F, k): those of other designs by their names, and half the width (F, k) of the pale
+    band around each, NaN while it is not known, ``enlarged`` so many times."""
+
+    others: Mapping[str, Real] = field(default_factory=dict)
+    half: Real | None = None
+    enlarged: float = 1.0
+
+    @property
+    def kind(self) -> tuple[object, ...]:
+        """What of it needs series of its own."""
+        return *self.others, self.half is None
+
+
+ALONE = Beside()
+
+
 class Plots:
     """A column of plots in a tab, added and removed at will; ``show`` moves their cursors, ``update`` takes the curves of another
-    run."""
+    run, ``settle`` their bands."""
 
     def __init__(self, server: viser.ViserServer, tab: viser.GuiTabHandle, show: ViewModel, callback: Callback):
         self._server, self._tab, self._callback = server, tab, callback
@@ -129,13 +153,22 @@ class Plots:
         titles = tuple(self._axes)
         with tab:
             self._against = server.gui.add_dropdown("Plot against", titles, initial_value=titles[0])
+            self._toleranced = show.run is not None and bool(with_tolerances(show.run.scene))
+            self.band: viser.GuiDropdownHandle[str] | None = None
+            if self._toleranced:
+                said = "how far the curves may be off by the tolerances of the scene's parameters, all of them added up"
+                self.band = server.gui.add_dropdown("Tolerance band", tuple(BANDS), initial_value="as it is", hint=said)
+                self.band.on_update(callback("Drawing bands", lambda _: self._redraw()))
+                self._refused = server.gui.add_html("")
             self.more = server.gui.add_button("Add a plot", icon=viser.Icon.PLUS, order=LAST)
         self._against.on_update(callback("Changing the plots", lambda _: self.choose_axis(self._against.value)))
         self.more.on_click(callback("Adding a plot", lambda _: self.add()))
         self._axis: Axis = self._axes[titles[0]]
         self.changed: Callable[[], None] = lambda: None
-        self._other: ViewModel | None = None
+        self._others: Mapping[str, ViewModel] = {}
+        self._bands, self._banded = Bands(), show.run
         self.slots: list[SharedSlot] = []
+        self._find_bands(show.run)
         for quantity in show.first:
             self.add(quantity)
         self.show(0, playing=False)
@@ -156,7 +189,7 @@ class Plots:
             for slot in self.slots:
                 parts = tuple(self._quantities[q.title] for q in slot.quantity.parts if q.title in self._quantities)
                 quantity = Together(parts or (spare.pop(0) if spare else show.quantities[0],))
-                slot.take(quantity, self._axis, frame, self._compared(quantity))
+                slot.take(quantity, self._axis, frame, self._beside(quantity, show.run is self._banded))
                 if changed:
                     slot.offer(tuple(self._quantities.values()))
 
@@ -165,27 +198,54 @@ class Plots:
         with self._lock:
             self._axis = self._axes.get(title, self._axis)
             self._against.value = self._axis.title
-            for slot in self.slots:
-                self._plot(slot, slot.quantity)
-        self.changed()
+            self._redraw()
 
-    def compare(self, other: ViewModel | None) -> None:
-        """Draw the curves of another design, too, and say how far the peaks differ; None: no more."""
+    def compare(self, others: Mapping[str, ViewModel]) -> None:
+        """Draw the curves of other designs, too, and say how far the peaks differ; without any: no more."""
         with self._lock:
-            self._other = other
+            self._others = others
+            self._redraw()
+
+    def settle(self, show: ViewModel) -> None:
+        """Find the bands of a run that stays for a while."""
+        if self._toleranced and show.run is not self._banded:
+            self._find_bands(show.run)
+            with self._lock:
+                for slot in self.slots:
+                    slot.take(slot.quantity, self._axis, self._frame, self._beside(slot.quantity))
+            self.changed()
+
+    def _find_bands(self, run: Run | None) -> None:
+        if self._toleranced and run is not None:
+            self._bands, self._banded = bands_of(run), run
+            why = self._bands.refused
+            self._refused.content = hint(f"Some curves have no tolerance band: {why}") if why else ""
+
+    def _redraw(self) -> None:
+        with self._lock:
             for slot in self.slots:
                 self._plot(slot, slot.quantity)
         self.changed()
 
     def _plot(self, slot: SharedSlot, quantity: Quantity | Together) -> None:
-        slot.plot(quantity, self._axis, self._frame, self._compared(quantity))
+        slot.plot(quantity, self._axis, self._frame, self._beside(quantity))
 
-    def _compared(self, quantity: Quantity | Together) -> Real | None:
-        """The same curves (F, k) of the design that is compared, at the places of the axis; None where it has no such ones."""
-        if self._other is None:
-            return None
-        known = {q.title: q for q in self._other.quantities}
-        axis = next((a for a in self._other.axes if a.title == self._axis.title), None)
+    def _beside(self, quantity: Quantity | Together, known: bool = True) -> Beside:
+        """What belongs beside curves; bands that are not ``known`` yet have their place."""
+        others = {name: values for name, show in self._others.items() if (values := self._compared(quantity, show)) is not None}
+        enlarged = BANDS[self.band.value] if self.band is not None else 0.0
+        halves = [self._bands.halves.get(q.key) for q in quantity.parts]
+        if not enlarged or all(half is None for half in halves):
+            return Beside(others)
+        frames = len(self._axis.values)
+        parts = [half if known and half is not None else np.full((frames, len(q.curves)), np.nan)
+                 for q, half in zip(quantity.parts, halves, strict=True)]  # fmt: skip
+        return Beside(others, np.column_stack(parts), enlarged)
+
+    def _compared(self, quantity: Quantity | Together, other: ViewModel) -> Real | None:
+        """The same curves (F, k) of another design, at the places of the axis; None where it has no such ones."""
+        known = {q.title: q for q in other.quantities}
+        axis = next((a for a in other.axes if a.title == self._axis.title), None)
         parts = tuple(known[q.title] for q in quantity.parts if q.title in known and known[q.title].curves == q.curves)
         if axis is None or len(parts) < len(quantity.parts):
             return None
@@ -262,8 +322,8 @@ class Plots:
 
 
 class Slot:
-    """One plot with the choice of its quantity and the values at the present frame; dashed beside the curves those of another
-    design, where that is compared."""
+    """One plot with the choice of its quantity and the values at the present frame; dashed beside the curves those of other
+    designs that are compared, and around them their bands."""
 
     def __init__(
         self,
@@ -287,15 +347,20 @@ class Slot:
             if handle is not None:
                 handle.remove()
 
-    def plot(self, quantity: Quantity | Together, axis: Axis, frame: int, other: Real | None = None) -> None:
-        """Draw a quantity, and beside it the curves ``other`` (F, k). A new plot takes the old one's place: data, curves and axes
-        cannot be exchanged in one step."""
-        self._read(quantity, axis, other)
+    def plot(self, quantity: Quantity | Together, axis: Axis, frame: int, beside: Beside = ALONE) -> None:
+        """Draw a quantity with what belongs beside it. A new plot takes the old one's place: data, curves and axes cannot be
+        exchanged in one step."""
+        self._read(quantity, axis, beside)
         series: list[Any] = [uplot.Series(label=axis.title)]
         for name, color in zip(quantity.curves, cycle(COLORS), strict=False):
             series.append(uplot.Series(label=name, stroke=color, width=2, points={"show": False}))
-        for name, color in zip(quantity.curves if other is not None else (), cycle(COLORS), strict=False):
-            series.append(uplot.Series(label=f"{name} {OPENED}", stroke=color, width=1.2, dash=[6, 4], points={"show": False}))
+        for other, dash in zip(beside.others, cycle(DASHES), strict=False):
+            for name, color in zip(quantity.curves, cycle(COLORS), strict=False):
+                series.append(uplot.Series(label=f"{name} {other}", stroke=color, width=1.2, dash=dash, points={"show": False}))
+        bands: list[uplot.Band] = []
+        for name, color in zip(quantity.curves if beside.half is not None else (), cycle(COLORS), strict=False):
+            bands.append(uplot.Band(series=(len(series), len(series) + 1), fill=f"{color}{PALE}"))
+            series += [uplot.Series(label=f"{name} {end}", width=0, points={"show": False}) for end in ("at most", "at least")]
         series.append(uplot.Series(label="now", stroke=CURSOR, width=1.5, points={"show": False}))
         data = self._curves.at(frame)
         fonts: Any = {"font": "11px sans-serif", "labelFont": "12px sans-serif", "labelSize": 18}
@@ -309,6 +374,7 @@ class Slot:
             self.chart = self._gui.add_uplot(
                 data,
                 tuple(series),
+                bands=tuple(bands) or None,
                 scales=self._scales(),
                 axes=(horizontal, vertical),
                 legend=uplot.Legend(show=False),
@@ -321,14 +387,14 @@ class Slot:
         self._ends = (axis.values[0], axis.values[-1])
         self.show(frame)
 
-    def take(self, quantity: Quantity | Together, axis: Axis, frame: int, other: Real | None = None) -> None:
+    def take(self, quantity: Quantity | Together, axis: Axis, frame: int, beside: Beside = ALONE) -> None:
         """Draw a quantity of another run. Where it is the one that is drawn, the plot stays and its data change."""
-        drawn = self.quantity.title, self.quantity.curves, self._axis.title, self._other is None
-        if (quantity.title, quantity.curves, axis.title, other is None) != drawn:
-            self.plot(quantity, axis, frame, other)
+        drawn = self.quantity.title, self.quantity.curves, self._axis.title, self._beside.kind
+        if (quantity.title, quantity.curves, axis.title, beside.kind) != drawn:
+            self.plot(quantity, axis, frame, beside)
             return
         before = self._curves
-        self._read(quantity, axis, other)
+        self._read(quantity, axis, beside)
         self._curves.keep_range(before.range)
         if self._curves.range != before.range or (axis.values[0], axis.values[-1]) != self._ends:
             assert self.chart is not None
@@ -336,10 +402,14 @@ class Slot:
         self._ends = (axis.values[0], axis.values[-1])
         self.show(frame)
 
-    def _read(self, quantity: Quantity | Together, axis: Axis, other: Real | None) -> None:
-        self.quantity, self._axis, self._other = quantity, axis, other
+    def _read(self, quantity: Quantity | Together, axis: Axis, beside: Beside) -> None:
+        self.quantity, self._axis, self._beside = quantity, axis, beside
         self._values = quantity.values()
-        self._curves = Curves(axis.values, self._values if other is None else np.column_stack([self._values, other]))
+        ends = []
+        if beside.half is not None:
+            half = beside.enlarged * beside.half
+            ends = [self._values[:, k : k + 1] + half[:, k : k + 1] * [1.0, -1.0] for k in range(half.shape[1])]
+        self._curves = Curves(axis.values, np.column_stack([self._values, *beside.others.values(), *ends]))
         self._least = ROUND_OFF * float(np.max(np.abs(self._values), initial=0.0, where=np.isfinite(self._values)))
 
     def _scales(self) -> dict[str, Any]:
@@ -365,14 +435,20 @@ class Slot:
         )
 
     def _peaks(self) -> Iterator[str]:
-        """How far the peaks of the curves differ from those of the other design."""
-        unit = html.escape(self.quantity.unit)
-        for k, name in enumerate(self.quantity.curves if self._other is not None else ()):
-            assert self._other is not None
-            now, was = self._rounded(peak_of(self._values[:, k])), self._rounded(peak_of(self._other[:, k]))
-            part = f", {'+' if abs(now) >= abs(was) else '−'}{abs(abs(now) / abs(was) - 1.0):.1%}".replace("%", " %") if was else ""
-            whose = f"{html.escape(name)}: " if len(self.quantity.curves) > 1 else ""
-            yield f'<span style="opacity:0.8">{whose}peak {number(now)} {unit}, {OPENED} {number(was)} {unit}{part}</span>'
+        """How far the peaks of the curves differ from those of other designs, and how wide their bands are."""
+        unit, several = html.escape(self.quantity.unit), len(self.quantity.curves) > 1
+        for k, name in enumerate(self.quantity.curves):
+            whose = f"{html.escape(name)}: " if several else ""
+            now = self._rounded(peak_of(self._values[:, k]))
+            for other, values in self._beside.others.items():
+                was = self._rounded(peak_of(values[:, k]))
+                part = f", {'+' if abs(now) >= abs(was) else '−'}{abs(abs(now) / abs(was) - 1.0):.1%}" if was else ""
+                said = f"{whose}peak {number(now)} {unit}, {html.escape(other)} {number(was)} {unit}{part.replace('%', ' %')}"
+                yield f'<span style="opacity:0.8">{said}</span>'
+            half = np.zeros(0) if self._beside.half is None else self._beside.half[:, k]
+            if np.isfinite(half).any():
+                most = float(f"{np.nanmax(half):.3g}")
+                yield f'<span style="opacity:0.8">{whose}tolerances: ± {number(most)} {unit} at most</span>'
 
     def tracks(self) -> Iterator[PlotTrack | NumberTrack]:
         """How the cursor and the numbers move over the run."""

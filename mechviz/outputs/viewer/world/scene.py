@@ -42,12 +42,14 @@ class Scene3D:
         show: ViewModel,
         clicked_link: Callable[[str, Any], None] = _ignore,
         clicked_joints: Callable[[tuple[str, ...], Any], None] = _ignore,
+        compared: Mapping[str, ViewModel] | None = None,
     ):
         self._server = server
         self.current = show
+        compared = {} if compared is None else compared
         with server.atomic():
             self.stage = Stage(server, show.bounds, show.size)
-            self.ghost = Ghost(server, show)
+            self.ghosts = {name: Ghost(server, other, f"/beside_{k}") for k, (name, other) in enumerate(compared.items())}
             self.links = SolidNodes(server, show, clicked_link)
             self.arrows = ArrowNodes(server, show)
             self._paths = Paths(server, show)
@@ -56,7 +58,7 @@ class Scene3D:
             self._masses = Masses(server, show)
             self.joints = Joints(server, show, clicked_joints)
             self.plans = PlanNodes(server, show)
-        self._posed = (self.links, self.ghost, self._paths, self.joints, self._bodies)
+        self._posed: tuple[Any, ...] = (self.links, *self.ghosts.values(), self._paths, self.joints, self._bodies)
         for family in self.arrows.families:
             self.switch_family(family, family in SHOWN_FIRST)
         self.bounds = self._box(show)
@@ -189,14 +191,14 @@ GHOST_OPACITY = 0.28
 class Ghost:
     """The links and paths of ``show`` in pale grey; ``switch`` draws them, made only when they are first wanted."""
 
-    def __init__(self, server: viser.ViserServer, show: ViewModel):
-        self._server, self._show = server, show
+    def __init__(self, server: viser.ViserServer, show: ViewModel, base: str):
+        self._server, self._show, self._path = server, show, base
         self._nodes: dict[str, viser.FrameHandle] = {}
         self._base: viser.FrameHandle | None = None
         self.on = False
 
     def switch(self, on: bool) -> None:
-        """Draw the scene as it was opened, or no more."""
+        """Draw it, or no more."""
         self.on = on
         if on and self._base is None:
             self._make()
@@ -219,11 +221,11 @@ class Ghost:
 
     def _make(self) -> None:
         scene, show = self._server.scene, self._show
-        self._base = scene.add_frame("/opened", show_axes=False)
+        self._base = scene.add_frame(self._path, show_axes=False)
         for link, body in show.bodies.items():
             if link == show.frame:
                 continue
-            path = f"/opened/{link.replace('/', '_')}"
+            path = f"{self._path}/{link.replace('/', '_')}"
             self._nodes[link] = scene.add_frame(path, show_axes=False)
             for k, piece in enumerate(body.pieces):
                 scene.add_mesh_simple(
@@ -236,5 +238,5 @@ class Ghost:
                     receive_shadow=False,
                 )
         for name, xyz in show.paths.items():
-            path = f"/opened/path {name.replace('/', '_')}"
+            path = f"{self._path}/path {name.replace('/', '_')}"
             scene.add_line_segments(path, path_segments(xyz), GHOST_COLOR, thickness=1.5, thickness_units="screen")
