@@ -18,11 +18,12 @@ from mechviz.commands.solving import QuickOpt
 from mechviz.figures import check_ending, save_chart
 from mechviz.hard_cases import all_cases
 from mechviz.hard_cases.case import FAMILIES, as_data, summary, table
+from mechviz.outputs.rerun.precision import write_rrd
 from mechviz.outputs.rerun.writer import write_recording
 from mechviz.studies.cost import machine, used
 from mechviz.studies.influences import influence_lines, influences
 from mechviz.studies.precision import Point, cheapest, keep, kept, ladder, pareto
-from mechviz.studies.precision_diagram import diagram, dials_of, write_rrd
+from mechviz.studies.precision_diagram import diagram, dials_of
 
 
 def accuracy(

@@ -4,13 +4,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from io import BytesIO
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from mechcore.accuracy import DIALS
-from mechviz.figures import COLOURS, DOTS, chart
-from mechviz.files import replacing
+from mechviz.figures import COLOURS, chart
 from mechviz.scene.annotations import Place
 from mechviz.scene.document import SceneDocument, stated
 from mechviz.scene.fields import Table
@@ -119,59 +116,6 @@ def diagram(
         legend = figure.legend(handles=key, loc="outside lower left", ncols=columns, title=foot, alignment="left")
         legend.get_title().set(fontsize="small", color="#666666")
     return figure, words
-
-
-def write_rrd(points: Sequence[Point], path: Path, title: str, markdown: str, target: float | None = None) -> None:
-    """Write a view for each dial: the panel as a picture, with marked axes, and over it a point for each setting, which says what
-    it is where the pointer is on it; its error and its time are scalars of the same entity. The table stands beside them.
-    Raises `OutputError`."""
-    import rerun as rr
-    import rerun.blueprint as rrb
-
-    stream = rr.RecordingStream("mechviz", recording_id=f"accuracy-{path.stem}")
-    binary = stream.binary_stream()  # a file that rerun writes itself may end in the middle without a word
-    views = []
-    for dial in dials_of(points):
-        own = [p for p in points if p.dial == dial and math.isfinite(p.error)]
-        if not own:
-            continue
-        root = f"accuracy/{dial}".replace(" ", "_")
-        with chart(*PANEL) as figure:
-            axes = figure.add_subplot()
-            draw_panel(axes, dial, own, target)
-            picture = BytesIO()
-            figure.savefig(picture, format="png", dpi=DOTS)
-            figure.dpi = DOTS
-        stream.log(
-            f"{root}/axes", rr.EncodedImage(contents=picture.getvalue(), media_type="image/png", draw_order=-1.0), static=True
-        )
-        for k, method in enumerate(dict.fromkeys(p.method for p in own)):
-            some = [p for p in own if p.method == method]
-            entity = f"{root}/{method}".replace(" ", "_")
-            look = rr.Points2D(
-                [[x, DOTS * PANEL[1] - y] for x, y in axes.transData.transform([(p.seconds, p.error) for p in some])],
-                colors=[_rgb(COLOURS[k % len(COLOURS)])] * len(some),
-                radii=[rr.Radius.ui_points(6.0 if p.current else 4.0) for p in some],
-                labels=[f"{method}, {p.value}: {p.error:.1e} in {1e3 * p.seconds:.3g} ms" for p in some],
-                show_labels=False,
-            )
-            stream.log(entity, look, static=True)
-            stream.log(f"{entity}/error", rr.Scalars([p.error for p in some]), static=True)
-            stream.log(f"{entity}/seconds", rr.Scalars([p.seconds for p in some]), static=True)
-        views.append(rrb.Spatial2DView(origin=root, name=dial, background=[255, 255, 255]))
-    stream.log("table", rr.TextDocument(f"# {title}\n\n{markdown}", media_type=rr.MediaType.MARKDOWN), static=True)
-    layout = rrb.Horizontal(rrb.Grid(*views), rrb.TextDocumentView(origin="table", name="table"), column_shares=[3, 2])
-    stream.send_blueprint(rrb.Blueprint(layout, collapse_panels=True), make_active=True, make_default=True)
-    data = binary.read()
-    stream.disconnect()
-    with replacing(path) as temporary:
-        temporary.write_bytes(data or b"")
-
-
-def _rgb(code: str) -> tuple[int, int, int]:
-    """A colour such as #1b6ca8 as numbers from 0 to 255."""
-    red, green, blue = (int(code[i : i + 2], 16) for i in (1, 3, 5))
-    return red, green, blue
 
 
 UNSET: dict[str, dict[str, Any]] = {"integrator": {"nodes": None}, "tessellation": {"chord": None}}

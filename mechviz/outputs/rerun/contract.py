@@ -263,14 +263,18 @@ def units_of(parts: tuple[str, ...]) -> tuple[str, ...]:
     return ()
 
 
+def needed_tables(model: Model, forces: bool) -> set[str]:
+    """The tables without which no recording of a model is read; ``forces``: reactions were computed."""
+    return {entity(*parts) for parts in _needed(model, forces)}
+
+
 def missing_tables(recording: Recording) -> list[str]:
     """The tables that a recording is to have, and has not."""
-    needed = {entity(*parts) for parts in _needed(recording.said.model, recording.has("data", "energy"))}
+    needed = needed_tables(recording.said.model, recording.has("data", "energy"))
     return sorted(path for path in needed | {q.entity for q in recording.said.quantities} if not recording.has(path))
 
 
 def _needed(model: Model, forces: bool) -> Iterator[tuple[str, ...]]:
-    """The tables that every recording of a model has; ``forces``: reactions were computed."""
     for link in model.links:
         yield "data", "links", link, "pose"
     for joint in model.joints:

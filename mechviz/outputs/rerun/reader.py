@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from mechcore.arrays import Integers, Real
 from mechcore.motion.events import Event
 from mechviz.files import open_regular, plain_name
-from mechviz.outputs.rerun.contract import Properties, faults_of, missing_tables, read_properties
+from mechviz.outputs.rerun.contract import Properties, faults_of, missing_tables, needed_tables, read_properties
 from mechviz.outputs.rerun.entities import APPLICATION, RecordingError, entity
 from mechviz.outputs.rerun.rerun_adapter import MAGIC, DamageError, application_of, check_readable, chunks_in, entity_of
 from mechviz.quantities.items import read_between
@@ -97,6 +97,7 @@ class Recording:
         self.path = Path(path)
         self.frame_times: Integers | None = None
         self._damage: DamageError | None = None
+        self._missing = ""  # entities that are damaged, in a sentence
         self._moving: dict[str, list[Any]] = {}  # arrow batches of each entity, in the order of the file
         self._static: dict[str, list[Any]] = {}
         self._load(most)
@@ -111,11 +112,13 @@ class Recording:
         said, faults = read_properties(self.properties)
         if said is not None:
             self.said = said
-            if not said.complete:
-                self._cut(_last_whole_time({path: max(self.times(path), default=-1) for path in self._moving}))
-                if missing_tables(self):
+            if self._damage is not None:
+                self._leave_out_damaged()
+            if self._damage is not None or not said.complete:
+                self._cut(_last_whole_time({path: self.times(path) for path in self._moving}))
+                if missing := missing_tables(self):
                     if self._damage is not None:
-                        raise self._damage
+                        raise self._nothing_left(missing)
                     raise RecordingError(f"'{path}' holds no frames: it was interrupted before the first were whole.", REMEDY)
             faults = list(faults_of(self))
         if faults:
@@ -130,7 +133,7 @@ class Recording:
 
         check_readable(self.path)
         if most is not None:
-            self.frame_times = _times_of_frames(self._chunks(), most)
+            self.frame_times = _times_of_frames(self._chunks(), most, lambda: self._damage)
         times = None if self.frame_times is None else self.frame_times[evenly(len(self.frame_times), most or 1)]
         for batch in self._chunks():
             moving, name = "time" in batch.schema.names, entity_of(batch)
@@ -142,7 +145,7 @@ class Recording:
             known.append(batch)
 
     def _chunks(self) -> Iterator[Any]:
-        """The chunks before the damage, if there is any."""
+        """The chunks that are whole."""
         try:
             yield from chunks_in(self.path)
         except DamageError as error:
@@ -152,8 +155,27 @@ class Recording:
     def note(self) -> str:
         """What is missing of the recording, in a sentence; nothing where it is complete."""
         if self._damage is not None:
-            return f"{self._damage.message} Only the frames before that are here."
+            frames = len(self.times("data", "links", self.said.model.frame, "pose"))
+            here = "" if frames == self.said.frames else f" Only the first {frames} of {self.said.frames} frames are here."
+            return f"{self._damage.message}{here}{self._missing}"
         return "" if self.said.complete else "It was interrupted: the frames up to then are here."
+
+    def _nothing_left(self, missing: list[str]) -> RecordingError:
+        assert self._damage is not None
+        why = f"{self._damage.message} Of {', '.join(missing[:MOST_TOLD])} no frame is left, without which nothing can be shown."
+        return RecordingError(why, self._damage.remedy)
+
+    def _leave_out_damaged(self) -> None:
+        lost = _spare(self.said, self.has("data", "energy"), self._damage)
+        for path in lost:
+            self._moving.pop(path, None)
+            self._static.pop(path, None)
+        picture = self.said.picture and tuple(node for node in self.said.picture if node.entity not in lost)
+        quantities = tuple(entry for entry in self.said.quantities if entry.entity not in lost)
+        self.said = self.said.model_copy(update={"picture": picture, "quantities": quantities})
+        if lost:
+            more = f" and {len(lost) - MOST_TOLD} others" if len(lost) > MOST_TOLD else ""
+            self._missing = f" Missing: {', '.join(sorted(lost)[:MOST_TOLD])}{more}."
 
     def _cut(self, last: int) -> None:
         """Leave out the rows of tables and pictures after a time [ns]."""
@@ -201,6 +223,8 @@ class Recording:
 
     def scene(self) -> Scene:
         """The scene that made the recording, with the files that it names. Raises `SceneError`, `RecordingError`."""
+        if not self.scene_text:
+            raise RecordingError(f"'{self.path}' does not hold its scene.{' ' * bool(self.note)}{self.note}", REMEDY)
         folder = SceneFolder(self.path.resolve().parent, dict(self.said.files), foreign=True)
         return loads(self.scene_text, plain_name(self.said.scene or self.path.stem), folder)
 
@@ -277,8 +301,8 @@ def _path(parts: tuple[str, ...]) -> str:
     return entity(*parts)
 
 
-def _times_of_frames(chunks: Iterator[Any], most: int) -> Integers | None:
-    """The times of all whole frames [ns], where there are more than ``most``."""
+def _times_of_frames(chunks: Iterator[Any], most: int, damage: Callable[[], DamageError | None]) -> Integers | None:
+    """The times of all whole frames [ns], where there are more than ``most``; ``damage`` that was found in the chunks."""
     counted: dict[str, list[Integers]] = {}
     batches = []
     for batch in chunks:
@@ -292,14 +316,28 @@ def _times_of_frames(chunks: Iterator[Any], most: int) -> Integers | None:
         return None
     times = {name: np.sort(np.concatenate(parts)) for name, parts in counted.items()}
     frames = times.get(entity("data", "links", said.model.frame, "pose"), np.zeros(0, np.int64))
-    if not said.complete:
-        frames = frames[frames <= _last_whole_time({name: own[-1] for name, own in times.items() if len(own)})]
+    found = damage()
+    if found is not None or not said.complete:
+        spare = _spare(said, entity("data", "energy") in times, found)
+        frames = frames[frames <= _last_whole_time({name: own for name, own in times.items() if name not in spare})]
     return frames if len(frames) > most else None
 
 
-def _last_whole_time(last: dict[str, Any]) -> int:
-    """The time [ns] up to which all tables have their rows, from the last of each entity."""
-    return int(min((time for path, time in last.items() if path.startswith(TABLES)), default=-1))
+def _spare(said: Properties, forces: bool, damage: DamageError | None) -> set[str]:
+    """Entities of which something is lost, but for those without which nothing can be shown."""
+    lost: set[str] = (damage.lost if damage is not None else None) or set()
+    return lost - needed_tables(said.model, forces) - {PROPERTIES}
+
+
+def _last_whole_time(times: dict[str, Integers]) -> int:
+    """The time [ns] up to which all tables have their rows, from those of each entity, sorted."""
+    tables = [own for path, own in times.items() if path.startswith(TABLES)]
+    every = max(tables, key=len, default=np.zeros(0, np.int64))
+    for own in tables:
+        same = min(len(own), len(every))
+        different = np.flatnonzero(own[:same] != every[:same])
+        every = every[: different[0] if len(different) else same]
+    return int(every[-1]) if len(every) else -1
 
 
 def _plain_properties(batches: list[Any]) -> dict[str, Any]:

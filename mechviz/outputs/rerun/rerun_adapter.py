@@ -13,7 +13,9 @@ from __future__ import annotations
 
 import os
 import struct
+from bisect import bisect
 from collections.abc import Iterator
+from contextlib import suppress
 from pathlib import Path
 from typing import Any, BinaryIO
 
@@ -22,8 +24,11 @@ from mechviz.outputs.rerun.entities import APPLICATION, RecordingError
 
 MAGIC, HEADER = b"RRF", b"RRF2"
 FILE_HEADER, MESSAGE_HEADER = 12, struct.Struct("<QQ")  # of a message: kind, length of what follows [bytes]
+TAIL = struct.Struct("<QQI8sI")  # after the last message: place and length of the index, checksum, magic, how many there are
+TAIL_MAGIC, MAGIC_IN_TAIL = b"RRF2FOOT", slice(20, 28)
 END, STORE_INFO, CHUNK, LAYOUT = range(4)  # kinds of messages
 RECORDING, LZ4, ARROW = 1, 2, 1  # kind of a store, compression and encoding of a chunk
+PAYLOAD = 5  # the field of a chunk that holds its rows
 MOST_PACKED = 255  # LZ4 makes nothing smaller than this part
 INDICES = ("time", "drive_mdeg", "drive_um")
 DAMAGED = "Record the scene again; what rerun can save of it is saved with: rerun rrd optimize FILE.rrd -o repaired.rrd"
@@ -33,25 +38,61 @@ Message = dict[int, Any]
 
 
 class DamageError(RecordingError):
-    """A recording whose file is damaged; what stands before the damage has been read."""
+    """A recording whose file is damaged at a byte ``at``. What is whole has been read: all but some chunks of the entities
+    ``lost``; where that is None, because the file has no index, what stands before the damage."""
+
+    at: int = 0
+    lost: set[str] | None = None
 
 
 def chunks_in(path: Path) -> Iterator[Any]:
-    """The chunks of the first recording in a file as arrow batches, in the order of the file. Raises `DamageError`."""
+    """The chunks of the first recording in a file as arrow batches, in the order of the file. Raises `DamageError` after all that
+    are whole."""
+    damage: DamageError | None = None
+    index: dict[int, str] = {}
+    places: list[int] = []
     first: bytes | None = None
-    for at, kind, data in _messages(path):
-        if kind == CHUNK:
-            try:
-                message = fields(data)
-                store = fields(message[1])
-                if store[1] != RECORDING or (first is not None and store[2] != first):
-                    continue
-                first = store[2]
-                batch = _batch(message)
-            except (ValueError, LookupError, TypeError, OSError, NotImplementedError) as error:
-                why = (str(error).splitlines() or [type(error).__name__])[0][:200]
-                raise DamageError(f"'{path}' is damaged at byte {at}: {why}.", DAMAGED) from None
-            yield batch
+    at: int | None = FILE_HEADER
+    while at is not None:
+        try:
+            for place, kind, data in _messages(path, at):
+                batch = None
+                if _is_chunk(kind, data):
+                    try:
+                        message = fields(data)
+                        store = fields(message[1])
+                        if store[1] == RECORDING and store[2] == (first or store[2]):
+                            batch = _batch(message)
+                            first = store[2]
+                    except (ValueError, LookupError, TypeError, OSError, NotImplementedError) as error:
+                        raise _damage(path, place, (str(error).splitlines() or [type(error).__name__])[0][:200]) from None
+                if batch is not None:
+                    yield batch
+            at = None
+        except DamageError as error:
+            if damage is None:
+                damage, index = error, index_of(path)
+                places = sorted(index)
+                damage.lost = set() if index else None
+            if damage.lost is not None and error.at in index:
+                damage.lost.add(index[error.at])
+            next_one = bisect(places, error.at)
+            at = places[next_one] if next_one < len(places) else None
+    if damage is not None:
+        raise damage
+
+
+def _is_chunk(kind: int, data: bytes) -> bool:
+    """Whether a message holds a chunk: what it says itself may be damaged."""
+    with suppress(ValueError):
+        return kind == CHUNK or PAYLOAD in fields(data)
+    return False
+
+
+def _damage(path: Path, at: int, why: str) -> DamageError:
+    error = DamageError(f"'{path}' is damaged at byte {at}: {why}.", DAMAGED)
+    error.at = at
+    return error
 
 
 def application_of(path: Path) -> str:
@@ -84,20 +125,28 @@ def check_readable(path: Path) -> None:
         raise RecordingError(f"'{path}' has the format of an older rerun.", "Convert it with: rerun rrd migrate FILE.rrd")
 
 
-def _messages(path: Path) -> Iterator[tuple[int, int, bytes]]:
-    """Place, kind and content of each whole message, up to the end of the recording or of the file."""
+def _messages(path: Path, at: int = FILE_HEADER) -> Iterator[tuple[int, int, bytes]]:
+    """Place, kind and content of each whole message from a place on, up to the end of the recording or of the file."""
     with open_regular(path) as file:
-        size, at = os.fstat(file.fileno()).st_size, FILE_HEADER
+        size = os.fstat(file.fileno()).st_size
         while (header := _header(file, at)) is not None:
             kind, length = header
             after = at + MESSAGE_HEADER.size + length
-            if kind > LAYOUT:
-                raise DamageError(f"'{path}' is damaged at byte {at}: it holds no message of a recording.", DAMAGED)
+            if kind > LAYOUT or (kind == END and length and not _ends(file, after, size)):
+                raise _damage(path, at, "it holds no message of a recording")
+            if after > size and index_of(path):
+                raise _damage(path, at, "a message is longer than the file")
             if kind == END or after > size:
                 return
-            if kind != LAYOUT:
-                yield at, kind, file.read(length)
+            file.seek(at + MESSAGE_HEADER.size)
+            yield at, kind, file.read(length)
             at = after
+
+
+def _ends(file: BinaryIO, at: int, size: int) -> bool:
+    """Whether a file of some size ends at a place, or the tail of a recording is there."""
+    file.seek(at)
+    return at + TAIL.size > size or file.read(TAIL.size)[MAGIC_IN_TAIL] == TAIL_MAGIC
 
 
 def _header(file: BinaryIO, at: int) -> tuple[int, int] | None:
@@ -109,19 +158,54 @@ def _header(file: BinaryIO, at: int) -> tuple[int, int] | None:
     return int(kind), int(length)
 
 
+def index_of(path: Path) -> dict[int, str]:
+    """The entity of each chunk by its place in the file, from the index at the end; nothing where none can be read."""
+    with open_regular(path) as file:
+        size = os.fstat(file.fileno()).st_size
+        file.seek(max(size - TAIL.size, 0))
+        tail = file.read(TAIL.size)
+        if len(tail) < TAIL.size or tail[MAGIC_IN_TAIL] != TAIL_MAGIC:
+            return {}
+        start, length, *_ = TAIL.unpack(tail)
+        if start + length > size:
+            return {}
+        file.seek(start)
+        data = file.read(length)
+    places: dict[int, str] = {}
+    try:
+        for _, store in _pairs(data):  # the layout has an index of its own
+            packed = fields(fields(store)[4])
+            batch = _arrow(packed[2], packed.get(3) == LZ4, packed.get(4, 0))
+            after, paths = (batch[f"chunk_{name}"].to_pylist() for name in ("byte_offset", "entity_path"))
+            places |= {int(at) - MESSAGE_HEADER.size: str(path) for at, path in zip(after, paths, strict=True)}
+    except (ValueError, LookupError, TypeError, OSError, NotImplementedError, OverflowError):
+        return {}
+    return places
+
+
+def _arrow(packed: bytes, compressed: bool, size: int) -> Any:
+    """The arrow batch in some bytes, of ``size`` when they are unpacked, checked as a whole. Raises ValueError and the like."""
+    import pyarrow as pa
+
+    data = pa.py_buffer(packed)
+    if compressed:
+        if size > MOST_PACKED * data.size:
+            raise ValueError("a chunk claims to be larger than it can be")
+        data = pa.Codec("lz4_raw").decompress(data, size)
+    batch = next(iter(pa.ipc.open_stream(data)), None)
+    if batch is None:
+        raise ValueError("a chunk is empty")
+    batch.validate(full=True)
+    return batch
+
+
 def _batch(message: Message) -> Any:
-    """The arrow batch of a chunk, checked as a whole. Raises ValueError and the like of one that is damaged."""
+    """The arrow batch of a chunk. Raises ValueError and the like of one that is damaged."""
     import pyarrow as pa
 
     if message.get(4) != ARROW:
         raise ValueError("a chunk is not in Arrow's format")
-    data = pa.py_buffer(message[5])
-    if message.get(2) == LZ4:
-        if message[3] > MOST_PACKED * data.size:
-            raise ValueError("a chunk claims to be larger than it can be")
-        data = pa.Codec("lz4_raw").decompress(data, message[3])
-    batch = pa.ipc.open_stream(data).read_next_batch()
-    batch.validate(full=True)
+    batch = _arrow(message[PAYLOAD], message.get(2) == LZ4, message.get(3, 0))
     if b"rerun:entity_path" not in (batch.schema.metadata or {}):
         raise ValueError("a chunk does not say what it belongs to")
     for name in INDICES:
@@ -138,14 +222,19 @@ def entity_of(batch: Any) -> str:
 
 
 def fields(data: bytes) -> Message:
-    """The fields of a protobuf message. Raises ValueError where it is none."""
-    message: Message = {}
+    """The fields of a protobuf message, of repeated ones the last. Raises ValueError where it is none."""
+    return dict(_pairs(data))
+
+
+def _pairs(data: bytes) -> Iterator[tuple[int, Any]]:
+    """Number and value of each field of a protobuf message. Raises ValueError where it is none."""
     at = 0
     while at < len(data):
         key, at = _varint(data, at)
         number, wire = key >> 3, key & 7
         if wire == 0:
-            message[number], at = _varint(data, at)
+            value, at = _varint(data, at)
+            yield number, value
             continue
         if wire == 2:
             length, at = _varint(data, at)
@@ -155,8 +244,8 @@ def fields(data: bytes) -> Message:
             raise ValueError("a message cannot be read")
         if at + length > len(data):
             raise ValueError("a message ends too early")
-        message[number], at = data[at : at + length], at + length
-    return message
+        yield number, data[at : at + length]
+        at += length
 
 
 def _varint(data: bytes, at: int) -> tuple[int, int]:

@@ -112,11 +112,16 @@ class Part:
             self._pump.finish()
 
     def release(self) -> None:
-        """Give up the stream: rerun keeps each with its threads until it is asked to forget those that nobody holds."""
-        import rerun as rr
-
+        """Give up the stream."""
         self.stream = None
-        rr.init(APPLICATION, init_logging=False)  # starts nothing, but forgets
+        forget_streams()
+
+
+def forget_streams() -> None:
+    """Have rerun give up the streams that nobody holds: it keeps each with its threads until it is asked."""
+    import rerun as rr
+
+    rr.init(APPLICATION, init_logging=False)  # starts nothing, but forgets
 
 
 @contextmanager

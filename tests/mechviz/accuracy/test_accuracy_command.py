@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import gc
+import os
 import re
 import xml.etree.ElementTree as ET
 from html import unescape
@@ -13,12 +15,13 @@ from typer.testing import CliRunner
 from mechviz.accuracy.kept import PROFILE
 from mechviz.commands.main import app
 from mechviz.figures import DOTS, chart_svg
+from mechviz.outputs.rerun.precision import write_rrd
 from mechviz.scene.scene import load
 from mechviz.studies import cost, precision
 from mechviz.studies.cost import Timed, side_by_side, timed
 from mechviz.studies.influences import influence_lines, influences
 from mechviz.studies.precision import Point, cheapest, ladder, pareto
-from mechviz.studies.precision_diagram import PANEL, diagram, setting_changes, write_rrd
+from mechviz.studies.precision_diagram import PANEL, diagram, setting_changes
 
 
 def point(seconds: float, error: float, **more: object) -> Point:
@@ -170,6 +173,15 @@ def test_a_recording_of_the_diagrams_has_axes_and_a_point_for_each_setting(tmp_p
         labels = found[f"/accuracy/frames/{method}", "Points2D:labels"]
         assert [label.split(": ")[1] for label in labels] == [f"{p.error:.1e} in {1e3 * p.seconds:.3g} ms" for p in own]
         assert found[f"/accuracy/frames/{method}/error", "Scalars:scalars"] == [p.error for p in own]
+
+
+def test_a_recording_of_the_diagrams_leaves_no_threads(tmp_path):
+    write_rrd(POINTS, tmp_path / "a.rrd", "title", "table")
+    gc.collect()
+    before = len(os.listdir("/proc/self/task"))
+    write_rrd(POINTS, tmp_path / "a.rrd", "title", "table")
+    gc.collect()
+    assert len(os.listdir("/proc/self/task")) <= before
 
 
 @pytest.mark.parametrize("times", [[1e-4], [9.7e-5, 3.3e-4], [2e-3, 1.1e-2], [2e-3, 1.1e-1], [1e-6, 40.0]])

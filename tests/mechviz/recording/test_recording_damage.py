@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import shutil
-from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
@@ -106,38 +105,78 @@ def test_a_part_that_is_cut_anywhere_is_read_up_to_its_last_whole_block(tmp_path
     assert frames == sorted(frames) and set(frames) == {0, 40, 80} and frames[-1] == 80
 
 
-def test_what_stands_before_damage_is_read_and_what_is_missing_is_said(tmp_path, monkeypatch, capsys):
-    """Of three blocks the last is damaged: the others are as they were."""
-    monkeypatch.setattr(writer, "BLOCK", 40)
-    whole, hurt = tmp_path / "whole.rrd", tmp_path / "hurt.rrd"
-    writer.write_recording(ran("crank-rocker", 100), whole)
+def hurt(whole: Path, target: Path, *entities: str) -> Path:
+    """A recording in which the last chunk of each of some entities is damaged."""
     data = bytearray(whole.read_bytes())
-    sound = Recording(whole)
-    places, at = [], rerun_adapter.FILE_HEADER
-    while (kind := rerun_adapter.MESSAGE_HEADER.unpack_from(data, at))[0] != rerun_adapter.END:
-        places += [at] if kind[0] == rerun_adapter.CHUNK else []
-        at += rerun_adapter.MESSAGE_HEADER.size + kind[1]
-    ends = {}
-    for at in places:
-        hurt.write_bytes(data[:at])
-        with suppress(RecordingError):
-            ends[at] = len(Recording(hurt).times("data", "links", "crank", "pose"))
-    after = next(at for at, frames in ends.items() if frames == 80)
-    data[after + rerun_adapter.MESSAGE_HEADER.size] ^= 255
-    hurt.write_bytes(data)
+    places = {entity: at for at, entity in sorted(rerun_adapter.index_of(whole).items())}
+    for entity in entities:
+        data[places[entity] + rerun_adapter.MESSAGE_HEADER.size] ^= 255
+    target.write_bytes(data)
+    return target
+
+
+def test_a_damaged_chunk_costs_its_entity_only(whole, tmp_path, capsys):
+    """Everything stands in one block: its other entities are as they were, in every way of reading it."""
+    lost = ("/data/links/rocker/acceleration", "/data/loads/P", "/vectors/reaction/B", "/mechanism/links/crank/mesh", "/scene")
+    target = hurt(whole, tmp_path / "hurt.rrd", *lost)
+    sound, found = Recording(whole), Recording(target)
+    assert set(sound.entities) - set(found.entities) == set(lost)
+    assert "damaged at byte" in found.note and all(entity in found.note for entity in lost)
+    for path in found.entities:
+        if path.startswith(("/data/", "/health/")) and found.has(path):
+            assert np.array_equal(found.scalars(path)[1], sound.scalars(path)[1], equal_nan=True)
+    assert found.note in format_inspection(inspect(target)).replace("\n", " ")
+    assert open_recording(str(target)).note == found.note and "damaged at byte" in capsys.readouterr().err
+    with pytest.raises(RecordingError, match="does not hold its scene"):
+        found.scene()
+    for read in read_all(target)[:-1]:
+        read()
+
+
+def test_where_a_needed_table_is_damaged_the_frames_before_are_read(tmp_path, monkeypatch):
+    """Of three blocks the last one: what cannot be shown without it ends there, what is spare does not."""
+    monkeypatch.setattr(writer, "BLOCK", 40)
+    whole = tmp_path / "whole.rrd"
+    writer.write_recording(ran("crank-rocker", 100), whole)
+    pose = "/data/links/crank/pose"
+    target = hurt(whole, tmp_path / "hurt.rrd", pose, "/health/closure")
     for most in (None, 20):
-        found = Recording(hurt, most=most)
-        assert f"damaged at byte {after}" in found.note
-    found = Recording(hurt)
-    time, poses = found.scalars("data", "links", "rocker", "pose")
-    assert len(time) == 80 and np.array_equal(poses, sound.scalars("data", "links", "rocker", "pose")[1][:80])
-    told = format_inspection(inspect(hurt))
-    assert "80, 0 s to" in told and "damaged at byte" in told
-    assert "damaged" in open_recording(str(hurt)).note and "damaged at byte" in capsys.readouterr().err
-    data[places[0] + rerun_adapter.MESSAGE_HEADER.size] ^= 255
-    hurt.write_bytes(data)
-    with pytest.raises(RecordingError, match=f"damaged at byte {places[0]}"):
-        Recording(hurt)
+        found = Recording(target, most=most)
+        assert "Missing: /health/closure." in found.note
+    found = Recording(target)
+    assert "Only the first 80 of 101 frames are here" in found.note
+    _, poses = found.scalars("data", "links", "rocker", "pose")
+    assert np.array_equal(poses, Recording(whole).scalars("data", "links", "rocker", "pose")[1][:80])
+    assert inspect(target).frames == 80
+
+
+def test_where_nothing_can_be_shown_the_damage_is_named(whole, tmp_path):
+    with pytest.raises(RecordingError, match=r"damaged at byte .*/data/links/crank/pose") as error:
+        Recording(hurt(whole, tmp_path / "hurt.rrd", "/data/links/crank/pose"))
+    assert error.value.remedy
+
+
+def test_a_message_that_lies_about_its_length_or_kind_is_stepped_over(whole, tmp_path):
+    index, data = rerun_adapter.index_of(whole), whole.read_bytes()
+    at = next(at for at, entity in index.items() if entity == "/vectors/reaction/B")
+    kept = set(Recording(whole).entities)
+    for place, bit in ((at, 1), (at, 2), (at + 1, 1), (at + 8, 4), (at + 10, 1), (at + 15, 1)):
+        turned = bytearray(data)
+        turned[place] ^= bit
+        (tmp_path / "a.rrd").write_bytes(turned)
+        found = Recording(tmp_path / "a.rrd")
+        assert kept - set(found.entities) <= {"/vectors/reaction/B"}
+        assert found.note or kept == set(found.entities)
+
+
+def test_without_its_index_a_damaged_recording_is_read_up_to_there(tmp_path, monkeypatch):
+    monkeypatch.setattr(writer, "BLOCK", 40)
+    whole = tmp_path / "whole.rrd"
+    writer.write_recording(ran("crank-rocker", 100), whole)
+    target = hurt(whole, tmp_path / "hurt.rrd", "/health/closure")
+    target.write_bytes(target.read_bytes()[:-1])
+    found = Recording(target)
+    assert len(found.times("data", "links", "crank", "pose")) == 80 and "Only the first 80 of 101 frames" in found.note
 
 
 def test_turned_bits_in_the_frame_of_a_chunk_do_not_end_the_process(whole, tmp_path):

@@ -1,0 +1,71 @@
+"""Work-precision diagrams as a recording: a view for each dial, in which every setting is a point."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from io import BytesIO
+from pathlib import Path
+
+from mechviz.figures import COLOURS, DOTS, chart
+from mechviz.files import replacing
+from mechviz.outputs.rerun.entities import APPLICATION
+from mechviz.outputs.rerun.rerun_adapter import send_blueprint
+from mechviz.outputs.rerun.stream_file import forget_streams
+from mechviz.studies.precision import Point
+from mechviz.studies.precision_diagram import PANEL, dials_of, draw_panel
+
+
+def write_rrd(points: Sequence[Point], path: Path, title: str, markdown: str, target: float | None = None) -> None:
+    """Write a view for each dial: the panel as a picture, with marked axes, and over it a point for each setting, which says what
+    it is where the pointer is on it; its error and its time are scalars of the same entity. The table stands beside them.
+    Raises `OutputError`."""
+    import rerun as rr
+    import rerun.blueprint as rrb
+
+    stream = rr.RecordingStream(APPLICATION, recording_id=f"accuracy-{path.stem}")
+    binary = stream.binary_stream()  # a file that rerun writes itself may end in the middle without a word
+    views = []
+    for dial in dials_of(points):
+        own = [p for p in points if p.dial == dial and math.isfinite(p.error)]
+        if not own:
+            continue
+        root = f"accuracy/{dial}".replace(" ", "_")
+        with chart(*PANEL) as figure:
+            axes = figure.add_subplot()
+            draw_panel(axes, dial, own, target)
+            picture = BytesIO()
+            figure.savefig(picture, format="png", dpi=DOTS)
+            figure.dpi = DOTS
+        stream.log(
+            f"{root}/axes", rr.EncodedImage(contents=picture.getvalue(), media_type="image/png", draw_order=-1.0), static=True
+        )
+        for k, method in enumerate(dict.fromkeys(p.method for p in own)):
+            some = [p for p in own if p.method == method]
+            entity = f"{root}/{method}".replace(" ", "_")
+            look = rr.Points2D(
+                [[x, DOTS * PANEL[1] - y] for x, y in axes.transData.transform([(p.seconds, p.error) for p in some])],
+                colors=[_rgb(COLOURS[k % len(COLOURS)])] * len(some),
+                radii=[rr.Radius.ui_points(6.0 if p.current else 4.0) for p in some],
+                labels=[f"{method}, {p.value}: {p.error:.1e} in {1e3 * p.seconds:.3g} ms" for p in some],
+                show_labels=False,
+            )
+            stream.log(entity, look, static=True)
+            stream.log(f"{entity}/error", rr.Scalars([p.error for p in some]), static=True)
+            stream.log(f"{entity}/seconds", rr.Scalars([p.seconds for p in some]), static=True)
+        views.append(rrb.Spatial2DView(origin=root, name=dial, background=[255, 255, 255]))
+    stream.log("table", rr.TextDocument(f"# {title}\n\n{markdown}", media_type=rr.MediaType.MARKDOWN), static=True)
+    layout = rrb.Horizontal(rrb.Grid(*views), rrb.TextDocumentView(origin="table", name="table"), column_shares=[3, 2])
+    send_blueprint(stream, rrb.Blueprint(layout, collapse_panels=True))
+    data = binary.read()
+    stream.disconnect()
+    del stream, binary
+    forget_streams()
+    with replacing(path) as temporary:
+        temporary.write_bytes(data or b"")
+
+
+def _rgb(code: str) -> tuple[int, int, int]:
+    """A colour such as #1b6ca8 as numbers from 0 to 255."""
+    red, green, blue = (int(code[i : i + 2], 16) for i in (1, 3, 5))
+    return red, green, blue
