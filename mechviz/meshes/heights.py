@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -52,11 +52,15 @@ class Heights:
 
     def flat(self, link: str) -> Iterator[tuple[shapely.Polygon, float, float]]:
         """Outlines [m] in the link's frame of its flat parts, each with the heights [m] between which it lies."""
+        for part in self.parts(link, _FLAT):
+            yield from part
+
+    def parts(self, link: str, kinds: Collection[str]) -> Iterator[list[tuple[shapely.Polygon, float, float]]]:
+        """Of each part of a link of some kinds the outlines [m] in the link's frame that it consists of, with their heights [m]."""
         for part in self._parts:
-            if part.link == link and part.kind in _FLAT:
-                for prism in part.space:
-                    outline = shapely.transform(prism.outline, lambda xy: xy * self.size)
-                    yield outline, prism.low * self.size, prism.high * self.size
+            if part.link == link and part.kind in kinds:
+                outlines = [shapely.transform(prism.outline, lambda xy: xy * self.size) for prism in part.space]
+                yield [(o, p.low * self.size, p.high * self.size) for o, p in zip(outlines, part.space, strict=True)]
 
     def crossed(self, between: tuple[float, float], lines: Real, frames: Integers, but: str = "") -> bool:
         """Whether lines (K, n, 2) [m], see `cleared`, meet a part between two heights [m]; ``but``: not of this link."""

@@ -19,6 +19,7 @@ from mechcore.spec.mechanism import Mechanism, Vec2
 from mechviz.meshes.extrude import plate
 from mechviz.meshes.outline import disc, hatched_bar, pedestal, polygons
 from mechviz.meshes.shading import FRAME, PIN, Color, crisp, face_normals
+from mechviz.picture.base import Placed, blocked, find_base
 from mechviz.picture.nodes import Mesh
 from mechviz.picture.proportions import looks
 from mechviz.picture.springs import Coil, find_struts
@@ -34,28 +35,34 @@ STEMS = (0.62, 0.95)  # half widths of the gap for a stem through it that are tr
 HINGE = 0.02  # half the width of a bracket of the ground for dampers, gas springs and actuators, in sizes of the mechanism
 BLOCK = 0.045  # half the width of an anvil, in sizes of the mechanism
 OUT = 0.82  # of the arm of a link: where it meets its anvil
+WASHER: Color = (150, 156, 164, 255)
 GAP = 1e-3  # in sizes of the mechanism, between a link and the anvil that it rests on
 
 
 def find_fixtures(run: Run, solids: Solids, coils: Sequence[Coil]) -> Mapping[str, list[Mesh]]:
     """Meshes in the frames of links, by the links that they are fixed to."""
+    frame = run.motion.mechanism.frame
+    placed = list(_fixtures(run, solids, coils))
+    base = find_base(run, solids, coils, [part for link, part in placed if link == frame])
+    placed += [(frame, part) for part in base]
+    placed += _named_wheels(run, solids, min([float(solids.bounds[0, 2]), *(low for _, (low, _), _ in base)]))
     meshes: dict[str, list[Mesh]] = {}
+    for link, part in placed:
+        meshes.setdefault(link, []).append(_mesh(*part))
+    return meshes
+
+
+def _fixtures(run: Run, solids: Solids, coils: Sequence[Coil]) -> Iterator[tuple[str, Placed]]:
+    """What is fixed to links, each with its link."""
     loads = {load.name: load for load in run.motion.mechanism.loads if isinstance(load, Spring)}
     for coil in coils:
         for end in (0, 1):
-            for link, mesh in _seat(run, solids, loads[coil.name], coil, end):
-                meshes.setdefault(link, []).append(mesh)
+            yield from _seat(run, solids, loads[coil.name], coil, end)
     for at in _hinges(run):
         room = solids.z_top - 2.0 * HINGE * solids.size, solids.z_top
-        for link, mesh in _bracket(run, solids, at, HINGE * solids.size, room):
-            meshes.setdefault(link, []).append(mesh)
-    for link, (outline, heights, color) in named_wheels(run, solids):
-        meshes.setdefault(link, []).append(_mesh(outline, heights, color[:3]))
-    stated = () if run.simulation is None else run.simulation.stops
-    for stop in stated:
-        for mesh in _anvil(run, solids, stop):
-            meshes.setdefault(run.motion.mechanism.frame, []).append(mesh)
-    return meshes
+        yield from _bracket(run, solids, at, HINGE * solids.size, room)
+    for stop in () if run.simulation is None else run.simulation.stops:
+        yield from _anvil(run, solids, stop)
 
 
 def joined(meshes: Sequence[Mesh]) -> Mesh:
@@ -84,13 +91,6 @@ def bounds_with(run: Run, solids: Solids, fixtures: Mapping[str, Sequence[Mesh]]
     return np.array([low, high])
 
 
-def _mesh(outline: Polygon, z: tuple[float, float], color: tuple[int, int, int]) -> Mesh:
-    shell = plate(outline, z, 0.0)
-    vertices, faces, normals, _ = crisp(shell.vertices, shell.faces, *face_normals(shell.vertices, shell.faces))
-    colors = np.tile(np.array(color, np.uint8), (len(vertices), 1))
-    return Mesh(vertices.astype(np.float32), faces.astype(np.uint32), normals.astype(np.float32), colors)
-
-
 def _hinges(run: Run) -> set[Vec2]:
     """Where dampers, gas springs and actuators end on the ground [m]."""
     mechanism = run.motion.mechanism
@@ -99,8 +99,15 @@ def _hinges(run: Run) -> set[Vec2]:
     return {points[point] for strut in struts for link, point in strut.ends if link == mechanism.frame}
 
 
+def _mesh(outline: Polygon, z: tuple[float, float], color: Color) -> Mesh:
+    shell = plate(outline, z, 0.0)
+    vertices, faces, normals, _ = crisp(shell.vertices, shell.faces, *face_normals(shell.vertices, shell.faces))
+    colors = np.tile(np.array(color[:3], np.uint8), (len(vertices), 1))
+    return Mesh(vertices.astype(np.float32), faces.astype(np.uint32), normals.astype(np.float32), colors)
+
+
 # -- springs --------------------------------------------------------------------------------------------------------------
-def _seat(run: Run, solids: Solids, load: Spring, coil: Coil, end: int) -> Iterator[tuple[str, Mesh]]:
+def _seat(run: Run, solids: Solids, load: Spring, coil: Coil, end: int) -> Iterator[tuple[str, Placed]]:
     """What one end of a spring rests on or hangs from: a plate or a bracket of the ground, a washer on a link against which it
     does not turn."""
     link, frame = load.links[end], run.motion.mechanism.frame
@@ -120,34 +127,27 @@ def _seat(run: Run, solids: Solids, load: Spring, coil: Coil, end: int) -> Itera
 
     if link != frame:
         if not coil.straight:
-            yield link, _mesh(placed(box(-0.18 * radius, -radius, 0.0, radius)), heights, (150, 156, 164))
+            yield link, (placed(box(-0.18 * radius, -radius, 0.0, radius)), heights, WASHER)
         return
     whole = hatched_bar((0.0, HALF * radius), (0.0, -HALF * radius), 0.8 * radius, thickness=0.4 * radius)
     gaps = (box(-9.0 * radius, -part * radius, radius, part * radius) for part in STEMS)
     for shape in (whole, *map(whole.difference, gaps)):
         pieces = [placed(piece) for piece in polygons(shape) if piece.area > 0.02 * radius**2]
-        if not any(_in_the_way(run, solids, piece, heights) for piece in pieces):
+        if not any(blocked(run, solids, piece, heights) for piece in pieces):
             for piece in pieces:
-                yield link, _mesh(piece, heights, FRAME[:3])
+                yield link, (piece, heights, FRAME)
             return
 
 
-def _bracket(run: Run, solids: Solids, at: Vec2, half: float, heights: tuple[float, float]) -> Iterator[tuple[str, Mesh]]:
+def _bracket(run: Run, solids: Solids, at: Vec2, half: float, heights: tuple[float, float]) -> Iterator[tuple[str, Placed]]:
     """A foot of the ground about a point between two heights [m], ``half`` as wide [m]."""
     shape = pedestal(at, half, 64)
-    if not _in_the_way(run, solids, shape, heights):
-        yield run.motion.mechanism.frame, _mesh(shape, heights, FRAME[:3])
-
-
-def _in_the_way(run: Run, solids: Solids, shape: Polygon, heights: tuple[float, float]) -> bool:
-    """Whether a link passes through a shape of the ground between two heights [m]."""
-    frames, known = looks(run, solids.heights)
-    ring = np.asarray(shape.exterior.coords)
-    return solids.heights.crossed(heights, np.broadcast_to(ring, (len(frames), *ring.shape)), known, run.motion.mechanism.frame)
+    if not blocked(run, solids, shape, heights):
+        yield run.motion.mechanism.frame, (shape, heights, FRAME)
 
 
 # -- end stops ------------------------------------------------------------------------------------------------------------
-def _anvil(run: Run, solids: Solids, stop: Stop) -> Iterator[Mesh]:
+def _anvil(run: Run, solids: Solids, stop: Stop) -> Iterator[tuple[str, Placed]]:
     """The block of the ground that a link strikes at an end stop of its joint with the ground."""
     mechanism, motion, size = run.motion.mechanism, run.motion, solids.size
     joint = run.numbers.joints[stop.joint]
@@ -181,8 +181,8 @@ def _anvil(run: Run, solids: Solids, stop: Stop) -> Iterator[Mesh]:
     ends = (pivot + shift + across * (middle + side * half) + normal * (front + GAP * size) for side in (-1.0, 1.0))
     a, b = ((z.real, z.imag) for z in ends)
     bar = hatched_bar(b, a, 0.9 * half, thickness=0.6 * half)
-    if not _in_the_way(run, solids, bar, (low, high)):
-        yield _mesh(bar, (low, high), FRAME[:3])
+    if not blocked(run, solids, bar, (low, high)):
+        yield mechanism.frame, (bar, (low, high), FRAME)
 
 
 def _reach(
@@ -216,9 +216,6 @@ FAN = 0.8  # radius of a fan, in those of a flywheel
 THICK, ROOM = 0.05, 0.02  # of a wheel along its shaft, and before it, in sizes of the mechanism
 SHAFT = 0.022  # radius, in sizes of the mechanism
 
-Placed = tuple[Polygon, tuple[float, float], Color]
-"""An outline [m] in the frame of a link, the heights [m] between which it lies, and its colour."""
-
 
 def looks_of(run: Run) -> dict[str, tuple[str, ...]]:
     """What the links of a scene are to look like, by their names."""
@@ -231,10 +228,9 @@ def has_spindle(run: Run) -> bool:
     return "spindle" in looks_of(run).get(run.motion.mechanism.frame, ())
 
 
-def named_wheels(run: Run, solids: Solids) -> Iterator[tuple[str, Placed]]:
-    """The parts of flywheels and fans, each with its link, about the link's pin on the ground."""
+def _named_wheels(run: Run, solids: Solids, back: float) -> Iterator[tuple[str, Placed]]:
+    """The parts of flywheels and fans, each with its link, about the link's pin on the ground, behind a height [m]."""
     mechanism, size = run.motion.mechanism, solids.size
-    back = float(solids.bounds[0, 2])
     for link, kinds in looks_of(run).items():
         centre = _pin_on_ground(mechanism, link)
         if centre is None:
@@ -248,7 +244,7 @@ def named_wheels(run: Run, solids: Solids) -> Iterator[tuple[str, Placed]]:
                 yield link, (shape, (high - THICK * size, high), color if kind == "flywheel" else PIN)
                 top = high - THICK * size
         if top < back:
-            yield link, (disc(centre, SHAFT * size, 48), (top - ROOM * size, back), PIN)
+            yield link, (disc(centre, SHAFT * size, 48), (top - ROOM * size, float(solids.bounds[0, 2])), PIN)
 
 
 def _pin_on_ground(mechanism: Mechanism, link: str) -> Vec2 | None:

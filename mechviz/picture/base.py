@@ -1,0 +1,163 @@
+"""What the fixed link stands on: bars behind everything from bearing to bearing, and posts to what stands before them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+import shapely
+from shapely.geometry import LineString, Point, Polygon, box
+from shapely.ops import unary_union
+
+from mechcore.arrays import Real
+from mechcore.spec.mechanism import Vec2
+from mechviz.meshes.outline import polygons
+from mechviz.meshes.shading import Color
+from mechviz.picture.proportions import looks
+from mechviz.picture.springs import Coil
+
+if TYPE_CHECKING:
+    from mechviz.meshes.solids import Solids
+    from mechviz.runs import Run
+
+DEEP = 0.018  # of the bars along z, in sizes of the mechanism
+BAR, POST = 0.011, 0.006  # half widths of bars and posts, in sizes
+SHADE: Color = (92, 99, 109, 255)  # a little darker than what stands on it
+ARMS = (0.06, 0.12, 0.2, 0.3)  # how far beside a part its post may stand, in sizes
+WAYS = 12  # directions in which that is tried
+SPOTS = 12  # places of a part at which a post is tried
+CORES = (0.006, 0.004, 0.0025, 0.0015)  # what is left of an outline without a rim of this, in sizes: without its hatching
+TOUCH = 1e-6  # in sizes: parts nearer than this touch
+
+Placed = tuple[Polygon, tuple[float, float], Color]
+"""An outline [m] in the frame of a link, the heights [m] between which it lies, and its colour."""
+
+
+@dataclass(frozen=True)
+class _Foot:
+    """Where a part of the ground stands on the bars, and what leads there: a post behind it, an arm beside it."""
+
+    at: Vec2
+    parts: tuple[Placed, ...] = ()
+
+
+@dataclass(frozen=True, eq=False)
+class _Room:
+    """The room that links and springs leave in front of the bars."""
+
+    run: Run
+    solids: Solids
+    back: float  # the height [m] of the bars' faces
+    springs: list[tuple[shapely.Geometry, float, float]]  # what of the plane [m] each covers, and between which heights
+
+    def free(self, shape: Polygon, heights: tuple[float, float]) -> bool:
+        """Whether nothing passes through a shape between two heights [m]."""
+        coiled = any(low < heights[1] and high > heights[0] and area.intersects(shape) for area, low, high in self.springs)
+        return not coiled and not blocked(self.run, self.solids, shape, heights)
+
+    def post(self, at: Vec2, high: float) -> _Foot | None:
+        """A post at a place up to a height [m]; None where something comes by."""
+        half, heights = POST * self.solids.size, (self.back, high)
+        shape = box(at[0] - half, at[1] - half, at[0] + half, at[1] + half)
+        return _Foot(at, ((shape, heights, SHADE),)) if self.free(shape, heights) else None
+
+
+def blocked(run: Run, solids: Solids, shape: Polygon, heights: tuple[float, float]) -> bool:
+    """Whether a link passes through a shape of the ground between two heights [m]."""
+    frames, known = looks(run, solids.heights)
+    ring = np.asarray(shape.exterior.coords)
+    return solids.heights.crossed(heights, np.broadcast_to(ring, (len(frames), *ring.shape)), known, run.motion.mechanism.frame)
+
+
+def find_base(run: Run, solids: Solids, coils: Sequence[Coil], fixtures: Sequence[Placed]) -> list[Placed]:
+    """The bars and posts that bear what the ground has: bearings and guides, and its ``fixtures``.
+
+    Parts to which no post leads past the links and springs stand alone. Nothing where only one part stands on the ground, and
+    where shafts lie in the plane: they have a bed of their own.
+    """
+    if any(solid.spin is not None for solid in solids.links.values()):
+        return []
+    size, frame = solids.size, run.motion.mechanism.frame
+    covered = [_covered(run, solids, coil) for coil in coils]
+    lows = [low - POST * size for low in (*(low for _, low, _ in covered), *(low for _, (low, _), _ in fixtures))]
+    room = _Room(run, solids, min([float(solids.bounds[0, 2]), *lows]), covered)
+    feet: list[_Foot] = []
+    for (foot, low, high), *columns in solids.heights.parts(frame, ("pedestal",)):
+        found = _feet(room, foot, (low, high))
+        if found and columns and low < min(bottom for _, bottom, _ in columns):  # under the bearing itself
+            found = [post for outline, *_ in columns if (post := room.post(_xy(outline.centroid), low)) is not None] or found
+        feet += found
+    for part in solids.heights.parts(frame, ("rail", "block", "rod")):
+        outline, low, high = part[0]
+        feet += _feet(room, outline, (low, high))
+    for outline, heights, _ in fixtures:
+        feet += _feet(room, outline, heights)
+    if len(feet) < 2:
+        return []
+    places = np.array([foot.at for foot in feet])
+    bars = [LineString(places[list(pair)]).buffer(BAR * size, quad_segs=8) for pair in _tree(places)]
+    across = [(shape, (room.back - DEEP * size, room.back), SHADE) for shape in polygons(unary_union(bars))]
+    return across + [(shape, z, color) for foot in feet for shape, z, color in foot.parts if z[1] - z[0] > TOUCH * size]
+
+
+def _covered(run: Run, solids: Solids, coil: Coil) -> tuple[shapely.Geometry, float, float]:
+    """What of the plane [m] a spring covers during the run, and between which heights [m]."""
+    frames, _ = looks(run, solids.heights)
+    start, angle = coil.pose[frames, :2], coil.pose[frames, 2]
+    long, wide = coil.stretch[frames] * float(coil.vertices[:, 0].max()), float(np.abs(coil.vertices[:, 1]).max())
+    lines = np.stack([start, start + long[:, None] * np.column_stack([np.cos(angle), np.sin(angle)])], axis=1)
+    known = lines[np.isfinite(lines).all(axis=(1, 2))]
+    area = shapely.union_all(shapely.buffer(shapely.linestrings(known), wide, cap_style="flat"))
+    return area, coil.height - wide, coil.height + wide
+
+
+def _feet(room: _Room, outline: Polygon, heights: tuple[float, float]) -> list[_Foot]:
+    """Where a part of the ground can stand on the bars: a long one at two places; none where something is in the way everywhere."""
+    size, (low, high) = room.solids.size, heights
+    spots = _spots(outline, size)
+    long = np.hypot(*np.subtract(spots[0], spots[-1])) > 6.0 * BAR * size
+    feet: list[_Foot] = []
+    for order in (spots, spots[::-1]) if long else (spots,):
+        foot = next((foot for at in order if (foot := room.post(at, low)) is not None), None)
+        if foot is not None and all(foot.at != other.at for other in feet):
+            feet.append(foot)
+    if feet:
+        return feet
+    start = _xy(outline.representative_point())
+    for arm in ARMS:
+        for way in np.exp(2j * np.pi * np.arange(WAYS) / WAYS):
+            at = (start[0] + arm * size * float(way.real), start[1] + arm * size * float(way.imag))
+            foot = room.post(at, high)
+            reach = polygons(LineString([start, at]).buffer(POST * size, quad_segs=4).difference(outline))
+            if foot is not None and all(room.free(shape, heights) for shape in reach):
+                return [_Foot(at, (*foot.parts, *((shape, heights, SHADE) for shape in reach)))]
+    return []
+
+
+def _spots(outline: Polygon, size: float) -> list[Vec2]:
+    """Places within the thickest part of an outline [m], from one end of it to the other."""
+    cores = (polygons(outline.buffer(-part * size)) for part in CORES)
+    core = next((found[0] for found in cores if found), outline)
+    corners = np.asarray(core.minimum_rotated_rectangle.exterior.coords)[:4]
+    if np.hypot(*(corners[1] - corners[0])) < np.hypot(*(corners[2] - corners[1])):
+        corners = np.roll(corners, -1, axis=0)
+    start, end = 0.5 * (corners[0] + corners[3]), 0.5 * (corners[1] + corners[2])
+    places = [Point(*(start + part * (end - start))) for part in np.linspace(0.06, 0.94, SPOTS)]
+    return [_xy(at) for at in places if core.contains(at)] or [_xy(core.representative_point())]
+
+
+def _xy(point: Point) -> Vec2:
+    return (float(point.x), float(point.y))
+
+
+def _tree(places: Real) -> Iterator[tuple[int, int]]:
+    """Pairs of places (n, 2) on the shortest tree that joins all of them, by Prim."""
+    apart = np.hypot(*(places[:, None] - places).transpose(2, 0, 1))
+    inside = [0]
+    while len(inside) < len(places):
+        outside = np.setdiff1d(np.arange(len(places)), inside)
+        a, b = np.unravel_index(np.argmin(apart[inside][:, outside]), (len(inside), len(outside)))
+        yield inside[int(a)], int(outside[int(b)])
+        inside.append(int(outside[int(b)]))
