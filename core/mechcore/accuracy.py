@@ -6,10 +6,11 @@ The defaults are what the program does where nobody asks: positions to rounding,
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields, replace
+from dataclasses import fields, replace
 from typing import Any, Literal
 
 from mechcore.errors import Fault, MechanismError
+from mechcore.records import dataclass
 
 Differentiation = Literal["exact", "differences", "graphical"]
 NumberFormat = Literal["float64", "float32"]

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
+from mechcore.records import dataclass
 from mechcore.texts import Text, UnitSystem
 
 

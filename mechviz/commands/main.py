@@ -94,8 +94,9 @@ TRACEBACK = "--traceback"
 """Said anywhere, it shows where a fault of the program happened."""
 ANY_SIZE = "--large"
 """Said anywhere, it lifts the limits of `mechviz.scene.limits`."""
-TIMED = ("accuracy", "effects")
-"""Commands whose times are of one thread, which numpy has to be told before it loads."""
+THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
+"""What numpy asks, when it loads, for the threads of its matrix products. Starting them takes as long as loading numpy, and the
+matrices of mechanisms are too small to gain by them; times are measured on one thread, too. Who sets one of these is obeyed."""
 
 
 class Commands(TyperGroup):
@@ -109,9 +110,8 @@ class Commands(TyperGroup):
 
 def load_command(name: str) -> Any:
     """The command of a name, from its module."""
-    if name in TIMED:
-        for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
-            os.environ.setdefault(variable, "1")
+    if not any(variable in os.environ for variable in THREADS):
+        os.environ.update(dict.fromkeys(THREADS, "1"))
     module = next(module for module, commands in COMMANDS.items() if name in commands)
     function = getattr(import_module(f"mechviz.commands.{module}"), name)
     if isinstance(function, typer.Typer):  # a group of commands

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from functools import cache
 from types import NoneType, UnionType
-from typing import Annotated, Any, NamedTuple, TypeVar, Union, get_args, get_origin, get_type_hints
+from typing import Annotated, Any, NamedTuple, TypeVar, Union, get_args, get_origin
 
 from pydantic import Discriminator, Tag
 from pydantic.fields import FieldInfo
@@ -34,8 +34,10 @@ class Leaf(NamedTuple):
 @cache
 def hints_of(cls: type[Table]) -> dict[str, Any]:
     """The types of the keys of a table, with their marks."""
-    hints = get_type_hints(cls, include_extras=True)
-    return {key: hints[key] for key in cls.model_fields}
+    return {
+        key: Annotated[info.annotation, *info.metadata] if info.metadata else info.annotation
+        for key, info in cls.model_fields.items()
+    }
 
 
 def peel(annotation: Any, value: Any) -> tuple[Any, list[Any]]:

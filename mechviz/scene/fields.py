@@ -14,6 +14,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import cache
 from itertools import pairwise
+from threading import RLock
 from typing import Annotated, Any, Literal
 
 from pydantic import (
@@ -318,6 +319,23 @@ class Unknown(str):
     __hash__ = object.__hash__
 
 
+class _Building:
+    """The table whose checks are being built, one at a time."""
+
+    def __init__(self) -> None:
+        self.table: type[Table] | None = None
+        self.lock = RLock()
+
+    def __enter__(self) -> None:
+        self.lock.acquire()
+
+    def __exit__(self, *error: object) -> None:
+        self.lock.release()
+
+
+_building = _Building()
+
+
 class Table(BaseModel):
     """A table of the document: unknown keys are faults, and nothing changes after reading.
 
@@ -325,14 +343,36 @@ class Table(BaseModel):
     not be read is replaced: numbers by NaN, names by ``Unknown``; ``unread`` names the keys concerned.
     """
 
-    model_config = ConfigDict(extra="forbid", frozen=True)
+    model_config = ConfigDict(extra="forbid", frozen=True, defer_build=True)
 
     _unread: frozenset[str] = PrivateAttr(default=frozenset())
+
+    @classmethod
+    def model_rebuild(cls, **how: Any) -> bool | None:
+        """Builds what checks this table: when the first is read, as most kinds of tables are in no scene. The tables in it are left
+        to themselves."""
+        with _building:
+            own, _building.table = _building.table, cls
+            try:
+                return super().model_rebuild(**how)
+            finally:
+                _building.table = own
+
+    @classmethod
+    def __get_pydantic_core_schema__(cls, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
+        if _building.table is cls:
+            return handler(source)
+        return core_schema.no_info_plain_validator_function(
+            cls.model_validate, ref=f"{cls.__module__}.{cls.__qualname__}:{id(cls)}"
+        )
 
     @classmethod
     def __get_pydantic_json_schema__(cls, core: CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
         """The text below each key in the source describes it in the schema. pydantic's own ``use_attribute_docstrings`` reads
         the sources whenever the tables are loaded, which takes a tenth of a second of every command."""
+        if core["type"] == "function-plain":
+            cls.model_rebuild()
+            core = cls.__pydantic_core_schema__
         schema = handler(core)
         entries = handler.resolve_ref_schema(schema)["properties"]
         for base in reversed(cls.__mro__):

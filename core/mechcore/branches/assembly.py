@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import cmath
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import product
 
 import numpy as np
@@ -26,6 +26,7 @@ from mechcore.kinematics.model import Model
 from mechcore.kinematics.positions import gap, place, span
 from mechcore.kinematics.program import Block
 from mechcore.kinematics.state import State, initial_state, real_angle, relation_sum
+from mechcore.records import dataclass
 from mechcore.texts import Text, as_angle, as_length
 
 _MOST_CHOICES = 2  # groups whose modes are told in all combinations

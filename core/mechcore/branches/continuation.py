@@ -10,7 +10,6 @@ interpolated path, all at once.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -26,6 +25,7 @@ from mechcore.kinematics.rates import velocities
 from mechcore.kinematics.state import Patch, State, initial_state, real_angle
 from mechcore.laws.timed import Law
 from mechcore.numerics.interpolation import interpolant
+from mechcore.records import dataclass
 
 LARGEST_CORRECTION = 0.02  # [rad] of the first Newton correction of an accepted step
 LARGEST_TURN = 0.5  # [rad] by which an angle beyond one turn may differ from where it was expected

@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 from bisect import bisect_left, bisect_right
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -29,6 +29,7 @@ from mechcore.kinematics.positions import dead_point_margin, place_all
 from mechcore.kinematics.program import Block
 from mechcore.kinematics.state import Patch, State, value, wrapped_angle
 from mechcore.laws.timed import ConstantSpeed, Law
+from mechcore.records import dataclass
 
 FINE = {"angle": math.radians(6.0), "slide": 0.05}  # largest step of a continuation: [rad], or part of the mechanism's size
 COARSE = {"angle": 0.2, "slide": 0.1}  # the same, between places that Newton's method or the angles of links are followed over

@@ -10,7 +10,7 @@ Where the triangle would be more than flat the group cannot be put together: a g
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
@@ -24,6 +24,7 @@ from mechcore.kinematics.positions import apply, dead_point_margin, place
 from mechcore.kinematics.program import Block
 from mechcore.kinematics.state import State, initial_state
 from mechcore.laws.timed import ConstantSpeed, Law, moves
+from mechcore.records import dataclass
 
 SAMPLES = 720  # of a cycle, at least, and of a turn of the fastest drive
 MOST = 400_000  # samples of a whole run

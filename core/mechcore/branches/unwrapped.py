@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from functools import partial
 
 import numpy as np
@@ -16,6 +16,7 @@ from mechcore.kinematics.model import Model
 from mechcore.kinematics.state import State, wrapped_angle
 from mechcore.laws.timed import Law, Table, moves
 from mechcore.numerics.frames import lazy
+from mechcore.records import dataclass
 from mechcore.spec.mechanism import Mechanism
 
 Range = tuple[float, float]

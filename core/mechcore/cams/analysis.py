@@ -6,8 +6,6 @@ conditions differentiated order by order.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -16,6 +14,7 @@ from mechcore.cams.contact import AROUND, Task, locate
 from mechcore.cams.contour import Contour
 from mechcore.cams.followers import Flat, Follower
 from mechcore.numerics import jets
+from mechcore.records import dataclass
 
 
 @dataclass(frozen=True)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -13,6 +12,7 @@ from mechcore.cams.followers import Follower, Oscillating, Roller, Translating
 from mechcore.cams.synthesis import Cam
 from mechcore.errors import Fault, MechanismError
 from mechcore.laws.curve import MotionCurve
+from mechcore.records import dataclass
 from mechcore.texts import as_angle, as_length, as_quantity
 
 

@@ -8,7 +8,6 @@ then refined to the tangency, or to the corner.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -16,6 +15,7 @@ from mechcore.arrays import Complex, Flags, Index, Real
 from mechcore.cams.contour import Contour
 from mechcore.cams.followers import Arc, Flat, Follower, Translating
 from mechcore.numerics import jets
+from mechcore.records import dataclass
 
 NEAR_JOINT = 1e-9  # ends of two pieces nearer than this part of the contour are one point
 AROUND = 12  # samples on either side of one about which the contact is known to lie

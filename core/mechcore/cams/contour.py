@@ -7,7 +7,6 @@ parameter of a contour runs from 0 to its number of pieces; piece k has [k, k + 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
 from math import factorial
@@ -23,6 +22,7 @@ from mechcore.cams.synthesis import Cam
 from mechcore.errors import Fault, MechanismError
 from mechcore.laws.curve import MotionCurve
 from mechcore.numerics import jets
+from mechcore.records import dataclass
 from mechcore.texts import as_angle, as_length
 
 

@@ -9,13 +9,12 @@ point of a flat face on the follower's line (translating) or at the end of its a
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from mechcore.arrays import Complex, Real
 from mechcore.errors import Fault, MechanismError
 from mechcore.numerics import jets
+from mechcore.records import dataclass
 from mechcore.texts import as_length
 
 

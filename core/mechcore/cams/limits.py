@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import ArrayLike
 
 from mechcore.arrays import Real
 from mechcore.cams.followers import Flat
 from mechcore.cams.synthesis import Cam, Synthesis
+from mechcore.records import dataclass
 
 
 @dataclass(frozen=True)

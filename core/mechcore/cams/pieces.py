@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from dataclasses import dataclass
 from functools import cached_property
 from typing import Protocol
 
@@ -14,6 +13,7 @@ from mechcore.cams.followers import Flat
 from mechcore.cams.synthesis import Cam
 from mechcore.laws.curve import MotionCurve
 from mechcore.numerics import jets
+from mechcore.records import dataclass
 
 
 class Smooth(Protocol):

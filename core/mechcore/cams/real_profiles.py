@@ -13,7 +13,6 @@ ranges of the same working curve that meet in corners, found as double points W(
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from itertools import pairwise
 from typing import Literal
 
@@ -27,6 +26,7 @@ from mechcore.cams.pieces import CamPiece
 from mechcore.cams.synthesis import Cam
 from mechcore.errors import Fault, MechanismError
 from mechcore.laws.curve import MotionCurve, Piece
+from mechcore.records import dataclass
 from mechcore.texts import as_angle
 
 STEP = np.radians(6.0)  # between the knots, at the most

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -13,6 +12,7 @@ from mechcore.cams.limits import Limits, Requirement, Verdict, find_limits, judg
 from mechcore.cams.synthesis import Cam, cam_on_base
 from mechcore.errors import Fault, MechanismError
 from mechcore.laws.curve import MotionCurve
+from mechcore.records import dataclass
 from mechcore.texts import as_angle, as_length
 
 

@@ -9,7 +9,6 @@ so that it is exactly +-(v x a)/|v x a|; the surface S = X - r N, its derivative
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -20,6 +19,7 @@ from mechcore.cams.limits import Reached
 from mechcore.errors import Fault, MechanismError
 from mechcore.laws.curve import MotionCurve
 from mechcore.numerics import jets
+from mechcore.records import dataclass
 from mechcore.texts import as_length
 
 

@@ -16,7 +16,7 @@ link is a block on the face that is pivoted at K.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
@@ -28,6 +28,7 @@ from mechcore.errors import Fault, MechanismError
 from mechcore.laws.curve import MotionCurve, Side
 from mechcore.numerics import jets
 from mechcore.numerics.frames import keep_freed_memory
+from mechcore.records import dataclass
 from mechcore.texts import as_length
 
 

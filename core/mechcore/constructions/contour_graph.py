@@ -4,10 +4,10 @@ cycles."""
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 from mechcore.kinematics.model import Model
 from mechcore.motion.structure import loop_steps
+from mechcore.records import dataclass
 
 
 @dataclass(frozen=True)

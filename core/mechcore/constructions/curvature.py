@@ -10,8 +10,6 @@ of the two points meets that of their centres of curvature.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from mechcore.arrays import Complex, Real
@@ -20,6 +18,7 @@ from mechcore.errors import Fault, MechanismError
 from mechcore.kinematics.dyads import cross
 from mechcore.motion.metrics import curvature, per_unit
 from mechcore.motion.motion import Motion
+from mechcore.records import dataclass
 
 CUSP = 1e-9
 """A point slower than this part of its own largest rate is at a cusp, or turns back."""

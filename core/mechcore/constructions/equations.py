@@ -8,7 +8,6 @@ are one linear system, solved at once as a check of what the groups gave one aft
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -20,6 +19,7 @@ from mechcore.joints.base import Relation
 from mechcore.kinematics.dyads import cross
 from mechcore.motion.redundancy import RANK, equilibrium_matrix
 from mechcore.motion.structure import Group, groups
+from mechcore.records import dataclass
 
 PLANE = np.array([1.0, 1.0j])
 

@@ -8,8 +8,6 @@ action touches the base circles. A pin in a slot: its block.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from mechcore.arrays import Complex, Plane
@@ -19,6 +17,7 @@ from mechcore.constructions.polygons import frames_of
 from mechcore.errors import Fault, MechanismError
 from mechcore.forces.kinetostatics import Forces
 from mechcore.motion.motion import Motion
+from mechcore.records import dataclass
 from mechcore.spec.mechanism import CamJoint, Gear, PinSlot, Rack
 
 REPLACED = (CamJoint, Gear, Rack, PinSlot)

@@ -12,8 +12,6 @@ line of the resultant. A closed force polygon with parallel outer strings is a c
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -24,6 +22,7 @@ from mechcore.forces.kinetostatics import LABELS, Forces, acting_on
 from mechcore.kinematics.dyads import cross
 from mechcore.kinematics.model import Model
 from mechcore.motion.structure import groups
+from mechcore.records import dataclass
 from mechcore.reduction.systems import KINDS, reduce_to
 
 

@@ -9,7 +9,6 @@ velocities give; a pair that no two lines decide (in groups of class III and hig
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from itertools import combinations
 from typing import Literal
 
@@ -20,6 +19,7 @@ from mechcore.constructions.polygons import frames_of
 from mechcore.kinematics.model import Model
 from mechcore.motion.metrics import relative_turns
 from mechcore.motion.motion import Motion
+from mechcore.records import dataclass
 
 LEAST = 1e-6
 """Sine of the angle between two lines, or distance of two centres, typical of the frames, below which they decide nothing."""

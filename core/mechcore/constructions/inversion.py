@@ -7,8 +7,6 @@ profile touches all these positions from inside: it is their envelope.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from mechcore.arrays import Complex, Real
@@ -16,6 +14,7 @@ from mechcore.cams.followers import Flat, Oscillating
 from mechcore.cams.placement.plane import PlacedCam
 from mechcore.errors import Fault, MechanismError
 from mechcore.motion.motion import Motion
+from mechcore.records import dataclass
 
 STEPS = 30
 """Positions of the follower that are drawn in a turn."""

@@ -7,8 +7,6 @@ the point T where the two lines meet; about a fixed pivot T is W.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from mechcore.arrays import Complex, Real
@@ -17,6 +15,7 @@ from mechcore.constructions.polygons import frames_of
 from mechcore.errors import Fault, MechanismError
 from mechcore.kinematics.dyads import cross
 from mechcore.motion.motion import Motion
+from mechcore.records import dataclass
 from mechcore.reduction.bodies import percussion_centre
 
 

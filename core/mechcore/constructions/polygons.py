@@ -14,8 +14,6 @@ Values are in the quantity's own unit (m/s, m/s^2, N); whoever draws them choose
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -25,6 +23,7 @@ from mechcore.kinematics.model import Model
 from mechcore.motion.metrics import per_unit
 from mechcore.motion.motion import Motion
 from mechcore.motion.structure import groups
+from mechcore.records import dataclass
 
 POLE = "pole"  # of a polygon of velocities or accelerations: the corner of what stands still
 

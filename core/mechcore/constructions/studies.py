@@ -6,7 +6,7 @@ What is asked for is part of the mechanism (`Studies`); `compute` works it out o
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 
 import numpy as np
 
@@ -22,6 +22,7 @@ from mechcore.errors import Fault, MechanismError
 from mechcore.forces.kinetostatics import Forces, acting_on
 from mechcore.forces.section_forces import SectionForces, all_sections
 from mechcore.motion.motion import Motion
+from mechcore.records import dataclass
 from mechcore.reduction.balancing import Counterweight, Shaking, counterweights, find_linkage, shaking, with_counterweights
 from mechcore.reduction.bodies import acceleration_field
 from mechcore.reduction.reduced import Reduced, reduce_mechanism

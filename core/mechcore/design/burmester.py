@@ -6,13 +6,12 @@ point w of the body (moving pivot) that keeps its distance from a point C of the
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from mechcore.arrays import Complex, Real
 from mechcore.design.four_bars import Defects, judge
 from mechcore.errors import Fault, MechanismError
+from mechcore.records import dataclass
 
 LARGEST = 1e6  # pivots further away than this many times the reach of the poses are at infinity
 NEWTON = 8  # steps that polish the dyads of five positions

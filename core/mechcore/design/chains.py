@@ -8,11 +8,11 @@ two links, or from a link back to itself.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 from functools import lru_cache
 from itertools import combinations, pairwise
 
 from mechcore.errors import Fault, MechanismError
+from mechcore.records import dataclass
 
 Joints = tuple[tuple[int, int], ...]
 MOST_LINKS = 10  # the 230 chains of ten links take a minute

@@ -11,7 +11,7 @@ one number by all that varies.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property
 from typing import Any, TypeVar
 
@@ -39,6 +39,7 @@ from mechcore.motion.motion import Motion
 from mechcore.motion.solve import compile_mechanism
 from mechcore.numerics.frames import QUIET, lazy, stacked
 from mechcore.numerics.tape import Tape, Traced, Untraced, value_of
+from mechcore.records import dataclass
 from mechcore.spec.mechanism import Mechanism, braked
 from mechcore.spec.numbers import Place, numbers_in, with_numbers
 from mechcore.topology.graph import vector_loops

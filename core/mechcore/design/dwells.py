@@ -7,7 +7,7 @@ best varied with a shrinking spread; for each the lever is placed for the wanted
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from scipy.optimize import brentq
@@ -15,6 +15,7 @@ from scipy.optimize import brentq
 from mechcore.arrays import Complex, Index, Real
 from mechcore.design.four_bars import TURN, FourBar, acute
 from mechcore.errors import Fault, MechanismError
+from mechcore.records import dataclass
 
 SAMPLES = 120  # crank angles of a turn
 SCREENED = 4000

@@ -6,13 +6,13 @@ of A -> O4. A point of the coupler is ``A + tracer (B - A)/coupler``: ``tracer``
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from enum import Enum
 from typing import Any
 
 import numpy as np
 
 from mechcore.arrays import Complex, Flags, Index, Plane, Real
+from mechcore.records import dataclass
 
 TURN = 2.0 * np.pi
 

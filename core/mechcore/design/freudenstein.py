@@ -8,7 +8,6 @@ A negative a or c is a positive length whose zero mark is turned by half a turn.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 
 import numpy as np
 from scipy.optimize import least_squares, minimize_scalar
@@ -16,6 +15,7 @@ from scipy.optimize import least_squares, minimize_scalar
 from mechcore.arrays import Real
 from mechcore.design.four_bars import TURN, Defects, FourBar, judge
 from mechcore.errors import Fault, MechanismError
+from mechcore.records import dataclass
 
 SAMPLES = 64  # of the resultant over a turn: it is a trigonometric polynomial of a degree of at most 16
 GRID = 361  # points between which extremes of the structural error are looked for

@@ -8,7 +8,7 @@ theta3. Designs of random ratios are screened by linear least squares in one arr
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -16,6 +16,7 @@ from mechcore.arrays import Complex, Flags, Index, Real
 from mechcore.design.four_bars import TURN, FourBar, in_order
 from mechcore.errors import Fault, MechanismError
 from mechcore.numerics.least_squares import fit_all
+from mechcore.records import dataclass
 
 LARGEST_RATIO = 20.0  # of a link to the crank among the designs that are screened
 CHUNK = 4000  # designs that are screened in one array call

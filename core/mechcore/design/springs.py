@@ -7,13 +7,12 @@ a free length and with P above the hinge the balance would be exact; a real spri
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from mechcore.arrays import Index, Real
 from mechcore.errors import Fault, MechanismError
 from mechcore.numerics.least_squares import fit_all
+from mechcore.records import dataclass
 
 SAMPLES = 41  # angles at which the effort is compared
 STARTS = 120

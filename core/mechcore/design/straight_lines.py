@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from scipy.optimize import minimize, minimize_scalar
 
 from mechcore.arrays import Real
 from mechcore.design.four_bars import FourBar
+from mechcore.records import dataclass
 
 SAMPLES = 721
 COARSE = 4001  # points of the range over which Hoecken's proportions are chosen

@@ -5,14 +5,13 @@ The time ratio Q >= 1 of a crank at constant speed is ``(pi + alpha)/(pi - alpha
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from scipy.optimize import minimize_scalar
 
 from mechcore.arrays import Real
 from mechcore.design.four_bars import FourBar, Grashof, cross
 from mechcore.errors import Fault, MechanismError
+from mechcore.records import dataclass
 
 SCAN = 1440  # places of the crank's pivot on a circle that are tried before the best is refined
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any, Literal, NamedTuple
 
@@ -14,6 +13,7 @@ from numpy.typing import NDArray
 from mechcore.arrays import Real
 from mechcore.dynamics.integration.collocation import Window
 from mechcore.motion.motion import Motion
+from mechcore.records import dataclass
 from mechcore.spec.mechanism import Mechanism
 from mechcore.texts import Text, as_coordinate, as_quantity
 

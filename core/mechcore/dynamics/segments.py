@@ -4,7 +4,7 @@ force changes its form. Windows of the integration end there, so that in each al
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -27,6 +27,7 @@ from mechcore.forces.kinetostatics import Forces, solve_forces
 from mechcore.laws.timed import Free, Law, Piecewise
 from mechcore.motion.compiled import Compiled
 from mechcore.motion.motion import Motion
+from mechcore.records import dataclass
 
 STOP = "stop"  # kind and cause of what an end stop holds
 SAMPLES = 257  # of a segment, by which it is measured

@@ -6,7 +6,7 @@ Works are quadratures of the powers of all forces between the boundaries of the 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
@@ -32,6 +32,7 @@ from mechcore.kinematics.model import Model
 from mechcore.laws.timed import Free
 from mechcore.motion.compiled import Compiled
 from mechcore.motion.motion import Motion
+from mechcore.records import dataclass
 from mechcore.spec.clearance import as_drawn
 from mechcore.spec.mechanism import braked
 

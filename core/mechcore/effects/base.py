@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any, ClassVar, Generic, NamedTuple, Protocol, TypeVar
 
 import numpy as np
@@ -17,6 +16,7 @@ from mechcore.kinematics.state import State
 from mechcore.laws.timed import Law
 from mechcore.motion.motion import Motion
 from mechcore.numerics.frames import added, crossed, nothing
+from mechcore.records import dataclass
 from mechcore.spec.loads import Load
 
 Named = TypeVar("Named", bound=Load)

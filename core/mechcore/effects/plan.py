@@ -6,10 +6,10 @@ It follows from what the effects declare that they need (`mechcore.effects.regis
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
 
 from mechcore.effects.registry import effects_of
 from mechcore.laws.timed import Free
+from mechcore.records import dataclass
 from mechcore.spec.mechanism import ANSWERS, EFFECTS, Mechanism, braked
 
 OUTPUTS = ("positions", "velocities", "accelerations", "forces", "energy", "health")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -17,6 +17,7 @@ from mechcore.errors import Fault, MechanismError
 from mechcore.forces.kinetostatics import Forces, solve_forces
 from mechcore.motion.motion import Motion
 from mechcore.motion.solve import compile_mechanism, solve_motion
+from mechcore.records import dataclass
 from mechcore.spec.loads import Spring
 from mechcore.spec.mechanism import CamDrawn, CamJoint, CamRating, braked
 

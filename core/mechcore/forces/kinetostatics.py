@@ -6,7 +6,6 @@ Dry friction, where a scene names it, is one more load that depends on the resul
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -21,6 +20,7 @@ from mechcore.kinematics.dyads import cross
 from mechcore.motion.motion import Motion
 from mechcore.numerics.frames import QUIET, added, lazy, rows_of
 from mechcore.numerics.interpolation import integral_so_far
+from mechcore.records import dataclass
 from mechcore.spec.mechanism import braked
 
 LOSSES = ("viscous", "medium", "dry friction")  # causes that only ever take energy away

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
@@ -16,6 +15,7 @@ from mechcore.laws.timed import Table
 from mechcore.motion.events import Event, at_drive, runs
 from mechcore.motion.metrics import peak
 from mechcore.motion.motion import Motion
+from mechcore.records import dataclass
 from mechcore.spec.loads import Actuator, BeltTension, Factor, Force, Load, Spring, Torque
 from mechcore.spec.mechanism import Belt, Mechanism
 from mechcore.texts import as_angle, as_coordinate, as_force, as_length, as_quantity

@@ -12,7 +12,6 @@ small delta).
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
@@ -22,6 +21,7 @@ from mechcore.effects.base import Wrench
 from mechcore.effects.prescribed import breaks_of
 from mechcore.errors import Fault, MechanismError
 from mechcore.forces.kinetostatics import LOSSES, Forces
+from mechcore.records import dataclass
 from mechcore.spec.loads import GasPressure, Load, Prescribed
 
 Role = Literal["driving", "resisting", "alternating", "idle"]

@@ -13,7 +13,7 @@ The bearing of a sliding joint presses at its two ends, or linearly along it; it
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property
 from operator import attrgetter
 from typing import Any, NamedTuple
@@ -27,6 +27,7 @@ from mechcore.forces.section_lines import Axis, Cuts, Mass, MassLine, axis_of, m
 from mechcore.kinematics.dyads import cross
 from mechcore.motion.motion import Motion
 from mechcore.numerics.frames import QUIET
+from mechcore.records import dataclass
 from mechcore.spec.mechanism import Mechanism, Prismatic
 from mechcore.spec.studies import CrossSection, SectionStudy
 

@@ -14,7 +14,6 @@ moment of inertia.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
 
@@ -23,6 +22,7 @@ from numpy.polynomial import polynomial
 
 from mechcore.arrays import Complex, Flags, Index, Real
 from mechcore.errors import Fault, MechanismError
+from mechcore.records import dataclass
 from mechcore.spec.mechanism import CamJoint, Link, Mechanism
 
 STRAIGHT = 1e-9

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import cmath
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import TYPE_CHECKING, Any, Literal
 
 from mechcore.arrays import Plane, Real, Values
 from mechcore.errors import Fault, MechanismError
+from mechcore.records import dataclass
 from mechcore.spec.mechanism import Joint, Link, Mechanism, Revolute, Weld
 
 if TYPE_CHECKING:

@@ -7,7 +7,7 @@ nothing else. `Model.program` is the order of solution.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import field
 from functools import cached_property
 from typing import Any, TypeVar
 
@@ -16,6 +16,7 @@ import numpy as np
 from mechcore.joints.base import LoopJoint, Relation
 from mechcore.kinematics.program import Block, DrivenSlide, LinearConstraint, Program, VectorSum, compile_program, vector_sum
 from mechcore.numerics.frames import nothing
+from mechcore.records import dataclass
 from mechcore.spec.mechanism import Link, Mechanism
 from mechcore.topology.graph import Angles, Loop, Tree
 from mechcore.topology.order import Order

@@ -9,7 +9,7 @@ nodes of a later group may lie where an earlier one is singular.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -23,6 +23,7 @@ from mechcore.kinematics.program import Block
 from mechcore.kinematics.rates import accelerations, velocities
 from mechcore.kinematics.state import Patch, State, initial_state, wrapped_angle
 from mechcore.numerics.frames import QUIET
+from mechcore.records import dataclass
 
 if TYPE_CHECKING:
     from mechcore.branches.singular_points import SingularPoint, SingularPoints

@@ -12,7 +12,6 @@ Everything is indices, numbers and kinds of steps, so that numpy is one executor
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, NamedTuple, cast
 
@@ -20,6 +19,7 @@ import numpy as np
 
 from mechcore.arrays import Plane, Values
 from mechcore.numerics.frames import summed
+from mechcore.records import dataclass
 from mechcore.topology.graph import FRAME, Angles
 
 Unknown = tuple[str, int]  # ("angle", group) or ("slide", joint)

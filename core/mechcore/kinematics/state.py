@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from typing import Any
 
 import numpy as np
@@ -13,6 +13,7 @@ from mechcore.arrays import Index, Plane, Real, Values
 from mechcore.kinematics.model import Model
 from mechcore.kinematics.program import Block, NonlinearTerm, VectorSum
 from mechcore.numerics.frames import added, product, rotation_of, summed
+from mechcore.records import dataclass
 
 
 @dataclass

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from math import factorial
 from typing import TYPE_CHECKING
 
@@ -13,6 +12,7 @@ from numpy.typing import ArrayLike
 from mechcore.arrays import Real
 from mechcore.errors import Fault, MechanismError
 from mechcore.laws.curve import MotionCurve, Piece
+from mechcore.records import dataclass
 from mechcore.texts import Text, as_angle
 
 if TYPE_CHECKING:

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import difflib
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
 from mechcore.errors import Fault, MechanismError
 from mechcore.laws.curve import MotionCurve, Piece
+from mechcore.records import dataclass
 
 _NO_WAVES = np.zeros((0, 3))
 

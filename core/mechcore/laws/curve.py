@@ -8,7 +8,6 @@ for extremes and one list of jumps serve them all.
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
 from functools import cached_property
 from math import factorial
 from typing import Literal
@@ -18,6 +17,7 @@ from numpy.typing import ArrayLike
 
 from mechcore.arrays import Real
 from mechcore.errors import Fault, MechanismError
+from mechcore.records import dataclass
 
 Side = Literal["left", "right"]
 

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from mechcore.arrays import Real
 from mechcore.laws.curve import MotionCurve, Piece
+from mechcore.records import dataclass
 from mechcore.texts import Text, as_angle
 
 ORDER_NAMES = ("position", "velocity", "acceleration", "jerk", "snap")

@@ -9,13 +9,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
 
 from mechcore.arrays import Flags, Index, Real
 from mechcore.laws.timed import Table
+from mechcore.records import dataclass
 
 
 class Cycle(Protocol):

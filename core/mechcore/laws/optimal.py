@@ -7,7 +7,6 @@ below it holds everywhere, not only at the steps. The result is a ``MotionCurve`
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from math import factorial
 from typing import Literal
 
@@ -17,6 +16,7 @@ from mechcore.arrays import Real
 from mechcore.errors import Fault, MechanismError
 from mechcore.laws.curve import MotionCurve, Piece
 from mechcore.laws.factors import peak
+from mechcore.records import dataclass
 
 Goal = Literal["velocity", "acceleration", "jerk", "snap", "force"]
 _ORDER = {"velocity": 1, "acceleration": 2, "jerk": 3, "snap": 4}

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
@@ -16,6 +16,7 @@ from mechcore.laws.curve import MotionCurve
 from mechcore.laws.factors import jumps
 from mechcore.laws.segment_laws import Dwell, NormalisedLaw, Polynomial, SegmentLaw, Spline, State
 from mechcore.laws.timed import ConstantSpeed, Law, Piecewise
+from mechcore.records import dataclass
 
 Triple = tuple[Real, Real, Real]
 

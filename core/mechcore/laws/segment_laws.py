@@ -6,7 +6,7 @@ A state is (value, velocity, acceleration, jerk ...) with respect to the master,
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import Protocol
 
 import numpy as np
@@ -16,6 +16,7 @@ from mechcore.errors import Fault, MechanismError
 from mechcore.laws.boundary_conditions import Condition, from_acceleration, polynomial_law, spline_law
 from mechcore.laws.curve import MotionCurve, Piece
 from mechcore.laws.optimal import Goal, least_peak
+from mechcore.records import dataclass
 
 State = tuple[float | None, ...]
 

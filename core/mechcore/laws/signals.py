@@ -8,7 +8,6 @@ laws of time. ``order`` is that of the lowest derivative that jumps there.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from typing import ClassVar, Literal, Protocol
 
 import numpy as np
@@ -16,6 +15,7 @@ from numpy.typing import ArrayLike
 
 from mechcore.arrays import Real
 from mechcore.constants import TURN
+from mechcore.records import dataclass
 
 
 class Signal(Protocol):

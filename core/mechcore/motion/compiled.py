@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from functools import cached_property, partial
 from typing import Any, NamedTuple, TypeVar
 
@@ -24,6 +24,7 @@ from mechcore.kinematics.patching import make_patches
 from mechcore.kinematics.positions import place_all
 from mechcore.laws.timed import ConstantSpeed
 from mechcore.motion.motion import Motion
+from mechcore.records import dataclass
 from mechcore.spec.mechanism import Mechanism
 
 T = TypeVar("T")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from typing import Any, Literal
 
@@ -16,6 +16,7 @@ from mechcore.motion.metrics import curvature, peak, per_unit, transmission_angl
 from mechcore.motion.motion import Motion
 from mechcore.motion.redundancy import indeterminate
 from mechcore.numerics.interpolation import between
+from mechcore.records import dataclass
 from mechcore.spec.mechanism import Mechanism
 from mechcore.texts import Text, UnitSystem, as_angle, as_coordinate, as_length
 

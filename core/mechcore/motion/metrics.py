@@ -8,7 +8,7 @@ between the frames, by solving the mechanism again at times close to it.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import wraps
 from itertools import combinations
 from typing import Any, TypeVar
@@ -21,6 +21,7 @@ from mechcore.kinematics.model import Model
 from mechcore.kinematics.rates import Rates
 from mechcore.kinematics.state import Patch
 from mechcore.motion.motion import Motion
+from mechcore.records import dataclass
 
 T = TypeVar("T")
 CHANGE_POINT = 1e-12  # of the perimeter: below, a Grashof margin is rounding

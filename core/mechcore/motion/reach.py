@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Iterator
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from mechcore.arrays import Flags, Real, Values
+from mechcore.arrays import Flags, Real, Values, ascending
 from mechcore.branches.modes import TWO_MODES
 from mechcore.branches.paths import branch_by_drive, branch_path, largest_steps
 from mechcore.branches.singular_points import flat_instants, rounding_of
@@ -20,6 +19,7 @@ from mechcore.kinematics.state import State
 from mechcore.motion.compiled import Compiled, follow
 from mechcore.motion.metrics import peak
 from mechcore.motion.motion import Motion
+from mechcore.records import dataclass
 from mechcore.spec.mechanism import Cylinder
 
 SAMPLES, MOST_SAMPLES = 361, 2001  # of the first drive's positions, and of times
@@ -80,7 +80,7 @@ def _ranges(compiled: Compiled, samples: int) -> list[tuple[float, float]]:
         if block.kind in TWO_MODES:  # gaps that are narrower than the grid
             for start, end in flat_instants(model, block, state, grid, np.zeros(len(grid), bool), rounding_of(model))[1]:
                 gaps.append(np.clip([start, 0.5 * (start + end), end], low, high))
-    grid = np.unique(np.concatenate(gaps))
+    grid = ascending(np.concatenate(gaps))
     ok = assembled(grid)
     edges = np.flatnonzero(ok[1:] != ok[:-1])
     before, after = grid[edges].copy(), grid[edges + 1].copy()

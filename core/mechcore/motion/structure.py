@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from functools import partial
 from heapq import heappop, heappush
 
@@ -15,6 +14,7 @@ from mechcore.joints.base import Relation
 from mechcore.kinematics.model import Model
 from mechcore.motion.at_once import Rows
 from mechcore.motion.motion import Motion
+from mechcore.records import dataclass
 
 MOST_TOGETHER = 300  # links that hang together, of whose constraints the rank is found: its price grows with the third power
 ROMAN = ("", "I", "II", "III", "IV", "V", "VI", "VII", "VIII")

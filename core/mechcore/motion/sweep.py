@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -16,6 +16,7 @@ from mechcore.kinematics.build import loop_sum
 from mechcore.kinematics.positions import place_all
 from mechcore.motion.compiled import Compiled, DriveValues, drive_values
 from mechcore.motion.motion import Motion
+from mechcore.records import dataclass
 from mechcore.spec.numbers import Place, with_numbers
 from mechcore.topology.graph import vector_loops
 

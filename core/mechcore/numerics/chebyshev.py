@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import lru_cache
 from typing import Any
 
@@ -11,6 +11,7 @@ import numpy as np
 from numpy.polynomial import chebyshev
 
 from mechcore.arrays import Index, Real
+from mechcore.records import dataclass
 
 NODES = 16  # of a panel
 NOISE = 1e-9  # tails below this that stay where they are come from rounding

@@ -9,7 +9,7 @@ that go to and fro (the rod divided by its centre of mass between crank pin and 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -18,6 +18,7 @@ from mechcore.arrays import Plane, Real, Values
 from mechcore.errors import Fault, MechanismError
 from mechcore.kinematics.dyads import cross
 from mechcore.motion.motion import Motion
+from mechcore.records import dataclass
 from mechcore.reduction.bodies import Body, combine
 from mechcore.spec.mechanism import Link, Mechanism, Prismatic, Revolute
 from mechcore.texts import as_length

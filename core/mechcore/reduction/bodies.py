@@ -10,13 +10,13 @@ from __future__ import annotations
 import inspect
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from mechcore.arrays import Real
 from mechcore.errors import Fault, MechanismError
+from mechcore.records import dataclass
 from mechcore.texts import as_length
 
 Vec2 = tuple[float, float]

@@ -10,12 +10,12 @@ a line through the centre of mass give its place too, as Kater's pendulum does.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
 from scipy.special import ellipkm1
 
 from mechcore.constants import ZERO_SUM
 from mechcore.errors import Fault, MechanismError
+from mechcore.records import dataclass
 
 GRAVITY = 9.81
 """[m/s^2]"""

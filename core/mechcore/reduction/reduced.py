@@ -6,7 +6,6 @@ theta(q) has J_red = J_q / theta'^2. Their derivatives are exact, from the secon
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -17,6 +16,7 @@ from mechcore.effects.base import Wrench, power_of
 from mechcore.errors import Fault, MechanismError
 from mechcore.motion.metrics import per_unit
 from mechcore.motion.motion import Motion
+from mechcore.records import dataclass
 
 
 @dataclass(frozen=True, eq=False)

@@ -10,7 +10,6 @@ are all solutions.
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.polynomial import Polynomial
@@ -19,6 +18,7 @@ from numpy.typing import ArrayLike
 from mechcore.arrays import Real
 from mechcore.constants import ZERO_SUM
 from mechcore.errors import Fault, MechanismError
+from mechcore.records import dataclass
 
 Unknown = tuple[int, str]  # index of a mass, "mass", "x" or "y"
 

@@ -5,13 +5,12 @@ Arrays may have leading axes, such as frames: points and forces (..., n, 2), cou
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from mechcore.arrays import Real
 from mechcore.constants import ZERO_SUM
+from mechcore.records import dataclass
 
 KINDS = ("equilibrium", "couple", "single force")
 

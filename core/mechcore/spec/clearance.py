@@ -8,11 +8,12 @@ transmits is then the contact force. A mechanism without clearance stays what it
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 from mechcore.errors import Fault, MechanismError
 from mechcore.laws.timed import Free
+from mechcore.records import dataclass
 from mechcore.spec.loads import JournalContact, JournalLoss
 from mechcore.spec.mechanism import Drive, Joint, Link, Mechanism, Planar, Prismatic, Revolute
 

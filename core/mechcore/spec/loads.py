@@ -7,7 +7,6 @@ Either link may be the frame.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Any, Literal
 
 import numpy as np
@@ -16,6 +15,7 @@ from numpy.typing import ArrayLike
 from mechcore.arrays import Real
 from mechcore.laws.indicator import Cycle
 from mechcore.laws.timed import Law
+from mechcore.records import dataclass
 
 Vec2 = tuple[float, float]
 Use = Literal["useful", "harmful"]

@@ -8,12 +8,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from functools import cached_property
 from typing import TYPE_CHECKING, Literal
 
 from mechcore.laws.curve import MotionCurve
 from mechcore.laws.timed import Law, moves
+from mechcore.records import dataclass
 from mechcore.spec.loads import Load
 from mechcore.spec.studies import Studies
 

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+
+from mechcore.records import dataclass
 
 Vec2 = tuple[float, float]
 Place = tuple[str, str]  # link, point

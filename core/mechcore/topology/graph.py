@@ -12,9 +12,9 @@ from __future__ import annotations
 
 import heapq
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 from mechcore.joints.base import LoopJoint
+from mechcore.records import dataclass
 from mechcore.topology.order import Order, block_order
 
 FRAME = 0  # the frame among the links; also the set of links that do not turn among the `Angles.rotation_class`

@@ -9,7 +9,8 @@ they are the Assur groups of the textbooks, in the order of the hand method.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+
+from mechcore.records import dataclass
 
 
 @dataclass(frozen=True)

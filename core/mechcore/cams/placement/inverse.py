@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -13,6 +12,7 @@ from mechcore.cams.followers import Roller
 from mechcore.cams.placement.plane import ContactRows, argument_of, on_knots, segment_of
 from mechcore.cams.spatial import InverseCam, SpatialCam
 from mechcore.errors import Fault, MechanismError
+from mechcore.records import dataclass
 from mechcore.texts import as_coordinate, as_length
 
 if TYPE_CHECKING:

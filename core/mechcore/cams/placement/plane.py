@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property, partial
 from typing import TYPE_CHECKING, Any
 
@@ -19,6 +19,7 @@ from mechcore.cams.limits import Requirement, find_limits
 from mechcore.cams.sizing import least_base
 from mechcore.cams.synthesis import Cam, Synthesis
 from mechcore.errors import Fault, MechanismError
+from mechcore.records import dataclass
 from mechcore.texts import as_angle, as_coordinate, as_length
 
 if TYPE_CHECKING:

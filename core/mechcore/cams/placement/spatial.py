@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -13,6 +13,7 @@ from mechcore.cams.placement.inverse import PlacedInverse, PlacedRoller
 from mechcore.cams.placement.plane import ContactRows, PlacedCam
 from mechcore.cams.spatial import Flank, Globoid, SpatialCam, SpatialLimits, spatial_limits
 from mechcore.errors import Fault, MechanismError
+from mechcore.records import dataclass
 from mechcore.texts import as_angle, as_length
 
 if TYPE_CHECKING:

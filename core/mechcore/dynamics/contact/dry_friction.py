@@ -10,7 +10,7 @@ within its limit: the law is set-valued, nothing is smoothed.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -36,6 +36,7 @@ from mechcore.forces.kinetostatics import Forces
 from mechcore.kinematics.dyads import cross
 from mechcore.motion.compiled import Compiled
 from mechcore.motion.motion import Motion
+from mechcore.records import dataclass
 
 
 @dataclass(frozen=True, eq=False)

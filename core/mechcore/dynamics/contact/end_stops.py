@@ -13,7 +13,6 @@ contacts are listed has no say.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
@@ -27,6 +26,7 @@ from mechcore.dynamics.integration.collocation import System
 from mechcore.effects.masses import kinetic_energy
 from mechcore.errors import Fault, MechanismError
 from mechcore.motion.compiled import Compiled
+from mechcore.records import dataclass
 from mechcore.texts import as_coordinate, as_quantity
 
 TOUCH = 1e-11  # of the scale of a coordinate: nearer a stop is touched; so slow that it goes as far in the duration, it is at rest

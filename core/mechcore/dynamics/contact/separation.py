@@ -8,7 +8,7 @@ is the complementarity of contact: the gap's acceleration, were the follower fre
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -28,6 +28,7 @@ from mechcore.laws.timed import Free
 from mechcore.motion.compiled import Compiled
 from mechcore.motion.motion import Motion
 from mechcore.motion.solve import compile_mechanism
+from mechcore.records import dataclass
 from mechcore.spec.mechanism import Drive
 from mechcore.texts import as_coordinate
 

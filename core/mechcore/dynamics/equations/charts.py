@@ -9,7 +9,7 @@ and the groups that have to be followed, go on from where they are.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import combinations
 from math import comb
 from typing import Any
@@ -39,6 +39,7 @@ from mechcore.laws.timed import Free
 from mechcore.motion.compiled import Compiled, reached
 from mechcore.motion.motion import Motion
 from mechcore.motion.solve import compile_mechanism
+from mechcore.records import dataclass
 from mechcore.spec.mechanism import Drive, Mechanism
 from mechcore.texts import as_coordinate
 

@@ -8,7 +8,6 @@ exact. Loads that depend on speed or time are evaluated where they are needed. T
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -26,6 +25,7 @@ from mechcore.errors import MechanismError
 from mechcore.motion.compiled import Compiled, reached
 from mechcore.motion.motion import Motion
 from mechcore.numerics.chebyshev import Panels, fit_panels, fit_where_needed, nodes_of
+from mechcore.records import dataclass
 
 FIRST = 8  # panels of the first try
 EQUAL = 64  # panels of a table, beside the shorter ones next to singular positions

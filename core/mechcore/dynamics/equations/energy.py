@@ -6,7 +6,6 @@ made at all. At turning points, where q' vanishes, a quadratic substitution make
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -16,6 +15,7 @@ from mechcore.arrays import Real
 from mechcore.constants import TURN
 from mechcore.dynamics.equations.curve import Curve
 from mechcore.numerics.chebyshev import NODES, Panels, fit_where_needed
+from mechcore.records import dataclass
 
 _X, _W = np.polynomial.legendre.leggauss(12)
 _GAUSS = 0.5 * (_X + 1.0), 0.5 * _W

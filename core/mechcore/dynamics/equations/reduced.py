@@ -10,7 +10,7 @@ constraints do no harm.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -22,6 +22,7 @@ from mechcore.laws.timed import Free
 from mechcore.motion.compiled import Compiled
 from mechcore.motion.motion import Motion
 from mechcore.motion.solve import solve_motion
+from mechcore.records import dataclass
 from mechcore.spec.mechanism import Planar, Prismatic, Revolute, coordinates_of
 
 STEP = 1e-7  # of a finite difference; slopes only steer Newton's method

@@ -10,7 +10,6 @@ nodes' accelerations follow by Newton's method. Order 2s with Gauss nodes, 2s - 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import lru_cache
 from typing import Protocol
 
@@ -18,6 +17,7 @@ import numpy as np
 from numpy.polynomial import legendre
 
 from mechcore.arrays import Real
+from mechcore.records import dataclass
 
 ROUNDING = 1e-15  # of the largest term of a position: a correction below that is none
 NO_PART = 1e-11  # of the acceleration: last coefficients below that are no part of a series

@@ -8,13 +8,13 @@ its error is of the order of its square (Hairer, Wanner, "Solving Ordinary Diffe
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 
 import numpy as np
 
 from mechcore.arrays import Real
 from mechcore.dynamics.integration.collocation import Rule, System, Window, integrals, tails
 from mechcore.errors import MechanismError
+from mechcore.records import dataclass
 
 MOST = 4096  # nodes that are solved together
 HALVINGS = 8  # of windows, before they are too many

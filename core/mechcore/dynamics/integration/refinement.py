@@ -12,7 +12,6 @@ the new tolerance. Where that does not lead to a solution, `Integrator` finds th
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
@@ -21,6 +20,7 @@ from mechcore.arrays import Flags, Real
 from mechcore.dynamics.integration.collocation import Window
 from mechcore.dynamics.integration.parallel_shooting import MOST, ParallelShooting
 from mechcore.dynamics.integration.windows import BreakpointFinder, Integrator, Solution
+from mechcore.records import dataclass
 
 MORE = 3  # nodes beyond those of the tolerance: the windows are at first those of a looser one
 NEAR = 1e-10  # of a window: a breakpoint so near to its end is there

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import Any, Protocol
 
 import numpy as np
@@ -22,6 +22,7 @@ from mechcore.dynamics.integration.collocation import (
 )
 from mechcore.dynamics.integration.parallel_shooting import MOST, ParallelShooting
 from mechcore.errors import Fault, MechanismError
+from mechcore.records import dataclass
 
 MARGIN = 4.0  # times the tolerance: a tail of high order may be as large, a little shorter a window meets it; none of low order may
 ROUNDED = 1e-15  # of the scale: no window is solved to more digits

@@ -8,7 +8,7 @@ one.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Literal
 
 import numpy as np
@@ -26,6 +26,7 @@ from mechcore.laws.timed import Free
 from mechcore.motion.compiled import Compiled
 from mechcore.motion.motion import Motion
 from mechcore.motion.solve import compile_mechanism
+from mechcore.records import dataclass
 from mechcore.spec.clearance import journals_of
 from mechcore.spec.loads import Bushing, Spring, TorsionSpring
 from mechcore.spec.mechanism import Mechanism

@@ -8,7 +8,7 @@ map of w, whose product over the cycle is the multiplier by which a disturbance 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -28,6 +28,7 @@ from mechcore.forces.friction.elements import elements_of
 from mechcore.laws.timed import Free
 from mechcore.motion.compiled import Compiled
 from mechcore.motion.solve import compile_mechanism, solve_motion
+from mechcore.records import dataclass
 from mechcore.spec.mechanism import Link, Mechanism
 from mechcore.texts import as_angle, as_quantity, as_torque
 

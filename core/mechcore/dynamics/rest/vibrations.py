@@ -9,7 +9,6 @@ Meirovitch, Fundamentals of Vibrations, chapter 7); with damping, eigenvalues ar
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -21,6 +20,7 @@ from mechcore.dynamics.rest.equilibrium import STEP, Equilibrium, Seek, find_equ
 from mechcore.errors import Fault, MechanismError
 from mechcore.laws.timed import Free
 from mechcore.motion.compiled import Compiled
+from mechcore.records import dataclass
 from mechcore.spec.loads import Servo
 from mechcore.spec.mechanism import Mechanism, braked
 

@@ -19,7 +19,6 @@ Cylinder: mu |F| along it, F the force that drives it; a cylinder that nothing d
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from typing import Literal, cast
 
 import numpy as np
@@ -34,6 +33,7 @@ from mechcore.kinematics.rates import Rates
 from mechcore.laws.timed import Free
 from mechcore.motion.motion import Motion
 from mechcore.numerics.tape import Traced, value_of
+from mechcore.records import dataclass
 from mechcore.spec.mechanism import (
     CamJoint,
     Cylinder,

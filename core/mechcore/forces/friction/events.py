@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -14,6 +13,7 @@ from mechcore.forces.kinetostatics import Forces, solve_forces
 from mechcore.motion.events import Event, at_drive, runs, turning_points
 from mechcore.motion.metrics import zeros
 from mechcore.motion.motion import Motion
+from mechcore.records import dataclass
 
 PARTS = 16  # into which an interval is divided at every round of the search for an edge
 ROUNDS = 7  # 16^7 = 3e8 places between two frames

@@ -12,11 +12,10 @@ braked motions, each is the norm of two numbers ``a_i + K_i g``. A norm is conve
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from mechcore.arrays import Flags, Real
+from mechcore.records import dataclass
 
 TOLERANCE = 1e-13  # residual, of the terms of its equation: a joint that carries a billionth of another's load counts as much
 SETTLED = 1e-11  # the same: as close as rounding lets Newton's method come

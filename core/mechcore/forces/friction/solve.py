@@ -11,7 +11,6 @@ middle of the two-sided limit where the motion reverses. At a jam all forces of 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -25,6 +24,7 @@ from mechcore.forces.friction.normal_loads import NormalLoads, jacobian, several
 from mechcore.motion.motion import Motion
 from mechcore.motion.redundancy import indeterminate
 from mechcore.numerics.frames import rows_of
+from mechcore.records import dataclass
 from mechcore.spec.mechanism import Revolute, braked, friction_of
 
 Transmitted = tuple[list[tuple[Plane, Values]], dict[str, tuple[Plane, Plane]], dict[int, Values]]
