@@ -6,6 +6,30 @@ import trimesh
 from shapely import LineString, MultiLineString, Polygon
 
 
+class Sections:
+    """Sections of a mesh: between two heights of its corners, where all cut faces are upright, they are the same."""
+
+    def __init__(self, mesh: trimesh.Trimesh) -> None:
+        self.mesh = mesh
+        corners = np.asarray(mesh.vertices)[np.asarray(mesh.faces)]
+        self.span = corners[..., 2].min(axis=1), corners[..., 2].max(axis=1)  # of each face
+        a, b, c = (corners[:, k, :2] for k in range(3))
+        area = (b - a)[:, 0] * (c - a)[:, 1] - (b - a)[:, 1] * (c - a)[:, 0]
+        self.leans = np.abs(area) > 1e-12 * np.ptp(corners[..., :2], axis=(0, 1)).max(initial=0.0) ** 2
+        self.heights = np.unique(mesh.vertices[:, 2])
+        self.known: dict[int, shapely.Geometry] = {}
+
+    def at(self, z: float) -> tuple[int | float, shapely.Geometry]:
+        """What the section at a height is known by, the same for the same section, and the section."""
+        low, high = self.span
+        if (self.leans & (low <= z) & (z < high)).any():
+            return z, section(self.mesh, z)
+        between = int(np.searchsorted(self.heights, z))
+        if between not in self.known:
+            self.known[between] = section(self.mesh, z)
+        return between, self.known[between]
+
+
 def section(mesh: trimesh.Trimesh, z: float) -> shapely.Geometry:
     """What a plane of constant z cuts out of a mesh (even-odd: plates minus holes plus pins)."""
     corners = np.asarray(mesh.vertices)[np.asarray(mesh.faces)]

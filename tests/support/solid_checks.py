@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import shapely
 import trimesh
-from sections import section
+from sections import Sections
 
 from mechcore.joints.registry import build_joints
 from mechcore.motion.solve import compile_mechanism, default_times, solve_motion
@@ -82,14 +82,19 @@ def meeting_links(spec: Mechanism, poses: Poses, solids: Solids, every: int = 3)
     screws = [joint for joint in spec.joints if isinstance(joint, Screw)]
     within = {frozenset((joint.links[joint.guide], f"{joint.name}.spindle")) for joint in screws}  # it turns inside rod and bearing
     found = set()
+    sections = {name: Sections(mesh) for name, mesh in scaled.items()}
+    looked_at = set()
     for z in 0.5 * (heights[1:] + heights[:-1]):
-        cut = {name: section(mesh, z) for name, mesh in scaled.items() if mesh.bounds[0, 2] < z < mesh.bounds[1, 2]}
-        if len(cut) < 2:
-            continue
-        at = {name: placed(shape, poses.get(name, still)[::every], solids.size) for name, shape in cut.items()}
+        reached = [name for name, mesh in scaled.items() if mesh.bounds[0, 2] < z < mesh.bounds[1, 2]]
+        cut = {name: sections[name].at(z) for name in reached if len(reached) > 1}
+        at: dict[str, np.ndarray] = {}
         for a, b in itertools.combinations(cut, 2):
-            if (a, b) in found or {a, b} in within:
+            pair = (a, cut[a][0], b, cut[b][0])
+            if (a, b) in found or {a, b} in within or pair in looked_at:
                 continue
+            looked_at.add(pair)
+            for name in {a, b} - at.keys():
+                at[name] = placed(cut[name][1], poses.get(name, still)[::every], solids.size)
             first = shapely.buffer(at[a], -TOUCH / solids.size) if {a, b} in touching else at[a]
             if shapely.intersects(first, at[b]).any():
                 found.add((a, b))
