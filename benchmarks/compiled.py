@@ -3,13 +3,15 @@
     python benchmarks/compiled.py
 
 Motions of a four-bar and of ten links over more and more frames; Andrews' squeezer with a damped crank, a double pendulum and a
-five-bar under forces, to two tolerances, and twenty times as long. Processor times; what compiling and loading cost is shown apart.
+five-bar under forces, to two tolerances, and twenty times as long; a million four-bars, in as many threads as OMP_NUM_THREADS says.
+Processor times; what compiling and loading cost is shown apart.
 """
 
 from __future__ import annotations
 
 import argparse
 import json
+import resource
 import sys
 import tempfile
 import time
@@ -33,7 +35,11 @@ from mechcore.dynamics.simulate import simulate
 from mechcore.motion.compiled import Compiled
 from mechcore.motion.solve import compile_mechanism, default_times, solve_motion
 from mechcore.spec.mechanism import Mechanism
-from mechviz.scene.scene import load
+from mechviz.scene.scene import load, loads
+from mechviz.studies.designs.evaluate import study_of
+from mechviz.studies.designs.measures import parse_measure
+from mechviz.studies.designs.sampling import parse_sample, parse_variation, sampled
+from mechviz.studies.designs.sweep import run_study
 
 
 def case(file: str, name: str) -> dict[str, float]:
@@ -100,6 +106,50 @@ def long_ones() -> None:
         print(f"| {title} x 20 | {windows} | {row} | {spent['numpy'] / spent['c']:.0f} |", flush=True)
 
 
+FOUR_BARS = """\
+title = "Four-bars"
+units = { length = "mm" }
+effects = ["inertia", "gravity"]
+[parameters]
+a = { value = "60 mm", range = ["50 mm", "70 mm"] }
+b = { value = "180 mm", range = ["170 mm", "190 mm"] }
+c = { value = "150 mm", range = ["145 mm", "160 mm"] }
+[links]
+frame = { points = { A = [0, 0], D = [200, 0] } }
+crank = { points = { A = [0, 0], B = ["a", 0] }, mass = 1, centre = ["a/2", 0], inertia = 0.001 }
+coupler = { points = { B = [0, 0], C = ["b", 0] }, mass = 2, centre = ["b/2", 0], inertia = 0.01 }
+rocker = { points = { D = [0, 0], C = ["c", 0] }, mass = 2, centre = ["c/2", 0], inertia = 0.01 }
+[joints]
+A = { revolute = ["frame", "crank"], drive = { speed = "60 rpm" } }
+B = { revolute = ["crank", "coupler"] }
+C = { revolute = ["coupler", "rocker"], side = "left" }
+D = { revolute = ["rocker", "frame"] }
+"""
+
+
+def designs() -> None:
+    """Four-bars with their greatest crank torque over 72 positions: wall time, and memory that does not grow but by the results."""
+    scene = loads(FOUR_BARS)
+    variations = [parse_variation(scene, name) for name in "abc"]
+    print("\n| four-bars x 72 positions, crank torque | designs | wall [s] | processor [s] | memory grown by [MB] |")
+    print("|---|---|---|---|---|")
+    for executor, powers in (("numpy", (14, 17)), ("c", (14, 17, 20))):
+        for power in powers:
+            chosen = sampled(variations, parse_sample(f"sobol:{2**power}", 0))
+            measures = [parse_measure(scene, "drive.A.torque:peak")]
+            study = study_of(scene, variations, measures, frames=72, executor=executor, count=len(chosen))  # type: ignore[arg-type]
+            words = study.computed_by
+            before, wall, spent = peak(), time.perf_counter(), time.process_time()
+            run_study(study, chosen)
+            wall, spent = time.perf_counter() - wall, time.process_time() - spent
+            print(f"| {words} | {len(chosen):,} | {wall:.2f} | {spent:.2f} | {(peak() - before) / 1024:.0f} |", flush=True)
+
+
+def peak() -> int:
+    """The most memory that the process has had [kB]."""
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+
+
 def prepared(compiled: Compiled) -> float:
     """Wall time until a mechanism's program is ready [s]."""
     library.cache_clear()
@@ -117,6 +167,7 @@ def main() -> None:
         motions()
         simulations()
         long_ones()
+        designs()
 
 
 if __name__ == "__main__":

@@ -15,7 +15,7 @@ import typer
 from mechcore.arrays import Real
 from mechviz.commands.common import aligned, check_targets, fail, interruptible, progress_bar, say
 from mechviz.commands.loading import SceneArg, SetOpt, clear_errors, load_scene
-from mechviz.commands.solving import CyclesOpt, DaskOpt, FramesOpt, JobsOpt, solve, workers
+from mechviz.commands.solving import CyclesOpt, DaskOpt, DesignExecutorOpt, FramesOpt, JobsOpt, checked, solve, workers
 from mechviz.figures import check_ending, save_chart
 from mechviz.files import OutputError, replacing
 from mechviz.quantities.catalogue import Axis
@@ -54,6 +54,7 @@ def sweep(
     seed: Annotated[int, typer.Option("--seed", min=0, help="of the sample")] = 0,
     jobs: JobsOpt = 1,
     dask: DaskOpt = None,
+    executor: DesignExecutorOpt = "auto",
     frames: FramesOpt = None,
     cycles: CyclesOpt = None,
     values: SetOpt = None,
@@ -74,14 +75,16 @@ def sweep(
         variations = [parse_variation(loaded, text) for text in vary]
         chosen = None if sample is None else parse_sample(sample, seed)
         designs = grid(variations) if chosen is None else sampled(variations, chosen)
-        study = study_of(loaded, variations, [parse_measure(loaded, text) for text in of], frames=frames, cycles=cycles)
+        measures = [parse_measure(loaded, text) for text in of]
+        how = checked(executor)
+        study = study_of(loaded, variations, measures, frames=frames, cycles=cycles, executor=how, count=len(designs))
         with interruptible("pyarrow.parquet"):
             store = None if output is None else Store(output, about_study(study, chosen))
             if store is not None:
                 store.open(fresh=fresh)
             try:
-                with progress_bar("sweeping") as bar, workers(jobs, dask) as (executor, most):
-                    table = run_study(study, designs, store, executor=executor, most=most, progress=bar)
+                with progress_bar("sweeping") as bar, workers(jobs, dask) as (pool, most):
+                    table = run_study(study, designs, store, executor=pool, most=most, progress=bar)
             except BrokenProcessPool:
                 fail("A process of the study has died, perhaps for lack of memory. The same command goes on; take fewer --jobs.", 1)
             except (KeyboardInterrupt, SystemExit) as end:
@@ -93,6 +96,7 @@ def sweep(
         else:
             print(output)
         say("\n".join(_summary(table)))
+        say(f"Computed by {study.computed_by}.")
 
 
 def _summary(table: Table) -> Iterator[str]:
@@ -205,6 +209,7 @@ def tolerance(
     csv_file: Annotated[Path | None, typer.Option("--csv", help="write the bands of curves over the frames as a table")] = None,
     jobs: JobsOpt = 1,
     dask: DaskOpt = None,
+    executor: DesignExecutorOpt = "auto",
     frames: FramesOpt = None,
     cycles: CyclesOpt = None,
     values: SetOpt = None,
@@ -226,11 +231,12 @@ def tolerance(
         ends = [parse_limits(text) for text in limits or ()]
         with interruptible(*(["matplotlib.figure"] if plot is not None else [])):
             run = solve(loaded, frames, cycles)
-            with progress_bar("sampling") as bar, workers(jobs, dask) as (executor, most):
+            with progress_bar("sampling") as bar, workers(jobs, dask) as (pool, most):
                 found = tolerances(
                     run, measures, variables, limits=ends, samples=samples, distribution=distribution, seed=seed,
-                    executor=executor, most=most, progress=bar,
+                    executor=pool, most=most, progress=bar, program=checked(executor),
                 )  # fmt: skip
+            say(f"Samples computed by {found[0].computed_by}.")
             axis = run.catalogue.axes[0]
             for one in found:
                 where = "" if one.at is None else f", widest at: {axis.label} = {axis.values[one.at]:.5g} {axis.unit}"

@@ -12,6 +12,7 @@ from typing import Annotated, Literal
 import typer
 
 from mechcore.compiled.motion import Executor
+from mechcore.compiled.toolchain import required_compiler
 from mechviz.accuracy.estimate import doubts
 from mechviz.accuracy.kept import target_words
 from mechviz.commands.common import UNTRUSTED, fail, progress_bar, say
@@ -38,6 +39,13 @@ ExecutorOpt = Annotated[
         help="what computes: numpy, or a program in C of this mechanism, compiled once; auto: C where that pays, see mechviz plan",
     ),
 ]
+DesignExecutorOpt = Annotated[
+    Literal["auto", "numpy", "c"],
+    typer.Option(
+        "--executor",
+        help="what computes designs: numpy, or a program in C of their mechanism, in threads; auto: C where that pays",
+    ),
+]
 KeepOpt = Annotated[bool, typer.Option("--keep", help="write results that cannot be trusted, too: they do not balance or close")]
 QuickOpt = Annotated[bool, typer.Option("--quick", help="fewer repeats: rougher times")]
 
@@ -58,6 +66,13 @@ def solve(scene: Scene, frames: int | None, cycles: int | None, accuracy: float 
             warn=lambda words: say(f"note: {words}"),
             executor=executor,
         )
+
+
+def checked(executor: Executor) -> Executor:
+    """The executor. Raises `MechanismError` where it is C and there is no compiler."""
+    if executor == "c":
+        required_compiler()
+    return executor
 
 
 def check_trust(run: Run, keep: bool, *, errors: bool = False) -> None:

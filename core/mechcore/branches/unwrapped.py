@@ -377,8 +377,20 @@ def along_designs(model: Model, time: Real, frames: Frames, laws: tuple[Law, ...
     start = raw_at(np.zeros((1, 1)))
 
     def near(raw: Real) -> Real:
-        x, steps = np.append(0.0, time)[:, None], np.array([_time_step(laws, largest_steps(model, COARSE))])
+        x, steps = np.append(0.0, time)[:, None], _steps_of_designs(model, laws)
         *_, followed, own = _follow(raw_at, x, np.concatenate([start, raw], axis=-1), steps)
         return np.asarray(followed[..., own[1:]])
 
     return LinkAngles(model, start_pose(model, start), partial(raw_angles, model, *frames), near)
+
+
+def times_of_designs(model: Model, time: Real, laws: tuple[Law, ...]) -> tuple[Real, Index]:
+    """Times (n,) from the start over those of the frames (F,), between which angles can be followed unless links turn by more than
+    `LARGEST`; and which of them are the frames (F,)."""
+    x = np.append(0.0, time)[:, None]
+    places, *_, own = _follow(lambda y: np.zeros((0, len(y))), x, np.zeros((0, len(x))), _steps_of_designs(model, laws))
+    return places[:, 0], own[1:]
+
+
+def _steps_of_designs(model: Model, laws: tuple[Law, ...]) -> Real:
+    return np.array([_time_step(laws, largest_steps(model, COARSE))])

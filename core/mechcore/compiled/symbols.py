@@ -12,6 +12,8 @@ from collections.abc import Callable, Sequence
 from functools import partial
 from typing import Any, NamedTuple, TypeAlias
 
+import numpy as np
+
 from mechcore.arrays import Real
 
 
@@ -64,6 +66,7 @@ static inline double searched(const double *p, long n, double x) { /* how many o
     }
     return (double)low;
 }
+static inline double length(double x, double y) { return sqrt(x * x + y * y); }
 static inline double modulo(double a, double b) {
     const double rest = fmod(a, b);
     return rest != 0.0 && (rest < 0.0) != (b < 0.0) ? rest + b : rest;
@@ -73,6 +76,26 @@ static inline double larger(double a, double b) { return a != a || a > b ? a : b
 static inline double smaller(double a, double b) { return a != a || a < b ? a : b; }
 """
 """Functions of the programs: those of `mechcore.kinematics.dyads`, and numpy's sign, maximum and minimum."""
+
+
+class Names:
+    """What C calls the operands of a program; numbers become ``parameters`` when first asked for."""
+
+    def __init__(self, parameters: list[float]):
+        self._parameters = parameters
+        self._places: dict[float | ParameterRow, int] = {x: k for k, x in enumerate(parameters)}
+
+    def __call__(self, operand: Operand | ParameterRow) -> str:
+        if isinstance(operand, Node):
+            return f"t{operand.number}"
+        row = isinstance(operand, ParameterRow)
+        if not row and operand in FOLDED:
+            return f"({operand!r})" if operand < 0.0 else repr(operand)
+        if operand not in self._places:
+            self._places[operand] = len(self._parameters)
+            self._parameters.extend(operand.values if isinstance(operand, ParameterRow) else [operand])
+        place = self._places[operand]
+        return f"(p + {place})" if row else f"p[{place}]"
 
 
 class Code:
@@ -119,32 +142,30 @@ class Code:
     def written(self, outputs: Sequence[tuple[str, Operand]], parameters: list[float]) -> list[str]:
         """Lines of C that compute what the outputs need, and assign these to what C names them; numbers that the lines call
         ``p[k]`` are added to the ``parameters``."""
+        names = Names(parameters)
+        lines = [self.line(number, names) for number in self.needed(outputs)]
+        return lines + [f"{target} = {names(value)};" for target, value in outputs]
+
+    def needed(self, outputs: Sequence[tuple[str, Operand]]) -> list[int]:
+        """The nodes that outputs need, in order."""
         needed = {x.number for _, x in outputs if isinstance(x, Node)}
         for number in range(len(self._nodes) - 1, -1, -1):
             if number in needed:
-                needed.update(x.number for x in self._nodes[number][1] if isinstance(x, Node))
-        places: dict[float | ParameterRow, int] = {x: k for k, x in enumerate(parameters)}
+                needed.update(self.operands(number))
+        return sorted(needed)
 
-        def name(operand: Operand | ParameterRow) -> str:
-            if isinstance(operand, Node):
-                return f"t{operand.number}"
-            if isinstance(operand, ParameterRow):
-                if operand not in places:
-                    places[operand] = len(parameters)
-                    parameters.extend(operand.values)
-                return f"(p + {places[operand]})"
-            if operand in FOLDED:
-                return f"({operand!r})" if operand < 0.0 else repr(operand)
-            if operand not in places:
-                places[operand] = len(parameters)
-                parameters.append(operand)
-            return f"p[{places[operand]}]"
+    def operands(self, number: int) -> list[int]:
+        """The nodes that a node is computed from."""
+        return [x.number for x in self._nodes[number][1] if isinstance(x, Node)]
 
-        lines = []
-        for number in sorted(needed):
-            form, operands = self._nodes[number]
-            lines.append(f"const double t{number} = {form.format(*map(name, operands)) if operands else form};")
-        return lines + [f"{target} = {name(value)};" for target, value in outputs]
+    def form(self, number: int) -> str:
+        """A node in C, with places for its operands."""
+        return self._nodes[number][0]
+
+    def line(self, number: int, names: Names) -> str:
+        """The line that computes a node."""
+        form, operands = self._nodes[number]
+        return f"const double t{number} = {form.format(*map(names, operands)) if operands else form};"
 
     # -- real arithmetic --------------------------------------------------------------------------------------------------
     def add(self, a: Operand, b: Operand) -> Operand:
@@ -230,7 +251,7 @@ class Symbol:
     def __array_ufunc__(self, function: Any, method: str, *operands: Any, **options: Any) -> Any:
         own = UFUNCS.get(function.__name__)
         if own is None or method != "__call__" or options:
-            raise Untraceable(f"numpy.{function.__name__}")
+            raise Untraceable(f"C does not have numpy's {function.__name__}")
         return own(*operands)
 
     def __bool__(self) -> bool:
@@ -238,9 +259,13 @@ class Symbol:
 
     def __array_function__(self, function: Any, types: Any, operands: Any, options: Any) -> Any:
         own = FUNCTIONS.get(function.__name__)
-        if own is None or options:
-            raise Untraceable(f"numpy.{function.__name__}")
-        return own(*operands)
+        if own is None or not options.keys() <= {"axis"}:
+            raise Untraceable(f"C does not have numpy's {function.__name__}")
+        return own(*operands, **options)
+
+    def reshape(self, *_: Any) -> Symbol:
+        """The same number, which has no axes."""
+        return self
 
     def clip(self, low: Any = None, high: Any = None) -> Symbol:
         """Kept between two numbers, as numpy has it."""
@@ -325,6 +350,43 @@ class Symbol:
         return Symbol(code, code.call("sqrt", squared), 0.0)
 
 
+class SymbolRows:
+    """Numbers side by side along a last axis, as tables have them: ``columns`` are symbols and plain numbers."""
+
+    def __init__(self, columns: Sequence[Any]):
+        self.columns = tuple(columns)
+        self.shape = (len(self.columns),)
+
+    def __getitem__(self, key: Any) -> Any:
+        last = key[-1] if isinstance(key, tuple) else key
+        if isinstance(last, int | np.integer):
+            return self.columns[last]
+        if isinstance(last, slice):
+            return SymbolRows(self.columns[last])
+        return SymbolRows([self.columns[k] for k in last])
+
+    def __mul__(self, factor: Any) -> SymbolRows:
+        return SymbolRows([x * factor for x in self.columns])
+
+    __rmul__ = __mul__
+
+    def __add__(self, other: Any) -> SymbolRows:
+        more = other.columns if isinstance(other, SymbolRows) else tuple(other)
+        return SymbolRows([a + b for a, b in zip(self.columns, more, strict=True)])
+
+    __radd__ = __add__
+
+    def reshape(self, *_: Any) -> SymbolRows:
+        """The same numbers: they have no other axes."""
+        return self
+
+    def __array__(self, *_: Any, **__: Any) -> Any:
+        raise Untraceable("an array over frames")
+
+    __array_ufunc__ = None
+    __array_function__ = Symbol.__array_function__
+
+
 def _symbol(code: Code, value: Any) -> Symbol:
     if isinstance(value, Symbol):
         return value
@@ -382,13 +444,27 @@ def _exponential(z: Symbol) -> Any:
     return turn if z.re == 0.0 else called("exp", z.real) * turn if z.im != 0.0 else called("exp", z)
 
 
+def _side_by_side(parts: Sequence[Any], axis: int = -1) -> SymbolRows:
+    """Numbers, and rows of them, in one row."""
+    if axis not in (-1, 0, 1):
+        raise Untraceable("an array with several axes")
+    columns: list[Any] = []
+    for x in parts:
+        columns += x.columns if isinstance(x, SymbolRows) else [x if isinstance(x, Symbol) else float(x)]
+    return SymbolRows(columns)
+
+
 FUNCTIONS: dict[str, Callable[..., Any]] = {
     "where": _where,
     "real": lambda z: z.real,
     "imag": lambda z: z.imag,
+    "angle": lambda z: called("atan2", z.imag, z.real),
     "clip": lambda x, low=None, high=None: x.clip(low, high),
     "any": lambda _: True,  # it may be other than nothing
     "shape": lambda _: (),
+    "stack": _side_by_side,
+    "column_stack": _side_by_side,
+    "broadcast_to": lambda x, _: x,
     "ndim": lambda _: 0,
 }
 UFUNCS: dict[str, Callable[..., Any]] = {
@@ -411,6 +487,7 @@ UFUNCS: dict[str, Callable[..., Any]] = {
     "minimum": partial(called, "smaller"),
     "arctan2": partial(called, "atan2"),
     "arctan": partial(called, "atan"),
+    "hypot": partial(called, "length"),
     **{name: partial(called, name) for name in ("sqrt", "floor", "cos", "sin", "tan", "tanh", "log", "log1p", "expm1", "rint")},
 }
 """Functions of symbols by numpy's names."""

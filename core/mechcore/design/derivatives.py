@@ -37,7 +37,7 @@ from mechcore.laws.timed import Free
 from mechcore.motion.compiled import drive_values
 from mechcore.motion.motion import Motion
 from mechcore.motion.solve import compile_mechanism
-from mechcore.numerics.frames import QUIET, lazy, stacked
+from mechcore.numerics.frames import QUIET, lazy
 from mechcore.numerics.tape import Tape, Traced, Untraced, value_of
 from mechcore.records import dataclass
 from mechcore.spec.mechanism import Mechanism, braked
@@ -186,7 +186,7 @@ class Derivatives:
         force, moment, formed = totals(motion)
         if "friction" in mechanism.effects and braked(mechanism.joints):
             return self._with_friction(formed(), force, moment)
-        return _TracedForces(motion, formed, *joint_forces(motion, force, moment)[:2])
+        return Forces(motion, formed, *joint_forces(motion, force, moment)[:2])
 
     def _with_friction(self, applied: Sequence[Wrench], force: list[Any], moment: list[Any]) -> Forces:
         """Forces with dry friction: the normal loads move as the Jacobian of their own equations says."""
@@ -216,7 +216,7 @@ class Derivatives:
         else:
             changes = [0.0] * len(elements)
         loads = [load + change for load, change in zip(plain, changes, strict=True)]
-        solved = _TracedForces(motion, applied, *transmitted(loads), _TracedFriction(motion, applied, elements, loads, known))
+        solved = Forces(motion, applied, *transmitted(loads), _TracedFriction(motion, applied, elements, loads, known))
         for joint in (c.name for c in motion.model.connections):  # flanks may have changed sides on the way
             ours, theirs = value_of(solved.reaction(joint)), nominal.reaction(joint)
             if not np.allclose(ours, theirs, rtol=1e-6, atol=1e-6 * float(np.nanmax(np.abs(theirs), initial=0.0)), equal_nan=True):
@@ -402,9 +402,6 @@ class _TracedMotion(Motion):
     def shape(self) -> tuple[int, ...]:
         return (self._frames,)
 
-    def _rows(self, z: Any, angle: Any = None, *, fresh: bool = False) -> Any:
-        return stacked([z.real, z.imag] + ([] if angle is None else [angle]), self.shape)
-
 
 class _TracedAngles(LinkAngles):
     """Angles of links that may be on a tape."""
@@ -443,16 +440,6 @@ class _TracedFriction(FrictionResult):
     def value(self, i: int) -> Any:
         element = self.elements[i]
         return -element.sign * element.factor * self._loads[i]
-
-
-class _TracedForces(Forces):
-    """Forces whose numbers may be on a tape."""
-
-    def _rows(self, force: Any, moment: Any) -> Any:
-        return stacked([force.real, force.imag, moment], self._shape)
-
-    def _over_frames(self, number: Any) -> Any:
-        return np.broadcast_to(number, self._shape)
 
 
 def _refusal(message: str, remedy: str) -> MechanismError:

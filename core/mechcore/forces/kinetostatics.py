@@ -265,6 +265,9 @@ class Forces:
         return effort * self.motion.guide(j) * (1.0 if joint.guide == 0 else -1.0), 0.0
 
     def _over_frames(self, value: Values) -> Real:
+        if not isinstance(value, np.ndarray | float | int):  # what stands for an array
+            same: Real = np.broadcast_to(value, self._shape)
+            return same
         return np.array(np.broadcast_to(np.asarray(value, float), self._shape))
 
     def _rows(self, force: Plane, moment: Values) -> Real:

@@ -19,7 +19,7 @@ from mechcore.kinematics.model import Model
 from mechcore.kinematics.program import VectorSum
 from mechcore.kinematics.rates import Rates, accelerations, velocities
 from mechcore.kinematics.state import Patch, State, value
-from mechcore.numerics.frames import QUIET, added, lazy, nothing, rows_of, summed
+from mechcore.numerics.frames import QUIET, added, lazy, nothing, rows_of, stacked, summed
 from mechcore.numerics.interpolation import differentiate
 from mechcore.spec.mechanism import Mechanism
 from mechcore.topology.graph import FRAME
@@ -335,6 +335,8 @@ class Motion:
     def _rows(self, z: Plane, angle: Values | None = None, *, fresh: bool = False) -> Real:
         """Plane vectors, and an angle where given, as rows of numbers of their own; ``fresh``: nobody else holds ``z``."""
         if angle is None:
+            if not isinstance(z, np.ndarray | complex | float | int):  # what stands for an array
+                return stacked([z.real, z.imag], self.shape)
             if not isinstance(z, np.ndarray) or z.shape != self.shape or z.dtype != complex:
                 z, fresh = np.broadcast_to(np.asarray(z, complex), self.shape), False
             return np.ndarray((*self.shape, 2), float, z if fresh else z.copy())  # the same numbers, in a quarter of a view's time

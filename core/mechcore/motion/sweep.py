@@ -13,22 +13,27 @@ from mechcore.arrays import Complex, Flags, Real
 from mechcore.branches.unwrapped import Frames, along_designs
 from mechcore.errors import Fault, MechanismError
 from mechcore.kinematics.build import loop_sum
+from mechcore.kinematics.model import Model
 from mechcore.kinematics.positions import place_all
 from mechcore.motion.compiled import Compiled, DriveValues, drive_values
+from mechcore.motion.design_program import DesignProgram, design_program
 from mechcore.motion.motion import Motion
 from mechcore.records import dataclass
 from mechcore.spec.numbers import Place, with_numbers
 from mechcore.topology.graph import vector_loops
 
+CHUNK_OF_C = 2**21  # numbers that a program fills in at once
 CHUNK = 16384  # numbers in an array that is worked on: small enough to stay in the cache, and large enough to pay for the calls
 
 
 @dataclass(frozen=True, eq=False)
 class Sweep:
-    """``results``: what was collected, each (D, F, ...). ``assembled`` (D,): designs that go together in every frame."""
+    """``results``: what was collected, each (D, F, ...). ``assembled`` (D,): designs that go together in every frame. ``program``:
+    what computed them in C, or why numpy did."""
 
     results: dict[str, Real]
     assembled: Flags
+    program: DesignProgram | str
 
 
 def sweep(
@@ -38,6 +43,7 @@ def sweep(
     collect: Callable[[Motion], Mapping[str, Real]],
     masses: Mapping[str, tuple[ArrayLike, ArrayLike, ArrayLike]] | None = None,
     loads: Mapping[Place, ArrayLike] | None = None,
+    of: int = 0,
 ) -> Sweep:
     """Motion of D variants of a mechanism at times (F,) [s].
 
@@ -45,6 +51,8 @@ def sweep(
     compiled, the assembly modes too. ``masses``: link -> mass (D,) [kg], centre of mass (D, 2) [m] and moment of inertia about it
     (D,) [kg m^2], of links whose masses vary beside. ``loads``: numbers (D,) in place of those of the mechanism's loads, by their
     places in them (`numbers_in`). ``collect`` takes from a motion what is wanted, arrays (designs, F, ...).
+    The executor of ``compiled`` computes them; ``of`` how many designs these are some, for it to judge whether compiling pays:
+    ``collect`` then is given a motion of symbols and has to keep to what these have (see `design_program`), else numpy goes on.
     Designs that cannot be assembled are NaN in the frames concerned and marked, not fatal. Groups without a closed form and
     mechanisms with change points depend on a design's own path and are refused.
     """
@@ -71,13 +79,26 @@ def sweep(
         )
     count = designs.pop()
     values = drive_values(model.mechanism, time)
-    chunk = max(1, CHUNK // len(time))
+    keys = tuple(varied), tuple(masses or ()), tuple(loads or ())
+    program = design_program(compiled, varied_model, keys, time, collect, max(of, count))
+    chunk = max(1, (CHUNK if isinstance(program, str) else CHUNK_OF_C // program.rows) // len(time))
     parts: list[Mapping[str, Real]] = []
     assembled = np.empty(count, bool)
     for start in range(0, count, chunk):
         part = {key: xy[start : start + chunk, :] for key, xy in varied.items()}
         weights = {link: _rows_of_masses(own, start, chunk) for link, own in (masses or {}).items()}
         stated = {key: np.asarray(x, float)[start : start + chunk, None] for key, x in (loads or {}).items()}
+        if not isinstance(program, str):
+            found, assembled[start : start + chunk], far = program(part, weights, stated, time)
+            parts.append(found)
+            if not far.any():
+                continue
+            part = {key: xy[far] for key, xy in part.items()}
+            weights = {link: (mass[far], centre[far], inertia[far]) for link, (mass, centre, inertia) in weights.items()}
+            again = collect(_motion(compiled, part, weights, {key: x[far] for key, x in stated.items()}, time, values))
+            for name, x in again.items():
+                found[name][far] = x
+            continue
         motion = _motion(compiled, part, weights, stated, time, values)
         parts.append(collect(motion))
         ok = np.ones(motion.shape, bool)
@@ -86,14 +107,39 @@ def sweep(
         for slide in motion.state.slide.values():
             ok &= np.isfinite(slide)
         assembled[start : start + chunk] = ok.all(axis=-1)
-    results = {name: np.concatenate([p[name] for p in parts]) for name in parts[0]}
-    return Sweep(results=results, assembled=assembled)
+    results = {name: parts[0][name] if len(parts) == 1 else np.concatenate([p[name] for p in parts]) for name in parts[0]}
+    return Sweep(results, assembled, program)
 
 
 def _rows_of_masses(stated: tuple[ArrayLike, ArrayLike, ArrayLike], start: int, chunk: int) -> tuple[Real, Complex, Real]:
     """Mass, centre (complex) and moment of inertia of some designs, (designs, 1) each."""
     mass, centre, inertia = (np.asarray(values, float)[start : start + chunk] for values in stated)
     return mass[:, None], (centre[:, 0] + 1j * centre[:, 1])[:, None], inertia[:, None]
+
+
+def varied_model(
+    compiled: Compiled, points: Mapping[tuple[str, str], Any], masses: Mapping[str, Any], loads: Mapping[Place, Any]
+) -> Model:
+    """The model with other places of points (complex), masses of links and numbers of loads: arrays (designs, 1) or symbols."""
+    model = compiled.model
+    ends = {p.name: getattr(p, "points", None) for p in model.mechanism.joints}
+    joints = []
+    for joint in model.joints:
+        names = ends.get(joint.name)
+        if names is not None:
+            a, b = (points.get((link, name)) for link, name in zip(joint.links, names, strict=True))
+            joint = replace(joint, a=joint.a if a is None else a, b=joint.b if b is None else b)
+        joints.append(joint)
+    closed = vector_loops(model.ends, joints, model.tree)
+    return replace(
+        model,
+        mechanism=replace(model.mechanism, loads=with_numbers(model.mechanism.loads, loads)),
+        joints=tuple(joints),
+        loops=closed,
+        loop_sums=tuple(loop_sum(c, model.angles, model.turn) for c in closed),
+        varied=points,
+        varied_masses=masses,
+    )
 
 
 def _motion(
@@ -104,23 +150,8 @@ def _motion(
     time: Real,
     values: DriveValues,
 ) -> Motion:
-    model = compiled.model
-    place: dict[tuple[str, str], Any] = {key: (xy[:, 0] + 1j * xy[:, 1])[:, None] for key, xy in points.items()}
-    ends = {p.name: getattr(p, "points", None) for p in model.mechanism.joints}
-    joints = []
-    for joint in model.joints:
-        names = ends.get(joint.name)
-        if names is not None:
-            a, b = (place.get((link, name)) for link, name in zip(joint.links, names, strict=True))
-            joint = replace(joint, a=joint.a if a is None else a, b=joint.b if b is None else b)
-        joints.append(joint)
-    closed = vector_loops(model.ends, joints, model.tree)
-    sums = tuple(loop_sum(c, model.angles, model.turn) for c in closed)
-    mechanism = replace(model.mechanism, loads=with_numbers(model.mechanism.loads, loads))
-    variant = replace(
-        model, mechanism=mechanism, joints=tuple(joints), loops=closed, loop_sums=sums, varied=place, varied_masses=masses
-    )
-    modes, laws = compiled.assembly.modes, tuple(d.law for d in model.mechanism.drives)
+    variant = varied_model(compiled, {key: (xy[:, 0] + 1j * xy[:, 1])[:, None] for key, xy in points.items()}, masses, loads)
+    modes, laws = compiled.assembly.modes, tuple(d.law for d in variant.mechanism.drives)
     state = place_all(variant, [v[0] for v in values], modes)
 
     def placed(x: Real) -> Frames:

@@ -8,13 +8,16 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
 from mechcore.arrays import Flags, Real
+from mechcore.compiled.motion import Executor
 from mechcore.errors import MechanismError
 from mechcore.forces.kinetostatics import solve_forces
 from mechcore.motion.compiled import Compiled
+from mechcore.motion.design_program import DesignProgram
 from mechcore.motion.motion import Motion
 from mechcore.motion.solve import compile_mechanism, default_times
 from mechcore.motion.sweep import sweep
@@ -45,6 +48,7 @@ class Batch:
     columns: tuple[tuple[Measure, Quantity, int], ...]
     places: tuple[Place, ...]
     loads: tuple[tuple[tuple[int | str, ...], Place, float, float], ...]  # number of a load = constant + factor times a value
+    count: int = 0  # of the designs of the whole study
 
     @property
     def drive(self) -> Real | None:
@@ -52,8 +56,23 @@ class Batch:
         drives = self.compiled.mechanism.drives
         return np.broadcast_to(drives[0].law(self.time)[0], self.time.shape) if drives else None
 
+    @cached_property
+    def program(self) -> DesignProgram | str:
+        """The program in C of its designs, or why numpy computes them. Raises `MechanismError` where C is asked for and fails."""
+        _, _, program = self._swept(self.nominal)
+        return program
+
+    @property
+    def nominal(self) -> Real:
+        """The design of the scene itself (1, n)."""
+        return np.array([[self.scene.parameters[v.name].amount.number / v.factor for v in self.variations]], float)
+
     def curves(self, designs: Real) -> tuple[list[Real], list[str]]:
         """Curves (D, F) of each measure for designs (D, n), and why there are none of each design, "" where there are."""
+        curves, reasons, _ = self._swept(designs)
+        return curves, reasons
+
+    def _swept(self, designs: Real) -> tuple[list[Real], list[str], DesignProgram | str]:
         amounts = parameter_arrays(self.scene.document, {v.name: designs[:, k] * v.factor for k, v in enumerate(self.variations)})
         values = formula_values(self.scene.document, amounts, self.places)
         count = len(designs)
@@ -68,14 +87,14 @@ class Batch:
             reasons[k] = reasons[k] or "links: a mass or moment of inertia is negative"
         with np.errstate(all="ignore"):
             loads = {number: constant + factor * values[place] for number, place, constant, factor in self.loads}
-            swept = sweep(self.compiled, points, self.time, self._collect, masses, loads)
+            swept = sweep(self.compiled, points, self.time, self._collect, masses, loads, self.count)
         curves = [swept.results[str(k)] for k in range(len(self.columns))]
         for k in map(int, np.flatnonzero(~swept.assembled)):
             reasons[k] = reasons[k] or "joints: the mechanism cannot be assembled at all frames of the run"
         whole: Flags = np.all([np.isfinite(curve).all(axis=1) for curve in curves], axis=0)
         for k in map(int, np.flatnonzero(~whole)):
             reasons[k] = reasons[k] or "the values are not finite"
-        return curves, reasons
+        return curves, reasons, swept.program
 
     def _varied(
         self, values: Mapping[Place, Real], count: int
@@ -109,8 +128,10 @@ class Batch:
         if not points:  # the core takes the number of designs from places
             joint = next(j for j in self.compiled.model.joints if j.name in links[j.links[1]].points)
             points[joint.links[1], joint.name] = np.tile(np.asarray(links[joint.links[1]].points[joint.name], float), (count, 1))
-        wrong = [k for k in range(count) if any(mass[k] < 0.0 or inertia[k] < 0.0 for mass, _, inertia in masses.values())]
-        return points, masses, wrong
+        negative = np.zeros(count, bool)
+        for mass, _, inertia in masses.values():
+            negative |= (mass < 0.0) | (inertia < 0.0)
+        return points, masses, np.flatnonzero(negative).tolist()
 
     def _collect(self, motion: Motion) -> dict[str, Real]:
         """The curves (D, F) of all measures, by their numbers."""
@@ -123,15 +144,21 @@ class Batch:
                 tables[quantity.path] = np.broadcast_to(rows, (*motion.shape, rows.shape[-1]))
             rows = tables[quantity.path]
             flat = quantity.entry.read(rows.reshape(-1, rows.shape[-1]))
-            collected[str(k)] = np.ascontiguousarray(flat[:, column].reshape(motion.shape))
+            collected[str(k)] = flat[:, column].reshape(motion.shape)
         return collected
 
 
 def batch_of(
-    scene: Scene, variations: Sequence[Variation], measures: Sequence[Measure], catalogue: Catalogue, frames: int, cycles: int
+    scene: Scene,
+    variations: Sequence[Variation],
+    measures: Sequence[Measure],
+    catalogue: Catalogue,
+    frames: tuple[int, int],
+    executor: tuple[Executor, int],
 ) -> Batch | None:
-    """Batch of the designs side by side; None where the variations reach further than joints and masses, or the mechanism
-    has groups, effects or quantities that are computed design by design."""
+    """Batch of the designs side by side, over so many ``frames`` and cycles, by an executor for so many of them; None where the
+    variations reach further than joints and masses, or the mechanism has groups, effects or quantities that are computed design by
+    design."""
     names = {v.name for v in variations}
     places = tuple(place for place in scene.document.formulas if names & parameters_behind(scene.document, place))
     mechanism = scene.mechanism
@@ -151,12 +178,12 @@ def batch_of(
     try:
         compiled = compile_mechanism(mechanism, scene.accuracy)
         loads = tuple(varied for place in places if place[0] == "loads" for varied in _load_numbers(scene, place))
-        batch = Batch(scene, compiled, default_times(mechanism, frames, cycles), tuple(variations), tuple(columns), places, loads)
-        nominal = [[scene.parameters[v.name].amount.number / v.factor for v in variations]]
-        batch.curves(np.array(nominal, float))
+        batch = Batch(scene, compiled, default_times(mechanism, *frames), tuple(variations), tuple(columns), places, loads)
+        batch.curves(batch.nominal)
     except (LookupError, MechanismError, StopIteration, ValueError, TypeError):
         return None
-    return batch
+    how, count = executor
+    return replace(batch, compiled=replace(compiled, executor=how), count=count)
 
 
 def _can_vary(scene: Scene, place: Place) -> bool:

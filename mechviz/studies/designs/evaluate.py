@@ -11,6 +11,8 @@ from threading import Lock
 import numpy as np
 
 from mechcore.arrays import Real
+from mechcore.compiled.kernels import cores
+from mechcore.compiled.motion import Executor
 from mechcore.errors import Fault, MechanismError
 from mechviz.quantities.catalogue import Quantity
 from mechviz.runs import Run, run_scene
@@ -39,6 +41,8 @@ class Study:
     frames: int | None = None
     cycles: int | None = None
     files: tuple[tuple[str, bytes], ...] = field(default=(), repr=False)
+    executor: Executor = "numpy"  # what computes designs side by side
+    count: int = 0  # of designs in all, which decides whether compiling pays
 
     @property
     def scene(self) -> Scene:
@@ -59,6 +63,21 @@ class Study:
     def batch(self) -> Batch | None:
         """Batch that computes its designs side by side; None where each is run by itself."""
         return _batch(self)
+
+    @property
+    def computed_by(self) -> str:
+        """What computes its designs, in words for the user."""
+        if self.batch is None:
+            return "numpy, each design by itself: what varies, or what is asked for, is not computed side by side"
+        program = self.batch.program
+        if isinstance(program, str):
+            return "numpy, many designs at once" + ("" if self.executor == "numpy" else f": {program}")
+        return f"C, {program.lines:,} lines, {cores()} thread{'s' * (cores() > 1)}"
+
+    @property
+    def compiled(self) -> bool:
+        """Whether C computes its designs, in threads of its own."""
+        return self.batch is not None and not isinstance(self.batch.program, str)
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,8 +103,11 @@ def study_of(
     *,
     frames: int | None = None,
     cycles: int | None = None,
+    executor: Executor = "numpy",
+    count: int = 0,
 ) -> Study:
-    """A study of a scene. Raises `MechanismError` where the nominal design has no such quantity, or cannot be run."""
+    """A study of a scene, of so many designs in all. Raises `MechanismError` where the nominal design has no such quantity, or
+    cannot be run."""
     for v in variations:
         known = scene.parameters[v.name]
         ends = (*v.values, v.low, v.high) if not v.values else v.values
@@ -105,6 +127,8 @@ def study_of(
         frames,
         cycles,
         tuple(scene.files.items()),
+        executor,
+        count,
     )
     for measure, quantity in zip(found.measures, found.quantities, strict=True):
         _reduced(measure, quantity, found.nominal)
@@ -122,7 +146,8 @@ def _prepared(study: Study) -> _Prepared:
 def _batch(study: Study) -> Batch | None:
     """The batch of a study, once it has proved itself."""
     run = study.nominal
-    batch = batch_of(study.scene, study.variations, study.measures, run.catalogue, run.scene.frames, run.scene.cycles)
+    how = study.executor, study.count
+    batch = batch_of(study.scene, study.variations, study.measures, run.catalogue, (run.scene.frames, run.scene.cycles), how)
     if batch is None:
         return None
     rng = np.random.default_rng(0)

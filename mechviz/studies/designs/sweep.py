@@ -6,7 +6,7 @@ import json
 import shutil
 import time
 from collections.abc import Callable, Iterator
-from concurrent.futures import FIRST_COMPLETED, Executor, Future, wait
+from concurrent.futures import FIRST_COMPLETED, Executor, Future, ProcessPoolExecutor, wait
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -23,7 +23,7 @@ from mechviz.studies.designs.sampling import Sample
 if TYPE_CHECKING:
     import pyarrow as pa
 
-LARGEST_CHUNK = {True: 512, False: 8}  # designs that are handed to a process at once: in batches, or each by itself
+LARGEST_CHUNK = 8192, 512, 8  # designs that are computed at once: by a compiled program; in batches; each by itself, in a process
 FLUSH = 2.0  # [s] between parts that are written
 REASON = "reason"
 """Column of the reasons why there is nothing of a design."""
@@ -174,7 +174,7 @@ def csv_lines(table: Table) -> Iterator[str]:
 def chunks(study: Study, count: int, done: set[int]) -> Iterator[Index]:
     """Numbers of the designs that are left, in the portions that are computed at once; which portion a design belongs to depends
     on nothing else, so that it comes out the same however often the study was interrupted."""
-    size = LARGEST_CHUNK[study.batch is not None]
+    size = LARGEST_CHUNK[0 if study.compiled else 1 if study.batch is not None else 2]
     for start in range(0, count, size):
         numbers = np.arange(start, min(start + size, count))
         if not done.issuperset(numbers.tolist()):
@@ -190,7 +190,8 @@ def run_study(
     most: int = 4,
     progress: Callable[[int, int], None] = lambda *_: None,
 ) -> Table:
-    """Results of all designs (D, n): by an executor, with ``most`` portions in its hands at once, or here without one.
+    """Results of all designs (D, n): by an executor, with ``most`` portions in its hands at once, or here without one. Processes of
+    this machine are left out where C computes, which has threads of its own.
 
     With a store, what is known stays known whatever happens. ``progress`` is told how many designs are done, and of how many.
     """
@@ -212,7 +213,8 @@ def run_study(
         last = time.monotonic()
 
     try:
-        for numbers, results in _computed(study, designs, chunks(study, count, known), executor, most):
+        pool = None if study.compiled and isinstance(executor, ProcessPoolExecutor) else executor
+        for numbers, results in _computed(study, designs, chunks(study, count, known), pool, most):
             rows.append(arrow_table(study, numbers, designs[numbers], results))
             finished += len(numbers)
             progress(min(finished, count), count)

@@ -8,7 +8,7 @@ deviation, or uniformly or triangularly within it.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import Executor
+from concurrent.futures import Executor as Pool
 from dataclasses import dataclass, replace
 from itertools import product
 from typing import TYPE_CHECKING, Literal
@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 
 from mechcore.arrays import Real
+from mechcore.compiled.motion import Executor
 from mechcore.errors import Fault, MechanismError
 from mechviz.figures import chart
 from mechviz.quantities.catalogue import Axis, Quantity
@@ -23,7 +24,7 @@ from mechviz.runs import Run
 from mechviz.scene.annotations import Place
 from mechviz.scene.scene import Scene
 from mechviz.scene.units import QuantityError, split, unit_of
-from mechviz.studies.designs.evaluate import Found, study_of
+from mechviz.studies.designs.evaluate import Found, Study, study_of
 from mechviz.studies.designs.measures import Measure
 from mechviz.studies.designs.sampling import Variation
 from mechviz.studies.designs.sensitivity import sensitivities
@@ -82,6 +83,7 @@ class Tolerances:
     values: Real
     limits: Limits | None
     inside: float  # part of the samples that stays within the limits at all frames
+    computed_by: str  # what computed the samples, in words
 
     @property
     def curve(self) -> bool:
@@ -172,12 +174,13 @@ def tolerances(
     samples: int = 16384,
     distribution: Distribution = "normal",
     seed: int = 0,
-    executor: Executor | None = None,
+    executor: Pool | None = None,
     most: int = 4,
     progress: Callable[[int, int], None] = lambda *_: None,
+    program: Executor = "numpy",
 ) -> list[Tolerances]:
-    """Effects of the tolerances of variables on measures of a run. ``samples``: a power of two, at least 16. Raises
-    `MechanismError`."""
+    """Effects of the tolerances of variables on measures of a run. ``samples``: a power of two, at least 16; ``program``: what
+    computes them side by side. Raises `MechanismError`."""
     some = [v for v in variables if v.tolerance > 0.0]
     if not some:
         remedy = "Give parameters a tolerance in the scene, or here: --tolerance stroke=0.1mm."
@@ -192,11 +195,12 @@ def tolerances(
         why = f"curves of {samples} samples at {frames} frames are more numbers than are kept."
         raise MechanismError(Fault("--samples", why, f"Take {1 << ((MOST_NUMBERS // frames).bit_length() - 1)}, or fewer frames."))
     scene, varied = parametrised(run.scene, some)
-    study = study_of(scene, varied, measures, frames=run.scene.frames or None, cycles=run.scene.cycles)
     nominal, half = (np.array([getattr(v, name) for v in some]) for name in ("value", "tolerance"))
     corners = np.array(list(product((-1.0, 1.0), repeat=len(some)))) if len(some) <= MOST_CORNERS else np.zeros((0, len(some)))
     offsets = np.concatenate([corners, _samples(len(some), samples, distribution, seed)])
     designs = np.concatenate([nominal[None], nominal + half * offsets])
+    own, cycles = run.scene.frames or None, run.scene.cycles
+    study = study_of(scene, varied, measures, frames=own, cycles=cycles, executor=program, count=len(designs))
     results = run_study(study, designs, executor=executor, most=most, progress=progress).found
     if results.reasons[0]:
         raise MechanismError(Fault("--of", f"the nominal design has no values: {results.reasons[0]}.", "Mend the scene."))
@@ -207,7 +211,7 @@ def tolerances(
         slopes, exact = [_fitted(values, designs, len(corners)) for values in results.values], False
     stated = [*limits, *[None] * (len(measures) - len(limits))]
     return [
-        _judged(measure, quantity, tuple(some), distribution, d, exact, _Sampled(results, k, len(corners)), limit)
+        _judged(measure, quantity, tuple(some), distribution, d, exact, _Sampled(study, results, k, len(corners)), limit)
         for k, (measure, quantity, d, limit) in enumerate(zip(measures, study.quantities, slopes, stated, strict=True))
     ]
 
@@ -253,7 +257,8 @@ def _fitted(values: Real, designs: Real, corners: int) -> Real:
 class _Sampled:
     """Values of a measure: of the nominal design, the corners and the samples."""
 
-    def __init__(self, results: Found, k: int, corners: int):
+    def __init__(self, study: Study, results: Found, k: int, corners: int):
+        self.computed_by = study.computed_by
         values = results.values[k]
         self.nominal, self.corners, self.samples = values[0], values[1 : 1 + corners], values[1 + corners :]
         self.lost = sum(1 for reason in results.reasons[1 + corners :] if reason)
@@ -303,6 +308,7 @@ def _judged(
         values=some if measure.reducer else np.zeros(0),
         limits=limits,
         inside=inside,
+        computed_by=sample.computed_by,
     )
 
 

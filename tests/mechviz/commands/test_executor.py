@@ -61,6 +61,19 @@ def test_what_numpy_has_to_do_is_noted(tmp_path):
 
 
 @has_compiler
+def test_designs_say_what_computed_them():
+    ask = ("sweep", "parametric-press", "--vary", "ratio=3..5:3", "--of", "drive.A.torque:peak", "-n", "12", "--executor")
+    (_, by_numpy), (code, by_c) = (said(*ask, executor) for executor in ("numpy", "c"))
+    assert code == 0 and "Computed by C, " in by_c and "Computed by numpy, many designs at once." in by_numpy
+    rows = [
+        [float(x) for line in text.splitlines() if line[0].isdigit() and "," in line for x in line.split(",")[:2]]
+        for text in (by_numpy, by_c)
+    ]
+    np.testing.assert_allclose(*rows, rtol=1e-13)
+    assert "12 frames" not in by_c and "compiling pays" in said(*ask, "auto")[1]
+
+
+@has_compiler
 def test_results_are_the_same():
     by_numpy, by_c = (mv.run("swinging-double-pendulum", frames=40, executor=e) for e in ("numpy", "c"))
     for key in by_numpy:

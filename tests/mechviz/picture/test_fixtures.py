@@ -38,7 +38,9 @@ def standing(run: Run, picture: Picture) -> list[Mesh]:
     return [mesh for mesh in picture.fixtures[run.motion.mechanism.frame] if tuple(mesh.colors[0]) != SHADE[:3]]
 
 
-@pytest.mark.parametrize("name", ["cam-roller", "valve-train", "valve-spring", "toggle-press-stop", "lifted-boom", "shaper-quick-return"])
+@pytest.mark.parametrize(
+    "name", ["cam-roller", "valve-train", "valve-spring", "toggle-press-stop", "lifted-boom", "shaper-quick-return"]
+)
 def test_no_link_runs_into_what_stands_on_the_ground(name):
     run, solids, picture = shown(name)
     frame = run.motion.mechanism.frame

@@ -1,0 +1,237 @@
+"""Many designs of a mechanism by a compiled program: what a sweep collects from motions, written out in C."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from functools import reduce
+from typing import Any
+
+import numpy as np
+
+from mechcore.arrays import Complex, Flags, Real
+from mechcore.branches.unwrapped import LARGEST, LinkAngles, times_of_designs
+from mechcore.compiled.kernels import Kernel
+from mechcore.compiled.motion import MOST_LINES, PAYS
+from mechcore.compiled.steps import check_traceable, place_all
+from mechcore.compiled.symbols import HELPERS, Symbol, SymbolRows, Untraceable
+from mechcore.compiled.toolchain import library
+from mechcore.constants import TURN
+from mechcore.errors import MechanismError
+from mechcore.kinematics.model import Model
+from mechcore.kinematics.state import State, initial_state, wrapped_angle
+from mechcore.motion.compiled import Compiled, DriveValues, drive_values
+from mechcore.motion.motion import Motion
+from mechcore.spec.numbers import Place
+
+Collect = Callable[[Motion], Mapping[str, Real]]
+Weights = tuple[Real, Complex, Real]  # masses (D, 1), centres of mass, moments of inertia
+Varied = Callable[[Compiled, Mapping[Any, Any], Mapping[str, Any], Mapping[Place, Any]], Model]
+
+
+class DesignProgram:
+    """What is collected from the motions of designs in which some numbers vary, as a program. Raises `Untraceable` where C does not
+    have it.
+
+    ``varied`` makes the model of numbers that vary, those of the ``points``, ``masses`` and ``loads``.
+    """
+
+    def __init__(
+        self,
+        compiled: Compiled,
+        varied: Varied,
+        points: Sequence[tuple[str, str]],
+        masses: Sequence[str],
+        loads: Sequence[Place],
+        time: Real,
+        collect: Collect,
+    ):
+        check_traceable(compiled.model)
+        if compiled.accuracy.differentiation != "exact":
+            raise Untraceable("rates are differences")
+        self._compiled, self._kernel = compiled, (kernel := Kernel("designs"))
+        place = {key: kernel.plane(f"point {key}") for key in points}
+        weights = {k: (kernel.real(f"mass {k}"), kernel.plane(f"centre {k}"), kernel.real(f"inertia {k}")) for k in masses}
+        model = varied(compiled, place, weights, {key: kernel.real(f"load {key}") for key in loads})
+        motion = self._motion(model, drive_values(model.mechanism, time))
+        try:
+            found = {name: _operands(value) for name, value in collect(motion).items()}
+        except Untraceable:
+            raise
+        except (TypeError, AttributeError, ValueError, IndexError, KeyError) as error:  # what code for arrays says of symbols
+            raise Untraceable(f"something is computed in a way that C does not have ({error})") from error
+        self._columns: dict[str, tuple[int, int | None]] = {}
+        for name, (symbols, width) in found.items():
+            self._columns[name] = kernel.rows, width
+            for symbol in symbols:
+                kernel.put(symbol)
+        steps = motion.angles.steps  # type: ignore[attr-defined]
+        self._follows = bool(steps)
+        kernel.put(reduce(np.maximum, steps) if steps else 0.0)
+        solved = [part for x in (*motion.state.rot, *motion.state.slide.values()) for part in (np.real(x), np.imag(x))]
+        kernel.put(sum((x for x in solved if isinstance(x, Symbol)), 0.0))
+        self.lines = kernel.lines
+        if self.lines > MOST_LINES:
+            raise Untraceable(f"the program would have {self.lines:,} lines")
+        self.source = HELPERS + kernel.source()
+
+    def _motion(self, model: Model, values: DriveValues) -> Motion:
+        kernel = self._kernel
+        drives: list[Any] = []
+        for d, known in enumerate(values):
+            still = [isinstance(x, float) and x == 0.0 for x in known]
+            drives.append(tuple(0.0 if s else kernel.real_of_frame(f"drive {d} {k}") for k, s in enumerate(still)))
+        turned = model.angles.class_drives
+        delta: list[Any] = [kernel.plane_of_frame(f"delta {s}") if terms else 1 + 0j for s, terms in enumerate(turned)]
+        state: Any = State(
+            drives=[q for q, _, _ in drives],
+            delta=delta,
+            rot=[delta[s] if g == 0 else None for s, g in enumerate(model.angles.class_group)],
+            slide={j: drives[d][0] for j, d in model.program.driven_slides},
+            constants=self._compiled.assembly.constants,
+        )
+        place_all(model, state, [Symbol(kernel.code, float(mode), 0.0) for mode in self._compiled.assembly.modes])
+        time: Any = kernel.real_of_frame("time")
+        angles = _Followed(self._compiled, model, kernel, state)
+        motion = Motion(model, time, drives, state, angles, accuracy=self._compiled.accuracy)
+        vars(motion).update(drives=drives, shape=())
+        return motion
+
+    @property
+    def rows(self) -> int:
+        """How many numbers a design has at a frame."""
+        return self._kernel.rows
+
+    def load(self) -> DesignProgram:
+        """The program ready to run. Raises `MechanismError` where it cannot be compiled."""
+        self._kernel.load(library(self.source))
+        return self
+
+    def __call__(
+        self, points: Mapping[tuple[str, str], Real], masses: Mapping[str, Weights], loads: Mapping[Place, Real], time: Real
+    ) -> tuple[dict[str, Real], Flags, Flags]:
+        """What is collected of designs at times (F,), each (D, F, ...); which of them (D,) go together at all frames; and of which
+        angles may be wrong, as links turn too far from one time to the next."""
+        model, own = self._compiled.model, np.arange(len(time))
+        if self._follows:
+            time, own = times_of_designs(model, time, tuple(d.law for d in model.mechanism.drives))
+        values = drive_values(model.mechanism, time)
+        state = initial_state(model, [q for q, _, _ in values], self._compiled.assembly.constants)
+        given: dict[str, Any] = {f"drive {d} {k}": x for d, known in enumerate(values) for k, x in enumerate(known)}
+        given |= {f"start {d}": q[0] for d, (q, _, _) in enumerate(values)}
+        given |= {f"delta {s}": x for s, x in enumerate(state.delta)}
+        given |= {"time": time, "first": np.arange(len(time)) == 0}
+        given |= {f"function {k}": function(time) for k, function in enumerate(self._kernel.code.of_time)}
+        given |= {f"point {key}": xy[:, 0] + 1j * xy[:, 1] for key, xy in points.items()}
+        for link, weights in masses.items():
+            given |= {f"{what} {link}": x[:, 0] for what, x in zip(("mass", "centre", "inertia"), weights, strict=True)}
+        given |= {f"load {key}": x[:, 0] for key, x in loads.items()}
+        rows = self._kernel(len(next(iter(points.values()))), given, len(time))
+        far = np.asarray((rows[:, -2] > LARGEST).any(axis=0))
+        if len(own) < len(time):
+            rows = rows[own]
+        results = {}
+        for name, (first, width) in self._columns.items():
+            of = rows[:, first] if width is None else rows[:, first : first + width]
+            results[name] = of.T if width is None else of.transpose(2, 0, 1)
+        return results, np.asarray(np.isfinite(rows[:, -1]).all(axis=0)), far
+
+
+def design_program(
+    compiled: Compiled,
+    varied: Varied,
+    keys: tuple[Sequence[tuple[str, str]], Sequence[str], Sequence[Place]],
+    time: Real,
+    collect: Collect,
+    count: int,
+) -> DesignProgram | str:
+    """The program for so many designs at times (F,), as the mechanism's executor says; or why numpy computes them.
+
+    Raises `MechanismError` where C is asked for and cannot be compiled.
+    """
+    if compiled.executor == "numpy":
+        return "as asked for"
+    frames = count * len(time)
+    if compiled.executor == "auto" and frames < PAYS:
+        return f"{frames:,} frames of all designs; compiling pays from about {PAYS:,} on"
+    known = compiled.once(_known)
+    key = collect, *map(tuple, keys)
+    if key not in known:
+        try:
+            known[key] = DesignProgram(compiled, varied, *keys, time, collect).load()
+        except Untraceable as reason:
+            known[key] = str(reason)
+        except MechanismError as error:
+            if compiled.executor == "c":
+                raise
+            known[key] = error.faults[0].message
+    return known[key]
+
+
+def _known(_: Compiled) -> dict[Any, DesignProgram | str]:
+    return {}
+
+
+def _operands(value: Any) -> tuple[list[Any], int | None]:
+    """The numbers of a result, and how many there are side by side; None of a single one."""
+    if isinstance(value, SymbolRows):
+        return list(value.columns), len(value.columns)
+    if isinstance(value, Symbol):
+        return [value], None
+    plain = np.asarray(value, float)
+    return list(plain.reshape(-1)), None if plain.ndim == 0 else plain.shape[-1]
+
+
+class _Followed(LinkAngles):
+    """Angles of links on symbols: each design carries them from one time to the next."""
+
+    def __init__(self, compiled: Compiled, model: Model, kernel: Kernel, state: State):
+        self._kernel, self._state = kernel, state
+        self.steps: list[Any] = []  # by which angles went on from the time before
+        self._groups: dict[int, tuple[Any, Any]] = {}
+        start = replace(compiled.angles.start, angles=_Starts(self))
+        super().__init__(model, start, lambda: None, lambda raw: raw)  # type: ignore[arg-type, return-value]
+
+    def link(self, k: int) -> Any:
+        return self.both(k)[0]
+
+    def both(self, k: int) -> tuple[Any, Any]:
+        """Angle of a link, and that at the start."""
+        turning = self.model.angles
+        rotation_class, offset = turning.rotation_class[k], turning.offset[k]
+        now, start = self._of_group(turning.class_group[rotation_class])
+        for d, sign in turning.class_drives[rotation_class]:
+            now = now + sign * self._state.drives[d]
+            start = start + sign * self._kernel.real_of_frame(f"start {d}")
+        return now + offset, start + offset
+
+    def _of_group(self, group: int) -> tuple[Any, Any]:
+        if not group:
+            return 0.0, 0.0
+        if group not in self._groups:
+            raw: Any = wrapped_angle(self.model, self._state, group)
+            first = self._kernel.real_of_frame("first")
+            start = self._kernel.carried(lambda before: np.where(first, raw, before))
+            last: list[Any] = []
+
+            def known(before: Symbol) -> Any:
+                near: Any = np.where(first, raw, before)
+                angle = raw + TURN * np.rint((near - raw) / TURN)
+                last.append(angle)
+                self.steps.append(abs(angle - near))
+                return np.where(angle * angle >= 0.0, angle, near)  # none where it cannot be put together
+
+            self._kernel.carried(known)
+            self._groups[group] = last[0], start
+        return self._groups[group]
+
+
+class _Starts(dict[str, Any]):
+    """Angles of links at the start of each design, by name."""
+
+    def __init__(self, angles: _Followed):
+        super().__init__()
+        self._angles = angles
+
+    def __missing__(self, link: str) -> Any:
+        return self._angles.both(self._angles.model.index[link])[1]
