@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import csv
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from io import BytesIO, StringIO
+from itertools import cycle
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -92,32 +93,44 @@ def _quoted(name: str) -> str:
 
 PANEL = 7.0, 2.4  # width and height of a plot [in]
 KINDS = ("CSV", "SVG", "PNG")
+DASHES = ("--", ":", "-.")  # of other designs, and again
 
 
-def plot_figure(title: str, quantities: Sequence[Quantity | Together], axis: Axis) -> Figure:
-    """A figure of matplotlib with a panel for each quantity."""
+def plot_figure(
+    title: str, quantities: Sequence[Quantity | Together], axis: Axis, others: Mapping[str, Real] | None = None
+) -> Figure:
+    """A figure of matplotlib with a panel for each quantity; in the first one, dashed, ``others``: the same curves (F, k) of other
+    designs by their names."""
     width, height = PANEL
+    beside = others or {}
     with chart(width, height * len(quantities) + 0.8) as figure:
         figure.suptitle(title)
         panels = figure.subplots(len(quantities), squeeze=False, sharex=True)[:, 0]
         for panel, quantity in zip(panels, quantities, strict=True):
             panel.plot(axis.values, quantity.values(), label=quantity.curves)
             panel.set(ylabel=quantity.unit, title=quantity.label)
-            if len(quantity.curves) > 1:
+        colors = [line.get_color() for line in panels[0].lines]
+        for (other, values), dash in zip(beside.items(), cycle(DASHES), strict=False):
+            for column, name, color in zip(values.T, quantities[0].curves, colors, strict=True):
+                panels[0].plot(axis.values, column, color=color, linestyle=dash, linewidth=1.0, label=f"{name} {other}")
+        for panel in panels:
+            if len(panel.lines) > 1:
                 panel.legend(loc="upper left", bbox_to_anchor=(1.0, 1.0))
         panels[-1].set_xlabel(axis.title)
     return figure
 
 
-def plot_file(kind: str, title: str, quantity: Quantity | Together, axis: Axis) -> bytes:
-    """A plot as a file of one of ``KINDS``; a table has the axis first, in the units that the plot shows."""
+def plot_file(kind: str, title: str, quantity: Quantity | Together, axis: Axis, others: Mapping[str, Real] | None = None) -> bytes:
+    """A plot as a file of one of ``KINDS``; a table has the axis first, in the units that the plot shows, and last ``others``: the
+    same curves (F, k) of other designs by their names."""
     if kind == "CSV":
         text = StringIO()
         rows = csv.writer(text)
-        rows.writerow([axis.title, *(f"{name} [{quantity.unit}]" for name in quantity.curves)])
-        rows.writerows(np.column_stack([axis.values, quantity.values()]).tolist())
+        names = [*quantity.curves, *(f"{name} {other}" for other in others or {} for name in quantity.curves)]
+        rows.writerow([axis.title, *(f"{name} [{quantity.unit}]" for name in names)])
+        rows.writerows(np.column_stack([axis.values, quantity.values(), *(others or {}).values()]).tolist())
         return text.getvalue().encode()
-    figure = plot_figure(title, [quantity], axis)
+    figure = plot_figure(title, [quantity], axis, others)
     if kind == "SVG":
         return chart_svg(figure).encode()
     stream = BytesIO()

@@ -326,6 +326,11 @@ def test_comparing_draws_the_curves_of_both_designs_and_says_how_far_their_peaks
     peaks = [v[np.argmax(np.abs(v))] for v in (torque.values()[:, 0], values)]
     for part in (*map(words.number, peaks), f"{abs(abs(peaks[0] / peaks[1]) - 1.0):.1%}".replace("%", " %")):
         assert part in slot._readout.content
+    header, *rows = [line.split(",") for line in plots.file(slot, "CSV").decode().splitlines()]
+    assert header[-1] == f"{torque.curves[0]} as opened [{torque.unit}]" and len(rows[0]) == 3
+    table = np.array(rows[1:-1], float)  # the other design has fewer frames
+    np.testing.assert_allclose(table[:, 2], np.interp(table[:, 0], other_places, values), rtol=1e-6, atol=1e-6)
+    assert b"as opened" in plots.file(slot, "SVG") and plots.file(slot, "PNG").startswith(b"\x89PNG")
     plots.compare({})
     assert len(slot.chart.series) == len(torque.curves) + 2 and "opened" not in slot._readout.content
 
@@ -363,7 +368,7 @@ def test_designs_are_compared_from_the_start_and_curves_have_the_bands_of_their_
         assert "does not change smoothly with stroke" in plots._refused.content and len(slot.chart.data) == 4
 
 
-def test_transmission_angles_and_velocity_ratios_can_be_asked_for_and_plotted(four_bar):
+def test_transmission_angles_and_section_forces_can_be_asked_for_and_plotted(four_bar):
     """By a switch: the quantity is offered then, is that of the metrics, and goes with the switch."""
     with Viewer(four_bar, port=0) as shown:
         for on in (True, False):
@@ -379,6 +384,13 @@ def test_transmission_angles_and_velocity_ratios_can_be_asked_for_and_plotted(fo
                 np.testing.assert_allclose(found.values()[:, 0], np.minimum(between, 180.0 - between), atol=1e-9)
                 shown.plots.choose(shown.plots.slots[0], found.title)
                 assert shown.plots.slots[0].quantity.title == found.title
+        shown.session.change("sections", lambda draft: draft.with_named("sections", "coupler", True))
+        assert shown.session.wait(rested=True)
+        until(lambda: shown.inspector.diagrams.asked["sections", "coupler"].value)
+        offered = {q.key: q for q in shown.inspector.show.quantities}
+        bending = offered["link.coupler.bending_moment"]
+        shown.plots.choose(shown.plots.slots[0], bending.title)
+        assert shown.plots.slots[0].quantity.title == bending.title and np.abs(bending.values()).max() > 0.0
 
 
 def test_plots_are_added_joined_saved_and_removed(viewer):

@@ -48,7 +48,8 @@ PLANS = {
 }
 TITLES = {"graph": "Contour graph"}
 POLODES = "the fixed and the moving centrode: one rolls on the other"
-MOST_POLODES = 5  # links whose switches are seen at once
+SECTIONS = "normal force, shear force and bending moment along the link, to be seen on it and plotted; needs forces"
+MOST_LINKS = 5  # whose switches are seen at once
 NONE_OF_A_RECORDING = "The recording holds no diagrams. Press 'Edit this scene', where it carries its own, to ask for some."
 
 
@@ -230,10 +231,13 @@ class Diagrams:
                     for name, hint in ANSWERS.items():
                         words_of = name.replace("_", " ").capitalize()
                         self.asked["answers", name] = gui.add_checkbox(words_of, False, hint=hint)
-                with gui.add_folder("Pole curves", expand_by_default=len(show.poses) <= MOST_POLODES):
-                    for link in show.poses:
-                        if link != show.frame:
-                            self.asked["polodes", link] = gui.add_checkbox(f"Polodes of {link}", False, hint=POLODES)
+                moving, open_first = [link for link in show.poses if link != show.frame], len(show.poses) <= MOST_LINKS
+                with gui.add_folder("Section forces", expand_by_default=open_first):
+                    for link in moving:
+                        self.asked["sections", link] = gui.add_checkbox(f"Sections of {link}", False, hint=SECTIONS)
+                with gui.add_folder("Pole curves", expand_by_default=open_first):
+                    for link in moving:
+                        self.asked["polodes", link] = gui.add_checkbox(f"Polodes of {link}", False, hint=POLODES)
         self.mirror(show)
         for (key, name), box in self.asked.items():
             box.on_update(callback(f"Asking for {name}", partial(self._ask, key, name)))

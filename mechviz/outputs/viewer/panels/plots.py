@@ -318,7 +318,13 @@ class Plots:
             self.remove(slot)
         elif button in KINDS:
             words = re.sub(r"[^\w.-]+", "-", slot.quantity.label).strip("-")[:LONGEST_NAME]
-            client.send_file_download(f"{words}.{button.lower()}", plot_file(button, self._name, slot.quantity, self._axis))
+            client.send_file_download(f"{words}.{button.lower()}", self.file(slot, button))
+
+    def file(self, slot: SharedSlot, kind: str) -> bytes:
+        """A plot as a file, with the curves of the designs that are compared; ``kind``: one of ``KINDS``."""
+        with self._lock:
+            quantity, axis, others = slot.quantity, self._axis, self._beside(slot.quantity).others
+        return plot_file(kind, self._name, quantity, axis, others)
 
 
 class Slot:
