@@ -26,7 +26,8 @@ class Piece:
     height: tuple[float, float] = (0.0, 1.0)  # from the bottom to the top of the layer's plates
     groove: float = 0.0  # depth of a groove for a belt around it
     profile: Profile = ()  # a barrel or rod: (radius, distance along its line) instead of a flat part
-    line: tuple[Vec2, Vec2] = ((0.0, 0.0), (1.0, 0.0))  # of a barrel or rod: a point and a unit direction
+    line: tuple[Vec2, Vec2] = ((0.0, 0.0), (1.0, 0.0))  # of a barrel, rod or bore: a point and a unit direction
+    bore: float = 0.0  # radius of the hole along the line through a nut
 
 
 @dataclass(frozen=True, eq=False)

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-from shapely.geometry import Point, Polygon
+from shapely.geometry import Point, Polygon, box
 from shapely.ops import unary_union
 
 from mechcore.spec.mechanism import Vec2
@@ -40,9 +40,15 @@ def make_parts(model: Model, draft: Draft, levels: Levels) -> list[Part]:
     """All parts of a mechanism."""
     parts: list[Part] = []
     for piece in draft.pieces:
-        parts += [_round_part(levels, piece, model)] if piece.profile else _flat_parts(model, draft, levels, piece)
+        if piece.profile:
+            parts.append(_round_part(levels, piece, model))
+        elif piece.bore:
+            parts.append(_nut(levels, piece, model))
+        else:
+            parts += _flat_parts(model, draft, levels, piece)
     parts += _necks(model, draft, levels)
-    parts += [_pin(model, draft, levels, k) for k in range(len(model.axles))]
+    for k in range(len(model.axles)):
+        parts += _pins(model, draft, levels, k)
     parts += _pedestals(model, draft, levels)
     if not any(part.link == model.frame for part in parts):  # nothing stands on the ground: show at least where it is
         low, high = levels.plate(-1)
@@ -57,8 +63,8 @@ def _flat_parts(model: Model, draft: Draft, levels: Levels, piece: Piece) -> lis
     size = model.proportions
     layer = levels.layer[piece.group]
     low, high = levels.plate(layer)
-    if piece.kind in ("block", "rail"):  # they stand a little above the plate that they guide
-        low, high = low - 0.3 * size.boss, high + 0.3 * size.boss
+    if piece.kind in ("block", "rail"):
+        low, high = _block_heights(levels, layer)
     low, high = (low + part * (high - low) for part in piece.height)
     turned: list[Turned] = []
     holes: list[Polygon] = []
@@ -118,16 +124,41 @@ def _key(axle: Axle, z: tuple[float, float], model: Model) -> Part:
     return Part(axle.owner, "key", plate(shape, z, 0.0), PIN, (Prism(shape, *z),))
 
 
+def _block_heights(levels: Levels, layer: int) -> tuple[float, float]:
+    """Heights of blocks and rails of a layer: they stand a little above the plate that they guide."""
+    (low, high), over = levels.plate(layer), 0.3 * levels.size.boss
+    return low - over, high + over
+
+
 def _round_part(levels: Levels, piece: Piece, model: Model) -> Part:
     """A barrel or rod along its line, in the middle of its layer."""
     low, high = levels.plate(levels.layer[piece.group])
     middle, radius = 0.5 * (low + high), max(radius for radius, _ in piece.profile)
-    upright = revolve(piece.profile, segments=model.segments)
+    shell = _laid(revolve(piece.profile, segments=model.segments), piece, middle)
+    space = (Prism(piece.outline, middle - radius, middle + radius),)
+    return Part(piece.link, piece.kind, shell, PIN if piece.kind == "rod" else None, space, piece.mates)
+
+
+def _nut(levels: Levels, piece: Piece, model: Model) -> Part:
+    """The block of a screw, with the bore for its spindle."""
+    low, high = _block_heights(levels, levels.layer[piece.group])
+    (x, y), (c, s) = piece.line
+    corners = np.asarray(piece.outline.exterior.coords) - (x, y)
+    along, across = corners @ (c, s), corners @ (-s, c)
+    half = 0.5 * (high - low)
+    section = box(across.min(), -half, across.max(), half)
+    bore = disc((0.0, 0.0), piece.bore, model.segments)
+    shell = plate(section.difference(bore), (float(along.min()), float(along.max())), 0.0)
+    space = (Prism(piece.outline, low, high),)
+    return Part(piece.link, piece.kind, _laid(shell, piece, 0.5 * (low + high)), None, space, piece.mates)
+
+
+def _laid(upright: Shell, piece: Piece, middle: float) -> Shell:
+    """What stands on the plane at the origin, laid along the line of a piece at a height."""
     (x, y), (c, s) = piece.line
     # z becomes the line's direction, x what is across it, y upright: a rotation, so that faces stay outside
     vertices = upright.vertices @ np.array([[-s, c, 0.0], [0.0, 0.0, 1.0], [c, s, 0.0]]) + (x, y, middle)
-    space = (Prism(piece.outline, middle - radius, middle + radius),)
-    return Part(piece.link, piece.kind, Shell(vertices, upright.faces), PIN if piece.kind == "rod" else None, space, piece.mates)
+    return Shell(vertices, upright.faces)
 
 
 def _hubs(draft: Draft, levels: Levels, piece: Piece, centre: Point) -> set[int]:
@@ -206,15 +237,27 @@ def _necks(model: Model, draft: Draft, levels: Levels) -> list[Part]:
     return parts
 
 
-def _pin(model: Model, draft: Draft, levels: Levels, axle_number: int) -> Part:
-    """The pin of an axle: through all its links, with spacers over layers between them and heads at its free ends."""
+def _pins(model: Model, draft: Draft, levels: Levels, axle_number: int) -> list[Part]:
+    """The pin of an axle; of a nut one on each side where other links are: it does not reach into the bore."""
+    axle, reached = model.axles[axle_number], levels.axle_layers[axle_number] or (0,)
+    nut = next((levels.of(link) for link in axle.centres if model.spindles(link)), None)
+    if nut is None:
+        return [_pin(model, draft, levels, axle_number, reached)]
+    sides = [tuple(k for k in reached if k <= nut), tuple(k for k in reached if k >= nut)]
+    return [_pin(model, draft, levels, axle_number, side, nut) for side in sides if len(side) > 1]
+
+
+def _pin(model: Model, draft: Draft, levels: Levels, axle_number: int, reached: tuple[int, ...], nut: int | None = None) -> Part:
+    """The pin of an axle: through all its links, with spacers over layers between them and heads at its free ends; on the first or
+    last layer, where a ``nut`` is, up to its face."""
     axle, size = model.axles[axle_number], model.proportions
-    reached = levels.axle_layers[axle_number] or (0,)
     ground, front = model.frame in axle.centres, levels.axle_front[axle_number]
     steps: list[tuple[float, float, float]] = []  # radius, from, to
     bottom, top = levels.slab(reached[0])[0], levels.slab(reached[-1])[1]
     head = 0.65 * size.boss
-    if ground and not front:
+    if reached[0] == nut:
+        steps.append((axle.pin, _block_heights(levels, nut)[1], levels.slab(nut)[1]))
+    elif ground and not front:
         steps.append((axle.pin, bottom - size.clearance, bottom + size.boss))
     else:
         steps.append((axle.pin if axle.key else axle.sleeve, bottom, bottom + head))
@@ -224,7 +267,9 @@ def _pin(model: Model, draft: Draft, levels: Levels, axle_number: int) -> Part:
             steps.append((axle.sleeve, levels.slab(a)[1] + gap, levels.slab(b)[0] - gap))
     free = reached[-1] == levels.top and not any(levels.axle_front) and not any(levels.block_front)
     tall = _HEAD * size.t if free else 0.0
-    if ground and front:
+    if reached[-1] == nut:
+        steps.append((axle.pin, levels.slab(nut)[0], _block_heights(levels, nut)[0]))
+    elif ground and front:
         steps.append((axle.pin, top - size.boss, top + size.clearance))
     elif axle.key is not None:  # the end of a shaft, so that bore and key are seen
         steps.append((axle.pin, top - size.boss, top + 0.5 * tall))
@@ -234,8 +279,7 @@ def _pin(model: Model, draft: Draft, levels: Levels, axle_number: int) -> Part:
     shell = revolve(_stepped(axle, steps, size.bevel), centre, model.segments)
     space = tuple(Prism(disc(centre, radius, model.segments), low, high) for radius, low, high in steps)
     space += (Prism(disc(centre, axle.pin, model.segments), steps[0][1], steps[-1][2]),)
-    around = frozenset(joint for link in axle.centres for joint in model.spindles(link))  # it ends before the rod through the link
-    return Part(axle.owner, "pin", shell, PIN, space, around)
+    return Part(axle.owner, "pin", shell, PIN, space)
 
 
 def _bushed(draft: Draft, levels: Levels, axle: Axle, low: int, high: int) -> bool:

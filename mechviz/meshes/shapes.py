@@ -33,6 +33,7 @@ from mechviz.meshes.kinds.fittings import (
 from mechviz.meshes.kinds.wheels_drawn import draw_wheels, group_wheels, rail_ends
 from mechviz.meshes.model import Guide, Model
 
+_BORE = 1.06  # radius of a nut's bore, in radii of its spindle
 _FINE, _ROOT = 0.3, 0.82  # of a thread, in radii of its spindle: the least lead that can be seen, its root
 
 
@@ -128,9 +129,11 @@ def _draw_guide(model: Model, draft: Draft, guide: Guide, form: str, *, at_home:
     if form == "rails":
         group = draft.groups[guide.block] if at_home else f"rails of {guide.joint}"
         block = _block(model, guide, half_width=1.25 * r, whole=at_home)
-        draft.pieces.append(Piece(guide.block, block, group, "block", frozenset(model.spindles(guide.block))))
+        screw = guide.joint in model.leads
+        line, bore = (guide.block_point, guide.block_along), _BORE * _spindle_radius(model) if screw else 0.0
+        draft.pieces.append(Piece(guide.block, block, group, "block", frozenset(model.spindles(guide.block)), line=line, bore=bore))
         low, high = _span(model, guide, whole=at_home)
-        if guide.joint in model.leads:
+        if screw:
             _draw_spindle(model, draft, guide, group, (low, high))
         strips = outline.guide_rails(guide.origin, guide.along, low, high, 1.25 * r, r)
         draft.pieces += [Piece(model.frame, strip, group, "rail") for strip in strips]
@@ -179,7 +182,7 @@ def _draw_spindle(model: Model, draft: Draft, guide: Guide, group: str, span: tu
     """The threaded rod of a screw through its nut, from the guide's own point on, in its bearing."""
     size = model.proportions
     low, high = min(span[0], -1.5 * size.r), max(span[1], 1.5 * size.r)
-    radius = min(0.5 * size.t, 0.55 * size.r)
+    radius = _spindle_radius(model)
     bar = outline.rectangle(_along(guide.origin, guide.along, 0.5 * (low + high)), guide.along, high - low, 2.0 * radius, 0.0)
     turns = _threads(low, high, model.leads[guide.joint], radius)
     profile = ((0.0, low), *turns, (0.0, high))
@@ -192,6 +195,11 @@ def _draw_spindle(model: Model, draft: Draft, guide: Guide, group: str, span: tu
     if span[0] > 0.8 * size.r:  # room before the nut
         bearing = outline.rectangle(guide.origin, guide.along, 0.7 * size.r, 1.9 * size.r, 0.15 * size.r)
         draft.pieces.append(Piece(model.frame, bearing, group, "block", mates))
+
+
+def _spindle_radius(model: Model) -> float:
+    """Radius of a screw's spindle: there is room for its nut around it, on its layer."""
+    return min(0.4 * model.proportions.t, 0.5 * model.proportions.r)
 
 
 def _spindle_of(guide: str) -> str:

@@ -10,8 +10,9 @@ import shapely
 
 from mechcore.spec.loads import Spring
 from mechviz import scene
+from mechviz.meshes.extrude import Shell
 from mechviz.meshes.model import place
-from mechviz.meshes.solids import Solids
+from mechviz.meshes.solids import Solid, Solids
 from mechviz.picture.base import SHADE
 from mechviz.picture.build import picture_of, solids_of
 from mechviz.picture.fixtures import find_fixtures
@@ -148,6 +149,27 @@ def test_a_screw_has_its_spindle_between_the_rails():
     assert x[0] < 0.1 and x[-1] > nut.max()
     crests = x[(x > 0.13) & (x < nut.max())]
     assert np.median(np.diff(crests)) == pytest.approx(0.0025, rel=0.05), "a crest and a root in each lead of 5 mm"
+
+
+def test_a_nut_is_bored_for_its_spindle_and_its_pin_ends_on_its_face():
+    _, solids, _ = shown("screw-jack")
+    frame, nut = solids.links["frame"], solids.links["nut"]
+    spindle = frame.shells[frame.kinds.index("rod")].vertices
+    axis = 0.5 * (spindle.min(axis=0) + spindle.max(axis=0))[1:]
+    crest = np.hypot(*(spindle[:, 1:] - axis).T).max()
+    (body,) = (shell for shell, kind in _parts(nut) if kind == "block")
+    away = np.hypot(body.vertices[:, 1], body.vertices[:, 2] - axis[1])  # the nut's own axes lie on the spindle's
+    assert crest < away.min() < 1.1 * crest
+    hollow = nut.parts[nut.kinds.index("block")]
+    size = np.ptp(body.vertices, axis=0)
+    assert hollow.is_watertight
+    assert hollow.volume == pytest.approx(size[0] * (size[1] * size[2] - np.pi * away.min() ** 2), rel=3e-3)
+    at = [shell.vertices for link in ("nut", "rod") for shell, kind in _parts(solids.links[link]) if kind == "pin"]
+    assert min(vertices[:, 2].min() for vertices in at) > axis[1] + crest
+
+
+def _parts(solid: Solid) -> list[tuple[Shell, str]]:
+    return list(zip(solid.shells, solid.kinds, strict=True))
 
 
 @pytest.mark.parametrize(
