@@ -11,7 +11,8 @@ import shapely
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 from shapely import affinity
-from solid_checks import FRAMES, check_shapes, in_world, meeting_links, moved, placed, section
+from sections import section
+from solid_checks import FRAMES, check_shapes, in_world, meeting_links, moved, placed
 
 import mechviz
 from mechcore.joints.registry import build_joints
