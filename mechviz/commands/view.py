@@ -15,11 +15,16 @@ from mechviz.outputs.rerun.reader import Recording
 from mechviz.outputs.viewer.app import serve, serve_while
 from mechviz.outputs.viewer.server import ViewerError
 from mechviz.runs import Run, run_scene, with_run
+from mechviz.studies.designs.figures import read_study
 
 
 def view(
     scene: Annotated[
-        str, typer.Argument(metavar="SCENE|RECORDING.rrd", help="gallery name, path of a scene file (.toml), or a recording (.rrd)")
+        str,
+        typer.Argument(
+            metavar="SCENE|RECORDING.rrd|STUDY.parquet",
+            help="gallery name, scene file (.toml), recording (.rrd) or study (.parquet)",
+        ),
     ],
     others: Annotated[
         list[str] | None, typer.Argument(metavar="[OTHER]...", help="designs to compare it with: pale behind it, with their curves")
@@ -34,6 +39,8 @@ def view(
     live: Annotated[bool, typer.Option("--live", help="motion under forces: show it while it is found")] = False,
 ) -> None:
     """Show a scene in the browser at http://127.0.0.1:PORT until Ctrl-C, to look at and to edit; or play a recording.
+
+    Of a study that mechviz sweep has written a chart is shown, too: the design that is clicked opens as a scene.
 
     More scenes or recordings are drawn pale behind the first, their curves dashed beside its own: mechviz view better.toml
     parametric-press. --set is for the first.
@@ -51,7 +58,8 @@ def view(
             except ViewerError as e:
                 fail(str(e), 1)
             return
-        loaded = load_scene(scene, values, reachable=reachable)
+        study = read_study(Path(scene)) if scene.endswith(".parquet") else None
+        loaded = load_scene(scene, values, reachable=reachable) if study is None else study.scene(Path(scene).parent)
         folder = Path(scene).parent.resolve() if Path(scene).is_file() else None
         try:
             if live:
@@ -68,7 +76,7 @@ def view(
                 run = solve(loaded, frames, cycles, accuracy, executor)
                 warn_of_doubts(run)
                 warn_of_accuracy(run)
-                serve(run, port=port, folder=folder, beside=_beside(others, run.scene.frames, cycles))
+                serve(run, port=port, folder=folder, beside=_beside(others, run.scene.frames, cycles), study=study)
         except ViewerError as e:
             fail(str(e), 1)
 

@@ -10,7 +10,9 @@ from typing import Any
 
 from mechviz.scene.annotations import Place
 from mechviz.scene.document import SceneDocument
+from mechviz.scene.faults import SceneError
 from mechviz.scene.folder import SceneFolder
+from mechviz.scene.reading.formulas import parameter_changes
 from mechviz.scene.scene import Scene, assembled, changed_document
 
 ONE_DRAG = 0.8  # [s] between changes of the same value that count as one
@@ -43,6 +45,13 @@ class Draft:
     def with_value(self, place: Place, value: Any) -> Draft:
         """The draft with another value at a place. Raises `SceneError`."""
         return self.changed({place: value})
+
+    def with_parameters(self, values: Mapping[str, float | str]) -> Draft:
+        """The draft with other values of some parameters. Raises `SceneError`."""
+        changes, faults = parameter_changes(self.document, values)
+        if faults:
+            raise SceneError(self.name, faults)
+        return self.changed(changes)
 
     def with_effect(self, effect: str, on: bool) -> Draft:
         """The draft with an effect named or not; the order of those that are there stays."""

@@ -30,6 +30,7 @@ from mechviz.outputs.viewer.show import build, show_of_recording, show_of_run
 from mechviz.outputs.viewer.view_model import ViewModel
 from mechviz.outputs.viewer.world.scene import Scene3D
 from mechviz.runs import Run, run_scene
+from mechviz.studies.designs.figures import StoredStudy
 
 if TYPE_CHECKING:
     from mechcore.dynamics.simulation import Simulation
@@ -49,7 +50,7 @@ class Viewer:
     Raises `ViewerError` if the port cannot be had or the recording cannot be shown.
 
     ``growing``: the run is the beginning of one that is still computed; `grow` takes more of it, `finish` all of it. ``beside``:
-    other designs by their names, pale behind it, their curves beside its own.
+    other designs by their names, pale behind it, their curves beside its own. ``study``: designs of its scene to choose from.
     """
 
     def __init__(
@@ -60,8 +61,10 @@ class Viewer:
         *,
         growing: bool = False,
         beside: Mapping[str, Run | Recording] | None = None,
+        study: StoredStudy | None = None,
     ):
         self._session: EditSession | None = None
+        self._study = study
         self._growth: Growth | None = None
         self.opening: threading.Thread | None = None
         self._folder = folder or (shown.path.resolve().parent if isinstance(shown, Recording) else Path.cwd())
@@ -171,7 +174,7 @@ class Viewer:
             remote=playback,
         )
         self.inspector = Inspector(
-            server, show, self.player, self._session, self._folder, callback, playback, note, edit, self._beside
+            server, show, self.player, self._session, self._folder, callback, playback, note, edit, self._beside, self._study
         )
         self.player.start()
         self.set_frame(show.opening)
@@ -248,6 +251,8 @@ class Viewer:
         """Stop playing and serving; harmless if done before."""
         if hasattr(self, "player"):
             self.player.close()
+        if hasattr(self, "inspector"):
+            self.inspector.close()
         if self._session is not None:
             self._session.close()
         stop_server(self.server)
@@ -265,10 +270,11 @@ def serve(
     open_browser: bool = False,
     folder: Path | None = None,
     beside: Mapping[str, Run | Recording] | None = None,
+    study: StoredStudy | None = None,
 ) -> None:
-    """Serve a run or a recording until Ctrl-C or SIGTERM, with other designs ``beside`` it. Raises `ViewerError` if the port cannot
-    be had."""
-    with _until_stopped() as stopped, Viewer(shown, port, folder, beside=beside) as viewer:
+    """Serve a run or a recording until Ctrl-C or SIGTERM, with other designs ``beside`` it, or those of a ``study`` to choose from.
+    Raises `ViewerError` if the port cannot be had."""
+    with _until_stopped() as stopped, Viewer(shown, port, folder, beside=beside, study=study) as viewer:
         print(f"{viewer.inspector.show.title}: {viewer.url}", flush=True)
         print("Open this address in a browser on this machine. Ctrl-C stops the viewer.", flush=True)
         if open_browser:

@@ -68,6 +68,21 @@ if (!window.mechvizNames) {
 }
 """
 
+# A mark of a chart that is clicked gives its number to a control, as if that had been moved.
+PICK = """
+if (!window.mechvizPick) {
+  window.mechvizPick = true;
+  document.body.addEventListener("click", (event) => {
+    const mark = event.target.closest("[data-mv-pick]"), viser = window.__viserMutable;
+    if (!mark || !viser) return;
+    const [uuid, value] = mark.dataset.mvPick.split(":");
+    const message = { type: "GuiUpdateMessage", uuid, updates: { value: Number(value) } };
+    viser.sendMessage(message);
+    viser.messageQueue.push(message);
+  });
+}
+"""
+
 # The cursor of the health strip goes where the numbers above the slider say: the strip itself need not be sent again.
 CURSOR = """
 if (!window.mechvizCursor) {
@@ -128,7 +143,7 @@ PROMPT = """
 
 def prepare_page(server: viser.ViserServer, title: str) -> None:
     """Send the script to every browser, now and later."""
-    source = f"document.title = {json.dumps(title)};{KEYS}{NAMES}{CURSOR}{PROMPT}"
+    source = f"document.title = {json.dumps(title)};{KEYS}{NAMES}{PICK}{CURSOR}{PROMPT}"
     run_script(server, source, "page")
 
 

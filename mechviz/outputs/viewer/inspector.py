@@ -15,6 +15,7 @@ from mechviz.outputs.viewer import words
 from mechviz.outputs.viewer.browser import lay_out, open_tab
 from mechviz.outputs.viewer.panels.accuracy import AccuracyTab
 from mechviz.outputs.viewer.panels.controls import Controls
+from mechviz.outputs.viewer.panels.designs import Optimiser, StudyChart
 from mechviz.outputs.viewer.panels.detail import DetailPanel, items_of
 from mechviz.outputs.viewer.panels.diagrams import Diagrams
 from mechviz.outputs.viewer.panels.effects import EffectsTab
@@ -32,6 +33,7 @@ from mechviz.outputs.viewer.view_model import ViewModel
 from mechviz.outputs.viewer.viser_adapter import send_now, uuid_of
 from mechviz.outputs.viewer.world.marks import HoverNames
 from mechviz.outputs.viewer.world.scene import Scene3D
+from mechviz.studies.designs.figures import StoredStudy
 from mechviz.studies.synthesis.four_bars import poses_in
 
 SLOW = 0.25  # [s] between changes of what need not follow every move of a slider
@@ -44,7 +46,8 @@ LEFT_WIDTH, RIGHT_WIDTH = 300, 370  # [px]
 class Inspector:
     """The panels: editing and switches on the left, plots on the right, the timeline below. ``session`` is None where nothing can
     be
-    edited: of a recording that does not carry its scene. ``beside``: other designs by their names, which are compared with it.
+    edited: of a recording that does not carry its scene. ``beside``: other designs by their names, which are compared with it;
+    ``study``: designs of the scene to choose from.
 
     ``draw(frame, playing)`` brings everything to a frame, ``present(show)`` takes another run.
     """
@@ -61,6 +64,7 @@ class Inspector:
         note: str = "",
         edit: Any = None,
         beside: Mapping[str, ViewModel] | None = None,
+        study: StoredStudy | None = None,
     ):
         self._server, self._player, self._session = server, player, session
         self._lock = threading.RLock()
@@ -94,6 +98,8 @@ class Inspector:
         self.pivots: Pivots | None = None
         self.accuracy: AccuracyTab | None = None
         self.positions: Positions | None = None
+        self.optimiser: Optimiser | None = None
+        self.study: StudyChart | None = None
         if session is not None:
             tab = tabs.add_tab("Edit", viser.Icon.ADJUSTMENTS)
             with tab:
@@ -125,6 +131,13 @@ class Inspector:
                 self.trace = gui.add_checkbox("Trace the point that I click", False, hint="adds a point to the link, and its path")
             self.trace.on_update(callback("Tracing", lambda _: self._trace(bool(self.trace.value))))
         self.diagrams = Diagrams(server, right.add_tab("Diagrams", viser.Icon.VECTOR), show, callback, session)
+        sought = session is not None and session.run.scene.document.goal is not None
+        if session is not None and (sought or study is not None):
+            with right.add_tab("Designs", viser.Icon.TARGET):
+                if study is not None:
+                    self.study = StudyChart(server, gui.add_folder("Study"), study, session, callback)
+                if sought:
+                    self.optimiser = Optimiser(server, gui.add_folder("Optimisation"), session, callback)
         right.dock_right()
         right.set_width(RIGHT_WIDTH)
         self.timeline = Timeline(server, show, player, callback)
@@ -273,6 +286,8 @@ class Inspector:
     def close(self) -> None:
         """Something else is to be shown to the browsers."""
         self._closed = True
+        if self.optimiser is not None:
+            self.optimiser.close()
         self.scene.cameras.close()
 
     # -- inside -------------------------------------------------------------------------------------------------------

@@ -164,6 +164,19 @@ def contributions(items: Iterable[Contribution], effort: str) -> str:
     return _block(f"{table}{below}", "font-size:0.78em;line-height:1.3;font-variant-numeric:tabular-nums")
 
 
+def table(title: str, lines: Iterable[Iterable[str]]) -> str:
+    """A small table of texts under a sentence."""
+    body = "".join(f"<tr>{''.join(f'<td>{escape(cell)}</td>' for cell in line)}</tr>" for line in lines)
+    return _block(
+        f'<div>{escape(title)}</div><table style="width:100%" cellpadding="2">{body}</table>', "font-size:0.78em;line-height:1.3"
+    )
+
+
+def rows(lines: Iterable[str]) -> str:
+    """Lines of HTML one below the other."""
+    return _block("".join(f"<div>{line}</div>" for line in lines), "font-size:0.8em;line-height:1.35")
+
+
 def notes(content: str) -> str:
     """The notes of a recording, HTML already, on the ground of a panel."""
     return f'<div style="padding:0.2em 0.9em 0.6em;font-size:0.85em;line-height:1.4;overflow-wrap:anywhere">{content}</div>'

@@ -12,6 +12,7 @@ import numpy as np
 from mechcore.arrays import Flags, Real
 from mechcore.errors import Fault, MechanismError
 from mechviz.figures import chart
+from mechviz.scene.scene import Scene, loads
 from mechviz.studies.designs.sweep import REASON
 
 if TYPE_CHECKING:
@@ -29,9 +30,11 @@ WANTED = "Give a study that `mechviz sweep -o FILE.parquet` has written."
 @dataclass(frozen=True, eq=False)
 class StoredStudy:
     """A study as its file has it: ``variables`` and ``results`` by their titles, each (D,), results of curves (D, F); ``reasons``
-    of designs without values, "" of the others."""
+    of designs without values, "" of the others; ``text`` of the scene, ``names`` of the parameters with their units."""
 
     title: str
+    text: str
+    names: tuple[tuple[str, str], ...]
     variables: dict[str, Real]
     results: dict[str, Real]
     reasons: tuple[str, ...]
@@ -40,6 +43,15 @@ class StoredStudy:
     def feasible(self) -> Flags:
         """Whether there are values (D,)."""
         return np.array([not reason for reason in self.reasons], bool)
+
+    def scene(self, folder: Path) -> Scene:
+        """The scene that was studied; ``folder``: where the files are that it names. Raises `MechanismError`."""
+        return loads(self.text, self.title, folder)
+
+    def stated(self, k: int) -> dict[str, float | str]:
+        """The values of the parameters of a design, as a scene states them."""
+        values = [float(column[k]) for column in self.variables.values()]
+        return {name: f"{x!r} {unit}" if unit else x for (name, unit), x in zip(self.names, values, strict=True)}
 
     def result(self, wanted: str | None) -> tuple[str, Real]:
         """A result by its title or by the text that was asked for, by default the first. Raises `MechanismError`."""
@@ -63,7 +75,8 @@ def read_study(path: Path) -> StoredStudy:
     if "mechviz.study" not in said:
         raise MechanismError(Fault(str(path), "is no study of mechviz.", WANTED))
     question = json.loads(said["mechviz.study"])
-    names = [f"{name} [{unit}]" if unit else name for name, unit, *_ in question["vary"]]
+    varied = tuple((str(name), str(unit)) for name, unit, *_ in question["vary"])
+    names = [f"{name} [{unit}]" if unit else name for name, unit in varied]
     others = [name for name in table.column_names if name not in (*names, "design", REASON)]
     results = {}
     for name in others:
@@ -72,7 +85,10 @@ def read_study(path: Path) -> StoredStudy:
         flat = np.asarray((column.flatten() if curve else column).to_numpy(zero_copy_only=False), float)
         results[name] = flat.reshape(table.num_rows, -1) if curve else flat
     variables = {name: table[name].to_numpy() for name in names}
-    return StoredStudy(said.get("mechviz.scene", path.stem), variables, results, tuple(r or "" for r in table[REASON].to_pylist()))
+    reasons = tuple(r or "" for r in table[REASON].to_pylist())
+    return StoredStudy(
+        said.get("mechviz.scene", path.stem), said.get("mechviz.scene_toml", ""), varied, variables, results, reasons
+    )
 
 
 def study_chart(study: StoredStudy, kind: Kind = "auto", of: str | None = None) -> Figure:

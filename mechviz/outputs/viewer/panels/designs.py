@@ -1,0 +1,202 @@
+"""Designs: the search that a scene's goal asks for, watched while it gets better; those of a study, chosen from a chart."""
+
+from __future__ import annotations
+
+import threading
+import time
+from functools import partial
+from html import escape
+from typing import Any
+
+import numpy as np
+import viser
+from viser import uplot
+
+from mechcore.arrays import Real
+from mechcore.errors import MechanismError
+from mechviz.outputs.viewer import words
+from mechviz.outputs.viewer.server import Callback, finite
+from mechviz.outputs.viewer.session import EditSession
+from mechviz.outputs.viewer.viser_adapter import uuid_of
+from mechviz.studies.designs.figures import MISSING, StoredStudy
+from mechviz.studies.designs.optimise import DIGITS, Search, optimise
+from mechviz.studies.designs.problem import KEPT, Problem, problem_of
+
+PAUSE = 0.25  # [s] between looks at the best design so far
+HEIGHT = 150  # [px]
+WIDTH, TALL = 350.0, 250.0  # of the chart of a study
+MOST_MARKS = 2000
+MARK, CHOSEN = "#2563c9", "#d97706"
+
+
+class Optimiser:
+    """A search for what the scene's goal asks for. The best design so far is shown as it gets better, as an edit that
+    can be undone; Stop keeps it."""
+
+    def __init__(self, server: viser.ViserServer, folder: viser.GuiFolderHandle, session: EditSession, callback: Callback):
+        self._server, self._session = server, session
+        self._stopped = threading.Event()
+        self._shown = np.zeros(0)
+        self._course: list[tuple[float, float]] = []  # designs looked at, and the best objective among them
+        self._told = 0.0
+        self.thread: threading.Thread | None = None
+        gui = server.gui
+        fonts: Any = {"font": "11px sans-serif", "labelFont": "12px sans-serif", "labelSize": 18}
+        with folder:
+            gui.add_html(words.hint("Looks for the values of parameters that the scene's goal asks for."))
+            self.seed = gui.add_slider("Seed", 0, 99, 1, 0, hint="another one searches on other ways")
+            self.start = gui.add_button("Optimise", icon=viser.Icon.TARGET)
+            self.stop = gui.add_button("Stop and keep the best", icon=viser.Icon.PLAYER_STOP, visible=False)
+            self.told = gui.add_html("")
+            self.chart = gui.add_uplot(
+                (np.zeros(1), np.zeros(1)),
+                (uplot.Series(label="designs"), uplot.Series(label="best", stroke="#2563c9", width=2, points={"show": False})),
+                scales={"x": uplot.Scale(time=False)},
+                axes=(uplot.Axis(label="designs looked at", size=34, labelGap=-2, **fonts), uplot.Axis(size=60, space=24, **fonts)),
+                legend=uplot.Legend(show=False),
+                height=HEIGHT,
+                visible=False,
+            )
+        self.start.on_click(callback("Optimising", lambda _: self.begin()))
+        self.stop.on_click(callback("Stopping the search", lambda _: self._stopped.set()))
+
+    def begin(self) -> None:
+        """Search from the scene as it is now, in a thread of its own. Raises `MechanismError` where its goal cannot be had."""
+        if self.thread is not None and self.thread.is_alive():
+            return
+        problem = problem_of(self._session.run.scene)
+        self._stopped.clear()
+        self._course, self._shown, self._told = [], problem.start, 0.0
+        self.start.visible, self.stop.visible = False, True
+        search = Search(problem, int(finite(self.seed.value, 0.0, 1e9, 0.0)))
+        search.progress = partial(self._watch, search)
+        self.thread = threading.Thread(target=self._search, args=(search,), name="mechviz-search", daemon=True)
+        self.thread.start()
+
+    def close(self) -> None:
+        """End a search that is running."""
+        self._stopped.set()
+
+    def _search(self, search: Search) -> None:
+        try:
+            found = optimise(search)
+            self._take(search.problem, found.design)
+            how = "Stopped: the best design so far." if search.interrupted else "Done."
+            self.told.content = words.table(f"{how} {search.evaluations} designs were looked at.", found.lines())
+        except MechanismError as error:
+            self.told.content = words.fault(" ".join(f"{f.message} {f.remedy}" for f in error.faults), None, 0.0, None)
+        finally:
+            self.start.visible, self.stop.visible = True, False
+
+    def _watch(self, search: Search, stage: str, objective: int, value: float, violation: float) -> None:
+        """Show how far a search is, and its best design where that is a better one. Ends it where that was asked for."""
+        if self._stopped.is_set():
+            raise KeyboardInterrupt
+        if time.monotonic() - self._told < PAUSE:
+            return
+        self._told = time.monotonic()
+        term = search.problem.terms[objective]
+        kept = violation <= KEPT
+        missed = "all limits are kept" if kept else f"limits missed by {100.0 * violation:.3g} %"
+        best = term.shown(value) if np.isfinite(value) else "none yet"
+        self.told.content = words.hint(f"{stage}: {search.evaluations} designs. {term.text}: {best}; {missed}.")
+        if kept and objective == 0:
+            self._course.append((float(search.evaluations), term.sign * value))
+            x, y = np.array(self._course).T
+            self.chart.data = x, y
+            self.chart.visible = True
+            self._take(search.problem, search.best(0)[0])
+
+    def _take(self, problem: Problem, design: Real) -> None:
+        """Have a design shown, unless it is."""
+        if not np.array_equal(design, self._shown):
+            self._shown = design
+            values = {v.name: v.stated(float(f"{x:.{DIGITS}g}")) for v, x in zip(problem.variables, design, strict=True)}
+            self._session.change("optimise", lambda draft: draft.with_parameters(values))
+
+
+class StudyChart:
+    """A chart of a study, one mark a design: the one that is clicked, or chosen by its number, is shown, as an edit that
+    can be undone."""
+
+    def __init__(
+        self, server: viser.ViserServer, folder: viser.GuiFolderHandle, study: StoredStudy, session: EditSession, callback: Callback
+    ):
+        self._study, self._session = study, session
+        self._columns = {**study.variables, **{title: _number(values) for title, values in study.results.items()}}
+        names, results = tuple(study.variables), tuple(study.results)
+        gui = server.gui
+        with folder:
+            gui.add_html(words.hint(f"{len(study.reasons)} designs, {study.feasible.sum()} with values. Click on one to see it."))
+            self.across = gui.add_dropdown("Across", (*names, *results), initial_value=names[0])
+            self.up = gui.add_dropdown("Upwards", (*results, *names), initial_value=results[0])
+            self.chart = gui.add_html("")
+            self.design = gui.add_slider("Design", 0, max(len(study.reasons) - 1, 1), 1, 0)
+            self.told = gui.add_html("")
+        for choice in (self.across, self.up):
+            choice.on_update(callback("Drawing the study", lambda _: self._draw()))
+        self.design.on_update(callback("Choosing a design", lambda _: self.choose(self.number)))
+        self._draw()
+
+    @property
+    def number(self) -> int:
+        """The number of the design that is chosen."""
+        return int(finite(self.design.value, 0.0, len(self._study.reasons) - 1.0, 0.0))
+
+    def choose(self, k: int) -> None:
+        """Show the design of a number."""
+        values = self._study.stated(k)
+        self._session.change("study", lambda draft: draft.with_parameters(values))
+        self._draw()
+
+    def _draw(self) -> None:
+        x, y = (self._columns[str(choice.value)] for choice in (self.across, self.up))
+        k, uuid = self.number, uuid_of(self.design)
+        self.chart.content = scatter(x, y, (str(self.across.value), str(self.up.value)), k, uuid)
+        rows = [f"{escape(title)}: <b>{words.number(float(column[k]))}</b>" for title, column in self._columns.items()]
+        why = self._study.reasons[k]
+        self.told.content = words.rows([f"Design {k}", *rows, *([escape(why)] if why else [])])
+
+
+def _number(values: Real) -> Real:
+    """A number (D,) of each result: of curves (D, F) the largest amount."""
+    if values.ndim == 1:
+        return values
+    return np.asarray(np.max(np.abs(values), axis=1))
+
+
+def scatter(x: Real, y: Real, titles: tuple[str, str], chosen: int, picks: str) -> str:
+    """A chart of designs (D,) as SVG; those without values as crosses below. A click on a mark gives its number to the control
+    ``picks`` (see `mechviz.outputs.viewer.browser`)."""
+    left, right, top, low, below = 46.0, WIDTH - 8.0, 8.0, TALL - 46.0, TALL - 36.0
+    known = np.isfinite(y)
+
+    def scaled(values: Real, start: float, end: float) -> tuple[Real, float, float]:
+        some = values[np.isfinite(values)]
+        least, most = (float(some.min()), float(some.max())) if len(some) else (0.0, 1.0)
+        return start + (end - start) * (values - least) / ((most - least) or 1.0), least, most
+
+    across, *ends = scaled(x, left, right)
+    up, *heights = scaled(np.where(known, y, np.nan), low, top)
+    step = max(1, len(x) // MOST_MARKS)
+    marks = []
+    for k in sorted({*range(0, len(x), step), chosen}):
+        at = (across[k], up[k]) if known[k] else (across[k], below)
+        shape = f'<circle cx="{at[0]:.1f}" cy="{at[1]:.1f}" r="{5 if k == chosen else 3}"/>'
+        if not known[k]:
+            shape = f'<path d="M{at[0] - 3:.1f},{at[1] - 3:.1f} l6,6 m0,-6 l-6,6" stroke="{MISSING}"/>'
+        color = CHOSEN if k == chosen else MARK
+        said = f"<title>{escape(f'{k}: {words.number(float(x[k]))}, {words.number(float(y[k]))}')}</title>"
+        marks.append((k == chosen, f'<g data-mv-pick="{picks}:{k}" fill="{color}" style="cursor:pointer">{said}{shape}</g>'))
+    text = 'font-size="10" fill="currentColor"'
+    axes = [
+        f'<path d="M{left},{top} V{low} H{right}" fill="none" stroke="currentColor" stroke-opacity="0.4"/>',
+        *(f'<text x="{p}" y="{TALL - 18}" text-anchor="{a}" {text}>{words.number(v)}</text>'
+          for p, a, v in ((left, "start", ends[0]), (right, "end", ends[1]))),
+        *(f'<text x="{left - 4}" y="{p}" text-anchor="end" {text}>{words.number(float(f"{v:.4g}"))}</text>'
+          for p, v in ((low, heights[0]), (top + 8.0, heights[1]))),
+        f'<text x="{0.5 * (left + right)}" y="{TALL - 5}" text-anchor="middle" {text}>{escape(titles[0])}</text>',
+    ]  # fmt: skip
+    drawn = "".join(mark for _, mark in sorted(marks, key=lambda m: m[0]))
+    label = escape(f"{titles[1]} over {titles[0]}", quote=True)
+    return f'<svg viewBox="0 0 {WIDTH} {TALL}" role="img" aria-label="{label}" style="width:100%">{"".join(axes)}{drawn}</svg>'

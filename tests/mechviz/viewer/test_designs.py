@@ -1,0 +1,75 @@
+"""Designs in the browser: a study's designs open as scenes, an optimisation shows its best one and keeps it when it is stopped."""
+
+from __future__ import annotations
+
+import re
+
+import numpy as np
+import pytest
+
+from mechviz.outputs.viewer.app import Viewer
+from mechviz.outputs.viewer.panels.designs import scatter
+from mechviz.runs import run_scene
+from mechviz.scene.scene import load
+from mechviz.studies.designs.figures import StoredStudy
+
+STROKES = np.array([60.0, 75.0, 90.0])
+
+
+@pytest.fixture(scope="module")
+def viewer():
+    run = run_scene(load("parametric-press"), frames=24)
+    peaks = np.array([90.0, np.nan, 110.0])
+    study = StoredStudy("press", "", (("stroke", "mm"),), {"stroke [mm]": STROKES}, {"peak [N m]": peaks}, ("", "a jam", ""))
+    with Viewer(run, port=0, study=study) as shown:
+        yield shown
+
+
+def values(viewer, *names):
+    return [viewer.session.run.scene.parameters[name].amount.number for name in names]
+
+
+def test_a_design_of_a_study_opens_as_a_scene_and_can_be_undone(viewer):
+    chart = viewer.inspector.study
+    chart.design.value = 2
+    chart.choose(chart.number)
+    assert viewer.session.wait() and values(viewer, "stroke") == pytest.approx([0.09])
+    assert "stroke [mm]: <b>90</b>" in chart.told.content
+    chart.design.value = 1e9  # what is typed beyond the ends is the last one
+    assert chart.number == 2
+    viewer.session.undo()
+    assert viewer.session.wait() and values(viewer, "stroke") == pytest.approx([0.08])
+
+
+def test_marks_stand_where_the_values_are_and_name_their_design():
+    drawn = scatter(STROKES, np.array([1.0, np.nan, 3.0]), ("x", "a < b"), 0, "slider")
+    marks = re.findall(r'slider:(\d+)"[^<]*<title>[^<]*</title><circle cx="([\d.]+)" cy="([\d.]+)"', drawn)
+    places = {int(k): (float(x), float(y)) for k, x, y in marks}
+    assert places[2][0] > places[0][0] and places[2][1] < places[0][1]
+    assert drawn.count("data-mv-pick") == 3 and drawn.count("<path d=") == 2 and "a &lt; b" in drawn
+
+
+def test_a_search_shows_its_best_design_and_stopping_keeps_it(viewer, monkeypatch):
+    """The optimum of the press: the least stroke that its limit allows, and the longest rod."""
+    search = viewer.inspector.optimiser
+    search.begin()
+    assert search.stop.visible and not search.start.visible
+    search.thread.join()
+    assert viewer.session.wait() and values(viewer, "stroke", "ratio") == pytest.approx([0.07, 6.0], rel=1e-6)
+    assert "Done." in search.told.content and search.start.visible and not search.stop.visible
+    optimum = viewer.session.run.catalogue.peak("drive.A.torque")
+    viewer.session.reset()
+    assert viewer.session.wait()
+    change = viewer.session.change
+
+    def stopped(key, draft):
+        search.close()
+        change(key, draft)
+
+    monkeypatch.setattr(viewer.session, "change", stopped)
+    monkeypatch.setattr("mechviz.outputs.viewer.panels.designs.PAUSE", 0.0)
+    search.begin()
+    search.thread.join()
+    assert viewer.session.wait() and "Stopped" in search.told.content
+    start = run_scene(load("parametric-press"), frames=24).catalogue.peak("drive.A.torque")
+    assert optimum < viewer.session.run.catalogue.peak("drive.A.torque") < start

@@ -1,0 +1,93 @@
+"""Exact derivatives of random mechanisms with forces, beside differences of eighth order.
+
+    PYTHONPATH=tests/support:tests/mechcore/design OPENBLAS_NUM_THREADS=1 python tests/torture/derivatives.py [COUNT] [FIRST]
+
+takes mechanisms of every kind, every other one with dry friction, all points, masses and coefficients moved together, until so many
+have been compared; prints those off by more than 1e-9 of a result's largest derivative (and the rounding of the differences), and
+exits with 1 where there are any. What cannot be run, is next to a dead point or jams is left out; refusals are counted, and so is
+what differences do not decide, as a kink lies within their shortest step.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections import Counter
+from itertools import count
+
+import numpy as np
+from random_mechanisms import KINDS, draw
+from test_derivatives import FEW, asked, difference, moved_together, solved
+
+from mechcore.design.derivatives import Derivatives, Parameter
+from mechcore.errors import MechanismError
+
+STEPS = (2e-3, 3e-4, 1e-4, 3e-5, 1e-5)  # of differences: long ones may reach a place where friction or a damper turns round
+SETTLED = 1e-6  # relative: differences with the two shortest steps that are further apart say nothing
+ROUNDING = 100.0 * np.finfo(float).eps
+
+
+def off(kind: str, seed: int) -> float | None:
+    """The largest error of a mechanism's derivatives, in what is allowed; NaN where differences do not decide, None where there is
+    nothing to compare. Raises
+    `MechanismError` where derivatives are refused."""
+    found = draw(kind, seed, forces=False, friction=seed % 2 == 1)
+    if found.free or not found.mechanism.effects:
+        return None
+    time = found.time[:: max(len(found.time) // FEW, 1)]
+    try:
+        motion, forces = solved(found.mechanism, time)
+    except MechanismError:
+        return None
+    jams = forces.friction is not None and forces.friction.jammed.any()
+    if motion.singular_points or np.max(motion.condition) >= 30.0 or jams:
+        return None
+    at = moved_together(found.mechanism, np.random.default_rng(5 + seed))
+    exact = Derivatives(motion, [Parameter("x", 0.0, 0.01, at)])
+    slopes = exact.of(*asked(exact.motion, exact.forces))
+    close = []
+    for h in STEPS:
+        try:
+            close.append((h, difference(lambda x: asked(*solved(at(x), motion.time)), h)))
+        except MechanismError:  # beside it there is no such mechanism
+            continue
+    plain = asked(motion, forces)
+    largest = max(np.max(np.abs(value)) for value in plain)
+    worst = 0.0
+    for k, (value, ours) in enumerate(zip(plain, slopes, strict=True)):
+        apart = []
+        for h, theirs in close:
+            size = max(np.max(np.abs(theirs[k])), 1e-3 * np.max(np.abs(value)), 1e-4 * largest)
+            apart.append(np.max(np.abs(ours[0] - theirs[k])) / (1e-9 * size + ROUNDING * largest / h))
+        least = min(apart, default=0.0)
+        if least > 1.0 and np.max(np.abs(close[-1][1][k] - close[-2][1][k])) > SETTLED * size:
+            return float("nan")
+        worst = max(worst, least)
+    return float(worst) if len(close) > 1 else None
+
+
+def main() -> int:
+    given = [int(text) for text in sys.argv[1:3]]
+    wanted, first = (*given, *(1000, 0)[len(given) :])
+    compared, wrong, undecided, refused = 0, 0, 0, Counter[str]()
+    for seed in count(first):
+        for kind in KINDS:
+            try:
+                error = off(kind, seed)
+            except MechanismError as reason:
+                refused[reason.faults[0].message] += 1
+                continue
+            if error is None or np.isnan(error):
+                undecided += error is not None
+                continue
+            compared += 1
+            if error > 1.0:
+                wrong += 1
+                print(f"WRONG: {kind} {seed}: {error:.3g} times what is allowed", flush=True)
+        if compared >= wanted:
+            break
+    print(f"{compared} mechanisms to seed {seed}, {wrong} wrong, {undecided} undecided; refused: {dict(refused)}")
+    return 1 if wrong else 0
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())
