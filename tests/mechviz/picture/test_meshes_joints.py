@@ -10,8 +10,8 @@ import pytest
 import shapely
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
-from shapely import affinity
 from sections import section
+from shapely import affinity
 from solid_checks import FRAMES, check_shapes, in_world, meeting_links, moved, placed
 
 import mechviz
