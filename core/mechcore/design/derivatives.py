@@ -10,7 +10,7 @@ one number by all that varies.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property
 from typing import Any, TypeVar
@@ -196,7 +196,7 @@ class Derivatives:
         if two_sided(motion):
             raise Untraced("a cam that may press on either side rubs")
         elements = elements_of(motion)
-        flanks = {r: np.where(value_of(m) >= 0.0, 1.0, -1.0) for r, m in joint_forces(motion, list(force), list(moment))[2].items()}
+        flanks = _flanks(self.nominal, known)
 
         def transmitted(loads: Sequence[Any]) -> tuple[Any, Any]:
             own_force, own_moment = list(force), list(moment)
@@ -217,10 +217,13 @@ class Derivatives:
             changes = [0.0] * len(elements)
         loads = [load + change for load, change in zip(plain, changes, strict=True)]
         solved = Forces(motion, applied, *transmitted(loads), _TracedFriction(motion, applied, elements, loads, known))
-        for joint in (c.name for c in motion.model.connections):  # flanks may have changed sides on the way
+        joints = [c.name for c in motion.model.connections]
+        largest = max(float(np.nanmax(np.abs(nominal.reaction(joint)), initial=0.0)) for joint in joints)
+        for joint in joints:
             ours, theirs = value_of(solved.reaction(joint)), nominal.reaction(joint)
-            if not np.allclose(ours, theirs, rtol=1e-6, atol=1e-6 * float(np.nanmax(np.abs(theirs), initial=0.0)), equal_nan=True):
-                raise Untraced("friction decides which flanks of gears carry")
+            if not np.allclose(ours, theirs, rtol=1e-6, atol=1e-6 * largest, equal_nan=True):
+                sided = ", ".join(motion.model.relations[r].name for r in flanks)
+                raise Untraced(f"friction decides which flank of a gear, or which span of a belt, carries at {sided or joint}")
         return solved
 
     def _get(self, place: Place, plain: Any) -> Any:
@@ -440,6 +443,26 @@ class _TracedFriction(FrictionResult):
     def value(self, i: int) -> Any:
         element = self.elements[i]
         return -element.sign * element.factor * self._loads[i]
+
+
+def _flanks(nominal: Motion, known: FrictionResult) -> dict[int, Real]:
+    """On which side each relation carries (F,), +1 or -1, with the friction that is known: raised from none to its full size, it
+    may have changed sides."""
+    force, moment, _ = totals(nominal)
+    own_force, own_moment = list(force), list(moment)
+    flanks = _signs(joint_forces(nominal, list(force), list(moment))[2])
+    for i, element in enumerate(elements_of(nominal)):
+        element.load(nominal, own_force, own_moment, -element.sign * element.factor * np.nan_to_num(known.loads[:, i]))
+    for _ in range(TRIES):
+        turned = _signs(joint_forces(nominal, list(own_force), list(own_moment), flanks)[2])
+        if all(np.array_equal(turned[r], flanks[r]) for r in flanks):
+            break
+        flanks = turned
+    return flanks
+
+
+def _signs(multipliers: Mapping[int, Any]) -> dict[int, Real]:
+    return {r: np.where(value_of(m) >= 0.0, 1.0, -1.0) for r, m in multipliers.items()}
 
 
 def _refusal(message: str, remedy: str) -> MechanismError:
