@@ -344,10 +344,9 @@ def _power(a: Any, b: Any) -> Any:
 def _absolute(z: Traced) -> Any:
     size = np.abs(z.value)
     if not np.iscomplexobj(z.value):
-        return z.tape.elementwise(size, [(z, np.sign(z.value), None)])
-    with np.errstate(divide="ignore", invalid="ignore"):
-        along = 0.5 * z.value / size
-    return z.tape.elementwise(size, [(z, np.conj(along), along)])
+        return _with_tips(z.tape.elementwise(size, [(z, np.sign(z.value), None)]), [z])
+    along = 0.5 * np.divide(z.value, size, out=np.zeros(z.value.shape, complex), where=size != 0.0)
+    return _with_tips(z.tape.elementwise(size, [(z, np.conj(along), along)]), [z])
 
 
 def _angle(z: Any) -> Any:
@@ -364,8 +363,30 @@ def _arctan2(y: Any, x: Any) -> Any:
 def _hypot(x: Any, y: Any) -> Any:
     a, b = value_of(x), value_of(y)
     size = np.hypot(a, b)
-    by_x, by_y = (np.divide(z, size, out=np.zeros(size.shape), where=size != 0.0) for z in (a, b))  # at the tip of the cone 0
-    return _tape(x, y).elementwise(size, [(x, by_x, None), (y, by_y, None)])
+    by_x, by_y = (np.divide(z, size, out=np.zeros(size.shape), where=size != 0.0) for z in (a, b))
+    smooth = _tape(x, y).elementwise(size, [(x, by_x, None), (y, by_y, None)])
+    return _with_tips(smooth, [x, y])
+
+
+def _with_tips(size: Traced, parts: Sequence[Any]) -> Any:
+    """A length with its one-sided slopes where it is zero: how fast it grows as a parameter does, from the slopes of its ``parts``.
+    Backwards, where one number stands for all parameters, there are none (NaN)."""
+    tip = size.value == 0.0
+    traced = [x for x in parts if isinstance(x, Traced)]
+    if not tip.any():
+        return size
+
+    def forward(given: list[Any]) -> Any:
+        slope, *moved = given
+        known = [np.abs(_spread(d, np.ndim(x.value), size.value.ndim)) for d, x in zip(moved, traced, strict=True) if d is not None]
+        grown = np.sqrt(sum(d * d for d in known))
+        return np.where(tip, grown, 0.0 if slope is None else slope)
+
+    def back(w: Numbers) -> list[Numbers]:
+        lost = np.where(tip & (w != 0.0), np.nan, w)
+        return [lost, *(np.zeros((len(w), *x.value.shape), x.value.dtype) for x in traced)]
+
+    return size.tape.step(size.value, [size, *traced], forward, back)
 
 
 def _remainder(a: Any, b: Any) -> Any:

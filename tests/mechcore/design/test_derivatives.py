@@ -14,6 +14,7 @@ from mechcore.errors import MechanismError
 from mechcore.forces.kinetostatics import solve_forces
 from mechcore.laws.timed import ConstantSpeed, Free
 from mechcore.motion.solve import compile_mechanism, default_times, solve_motion
+from mechcore.numerics.tape import Tape
 from mechcore.spec.loads import Spring, Torque
 
 LENGTHS = case("design", "sensitivities-four-bar")
@@ -184,3 +185,15 @@ def test_what_has_no_derivatives_is_refused_with_its_reason():
     with pytest.raises(MechanismError, match="another one"):
         Derivatives(motion, [Parameter("law", 1.0, 0.1, lambda w: four_bar(E=(4.0, 0.0), AB=1.0, BD=3.5, DE=3.0, speed=w))])
     assert isinstance(m.drives[0].law, ConstantSpeed)
+
+
+def test_lengths_that_vanish_have_their_one_sided_slopes():
+    """How fast they grow with the parameter: beside the tip of a cone they are no straight lines. Backwards there is none."""
+    tape = Tape()
+    p = tape.variable(np.array([0.0, 3.0]))
+    given = {p.number: np.ones((1, 2))}
+    lengths = [np.hypot(3.0 * p, -4.0 * p), np.abs((3.0 - 4.0j) * p), np.abs(-5.0 * p), np.hypot(0.0 * p, 0.0)]
+    slopes = [d[0] for d in tape.forward(given, lengths)]
+    np.testing.assert_allclose(slopes, [[5.0, 5.0]] * 3 + [[0.0, 0.0]], rtol=1e-15)
+    back = tape.adjoint(lengths[0], np.array([[1.0, 1.0], [0.0, 1.0]]))[p.number]
+    np.testing.assert_allclose(back, [[np.nan, 5.0], [0.0, 5.0]], rtol=1e-15)
