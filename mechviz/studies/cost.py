@@ -26,6 +26,7 @@ from mechcore.effects.plan import Plan, make_plan
 from mechcore.effects.registry import effects_of, wrenches
 from mechcore.forces.friction.solve import solve_friction
 from mechcore.forces.kinetostatics import solve_forces
+from mechcore.forces.program import forces_program
 from mechcore.motion.compiled import Compiled
 from mechcore.motion.motion import Motion
 from mechcore.motion.solve import compile_mechanism, default_times, solve_motion
@@ -203,6 +204,8 @@ def executor_lines(scene: Scene, executor: Executor) -> list[str]:
         return ["executor", "  numpy: there is no C compiler (pip install 'mechviz[fast]' brings one)"]
     compiled = compile_mechanism(scene.mechanism)
     lines = ["executor", f"  {'positions and rates':<21}{_of_motion(compiled, executor, scene.frames + 1)}"]
+    if _forces_of(scene):
+        lines.append(f"  {'reactions, efforts':<21}{_of_forces(compiled, executor, scene.frames + 1)}")
     if scene.simulation is not None:
         lines.append(f"  {'motion under forces':<21}{_of_simulation(compiled, executor)}")
     return lines
@@ -213,6 +216,9 @@ def missing_lines(scene: Scene) -> list[str]:
     """Stages of a scene that C does not have, so that numpy runs them."""
     compiled = compile_mechanism(scene.mechanism)
     reasons = {"positions and rates": _not_written(compiled)}
+    if _forces_of(scene) and reasons["positions and rates"] is None:
+        program = forces_program(compiled.model, exact=compiled.angles.exact)
+        reasons["reactions and efforts"] = program if isinstance(program, str) else None
     if scene.simulation is not None:
         reasons["the motion under forces"] = missing_in_c(compiled)
     return [f"numpy runs {what}: {why}." for what, why in reasons.items() if why is not None]
@@ -238,6 +244,18 @@ def _of_motion(compiled: Compiled, executor: Executor, frames: int) -> str:
     if executor == "auto" and frames < PAYS:
         return f"numpy: {frames:,} frames; compiling {program.lines:,} lines of C pays from about {PAYS:,} on"
     return f"C, {_price(program.source, program.lines)}"
+
+
+def _forces_of(scene: Scene) -> bool:
+    """Whether a scene asks for reactions and efforts."""
+    return bool(scene.mechanism.effects or scene.mechanism.loads)
+
+
+def _of_forces(compiled: Compiled, executor: Executor, frames: int) -> str:
+    if _of_motion(compiled, executor, frames).startswith("numpy"):
+        return "numpy, as the positions"
+    program = forces_program(compiled.model, exact=compiled.angles.exact)
+    return f"numpy: {program}" if isinstance(program, str) else f"C, {_price(program.source, program.lines)}"
 
 
 def _of_simulation(compiled: Compiled, executor: Executor) -> str:

@@ -60,7 +60,7 @@ class _KernelCode(Code):
     def value_of(self, function: Callable[[Any], Any]) -> Symbol:
         if function not in self.of_time:
             self.of_time.append(function)
-        return self._kernel.real_of_frame(f"function {self.of_time.index(function)}")
+        return self._kernel.of_time(self._kernel, f"function {self.of_time.index(function)}")
 
 
 class Kernel:
@@ -68,7 +68,8 @@ class Kernel:
     designs of a sweep, for each of which it goes over the frames. What differs with the lanes only, or the frames only, is computed
     once for these."""
 
-    def __init__(self, name: str):
+    def __init__(self, name: str, of_time: Callable[[Kernel, str], Symbol] | None = None):
+        self.of_time = of_time or Kernel.real_of_frame  # what a function of the time is given for
         self.name, self.code = name, _KernelCode(self)
         self._given: list[str] = []
         self._fetched: dict[tuple[int, int], int] = {}  # (input, part of a plane vector): row of x

@@ -6,7 +6,7 @@ Dry friction, where a scene names it, is one more load that depends on the resul
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 
@@ -16,6 +16,7 @@ from mechcore.effects.masses import kinetic_energy
 from mechcore.effects.registry import applied_effects, potential, totals, wrenches
 from mechcore.forces import equilibrium
 from mechcore.forces.friction.solve import FrictionResult, solve_friction
+from mechcore.forces.program import forces_program
 from mechcore.kinematics.dyads import cross
 from mechcore.motion.motion import Motion
 from mechcore.numerics.frames import QUIET, added, lazy, rows_of
@@ -284,6 +285,10 @@ def solve_forces(motion: Motion) -> Forces:
     if "friction" in model.mechanism.effects and braked(model.mechanism.joints):
         applied = wrenches(motion)
         return Forces(motion, applied, *solve_friction(motion, applied, *sum_up(applied, len(model.links))))
+    if motion.compiled:
+        program = forces_program(model, exact=motion.angles.exact)
+        if not isinstance(program, str):
+            return Forces(motion, partial(wrenches, motion), *program(motion))
     with np.errstate(**QUIET):
         force, moment, formed = totals(motion)
         return Forces(motion, formed, *equilibrium.joint_forces(motion, force, moment)[:2])

@@ -83,6 +83,11 @@ class Motion:
         return compute(self, *values)
 
     @property
+    def compiled(self) -> bool:
+        """Whether a program in C computes it."""
+        return self._program is not None and self.accuracy.differentiation == "exact"
+
+    @property
     def mechanism(self) -> Mechanism:
         return self.model.mechanism
 

@@ -12,6 +12,8 @@ from random_mechanisms import draw
 from mechcore.compiled import motion as compiled_motion
 from mechcore.compiled.motion import MotionProgram, motion_program, written
 from mechcore.compiled.toolchain import compiler
+from mechcore.forces.kinetostatics import solve_forces
+from mechcore.forces.program import ForcesProgram, forces_program
 from mechcore.motion.compiled import Compiled
 from mechcore.motion.solve import compile_mechanism, default_times, solve_motion
 from mechcore.spec.mechanism import Mechanism
@@ -52,6 +54,19 @@ def test_random_mechanisms_move_alike(kind: str, seed: int) -> None:
     compiled = compile_mechanism(case.mechanism)
     assert isinstance(compiled.model.once(written), MotionProgram)
     assert rounding(compiled, case.time) < 1e-10
+
+
+@pytest.mark.parametrize("name", ["slider-crank-compressor", "ten-link-forces", "rack-and-pinion"])
+def test_forces_are_alike(name: str) -> None:
+    compiled = compile_mechanism(load(name).mechanism)
+    time = default_times(compiled.mechanism, 36)
+    a, b = (solve_forces(solve_motion(replace(compiled, executor=e), time)) for e in ("numpy", "c"))
+    assert isinstance(forces_program(compiled.model, exact=True), ForcesProgram)
+    asked = [("reaction", c.name) for c in compiled.model.connections] + [("effort", d.joint) for d in compiled.mechanism.drives]
+    for of, k in asked:
+        wanted, found = (getattr(f, of)(k) for f in (a, b))
+        assert np.abs(found - wanted).max() <= 1e-12 * max(np.abs(wanted).max(), 1.0), k
+    assert np.abs(b.power_balance).max() < 1e-12
 
 
 def test_what_cannot_be_assembled_is_missing_at_the_same_frames() -> None:

@@ -39,6 +39,8 @@ def no_compiler(monkeypatch: pytest.MonkeyPatch):
         (("swinging-double-pendulum",), "motion under forces  numpy; C where more than 250 windows are left"),
         (("stick-slip-feed", "--executor", "c"), "motion under forces  numpy: dry friction"),
         (("crank-rocker", "--executor", "numpy"), "numpy, as asked for"),
+        (("slider-crank-compressor", "--executor", "c"), "reactions, efforts   C, "),
+        (("slider-crank-compressor",), "reactions, efforts   numpy, as the positions"),
     ],
 )
 def test_the_plan_names_the_executor(arguments, words):
