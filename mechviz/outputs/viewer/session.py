@@ -61,6 +61,13 @@ class _Value:
     parameter: Parameter
     value: float
 
+    def written(self) -> float | int | str:
+        """As it stands in the scene. Raises ValueError beyond what can be typed."""
+        p = self.parameter
+        if not p.hard_low <= self.value <= p.hard_high:
+            raise ValueError(f"Here it can be {p.text(p.hard_low)} to {p.text(p.hard_high)}; the scene file takes more.")
+        return p.written(self.value)
+
 
 class EditSession:
     """A scene in work. ``present(show)`` brings what is shown to the browsers, ``told(status)`` says how a change went,
@@ -157,7 +164,7 @@ class EditSession:
                     remembered = False
                 elif isinstance(what, _Value):
                     moved = what
-                    draft = draft.with_value(what.parameter.path, what.parameter.written(what.value))
+                    draft = draft.with_value(what.parameter.path, what.written())
                 else:
                     draft = what(draft)
             draft, run = self._solved(draft)
@@ -209,7 +216,7 @@ class EditSession:
                 return False
 
         good = next((q.value for q in self.parameters if q.key == p.key), p.value)
-        low, high = min(p.low, moved.value, good), max(p.high, moved.value, good)
+        low, high = (min(max(v, p.hard_low), p.hard_high) for v in (min(p.low, moved.value, good), max(p.high, moved.value, good)))
         reach = reachable(good, low, high, holds, lambda: self._worker.overtaken)
         if reach is not None:
             self._tell(Status(fault, p.key, moved.value, reach))

@@ -79,6 +79,18 @@ def test_values_that_do_not_fit_a_slider_change_nothing(viewer, browser, value):
     answered(viewer, browser)
 
 
+def test_a_typed_value_that_cannot_be_had_goes_back_and_its_refusal_stays(viewer, browser):
+    controls = viewer.inspector.controls
+    slider = controls.sliders["links.crank.points.B[0]"]
+    before = slider.value, slider.max
+    send(browser, update(slider, -3.0))
+    until(lambda: "-3 mm is not possible" in controls.message.content, "the refusal")
+    assert viewer.session.wait(rested=True)
+    until(lambda: slider.value == before[0], "the last good value")
+    assert "-3 mm is not possible" in controls.message.content and slider.min >= 0.0
+    answered(viewer, browser)
+
+
 @pytest.mark.parametrize("updates", UPDATES, ids=repr)
 def test_only_the_value_of_a_control_can_be_set(viewer, browser, updates):
     before, slider = refused(viewer), viewer.timeline.slider

@@ -350,6 +350,17 @@ def test_what_cannot_be_assembled_leaves_the_last_good_mechanism_and_says_how_fa
     assert session.wait() and session.status.fault == ""
 
 
+@pytest.mark.parametrize("typed", [99999.0, -3.0, 1e300])
+def test_a_typed_value_beyond_all_limits_is_refused_as_it_was_typed(session, typed):
+    length, run = _value(session, "crank A–B"), session.run
+    session.move(length, typed)
+    assert session.wait()
+    assert "Here it can be" in session.status.fault and session.status.value == typed
+    assert session.run is run
+    low, high = session.status.reach
+    assert length.hard_low <= low <= 0.02 and length.value < high < 0.831
+
+
 def test_an_undercut_cam_is_refused_with_the_range_of_its_base_circle():
     told: list[Status] = []
     made = EditSession(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import math
 import time
 from collections.abc import Callable
 from functools import partial
@@ -138,10 +139,10 @@ class Controls:
         p, slider = self._parameters.get(key), self.sliders.get(key)
         if p is None or slider is None:
             return  # the scene has no such value any more
-        value = finite(slider.value, p.hard_low, p.hard_high, p.value)
+        value = finite(slider.value, -math.inf, math.inf, p.value)
         if p.whole:
             value = float(round(value))
-        self._widen(slider, value)
+        self._widen(slider, finite(value, p.hard_low, p.hard_high, p.value))
         if value != slider.value:
             slider.value = value
         self._session.move(p, value)
