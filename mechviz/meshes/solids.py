@@ -96,8 +96,9 @@ def build_solids(
     `MechanismError` where links differ too much in size.
     """
     try:
-        return _build(mechanism, poses, tolerance, chord, profile, spindle)
-    except (ShapeError, GEOSException) as error:
+        with np.errstate(divide="raise", over="raise", invalid="raise"):  # of numbers that make no solids
+            return _build(mechanism, poses, tolerance, chord, profile, spindle)
+    except (ShapeError, GEOSException, FloatingPointError) as error:
         spans = {link.name: float(np.max(np.ptp([(0.0, 0.0), *link.points.values()], axis=0))) for link in mechanism.links}
         long, short = max(spans, key=lambda k: spans[k]), min((k for k in spans if spans[k]), key=lambda k: spans[k], default="")
         beside = f", and link '{short}' {spans[short]:.3g} m" if short and short != long else ""

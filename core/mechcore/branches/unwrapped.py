@@ -114,8 +114,12 @@ def raw_angles(model: Model, drives: Sequence[Values], state: State, shape: tupl
         elif group:
             angle = wrapped_angle(model, state, group)
         for rotation_class in classes:
-            out[rotation_class] = angle
-            for d, sign in turning.class_drives[rotation_class]:
+            terms, shorter = turning.class_drives[rotation_class], model.program.shorter[rotation_class]
+            if shorter < 0 or turning.class_group[shorter] != group:
+                out[rotation_class] = angle
+            else:
+                out[rotation_class], terms = out[shorter], terms[-1:]
+            for d, sign in terms:
                 out[rotation_class] += sign * drives[d]
     return out
 

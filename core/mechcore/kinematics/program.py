@@ -155,6 +155,7 @@ class Program(NamedTuple):
     loop_equations: tuple[LoopEquation, ...]  # by the numbers in `Block.loops`
     constraints: tuple[LinearConstraint, ...]  # by the numbers in `Block.relations`
     classes_of: tuple[tuple[int, ...], ...]  # the rotation classes that each group turns
+    shorter: tuple[int, ...]  # of each rotation class an earlier one with the same drives but the last; -1: none
 
 
 def compile_program(
@@ -166,6 +167,12 @@ def compile_program(
 ) -> Program:
     """The program of a mechanism whose loops are closed ``sums``, sorted into blocks in solving order."""
     block_of = {c: b for b in blocks for c in b.loops}
+    known: dict[tuple[tuple[int, int], ...], int] = {}
+    shorter: list[int] = []  # along a chain of drives each rotation class has one more than the last
+    for s, drives in enumerate(angles.class_drives):
+        shorter.append(known.get(drives[:-1], -1))
+        if drives:
+            known.setdefault(drives, s)
     return Program(
         driven_rotations=tuple(DrivenRotation(s, drives) for s, drives in enumerate(angles.class_drives) if drives),
         driven_slides=tuple(driven_slides),
@@ -173,6 +180,7 @@ def compile_program(
         loop_equations=tuple(_equation(total, block_of[c], angles) for c, total in enumerate(sums)),
         constraints=tuple(constraints),
         classes_of=angles.classes_of,
+        shorter=tuple(shorter),
     )
 
 

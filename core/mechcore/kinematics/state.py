@@ -90,16 +90,15 @@ def initial_state(
     program = model.program
     turned: dict[tuple[int, int], Plane] = {}
     delta: list[Plane] = [1 + 0j] * len(model.angles.class_group)
-    made: dict[tuple[tuple[int, int], ...], Plane] = {}
     for rotation_class, terms in program.driven_rotations:
+        shorter = program.shorter[rotation_class]
+        terms = terms if shorter < 0 else terms[-1:]
         for term in terms:
             if term not in turned:
                 drive, sign = term
                 turned[term] = rotation_of(drives[drive] if sign == 1 else sign * drives[drive])
-        before = made.get(terms[:-1])  # along a chain of drives each rotation class has one more than the last
-        delta[rotation_class] = made[terms] = (
-            product([turned[term] for term in terms]) if before is None else before * turned[terms[-1]]
-        )
+        factors = [turned[term] for term in terms]
+        delta[rotation_class] = product(factors if shorter < 0 else [delta[shorter], *factors])
     rot: list[Any] = [None] * len(delta)
     for rotation_class in program.classes_of[0]:
         rot[rotation_class] = delta[rotation_class]

@@ -11,7 +11,9 @@ joint that is solved later than the joint that closes it, so the loops fall apar
 from __future__ import annotations
 
 import heapq
+from bisect import bisect_left
 from collections.abc import Sequence
+from operator import itemgetter
 
 from mechcore.joints.base import LoopJoint
 from mechcore.records import dataclass
@@ -70,7 +72,7 @@ def angles(n: int, ends: Sequence[tuple[int, int]], joints: Sequence[LoopJoint],
             near[p].append((j, q, joint.angle, 1))
             near[q].append((j, p, -joint.angle, -1))
     group, offset = [-1] * n, [0.0] * n
-    drives: list[dict[int, int]] = [{} for _ in range(n)]
+    drives: list[tuple[tuple[int, int], ...]] = [()] * n
     edges: list[int] = []
     spare: list[int] = []
     seen: set[int] = set()
@@ -91,16 +93,11 @@ def angles(n: int, ends: Sequence[tuple[int, int]], joints: Sequence[LoopJoint],
                     continue
                 edges.append(j)
                 group[q], offset[q] = group[p], offset[p] + turn
-                drives[q] = dict(drives[p])
-                if joints[j].turns:
-                    d = driven[j]
-                    drives[q][d] = drives[q].get(d, 0) + sign
-                    if drives[q][d] == 0:
-                        del drives[q][d]
+                drives[q] = _turned(drives[p], driven[j], sign) if joints[j].turns else drives[p]
                 stack.append(q)
     keys: dict[tuple[int, tuple[tuple[int, int], ...]], int] = {}
     members: list[list[int]] = [[] for _ in range(groups)]
-    rotation_class = tuple(keys.setdefault((group[k], tuple(sorted(drives[k].items()))), len(keys)) for k in range(n))
+    rotation_class = tuple(keys.setdefault((group[k], drives[k]), len(keys)) for k in range(n))
     for s, (g, _) in enumerate(keys):
         members[g].append(s)
     links: list[list[int]] = [[] for _ in range(groups)]
@@ -118,6 +115,14 @@ def angles(n: int, ends: Sequence[tuple[int, int]], joints: Sequence[LoopJoint],
         classes_of=tuple(map(tuple, members)),
         links_of=tuple(map(tuple, links)),
     )
+
+
+def _turned(drives: tuple[tuple[int, int], ...], drive: int, sign: int) -> tuple[tuple[int, int], ...]:
+    """Drives with their signs, sorted, with one more turn of a drive; long chains share what they have in common."""
+    at = bisect_left(drives, drive, key=itemgetter(0))
+    there = at < len(drives) and drives[at][0] == drive
+    total = sign + (drives[at][1] if there else 0)
+    return (*drives[:at], *([(drive, total)] if total else []), *drives[at + there :])
 
 
 def structure(

@@ -23,7 +23,7 @@ from mechcore.motion.reach import reachable_ranges
 from mechcore.motion.solve import compile_mechanism, default_times, solve_motion
 from mechcore.motion.structure import groups, gruebler, loop_joints, rank_mobility, redundant_joints
 from mechcore.spec.loads import Force
-from mechcore.spec.mechanism import Drive, Link, Mechanism, PinSlot, Prismatic
+from mechcore.spec.mechanism import Drive, Link, Mechanism, PinSlot, Prismatic, Revolute
 from mechcore.topology.order import block_order, maximum_matching
 
 ROCKER = {"E": (0.3, 0.05), "AB": 0.22, "BD": 0.16, "DE": 0.21}
@@ -56,6 +56,32 @@ assert not loaded & {"trimesh", "rerun", "viser", "pydantic", "pint", "mechviz"}
 """
     out = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
     assert out.returncode == 0 and float(out.stdout) == 1.0, out.stderr
+
+
+@pytest.mark.parametrize("order", [1, -1])
+def test_along_a_chain_of_drives_each_link_adds_its_own(order):
+    """However the links and drives are numbered; in order each rotation is the one before and one factor more."""
+    n, times = 12, np.linspace(0.0, 1.3, 5)
+    names = ["frame", *(f"L{k}" for k in range(n))]
+    ends = [(k, k + 1) if k % 3 else (k + 1, k) for k in range(n)]  # some joints name the later link first
+    links = [Link(name=name, points={"A": (0.0, 0.0), "B": (1.0, 0.0)}) for name in names]
+    joints = tuple(
+        Revolute(name=f"J{k}", links=(names[p], names[q]), points=("B", "A") if p < q else ("A", "B"))
+        for k, (p, q) in enumerate(ends)
+    )
+    drives = tuple(Drive(joint=f"J{k}", law=ConstantSpeed(0.1 * k, 1.0 + k)) for k in range(n))[::order]
+    mechanism = Mechanism(name="chain", frame="frame", links=(links[0], *links[1:][::order]), joints=joints, drives=drives)
+    compiled = compile_mechanism(mechanism)
+    motion = solve_motion(compiled, times)
+    angle, at = np.zeros(len(times)), np.ones(len(times), complex)
+    for k in range(n):
+        angle = angle + (1 if ends[k][0] < ends[k][1] else -1) * (0.1 * k + (1.0 + k) * times)
+        x, y, turned = motion.pose(f"L{k}").T
+        assert np.allclose(turned, angle, atol=1e-12) and np.allclose(x + 1j * y, at, atol=1e-12)
+        at = at + np.exp(1j * angle)
+    program = compiled.model.program
+    factors = [1 if program.shorter[s] >= 0 else len(terms) for s, terms in program.driven_rotations]
+    assert sum(factors) == (n if order == 1 else n * (n + 1) // 2)
 
 
 # -- block order ----------------------------------------------------------------------------------------------------

@@ -17,3 +17,12 @@ def test_a_link_of_many_light_years_is_named():
     with pytest.raises(MechanismError, match="the solids cannot be made") as error:
         solids_of(run)
     assert error.value.faults[0].remedy
+
+
+def test_a_cam_whose_flank_is_lost_in_rounding_is_refused_without_a_warning():
+    """Its arm is a million kilometres long: numbers of the flank are divided by zero."""
+    scene = gallery_scene("cam-barrel-arm")
+    _, y = scene.document.links["arm"].points["P"]
+    run = run_scene(scene.changed({("links", "arm", "points", "P"): [1e12, y]}), frames=8)
+    with pytest.raises(MechanismError, match=r"links\.arm: the solids cannot be made"):
+        solids_of(run)
