@@ -42,6 +42,7 @@ class Rates:
         self.drives = drives
         self.bends: Mapping[int, Real] = bends or {}  # of the relations' curves
         self.before = before
+        self.finite = False  # whether `determined` has found it so
         n = len(model.angles.class_group)
         self.angular: list[Values] = [0.0] * n
         self.factor: list[Plane] = [0j] * n if before is None else [0j if nothing(f) else f * f for f in before.factor]
@@ -116,12 +117,17 @@ class Rates:
         return out
 
     def determined(self) -> Rates:
-        """These rates, NaN at frames at which they are infinite: at a singular position they are not determined."""
+        """These rates, NaN at frames at which they are infinite: at a singular position they are not determined.
+
+        Where the first rates are finite so are the second ones: both are solved with the same columns."""
+        if self.before is not None and self.before.finite:
+            return self
         solved = (*self.group.values(), *self.slide.values())  # all other rates follow from these and the drives'
         for rate in solved:
             if isinstance(rate, np.ndarray) and not isfinite(np.add.reduce(rate, axis=None)):
                 break
         else:
+            self.finite = True
             return self
         for x in (*self.angular, *self.factor, *solved):
             if isinstance(x, np.ndarray) and not np.isfinite(np.add.reduce(x, axis=None)) and x.flags.writeable:

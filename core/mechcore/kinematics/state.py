@@ -155,7 +155,9 @@ def _argument(model: Model, curve: NonlinearTerm, state: State) -> Values:
 def wrapped_angle(model: Model, state: State, group: int) -> Values:
     """A group's angle within one turn."""
     rotation_class = model.angles.classes_of[group][0]
-    angle: Values = np.angle(state.rot[rotation_class] * np.conj(state.delta[rotation_class]))
+    rot, delta = state.rot[rotation_class], state.delta[rotation_class]
+    e = rot if isinstance(delta, complex) and delta == 1 else rot * delta.conjugate()
+    angle: Values = np.arctan2(e.imag, e.real)
     return angle
 
 
