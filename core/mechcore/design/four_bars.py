@@ -82,15 +82,18 @@ class FourBar:
     def cognates(self, theta: float) -> tuple[FourBar, FourBar]:
         """The two other four-bars that draw the same curve (Roberts and Chebyshev), in the assembly modes that belong to a crank
         angle [rad]. The first keeps the crank pivot and has O3 as rocker pivot; the second stands on O3 and O4."""
+        third = self.crank_pivot + self.tracer / self.coupler * (self.rocker_pivot - self.crank_pivot)
+        p = complex(self.positions(np.array([theta]))[2][0])
+        first, second = self.cognate_pins(theta)
+        return from_pins(self.crank_pivot, third, *first, p), from_pins(third, self.rocker_pivot, *second, p)
+
+    def cognate_pins(self, theta: float) -> tuple[tuple[complex, complex], tuple[complex, complex]]:
+        """Crank pin and rocker pin of the two `cognates` at a crank angle [rad]."""
         a, b, p = (complex(z[0]) for z in self.positions(np.array([theta])))
         ratio = self.tracer / self.coupler
         third = self.crank_pivot + ratio * (self.rocker_pivot - self.crank_pivot)
-        first = (self.crank_pivot + p - a, third + ratio * (b - self.rocker_pivot))
-        second = (third + (1.0 - ratio) * (a - self.crank_pivot), self.rocker_pivot + p - b)
-        return (
-            from_pins(self.crank_pivot, third, *first, p),
-            from_pins(third, self.rocker_pivot, *second, p),
-        )
+        first = self.crank_pivot + p - a, third + ratio * (b - self.rocker_pivot)
+        return first, (third + (1.0 - ratio) * (a - self.crank_pivot), self.rocker_pivot + p - b)
 
     def transmission(self, theta: Real) -> Real:
         """Transmission angle between coupler and rocker, acute [rad], at crank angles (K,) [rad]."""

@@ -174,10 +174,25 @@ def slotted_lever(stroke: float, ratio: float, frame: float) -> SlottedLever:
     return SlottedLever(crank, frame, stroke * frame / (2.0 * crank))
 
 
-def whitworth(ratio: float, crank: float) -> float:
-    """Distance of pivots [m] of Whitworth's quick return, whose lever turns fully, of a time ratio and crank [m]."""
-    alpha_of(ratio)
-    return float(crank * np.cos(np.pi / (ratio + 1.0)))
+@dataclass(frozen=True)
+class Whitworth:
+    """Whitworth's quick return, whose lever turns fully: crank, distance of the pivots, arm of the lever and rod to the slider [m],
+    whose line goes through the lever's pivot, across that of the pivots."""
+
+    crank: float
+    frame: float
+    arm: float
+    rod: float
+
+
+ROD = 4.0  # a rod so many times the arm: the slider moves nearly as the arm's end does
+
+
+def whitworth(stroke: float, ratio: float, crank: float) -> Whitworth:
+    """Whitworth's quick return of a stroke [m], a time ratio and a crank [m]."""
+    if alpha_of(ratio) == 0.0:
+        raise MechanismError(Fault("ratio", "with pivots in one place the lever turns as the crank.", "Ask for more than one."))
+    return Whitworth(crank, float(crank * np.cos(np.pi / (ratio + 1.0))), 0.5 * stroke, 0.5 * ROD * stroke)
 
 
 def time_ratio(pin: Real) -> float:

@@ -2,7 +2,7 @@
 
 import typer
 
-from mechviz.commands.synthesis.four_bars import function, motion, path, slider
+from mechviz.commands.synthesis.four_bars import cognates, function, motion, path, slider
 from mechviz.commands.synthesis.strokes import chains, dwell, lid, line, stroke, swing
 
 NEGATIVE = {"ignore_unknown_options": True}  # -5,0 is a place
@@ -17,5 +17,5 @@ synthesise = typer.Typer(
     "Every solution is a line with its numbers and defects, and with -o FOLDER a scene: mechviz view FOLDER/motion-1.toml. "
     "Bare numbers are mm and degrees.",
 )
-for task in (function, slider, motion, path, stroke, swing, line, dwell, lid, chains):
+for task in (function, slider, motion, path, cognates, stroke, swing, line, dwell, lid, chains):
     synthesise.command(context_settings=NEGATIVE if task in (motion, path) else None)(task)

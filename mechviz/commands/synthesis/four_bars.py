@@ -1,4 +1,4 @@
-"""``mechviz synthesise function``, ``slider``, ``motion`` and ``path``."""
+"""``mechviz synthesise function``, ``slider``, ``motion``, ``path`` and ``cognates``."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from mechcore.design.burmester import Poses, burmester_curve
 from mechcore.design.freudenstein import FunctionTask, chebyshev_points, fitted_generator, generators, slider_generator
 from mechcore.design.paths import PathTask, path_designs
 from mechviz.commands.common import fail, interruptible
-from mechviz.commands.loading import clear_errors
+from mechviz.commands.loading import SceneArg, SetOpt, clear_errors, load_scene
 from mechviz.commands.synthesis.tasks import (
     MostOpt,
     OutputOpt,
@@ -26,7 +26,9 @@ from mechviz.commands.synthesis.tasks import (
     quantity_in,
     rows_of,
 )
+from mechviz.runs import run_scene
 from mechviz.studies.synthesis import figures
+from mechviz.studies.synthesis.cognates import cognate_solutions, traced_four_bar
 from mechviz.studies.synthesis.four_bars import (
     dyads,
     function_solutions,
@@ -35,6 +37,7 @@ from mechviz.studies.synthesis.four_bars import (
     path_solutions,
     ranked_paths,
 )
+from mechviz.studies.synthesis.guides import slider_guide_solutions, slider_guides
 from mechviz.studies.synthesis.strokes import slider_function_solution
 
 
@@ -126,6 +129,7 @@ def motion(
         list[str] | None, typer.Option("--fixed", metavar="X,Y", help="a pivot of the frame (3 positions); again")
     ] = None,
     swing: Annotated[str, typer.Option(help="angle by which cranks turn between 2 positions")] = "60 deg",
+    slider: Annotated[bool, typer.Option("--slider", help="4 positions: a slide in place of one crank")] = False,
     most: MostOpt = 10,
     output: OutputOpt = None,
     plot: PlotOpt = None,
@@ -145,6 +149,11 @@ def motion(
         in_body = [(z - complex(poses.places[0])) / complex(poses.turns[0]) for z in pivots[0]]
         w, c = dyads(poses, in_body, pivots[1], angle_of(swing, "swing"))
         named = bool(moving or fixed)
+        if slider:
+            if len(rows) != 4 or plot is not None:
+                fail("--slider is for 4 positions, and without --plot: one point of the body lies on a line in all of them.")
+            give(slider_guide_solutions(poses, slider_guides(poses, w, c, most)), output, None, None)
+            return
         designs = motion_designs(poses, w, c, most, all_of_them=named or len(rows) >= 5)
         curve = burmester_curve(poses) if len(rows) == 4 else None
         give(motion_solutions(poses, designs), output, plot, lambda: figures.motion_figure(poses, designs, curve))
@@ -204,3 +213,18 @@ def path(
         if not designs:
             fail("No crank-rocker passes the points in their order. Try another --seed, more --screened, or wider bounds.")
         give(path_solutions(designs, task.points), output, plot, lambda: figures.path_figure(task.points, designs))
+
+
+def cognates(
+    scene: SceneArg,
+    values: SetOpt = None,
+    output: OutputOpt = None,
+) -> None:
+    """Find the two other four-bars that draw the curve of a scene's traced coupler point (Roberts and Chebyshev).
+
+    Try: mechviz synthesise cognates crank-rocker -o found
+    """
+    with clear_errors(scene):
+        check(output, None)
+        run = run_scene(load_scene(scene, values), outputs=("positions",))
+        give(cognate_solutions(*traced_four_bar(run)), output, None, None)

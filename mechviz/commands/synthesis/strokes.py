@@ -10,6 +10,7 @@ from mechcore.design.chains import kinematic_chains
 from mechcore.design.dwells import dwell_linkages
 from mechcore.design.springs import LidTask, lid_springs
 from mechcore.design.strokes import best_crank_rocker, best_slider_crank, slider_crank, slotted_lever
+from mechcore.design.strokes import whitworth as quick_return
 from mechviz.commands.common import fail, interruptible, say
 from mechviz.commands.loading import clear_errors
 from mechviz.commands.synthesis.tasks import MostOpt, OutputOpt, PlotOpt, angle_of, check, give, length_of, quantity_in, written
@@ -23,6 +24,7 @@ from mechviz.studies.synthesis.strokes import (
     slider_crank_solution,
     slotted_lever_solution,
     straight_line_solutions,
+    whitworth_solution,
 )
 
 
@@ -31,18 +33,25 @@ def stroke(
     ratio: Annotated[float, typer.Option(help="time out over time back at constant speed of the crank, above one")],
     offset: Annotated[str | None, typer.Option(help="of the slide from the crank's pivot [default: least pressure angle]")] = None,
     frame: Annotated[str | None, typer.Option(help="a slotted lever instead, with pivots so far apart")] = None,
+    whitworth: Annotated[
+        str | None,
+        typer.Option(metavar="CRANK", help="Whitworth's quick return instead, its lever turns fully, with such a crank"),
+    ] = None,
     output: OutputOpt = None,
 ) -> None:
-    """Find the slider-crank, or the slotted lever, of a stroke and a time ratio (quick return).
+    """Find the slider-crank, the slotted lever, or Whitworth's quick return of a stroke and a time ratio.
 
     Try: mechviz synthesise stroke 200 --ratio 1.2 -o press.toml
     """
     with clear_errors("stroke"):
         check(output, None)
         travel = length_of(length, "STROKE")
-        if frame is not None:
-            if offset is not None:
-                fail("--offset is for slider-cranks. Leave it out, or --frame.")
+        if sum(given is not None for given in (offset, frame, whitworth)) > 1:
+            fail("--offset is for slider-cranks, --frame for slotted levers, --whitworth for its quick return. Give one of them.")
+        if whitworth is not None:
+            made = quick_return(travel, ratio, length_of(whitworth, "whitworth"))
+            solution = whitworth_solution(made, travel, ratio)
+        elif frame is not None:
             solution = slotted_lever_solution(slotted_lever(travel, ratio, length_of(frame, "frame")), travel, ratio)
         elif offset is not None:
             solution = slider_crank_solution(slider_crank(travel, ratio, length_of(offset, "offset")), travel, ratio)

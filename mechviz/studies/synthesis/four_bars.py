@@ -191,7 +191,7 @@ def motion_designs(poses: Poses, w: Complex, c: Complex, most: int, *, all_of_th
         defects = found.defects.words(k)
         least = np.nan
         if not defects:
-            theta = _unwrapped(bar, theta)
+            theta = crank_angles(bar, theta)
             least = float(bar.transmission(np.linspace(*used_range(theta, bar.crank_turns), FINE)).min())
         made.append(MotionDesign(bar, theta, pins[k], least, defects, np.concatenate([found.w[k], found.c[k]])))
     if all_of_them:
@@ -214,7 +214,7 @@ def motion_choices(poses: Poses, most: int = CHOICES) -> list[MotionDesign]:
     return sorted(found, key=lambda made: bool(made.defects))
 
 
-def _marks(poses: Poses) -> dict[str, complex]:
+def pose_marks(poses: Poses) -> dict[str, complex]:
     """Points of the frame that show poses: P where the body is, Q on its x axis."""
     arms = zip(poses.places, poses.places + ARM * poses.reach * poses.turns, strict=True)
     return {f"{letter}{k}": complex(z) for k, pair in enumerate(arms, 1) for letter, z in zip("PQ", pair, strict=True)}
@@ -238,7 +238,7 @@ def motion_solutions(poses: Poses, found: Sequence[MotionDesign]) -> list[Soluti
     for k, made in enumerate(found):
         bar = made.four_bar
         scene = four_bar_scene(
-            bar, through(bar, made.theta, usable=not made.defects), name=f"motion-{k + 1}", marks=_marks(poses),
+            bar, through(bar, made.theta, usable=not made.defects), name=f"motion-{k + 1}", marks=pose_marks(poses),
             title="Four-bar that leads a body through positions",
             teaches="The coupler is led through positions: its point E passes P1, P2 ... of the frame, and the x axis of the body "
             "points to Q1, Q2 ...",
@@ -256,7 +256,7 @@ def motion_solutions(poses: Poses, found: Sequence[MotionDesign]) -> list[Soluti
     return out
 
 
-def _unwrapped(bar: FourBar, theta: Real) -> Real:
+def crank_angles(bar: FourBar, theta: Real) -> Real:
     """Crank angles of poses on the side of the turn that the crank passes: those that do not turn fully, without a jump."""
     if bar.crank_turns:
         return theta

@@ -10,7 +10,7 @@ import numpy as np
 
 from mechcore.arrays import Real
 from mechcore.design.four_bars import FourBar, used_range
-from mechcore.design.strokes import SlottedLever
+from mechcore.design.strokes import SlottedLever, Whitworth
 from mechviz.scene.scene import Scene
 
 MM = 1e3
@@ -27,9 +27,16 @@ def four_bar_scene(
     teaches: str,
     marks: Mapping[str, complex] | None = None,
     traced: bool = True,
+    driven: str = "A",
+    side: int = 0,
 ) -> Scene:
-    """A four-bar as a scene: crank on A with pin B, coupler to C, rocker on D, traced point E; ``marks``: points of the frame."""
+    """A four-bar as a scene: crank on A with pin B, coupler to C, rocker on D, traced point E; ``marks``: points of the frame;
+    ``driven``: the joint that the drive turns; ``side`` of C, +1 left, where that is not of B -> D."""
     links, joints = four_bar_parts(bar, drive, traced=traced)
+    if driven != "A":
+        joints[driven]["drive"] = joints["A"].pop("drive")
+    if side:
+        joints["C"]["side"] = "left" if side > 0 else "right"
     links["frame"]["points"] |= {name: place(z) for name, z in (marks or {}).items()}
     return Scene.build(
         name=name,
@@ -52,7 +59,7 @@ def four_bar_parts(bar: FourBar, drive: Drive, *, traced: bool) -> tuple[dict[st
         "coupler": {"points": coupler},
         "rocker": {"points": {"D": [0, 0], "C": [bar.rocker * MM, 0]}},
     }
-    joints = {
+    joints: dict[str, dict[str, Any]] = {
         "A": {"revolute": ["frame", "crank"], "drive": drive},
         "B": {"revolute": ["crank", "coupler"]},
         "C": {"revolute": ["coupler", "rocker"], "side": "left" if bar.side > 0 else "right"},
@@ -105,6 +112,71 @@ def slotted_lever_scene(made: SlottedLever, *, name: str, title: str, teaches: s
             "A": {"revolute": ["crank", "block"]},
             "S": {"prismatic": ["lever", "block"], "at": ["B", "A"], "along": [1, 0], "branch": "ahead"},
             "B": {"revolute": ["frame", "lever"]},
+        },
+    )
+
+
+def whitworth_scene(made: Whitworth, *, name: str, title: str, teaches: str) -> Scene:
+    """A crank O-A whose block leads a lever that turns about B; its arm B-C moves a slider along x by a rod C-D, as a scene."""
+    return Scene.build(
+        name=name,
+        title=title,
+        teaches=teaches,
+        units={"length": "mm", "angle": "deg"},
+        links={
+            "frame": {"points": {"O": [0, 0], "B": [0, -made.frame * MM]}},
+            "crank": {"points": {"O": [0, 0], "A": [made.crank * MM, 0]}},
+            "block": {"points": {"A": [0, 0]}},
+            "lever": {"points": {"B": [0, 0], "C": [-made.arm * MM, 0]}},
+            "rod": {"points": {"C": [0, 0], "D": [made.rod * MM, 0]}},
+            "slider": {"points": {"D": [0, 0]}},
+        },
+        joints={
+            "O": {"revolute": ["frame", "crank"], "drive": {"speed": SPEED}},
+            "A": {"revolute": ["crank", "block"]},
+            "P": {"prismatic": ["lever", "block"], "at": ["B", "A"], "along": [1, 0], "branch": "ahead"},
+            "B": {"revolute": ["frame", "lever"]},
+            "C": {"revolute": ["lever", "rod"]},
+            "D": {"revolute": ["rod", "slider"]},
+            "S": {"prismatic": ["frame", "slider"], "at": ["B", "D"], "along": [1, 0], "branch": "ahead"},
+        },
+    )
+
+
+def slider_guide_scene(
+    pivot: complex,
+    pins: tuple[complex, complex],
+    traced: complex,
+    along: complex,
+    drive: Drive,
+    *,
+    marks: Mapping[str, complex],
+    **words: str,
+) -> Scene:
+    """A crank A-B and a slide through C that lead a body with the point E, as a scene. Places at the start [m]; ``along``: unit
+    direction of the slide."""  # fmt: skip
+    b, c = pins
+    turned = (c - b) / abs(c - b)
+    return Scene.build(
+        **words,
+        units={"length": "mm", "angle": "deg"},
+        trace=["E"],
+        links={
+            "frame": {"points": {"A": place(pivot), "G": place(c)} | {name: place(z) for name, z in marks.items()}},
+            "crank": {"points": {"A": [0, 0], "B": [abs(b - pivot) * MM, 0]}},
+            "coupler": {"points": {"B": [0, 0], "C": [abs(c - b) * MM, 0], "E": place((traced - b) / turned)}},
+            "slider": {"points": {"C": [0, 0]}},
+        },
+        joints={
+            "A": {"revolute": ["frame", "crank"], "drive": drive},
+            "B": {"revolute": ["crank", "coupler"]},
+            "C": {"revolute": ["coupler", "slider"]},
+            "S": {
+                "prismatic": ["frame", "slider"],
+                "at": ["G", "C"],
+                "along": [along.real, along.imag],
+                "branch": "ahead" if ((c - b) * along.conjugate()).real > 0.0 else "behind",
+            },
         },
     )
 

@@ -7,11 +7,20 @@ import numpy as np
 from mechcore.design.four_bars import FourBar
 from mechcore.design.freudenstein import FunctionTask, SliderGenerator
 from mechcore.design.straight_lines import STRAIGHT_LINES, StraightLine, hoecken, straightness
-from mechcore.design.strokes import SliderCrank, SlottedLever
+from mechcore.design.strokes import SliderCrank, SlottedLever, Whitworth
 from mechcore.errors import Fault, MechanismError
 from mechviz.scene.faults import did_you_mean
 from mechviz.studies.synthesis.four_bars import four_bar_lengths
-from mechviz.studies.synthesis.linkages import MM, SPEED, four_bar_scene, once, slider_crank_scene, slotted_lever_scene, to_and_fro
+from mechviz.studies.synthesis.linkages import (
+    MM,
+    SPEED,
+    four_bar_scene,
+    once,
+    slider_crank_scene,
+    slotted_lever_scene,
+    to_and_fro,
+    whitworth_scene,
+)
 from mechviz.studies.synthesis.solutions import Solution
 
 SAMPLES = 361  # of a structural error
@@ -66,6 +75,19 @@ def slotted_lever_solution(made: SlottedLever, stroke: float, ratio: float) -> S
         "swing [deg]": f"{np.degrees(made.swing):.4g}",
     }
     return Solution(slotted_lever_scene(made, name="stroke", title=title, teaches=QUICK), numbers)
+
+
+def whitworth_solution(made: Whitworth, stroke: float, ratio: float) -> Solution:
+    """Whitworth's quick return of a stroke [m] and a time ratio."""
+    title = f"Whitworth's quick return with a stroke of {stroke * MM:g} mm and a time ratio of {ratio:g}"
+    teaches = "The lever turns fully, faster on the side of the crank's pivot: the slider returns quickly."
+    numbers = {
+        "crank [mm]": f"{made.crank * MM:.6g}",
+        "pivots apart [mm]": f"{made.frame * MM:.6g}",
+        "arm [mm]": f"{made.arm * MM:.6g}",
+        "rod [mm]": f"{made.rod * MM:.6g}",
+    }
+    return Solution(whitworth_scene(made, name="stroke", title=title, teaches=teaches), numbers)
 
 
 def crank_rocker_solution(made: FourBar, swing: float, ratio: float) -> Solution:

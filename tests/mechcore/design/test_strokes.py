@@ -36,12 +36,22 @@ def test_slider_cranks_of_a_stroke_and_a_time_ratio():
 
 
 def test_the_crank_rocker_of_the_best_transmission():
-    """The frame length of the published case is that of the other side of the chord: its own transmission angle is 44.8 degrees."""
+    """The frame length of the reference's case is that of the other side of the chord, whose own transmission angle is 44.8
+    degrees: crank, coupler and rocker and the angle that it states belong to a frame of 1.2126, by the law of cosines."""
     inputs, expected = design_case("crank-rocker-optimum-transmission")
     swing = np.radians(inputs["psi0_deg"])
     best = best_crank_rocker(swing, expected["Q"], inputs["c"])
     assert (best.crank, best.coupler, best.rocker) == pytest.approx([expected[k] for k in "abc"], rel=1e-8)
     assert np.degrees(best.least_transmission()) == pytest.approx(expected["min_transmission_angle_deg"], rel=1e-10)
+    a, b, c = best.crank, best.coupler, best.rocker
+
+    def least(d):
+        folded, stretched = (np.arccos((b * b + c * c - x * x) / (2.0 * b * c)) for x in (d - a, d + a))
+        return np.degrees(min(folded, np.pi - stretched))
+
+    assert best.frame == pytest.approx(1.2126, abs=5e-5)
+    assert least(best.frame) == pytest.approx(expected["min_transmission_angle_deg"], rel=1e-10)
+    assert least(expected["d"]) == pytest.approx(44.8, abs=0.05)
     for made in (best, crank_rockers(swing, expected["Q"])[40]):
         _, b, _ = made.positions(CIRCLE)
         angle = np.unwrap(np.angle(b - made.rocker_pivot))
@@ -55,7 +65,7 @@ def test_slotted_levers_return_quickly():
     assert np.ptp(angle) == pytest.approx(made.swing, rel=1e-6)
     assert 2.0 * made.lever * np.sin(made.swing / 2.0) == pytest.approx(0.3, rel=1e-12)
     assert time_ratio(angle) == pytest.approx(2.0, rel=1e-5)
-    distance = whitworth(2.0, 0.1)  # half a turn of the lever takes as long as the crank's arc on its side
+    distance = whitworth(0.2, 2.0, 0.1).frame  # half a turn of the lever takes as long as the crank's arc on its side
     upper = 2.0 * np.arcsin(distance / 0.1) + np.pi
     assert upper / (2.0 * np.pi - upper) == pytest.approx(2.0, rel=1e-12)
 

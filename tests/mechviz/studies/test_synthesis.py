@@ -10,13 +10,17 @@ import mechviz
 from mechcore.design.burmester import Poses, burmester_curve
 from mechcore.design.chains import kinematic_chains
 from mechcore.design.dwells import dwell_linkages
-from mechcore.design.strokes import time_ratio
+from mechcore.design.strokes import time_ratio, whitworth
+from mechcore.errors import MechanismError
 from mechviz.commands.main import app
 from mechviz.runs import run_scene
 from mechviz.studies.synthesis import figures
 from mechviz.studies.synthesis.chains import chain_solutions, layout, outline
+from mechviz.studies.synthesis.cognates import cognate_solutions, traced_four_bar
 from mechviz.studies.synthesis.four_bars import dyads, motion_designs, motion_solutions
+from mechviz.studies.synthesis.guides import slider_guide_solutions, slider_guides
 from mechviz.studies.synthesis.rests import dwell_solutions
+from mechviz.studies.synthesis.strokes import whitworth_solution
 
 
 def asked(*words):
@@ -220,3 +224,37 @@ def test_what_cannot_be_done_is_said(words, said):
     assert done.exit_code == 2
     assert said in done.stderr
     assert "Traceback" not in done.stderr
+
+
+def test_cognates_draw_the_same_curve(tmp_path):
+    """The second one frame by frame, as its crank turns alike; the first at the frames where its coupler has turned as far."""
+    run = run_scene(mechviz.load("crank-rocker"), frames=72)
+    solutions = cognate_solutions(*traced_four_bar(run))
+    curve = run.motion.point("coupler", "E")
+    first, second = (run_scene(one.scene, frames=720 if k == 0 else 72) for k, one in enumerate(solutions))
+    np.testing.assert_allclose(second.motion.point("coupler", "E"), curve, atol=1e-12)
+    drawn = first.motion.point("coupler", "E")
+    apart = np.hypot(*(curve[:, None] - drawn[None]).transpose(2, 0, 1)).min(axis=1)
+    assert apart.max() < 0.6 * np.hypot(*np.diff(drawn, axis=0).T).max()
+    with pytest.raises(MechanismError, match="no four-bar loop"):
+        traced_four_bar(run_scene(mechviz.load("parametric-press"), frames=4))
+
+
+def test_whitworths_quick_return_has_its_stroke_and_time_ratio():
+    scene = whitworth_solution(whitworth(0.2, 1.8, 0.1), 0.2, 1.8).scene
+    place = run_scene(scene, frames=720).motion.coordinate("S")[:-1, 0]
+    assert np.ptp(place) == pytest.approx(0.2, rel=1e-5)
+    assert time_ratio(place) == pytest.approx(1.8, rel=1e-4)
+
+
+def test_a_slide_and_a_crank_lead_a_body_through_four_positions():
+    rows = np.array([[0, 0, 0], [30, 15, 20], [60, 20, 45], [75, 10, 70]], float)
+    poses = Poses((rows[:, 0] + 1j * rows[:, 1]) * 1e-3, np.radians(rows[:, 2]))
+    best = slider_guides(poses, *dyads(poses, (), (), 1.0), 3)
+    assert not best[0].defects and all(one.defects for one in best[1:])
+    run = run_scene(slider_guide_solutions(poses, best)[0].scene, frames=720)
+    place, angle = run.motion.point("coupler", "E"), run.motion.pose("coupler")[:, 2]
+    for z, turn in zip(poses.places, poses.angles - poses.angles[0], strict=True):
+        near = int(np.hypot(*(place - [z.real, z.imag]).T).argmin())
+        assert np.hypot(*(place[near] - [z.real, z.imag])) < 3e-4
+        assert angle[near] - angle[int(np.hypot(*place.T).argmin())] == pytest.approx(turn, abs=0.02)
