@@ -151,12 +151,13 @@ def curvature(motion: Motion, link: str, point: str) -> Real:
 
 @dataclass(frozen=True)
 class Grashof:
-    """A four-bar loop: its joints, its link lengths [m] in the order of those joints, its margin and its type.
+    """A four-bar loop: its joints, its links (crank, coupler, rocker, frame) with their lengths [m], its margin and its type.
 
     ``margin``: p + q - s - l [m]; positive where the shortest link can turn fully (Grashof), 0 at a change-point linkage.
     """
 
     joints: tuple[str, ...]
+    links: tuple[str, ...]
     lengths: tuple[float, ...]
     margin: float
     type: str
@@ -191,6 +192,7 @@ def grashof(model: Model) -> tuple[Grashof, ...]:
         out.append(
             Grashof(
                 joints=tuple(model.joints[j].name for j in joints),
+                links=tuple(model.links[k] for k in order),
                 lengths=(a, b, c_, d),
                 margin=s[1] + s[2] - s[0] - s[3],
                 type=grashof_type(a, b, c_, d),

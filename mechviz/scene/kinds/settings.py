@@ -245,6 +245,8 @@ class GoalDocument(Table):
     """A path to take."""
     limits: dict[Text, LimitDocument] = Field(default={})
     """Limits of quantities, by their names with reducers such as "joint.B.reaction:peak"."""
+    grashof: Literal["any", "crank-rocker", "double-crank", "double-rocker"] | None = None
+    """Grashof's rule for the four-bar loops: of any type, or with crank, frame or coupler as the shortest link."""
 
     @model_validator(mode="after")
     def _some(self) -> GoalDocument:

@@ -234,8 +234,7 @@ class Optimum:
 
 def _limited(problem: Problem, designs: Real) -> Real:
     """The limited values (D, L) of designs."""
-    results = evaluate(problem.study, designs)
-    return np.stack([results.values[limit.measure] for limit in problem.limits], axis=-1) if problem.limits else np.zeros((2, 0))
+    return problem.limited(designs, evaluate(problem.study, designs).values)
 
 
 def _reached(limit: Limit, value: float) -> bool:

@@ -16,6 +16,7 @@ from mechviz.scene.kinds.settings import GoalDocument
 from mechviz.scene.scene import Scene
 from mechviz.scene.units import QuantityError, split, unit_of
 from mechviz.studies.designs.evaluate import Study, evaluate, study_of
+from mechviz.studies.designs.grashof import MM, FourBarLoop, four_bar_loops
 from mechviz.studies.designs.measures import Measure, parse_measure
 from mechviz.studies.designs.sampling import Variation
 from mechviz.studies.designs.sensitivity import sensitivities
@@ -48,7 +49,8 @@ class Term:
 
 @dataclass(frozen=True, eq=False)
 class Limit:
-    """Least and greatest value of a measure, in the unit of its quantity, and the scale of its violation."""
+    """Least and greatest value of a measure, in the unit of its quantity, or of the margin of a four-bar ``loop`` by Grashof's
+    rule, and the scale of its violation."""
 
     text: str
     unit: str
@@ -56,6 +58,7 @@ class Limit:
     least: float
     most: float
     scale: float
+    loop: FourBarLoop | None = None
 
     def violation(self, values: Real) -> Real:
         """By how much (D,), relative, values miss the limit; 0 where they keep it."""
@@ -112,10 +115,19 @@ class Problem:
         missing = np.concatenate([a.missing for a in answers])
         with np.errstate(invalid="ignore"):
             objectives = np.stack([term.value([values[k] for k in term.measures]) for term in self.terms], axis=-1)
-            violations = sum((limit.violation(values[limit.measure]) for limit in self.limits), np.zeros(len(designs)))
+            limited = self.limited(designs, values).T
+            violations = sum((limit.violation(x) for limit, x in zip(self.limits, limited, strict=True)), np.zeros(len(designs)))
         unfit = (missing > 0.0) | ~np.isfinite(objectives).all(axis=1) | ~np.isfinite(violations)
         violations = np.where(unfit, UNFIT * (1.0 + missing), violations)
         return Judged(designs, np.where(unfit[:, None], np.nan, objectives), violations)
+
+    def limited(self, designs: Real, values: Sequence[Real]) -> Real:
+        """The limited values (D, L) of designs (D, n), from those of the measures."""
+        columns = [
+            values[limit.measure] if limit.loop is None else limit.loop.margins(self.study.scene, self.variables, designs)
+            for limit in self.limits
+        ]
+        return np.stack(columns, axis=-1) if columns else np.zeros((len(designs), 0))
 
     def scene(self, design: Real) -> Scene:
         """The scene of a design (n,)."""
@@ -141,9 +153,12 @@ class Problem:
             weights = term.weights(own)
             parts = [by[k] @ np.atleast_1d(w) for k, w in zip(term.measures, weights, strict=True)]
             gradients.append(np.sum(parts, axis=0))
-        limited = np.array([float(values[limit.measure]) for limit in self.limits])
-        limited_by = np.array([by[limit.measure][:, 0] for limit in self.limits]).reshape(len(self.limits), len(design))
-        return np.array(objectives), limited, np.array(gradients), limited_by
+        limited = self.limited(design[None], [x[None] for x in values])[0]
+        limited_by = [
+            by[limit.measure][:, 0] if limit.loop is None else limit.loop.slopes(self.study.scene, self.variables, design)
+            for limit in self.limits
+        ]
+        return np.array(objectives), limited, np.array(gradients), np.array(limited_by).reshape(len(self.limits), len(design))
 
 
 def problem_of(scene: Scene, *, frames: int | None = None, cycles: int | None = None) -> Problem:
@@ -203,6 +218,10 @@ def problem_of(scene: Scene, *, frames: int | None = None, cycles: int | None = 
             )
         scale = max(abs(x) for x in (least, most) if np.isfinite(x)) or 1.0
         limits.append(Limit(text, quantities[k].unit, k, least, most, scale))
+    for loop in [] if goal.grashof is None else four_bar_loops(study.nominal, goal.grashof):
+        text = f"Grashof {loop.name}" + (f", {loop.type}" if loop.type != "any" else "")
+        size = float(np.mean(loop.lengths(scene.mechanism))) * MM
+        limits.append(Limit(text, "mm", -1, 0.0, np.inf, size, loop))
     return Problem(study, variables, tuple(terms), tuple(limits))
 
 

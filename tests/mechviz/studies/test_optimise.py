@@ -83,6 +83,23 @@ def test_a_hidden_linkage_is_found_again(kind, wanted):
     assert search.best()[1] < 1e-3 and not search.refused
 
 
+def test_grashofs_rule_is_a_limit():
+    """Crank 60, coupler 175, frame 200 mm: the rocker of a crank-rocker is 85 to 315 mm long, also where the crank only swings."""
+    goal = {"vary": ["c"], "minimise": "link.rocker.angle:range", "grashof": "crank-rocker"}
+    swinging = {("joints", "A", "drive"): {"oscillation": {"centre": 60, "amplitude": 10, "period": "1 s"}}}
+    scene = four_bar(HIDDEN, goal).changed({**swinging, ("parameters", "c", "range"): ["40 mm", "330 mm"]})
+    problem = problem_of(scene, frames=FRAMES)
+    rockers = np.array([50.0, 85.0, 100.0, 315.0, 320.0])
+    np.testing.assert_allclose(problem.limited(rockers[:, None], [])[:, 0], [-15.0, 0.0, 15.0, 0.0, -5.0], atol=1e-9)
+    np.testing.assert_array_equal(problem.judged(np.array([[84.0], [86.0], [314.0], [318.0]])).feasible, [False, True, True, False])
+    for rocker, slope in ((100.0, 1.0), (310.0, -1.0)):
+        np.testing.assert_allclose(problem.differentiated(np.array([rocker]))[3], [[slope]], rtol=1e-9)
+    best = optimise(Search(problem, generations=4))
+    assert "Grashof A-B-C-D, crank-rocker" in str(list(best.lines())) and 85.0 - 1e-6 <= best.design[0] <= 315.0 + 1e-6
+    with pytest.raises(MechanismError, match="no four-bar loop"):
+        problem_of(press({"minimise": "drive.A.torque:peak", "grashof": "any"}), frames=12)
+
+
 def press(goal):
     return load("parametric-press").changed({("goal",): {"vary": ["stroke", "ratio"], **goal}})
 
