@@ -10,6 +10,7 @@ from collections.abc import Callable, Iterator
 from concurrent.futures import Executor
 from contextlib import suppress
 from dataclasses import dataclass, field
+from itertools import product
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -261,45 +262,76 @@ def optimise(search: Search, *, points: int = 9) -> Optimum:
         if violation >= 10.0:
             why = "no design was found that can be assembled in all frames of the run."
         raise MechanismError(Fault("goal", why, "Widen limits or ranges, or look longer: --generations, --population."))
-    front = _front(search, points) if objectives > 1 else design[None]
-    return Optimum(search, front[len(front) // 2] if objectives > 1 else design, front)
+    if objectives == 1:
+        return Optimum(search, design, design[None])
+    front = _front(search, points)
+    middle = len(front) // 2 if objectives == 2 else int(_regrets(search.problem.judged(front).objectives).max(axis=1).argmin())
+    return Optimum(search, front[middle], front)
 
 
-def _levels(known: Judged, points: int) -> Real:
-    """Values of the second objective from that where the first is least down to its own least."""
-    ends = [float(known.objectives[known.best(k), 1]) for k in (0, 1)]
-    return np.linspace(ends[0], ends[1], points)
+def _levels(known: Judged, points: int) -> list[Real]:
+    """Values (m - 1,) of the objectives after the first: each from where the first is least down to its own least, about so many
+    combinations."""
+    count = known.objectives.shape[1]
+    best = known.objectives[[known.best(k) for k in range(count)]]
+    each = points if count == 2 else max(3, round(points ** (1.0 / (count - 1))))
+    ways = [np.linspace(best[0, k], best[k, k], each) for k in range(1, count)]
+    return [np.array(level) for level in product(*ways)]
 
 
-def _below(known: Judged, level: float) -> int | None:
-    """The design whose first objective is least among those with the second up to a level, where there is one."""
-    kept = np.flatnonzero(known.feasible & (known.objectives[:, 1] <= level + SLACK * abs(level)))
+def _below(known: Judged, level: Real) -> int | None:
+    """The design whose first objective is least among those with the others up to a level (m - 1,), where there is one."""
+    kept = np.flatnonzero(known.feasible & np.all(known.objectives[:, 1:] <= level + SLACK * np.abs(level), axis=1))
     return int(kept[np.lexsort(known.objectives[kept].T[::-1])[0]]) if len(kept) else None
 
 
 def _spread(search: Search, points: int) -> None:
-    """Compromises between the first two objectives: each one least, the other no greater than values between its ends."""
+    """Compromises: the first objective least, the others no greater than values between their ends."""
     first = search.best(0)
-    search.refine(1, {0: first[1] + SLACK * abs(first[1])}, first[0], steps=8)
+    for k in range(1, len(search.problem.terms)):
+        search.refine(k, {0: first[1] + SLACK * abs(first[1])}, first[0], steps=8)
     for level in _levels(search.all, points)[1:]:
-        begin = _below(search.all, float(level))
+        begin = _below(search.all, level)
         if begin is not None:
-            search.refine(0, {1: float(level) + SLACK * abs(float(level))}, search.all.designs[begin], steps=8)
+            most = {k: float(x) + SLACK * abs(float(x)) for k, x in enumerate(level, 1)}
+            search.refine(0, most, search.all.designs[begin], steps=8)
 
 
 def _front(search: Search, points: int) -> Real:
-    """Designs (K, n), one for each of so many levels of the second objective, of which none is better than another in both."""
+    """Designs (K, n) of which none is better than another in all objectives, in the order of the first: of two one for each of so
+    many levels of the second, of more those of all that were looked at which are furthest apart."""
     known = search.all
-    chosen = [k for level in _levels(known, points) if (k := _below(known, float(level))) is not None]
+    if len(search.problem.terms) == 2:
+        chosen = [k for level in _levels(known, points) if (k := _below(known, level)) is not None]
+        unbeaten = [k for k in dict.fromkeys(chosen) if not _beaten(known.objectives[chosen], known.objectives[k])]
+        return np.asarray(known.designs[unbeaten])
+    some = np.flatnonzero(known.feasible)
+    some = some[np.lexsort(known.objectives[some].T[::-1])]  # nobody is beaten by one that comes later
     front: list[int] = []
-    for k in dict.fromkeys(chosen):
-        if not any(j != k and np.all(known.objectives[j] <= known.objectives[k]) for j in chosen):
-            front.append(k)
-    return known.designs[front]
+    for one in some.tolist():
+        if not _beaten(known.objectives[front], known.objectives[one]):
+            front.append(one)
+    scaled = _regrets(known.objectives[front])
+    kept: list[int] = list(dict.fromkeys(scaled.argmin(axis=0).tolist()))
+    while len(kept) < min(points, len(front)):
+        apart = np.linalg.norm(scaled[:, None] - scaled[kept], axis=-1).min(axis=1)
+        kept.append(int(apart.argmax()))
+    return np.asarray(known.designs[[front[k] for k in sorted(kept)]])
+
+
+def _beaten(others: Real, own: Real) -> bool:
+    """Whether one of some objectives (K, m) is nowhere worse than others (m,), and somewhere better."""
+    return bool(np.any(np.all(others <= own, axis=1) & np.any(others < own, axis=1)))
+
+
+def _regrets(objectives: Real) -> Real:
+    """How far objectives (K, m) are from the least of each, in parts of their ranges."""
+    low, high = objectives.min(axis=0), objectives.max(axis=0)
+    return np.asarray((objectives - low) / np.where(high > low, high - low, 1.0))
 
 
 def front_chart(optimum: Optimum, title: str) -> Figure:
-    """The front of two objectives among all designs that keep the limits."""
+    """The front among all designs that keep the limits, the first objective against the second, a third one as colour."""
     problem, known = optimum.search.problem, optimum.search.all
     first, second = problem.terms[:2]
     some = known.objectives[known.feasible]
@@ -307,7 +339,15 @@ def front_chart(optimum: Optimum, title: str) -> Figure:
     with chart(6.5, 4.5) as figure:
         axes = figure.subplots()
         axes.plot(first.sign * some[:, 0], second.sign * some[:, 1], ".", markersize=2.0, color="#c3c9d0", label="looked at")
-        axes.plot(first.sign * front[:, 0], second.sign * front[:, 1], "o-", color="#1b6ca8", label="front")
+        if len(problem.terms) == 2:
+            axes.plot(first.sign * front[:, 0], second.sign * front[:, 1], "o-", color="#1b6ca8", label="front")
+        else:
+            third = problem.terms[2]
+            values = third.sign * front[:, 2]
+            marks = axes.scatter(
+                first.sign * front[:, 0], second.sign * front[:, 1], c=values, cmap="viridis", zorder=3, label="front"
+            )
+            figure.colorbar(marks, ax=axes, label=f"{third.text} [{third.unit}]")
         axes.set_xlabel(f"{first.text} [{first.unit}]")
         axes.set_ylabel(f"{second.text} [{second.unit}]")
         axes.legend()

@@ -9,7 +9,7 @@ from typer.testing import CliRunner
 from mechcore.errors import MechanismError
 from mechviz.commands.main import app
 from mechviz.runs import run_scene
-from mechviz.scene.scene import Scene, load
+from mechviz.scene.scene import Scene, dump, load
 from mechviz.studies.designs.optimise import Search, optimise
 from mechviz.studies.designs.problem import problem_of
 
@@ -94,7 +94,7 @@ def test_grashofs_rule_is_a_limit():
     np.testing.assert_array_equal(problem.judged(np.array([[84.0], [86.0], [314.0], [318.0]])).feasible, [False, True, True, False])
     for rocker, slope in ((100.0, 1.0), (310.0, -1.0)):
         np.testing.assert_allclose(problem.differentiated(np.array([rocker]))[3], [[slope]], rtol=1e-9)
-    best = optimise(Search(problem, generations=4))
+    best = optimise(Search(problem, generations=1))
     assert "Grashof A-B-C-D, crank-rocker" in str(list(best.lines())) and 85.0 - 1e-6 <= best.design[0] <= 315.0 + 1e-6
     with pytest.raises(MechanismError, match="no four-bar loop"):
         problem_of(press({"minimise": "drive.A.torque:peak", "grashof": "any"}), frames=12)
@@ -128,6 +128,25 @@ def test_a_front_has_no_design_that_another_beats():
     assert len(best.front) == 4 and np.all(np.diff(objectives[:, 0]) > 0.0) and np.all(np.diff(objectives[:, 1]) < 0.0)
     np.testing.assert_allclose(best.front[[0, -1], 0], [40.0, 120.0], rtol=1e-5)
     np.testing.assert_allclose(best.front[:, 1], 3.0, rtol=5e-3)
+
+
+def test_a_front_of_three_objectives_goes_from_the_best_of_each_to_that_of_the_others(tmp_path):
+    """Length and torque small, stroke great: the shortest has the least stroke and ratio, the strongest the least stroke and the
+    greatest ratio, the longest stroke any ratio."""
+    file = tmp_path / "three.toml"
+    goal = {"minimise": ["link.ram.position[x]:max", "drive.A.torque:peak"], "maximise": "joint.S.displacement:range"}
+    dump(press(goal), file)
+    words = ["optimise", str(file), "-n", "8", "--generations", "1", "--points", "6"]
+    said = CliRunner().invoke(app, [*words, "--front", str(tmp_path / "f.csv"), "--plot", str(tmp_path / "f.svg")])
+    assert said.exit_code == 0, said.stderr
+    rows = np.loadtxt(tmp_path / "f.csv", delimiter=",", skiprows=1)
+    costs, strokes, ratios = rows[:, :3] * [1.0, 1.0, -1.0], rows[:, 3], rows[:, 4]
+    assert len(rows) == 6 and not any(np.all(a <= b) for i, a in enumerate(costs) for j, b in enumerate(costs) if i != j)
+    for k, stroke, ratio in ((0, 40.0, 3.0), (1, 40.0, 6.0), (2, 120.0, None)):
+        best = costs[:, k].argmin()
+        assert strokes[best] == pytest.approx(stroke, rel=1e-3) and (
+            ratio is None or ratios[best] == pytest.approx(ratio, rel=1e-2)
+        )
 
 
 def test_an_interrupted_search_keeps_its_best():
