@@ -51,6 +51,16 @@ COLORS: Mapping[str, Color] = {
 }
 """Colours on a dark ground."""
 
+LEGENDS: Mapping[str, Mapping[str, str]] = {
+    "velocity": {"absolute": "absolute", "relative": "relative", "sliding": "sliding"},
+    "acceleration": {
+        "absolute": "absolute", "normal": "normal", "tangential": "tangential", "coriolis": "Coriolis", "sliding": "sliding",
+    },
+    "force": {"reaction": "reactions", "inner": "between links", "load": "loads", "inertia": "inertia", "gravity": "weights"},
+    "shaking": {"before": "without counterweights", "after": "with counterweights"},
+}  # fmt: skip
+"""What the colours of a drawing mean, by the drawing's name."""
+
 INSIDE = 0.9  # of the frames, on each side, for which a view has room where some frames run far out
 FAR = 1.7  # times the room of these frames: a drawing that reaches less far has room in all frames
 FILL = 1.0  # size of a drawing in sizes of the mechanism
@@ -97,6 +107,13 @@ class Drawing:
         """Colours and points (F,) of the curves along which tips go: of a polar plot, the one drawing that shows them."""
         polar = self.name == "shaking"
         return [(i.color, i.start + i.vector) for i in self.strokes if not i.plain] if polar else []
+
+    @property
+    def legend(self) -> list[tuple[str, Color]]:
+        """What the colours mean that are there, where there are several: words and colour."""
+        there = {stroke.color for stroke in self.strokes}
+        found = [(words, COLORS[key]) for key, words in LEGENDS.get(self.name, {}).items() if COLORS[key] in there]
+        return found if len(found) > 1 else []
 
     @property
     def bounds(self) -> Real:

@@ -39,15 +39,15 @@ CURSOR = """uuid => { const d = window.__viserTestpoints.uplots[uuid]?.chart?.da
     return Array.from(d[0]).filter((_, k) => Number.isFinite(d[d.length - 1][k])); }"""
 
 
-def new_page(browser: Any, size: dict[str, int]) -> Any:
-    opened = browser.new_page(viewport=size)
+def new_page(browser: Any, size: dict[str, int], **more: Any) -> Any:
+    opened = browser.new_page(viewport=size, **more)
     opened.set_default_timeout(1000.0 * PATIENCE)
     return opened
 
 
-def open_viewer(browser: Any, viewer: Any, size: dict[str, int], nodes: Sequence[str]) -> Any:
-    """A page with the viewer, when these nodes of the scene are there, with fewer pixels and samples."""
-    page = new_page(browser, size)
+def open_viewer(browser: Any, viewer: Any, size: dict[str, int], nodes: Sequence[str], **more: Any) -> Any:
+    """A page with the viewer, when these nodes of the scene are there, with fewer pixels and samples; ``more`` of the page."""
+    page = new_page(browser, size, **more)
     page.add_init_script(ONE_SAMPLE)
     page.goto(f"{viewer.url}{PIXELS}")
     _arrange(page, nodes)

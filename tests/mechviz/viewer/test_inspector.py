@@ -612,8 +612,14 @@ def test_a_cam_has_diagrams_of_its_pressure_angle_and_curvature():
 def test_labels_of_a_diagram_stand_apart_and_are_written_as_by_hand():
     run = run_scene(scene.load("plans-four-bar"), frames=36)
     diagram = diagrams_of(show_of_run(run, build(run)))["Acceleration plan"]
+    inks = dict(diagram.drawing.legend)
+    assert list(inks) == ["absolute", "normal", "tangential"]
+    for stroke in diagram.drawing.strokes:
+        kind = {"ⁿ": "normal", "ᵗ": "tangential"}.get(stroke.label[-1], "absolute")
+        assert stroke.color == inks[kind], stroke.label
     for frame in (0, 12, 30):
         picture = diagram_svg(diagram, frame)
+        assert all(f">{words}</text>" in picture for words in inks), "the legend of the colours"
         assert re.search(r'>a<tspan dy="3" font-size="8.5">DB</tspan><tspan dy="-3">ᵗ</tspan><', picture)
         drawn = re.findall(r'<text x="([\d.-]+)" y="([\d.-]+)" font-size="11" text-anchor="middle"[^>]*>(.*?)</text>', picture)
         boxes = [(float(x), float(y), 3.0 * len(re.sub("<.*?>", "", text)), 5.0) for x, y, text in drawn]

@@ -38,6 +38,7 @@ from mechviz.outputs.viewer.app import Viewer
 from mechviz.outputs.viewer.panels import accuracy as accuracy_tab
 from mechviz.outputs.viewer.viser_adapter import uuid_of
 from mechviz.outputs.viewer.world.camera import PRESETS
+from mechviz.outputs.viewer.world.labels import SMALL, typeset
 from mechviz.outputs.viewer.world.solids import link_path
 from mechviz.picture.build import solids_of
 from mechviz.picture.nodes import Body
@@ -69,6 +70,19 @@ PROJECTED = """([x, y, z]) => { const m = window.__viserMutable, r = m.canvas.ge
     return [r.left + (p.x + 1) / 2 * r.width, r.top + (1 - p.y) / 2 * r.height]; }"""
 BOTH = f"([node, at]) => [({PLACE})(node), ({PROJECTED})(at)]"
 FOV = "() => window.__viserMutable.camera.fov"
+# Whether plates of labels that are drawn are dark
+PLATES = """() => { const own = window.__viserMutable.scene.__r3f, found = new Set();
+    (own.root || own).getState().scene.traverse(o => { const shader = o.isMesh && o.material.fragmentShader;
+        if (shader && shader.includes('0.85 * vAlpha') && o.geometry.instanceCount) found.add(!shader.includes('1.0, 1.0')); });
+    return [...found]; }"""
+# From where to where below the line a text reaches, as it is drawn and as it is measured, and how wide it is
+ROWS = """text => { const canvas = Object.assign(document.createElement('canvas'), { width: 200, height: 200 });
+    const g = canvas.getContext('2d'), rows = new Set();
+    g.font = '80px sans-serif';
+    g.fillText(text, 20, 100);
+    g.getImageData(0, 0, 200, 200).data.forEach((v, k) => { if (k % 4 === 3 && v > 128) rows.add(Math.floor(k / 800)); });
+    const { actualBoundingBoxAscent: up, actualBoundingBoxDescent: down, width } = g.measureText(text);
+    return [Math.min(...rows) - 100, Math.max(...rows) - 99, -up, down, width]; }"""
 DATA = "uuid => Array.from(window.__viserTestpoints.uplots[uuid].chart.data[1])"
 
 
@@ -349,8 +363,19 @@ def test_cameras_2d_and_dark(viewer, page):
     bright = picture(page).mean()
     page.get_by_label("Dark page").check()
     until(page, lambda: picture(page).mean() < 0.6 * bright, "a dark picture")
+    until(page, lambda: page.evaluate(PLATES) == [True], "dark plates below the names of joints")
     page.get_by_label("Dark page").uncheck()
+    until(page, lambda: page.evaluate(PLATES) == [False], "light ones again")
     until(page, lambda: picture(page).mean() > 0.9 * bright, "a light picture")
+
+
+def test_letters_below_the_line_are_smaller_and_lower(page):
+    """As the page draws them for the labels of the scene."""
+    above, line, _, _, width = page.evaluate(ROWS, "B")
+    top, bottom, ascent, descent, narrow = page.evaluate(ROWS, typeset("a_B").removeprefix("a"))
+    assert line == pytest.approx(0, abs=1) and 10 <= bottom <= 22 and bottom - top == pytest.approx(SMALL * (line - above), abs=2)
+    assert (top, bottom) == pytest.approx((ascent, descent), abs=2) and narrow == pytest.approx(SMALL * width, rel=0.03)
+    assert page.evaluate(ROWS, typeset("a_B"))[4] == pytest.approx(narrow + page.evaluate(ROWS, "a")[4], rel=0.02)
 
 
 def test_marks_lie_at_their_joints_and_the_mechanism_fills_the_picture(viewer, page):

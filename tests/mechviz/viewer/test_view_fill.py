@@ -4,30 +4,18 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from filled import SCENES, arrows_box, solid_points
 
 from mechviz.outputs.viewer.world.camera import PRESETS, fit_view
-from mechviz.picture.build import solid_nodes
-from recordings import ran, solids
+from recordings import solids
 
-SCENES = (
-    "crank-rocker", "stephenson-six-bar", "slider-crank-compressor", "cam-roller", "jansen-leg", "scissor-lift",
-    "gear-train", "cam-conjugate", "valve-train", "peaucellier",
-)  # fmt: skip
 FREE = {"1600x1000": 930 / 920, "1280x720": 610 / 616, "390x844": 390 / 388, "844x390": 764 / 294}
 """Width over height of what panels and the timeline leave of a window."""
 
 
 @pytest.mark.parametrize("name", SCENES)
 def test_a_mechanism_fills_two_thirds_of_the_height_or_width_and_no_part_is_cut_off(name):
-    run, shapes = ran(name), solids(name)
-    spots = []
-    for body in solid_nodes(run, shapes):
-        xyz, pose = body.mesh.vertices[::7].astype(float), run.motion.pose(body.parent)[::30]
-        world = (xyz[:, 0] + 1j * xyz[:, 1]) * np.exp(1j * pose[:, 2:]) + (pose[:, 0] + 1j * pose[:, 1])[:, None]
-        spots.append(np.column_stack([world.real.ravel(), world.imag.ravel(), np.tile(xyz[:, 2], len(pose))]))
-    points = np.concatenate(spots)
-    core = np.asarray(shapes.bounds, float)
-    arrows = core + 0.15 * shapes.size * np.array([[-1.0, -1.0, 0.0], [1.0, 1.0, 0.0]])  # as far as they may widen the view
+    points, arrows, core = solid_points(name), arrows_box(name), np.asarray(solids(name).bounds, float)
     for window, aspect in FREE.items():
         for preset in (PRESETS["front"], PRESETS["isometric"]):
             view = fit_view(arrows, aspect, preset, core)

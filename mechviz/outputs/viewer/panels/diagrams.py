@@ -3,7 +3,6 @@ as pressure against displacement. All move with the frame."""
 
 from __future__ import annotations
 
-import re
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -24,7 +23,7 @@ from mechviz.outputs.viewer.server import Callback
 from mechviz.outputs.viewer.session import EditSession
 from mechviz.outputs.viewer.view_model import Rolling, ViewModel
 from mechviz.outputs.viewer.world.constructions import ink
-from mechviz.outputs.viewer.world.labels import LabelPlaces, half_sizes
+from mechviz.outputs.viewer.world.labels import LabelPlaces, half_sizes, parted
 from mechviz.outputs.viewer.world.marks import PATH
 from mechviz.picture.constructions import Drawing
 from mechviz.picture.overlays import FIXED, MOVING
@@ -176,6 +175,10 @@ def diagram_svg(diagram: Diagram | Chart, frame: int) -> str:
             x, y = place(now)
             parts.append(f'<circle cx="{x:.1f}" cy="{y:.1f}" r="4" fill="{ink(curve.color)}"/>')
     if diagram.drawing is not None:
+        for k, (words_of, color) in enumerate(diagram.drawing.legend):
+            y = 12.0 + 13.0 * k
+            parts.append(f'<path d="M{WIDTH - 20.0:g},{y:g} h14" stroke="{ink(color)}" stroke-width="2.5"/>')
+            parts.append(_text((WIDTH - 24.0, y), words_of, "currentColor", "end"))
         strokes, marks = diagram.drawing.strokes, diagram.drawing.marks
         starts = at(np.array([stroke.start[frame] for stroke in strokes], complex))
         vectors = np.asarray(scale * np.array([stroke.vector[frame] for stroke in strokes], complex), complex)
@@ -334,11 +337,9 @@ def _text(at: tuple[float, float], text: str, color: str, anchor: str = "middle"
 
 def _written(label: str) -> str:
     """``a_CBⁿ`` with CB below the line, as it is written by hand."""
-    parts = re.fullmatch(r"([A-Za-z])_(.+?)([ⁿᵗᶜʳ]?)", label)
-    if parts is None:
-        return escape(label)
-    letter, below, above = (escape(part) for part in parts.groups())
-    return f'{letter}<tspan dy="3" font-size="8.5">{below}</tspan>' + (f'<tspan dy="-3">{above}</tspan>' if above else "")
+    letter, below, above = (escape(part) for part in parted(label))
+    below = f'<tspan dy="3" font-size="8.5">{below}</tspan>' if below else ""
+    return letter + below + (f'<tspan dy="-3">{above}</tspan>' if above else "")
 
 
 def _fewer(z: Complex, most: int = 400) -> Complex:

@@ -19,7 +19,7 @@ from mechcore.arrays import Complex, Flags, Real, Single
 from mechviz.outputs.viewer.view_model import ViewModel
 from mechviz.outputs.viewer.words import scale
 from mechviz.outputs.viewer.world.bodies import segments
-from mechviz.outputs.viewer.world.labels import LabelPlaces, half_sizes
+from mechviz.outputs.viewer.world.labels import LabelPlaces, half_sizes, typeset
 from mechviz.outputs.viewer.world.solids import link_path
 from mechviz.picture.centres import CENTRES
 from mechviz.picture.constructions import Drawing, rows_of
@@ -31,7 +31,8 @@ Color = tuple[int, int, int]
 BARB = 0.035  # length of the lines of an arrow's head, in sizes of the mechanism; of short arrows a third of their length
 BARB_ANGLE = 0.36  # [rad]
 GAP = 0.22  # between the mechanism and what stands beside it, in its sizes
-CAPTION = 0.1  # room for a caption above a drawing, in sizes of the mechanism
+CAPTION = 0.15  # room for a caption and a legend above a drawing, in sizes of the mechanism
+SWATCH = 0.05  # length of a line of the legend, in sizes of the mechanism
 LEAST_LABEL = 0.035  # a side shorter than this, in sizes of the mechanism, has no label: it would hide its neighbours
 SCREEN = np.array([700.0, 560.0])  # [px] part of an ordinary window that the view takes
 NEAR = 0.045  # a point this near to another one, in sizes of the mechanism, leaves the label to that one
@@ -224,7 +225,7 @@ class PlanNodes:
         return node
 
     def _label(self, path: str, text: str, large: float = 0.85, anchor: str = "center-center") -> viser.LabelHandle:
-        return self._server.scene.add_label(path, text, anchor=anchor, font_screen_scale=large)
+        return self._server.scene.add_label(path, typeset(text), anchor=anchor, font_screen_scale=large)
 
     def _per_pixel(self) -> float:
         """Metres in a pixel of the screen, about, in the view from the front that shows everything."""
@@ -261,8 +262,8 @@ class PlanNodes:
             1.0,
             "bottom-center",
         )
-        caption.position = (0.5 * (low[0] + high[0]), high[1] + 0.4 * CAPTION * size, self._z)
-        nodes += [*words, *points, caption]
+        caption.position = (0.5 * (low[0] + high[0]), high[1] + 0.65 * CAPTION * size, self._z)
+        nodes += [*words, *points, caption, *self._legend(path, drawing, complex(0.5 * (low[0] + high[0]), high[1]))]
         for k, (color, tips) in enumerate(drawing.curves):
             z = tips[np.isfinite(tips)] + at
             if len(z) > 1:
@@ -279,6 +280,22 @@ class PlanNodes:
                 self._stand(labels, places)
 
         return Construction(tuple(nodes), show)
+
+    def _legend(self, path: str, drawing: Drawing, at: complex) -> list[viser.LineSegmentsHandle | viser.LabelHandle]:
+        """What the colours of a drawing mean, in a row about a place."""
+        if not drawing.legend:
+            return []
+        words, colors = zip(*drawing.legend, strict=True)
+        wide = 2.0 * half_sizes(list(words), self._per_pixel())[:, 0] + 2.0 * SWATCH * self._size
+        starts = at.real - 0.5 * wide.sum() + np.cumsum(wide) - wide
+        height, swatch = at.imag + 0.35 * CAPTION * self._size, SWATCH * self._size
+        ends = np.stack([starts, starts + swatch], axis=1) + 1j * height
+        nodes: list[viser.LineSegmentsHandle | viser.LabelHandle] = [self._lines(f"{path}/legend", self._space(ends), colors, 3.0)]
+        for word, x in zip(words, starts, strict=True):
+            label = self._label(f"{path}/legend {word}", word, 0.8, "center-left")
+            label.position = (x + 1.2 * swatch, height, self._z)
+            nodes.append(label)
+        return nodes
 
     def _stand(self, labels: Iterable[Any], places: Iterable[Any]) -> None:
         """Put labels at places x + iy of the plane; those without a place are hidden."""

@@ -1,22 +1,49 @@
-"""Where the labels of a drawing stand, so that they hide neither each other nor its points: greedily, nearest place first."""
+"""Labels of drawings: letters below the line, and where labels stand so that they hide neither each other nor the drawing's points:
+greedily, nearest place first."""
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any
 
 import numpy as np
+import viser
 
 from mechcore.arrays import Complex, Flags, Real
+from mechviz.outputs.viewer.viser_adapter import run_script
 
 LETTER, LINE = 3.6, 8.0  # half width of a letter and half height of a label [px], with a little room around
 STEPS = (1.0, 2.2, 3.4)  # multiples of the least distance that are tried
 AROUND = 12  # directions that are tried around a point
+BELOW, LAST = 0xE000, 0x7FF  # where letters below the line stand in Unicode's private area, and the last one that has a place there
+SMALL = 0.74  # size of such a letter
+SCRIPT = Path(__file__).with_name("letters.js").read_text(encoding="utf-8")
+
+
+def parted(label: str) -> tuple[str, str, str]:
+    """A label as it is written by hand: ``a_CBⁿ`` -> the letter, what stands below the line, what stands above it."""
+    parts = re.fullmatch(r"([A-Za-z])_(.+?)([ⁿᵗᶜʳ]?)", label)
+    return (label, "", "") if parts is None else (parts[1], parts[2], parts[3])
+
+
+def typeset(label: str) -> str:
+    """A label for the scene, in which `prepare` lets the page draw letters below the line."""
+    letter, below, above = parted(label)
+    return letter + "".join(chr(BELOW + ord(c)) if ord(c) <= LAST else c for c in below) + above
+
+
+def prepare(server: viser.ViserServer) -> None:
+    """Teach the pages letters below the line, and plates of labels that are dark on a dark page."""
+    run_script(server, SCRIPT, "letters")
 
 
 def half_sizes(texts: list[str], per_pixel: float) -> Real:
     """Half widths and heights (n, 2) [m] of labels; ``per_pixel``: metres of the drawing in a pixel of the screen."""
-    return per_pixel * np.array([[LETTER * max(len(text), 1) + 2.0, LINE] for text in texts], float).reshape(-1, 2)
+    parts = [parted(text) for text in texts]
+    letters = [max(len(letter) + SMALL * len(below + above), 1.0) for letter, below, above in parts]
+    return per_pixel * np.array([[LETTER * count + 2.0, LINE] for count in letters], float).reshape(-1, 2)
 
 
 @dataclass(eq=False)

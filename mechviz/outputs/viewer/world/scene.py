@@ -18,6 +18,7 @@ from mechviz.outputs.viewer.world.arrows import ArrowNodes
 from mechviz.outputs.viewer.world.bodies import BodyNodes, LineNodes
 from mechviz.outputs.viewer.world.camera import FittedCameras, Stage, set_first_view
 from mechviz.outputs.viewer.world.constructions import PlanNodes
+from mechviz.outputs.viewer.world.labels import prepare
 from mechviz.outputs.viewer.world.marks import Joints, Masses, Paths, path_segments
 from mechviz.outputs.viewer.world.solids import SolidNodes, quaternions
 from mechviz.picture.nodes import Body
@@ -47,6 +48,7 @@ class Scene3D:
         self._server = server
         self.current = show
         compared = {} if compared is None else compared
+        prepare(server)
         with server.atomic():
             self.stage = Stage(server, show.bounds, show.size)
             self.ghosts = {name: Ghost(server, other, f"/beside_{k}") for k, (name, other) in enumerate(compared.items())}

@@ -1,0 +1,147 @@
+"""The picture in a real browser on windows of many sizes: how much of it mechanisms fill, docks that fold, and a finger."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+import pytest
+from browsers import browser
+from browsing import CAMERA, CANVAS, PLACE, camera_rests, caught_up, heard, next_frames, open_viewer, picture, until
+from filled import SCENES, arrows_box, solid_points
+from shapely.geometry import MultiPoint
+
+from mechviz.outputs.viewer.app import Viewer
+from mechviz.outputs.viewer.world.camera import fit_view
+from recordings import ran, solids
+
+__all__ = ["browser"]  # a fixture
+
+pytestmark = pytest.mark.browser
+
+WINDOWS = {"1600x1000": (1600, 1000), "1280x720": (1280, 720), "390x844": (390, 844)}
+PHONE, TURNED = {"width": 390, "height": 844}, {"width": 844, "height": 390}
+# The box around places of the scene in parts of the picture, from its middle to its edges -1 to 1
+BOX = """places => { const m = window.__viserMutable, Vector3 = m.camera.position.constructor, box = [[9, 9], [-9, -9]];
+    m.camera.updateMatrixWorld();
+    for (const [x, y, z] of places) {
+        const p = new Vector3(x, y, z).applyMatrix4(m.nodeRefFromName['/joints'].matrixWorld).project(m.camera);
+        box[0] = [Math.min(box[0][0], p.x), Math.min(box[0][1], p.y)];
+        box[1] = [Math.max(box[1][0], p.x), Math.max(box[1][1], p.y)]; }
+    return box; }"""
+WIDER, HIGHER = (f"least => window.__viserMutable.canvas.getBoundingClientRect().{side} > least" for side in ("width", "height"))
+TURN = "() => { const c = window.__viserMutable.camera; return c.getWorldDirection(c.position.clone()).toArray(); }"
+
+
+@pytest.fixture(scope="module")
+def viewer(browser) -> Iterator[Viewer]:
+    with Viewer(ran(SCENES[0]), port=0) as shown:
+        yield shown
+
+
+@pytest.fixture(scope="module")
+def page(browser, viewer) -> Iterator[Any]:
+    """A phone's page, which hears fingers; its window takes other sizes."""
+    opened = open_viewer(browser, viewer, PHONE, ["/joints/A/dot"], has_touch=True)
+    yield opened
+    opened.close()
+
+
+def _settled(viewer: Viewer, page: Any) -> None:
+    """Until the page has its size, the server knows it, and the camera rests."""
+    heard(viewer)
+    caught_up(viewer, page)
+    camera_rests(page, 20)
+
+
+def test_mechanisms_fill_two_thirds_of_the_picture_and_nothing_is_cut_off(viewer, page):
+    """Where the page's own camera has them, in windows of three sizes."""
+    for window, (width, height) in WINDOWS.items():
+        page.set_viewport_size({"width": width, "height": height})
+        for name in SCENES:
+            box, core = arrows_box(name), np.asarray(solids(name).bounds, float)
+            viewer.scene.cameras.follow_bounds(box, core)
+
+            def fitted(box: np.ndarray = box, core: np.ndarray = core) -> bool:
+                _, _, wide, high = page.evaluate(CANVAS)
+                wanted = fit_view(box, wide / high, core=core).position
+                now = np.array(page.evaluate(CAMERA)) * [-1.0, 1.0, -1.0]
+                return bool(np.abs(now - wanted).max() < 5e-3 * np.linalg.norm(wanted))
+
+            until(page, fitted, f"{name} in the middle of {window}")
+            low, high = np.array(page.evaluate(BOX, _rim(name)))
+            assert max(-low.min(), high.max()) < 1.0, (name, window)
+            assert (high - low).max() > 2.0 * 2.0 / 3.0, (name, window)
+    viewer.scene.cameras.follow_bounds(viewer.scene.bounds, np.asarray(solids(SCENES[0]).bounds, float))
+    page.set_viewport_size(PHONE)
+    _settled(viewer, page)
+
+
+def _rim(name: str) -> list[list[float]]:
+    """Of all places of solids over the run the outermost ones in front and behind."""
+    points = solid_points(name)
+    z = points[:, 2]
+    rings = [MultiPoint(points[part][:, :2]).convex_hull.exterior.coords for part in (z <= np.median(z), z >= np.median(z))]
+    return [[x, y, at] for ring, at in zip(rings, (z.min(), z.max()), strict=True) for x, y in ring]
+
+
+def _fingers(page: Any, *steps: list[tuple[float, float]]) -> None:
+    """Fingers that go down, move and go up: of each step all of them."""
+    session = page.context.new_cdp_session(page)
+    for k, step in enumerate(steps):
+        points = [{"x": x, "y": y, "id": n} for n, (x, y) in enumerate(step)]
+        session.send("Input.dispatchTouchEvent", {"type": "touchMove" if k else "touchStart", "touchPoints": points})
+        next_frames(page, 1)
+    session.send("Input.dispatchTouchEvent", {"type": "touchEnd", "touchPoints": []})
+    session.detach()
+
+
+def _middle(page: Any) -> tuple[float, float]:
+    left, top, width, height = page.evaluate(CANVAS)
+    return left + 0.5 * width, top + 0.5 * height
+
+
+def test_a_finger_turns_the_view_and_two_come_nearer(viewer, page):
+    x, y = _middle(page)
+    before, far = np.array(page.evaluate(TURN)), np.linalg.norm(page.evaluate(CAMERA))
+    _fingers(page, *([(x - 100.0 + 20.0 * k, y + 120.0)] for k in range(8)))
+    until(page, lambda: float(np.dot(before, page.evaluate(TURN))) < 0.95, "turned")
+    _fingers(page, *([(x - 20.0 - 12.0 * k, y), (x + 20.0 + 12.0 * k, y)] for k in range(8)))
+    until(page, lambda: np.linalg.norm(page.evaluate(CAMERA)) < 0.8 * far, "nearer")
+    client = next(iter(viewer.server.get_clients().values()))
+    viewer.scene.cameras.look(client, "front")
+    until(page, lambda: float(np.dot(before, page.evaluate(TURN))) > 0.9999, "back at the front")
+
+
+def test_a_tapped_joint_opens_its_values(viewer, page):
+    _settled(viewer, page)
+    x, y = page.evaluate(PLACE, "/joints/B/dot")
+    page.touchscreen.tap(x, y)
+    until(page, lambda: viewer.inspector.detail.item == "joint B", "joint B")
+
+
+def test_docks_are_folded_on_a_phone_on_its_side_and_open_at_a_tap(viewer, page):
+    page.set_viewport_size(TURNED)
+    page.wait_for_function(WIDER, arg=740)
+    page.locator("[data-dock-region=left] [data-dock-minimize-all]").first.tap()
+    page.wait_for_function(f"least => !({WIDER})(least)", arg=740)
+    page.locator("[data-dock-region-collapse=left]").tap()
+    page.wait_for_function(WIDER, arg=740)
+    page.set_viewport_size(PHONE)
+    page.wait_for_function(f"least => !({WIDER})(least)", arg=740)
+
+
+def test_the_drawer_of_a_phone_closes_at_its_head_and_the_picture_takes_its_place(viewer, page):
+    _settled(viewer, page)
+    before = page.evaluate(CANVAS)[3]
+    head = page.locator(".mantine-Paper-root:has(.mechviz-heading)")
+    play = page.get_by_role("button", name="Play", exact=True)
+    assert play.bounding_box()["height"] >= 32.0, "for a thumb"
+    top = head.bounding_box()
+    page.touchscreen.tap(top["x"] + 0.4 * top["width"], top["y"] + 20.0)
+    page.wait_for_function(HIGHER, arg=1.5 * before)
+    top = head.bounding_box()
+    page.touchscreen.tap(top["x"] + 0.4 * top["width"], top["y"] + 20.0)
+    page.wait_for_function(f"least => !({HIGHER})(least)", arg=1.2 * before)
+    assert picture(page).std() > 5.0
