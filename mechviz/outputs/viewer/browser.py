@@ -45,12 +45,16 @@ if (!window.mechvizNames) {
       if (!text) continue;
       const row = (control || label).parentElement;
       const parts = [...(control ? control.querySelectorAll("[role=slider], input") : []), ...row.querySelectorAll("input")];
-      if (!control) parts.push(...row.parentElement.querySelectorAll("input"));
+      if (!control) parts.push(...(label.closest(".mantine-Flex-root") || row.parentElement).querySelectorAll("input"));
       for (const part of parts)
         if (!part.getAttribute("aria-label") && !(part.labels && part.labels.length)) part.setAttribute("aria-label", text);
     }
     for (const button of document.querySelectorAll(".mantine-Notification-closeButton:not([aria-label])"))
       button.setAttribute("aria-label", "Close");
+    for (const head of document.querySelectorAll('[role=button][aria-label^="Expand panel"]')) {  // on a phone it shows more words
+      const words = head.textContent.trim();
+      if (!head.getAttribute("aria-label").includes(words)) head.setAttribute("aria-label", `Expand panel ${words}`);
+    }
     for (const button of document.querySelectorAll(".mantine-ActionIcon-root:not([aria-label])")) {
       const icon = (button.innerHTML.match(/tabler-icon-([a-z-]+)/) || ["", "button"])[1];  // viser's own, in the heads of panels
       button.setAttribute("aria-label", ICONS[icon] || icon.replaceAll("-", " "));
@@ -58,7 +62,7 @@ if (!window.mechvizNames) {
   };
   window.mechvizNames = { waiting: 0 };
   // Numbers and pictures change all the time: only new controls need names
-  const NEW = "label[for], input, [role=slider], .mantine-Notification-closeButton, .mantine-ActionIcon-root";
+  const NEW = "label[for], input, [role=slider], [role=button], .mantine-Notification-closeButton, .mantine-ActionIcon-root";
   const isNew = (node) => node.nodeType === 1 && (node.matches(NEW) || !!node.querySelector(NEW));
   new MutationObserver((changes) => {
     if (!window.mechvizNames.waiting && changes.some((change) => [...change.addedNodes].some(isNew)))

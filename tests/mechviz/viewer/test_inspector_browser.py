@@ -7,6 +7,7 @@ import itertools
 import threading
 import time
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -265,7 +266,8 @@ def test_a_click_on_a_setting_in_the_diagram_of_accuracy_applies_it(viewer, page
     count = itertools.count(1)
     open_tab(page, "Accuracy")
     tab = viewer.inspector.accuracy
-    tab.measure()
+    page.get_by_role("button", name="Measure what accuracy costs").click()
+    until(page, lambda: len(tab.choice.options) > 1, "settings")
     tab.wait()
     caught_up(viewer, page)
     page.locator("g[id^=setting]").filter(has_text="quintics, 90 frames").dispatch_event("click")
@@ -273,6 +275,37 @@ def test_a_click_on_a_setting_in_the_diagram_of_accuracy_applies_it(viewer, page
     assert tab.choice.value.startswith("frames: quintics, 90 frames")
     assert viewer.session.wait()
     assert viewer.run.scene.frames == 90 and viewer.run.accuracy.interpolation == 5
+    _choose(page, "Setting", next(name for name in tab.choice.options if name.startswith("frames: ") and "40 frames" in name))
+    until(page, lambda: viewer.session.wait() and viewer.run.scene.frames == 40, "chosen from the list")
+    wanted = next(name for name, error in accuracy_tab.WANTED.items() if error not in (None, viewer.run.accuracy.target))
+    _choose(page, "Wanted error", wanted)
+    until(page, lambda: viewer.session.wait() and viewer.run.accuracy.target == accuracy_tab.WANTED[wanted], "another error")
+
+
+def _choose(page: Any, label: str, option: str) -> None:
+    """Choose from a list."""
+    page.get_by_label(label, exact=True).click()
+    page.get_by_role("option", name=option, exact=True).click()
+
+
+def test_plots_are_added_joined_saved_and_removed(viewer, page):
+    plots, count = viewer.plots, len(viewer.plots.slots)
+    page.get_by_role("button", name="Add a plot").click()
+    until(page, lambda: len(plots.slots) == count + 1, "one more")
+    slot = plots.slots[-1]
+    label = f"Plot {plots._made}"
+    _choose(page, label, "joint A: reaction [N]")
+    until(page, lambda: slot.quantity.parts[0].key == "joint.A.reaction", "another quantity")
+    page.get_by_label("with", exact=True).last.click()
+    page.get_by_role("option", name="joint B: reaction [N]", exact=True).click()
+    until(page, lambda: len(slot.quantity.parts) == 2, "two quantities")
+    for kind, start in (("CSV", plots._axis.title.encode()), ("SVG", b"<?xml"), ("PNG", b"\x89PNG")):
+        with page.expect_download() as saved:
+            page.get_by_role("button", name=kind, exact=True).last.click()
+        assert saved.value.suggested_filename.endswith(f".{kind.lower()}")
+        assert Path(saved.value.path()).read_bytes().startswith(start)
+    page.get_by_role("button", name="Remove", exact=True).last.click()
+    until(page, lambda: len(plots.slots) == count and slot not in plots.slots, "one less")
 
 
 def test_the_other_assembly_is_chosen_from_a_list(viewer, page):
@@ -441,7 +474,11 @@ def test_a_scene_is_saved_and_never_replaced_untold(viewer, page, folder):
     target = folder / "mine.toml"
     page.get_by_role("button", name="Scene", exact=True).click()
     dialog = page.get_by_role("dialog")
-    dialog.get_by_role("textbox").fill("../mine")
+    dialog.get_by_role("button", name="Cancel", exact=True).click()
+    dialog.wait_for(state="hidden")
+    assert not list(folder.glob("*mine.toml"))
+    page.get_by_role("button", name="Scene", exact=True).click()
+    dialog.get_by_label("Name of the file").fill("../mine")
     dialog.get_by_role("button", name="Save", exact=True).click()
     until(page, lambda: (folder / "_mine.toml").exists() or target.exists(), "saved in the folder and nowhere else")
     saved = next(iter(folder.glob("*mine.toml")))
@@ -484,6 +521,10 @@ def test_a_plan_is_asked_for_where_diagrams_are_shown_and_what_cannot_be_had_is_
     until(page, lambda: page.locator(".mechviz-diagram").inner_html() != before, "it moves with the frame")
     page.get_by_label("Polodes of coupler", exact=True).check()
     page.get_by_role("img", name="Polodes of coupler", exact=True).wait_for()
+    page.get_by_label("Sections of coupler", exact=True).click()
+    until(page, lambda: any(q.key == "link.coupler.bending_moment" for q in viewer.inspector.show.quantities), "section forces")
+    page.get_by_label("Transmission angle", exact=True).click()
+    until(page, lambda: any(q.key.startswith("transmission_angle.") for q in viewer.inspector.show.quantities), "an answer")
     page.get_by_label("Velocity plan", exact=True).uncheck()
     until(page, lambda: viewer.run.scene.document.plans == [], "no more")
     page.wait_for_function("name => !window.__viserMutable.nodeRefFromName[name]", arg="/drawings/velocity")

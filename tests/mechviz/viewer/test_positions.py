@@ -6,14 +6,19 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from browsers import browser
+from browsing import SEEN, SIZE, open_viewer, until
 
 import mechviz
 from mechcore.design.burmester import Poses
 from mechcore.errors import MechanismError
 from mechviz.outputs.viewer.app import Viewer
 from mechviz.outputs.viewer.panels.positions import lengthened, moved, shortened
+from mechviz.outputs.viewer.world.solids import link_path
 from mechviz.runs import run_scene
 from mechviz.studies.synthesis.four_bars import motion_choices, motion_solutions, poses_in
+
+__all__ = ["browser"]  # a fixture
 
 POSES = Poses(np.array([0, 0.03 + 0.015j, 0.06 + 0.02j]), np.radians([0, 20, 45]))
 
@@ -65,6 +70,23 @@ def test_positions_are_dragged_added_and_taken_away(found):
         session.undo()
         assert session.wait(rested=True)
         assert len(tab.poses.places) == 4
+
+
+@pytest.mark.browser
+def test_positions_are_shown_added_and_taken_away_in_the_page(browser, found):
+    with Viewer(run_scene(found[0].scene, frames=60), port=0) as viewer:
+        page = open_viewer(browser, viewer, SIZE, [link_path("crank")])
+        tab, session = viewer.inspector.positions, viewer.session
+        page.get_by_label("Show the positions").check()
+        page.wait_for_function(SEEN, arg="/positions/3")
+        for name, count in (("Add a position", 4), ("Remove the last position", 3)):
+            page.get_by_role("button", name=name).click()
+            until(page, lambda count=count: session.wait(rested=True) and len(tab.poses.places) == count, name)
+        before = session.run.scene.document.links["crank"].points
+        uuid = page.locator("label", has_text="Solution").first.get_attribute("for")
+        page.locator(f'[id="{uuid}"] ~ div input').fill("2")
+        until(page, lambda: session.wait(rested=True) and session.run.scene.document.links["crank"].points != before, "another one")
+        page.close()
 
 
 def test_another_solution_is_another_linkage(found):

@@ -318,7 +318,7 @@ class Plots:
             self.remove(slot)
         elif button in KINDS:
             words = re.sub(r"[^\w.-]+", "-", slot.quantity.label).strip("-")[:LONGEST_NAME]
-            client.send_file_download(f"{words}.{button.lower()}", self.file(slot, button))
+            client.send_file_download(f"{words}.{button.lower()}", self.file(slot, button), save_immediately=True)
 
     def file(self, slot: SharedSlot, kind: str) -> bytes:
         """A plot as a file, with the curves of the designs that are compared; ``kind``: one of ``KINDS``."""

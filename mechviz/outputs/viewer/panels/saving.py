@@ -62,7 +62,7 @@ class Saver:
             warning = gui.add_html("")
             save = gui.add_button("Save", icon=viser.Icon.DEVICE_FLOPPY)
             replace = gui.add_button("Replace it", color="red", visible=False)
-            stop = gui.add_button("Cancel", color="gray")
+            stop = gui.add_button("Cancel", color="dark")
 
         def go(told: bool) -> None:
             target = self._folder / file_name(name.value, ending, run.scene.name)
