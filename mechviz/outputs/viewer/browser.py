@@ -181,7 +181,7 @@ if (!window.mechvizFold) {
     }
     if (left && folded.size < 2) setTimeout(fold, 200, left - 1);
   };
-  low.addEventListener("change", () => { folded.clear(); fold(10); });
+  low.addEventListener("change", () => { folded.clear(); fold(50); });
   fold(50);
 }
 """

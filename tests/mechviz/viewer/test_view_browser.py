@@ -48,10 +48,23 @@ def page(browser, viewer) -> Iterator[Any]:
     opened.close()
 
 
+def _until_fitted(page: Any, box: np.ndarray, core: np.ndarray, what: str) -> None:
+    """Until the camera stands where it sees a box in the present window."""
+
+    def fitted() -> bool:
+        _, _, wide, high = page.evaluate(CANVAS)
+        wanted = fit_view(box, wide / high, core=core).position
+        now = np.array(page.evaluate(CAMERA)) * [-1.0, 1.0, -1.0]
+        return bool(np.abs(now - wanted).max() < 5e-3 * np.linalg.norm(wanted))
+
+    until(page, fitted, what)
+
+
 def _settled(viewer: Viewer, page: Any) -> None:
-    """Until the page has its size, the server knows it, and the camera rests."""
+    """Until the page has its size, and the camera rests where it sees everything."""
     heard(viewer)
     caught_up(viewer, page)
+    _until_fitted(page, viewer.scene.bounds, viewer.scene.current.bounds, "everything")
     camera_rests(page, 20)
 
 
@@ -62,18 +75,11 @@ def test_mechanisms_fill_two_thirds_of_the_picture_and_nothing_is_cut_off(viewer
         for name in SCENES:
             box, core = arrows_box(name), np.asarray(solids(name).bounds, float)
             viewer.scene.cameras.follow_bounds(box, core)
-
-            def fitted(box: np.ndarray = box, core: np.ndarray = core) -> bool:
-                _, _, wide, high = page.evaluate(CANVAS)
-                wanted = fit_view(box, wide / high, core=core).position
-                now = np.array(page.evaluate(CAMERA)) * [-1.0, 1.0, -1.0]
-                return bool(np.abs(now - wanted).max() < 5e-3 * np.linalg.norm(wanted))
-
-            until(page, fitted, f"{name} in the middle of {window}")
+            _until_fitted(page, box, core, f"{name} in {window}")
             low, high = np.array(page.evaluate(BOX, _rim(name)))
             assert max(-low.min(), high.max()) < 1.0, (name, window)
             assert (high - low).max() > 2.0 * 2.0 / 3.0, (name, window)
-    viewer.scene.cameras.follow_bounds(viewer.scene.bounds, np.asarray(solids(SCENES[0]).bounds, float))
+    viewer.scene.cameras.follow_bounds(viewer.scene.bounds, viewer.scene.current.bounds)
     page.set_viewport_size(PHONE)
     _settled(viewer, page)
 
@@ -103,6 +109,7 @@ def _middle(page: Any) -> tuple[float, float]:
 
 
 def test_a_finger_turns_the_view_and_two_come_nearer(viewer, page):
+    _settled(viewer, page)
     x, y = _middle(page)
     before, far = np.array(page.evaluate(TURN)), np.linalg.norm(page.evaluate(CAMERA))
     _fingers(page, *([(x - 100.0 + 20.0 * k, y + 120.0)] for k in range(8)))
@@ -122,6 +129,7 @@ def test_a_tapped_joint_opens_its_values(viewer, page):
 
 
 def test_docks_are_folded_on_a_phone_on_its_side_and_open_at_a_tap(viewer, page):
+    _settled(viewer, page)
     page.set_viewport_size(TURNED)
     page.wait_for_function(WIDER, arg=740)
     page.locator("[data-dock-region=left] [data-dock-minimize-all]").first.tap()
