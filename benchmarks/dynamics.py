@@ -40,6 +40,7 @@ from dynamics_peers import (
     pinocchio_chain,
     pinocchio_squeezer,
 )
+from freedom_peers import pinocchio_five_bar, pinocchio_pendulum
 from scipy.integrate import solve_ivp
 
 from mechcore.compiled.toolchain import compiler
@@ -158,6 +159,9 @@ def andrews_rows(reference: dict[str, Any]) -> list[Row]:
                 continue
             job = partial(by_scipy, rhs, start, 0.03, tolerance, method)
             rows.append((f"by hand + {method}", f"rtol {tolerance:.0e}", job))
+    if compiler():
+        by_c = compile_mechanism(squeezer(i), executor="c")
+        rows += [("mechviz", f"c {t:.0e}", partial(mechviz_end, by_c, 0.03, t, "gauss")) for t in (1e-4, 1e-6, 1e-9, 1e-11)]
     if find_spec("sksundae"):
         rows += [("by hand + CVODE", f"rtol {r:.0e}", partial(by_cvode, rhs, start, 0.03, r)) for r in (1e-5, 1e-7, 1e-9)]
         some = (1e-4, 1e-8) if "--short" in sys.argv else (1e-4, 1e-6, 1e-8, 1e-9)
@@ -232,9 +236,9 @@ def chain_rows(n: int) -> list[Row]:
 # --- several freedoms ----------------------------------------------------------------------------------------------------
 
 
-def same_equations(mechanism: Any, duration: float) -> tuple[list[Row], float]:
-    """mechviz and scipy's integrators on one and the same right-hand side; the reference is mechviz at 1e-13, which DOP853
-    confirms to its own accuracy."""
+def freedom_rows(mechanism: Any, duration: float, by_pinocchio: Callable[..., Callable[[], float]]) -> tuple[list[Row], float]:
+    """mechviz by both executors; scipy's integrators on numpy's right-hand side, and DOP853 on Pinocchio's. The reference is
+    mechviz at 1e-13, which DOP853 confirms to its own accuracy."""
     compiled = compile_mechanism(mechanism)
     drives = mechanism.drives
     start = np.array([float(d.law(0.0)[k]) for k in (0, 1) for d in drives])
@@ -244,8 +248,13 @@ def same_equations(mechanism: Any, duration: float) -> tuple[list[Row], float]:
         return np.concatenate([y[f:], system(y[None, :f], y[None, f:], np.array([t]))[0]])
 
     rows: list[Row] = []
-    for tolerance in (1e-4, 1e-6, 1e-7, 1e-9):
-        rows.append(("mechviz", f"gauss {tolerance:.0e}", partial(mechviz_end, compiled, duration, tolerance, "gauss")))
+    for executor in ("numpy", "c") if compiler() else ("numpy",):
+        own = compile_mechanism(mechanism, executor=executor)  # type: ignore[arg-type]
+        for tolerance in (1e-4, 1e-6, 1e-7, 1e-9, 1e-11):
+            rows.append(("mechviz", f"{executor} {tolerance:.0e}", partial(mechviz_end, own, duration, tolerance, "gauss")))
+    if find_spec("pinocchio"):
+        for r in (1e-5, 1e-6, 1e-7, 1e-8, 1e-9, 1e-10, 1e-11):
+            rows.append(("Pinocchio + DOP853", f"rtol {r:.0e}", by_pinocchio(mechanism, r, duration)))
     for method, tolerances in (("DOP853", (1e-5, 1e-7, 1e-9, 3e-10)), ("LSODA", (1e-5, 1e-8)), ("Radau", (1e-4,))):
         for tolerance in tolerances:
             job = partial(by_scipy, rhs, start, duration, tolerance, method)
@@ -347,13 +356,13 @@ def chains(short: bool, runs: int) -> None:
 def freedoms(short: bool) -> None:
     pendulum = json.loads((ROOT / "tests" / "reference" / "dynamics.json").read_text())["cases"]
     inputs = next(c for c in pendulum if c["id"] == "double-pendulum-physical")["inputs"]
-    for title, mechanism, duration in (
-        ("Double pendulum, 5 s, error of the upper angle", double_pendulum(inputs), 5.0),
-        ("Five-bar on torsion springs, 2 s, error of the left angle", swinging_five_bar(), 2.0),
+    for title, mechanism, duration, peer in (
+        ("Double pendulum, 5 s, error of the upper angle", double_pendulum(inputs), 5.0, pinocchio_pendulum),
+        ("Five-bar on torsion springs, 2 s, error of the left angle", swinging_five_bar(), 2.0, pinocchio_five_bar),
     ):
-        rows, exact = same_equations(mechanism, duration)
+        rows, exact = freedom_rows(mechanism, duration, peer)
         if short:
-            rows = [row for row in rows if row[1] in ("gauss 1e-07", "gauss 1e-09", "rtol 1e-07", "rtol 1e-09", "rtol 1e-08")]
+            rows = [row for row in rows if row[1].split()[1] in ("1e-07", "1e-08", "1e-09")]
         report(title, rows, exact, runs=2 if short else 3)
 
 

@@ -197,6 +197,15 @@ void evaluated(const System *y, long n, const double *q, const double *v, const 
     for (long i = 0; i < n; i++) accelerations(y, q + i * y->f, v + i * y->f, t[i], d + i * y->given, own, a + i * y->f);
 }
 
+/* What `reduced` gives at states (n, F (F + 1) / 2 + F + STATES). Angles are followed from each state to the next. */
+void reduced_at(const System *y, long n, const double *q, const double *v, const double *t, const double *d, const double *near,
+                double *out) {
+    double own[ANGLES + 1];
+    memcpy(own, near, (size_t)y->angles * sizeof(double));
+    for (long i = 0; i < n; i++)
+        reduced(y->p, y->m, q + i * y->f, v + i * y->f, t[i], d + i * y->given, own, out + i * (F * (F + 1) / 2 + F + STATES));
+}
+
 /* The largest of the ratios at a state; NaN where one is. */
 double strained(const System *y, const double *q, const double *v, double t, const double *d, const double *near) {
     double found[RATIOS + 1], largest = 0.0;

@@ -83,6 +83,7 @@ class WrittenEquations:
     def __init__(self, code: Code, outputs: tuple[Sequence[Operand], ...], freedoms: tuple[int, int], given: int, margin: float):
         equations, angles, ratios, forms = outputs
         self.parameters: list[float] = []
+        self.coordinates = freedoms[0]
         self.freedoms, self.given, self.angles = sum(freedoms), given + len(code.of_time), len(angles)
         self.of_time = tuple(code.of_time)
         targets = [*((f"out[{k}]", x) for k, x in enumerate(equations)), *((f"near[{k}]", x) for k, x in enumerate(angles))]
@@ -136,7 +137,8 @@ class CompiledEquations:
         self.freedoms, self.given, self.angles = written.freedoms, written.given, written.angles
         self._loaded = library(written.source)
         self._loaded.window.restype = self._loaded.windows.restype = ctypes.c_long
-        self._loaded.evaluated.restype = self._loaded.formed.restype = None
+        self._loaded.evaluated.restype = self._loaded.formed.restype = self._loaded.reduced_at.restype = None
+        self.coordinates = written.coordinates
         self.kinds = written.forms
         self._loaded.strained.restype = ctypes.c_double
         self._kept: list[Real] = [np.array(x or [0.0], float) for x in (written.parameters, list(modes), list(scale))]
@@ -156,6 +158,15 @@ class CompiledEquations:
         out = np.empty((len(t), self.kinds))
         self._loaded.formed(self._system, ctypes.c_long(len(t)), *(_at(x) for x in given), _at(out))
         return out
+
+    def reduced(self, q: Real, v: Real, t: Real, d: Real, near: Real) -> tuple[Real, Real]:
+        """M (n, k, k) and Q - h (n, k) of the k coordinates that are no states, for what `accelerations` is given."""
+        k, given = self.coordinates, [np.ascontiguousarray(x, float) for x in (q, v, t, d, near)]
+        out = np.empty((len(t), k * (k + 1) // 2 + self.freedoms))
+        self._loaded.reduced_at(self._system, ctypes.c_long(len(t)), *(_at(x) for x in given), _at(out))
+        inertia, (i, j) = np.empty((len(t), k, k)), np.tril_indices(k)
+        inertia[:, i, j] = inertia[:, j, i] = out[:, : len(i)]
+        return inertia, out[:, len(i) : len(i) + k]
 
     def accelerations(self, q: Real, v: Real, t: Real, d: Real, near: Real) -> Real:
         """Accelerations (n, f) at coordinates and rates (n, f), times (n,), values of drives (n, g) and near the angles (a,)."""

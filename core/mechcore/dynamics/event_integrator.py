@@ -293,16 +293,19 @@ class EventIntegrator:
         if self.unwatched >= 0 or t >= self.duration * (1.0 - 1e-9):
             return None
 
+        program = self.system.program() if isinstance(self.system, Chart) else None
+
+        def strained(t: float, q: Real, v: Real) -> float:
+            known = program is not None and not program.partial
+            return program.strain(q[None], v[None], np.array([t])) if program and known else strain(self.compiled, q, v, t)
+
         def at(t: float) -> float:
             q, v, _ = window(np.array([t]))
-            program = self.system.program() if isinstance(self.system, Chart) else None
-            return (
-                strain(self.compiled, q[0], v[0], t) if program is None or program.partial else program.strain(q, v, np.array([t]))
-            )
+            return strained(t, q[0], v[0])
 
-        largest = at(t)
+        largest = strained(t, *window.end())
         self.unwatched = 2 if largest < 0.4 * STRAINED else 0
-        if largest <= TOO_STRAINED or at(window.start) > STRAINED:
+        if largest <= TOO_STRAINED or strained(window.start, window.q, window.v) > STRAINED:
             return t if largest > STRAINED else None
         low, high = window.start, t
         for _ in range(HALVINGS):

@@ -18,12 +18,13 @@ from mechcore.dynamics.contact.separation import SeparableCam
 from mechcore.dynamics.equations.charts import Chart, curve_around
 from mechcore.dynamics.equations.curve import Curve
 from mechcore.dynamics.equations.energy import by_energy
+from mechcore.dynamics.equations.program import EquationsProgram
 from mechcore.dynamics.equations.reduced import coordinate_scales, free_of, integrating, reduce
 from mechcore.dynamics.event_integrator import EventIntegrator, Method, table_tolerance
 from mechcore.dynamics.events import EventTrigger, SimulationEvent, Stop, with_slot_ends
 from mechcore.dynamics.integration.collocation import Window
 from mechcore.dynamics.integration.windows import Solution
-from mechcore.dynamics.rest.equilibrium import Fastest, check_periods, fastest_vibration
+from mechcore.dynamics.rest.equilibrium import TOLD, Fastest, beside, check_periods, fastest_vibration, vibrations
 from mechcore.dynamics.segments import Segment
 from mechcore.dynamics.simulation import Simulation
 from mechcore.effects.registry import effects_of
@@ -109,7 +110,7 @@ def simulate(
             )
         )
     unseen: Fastest | None = None
-    fast = fastest_vibration(compiled, q, v)
+    fast = None if _calm(compiled, q, system, duration) else fastest_vibration(compiled, q, v)
     if fast is not None and method != "gauss" and _steps_over(compiled, fast, duration, tolerance, method):
         method, unseen = "radau", fast if fast.amplitude <= tolerance else None
     elif fast is not None:
@@ -185,11 +186,13 @@ def _check_turns(compiled: Compiled, free: Sequence[Drive], duration: float, fau
 
 def _weigh(compiled: Compiled, q: Real, system: Chart | Curve) -> None:
     """Refuse a start (f,) at which a free coordinate moves no mass."""
-    inertia = (
-        system.table(q)[:1, :1]
-        if isinstance(system, Curve)
-        else reduce(compiled, q[None], np.zeros_like(q)[None], np.zeros(1)).inertia[0]
-    )
+    program = _program(system)
+    if isinstance(system, Curve):
+        inertia = system.table(q)[:1, :1]
+    elif program is not None:
+        inertia = program.reduced(q[None], np.zeros_like(q)[None], np.zeros(1))[0][0]
+    else:
+        inertia = reduce(compiled, q[None], np.zeros_like(q)[None], np.zeros(1)).inertia[0]
     values = np.linalg.eigvalsh(inertia) if np.isfinite(inertia).all() else np.array([-1.0])
     if values[0] <= 1e-14 * values[-1]:
         raise MechanismError(
@@ -199,6 +202,23 @@ def _weigh(compiled: Compiled, q: Real, system: Chart | Curve) -> None:
                 "Give a mass or a moment of inertia to the links that it moves.",
             )
         )
+
+
+def _program(system: Chart | Curve) -> EquationsProgram | None:
+    """The equations in C where they are wanted, and wherever the mechanism is."""
+    program = None if isinstance(system, Curve) and not system.rest else system.program()
+    return None if program is None or program.partial else program
+
+
+def _calm(compiled: Compiled, q: Real, system: Chart | Curve, duration: float) -> bool:
+    """Whether a program in C tells at once that no spring vibrates often enough from a start (f,) to be spoken of."""
+    program = _program(system) if len(q) else None
+    if program is None:
+        return False
+    places = beside(compiled, q)
+    inertia, force = program.reduced(places, np.zeros_like(places), np.zeros(len(places)))
+    squares = vibrations(compiled, force[None], inertia[0])
+    return squares is None or not max(squares[0][-1], 0.0) * duration**2 >= (TURN * TOLD) ** 2
 
 
 def _rest(compiled: Compiled, q: Real, v: Real, system: Chart | Curve) -> SimulationEvent | None:
@@ -217,7 +237,8 @@ def _rest(compiled: Compiled, q: Real, v: Real, system: Chart | Curve) -> Simula
             return None
     scale = coordinate_scales(compiled)
     near = np.array([q, q - BESIDE * scale, q + BESIDE * scale])
-    force = np.abs(reduce(compiled, near, np.zeros_like(near), np.zeros(3)).force) * scale
+    program, still = _program(system), (near, np.zeros_like(near), np.zeros(3))
+    force = np.abs(reduce(compiled, *still).force if program is None else program.reduced(*still)[1]) * scale
     size = float(np.nanmax(force[1:], initial=0.0))
     if not float(force[0].max()) <= BALANCED * size:
         return None

@@ -15,10 +15,11 @@ from mechcore import spec as sp
 from mechcore.compiled.toolchain import compiler
 from mechcore.dynamics.equations.charts import Chart
 from mechcore.dynamics.equations.program import compiled_program, missing_in_c
-from mechcore.dynamics.equations.reduced import motion_at
-from mechcore.dynamics.integration.collocation import gauss
+from mechcore.dynamics.equations.reduced import motion_at, reduce
+from mechcore.dynamics.integration.collocation import Window, gauss
 from mechcore.dynamics.simulate import simulate
 from mechcore.effects.registry import effects_of
+from mechcore.errors import MechanismError
 from mechcore.laws.timed import Free, Oscillation, Table
 from mechcore.motion.solve import compile_mechanism
 from mechcore.spec.loads import Polynomial
@@ -95,6 +96,37 @@ def test_motions_are_the_same(made, duration: float) -> None:
         assert np.abs(a - b).max() < 1e-11 * np.abs(a).max()
     assert [len(s.solution.windows) for s in by_numpy.segments] == [len(s.solution.windows) for s in by_c.segments]
     assert np.abs(by_c.drift(t)).max() < 1e-9  # work and energy by the kinetostatic core
+
+
+@pytest.mark.parametrize("made", [damped, swinging_five_bar, driven, servo])
+def test_reduced_equations_are_the_same(made) -> None:
+    compiled = compile_mechanism(made(), executor="c")
+    laws = [d.law for d in compiled.mechanism.drives if isinstance(d.law, Free)]
+    places = np.array([[float(law(0.0)[0]) for law in laws]]) + np.array([[0.0], [1e-3], [-2e-3]])
+    rates, times = np.full(places.shape, 0.7), np.full(3, 0.1)
+    program = compiled.once(compiled_program)
+    assert program is not None
+    inertia, force = program.reduced(places, rates, times)
+    wanted = reduce(compiled, places, rates, times)
+    np.testing.assert_allclose(inertia, wanted.inertia, rtol=1e-12)
+    np.testing.assert_allclose(force, wanted.force - wanted.bias, rtol=1e-10, atol=1e-12 * np.abs(force).max())
+
+
+@pytest.mark.parametrize("nodes", [1, 2, 7])
+def test_the_end_of_a_window_is_that_of_its_polynomials(nodes: int) -> None:
+    rng = np.random.default_rng(nodes)
+    window = Window(0.3, 0.2, rng.random(3), rng.random(3), rng.random((nodes, 3)))
+    q, v, _ = window(np.array([0.5]))
+    for found, wanted in zip(window.end(), (q[0], v[0]), strict=True):
+        np.testing.assert_allclose(found, wanted, rtol=1e-13)
+
+
+@pytest.mark.parametrize("executor", ["numpy", "c"])
+def test_vibrations_that_nobody_waits_for_are_refused(executor: str) -> None:
+    """A program that sees at once that none is fast must not overlook one that is."""
+    stiff = swinging_five_bar(stiffness=1e9, speeds=(0.1, 0.1))
+    with pytest.raises(MechanismError, match=r"is the fastest vibration, of spring '(left|right) spring'"):
+        simulate(compile_mechanism(stiff, executor=executor), 60.0, method="gauss")
 
 
 def test_numpy_leads_through_change_points() -> None:

@@ -52,6 +52,11 @@ class EquationsProgram:
         """Accelerations (n, f); where angles are followed, of states in order of time that are near each other."""
         return self._equations.accelerations(q, v, t, self._drives(t), self.near(q[:1], v[:1], t[:1]))
 
+    def reduced(self, q: Real, v: Real, t: Real) -> tuple[Real, Real]:
+        """M (n, f, f) and Q - h (n, f) at free coordinates and rates (n, f), near each other, whatever the states are."""
+        q, v = (np.column_stack([x, np.zeros((len(x), self._equations.freedoms - x.shape[1]))]) for x in (q, v))
+        return self._equations.reduced(q, v, t, self._drives(t), self.near(q[:1], v[:1], t[:1]))
+
     def forms(self, q: Real, v: Real, t: Real) -> Real | None:
         """Forms of all laws that have several (k, n), at states (n, f) each; None where C does not have them."""
         known = self._equations.kinds and self.everywhere
@@ -62,8 +67,10 @@ class EquationsProgram:
         return self._equations.strain(q, v, float(t[0]), self._drives(t), self.near(q, v, t))
 
     def _drives(self, t: Real) -> Real:
+        if not self._equations.given:
+            return np.zeros((len(t), 0))
         values = [x for law in self._laws for x in law(t)] + [function(t) for function in self._of_time]
-        return np.column_stack([np.zeros((len(t), 0)), *(np.broadcast_to(x, t.shape) for x in values)])
+        return np.column_stack([np.broadcast_to(x, t.shape) for x in values])
 
     def near(self, q: Real, v: Real, t: Real) -> Real:
         """The angles (a,) that the program follows, at one state."""

@@ -136,6 +136,11 @@ class Window:
         first, second, values = integrals_and_values(s, x)
         return self.q + h * x[:, None] * self.v + h * h * (second @ self.a), self.v + h * (first @ self.a), values @ self.a
 
+    def end(self) -> tuple[Real, Real]:
+        """Position and speed (f,) at its end: only the first two polynomials are not zero on the whole."""
+        first, second = self.a[0], self.a[1] if len(self.a) > 1 else 0.0
+        return self.q + self.length * self.v + self.length**2 * (0.5 * first - second / 6.0), self.v + self.length * first
+
 
 def solve_window(
     rule: Rule, system: System, t0: float, h: float, q0: Real, v0: Real, guess: Real, tolerance: float

@@ -277,14 +277,33 @@ class Fastest:
         )
 
 
+def beside(compiled: Compiled, q: Real) -> Real:
+    """A place (f,), and places beside it (n, f) from which slopes by the free coordinates follow."""
+    shifts = (np.eye(len(q))[:, None, :] * NODES[None, :, None]).reshape(-1, len(q))
+    return np.vstack([q[None], q + STEP * coordinate_scales(compiled) * shifts])
+
+
+def vibrations(compiled: Compiled, forces: Real, inertia: Real) -> tuple[Real, Real, Real] | None:
+    """Squares of the frequencies (f,) [rad^2/s^2] in order, shapes (f, f) in sizes of the coordinates, and the stiffness (c, f, f)
+    of each of the ``forces`` (c, n, f) at places `beside` one; the last of them counts. None where they are not known."""
+    scale, f = coordinate_scales(compiled), forces.shape[-1]
+    by_q = np.einsum("cknj,n->cjk", forces[:, 1:].reshape(-1, f, len(NODES), f), WEIGHTS) / (STEP * scale)
+    stiffness = -0.5 * (by_q + by_q.swapaxes(1, 2))
+    both = scale[:, None] * scale
+    if not (np.isfinite(stiffness).all() and np.linalg.eigvalsh(inertia * both)[0] > 0.0):
+        return None
+    from scipy.linalg import eigh
+
+    squares, shapes = eigh(stiffness[-1] * both, inertia * both)
+    return squares, shapes, stiffness
+
+
 def fastest_vibration(compiled: Compiled, q: Real, v: Real) -> Fastest | None:
     """The fastest vibration of a mechanism at q, v (f,), drives and time at their start; None where no spring makes it vibrate."""
     springs = [load for load in compiled.mechanism.loads if isinstance(load, Spring | TorsionSpring | Bushing)]
     if not springs or not len(q):
         return None
-    scale, f = coordinate_scales(compiled), len(q)
-    shifts = (np.eye(f)[:, None, :] * NODES[None, :, None]).reshape(-1, f)
-    places = np.vstack([q[None], q + STEP * scale * shifts])
+    scale, places = coordinate_scales(compiled), beside(compiled, q)
     motion = motion_at(compiled, places, np.zeros_like(places), np.zeros(len(places)))
     units = tangents(motion, free_of(compiled))
     at_rest = reduced_equations(motion, units)
@@ -294,16 +313,11 @@ def fastest_vibration(compiled: Compiled, q: Real, v: Real) -> Fastest | None:
         wrenches = effects[spring.name].wrenches(motion)
         parts.append(np.stack([sum(power_of(unit, w) for w in wrenches) * np.ones(len(places)) for unit in units], axis=1))
     forces = np.stack([*parts, at_rest.force - at_rest.bias])
-    by_q = np.einsum("cknj,n->cjk", forces[:, 1:].reshape(-1, f, len(NODES), f), WEIGHTS) / (STEP * scale)
-    stiffness = -0.5 * (by_q + by_q.swapaxes(1, 2))
-    inertia, both = at_rest.inertia[0], scale[:, None] * scale
-    if not (np.isfinite(stiffness).all() and np.linalg.eigvalsh(inertia * both)[0] > 0.0):
+    inertia = at_rest.inertia[0]
+    found = vibrations(compiled, forces, inertia)
+    if found is None or not found[0][-1] > 0.0:
         return None
-    from scipy.linalg import eigh
-
-    squares, shapes = eigh(stiffness[-1] * both, inertia * both)
-    if not squares[-1] > 0.0:
-        return None
+    squares, shapes, stiffness = found
     omega, shape = float(np.sqrt(squares[-1])), scale * shapes[:, -1]
     shares = np.einsum("j,cjk,k->c", shape, stiffness[:-1], shape)
     spring = springs[int(np.argmax(shares))]
