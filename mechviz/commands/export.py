@@ -9,11 +9,12 @@ from typing import Annotated, Any
 
 import typer
 
-from mechviz.commands.common import check_targets, fail, interruptible, progress_bar
+from mechviz.commands.common import check_targets, fail, interruptible, progress_bar, say
 from mechviz.commands.loading import ReachableOpt, SetOpt, SourceArg, clear_errors, load_scene, quantity, quantity_of
 from mechviz.commands.recording import open_recording
 from mechviz.commands.solving import AccuracyOpt, CyclesOpt, ExecutorOpt, FramesOpt, KeepOpt, check_trust, solve, warn_of_accuracy
 from mechviz.outputs.exports.cam_profiles import export_profiles
+from mechviz.outputs.exports.code import export_code
 from mechviz.outputs.exports.gltf import export_glb
 from mechviz.outputs.exports.gltf_marks import ARROWS
 from mechviz.outputs.exports.kit import export_kit
@@ -50,6 +51,9 @@ def export(
         str, typer.Option("--clearance", help="kit: by how much holes are wider than the pins that turn in them")
     ] = "0.2 mm",
     washer: Annotated[str, typer.Option("--washer", help="kit: distance of plates that lie on each other")] = "1 mm",
+    code: Annotated[
+        Path | None, typer.Option("--c", help="write poses, rates and drive efforts as a program in C that needs nothing else")
+    ] = None,
     every: Annotated[
         str | None, typer.Option("--every", metavar="TIME", help='tables: a row each such time, as "1 ms", read between frames')
     ] = None,
@@ -66,23 +70,30 @@ def export(
     Of a recording (.rrd) the moving mechanism is written, with --glb.
     """
     profiles = {kind: path for kind, path in (("dxf", dxf), ("svg", svg), ("csv", profile)) if path is not None}
-    if not profiles and all(target is None for target in (csv, parquet, stl, glb, threemf, kit)):
+    if not profiles and all(target is None for target in (csv, parquet, stl, glb, threemf, kit, code)):
         fail(
-            "nothing to export: add --csv, --parquet, --glb, --3mf FILE, --stl or --kit FOLDER, of cams --dxf, --svg or --profile."
+            "nothing to export: add --csv, --parquet, --glb, --3mf, --c FILE, --stl, --kit FOLDER, of cams --dxf, --svg, --profile."
         )
     families = _families(arrows)
     if glb is None and arrows is not None:
         fail("--arrows is for --glb FILE: name that too.")
     with clear_errors(source):
-        check_targets(source, csv, parquet, glb, threemf, *profiles.values())
+        check_targets(source, csv, parquet, glb, threemf, code, *profiles.values())
         if is_recording(source):
-            others = (csv, parquet, stl, threemf, kit, every, frames, cycles, accuracy)
+            others = (csv, parquet, stl, threemf, kit, code, every, frames, cycles, accuracy)
             if glb is None or profiles or values or reachable or any(option is not None for option in others):
                 fail(f"{source} is a recording: of it --glb FILE is exported, with --arrows. Give its scene for all else.")
             with interruptible("pyarrow"), progress_bar(f"exporting {glb.name}"):
                 print(export_glb(presentation_in(open_recording(source)), glb, arrows=families))
             return
         loaded = load_scene(source, values, reachable=reachable)
+        if code is not None:
+            written, missing = export_code(loaded, code)
+            print(written)
+            if missing is not None:
+                say(f"note: efforts of drives are not in {written}: {missing}.")
+            if not profiles and all(target is None for target in (csv, parquet, stl, glb, threemf, kit)):
+                return
         step = quantity_of(loaded, every, "every", "time")
         sizes = [_size(text, option) for text, option in ((thickness, "thickness"), (clearance, "clearance"), (washer, "washer"))]
         run = solve(loaded, frames, cycles, accuracy, executor)

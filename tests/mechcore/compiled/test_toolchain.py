@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import os
 import stat
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
@@ -58,6 +59,16 @@ def test_a_damaged_library_is_made_anew(folder: Path, damage) -> None:
     assert not cached(SOURCE)
     assert seven() == 7.0
     assert cached(SOURCE) and [p.name for p in folder.iterdir()] == [made.name]
+
+
+def test_writers_at_once_leave_one_sound_library(folder: Path) -> None:
+    def made(_: int) -> str:
+        return library.__wrapped__(SOURCE)._name  # as processes that do not know of each other
+
+    with ThreadPoolExecutor(6) as pool:
+        names = set(pool.map(made, range(12)))
+    assert {str(p) for p in folder.iterdir()} == names  # nothing half written beside it
+    assert cached(SOURCE) and seven() == 7.0
 
 
 def test_a_folder_that_others_can_use_is_not_used(folder: Path) -> None:

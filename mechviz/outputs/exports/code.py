@@ -1,0 +1,205 @@
+"""A mechanism as a program in C of its own: poses of its links with their rates, efforts of its drives; it needs nothing else."""
+
+from __future__ import annotations
+
+import json
+import math
+import re
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from mechcore.branches.unwrapped import LinkAngles
+from mechcore.compiled.steps import check_traceable, place_all
+from mechcore.compiled.symbols import HELPERS, Code, Symbol, Untraceable, rotation
+from mechcore.errors import Fault, MechanismError
+from mechcore.forces.kinetostatics import solve_forces
+from mechcore.kinematics.state import State
+from mechcore.motion.compiled import Compiled
+from mechcore.motion.motion import Motion
+from mechcore.motion.solve import compile_mechanism
+from mechcore.spec.mechanism import braked
+from mechviz.files import replacing
+from mechviz.quantities.vectors import point_name
+from mechviz.runs import package_version
+from mechviz.scene.scene import Scene
+
+PROGRAM = """\
+/* {title}
+   Written by mechviz {version}; a C99 compiler makes a program of it: cc -O2 {file}.c -o {file} -lm
+
+   mechanism(q, v, a, out): out of positions q [rad or m], speeds v and accelerations a of the drives ({drives}).
+   All is in m, rad, s, N and N m; the columns of `out` are named below. NaN: it cannot be put together there.
+   Assembly modes are those of the scene.
+
+   The program goes over the first drive, the others resting where they start: ./{file} [FROM TO COUNT [SPEED]] */
+
+#include <stdio.h>
+#include <stdlib.h>
+{helpers}
+#define DRIVES {count}
+#define COLUMNS {columns}
+
+static const char *const names[COLUMNS] = {{
+    {names},
+}};
+static const double p[] = {{{parameters}}};
+static const double start[DRIVES + 1] = {{{start}}};
+
+void mechanism(const double *q, const double *v, const double *a, double *out) {{
+    (void)q, (void)v, (void)a;
+    {lines}
+}}
+
+int main(int argc, char **argv) {{
+    const double from = argc > 2 ? atof(argv[1]) : {first!r}, to = argc > 2 ? atof(argv[2]) : {last!r};
+    const long count = argc > 3 ? atol(argv[3]) : 37;
+    double q[DRIVES + 1], v[DRIVES + 1] = {{0.0}}, a[DRIVES + 1] = {{0.0}}, out[COLUMNS];
+    for (long d = 0; d <= DRIVES; d++) q[d] = start[d];
+    v[0] = argc > 4 ? atof(argv[4]) : {speed!r};
+    fputs({drive}, stdout);
+    for (long k = 0; k < COLUMNS; k++) printf(",%s", names[k]);
+    printf("\\n");
+    for (long i = 0; i < count; i++) {{
+        q[0] = count > 1 ? from + (to - from) * (double)i / (double)(count - 1) : from;
+        mechanism(q, v, a, out);
+        printf("%.17g", q[0]);
+        for (long k = 0; k < COLUMNS; k++) printf(",%.17g", out[k]);
+        printf("\\n");
+    }}
+    return 0;
+}}
+"""
+
+
+def export_code(scene: Scene, path: Path | str) -> tuple[Path, str | None]:
+    """Write the program of a scene's mechanism; also why the efforts of its drives are not in it, None where they are.
+
+    Raises `MechanismError` where C does not have the mechanism.
+    """
+    path = Path(path)
+    text, missing = code_of(scene, path.stem)
+    with replacing(path) as temporary:
+        temporary.write_text(text, encoding="utf-8")
+    return path, missing
+
+
+def code_of(scene: Scene, name: str) -> tuple[str, str | None]:
+    """The program in C that `export_code` writes."""
+    compiled = compile_mechanism(scene.mechanism, scene.accuracy)
+    drives = compiled.mechanism.drives
+    try:
+        if scene.simulation is not None or not drives:
+            raise Untraceable("forces decide its motion, which no function of the drives tells")
+        if compiled.singular_points is not None and compiled.singular_points.found:
+            raise Untraceable("its assembly modes meet at change points, between which a program would have to choose")
+        written = _Written(compiled)
+    except Untraceable as reason:
+        why = f"C does not have this mechanism: {reason}."
+        raise MechanismError(Fault("--c", why, "Export a table of its motion: --csv.")) from None
+    law, low = drives[0].law, float(compiled.start[0])
+    own = law(np.array([0.0, law.duration]))
+    parameters: list[float] = []
+    lines = written.lines(parameters)
+    text = PROGRAM.format(
+        title=scene.title.replace("*/", ""),
+        version=package_version(),
+        file=re.sub(r"\W+", "_", name),
+        drives=", ".join(d.joint for d in drives),
+        helpers=HELPERS,
+        count=len(drives),
+        columns=len(written.columns),
+        names=",\n    ".join(json.dumps(x, ensure_ascii=False) for x in written.columns),
+        parameters=", ".join(repr(x) if math.isfinite(x) else "INFINITY" if x > 0.0 else "-INFINITY" for x in parameters or [0.0]),
+        start=", ".join(map(repr, [*map(float, compiled.start), 0.0])),
+        lines="\n    ".join(lines),
+        first=low,
+        last=float(own[0][1]) if own[0][1] != own[0][0] else low,
+        speed=float(own[1][0]),
+        drive=json.dumps(drives[0].joint, ensure_ascii=False),
+    )
+    return text, written.missing
+
+
+class _Written:
+    """The mechanism on symbols: its ``columns`` by name, and why efforts are ``missing``."""
+
+    def __init__(self, compiled: Compiled):
+        check_traceable(compiled.model)
+        if compiled.model.multi_turn:
+            raise Untraceable("wheels count the turns of a link, which a function of the drives does not know")
+        self.compiled, self.code = compiled, Code()
+        self.columns: dict[str, Any] = {}
+        motion = self._motion()
+        model = compiled.model
+        for k, link in enumerate(model.links[1:], 1):
+            rotated: Any = motion.rotation(k)
+            s = model.angles.rotation_class[k]
+            self._put(link, (motion.origin(k), np.angle(rotated)), ("x", "y", "angle"))
+            self._put(link, (motion.origin(k, 1), motion.speeds.angular[s]), ("x_velocity", "y_velocity", "angular_velocity"))
+            second = motion.origin(k, 2), motion.accelerations.angular[s]
+            self._put(link, second, ("x_acceleration", "y_acceleration", "angular_acceleration"))
+        for link, point in compiled.mechanism.traced:
+            k = model.index[link]
+            self._put(point_name(link, point), (motion.of_point(k, model.points[k][point]),), ("x", "y"))
+        self.missing = self._efforts(motion)
+
+    def _efforts(self, motion: Motion) -> str | None:
+        mechanism = self.compiled.mechanism
+        if not (mechanism.effects or mechanism.loads):
+            return None
+        if "friction" in mechanism.effects and braked(mechanism.joints):
+            return "dry friction depends on the reactions"
+        if motion.model.needs_global_solve:
+            return "reactions that constraints do not determine are solved for all joints together"
+        try:
+            forces = solve_forces(motion)
+            self.columns |= {f"{d.joint} effort": forces.effort(d.joint) for d in mechanism.drives}
+        except (TypeError, AttributeError, ValueError, IndexError, KeyError) as reason:  # `Untraceable` is a TypeError
+            return str(reason)
+        return None
+
+    def _put(self, item: str, values: tuple[Any, ...], names: tuple[str, ...]) -> None:
+        parts = [values[0].real, values[0].imag, *values[1:]]
+        self.columns |= {f"{item} {name}": value for name, value in zip(names, parts, strict=True)}
+
+    def _motion(self) -> Motion:
+        model, code = self.compiled.model, self.code
+        count = len(model.mechanism.drives)
+        drives: Any = [tuple(code.input(f"{x}[{d}]") for x in "qva") for d in range(count)]
+        delta: list[Any] = []
+        for terms in model.angles.class_drives:
+            turn: Any = 1 + 0j
+            for d, sign in terms:
+                turn = turn * rotation(sign * drives[d][0])
+            delta.append(turn)
+        state: Any = State(
+            drives=[q for q, _, _ in drives],
+            delta=delta,
+            rot=[delta[s] if g == 0 else None for s, g in enumerate(model.angles.class_group)],
+            slide={j: drives[d][0] for j, d in model.program.driven_slides},
+            constants=self.compiled.assembly.constants,
+        )
+        place_all(model, state, [Symbol(code, float(mode), 0.0) for mode in self.compiled.assembly.modes])
+        none: Any = None
+        motion = Motion(model, none, drives, state, _NoAngles(self.compiled))
+        vars(motion).update(drives=drives, shape=())
+        return motion
+
+    def lines(self, parameters: list[float]) -> list[str]:
+        """What the program computes, its numbers among the ``parameters``."""
+        targets = [(f"out[{k}]", x) for k, x in enumerate(self.columns.values())]
+        return self.code.written([(target, x.re if isinstance(x, Symbol) else float(x)) for target, x in targets], parameters)
+
+
+class _NoAngles(LinkAngles):
+    """Angles that would have to be followed."""
+
+    def __init__(self, compiled: Compiled):
+        nothing: Callable[..., Any] = lambda *_: None  # noqa: E731
+        super().__init__(compiled.model, compiled.angles.start, nothing, nothing, compiled.angles.exact)
+
+    def link(self, k: int) -> Any:
+        raise Untraceable(f"a load asks how far {self.model.links[k]} has turned")

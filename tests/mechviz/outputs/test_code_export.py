@@ -1,0 +1,65 @@
+"""Programs in C that are exported: compiled as strictly as can be, they print what a run has."""
+
+from __future__ import annotations
+
+import csv
+import io
+import subprocess
+from pathlib import Path
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+import mechviz as mv
+from mechcore.compiled.toolchain import compiler
+from mechviz.commands.main import app
+
+
+def exported(*arguments: str) -> tuple[int, str]:
+    result = CliRunner().invoke(app, ["export", *arguments])
+    return result.exit_code, result.output
+
+
+@pytest.mark.skipif(compiler() is None, reason="no C compiler")
+@pytest.mark.parametrize("scene", ["slider-crank-compressor", "planetary-gear"])
+def test_a_program_prints_what_a_run_has(tmp_path: Path, scene: str) -> None:
+    code, said = exported(scene, "--c", str(tmp_path / "own.c"))
+    assert code == 0 and "note:" not in said
+    strict = ["-std=c99", "-pedantic", "-Wall", "-Wextra", "-Werror", "-ffp-contract=off"]
+    subprocess.run([*compiler(), *strict, str(tmp_path / "own.c"), "-o", str(tmp_path / "own"), "-lm"], check=True)
+    run = mv.run(scene, frames=24, cycles=1)
+    drive = run.motion.mechanism.drives[0].joint
+    positions, speeds, _ = run.motion.drives[0]
+    asked = [repr(float(positions[0])), repr(float(positions[-1])), "25", repr(float(speeds[0]))]
+    printed = subprocess.run([str(tmp_path / "own"), *asked], capture_output=True, text=True, check=True).stdout
+    head, *rows = csv.reader(io.StringIO(printed))
+    found = dict(zip(head, np.array(rows, float).T, strict=True))
+    for link in run.motion.model.links[1:]:
+        wanted = {"x": run.motion.pose(link)[:, 0], "y": run.motion.pose(link)[:, 1]}
+        wanted |= {"angular_velocity": run.motion.velocity(link)[:, 2], "x_acceleration": run.motion.acceleration(link)[:, 0]}
+        for name, values in wanted.items():
+            np.testing.assert_allclose(found[f"{link} {name}"], values, rtol=1e-11, atol=1e-11 * max(np.abs(values).max(), 1.0))
+        turned = found[f"{link} angle"] - run.motion.pose(link)[:, 2]
+        np.testing.assert_allclose(np.sin(turned), 0.0, atol=1e-11)
+    if run.forces is not None:
+        effort = run.forces.effort(drive)
+        np.testing.assert_allclose(found[f"{drive} effort"], effort, atol=1e-11 * np.abs(effort).max())
+
+
+@pytest.mark.parametrize(
+    ("scene", "words"),
+    [
+        ("triad", "the group of P is solved by Newton's method"),
+        ("parallelogram", "its assembly modes meet at change points"),
+        ("swinging-double-pendulum", "forces decide its motion"),
+    ],
+)
+def test_what_c_does_not_have_is_refused(tmp_path: Path, scene: str, words: str) -> None:
+    code, said = exported(scene, "--c", str(tmp_path / "own.c"))
+    assert code == 2 and words in " ".join(said.split()) and not list(tmp_path.iterdir())
+
+
+def test_efforts_that_are_missing_are_noted(tmp_path: Path) -> None:
+    code, said = exported("slider-crank-friction", "--c", str(tmp_path / "own.c"))
+    assert code == 0 and "note: efforts of drives are not in" in said and "dry friction depends on the reactions" in said
