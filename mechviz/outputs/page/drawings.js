@@ -37,6 +37,18 @@ class Lanes {
   }
 }
 
+/** A label as it is written by hand: of "a_CBⁿ" CB stands below the line. */
+function written(g, text, x, y) {
+  const [, letter, below, above] = /^([A-Za-z])_(.+?)([ⁿᵗᶜʳ]?)$/.exec(text) || ["", text, "", ""];
+  const { font } = g;
+  for (const [words, down, size] of [[letter, 0, "11px"], [below, 3, "8.5px"], [above, 0, "11px"]]) {
+    g.font = font.replace(/[\d.]+px/, size);
+    g.fillText(words, x, y + down);
+    x += g.measureText(words).width;
+  }
+  g.font = font;
+}
+
 /** A graphical construction that moves with time: arrows with labels, lines and points, drawn to scale. */
 class Construction {
   constructor(player, { title, caption, parts }, box) {
@@ -79,7 +91,7 @@ class Construction {
       if (!text || said.some(([a, b]) => Math.hypot(a - x, b - y) < 11)) return;
       said.push([x, y]);
       g.fillStyle = color;
-      g.fillText(text, x + 5, y - 6);
+      written(g, text, x + 5, y - 6);
     };
     const color = (d, k) => player.stage ? player.stage.readable(d.colors[k] || "#888888") : player.theme.ink;
     for (const d of this.parts) {
