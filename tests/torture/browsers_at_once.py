@@ -2,7 +2,8 @@
 
     python tests/torture/browsers_at_once.py --browsers 20 --seconds 600
 
-No page reports an error, the viewer's memory stays flat, and it draws the scene correctly afterwards.
+Each has its own session; four processes of Chromium have them all (``--processes``). No page reports an error, the viewer's memory
+stays flat, and it draws the scene correctly afterwards.
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ if __name__ == "__main__":
     sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "support"))
 
 from browsers import ARGS
-from browsing import PIXELS, READY
+from browsing import ONE_SAMPLE, PIXELS, READY
 from hostile_messages import MOST_GROWN, draws, grown, memory, viewer
 from playwright.sync_api import sync_playwright
 
@@ -31,8 +32,9 @@ PATIENCE = 180.0  # [s] for a page on a machine that many browsers share
 
 def opened(chromium: Any, port: int, errors: list[str]) -> Any:
     """A page with the picture in it."""
-    page = chromium.new_page(viewport=SIZE)
+    page = chromium.new_page(viewport=SIZE)  # in a context of its own
     page.set_default_timeout(1e3 * PATIENCE)
+    page.add_init_script(ONE_SAMPLE)
     page.on("pageerror", lambda error: errors.append(str(error)))
     page.goto(f"http://127.0.0.1:{port}/{PIXELS}")
     page.wait_for_function(READY, arg=LINKS)
@@ -52,7 +54,7 @@ def look(page: Any, rng: random.Random) -> None:
             page.mouse.move(x, y)
             page.mouse.wheel(0.0, rng.uniform(-200.0, 200.0))
         case 2:
-            page.keyboard.press("Space")
+            page.keyboard.press("Space")  # plays or pauses, also where a narrow page has its buttons in a drawer
         case 3:
             page.mouse.click(x, y)
         case _:
@@ -62,21 +64,26 @@ def look(page: Any, rng: random.Random) -> None:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--browsers", type=int, default=20)
+    parser.add_argument("--processes", type=int, default=4)
     parser.add_argument("--seconds", type=float, default=600.0)
     parser.add_argument("--seed", type=int, default=0)
     options = parser.parse_args()
     rng, errors, sizes, done = random.Random(options.seed), list[str](), list[float](), 0
     with viewer() as (port, process), sync_playwright() as playwright:
         started = [
-            playwright.chromium.launch(executable_path=find_chromium(), headless=True, args=ARGS) for _ in range(options.browsers)
+            playwright.chromium.launch(executable_path=find_chromium(), headless=True, args=ARGS)
+            for _ in range(min(options.processes, options.browsers))
         ]
-        pages = [opened(chromium, port, errors) for chromium in started]
+        pages = []
+        for k in range(options.browsers):
+            pages.append(opened(started[k % len(started)], port, errors))
+            print(f"{k + 1} of {options.browsers} browsers are there", flush=True)
         end = time.monotonic() + options.seconds
         while time.monotonic() < end:
             k = rng.randrange(len(pages))
             if rng.random() < 0.1:
                 pages[k].close()
-                pages[k] = opened(started[k], port, errors)
+                pages[k] = opened(started[k % len(started)], port, errors)
             else:
                 look(pages[k], rng)
             done += 1

@@ -21,6 +21,7 @@ from mechviz.files import OutputError
 
 VARIABLE = "MECHVIZ_CHROMIUM"
 NAMES = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "chrome")
+FAILED = f"Try again, or with another Chromium, which {VARIABLE} names."
 PATIENCE = 60.0  # [s] for an answer: a slow machine without a graphics card may need most of it
 ARGUMENTS = (
     "--headless=new",
@@ -140,7 +141,7 @@ class Chromium:
         if "exceptionDetails" in answer:
             details = answer["exceptionDetails"]
             words = details.get("exception", {}).get("description", details.get("text", "an error"))
-            raise ChromiumError(f"The page failed: {words.splitlines()[0]}.")
+            raise ChromiumError(f"The page failed: {words.splitlines()[0]}.", FAILED)
         return answer["result"].get("value")
 
     def screenshot(self) -> bytes:
@@ -161,7 +162,7 @@ class Chromium:
             raise self._gone() from None
         answer = self._await(lambda m: m.get("id") == message["id"])
         if "error" in answer:
-            raise ChromiumError(f"Chromium refused {method}: {answer['error'].get('message', '')}.")
+            raise ChromiumError(f"Chromium refused {method}: {answer['error'].get('message', '')}.", FAILED)
         result: dict[str, Any] = answer["result"]
         return result
 
