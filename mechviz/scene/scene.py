@@ -8,6 +8,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from pydantic import ValidationError
 
 from mechcore.accuracy import Accuracy
@@ -251,7 +252,8 @@ def _with_present_keys(value: Any, path: str, former: dict[str, str]) -> Any:
 def _assembled(
     reading: Reading, name: str, folder: SceneFolder, former: Mapping[str, str], source: str | None = None, file: str | None = None
 ) -> Scene:
-    assembly, faults = assemble(reading, name, folder)
+    with np.errstate(all="ignore" if reading.faults else None):  # what stands where a value was wrong may be anything
+        assembly, faults = assemble(reading, name, folder)
     if assembly is None:
         ordered = in_file_order([*reading.faults, *faults], reading.raw)
         ordered = [_with_formula(fault, reading.document) for fault in ordered]

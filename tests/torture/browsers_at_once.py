@@ -19,7 +19,7 @@ if __name__ == "__main__":
     sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "support"))
 
 from browsers import ARGS
-from browsing import ONE_SAMPLE, PIXELS, READY
+from browsing import ONE_SAMPLE, PIXELS
 from hostile_messages import MOST_GROWN, draws, grown, memory, viewer
 from playwright.sync_api import sync_playwright
 
@@ -27,6 +27,8 @@ from mechviz.outputs.images.browser import find_chromium
 
 LINKS = ["/mechanism/crank", "/mechanism/rocker"]
 SIZE = {"width": 800, "height": 600}
+# Others may play the motion meanwhile, so that no page ever rests
+THERE = "names => !!window.__viserMutable && names.every(name => window.__viserMutable.nodeRefFromName[name])"
 PATIENCE = 180.0  # [s] for a page on a machine that many browsers share
 
 
@@ -37,7 +39,7 @@ def opened(chromium: Any, port: int, errors: list[str]) -> Any:
     page.add_init_script(ONE_SAMPLE)
     page.on("pageerror", lambda error: errors.append(str(error)))
     page.goto(f"http://127.0.0.1:{port}/{PIXELS}")
-    page.wait_for_function(READY, arg=LINKS)
+    page.wait_for_function(THERE, arg=LINKS)
     return page
 
 

@@ -8,13 +8,16 @@ from __future__ import annotations
 
 import copy
 import random
+import tomllib
 from dataclasses import dataclass
 from itertools import combinations
+from pathlib import Path
 from typing import Any
 
 import pytest
 
 from mechcore.errors import Fault
+from mechviz.scene import scene
 from mechviz.scene.faults import SceneError
 from mechviz.scene.folder import gallery_names
 from mechviz.scene.scene import Scene, load
@@ -262,3 +265,11 @@ def test_a_misspelt_point_of_the_sketch_does_not_make_a_drawn_link_incomplete():
     Scene.build(**data)
     data["sketch"]["Ss"] = data["sketch"].pop("S")
     assert [(fault.path, fault.remedy) for fault in faults_of(data)] == [("sketch.Ss", "Did you mean 'S'?")]
+
+
+def test_what_stands_for_a_wrong_number_is_computed_with_in_silence():
+    """The rest of the scene is looked at, too: an arc of a cam with a bulge that is no number made a warning of numpy's."""
+    data = tomllib.loads((Path(scene.__file__).parents[1] / "gallery" / "cam-tangent.toml").read_text(encoding="utf-8"))
+    data["joints"]["K"]["profile"]["bulges"][2] = float("nan")
+    told = faults_of(data)
+    assert [fault.path for fault in told] == ["joints.K.profile.bulges[2]"] and "finite" in told[0].message
