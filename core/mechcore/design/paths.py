@@ -202,9 +202,10 @@ def _linear(task: PathTask, ratios: Real, start: Real, steps: Real, side: int, s
         stacked = np.stack(columns, axis=-1)
         rows = np.concatenate([stacked.real, stacked.imag], axis=1)
         both = np.concatenate([right.real, right.imag], axis=1)
-        normal = np.einsum("dki,dkj->dij", rows, rows)
+        across = np.swapaxes(rows, 1, 2)
+        normal = across @ rows
         normal += 1e-13 * np.einsum("dii->d", normal)[:, None, None] * np.eye(len(columns))
-        return np.asarray(np.linalg.solve(normal, np.einsum("dki,dk->di", rows, both)[..., None])[..., 0])
+        return np.asarray(np.linalg.solve(normal, across @ both[..., None])[..., 0])
 
     full = solved(place + scale + tracer, target)
     own = len(place)

@@ -48,9 +48,10 @@ def fit_all(evaluate: Evaluate, x: Real, lower: Real, upper: Real, iterations: i
         if not at.size:
             break
         j, r = slopes[at], residual[at]
-        gradient = np.einsum("dmn,dm->dn", j, r)
+        across = np.swapaxes(j, 1, 2)
+        gradient = (across @ r[..., None])[..., 0]
         held = ((x[at] <= lower) & (gradient > 0.0)) | ((x[at] >= upper) & (gradient < 0.0))
-        normal = np.where(held[:, :, None] | held[:, None, :], 0.0, np.einsum("dmi,dmj->dij", j, j))
+        normal = np.where(held[:, :, None] | held[:, None, :], 0.0, across @ j)
         scale = normal[:, diagonal, diagonal]
         scale = np.maximum(scale, 1e-14 * np.maximum(scale.max(1, keepdims=True), 1e-300))
         normal[:, diagonal, diagonal] += damping[at, None] * scale
