@@ -97,10 +97,14 @@ DASHES = ("--", ":", "-.")  # of other designs, and again
 
 
 def plot_figure(
-    title: str, quantities: Sequence[Quantity | Together], axis: Axis, others: Mapping[str, Real] | None = None
+    title: str,
+    quantities: Sequence[Quantity | Together],
+    axis: Axis,
+    others: Mapping[str, Real] | None = None,
+    half: Real | None = None,
 ) -> Figure:
     """A figure of matplotlib with a panel for each quantity; in the first one, dashed, ``others``: the same curves (F, k) of other
-    designs by their names."""
+    designs by their names, and pale bands of ``half`` widths (F, k)."""
     width, height = PANEL
     beside = others or {}
     with chart(width, height * len(quantities) + 0.8) as figure:
@@ -113,6 +117,9 @@ def plot_figure(
         for (other, values), dash in zip(beside.items(), cycle(DASHES), strict=False):
             for column, name, color in zip(values.T, quantities[0].curves, colors, strict=True):
                 panels[0].plot(axis.values, column, color=color, linestyle=dash, linewidth=1.0, label=f"{name} {other}")
+        if half is not None:
+            for wide, column, color in zip(half.T, quantities[0].values().T, colors, strict=True):
+                panels[0].fill_between(axis.values, column - wide, column + wide, color=color, alpha=0.22, linewidth=0.0)
         for panel in panels:
             if len(panel.lines) > 1:
                 panel.legend(loc="upper left", bbox_to_anchor=(1.0, 1.0))
@@ -120,17 +127,26 @@ def plot_figure(
     return figure
 
 
-def plot_file(kind: str, title: str, quantity: Quantity | Together, axis: Axis, others: Mapping[str, Real] | None = None) -> bytes:
+def plot_file(
+    kind: str,
+    title: str,
+    quantity: Quantity | Together,
+    axis: Axis,
+    others: Mapping[str, Real] | None = None,
+    half: Real | None = None,
+) -> bytes:
     """A plot as a file of one of ``KINDS``; a table has the axis first, in the units that the plot shows, and last ``others``: the
-    same curves (F, k) of other designs by their names."""
+    same curves (F, k) of other designs by their names, and ``half`` the widths (F, k) of tolerance bands."""
     if kind == "CSV":
         text = StringIO()
         rows = csv.writer(text)
         names = [*quantity.curves, *(f"{name} {other}" for other in others or {} for name in quantity.curves)]
+        names += [f"{name} tolerance ±" for name in quantity.curves if half is not None]
         rows.writerow([axis.title, *(f"{name} [{quantity.unit}]" for name in names)])
-        rows.writerows(np.column_stack([axis.values, quantity.values(), *(others or {}).values()]).tolist())
+        columns = [axis.values, quantity.values(), *(others or {}).values(), *([] if half is None else [half])]
+        rows.writerows(np.column_stack(columns).tolist())
         return text.getvalue().encode()
-    figure = plot_figure(title, [quantity], axis, others)
+    figure = plot_figure(title, [quantity], axis, others, half)
     if kind == "SVG":
         return chart_svg(figure).encode()
     stream = BytesIO()

@@ -363,6 +363,10 @@ def test_designs_are_compared_from_the_start_and_curves_have_the_bands_of_their_
         np.testing.assert_allclose(high[frame] - now[frame], half(longer, 55.0), rtol=1e-9)
         plots.band.value = "10 times"
         until(lambda: np.allclose(slot.chart.data[3][frame] - now[frame], 10.0 * half(longer, 55.0)))
+        rows = plots.file(slot, "CSV").decode().splitlines()
+        assert rows[0].endswith("displacement longer [mm],displacement tolerance ± [mm]")
+        assert float(rows[1].split(",")[3]) == pytest.approx(half(longer, 55.0)[0])
+        assert b"fill-opacity" in plots.file(slot, "SVG") or b"opacity: 0.22" in plots.file(slot, "SVG")
         shown.session.move(stroke, 100.0)  # where another dimension of the scene has a kink
         assert shown.session.wait(rested=True)
         assert "does not change smoothly with stroke" in plots._refused.content and len(slot.chart.data) == 4

@@ -321,10 +321,11 @@ class Plots:
             client.send_file_download(f"{words}.{button.lower()}", self.file(slot, button), save_immediately=True)
 
     def file(self, slot: SharedSlot, kind: str) -> bytes:
-        """A plot as a file, with the curves of the designs that are compared; ``kind``: one of ``KINDS``."""
+        """A plot as a file, with the curves of the designs that are compared and its bands as they are; ``kind``: one of
+        ``KINDS``."""
         with self._lock:
-            quantity, axis, others = slot.quantity, self._axis, self._beside(slot.quantity).others
-        return plot_file(kind, self._name, quantity, axis, others)
+            quantity, axis, beside = slot.quantity, self._axis, self._beside(slot.quantity)
+        return plot_file(kind, self._name, quantity, axis, beside.others, beside.half)
 
 
 class Slot:
