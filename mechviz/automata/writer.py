@@ -1,9 +1,8 @@
-"""A drawing machine for a motion of a pen: two levers on a shaft of cams lead the pen by two rods, a third lever lifts it.
+"""A drawing machine for a motion of a pen: two levers on a shaft of cams lead the pen by rods or slides, a third lever lifts it.
 
-Lengths follow from the size of the drawing: levers and rods as long as it, on pivots 0.7 times it apart; the pen is half of it
-beyond the pin of the rods, the sheet 1.65 times it above the pivots. On the cams the levers are shorter, by one of `RATIOS`. The
-shaft lies below the pivots, as far as the cams ask for: they are as small as a limit of the pressure angle and rollers that do not
-undercut allow.
+Lengths follow from the size of the drawing: those of what leads the pen are in `pen_linkages`. On the cams the levers are shorter,
+by one of `RATIOS`. The shaft lies below the pivots, as far as the cams ask for: they are as small as a limit of the pressure angle
+and rollers that do not undercut allow.
 """
 
 from __future__ import annotations
@@ -25,6 +24,7 @@ from mechcore.laws.curve import MotionCurve
 from mechcore.laws.program import Segment, program
 from mechcore.laws.segment_laws import Dwell, NormalisedLaw
 from mechcore.texts import as_angle, as_length
+from mechviz.automata.pen_linkages import PIVOTS, PenLinkage, Rods
 from mechviz.automata.pen_motion import DOWN, PenMotion, plan_motion
 from mechviz.automata.texts import csv_table, place, quoted
 from mechviz.runs import run_scene
@@ -32,7 +32,6 @@ from mechviz.scene.folder import SceneFolder
 from mechviz.scene.scene import Scene, loads
 
 RATIOS = (4.0, 6.0, 9.0, 13.0)  # of the levers, the least one at which the cams are no larger than the drawing
-_PIVOTS, _LEVER, _ROD, _PEN, _SHEET = 0.35, 1.0, 1.0, 0.5, 1.65  # over the size of the drawing
 _ROLLER = 0.02  # radius of the rollers, over the size of the drawing
 _SPARE = 1.2  # least radius of curvature of the pitch curve, over the roller's
 _LIFT = 0.02  # way of the third roller, over the size of the drawing
@@ -42,7 +41,7 @@ _MOST_LIFTING = 0.3  # of the turn
 _GROWTH = 1.04  # of cams, from one size that is tried to the next
 _LARGEST = 40.0  # cams, over the size of the drawing
 _TRIES = 4  # machines, each drawn with a smaller share of the error than the one before
-_TEACHES = "Two cams on one shaft move two levers, whose rods lead the pen along the line; a third lifts it between strokes."
+_TEACHES = "Two cams on one shaft move two levers, %s; a third lifts it between strokes."
 _CHECKED = 4  # frames for each row of the tables where the line is compared with its strokes
 
 
@@ -73,13 +72,14 @@ def design_writer(
     name: str = "writer",
     speed: float = math.pi / 30.0,
     pressure_limit: float = math.radians(40.0),
+    linkage: type[PenLinkage] = Rods,
     levers: bool = True,
     tell: Callable[[str], object] = lambda _: None,
 ) -> Writer:
     """The machine that draws strokes (n,) [m] about the origin, and misses them by at most ``error`` [m] when it is run.
 
-    ``speed`` of the shaft [rad/s]; without ``levers`` the pen's motion alone. ``tell`` hears what is done. Raises where the error
-    cannot be reached.
+    ``speed`` of the shaft [rad/s]; ``linkage`` leads the pen; without ``levers`` the pen's motion alone. ``tell`` hears what is
+    done. Raises where the error cannot be reached.
     """
     every = np.concatenate(list(strokes))
     size = max(float(np.ptp(every.real)), float(np.ptp(every.imag)))
@@ -97,24 +97,25 @@ def design_writer(
             return Writer(None, motion, motion.error)
         tell("sizing the cams")
         for lever_ratio in RATIOS:
-            machine = _Machine.sized(motion, size, lever_ratio, pressure_limit)
+            machine = _Machine.sized(motion, linkage(size), lever_ratio, pressure_limit)
             if max(machine.radii) <= size:
                 break
         scene = machine.scene(title, name, speed, pressure_limit)
         tell("running the machine")
-        reached = drawn_error(scene, motion, [stroke + machine.sheet for stroke in strokes])
+        reached = drawn_error(scene, motion, [stroke + machine.linkage.sheet for stroke in strokes], linkage.pen)
         if reached <= error:
-            return Writer(scene, motion, reached, lever_ratio, machine.pressure_angles, machine.radii, machine.sharpest)
+            return Writer(scene, motion, reached, machine.ratio, machine.pressure_angles, machine.radii, machine.sharpest)
         share *= 0.9 * error / reached
     why = f"the machine misses the drawing by {as_length(reached, 3)}, not by at most {as_length(error, 3)}."
     raise MechanismError(Fault("error", why, "Allow a larger error."))
 
 
-def drawn_error(scene: Scene, motion: PenMotion, strokes: Sequence[Complex]) -> float:
-    """The largest distance [m] between strokes (n,) on the sheet and what a scene's pen ``P`` draws of each, either way."""
+def drawn_error(scene: Scene, motion: PenMotion, strokes: Sequence[Complex], link: str) -> float:
+    """The largest distance [m] between strokes (n,) on the sheet and what the pen ``P`` of a scene's link draws of each, either
+    way."""
     frames = _CHECKED * len(motion.places)
     moved = run_scene(scene.changed({("run", "frames"): frames})).motion
-    at = moved.point("left rod", "P") @ np.array([1.0, 1.0j])
+    at = moved.point(link, "P") @ np.array([1.0, 1.0j])
     angles = 2.0 * np.pi * np.arange(len(at)) / frames
     worst = 0.0
     for stroke, (begin, end) in zip(strokes, motion.strokes, strict=True):
@@ -191,10 +192,10 @@ def _fits(cam: Cam, roller: float, limit: float) -> bool:
 
 @dataclass(frozen=True, eq=False)
 class _Machine:
-    """The places of everything: ``size`` of the drawing, ``sheet``: its middle, levers left, right and lifting."""
+    """The places of everything: what leads the pen, the shaft, levers left, right and lifting."""
 
-    size: float
-    sheet: complex
+    linkage: PenLinkage
+    ratio: float  # of the longer lever to its arm
     axis: complex
     levers: tuple[_Lever, _Lever, _Lever]
     starts: tuple[float, float]  # directions of the two output arms at zero lift
@@ -203,18 +204,13 @@ class _Machine:
     tables: tuple[Real, Real]  # lifts of the two levers [deg] at even steps of the shaft
 
     @classmethod
-    def sized(cls, motion: PenMotion, size: float, ratio: float, limit: float) -> _Machine:
-        pivots, sheet = (complex(-_PIVOTS * size), complex(_PIVOTS * size)), 1j * _SHEET * size
-        pen, lever, rod, beyond = motion.places + sheet, _LEVER * size, _ROD * size, _PEN * size
-        first = _lever_angles(pen, pivots[0], lever, rod + beyond, 1.0)
-        elbow = pivots[0] + lever * np.exp(1j * first)
-        pin = elbow + (pen - elbow) * (rod / (rod + beyond))
-        turned = [first, _lever_angles(pin, pivots[1], lever, rod, -1.0)]
+    def sized(cls, motion: PenMotion, linkage: PenLinkage, ratio: float, limit: float) -> _Machine:
+        size, pivots, turned = linkage.size, linkage.pivots, linkage.angles(motion.places)
         tables = (np.degrees(turned[0].max() - turned[0]), np.degrees(turned[1] - turned[1].min()))
         rounded = (np.round(tables[0], 7), np.round(tables[1], 7))
         angles = np.linspace(0.0, 2.0 * np.pi, len(motion.places) + 1)
         lifts = [measured_table(angles, np.radians(np.append(t, t[0])), 0.0, True)[0] for t in rounded]
-        arm, roller = lever / ratio, _ROLLER * size
+        arm, roller = min(linkage.levers) / ratio, _ROLLER * size
         low, high, lifter = 0.3 * size, _LARGEST * size, _LIFTER * size
         lift = _LIFT * size / lifter
         segments = [(over, to if to is None else lift * to) for over, to in motion.lifts]
@@ -223,7 +219,7 @@ class _Machine:
         middle, own = _least(wanted, roller, limit, low, high), _least([third], roller, limit, low, high)
         cams = [_cam(wanted[0], middle, roller), _cam(wanted[1], middle, roller), _cam(third, own, roller)]
         (left, apart), (right, _), (up, below) = (f for f in cams if f is not None)
-        axis = -1j * math.sqrt(apart**2 - (_PIVOTS * size) ** 2)
+        axis = -1j * math.sqrt(apart**2 - (PIVOTS * size) ** 2)
         levers = []
         for cam, pivot, lever_of in zip((left, right, up), (*pivots, axis - 1j * below), (*wanted, third), strict=True):
             start = float(cam.law.pieces[0].at(0.0, 0)[0] - lever_of.lift.pieces[0].at(0.0, 0)[0])
@@ -231,7 +227,16 @@ class _Machine:
             base = abs(abs(axis - pivot) - lever_of.arm * cmath.exp(1j * start)) - roller
             levers.append(_Lever(pivot, lever_of, heading, base, cam))
         starts = (float(turned[0].max()), float(turned[1].min()))
-        return cls(size, sheet, axis, (levers[0], levers[1], levers[2]), starts, lift, segments, rounded)
+        return cls(
+            linkage,
+            ratio * max(linkage.levers) / min(linkage.levers),
+            axis,
+            (levers[0], levers[1], levers[2]),
+            starts,
+            lift,
+            segments,
+            rounded,
+        )
 
     @property
     def pressure_angles(self) -> tuple[float, ...]:
@@ -247,10 +252,10 @@ class _Machine:
 
     def scene(self, title: str, name: str, speed: float, limit: float) -> Scene:
         """The scene, with the tables of its cams in its folder."""
-        size, (left, right, up) = self.size, self.levers
+        size, (left, right, up) = self.linkage.size, self.levers
+        out = [place(complex(length)) for length in self.linkage.levers]
         sides = zip(("left", "right"), self.tables, strict=True)
         files = {f"{name}-{side}.csv": csv_table("angle [deg],lift [deg]", 360.0, table) for side, table in sides}
-        out, rod = _LEVER * size, _ROD * size
         wire = up.pivot + 2.0 * up.of.arm * cmath.exp(1j * (up.heading + 0.5 * math.pi))
         starts = (*self.starts, 0.0)
         heads = [cmath.rect(lever.of.arm, lever.heading - start) for lever, start in zip(self.levers, starts, strict=True)]
@@ -259,19 +264,18 @@ class _Machine:
         pivots = ", ".join(f"{pin} = {place(lever.pivot)}" for pin, lever in zip("ABC", self.levers, strict=True))
         lines = [
             f"title = {quoted(title)}",
-            f"teaches = {quoted(_TEACHES)}",
+            f"teaches = {quoted(_TEACHES % self.linkage.words)}",
             'units = { length = "mm", angle = "deg" }',
             "",
             "[run]",
             f"frames = {frames}",
             "",
             "[links]",
-            f"frame = {{ points = {{ O = {place(self.axis)}, {pivots} }} }}",
+            f"frame = {{ points = {{ O = {place(self.axis)}, {pivots}{self.linkage.frame_points()} }} }}",
             "cams = { points = { O = [0, 0] } }",
-            f'"left lever" = {{ points = {{ A = [0, 0], D = {place(complex(out))}, R = {place(heads[0])} }} }}',
-            f'"right lever" = {{ points = {{ B = [0, 0], E = {place(complex(out))}, R = {place(heads[1])} }} }}',
-            f'"left rod" = {{ points = {{ D = [0, 0], F = {place(complex(rod))}, P = {place(complex(rod + _PEN * size))} }} }}',
-            f'"right rod" = {{ points = {{ E = [0, 0], F = {place(complex(rod))} }} }}',
+            f'"left lever" = {{ points = {{ A = [0, 0], D = {out[0]}, R = {place(heads[0])} }} }}',
+            f'"right lever" = {{ points = {{ B = [0, 0], E = {out[1]}, R = {place(heads[1])} }} }}',
+            *self.linkage.links(),
             f"lifter = {{ points = {{ C = [0, 0], R = {place(heads[2])}, W = {place(wire - up.pivot)} }} }}",
             "",
             "[joints]",
@@ -279,12 +283,10 @@ class _Machine:
             'A = { revolute = ["frame", "left lever"] }',
             'B = { revolute = ["frame", "right lever"] }',
             'C = { revolute = ["frame", "lifter"] }',
-            'D = { revolute = ["left lever", "left rod"] }',
-            'E = { revolute = ["right lever", "right rod"] }',
-            'F = { revolute = ["left rod", "right rod"], side = "left" }',
+            *self.linkage.joints,
             "",
             "[pens.P]",
-            'point = "left rod.P"',
+            f'point = "{self.linkage.pen}.P"',
             'joint = "C"',
             f"at_most = {math.degrees(DOWN * self.lift):.6g}",
         ]
@@ -310,14 +312,6 @@ class _Machine:
                 file = f"{name}-{link.partition(' ')[0]}.csv"
                 lines += [f'lift = [{{ over = 360, law = {{ position = {{ file = "{file}", periodic = true }} }} }}]']
         return loads("\n".join(lines) + "\n", name, SceneFolder(contents=files))
-
-
-def _lever_angles(pen: Complex, pivot: complex, lever: float, rod: float, side: float) -> Real:
-    """Directions (N,) [rad] of a lever whose rod reaches the pen, its end on the left (``side`` 1) of the line to it."""
-    away = pen - pivot
-    far = np.abs(away)
-    cosine = (lever**2 + far**2 - rod**2) / (2.0 * lever * far)
-    return np.unwrap(np.angle(away)) + side * np.arccos(cosine)
 
 
 def _lift_law(segments: Sequence[tuple[float, float | None]]) -> MotionCurve:

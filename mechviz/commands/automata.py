@@ -9,6 +9,7 @@ from typing import Annotated
 import numpy as np
 import typer
 
+from mechviz.automata.pen_linkages import Rods, Slides
 from mechviz.automata.plotter import plotter_scene
 from mechviz.automata.strokes import in_order, on_sheet, svg_strokes, text_strokes
 from mechviz.automata.walking import walk_of, walking_scene
@@ -32,11 +33,12 @@ def draw(
     error: Annotated[str, typer.Option("--error", help="how far the drawn line may be off its strokes")] = "0.1 mm",
     speed: Annotated[str, typer.Option("--speed", help="of the shaft: the drawing takes one turn")] = "1 rpm",
     pressure_angle: Annotated[str, typer.Option("--pressure-angle", help="largest one of the cams")] = "40 deg",
+    slides: Annotated[bool, typer.Option("--slides", help="two crossed slides lead the pen, instead of two rods")] = False,
     program: Annotated[
         Path | None, typer.Option("--program", metavar="FILE.toml", help="also, or only: a program of three axes for motors")
     ] = None,
 ) -> None:
-    """Turn an SVG drawing, or words, into a machine that draws it: three cams on a shaft, levers, rods and a pen.
+    """Turn an SVG drawing, or words, into a machine that draws it: three cams on a shaft, levers, rods or slides, and a pen.
 
     Two cams lead the pen, a third one lifts it between strokes. The pen goes at an even speed, slower at corners, with a bounded
     jerk. The cams are as small as the pressure angle and undercut allow. The machine is run, and the distance of its line from the
@@ -48,6 +50,8 @@ def draw(
         fail("Give a picture, or --text WORDS.")
     if output is None and program is None:
         fail("Where to? Give -o FILE.toml for the machine, or --program FILE.toml.")
+    if slides and output is None:
+        fail("--slides is a choice of the machine: give -o FILE.toml, too.")
     for path in (output, program):
         if path is not None and path.suffix != ".toml":
             fail(f"'{path}' does not end in .toml, as scenes do.")
@@ -68,8 +72,9 @@ def draw(
             stem = (output or program or Path("writer")).stem
             title = f"A machine that writes “{name}”" if text is not None else f"A machine that draws “{name}”"
             writer = design_writer(
-                strokes, off, title=title, name=stem, speed=rate, pressure_limit=limit, levers=output is not None, tell=bar.stage
-            )
+                strokes, off, title=title, name=stem, speed=rate, pressure_limit=limit,
+                linkage=Slides if slides else Rods, levers=output is not None, tell=bar.stage,
+            )  # fmt: skip
         motion = writer.motion
         points, ink = sum(map(len, strokes)), sum(float(np.abs(np.diff(s)).sum()) for s in strokes)
         print(f"{len(strokes)} strokes, {points} points, {_mm(ink)} of line on {_mm(width)}")

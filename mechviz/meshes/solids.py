@@ -19,6 +19,7 @@ from mechcore.errors import Fault, MechanismError
 from mechcore.spec.mechanism import Mechanism
 from mechviz.meshes.extrude import Part, ShapeError, Shell, joined_shells
 from mechviz.meshes.heights import Heights, find_heights
+from mechviz.meshes.kinds.fittings import on_shafts
 from mechviz.meshes.kinds.rims import Loop
 from mechviz.meshes.kinds.spatial_cams import Spin, spatial_parts
 from mechviz.meshes.kinds.wheels_drawn import find_loop
@@ -115,6 +116,11 @@ def _build(
         model = replace(model, segments=_sides(chord / (model.size * largest_circle(model)), 512))
     draft = draft_pieces(model)
     levels = stack_pieces(model, draft)
+    if levels.clashes and (other := on_shafts(model)).axles != model.axles:
+        apart = draft_pieces(other)
+        stacked = stack_pieces(other, apart)
+        if stacked.clashes < levels.clashes:
+            model, draft, levels = other, apart, stacked
     free = not model.telescopes and not model.planes  # thin barrels would look like wires; stated planes stay
     if free and (levels.top + 1) * model.proportions.pitch > DEEPEST:
         model = replace(model, proportions=model.proportions.thinner(DEEPEST / ((levels.top + 1) * model.proportions.pitch)))

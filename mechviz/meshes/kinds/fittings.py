@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import cmath
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -66,6 +66,19 @@ def draw_slots(model: Model, draft: Draft) -> None:
 # --- welds --------------------------------------------------------------------------------------------------------------
 
 
+def on_shafts(model: Model) -> Model:
+    """The mechanism with links that are welded at the axis of a pin put on that pin, as two cranks at both ends of a shaft."""
+    axles = list(model.axles)
+    for weld in model.welds:
+        for k, axle in enumerate(axles):
+            for link, at, other, there in zip(weld.links, weld.points, weld.links[::-1], weld.points[::-1], strict=True):
+                shaft = link in axle.centres and np.hypot(*np.subtract(axle.centres[link], at)) < _SAME
+                if shaft and other not in axle.centres and model.frame not in weld.links:
+                    axles[k] = replace(axle, centres={**axle.centres, other: there})
+                    break
+    return replace(model, axles=tuple(axles))
+
+
 def join_welds(model: Model, draft: Draft, plates: dict[str, Polygon]) -> None:
     """Welded plates lie flush: on one layer, the second cut to the edge of the first; else on two, with a stud between them."""
     r = model.proportions.r
@@ -85,8 +98,17 @@ def join_welds(model: Model, draft: Draft, plates: dict[str, Polygon]) -> None:
         if cut is not None:
             plates[second] = cut
             draft.merge(b, a)
-        elif a != b:
+        elif a != b and not _by_shaft(model, weld):
             draft.necks.append(Neck(first, outline.disc(weld.points[0], 0.75 * r, model.segments), (a, b)))
+
+
+def _by_shaft(model: Model, weld: Weldment) -> bool:
+    """Whether a pin joins two welded links."""
+    ends = list(zip(weld.links, weld.points, strict=True))
+    return any(
+        all(link in axle.centres and np.hypot(*np.subtract(axle.centres[link], at)) < _SAME for link, at in ends)
+        for axle in model.axles
+    )
 
 
 def _cut(model: Model, weld: Weldment, plates: dict[str, Polygon]) -> Polygon | None:

@@ -33,6 +33,7 @@ class Levels:
     axle_front: tuple[bool, ...]  # for every axle: whether its pedestal stands in front
     block_front: tuple[bool, ...]  # for every block that is fixed to the ground
     top: int  # the layer nearest to the viewer
+    clashes: int = 0  # pieces and pins that meet all the same
 
     def of(self, link: str) -> int:
         """Layer of a moving link's plate."""
@@ -81,7 +82,9 @@ def stack_pieces(model: Model, draft: Draft) -> Levels:
     axles, necks = len(model.axles), len(draft.necks)
     top = max(layer.values(), default=0)
     passed = tuple(tuple(sorted({layer[g] for g in draft.reached(model, k)})) for k in range(axles))
-    return Levels(model.proportions, layer, draft.groups, passed, order.front[:axles], order.front[axles + necks :], top)
+    return Levels(
+        model.proportions, layer, draft.groups, passed, order.front[:axles], order.front[axles + necks :], top, order.clashes
+    )
 
 
 def _in_planes(model: Model, draft: Draft, layer: dict[str, int]) -> dict[str, int]:

@@ -9,10 +9,12 @@ import pytest
 
 from mechcore.errors import MechanismError
 from mechcore.forces.cam_rating import placed_cams
+from mechviz.automata.pen_linkages import Slides
 from mechviz.automata.pen_motion import plan_motion
 from mechviz.automata.plotter import plotter_scene
 from mechviz.automata.strokes import in_order, on_sheet, svg_strokes, text_strokes
 from mechviz.automata.writer import design_writer
+from mechviz.meshes.solids import build_solids
 from mechviz.picture.ink import drawn_strokes, growing
 from mechviz.runs import run_scene
 
@@ -37,6 +39,11 @@ def motion():
 @pytest.fixture(scope="module")
 def writer():
     return design_writer([HOOK, RING], ERROR, title="Hook and ring")
+
+
+@pytest.fixture(scope="module")
+def slides():
+    return design_writer([HOOK, RING], ERROR, title="Hook and ring", linkage=Slides)
 
 
 def fine(motion, count=8000):
@@ -89,10 +96,12 @@ def test_a_smaller_error_takes_a_slower_corner_and_a_larger_acceleration():
         plan_motion([HOOK], 0.0, RISE)
 
 
-def test_the_machine_draws_them_within_the_stated_error(writer):
+@pytest.mark.parametrize(("made", "link"), [("writer", "left rod"), ("slides", "pen slide")])
+def test_the_machine_draws_them_within_the_stated_error(made, link, request):
+    writer = request.getfixturevalue(made)
     frames = 2711  # no multiple of what it was made with
     run = run_scene(writer.scene.changed({("run", "frames"): frames}))
-    pen = run.motion.point("left rod", "P") @ np.array([1.0, 1.0j])
+    pen = run.motion.point(link, "P") @ np.array([1.0, 1.0j])
     down = run.motion.coordinate("C")[:, 0] <= run.motion.mechanism.studies.pens[0].level
     strokes = [s for s in drawn_strokes(down) if s[0] < 0.9 * frames]  # at the end the pen is down for the next turn
     middle = np.mean(np.concatenate([HOOK, RING]).imag)
@@ -104,6 +113,21 @@ def test_the_machine_draws_them_within_the_stated_error(writer):
         assert distances(line, stroke).max() < 1.1 * ERROR
         assert distances(stroke, line).max() < 1.1 * ERROR
     assert writer.error <= ERROR
+
+
+def test_each_lever_leads_one_of_two_crossed_slides(slides):
+    """The pin of a lever of length l at the angle q is l sin q above its pivot, l cos q beside it: the slide goes so far."""
+    motion = run_scene(slides.scene, frames=90).motion
+    pen, links = motion.point("pen slide", "P"), {link.name: link.points for link in motion.mechanism.links}
+    for column, lever, pin, joint, led in ((1, "left lever", "D", "A", np.sin), (0, "right lever", "E", "B", np.cos)):
+        assert np.ptp(pen[:, column] - links[lever][pin][0] * led(motion.coordinate(joint)[:, 0])) < 1e-12
+        assert np.ptp(pen[:, column]) > 0.03
+
+
+def test_no_two_solids_of_the_slides_meet_in_a_turn(slides):
+    motion = run_scene(slides.scene, frames=60).motion
+    poses = {link: motion.pose(link) for link in motion.model.links}
+    assert build_solids(motion.mechanism, poses, profile=180).clashes == ()
 
 
 def test_its_cams_keep_to_the_pressure_angle_and_are_not_undercut(writer):

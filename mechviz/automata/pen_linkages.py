@@ -1,0 +1,114 @@
+"""How two levers lead a pen: by two rods that meet at it, or by two crossed slides. Lengths over the size of the drawing.
+
+The levers have their pivots ``PIVOTS`` to either side of the middle and are about as long as the drawing is large. The sheet is
+``SHEET`` above them. The levers' pins run in slots across the ways of the slides, so that each lever leads one coordinate alone.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from typing import ClassVar
+
+import numpy as np
+
+from mechcore.arrays import Complex, Real
+from mechviz.automata.texts import place
+
+PIVOTS, SHEET = 0.35, 1.65
+
+
+class PenLinkage(ABC):
+    """What leads the pen ``P`` of the link ``pen`` from the two levers, for a drawing of a ``size`` [m] about the origin."""
+
+    pen: ClassVar[str]
+    joints: ClassVar[tuple[str, ...]]
+    words: ClassVar[str]
+    lengths: ClassVar[tuple[float, float]]  # of the levers
+
+    def __init__(self, size: float):
+        self.size = size
+        self.pivots = (complex(-PIVOTS * size), complex(PIVOTS * size))
+        self.levers = (self.lengths[0] * size, self.lengths[1] * size)
+        self.sheet = 1j * SHEET * size
+
+    @abstractmethod
+    def angles(self, places: Complex) -> tuple[Real, Real]:
+        """Directions (N,) [rad] of the levers with the pen at these places (N,) [m] of the drawing."""
+
+    @abstractmethod
+    def links(self) -> list[str]:
+        """The links beside the levers, as lines of a scene."""
+
+    def frame_points(self) -> str:
+        """Points of the frame beside the pivots."""
+        return ""
+
+
+class Rods(PenLinkage):
+    """Two rods; the pen is half of one beyond the pin at which they meet."""
+
+    pen = "left rod"
+    joints = (
+        'D = { revolute = ["left lever", "left rod"] }',
+        'E = { revolute = ["right lever", "right rod"] }',
+        'F = { revolute = ["left rod", "right rod"], side = "left" }',
+    )
+    words = "whose rods lead the pen along the line"
+    lengths = (1.0, 1.0)
+    rod, beyond = 1.0, 0.5
+
+    def angles(self, places: Complex) -> tuple[Real, Real]:
+        pen, rod, far = places + self.sheet, self.rod * self.size, (self.rod + self.beyond) * self.size
+        first = _lever_angles(pen, self.pivots[0], self.levers[0], far, 1.0)
+        elbow = self.pivots[0] + self.levers[0] * np.exp(1j * first)
+        pin = elbow + (pen - elbow) * (rod / far)
+        return first, _lever_angles(pin, self.pivots[1], self.levers[1], rod, -1.0)
+
+    def links(self) -> list[str]:
+        rod, far = complex(self.rod * self.size), complex((self.rod + self.beyond) * self.size)
+        return [
+            f'"left rod" = {{ points = {{ D = [0, 0], F = {place(rod)}, P = {place(far)} }} }}',
+            f'"right rod" = {{ points = {{ E = [0, 0], F = {place(rod)} }} }}',
+        ]
+
+
+class Slides(PenLinkage):
+    """A slide across on the frame, and on it one along the sheet with the pen."""
+
+    pen = "pen slide"
+    joints = (
+        'S = { prismatic = ["frame", "cross slide"], at = ["S", "S"], along = [1, 0] }',
+        'T = { prismatic = ["cross slide", "pen slide"], at = ["T", "T"], along = [0, 1] }',
+        'D = { pin_slot = ["pen slide", "left lever"], along = [1, 0] }',
+        'E = { pin_slot = ["cross slide", "right lever"], along = [0, 1] }',
+    )
+    words = "whose pins lead two crossed slides with the pen along the line"
+    lengths = (1.3, 1.0)  # the first reaches so far that its slot passes beside the roller: their layers then keep them apart
+    rail, stem = -1.2 + 0.9j, 0.85  # where the cross slide is held, beside all that moves; the pen above where its slide is held
+
+    def angles(self, places: Complex) -> tuple[Real, Real]:
+        return np.arcsin(places.imag / self.levers[0]), np.arccos(places.real / self.levers[1])
+
+    def links(self) -> list[str]:
+        """The pen comes from below on the right, where nothing is written yet."""
+        rail = self.rail * self.size
+        low, high = (
+            self.pivots[0] + self.levers[0],
+            self.pivots[1] + 1j * self.levers[1],
+        )  # the levers' pins in the middle of the drawing
+        held = low.real + self.sheet - 1j * self.stem * self.size
+        return [
+            f'"cross slide" = {{ points = {{ S = [0, 0], T = {place(held - rail)}, E = {place(high - rail)} }} }}',
+            f'"pen slide" = {{ points = {{ T = [0, 0], P = {place(self.sheet - held)}, D = {place(low - held)} }} }}',
+        ]
+
+    def frame_points(self) -> str:
+        return f", S = {place(self.rail * self.size)}"
+
+
+def _lever_angles(pen: Complex, pivot: complex, lever: float, rod: float, side: float) -> Real:
+    """Directions (N,) [rad] of a lever whose rod reaches the pen, its end on the left (``side`` 1) of the line to it."""
+    away = pen - pivot
+    far = np.abs(away)
+    cosine = (lever**2 + far**2 - rod**2) / (2.0 * lever * far)
+    return np.unwrap(np.angle(away)) + side * np.arccos(cosine)
