@@ -21,6 +21,7 @@ from mechcore.spec.mechanism import Mechanism
 from mechcore.texts import Text, UnitSystem, as_angle, as_coordinate, as_length
 
 MOST_SOLVED = 100_000  # limit positions times links that are solved for again
+MOST_TOLD = 12  # different limit positions of a joint; of more, as machines have them that draw, the outermost two
 MOST_BOUNDARIES = 10_000  # of the zones of a drive's law in a run
 POOR = 30.0
 """Transmission angle [degrees] below which a linkage runs badly (textbooks say 30 to 45)."""
@@ -177,10 +178,14 @@ def _own_coordinates(parts: Sequence[tuple[str, Flags]], m: Motion) -> Real:
 def _limits(motion: Motion) -> Iterator[Event]:
     for joint, times, values in limit_positions(motion):
         rows = motion.coordinate(joint)
-        for t, value in zip(times, values, strict=True):
-            side = "largest" if np.interp(t, motion.time, rows[:, 2]) < 0 else "smallest"
-            text = _placed(f"limit position: coordinate {side}, {_words(motion, joint, value)}", motion, float(t))
-            yield Event(float(t), "INFO", joint, text, float(value))
+        ends = np.interp(times, motion.time, rows[:, 2]) < 0.0
+        told, count = list(range(len(times))), ""
+        if len(times) > MOST_TOLD and len(np.unique(np.round(values / np.ptp(rows[:, 0]), 6))) > MOST_TOLD:
+            told, count = sorted({int(np.argmin(values)), int(np.argmax(values))}), f" of {len(times)}"
+        for k in told:
+            side = "largest" if ends[k] else "smallest"
+            words = f"limit position: coordinate {side}{count}, {_words(motion, joint, values[k])}"
+            yield Event(float(times[k]), "INFO", joint, _placed(words, motion, float(times[k])), float(values[k]))
 
 
 def _still(motion: Motion, rows: Real) -> float:

@@ -9,6 +9,7 @@ import pytest
 from mechanisms import four_bar
 
 from mechcore.laws.timed import Oscillation, zones
+from mechcore.motion import events
 from mechcore.motion.events import Event, find_events, turning_points
 from mechcore.motion.motion import Motion
 from mechcore.motion.solve import compile_mechanism, default_times, solve_motion
@@ -100,6 +101,17 @@ def test_limits_of_a_slider_are_named_with_their_side():
     assert limits["limit position: coordinate smallest"].time == pytest.approx(np.pi - 0.3, abs=1e-6)
     assert "150 mm" in limits["limit position: coordinate smallest"].text
     assert "250 mm" in limits["limit position: coordinate largest"].text
+
+
+@pytest.mark.parametrize(("most", "told"), [(2, 6), (1, 2)])
+def test_of_many_different_limits_the_outermost_are_told_with_their_number(most, told, monkeypatch):
+    """Three turns have six limit positions, which are two different ones."""
+    monkeypatch.setattr(events, "MOST_TOLD", most)
+    law = zones(start=0.3, speed=1.0, run_up=0.0, steady=6 * np.pi, braking=0.0)
+    limits = of(move(slider_crank(law), 240), "S")
+    assert len(limits) == told
+    assert {round(e.value, 9) for e in limits} == {0.15, 0.25}
+    assert all((" of 6, " in e.text) == (told == 2) for e in limits)
 
 
 def test_near_singular_frames_warn():
