@@ -29,6 +29,7 @@ if TYPE_CHECKING:
 
 STEP = 1.0  # degrees of the cam between points, through which arcs pass
 ON_CENTRE = 1e-6  # mm
+_NO_LAYER = re.compile(r'[<>/\\":;?*|=`,]')  # what names of layers must not hold
 
 
 def cam_outlines(run: Run) -> list[Outline]:
@@ -38,15 +39,16 @@ def cam_outlines(run: Run) -> list[Outline]:
     """
     outlines: list[Outline] = []
     for cam in placed_cams(run.motion):
+        own: list[Outline] = []
         if isinstance(cam, PlacedSpatial):
-            outlines += developed(cam)
-        if not isinstance(cam, PlacedCam):
-            continue
-        outlines.append(_profile(cam))
-        if cam.groove and cam.bed is None and cam.cam.follower.radius > 0.0:
-            outlines.append(_far_flank(cam))
-        if cam.mate is not None:
-            outlines.append(replace(_profile(cam.mate), name=f"{cam.name} second cam"))
+            own += developed(cam)
+        elif isinstance(cam, PlacedCam):
+            own.append(_profile(cam))
+            if cam.groove and cam.bed is None and cam.cam.follower.radius > 0.0:
+                own.append(_far_flank(cam))
+            if cam.mate is not None:
+                own.append(replace(_profile(cam.mate), name=f"{cam.name} second cam"))
+        outlines += [replace(outline, cam=cam.name) for outline in own]
     for outline in outlines:
         _check(outline)
     return outlines
@@ -124,20 +126,25 @@ def _chain(outline: Outline) -> tuple[Complex, Real]:
 def dxf_text(outlines: Iterable[Outline]) -> str:
     """A drawing (DXF, release 2004) in millimetres: polylines of arcs on the layer PROFILE, the axis as a point on CENTRE.
 
-    What is unrolled from a cylinder has the cylinder's radius among the properties of the drawing.
+    Of several cams, which may lie on each other, each has a layer of its own: PROFILE with the cam's name. What is unrolled from a
+    cylinder has the cylinder's radius among the properties of the drawing.
     """
     import ezdxf
 
     ezdxf.options.write_fixed_meta_data_for_testing = True  # no date and no random number: the same cam gives the same file
     drawing = ezdxf.new("R2004", units=4)
-    drawing.layers.add("PROFILE", color=7)
+    outlines = list(outlines)
+    cams = list(dict.fromkeys(outline.cam for outline in outlines))
+    profile = {cam: "PROFILE" if len(cams) == 1 else "PROFILE " + _NO_LAYER.sub("_", cam) for cam in cams}
+    for name in profile.values():
+        drawing.layers.add(name, color=7)
     drawing.layers.add("CENTRE", color=1)
     sheet = drawing.modelspace()
     centres: list[complex] = []
     for outline in outlines:
         z, bulges = _chain(outline)
         rows = np.column_stack([z.real, z.imag, bulges]).tolist()
-        layer = {"layer": "CENTRE" if outline.centre_line else "PROFILE"}
+        layer = {"layer": "CENTRE" if outline.centre_line else profile[outline.cam]}
         sheet.add_lwpolyline(rows, format="xyb", close=outline.closed, dxfattribs=layer)
         if outline.cylinder is not None:
             words = f"unrolled from a cylinder of radius {_text(outline.cylinder)} mm"
@@ -259,6 +266,7 @@ class Outline:
     outside: int  # 1: the material lies to the left of the way, -1: to its right (outer flank of a groove)
     cylinder: float | None = None  # radius [mm] of the cylinder that it is unrolled from: it has no centre
     centre_line: bool = False  # the roller's path, not an edge
+    cam: str = ""  # the joint
 
     @property
     def points(self) -> Complex:

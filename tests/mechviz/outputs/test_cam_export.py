@@ -70,6 +70,13 @@ def test_dxf_says_its_units_and_holds_every_vertex(outlines):
     assert dxf_text(outlines["cam-groove"]) == text
 
 
+def test_cams_on_one_shaft_have_layers_of_their_own_in_a_dxf(outlines):
+    pair = [replace(outlines["cam-roller"][0], cam=name) for name in ("X", "a/b")]
+    sheet = ezdxf.read(io.StringIO(dxf_text(pair))).modelspace()
+    assert [line.dxf.layer for line in sheet.query("LWPOLYLINE")] == ["PROFILE X", "PROFILE a_b"]
+    assert len(sheet.query("POINT")) == 1
+
+
 def test_svg_is_true_to_scale(outlines):
     text = svg_text(outlines["cam-roller"])
     width, unit = re.search(r'width="([\d.]+)(mm)"', text).groups()
