@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from shapely.geometry import Point
+from shapely.geometry import Point, Polygon
 
 from mechcore.arrays import Real
 from mechcore.joints.base import Builder, LoopJoint
@@ -151,6 +151,7 @@ class Model:
     inverse: tuple[InverseDrawing, ...] = ()
     spatial: tuple[SpatialDrawing, ...] = ()  # barrel, end and globoidal cams
     guide_points: Mapping[str, Vec2] = field(default_factory=dict)  # prismatic joint -> its point on the ground, where there is one
+    figures: Mapping[str, Polygon] = field(default_factory=dict)  # link -> what its plate is drawn as, beside what its pins need
     planes: Mapping[str, float] = field(default_factory=dict)  # link -> how far in front of the others it lies at least
     spindle: bool = False  # the ground guides blocks by rods through them, not by rails beside them
     leads: Mapping[str, float] = field(default_factory=dict)  # guide of a screw, whose spindle goes through the nut -> its lead
@@ -219,6 +220,7 @@ def build_model(
         spindle=spindle,
         leads={f"{j.name}.slide": abs(j.lead) / size for j in mechanism.joints if isinstance(j, Screw)},
         planes={link.name: link.plane / size for link in links if link.plane},
+        figures={link.name: Polygon(np.array(link.outline) / size) for link in links if link.outline},
     )
 
 

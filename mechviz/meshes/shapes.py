@@ -52,6 +52,7 @@ def draft_pieces(model: Model) -> Draft:
         for name in model.links
         if name != model.frame and name not in homes and name not in plain and name not in turned
     }
+    plates |= {name: figure for name, figure in model.figures.items() if name not in plates}  # of a wheel, a cam or a block
     join_welds(model, draft, plates)
     for guide in model.guides:
         _draw_guide(model, draft, guide, forms[guide.joint], at_home=homes.get(guide.block) == guide.joint)
@@ -244,13 +245,14 @@ def _plate(model: Model, link: str, forms: Mapping[str, str]) -> Polygon:
     discs += [(end, 0.7 * size.r) for drawing in model.inverse if drawing.driven == link for end in drawing.ends]
     if not discs:
         discs = [((0.0, 0.0), size.r)]
-    whole = unary_union([outline.hull(discs, model.segments), *extra])
+    figure = [model.figures[link]] if link in model.figures else []
+    whole = unary_union([outline.hull(discs, model.segments), *extra, *figure])
     axles = [axle for axle in model.axles if link in axle.centres]
     keep = [outline.disc(axle.centres[link], axle.boss + 0.4 * size.r, model.segments) for axle in axles]
     keep += [outline.disc(xy, 0.6 * size.r, model.segments) for xy in model.marks[link]]
     keep += [slot.buffer(0.6 * size.r) for slot in slots] + [shape.buffer(0.3 * size.r) for shape in extra]
     keep += [outline.disc(g.block_point, size.r, model.segments) for g in model.guides if g.block == link]
-    holes = outline.cutouts(whole, keep, 1.35 * size.r, 0.45 * size.r, 7.0 * size.r**2)
+    holes = [] if figure else outline.cutouts(whole, keep, 1.35 * size.r, 0.45 * size.r, 7.0 * size.r**2)
     cut = whole.difference(unary_union([*slots, *holes])) if slots or holes else whole
     return outline.polygons(cut)[0]
 

@@ -128,6 +128,9 @@ class LinkDocument(Table):
     """Instead of centre and inertia: "bar", slender between the first two points, or "point", all at the first."""
     plane: Length = 0.0
     """Parallel planes: how far in front of the other links it lies at least, along the shaft. Drawn, not computed."""
+    outline: Annotated[list[Point], Field(min_length=3)] | None = None
+    """A figure that its plate is drawn as, beside what its pins need: corners in the link's axes, of a link whose points the
+    sketch places in those of the sketch. Drawn, not computed."""
     lumps: list[LumpDocument] = Field(default=[])
     """Point masses fixed to the link: counterweights, or all of its mass (a lumped model)."""
     looks: LookEntry | None = None

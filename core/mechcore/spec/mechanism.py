@@ -53,6 +53,7 @@ class Link:
     inertia: float = 0.0  # J_S, about the centre of mass [kg m^2]
     gravity: Vec2 | None = None  # acceleration of gravity for this link alone [m/s^2]; None: the mechanism's
     plane: float = 0.0  # how far in front of the others it is drawn at least, along their axes [m]
+    outline: tuple[Vec2, ...] = ()  # corners of a figure that is drawn with it [m]
 
 
 @dataclass(frozen=True, kw_only=True)

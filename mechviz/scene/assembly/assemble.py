@@ -13,7 +13,14 @@ from mechcore.reduction.bodies import Body
 from mechcore.spec.clearance import with_clearances
 from mechcore.spec.mechanism import Drive, Link, Mechanism, Planar, coordinates_of, friction_of
 from mechcore.texts import as_length
-from mechviz.scene.assembly.links import drawn_bodies, drawn_links, links_that_cannot_turn, mass_properties, place_links
+from mechviz.scene.assembly.links import (
+    drawn_bodies,
+    drawn_links,
+    drawn_outline,
+    links_that_cannot_turn,
+    mass_properties,
+    place_links,
+)
 from mechviz.scene.assembly.simulation import (
     REACHABLE,
     SimulationSpec,
@@ -104,6 +111,8 @@ def assemble(
             own = None if link.gravity is None else convert.vector(link.gravity, "gravity", f"links.{key}.gravity")
             plane = convert.si(link.plane, "length", f"links.{key}.plane")
             made = Link(name=key, points=points, mass=mass, centre=centre, inertia=inertia, gravity=own, plane=plane)
+            if link.outline is not None:
+                made = replace(made, outline=drawn_outline(key, link.outline, document, placement, convert))
             links.append(made)
     made_joints = [
         joint_spec(key, joint, document, placement, convert) for key, joint in document.joints.items() if len(joint.kinds) == 1

@@ -13,12 +13,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mechcore.cams.contour import bulged, self_crossing
 from mechcore.errors import MechanismError
 from mechcore.laws.timed import Free
 from mechcore.motion.solve import compile_mechanism, default_times, solve_motion
 from mechcore.reduction.bodies import Body, area_of, combine
 from mechcore.spec.clearance import as_drawn
 from mechcore.spec.mechanism import Mechanism
+from mechcore.texts import as_length
 from mechviz.scene.convert import Converter
 from mechviz.scene.document import LinkDocument, Pose, SceneDocument
 from mechviz.scene.faults import did_you_mean
@@ -314,3 +316,23 @@ def _body(outline: Polygon) -> Body:
     outer = area_of(np.asarray(outline.exterior.coords)[:-1])
     holes = [area_of(np.asarray(ring.coords)[:-1]) for ring in outline.interiors]
     return combine([outer.body(1.0), *(hole.body(-1.0) for hole in holes)])
+
+
+def drawn_outline(
+    key: str, corners: Sequence[Sequence[float | str]], document: SceneDocument, placement: Placement, convert: Converter
+) -> tuple[Vec2, ...]:
+    """The corners [m] of a link's figure in its axes; faults are noted."""
+    path = f"links.{key}.outline"
+    z = np.array([complex(*convert.row(corner, "length", f"{path}[{k}]")) for k, corner in enumerate(corners)])
+    if key == document.frame:
+        convert.note(path, "the fixed link is drawn as ground.", "Give it to a link that is welded to it.")
+    if np.isnan(z).any():
+        return ()
+    if isinstance(document.links[key].points, list) and key in placement.poses:
+        x, y, angle = placement.poses[key]
+        z = (z - complex(x, y)) * np.exp(-1j * angle)
+    place = self_crossing(bulged(z, None)) if len(set(z.tolist())) == len(z) else complex(z[0])
+    if place is not None:
+        near = f"x = {as_length(place.real, 4)}, y = {as_length(place.imag, 4)}"
+        convert.note(path, f"it crosses or touches itself near {near}.", "Give the corners once round the figure, in order.")
+    return tuple((float(c.real), float(c.imag)) for c in z)

@@ -1,0 +1,61 @@
+"""Figures as which links are drawn: `outline` of a link."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import shapely
+from sections import section
+
+import mechviz
+from mechcore.errors import MechanismError
+from mechviz.picture.build import solids_of
+from mechviz.runs import run_scene
+from mechviz.scene.scene import dump
+
+STAR = [[-20, -20], [50, -30], [120, -20], [60, 10], [50, 60], [40, 10]]
+
+
+def four_bar(sketched: bool, outline=STAR, link="coupler") -> mechviz.Scene:
+    places = {"A": (0, 0), "B": (15, 20), "C": (120, 70), "D": (140, 0)}
+    pairs = {"frame": "AD", "crank": "AB", "coupler": "BC", "rocker": "DC"}
+    links: dict[str, dict[str, object]] = {}
+    for name, pair in pairs.items():
+        far = float(np.hypot(*np.subtract(places[pair[1]], places[pair[0]])))
+        links[name] = {"points": list(pair) if sketched else {pair[0]: [0, 0], pair[1]: [far, 0]}}
+    links[link]["outline"] = outline
+    joints: dict[str, dict[str, object]] = {
+        "A": {"revolute": ["frame", "crank"], "drive": {"speed": "60 rpm", "start": 53.13010235415598}},
+        "B": {"revolute": ["crank", "coupler"]},
+        "C": {"revolute": ["coupler", "rocker"]} | ({} if sketched else {"side": "right"}),
+        "D": {"revolute": ["frame", "rocker"]},
+    }
+    if sketched:
+        del joints["A"]["drive"]["start"]  # type: ignore[attr-defined]
+    sketch = {"sketch": {name: list(at) for name, at in places.items()}} if sketched else {}
+    return mechviz.Scene.build(units={"length": "mm", "angle": "deg"}, links=links, joints=joints, **sketch)
+
+
+@pytest.mark.parametrize("sketched", [False, True])
+def test_a_link_is_drawn_as_its_outline_in_its_axes_or_those_of_the_sketch(sketched):
+    run = run_scene(four_bar(sketched), frames=36)
+    mesh = solids_of(run).links["coupler"].mesh
+    pose = run.motion.pose("coupler")[0]
+    x, y = (np.array(STAR, float) * 1e-3).T
+    if sketched:  # where the sketch has it: seen from the link, turned back
+        z = (x + 1j * y - complex(*pose[:2])) * np.exp(-1j * pose[2])
+        x, y = z.real, z.imag
+    figure = shapely.Polygon(np.column_stack([x, y]))
+    cut = section(mesh, float(np.median(mesh.vertices[:, 2])))
+    missing = figure.buffer(-2e-4).difference(cut)
+    assert missing.area < 0.02 * figure.area  # but for holes of pins nothing
+    assert cut.difference(figure.buffer(2e-4)).area < 0.4 * figure.area  # what its pins need
+
+
+def test_outlines_are_kept_and_faults_of_them_told(tmp_path):
+    dump(four_bar(False), tmp_path / "scene.toml")
+    assert mechviz.load(tmp_path / "scene.toml").mechanism == four_bar(False).mechanism
+    with pytest.raises(MechanismError, match=r"links.coupler.outline +it crosses or touches itself near x = 5"):
+        four_bar(False, [[0, 0], [10, 10], [10, 0], [0, 10]])
+    with pytest.raises(MechanismError, match="drawn as ground"):
+        four_bar(False, STAR, "frame")
