@@ -338,7 +338,12 @@ def inversion_nodes(run: Run, solids: Solids) -> Iterator[Lines]:
     height = solids.z_top + 0.004 * solids.size
     for name, inversion in run.studies.inversion.items():
         for part, (strips, color, width) in _parts(inversion, solids.size).items():
-            common: dict[str, Any] = {"owner": ("joint", name), "group": INVERSION, "height": height, "parent": inversion.link}
+            common: dict[str, Any] = {
+                "owner": ("joint", inversion.joint),
+                "group": INVERSION,
+                "height": height,
+                "parent": inversion.link,
+            }
             yield Lines(
                 key=f"{INVERSION}.{name}.{part}",
                 entity=("mechanism", "links", inversion.link, f"{INVERSION} {name} {part}"),
@@ -351,9 +356,6 @@ def inversion_nodes(run: Run, solids: Solids) -> Iterator[Lines]:
 
 def _parts(drawn: CamInversion, size: float) -> dict[str, tuple[Sequence[Complex], Color, float]]:
     """Strips (points,) in the axes of the cam's link, their colour and radius, by what they are."""
-    circles = [drawn.centre + drawn.base * ROUND]
-    if drawn.carrier > 1e-9 * size:
-        circles.append(drawn.centre + drawn.carrier * ROUND)
     ends = zip(drawn.origins, drawn.references, strict=True)
     rays = [np.array([origin, reference]) for origin, reference in ends]
     if drawn.faces is not None:
@@ -362,9 +364,10 @@ def _parts(drawn: CamInversion, size: float) -> dict[str, tuple[Sequence[Complex
         followers = [z + drawn.radius * ROUND for z in drawn.references]
     else:
         followers = [z + KNIFE * size * _edge(z - origin) for z, origin in zip(drawn.references, drawn.origins, strict=True)]
-    some = np.linspace(0, len(drawn.profile), PROFILE_POINTS).astype(int) % len(drawn.profile)
+    last = len(drawn.profile) - drawn.wedge
+    some = np.linspace(0, last, PROFILE_POINTS).astype(int) % len(drawn.profile)
     return {
-        "circles": (circles, CIRCLES, THICK),
+        "circles": (drawn.bases, CIRCLES, THICK),
         "rays": (rays, RAYS, THIN),
         "followers": (followers, FOLLOWERS, THIN),
         "profile": ([drawn.profile[some]], PROFILE, THICK),

@@ -161,7 +161,7 @@ def _centre_lines(run: Run) -> Iterator[str]:
         words = "the profile touches the follower in all"
         if undercut := int((cam.gap < -1e-6 * cam.base).sum()):
             words = f"undercut in {undercut}, by up to {-1e3 * cam.gap.min():.4g} mm"
-        sizes = f"base circle {1e3 * cam.base:.5g} mm, lift {1e3 * cam.lifts.max():.5g} mm"
+        sizes = f"base {'line' if cam.wedge else 'circle'} {1e3 * cam.base:.5g} mm, lift {1e3 * cam.lifts.max():.5g} mm"
         yield f"cam {name} by inversion in {len(cam.angles)} steps: {sizes}; {words}"
     for name, circle in studies.inflection.items():
         across = np.abs(circle.end - circle.pole)

@@ -213,7 +213,7 @@ class SceneDocument(Table):
     percussion: list[Text] = Field(default=[])
     """Points such as "rod.A" about which links turn: their centre of percussion and the line of the inertia resultant are drawn."""
     inversion: list[Text] = Field(default=[])
-    """Disc cams whose synthesis by inversion is drawn: guide and follower turned back step by step, and the profile."""
+    """Disc cams and wedges whose synthesis by inversion is drawn: guide and follower turned back step by step, and the profile."""
     equivalent: list[Text] = Field(default=[])
     """Cams, gears, racks and pins in slots beside which the linkage of lower pairs is drawn that moves like them."""
     reduced: list[Text] = Field(default=[])

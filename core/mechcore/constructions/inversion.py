@@ -1,8 +1,9 @@
-"""Synthesis of a disc cam by inversion, as it is drawn: the cam stands still and the frame turns back about it, step by step.
+"""Synthesis of a plane cam by inversion, as it is drawn: the cam stands still and the frame turns back about it, step by step.
 
 In every step the guide of the follower lies on the ray that is turned back by the cam's angle (tangent to the offset circle; the
 pivot of an oscillating follower on its circle), the lift is laid off from the base circle, and the follower is drawn there. The
-profile touches all these positions from inside: it is their envelope.
+profile touches all these positions from inside: it is their envelope. Along a wedge the frame is pushed back instead; of a
+conjugate pair both cams are drawn so.
 """
 
 from __future__ import annotations
@@ -18,6 +19,7 @@ from mechcore.records import dataclass
 
 STEPS = 30
 """Positions of the follower that are drawn in a turn."""
+ROUND = np.exp(2j * np.pi * np.linspace(0.0, 1.0, 49))
 ALONG = 3600
 """Points of the profile, from which its distance to the follower is measured."""
 
@@ -26,11 +28,11 @@ ALONG = 3600
 class CamInversion:
     """Over the steps (n), places in the axes of the cam's ``link`` [m], the cam's axis at ``centre``.
 
-    ``angles`` of the law [rad]; ``origins``: feet of the guide's line on the offset circle, or pivots, which lie on a circle of
-    radius ``carrier``; ``starts``: reference points without lift, ``references``: with it. ``radius`` of the roller, mushroom or
-    knife (0);
-    ``faces`` (n, 2): ends of a flat face, else None. ``base`` radius of the base circle; ``profile`` (m,) closed. ``gap`` (n) [m]:
-    how far the profile stays away from the follower; negative where it is undercut.
+    ``angles`` of the law [rad], of a wedge lengths [m]; ``origins``: feet of the guide's line on the offset circle, or pivots,
+    which lie on a circle, too; ``starts``: reference points without lift, ``references``: with it. ``radius`` of the roller,
+    mushroom or knife (0); ``faces`` (n, 2): ends of a flat face, else None. ``base`` radius of the base circle, of a wedge the
+    height of the base line; ``bases``: that and the way of the origins, each a line (k,). ``profile`` (m,), closed but for a
+    ``wedge``. ``gap`` (n) [m]: how far the profile stays away from the follower; negative where it is undercut.
     """
 
     joint: str
@@ -38,13 +40,14 @@ class CamInversion:
     centre: complex
     angles: Real
     origins: Complex
-    carrier: float
     starts: Complex
     references: Complex
     radius: float
     faces: Complex | None
     base: float
+    bases: tuple[Complex, ...]
     profile: Complex
+    wedge: bool
     gap: Real
 
     @property
@@ -53,28 +56,46 @@ class CamInversion:
         return np.abs(self.references - self.starts)
 
 
-def cam_inversion(motion: Motion, joint: str, steps: int = STEPS) -> CamInversion:
-    """The construction of a disc cam's profile in some steps of a turn.
+def cam_inversions(motion: Motion, joint: str, steps: int = STEPS) -> dict[str, CamInversion]:
+    """The construction of a plane cam's profile in some steps, by the name of the joint; of a conjugate pair that of both profiles.
 
-    Raises `MechanismError` for joints that are no disc cams, and for cams whose profile is given.
+    Raises `MechanismError` for joints that are no plane cams, and for cams whose profile is given.
     """
     placed = next((r.geometry for r in motion.model.relations if r.name == joint), None)
-    if not isinstance(placed, PlacedCam) or placed.cam.wedge:
-        raise MechanismError(Fault("inversion", f"'{joint}' is no disc cam.", "Name a disc cam, or leave it out."))
+    if not isinstance(placed, PlacedCam):
+        why = f"'{joint}' is no cam with a profile in the plane, about whose axis the follower could be turned back."
+        raise MechanismError(Fault("inversion", why, "Name a disc cam or a wedge, or leave it out."))
     if placed.given is not None and placed.intended is None:
         why = f"the profile of '{joint}' is given: there is nothing to construct."
         raise MechanismError(Fault("inversion", why, "Name a cam with a law, or leave it out."))
+    both = {joint: placed} if placed.mate is None else {joint: placed, f"{joint} second cam": placed.mate}
+    return {name: _constructed(cam, steps) for name, cam in both.items()}
+
+
+def _constructed(placed: PlacedCam, steps: int) -> CamInversion:
     cam = placed.intended or placed.cam
     follower, law = cam.follower, cam.law
-    angles = law.start + law.length * np.arange(steps) / steps
+    if cam.wedge:  # without the level parts before and after
+        low, high = float(law.knots[1]), float(law.knots[-2])
+        angles, along_it = np.linspace(low, high, steps + 1), np.linspace(low, high, ALONG)
+    else:
+        angles, along_it = (law.start + law.length * np.arange(n) / n for n in (steps, ALONG))
     s = cam.at(angles)
-    back = np.exp(-1j * cam.turn * angles)
-    rest = follower.reference(np.array([[placed.zero]]))[0]
+    turn: Complex = np.exp(-1j * cam.turn * angles) if not cam.wedge else np.ones(len(angles), complex)
+    shift = angles if cam.wedge else np.zeros(len(angles))
+    rest = complex(follower.reference(np.array([[placed.zero]]))[0, 0])
     foot = follower.guide.pivot if isinstance(follower.guide, Oscillating) else complex(follower.guide.offset)
-    profile = cam.working_curve(law.start + law.length * np.arange(ALONG) / ALONG, 0)[0]
+    profile = cam.working_curve(along_it, 0)[0]
+    if cam.wedge:
+        reach = np.array([angles[0], angles[-1]])
+        base = placed.base
+        bases = [reach + 1j * base] + ([reach + foot] if foot else [])
+    else:
+        base = abs(rest) - follower.radius if not isinstance(follower.face, Flat) else placed.base
+        bases = [base * ROUND] + ([abs(foot) * ROUND] if abs(foot) > 0.0 else [])
     face, faces = follower.face, None
     if isinstance(face, Flat):
-        along = back * follower.face_direction(s.motion[0])
+        along = turn * follower.face_direction(s.motion[0])
         left, right = (
             min(reach, float(np.abs(profile).max())) for reach in (face.left, face.right)
         )  # of one without an end, enough
@@ -90,17 +111,18 @@ def cam_inversion(motion: Motion, joint: str, steps: int = STEPS) -> CamInversio
         return np.asarray(placed.own + placed.mount * z)
 
     return CamInversion(
-        joint=joint,
+        joint=placed.name,
         link=placed.links[0],
         centre=complex(placed.own),
         angles=angles,
-        origins=into_link(back * foot),
-        carrier=abs(foot),
-        starts=into_link(back * rest),
+        origins=into_link(turn * foot + shift),
+        starts=into_link(turn * rest + shift),
         references=into_link(s.pitch),
         radius=radius,
         faces=None if faces is None else into_link(faces),
-        base=placed.base,
+        base=base,
+        bases=tuple(into_link(z) for z in bases),
         profile=into_link(profile),
+        wedge=cam.wedge,
         gap=gap,
     )

@@ -15,7 +15,7 @@ from mechcore.constructions.curvature import InflectionCircle, PathCurvature, in
 from mechcore.constructions.equivalents import Equivalent, equivalent
 from mechcore.constructions.force_polygons import Funicular, force_polygons, funicular
 from mechcore.constructions.instant_centres import InstantCentre, kennedy
-from mechcore.constructions.inversion import CamInversion, cam_inversion
+from mechcore.constructions.inversion import CamInversion, cam_inversions
 from mechcore.constructions.percussion import Percussion, percussion
 from mechcore.constructions.polygons import Centrodes, Polygon, acceleration_polygon, centrodes, velocity_polygon
 from mechcore.errors import Fault, MechanismError
@@ -103,7 +103,7 @@ def compute(motion: Motion, forces: Forces | None) -> StudyResults:
         instant_centres=kennedy(motion, asked.instant_centres) if asked.instant_centres else {},
         evolutes={_place(*at): path_curvature(motion, *at) for at in asked.evolutes},
         inflection={link: inflection_circle(motion, link) for link in asked.inflection},
-        inversion={joint: cam_inversion(motion, joint) for joint in asked.inversion},
+        inversion={name: drawn for joint in asked.inversion for name, drawn in cam_inversions(motion, joint).items()},
         percussion={_place(*at): percussion(motion, *at) for at in asked.percussion},
     )
     return result if asked.shaking is None else _shaken(result, asked.shaking, motion)
