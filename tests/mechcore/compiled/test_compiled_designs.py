@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,7 +12,7 @@ from random_mechanisms import draw
 
 from mechcore.arrays import Real
 from mechcore.compiled import kernels
-from mechcore.compiled.toolchain import compiler
+from mechcore.compiled.toolchain import compiler, library
 from mechcore.forces.kinetostatics import solve_forces
 from mechcore.motion import design_program
 from mechcore.motion.compiled import Compiled
@@ -119,4 +120,19 @@ def test_what_c_does_not_have_of_designs_is_named() -> None:
     time = default_times(compiled.mechanism, 8)
     found = sweep(replace(compiled, executor="c"), points, time, lambda motion: {"x": np.cumsum(motion.condition)})
     assert found.program == "C does not have numpy's cumsum"
-    assert "compiling pays" in str(sweep(replace(compiled, executor="auto"), points, time, collect).program)
+
+
+def test_auto_compiles_for_many_designs_and_takes_what_is_kept_for_some(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    library.cache_clear()
+    points, time = {("coupler", "C"): np.array([[0.18, 0.0]])}, np.linspace(0.0, 1.0, 100)
+
+    def by_auto(of: int) -> DesignProgram | str:
+        compiled = compile_mechanism(load("crank-rocker").mechanism, executor="auto")
+        return sweep(compiled, points, time, lambda motion: {"x": motion.point("coupler", "C")}, of=of).program
+
+    assert "compiling pays from about 3,000,000 on" in str(by_auto(10_000))
+    assert isinstance(by_auto(30_000), DesignProgram)
+    assert isinstance(by_auto(10_000), DesignProgram)  # it is there now
+    assert "199,900 frames of all designs" in str(by_auto(1_999))
+    library.cache_clear()
