@@ -37,16 +37,18 @@ class Lanes {
   }
 }
 
-/** A label as it is written by hand: of "a_CBⁿ" CB stands below the line. */
-function written(g, text, x, y) {
+/** A label as it is written by hand, on a rim of the ground's colour: of "a_CBⁿ" CB stands below the line. */
+function written(g, text, x, y, ground) {
   const [, letter, below, above] = /^([A-Za-z])_(.+?)([ⁿᵗᶜʳ]?)$/.exec(text) || ["", text, "", ""];
-  const { font } = g;
+  const { font, lineWidth, strokeStyle } = g;
   for (const [words, down, size] of [[letter, 0, "11px"], [below, 3, "8.5px"], [above, 0, "11px"]]) {
     g.font = font.replace(/[\d.]+px/, size);
+    Object.assign(g, { lineWidth: 3, lineJoin: "round", strokeStyle: ground });
+    g.strokeText(words, x, y + down);
     g.fillText(words, x, y + down);
     x += g.measureText(words).width;
   }
-  g.font = font;
+  Object.assign(g, { font, lineWidth, strokeStyle });
 }
 
 /** A graphical construction that moves with time: arrows with labels, lines and points, drawn to scale. */
@@ -91,7 +93,7 @@ class Construction {
       if (!text || said.some(([a, b]) => Math.hypot(a - x, b - y) < 11)) return;
       said.push([x, y]);
       g.fillStyle = color;
-      written(g, text, x + 5, y - 6);
+      written(g, text, x + 5, y - 6, player.theme.card);
     };
     const color = (d, k) => player.stage ? player.stage.readable(d.colors[k] || "#888888") : player.theme.ink;
     for (const d of this.parts) {

@@ -275,6 +275,8 @@ def test_tabs_and_camera_obey_the_keyboard(wide):
         panel = page.locator(f"#{tab}").get_attribute("aria-controls")
         assert page.locator(f"#{panel}").is_visible()
         assert page.locator("[role=tabpanel]:visible").count() == page.locator("[role=tab]:not([tabindex='-1'])").count() == 1
+        scrolls = "e => !!e.querySelector('select, button, [tabindex]') || e.tabIndex === 0"
+        assert page.locator("[role=tabpanel]:visible").evaluate(scrolls), "it can be scrolled with the keys"
     assert page.evaluate(TIME) == time, "keys of the tabs are no steps in time"
     page.locator("#picture").focus()
     page.keyboard.press("3")
