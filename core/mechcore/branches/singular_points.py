@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
-from functools import cached_property
+from functools import cache, cached_property
 
 import numpy as np
 
@@ -318,28 +318,53 @@ def flat_instants(
         low = (inner <= h[:-2]) & (inner < h[2:]) & (inner < 1e-2) & (inner > -max(BLUR, rounding))
         for k in np.flatnonzero(low) + 1:
             a, b = max(k - WINDOW, 0), min(k + WINDOW + 1, len(time))
-            x = (time[a:b] - time[k]) / step
             y = h[a:b]
-            if not np.isfinite(y).all() or np.ptp(y) < ROUNDING:
+            if not np.isfinite(y).all() or max(y) - min(y) < ROUNDING:
                 continue
-            fit = np.polynomial.Polynomial.fit(x, y, min(8, len(x) - 1))
-            slope, curve = fit.deriv(), fit.deriv(2)
-            at = 0.0
+            fit = _Through(y, k - a, b - 1 - k)
+            at, bend = 0.0, 0.0
             for _ in range(8):
-                bend = float(curve(at))
+                _, slope, bend = fit(at)
                 if bend <= 0:
                     break
-                at = float(np.clip(at - slope(at) / bend, -1.5, 1.5))
-            least, rough = float(fit(at)), bool(blurred[a:b].any())
-            doubt = float(np.abs(fit.coef[-2:]).sum())
+                last, at = at, min(max(at - slope / bend, -1.5), 1.5)
+                if at == last:
+                    break
+            (least, _, bend), rough = fit(at), bool(blurred[a:b].any())
+            doubt = abs(fit.terms[-1]) + abs(fit.terms[-2])
             sharp |= not rough and flat < abs(least) < 10.0 * doubt
             if -max(miss, BLUR * rough) <= least <= max(flat, BLUR * rough):
-                near, far = (0.5 * abs(float(fit(at - w) + fit(at + w))) for w in (1.5, 3.0))
+                near, far = (0.5 * abs(fit(at - w)[0] + fit(at + w)[0]) for w in (1.5, 3.0))
                 out.append((float(time[k] + at * step), far < 8.0 * near))
-            elif least < 0.0 and h[k] > -miss and float(curve(at)) > 0.0:
-                half = np.sqrt(-2.0 * least / float(curve(at)))
+            elif least < 0.0 and h[k] > -miss and bend > 0.0:
+                half = float(np.sqrt(-2.0 * least / bend))
                 gaps.append((float(time[k] + (at - half) * step), float(time[k] + (at + half) * step)))
     return out, gaps, sharp
+
+
+class _Through:
+    """The polynomial through values at samples, of which so many stand before and after the place 0. Plain numbers: there are too
+    few of them for arrays."""
+
+    def __init__(self, values: Real, before: int, after: int):
+        self.middle, self.half = 0.5 * (after - before), 0.5 * (after + before)
+        self.terms: list[float] = (_inverse(before, after) @ values).tolist()
+
+    def __call__(self, x: float) -> tuple[float, float, float]:
+        """Its value, slope and bend at a place, in samples."""
+        u, value, slope, bend = (x - self.middle) / self.half, 0.0, 0.0, 0.0
+        for term in reversed(self.terms):  # Horner's scheme
+            bend = bend * u + slope
+            slope = slope * u + value
+            value = value * u + term
+        return value, slope / self.half, 2.0 * bend / self.half**2
+
+
+@cache
+def _inverse(before: int, after: int) -> Real:
+    """Terms (n,) of the polynomial by its values (samples,), over places between -1 and 1."""
+    places = np.linspace(-1.0, 1.0, before + after + 1)
+    return np.asarray(np.linalg.pinv(np.vander(places, min(9, len(places)), increasing=True)))
 
 
 def _below(time: Real, h: Real, rounding: float) -> list[tuple[float, float]]:

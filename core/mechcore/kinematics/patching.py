@@ -49,17 +49,22 @@ def smooth(model: Model, block: Block, state: State, time: Real, instant: float,
     Returns how large the polynomial's last terms still are (angles [rad], slides over the size), and the patch of the samples
     that are too near; None where the samples end.
     """
-    away = (time - instant) / (step * FAR)
-    near = np.flatnonzero(np.abs(away) < NEAR / FAR)
-    fit = np.flatnonzero((np.abs(away) <= 1.0 + 1e-9) & (np.abs(away) >= 8.0 / FAR))
-    if not len(near) or len(fit) < 2 or np.ptp(away[fit]) < 1.9:
+    reach = step * FAR * (1.0 + 1e-9)
+    first, last = np.searchsorted(time, [instant - reach, instant + reach])
+    away = (time[first:last] - instant) / (step * FAR)
+    distance = np.abs(away)
+    near, fit = np.flatnonzero(distance < NEAR / FAR), np.flatnonzero(distance >= 8.0 / FAR)
+    if not len(near) or len(fit) < 2 or away[fit[-1]] - away[fit[0]] < 1.9:
         return 0.0, None
-    values = unknowns_of(model, block, state, fit)
+    values = unknowns_of(model, block, state, first + fit)
     scale = np.where(np.arange(values.shape[1]) < len(block.angles), 1.0, model.length_scale)
     with np.errstate(**QUIET):
-        coefficients = np.linalg.pinv(chebyshev.chebvander(away[fit], DEGREE)) @ values
+        terms = chebyshev.chebvander(away, DEGREE)
+        q, r = np.linalg.qr(terms[fit])
+        coefficients = np.linalg.solve(r, q.T @ values)
         tail = float(np.max(np.abs(coefficients[-2:]) / scale))
-        at_samples = chebyshev.chebvander(away[near], DEGREE) @ coefficients
+        at_samples = terms[near] @ coefficients
+    near = first + near
     return tail, Patch(near, at_samples, at_samples, at_samples)
 
 
