@@ -316,10 +316,10 @@ def flat_instants(
         gaps += _below(time, h, max(BLUR, rounding))
         inner = h[1:-1]
         low = (inner <= h[:-2]) & (inner < h[2:]) & (inner < 1e-2) & (inner > -max(BLUR, rounding))
-        for k in np.flatnonzero(low) + 1:
+        for k in (np.flatnonzero(low) + 1).tolist():
             a, b = max(k - WINDOW, 0), min(k + WINDOW + 1, len(time))
             y = h[a:b]
-            if not np.isfinite(y).all() or max(y) - min(y) < ROUNDING:
+            if not np.isfinite(y).all() or np.ptp(y) < ROUNDING:
                 continue
             fit = _Through(y, k - a, b - 1 - k)
             at, bend = 0.0, 0.0

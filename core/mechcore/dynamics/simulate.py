@@ -67,7 +67,7 @@ def simulate(
     another tolerance or by its energy, from which collocation then starts (see `refine`). ``warn`` is told what will take long, as
     soon as that is foreseen. Raises `MechanismError`.
     """
-    compiled = mechanism if isinstance(mechanism, Compiled) else compile_mechanism(mechanism)
+    original = compiled = mechanism if isinstance(mechanism, Compiled) else compile_mechanism(mechanism)
     stops = with_slot_ends(compiled.mechanism, stops)
     _validate(compiled, duration, tolerance, separable_cams)
     start_pose = compiled.angles.start.with_stops((stop.joint, stop.side, stop.at) for stop in stops)
@@ -79,7 +79,7 @@ def simulate(
     valid_range: tuple[float, float] | None = None
     alone = len(q) == len(compiled.mechanism.drives) == 1 and not separable_cams and not integrating(compiled)
     if alone and not braking_elements(compiled, q, v):
-        system, valid_range = curve_around(compiled, q[0], table_tolerance(tolerance))
+        system, valid_range = _curve(original, compiled, q[0], table_tolerance(tolerance), keep=not stops)
     if len(q):
         _weigh(compiled, q, system)
     word = None if stops or separable_cams else _rest(compiled, q, v, system)
@@ -89,7 +89,7 @@ def simulate(
         if observe is not None:
             observe(rest)
         return rest
-    if isinstance(system, Curve) and not system.rest and not stops and not watches and method in ("auto", "energy"):
+    if isinstance(system, Curve) and system.conservative and not stops and not watches and method in ("auto", "energy"):
         energy = by_energy(system, q[0], v[0], duration, tolerance=float(np.clip(1e-3 * tolerance, 1e-13, 1e-7)))
         if energy is not None:
             if energy.period is not None and duration > MOST_TURNS * energy.period:
@@ -127,6 +127,24 @@ def simulate(
         return run
     events = (SimulationEvent(0.0, "stiff", unseen.load, unseen.stepped_over), *run.events)
     return replace(run, unseen=(unseen.amplitude, unseen.frequency), events=events)
+
+
+def _curve(
+    original: Compiled, compiled: Compiled, q: float, tolerance: float, *, keep: bool
+) -> tuple[Chart | Curve, tuple[float, float] | None]:
+    """The mechanism on its curve around its start; ``keep``: for further motions of the ``original``, whose start is the same."""
+    kept = original.once(_tables)
+    if not keep or tolerance not in kept:
+        system, valid_range = curve_around(compiled, q, tolerance)
+        if not (keep and isinstance(system, Curve)):
+            return system, valid_range
+        kept[tolerance] = system, valid_range
+    curve, valid_range = kept[tolerance]
+    return replace(curve, compiled=compiled), valid_range
+
+
+def _tables(_: Compiled) -> dict[float, tuple[Curve, tuple[float, float] | None]]:
+    return {}
 
 
 def _counted(duration: float, warn: Callable[[str], None], told: Callable[[float], None] | None) -> Callable[[float], None]:

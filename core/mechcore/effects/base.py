@@ -227,6 +227,11 @@ class Effect:
         """A whole number for the form of the law that holds (F,), of effects that are `piecewise`."""
         return np.zeros(np.shape(at.time), int)
 
+    @property
+    def proportional(self) -> bool:
+        """Whether its wrenches are in proportion to the velocities at every place, whatever the time."""
+        return False
+
     limited: ClassVar[bool] = False  # whether its law ends somewhere; then `check` says where
 
     def check(self, at: Configuration) -> None:

@@ -20,6 +20,10 @@ class MediumDrag(LoadEffect[Drag]):
     cause = "medium"
     needs = frozenset({"positions", "velocities"})
 
+    @property
+    def proportional(self) -> bool:
+        return self.load.quadratic == 0.0
+
     def wrenches(self, at: Configuration) -> list[Wrench]:
         load, model = self.load, at.model
         k = model.index[load.link]
@@ -44,6 +48,10 @@ class ViscousFriction(LoadEffect[Viscous]):
 
     cause = "viscous"
     needs = frozenset({"positions", "velocities"})
+
+    @property
+    def proportional(self) -> bool:
+        return True
 
     def wrenches(self, at: Configuration) -> list[Wrench]:
         model, joint = at.model, self.load.joint

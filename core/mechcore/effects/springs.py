@@ -83,6 +83,10 @@ class LineDamper(Line[Damper]):
     cause, kind = "viscous", "damper"
     needs = frozenset({"positions", "velocities"})
 
+    @property
+    def proportional(self) -> bool:
+        return self.load.quadratic == 0.0
+
     def wrenches(self, at: Configuration) -> list[Wrench]:
         along = self.direction(at, self.vector(at))
         speed = np.real(np.conj(along) * (self.place(at, 1, 1) - self.place(at, 0, 1)))
@@ -155,6 +159,10 @@ class AngleDamper(LoadEffect[TorsionDamper]):
     cause = "viscous"
     needs = frozenset({"positions", "velocities"})
 
+    @property
+    def proportional(self) -> bool:
+        return True
+
     def wrenches(self, at: Configuration) -> list[Wrench]:
         first, second = (at.model.index[k] for k in self.load.links)
         moment = self.load.coefficient * relative_speed(at, first, second)
@@ -212,6 +220,10 @@ class BushingDampers(_Bushed[BushingDamper]):
 
     cause, kind = "viscous", "bushing damper"
     needs = frozenset({"positions", "velocities"})
+
+    @property
+    def proportional(self) -> bool:
+        return True
 
     def __init__(self, load: BushingDamper):
         super().__init__(load)

@@ -63,7 +63,7 @@ def smooth(model: Model, block: Block, state: State, time: Real, instant: float,
         q, r = np.linalg.qr(terms[fit])
         coefficients = np.linalg.solve(r, q.T @ values)
         tail = float(np.max(np.abs(coefficients[-2:]) / scale))
-        at_samples = terms[near] @ coefficients
+        at_samples = np.asarray(terms[near] @ coefficients, float)
     near = first + near
     return tail, Patch(near, at_samples, at_samples, at_samples)
 

@@ -8,6 +8,9 @@ import numpy as np
 import pytest
 
 import mechviz
+from mechcore.dynamics.equations.charts import curve_around
+from mechcore.dynamics.equations.curve import Curve
+from mechcore.dynamics.equations.reduced import reduce
 from mechcore.dynamics.events import Stop
 from mechcore.dynamics.simulate import simulate
 from mechcore.dynamics.simulation import work_integrals
@@ -17,6 +20,7 @@ from mechcore.errors import MechanismError
 from mechcore.forces.kinetostatics import LOSSES
 from mechcore.laws.timed import Free
 from mechcore.motion.events import find_events
+from mechcore.motion.solve import compile_mechanism
 from mechcore.spec import loads
 from mechcore.spec.loads import GasSpring
 from mechcore.spec.mechanism import Drive, Link, Mechanism
@@ -333,3 +337,41 @@ def test_a_load_that_is_zero_moves_nothing_however_its_rows_lie():
     assert not any("spline" in line for line in check_lines(mechviz.loads(STRUCK)))
     (event,) = [e for e in find_events(run_scene(spline).motion) if "spline" in e.text]
     assert event.level == "WARN" and event.item == "F" and event.value > 1.0
+
+
+DAMPED = (
+    FOUR_BAR
+    + """
+oil = { viscous = "D", linear = "0.02 N m s/rad" }
+dash = { damper = ["frame.H", "coupler.E"], linear = "12 N s/m" }
+air = { drag = "coupler.E", linear = "1.5 N s/m" }
+push = { torque = "3 N m", on = "crank" }
+"""
+)
+
+
+def test_what_is_in_proportion_to_speeds_is_tabulated():
+    """The equations with the table are those of bodies and forces at the same states, and nothing is left to evaluate."""
+    compiled = compile_mechanism(mechviz.loads(DAMPED).mechanism)
+    curve, _ = curve_around(compiled, np.deg2rad(40.0), 1e-13)
+    assert isinstance(curve, Curve) and not curve.rest and not curve.conservative
+    rng = np.random.default_rng(3)
+    q, v, t = rng.uniform(-9.0, 9.0, (40, 1)), rng.uniform(-20.0, 20.0, (40, 1)), np.zeros(40)
+    exact = reduce(compiled, q, v, t).acceleration()
+    np.testing.assert_allclose(curve(q, v, t), exact, rtol=1e-10, atol=1e-10 * np.abs(exact).max())
+    by_q, by_v = (x[:, 0, 0] for x in curve.slopes(q, v, t, exact))
+    h = 1e-5
+    for slope, step in ((by_q, (h, 0.0)), (by_v, (0.0, h))):
+        ahead, behind = (curve(q + sign * step[0], v + sign * step[1], t)[:, 0] for sign in (1.0, -1.0))
+        np.testing.assert_allclose(slope, (ahead - behind) / (2.0 * h), rtol=1e-6, atol=1e-6 * np.abs(slope).max())
+
+
+def test_a_table_is_made_once_for_all_motions_of_a_mechanism(monkeypatch):
+    compiled = compile_mechanism(mechviz.loads(DAMPED).mechanism)
+    t = np.linspace(0.0, 0.2, 11)
+    first = simulate(compiled, 0.2)(t)
+    stopped = simulate(compiled, 0.2, stops=[Stop(name="far", joint="D", at=90.0)])(t)
+    monkeypatch.setattr("mechcore.dynamics.simulate.curve_around", None)
+    for ours, same, theirs in zip(simulate(compiled, 0.2)(t), first, stopped, strict=True):
+        np.testing.assert_array_equal(ours, same)
+        np.testing.assert_allclose(ours, theirs, rtol=1e-8, atol=1e-8 * np.abs(theirs).max())

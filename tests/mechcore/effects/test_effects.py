@@ -13,8 +13,11 @@ from random_linkages import ACCELERATION, ANGLES, SPEED, balance_of_links, crank
 from rubbing_joints import drum
 from scipy.integrate import quad
 
+from mechcore.dynamics.equations.reduced import with_rates
 from mechcore.effects.base import CAUSES, NEEDS, power_of
 from mechcore.effects.registry import LOADS, effects_of, potential
+from mechcore.effects.resistance import ViscousFriction
+from mechcore.effects.springs import AngleDamper, BushingDampers, LineDamper
 from mechcore.errors import MechanismError
 from mechcore.forces.kinetostatics import LOSSES
 from mechcore.laws.indicator import Compressor, Diagram, FourStroke
@@ -130,13 +133,8 @@ def test_effects_need_what_they_declare(monkeypatch):
     for quantity in ("velocities", "accelerations"):
         original = getattr(__import__("mechcore.motion.motion", fromlist=["x"]), quantity)
         monkeypatch.setattr(f"mechcore.motion.motion.{quantity}", lambda *a, q=quantity, f=original: (calls.append(q), f(*a))[1])
-    slider = slider_crank(r=1.0, l=3.0)
-    pressure = GasPressure(name="gas", joint="S", area=0.1, cycle=Compressor(stroke=2.0, suction=1e5, delivery=5e5), top=4.0)
     seen = set()
-    joint = next(p.name for p in slider.joints if isinstance(p, Revolute))
-    pressed = Clearance(radial=1e-3, stiffness=1e5, loss=1.0, friction=0.1, radius=0.05, start=(1.1e-3, 0.0))
-    loose = with_clearances(slider, {joint: pressed})
-    for mechanism in (every_load(), replace(slider, loads=(pressure,)), drum(1.0), loose):
+    for mechanism in mechanisms_with_all_loads():
         compiled = compile_mechanism(mechanism)
         for effect in effects_of(mechanism):
             motion = solve_motion(compiled, default_times(mechanism, 24))
@@ -147,6 +145,32 @@ def test_effects_need_what_they_declare(monkeypatch):
             assert effect.needs <= set(NEEDS) and effect.cause in CAUSES
             seen.add(type(effect))
     assert seen >= set(LOADS.values())
+
+
+def test_effects_are_in_proportion_to_speeds_where_they_say_so():
+    """Twice as fast at the same places and another time: twice the force and moment."""
+    said = set()
+    for mechanism in mechanisms_with_all_loads():
+        compiled = compile_mechanism(mechanism)
+        once = solve_motion(compiled, default_times(mechanism, 24))
+        twice = with_rates(once, [2.0 * np.ones(once.frames) * d[1] for d in once.drives])
+        twice.time = once.time + 0.3
+        for effect in (e for e in effects_of(mechanism) if e.proportional):
+            said.add(type(effect))
+            assert "velocities" in effect.needs
+            for a, b in zip(effect.wrenches(once), effect.wrenches(twice), strict=True):
+                np.testing.assert_allclose(b.force, 2.0 * np.asarray(a.force), rtol=1e-12, atol=1e-12)
+                np.testing.assert_allclose(b.moment, 2.0 * np.asarray(a.moment), rtol=1e-12, atol=1e-12)
+    assert said == {LineDamper, AngleDamper, BushingDampers, ViscousFriction}  # the drag of every_load is quadratic
+
+
+def mechanisms_with_all_loads() -> tuple[Mechanism, ...]:
+    slider = slider_crank(r=1.0, l=3.0)
+    pressure = GasPressure(name="gas", joint="S", area=0.1, cycle=Compressor(stroke=2.0, suction=1e5, delivery=5e5), top=4.0)
+    joint = next(p.name for p in slider.joints if isinstance(p, Revolute))
+    pressed = Clearance(radial=1e-3, stiffness=1e5, loss=1.0, friction=0.1, radius=0.05, start=(1.1e-3, 0.0))
+    loose = with_clearances(slider, {joint: pressed})
+    return every_load(), replace(slider, loads=(pressure,)), drum(1.0), loose
 
 
 def slide(law, loads) -> Mechanism:

@@ -2,12 +2,13 @@
 
 J(q), and the reduced force Q(q) of all loads that depend on the position alone, are tabulated over the whole way (one turn where
 it is periodic); J' and the work of Q follow from the same polynomials, so that the energy balance of the tabulated system is
-exact. Loads that depend on speed or time are evaluated where they are needed. Then J q'' + J' q'^2 / 2 = Q.
+exact. Beside them stands C(q), the reduced force per unit rate of all loads in proportion to speeds (dampers, oil). Other loads
+that depend on speed or time are evaluated where they are needed. Then J q'' + J' q'^2 / 2 = Q + C q'.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property
 
 import numpy as np
@@ -38,7 +39,8 @@ LITTLE = 1e-3  # of the work from one end of a table: kinetic energies below tha
 
 @dataclass(frozen=True, eq=False)
 class Curve(Programmed):
-    """``table``: J and the tabulated part of Q; ``both``: J, Q, J', Q', J''; ``rest``: effects that are not in the table."""
+    """``table``: J, the tabulated part of Q and, where loads are in proportion to speeds, C; ``both``: these, their derivatives,
+    and J''; ``rest``: effects that are not in the table."""
 
     compiled: Compiled
     table: Panels
@@ -46,13 +48,25 @@ class Curve(Programmed):
     rest: tuple[Effect, ...] = ()
 
     def __call__(self, q: Real, v: Real, t: Real) -> Real:
-        program = self.program() if self.rest else None
+        program = None if self.conservative else self.program()
         if program is not None and program.everywhere:
             return program(q, v, t)
-        f = self.both(q[:, 0])
+        f, n = self.both(q[:, 0]), self.functions
         w = v[:, 0]
         force = f[:, 1] + self.changing(q, v, t) if self.rest else f[:, 1]
-        return ((force - 0.5 * f[:, 2] * w * w) / f[:, 0])[:, None]
+        if n > 2:
+            force = force + f[:, 2] * w
+        return ((force - 0.5 * f[:, n] * w * w) / f[:, 0])[:, None]
+
+    @property
+    def functions(self) -> int:
+        """How many functions are in the table: two, or three with C."""
+        return int(self.table.coefficients.shape[2])
+
+    @property
+    def conservative(self) -> bool:
+        """Whether all forces depend on the position alone."""
+        return not self.rest and self.functions == 2
 
     def inertia(self, q: float) -> float:
         """J at a position."""
@@ -71,7 +85,7 @@ class Curve(Programmed):
         ``before``: this keeps the digits that speeds next to a dead point lose. Where it is little beside that work, it would lose
         digits itself."""
         plain = 0.5 * self.inertia(q) * v * v
-        if self.rest or plain < LITTLE * self._most_work:
+        if not self.conservative or plain < LITTLE * self._most_work:
             return plain
         places = np.array([before[0], q])
         low, high = self.table.low, self.table.high
@@ -96,10 +110,12 @@ class Curve(Programmed):
         return np.asarray(total)
 
     def slopes(self, q: Real, v: Real, t: Real, a: Real) -> tuple[Real, Real]:
-        f = self.both(q[:, 0])
+        f, n = self.both(q[:, 0]), self.functions
         w = v[:, 0]
-        by_q = f[:, 3] - 0.5 * f[:, 4] * w * w - a[:, 0] * f[:, 2]
-        by_v = -f[:, 2] * w
+        by_q = f[:, n + 1] - 0.5 * f[:, 2 * n] * w * w - a[:, 0] * f[:, n]
+        by_v = -f[:, n] * w
+        if n > 2:
+            by_q, by_v = by_q + f[:, n + 2] * w, by_v + f[:, 2]
         if self.rest:
             n = len(t)
             steps = [float(x[0]) for x in steps_of_differences(self.compiled, q, v, a)]
@@ -183,17 +199,17 @@ def whole_turn(
     forces = {e: np.broadcast_to(_force(e, unit), unit.shape) for e in fixed}
     repeating = [e for e, f in forces.items() if np.abs(f[twice] - f[once]).max() <= 1e-9 * np.abs(f).max()]
     rest += [e for e in fixed if e not in repeating]  # torsion springs, and tables over an angle that goes on
-    force = sum((forces[e] for e in repeating), np.zeros(unit.frames))
-    known = np.column_stack([2.0 * kinetic_energy(unit), force])[: len(x)]
+    known = _columns(unit, {e: forces[e] for e in repeating})[: len(x)]
     values = _values(compiled, repeating, usable)
     table = _fitted(compiled, values, low, low + TURN, periodic=True, tolerance=tolerance, known=known)
     return _curve(compiled, table, rest) if np.isfinite(table.coefficients).all() else None
 
 
 def _parted(compiled: Compiled, everywhere: Callable[[], Motion]) -> tuple[list[Effect], list[Effect]]:
-    """Effects that depend on the position alone, and are smooth in it ``everywhere``, and the others."""
+    """Effects that depend on the position alone, or beside it in proportion on speeds, and are smooth in it ``everywhere``, and the
+    others."""
     effects = [e for e in effects_of(compiled.mechanism) if "accelerations" not in e.needs]
-    fixed = [e for e in effects if e.needs <= {"positions"} and not e.piecewise]
+    fixed = [e for e in effects if (e.needs <= {"positions"} or e.proportional) and not e.piecewise]
     if any(e.limited for e in fixed):
         motion = everywhere()
         fixed = [e for e in fixed if _holds(e, motion)]
@@ -222,14 +238,22 @@ def _force(effect: Effect, unit: Motion) -> Values:
 def _values(
     compiled: Compiled, effects: Sequence[Effect], usable: Callable[[Motion], bool] = lambda _: True
 ) -> Callable[[Real], Real]:
-    """Position (n,) -> J and Q (n, 2); NaN where the coordinate does not lead."""
+    """Position (n,) -> J, Q and perhaps C, see `_columns`; NaN where the coordinate does not lead."""
 
     def values(q: Real) -> Real:
         unit = _unit(compiled, q)
-        force = sum((_force(e, unit) for e in effects), np.zeros(len(q)))
-        return np.column_stack([2.0 * kinetic_energy(unit), force]) * (1.0 if usable(unit) else np.nan)
+        return _columns(unit, {e: _force(e, unit) for e in effects}) * (1.0 if usable(unit) else np.nan)
 
     return values
+
+
+def _columns(unit: Motion, forces: Mapping[Effect, Values]) -> Real:
+    """J and Q (n, 2), and C (n, 3) where a force is in proportion to speeds, from the forces at a unit rate."""
+    none = np.zeros(unit.frames)
+    columns = [2.0 * kinetic_energy(unit), sum((f for e, f in forces.items() if not e.proportional), none)]
+    if any(e.proportional for e in forces):
+        columns.append(sum((f for e, f in forces.items() if e.proportional), none))
+    return np.column_stack(columns)
 
 
 def _curve(compiled: Compiled, table: Panels, rest: Sequence[Effect]) -> Curve:
