@@ -7,6 +7,7 @@ is missing in the report, or has failed, gets no row.
 from __future__ import annotations
 
 import argparse
+import math
 import re
 import sys
 from collections.abc import Callable
@@ -71,9 +72,54 @@ def four_bar(column: int) -> Quote:
     return quote
 
 
+def by_hand(heading: str) -> Quote:
+    """The fastest row that is no package's service but equations worked out for the one mechanism, at few and many positions."""
+
+    def quote(found: Tables, _: str) -> str:
+        rows = [r for r in table(found, heading)[1:] if r[0].startswith("by hand")]
+        return " / ".join(compared(least([number(r[c]) for r in rows])) for c in (2, 4))
+
+    return quote
+
+
+def compared(ratio: float) -> str:
+    """How much faster, or slower, in words; rounded against us."""
+    return f"{times(ratio)} times faster" if ratio >= 1.0 else f"{math.ceil(10.0 / ratio) / 10.0:.1f} times slower"
+
+
+def beside(heading: str, peer: str, setting: str) -> Quote:
+    """A row of a peer beside the fastest of ours with that error or less, by numpy and by a compiled program."""
+
+    def quote(found: Tables, _: str) -> str:
+        rows = table(found, heading)[1:]
+        spent, error = next((number(r[2]), number(r[3])) for r in rows if r[:2] == [peer, setting])
+        said = []
+        for who, how in (("mechviz", "by numpy"), ("mechviz, C", "by a compiled program")):
+            ours = [number(r[2]) for r in rows if r[0] == who and number(r[3]) <= error]
+            said.append(f"{how} {compared(spent / least(ours))}")
+        return ", ".join(said)
+
+    return quote
+
+
 def forces(found: Tables, _: str) -> str:
     rows = [r for r in table(found, "P2 Slider-crank")[1:] if not r[0].startswith(("mechviz", "by hand"))]
     return " / ".join(times(least([number(r[c]) for r in rows])) for c in (2, 4)) + " times faster"
+
+
+def kept(found: Tables, _: str) -> str:
+    said = []
+    for n in (1, 2, 10, 40):
+        try:
+            rows = table(found, f"Chain of {n} four-bar")[1:]
+        except LookupError:
+            continue
+        ours = least([number(r[2]) for r in rows if r[0] == "mechviz, further motions"])
+        peers = least([number(r[2]) for r in rows if not r[0].startswith("mechviz") and number(r[3]) < 1e-3])
+        said.append(f"N = {n}: {times(peers / ours)}")
+    if not said:
+        raise LookupError("chains")
+    return ", ".join(said) + " times faster"
 
 
 def chains(found: Tables, _: str) -> str:
@@ -83,7 +129,7 @@ def chains(found: Tables, _: str) -> str:
             rows = table(found, f"Chain of {n} four-bar")
         except LookupError:
             continue
-        ratio = least([number(r[4]) for r in rows[1:] if r[0] != "mechviz" and number(r[3]) < 1e-3])
+        ratio = least([number(r[4]) for r in rows[1:] if not r[0].startswith("mechviz") and number(r[3]) < 1e-3])
         said.append(f"N = {n}: {times(ratio)}")
     if not said:
         raise LookupError("chains")
@@ -101,7 +147,7 @@ def squeezer(found: Tables, _: str) -> str:
 def freedoms(found: Tables, _: str) -> str:
     ratios = []
     for heading in ("Double pendulum", "Five-bar"):
-        rows = [r for r in table(found, heading)[1:] if r[0].endswith("DOP853") and r[1] == "rtol 1e-09"]
+        rows = [r for r in table(found, heading)[1:] if r[0] == "same equations + DOP853" and r[1] == "rtol 1e-09"]
         ratios.append(times(least([number(r[4]) for r in rows])))
     return " / ".join(ratios) + " times faster"
 
@@ -138,9 +184,35 @@ QUOTES: tuple[tuple[str, Quote, str], ...] = (
     ("the same, cost of a frame at 3,600 and at 36,000 frames against 360", frame_cost, "four_bar.py"),
     ("four-bar kinematics at 3,600 positions (P1), against pylinkage with numba / every other peer", four_bar(4), "peers/run.py"),
     ("the same at 360 positions, where numpy's price per call counts", four_bar(2), "peers/run.py"),
+    (
+        "the same, 360 / 3,600 positions, against the fastest solution by hand for this one mechanism",
+        by_hand("P1 Four-bar"),
+        "peers/run.py",
+    ),
     ("slider-crank forces (P2), 360 / 3,600 positions, against the fastest peer", forces, "peers/run.py"),
+    (
+        "the same against the fastest by hand for this one mechanism: formulas by sympy, on all frames at once",
+        by_hand("P2 Slider-crank"),
+        "peers/run.py",
+    ),
     ("Andrews' squeezer (P3), errors below 5e-6, ours smaller, against the fastest row of each", squeezer, "dynamics.py"),
+    (
+        "the same with a damped crank, against Pinocchio with DOP853 at rtol 1e-9, our error smaller",
+        beside("Andrews' squeezing mechanism, crank damped", "Pinocchio + DOP853", "rtol 1e-09"),
+        "dynamics.py",
+    ),
     ("chain of N falling four-bars (P4), 10 s, against the fastest peer with an error below 1e-3", chains, "dynamics.py"),
+    ("the same, further motions of a mechanism that has kept its table", kept, "dynamics.py"),
+    (
+        "double pendulum, 5 s, against Pinocchio's `aba` with DOP853 at rtol 1e-9, our error smaller",
+        beside("Double pendulum", "Pinocchio + DOP853", "rtol 1e-09"),
+        "dynamics.py",
+    ),
+    (
+        "five-bar on springs, 2 s, against Pinocchio's `constraintDynamics` with DOP853 at rtol 1e-9, our error smaller",
+        beside("Five-bar", "Pinocchio + DOP853", "rtol 1e-09"),
+        "dynamics.py",
+    ),
     ("double pendulum / five-bar, against scipy's DOP853 on the same equations at 1e-9", freedoms, "dynamics.py"),
     ("cam with an offset roller (P5), profile, pressure angle and curvature, against `mechanism`", cams, "cam_peers.py"),
     ("chain of N four-bars, a turn: slope of log processor time against log N from N = 100", slopes, "scaling.py"),
