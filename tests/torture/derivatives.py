@@ -18,7 +18,8 @@ import numpy as np
 from random_mechanisms import KINDS, draw
 from test_derivatives import FEW, asked, difference, moved_together, solved
 
-from mechcore.design.derivatives import Derivatives, Parameter
+from mechcore.design.derivatives import Derivatives
+from mechcore.design.model_numbers import Parameter
 from mechcore.errors import MechanismError
 
 STEPS = (2e-3, 3e-4, 1e-4, 3e-5, 1e-5)  # of differences: long ones may reach a place where friction or a damper turns round

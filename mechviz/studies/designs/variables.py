@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from mechcore.design.derivatives import Parameter
+from mechcore.design.model_numbers import Parameter
 from mechcore.errors import Fault, MechanismError
 from mechcore.spec.mechanism import Mechanism
 from mechviz.scene.annotations import Leaf, Place, leaves

@@ -1,0 +1,175 @@
+"""The numbers of a compiled mechanism, and their derivatives by a parameter from which it follows.
+
+How vectors, masses, coefficients, positions of drives ... follow from a parameter is stated outright: `slopes` takes polynomials
+through so many values that they are known to rounding.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.polynomial import chebyshev
+
+from mechcore.arrays import Real
+from mechcore.errors import Fault, MechanismError
+from mechcore.kinematics.model import Model
+from mechcore.kinematics.program import LinearConstraint
+from mechcore.kinematics.state import State
+from mechcore.motion.compiled import drive_values
+from mechcore.motion.motion import Motion
+from mechcore.motion.solve import compile_mechanism
+from mechcore.records import dataclass
+from mechcore.spec.mechanism import Mechanism
+from mechcore.spec.numbers import Place, numbers_in
+
+Numbers = dict[Place, Any]  # of a compiled mechanism, by where they are
+ROUNDING = 2e-14  # relative: what a map of a few operations may be off
+NODES = 9  # of the polynomial of a map that is not affine
+TAIL = 1e-12  # its last coefficients are below this part of the largest, or the interval is too wide
+NARROWER = 4.0
+TRIES = 5
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """A number from which a mechanism follows: its name, its ``value``, the ``mechanism`` that belongs to another value, and a
+    half ``width`` of values around its own for which there is one."""
+
+    name: str
+    value: float
+    width: float
+    mechanism: Callable[[float], Mechanism]
+
+
+def refusal(message: str, remedy: str) -> MechanismError:
+    """Why no derivatives are known."""
+    return MechanismError(Fault("derivatives", message, remedy))
+
+
+def check_structure(nominal: Model, other: Model, name: str) -> None:
+    """Refuse a mechanism of other links, loops or blocks."""
+    same = (
+        nominal.links == other.links
+        and nominal.ends == other.ends
+        and nominal.tree == other.tree
+        and [(b.kind, b.loops, b.unknowns) for b in nominal.blocks] == [(b.kind, b.loops, b.unknowns) for b in other.blocks]
+        and nominal.angles.rotation_class == other.angles.rotation_class
+    )
+    if not same:
+        raise refusal(f"the mechanism is another one beside the stated value of {name}.", "Move it away from there.")
+
+
+def turning_vectors(model: Model) -> set[tuple[int, int]]:
+    """The vectors of each loop that turn: (loop, rotation class)."""
+    return {(c, s) for c, total in enumerate(model.loop_sums) for s, _ in total.arms}
+
+
+def numbers_of(model: Model, at: Motion, time: Real) -> Numbers:
+    """The numbers of a compiled mechanism that results follow from; curves at the arguments of a nominal motion."""
+    numbers: Numbers = {("time",): time}
+    for j, joint in enumerate(model.joints):
+        numbers["joint", j, "a"], numbers["joint", j, "b"] = joint.a, joint.b
+        if joint.slide is not None:
+            numbers["joint", j, "slide"] = joint.slide
+    for k, (turn, offset) in enumerate(zip(model.turn, model.angles.offset, strict=True)):
+        numbers["turn", k], numbers["offset", k] = turn, offset
+    for link, points, (mass, centre, inertia) in zip(model.links, model.points, model.masses, strict=True):
+        numbers |= {("point", link, name): z for name, z in points.items()}
+        numbers["mass", link], numbers["centre", link], numbers["inertia", link] = mass, centre, inertia
+    for link, body in model.bodies.items():
+        numbers |= {("body", link, *place): x for place, x in numbers_in(body.gravity, ("gravity",))}
+    for r, constraint in enumerate(model.constraints):
+        for kind in ("groups", "drives", "slides"):
+            numbers |= {(kind, r, i): c for i, c in getattr(constraint, kind)}
+        if constraint.curve is not None:
+            bend = constraint.curve.function(curve_argument(at.model.constraints[r], at.state))
+            numbers |= {("bend", r, k): np.asarray(bend[k]) for k in range(3)}
+    if model.constraints:
+        constants = [c.constant for c in model.constraints]
+        if any(c is None for c in constants):
+            constants = list(compile_mechanism(model.mechanism).assembly.constants)
+        numbers |= {("constant", r): c for r, c in enumerate(constants)}
+    for d, values in enumerate(drive_values(model.mechanism, time)):
+        numbers |= {("drive", d, k): np.broadcast_to(np.asarray(x, float), time.shape) for k, x in enumerate(values)}
+    m = model.mechanism
+    numbers |= {("mechanism", *place): x for place, x in numbers_in(m.gravity, ("gravity",))}
+    numbers |= {("mechanism", *place): x for place, x in numbers_in(m.loads, ("loads",))}
+    for i, stated in enumerate(m.joints):
+        rubbing = numbers_in(getattr(stated, "friction", None), ("joints", i, "friction"))
+        numbers |= {("mechanism", *place): x for place, x in rubbing}
+    return numbers
+
+
+def curve_argument(constraint: LinearConstraint, state: State) -> Any:
+    """The argument of a relation's curve."""
+    curve = constraint.curve
+    assert curve is not None
+    total: Any = curve.shift
+    for d, c in curve.drives:
+        total = total + c * state.drives[d]
+    for g, c in curve.groups:
+        total = total + c * state.angle[g]
+    for j, c in curve.slides:
+        total = total + c * state.slide[j]
+    return total
+
+
+def slopes(numbers: Callable[[float], Numbers], nominal: Numbers, parameter: Parameter) -> Numbers:
+    """Derivatives of numbers by a parameter, of those that depend on it, to rounding.
+
+    A number that lies on a straight line at four values has its slope from the outer ones. Others are followed by a polynomial
+    through 9 Chebyshev points whose last coefficients have to vanish to rounding, in narrower and narrower intervals.
+    """
+    width = parameter.width
+    for _ in range(TRIES):
+        try:
+            below, above, between = (numbers(parameter.value + s * width) for s in (-1.0, 1.0, 0.375))
+        except MechanismError as error:
+            reason = error
+            width /= NARROWER
+            continue
+        return _slopes(numbers, nominal, parameter, width, (below, above, between))
+    raise reason
+
+
+def _slopes(
+    numbers: Callable[[float], Numbers], nominal: Numbers, parameter: Parameter, width: float, known: tuple[Numbers, ...]
+) -> Numbers:
+    below, above, between = known
+    slopes: Numbers = {}
+    bent = []
+    for place, middle in nominal.items():
+        low, high, inner = (np.asarray(x[place]) for x in (below, above, between))
+        if np.array_equal(low, middle) and np.array_equal(high, middle) and np.array_equal(inner, middle):
+            continue
+        size = max(float(np.max(np.abs(x), initial=0.0)) for x in (low, middle, high))
+        line = 0.5 * (low + high), 0.5 * (high - low)
+        off = max(float(np.max(np.abs(line[0] - middle))), float(np.max(np.abs(line[0] + 0.375 * line[1] - inner))))
+        if off <= ROUNDING * size:
+            slopes[place] = line[1] / width
+        else:
+            bent.append(place)
+    return slopes | _by_polynomials(numbers, bent, parameter, width) if bent else slopes
+
+
+def _by_polynomials(numbers: Callable[[float], Numbers], places: Sequence[Place], parameter: Parameter, width: float) -> Numbers:
+    nodes = np.cos(np.pi * np.arange(NODES) / (NODES - 1))
+    fit = np.linalg.inv(chebyshev.chebvander(nodes, NODES - 1))
+    odd = np.array([k * (-1.0) ** ((k - 1) // 2) if k % 2 else 0.0 for k in range(NODES)])  # derivatives of T_k at 0
+    for _ in range(TRIES):
+        sampled = [numbers(parameter.value + width * float(x)) for x in nodes]
+        slopes: Numbers = {}
+        for place in places:
+            values = np.stack([np.asarray(x[place]) for x in sampled])
+            coefficients = np.tensordot(fit, values, 1)
+            size = float(np.max(np.abs(coefficients)))
+            if not float(np.max(np.abs(coefficients[-2:]))) <= TAIL * size:
+                break
+            slopes[place] = np.tensordot(odd, coefficients, 1) / width
+        else:
+            return slopes
+        width /= NARROWER
+    where = ".".join(map(str, places[len(slopes)]))
+    raise refusal(f"{where} does not change smoothly with {parameter.name}.", "Vary something else, or sweep it.")
