@@ -126,19 +126,19 @@ class Curve(Programmed):
         return (by_q / f[:, 0])[:, None, None], (by_v / f[:, 0])[:, None, None]
 
 
-def beside_singular(compiled: Compiled, x: Real) -> Real:
+def beside_singular(compiled: Compiled, x: Real, at_x: Motion | None = None) -> Real:
     """Positions (n,) in ascending order, with more of them (m,) between where a group comes close to a singular position: in the
-    end two neighbours are about as far apart as that is away.
+    end two neighbours are about as far apart as that is away. ``at_x``: a motion at a unit rate whose last frames are there.
 
     How far that is tells the group's condition: its inverse falls in proportion, and hardly faster than its slope nearby says.
     """
 
-    def distances(q: Real) -> Real:
+    def distances(q: Real, unit: Motion) -> Real:
         with np.errstate(divide="ignore", invalid="ignore"):
-            inverse = 1.0 / _unit(compiled, q).condition
+            inverse = 1.0 / unit.condition[-len(q) :]
         return np.where(reached(compiled, q), inverse, np.nan)
 
-    near = distances(x)
+    near = distances(x, _unit(compiled, x) if at_x is None else at_x)
     for _ in range(DEEPEST):
         widths, least = np.diff(x), np.minimum(near[:-1], near[1:])
         slopes = np.nan_to_num(np.abs(np.diff(near)) / widths)
@@ -147,7 +147,7 @@ def beside_singular(compiled: Compiled, x: Real) -> Real:
         if not len(at):
             break
         middle = 0.5 * (x[at] + x[at + 1])
-        x, near = np.insert(x, at + 1, middle), np.insert(near, at + 1, distances(middle))
+        x, near = np.insert(x, at + 1, middle), np.insert(near, at + 1, distances(middle, _unit(compiled, middle)))
     return x
 
 
@@ -166,12 +166,13 @@ def _fitted(
     periodic: bool,
     tolerance: float,
     known: Real | None = None,
+    unit: Motion | None = None,
 ) -> Panels:
-    """A table of values: equal panels, or shorter ones where a group comes close to a singular position."""
-    equal = np.linspace(low, high, EQUAL + 1)
-    boundaries = (
-        equal if compiled.singular_points is not None and compiled.singular_points.found else beside_singular(compiled, equal)
-    )
+    """A table of values: equal panels, or shorter ones where a group comes close to a singular position. ``unit``: a motion at a
+    unit rate whose last frames are the ends of the equal panels."""
+    boundaries = np.linspace(low, high, EQUAL + 1)
+    if compiled.singular_points is None or not compiled.singular_points.found:
+        boundaries = beside_singular(compiled, boundaries, unit)
     if np.diff(boundaries).min() > SHORT * (high - low) / EQUAL:
         return fit_panels(values, low, high, periodic=periodic, tolerance=tolerance, first=FIRST, known=known)
     return fit_where_needed(values, boundaries, tolerance=tolerance, periodic=periodic, noise=ROUGH)[0].joined()
@@ -183,7 +184,7 @@ def whole_turn(
     """Reduce the mechanism to its free coordinate over one turn, after which everything repeats; None where it does not, or where
     the coordinate does not lead over the whole turn, as ``usable`` says of the motion at a unit rate.
 
-    All that this takes is read off one set of positions: the nodes of the table and some of them a turn later.
+    All that this takes is read off one set of positions: the nodes of the table, some of them a turn later, and the ends of panels.
     """
     singular_points = compiled.singular_points
     if singular_points is not None and singular_points.gaps:
@@ -191,7 +192,7 @@ def whole_turn(
     low = q if singular_points is None or not singular_points.by_drive else _clear_of(singular_points, compiled.start[0], q)
     x = nodes_of(low, low + TURN, FIRST)
     again = np.arange(5, len(x), 13)
-    unit = _unit(compiled, np.concatenate([x, x[again] + TURN]))
+    unit = _unit(compiled, np.concatenate([x, x[again] + TURN, np.linspace(low, low + TURN, EQUAL + 1)]))
     once, twice = again, len(x) + np.arange(len(again))
     if not usable(unit) or not repeats(unit.model, unit.state, once, twice):
         return None
@@ -201,7 +202,7 @@ def whole_turn(
     rest += [e for e in fixed if e not in repeating]  # torsion springs, and tables over an angle that goes on
     known = _columns(unit, {e: forces[e] for e in repeating})[: len(x)]
     values = _values(compiled, repeating, usable)
-    table = _fitted(compiled, values, low, low + TURN, periodic=True, tolerance=tolerance, known=known)
+    table = _fitted(compiled, values, low, low + TURN, periodic=True, tolerance=tolerance, known=known, unit=unit)
     return _curve(compiled, table, rest) if np.isfinite(table.coefficients).all() else None
 
 
