@@ -52,7 +52,6 @@ def draft_pieces(model: Model) -> Draft:
         for name in model.links
         if name != model.frame and name not in homes and name not in plain and name not in turned
     }
-    plates |= {name: figure for name, figure in model.figures.items() if name not in plates}  # of a wheel, a cam or a block
     join_welds(model, draft, plates)
     for guide in model.guides:
         _draw_guide(model, draft, guide, forms[guide.joint], at_home=homes.get(guide.block) == guide.joint)
@@ -63,7 +62,20 @@ def draft_pieces(model: Model) -> Draft:
     draw_slots(model, draft)
     for name, shape in plates.items():
         draft.pieces.append(Piece(name, shape, draft.groups[name], "plate"))
+    for name in sorted(
+        model.figures.keys() - plates.keys()
+    ):  # of a stem of a follower, which has its plate from there, a wheel, a block
+        _draw_figure(draft, name, model.figures[name])
     return draft
+
+
+def _draw_figure(draft: Draft, link: str, figure: Polygon) -> None:
+    """A figure as a part of the plate that a link has, else as one of its own."""
+    for k, piece in enumerate(draft.pieces):
+        if piece.link == link and piece.kind == "plate":
+            draft.pieces[k] = replace(piece, outline=outline.polygons(unary_union([piece.outline, figure]))[0])
+            return
+    draft.pieces.append(Piece(link, figure, draft.groups[link], "plate"))
 
 
 def _form(model: Model, guide: Guide) -> str:
