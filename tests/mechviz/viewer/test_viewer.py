@@ -335,6 +335,32 @@ def test_comparing_draws_the_curves_of_both_designs_and_says_how_far_their_peaks
     assert len(slot.chart.series) == len(torque.curves) + 2 and "opened" not in slot._readout.content
 
 
+def test_a_plot_is_saved_beside_the_thread_that_all_browsers_wait_for(viewer, monkeypatch):
+    """However often its button is pressed: a few presses wait, the others are left."""
+    plots, slot = viewer.plots, viewer.plots.slots[0]
+    go, sent = threading.Event(), []
+
+    class Client:
+        def send_file_download(self, name, content, save_immediately):
+            sent.append((name.rpartition(".")[2], content))
+
+    def drawn(slot, kind):
+        assert go.wait(60.0)
+        return b"drawn"
+
+    with monkeypatch.context() as patch:
+        patch.setattr(plots, "file", drawn)
+        for _ in range(50):
+            plots._press(slot, "PNG", Client())
+        assert not sent, "the press waits for nothing"
+        go.set()
+        plots._saver.submit(lambda: None).result(60.0)
+    assert sent == [("png", b"drawn")] * 4
+    plots._press(slot, "CSV", Client())
+    plots._saver.submit(lambda: None).result(60.0)
+    assert sent[-1] == ("csv", plots.file(slot, "CSV"))
+
+
 def test_designs_are_compared_from_the_start_and_curves_have_the_bands_of_their_tolerances():
     """The ram of the press by its closed form, also after an edit; the bands are wider where that is asked for."""
     press = run_scene(scene.load("parametric-press"), frames=24)

@@ -7,6 +7,7 @@ import re
 import threading
 import time
 from collections.abc import Callable, Iterator, Mapping
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 from itertools import cycle
 from typing import Any
@@ -18,7 +19,7 @@ from viser import uplot
 from mechcore.arrays import Index, Real
 from mechviz.outputs.exports.tables import KINDS, plot_file
 from mechviz.outputs.viewer.playback import NumberTrack, PlotTrack
-from mechviz.outputs.viewer.server import Callback
+from mechviz.outputs.viewer.server import Callback, report
 from mechviz.outputs.viewer.view_model import ViewModel
 from mechviz.outputs.viewer.viser_adapter import uuid_of
 from mechviz.outputs.viewer.words import hint, number
@@ -29,6 +30,7 @@ from mechviz.studies.designs.bands import Bands, bands_of, with_tolerances
 # From four points a pixel on uPlot draws by columns of pixels, in which a gap beside the cursor line swallows it; plots are about
 # 270 pixels wide
 MOST_POINTS = 900
+MOST_WAITING = 4  # plots to be saved; what is asked for beyond is left
 FILLED = 0.5  # of the range that curves fill at least, for it to stay
 
 
@@ -146,6 +148,8 @@ class Plots:
     def __init__(self, server: viser.ViserServer, tab: viser.GuiTabHandle, show: ViewModel, callback: Callback):
         self._server, self._tab, self._callback = server, tab, callback
         self._lock = threading.RLock()
+        self._waiting = threading.BoundedSemaphore(MOST_WAITING)
+        self._saver = ThreadPoolExecutor(1, "mechviz-saver")
         self._frame, self._moved, self._made = 0, 0.0, 0
         self._quantities = {q.title: q for q in show.quantities}
         self._axes = {a.title: a for a in show.axes}
@@ -316,9 +320,18 @@ class Plots:
     def _press(self, slot: SharedSlot, button: str, client: viser.ClientHandle) -> None:
         if button == REMOVE:
             self.remove(slot)
-        elif button in KINDS:
+        elif button in KINDS and self._waiting.acquire(blocking=False):
+            self._saver.submit(self._save, slot, button, client)
+
+    def _save(self, slot: SharedSlot, kind: str, client: viser.ClientHandle) -> None:
+        """Send a plot as a file, beside the thread that all browsers wait for: drawing one takes long."""
+        try:
             words = re.sub(r"[^\w.-]+", "-", slot.quantity.label).strip("-")[:LONGEST_NAME]
-            client.send_file_download(f"{words}.{button.lower()}", self.file(slot, button), save_immediately=True)
+            client.send_file_download(f"{words}.{kind.lower()}", self.file(slot, kind), save_immediately=True)
+        except Exception as error:
+            report(self._server, "Saving a plot", error, client)
+        finally:
+            self._waiting.release()
 
     def file(self, slot: SharedSlot, kind: str) -> bytes:
         """A plot as a file, with the curves of the designs that are compared and its bands as they are; ``kind``: one of
