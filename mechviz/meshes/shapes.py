@@ -212,7 +212,7 @@ def _draw_spindle(model: Model, draft: Draft, guide: Guide, group: str, span: tu
 
 def _spindle_radius(model: Model) -> float:
     """Radius of a screw's spindle: there is room for its nut around it, on its layer."""
-    return min(0.4 * model.proportions.t, 0.5 * model.proportions.r)
+    return min(0.41 * model.proportions.t, 0.5 * model.proportions.r)
 
 
 def _spindle_of(guide: str) -> str:

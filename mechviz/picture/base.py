@@ -29,7 +29,7 @@ ARMS = (0.06, 0.12, 0.2, 0.3)  # how far beside a part its post may stand, in si
 WAYS = 12  # directions in which that is tried
 SPOTS = 12  # places of a part at which a post is tried
 CORES = (0.006, 0.004, 0.0025, 0.0015)  # what is left of an outline without a rim of this, in sizes: without its hatching
-TOUCH = 1e-6  # in sizes: parts nearer than this touch
+HAIR = 5e-6  # in sizes
 
 Placed = tuple[Polygon, tuple[float, float], Color]
 """An outline [m] in the frame of a link, the heights [m] between which it lies, and its colour."""
@@ -99,7 +99,16 @@ def find_base(run: Run, solids: Solids, coils: Sequence[Coil], fixtures: Sequenc
     places = np.array([foot.at for foot in feet])
     bars = [LineString(places[list(pair)]).buffer(BAR * size, quad_segs=8) for pair in _tree(places)]
     across = [(shape, (room.back - DEEP * size, room.back), SHADE) for shape in polygons(unary_union(bars))]
-    return across + [(shape, z, color) for foot in feet for shape, z, color in foot.parts if z[1] - z[0] > TOUCH * size]
+    longest: dict[Vec2, Placed] = {}  # of the posts at one place
+    arms: list[Placed] = []
+    for foot in feet:
+        for upright in foot.parts[:1]:
+            longest[foot.at] = max(longest.get(foot.at, upright), upright, key=lambda one: one[1][1])
+        arms += foot.parts[1:]
+    standing = [placed for placed in (*longest.values(), *arms) if placed[1][1] - placed[1][0] > 1e-3 * size]
+    return across + [  # each a hair shorter than the one before: no two parts share a corner
+        (shape, (low + k * HAIR * size, high - k * HAIR * size), color) for k, (shape, (low, high), color) in enumerate(standing, 1)
+    ]
 
 
 def _covered(run: Run, solids: Solids, coil: Coil) -> tuple[shapely.Geometry, float, float]:
