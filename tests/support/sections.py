@@ -48,8 +48,8 @@ def section(mesh: trimesh.Trimesh, z: float) -> shapely.Geometry:
     area: shapely.Geometry = Polygon()
     loops = list(getattr(merged, "geoms", [merged]))
     for loop in loops:
-        if loop.is_closed:
-            area = area.symmetric_difference(Polygon(loop))
+        if loop.is_closed:  # of facets thinner than their rounding it may cross itself
+            area = area.symmetric_difference(shapely.make_valid(Polygon(loop)))
     # outlines of parts of one solid that touch each other (a roller in its fork) are not merged: even-odd by rays
     open_lines = MultiLineString([line for line in loops if not line.is_closed])
     if not open_lines.is_empty:
