@@ -65,6 +65,9 @@ class Solid:
         return _mesh(joined_shells(self.shells))
 
 
+FARTHEST = 1e12  # [m] that points may lie away: beyond, outlines are lost in rounding in ways of their own
+
+
 @dataclass(frozen=True, eq=False)
 class Solids:
     """All solids of a mechanism."""
@@ -97,6 +100,8 @@ def build_solids(
     `MechanismError` where links differ too much in size.
     """
     try:
+        if any(np.abs(list(link.points.values())).max(initial=0.0) > FARTHEST for link in mechanism.links):
+            raise ShapeError(f"points lie farther than {FARTHEST:g} m away")
         with np.errstate(divide="raise", over="raise", invalid="raise"):  # of numbers that make no solids
             return _build(mechanism, poses, tolerance, chord, profile, spindle)
     except (ShapeError, GEOSException, FloatingPointError) as error:

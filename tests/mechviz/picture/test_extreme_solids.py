@@ -10,6 +10,13 @@ from mechviz.runs import run_scene
 from recordings import gallery_scene
 
 
+@pytest.mark.parametrize(("name", "link", "point"), [("planetary-gear", "planet2", "Q"), ("valve-spring", "frame", "H")])
+def test_wheels_and_springs_of_many_light_years_are_refused(name, link, point):
+    run = run_scene(gallery_scene(name).changed({("links", link, "points", point): [0.0, 1e29]}), frames=8)
+    with pytest.raises(MechanismError, match=r"the solids cannot be made: points lie farther than 1e\+12 m"):
+        solids_of(run)
+
+
 def test_a_link_of_many_light_years_is_named():
     scene = gallery_scene("rack-and-pinion")
     x, _ = scene.document.links["rack"].points["R"]
