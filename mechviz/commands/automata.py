@@ -38,7 +38,7 @@ def draw(
         Path | None, typer.Option("--program", metavar="FILE.toml", help="also, or only: a program of three axes for motors")
     ] = None,
 ) -> None:
-    """Turn an SVG drawing, or words, into a machine that draws it: three cams on a shaft, levers, rods or slides, and a pen.
+    """Turn an SVG drawing, or words, into a machine that draws it: three cams, levers, rods or slides, and a pen.
 
     Two cams lead the pen, a third one lifts it between strokes. The pen goes at an even speed, slower at corners, with a bounded
     jerk. The cams are as small as the pressure angle and undercut allow. The machine is run, and the distance of its line from the

@@ -48,7 +48,7 @@ COMMANDS = {
         "vibrations": "Find the equilibrium of a scene with free joints, and its natural frequencies, damping ratios and modes.",
     },
     "automata": {
-        "draw": "Turn an SVG drawing, or words, into a machine that draws it: three cams on a shaft, levers, rods and a pen.",
+        "draw": "Turn an SVG drawing, or words, into a machine that draws it: three cams, levers, rods or slides, and a pen.",
         "walk": "Let a mechanism walk: its fixed link becomes the body, and the foot that is lowest stands still on the ground.",
     },
     "tasks": {
