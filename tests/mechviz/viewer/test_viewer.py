@@ -387,8 +387,8 @@ def test_designs_are_compared_from_the_start_and_curves_have_the_bands_of_their_
         _, now, other, high, _, _ = slot.chart.data
         np.testing.assert_allclose(now[frame], other[frame], rtol=1e-12)
         np.testing.assert_allclose(high[frame] - now[frame], half(longer, 55.0), rtol=1e-9)
-        plots.band.value = "10 times"
-        until(lambda: np.allclose(slot.chart.data[3][frame] - now[frame], 10.0 * half(longer, 55.0)))
+        plots.enlarge("10 times")
+        np.testing.assert_allclose(slot.chart.data[3][frame] - now[frame], 10.0 * half(longer, 55.0), rtol=1e-9)
         rows = plots.file(slot, "CSV").decode().splitlines()
         assert rows[0].endswith("displacement longer [mm],displacement tolerance ± [mm]")
         assert float(rows[1].split(",")[3]) == pytest.approx(half(longer, 55.0)[0])
@@ -582,7 +582,8 @@ class Screen:
 def until(condition) -> None:
     """Wait for a condition, generously: what counts is that it comes."""
     end = time.monotonic() + 60.0
-    while not condition() and time.monotonic() < end:
+    while not condition():
+        assert time.monotonic() < end
         time.sleep(0.01)
 
 

@@ -162,7 +162,7 @@ class Plots:
             if self._toleranced:
                 said = "how far the curves may be off by the tolerances of the scene's parameters, all of them added up"
                 self.band = server.gui.add_dropdown("Tolerance band", tuple(BANDS), initial_value="as it is", hint=said)
-                self.band.on_update(callback("Drawing bands", lambda _: self._redraw()))
+                self.band.on_update(callback("Drawing bands", lambda event: self.enlarge(event.target.value)))
                 self._refused = server.gui.add_html("")
             self.more = server.gui.add_button("Add a plot", icon=viser.Icon.PLUS, order=LAST)
         self._against.on_update(callback("Changing the plots", lambda _: self.choose_axis(self._against.value)))
@@ -203,6 +203,13 @@ class Plots:
             self._axis = self._axes.get(title, self._axis)
             self._against.value = self._axis.title
             self._redraw()
+
+    def enlarge(self, band: str) -> None:
+        """Draw tolerance bands as wide as one of ``BANDS`` says; where there are none nothing changes."""
+        with self._lock:
+            if self.band is not None:
+                self.band.value = band
+                self._redraw()
 
     def compare(self, others: Mapping[str, ViewModel]) -> None:
         """Draw the curves of other designs, too, and say how far the peaks differ; without any: no more."""
