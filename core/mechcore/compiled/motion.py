@@ -7,7 +7,7 @@ from typing import Any, Literal, NamedTuple
 
 from mechcore.arrays import Complex, Real, Values
 from mechcore.compiled.kernels import Kernel, Rows
-from mechcore.compiled.steps import check_traceable, origins, place_all
+from mechcore.compiled.steps import check_traceable, origins, placed_state
 from mechcore.compiled.symbols import HELPERS, Untraceable
 from mechcore.compiled.toolchain import library
 from mechcore.errors import MechanismError
@@ -50,15 +50,14 @@ class MotionProgram:
         drives = [kernel.real(f"drive {d}") for d in range(len(model.mechanism.drives))]
         driven = model.angles.class_drives
         delta: list[Any] = [kernel.plane(f"delta {s}") if drives else 1 + 0j for s, drives in enumerate(driven)]
-        state: Any = State(
-            drives=drives,  # type: ignore[arg-type]  # symbols stand for arrays
-            delta=delta,
-            rot=[delta[s] if g == 0 else None for s, g in enumerate(model.angles.class_group)],
-            slide={j: drives[d] for j, d in model.program.driven_slides},  # type: ignore[misc]
-            constants=[kernel.real(f"constant {r}") for r in range(len(model.constraints))],  # type: ignore[misc]
-            near={f"angle {g}": kernel.real(f"near {g}") for g in model.multi_turn},  # type: ignore[misc]
+        state = placed_state(
+            model,
+            [(q,) for q in drives],
+            delta,
+            constants=[kernel.real(f"constant {r}") for r in range(len(model.constraints))],
+            near={f"angle {g}": kernel.real(f"near {g}") for g in model.multi_turn},
+            modes=[kernel.real(f"mode {k}") for k in range(len(model.blocks))],
         )
-        place_all(model, state, [kernel.real(f"mode {k}") for k in range(len(model.blocks))])
         for s in self._classes:
             kernel.put_plane(state.rot[s])
         for j in self._slides:

@@ -39,6 +39,28 @@ def place_all(model: Model, state: State, modes: list[Any]) -> None:
                 state.angle[group] = followed_angle(model, state, group)
 
 
+def placed_state(
+    model: Model,
+    drives: Sequence[Sequence[Any]],
+    delta: list[Any],
+    *,
+    constants: Sequence[Any],
+    near: Mapping[str, Any] | None = None,
+    modes: list[Any],
+) -> Any:
+    """Positions of all blocks where the drives are (position first) and turn rotation classes by ``delta``, all on symbols."""
+    state: Any = State(
+        drives=[q for q, *_ in drives],
+        delta=delta,
+        rot=[delta[s] if g == 0 else None for s, g in enumerate(model.angles.class_group)],
+        slide={j: drives[d][0] for j, d in model.program.driven_slides},
+        constants=constants,
+        near=near or {},
+    )
+    place_all(model, state, modes)
+    return state
+
+
 def origins(model: Model, turned: Sequence[Any], slid: Mapping[int, Any]) -> list[Any]:
     """Places of all links' origins from rotations E of the rotation classes and s E of the sliding joints; or their rates, from
     the rates of these."""

@@ -13,7 +13,7 @@ from mechcore.arrays import Complex, Flags, Real
 from mechcore.branches.unwrapped import LARGEST, LinkAngles, times_of_designs
 from mechcore.compiled.kernels import Kernel
 from mechcore.compiled.motion import MOST_LINES
-from mechcore.compiled.steps import check_traceable, place_all
+from mechcore.compiled.steps import check_traceable, placed_state
 from mechcore.compiled.symbols import HELPERS, Symbol, SymbolRows, Untraceable
 from mechcore.compiled.toolchain import cached, library
 from mechcore.constants import TURN
@@ -85,14 +85,8 @@ class DesignProgram:
             drives.append(tuple(0.0 if s else kernel.real_of_frame(f"drive {d} {k}") for k, s in enumerate(still)))
         turned = model.angles.class_drives
         delta: list[Any] = [kernel.plane_of_frame(f"delta {s}") if terms else 1 + 0j for s, terms in enumerate(turned)]
-        state: Any = State(
-            drives=[q for q, _, _ in drives],
-            delta=delta,
-            rot=[delta[s] if g == 0 else None for s, g in enumerate(model.angles.class_group)],
-            slide={j: drives[d][0] for j, d in model.program.driven_slides},
-            constants=self._compiled.assembly.constants,
-        )
-        place_all(model, state, [Symbol(kernel.code, float(mode), 0.0) for mode in self._compiled.assembly.modes])
+        modes: list[Any] = [Symbol(kernel.code, float(mode), 0.0) for mode in self._compiled.assembly.modes]
+        state = placed_state(model, drives, delta, constants=self._compiled.assembly.constants, modes=modes)
         time: Any = kernel.real_of_frame("time")
         angles = _Followed(self._compiled, model, kernel, state)
         motion = Motion(model, time, drives, state, angles, accuracy=self._compiled.accuracy)
