@@ -95,7 +95,7 @@ TRACEBACK = "--traceback"
 ANY_SIZE = "--large"
 """Said anywhere, it lifts the limits of `mechviz.scene.limits`."""
 THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
-"""What numpy asks, when it loads, for the threads of its matrix products. Starting them takes as long as loading numpy, and the
+"""Variables that set, when numpy loads, the threads of its matrix products. Starting them takes as long as loading numpy, and the
 matrices of mechanisms are too small to gain by them; times are measured on one thread, too. Who sets one of these is obeyed."""
 
 

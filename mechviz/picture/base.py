@@ -1,4 +1,4 @@
-"""What the fixed link stands on: bars behind everything from bearing to bearing, and posts to what stands before them."""
+"""The base of the fixed link: bars behind everything from bearing to bearing, and posts to what stands before them."""
 
 from __future__ import annotations
 

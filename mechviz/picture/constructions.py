@@ -59,7 +59,7 @@ LEGENDS: Mapping[str, Mapping[str, str]] = {
     "force": {"reaction": "reactions", "inner": "between links", "load": "loads", "inertia": "inertia", "gravity": "weights"},
     "shaking": {"before": "without counterweights", "after": "with counterweights"},
 }  # fmt: skip
-"""What the colours of a drawing mean, by the drawing's name."""
+"""Meanings of the colours of a drawing, by the drawing's name."""
 
 INSIDE = 0.9  # of the frames, on each side, for which a view has room where some frames run far out
 FAR = 1.7  # times the room of these frames: a drawing that reaches less far has room in all frames
@@ -110,7 +110,7 @@ class Drawing:
 
     @property
     def legend(self) -> list[tuple[str, Color]]:
-        """What the colours mean that are there, where there are several: words and colour."""
+        """Meanings of the colours that are there, where there are several: words and colour."""
         there = {stroke.color for stroke in self.strokes}
         found = [(words, COLORS[key]) for key, words in LEGENDS.get(self.name, {}).items() if COLORS[key] in there]
         return found if len(found) > 1 else []

@@ -12,11 +12,10 @@ from typing import Any
 import numpy as np
 
 from mechcore.branches.unwrapped import LinkAngles
-from mechcore.compiled.steps import check_traceable, place_all
+from mechcore.compiled.steps import check_traceable, placed_state
 from mechcore.compiled.symbols import HELPERS, Code, Symbol, Untraceable, rotation
 from mechcore.errors import Fault, MechanismError
 from mechcore.forces.kinetostatics import solve_forces
-from mechcore.kinematics.state import State
 from mechcore.motion.compiled import Compiled
 from mechcore.motion.motion import Motion
 from mechcore.motion.solve import compile_mechanism
@@ -175,14 +174,8 @@ class _Written:
             for d, sign in terms:
                 turn = turn * rotation(sign * drives[d][0])
             delta.append(turn)
-        state: Any = State(
-            drives=[q for q, _, _ in drives],
-            delta=delta,
-            rot=[delta[s] if g == 0 else None for s, g in enumerate(model.angles.class_group)],
-            slide={j: drives[d][0] for j, d in model.program.driven_slides},
-            constants=self.compiled.assembly.constants,
-        )
-        place_all(model, state, [Symbol(code, float(mode), 0.0) for mode in self.compiled.assembly.modes])
+        modes: list[Any] = [Symbol(code, float(mode), 0.0) for mode in self.compiled.assembly.modes]
+        state = placed_state(model, drives, delta, constants=self.compiled.assembly.constants, modes=modes)
         none: Any = None
         motion = Motion(model, none, drives, state, _NoAngles(self.compiled))
         vars(motion).update(drives=drives, shape=())

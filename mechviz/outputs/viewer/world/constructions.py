@@ -282,7 +282,7 @@ class PlanNodes:
         return Construction(tuple(nodes), show)
 
     def _legend(self, path: str, drawing: Drawing, at: complex) -> list[viser.LineSegmentsHandle | viser.LabelHandle]:
-        """What the colours of a drawing mean, in a row about a place."""
+        """Meanings of the colours of a drawing, in a row about a place."""
         if not drawing.legend:
             return []
         words, colors = zip(*drawing.legend, strict=True)
