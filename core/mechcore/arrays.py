@@ -3,7 +3,7 @@
 from typing import Any, cast
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 Real = NDArray[np.float64]
 Complex = NDArray[np.complex128]
@@ -25,6 +25,11 @@ def modulus(z: Plane | Values) -> Values:
 def unit_vectors(z: Plane) -> Complex:
     """z over its length, of symbols too. NaN stays NaN without a warning, which the division of a complex NaN would give."""
     return cast(Complex, z * (1.0 / np.abs(z)))
+
+
+def numbers(values: ArrayLike) -> Real:
+    """Values as an array of at least one number; a symbol of a program in C, which stands for one, as it is."""
+    return cast(Real, values) if hasattr(values, "on_curve") else np.atleast_1d(np.asarray(values, float))
 
 
 def ascending(values: Real) -> Real:

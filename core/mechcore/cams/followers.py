@@ -9,11 +9,14 @@ point of a flat face on the follower's line (translating) or at the end of its a
 
 from __future__ import annotations
 
+from typing import cast
+
 import numpy as np
 
 from mechcore.arrays import Complex, Real
 from mechcore.errors import Fault, MechanismError
 from mechcore.numerics import jets
+from mechcore.numerics.frames import imaginary
 from mechcore.records import dataclass
 from mechcore.texts import as_length
 
@@ -26,8 +29,7 @@ class Translating:
 
     def reference(self, q: Real) -> Complex:
         """Coordinate and its derivatives (k, n) -> the reference point and its derivatives (k, n), ground axes."""
-        t = np.empty(q.shape, complex)
-        t.real, t.imag = 0.0, q
+        t = cast(Complex, imaginary(q))
         t[0] += self.offset
         return t
 
@@ -69,7 +71,7 @@ class Oscillating:
             t[0] += self.pivot
             return t
         e = (self.arm + 1j * self.side * shift) * self.home * np.exp(f[0])
-        t = np.empty(q.shape, complex)
+        t = np.empty_like(q, complex)
         t[0] = self.pivot + e
         if len(q) > 1:
             t[1] = f[1] * e
@@ -175,7 +177,7 @@ class Follower:
         tilt = np.exp(1j * self.face.tilt)
         if isinstance(self.guide, Translating):
             return np.full(np.shape(q0), tilt, complex)
-        return np.asarray(-self.guide.side * tilt * self.guide.home * np.exp(-1j * self.guide.side * np.asarray(q0)))
+        return cast(Complex, -self.guide.side * tilt * self.guide.home * np.exp(-1j * self.guide.side * q0))
 
     def base_coordinate(self, base: float) -> float:
         """The coordinate at which the follower touches a base circle of radius ``base`` about O [m or rad].

@@ -10,11 +10,12 @@ so that it is exactly +-(v x a)/|v x a|; the surface S = X - r N, its derivative
 from __future__ import annotations
 
 from functools import cached_property
+from typing import cast
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from mechcore.arrays import Complex, Real
+from mechcore.arrays import Complex, Real, numbers
 from mechcore.cams.limits import Reached
 from mechcore.errors import Fault, MechanismError
 from mechcore.laws.curve import MotionCurve
@@ -326,15 +327,14 @@ class InverseCam:
 
     def pin(self, angle: ArrayLike, order: int = 2) -> Complex:
         """The pin in ground axes with derivatives (order + 1, n)."""
-        theta = np.atleast_1d(np.asarray(angle, float))
+        theta = numbers(angle)
         if self.straight is not None:
-            t = np.zeros((order + 1, theta.size), complex)
-            t[0] = self.centre + self.straight * theta
-            t[1:2] = self.straight
-            return t
-        t = (1j ** np.arange(order + 1))[:, None] * self.crank * np.exp(1j * (theta + self.phase))
+            still = [self.straight + 0.0 * theta, *(0j * theta for _ in range(order - 1))]
+            return np.stack([self.centre + self.straight * theta, *still[:order]])
+        turned = self.crank * np.exp(1j * (theta + self.phase))
+        t = np.stack([turned * 1j**k for k in range(order + 1)])
         t[0] += self.centre
-        return np.asarray(t)
+        return t
 
     def pitch(self, angle: ArrayLike, order: int = 2) -> Complex:
         """Centre line of the slot in the driven link's axes with derivatives (order + 1, n)."""
@@ -344,8 +344,10 @@ class InverseCam:
 
     def normal(self, angle: ArrayLike) -> Complex:
         """Unit normal of the slot to the left of the pin's travel, in the driven link's axes (n)."""
-        d = self.pitch(angle, 1)[1]
-        return np.asarray(1j * d / np.abs(d))
+        theta = numbers(angle)
+        t, q = self.pin(theta, 1), self.law(theta, 1)
+        d = np.exp(-1j * q[0]) * (t[1] - 1j * q[1] * t[0]) if self.turns else t[1] - 1j * q[1]
+        return cast(Complex, 1j * d / np.abs(d))
 
     def flank(self, angle: ArrayLike, side: int = 1) -> Complex:
         """Flank of the slot to the left (1) or right (-1) of the pin's travel, in the driven link's axes (n)."""

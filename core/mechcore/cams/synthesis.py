@@ -18,11 +18,12 @@ from __future__ import annotations
 
 from dataclasses import replace
 from functools import cached_property
+from typing import cast
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from mechcore.arrays import Complex, Flags, Real
+from mechcore.arrays import Complex, Flags, Real, numbers
 from mechcore.cams.followers import Arc, Flat, Follower, Oscillating, Translating
 from mechcore.errors import Fault, MechanismError
 from mechcore.laws.curve import MotionCurve, Side
@@ -61,7 +62,7 @@ class Synthesis:
     def _d1(self) -> Complex:
         """First derivative of the pitch curve, in ground axes."""
         t = self.reference
-        return np.asarray(t[1] + 1.0 if self.cam.wedge else t[1] - 1j * self.cam.turn * t[0])
+        return cast(Complex, t[1] + 1.0 if self.cam.wedge else t[1] - 1j * self.cam.turn * t[0])
 
     @cached_property
     def _d2(self) -> Complex:
@@ -130,8 +131,8 @@ class Synthesis:
         """The touching point in ground axes [m]."""
         if isinstance(self.cam.follower.face, Flat):
             d, along, _ = self._face
-            return np.asarray(self.reference[0] + along * d)
-        return np.asarray(self.reference[0] - self.cam.flank * self.cam.follower.radius * self._normal)
+            return cast(Complex, self.reference[0] + along * d)
+        return cast(Complex, self.reference[0] - self.cam.flank * self.cam.follower.radius * self._normal)
 
     # -- what a designer looks at -------------------------------------------------------------------------------------
 
@@ -242,7 +243,7 @@ class Cam:
     def at(self, angle: ArrayLike, side: Side = "right", order: int = 2) -> Synthesis:
         """Angles (n) -> everything about the cam there. ``side``: which one-sided derivatives hold at the law's knots."""
         keep_freed_memory()
-        angle = np.atleast_1d(np.asarray(angle, float))
+        angle = numbers(angle)
         return Synthesis(self, angle, self.law(angle, order, side))
 
     def pitch_curve(self, angle: ArrayLike, order: int = 3, side: Side = "right") -> Complex:

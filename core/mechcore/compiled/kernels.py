@@ -232,6 +232,11 @@ class Rows:
         row: Real = self._rows[self._next - 1]
         return row
 
+    def reals(self, count: int) -> Real:
+        """The next rows of real numbers (count, n)."""
+        self._next += count
+        return self._rows[self._next - count : self._next]
+
     def plane(self) -> Complex:
         """The next row of plane vectors (n,)."""
         self._next += 2

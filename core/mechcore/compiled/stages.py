@@ -12,8 +12,9 @@ from mechcore.compiled.symbols import Code, Names, Node, Operand
 LANE, FRAME = 1, 2  # what a number of a program differs with
 BOTH = LANE | FRAME
 CARRIED = "c["  # how names of numbers begin that go on from frame to frame
-SLOW = ("atan2", "atan", "cos", "sin", "tan", "tanh", "exp", "expm1", "log", "log1p", "pow", "modulo", "piecewise", "searched")
-"""Functions that compilers do not compute for several lanes at once."""
+SLOW = ("atan2", "atan", "cos", "sin", "tan", "tanh", "exp", "expm1", "log", "log1p", "pow", "modulo")
+TABLES = ("piecewise", "searched", "curve")
+"""Functions that compilers do not compute for several lanes at once, and those that look something up."""
 
 
 class Stages(NamedTuple):
@@ -41,7 +42,7 @@ def staged(code: Code, outputs: Sequence[tuple[str, Operand]], parameters: list[
     loop = dict.fromkeys(order, 0)  # of those that differ with both: odd for slow functions
     for number in order:
         if stage[number] == BOTH:
-            slow = code.form(number).startswith(tuple(f"{name}(" for name in SLOW))
+            slow = code.form(number).startswith(tuple(f"{name}(" for name in (*SLOW, *TABLES)))
             loop[number] = int(slow)
             for x in code.operands(number):
                 loop[number] = max(loop[number], loop[x] + (loop[x] % 2 != slow) if stage[x] == BOTH else 0)

@@ -5,12 +5,14 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from mechcore.cams.placement.spatial import PlacedSpatial
 from mechcore.compiled.symbols import Symbol, Untraceable, called, joined
 from mechcore.kinematics.dyads import ROUNDING, cross
 from mechcore.kinematics.model import Model
 from mechcore.kinematics.positions import loop_terms, place
 from mechcore.kinematics.program import Block
 from mechcore.kinematics.state import State
+from mechcore.spec.mechanism import braked
 
 TURN = 6.283185307179586
 
@@ -22,9 +24,18 @@ def check_traceable(model: Model) -> None:
     for block in model.blocks:
         if block.kind == "general":
             raise Untraceable(f"the group of {block.name} is solved by Newton's method")
-    for constraint in model.constraints:
-        if constraint.curve is not None:
-            raise Untraceable(f"the cam of {constraint.name} is a function")
+
+
+def check_forces_traceable(model: Model) -> None:
+    """Raise `Untraceable` where reactions and efforts follow from more than sums; it says why."""
+    check_traceable(model)
+    if "friction" in model.mechanism.effects and braked(model.mechanism.joints):
+        raise Untraceable("dry friction depends on the reactions")
+    if model.needs_global_solve:
+        raise Untraceable("reactions that constraints do not determine are solved for all joints together")
+    for relation in model.relations:
+        if isinstance(relation.geometry, PlacedSpatial):
+            raise Untraceable(f"the cam of {relation.name} touches its roller in space")
 
 
 def place_all(model: Model, state: State, modes: list[Any]) -> None:

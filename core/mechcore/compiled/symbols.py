@@ -8,8 +8,9 @@ structure share it. What needs to know a value (a comparison, an array) raises `
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from functools import partial
+from pathlib import Path
 from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
@@ -35,47 +36,8 @@ class ParameterRow(NamedTuple):
 
 Operand: TypeAlias = Node | float
 FOLDED = (0.0, 1.0, -1.0, 2.0, -2.0, 0.5, -0.5)  # numbers that stand in the program itself: other ones are parameters
-HELPERS = """\
-#include <math.h>
-
-static inline double four_areas(double a, double b, double d, double rounding) {
-    const double total = a + b, difference = fabs(a - b), gap = total - d, spare = d - difference;
-    const double product = (total + d) * gap * spare * (d + difference), least = -rounding * total;
-    return sqrt(product < 0.0 && gap > least && spare > least ? 0.0 : product);
-}
-static inline double leg(double r, double y, double rounding) {
-    const double product = (r - y) * (r + y);
-    return sqrt(product < 0.0 && fabs(y) - r < rounding * r ? 0.0 : product);
-}
-static inline double piecewise(const double *p, long n, double x) { /* n + 1 borders, then 4 coefficients of each piece */
-    long low = 0, high = n;
-    while (high - low > 1) {
-        const long middle = (low + high) / 2;
-        if (x < p[middle]) high = middle;
-        else low = middle;
-    }
-    const double *c = p + n + 1 + 4 * low, z = x - p[low];
-    return ((c[0] * z + c[1]) * z + c[2]) * z + c[3];
-}
-static inline double searched(const double *p, long n, double x) { /* how many of n numbers in order are not greater */
-    long low = 0, high = n;
-    while (low < high) {
-        const long middle = (low + high) / 2;
-        if (x < p[middle]) high = middle;
-        else low = middle + 1;
-    }
-    return (double)low;
-}
-static inline double length(double x, double y) { return sqrt(x * x + y * y); }
-static inline double modulo(double a, double b) {
-    const double rest = fmod(a, b);
-    return rest != 0.0 && (rest < 0.0) != (b < 0.0) ? rest + b : rest;
-}
-static inline double sign(double x) { return (double)((x > 0.0) - (x < 0.0)) + 0.0 * x; }
-static inline double larger(double a, double b) { return a != a || a > b ? a : b; }
-static inline double smaller(double a, double b) { return a != a || a < b ? a : b; }
-"""
-"""Functions of the programs: those of `mechcore.kinematics.dyads`, and numpy's sign, maximum and minimum."""
+HELPERS = Path(__file__).with_name("helpers.c").read_text(encoding="utf-8")
+"""Functions of the programs."""
 
 
 class Names:
@@ -123,12 +85,15 @@ class Code:
     def piecewise(self, x: Symbol, borders: Real, coefficients: Real) -> Symbol:
         """Polynomials between borders (n + 1,), of x less the lower one, by coefficients (n, 4), highest power first; the first and
         the last one go on beyond."""
-        numbers = ParameterRow(tuple(map(float, (*borders, *coefficients.ravel()))))
-        return Symbol(self, self.node(f"piecewise({{}}, {len(coefficients)}, {{}})", numbers, x.re), 0.0)
+        return self.looked_up(f"piecewise({{}}, {len(coefficients)}, {{}})", (*borders, *coefficients.ravel()), x)
 
-    def searched(self, x: Symbol, numbers: Sequence[float]) -> Symbol:
+    def searched(self, x: Symbol, numbers: Sequence[float] | Real) -> Symbol:
         """How many of some numbers in order are not greater than x."""
-        return Symbol(self, self.node(f"searched({{}}, {len(numbers)}, {{}})", ParameterRow(tuple(map(float, numbers))), x.re), 0.0)
+        return self.looked_up(f"searched({{}}, {len(numbers)}, {{}})", numbers, x)
+
+    def looked_up(self, form: str, numbers: Iterable[float], x: Symbol) -> Symbol:
+        """What a form of C makes of a row of numbers and x."""
+        return Symbol(self, self.node(form, ParameterRow(tuple(map(float, numbers))), x.re), 0.0)
 
     def node(self, form: str, *operands: Operand | ParameterRow) -> Node:
         """A real number in C, the operands at the places ``{}`` of its form; known already, where it has been written before."""
@@ -259,7 +224,7 @@ class Symbol:
 
     def __array_function__(self, function: Any, types: Any, operands: Any, options: Any) -> Any:
         own = FUNCTIONS.get(function.__name__)
-        if own is None or not options.keys() <= {"axis"}:
+        if own is None or not options.items() <= {("axis", -1), ("axis", 0), ("axis", 1), ("side", "right")}:
             raise Untraceable(f"C does not have numpy's {function.__name__}")
         return own(*operands, **options)
 
@@ -271,6 +236,14 @@ class Symbol:
         """Kept between two numbers, as numpy has it."""
         above = self if low is None else called("larger", self, low)
         return above if high is None else called("smaller", above, high)
+
+    def among(self, numbers: Sequence[float] | Real) -> Symbol:
+        """The one of some numbers whose place this is."""
+        return self.code.looked_up("knot({}, {})", numbers, self)
+
+    def on_curve(self, numbers: Sequence[float], order: int) -> SymbolRows:
+        """A motion curve here, by its ``numbers`` as `curve` of `HELPERS` takes them: value and derivatives up to an order."""
+        return SymbolRows([self.code.looked_up(f"curve({{}}, {{}}, {k})", numbers, self) for k in range(order + 1)])
 
     def astype(self, _: Any) -> Symbol:
         """The same number: C knows one kind."""
@@ -354,7 +327,7 @@ class SymbolRows:
     """Numbers side by side along a last axis, as tables have them: ``columns`` are symbols and plain numbers."""
 
     def __init__(self, columns: Sequence[Any]):
-        self.columns = tuple(columns)
+        self.columns = list(columns)
         self.shape = (len(self.columns),)
 
     def __getitem__(self, key: Any) -> Any:
@@ -365,13 +338,19 @@ class SymbolRows:
             return SymbolRows(self.columns[last])
         return SymbolRows([self.columns[k] for k in last])
 
+    def __len__(self) -> int:
+        return len(self.columns)
+
+    def __setitem__(self, key: int, value: Any) -> None:
+        self.columns[key] = value
+
     def __mul__(self, factor: Any) -> SymbolRows:
         return SymbolRows([x * factor for x in self.columns])
 
     __rmul__ = __mul__
 
     def __add__(self, other: Any) -> SymbolRows:
-        more = other.columns if isinstance(other, SymbolRows) else tuple(other)
+        more = other.columns if isinstance(other, SymbolRows) else list(other)
         return SymbolRows([a + b for a, b in zip(self.columns, more, strict=True)])
 
     __radd__ = __add__
@@ -419,6 +398,10 @@ def called(function: str, *operands: Any) -> Symbol:
 
 def _where(condition: Any, first: Any, second: Any) -> Any:
     """One of two numbers by a condition."""
+    rows = [x for x in (first, second) if isinstance(x, SymbolRows)]
+    if rows:
+        pairs = zip(*(x.columns if isinstance(x, SymbolRows) else [x] * rows[0].shape[0] for x in (first, second)), strict=True)
+        return SymbolRows([_where(condition, a, b) for a, b in pairs])
     code = _first(condition, first, second).code
     decides, a, b = (_symbol(code, x) for x in (condition, first, second))
     if not isinstance(decides.re, Node):
@@ -450,7 +433,7 @@ def _side_by_side(parts: Sequence[Any], axis: int = -1) -> SymbolRows:
         raise Untraceable("an array with several axes")
     columns: list[Any] = []
     for x in parts:
-        columns += x.columns if isinstance(x, SymbolRows) else [x if isinstance(x, Symbol) else float(x)]
+        columns += x.columns if isinstance(x, SymbolRows) else [x if isinstance(x, Symbol) or np.iscomplexobj(x) else float(x)]
     return SymbolRows(columns)
 
 
@@ -461,11 +444,15 @@ FUNCTIONS: dict[str, Callable[..., Any]] = {
     "angle": lambda z: called("atan2", z.imag, z.real),
     "clip": lambda x, low=None, high=None: x.clip(low, high),
     "any": lambda _: True,  # it may be other than nothing
+    "all": lambda _: False,
+    "empty_like": lambda rows, *_: SymbolRows([0.0] * len(rows)),
+    "zeros_like": lambda rows, *_: SymbolRows([0.0] * len(rows)),
     "shape": lambda _: (),
     "stack": _side_by_side,
     "column_stack": _side_by_side,
     "broadcast_to": lambda x, _: x,
     "ndim": lambda _: 0,
+    "searchsorted": lambda numbers, x, side: x.code.searched(x, numbers),
 }
 UFUNCS: dict[str, Callable[..., Any]] = {
     "add": lambda a, b: _symbol(_first(a, b).code, a) + b,
@@ -488,6 +475,7 @@ UFUNCS: dict[str, Callable[..., Any]] = {
     "arctan2": partial(called, "atan2"),
     "arctan": partial(called, "atan"),
     "hypot": partial(called, "length"),
+    "isfinite": lambda x: called("known", x.real) * (called("known", x.imag) if x.im != 0.0 else 1.0),
     **{name: partial(called, name) for name in ("sqrt", "floor", "cos", "sin", "tan", "tanh", "log", "log1p", "expm1", "rint")},
 }
 """Functions of symbols by numpy's names."""

@@ -9,7 +9,7 @@ from mechcore.arrays import Plane, Real, Values
 from mechcore.branches.unwrapped import LinkAngles, Range, StartPose
 from mechcore.compiled.kernels import Kernel, Rows
 from mechcore.compiled.motion import MOST_LINES
-from mechcore.compiled.steps import check_traceable
+from mechcore.compiled.steps import check_forces_traceable
 from mechcore.compiled.symbols import HELPERS, Symbol, Untraceable
 from mechcore.compiled.toolchain import library
 from mechcore.effects.registry import totals
@@ -17,7 +17,6 @@ from mechcore.forces.equilibrium import joint_forces
 from mechcore.kinematics.model import Model
 from mechcore.kinematics.state import State
 from mechcore.motion.motion import Motion
-from mechcore.spec.mechanism import braked
 
 Transmitted = list[tuple[Plane, Values]]
 Contacts = dict[str, tuple[Plane, Plane]]
@@ -27,18 +26,16 @@ class ForcesProgram:
     """What the joints of a model transmit, from positions and the drives' rates. Raises `Untraceable` where C does not have it."""
 
     def __init__(self, model: Model, exact: bool):
-        check_traceable(model)
-        if "friction" in model.mechanism.effects and braked(model.mechanism.joints):
-            raise Untraceable("dry friction depends on the reactions")
-        if model.needs_global_solve:
-            raise Untraceable("reactions that constraints do not determine are solved for all joints together")
+        check_forces_traceable(model)
         self._loaded, self._kernel = False, (kernel := Kernel("forces", of_time=Kernel.real))
         rot: list[Any] = [kernel.plane(f"rot {s}") if s else 1 + 0j for s in range(len(model.angles.class_group))]
         slide: Any = {j: kernel.real(f"slide {j}") for j, joint in enumerate(model.joints) if joint.slide is not None}
         drives: Any = [tuple(kernel.real(f"drive {d} {k}") for k in range(3)) for d in range(len(model.mechanism.drives))]
         time: Any = kernel.real("time")
         self._angles = _GivenAngles(model, kernel, exact)
-        motion = Motion(model, time, drives, State([q for q, _, _ in drives], [], rot, slide), self._angles)
+        self._bends = [(r, k) for r, c in enumerate(model.constraints) if c.curve is not None for k in range(3)]
+        bends: Any = {r: [kernel.real(f"bend {r} {k}") for k in range(3)] for r, _ in self._bends}
+        motion = Motion(model, time, drives, State([q for q, _, _ in drives], [], rot, slide, bends=bends), self._angles)
         vars(motion).update(drives=drives, shape=())
         try:
             force, moment, _ = totals(motion)
@@ -71,6 +68,7 @@ class ForcesProgram:
         given: dict[str, Any] = {f"rot {s}": x for s, x in enumerate(motion.state.rot)} | {"time": motion.time}
         given |= {f"slide {j}": x for j, x in motion.state.slide.items()}
         given |= {f"drive {d} {k}": x for d, known in enumerate(motion.drives) for k, x in enumerate(known)}
+        given |= {f"bend {r} {k}": motion.state.bends[r][k] for r, k in self._bends}
         given |= {key: of(motion.angles) for key, of in self._angles.asked.items()}
         given |= {f"function {k}": function(motion.time) for k, function in enumerate(self._kernel.code.of_time)}
         rows = Rows(self._kernel(motion.frames, given)[0])

@@ -34,9 +34,9 @@ def relate(
     def lift(argument: Values) -> Real:
         values: Real = placed.law(argument)
         if placed.pace:
-            values[0] -= placed.pace * np.asarray(argument)
+            values[0] -= placed.pace * argument
             values[1] -= placed.pace
-        return np.asarray(placed.scale * values)
+        return placed.scale * values
 
     angles, slides, constant = follower
     builder.relations.append(

@@ -7,7 +7,7 @@ for extremes and one list of jumps serve them all.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from functools import cached_property
 from math import factorial
 from typing import Literal
@@ -169,6 +169,9 @@ class MotionCurve:
 
         ``side`` says which one-sided value holds at the knots. A curve that does not repeat is continued by its end pieces.
         """
+        written: Callable[[Sequence[float], int], Real] | None = getattr(x, "on_curve", None)
+        if written is not None and side == "right":  # of a program in C
+            return written(self._numbers, order)
         x = np.asarray(x, float)
         flat = x.ravel()
         out = np.empty((order + 1, flat.size))
@@ -220,6 +223,14 @@ class MotionCurve:
         for k, p in enumerate(self.pieces):
             table[: len(p.poly), k] = p.poly
         return table
+
+    @cached_property
+    def _numbers(self) -> tuple[float, ...]:
+        """All numbers of the curve in one row, as `curve` of the programs in C takes them."""
+        n, knots, rows = len(self.pieces), self.knots, [[len(p.poly), *p.poly, len(p.waves), *p.waves.ravel()] for p in self.pieces]
+        places = np.cumsum([5 + 2 * n, *map(len, rows[:-1])])
+        numbers = n, self.start, self.length * self.repeats, self.advance, *knots, *places, *(x for row in rows for x in row)
+        return tuple(map(float, numbers))
 
     def limits(self, order: int = 4) -> tuple[Real, Real]:
         """One-sided values at the knots: left (n, order + 1) at the ends of the pieces, right (n, order + 1) at their starts."""

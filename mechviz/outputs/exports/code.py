@@ -12,14 +12,13 @@ from typing import Any
 import numpy as np
 
 from mechcore.branches.unwrapped import LinkAngles
-from mechcore.compiled.steps import check_traceable, placed_state
+from mechcore.compiled.steps import check_forces_traceable, check_traceable, placed_state
 from mechcore.compiled.symbols import HELPERS, Code, Symbol, Untraceable, rotation
 from mechcore.errors import Fault, MechanismError
 from mechcore.forces.kinetostatics import solve_forces
 from mechcore.motion.compiled import Compiled
 from mechcore.motion.motion import Motion
 from mechcore.motion.solve import compile_mechanism
-from mechcore.spec.mechanism import braked
 from mechviz.files import replacing
 from mechviz.quantities.vectors import point_name
 from mechviz.runs import package_version
@@ -111,7 +110,7 @@ def code_of(scene: Scene, name: str) -> tuple[str, str | None]:
         count=len(drives),
         columns=len(written.columns),
         names=",\n    ".join(json.dumps(x, ensure_ascii=False) for x in written.columns),
-        parameters=", ".join(repr(x) if math.isfinite(x) else "INFINITY" if x > 0.0 else "-INFINITY" for x in parameters or [0.0]),
+        parameters=", ".join(_number(x) for x in parameters or [0.0]),
         start=", ".join(map(repr, [*map(float, compiled.start), 0.0])),
         lines="\n    ".join(lines),
         first=low,
@@ -120,6 +119,11 @@ def code_of(scene: Scene, name: str) -> tuple[str, str | None]:
         drive=json.dumps(drives[0].joint, ensure_ascii=False),
     )
     return text, written.missing
+
+
+def _number(x: float) -> str:
+    """A number in C."""
+    return repr(x) if math.isfinite(x) else "NAN" if math.isnan(x) else "INFINITY" if x > 0.0 else "-INFINITY"
 
 
 class _Written:
@@ -149,11 +153,8 @@ class _Written:
         mechanism = self.compiled.mechanism
         if not (mechanism.effects or mechanism.loads):
             return None
-        if "friction" in mechanism.effects and braked(mechanism.joints):
-            return "dry friction depends on the reactions"
-        if motion.model.needs_global_solve:
-            return "reactions that constraints do not determine are solved for all joints together"
         try:
+            check_forces_traceable(motion.model)
             forces = solve_forces(motion)
             self.columns |= {f"{d.joint} effort": forces.effort(d.joint) for d in mechanism.drives}
         except (TypeError, AttributeError, ValueError, IndexError, KeyError) as reason:  # `Untraceable` is a TypeError

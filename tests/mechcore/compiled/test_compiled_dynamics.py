@@ -79,6 +79,15 @@ def slider_crank_of(crank: float, rod: float) -> Mechanism:
     )
 
 
+def turned_cam() -> Mechanism:
+    """A cam with a drop of its law's derivatives, free to turn against a damper, lifts a follower on a spring."""
+    m = load("cam-constant-acceleration").mechanism
+    turning = replace(m.links[1], mass=1.0, inertia=2e-3)
+    damper = sp.TorsionDamper(name="bearing", links=(turning.name, m.frame), coefficient=0.01)
+    free = Drive(joint=m.drives[0].joint, law=Free(0.3, 20.0))
+    return replace(m, links=(m.links[0], turning, *m.links[2:]), drives=(free,), loads=(*m.loads, damper))
+
+
 def servo() -> Mechanism:
     """An arm held at a path by servos, whose integrals are states."""
     return load("servo-arm").mechanism
@@ -98,7 +107,7 @@ def test_motions_are_the_same(made, duration: float) -> None:
     assert np.abs(by_c.drift(t)).max() < 1e-9  # work and energy by the kinetostatic core
 
 
-@pytest.mark.parametrize("made", [damped, swinging_five_bar, driven, servo])
+@pytest.mark.parametrize("made", [damped, swinging_five_bar, driven, servo, turned_cam])
 def test_reduced_equations_are_the_same(made) -> None:
     compiled = compile_mechanism(made(), executor="c")
     laws = [d.law for d in compiled.mechanism.drives if isinstance(d.law, Free)]

@@ -35,7 +35,7 @@ def no_compiler(monkeypatch: pytest.MonkeyPatch):
     [
         (("crank-rocker",), "positions and rates  numpy: 361 frames; compiling"),
         (("crank-rocker", "--executor", "c"), "positions and rates  C, "),
-        (("cam-flat", "--executor", "c"), "positions and rates  numpy: the cam of K is a function"),
+        (("triad", "--executor", "c"), "positions and rates  numpy: the group of P is solved by Newton's method"),
         (("swinging-double-pendulum",), "motion under forces  numpy; C where more than 250 windows are left"),
         (("stick-slip-feed", "--executor", "c"), "motion under forces  numpy: dry friction"),
         (("crank-rocker", "--executor", "numpy"), "numpy, as asked for"),

@@ -22,7 +22,7 @@ def exported(*arguments: str) -> tuple[int, str]:
 
 
 @pytest.mark.skipif(compiler() is None, reason="no C compiler")
-@pytest.mark.parametrize("scene", ["slider-crank-compressor", "planetary-gear"])
+@pytest.mark.parametrize("scene", ["slider-crank-compressor", "planetary-gear", "cam-oscillating-roller"])
 def test_a_program_prints_what_a_run_has(tmp_path: Path, scene: str) -> None:
     code, said = exported(scene, "--c", str(tmp_path / "own.c"))
     assert code == 0 and "note:" not in said

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -74,7 +74,7 @@ class PlacedRoller:
 
     def known(self, argument: ArrayLike) -> tuple[Real, Flags]:
         """Arguments put on the law's knots, those that are NaN replaced by its start, and which are known."""
-        x = on_knots(self.cam.law, np.asarray(argument, float))
+        x = on_knots(self.cam.law, np.multiply(argument, 1.0))
         known = np.isfinite(x)
         return np.where(known, x, self.cam.law.start), known
 
@@ -151,31 +151,30 @@ class PlacedInverse(PlacedRoller):
         return self._near(super().argument(motion))
 
     def known(self, argument: ArrayLike) -> tuple[Real, Flags]:
-        return super().known(self._near(argument))
+        return super().known(self._near(cast(Real, argument)))
 
-    def _near(self, x: ArrayLike) -> Real:
+    def _near(self, x: Real) -> Real:
         """Angles of a crank in the turn in which the law is given, however far the crank has turned."""
-        x = np.asarray(x, float)
         middle = 0.5 * (self.way[0] + self.way[1])
         return x if self.bed is not None else x - 2.0 * np.pi * np.rint((x - middle) / (2.0 * np.pi))
 
     def _where(self, x: float) -> str:
         return f"{as_coordinate(x, rotary=self.bed is None)} of the {'crank' if self.bed is None else 'slide'}"
 
-    def _at(self, motion: Motion) -> tuple[Complex, Complex, Complex]:
+    def _at(self, motion: Motion) -> tuple[Complex, Complex, Plane]:
         """Roller's centre, normal of the groove, and how fast a point there moves with the coordinate; the theory's ground axes."""
         theta, known = self.known(self.argument(motion))
         pin, q = self.cam.pin(theta, 0)[0], self.cam.law(theta, 0)[0]
         turned = np.exp(1j * q) if self.cam.turns else 1.0
         lost = np.where(known, 1.0, np.nan)
-        return pin * lost, turned * self.cam.normal(theta), 1j * pin if self.cam.turns else np.full(theta.shape, 1j)
+        return pin * lost, turned * self.cam.normal(theta), 1j * pin if self.cam.turns else 1j
 
     def contact(self, motion: Motion, multiplier: Values) -> tuple[Plane, Plane]:
         """Where the roller presses on its flank, and the force on the driven link per multiplier."""
         pin, n, away = self._at(motion)
         with np.errstate(divide="ignore", invalid="ignore"):
             direction = self.scale * n / np.real(np.conj(n) * away)
-        push = unit_vectors(direction) * np.where(np.asarray(multiplier).real >= 0.0, 1.0, -1.0)
+        push = unit_vectors(direction) * np.where(cast(Real, np.real(multiplier)) >= 0.0, 1.0, -1.0)
         world = self.world(motion)
         return self.place(motion, pin + self.cam.radius * push), direction * world
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 from functools import cached_property, partial
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -36,11 +36,12 @@ def on_knots(law: MotionCurve, x: Real) -> Real:
     """
     knots = np.asarray(law.knots)
     local = np.mod(x - law.start, law.length) + law.start if law.repeats else x
-    k = np.clip(np.searchsorted(knots, local), 1, len(knots) - 1)
-    near = np.where(local - knots[k - 1] < knots[k] - local, knots[k - 1], knots[k])
+    k = np.clip(np.searchsorted(knots, local, side="right"), 1, len(knots) - 1)
+    below, above = (knots[i] if isinstance(i, np.ndarray | np.integer) else i.among(knots) for i in (k - 1, k))  # or of a symbol
+    near = np.where(local - below < above - local, below, above)
     close = np.abs(near - local) < SAME * law.length
     if law.repeats:
-        near = np.where(near == knots[-1], knots[0], near)
+        near = np.where(near >= knots[-1], knots[0], near)
     return np.where(close, near, x)
 
 
@@ -56,7 +57,7 @@ def _argument(cam: Any, motion: Motion) -> Real:
     else:
         turn = motion.rotation(motion.model.index[cam.links[0]]) * np.conj(motion.rotation(motion.model.index[cam.carrier]))
         x = cam.sense * np.angle(turn) + cam.phase
-    return np.array(np.broadcast_to(np.asarray(x, float), (motion.frames,)))
+    return np.broadcast_to(x, motion.shape) + 0.0
 
 
 def segment_of(cam: Any, motion: Motion) -> Real:
@@ -175,7 +176,7 @@ class PlacedCam:
 
     def law(self, argument: ArrayLike) -> Real:
         """The follower's coordinate and its first two derivatives with respect to the cam's coordinate, (3, ...)."""
-        x = on_knots(self.cam.law, np.asarray(argument, float) * self.ahead)
+        x = on_knots(self.cam.law, np.multiply(argument, self.ahead))
         known = np.isfinite(x)
         s = self.cam.law(np.where(known, x, self.cam.law.start), 2)
         s[1] *= self.ahead
@@ -248,9 +249,7 @@ class PlacedCam:
         x = on_knots(self.cam.law, self.argument(motion) * self.ahead)
         known = np.isfinite(x)
         synthesis = self.cam.at(np.where(known, x, self.cam.law.start))
-        if not known.all():
-            synthesis.motion[:, ~known] = np.nan
-        return synthesis
+        return synthesis if np.all(known) else replace(synthesis, motion=np.where(known, synthesis.motion, np.nan))
 
     def place(self, motion: Motion, z: Plane) -> Plane:
         """Points of the theory's ground axes in the world."""
@@ -262,22 +261,20 @@ class PlacedCam:
         """Where the force acts; force on the follower per multiplier, which is its part (or moment over the arm) along the lift."""
         s = self.at(motion)
         n, touch = s.ground_normal, s.contact
-        if isinstance(self.cam.follower.guide, Oscillating):
-            away = -1j * self.side * (touch - self.cam.follower.guide.pivot)
-        else:
-            away = np.full(touch.shape, 1j)
+        guide, carried = self.cam.follower.guide, cast(Real, np.real(multiplier))
+        away = -1j * self.side * (touch - guide.pivot) if isinstance(guide, Oscillating) else 1j
         with np.errstate(divide="ignore", invalid="ignore"):
             direction = self.scale * n / np.real(np.conj(n) * away)
         if self.mate is not None:
             other, normal = self._second(motion)
-            if isinstance(self.cam.follower.guide, Oscillating):
-                away = -1j * self.side * (other - self.cam.follower.guide.pivot)
+            if isinstance(guide, Oscillating):
+                away = -1j * self.side * (other - guide.pivot)
             with np.errstate(divide="ignore", invalid="ignore"):
                 pulls = self.scale * normal / np.real(np.conj(normal) * away)
-            pressed = np.asarray(multiplier).real >= 0.0
+            pressed = carried >= 0.0
             touch, direction = np.where(pressed, touch, other), np.where(pressed, direction, pulls)
         elif self.form:
-            touch = np.where(np.asarray(multiplier).real >= 0.0, touch, self._opposite(s))
+            touch = np.where(carried >= 0.0, touch, self._opposite(s))
         world = self.axes * motion.rotation(motion.model.index[self.carrier])
         return self.place(motion, touch), direction * world
 
@@ -297,7 +294,7 @@ class PlacedCam:
         """Where the other flank of a groove or the other face of a yoke touches, ground axes."""
         if self.yoke:
             return -self.cam.at(s.angle + math.pi).contact
-        return np.asarray(s.reference[0] + self.cam.follower.radius * s.ground_normal)
+        return cast(Complex, s.reference[0] + self.cam.follower.radius * s.ground_normal)
 
     def rows(self, motion: Motion, multiplier: Values = 1.0) -> ContactRows:
         """The contact over a motion; the sign of ``multiplier`` says which flank carries."""

@@ -1,8 +1,8 @@
 """Equations of motion as a compiled program, with what it is given: laws of prescribed drives, angles that it follows.
 
 The code of positions, rates, effects and reduction runs on symbols, which writes the reduced equations out in C. Where C lacks
-something (groups solved by Newton's method, cams, laws that are functions of Python) the reason is given in words, and numpy does
-all.
+something (groups solved by Newton's method, dry friction, loads that are functions of Python) the reason is given in words, and
+numpy does all.
 """
 
 from __future__ import annotations
@@ -274,7 +274,7 @@ class _Writer:
         motion = Motion(model, time, drives, state, angles)
         vectors = all_vectors(model, state)
         columns = all_columns(model, vectors)
-        speeds = velocities(model, vectors, columns, [v for _, v, _ in drives])
+        speeds = velocities(model, vectors, columns, [v for _, v, _ in drives], bends=state.bends)
         given: dict[str, Any] = {"drives": drives, "loop_vectors": vectors, "columns": columns, "speeds": speeds}
         if second:
             given["accelerations"] = accelerations(model, vectors, columns, speeds, [a for _, _, a in drives])
