@@ -16,8 +16,8 @@ PACKAGES = {"mechcore": ROOT / "core" / "mechcore", "mechviz": ROOT / "mechviz"}
 # from the bottom up: a part imports from itself and from what stands before it; those in one tuple do not know each other
 LAYERS = {
     "mechcore": (
-        ("arrays", "constants", "records", "texts"), ("errors",), ("accuracy", "numerics"), ("laws",), ("spec",), ("cams",),
-        ("joints",), ("topology",), ("kinematics",), ("branches", "compiled"), ("motion",), ("effects",), ("forces",),
+        ("arrays", "cache", "constants", "records", "texts"), ("errors",), ("accuracy", "numerics"), ("laws",), ("spec",),
+        ("cams",), ("joints",), ("topology",), ("kinematics",), ("branches", "compiled"), ("motion",), ("effects",), ("forces",),
         ("reduction", "dynamics"),
         ("constructions", "design"),
     ),

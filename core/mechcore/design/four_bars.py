@@ -184,6 +184,31 @@ def used_range(theta: Real, turns: bool) -> tuple[float, float]:
     return float(theta[0]), float(theta[0] + steps.sum())
 
 
+def coupler_direction(
+    frame: Real, crank: Real | float, coupler: Real, rocker: Real, turned: Complex, side: Index | int
+) -> tuple[Complex, Complex]:
+    """Unit vectors (D, K) of coupler and rocker in the frame's axes at unit vectors of the crank (D, K), by lengths (D, 1);
+    NaN where the links do not meet."""
+    a = crank * turned
+    h = frame - a
+    square = np.abs(h) ** 2
+    along = (square + coupler**2 - rocker**2) / (2.0 * square)
+    height = coupler**2 / square - along**2
+    across = side * np.sqrt(np.where(height > 0.0, height, np.nan))
+    arm = h * (along + 1j * across)
+    return arm / coupler, (arm - h) / rocker
+
+
+def grashof_cranks(rng: np.random.Generator, count: int, most: float) -> Real:
+    """Random ratios (D, 3) of frame, coupler and rocker to a crank that is the shortest link and turns fully, up to ``most``."""
+    ratios = np.empty((0, 3))
+    while len(ratios) < count:
+        tried = np.exp(rng.uniform(0.0, np.log(most), (4 * count, 3)))
+        longest = tried.max(1)
+        ratios = np.concatenate([ratios, tried[1.0 + longest < tried.sum(1) - longest]])
+    return ratios[:count]
+
+
 def cross(first: Plane, second: Plane) -> Any:
     """Cross products of plane vectors."""
     return np.imag(np.conj(first) * second)

@@ -2,22 +2,26 @@
 
 With the crank at theta from the frame line the point is at ``z0 + p e^(i theta) + q e^(i theta3)``: linear in three complex
 numbers, place z0, ``p = crank e^(i beta)``, ``q = tracer e^(i beta)``; only the ratios of the lengths and the start angle enter
-theta3. Designs of random ratios are screened by linear least squares in one array call (separated variables; Golub and Pereyra
-1973), and the best are refined in all variables at once, with exact derivatives. The crank turns fully: it is the shortest link.
+theta3. Designs of random ratios, and without timing those of an atlas whose curves are alike, are screened by linear least squares
+in one array call (separated variables; Golub and Pereyra 1973), and the best are refined in all variables at once, with exact
+derivatives. The crank turns fully: it is the shortest link.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from mechcore.arrays import Complex, Flags, Index, Real
-from mechcore.design.four_bars import TURN, FourBar, in_order
+from mechcore.design.atlas import likely
+from mechcore.design.four_bars import TURN, FourBar, coupler_direction, grashof_cranks, in_order
 from mechcore.errors import Fault, MechanismError
 from mechcore.numerics.least_squares import fit_all
 from mechcore.records import dataclass
 
+ALIKE_CURVES = 400  # of the atlas, of each side and sense of rotation, that are looked at
 LARGEST_RATIO = 20.0  # of a link to the crank among the designs that are screened
 CHUNK = 4000  # designs that are screened in one array call
 ITERATIONS = 1500  # bounds and cognates make long valleys
@@ -152,31 +156,31 @@ def _difference(first: PathDesign, second: PathDesign) -> float:
 
 # -- screening --------------------------------------------------------------------------------------------------------
 def _screen(task: PathTask, rng: np.random.Generator, side: int, sense: int, count: int, kept: int) -> tuple[Real, Real]:
-    """The best of random designs of a branch and a sense, fitted by linear least squares: variables (kept, 10), steps (kept, K)."""
-    screened: list[tuple[Real, Real, Real]] = []
+    """The best designs of a branch and a sense, fitted by linear least squares: variables (kept, 10), steps (kept, K). Without
+    timing half of them are of the atlas, the others random."""
+    best: list[tuple[Real, Real, Real]] = []
+    tried: list[tuple[Real, Real, Real]] = []
+    most = min(LARGEST_RATIO, task.lengths[1] / task.lengths[0] if task.lengths[0] else np.inf)
+    if task.steps is None and task.start is None:
+        found = likely(task.points, task.closed, side, sense, ALIKE_CURVES)
+        best.append(_best([(*_linear(task, *found, side, sense), found.steps)], kept // 2))
+        kept -= kept // 2
     for first in range(0, count, CHUNK):
         size = min(CHUNK, count - first)
-        ratios = _ratios(rng, size, task)
+        ratios = grashof_cranks(rng, size, most)
         start = rng.uniform(0.0, TURN, size) if task.start is None else np.full(size, task.start)
         steps = _steps(task, rng, size)
-        x, cost = _linear(task, ratios, start, steps, side, sense)
-        best = np.argsort(cost)[:kept]
-        best = best[np.isfinite(cost[best])]
-        screened.append((x[best], cost[best], steps[best]))
-    x, cost, steps = (np.concatenate(part) for part in zip(*screened, strict=True))
+        tried.append(_best([(*_linear(task, ratios, start, steps, side, sense), steps)], kept))
+    best.append(_best(tried, kept))
+    return np.concatenate([x for x, _, _ in best]), np.concatenate([steps for _, _, steps in best])
+
+
+def _best(tried: Sequence[tuple[Real, Real, Real]], kept: int) -> tuple[Real, Real, Real]:
+    """Of variables, sums of squared distances and steps those of the ``kept`` best designs."""
+    x, cost, steps = (np.concatenate(part) for part in zip(*tried, strict=True))
     best = np.argsort(cost, kind="stable")[:kept]
-    return x[best], steps[best]
-
-
-def _ratios(rng: np.random.Generator, count: int, task: PathTask) -> Real:
-    """Random ratios (D, 3) of frame, coupler and rocker to a crank that turns fully."""
-    most = min(LARGEST_RATIO, task.lengths[1] / task.lengths[0] if task.lengths[0] else np.inf)
-    ratios = np.empty((0, 3))
-    while len(ratios) < count:
-        tried = np.exp(rng.uniform(0.0, np.log(most), (4 * count, 3)))
-        longest = tried.max(1)
-        ratios = np.concatenate([ratios, tried[1.0 + longest < tried.sum(1) - longest]])
-    return ratios[:count]
+    best = best[np.isfinite(cost[best])]
+    return x[best], cost[best], steps[best]
 
 
 def _steps(task: PathTask, rng: np.random.Generator, count: int) -> Real:
@@ -191,7 +195,7 @@ def _steps(task: PathTask, rng: np.random.Generator, count: int) -> Real:
 def _linear(task: PathTask, ratios: Real, start: Real, steps: Real, side: int, sense: int) -> tuple[Real, Real]:
     """Variables (D, 10) that fit best for given ratios, and sums of squared distances (D,); infinite where bounds forbid them."""
     crank = np.exp(1j * (start[:, None] + sense * steps))
-    coupler, _ = _coupler(ratios[:, :1], 1.0, ratios[:, 1:2], ratios[:, 2:], crank, side)
+    coupler, _ = coupler_direction(ratios[:, :1], 1.0, ratios[:, 1:2], ratios[:, 2:], crank, side)
     turn = np.exp(1j * task.frame_angle) if task.frame_angle is not None else 1.0
     place = [] if task.pivot is not None else [np.ones_like(crank), 1j * np.ones_like(crank)]
     scale = [turn * crank] if task.frame_angle is not None else [crank, 1j * crank]
@@ -227,20 +231,6 @@ def _linear(task: PathTask, ratios: Real, start: Real, steps: Real, side: int, s
     u = q * limited / p
     columns = [z0.real, z0.imag, np.angle(p), ratios[:, 0] * limited, limited, ratios[:, 1] * limited, ratios[:, 2] * limited]
     return np.stack([*columns, u.real, u.imag, start], axis=1), np.where(np.isfinite(cost), cost, np.inf)
-
-
-def _coupler(
-    frame: Real, crank: Real | float, coupler: Real, rocker: Real, turned: Complex, side: Index | int
-) -> tuple[Complex, Complex]:
-    """Unit vectors of coupler and rocker in the frame's axes; NaN where the links do not meet."""
-    a = crank * turned
-    h = frame - a
-    square = np.abs(h) ** 2
-    along = (square + coupler**2 - rocker**2) / (2.0 * square)
-    height = coupler**2 / square - along**2
-    across = side * np.sqrt(np.where(height > 0.0, height, np.nan))
-    arm = h * (along + 1j * across)
-    return arm / coupler, (arm - h) / rocker
 
 
 # -- refinement -------------------------------------------------------------------------------------------------------
@@ -280,7 +270,7 @@ class PathProblem:
         frame, crank, coupler, rocker = (x[:, k, None] for k in (FRAME, CRANK, COUPLER, ROCKER))
         turned = np.exp(1j * self.theta(x, numbers))
         with np.errstate(all="ignore"):
-            e3, e4 = _coupler(frame, crank, coupler, rocker, turned, self.sides[numbers, None])
+            e3, e4 = coupler_direction(frame, crank, coupler, rocker, turned, self.sides[numbers, None])
             below = coupler * np.real(1j * e3 * np.conj(e4))
             back = np.conj(e4) / below
         u = (x[:, U] + 1j * x[:, V])[:, None]

@@ -181,8 +181,8 @@ def path(
 ) -> None:
     """Find crank-rockers whose coupler point passes points, at stated crank angles or at any in their order.
 
-    The first point again at the end closes the path. Random designs are screened, the best refined by least squares in all
-    lengths and angles; the same seed gives the same solutions.
+    The first point again at the end closes the path. Designs of like curves (without timing) and random ones are screened, the best
+    refined by least squares in all lengths and angles; the same seed gives the same solutions.
 
     Try: mechviz synthesise path 20,20 20,25 20,30 20,35 20,40 20,45 --shortest 5 --longest 60 --plot path.svg
     """

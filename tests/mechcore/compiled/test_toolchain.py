@@ -10,8 +10,9 @@ from pathlib import Path
 
 import pytest
 
+from mechcore.cache import cache_folder
 from mechcore.compiled import toolchain
-from mechcore.compiled.toolchain import cache_folder, cached, compiler, library
+from mechcore.compiled.toolchain import cached, compiler, library
 from mechcore.dynamics.equations.charts import Chart
 from mechcore.dynamics.simulate import simulate
 from mechcore.errors import MechanismError

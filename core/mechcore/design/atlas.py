@@ -1,0 +1,189 @@
+"""An atlas of coupler curves: which four-bars draw a curve like a given one, whatever its place, size, direction and speed.
+
+Whole curves are kept as their Fourier descriptors over the arc length, arcs as points at equal distances; both are centred and of
+unit size, so that the best similarity takes one onto another by a complex product (Procrustes), of whole curves for every start
+point at once. Of side and sense of the crank one is kept: the others draw the mirrored or the reversed curve. The atlas is made
+once, from a fixed seed, and kept in the user's cache.
+"""
+
+from __future__ import annotations
+
+from dataclasses import fields
+from functools import lru_cache
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from mechcore.arrays import Complex, Index, Real
+from mechcore.cache import digest, kept
+from mechcore.design.four_bars import TURN, coupler_direction, grashof_cranks
+from mechcore.records import dataclass
+
+CURVES, ARCS = 12_000, 30_000
+LARGEST_RATIO = 8.0  # of a link to the crank
+FARTHEST = 1.5  # of a traced point from the middle of the coupler, over its length
+NARROWEST, WIDEST = 0.3, 5.5  # rad, of an arc
+HARMONICS, SHIFTS = 12, 96  # either side of the descriptors; start points that are tried along a curve
+PLACES = 20  # of an arc
+FINE = 128  # crank angles by which arc lengths are measured
+CHUNK = 4_000  # curves that are made at once
+EDITION = 1  # of what is kept: another one is made anew
+
+
+@dataclass(frozen=True, eq=False)
+class Atlas:
+    """Curves (C, 5) and arcs (A, 7): the ratios of frame, coupler and rocker to the crank, the traced point over the coupler (real,
+    imaginary), of arcs also the first crank angle and the range [rad]; their ``descriptors`` (C, 2 H) and ``places`` (A, P)."""
+
+    curves: Real
+    descriptors: Complex
+    arcs: Real
+    places: Complex
+
+
+class Likely(NamedTuple):
+    """Four-bars that draw a curve: ratios (D, 3), crank angles from the frame line at the first point (D,), and those that the
+    crank has turned since (D, K), positive [rad]."""
+
+    ratios: Real
+    start: Real
+    steps: Real
+
+
+def likely(points: Complex, closed: bool, side: int, sense: int, count: int, atlas: Atlas | None = None) -> Likely:
+    """The ``count`` four-bars of a side and a sense of rotation whose curves are most like points (K,) in order: a whole curve
+    where it is closed, else an arc. By default of the user's atlas."""
+    atlas = the_atlas() if atlas is None else atlas
+    forwards = side * sense > 0
+    wanted = points if side > 0 else np.conj(points)
+    along = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(wanted)))])
+    along /= along[-1]
+    part = along if forwards else 1.0 - along
+    if closed:
+        found, shift = _curves_like(atlas, wanted, part, count)
+        designs = atlas.curves[found].astype(float)
+        first, span = np.zeros(len(found)), np.full(len(found), TURN)
+    else:
+        found = _arcs_like(atlas, wanted, part, count)
+        designs, shift = atlas.arcs[found].astype(float), np.zeros(len(found))
+        first, span = designs[:, 5], designs[:, 6]
+    theta, _, length = _measured(designs, first, span)
+    angles = np.empty((len(found), len(points)))
+    for k, own in enumerate(shift):
+        turns = np.floor(part + own) if closed else 0.0
+        angles[k] = np.interp(part + own - turns, length[k], theta[k]) + TURN * turns
+    angles *= side
+    return Likely(designs[:, :3], angles[:, 0], sense * (angles - angles[:, :1]))
+
+
+def _curves_like(atlas: Atlas, points: Complex, part: Real, count: int) -> tuple[Index, Real]:
+    """Numbers (D,) of the curves most like points (K,) at parts of the length, and where on them (D,), as a part of it, those
+    begin."""
+    own = _descriptors(_evenly(points, part, np.arange(4 * HARMONICS) / (4 * HARMONICS)))[0]
+    shifts = np.arange(SHIFTS) / SHIFTS
+    turned = (own[:, None] * np.exp(-1j * TURN * _orders()[:, None] * shifts)).astype(np.complex64)
+    likeness = np.abs(np.conj(atlas.descriptors) @ turned)
+    found = np.argsort(-likeness.max(axis=1), kind="stable")[:count]
+    return found, shifts[likeness[found].argmax(axis=1)]
+
+
+def _arcs_like(atlas: Atlas, points: Complex, part: Real, count: int) -> Index:
+    """Numbers (D,) of the arcs most like points (K,) at parts of the length."""
+    own = _unit(_evenly(points, part, np.linspace(0.0, 1.0, PLACES)))[0]
+    likeness = np.abs(np.conj(atlas.places) @ own.astype(np.complex64))
+    return np.asarray(np.argsort(-likeness, kind="stable")[:count])
+
+
+def _evenly(points: Complex, part: Real, even: Real) -> Complex:
+    """Points (1, P) at parts (P,) of the length, along lines between points (K,) at parts that rise or fall."""
+    order = slice(None) if part[-1] > part[0] else slice(None, None, -1)
+    x, z = part[order], points[order]
+    return np.asarray((np.interp(even, x, z.real) + 1j * np.interp(even, x, z.imag))[None])
+
+
+# -- making -----------------------------------------------------------------------------------------------------------
+@lru_cache(1)
+def the_atlas() -> Atlas:
+    """The atlas from the user's cache, where it is made if it is not there."""
+    recipe = (EDITION, CURVES, ARCS, LARGEST_RATIO, FARTHEST, NARROWEST, WIDEST, HARMONICS, PLACES, FINE, np.__version__)
+    names = [f.name for f in fields(Atlas)]
+
+    def make(path: Path) -> None:
+        made = make_atlas()
+        with path.open("wb") as file:
+            np.savez(file, **{name: getattr(made, name) for name in names})
+
+    try:
+        with kept(f"atlas-{digest(repr(recipe).encode())}", ".npz", make) as path, np.load(path) as stored:
+            return Atlas(*(stored[name] for name in names))
+    except (OSError, ValueError, KeyError):  # a full disk: it is made again next time
+        return make_atlas()
+
+
+def make_atlas(seed: int = 0, curves: int = CURVES, arcs: int = ARCS) -> Atlas:
+    """An atlas of random four-bars whose crank turns fully; the same of the same seed."""
+    rng = np.random.default_rng(seed)
+    whole, of_curves, parts, of_arcs = [], [], [], []
+    for first in range(0, curves, CHUNK):
+        designs = _designs(rng, min(CHUNK, curves - first))
+        _, points, length = _measured(designs, np.zeros(len(designs)), np.full(len(designs), TURN))
+        even = _at_lengths(points, length, np.arange(4 * HARMONICS) / (4 * HARMONICS))
+        whole.append(designs)
+        of_curves.append(_descriptors(even))
+    for first in range(0, arcs, CHUNK):
+        designs = _designs(rng, min(CHUNK, arcs - first))
+        size = len(designs)
+        start, span = rng.uniform(0.0, TURN, size), rng.uniform(NARROWEST, WIDEST, size)
+        _, points, length = _measured(designs, start, span)
+        parts.append(np.column_stack([designs, start, span]))
+        of_arcs.append(_unit(_at_lengths(points, length, np.linspace(0.0, 1.0, PLACES))))
+    return Atlas(
+        np.concatenate(whole).astype(np.float32),
+        np.concatenate(of_curves).astype(np.complex64),
+        np.concatenate(parts).astype(np.float32),
+        np.concatenate(of_arcs).astype(np.complex64),
+    )
+
+
+def _designs(rng: np.random.Generator, count: int) -> Real:
+    """Random ratios and traced points (D, 5)."""
+    radius, angle = FARTHEST * np.sqrt(rng.random(count)), rng.uniform(0.0, TURN, count)
+    return np.column_stack([grashof_cranks(rng, count, LARGEST_RATIO), 0.5 + radius * np.cos(angle), radius * np.sin(angle)])
+
+
+def _measured(designs: Real, first: Real, span: Real) -> tuple[Real, Complex, Real]:
+    """Crank angles (D, F), the points that are traced there (D, F) over the crank's length, and the parts of the arc length up to
+    each (D, F)."""
+    theta = first[:, None] + span[:, None] * np.linspace(0.0, 1.0, FINE + 1)
+    crank = np.exp(1j * theta)
+    frame, coupler, rocker = (designs[:, k, None] for k in range(3))
+    direction, _ = coupler_direction(frame, 1.0, coupler, rocker, crank, 1)
+    points = crank + (designs[:, 3] + 1j * designs[:, 4])[:, None] * coupler * direction
+    length = np.concatenate([np.zeros((len(designs), 1)), np.cumsum(np.abs(np.diff(points)), axis=1)], axis=1)
+    return theta, points, length / length[:, -1:]
+
+
+def _at_lengths(points: Complex, length: Real, parts: Real) -> Complex:
+    """Points (D, P) at parts (P,) of the arc lengths (D, F)."""
+    rows = np.arange(len(points))[:, None]
+    k = np.clip((length[:, None, :] <= parts[:, None]).sum(axis=2) - 1, 0, length.shape[1] - 2)
+    low, high = length[rows, k], length[rows, k + 1]
+    share = (parts - low) / np.maximum(high - low, 1e-300)
+    found: Complex = points[rows, k] + share * (points[rows, k + 1] - points[rows, k])
+    return found
+
+
+def _orders() -> Index:
+    return np.concatenate([np.arange(1, HARMONICS + 1), np.arange(-HARMONICS, 0)])
+
+
+def _descriptors(points: Complex) -> Complex:
+    """Fourier coefficients (D, 2 H) of closed curves through points (D, P), of unit size without the mean."""
+    return _unit(np.fft.fft(points, axis=1)[:, _orders()], centred=False)
+
+
+def _unit(rows: Complex, *, centred: bool = True) -> Complex:
+    """Rows of unit length, about their means."""
+    own = rows - rows.mean(axis=1, keepdims=True) if centred else rows
+    return np.asarray(own / np.maximum(np.linalg.norm(own, axis=1, keepdims=True), 1e-300))
