@@ -127,12 +127,17 @@ class Arrow(Node):
     @property
     def origin(self) -> Real:
         """Where it is drawn from (F, 2) [m]."""
+        return self.origin_at(slice(None))
+
+    def origin_at(self, frames: slice) -> Real:
+        """Where it is drawn from at some frames (n, 2) [m]."""
+        origin = self.vector.origin[frames]
         if not self.aside:
-            return self.vector.origin
-        x, y = self.vector.value.T
+            return origin
+        x, y = self.vector.value[frames].T
         length = np.hypot(x, y)
         across = np.column_stack([-y, x]) / np.where(length > 0.0, length, 1.0)[:, None]
-        return np.asarray(self.vector.origin + self.aside * across)
+        return np.asarray(origin + self.aside * across)
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mechcore.arrays import Complex, Integers, Real, Single
+from mechcore.arrays import Complex, Real, Single
 from mechcore.effects.gas import CylinderGas
 from mechcore.spec.clearance import made_joints
 from mechcore.spec.loads import GasPressure
-from mechviz.outputs.rerun.entities import Static, Stream, entity, line_strips, packed
+from mechviz.outputs.rerun.entities import Static, Stream, columns_of, entity, line_strips, packed
 from mechviz.outputs.rerun.plots import PALETTE
 from mechviz.picture.centres import CENTRES
 from mechviz.picture.constructions import Drawing
@@ -42,9 +42,9 @@ def polygon_streams(drawings: dict[str, Drawing], every: int) -> Iterator[Stream
         if drawing.marks:
             places = np.stack([m.at for m in drawing.marks], axis=1)
 
-            def points(frames: Integers, places: Complex = places) -> Any:
+            def points(frames: slice, places: Complex = places) -> Any:
                 z = places[frames]
-                return rr.Points3D.columns(positions=_space(z.reshape(-1))).partition(np.full(len(z), z.shape[1]))
+                return columns_of(rr.Points3D.from_fields(positions=_space(z.reshape(-1))), z.shape[1])
 
             yield Stream(f"{path}/points", points, every)
 
@@ -125,10 +125,9 @@ def _arrows(items: list[tuple[Complex, Complex]], height: float = 0.0) -> Any:
     starts = np.stack([a for a, _ in items], axis=1)
     vectors = np.stack([v for _, v in items], axis=1)
 
-    def columns(frames: Integers) -> Any:
+    def columns(frames: slice) -> Any:
         a, v = starts[frames].reshape(-1), vectors[frames].reshape(-1)
-        counts = np.full(len(frames), starts.shape[1])
-        return rr.Arrows3D.columns(origins=_space(a, height), vectors=_space(v)).partition(counts)
+        return columns_of(rr.Arrows3D.from_fields(origins=_space(a, height), vectors=_space(v)), starts.shape[1])
 
     return columns
 
@@ -137,9 +136,9 @@ def _strips(items: list[Complex], height: float = 0.0) -> Any:
     """Columns of strips (F, points) of the plane, the same number in every row."""
     import rerun as rr
 
-    def columns(frames: Integers) -> Any:
+    def columns(frames: slice) -> Any:
         rows = line_strips([_space(strip[frames], height) for strip in items])
-        return rr.LineStrips3D.columns(strips=rows).partition(np.full(len(frames), len(items)))
+        return columns_of(rr.LineStrips3D.from_fields(strips=rows), len(items))
 
     return columns
 
@@ -349,20 +348,19 @@ def diagram_streams(diagrams: Sequence[Diagram], every: int) -> Iterator[Stream]
         spots = np.stack([d.place(c.x, c.y) for c in d.curves], axis=1)
         known = np.isfinite(spots).all(axis=2)
 
-        def dots(frames: Integers, spots: Any = spots, known: Any = known) -> Any:
+        def dots(frames: slice, spots: Any = spots, known: Any = known) -> Any:
             shown = known[frames]
-            return rr.Points2D.columns(positions=spots[frames][shown]).partition(shown.sum(axis=1))
+            return columns_of(rr.Points2D.from_fields(positions=spots[frames][shown]), shown.sum(axis=1))
 
         yield Stream(entity("diagrams", d.name, "now"), dots, every)
         if d.equal:
             origin = d.place(np.zeros(1), np.zeros(1))[0]
 
-            def rays(frames: Integers, spots: Any = spots, known: Any = known, origin: Any = origin) -> Any:
+            def rays(frames: slice, spots: Any = spots, known: Any = known, origin: Any = origin) -> Any:
                 shown = known[frames]
                 tips = spots[frames][shown]
-                return rr.Arrows2D.columns(origins=np.broadcast_to(origin, tips.shape), vectors=tips - origin).partition(
-                    shown.sum(axis=1)
-                )
+                arrows = rr.Arrows2D.from_fields(origins=np.broadcast_to(origin, tips.shape), vectors=tips - origin)
+                return columns_of(arrows, shown.sum(axis=1))
 
             yield Stream(entity("diagrams", d.name, "rays"), rays, every)
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import lru_cache, partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -79,6 +79,31 @@ def line_strips(parts: Sequence[Single]) -> Any:
     return pa.ListArray.from_arrays(pa.array(offsets), flat, type=kind)
 
 
+def columns_of(archetype: Any, counts: Integers | int = 1) -> list[Any]:
+    """Columns of an archetype that holds the instances of all rows, one after the other: so many a row, or ``counts`` (rows,).
+
+    The recorder's own ``columns`` makes them twice, of one instance a row first.
+    """
+    import rerun as rr
+
+    columns = []
+    for batch in archetype.as_component_batches():
+        if isinstance(counts, int):
+            offsets = _offsets(len(batch.as_arrow_array()), counts)
+        else:
+            offsets = np.concatenate([[0], np.cumsum(counts)]).astype(np.int32)
+        columns.append(rr.ComponentColumn(batch.component_descriptor(), batch, offsets=offsets))
+    return columns
+
+
+@lru_cache(maxsize=64)
+def _offsets(instances: int, count: int) -> Any:
+    """Where the rows of so many instances each begin among all of them, and the end, as an arrow array."""
+    import pyarrow as pa
+
+    return pa.array(np.arange(0, instances + 1, count, dtype=np.int32))
+
+
 MOST_TICKS = 2.0**63  # of a timeline: ns, thousandths of a degree or of a millimetre
 
 SMALLEST_DRAWN = 0.05  # [m]
@@ -86,10 +111,11 @@ SMALLEST_DRAWN = 0.05  # [m]
 
 @dataclass(frozen=True)
 class Stream:
-    """An entity with one row per frame, or per ``every``-th frame. ``columns`` makes the rows of some frames."""
+    """An entity with one row per frame, or per ``every``-th frame. ``columns`` makes the rows of some frames: a slice that begins
+    at one that has a row and steps by as many frames as ``every``, or by a multiple."""
 
     path: str
-    columns: Callable[[Integers], Any]
+    columns: Callable[[slice], Any]
     every: int = 1
 
 
@@ -121,7 +147,7 @@ class Timelines:
                 angles.setdefault("drive_um", _integers(position * 1e6))
         return cls(time=_integers(motion.time * 1e9), drives=tuple(angles.items()))
 
-    def columns(self, frames: Integers) -> list[Any]:
+    def columns(self, frames: slice) -> list[Any]:
         """Time columns of some frames."""
         return self._columns(self.time[frames], [(name, ticks[frames]) for name, ticks in self.drives])
 
@@ -154,18 +180,21 @@ def picture_stride(run: Run) -> int:
 
 def table_streams(all_tables: list[Table], numbers: str | None = None) -> Iterator[Stream]:
     """The float64 numbers; with ``numbers`` "float32" they keep the digits of those only, which takes less room."""
-    import rerun as rr
-
     for table in all_tables:
         values = np.ascontiguousarray(table.values)
         if numbers == "float32":
             values = values.astype(np.float32).astype(float)
 
-        def columns(frames: Integers, values: Real = values) -> Any:
-            chosen = values[frames]
-            return rr.Scalars.columns(scalars=chosen.reshape(-1)).partition(np.full(len(chosen), chosen.shape[1]))
+        yield Stream(entity(*table.path), partial(scalar_rows, values))
 
-        yield Stream(entity(*table.path), columns)
+
+def scalar_rows(values: Real, frames: slice) -> Any:
+    """Rows of values (F, n)."""
+    import pyarrow as pa
+    import rerun as rr
+
+    chosen = pa.array(values[frames].reshape(-1))  # else the recorder copies it
+    return columns_of(rr.Scalars.from_fields(scalars=chosen), values.shape[1])
 
 
 def link_streams(run: Run) -> Iterator[Stream]:
@@ -174,10 +203,9 @@ def link_streams(run: Run) -> Iterator[Stream]:
 
     for link, pose in run.numbers.poses.items():
 
-        def place(frames: Integers, pose: Real = pose) -> Any:
-            return rr.Transform3D.columns(
-                translation=in_space(pose[frames, :2], 0.0),
-                quaternion=about_z(pose[frames, 2]).astype(np.float32),
+        def place(frames: slice, pose: Real = pose) -> Any:
+            return columns_of(
+                rr.Transform3D.from_fields(translation=in_space(pose[frames, :2], 0.0), quaternion=about_z(pose[frames, 2]))
             )
 
         yield Stream(entity("mechanism", "links", link), place)

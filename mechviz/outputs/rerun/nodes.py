@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from mechcore.arrays import Flags, Integers, Real, Single
-from mechviz.outputs.rerun.entities import Static, Stream, entity, line_strips, packed
+from mechcore.arrays import Flags, Real, Single
+from mechviz.outputs.rerun.entities import Static, Stream, columns_of, entity, line_strips, packed
 from mechviz.picture.arrows import SHORTEST, visible
 from mechviz.picture.nodes import Arc, Arrow, ArrowSet, Body, Lines, Node, Picture, Points
 from mechviz.picture.proportions import in_space
@@ -129,56 +129,61 @@ def node_streams(node: Node, picture: Picture, every: int) -> Iterator[Stream]:
         yield Stream(entity(*node.entity), draw, every)
 
 
-def _placed(node: Body, frames: Integers) -> Any:
+def _placed(node: Body, frames: slice) -> Any:
     import rerun as rr
 
     poses = node.poses
     assert poses is not None
     scales = {} if poses.scales is None else {"scale": poses.scales[frames]}
-    return rr.Transform3D.columns(translation=poses.places[frames], quaternion=poses.turns[frames], **scales)
+    return columns_of(rr.Transform3D.from_fields(translation=poses.places[frames], quaternion=poses.turns[frames], **scales))
 
 
-def _bent(node: Lines, frames: Integers) -> Any:
+def _bent(node: Lines, frames: slice) -> Any:
     import rerun as rr
 
-    there = frames if node.shown is None else frames[node.shown[frames]]
-    strips = line_strips([strip[there] for strip in node.strips])
-    counts = np.full(len(frames), len(node.strips)) if node.shown is None else len(node.strips) * node.shown[frames]
-    return rr.LineStrips3D.columns(strips=strips).partition(counts.astype(np.int64))
+    if node.shown is None:
+        return columns_of(rr.LineStrips3D.from_fields(strips=line_strips([s[frames] for s in node.strips])), len(node.strips))
+    there = node.shown[frames]
+    return columns_of(
+        rr.LineStrips3D.from_fields(strips=line_strips([s[frames][there] for s in node.strips])), len(node.strips) * there
+    )
 
 
-def _dotted(node: Points, frames: Integers) -> Any:
+def _dotted(node: Points, frames: slice) -> Any:
     import rerun as rr
 
-    there = np.isfinite(node.places[frames]).all(axis=(1, 2))
-    columns = rr.Points3D.columns(positions=node.places[frames[there]].reshape(-1, 3))
-    return columns.partition(node.places.shape[1] * there)
+    places, count = node.places[frames], node.places.shape[1]
+    if np.isfinite(places.sum()):  # so all of them are
+        return columns_of(rr.Points3D.from_fields(positions=places.reshape(-1, 3)), count)
+    there = np.isfinite(places).all(axis=(1, 2))
+    return columns_of(rr.Points3D.from_fields(positions=places[there].reshape(-1, 3)), count * there)
 
 
-def _pointed_together(node: ArrowSet, frames: Integers) -> Any:
+def _pointed_together(node: ArrowSet, frames: slice) -> Any:
     import rerun as rr
 
     origins, vectors = (np.ascontiguousarray(a[frames]).reshape(-1, 3) for a in (node.origins, node.vectors))
-    counts = np.full(len(frames), node.origins.shape[1])
-    return rr.Arrows3D.columns(origins=origins, vectors=vectors).partition(counts)
+    return columns_of(rr.Arrows3D.from_fields(origins=origins, vectors=vectors), node.origins.shape[1])
 
 
-def _pointed(node: Arrow, scale: float, seen: Flags, frames: Integers) -> Any:
+def _pointed(node: Arrow, scale: float, seen: Flags, frames: slice) -> Any:
     """Arrows that are long enough to be seen: of the others a row has no instance."""
     import rerun as rr
 
-    shown, vector = frames[seen[frames]], node.vector
-    return rr.Arrows3D.columns(
-        origins=in_space(node.origin[shown], node.height), vectors=in_space(vector.value[shown] / scale, 0.0)
-    ).partition(seen[frames].astype(np.int64))
+    there, origin, value = seen[frames], node.origin_at(frames), node.vector.value[frames]
+    counts: Any = 1
+    if not there.all():
+        counts, origin, value = there, origin[there], value[there]
+    arrows = rr.Arrows3D.from_fields(origins=in_space(origin, node.height), vectors=in_space(value / scale, 0.0))
+    return columns_of(arrows, counts)
 
 
-def _curved(node: Arc, sweep: Real, frames: Integers) -> Any:
+def _curved(node: Arc, sweep: Real, frames: slice) -> Any:
     import rerun as rr
 
-    shown = frames[sweep[frames] != 0]
-    strips = arc_strips(node.moment.origin[shown], sweep[shown], node.height, node.radius)
-    return rr.LineStrips3D.columns(strips=strips).partition((sweep[frames] != 0).astype(np.int64))
+    there = sweep[frames] != 0
+    strips = arc_strips(node.moment.origin[frames][there], sweep[frames][there], node.height, node.radius)
+    return columns_of(rr.LineStrips3D.from_fields(strips=line_strips([strips])), there)
 
 
 def node_statics(node: Node, picture: Picture) -> Iterator[Static]:

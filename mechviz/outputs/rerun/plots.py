@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mechcore.arrays import Integers, Real
+from mechcore.arrays import Real
 from mechcore.forces.friction.events import friction_lanes
 from mechcore.motion.events import Event
 from mechcore.spec.clearance import journals_of, made_joints
 from mechcore.spec.mechanism import CamJoint
-from mechviz.outputs.rerun.entities import Static, Stream, Timelines, entity, packed
+from mechviz.outputs.rerun.entities import Static, Stream, Timelines, entity, packed, scalar_rows
 from mechviz.quantities.entries import UNITS
 from mechviz.quantities.events import lanes_of
 from mechviz.quantities.items import JointInfo, Table, joint_unit, joints_of
@@ -270,12 +270,10 @@ def _reactions(run: Run) -> Real:
 
 def plot_streams(run: Run, every: int) -> Iterator[Stream]:
     """Series that only plots need, at every ``every``-th frame; of reactions the largest until the next one."""
-    import rerun as rr
 
     def stream(path: str, values: Real) -> Stream:
-        def columns(frames: Integers) -> Any:
-            chosen = values[frames // every]
-            return rr.Scalars.columns(scalars=chosen.reshape(-1)).partition(np.full(len(chosen), chosen.shape[1]))
+        def columns(frames: slice) -> Any:
+            return scalar_rows(values, slice(frames.start // every, -(-frames.stop // every), frames.step // every))
 
         return Stream(path, columns, every)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import fcntl
 import os
 import select
@@ -26,8 +27,11 @@ class Pump:
     """Writes to an open file what is written to ``entrance``, a path that can be opened for writing once."""
 
     def __init__(self, file: int):
-        self._file = os.fdopen(os.dup(file), "wb", buffering=0)
+        self._file = os.dup(file)
         self._outlet, self._inlet = os.pipe()
+        with suppress(AttributeError, OSError):  # of Linux; more than a user may have
+            fcntl.fcntl(self._inlet, fcntl.F_SETPIPE_SZ, PIECE)
+        self._move = getattr(os, "splice", _copy)  # of Linux: from pipe to file within the kernel
         self._error: OSError | None = None
         self._lock = threading.Lock()  # held while bytes are on their way from the pipe to the file
         self._thread = threading.Thread(target=self._run, name="recording to file", daemon=True)
@@ -58,7 +62,7 @@ class Pump:
             self.opened()
         self._thread.join()
         os.close(self._outlet)
-        self._file.close()
+        os.close(self._file)
         if self._error is not None:
             raise self._error
 
@@ -70,19 +74,27 @@ class Pump:
         while True:
             select.select([self._outlet], [], [])  # outside of the lock: the pipe may be idle for long
             with self._lock:
-                data = os.read(self._outlet, PIECE)
-                if not data:
-                    return
-                if self._error is None:
-                    try:
-                        self._write(data)
-                    except OSError as error:
+                if self._error is not None:  # the writer is not to wait
+                    if not os.read(self._outlet, PIECE):
+                        return
+                    continue
+                try:
+                    if not self._move(self._outlet, self._file, PIECE):
+                        return
+                except OSError as error:
+                    if error.errno == errno.EINVAL and self._move is not _copy:  # the file system cannot
+                        self._move = _copy
+                    else:
                         self._error = error
 
-    def _write(self, data: bytes) -> None:
-        rest = memoryview(data)
-        while rest:
-            rest = rest[self._file.write(rest) :]
+
+def _copy(source: int, target: int, most: int) -> int:
+    """Read and write up to so many bytes; how many there were, none at the end."""
+    data = os.read(source, most)
+    rest = memoryview(data)
+    while rest:
+        rest = rest[os.write(target, rest) :]
+    return len(data)
 
 
 def part_path(path: Path) -> Path:

@@ -55,8 +55,9 @@ if TYPE_CHECKING:
     from mechviz.runs import Run
     from mechviz.scene.scene import Scene
 
-BLOCK = 2000
-"""Frames per block: large enough to be quick and small, small enough that an interrupted run keeps most of what it had."""
+BLOCK, LEAST, ROWS = 5000, 1000, 800_000
+"""Frames per block, at most: large enough to be quick and small, small enough that an interrupted run keeps most of what it had.
+Fewer frames, but not below the least, where a block had more rows of all entities than that, about 30 MB, which wait in memory."""
 
 
 MOST_WARNINGS = 6  # in the summary
@@ -203,17 +204,18 @@ def _send_events(stream: Any, timelines: Timelines, events: Sequence[Event]) -> 
 def _send_streams(part: Part, streams: list[Stream], timelines: Timelines, progress: Callable[[int, int], None] | None) -> None:
     """All entities block by block, so that what an interrupted recording has ends at the same frame everywhere."""
     total = len(timelines.time)
-    for start in range(0, total, BLOCK):
-        frames = np.arange(start, min(start + BLOCK, total))
+    block = min(BLOCK, max(LEAST, int(ROWS / sum(1.0 / s.every for s in streams))))
+    for start in range(0, total, block):
+        stop = min(start + block, total)
         times: dict[int, Any] = {}
         for stream in streams:
-            chosen = frames[frames % stream.every == 0]
-            if len(chosen) == 0:
+            frames = slice(start + -start % stream.every, stop, stream.every)
+            if frames.start >= stop:
                 continue
             if stream.every not in times:
-                times[stream.every] = timelines.columns(chosen)
-            part.stream.send_columns(stream.path, times[stream.every], stream.columns(chosen))
-        part.flush(int(frames[-1]) + 1)
+                times[stream.every] = timelines.columns(frames)
+            part.stream.send_columns(stream.path, times[stream.every], stream.columns(frames))
+        part.flush(stop)
         if progress is not None:
             progress(part.frames, total)
 
@@ -257,7 +259,7 @@ class Live:
             for static in (*view_statics(picture.size), *picture_statics(picture), *plot_styles(run, numbers)):
                 self.part.stream.log(static.path, static.archetype, static=True)
             self.part.flush(0)
-        frames = np.arange(run.motion.frames)
+        frames = slice(0, run.motion.frames)
         columns = Timelines.of(run).columns(frames)
         drawn = picture_streams(bare_picture(run, self._solids), 1)
         for stream in (*link_streams(run), *drawn, *table_streams(numbers)):

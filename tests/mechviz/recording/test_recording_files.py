@@ -15,7 +15,6 @@ import numpy as np
 import pytest
 
 from mechviz.outputs.inspection import format_inspection, inspect
-from mechviz.outputs.rerun import stream_file
 from mechviz.outputs.rerun.entities import RecordingError
 from mechviz.outputs.rerun.reader import Recording
 from mechviz.outputs.rerun.writer import write_recording
@@ -115,10 +114,10 @@ def test_places_that_cannot_be_written(tmp_path, path, words):
 
 
 def test_a_full_disk_from_the_first_byte_on(tmp_path, monkeypatch):
-    def full(self, data: bytes) -> None:
+    def full(*_: int) -> int:
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
-    monkeypatch.setattr(stream_file.Pump, "_write", full)
+    monkeypatch.setattr(os, "splice", full)
     (tmp_path / "a.rrd").write_bytes(b"old")
     with pytest.raises(RecordingError, match="disk is full"):
         write_recording(RUN, tmp_path / "a.rrd")
@@ -153,7 +152,11 @@ def test_two_runs_do_not_write_the_same_unfinished_file(tmp_path):
     assert [p.name for p in tmp_path.iterdir()] == ["a.rrd"]
 
 
-def test_an_interrupted_run_keeps_what_it_had(tmp_path):
+def test_an_interrupted_run_keeps_what_it_had(tmp_path, monkeypatch):
+    from mechviz.outputs.rerun import writer
+
+    monkeypatch.setattr(writer, "BLOCK", 2000)
+
     def stop(done: int, total: int) -> None:
         raise KeyboardInterrupt
 
@@ -198,8 +201,10 @@ CHILD = """
 import resource, signal, sys, time
 import mechviz
 from mechviz.outputs.rerun.entities import RecordingError
-from mechviz.outputs.rerun.writer import write_recording
+from mechviz.outputs.rerun import writer
 from mechviz.runs import run_scene
+
+writer.BLOCK = 2000
 
 def leave(*_):
     sys.exit(143)
@@ -212,7 +217,7 @@ def slowly(done, total):
 if {limit}:
     resource.setrlimit(resource.RLIMIT_FSIZE, ({limit}, {limit}))
 try:
-    write_recording(run, sys.argv[1], progress=slowly)
+    writer.write_recording(run, sys.argv[1], progress=slowly)
 except RecordingError as error:
     print("ERROR", error, flush=True)
     sys.exit(1)
