@@ -55,9 +55,10 @@ if TYPE_CHECKING:
     from mechviz.runs import Run
     from mechviz.scene.scene import Scene
 
-BLOCK, LEAST, ROWS = 5000, 1000, 800_000
-"""Frames per block, at most: large enough to be quick and small, small enough that an interrupted run keeps most of what it had.
-Fewer frames, but not below the least, where a block had more rows of all entities than that, about 30 MB, which wait in memory."""
+BLOCK = 5000
+"""Frames per block: large enough to be quick and small (rerun keeps some 6 kB of each entity and block until the end), small enough
+that an interrupted run keeps most of what it had."""
+ROWS = 400_000  # that wait in memory, some 15 MB
 
 
 MOST_WARNINGS = 6  # in the summary
@@ -204,9 +205,9 @@ def _send_events(stream: Any, timelines: Timelines, events: Sequence[Event]) -> 
 def _send_streams(part: Part, streams: list[Stream], timelines: Timelines, progress: Callable[[int, int], None] | None) -> None:
     """All entities block by block, so that what an interrupted recording has ends at the same frame everywhere."""
     total = len(timelines.time)
-    block = min(BLOCK, max(LEAST, int(ROWS / sum(1.0 / s.every for s in streams))))
-    for start in range(0, total, block):
-        stop = min(start + block, total)
+    waiting = 0
+    for start in range(0, total, BLOCK):
+        stop = min(start + BLOCK, total)
         times: dict[int, Any] = {}
         for stream in streams:
             frames = slice(start + -start % stream.every, stop, stream.every)
@@ -215,6 +216,10 @@ def _send_streams(part: Part, streams: list[Stream], timelines: Timelines, progr
             if stream.every not in times:
                 times[stream.every] = timelines.columns(frames)
             part.stream.send_columns(stream.path, times[stream.every], stream.columns(frames))
+            waiting += len(range(stop)[frames])
+            if waiting > ROWS:
+                part.stream.flush()
+                waiting = 0
         part.flush(stop)
         if progress is not None:
             progress(part.frames, total)
