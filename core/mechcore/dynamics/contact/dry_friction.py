@@ -31,7 +31,7 @@ from mechcore.errors import Fault, MechanismError
 from mechcore.forces.equilibrium import transmit
 from mechcore.forces.friction.elements import Element, elements_of, relative_rate, scales_of
 from mechcore.forces.friction.normal_loads import solve_normal_loads
-from mechcore.forces.friction.solve import FrictionResult, Response, Transmitted, pick, system
+from mechcore.forces.friction.solve import FrictionResult, Response, Transmitted, picked, system
 from mechcore.forces.kinetostatics import Forces
 from mechcore.kinematics.dyads import cross
 from mechcore.motion.compiled import Compiled
@@ -228,4 +228,4 @@ def _respond(motion: Motion, units: Sequence[Motion], elements: Sequence[Element
         force[k] = force[k] - mass * a
         moment[k] = moment[k] - inertia * alpha - cross(centre * motion.rotation(k), mass * a)
     together = transmit(motion, force, moment, base[2])
-    return Response(base, [pick(together, i, (e, n)) for i in range(e)])
+    return Response(base, picked(together, (e, n)))

@@ -12,10 +12,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
-from mechcore.arrays import Complex, Flags, Plane, Real, Values
+from mechcore.arrays import Flags, Plane, Real, Values
 from mechcore.effects.base import Wrench, power_of
 from mechcore.errors import Fault, MechanismError
 from mechcore.forces.equilibrium import transmit
@@ -127,25 +128,28 @@ def respond(
             one[i] = 1.0
             element.load(motion, own_force, own_moment, one)
         together = transmit(motion, own_force, own_moment, flanks)
-        units += [pick(together, i, (len(some), motion.frames)) for i in range(len(some))]
+        units += picked(together, (len(some), motion.frames))
     return Response(base, units)
 
 
-def pick(together: Transmitted, i: int, shape: tuple[int, int]) -> Transmitted:
-    """The part of one element of what several transmit side by side."""
+def picked(together: Transmitted, shape: tuple[int, int]) -> list[Transmitted]:
+    """The parts of the elements of what several transmit side by side."""
     transmitted, contacts, multipliers = together
 
-    def one(value: Plane) -> Complex:
-        return np.asarray(np.broadcast_to(value, shape)[i])
+    def rows(values: Any) -> Any:
+        return values if getattr(values, "shape", None) == shape else np.broadcast_to(values, shape)
 
-    def real(value: Values) -> Real:
-        return np.asarray(np.broadcast_to(value, shape)[i])
-
-    return (
-        [(one(f), real(c)) for f, c in transmitted],
-        {name: (place, one(f)) for name, (place, f) in contacts.items()},
-        {r: real(m) for r, m in multipliers.items()},
-    )
+    joints = [(rows(f), rows(c)) for f, c in transmitted]
+    touching = {name: (place, rows(f)) for name, (place, f) in contacts.items()}
+    factors = {r: rows(m) for r, m in multipliers.items()}
+    return [
+        (
+            [(f[i], c[i]) for f, c in joints],
+            {name: (place, f[i]) for name, (place, f) in touching.items()},
+            {r: m[i] for r, m in factors.items()},
+        )
+        for i in range(shape[0])
+    ]
 
 
 def system(motion: Motion, elements: Sequence[Element], response: Response, sense: float = 1.0) -> tuple[Real, Real, Flags]:
