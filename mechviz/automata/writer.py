@@ -37,6 +37,7 @@ _SPARE = 1.2  # least radius of curvature of the pitch curve, over the roller's
 _LIFT = 0.02  # way of the third roller, over the size of the drawing
 _LIFTER = 0.35  # length of the third lever
 _LIFTS = math.radians(4.0)  # of the shaft, for a lift of the pen
+_FRONT = 0.3  # of the plane of the hand crank, over the size of the drawing
 _MOST_LIFTING = 0.3  # of the turn
 _GROWTH = 1.04  # of cams, from one size that is tried to the next
 _LARGEST = 40.0  # cams, over the size of the drawing
@@ -273,6 +274,7 @@ class _Machine:
             "[links]",
             f"frame = {{ points = {{ O = {place(self.axis)}, {pivots}{self.linkage.frame_points()} }} }}",
             "cams = { points = { O = [0, 0] } }",
+            f"crank = {{ points = {{ O = [0, 0], H = {place(complex(0.5 * abs(self.axis - left.pivot)))} }}, plane = {1e3 * _FRONT * size:.6g} }}",
             f'"left lever" = {{ points = {{ A = [0, 0], D = {out[0]}, R = {place(heads[0])} }} }}',
             f'"right lever" = {{ points = {{ B = [0, 0], E = {out[1]}, R = {place(heads[1])} }} }}',
             *self.linkage.links(),
@@ -280,6 +282,7 @@ class _Machine:
             "",
             "[joints]",
             f'O = {{ revolute = ["frame", "cams"], drive = {{ speed = {speed_text} }} }}',
+            'H = { weld = ["cams", "crank"], at = "O" }',
             'A = { revolute = ["frame", "left lever"] }',
             'B = { revolute = ["frame", "right lever"] }',
             'C = { revolute = ["frame", "lifter"] }',

@@ -17,6 +17,7 @@ from mechviz.meshes.kinds.cam_profiles import CamDrawing, InverseDrawing, cam_ex
 from mechviz.meshes.kinds.fittings import Telescope, find_telescopes
 from mechviz.meshes.kinds.spatial_cams import SpatialDrawing, find_spatial
 from mechviz.meshes.kinds.wheels import Wheels, find_wheels
+from mechviz.meshes.outline import polygons, rounded
 
 _SAME = 1e-6  # points closer than this share one axle
 _WIRE = 0.015  # half the width of the thinnest plates, in sizes of the mechanism
@@ -193,7 +194,8 @@ def build_model(
     others = [j for j in joints if j.kind == "prismatic" and j.name not in racks | drawn]
     telescopes = find_telescopes(mechanism, joints, others, marks, {j.name: _travel(j, scaled) for j in others}, proportions.r)
     marks = {link: () if any(link in (t.barrel, t.rod) for t in telescopes) else own for link, own in marks.items()}
-    axles = tuple(_keyed(_axle(c, clusters, marks, proportions), cams, mechanism.frame, proportions.r) for c in clusters)
+    welds = tuple(Weldment(j.links, (_xy(j.a), _xy(j.b)), j.angle) for j in joints if j.kind == "weld")
+    axles = tuple(_keyed(_axle(c, clusters, marks, proportions), cams, welds, mechanism.frame, proportions.r) for c in clusters)
     axles = tuple(replace(axle, play=_play(axle, scaled)) for axle in axles)
     guides = [j for j in others if j.name not in {t.joint for t in telescopes}]
     slots = [joint for joint in mechanism.joints if isinstance(joint, PinSlot)]
@@ -207,7 +209,7 @@ def build_model(
         axles=axles,
         guides=tuple(_guide(mechanism, joint, scaled, clusters, marks, proportions) for joint in guides),
         slots=tuple(_slot(joint, scaled, ends.get(joint.name)) for joint in joints if joint.kind == "pin_slot"),
-        welds=tuple(Weldment(j.links, (_xy(j.a), _xy(j.b)), j.angle) for j in joints if j.kind == "weld"),
+        welds=welds,
         telescopes=telescopes,
         wheels=wheels,
         marks=marks,
@@ -220,8 +222,15 @@ def build_model(
         spindle=spindle,
         leads={f"{j.name}.slide": abs(j.lead) / size for j in mechanism.joints if isinstance(j, Screw)},
         planes={link.name: link.plane / size for link in links if link.plane},
-        figures={link.name: Polygon(np.array(link.outline) / size) for link in links if link.outline},
+        figures={link.name: _figure(np.array(link.outline) / size, proportions.bevel) for link in links if link.outline},
     )
+
+
+def _figure(corners: Real, bevel: float) -> Polygon:
+    """A figure with its sharp corners rounded so far that its edges can be bevelled; as it is where it is too fine for that."""
+    whole = Polygon(corners)
+    blunt = polygons(rounded(whole, 1.1 * bevel))
+    return blunt[0] if len(blunt) == 1 and not blunt[0].interiors else whole
 
 
 def largest_circle(model: Model) -> float:
@@ -393,8 +402,9 @@ def _play(axle: Axle, poses: Mapping[str, Real]) -> dict[str, float]:
     return play
 
 
-def _keyed(axle: Axle, cams: Sequence[CamDrawing], frame: str, r: float) -> Axle:
-    """The axle as a shaft that turns with the first plane cam on it, thicker than a pin where nothing else is on it."""
+def _keyed(axle: Axle, cams: Sequence[CamDrawing], welds: Sequence[Weldment], frame: str, r: float) -> Axle:
+    """The axle as a shaft that turns with the first plane cam on it, thicker than a pin where nothing else is on it; or with a link
+    to which another one is welded there, such as a hand crank."""
     for cam in cams:
         at = axle.centres.get(cam.cam)
         if cam.placed.bed is not None or at is None or _distance(at, cam.bore) > _SAME:
@@ -403,6 +413,11 @@ def _keyed(axle: Axle, cams: Sequence[CamDrawing], frame: str, r: float) -> Axle
         rim = min(Point(c.bore).distance(c.profile.exterior) for c in cams if c.cam == cam.cam)
         thick = set(axle.centres) == {frame, cam.cam} and rim > 1.5 * _HUB * r and axle.boss > 0.8 * r
         return replace(keyed, pin=_SHAFT * r, boss=_HUB * r) if thick else keyed
+    for weld in welds:
+        for link, other, at in zip(weld.links, weld.links[::-1], weld.points, strict=True):
+            on = frame != link in axle.centres and _distance(axle.centres[link], at) < _SAME
+            if on and frame in axle.centres and other not in axle.centres:
+                return replace(axle, owner=link, key=(1.0, 0.0))
     return axle
 
 

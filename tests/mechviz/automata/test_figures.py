@@ -11,7 +11,7 @@ import mechviz
 from mechcore.errors import MechanismError
 from mechviz.picture.build import solids_of
 from mechviz.runs import run_scene
-from mechviz.scene.scene import dump
+from mechviz.scene.scene import dump, load
 
 STAR = [[-20, -20], [50, -30], [120, -20], [60, 10], [50, 60], [40, 10]]
 
@@ -59,3 +59,22 @@ def test_outlines_are_kept_and_faults_of_them_told(tmp_path):
         four_bar(False, [[0, 0], [10, 10], [10, 0], [0, 10]])
     with pytest.raises(MechanismError, match="drawn as ground"):
         four_bar(False, STAR, "frame")
+
+
+def test_edges_of_a_figure_are_bevelled_whatever_its_corners():
+    """A needle with a tip narrower than two bevels, and a sharp notch: the face of the plate is smaller all round than its middle, by the bevel."""
+    needle = [[-20, -20], [120, -20], [200, -8.4], [200, -8], [120, -8], [120, 20], [62, 20], [58, -5], [54, 20], [-20, 20]]
+    solids = solids_of(run_scene(four_bar(False, needle), frames=36))
+    bevel, mesh = 0.12 * 0.75 * 0.033 * solids.size, solids.links["coupler"].mesh
+    (whole, low, high), *_ = solids.heights.flat("coupler")
+    middle, face = (section(mesh, z) for z in (0.5 * (low + high), high - 1e-3 * bevel))
+    assert middle.area - face.area == pytest.approx(bevel * whole.exterior.length, rel=0.15)
+    assert middle.bounds[2] > 0.170, "little of the needle is cut off"
+
+
+def test_a_shaft_turns_with_what_is_welded_on_its_axis():
+    """The sails of the mill stand on its shaft; a pin of the ground there would have its head in the neck between them."""
+    solids = solids_of(run_scene(load("theatre"), frames=24))
+    (part,) = solids.heights.parts("mill", ("pin",))
+    assert all(np.hypot(*shape.centroid.coords[0]) < 1e-6 for shape, _, _ in part)
+    assert not solids.clashes

@@ -65,15 +65,15 @@ def test_parts_lie_apart(parts):
     assert min(s.bounds[0] for s in shapes) > -1e-9 and min(s.bounds[1] for s in shapes) > -1e-9
 
 
-def test_a_hand_crank_and_cams_turn_with_their_shaft():
-    run = run_scene(load("waving-figure"))
+@pytest.mark.parametrize(("scene", "turning"), [("waving-figure", ("crank", "shaft")), ("theatre", ("mill", "sails"))])
+def test_what_is_welded_on_a_shaft_turns_with_it(scene, turning):
+    run = run_scene(load(scene))
     found = kit_of(run.motion.mechanism, looked_at(run), THICK, PLAY, WASHER)
-    shaft = next(part for part in found if part.name.startswith("shaft") and part.kind == "pin")
-    for name in ("crank", "shaft"):
+    shafts = [part.outline.exterior.length for part in found if part.name.startswith("shaft") and part.kind == "pin"]
+    for name in turning:
         plate = next(part for part in found if part.name == name)
-        assert not plate.circles and any(
-            abs(ring.length - shaft.outline.exterior.length) < 1e-6 for ring in plate.outline.interiors
-        )
+        assert all(x or y for x, y, _ in plate.circles), "no round hole on the shaft"
+        assert any(abs(ring.length - shaft) < 1e-4 for ring in plate.outline.interiors for shaft in shafts)
 
 
 def test_the_files_hold_the_parts(bird, parts, tmp_path):
