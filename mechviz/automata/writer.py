@@ -258,6 +258,7 @@ class _Machine:
         sides = zip(("left", "right"), self.tables, strict=True)
         files = {f"{name}-{side}.csv": csv_table("angle [deg],lift [deg]", 360.0, table) for side, table in sides}
         wire = up.pivot + 2.0 * up.of.arm * cmath.exp(1j * (up.heading + 0.5 * math.pi))
+        grip = 0.5 * abs(self.axis - left.pivot)  # clear of the levers' pins
         starts = (*self.starts, 0.0)
         heads = [cmath.rect(lever.of.arm, lever.heading - start) for lever, start in zip(self.levers, starts, strict=True)]
         frames = 2 * len(self.tables[0])  # accelerations between the rows of the tables are seen
@@ -274,7 +275,7 @@ class _Machine:
             "[links]",
             f"frame = {{ points = {{ O = {place(self.axis)}, {pivots}{self.linkage.frame_points()} }} }}",
             "cams = { points = { O = [0, 0] } }",
-            f"crank = {{ points = {{ O = [0, 0], H = {place(complex(0.5 * abs(self.axis - left.pivot)))} }}, plane = {1e3 * _FRONT * size:.6g} }}",
+            f"crank = {{ points = {{ O = [0, 0], H = {place(complex(grip))} }}, plane = {1e3 * _FRONT * size:.6g} }}",
             f'"left lever" = {{ points = {{ A = [0, 0], D = {out[0]}, R = {place(heads[0])} }} }}',
             f'"right lever" = {{ points = {{ B = [0, 0], E = {out[1]}, R = {place(heads[1])} }} }}',
             *self.linkage.links(),

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
@@ -13,7 +14,8 @@ from shapely.geometry import MultiPoint, Point, Polygon, box
 from shapely.ops import unary_union
 
 from mechcore.arrays import Real
-from mechcore.spec.mechanism import Mechanism
+from mechcore.cams import Roller
+from mechcore.spec.mechanism import Mechanism, Vec2
 from mechviz.meshes.draft import Draft
 from mechviz.meshes.layers.stack import Levels, stack_pieces
 from mechviz.meshes.model import Axle, Model, build_model
@@ -52,6 +54,20 @@ def kit_of(
     draft = draft_pieces(model)
     levels = stack_pieces(model, draft)
     return _Kit(model, draft, levels, thickness, clearance, washer).parts()
+
+
+@dataclass(frozen=True)
+class _Roller:
+    """A roller of a follower in the axes of its ``link``: its centre, its radius and that of its pin, in sizes of the mechanism."""
+
+    link: str
+    centre: Vec2
+    radius: float
+    pin: float
+
+    def held_by(self, shape: Polygon) -> bool:
+        """Whether a piece of the link has room for the pin."""
+        return bool(shape.contains(Point(self.centre).buffer(1.2 * self.pin)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,7 +121,19 @@ class _Kit:
                 circles.append((x, y, radius))
             else:
                 flats.append(affinity.translate(_shaft(radius, axle.key, fast[link][2]), x, y))
+        for roller in self._rollers:
+            if link == roller.link and roller.held_by(shape):
+                x, y = (self.scale * v for v in roller.centre)
+                turns = shape.area < 1.01 * math.pi * roller.radius**2
+                circles.append((x, y, self.scale * roller.pin + (0.5 * self.clearance if turns else 0.0)))
         return tuple(circles), flats
+
+    @cached_property
+    def _rollers(self) -> list[_Roller]:
+        found = [(cam, cam.placed.cam.follower.face) for cam in self.model.cams]
+        widest = 0.4 * self.model.proportions.r
+        rollers = [(cam.follower, cam.tip, face.radius / self.model.size) for cam, face in found if isinstance(face, Roller)]
+        return [_Roller(link, tip, radius, min(widest, 0.3 * radius)) for link, tip, radius in rollers]
 
     def _fast(self, axle: Axle) -> dict[str, tuple[float, float, float]]:
         """Links that a pin is fast in: its owner and what is welded to that there: the axis, and by how much they are turned back
@@ -151,7 +179,19 @@ class _Kit:
             layers.append(self.levels.top + 1 if self.levels.axle_front[number] else -1)
         return sorted(set(layers))
 
+    def _pins_of_rollers(self) -> Iterator[tuple[_Roller, list[tuple[int, float, float]]]]:
+        """Every roller with the layers of the pieces that its pin goes through, and the part of its layer that each takes up."""
+        for roller in self._rollers:
+            held = [p for p in self.draft.pieces if p.link == roller.link and not p.profile and roller.held_by(p.outline)]
+            yield roller, sorted((self.levels.layer[piece.group], *piece.height) for piece in held)
+
     def _pins(self) -> Iterator[FlatPart]:
+        pitch = self.thickness + self.washer
+        for roller, through in self._pins_of_rollers():
+            ends = [layer * pitch + part * self.thickness for layer, *height in through for part in height]
+            radius = self.scale * roller.pin
+            if len(through) > 1:
+                yield FlatPart(f"roller pin {2.0 * radius:.3g} mm", "pin", disc((0.0, 0.0), radius, SIDES), max(ends) - min(ends))
         for number, axle in enumerate(self.model.axles):
             layers = self._reach(number)
             if len(layers) < 2:
@@ -163,10 +203,11 @@ class _Kit:
             yield FlatPart(name, "pin", shape, span * (self.thickness + self.washer) + self.thickness)
 
     def _spacers(self) -> Iterator[FlatPart]:
-        for number, axle in enumerate(self.model.axles):
-            layers = self._reach(number)
-            inner = self.scale * axle.pin + 0.5 * self.clearance
-            outer = max(self.scale * axle.sleeve, inner + 1.0)
+        between = [(axle.pin, axle.sleeve, self._reach(number)) for number, axle in enumerate(self.model.axles)]
+        between += [(r.pin, 1.5 * r.pin, sorted({layer for layer, *_ in through})) for r, through in self._pins_of_rollers()]
+        for pin, sleeve, layers in between:
+            inner = self.scale * pin + 0.5 * self.clearance
+            outer = max(self.scale * sleeve, inner + 1.0)
             ring = disc((0.0, 0.0), outer, SIDES).difference(disc((0.0, 0.0), inner, SIDES))
             for a, b in pairwise(layers):
                 height = (b - a) * (self.thickness + self.washer) - self.thickness

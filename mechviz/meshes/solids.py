@@ -163,11 +163,11 @@ def _sides(tolerance: float, most: int) -> int:
     )
 
 
-def stl_bytes(solid: Solid) -> bytes:
-    """A binary STL file of a solid, in millimetres."""
-    mesh = solid.mesh.copy()
-    mesh.apply_scale(1000.0)
-    data = mesh.export(file_type="stl")
+def stl_bytes(mesh: trimesh.Trimesh) -> bytes:
+    """A binary STL file of a mesh [m], in millimetres."""
+    scaled = mesh.copy()
+    scaled.apply_scale(1000.0)
+    data = scaled.export(file_type="stl")
     assert isinstance(data, bytes)
     return data
 

@@ -1,9 +1,10 @@
-"""The solids of a mechanism as files to print: one STL a link, or one 3MF."""
+"""The solids of a mechanism and what is fixed to them as files to print: one STL a link, or one 3MF."""
 
 from __future__ import annotations
 
 import re
 import zipfile
+from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
 from xml.sax.saxutils import quoteattr
@@ -11,10 +12,14 @@ from xml.sax.saxutils import quoteattr
 import numpy as np
 
 from mechviz.files import OutputError, replacing
-from mechviz.meshes.solids import Solids, stl_bytes
+from mechviz.meshes.solids import Solid, Solids, stl_bytes
 from mechviz.picture.build import solids_of
+from mechviz.picture.fixtures import find_fixtures
+from mechviz.picture.springs import find_coils
 
 if TYPE_CHECKING:
+    import trimesh
+
     from mechviz.runs import Run
 
 _TYPES = """<?xml version="1.0" encoding="UTF-8"?>
@@ -41,16 +46,16 @@ def model_xml(run: Run, solids: Solids) -> str:
         "<resources>",
         '<basematerials id="1">',
     ]
-    drawn = [(name, solid) for name, solid in solids.links.items() if len(solid.mesh.faces)]
-    lines += [f"<base name={quoteattr(name)} displaycolor={quoteattr(_hex(solid.color))}/>" for name, solid in drawn]
+    drawn = list(_printed(run, solids))
+    lines += [f"<base name={quoteattr(name)} displaycolor={quoteattr(_hex(solid.color))}/>" for name, solid, _ in drawn]
     lines.append("</basematerials>")
     items = []
-    for k, (name, solid) in enumerate(drawn):
+    for k, (name, solid, mesh) in enumerate(drawn):
         lines.append(f'<object id="{k + 2}" name={quoteattr(name)} type="model" pid="1" pindex="{k}"><mesh><vertices>')
-        points = 1e3 * np.asarray(solid.mesh.vertices)
+        points = 1e3 * np.asarray(mesh.vertices)
         lines += [f'<vertex x="{x:.9g}" y="{y:.9g}" z="{z:.9g}"/>' for x, y, z in points.tolist()]
         lines.append("</vertices><triangles>")
-        lines += [f'<triangle v1="{a}" v2="{b}" v3="{c}"/>' for a, b, c in np.asarray(solid.mesh.faces).tolist()]
+        lines += [f'<triangle v1="{a}" v2="{b}" v3="{c}"/>' for a, b, c in np.asarray(mesh.faces).tolist()]
         lines.append("</triangles></mesh></object>")
         x, y, angle = (float(v) for v in run.motion.pose(name)[0])
         c, s = np.cos(angle), np.sin(angle)
@@ -61,6 +66,18 @@ def model_xml(run: Run, solids: Solids) -> str:
         numbers = (c, s, 0.0, -s, c, 0.0, 0.0, 0.0, 1.0, 1e3 * x, 1e3 * y, 0.0)
         items.append(f'<item objectid="{k + 2}" transform="{" ".join(f"{v:.9g}" for v in numbers)}"/>')
     return "\n".join([*lines, "</resources>", "<build>", *items, "</build>", "</model>", ""])
+
+
+def _printed(run: Run, solids: Solids) -> Iterator[tuple[str, Solid, trimesh.Trimesh]]:
+    """Every link that is drawn, with its solid and the watertight mesh [m] of that and of what is fixed to it: bars and
+    posts of the ground, seats, anvils, wheels."""
+    import trimesh
+
+    fixtures = find_fixtures(run, solids, find_coils(run, solids))
+    for name, solid in solids.links.items():
+        if len(solid.faces):
+            fixed = [trimesh.Trimesh(mesh.vertices, mesh.faces) for mesh in fixtures.get(name, ())]
+            yield name, solid, trimesh.util.concatenate([solid.mesh, *fixed]) if fixed else solid.mesh
 
 
 def _hex(color: tuple[int, int, int, int]) -> str:
@@ -91,12 +108,10 @@ def export_stl(run: Run, folder: Path | str, *, solids: Solids | None = None) ->
         words = (error.strerror or str(error)).lower()
         raise OutputError(f"The folder '{folder}' cannot be made: {words}.", "Choose another place.") from None
     written: list[Path] = []
-    for name, solid in (solids or solids_of(run)).links.items():
-        if not len(solid.faces):
-            continue
+    for name, _, mesh in _printed(run, solids or solids_of(run)):
         path = _free_name(folder, name, written)
         with replacing(path) as temporary:
-            temporary.write_bytes(stl_bytes(solid))
+            temporary.write_bytes(stl_bytes(mesh))
         written.append(path)
     return written
 

@@ -62,7 +62,7 @@ def test_outlines_are_kept_and_faults_of_them_told(tmp_path):
 
 
 def test_edges_of_a_figure_are_bevelled_whatever_its_corners():
-    """A needle with a tip narrower than two bevels, and a sharp notch: the face of the plate is smaller all round than its middle, by the bevel."""
+    """A needle with a tip narrower than two bevels, and a sharp notch: the plate's face is smaller all round, by the bevel."""
     needle = [[-20, -20], [120, -20], [200, -8.4], [200, -8], [120, -8], [120, 20], [62, 20], [58, -5], [54, 20], [-20, 20]]
     solids = solids_of(run_scene(four_bar(False, needle), frames=36))
     bevel, mesh = 0.12 * 0.75 * 0.033 * solids.size, solids.links["coupler"].mesh

@@ -98,3 +98,19 @@ def test_the_files_hold_the_parts(bird, parts, tmp_path):
             assert volumes[part.name] == pytest.approx(part.outline.area * THICK, rel=1e-6)
     assert len(list(root.iter(f"{MODEL}item"))) == sum(part.count for part in parts)
     assert paths["parts.csv"].read_text().count("\n") == len(parts) + 1 and 'stroke="red"' in paths["plates.svg"].read_text()
+
+
+def test_rollers_turn_on_pins_of_their_own():
+    """In the lever the pin is fast, the roller beside it turns on it; the cheeks of a fork hold one."""
+    run = run_scene(load("waving-figure"))
+    found = kit_of(run.motion.mechanism, looked_at(run), THICK, PLAY, WASHER)
+    pin = 0.5 * 0.6 * 8.0  # mm, of rollers with a radius of 8 mm
+    lever = [r for p in found if p.name.startswith("lever") for x, y, r in p.circles if (round(x), round(y)) == (90, 0)]
+    fork = [r for p in found if p.name.startswith("head") for *_, r in p.circles]
+    assert sorted(lever) == pytest.approx([pin, pin + 0.5 * PLAY])
+    assert sorted(fork) == pytest.approx([pin, pin, pin + 0.5 * PLAY])
+    pins = [(p.thickness, 0.5 * np.ptp(p.outline.bounds[::2])) for p in found if p.name.startswith("roller pin")]
+    assert sorted(pins) == [
+        (pytest.approx(THICK * 1.4), pytest.approx(pin)),
+        (pytest.approx(2 * THICK + WASHER), pytest.approx(pin)),
+    ]

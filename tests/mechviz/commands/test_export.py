@@ -14,7 +14,7 @@ import mechviz
 from mechviz.files import OutputError
 from mechviz.outputs.exports.solids import export_stl
 from mechviz.outputs.exports.tables import export_csv, export_parquet, wide_table
-from mechviz.picture.build import solids_of
+from mechviz.picture.build import picture_of, solids_of
 from mechviz.runs import run_scene
 from mechviz.scene.scene import loads
 from recordings import ran
@@ -65,11 +65,12 @@ def test_parquet_holds_the_same_and_says_what_it_is(tmp_path):
 def test_stl_is_one_closed_solid_a_link_in_millimetres(tmp_path):
     solids = solids_of(COMPRESSOR)
     files = export_stl(COMPRESSOR, tmp_path / "new" / "folder", solids=solids)
-    assert {f.stem for f in files} == set(solids.links)
-    for file in files:
+    drawn = {node.owner[1]: node.mesh for node in picture_of(COMPRESSOR, solids).nodes if node.key.startswith("link.")}
+    assert {f.stem for f in files} == set(solids.links) == set(drawn)
+    for file in files:  # as in the picture: the ground with its bars and posts
         mesh = trimesh.load_mesh(file)
         assert mesh.is_watertight and mesh.volume > 0
-        assert np.allclose(mesh.extents, 1e3 * solids.links[file.stem].mesh.extents, rtol=1e-5)
+        assert np.allclose(mesh.extents, 1e3 * np.ptp(drawn[file.stem].vertices, axis=0), rtol=1e-5)
 
 
 def test_links_whose_names_look_alike_get_files_of_their_own(tmp_path):

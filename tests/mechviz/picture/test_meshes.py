@@ -323,7 +323,7 @@ def test_the_order_of_layers_is_the_best_there_is():
 def test_stl_is_in_millimetres(built):
     _, _, solids = built("crank-rocker")
     for solid in solids.links.values():
-        mesh = trimesh.load_mesh(io.BytesIO(stl_bytes(solid)), file_type="stl")
+        mesh = trimesh.load_mesh(io.BytesIO(stl_bytes(solid.mesh)), file_type="stl")
         np.testing.assert_allclose(mesh.bounds, 1000.0 * solid.mesh.bounds, rtol=1e-5, atol=1e-4)
 
 
