@@ -229,8 +229,8 @@ long window(const System *y, const Rule *r, double t0, double h, const double *q
     return count;
 }
 
-/* Windows one after the other, from (q, v, t) to the time `end`, `count` at the most: each is start, length, then q, v (f) at its
-start and Legendre coefficients (s, f) of the acceleration. How they are made longer and shorter is that of windows.integrate.
+/* Windows one after the other, from (q, v, t) to the time `end`, `count` at the most: each is start, length, what `strained` gives at
+its end, then q, v (f) at its start and Legendre coefficients (s, f) of the acceleration. How they are made longer and shorter is that of windows.integrate.
 
 `at`: t, h, longest, evaluations, rejected; q, v, end_a (f), guess (s, f), near (angles): where it begins, and where it has ended.
 The result is the number of windows, its negative less one where windows became too short. */
@@ -248,7 +248,7 @@ long windows(const System *y, const Rule *r, double end, double least, double mo
         if (t + 1.9 * h > end && t + h < end) h = 0.5 * (end - t);
         memcpy(a, guess, (size_t)n * sizeof(double));
         const long evaluations = solved(y, r, t, h, q, v, 0, near, a, small, work);
-        double worst = INFINITY, *series = out + 2 + 2 * f;
+        double worst = INFINITY, *series = out + 3 + 2 * f;
         at[3] += evaluations ? (double)evaluations : 8.0;
         if (evaluations) {
             const double longest = fmax(at[2], h);
@@ -278,7 +278,7 @@ long windows(const System *y, const Rule *r, double end, double least, double mo
         at[2] = fmax(at[2], h);
         out[0] = t;
         out[1] = h;
-        memcpy(out + 2, q, (size_t)(2 * f) * sizeof(double));
+        memcpy(out + 3, q, (size_t)(2 * f) * sizeof(double));
         const double longer = h * fmin(fmax(0.9 * pow(1.0 / fmax(worst, 1e-12), 1.0 / order), 0.3), 1.6);
         double away = 0.0, spread = 0.0;
         for (long k = 0; k < f; k++) {
@@ -309,9 +309,10 @@ long windows(const System *y, const Rule *r, double end, double least, double mo
             for (long i = 0; i < s; i++) accelerations(y, work + i * f, work + n + i * f, t + h * r->nodes[i], 0, near, a);
             accelerations(y, q, v, t + h, 0, near, a);
         }
+        out[2] = strained(y, q, v, t + h, 0, near);
         at[0] = t + h;
         at[1] = longer;
-        out += 2 + 2 * f + n;
+        out += 3 + 2 * f + n;
         made++;
     }
     free(work);

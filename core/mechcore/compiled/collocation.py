@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import ctypes
 from collections.abc import Sequence
-from functools import cached_property
+from functools import cache, cached_property
 from pathlib import Path
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
-from mechcore.arrays import Real
+from mechcore.arrays import Index, Real
 from mechcore.compiled.symbols import HELPERS, Code, Operand
 from mechcore.compiled.toolchain import library
 
@@ -61,13 +61,15 @@ class CollocationRule(Protocol):
 
 class Batch(NamedTuple):
     """Windows in a row: ``starts``, ``lengths`` (w,) [s], position and speed ``q``, ``v`` (w, f) at the starts, Legendre
-    coefficients ``a`` (w, s, f) of the accelerations; ``stuck``: after the last one none is short enough."""
+    coefficients ``a`` (w, s, f) of the accelerations; ``strain`` (w,) at their ends; ``stuck``: after the last one none is short
+    enough."""
 
     starts: Real
     lengths: Real
     q: Real
     v: Real
     a: Real
+    strain: Real
     stuck: bool
 
 
@@ -127,6 +129,16 @@ def _at(x: Real) -> ctypes.c_void_p:
     return ctypes.c_void_p(x.__array_interface__["data"][0])
 
 
+@cache
+def _below(k: int) -> tuple[Index, Index]:
+    """Rows and columns of a lower triangle (k, k)."""
+    i, j = np.tril_indices(k)
+    return i, j
+
+
+_RULES: dict[int, tuple[Any, ...]] = {}  # in C, by the object that has the matrices
+
+
 class CompiledEquations:
     """Equations of motion ready to run, at assembly modes (b,), for coordinates with typical sizes ``scale`` (f,).
 
@@ -144,7 +156,6 @@ class CompiledEquations:
         self._kept: list[Real] = [np.array(x or [0.0], float) for x in (written.parameters, list(modes), list(scale))]
         self.modes = self._kept[1]
         self._system = ctypes.byref(_System(self.freedoms, self.given, self.angles, *(_at(x) for x in self._kept)))
-        self._rules: dict[int, tuple[Any, ...]] = {}
 
     def strain(self, q: Real, v: Real, t: float, d: Real, near: Real) -> float:
         """Largest ratio of a joint's rate to that of a coordinate, at one state (f,) each."""
@@ -164,7 +175,7 @@ class CompiledEquations:
         k, given = self.coordinates, [np.ascontiguousarray(x, float) for x in (q, v, t, d, near)]
         out = np.empty((len(t), k * (k + 1) // 2 + self.freedoms))
         self._loaded.reduced_at(self._system, ctypes.c_long(len(t)), *(_at(x) for x in given), _at(out))
-        inertia, (i, j) = np.empty((len(t), k, k)), np.tril_indices(k)
+        inertia, (i, j) = np.empty((len(t), k, k)), _below(k)
         inertia[:, i, j] = inertia[:, j, i] = out[:, : len(i)]
         return inertia, out[:, len(i) : len(i) + k]
 
@@ -176,11 +187,11 @@ class CompiledEquations:
         return out
 
     def _rule(self, rule: CollocationRule) -> Any:
-        known = self._rules.get(id(rule))
+        known = _RULES.get(id(rule))
         if known is None:
             kept = [np.ascontiguousarray(x, float) for x in (rule.nodes, rule.once, rule.twice, rule.legendre)]
             known = ctypes.byref(_Rule(len(rule.nodes), *(_at(x) for x in kept))), kept, rule
-            self._rules[id(rule)] = known
+            _RULES[id(rule)] = known
         return known[0]
 
     def window(
@@ -210,10 +221,10 @@ class CompiledEquations:
         ``bounds``: end [s], shortest and longest window [s], tolerance, and that of Newton's method.
         """
         s, f = len(rule.nodes), self.freedoms
-        out = np.empty((count, 2 + 2 * f + s * f))
+        out = np.empty((count, 3 + 2 * f + s * f))
         numbers = (ctypes.c_double(x) for x in bounds)
         made = int(self._loaded.windows(self._system, self._rule(rule), *numbers, ctypes.c_long(count), _at(at), _at(out)))
         stuck, made = made < 0, made if made >= 0 else -made - 1
         out = out[:made]
-        q, v, a = out[:, 2 : 2 + f], out[:, 2 + f : 2 + 2 * f], out[:, 2 + 2 * f :].reshape(made, s, f)
-        return Batch(out[:, 0], out[:, 1], q, v, a, stuck)
+        q, v, a = out[:, 3 : 3 + f], out[:, 3 + f : 3 + 2 * f], out[:, 3 + 2 * f :].reshape(made, s, f)
+        return Batch(out[:, 0], out[:, 1], q, v, a, out[:, 2], stuck)

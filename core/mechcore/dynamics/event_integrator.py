@@ -19,7 +19,17 @@ from mechcore.dynamics.contact.separation import (
     first_beyond,
     pressing,
 )
-from mechcore.dynamics.equations.charts import STRAINED, Chart, CurveChart, best_chart, enter, strain, take_over, waypoints
+from mechcore.dynamics.equations.charts import (
+    STRAINED,
+    Chart,
+    CurveChart,
+    best_chart,
+    curve_around,
+    enter,
+    strain,
+    take_over,
+    waypoints,
+)
 from mechcore.dynamics.equations.curve import Curve
 from mechcore.dynamics.equations.reduced import integrating, motion_at
 from mechcore.dynamics.events import (
@@ -303,7 +313,7 @@ class EventIntegrator:
             q, v, _ = window(np.array([t]))
             return strained(t, q[0], v[0])
 
-        largest = strained(t, *window.end())
+        largest = strained(t, *window.end()) if window.strain is None else window.strain
         self.unwatched = 2 if largest < 0.4 * STRAINED else 0
         if largest <= TOO_STRAINED or strained(window.start, window.q, window.v) > STRAINED:
             return t if largest > STRAINED else None
@@ -314,7 +324,10 @@ class EventIntegrator:
         return low if low > window.start else t
 
     def _change_chart(self, t: float, q: Real, v: Real) -> tuple[Real, Real]:
-        """Other coordinates lead from now on, if any are better; coordinates and rates in their chart."""
+        """Other coordinates lead from now on, if any are better; coordinates and rates in their chart. Where there is one, a table
+        of the way around says how far it leads, and what comes then."""
+        if len(self.scale) == len(self.compiled.mechanism.drives) == 1 and not self.friction.counts:
+            return self._tabulate(q, v)
         taken = take_over(self.compiled, q, v, t, self.charted)
         if taken is None:
             if strain(self.compiled, q, v, t) > LOST:
@@ -330,6 +343,14 @@ class EventIntegrator:
         self.unwatched = 0
         self.friction.begin(compiled, t, q, v)
         return q, self._settle(t, q, v)
+
+    def _tabulate(self, q: Real, v: Real) -> tuple[Real, Real]:
+        """Go on along the curve, on a table that has not been made so far."""
+        system, valid_range = curve_around(self.compiled, float(q[0]), table_tolerance(self.tolerance))
+        self._use_chart(self.compiled, system, valid_range)
+        self.known, self.charted = [CurveChart(self.compiled, system, valid_range)] if isinstance(system, Curve) else [], []
+        beyond = any(float(boundary(q[None], v[None], np.zeros(1))[0]) >= 0.0 for boundary in self.boundaries)
+        return self._take_over(q, v, (float(q[0]), float(v[0]))) if beyond else (q, v)
 
     def _segment(self, start: float, end: float, solution: Solution, system: System) -> Segment:
         """A segment in which the present stops and contacts hold."""

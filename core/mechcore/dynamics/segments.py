@@ -15,7 +15,7 @@ from mechcore.dynamics.equations.charts import Chart, jacobian_of
 from mechcore.dynamics.equations.curve import Curve
 from mechcore.dynamics.equations.energy import EnergyMotion
 from mechcore.dynamics.equations.program import Programmed
-from mechcore.dynamics.equations.reduced import free_of, motion_at, tangents
+from mechcore.dynamics.equations.reduced import forms_of, free_of, motion_at, tangents
 from mechcore.dynamics.events import Stop
 from mechcore.dynamics.integration.collocation import System, Window
 from mechcore.dynamics.integration.refinement import Known
@@ -137,10 +137,9 @@ class Breakpoints(Programmed):
         laws += [law for e in effects_of(compiled.mechanism) for law in e.laws]
         self.laws = [law for law in laws if law.breaks or isinstance(law, Piecewise)]
         self.breaks = np.unique([t for e in effects_of(compiled.mechanism) for t in e.breaks])
-        self.effects = [e for e in effects_of(compiled.mechanism) if e.piecewise]
-        self.cams = [r.geometry for r in compiled.model.relations if r.kind == "cam"]
         self.driven = "friction" in compiled.mechanism.effects and not free_of(compiled)  # else friction's phases end segments
-        self.searched = bool(self.effects or self.cams or self.driven)
+        several = any(e.piecewise for e in effects_of(compiled.mechanism)) or any(r.kind == "cam" for r in compiled.model.relations)
+        self.searched = several or self.driven
 
     def stated(self, after: float) -> float:
         """The first time [s] later than another one at which a law says that it changes its form; infinite where none does."""
@@ -152,13 +151,12 @@ class Breakpoints(Programmed):
 
     def _forms(self, window: Window, t: Real) -> Real:
         q, v, _ = window(t)
-        program = None if self.cams or self.driven else self.program()
+        program = None if self.driven else self.program()
         forms = None if program is None else program.forms(q, v, t)
         if forms is not None:
             return forms
         motion = motion_at(self.compiled, q, v, t)
-        numbers = [*(e.phase(motion) for e in self.effects), *(c.segment(motion) for c in self.cams)]
-        numbers += list(senses(motion).T) if self.driven else []
+        numbers = [*forms_of(motion), *(senses(motion).T if self.driven else ())]
         return np.stack([np.broadcast_to(x, t.shape) for x in numbers])
 
     def __call__(self, window: Window, after: float) -> float | None:

@@ -78,7 +78,7 @@ def simulate(
     system: Chart | Curve = Chart(compiled)
     valid_range: tuple[float, float] | None = None
     alone = len(q) == len(compiled.mechanism.drives) == 1 and not separable_cams and not integrating(compiled)
-    if alone and not braking_elements(compiled, q, v):
+    if alone and not braking_elements(compiled, q, v) and not _by_program(compiled, method):
         system, valid_range = _curve(original, compiled, q[0], table_tolerance(tolerance), keep=not stops)
     if len(q):
         _weigh(compiled, q, system)
@@ -127,6 +127,14 @@ def simulate(
         return run
     events = (SimulationEvent(0.0, "stiff", unseen.load, unseen.stepped_over), *run.events)
     return replace(run, unseen=(unseen.amplitude, unseen.frequency), events=events)
+
+
+def _by_program(compiled: Compiled, method: Method) -> bool:
+    """Whether a program in C leads a mechanism of one freedom over windows by itself, so that no table need be made before."""
+    program = None if method == "energy" else Chart(compiled).program()
+    if program is None or not (program.alone and program.everywhere):
+        return False
+    return method != "auto" or any("velocities" in e.needs or "time" in e.needs for e in effects_of(compiled.mechanism))
 
 
 def _curve(

@@ -65,7 +65,8 @@ def segment_of(cam: Any, motion: Motion) -> Real:
     law = cam.cam.law
     x = cam.argument(motion) * cam.ahead
     local = np.mod(x - law.start, law.length) + law.start if law.repeats else x
-    return np.asarray(np.searchsorted(cam.knots, local, side="right"), float)
+    number: Real = np.multiply(np.searchsorted(cam.knots, local, side="right"), 1.0)
+    return number
 
 
 @dataclass(frozen=True, eq=False)

@@ -18,9 +18,16 @@ from mechcore.compiled.collocation import Batch, CollocationRule, CompiledEquati
 from mechcore.compiled.motion import MOST_LINES
 from mechcore.compiled.steps import check_traceable, followed_angle, place_all
 from mechcore.compiled.symbols import Code, Symbol, Untraceable, rotation
-from mechcore.dynamics.equations.reduced import coordinate_scales, free_of, integrating, motion_at, rates_of_joints, reduced_terms
+from mechcore.dynamics.equations.reduced import (
+    coordinate_scales,
+    forms_of,
+    free_of,
+    integrating,
+    motion_at,
+    rates_of_joints,
+    reduced_terms,
+)
 from mechcore.dynamics.integration.windows import MARGIN
-from mechcore.effects.registry import effects_of
 from mechcore.errors import MechanismError
 from mechcore.kinematics.columns import all_columns, all_vectors
 from mechcore.kinematics.model import Model
@@ -220,10 +227,9 @@ class _Writer:
         return WrittenEquations(code, (outputs, near, ratios, forms), (len(free), len(states)), given, MARGIN)
 
     def _forms(self, motion: Motion) -> list[Any]:
-        """Whole numbers for the forms of the laws that effects follow, see `Effect.phase`; none where C does not have them all."""
-        effects: list[Any] = [e for e in effects_of(self.compiled.mechanism) if e.piecewise]
+        """Forms of the laws of effects and cams; none where C does not have them all."""
         try:
-            return [self._operand(e.phase(motion)) for e in effects]
+            return [self._operand(x) for x in forms_of(motion)]
         except (TypeError, AttributeError, ValueError, IndexError):  # what code for arrays says of symbols
             return []
 
@@ -275,7 +281,7 @@ class _Writer:
         vectors = all_vectors(model, state)
         columns = all_columns(model, vectors)
         speeds = velocities(model, vectors, columns, [v for _, v, _ in drives], bends=state.bends)
-        given: dict[str, Any] = {"drives": drives, "loop_vectors": vectors, "columns": columns, "speeds": speeds}
+        given: dict[str, Any] = {"shape": (), "drives": drives, "loop_vectors": vectors, "columns": columns, "speeds": speeds}
         if second:
             given["accelerations"] = accelerations(model, vectors, columns, speeds, [a for _, _, a in drives])
         vars(motion).update(given)

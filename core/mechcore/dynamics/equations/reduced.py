@@ -102,6 +102,13 @@ def steps_of_differences(compiled: Compiled, q: Real, v: Real, a: Real) -> tuple
     return STEP * np.maximum(scales, np.abs(q).max(axis=0)), STEP * np.maximum(pace * scales, np.abs(v).max(axis=0))
 
 
+def forms_of(motion: Motion) -> list[Values]:
+    """Whole numbers (n,) for the forms of the laws that effects and cams follow, see `Effect.phase`: where one changes, some
+    derivative of a force may jump."""
+    cams = [r.geometry for r in motion.model.relations if r.kind == "cam"]
+    return [*(e.phase(motion) for e in effects_of(motion.mechanism) if e.piecewise), *(c.segment(motion) for c in cams)]
+
+
 def motion_at(compiled: Compiled, q: Real, v: Real, t: Real, a: Real | None = None) -> Motion:
     """The mechanism at free coordinates (n, f) with rates (n, f), second rates (n, f) or none, at times (n,).
 

@@ -120,7 +120,8 @@ def radau(s: int) -> Rule:
 @dataclass(frozen=True, eq=False)
 class Window:
     """One window of a solution: times ``start`` to ``start + length`` [s]; ``q``, ``v`` (f,) at its start, Legendre coefficients
-    ``a`` (s, f) of the acceleration. ``cut``: it ends where the equations change their form."""
+    ``a`` (s, f) of the acceleration. ``cut``: it ends where the equations change their form; ``strain``: how fast some joint is
+    there against the coordinates, where that is known."""
 
     start: float
     length: float
@@ -128,6 +129,7 @@ class Window:
     v: Real
     a: Real
     cut: bool = False
+    strain: float | None = None
 
     def __call__(self, t: Real) -> tuple[Real, Real, Real]:
         """Position, speed and acceleration (n, f) at times (n,)."""

@@ -206,7 +206,9 @@ class _Integration:
         most = np.inf if self.by.most is None else self.by.most
         batch = program.windows(self.rule, at, (self.t1, self.least, most, self.by.tolerance, self.small), BATCH)
         solution.evaluations, solution.rejected = solution.evaluations + int(at[3]), solution.rejected + int(at[4])
-        if not all(self._accept(window) for window in map(Window, *batch[:5])):
+        numbers = (x.tolist() for x in (batch.starts, batch.lengths, batch.strain))
+        rows = zip(*numbers, batch.q, batch.v, batch.a, strict=True)
+        if not all(self._accept(Window(t, h, q, v, a, strain=x)) for t, h, x, q, v, a in rows):
             return False
         self.t, self.h, self.longest = (float(x) for x in at[:3])
         self.q, self.v, self.end_a = at[5 : 5 + f], at[5 + f : 5 + 2 * f], at[None, 5 + 2 * f : 5 + 3 * f]

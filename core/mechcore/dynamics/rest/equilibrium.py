@@ -292,6 +292,8 @@ def vibrations(compiled: Compiled, forces: Real, inertia: Real) -> tuple[Real, R
     both = scale[:, None] * scale
     if not (np.isfinite(stiffness).all() and np.linalg.eigvalsh(inertia * both)[0] > 0.0):
         return None
+    if f == 1:
+        return stiffness[-1][0] / inertia[0], 1.0 / np.sqrt(inertia * both), stiffness
     from scipy.linalg import eigh
 
     squares, shapes = eigh(stiffness[-1] * both, inertia * both)
