@@ -5,6 +5,7 @@ No test has a deadline.
 
 from __future__ import annotations
 
+import gc
 import os
 import signal
 from collections.abc import Callable
@@ -19,6 +20,8 @@ os.environ.pop("PYTHONDONTWRITEBYTECODE", None)  # processes of tests: each woul
 
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:  # started in the background: processes of tests would not be interrupted
     signal.signal(signal.SIGINT, signal.default_int_handler)
+
+gc.set_threshold(100_000, 20, 50)  # thousands of tests are kept, which the usual thresholds would look through again and again
 
 # a busy machine fails no test, and a run here tries the examples of CI: what is random is searched by --hypothesis-profile=search
 settings.register_profile("search", deadline=None, suppress_health_check=[HealthCheck.too_slow], derandomize=False, print_blob=True)

@@ -92,6 +92,19 @@ def leaves(
         yield Leaf(path, value, kind, marks)
 
 
+def leaf_at(value: Any, place: Place) -> Leaf:
+    """The value at a place of a document."""
+    annotation: Any = None
+    for part in place:
+        kind, _ = peel(annotation, value)
+        if isinstance(value, Table):
+            annotation, value = hints_of(type(value))[str(part)], getattr(value, str(part))
+        else:
+            annotation = get_args(kind)[1] if isinstance(value, Mapping) else inner_types(kind, len(value))[int(part)]
+            value = value[part]
+    return Leaf(place, value, *peel(annotation, value))
+
+
 def raw_leaves(raw: Any, annotation: Any, path: Place = ()) -> Iterator[Leaf]:
     """The values that hold no others of plain data for a type, as far as they are where that type has a place."""
     kind, marks = peel(annotation, raw)

@@ -261,6 +261,11 @@ class SceneDocument(Table):
         """For the reader of scenes: says which values follow from which expressions."""
         self._formulas = formulas
 
+    @property
+    def parameters_written(self) -> dict[str, Any]:
+        """The parameters as plain data, as a scene file states them."""
+        return dict(self.model_dump(include={"parameters"}, exclude_unset=True).get("parameters", {}))
+
     def written(self, *, defaults: bool = True) -> dict[str, Any]:
         """Plain data as a scene file states them, expressions in their places; ``defaults``: also values that are the default."""
         stated = self.model_dump(exclude_unset=True)

@@ -26,7 +26,7 @@ from mechviz.scene.kinds.copies import with_copies
 from mechviz.scene.kinds.settings import accuracy_of
 from mechviz.scene.limits import size_faults
 from mechviz.scene.names import files_named
-from mechviz.scene.reading.formulas import ParameterValue, parameter_changes, resolve
+from mechviz.scene.reading.formulas import ParameterValue, parameter_changes, resolve, resolve_again
 from mechviz.scene.reading.recovery import Reading, read_document
 from mechviz.scene.reading.text import find_scene, parse_toml, read_text, toml_text
 from mechviz.scene.units import EXPRESSION_PATTERN, Units
@@ -114,7 +114,7 @@ class Scene:
     @property
     def parameters(self) -> Mapping[str, ParameterValue]:
         """The parameters by name, in SI units."""
-        return resolve({"parameters": self.document.written().get("parameters", {})}).parameters
+        return resolve({"parameters": self.document.parameters_written}).parameters
 
     @property
     def accuracy(self) -> Accuracy:
@@ -193,6 +193,14 @@ def _with_formulas(document: SceneDocument, changes: Mapping[Place, Any]) -> Sce
     """The document with other values, and with those that follow from them. Raises `ValidationError`."""
     if not document.parameters and not document.formulas:
         made: SceneDocument = with_values(document, changes)
+        return made
+    if all(place[0] == "parameters" and len(place) > 1 for place in changes):  # all that is written elsewhere stays
+        values, faults = resolve_again(document, changes)
+        if faults:
+            raise ValidationError.from_exception_data("scene", [])
+        following = {place: value for place, value in values.items() if value != value_at(document, place)}
+        made = with_values(document, following | dict(changes))
+        made.keep_formulas(document.formulas)
         return made
     resolved = resolve(with_values(document.written(), changes))
     if resolved.faults:

@@ -95,7 +95,9 @@ def meeting_links(spec: Mechanism, poses: Poses, solids: Solids, every: int = 3)
             looked_at.add(pair)
             for name in {a, b} - at.keys():
                 at[name] = placed(cut[name][1], poses.get(name, still)[::every], solids.size)
-            first = shapely.buffer(at[a], -TOUCH / solids.size) if {a, b} in touching else at[a]
+            first = at[a]
+            if {a, b} in touching:
+                first = placed(shapely.buffer(cut[a][1], -TOUCH / solids.size), poses.get(a, still)[::every], solids.size)
             if shapely.intersects(first, at[b]).any():
                 found.add((a, b))
     return found

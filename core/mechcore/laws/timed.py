@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import field
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import Any, Literal, Protocol
 
 import numpy as np
@@ -247,26 +247,12 @@ class Table:
     _spline: object = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
-        from scipy.interpolate import CubicHermiteSpline, CubicSpline, PchipInterpolator, make_interp_spline
-
-        x, y = np.asarray(self.x, float), np.asarray(self.y, float)
-        if self.period is not None:
-            x, y = np.append(x, x[0] + self.period), np.append(y, y[0])
-        if self.straight:
-            spline: object = make_interp_spline(x, y, k=1)
-        elif self.smooth == "spline":
-            spline = CubicSpline(x, y, bc_type="periodic" if self.period is not None else "not-a-knot")
-        elif self.period is None:
-            spline = PchipInterpolator(x, y)
-        else:  # a slope follows from the points on both sides
-            around = PchipInterpolator(np.r_[x[-2] - self.period, x, x[1] + self.period], np.r_[y[-2], y, y[1]])
-            spline = CubicHermiteSpline(x, y, around(x, 1))
-        object.__setattr__(self, "_spline", spline)
+        object.__setattr__(self, "_spline", _interpolation(tuple(self.x), tuple(self.y), self.period, self.smooth))
 
     @property
     def straight(self) -> bool:
         """Whether it is straight lines between the points."""
-        return not self.smooth or len(self.x) < 2 + (self.period is None)
+        return _is_straight(self.x, self.period, self.smooth)
 
     @property
     def knots(self) -> tuple[float, ...]:
@@ -315,6 +301,28 @@ class Table:
         turns = np.floor((x - self.x[0]) / self.period)
         inner = np.searchsorted(knots, x - turns * self.period, side="right")
         return np.asarray(turns * (len(knots) + 1) + inner, np.int64)
+
+
+def _is_straight(x: Sequence[float], period: float | None, smooth: Smoothness) -> bool:
+    return not smooth or len(x) < 2 + (period is None)
+
+
+@lru_cache(maxsize=256)  # another value of a scene leaves most of its tables as they are
+def _interpolation(knots: tuple[float, ...], values: tuple[float, ...], period: float | None, smooth: Smoothness) -> object:
+    from scipy.interpolate import CubicHermiteSpline, CubicSpline, PchipInterpolator, make_interp_spline
+
+    x, y = np.asarray(knots, float), np.asarray(values, float)
+    if period is not None:
+        x, y = np.append(x, x[0] + period), np.append(y, y[0])
+    if _is_straight(knots, period, smooth):
+        return make_interp_spline(x, y, k=1)
+    if smooth == "spline":
+        return CubicSpline(x, y, bc_type="periodic" if period is not None else "not-a-knot")
+    if period is None:
+        return PchipInterpolator(x, y)
+    # a slope follows from the points on both sides
+    around = PchipInterpolator(np.r_[x[-2] - period, x, x[1] + period], np.r_[y[-2], y, y[1]])
+    return CubicHermiteSpline(x, y, around(x, 1))
 
 
 def _overshoot(x: Real, y: Real, curve: Any) -> tuple[float, int]:

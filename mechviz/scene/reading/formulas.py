@@ -13,7 +13,7 @@ import numpy as np
 
 from mechcore.arrays import Real
 from mechcore.errors import Fault
-from mechviz.scene.annotations import Leaf, Place, raw_leaves
+from mechviz.scene.annotations import Leaf, Place, leaf_at, raw_leaves
 from mechviz.scene.document import SceneDocument, with_values
 from mechviz.scene.expressions import (
     PLAIN,
@@ -91,9 +91,22 @@ def resolve(raw: Mapping[str, Any]) -> Resolved:
     return result
 
 
+def resolve_again(document: SceneDocument, changes: Mapping[Place, Any]) -> tuple[dict[Place, Any], list[Fault]]:
+    """The values of a document's expressions where its parameters change, in the scene's units, and what is wrong with them."""
+    result = Resolved(with_values({"parameters": document.parameters_written}, changes))
+    _parameters(result.data["parameters"], result)
+    known = {name: parameter.amount for name, parameter in result.parameters.items()}
+    units = _units(document.units.model_dump())
+    values: dict[Place, Any] = {}
+    for place, text in document.formulas.items():
+        with result.noting(path_text(place)):
+            values[place] = _value_at(leaf_at(document, place), parse_expression(text), known, units)
+    return values, result.faults
+
+
 def parameter_changes(document: SceneDocument, values: Mapping[str, float | str]) -> tuple[dict[Place, Any], list[Fault]]:
     """The changes of a document that give parameters other values, and what is wrong with those."""
-    entries = document.written().get("parameters", {})
+    entries = document.parameters_written
     known = resolve({"parameters": entries}).parameters
     changes: dict[Place, Any] = {}
     faults = []
@@ -115,7 +128,7 @@ def parameter_changes(document: SceneDocument, values: Mapping[str, float | str]
 
 def parameter_arrays(document: SceneDocument, values: Mapping[str, Real]) -> dict[str, Amount]:
     """The parameters of many designs side by side: ``values`` (D,) of some in SI units, and of all that follow from them."""
-    entries = document.written()["parameters"]
+    entries = document.parameters_written
     known = resolve({"parameters": entries}).parameters
     amounts = {name: Amount(own, known[name].amount.powers) for name, own in values.items()}
     waiting = {
@@ -134,7 +147,7 @@ def formula_values(document: SceneDocument, amounts: Mapping[str, Amount], place
 
 def parameters_behind(document: SceneDocument, place: Place) -> set[str]:
     """The parameters that the expression at a place follows from, also by way of others."""
-    entries = document.written().get("parameters", {})
+    entries = document.parameters_written
     names: set[str] = set()
     waiting = list(parse_expression(document.formulas[place]).names)
     while waiting:
@@ -148,7 +161,7 @@ def parameters_behind(document: SceneDocument, place: Place) -> set[str]:
 
 def parameter_words(document: SceneDocument) -> list[str]:
     """Each parameter of a document with its value, range and tolerance, for people: ``throw = stroke/2 = 40 mm``."""
-    entries = document.written().get("parameters", {})
+    entries = document.parameters_written
     units = _units(document.units.model_dump())
     lines = []
     for name, known in resolve({"parameters": entries}).parameters.items():

@@ -17,13 +17,14 @@ from mechviz.outputs.presentation import presentation_of
 from mechviz.outputs.rerun.plots import main_outputs
 from mechviz.outputs.rerun.recorded import numbers_in, picture_in
 from mechviz.outputs.viewer.world.bodies import BodyNodes
-from mechviz.picture.build import picture_of, solids_of
+from mechviz.picture.build import picture_of
 from mechviz.picture.nodes import Body
 from mechviz.picture.surface_marks import MARKS, find_belt_marks, way_of
-from recordings import made
+from recordings import Made, made, solids
 
-DRIVE = made("belt-drive")
-SOLIDS = solids_of(DRIVE.run)
+
+def drive() -> Made:
+    return made("belt-drive")
 
 
 @pytest.mark.parametrize("crossed", [False, True])
@@ -43,10 +44,10 @@ def test_a_loop_is_closed_and_runs_along_itself(crossed):
 @pytest.mark.parametrize("joint", ["V", "X"])
 def test_a_mark_on_a_pulley_turns_with_it(joint):
     """With the second one, too, whose angle the solver finds and the marks do not look at."""
-    (loop,) = [k for k in SOLIDS.loops if k.joint == joint]
-    motion, second = DRIVE.run.motion, {"V": "drum", "X": "fan"}[joint]
-    marks = [m for m in find_belt_marks(DRIVE.run, SOLIDS) if m.name.startswith(joint)]
-    assert len(marks) == MARKS and np.ptp(way_of(DRIVE.run, loop)) == pytest.approx(loop.radii[0] * 6.0 * np.pi)
+    (loop,) = [k for k in solids("belt-drive").loops if k.joint == joint]
+    motion, second = drive().run.motion, {"V": "drum", "X": "fan"}[joint]
+    marks = [m for m in find_belt_marks(drive().run, solids("belt-drive")) if m.name.startswith(joint)]
+    assert len(marks) == MARKS and np.ptp(way_of(drive().run, loop)) == pytest.approx(loop.radii[0] * 6.0 * np.pi)
     seen = 0
     for mark in marks:
         at = mark.places()[:, :2] @ [1.0, 1.0j]
@@ -62,13 +63,13 @@ def test_a_mark_on_a_pulley_turns_with_it(joint):
 
 
 def test_marks_lie_on_the_belts_that_are_drawn():
-    solid = SOLIDS.links["frame"]
+    solid = solids("belt-drive").links["frame"]
     belts = [part for part, kind in zip(solid.parts, solid.kinds, strict=True) if kind == "belt"]
-    for loop, belt in zip(SOLIDS.loops, belts, strict=True):
+    for loop, belt in zip(solids("belt-drive").loops, belts, strict=True):
         height = 0.5 * (loop.low + loop.high)
         assert belt.bounds[:, 2] == pytest.approx([loop.low, loop.high])
         shape = section(belt, height)
-        for mark in find_belt_marks(DRIVE.run, SOLIDS):
+        for mark in find_belt_marks(drive().run, solids("belt-drive")):
             if mark.name.startswith(loop.joint):
                 places = mark.places()
                 assert np.all(places[:, 2] == pytest.approx(height))
@@ -80,10 +81,10 @@ def test_marks_lie_on_the_belts_that_are_drawn():
 
 
 def test_recording_page_viewer_and_glb_show_the_same_marks():
-    marks = list(find_belt_marks(DRIVE.run, SOLIDS))
-    read = list(picture_in(DRIVE.recording, numbers_in(DRIVE.recording)).of(Body, "belt"))
+    marks = list(find_belt_marks(drive().run, solids("belt-drive")))
+    read = list(picture_in(drive().recording, numbers_in(drive().recording)).of(Body, "belt"))
     assert [(m.key, m.parent) for m in read] == [(f"belt.{m.name}", m.link) for m in marks]
-    data = glb_bytes(presentation_of(DRIVE.run))
+    data = glb_bytes(presentation_of(drive().run))
     size = int.from_bytes(data[12:16], "little")
     document, binary = json.loads(data[20 : 20 + size]), data[28 + size :]
     names = [node["name"] for node in document["nodes"]]
@@ -104,7 +105,7 @@ def test_recording_page_viewer_and_glb_show_the_same_marks():
 
 
 def test_pulleys_are_not_called_rockers():
-    names = [output.name for output in main_outputs(DRIVE.run)]
+    names = [output.name for output in main_outputs(drive().run)]
     assert names == ["Output angle [°]", "Output velocity [rad/s]", "Output acceleration [rad/s²]"]
     assert main_outputs(made("kinetostatic-four-bar").run)[0].name == "Rocker angle [°]"
 
@@ -121,7 +122,7 @@ def test_marks_that_look_as_before_keep_their_nodes():
         return SimpleNamespace(picture=replace(picture, nodes=tuple(bodies)))
 
     server = SimpleNamespace(scene=SimpleNamespace(add_mesh_simple=add_mesh_simple))
-    picture = picture_of(DRIVE.run, SOLIDS)
+    picture = picture_of(drive().run, solids("belt-drive"))
     marks = tuple(picture.of(Body, "belt"))
     nodes = BodyNodes(server, shown(marks))
     assert len(made_nodes) == 2 * MARKS and not gone

@@ -15,18 +15,20 @@ from mechviz.files import OutputError
 from mechviz.outputs.exports.solids import export_stl
 from mechviz.outputs.exports.tables import export_csv, export_parquet, wide_table
 from mechviz.picture.build import picture_of, solids_of
-from mechviz.runs import run_scene
+from mechviz.runs import Run, run_scene
 from mechviz.scene.scene import loads
 from recordings import ran
 
-COMPRESSOR = ran("slider-crank-compressor")
+
+def compressor() -> Run:
+    return ran("slider-crank-compressor")
 
 
 def test_csv_reads_back_bit_for_bit(tmp_path):
-    path = export_csv(COMPRESSOR, tmp_path / "t.csv")
+    path = export_csv(compressor(), tmp_path / "t.csv")
     with open(path, newline="", encoding="utf-8") as file:
         header, *rows = list(csv.reader(file))
-    columns = wide_table(COMPRESSOR)
+    columns = wide_table(compressor())
     assert header == list(columns) and header[0] == "time [s]"
     values = np.array([[float(x) for x in row] for row in rows])
     assert np.array_equal(values, np.column_stack(list(columns.values())))
@@ -43,7 +45,7 @@ def test_csv_reads_back_bit_for_bit(tmp_path):
         "health.power_balance [1]",
     ):
         assert name in header
-    assert np.array_equal(columns["S.motion.slide [m]"], COMPRESSOR.motion.coordinate("S")[:, 0])
+    assert np.array_equal(columns["S.motion.slide [m]"], compressor().motion.coordinate("S")[:, 0])
 
 
 def test_kinematics_has_no_columns_of_forces():
@@ -52,20 +54,20 @@ def test_kinematics_has_no_columns_of_forces():
 
 
 def test_parquet_holds_the_same_and_says_what_it_is(tmp_path):
-    path = export_parquet(COMPRESSOR, tmp_path / "t.parquet")
+    path = export_parquet(compressor(), tmp_path / "t.parquet")
     table = pq.read_table(path)
-    for name, values in wide_table(COMPRESSOR).items():
+    for name, values in wide_table(compressor()).items():
         assert np.array_equal(table[name].to_numpy(), values), name
     about = {k.decode(): v.decode() for k, v in table.schema.metadata.items()}
     assert about["mechviz.scene"] == "slider-crank-compressor"
     assert json.loads(about["mechviz.model"])["frame"] == "frame"
-    assert mechviz.loads(about["mechviz.scene_toml"]) == COMPRESSOR.scene
+    assert mechviz.loads(about["mechviz.scene_toml"]) == compressor().scene
 
 
 def test_stl_is_one_closed_solid_a_link_in_millimetres(tmp_path):
-    solids = solids_of(COMPRESSOR)
-    files = export_stl(COMPRESSOR, tmp_path / "new" / "folder", solids=solids)
-    drawn = {node.owner[1]: node.mesh for node in picture_of(COMPRESSOR, solids).nodes if node.key.startswith("link.")}
+    solids = solids_of(compressor())
+    files = export_stl(compressor(), tmp_path / "new" / "folder", solids=solids)
+    drawn = {node.owner[1]: node.mesh for node in picture_of(compressor(), solids).nodes if node.key.startswith("link.")}
     assert {f.stem for f in files} == set(solids.links) == set(drawn)
     for file in files:  # as in the picture: the ground with its bars and posts
         mesh = trimesh.load_mesh(file)
@@ -86,11 +88,11 @@ def test_files_are_replaced_whole_or_not_at_all(tmp_path, write, monkeypatch):
     path = tmp_path / "t"
     path.write_text("old")
     with pytest.raises(OutputError, match="does not exist"):
-        write(COMPRESSOR, tmp_path / "missing" / "t")
+        write(compressor(), tmp_path / "missing" / "t")
     with pytest.raises(OutputError, match="is a folder"):
-        write(COMPRESSOR, tmp_path)
+        write(compressor(), tmp_path)
     with pytest.raises(OutputError, match="not a regular file"):
-        write(COMPRESSOR, "/dev/null")
+        write(compressor(), "/dev/null")
 
     def full(*_args):
         raise OSError(28, "No space left on device")
@@ -98,13 +100,13 @@ def test_files_are_replaced_whole_or_not_at_all(tmp_path, write, monkeypatch):
     with monkeypatch.context() as patched:
         patched.setattr("mechviz.files.os.fsync", full)
         with pytest.raises(OutputError, match="disk is full"):
-            write(COMPRESSOR, path)
+            write(compressor(), path)
     assert path.read_text() == "old" and [p.name for p in tmp_path.iterdir()] == ["t"]
-    write(COMPRESSOR, path)
+    write(compressor(), path)
     assert path.stat().st_size > 1000 and [p.name for p in tmp_path.iterdir()] == ["t"]
 
 
 def test_a_folder_that_cannot_be_made(tmp_path):
     (tmp_path / "file").write_text("")
     with pytest.raises(OutputError, match="cannot be made"):
-        export_stl(COMPRESSOR, tmp_path / "file" / "folder")
+        export_stl(compressor(), tmp_path / "file" / "folder")

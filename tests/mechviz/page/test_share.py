@@ -36,15 +36,19 @@ from mechviz.outputs.rerun.reader import Recording
 from mechviz.outputs.rerun.writer import write_recording
 from mechviz.runs import run_scene
 from mechviz.scene.scene import load
-from recordings import made
+from recordings import Made, made
 
-TEN = made("ten-link-forces", 360)
+
+def recorded() -> Made:
+    return made("ten-link-forces", 360)
+
+
 NUMBERS = st.floats(-1e6, 1e6, allow_nan=False)
 
 
 @pytest.fixture(scope="module")
 def ten():
-    page, frames = make_page(TEN.shown)
+    page, frames = make_page(recorded().shown)
     return page, frames, *content(page)
 
 
@@ -85,18 +89,18 @@ def test_a_page_of_ten_links_is_small_and_names_nothing_outside_itself(ten):
 
 def test_poses_and_solids_are_those_of_the_recording(ten):
     _, frames, header, arrays = ten
-    assert header["frames"] == header["total"] == len(frames.chosen) == TEN.run.motion.frames
-    assert [link["name"] for link in header["links"]] == list(TEN.recording.model["links"])
+    assert header["frames"] == header["total"] == len(frames.chosen) == recorded().run.motion.frames
+    assert [link["name"] for link in header["links"]] == list(recorded().recording.model["links"])
     for link in header["links"]:
         pose = arrays[link["pose"]].reshape(-1, 3)
-        assert np.array_equal(pose, TEN.data("links", link["name"], "pose")[: len(pose)].astype(np.float32))
+        assert np.array_equal(pose, recorded().data("links", link["name"], "pose")[: len(pose)].astype(np.float32))
         assert link["moves"] == (link["name"] != "frame")
         path = ("mechanism", "links", link["name"], "mesh")
-        vertices = TEN.recording.static(*path, component="Mesh3D:vertex_positions")
+        vertices = recorded().recording.static(*path, component="Mesh3D:vertex_positions")
         stored = arrays[link["mesh"]["vertices"]].reshape(-1, 3)
         assert np.abs(stored - vertices).max() < 1e-5 * np.ptp(vertices)
         assert np.array_equal(
-            arrays[link["mesh"]["faces"]].reshape(-1, 3), TEN.recording.static(*path, component="Mesh3D:triangle_indices")
+            arrays[link["mesh"]["faces"]].reshape(-1, 3), recorded().recording.static(*path, component="Mesh3D:triangle_indices")
         )
 
 
@@ -128,10 +132,11 @@ def test_plots_are_the_numbers_of_the_recording_in_units_for_people(ten):
     _, _, header, arrays = ten
     plots = {p["title"]: p for p in header["plots"]}
     torque = plots["Drive A: torque"]
-    assert torque["unit"] == "N m" and np.array_equal(arrays[torque["values"]], TEN.data("drive", "A")[:, 3].astype(np.float32))
+    assert torque["unit"] == "N m"
+    assert np.array_equal(arrays[torque["values"]], recorded().data("drive", "A")[:, 3].astype(np.float32))
     angle = plots["Link rocker: angle"]
     assert angle["unit"] == "°"
-    assert arrays[angle["values"]] == pytest.approx(np.degrees(TEN.data("links", "rocker", "pose")[:, 2]), abs=1e-4)
+    assert arrays[angle["values"]] == pytest.approx(np.degrees(recorded().data("links", "rocker", "pose")[:, 2]), abs=1e-4)
     force = arrays[plots["Joint B: reaction"]["values"]].reshape(-1, 3)
     assert plots["Joint B: reaction"]["names"] == ["Fx", "Fy", "|F|"]
     assert force[:, 2] == pytest.approx(np.hypot(force[:, 0], force[:, 1]), rel=1e-5)
@@ -141,7 +146,7 @@ def test_plots_are_the_numbers_of_the_recording_in_units_for_people(ten):
     polar = plots["Joint B: polar plot of the reaction"]
     assert polar["equal"] and np.array_equal(arrays[polar["x"]], force[:, 0])
     phase = plots["Joint D: phase diagram, velocity against angle"]
-    rate = TEN.data("joints", "D", "motion")[:, 1].astype(np.float32)
+    rate = recorded().data("joints", "D", "motion")[:, 1].astype(np.float32)
     assert phase["unit"] == "rad/s" and np.array_equal(arrays[phase["values"]], rate)
     assert "Joint A: phase diagram, velocity against angle" not in plots  # it turns on and on
 
@@ -164,11 +169,11 @@ def test_arrows_are_drawn_where_and_as_long_as_in_the_recording(ten):
     drawn = {(d["group"], d["name"]): d for d in header["drawables"] if d["kind"] == "arrows"}
     arrow = drawn["reaction", "B"]
     origins, vectors = (arrays[arrow[k]].reshape(len(frames.chosen), 2) for k in ("origins", "vectors"))
-    scale = TEN.recording.properties["newtons_per_metre"]
+    scale = recorded().recording.properties["newtons_per_metre"]
     shown = ~np.isnan(origins[:, 0])
     assert shown.sum() > 300
-    assert vectors[shown] * scale == pytest.approx(TEN.data("joints", "B", "reaction")[shown, :2], abs=1e-3 * scale)
-    assert origins[shown] == pytest.approx(TEN.data("joints", "B", "position")[shown], abs=1e-4)
+    assert vectors[shown] * scale == pytest.approx(recorded().data("joints", "B", "reaction")[shown, :2], abs=1e-3 * scale)
+    assert origins[shown] == pytest.approx(recorded().data("joints", "B", "position")[shown], abs=1e-4)
     groups = {g["name"]: g for g in header["groups"]}
     assert groups["reaction"]["shown"] and not groups["acceleration"]["shown"]
     assert float(groups["reaction"]["value"].split()[0]) == pytest.approx(groups["reaction"]["length"] * scale)
@@ -176,20 +181,20 @@ def test_arrows_are_drawn_where_and_as_long_as_in_the_recording(ten):
 
 def test_events_and_notes_are_there(ten):
     _, _, header, _ = ten
-    assert [e["text"] for e in header["events"]] == [f"{e.item}: {e.text}" for e in TEN.recording.events]
+    assert [e["text"] for e in header["events"]] == [f"{e.item}: {e.text}" for e in recorded().recording.events]
     assert "<h3>Computed</h3>" in header["notes"] and header["teaches"].startswith("Kinematics runs outward")
 
 
 def test_a_long_run_is_thinned_to_a_stated_number_of_frames():
     told: list[tuple[int, int]] = []
-    page, frames = make_page(TEN.shown, most=50, progress=lambda done, total: told.append((done, total)))
+    page, frames = make_page(recorded().shown, most=50, progress=lambda done, total: told.append((done, total)))
     assert len({total for _, total in told}) == 1 and told == sorted(told) and told[0][0] == 0 and told[-1][0] == told[-1][1]
     header, arrays = content(page)
     assert len(frames.chosen) == header["frames"] == 50 and header["total"] == 361 == frames.total
     assert frames.chosen[0] == 0 and frames.chosen[-1] == 360 and np.ptp(np.diff(frames.chosen)) <= 1
     crank = arrays[next(k for k in header["links"] if k["name"] == "crank")["pose"]].reshape(-1, 3)
-    assert np.array_equal(crank, TEN.data("links", "crank", "pose")[frames.chosen].astype(np.float32))
-    kept = make_page(TEN.shown, most=50, keep=float(TEN.time[101]))[1]
+    assert np.array_equal(crank, recorded().data("links", "crank", "pose")[frames.chosen].astype(np.float32))
+    kept = make_page(recorded().shown, most=50, keep=float(recorded().time[101]))[1]
     assert 101 in kept.chosen
 
 
@@ -217,10 +222,13 @@ def test_a_page_of_a_recording_read_in_part_is_that_of_the_whole(tmp_path, monke
 
 def test_a_page_opens_where_forces_are_large_and_away_from_dead_points(ten):
     _, frames, header, _arrays = ten
-    largest = np.max([np.hypot(*TEN.data("joints", j, "reaction")[:, :2].T) for j in TEN.recording.model["joints"]], axis=0)
-    angle = TEN.shown.catalogue.coordinate("A")[frames.rows]
+    recorded()
+    largest = np.max(
+        [np.hypot(*recorded().data("joints", j, "reaction")[:, :2].T) for j in recorded().recording.model["joints"]], axis=0
+    )
+    angle = recorded().shown.catalogue.coordinate("A")[frames.rows]
     assert largest[header["opening"]] > 0.4 * largest.max() and abs(np.sin(angle[header["opening"]])) > 0.3
-    assert content(make_page(TEN.shown, plots=False)[0])[0]["opening"] == header["opening"]
+    assert content(make_page(recorded().shown, plots=False)[0])[0]["opening"] == header["opening"]
     assert content(make_page(made("crank-rocker").shown)[0])[0]["opening"] == 30  # an eighth of a turn
 
 
@@ -287,15 +295,15 @@ def test_a_drawing_shows_every_link_in_its_colour_where_it_is():
     from xml.etree import ElementTree
 
     frame = 90
-    svg = ElementTree.fromstring(svg_of(TEN.shown, time=float(TEN.time[frame]), width=1000, height=600))
+    svg = ElementTree.fromstring(svg_of(recorded().shown, time=float(recorded().time[frame]), width=1000, height=600))
     space = "{http://www.w3.org/2000/svg}"
     paths = [(p.get("fill"), p.get("d")) for p in svg.iter(f"{space}path")]
-    header, arrays = content(make_page(TEN.shown, most=2, keep=float(TEN.time[frame]))[0])
+    header, arrays = content(make_page(recorded().shown, most=2, keep=float(recorded().time[frame]))[0])
     low, high = np.array(header["drawn"])[:, :2]
     scale = 0.94 * min(1000 / (high[0] - low[0]), 600 / (high[1] - low[1]))
     for link in header["links"]:
         vertices = arrays[link["mesh"]["vertices"]].reshape(-1, 3)[:, :2]
-        x, y, angle = TEN.data("links", link["name"], "pose")[frame]
+        x, y, angle = recorded().data("links", link["name"], "pose")[frame]
         c, s = np.cos(angle), np.sin(angle)
         world = vertices @ np.array([[c, s], [-s, c]]) + [x, y]
         screen = [500, 300] + (world - 0.5 * (low + high)) * scale * [1, -1]
@@ -352,7 +360,7 @@ def test_a_result_shows_itself_in_a_notebook():
 
 
 def test_moments_by_time_frame_and_angle():
-    recording, time = TEN.shown, TEN.time
+    recording, time = recorded().shown, recorded().time
     assert moment(recording, frame=7).time == pytest.approx(time[7])
     assert moment(recording, at=float(time[9])).time == pytest.approx(time[9])
     assert moment(recording, angle=np.radians(90.0)).time == pytest.approx(time[90], abs=1e-6)
@@ -380,7 +388,7 @@ def run(*arguments: str):
 def test_share_writes_a_page_of_a_recording_without_computing_anything(tmp_path, monkeypatch):
     monkeypatch.setattr("mechviz.commands.solving.run_scene", lambda *a, **k: pytest.fail("it was solved again"))
     path = tmp_path / "page.html"
-    result = run("share", str(TEN.path), "-o", str(path), "--most", "100")
+    result = run("share", str(recorded().path), "-o", str(path), "--most", "100")
     assert result.exit_code == 0 and str(path) in result.output and "100 of 361 frames" in result.output
     assert content(path.read_text(encoding="utf-8"))[0]["title"].startswith("Ten-link train")
 
@@ -412,7 +420,7 @@ def test_share_writes_a_page_of_a_scene(tmp_path, monkeypatch):
 )
 def test_wrong_input_is_refused_in_words(arguments, words, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    result = run(*(a.format(ten=TEN.path) for a in arguments))
+    result = run(*(a.format(ten=recorded().path) for a in arguments))
     assert result.exit_code == 2 and words in result.output and "Traceback" not in result.output
     assert not list(tmp_path.iterdir())
 
@@ -420,7 +428,7 @@ def test_wrong_input_is_refused_in_words(arguments, words, tmp_path, monkeypatch
 def test_a_drawing_needs_no_browser(tmp_path, monkeypatch):
     monkeypatch.setenv("MECHVIZ_CHROMIUM", "no-such-browser")
     path = tmp_path / "a.svg"
-    result = run("shot", str(TEN.path), "-o", str(path), "--frame", "12", "--size", "640x400", "--dark")
+    result = run("shot", str(recorded().path), "-o", str(path), "--frame", "12", "--size", "640x400", "--dark")
     assert result.exit_code == 0 and 'width="640" height="400"' in path.read_text(encoding="utf-8")
 
 
@@ -517,7 +525,7 @@ def test_a_film_as_mp4_is_handed_to_ffmpeg_picture_by_picture(tmp_path, monkeypa
             raise KeyboardInterrupt
 
     def make() -> Path:
-        return film(TEN.shown, folder / "a.mp4", Look(8, 6), seconds=1.0, rate=12, progress=progress)
+        return film(recorded().shown, folder / "a.mp4", Look(8, 6), seconds=1.0, rate=12, progress=progress)
 
     if fate == "well":
         assert make().read_text() == "12"

@@ -17,13 +17,17 @@ from mechviz.facade import Result
 from mechviz.outputs.images.pictures import Look, Moment, film, shot
 from mechviz.outputs.page.page import make_page
 from mechviz.outputs.presentation import presentation_of
-from recordings import made, ran
+from recordings import Made, made, ran
 
 __all__ = ["browser"]  # a fixture
 
 pytestmark = pytest.mark.browser
 
-BAR = made("kinetostatic-four-bar")
+
+def recorded() -> Made:
+    return made("kinetostatic-four-bar")
+
+
 WIDE, NARROW = {"width": 1200, "height": 800}, {"width": 390, "height": 844}
 DRAWN = "(async () => { await mechviz.ready; mechviz.player.drawNow(); })()"
 PLACE = """([x, y, z]) => { const s = mechviz.player.stage, m = s.camera.matrices().clip, b = s.canvas.getBoundingClientRect();
@@ -50,7 +54,7 @@ TIME = "mechviz.player.time"
 @pytest.fixture(scope="module")
 def file(tmp_path_factory) -> Path:
     path = tmp_path_factory.mktemp("share") / "page.html"
-    path.write_text(make_page(BAR.shown)[0], encoding="utf-8")
+    path.write_text(make_page(recorded().shown)[0], encoding="utf-8")
     return path
 
 
@@ -113,9 +117,9 @@ def test_links_are_drawn_where_their_poses_say(wide):
             palette = page.evaluate(f"mechviz.player.header.links.find((k) => k.name === '{link}').mesh.palette")
             known = np.array([[int(c[i : i + 2], 16) for i in (1, 3, 5)] for c in palette], float)
             known = known[np.argmax(np.ptp(known, axis=1))]  # the link's own, not the grey of pins
-            a, b = (BAR.run.motion.joint_position(p)[frame] for p in ends)
+            a, b = (recorded().run.motion.joint_position(p)[frame] for p in ends)
             across = np.array([-(b - a)[1], (b - a)[0]]) / np.hypot(*(b - a))
-            half = -BAR.recording.static("mechanism", "links", link, "mesh", component="Mesh3D:vertex_positions")[:, 1].min()
+            half = -recorded().recording.static("mechanism", "links", link, "mesh", component="Mesh3D:vertex_positions")[:, 1].min()
             for part, inside in ((0.0, True), (0.7, True), (-0.7, True), (-1.5, False)):  # of the plate's half width
                 x, y = page.evaluate(PLACE, [*(a + 0.5 * (b - a) + part * half * across), 0.0])
                 color = window[round(y) - 2 : round(y) + 2, round(x) - 2 : round(x) + 2].mean(axis=(0, 1))
@@ -135,7 +139,7 @@ def test_arrows_can_be_shown_and_hidden(wide):
     button.click()
     assert button.get_attribute("aria-pressed") == "true"
     page.evaluate("mechviz.player.drawNow()")
-    assert page.evaluate("mechviz.player.stage.state.arrows") == len(BAR.mechanism.joints)
+    assert page.evaluate("mechviz.player.stage.state.arrows") == len(recorded().mechanism.joints)
     assert reddish(wide.picture()).sum() > without + 200
 
 
@@ -182,11 +186,11 @@ def test_dragging_the_cursor_of_a_plot_moves_the_mechanism(wide):
     page.mouse.move(canvas["x"] + 58 + 0.6 * inner, y, steps=4)
     page.mouse.up()
     page.evaluate("mechviz.player.drawNow()")
-    run = BAR.run.motion
+    run = recorded().run.motion
     assert page.evaluate(TIME) == pytest.approx(float(run.time[0] + 0.6 * np.ptp(run.time)), rel=0.01)
     assert np.abs(wide.picture() - before).max() > 60
     said = page.locator("figure .values").first.inner_text()
-    torque = np.interp(page.evaluate(TIME), BAR.time, BAR.data("drive", "A")[:, 3])
+    torque = np.interp(page.evaluate(TIME), recorded().time, recorded().data("drive", "A")[:, 3])
     assert float(said.split()[1].replace("−", "-")) == pytest.approx(torque, rel=1e-3, abs=1e-3)
 
 
@@ -207,8 +211,8 @@ def test_plots_share_curves_and_are_saved(wide):
         files[kind] = Path(offered.value.path()).read_bytes()
         assert offered.value.suggested_filename == f"Joint-A-reaction-Joint-B-reaction.{kind.lower()}"
     head, *rows = files["CSV"].decode().splitlines()
-    assert head.split(",")[:2] == ["angle of drive A [°]", "Joint A: Fx [N]"] and len(rows) == len(BAR.time)
-    wanted = np.column_stack([BAR.data("joints", j, "reaction")[:, 0] for j in "AB"])
+    assert head.split(",")[:2] == ["angle of drive A [°]", "Joint A: Fx [N]"] and len(rows) == len(recorded().time)
+    wanted = np.column_stack([recorded().data("joints", j, "reaction")[:, 0] for j in "AB"])
     table = np.array([[float(x) for x in row.split(",")] for row in rows])
     assert table[:, [1, 4]] == pytest.approx(wanted, rel=1e-5, abs=1e-4)
     from xml.etree import ElementTree
@@ -225,10 +229,10 @@ def test_names_give_way_to_each_other(wide):
     boxes = """[...document.querySelectorAll('#labels span:not([hidden])')].map((s) => {
         const b = s.getBoundingClientRect(); return [b.left, b.top, b.right, b.bottom]; })"""
     page.evaluate("mechviz.player.show('names', true); mechviz.player.view('front'); mechviz.player.drawNow()")
-    assert len(page.evaluate(boxes)) == len(BAR.mechanism.joints)
+    assert len(page.evaluate(boxes)) == len(recorded().mechanism.joints)
     page.evaluate("mechviz.player.stage.camera.zoom(0.02); mechviz.player.drawNow()")
     seen = page.evaluate(boxes)
-    assert 1 <= len(seen) < len(BAR.mechanism.joints)
+    assert 1 <= len(seen) < len(recorded().mechanism.joints)
     for k, (left, top, right, bottom) in enumerate(seen):
         for x0, y0, x1, y1 in seen[:k]:
             assert right <= x0 + 1 or x1 <= left + 1 or bottom <= y0 + 6 or y1 <= top + 6
@@ -238,7 +242,7 @@ def test_names_give_way_to_each_other(wide):
 def test_an_event_is_jumped_to(wide):
     page = wide.page
     page.get_by_role("tab", name="Events").click()
-    events = BAR.recording.events
+    events = recorded().recording.events
     page.locator("#events button").nth(len(events) - 1).click()
     assert page.evaluate(TIME) == pytest.approx(events[-1].time, rel=1e-6)
     page.evaluate("mechviz.player.drawNow()")
@@ -302,7 +306,7 @@ def test_all_of_the_motion_is_in_the_free_part_of_the_picture(wide):
     low, high = free_part(wide.page)
     for view in ("front", "3d", "top", "iso", "right"):
         wide.page.evaluate(f"mechviz.player.view('{view}')")
-        spots = projected(wide.page, BAR.shown.picture.bounds)
+        spots = projected(wide.page, recorded().shown.picture.bounds)
         assert (spots >= low - 3.0).all() and (spots <= high).all(), view
 
 
@@ -329,13 +333,13 @@ def test_names_stand_at_their_joints_in_every_view(wide):
     """At the front of the pin, which is the foremost of all solids there."""
     page, frame = wide.page, 40
     page.evaluate(f"mechviz.player.seekFrame({frame}); mechviz.player.show('names', true)")
-    solids = [page.evaluate(SOLID, link) for link in BAR.shown.picture.poses]
+    solids = [page.evaluate(SOLID, link) for link in recorded().shown.picture.poses]
     for view in ("front", "3d", "iso", "top", "right"):
         page.evaluate(f"mechviz.player.view('{view}'); mechviz.player.drawNow()")
         left, top = (page.locator("#labels").bounding_box()[k] for k in ("x", "y"))
         seen = 0
         for joint in ("A", "B", "D", "E"):
-            at = BAR.run.motion.joint_position(joint)[frame]
+            at = recorded().run.motion.joint_position(joint)[frame]
             front = max(z for solid in solids for z in pin_fronts(np.reshape(solid["vertices"], (-1, 3)), solid["pose"], at))
             shown = page.evaluate(TAG, joint)
             if shown is not None:  # names give way to each other
@@ -349,7 +353,7 @@ def pin_fronts(vertices: np.ndarray, pose: list[float], at: np.ndarray) -> list[
     """Heights of what a solid has around a joint, within a hundredth of the mechanism."""
     x, y, angle = pose
     world = (vertices[:, 0] + 1j * vertices[:, 1]) * np.exp(1j * angle) + complex(x, y)
-    near = np.abs(world - complex(*at)) < 0.025 * BAR.shown.picture.size
+    near = np.abs(world - complex(*at)) < 0.025 * recorded().shown.picture.size
     return vertices[near, 2].tolist() or [-np.inf]
 
 
@@ -419,7 +423,9 @@ def test_a_phone_in_the_dark(browser, file):
 
 def test_a_notebook_cell_plays_in_its_frame(browser, tmp_path):
     cell = tmp_path / "cell.html"
-    cell.write_text(f"<!doctype html><meta charset=utf-8>{Result(BAR.run)._repr_mimebundle_()['text/html']}", encoding="utf-8")
+    cell.write_text(
+        f"<!doctype html><meta charset=utf-8>{Result(recorded().run)._repr_mimebundle_()['text/html']}", encoding="utf-8"
+    )
     context = browser.new_context(viewport=WIDE)
     page = context.new_page()
     page.goto(cell.as_uri())
@@ -437,8 +443,8 @@ def test_a_picture_is_what_was_asked_for(tmp_path):
     from PIL import Image
 
     chromium_or_skip()
-    time = float(BAR.time[60])
-    path = shot(BAR.shown, tmp_path / "a.png", Look(400, 300, "front", shown=("reaction",)), Moment(time))
+    time = float(recorded().time[60])
+    path = shot(recorded().shown, tmp_path / "a.png", Look(400, 300, "front", shown=("reaction",)), Moment(time))
     with Image.open(path) as image:
         assert image.size == (400, 300)
         colors = np.asarray(image.convert("RGB")).astype(int)
@@ -458,9 +464,9 @@ def test_a_film_moves_and_an_interrupted_one_leaves_nothing(tmp_path):
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        film(BAR.shown, path, Look(160, 120), seconds=0.3, rate=10, progress=interrupt)
+        film(recorded().shown, path, Look(160, 120), seconds=0.3, rate=10, progress=interrupt)
     assert seen == [(1, 3), (2, 3)] and not list(tmp_path.iterdir())
-    film(BAR.shown, path, Look(160, 120), seconds=0.3, rate=10)
+    film(recorded().shown, path, Look(160, 120), seconds=0.3, rate=10)
     with Image.open(path) as image:
         assert image.n_frames == 3 and image.size == (160, 120) and image.info["duration"] == 100
         frames = []

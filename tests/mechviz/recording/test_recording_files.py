@@ -19,12 +19,15 @@ from mechviz.outputs.rerun.entities import RecordingError
 from mechviz.outputs.rerun.reader import Recording
 from mechviz.outputs.rerun.writer import write_recording
 from mechviz.quantities.tables import tables
-from mechviz.runs import run_scene
+from mechviz.runs import Run, run_scene
 from mechviz.scene.scene import load
 from recordings import made, ran
 
 ROOT = Path(__file__).resolve().parents[3]
-RUN = ran("crank-rocker")
+
+
+def crank_rocker() -> Run:
+    return ran("crank-rocker")
 
 
 def test_the_example_that_is_kept_holds_what_is_recorded_today():
@@ -40,7 +43,7 @@ def test_a_recording_takes_the_place_of_the_old_one(tmp_path):
     path = tmp_path / "a.rrd"
     path.write_bytes(b"old")
     seen = []
-    summary = write_recording(RUN, path, progress=lambda done, total: seen.append((done, total)))
+    summary = write_recording(crank_rocker(), path, progress=lambda done, total: seen.append((done, total)))
     assert seen[-1] == (241, 241)
     assert summary.bytes == path.stat().st_size and summary.frames == 241
     assert [p.name for p in tmp_path.iterdir()] == ["a.rrd"]
@@ -78,9 +81,9 @@ def test_a_path_is_free_again_where_no_thread_can_be_made(tmp_path, monkeypatch)
     with monkeypatch.context() as patched:
         patched.setattr(threading.Thread, "start", none_left)
         with pytest.raises(RecordingError, match="thread") as error:
-            write_recording(RUN, tmp_path / "a.rrd")
+            write_recording(crank_rocker(), tmp_path / "a.rrd")
     assert error.value.code == 1 and not list(tmp_path.iterdir())
-    assert write_recording(RUN, tmp_path / "a.rrd").frames == 241
+    assert write_recording(crank_rocker(), tmp_path / "a.rrd").frames == 241
 
 
 def test_recording_ids_differ_unless_given(tmp_path):
@@ -89,7 +92,7 @@ def test_recording_ids_differ_unless_given(tmp_path):
     ids = []
     for k, given in enumerate((None, None, "mine", "mine")):
         path = tmp_path / f"{k}.rrd"
-        write_recording(RUN, path, recording_id=given)
+        write_recording(crank_rocker(), path, recording_id=given)
         ids += [e.recording_id for e in RrdReader(path).recordings()]
         assert len(Recording(path).scalars("data", "links", "crank", "pose")[0]) == 241
     assert len(set(ids)) == 3 and ids[2:] == ["mine", "mine"]
@@ -108,7 +111,7 @@ def test_recording_ids_differ_unless_given(tmp_path):
 def test_places_that_cannot_be_written(tmp_path, path, words):
     (tmp_path / "file").write_text("")
     with pytest.raises(RecordingError, match=words) as error:
-        write_recording(RUN, tmp_path / path)
+        write_recording(crank_rocker(), tmp_path / path)
     assert error.value.remedy
     assert sorted(p.name for p in tmp_path.iterdir()) == ["file"]
 
@@ -120,7 +123,7 @@ def test_a_full_disk_from_the_first_byte_on(tmp_path, monkeypatch):
     monkeypatch.setattr(os, "splice", full)
     (tmp_path / "a.rrd").write_bytes(b"old")
     with pytest.raises(RecordingError, match="disk is full"):
-        write_recording(RUN, tmp_path / "a.rrd")
+        write_recording(crank_rocker(), tmp_path / "a.rrd")
     assert {p.name: p.read_bytes() for p in tmp_path.iterdir()} == {"a.rrd": b"old"}
 
 
@@ -130,7 +133,7 @@ def test_what_a_stranger_puts_in_the_place_of_the_unfinished_file_is_not_touched
     victim.write_bytes(b"dear")
     part.symlink_to(victim) if kind == "link" else os.mkfifo(part)
     with pytest.raises(RecordingError, match="not a regular file") as error:
-        write_recording(RUN, tmp_path / "a.rrd")
+        write_recording(crank_rocker(), tmp_path / "a.rrd")
     assert error.value.remedy and victim.read_bytes() == b"dear" and part.is_symlink() == (kind == "link")
     assert sorted(p.name for p in tmp_path.iterdir()) == ["a.part.rrd", "victim"]
 
@@ -139,16 +142,16 @@ def test_a_hard_link_in_the_place_of_the_unfinished_file_keeps_its_content(tmp_p
     victim = tmp_path / "victim"
     victim.write_bytes(b"dear")
     os.link(victim, tmp_path / "a.part.rrd")
-    write_recording(RUN, tmp_path / "a.rrd")
+    write_recording(crank_rocker(), tmp_path / "a.rrd")
     assert victim.read_bytes() == b"dear" and Recording(tmp_path / "a.rrd").said.complete
 
 
 def test_two_runs_do_not_write_the_same_unfinished_file(tmp_path):
     def again(done: int, total: int) -> None:
         with pytest.raises(RecordingError, match="being written by another run"):
-            write_recording(RUN, tmp_path / "a.rrd")
+            write_recording(crank_rocker(), tmp_path / "a.rrd")
 
-    assert write_recording(RUN, tmp_path / "a.rrd", progress=again).frames == 241
+    assert write_recording(crank_rocker(), tmp_path / "a.rrd", progress=again).frames == 241
     assert [p.name for p in tmp_path.iterdir()] == ["a.rrd"]
 
 
@@ -181,7 +184,7 @@ def test_interrupted_before_the_first_frame_nothing_is_left(tmp_path, monkeypatc
 
     monkeypatch.setattr(writer, "_send_streams", stop)
     with pytest.raises(SystemExit) as stopped:
-        write_recording(RUN, tmp_path / "a.rrd")
+        write_recording(crank_rocker(), tmp_path / "a.rrd")
     assert "was not made" in stopped.value.__notes__[0] and not list(tmp_path.iterdir())
 
 
@@ -193,7 +196,7 @@ def test_a_fault_of_ours_leaves_nothing_and_is_not_hidden(tmp_path, monkeypatch)
 
     monkeypatch.setattr(writer, "_send_streams", broken)
     with pytest.raises(ZeroDivisionError):
-        write_recording(RUN, tmp_path / "a.rrd")
+        write_recording(crank_rocker(), tmp_path / "a.rrd")
     assert not list(tmp_path.iterdir())
 
 
