@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 import threading
 import time
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -24,7 +25,7 @@ from mechviz.outputs.viewer import words
 from mechviz.outputs.viewer.app import Viewer
 from mechviz.outputs.viewer.panels import charts
 from mechviz.outputs.viewer.panels.diagrams import diagram_svg, diagrams_of
-from mechviz.outputs.viewer.panels.handles import traced_at, with_traced
+from mechviz.outputs.viewer.panels.handles import Pivots, traced_at, with_traced
 from mechviz.outputs.viewer.panels.saving import file_name
 from mechviz.outputs.viewer.panels.timeline import columns, health_svg, shade
 from mechviz.outputs.viewer.server import ViewerError
@@ -569,6 +570,20 @@ def test_a_cam_follows_its_values_while_they_are_dragged():
     assert shown["follower"] is built.bodies["follower"]
     folded = np.exp(2j * np.pi * np.linspace(0.0, 1.0, 40)[:-1]) * np.exp(0.3j * np.sin(np.arange(39) * 2.0))
     assert stretched(folded, folded, 1.1 * folded) is None, "a profile that runs back on itself is left until the rest"
+
+
+def test_a_pivot_that_is_dragged_away_and_back_ends_where_it_began(session, monkeypatch):
+    """Though nothing of it has been drawn yet."""
+    asked = []
+    monkeypatch.setattr(session, "move", lambda parameter, value: asked.append((parameter.key, value)))
+    server = SimpleNamespace(scene=SimpleNamespace(add_transform_controls=lambda *_, **__: SimpleNamespace(on_update=callable)))
+    pivots = Pivots(server, session, lambda _name, run: run)
+    pivots.switch(True)
+    for phase, by in (("start", 0.0), ("update", 0.01), ("update", 0.0), ("end", 0.0)):
+        place = np.array([0.28 + by, 0.0, 0.0])
+        pivots._dragged("E", SimpleNamespace(phase=phase, target=SimpleNamespace(position=place)))
+    values = [value for key, value in asked if key.endswith("E[0]")]
+    assert values == pytest.approx([0.29, 0.28]) and len(values) == len(asked)
 
 
 # -- health -----------------------------------------------------------------------------------------------------------

@@ -362,15 +362,7 @@ def test_a_pivot_is_dragged_and_everything_follows(viewer, page):
     page.get_by_label("Drag pivots").check()
     page.wait_for_function(SEEN, arg="/pivots/E")
     camera_rests(page)
-    x, y = _on_screen(page, viewer, np.array([0.28, 0.0]))
-    page.mouse.move(x + 30, y)  # the arrow of the handle that points right
-    next_frames(page, 3)  # the handle sees the mouse
-    page.mouse.down()
-    for k in range(1, 8):
-        page.mouse.move(x + 30 + 4 * k, y)
-        next_frames(page, 2)
-    page.mouse.up()
-    until(page, lambda: viewer.run.motion.mechanism.links[0].points["E"][0] > 0.285, "the pivot has moved")
+    until(page, lambda: _dragged_right(page, viewer) > 0.285, "the pivot has moved")
     assert viewer.run.motion.mechanism.links[0].points["E"][1] == pytest.approx(0.0, abs=1e-3)
     _until_drawn(viewer, page)
     page.get_by_label("Drag pivots").uncheck()
@@ -707,6 +699,20 @@ def test_every_control_has_a_name(page):
     for tab in ("Edit", "Effects", "View"):
         open_tab(page, tab)
         until(page, lambda: page.evaluate(NAMELESS) == [], f"a name for every control under {tab}")
+
+
+def _dragged_right(page: Any, viewer: Viewer) -> float:
+    """Where pivot E is after a drag of its handle, which a camera that is fitted meanwhile takes from below the mouse."""
+    x, y = _on_screen(page, viewer, np.array(viewer.run.motion.mechanism.links[0].points["E"]))
+    page.mouse.move(x + 30, y)  # the arrow of the handle that points right
+    next_frames(page, 3)  # the handle sees the mouse
+    page.mouse.down()
+    for k in range(1, 8):
+        page.mouse.move(x + 30 + 4 * k, y)
+        next_frames(page, 2)
+    page.mouse.up()
+    heard(viewer)
+    return viewer.run.motion.mechanism.links[0].points["E"][0]
 
 
 def _on_screen(page: Any, viewer: Viewer, xy: np.ndarray) -> tuple[float, float]:

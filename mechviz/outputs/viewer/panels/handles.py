@@ -66,6 +66,7 @@ class Pivots:
         self._nodes: dict[str, Any] = {}
         self._pivots: Mapping[str, Pivot] = {}
         self._held = ""
+        self._asked: dict[str, float] = {}  # values that the drag so far asks for, drawn or not yet
         self.on = False
 
     def switch(self, on: bool) -> None:
@@ -99,13 +100,16 @@ class Pivots:
     def _dragged(self, name: str, event: Any) -> None:
         phase = getattr(event, "phase", "update")
         self._held = name if phase in ("start", "update") else ""
+        if phase == "start":
+            self._asked = {}
         place = np.asarray(event.target.position, float)
         pivot = self._pivots.get(name)
         if pivot is None or not np.isfinite(place).all():
             return
         for k, p in enumerate((pivot.x, pivot.y)):
             value = float(np.clip(place[k] / pivot.metres[k], p.hard_low, p.hard_high))
-            if abs(value - p.value) > 1e-9 * self._session.show.size / pivot.metres[k]:
+            if abs(value - self._asked.get(p.key, p.value)) > 1e-9 * self._session.show.size / pivot.metres[k]:
+                self._asked[p.key] = value
                 self._session.move(p, round(value / p.step) * p.step)
 
 
