@@ -57,11 +57,19 @@ class Derivatives:
     """Derivatives of a motion, and of the forces that it needs, by parameters.
 
     ``times``: the frames' times (F,) of a mechanism, where they depend on it, as those of whole cycles do; else those of the motion
-    hold for all. Frames of one number are compared. Raises `MechanismError` where there are none, with the reason.
+    hold for all. Frames of one number are compared. ``under_forces``: free coordinates are where the motion has them, and do
+    not move with the parameters (see `variations`). Raises `MechanismError` where there are none, with the reason.
     """
 
-    def __init__(self, motion: Motion, parameters: Sequence[Parameter], times: Callable[[Mechanism], Real] | None = None):
-        _check(motion)
+    def __init__(
+        self,
+        motion: Motion,
+        parameters: Sequence[Parameter],
+        times: Callable[[Mechanism], Real] | None = None,
+        *,
+        under_forces: bool = False,
+    ):
+        _check(motion, under_forces)
         self.nominal = motion
         self.parameters = tuple(parameters)
         self.times = times or (lambda _: motion.time)
@@ -75,6 +83,10 @@ class Derivatives:
                 own = [slopes.get(place) for slopes in self._varied]
                 if any(d is not None for d in own):
                     self.leaves[place] = self._leaf(number, own)
+        for d, drive in enumerate(motion.mechanism.drives):
+            if isinstance(drive.law, Free):
+                for k, number in enumerate(motion.drives[d]):
+                    self.leaves["drive", d, k] = self._leaf(number, [None] * len(self.parameters))
         self._refused(self._motion)
 
     # -- results ------------------------------------------------------------------------------------------------------
@@ -101,6 +113,11 @@ class Derivatives:
             if len(self.singular) and d.shape[1:2] == (self.nominal.frames,):
                 d[:, self.singular] = np.nan
         return out
+
+    @cached_property
+    def energy(self) -> Any:
+        """Kinetic and potential energy, work and dissipation so far (F, 4) [J], on the tape."""
+        return self._refused(lambda: self.forces.energy)
 
     @cached_property
     def singular(self) -> Index:
@@ -144,6 +161,10 @@ class Derivatives:
         zero = np.zeros_like(leaf.value)
         self._slopes[leaf.number] = [zero if d is None else np.broadcast_to(d, zero.shape).astype(zero.dtype) for d in slopes]
         return leaf
+
+    def state_slopes(self, leaf: Traced, by_parameters: Sequence[Any]) -> None:
+        """States the derivatives of a variable of the tape by each parameter."""
+        self._slopes[leaf.number] = list(by_parameters)
 
     def beside(self, of: Callable[[Model], Any], number: Any, key: Place) -> Any:
         """``number``, traced or not, which follows from the model's motion, with what it also follows from the parameters by way of
@@ -454,9 +475,9 @@ def _signs(multipliers: Mapping[int, Any]) -> dict[int, Real]:
     return {r: np.where(value_of(m) >= 0.0, 1.0, -1.0) for r, m in multipliers.items()}
 
 
-def _check(motion: Motion) -> None:
+def _check(motion: Motion, under_forces: bool) -> None:
     """Refuse motions of which no derivatives are known."""
-    if len(motion.parts) > 1 or any(isinstance(d.law, Free) for d in motion.mechanism.drives):
+    if len(motion.parts) > 1 or (not under_forces and any(isinstance(d.law, Free) for d in motion.mechanism.drives)):
         raise refusal("forces decide the motion: it depends on parameters by way of all that went before.", "Sweep it instead.")
     if motion.model.designs:
         raise refusal("several designs are computed side by side.", "Take one.")

@@ -17,6 +17,7 @@ from mechcore.errors import Fault, MechanismError
 from mechcore.kinematics.model import Model
 from mechcore.kinematics.program import LinearConstraint
 from mechcore.kinematics.state import State
+from mechcore.laws.timed import Free
 from mechcore.motion.compiled import drive_values
 from mechcore.motion.motion import Motion
 from mechcore.motion.solve import compile_mechanism
@@ -92,7 +93,8 @@ def numbers_of(model: Model, at: Motion, time: Real) -> Numbers:
             constants = list(compile_mechanism(model.mechanism).assembly.constants)
         numbers |= {("constant", r): c for r, c in enumerate(constants)}
     for d, values in enumerate(drive_values(model.mechanism, time)):
-        numbers |= {("drive", d, k): np.broadcast_to(np.asarray(x, float), time.shape) for k, x in enumerate(values)}
+        if not isinstance(model.mechanism.drives[d].law, Free):
+            numbers |= {("drive", d, k): np.broadcast_to(np.asarray(x, float), time.shape) for k, x in enumerate(values)}
     m = model.mechanism
     numbers |= {("mechanism", *place): x for place, x in numbers_in(m.gravity, ("gravity",))}
     numbers |= {("mechanism", *place): x for place, x in numbers_in(m.loads, ("loads",))}

@@ -182,7 +182,7 @@ class Simulation:
         solution = self.segments[0].solution
         if isinstance(solution, EnergyMotion) and solution.repeats is not None and solution.repeats < end:
             end, period = solution.repeats, solution.period  # forces depend on the position alone: their powers repeat
-        edges = np.unique(np.concatenate([self._boundaries(end), [self.start, end]]))
+        edges = np.unique(np.concatenate([self.boundaries(end), [self.start, end]]))
         tiny = 1e-15 * self.duration
         return replace(work_integrals(self._powers, np.append(edges[:-1][np.diff(edges) > tiny], end)), period=period)
 
@@ -237,8 +237,8 @@ class Simulation:
         weight = float(np.hypot(*mechanism.gravity)) * sum(mass for mass, *_ in model.masses[1:])
         return held + (weight * model.length_scale if "gravity" in mechanism.effects else 0.0)
 
-    def _boundaries(self, end: float = np.inf) -> Real:
-        """Times until ``end`` [s] between which the motion is one smooth function."""
+    def boundaries(self, end: float = np.inf) -> Real:
+        """Times (n,) until ``end`` [s] between which the motion is one smooth function."""
         out = [p.start for p in self.segments]
         for p in self.segments:
             if isinstance(p.solution, Solution):

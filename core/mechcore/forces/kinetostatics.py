@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from functools import cached_property, partial
+from typing import cast
 
 import numpy as np
 
@@ -21,6 +22,7 @@ from mechcore.kinematics.dyads import cross
 from mechcore.motion.motion import Motion
 from mechcore.numerics.frames import QUIET, added, lazy, rows_of
 from mechcore.numerics.interpolation import integral_so_far
+from mechcore.numerics.tape import Traced, integral
 from mechcore.records import dataclass
 from mechcore.spec.mechanism import braked
 
@@ -223,6 +225,8 @@ class Forces:
 
     def _integral(self, p: Real) -> Real:
         """Integral over time so far (F,), by Simpson's rule; NaN from the first frame that is."""
+        if isinstance(p, Traced) or isinstance(self.motion.time, Traced):
+            return cast("Real", integral(p, self.motion.time))
         known = len(p) if np.isfinite(p).all() else int(np.argmax(~np.isfinite(p)))
         out = np.full(len(p), np.nan)
         out[:known] = integral_so_far(p[:known], self.motion.time[:known])

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechcore.arrays import Real
+from mechcore.numerics.interpolation import integral_so_far
 
 Numbers: TypeAlias = NDArray[Any]  # real or complex
 
@@ -496,6 +497,32 @@ def piecewise(x: Traced, borders: Real, coefficients: Real) -> Any:
     z = x.value - borders[k]
     a, b, c, d = np.moveaxis(coefficients[k], -1, 0)
     return x.tape.elementwise(((a * z + b) * z + c) * z + d, [(x, (3.0 * a * z + 2.0 * b) * z + c, None)])
+
+
+def integral(values: Any, time: Any) -> Any:
+    """The integral so far (F,) of values over times (F,), see `integral_so_far`; times change by a factor about the first one, or
+    there is no derivative (NaN)."""
+    y, t = value_of(values), value_of(time)
+    total = integral_so_far(y, t)
+    traced = [x for x in (values, time) if isinstance(x, Traced)]
+
+    def forward(given: list[Any]) -> Any:
+        out = np.zeros((len(next(d for d in given if d is not None)), *total.shape))
+        for d, x in zip(given, traced, strict=True):
+            if d is None:
+                continue
+            if x is values:
+                out += np.stack([integral_so_far(row, t) for row in np.broadcast_to(d, out.shape)])
+                continue
+            growth = (d - d[:, :1])[:, -1:] / (t[-1] - t[0])
+            even = np.abs(d - d[:, :1] - growth * (t - t[0])).max(axis=1) <= 1e-12 * np.abs(d).max(axis=1)
+            out += np.where(even[:, None], growth * total, np.nan)
+        return out
+
+    def back(_: Numbers) -> list[Numbers]:
+        raise Untraced("a work over the run goes back to all values before it")
+
+    return _tape(values, time).step(total, traced, forward, back)
 
 
 def _no_slope(function: Callable[[Any], Any]) -> Callable[[Any], Any]:

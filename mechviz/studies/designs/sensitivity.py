@@ -10,6 +10,7 @@ import numpy as np
 
 from mechcore.arrays import Real
 from mechcore.design.derivatives import Derivatives
+from mechcore.design.variations import DerivativesUnderForces
 from mechcore.errors import Fault, MechanismError
 from mechcore.motion.solve import default_times
 from mechviz.figures import chart
@@ -125,11 +126,14 @@ def sensitivities(run: Run, measures: Sequence[Measure], variables: Sequence[Var
 def derivatives_of(run: Run, variables: Sequence[Variable]) -> Derivatives:
     """Derivatives of a run by variables of its scene, in their units; frames of one number are compared. Raises
     `MechanismError`."""
+    parameters = core_parameters(run.scene, variables)
+    if run.steady is not None:
+        why = "the steady run in which this scene starts follows from its parameters in a way that is not known."
+        raise MechanismError(Fault("run.steady", why, "Sweep the parameter instead: mechviz sweep SCENE --vary ..."))
     if run.simulation is not None:
-        why = "forces decide the motion of this scene: its derivatives by parameters are not known."
-        raise MechanismError(Fault("simulation", why, "Sweep the parameter instead: mechviz sweep SCENE --vary ..."))
+        return DerivativesUnderForces(run.simulation, parameters, run.motion.time)
     frames, cycles = run.scene.frames, run.scene.cycles
-    return Derivatives(run.motion, core_parameters(run.scene, variables), lambda m: default_times(m, frames, cycles))
+    return Derivatives(run.motion, parameters, lambda m: default_times(m, frames, cycles))
 
 
 def traced(exact: Derivatives, quantity: Quantity) -> Any:
@@ -138,7 +142,8 @@ def traced(exact: Derivatives, quantity: Quantity) -> Any:
     forces = exact.forces if needs_forces(quantity.path) else None
     try:
         with np.errstate(all="ignore"):
-            return quantity.entry.read(rows_of(quantity.path, exact.motion, forces))
+            rows = exact.energy if quantity.path[1:] == ("energy",) else rows_of(quantity.path, exact.motion, forces)
+            return quantity.entry.read(rows)
     except TypeError:
         raise LookupError(quantity.key) from None
 

@@ -201,7 +201,7 @@ def checked(text: str) -> Any:
             out[:, -1] = found.forces(view).power(drives[0])
         return out
 
-    edges = np.unique(np.concatenate([found._boundaries(), [0.0, end]]))
+    edges = np.unique(np.concatenate([found.boundaries(), [0.0, end]]))
     t = np.linspace(0.0, end, 41)
     works = work_integrals(powers, edges)(t)
     kinetic = found.kinetic_energy(t)

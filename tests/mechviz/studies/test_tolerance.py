@@ -94,7 +94,7 @@ def test_uniform_parts_fill_their_tolerance():
 def test_what_has_no_derivatives_is_fitted_to_samples():
     scene = load("parametric-press")
     run = run_scene(scene, frames=4)
-    key = next(f"{key}[{q.curves[0]}]:max" for key, q in run.catalogue.by_key.items() if key.startswith("energy"))
+    key = next(f"{key}[{q.curves[0]}]:max" for key, q in run.catalogue.by_key.items() if key.startswith("power"))
     found = tolerances(run, [parse_measure(scene, key)], toleranced(scene, ["ratio=0.01"]), samples=16)[0]
     assert not found.exact and found.shares().sum() == pytest.approx(1.0)
     assert found.shares()[0] > 0.5  # the stroke decides how fast the masses go

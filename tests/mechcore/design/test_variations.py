@@ -1,0 +1,129 @@
+"""Derivatives of motions under forces: closed forms of an oscillator, differences, energies, what is refused."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from mechcore.errors import MechanismError
+from mechviz.runs import run_scene
+from mechviz.scene.scene import load, loads
+from mechviz.studies.designs.measures import parse_measure
+from mechviz.studies.designs.sensitivity import sensitivities, sensitivity
+from mechviz.studies.designs.variables import variables_of
+
+MM = 1000.0  # curves of lengths are in mm
+OSCILLATOR = """
+units = { length = "m", angle = "deg" }
+effects = ["inertia"]
+trace = ["E"]
+[run]
+duration = "2 s"
+frames = 40
+tolerance = 1e-12
+[links]
+frame = { points = { O = [0, 0], W = [-1, 0] } }
+cart = { points = { O = [0, 0], E = [0, 0] }, mass = 2.0, centre = [0, 0], inertia = 1.0 }
+[joints]
+O = { prismatic = ["frame", "cart"], along = [1, 0], free = { position = 0.3, speed = 0.5 } }
+[loads]
+spring = { spring = ["frame.W", "cart.E"], stiffness = 50.0, free_length = 1.0 }
+oil = { viscous = "O", linear = 4.0 }
+"""
+
+
+def test_a_damped_oscillator_moves_as_its_closed_form_says():
+    run = run_scene(loads(OSCILLATOR, "oscillator"))
+    places = ["links.cart.mass", "loads.spring.stiffness", "loads.oil.linear", "joints.O.free.position", "joints.O.free.speed"]
+    found = sensitivity(run, "link.cart.position[x]", places)
+    t = run.motion.time
+
+    def x(m, k, c, x0, v0):
+        decay, w = c / (2.0 * m), np.sqrt(k / m - (c / (2.0 * m)) ** 2 + 0j)
+        return np.exp(-decay * t) * (x0 * np.cos(w * t) + (v0 + decay * x0) / w * np.sin(w * t))
+
+    nominal = [2.0, 50.0, 4.0, 0.3, 0.5]
+    np.testing.assert_allclose(found.curve / MM, x(*nominal).real, atol=1e-11)
+    for k, slopes in enumerate(found.slopes):
+        turned = list(nominal)
+        turned[k] += 1e-30j  # exact to rounding: the closed form is analytic
+        np.testing.assert_allclose(slopes / MM, x(*turned).imag / 1e-30, atol=1e-10)
+
+
+def differences(scene, name, of, step, weights):
+    """Slopes of curves by a number of a scene, from runs beside it."""
+    (variable,) = variables_of(scene, [name])
+    total = [0.0] * len(of)
+    for n, weight in weights:
+        run = run_scene(variable.changed(scene, variable.value + n * step), frames=FRAMES)
+        for k, one in enumerate(of):
+            curve = run.catalogue[one.quantity.key].values()[:, one.measure.column(one.quantity)]
+            total[k] = total[k] + weight / step * curve
+    return total
+
+
+FRAMES = 24
+SIXTH = tuple((s * n, s * w) for n, w in ((1, 3 / 4), (2, -3 / 20), (3, 1 / 60)) for s in (1, -1))
+
+
+@pytest.mark.parametrize(
+    "name, duration, number, step, keys",
+    [
+        ("swinging-double-pendulum", "1 s", "links.lower.points.E[0]", 0.1, ["joint.J.angle", "joint.J.reaction[|F|]"]),
+        (
+            "flyball-governor",
+            "0.5 s",
+            "links.left_arm.points.L[0]",
+            0.2,
+            ["joint.R.reaction", "energy[dissipated]", "energy[work]"],
+        ),
+    ],
+)
+def test_motions_of_gallery_scenes_agree_with_their_differences(name, duration, number, step, keys):
+    scene = load(name).changed({("run", "tolerance"): 1e-13, ("run", "duration"): duration})
+    run = run_scene(scene, frames=FRAMES)
+    measures = [parse_measure(scene, key) for key in keys]
+    found = sensitivities(run, measures, variables_of(scene, [number]))
+    for one, wanted in zip(found, differences(scene, number, found, step, SIXTH), strict=True):
+        assert np.abs(wanted).max() > 0.0
+        np.testing.assert_allclose(one.slopes[0], wanted, atol=1e-7 * np.abs(wanted).max())
+
+
+def test_energies_of_prescribed_motions_have_derivatives_too():
+    scene = load("parametric-press")
+    run = run_scene(scene, frames=FRAMES)
+    measures = [parse_measure(scene, f"energy[{name}]") for name in ("kinetic", "work")]
+    for number, step in (("stroke", 0.5), ("speed", 0.5)):  # a speed changes the times of the frames, too
+        found = sensitivities(run, measures, variables_of(scene, [number]))
+        for one, wanted in zip(found, differences(scene, number, found, step, SIXTH), strict=True):
+            np.testing.assert_allclose(one.slopes[0], wanted, atol=1e-9 * np.abs(wanted).max())
+
+
+@pytest.mark.parametrize(
+    "name, reason",
+    [
+        ("toggle-press-stop", "contact at end stops"),
+        ("servo-arm", "a state of its own"),
+        ("crusher-steady", "steady run"),
+        ("swinging-triple-rocker", "other coordinates lead"),
+    ],
+)
+def test_motions_whose_form_follows_from_their_course_are_refused(name, reason):
+    run = run_scene(load(name), frames=8)
+    number = next(v.name for v in variables_of(run.scene) if v.name.endswith("mass"))
+    key = next(key for key in run.catalogue.by_key if key.endswith(".reaction"))
+    with pytest.raises(MechanismError, match=reason):
+        sensitivity(run, key, [number])
+
+
+def test_forces_that_change_at_stated_times_are_followed_and_times_that_vary_refused():
+    """A constant force from half a second on: what it does grows from there, as a step response does."""
+    scene = loads(OSCILLATOR + 'push = { force = ["8 N", 0], on = "cart", at = "E", step = { at = "0.5 s" } }', "pushed")
+    run = run_scene(scene)
+    found = sensitivity(run, "link.cart.position[x]", ["loads.push.force[0]"])
+    t = np.maximum(run.motion.time - 0.5, 0.0)
+    decay, w = 1.0, np.sqrt(24.0)
+    response = (1.0 - np.exp(-decay * t) * (np.cos(w * t) + decay / w * np.sin(w * t))) / 50.0
+    np.testing.assert_allclose(found.slopes[0] / MM, response, atol=1e-10)
+    with pytest.raises(MechanismError, match="instants at which forces change"):
+        sensitivity(run, "link.cart.position[x]", ["loads.push.step.at"])
