@@ -20,7 +20,7 @@ import viser
 import websockets.asyncio.server
 from websockets.typing import Origin
 
-from mechviz.outputs.viewer.viser_adapter import control_of, replaced, start
+from mechviz.outputs.viewer.viser_adapter import control_of, is_removed, replaced, start
 
 HOST = "127.0.0.1"
 ATTEMPTS = 5  # for a free port: another program may take it between the probe and the start
@@ -315,9 +315,11 @@ class Changes:
         self._open: dict[int, Change] = {}  # by control
 
     def remember(self, control: Any) -> None:
-        """A browser is about to set a control. Of several changes the value before the first one counts."""
+        """A browser is about to set a control. Of several changes the value before the first one counts; those of controls that
+        are no more are forgotten."""
         if isinstance(control, WITH_STATE):
             with self._lock:
+                self._open = {key: change for key, change in self._open.items() if not is_removed(change.control)}
                 change = self._open.get(id(control))
                 if change is None or change.action is None:
                     self._open[id(control)] = Change(control, control.value)

@@ -307,6 +307,11 @@ def uuid_of(control: Any) -> str:
     return str(control._impl.uuid)
 
 
+def is_removed(control: Any) -> bool:
+    """Whether a control has been taken out of the page."""
+    return bool(control._impl.removed)
+
+
 def _queue_of(target: Target) -> infra.WebsockMessageHandler:
     return target._websock_server if isinstance(target, viser.ViserServer) else target._websock_connection
 

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import gc
 import time
 import urllib.request
+import weakref
 from collections.abc import Iterator
 from typing import Any
 
@@ -15,6 +17,7 @@ from websockets.sync.client import ClientConnection
 
 from mechviz import scene
 from mechviz.outputs.viewer.app import Viewer
+from mechviz.outputs.viewer.panels.plots import MOST_PLOTS, REMOVE
 from mechviz.outputs.viewer.viser_adapter import MOST_WAITING, RunJavascriptMessage, SharedBuffer, buffer_of, uuid_of
 from mechviz.runs import run_scene
 
@@ -209,6 +212,29 @@ def test_what_was_removed_is_not_kept_for_ever(viewer, browser):
             answered(viewer, browser)
             sizes.append(len(buffer.message_from_id))
     assert max(sizes) < 8_000
+
+
+def test_plots_are_so_many_at_most_and_those_taken_away_are_not_kept(viewer, browser):
+    plots = viewer.plots
+    kept = list(plots.slots)
+    while len(plots.slots) < MOST_PLOTS:
+        send(browser, update(plots.more, True))
+        answered(viewer, browser)
+    send(browser, update(plots.more, True))
+    answered(viewer, browser)
+    assert len(plots.slots) == MOST_PLOTS and plots.more.disabled
+    gone = []
+    for slot in plots.slots[len(kept) :]:
+        send(browser, update(slot.choice, slot.choice.value))  # of which nothing follows
+        send(browser, update(slot.buttons, REMOVE))
+        gone.append(weakref.ref(slot))
+    del slot
+    answered(viewer, browser)
+    assert plots.slots == kept and not plots.more.disabled
+    send(browser, update(viewer.switches.dark, not viewer.switches.dark.value))
+    answered(viewer, browser)
+    gc.collect()
+    assert not [slot for slot in gone if slot() is not None]
 
 
 def test_the_page_loads_nothing_from_elsewhere(viewer):

@@ -17,6 +17,7 @@ import viser
 from viser import uplot
 
 from mechcore.arrays import Index, Real
+from mechviz.editor.worker import give_back
 from mechviz.outputs.exports.tables import KINDS, plot_file
 from mechviz.outputs.viewer.playback import NumberTrack, PlotTrack
 from mechviz.outputs.viewer.server import Callback, report
@@ -30,6 +31,7 @@ from mechviz.studies.designs.bands import Bands, bands_of, with_tolerances
 # From four points a pixel on uPlot draws by columns of pixels, in which a gap beside the cursor line swallows it; plots are about
 # 270 pixels wide
 MOST_POINTS = 900
+MOST_PLOTS = 24  # each is sent anew with every frame
 MOST_WAITING = 4  # plots to be saved; what is asked for beyond is left
 FILLED = 0.5  # of the range that curves fill at least, for it to stay
 
@@ -263,8 +265,10 @@ class Plots:
         return at_places(Together(parts).values(), axis.values, self._axis.values)
 
     def add(self, quantity: Quantity | None = None) -> None:
-        """One plot more: of a quantity, or of the next one that is not plotted."""
+        """One plot more, unless there are `MOST_PLOTS`: of a quantity, or of the next one that is not plotted."""
         with self._lock:
+            if len(self.slots) >= MOST_PLOTS:
+                return
             drawn = {q.title for slot in self.slots for q in slot.quantity.parts}
             spare = (q for title, q in self._quantities.items() if title not in drawn)
             chosen = quantity or next(spare, next(iter(self._quantities.values())))
@@ -272,6 +276,7 @@ class Plots:
             slot = SharedSlot(self._server, self._tab, f"Plot {self._made}", tuple(self._quantities.values()), chosen, self._axis)
             self.slots.append(slot)
             self._plot(slot, slot.quantity)
+            self.more.disabled = len(self.slots) >= MOST_PLOTS
         slot.choice.on_update(self._callback("Changing a plot", lambda _: self.choose(slot, slot.choice.value)))
         slot.beside.on_update(self._callback("Changing a plot", lambda _: self.join(slot, slot.beside.value)))
         slot.buttons.on_click(self._callback("Saving a plot", lambda event: self._press(slot, slot.buttons.value, event.client)))
@@ -283,6 +288,7 @@ class Plots:
             if slot in self.slots:
                 self.slots.remove(slot)
                 slot.remove()
+                self.more.disabled = False
         self.changed()
 
     def choose(self, slot: SharedSlot, title: str) -> None:
@@ -339,6 +345,7 @@ class Plots:
             report(self._server, "Saving a plot", error, client)
         finally:
             self._waiting.release()
+            give_back()
 
     def file(self, slot: SharedSlot, kind: str) -> bytes:
         """A plot as a file, with the curves of the designs that are compared and its bands as they are; ``kind``: one of
