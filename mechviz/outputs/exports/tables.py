@@ -147,8 +147,11 @@ def plot_file(
         rows.writerows(np.column_stack(columns).tolist())
         return text.getvalue().encode()
     figure = plot_figure(title, [quantity], axis, others, half)
-    if kind == "SVG":
-        return chart_svg(figure).encode()
-    stream = BytesIO()
-    figure.savefig(stream, format="png", dpi=DOTS)
-    return stream.getvalue()
+    try:
+        if kind == "SVG":
+            return chart_svg(figure).encode()
+        stream = BytesIO()
+        figure.savefig(stream, format="png", dpi=DOTS)
+        return stream.getvalue()
+    finally:
+        figure.clear()  # else all of it stays until the next collection of what refers to itself
