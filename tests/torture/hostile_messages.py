@@ -31,6 +31,7 @@ import numpy as np
 from viewer_sockets import CAMERA, opened, replay, send
 from viser._messages import Message
 from websockets.exceptions import ConnectionClosed
+from websockets.protocol import State
 from websockets.sync.client import ClientConnection
 
 from mechviz.facade import run
@@ -161,6 +162,22 @@ def drained(socket: ClientConnection) -> None:
     threading.Thread(target=read, daemon=True).start()
 
 
+def heard(port: int, socket: ClientConnection, frame: int) -> None:
+    """Wait until the viewer has dealt with all that a socket has sent: it shows the frame that is asked for last, or has closed
+    the socket."""
+    end = time.monotonic() + PATIENCE
+    with opened(port) as page:
+        slider = next(m for m in replay(page) if "props" in m and m["props"].get("label") == "Frame")["uuid"]
+    shown = -1
+    with contextlib.suppress(ConnectionClosed):
+        send(socket, {"type": "GuiUpdateMessage", "uuid": slider, "updates": {"value": frame}})
+    while shown != frame and socket.protocol.state is State.OPEN:
+        assert time.monotonic() < end, "the viewer does not hear"
+        with opened(port) as page:
+            told = [m for m in replay(page) if m.get("uuid") == slider]
+        shown = next(v for m in reversed(told) for v in (m.get("value"), m.get("updates", {}).get("value")) if v is not None)
+
+
 def attack(port: int, process: int, count: int, seed: int, share: float) -> tuple[list[float], Counter[str]]:
     """Send messages from one socket after the other, with a ``share`` of fitting values for controls; the viewer's memory now and
     then [bytes], and what became of the sockets."""
@@ -171,7 +188,8 @@ def attack(port: int, process: int, count: int, seed: int, share: float) -> tupl
         with opened(port) as socket:
             known = Known.of(replay(socket))
             send(socket, CAMERA)
-            if rng.random() < 0.5:
+            reads = rng.random() < 0.5
+            if reads:
                 drained(socket)
             end = "stayed open"
             for _ in range(min(PER_SOCKET, count - sent)):
@@ -181,6 +199,10 @@ def attack(port: int, process: int, count: int, seed: int, share: float) -> tupl
                 except ConnectionClosed as closed:
                     end = f"was closed: {closed.rcvd.code if closed.rcvd else None}"
                     break
+            else:
+                if not reads:  # it would not see either that it has been closed
+                    drained(socket)
+                heard(port, socket, sent % FRAME)
             ends[end] += 1
         sizes.append(memory(process))
     return sizes, ends
