@@ -50,6 +50,7 @@ from mechcore.dynamics.integration.refinement import Known, refine
 from mechcore.dynamics.integration.windows import Integrator, Solution
 from mechcore.dynamics.segments import Segment, breakpoint_finder, segment_forces
 from mechcore.dynamics.simulation import Simulation
+from mechcore.effects.base import Effect
 from mechcore.effects.registry import applied_effects
 from mechcore.errors import Fault, MechanismError
 from mechcore.laws.timed import Free
@@ -163,19 +164,25 @@ class EventIntegrator:
         if several:  # places of the motion, from which the angles of the links are followed
             self.compiled.angles.path.leave(waypoints(self.compiled, q[None], np.array([t])))
         first: list[tuple[float, Reaction]] = []
+        between = partial(_waypoints_along, self.compiled)
+        limited = [e for e in self.compiled.model.once(applied_effects) if e.limited]
+        told = bool(limited) or self.observe is not None or self.progress is not None
 
         def after(window: Window) -> float | None:
             if several:
-                self.compiled.angles.path.leave_later(window, partial(_waypoints_along, self.compiled))
+                self.compiled.angles.path.leave_later(window, between)
             if not len(q):
                 self.friction.follow(self.compiled, window)
-            first[:] = [(at, event.react) for event in possible if (at := event.find(window)) is not None]
+            if possible:
+                first[:] = [(at, event.react) for event in possible if (at := event.find(window)) is not None]
             strained = self._strained(window) if self.charted and not first else None
             if strained is not None:
                 first.append((strained, self._change_chart))
             first.sort(key=lambda e: e[0])
+            if not told:
+                return first[0][0] if first else None
             until = first[0][0] if first else min(window.start + window.length, self.duration)
-            self._check(window, until)
+            self._check(window, until, limited)
             if self.observe is not None:
                 segment = self._segment(window.start, until, Solution([window]), system)
                 self.observe(self._simulation([segment], 0, self.log.news()))
@@ -262,9 +269,8 @@ class EventIntegrator:
         self.over = self.over or watch.ends
         return q, v
 
-    def _check(self, window: Window, until: float) -> None:
+    def _check(self, window: Window, until: float, limited: Sequence[Effect]) -> None:
         """Raise `MechanismError` where loads are asked for more than their laws say, until a time [s] in a window."""
-        limited = [e for e in self.compiled.model.once(applied_effects) if e.limited]
         if limited:
             t = window.start + (until - window.start) * CHECKED
             q, v, _ = window(t)

@@ -20,7 +20,7 @@ def falsified(simulation, part):
     """The same motion with accelerations that are wrong by a part of their size."""
     segments = []
     for segment in simulation.segments:
-        windows = [replace(w, a=w.a * (1.0 + part * np.sin(3.0 + i))) for i, w in enumerate(segment.solution.windows)]
+        windows = [w._replace(a=w.a * (1.0 + part * np.sin(3.0 + i))) for i, w in enumerate(segment.solution.windows)]
         segments.append(replace(segment, solution=Solution(windows)))
     return replace(simulation, segments=tuple(segments))
 

@@ -11,7 +11,7 @@ nodes' accelerations follow by Newton's method. Order 2s with Gauss nodes, 2s - 
 from __future__ import annotations
 
 from functools import lru_cache
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 import numpy as np
 from numpy.polynomial import legendre
@@ -117,8 +117,7 @@ def radau(s: int) -> Rule:
     return _rule(np.asarray(0.5 * (x + 1.0), float), stiff=True)
 
 
-@dataclass(frozen=True, eq=False)
-class Window:
+class Window(NamedTuple):
     """One window of a solution: times ``start`` to ``start + length`` [s]; ``q``, ``v`` (f,) at its start, Legendre coefficients
     ``a`` (s, f) of the acceleration. ``cut``: it ends where the equations change their form; ``strain``: how fast some joint is
     there against the coordinates, where that is known."""

@@ -208,8 +208,9 @@ class _Integration:
         solution.evaluations, solution.rejected = solution.evaluations + int(at[3]), solution.rejected + int(at[4])
         numbers = (x.tolist() for x in (batch.starts, batch.lengths, batch.strain))
         rows = zip(*numbers, batch.q, batch.v, batch.a, strict=True)
-        if not all(self._accept(Window(t, h, q, v, a, strain=x)) for t, h, x, q, v, a in rows):
-            return False
+        for t, h, strain, q, v, a in rows:
+            if not self._accept(Window(t, h, q, v, a, False, strain)):
+                return False
         self.t, self.h, self.longest = (float(x) for x in at[:3])
         self.q, self.v, self.end_a = at[5 : 5 + f], at[5 + f : 5 + 2 * f], at[None, 5 + 2 * f : 5 + 3 * f]
         self.guess = at[5 + 3 * f :][: s * f].reshape(s, f)
