@@ -269,6 +269,7 @@ def optimise(
     ] = None,
     jobs: JobsOpt = 1,
     dask: DaskOpt = None,
+    executor: DesignExecutorOpt = "auto",
     frames: FramesOpt = None,
     cycles: CyclesOpt = None,
     values: SetOpt = None,
@@ -287,20 +288,22 @@ def optimise(
         if plot is not None:
             check_ending(plot)
         loaded = load_scene(scene, values)
-        problem = problem_of(loaded, frames=frames, cycles=cycles)
+        problem = problem_of(
+            loaded, frames=frames, cycles=cycles, executor=checked(executor), population=population, generations=generations
+        )
         if (front is not None or plot is not None) and len(problem.terms) < 2:
             fail("--front, --plot: the goal has one objective only, and so no front.")
         with interruptible("scipy.optimize", "scipy.stats", *(["matplotlib.figure"] if plot is not None else [])):
-            with progress_bar("optimising") as bar, workers(jobs, dask) as (executor, _):
+            with progress_bar("optimising") as bar, workers(jobs, dask) as (pool, _):
 
                 def report(stage: str, objective: int, value: float, violation: float) -> None:
                     shown = problem.terms[objective].shown(value)
                     bar.stage(f"{stage}: {shown if violation <= KEPT else f'limits missed by {100.0 * violation:.3g} %'}")
 
-                search = Search(problem, seed, population, generations, executor, report)
+                search = Search(problem, seed, population, generations, pool, report)
                 best = find_best(search, points=points)
             print("\n".join(aligned(best.lines())))
-            say(f"{search.evaluations} designs were looked at.")
+            say(f"{search.evaluations} designs were looked at, computed by {problem.study.computed_by}.")
             if search.refused:
                 say(f"note: no steps along derivatives were taken: {search.refused}")
             if output is not None:

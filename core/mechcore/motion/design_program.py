@@ -35,7 +35,8 @@ class DesignProgram:
     """What is collected from the motions of designs in which some numbers vary, as a program. Raises `Untraceable` where C does not
     have it.
 
-    ``varied`` makes the model of numbers that vary, those of the ``points``, ``masses`` and ``loads``.
+    ``varied`` makes the model of numbers that vary, those of the ``points``, ``masses`` and ``loads``; the drives of ``speeds`` (by
+    number) have speeds that vary.
     """
 
     def __init__(
@@ -45,13 +46,14 @@ class DesignProgram:
         points: Sequence[tuple[str, str]],
         masses: Sequence[str],
         loads: Sequence[Place],
+        speeds: Sequence[int],
         time: Real,
         collect: Collect,
     ):
         check_traceable(compiled.model)
         if compiled.accuracy.differentiation != "exact":
             raise Untraceable("rates are differences")
-        self._compiled, self._kernel = compiled, (kernel := Kernel("designs"))
+        self._compiled, self._kernel, self._speeds = compiled, (kernel := Kernel("designs")), frozenset(speeds)
         place = {key: kernel.plane(f"point {key}") for key in points}
         weights = {k: (kernel.real(f"mass {k}"), kernel.plane(f"centre {k}"), kernel.real(f"inertia {k}")) for k in masses}
         model = varied(compiled, place, weights, {key: kernel.real(f"load {key}") for key in loads})
@@ -82,7 +84,10 @@ class DesignProgram:
         drives: list[Any] = []
         for d, known in enumerate(values):
             still = [isinstance(x, float) and x == 0.0 for x in known]
-            drives.append(tuple(0.0 if s else kernel.real_of_frame(f"drive {d} {k}") for k, s in enumerate(still)))
+            own: list[Any] = [0.0 if s else kernel.real_of_frame(f"drive {d} {k}") for k, s in enumerate(still)]
+            if d in self._speeds:
+                own[1] = kernel.real(f"speed {d}")
+            drives.append(tuple(own))
         turned = model.angles.class_drives
         delta: list[Any] = [kernel.plane_of_frame(f"delta {s}") if terms else 1 + 0j for s, terms in enumerate(turned)]
         modes: list[Any] = [Symbol(kernel.code, float(mode), 0.0) for mode in self._compiled.assembly.modes]
@@ -104,7 +109,12 @@ class DesignProgram:
         return self
 
     def __call__(
-        self, points: Mapping[tuple[str, str], Real], masses: Mapping[str, Weights], loads: Mapping[Place, Real], time: Real
+        self,
+        points: Mapping[tuple[str, str], Real],
+        masses: Mapping[str, Weights],
+        loads: Mapping[Place, Real],
+        time: Real,
+        speeds: Mapping[int, Real],
     ) -> tuple[dict[str, Real], Flags, Flags]:
         """What is collected of designs at times (F,), each (D, F, ...); which of them (D,) go together at all frames; and of which
         angles may be wrong, as links turn too far from one time to the next."""
@@ -122,6 +132,7 @@ class DesignProgram:
         for link, weights in masses.items():
             given |= {f"{what} {link}": x[:, 0] for what, x in zip(("mass", "centre", "inertia"), weights, strict=True)}
         given |= {f"load {key}": x[:, 0] for key, x in loads.items()}
+        given |= {f"speed {d}": x[:, 0] for d, x in speeds.items()}
         rows = self._kernel(len(next(iter(points.values()))), given, len(time))
         far = np.asarray((rows[:, -2] > LARGEST).any(axis=0))
         if len(own) < len(time):
@@ -136,7 +147,7 @@ class DesignProgram:
 def design_program(
     compiled: Compiled,
     varied: Varied,
-    keys: tuple[Sequence[tuple[str, str]], Sequence[str], Sequence[Place]],
+    keys: tuple[Sequence[tuple[str, str]], Sequence[str], Sequence[Place], Sequence[int]],
     time: Real,
     collect: Collect,
     count: int,

@@ -97,8 +97,8 @@ class Motion:
 
     @lazy
     def drives(self) -> list[tuple[Real, Real, Real]]:
-        """Position, speed and acceleration (F,) of each drive [rad or m, s]."""
-        return [(q, np.broadcast_to(v, q.shape), np.broadcast_to(a, q.shape)) for q, v, a in self._drives]
+        """Position, speed and acceleration (F,) of each drive [rad or m, s]; (D, F) where its speed varies with designs."""
+        return [(x[0], x[1], x[2]) for x in (np.broadcast_arrays(*own) for own in self._drives)]
 
     @lazy
     def shape(self) -> tuple[int, ...]:

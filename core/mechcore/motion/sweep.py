@@ -15,6 +15,7 @@ from mechcore.errors import Fault, MechanismError
 from mechcore.kinematics.build import loop_sum
 from mechcore.kinematics.model import Model
 from mechcore.kinematics.positions import place_all
+from mechcore.laws.timed import ConstantSpeed
 from mechcore.motion.compiled import Compiled, DriveValues, drive_values
 from mechcore.motion.design_program import DesignProgram, design_program
 from mechcore.motion.motion import Motion
@@ -44,13 +45,16 @@ def sweep(
     masses: Mapping[str, tuple[ArrayLike, ArrayLike, ArrayLike]] | None = None,
     loads: Mapping[Place, ArrayLike] | None = None,
     of: int = 0,
+    speeds: Mapping[str, ArrayLike] | None = None,
 ) -> Sweep:
     """Motion of D variants of a mechanism at times (F,) [s].
 
     ``points``: (link, point) -> positions (D, 2) [m] in the link's frame, of points at which the link is joined; all else is as
     compiled, the assembly modes too. ``masses``: link -> mass (D,) [kg], centre of mass (D, 2) [m] and moment of inertia about it
     (D,) [kg m^2], of links whose masses vary beside. ``loads``: numbers (D,) in place of those of the mechanism's loads, by their
-    places in them (`numbers_in`). ``collect`` takes from a motion what is wanted, arrays (designs, F, ...).
+    places in them (`numbers_in`). ``speeds``: joint -> constant speed (D,) [rad/s or m/s] of the only drive, in its sense: the
+    designs are compared where that drive is at the times of the compiled one, and no force may depend on time. ``collect`` takes
+    from a motion what is wanted, arrays (designs, F, ...).
     The executor of ``compiled`` computes them; ``of`` how many designs these are some, for it to judge whether compiling pays:
     ``collect`` then is given a motion of symbols and has to keep to what these have (see `design_program`), else numpy goes on.
     Designs that cannot be assembled are NaN in the frames concerned and marked, not fatal. Groups without a closed form and
@@ -79,7 +83,8 @@ def sweep(
         )
     count = designs.pop()
     values = drive_values(model.mechanism, time)
-    keys = tuple(varied), tuple(masses or ()), tuple(loads or ())
+    driven = {d: np.asarray(x, float) for d, joint in enumerate(_speedy(model, speeds)) for x in [(speeds or {})[joint]]}
+    keys = tuple(varied), tuple(masses or ()), tuple(loads or ()), tuple(driven)
     program = design_program(compiled, varied_model, keys, time, collect, max(of, count))
     chunk = max(1, (CHUNK if isinstance(program, str) else CHUNK_OF_C // program.rows) // len(time))
     parts: list[Mapping[str, Real]] = []
@@ -88,18 +93,20 @@ def sweep(
         part = {key: xy[start : start + chunk, :] for key, xy in varied.items()}
         weights = {link: _rows_of_masses(own, start, chunk) for link, own in (masses or {}).items()}
         stated = {key: np.asarray(x, float)[start : start + chunk, None] for key, x in (loads or {}).items()}
+        rates = {d: x[start : start + chunk, None] for d, x in driven.items()}
         if not isinstance(program, str):
-            found, assembled[start : start + chunk], far = program(part, weights, stated, time)
+            found, assembled[start : start + chunk], far = program(part, weights, stated, time, rates)
             parts.append(found)
             if not far.any():
                 continue
             part = {key: xy[far] for key, xy in part.items()}
             weights = {link: (mass[far], centre[far], inertia[far]) for link, (mass, centre, inertia) in weights.items()}
-            again = collect(_motion(compiled, part, weights, {key: x[far] for key, x in stated.items()}, time, values))
+            own = _with_speeds(values, {d: x[far] for d, x in rates.items()})
+            again = collect(_motion(compiled, part, weights, {key: x[far] for key, x in stated.items()}, time, own))
             for name, x in again.items():
                 found[name][far] = x
             continue
-        motion = _motion(compiled, part, weights, stated, time, values)
+        motion = _motion(compiled, part, weights, stated, time, _with_speeds(values, rates))
         parts.append(collect(motion))
         ok = np.ones(motion.shape, bool)
         for rot in motion.state.rot:
@@ -109,6 +116,22 @@ def sweep(
         assembled[start : start + chunk] = ok.all(axis=-1)
     results = {name: parts[0][name] if len(parts) == 1 else np.concatenate([p[name] for p in parts]) for name in parts[0]}
     return Sweep(results, assembled, program)
+
+
+def _speedy(model: Model, speeds: Mapping[str, ArrayLike] | None) -> list[str]:
+    """The driven joints whose speeds vary. Raises `MechanismError` where designs cannot be compared so."""
+    if not speeds:
+        return []
+    joints = [d.joint for d in model.mechanism.drives if isinstance(d.law, ConstantSpeed)]
+    if list(speeds) != joints or len(model.mechanism.drives) != 1:
+        why = "speeds vary of other drives than one of constant speed."
+        raise MechanismError(Fault("sweep", why, "Loop over designs."))
+    return joints
+
+
+def _with_speeds(values: DriveValues, rates: Mapping[int, Real]) -> DriveValues:
+    """The drives' positions (F,) with other speeds (designs, 1)."""
+    return [(q, rates[d], 0.0) if d in rates else (q, v, a) for d, (q, v, a) in enumerate(values)]
 
 
 def _rows_of_masses(stated: tuple[ArrayLike, ArrayLike, ArrayLike], start: int, chunk: int) -> tuple[Real, Complex, Real]:

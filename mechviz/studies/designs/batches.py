@@ -1,4 +1,5 @@
-"""Many designs in one call of the core: where parameters vary nothing but places of joints, masses of links and numbers of loads.
+"""Many designs in one call of the core: where parameters vary nothing but places of joints, masses of links, numbers of loads and
+the constant speed of the drive.
 
 What can be computed this way is tried out on a few designs beside the run of each by itself; where they differ, all are run by
 themselves.
@@ -9,13 +10,16 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import product
 
 import numpy as np
 
 from mechcore.arrays import Flags, Real
 from mechcore.compiled.motion import Executor
+from mechcore.effects.registry import effects_of
 from mechcore.errors import MechanismError
 from mechcore.forces.kinetostatics import solve_forces
+from mechcore.laws.timed import ConstantSpeed
 from mechcore.motion.compiled import Compiled
 from mechcore.motion.design_program import DesignProgram
 from mechcore.motion.motion import Motion
@@ -34,6 +38,7 @@ from mechviz.studies.designs.measures import Measure, quantity_of
 from mechviz.studies.designs.sampling import Variation
 from mechviz.studies.designs.tables import needs_forces, rows_of
 
+MOST_CORNERS = 12  # parameters of which all ends are tried together
 Numbers = dict[tuple[int | str, ...], float]  # by their places in a mechanism
 
 
@@ -55,6 +60,21 @@ class Batch:
         """Coordinate (F,) of the first drive, the same in all designs."""
         drives = self.compiled.mechanism.drives
         return np.broadcast_to(drives[0].law(self.time)[0], self.time.shape) if drives else None
+
+    @property
+    def _speed(self) -> float:
+        """Speed of the first drive [rad/s or m/s]."""
+        return float(self.compiled.mechanism.drives[0].law(np.zeros(1))[1][0])
+
+    @property
+    def one_sense(self) -> bool:
+        """Whether the drive keeps its sense in all designs between the ends of what varies, as far as their corners tell."""
+        corners = np.array(
+            list(product(*((min(v.values), max(v.values)) if v.values else (v.low, v.high) for v in self.variations)))
+        )
+        amounts = parameter_arrays(self.scene.document, {v.name: corners[:, k] * v.factor for k, v in enumerate(self.variations)})
+        speeds = formula_values(self.scene.document, amounts, tuple(p for p in self.places if p[0] == "joints"))
+        return all(bool((x * self._speed > 0.0).all()) for x in speeds.values())
 
     @cached_property
     def program(self) -> DesignProgram | str:
@@ -87,7 +107,11 @@ class Batch:
             reasons[k] = reasons[k] or "links: a mass or moment of inertia is negative"
         with np.errstate(all="ignore"):
             loads = {number: constant + factor * values[place] for number, place, constant, factor in self.loads}
-            swept = sweep(self.compiled, points, self.time, self._collect, masses, loads, self.count)
+            speeds = {str(place[1]): values[place] for place in self.places if place[0] == "joints"}
+            for joint, x in speeds.items():
+                for k in map(int, np.flatnonzero(x * self._speed <= 0.0)):
+                    reasons[k] = reasons[k] or f"joints.{joint}.drive: turns the other way"
+            swept = sweep(self.compiled, points, self.time, self._collect, masses, loads, self.count, speeds)
         curves = [swept.results[str(k)] for k in range(len(self.columns))]
         for k in map(int, np.flatnonzero(~swept.assembled)):
             reasons[k] = reasons[k] or "joints: the mechanism cannot be assembled at all frames of the run"
@@ -179,6 +203,10 @@ def batch_of(
         compiled = compile_mechanism(mechanism, scene.accuracy)
         loads = tuple(varied for place in places if place[0] == "loads" for varied in _load_numbers(scene, place))
         batch = Batch(scene, compiled, default_times(mechanism, *frames), tuple(variations), tuple(columns), places, loads)
+        if any(place[0] == "joints" for place in places):
+            timed = any("time" in effect.needs for effect in effects_of(mechanism))
+            if timed or len(variations) > MOST_CORNERS or not batch.one_sense:
+                return None
         batch.curves(batch.nominal)
     except (LookupError, MechanismError, StopIteration, ValueError, TypeError):
         return None
@@ -190,6 +218,9 @@ def _can_vary(scene: Scene, place: Place) -> bool:
     """Whether a value of the document may differ from design to design."""
     if place[0] == "loads":
         return True
+    if place[0] == "joints":
+        drives = scene.mechanism.drives
+        return place == ("joints", drives[0].joint, "drive", "speed") and type(drives[0].law) is ConstantSpeed
     if place[0] != "links" or place[2] not in ("points", "mass", "centre", "inertia"):
         return False
     link = scene.document.links[str(place[1])]

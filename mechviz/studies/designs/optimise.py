@@ -20,7 +20,7 @@ from mechcore.errors import Fault, MechanismError
 from mechviz.figures import chart
 from mechviz.scene.scene import Scene
 from mechviz.studies.designs.evaluate import evaluate
-from mechviz.studies.designs.problem import KEPT, Judged, Limit, Problem
+from mechviz.studies.designs.problem import AROUND, KEPT, Judged, Limit, Problem, population_of
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -90,9 +90,9 @@ class Search:
 
         bounds = self.problem.bounds
         n = len(bounds)
-        count = self.population or max(32, 1 << int(np.ceil(np.log2(12 * n))))
+        count = population_of(self.population, n)
         rng = np.random.default_rng(np.random.SeedSequence([self.seed, objective]))
-        points = qmc.Sobol(n, rng=rng).random_base2(int(np.ceil(np.log2(8 * count))))
+        points = qmc.Sobol(n, rng=rng).random_base2(int(np.ceil(np.log2(AROUND * count))))
         designs = bounds[:, 0] + (bounds[:, 1] - bounds[:, 0]) * points
         start = np.clip(self.problem.start, bounds[:, 0], bounds[:, 1])
         screened = self.judged(np.vstack([start, designs]))

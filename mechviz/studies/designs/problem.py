@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from concurrent.futures import Executor
+from concurrent.futures import Executor as Pool
 from dataclasses import dataclass
 
 import numpy as np
 
 from mechcore.arrays import Flags, Real
+from mechcore.compiled.motion import Executor
 from mechcore.errors import Fault, MechanismError
 from mechviz.quantities.catalogue import Quantity
 from mechviz.runs import Run, run_scene
@@ -23,6 +24,7 @@ from mechviz.studies.designs.sensitivity import sensitivities
 from mechviz.studies.designs.variables import Variable, parameters_of
 
 KEPT = 1e-9  # relative: a limit that is missed by no more is kept
+AROUND = 8  # generations' worth of designs that are looked at before the first one
 PORTION = 512  # designs that are handed on at once
 UNFIT = 10.0  # violation of a design that cannot be assembled at some frame; up to twice that where it cannot be at any
 
@@ -104,7 +106,7 @@ class Problem:
         """The values (n,) of the scene."""
         return np.array([v.value for v in self.variables])
 
-    def judged(self, designs: Real, executor: Executor | None = None) -> Judged:
+    def judged(self, designs: Real, executor: Pool | None = None) -> Judged:
         """Objectives and violations of designs (D, n), in portions over an executor if there is one."""
         portions = [designs[k : k + PORTION] for k in range(0, len(designs), PORTION)]
         if executor is None:
@@ -161,8 +163,22 @@ class Problem:
         return np.array(objectives), limited, np.array(gradients), np.array(limited_by).reshape(len(self.limits), len(design))
 
 
-def problem_of(scene: Scene, *, frames: int | None = None, cycles: int | None = None) -> Problem:
-    """The problem that a scene's goal states. Raises `MechanismError`."""
+def population_of(stated: int, variables: int) -> int:
+    """How many designs a generation has: as stated, or for so many variables where that is 0."""
+    return stated or max(32, 1 << int(np.ceil(np.log2(12 * variables))))
+
+
+def problem_of(
+    scene: Scene,
+    *,
+    frames: int | None = None,
+    cycles: int | None = None,
+    executor: Executor = "numpy",
+    population: int = 0,
+    generations: int = 0,
+) -> Problem:
+    """The problem that a scene's goal states, whose designs are computed by an executor; how many a search of so many generations
+    looks at decides whether compiling pays. Raises `MechanismError`."""
     goal = scene.document.goal
     if goal is None:
         remedy = 'Say what to look for: [goal] minimise = "drive.A.torque:peak".'
@@ -190,7 +206,8 @@ def problem_of(scene: Scene, *, frames: int | None = None, cycles: int | None = 
     if goal.path is not None:
         along = [measure(f"point.{goal.path.point}.position[{axis}]", "goal.path.point") for axis in "xy"]
     varied = [Variation(v.name, v.unit, low=v.low, high=v.high) for v in variables]
-    study = study_of(scene, varied, measures, frames=frames, cycles=cycles)
+    count = population_of(population, len(varied)) * (AROUND + generations)
+    study = study_of(scene, varied, measures, frames=frames, cycles=cycles, executor=executor, count=count)
     quantities = study.quantities
     terms = [
         Term(text, quantities[k].unit, (k,), lambda own, s=sign: s * own[0], lambda own, s=sign: [np.array([s])], sign)  # type: ignore[misc]

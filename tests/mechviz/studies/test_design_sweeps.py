@@ -11,6 +11,7 @@ import pytest
 from typer.testing import CliRunner
 
 import mechviz
+from mechcore.compiled.toolchain import compiler
 from mechcore.errors import MechanismError
 from mechviz.commands.main import app
 from mechviz.runs import run_scene
@@ -45,11 +46,46 @@ def test_a_batch_is_the_same_as_run_by_run_and_as_the_closed_form(press):
         assert found.values[3][k] == pytest.approx(-np.degrees(np.arcsin(1.0 / ratio)), rel=1e-12)
 
 
-def test_what_is_no_place_or_mass_is_run_by_itself(press):
-    study = question(press, ["speed=60rpm,240rpm"], ["joint.S.velocity:rms"])
+@pytest.mark.parametrize(
+    "executor", ["numpy", pytest.param("c", marks=pytest.mark.skipif(compiler() is None, reason="no C compiler"))]
+)
+def test_speeds_of_the_drive_vary_in_a_batch(press, executor):
+    """What inertia needs goes with the square of the speed; frames are compared where the drive is."""
+    variations = [parse_variation(press, v) for v in ("speed=60rpm,240rpm", "stroke=70mm,90mm")]
+    measures = [
+        parse_measure(press, m)
+        for m in ("joint.S.velocity:rms", "drive.A.torque:mean", "drive.A.torque:at 40 deg", "drive.A.power")
+    ]
+    study = study_of(press, variations, measures, frames=24, executor=executor)
+    assert study.batch is not None and study.compiled == (executor == "c")
+    designs = grid(variations)
+    found = evaluate(study, designs)
+    velocity = dict(zip(map(tuple, designs), found.values[0], strict=True))
+    assert velocity[240.0, 70.0] == pytest.approx(4.0 * velocity[60.0, 70.0], rel=1e-12)
+    for k, (speed, stroke) in enumerate(designs):
+        run = run_scene(press.with_parameters({"stroke": f"{stroke} mm", "speed": f"{speed} rpm"}), frames=24)
+        for measure, values in zip(measures, found.values, strict=True):
+            curve = run.catalogue[measure.key].values()[:, 0]
+            drive = run.catalogue.coordinate("A")
+            wanted = measure.reduced(curve, run.motion.time, drive)
+            np.testing.assert_allclose(values[k], wanted, rtol=1e-10, atol=1e-12 * np.abs(curve).max())
+
+
+def test_a_drive_that_would_turn_round_is_run_by_itself(press):
+    text = press.to_toml().replace('speed = "speed"', 'speed = "speed - 100 rpm"')
+    assert text != press.to_toml()
+    study = question(mechviz.loads(text), ["speed=60rpm,240rpm"], ["joint.S.velocity:rms"])
     assert study.batch is None
     slow, fast = evaluate(study, grid(study.variations)).values[0]
-    assert fast == pytest.approx(4.0 * slow, rel=1e-12)
+    assert fast == pytest.approx(3.5 * slow, rel=1e-12)
+
+
+def test_what_is_no_place_mass_load_or_speed_is_run_by_itself():
+    text = mechviz.load("crank-rocker").to_toml().replace("[links]", '[parameters]\na = "10 deg"\n\n[links]')
+    scene = mechviz.loads(text).changed({("joints", "A", "drive", "start"): "a"})
+    study = question(scene, ["a=10deg,20deg"], ["link.crank.angle:min"])
+    assert study.batch is None
+    np.testing.assert_allclose(evaluate(study, grid(study.variations)).values[0], [10.0, 20.0], rtol=1e-12)
 
 
 def test_a_design_that_cannot_be_assembled_is_a_row_with_its_reason():
@@ -63,6 +99,7 @@ def test_a_design_that_cannot_be_assembled_is_a_row_with_its_reason():
 
 def test_a_study_that_was_cut_off_goes_on_and_ends_the_same(press, tmp_path, monkeypatch):
     monkeypatch.setattr("mechviz.studies.designs.sweep.FLUSH", 0.0)
+    monkeypatch.setattr("mechviz.studies.designs.sweep.LARGEST_CHUNK", (8, 8, 8))
     study = question(press, ["speed=60..240rpm:20"], ["drive.A.torque:max"])
     designs = grid(study.variations)
     whole = run_study(study, designs)
