@@ -21,6 +21,7 @@ from mechcore.branches.paths import Starts, Waypoint
 from mechcore.branches.unwrapped import UnwrappedAngles, raw_angles
 from mechcore.constants import TURN
 from mechcore.dynamics.equations.curve import Curve, beside_singular, tabulate, whole_turn
+from mechcore.dynamics.equations.lines import straight_lines
 from mechcore.dynamics.equations.program import EquationsProgram, Programmed
 from mechcore.dynamics.equations.reduced import (
     constrained,
@@ -43,6 +44,7 @@ from mechcore.records import dataclass
 from mechcore.spec.mechanism import Drive, Mechanism
 from mechcore.texts import as_coordinate
 
+WORTH_LINES = 10  # evaluations after which it pays to write the equations down: that costs as much as about five
 STRAINED = 6.0  # rate of some joint per unit rate of the leading coordinates, from which on others take over
 EASED = 0.5  # of that, at most, with those others
 MANY = 500  # sets of joints, all of which are looked at
@@ -71,13 +73,18 @@ class Chart(Programmed):
         self.compiled, self.rests = compiled, tuple(rests)
         free = [compiled.mechanism.drives[i].joint for i in free_of(compiled)]
         self.held = [free.index(joint) for joint in self.rests if joint in free]
+        self.calls = 0
 
     def program(self, *, long: bool = False) -> EquationsProgram | None:
         return None if self.rests else super().program(long=long)
 
     def __call__(self, q: Real, v: Real, t: Real) -> Real:
         program = self.program()
-        return self._solve(q, v, t)[0] if program is None or not program.everywhere else program(q, v, t)
+        if program is not None and program.everywhere:
+            return program(q, v, t)
+        self.calls += 1
+        lines = self.compiled.once(straight_lines) if self.calls > WORTH_LINES and not self.rests else None
+        return self._solve(q, v, t)[0] if lines is None else lines(q, v, t)
 
     def _solve(self, q: Real, v: Real, t: Real) -> tuple[Real, Real]:
         """Accelerations (n, f + s), see `with_states`, and what holds the joints at rest (n, p).

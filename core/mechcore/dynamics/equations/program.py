@@ -8,7 +8,7 @@ numpy does all.
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -179,12 +179,27 @@ def written_equations(compiled: Compiled) -> tuple[WrittenEquations, tuple[int, 
 
     Raises `Untraceable` with the reason where C does not have them.
     """
-    model = compiled.model
-    check_traceable(model)
+    traced = traced_equations(compiled)
+    return WrittenEquations(*traced[:4], MARGIN), traced.followed
+
+
+class TracedEquations(NamedTuple):
+    """A program and what is wanted of it, see `WrittenEquations`: ``outputs``, ``freedoms``, how many values of drives are
+    ``given``; the groups whose angles are ``followed``."""
+
+    code: Code
+    outputs: tuple[list[Any], ...]
+    freedoms: tuple[int, int]
+    given: int
+    followed: tuple[int, ...]
+
+
+def traced_equations(compiled: Compiled) -> TracedEquations:
+    """The reduced equations of a mechanism on symbols. Raises `Untraceable` with the reason where that cannot be."""
+    check_traceable(compiled.model)
     if "friction" in compiled.mechanism.effects and braked(compiled.mechanism.joints):
         raise Untraceable("dry friction depends on the reactions")
-    writer = _Writer(compiled)
-    return writer.equations(), tuple(writer.followed)
+    return _Writer(compiled).equations()
 
 
 class _Writer:
@@ -194,7 +209,7 @@ class _Writer:
         self.compiled, self.model, self.code = compiled, compiled.model, Code()
         self.followed: list[int] = []  # groups whose angles are, in the order of the program's
 
-    def equations(self) -> WrittenEquations:
+    def equations(self) -> TracedEquations:
         model, free, code = self.model, free_of(self.compiled), self.code
         drives: list[tuple[Any, Any, Any]] = []
         for d in range(len(model.mechanism.drives)):
@@ -224,7 +239,7 @@ class _Writer:
         ratios, forms = [self._operand(x) for row in rates for x in row], self._forms(moving)
         near = [self._operand(state.angle[g]) for g in self.followed]  # after all that may ask for an angle
         given = 3 * (len(drives) - len(free))
-        return WrittenEquations(code, (outputs, near, ratios, forms), (len(free), len(states)), given, MARGIN)
+        return TracedEquations(code, (outputs, near, ratios, forms), (len(free), len(states)), given, tuple(self.followed))
 
     def _forms(self, motion: Motion) -> list[Any]:
         """Forms of the laws of effects and cams; none where C does not have them all."""

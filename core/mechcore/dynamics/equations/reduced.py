@@ -95,7 +95,7 @@ def steps_of_differences(compiled: Compiled, q: Real, v: Real, a: Real) -> tuple
     Relative to the scale of each coordinate and, for rates, to the time in which the motion covers it, so that units do not
     matter; states of effects that integrate, whose scales nobody knows, count as coordinates of scale 1.
     """
-    scales = coordinate_scales(compiled)
+    scales = compiled.once(coordinate_scales)
     f = len(scales)
     pace = max(float((np.abs(v[:, :f]) / scales).max()), float(np.sqrt((np.abs(a[:, :f]) / scales).max()))) or 1.0
     scales = np.append(scales, np.ones(q.shape[1] - f))

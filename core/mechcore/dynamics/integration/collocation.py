@@ -160,7 +160,7 @@ def solve_window(
     drift = q0 + h * rule.nodes[:, None] * v0
     a = guess
     matrix = None
-    last = np.inf
+    last, reach = np.inf, float(np.abs(drift).max())
     for count in range(1, 16):
         q, v = drift + h * h * (rule.twice @ a), v0 + h * (rule.once @ a)
         with np.errstate(over="ignore", invalid="ignore", divide="ignore"):  # a trial may be anywhere
@@ -180,8 +180,12 @@ def solve_window(
         a = a + step
         moved = h * h * np.abs(rule.twice @ step).max(axis=0)
         size = float(moved.max())
-        if size <= tolerance or (moved <= ROUNDING * (np.abs(drift) + h * h * (np.abs(rule.twice) @ np.abs(a))).max(axis=0)).all():
+        if size <= tolerance:
             return a, count
+        if size <= ROUNDING * (reach + h * h * float(np.abs(a).max())):  # no coordinate's terms are larger
+            terms = np.abs(drift) + h * h * (np.abs(rule.twice) @ np.abs(a))
+            if (moved <= ROUNDING * terms.max(axis=0)).all():
+                return a, count
         if count > 2 and size > 0.5 * last:
             if size > 0.9 * last or count > 8:
                 return None

@@ -194,8 +194,9 @@ class _Integration:
 
     def _go_to_end(self, window: Window) -> None:
         self.t = window.start + window.length
-        q, v, self.end_a = window(np.array([self.t]))
-        self.q, self.v = q[0], v[0] if self.by.keeps is None else self.by.keeps(q[0], v[0])
+        q, v = window.end()
+        self.end_a = window.a.sum(axis=0)[None]  # all polynomials are 1 there
+        self.q, self.v = q, v if self.by.keeps is None else self.by.keeps(q, v)
 
     def _batch(self, program: WindowProgram) -> bool:
         """Windows that a compiled program solves one after the other."""
