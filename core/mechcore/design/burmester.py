@@ -14,6 +14,7 @@ from mechcore.errors import Fault, MechanismError
 from mechcore.records import dataclass
 
 LARGEST = 1e6  # pivots further away than this many times the reach of the poses are at infinity
+ON_LINE = 1e-7  # of the reach: a point so close to a line is on it
 NEWTON = 8  # steps that polish the dyads of five positions
 REAL = 1e-7  # imaginary part over modulus, below which a root counts as real before it is polished
 
@@ -164,21 +165,38 @@ def _sorted_pieces(points: Complex, scale: float) -> Complex:
     return np.concatenate(pieces)
 
 
-def slider_point(poses: Poses) -> tuple[complex, complex]:
-    """The point of the body that lies on a straight line in four poses (the first four), and the line's unit direction.
+def slider_points(poses: Poses, count: int = 72) -> tuple[Complex, Complex]:
+    """Points w (S,) of the body that lie on a straight line in all poses, and the lines' unit directions (S,).
 
-    A fixed pivot at infinity: ``Re(conj(n)(T + e^(i alpha) w)) = p`` for four poses, linear in n, conj(n) w and p.
+    A fixed pivot at infinity: ``Re(conj(n)(T + e^(i alpha) w)) = p``, linear in n, conj(n) w and p. Two poses leave every point,
+    three a circle of points, of which there are about ``count``; four leave one, more none unless they are met by chance. Raises
+    MechanismError where there is none.
     """
-    t, z = poses.places[:4], poses.turns[:4]
-    scale = poses.reach
-    rows = np.stack([t.real / scale, t.imag / scale, z.real, -z.imag, -np.ones(len(t))], axis=1)
-    n_x, n_y, b_x, b_y, _ = np.linalg.svd(rows)[2][-1]
-    normal = complex(n_x, n_y) / scale
-    if abs(normal) * scale < 1e-9:
+    t, z = poses.places, poses.turns
+    scale, number = poses.reach, len(poses.places)
+    rows = np.stack([t.real / scale, t.imag / scale, z.real, -z.imag, -np.ones(number)], axis=1)
+    _, sizes, basis = np.linalg.svd(rows)
+    free = max(5 - number, 1)
+    if number == 2:  # directions all over a half sphere
+        k = np.arange(count) + 0.5
+        height, turn = k / count, np.pi * (1.0 + np.sqrt(5.0)) * k
+        flat = np.sqrt(1.0 - height**2)
+        parts = np.stack([flat * np.cos(turn), flat * np.sin(turn), height], axis=1)
+    else:
+        angles = np.pi * (np.arange(count) + 0.5) / count
+        parts = np.stack([np.cos(angles), np.sin(angles)], axis=1) if number == 3 else np.ones((1, 1))
+    n_x, n_y, b_x, b_y, _ = (parts @ basis[5 - free :]).T
+    normal = (n_x + 1j * n_y) / scale
+    usable = np.abs(normal) * scale > 1e-9
+    off = sizes[-1] / np.maximum(np.abs(normal), 1e-300) if number > 4 else np.zeros(len(normal))
+    if not usable.any():
         raise MechanismError(
-            Fault("poses", "no point of the body lies on a line in all four.", "Give other positions, or take cranks only.")
+            Fault("poses", "no point of the body lies on a line in all of them.", "Give other positions, or take cranks only.")
         )
-    return complex(complex(b_x, b_y) / normal.conjugate()), complex(1j * normal / abs(normal))
+    if off[0] > ON_LINE * scale:
+        why = f"of {number} positions no point of the body lies on a line in all: the best is {1e3 * off[0]:.3g} mm off."
+        raise MechanismError(Fault("poses", why, "Give four positions or fewer, or take cranks only."))
+    return ((b_x + 1j * b_y)[usable] / normal[usable].conj()), (1j * normal / np.abs(normal))[usable]
 
 
 # -- five poses -------------------------------------------------------------------------------------------------------

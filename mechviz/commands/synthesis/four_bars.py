@@ -129,7 +129,7 @@ def motion(
         list[str] | None, typer.Option("--fixed", metavar="X,Y", help="a pivot of the frame (3 positions); again")
     ] = None,
     swing: Annotated[str, typer.Option(help="angle by which cranks turn between 2 positions")] = "60 deg",
-    slider: Annotated[bool, typer.Option("--slider", help="4 positions: a slide in place of one crank")] = False,
+    slider: Annotated[bool, typer.Option("--slider", help="2 to 4 positions: a slide in place of one crank")] = False,
     most: MostOpt = 10,
     output: OutputOpt = None,
     plot: PlotOpt = None,
@@ -150,8 +150,8 @@ def motion(
         w, c = dyads(poses, in_body, pivots[1], angle_of(swing, "swing"))
         named = bool(moving or fixed)
         if slider:
-            if len(rows) != 4 or plot is not None:
-                fail("--slider is for 4 positions, and without --plot: one point of the body lies on a line in all of them.")
+            if plot is not None:
+                fail("--slider, --plot: there is no chart of guides with a slide. Leave out one of them.")
             give(slider_guide_solutions(poses, slider_guides(poses, w, c, most)), output, None, None)
             return
         designs = motion_designs(poses, w, c, most, all_of_them=named or len(rows) >= 5)

@@ -90,7 +90,8 @@ def path_figure(points: Complex, designs: Sequence[PathDesign]) -> Figure:
         for line in ([best.four_bar.crank_pivot * MM, a, b, best.four_bar.rocker_pivot * MM], [a, p, b]):
             _curve(axes, np.array(line), GREY, "", marker="o")
         axes.plot(points.real * MM, points.imag * MM, "o", color="#222222", markersize=4)
-        for k, z in enumerate(points[:60]):
+        closed = points[-1] == points[0]  # the first point again needs no number
+        for k, z in enumerate(points[: len(points) - closed][:60]):
             axes.annotate(f"{k + 1}", (z.real * MM, z.imag * MM), textcoords="offset points", xytext=(4, 4), fontsize="small")
         axes.set(aspect="equal", xlabel="x [mm]", ylabel="y [mm]")
         axes.legend(title="solution")

@@ -11,10 +11,11 @@ from mechcore.design.burmester import (
     burmester_curve,
     burmester_points,
     circle_points_at,
+    circumcentres,
     fixed_pivots,
     guidance,
     moving_pivots,
-    slider_point,
+    slider_points,
 )
 from mechcore.design.four_bars import from_pins, judge
 from mechcore.errors import MechanismError
@@ -73,11 +74,29 @@ def test_all_of_the_curve_keeps_its_distance_and_sees_the_poles_alike():
             assert np.nanmin(abs(curve.w - point)) < 0.25
 
 
-def test_a_point_of_the_body_runs_straight_through_four_positions():
+@pytest.mark.parametrize("count", [2, 3, 4])
+def test_points_of_the_body_lie_on_lines_in_all_positions(count):
     inputs, _ = design_case("burmester-4-positions")
-    w, direction = slider_point(poses_of(inputs))
-    across = np.imag(np.conj(direction) * poses_of(inputs).of_points(w))
-    assert across == pytest.approx(np.full(4, across[0]), rel=1e-12)
+    whole = poses_of(inputs)
+    poses = Poses(whole.places[:count], whole.angles[:count])
+    w, direction = slider_points(poses)
+    assert len(w) == (1 if count == 4 else 72)
+    across = np.imag(np.conj(direction)[:, None] * poses.of_points(w))
+    np.testing.assert_allclose(across, np.broadcast_to(across[:, :1], across.shape), rtol=1e-9, atol=1e-12 * np.abs(w).max())
+    if count == 3:  # a circle of points
+        centre = circumcentres(w[:3])
+        assert np.abs(w - centre) == pytest.approx(np.full(72, abs(w[0] - centre)), rel=1e-8)
+
+
+def test_five_positions_leave_no_slide_unless_they_are_given_so():
+    inputs, _ = design_case("burmester-5-positions")
+    with pytest.raises(MechanismError, match=r"of 5 positions no point.*mm off"):
+        slider_points(poses_of(inputs))
+    angles = np.array([0.1, 0.5, 0.4, 1.2, 2.0])
+    straight = Poses(np.exp(0.3j) * np.array([0.0, 1.0, 2.5, 3.0, 4.5]) - (1 - 2j) * np.exp(1j * angles), angles)
+    w, direction = slider_points(straight)
+    assert w == pytest.approx(np.array([1 - 2j]), rel=1e-9)
+    assert np.imag(direction * np.exp(-0.3j)) == pytest.approx(0.0, abs=1e-9)
 
 
 def test_five_positions():
