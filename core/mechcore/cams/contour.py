@@ -17,7 +17,17 @@ from numpy.typing import ArrayLike
 
 from mechcore.arrays import Complex, Flags, Index, Real
 from mechcore.cams.followers import Flat
-from mechcore.cams.pieces import ArcPiece, CamPiece, PolarPiece, PolynomialPiece, Smooth, StraightPiece, moved_piece
+from mechcore.cams.pieces import (
+    ArcPiece,
+    CamPiece,
+    PolarPiece,
+    PolynomialPiece,
+    Smooth,
+    StraightPiece,
+    ends_of,
+    moved_piece,
+    on_cam,
+)
 from mechcore.cams.synthesis import Cam
 from mechcore.errors import Fault, MechanismError
 from mechcore.laws.curve import MotionCurve
@@ -45,35 +55,46 @@ class Contour:
     def on(self, piece: Index, u: Real, order: int, distance: float = 0.0) -> Complex:
         """Pieces (n) and their own parameters (n) -> points of the curve ``distance`` outside, with derivatives (order + 1, n)."""
         out = np.empty((order + 1, np.size(u)), complex)
-        kinds = self._rows[0][piece]
-        plain = kinds > 0
+        kinds, _, _, ranges = self._rows
+        of_cam = np.flatnonzero(kinds[piece] == 3)
+        if of_cam.size and self._cam is not None:
+            k = piece[of_cam]
+            out[:, of_cam] = on_cam(self._cam, ranges[0, k].astype(int), ranges[1:, k], np.asarray(u)[of_cam], distance, order)
+        kinds = kinds[piece]
+        plain = (kinds == 1) | (kinds == 2)
         if plain.any():
             c = self._plain(piece[plain], kinds[plain], np.asarray(u)[plain], order + (1 if distance else 0))
             out[:, plain] = c[: order + 1] - 1j * distance * jets.unit(c[1:]) if distance else c
-        for k in np.unique(piece[~plain]):
+        for k in np.unique(piece[kinds == 0]):
             m = piece == k
             p = self.pieces[int(k)]
             out[:, m] = p.offset(u[m], distance, order) if distance else p(u[m], order)
         return out
 
     @cached_property
-    def _rows(self) -> tuple[Index, Complex, Complex]:
-        """Of every piece: its kind (1 polynomial, lines among them; 2 arc; 0 something else), coefficients, and an arc's
-        centre, radius, start and sweep. Many pieces are evaluated in one go with them."""
-        kinds = np.array(
-            [2 if isinstance(p, ArcPiece) else int(isinstance(p, StraightPiece | PolynomialPiece)) for p in self.pieces]
-        )
+    def _cam(self) -> Cam | None:
+        """The cam of which pieces are ranges."""
+        return next((p.cam for p in self.pieces if isinstance(p, CamPiece)), None)
+
+    @cached_property
+    def _rows(self) -> tuple[Index, Complex, Complex, Real]:
+        """Of every piece: its kind (1 polynomial, lines among them; 2 arc; 3 range of the cam; 0 something else), coefficients, an
+        arc's centre, radius, start and sweep, and a range's piece of the law and ends. Many are evaluated in one go with them."""
+        kinds = np.zeros(len(self.pieces), int)
         longest = max([2, *(len(p.c) for p in self.pieces if isinstance(p, PolynomialPiece))])
         powers = np.zeros((len(self.pieces), longest), complex)
         arcs = np.zeros((len(self.pieces), 4), complex)
+        ranges = np.zeros((3, len(self.pieces)))
         for k, p in enumerate(self.pieces):
             if isinstance(p, StraightPiece):
-                powers[k, :2] = p.a, p.b - p.a
+                kinds[k], powers[k, :2] = 1, (p.a, p.b - p.a)
             elif isinstance(p, PolynomialPiece):
-                powers[k, : len(p.c)] = p.c
+                kinds[k], powers[k, : len(p.c)] = 1, p.c
             elif isinstance(p, ArcPiece):
-                arcs[k] = p.centre, p.radius, p.start, p.sweep
-        return kinds, powers, arcs
+                kinds[k], arcs[k] = 2, (p.centre, p.radius, p.start, p.sweep)
+            elif isinstance(p, CamPiece) and p.cam is self._cam:
+                kinds[k], ranges[:, k] = 3, (p.piece, *p.ends)
+        return kinds, powers, arcs, ranges
 
     def _plain(self, piece: Index, kinds: Index, u: Real, order: int) -> Complex:
         """Points and derivatives (order + 1, n) of polynomials and arcs."""
@@ -277,19 +298,18 @@ def joined(cam: Cam, pieces: Sequence[CamPiece]) -> list[Smooth]:
     """
     out: list[Smooth] = []
     flat, r = isinstance(cam.follower.face, Flat), cam.follower.radius
-    begin, end = np.array([0.0]), np.array([1.0])
+    starts, ends = ends_of(cam, pieces, 0.0)
     for k, piece in enumerate(pieces):
         out.append(piece)
         if cam.wedge and k + 1 == len(pieces):
             break
-        following = pieces[(k + 1) % len(pieces)]
-        a, b = complex(piece(end, 0)[0, 0]), complex(following(begin, 0)[0, 0])
+        a, b = complex(ends[k]), complex(starts[(k + 1) % len(pieces)])
         if abs(a - b) <= 1e-9 * abs(a) or not (flat or r > 0.0):
             continue
         if flat:
             out.append(StraightPiece(a, b))
             continue
-        centre = complex(piece.offset(end, r, 0)[0, 0])
+        centre = complex(piece.offset(np.ones(1), r, 0)[0, 0])
         out.append(ArcPiece(centre, r, float(np.angle(a - centre)), float(np.angle((b - centre) / (a - centre)))))
     return out
 

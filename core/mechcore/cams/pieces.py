@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from functools import cached_property
+from collections.abc import Sequence
 from typing import Protocol
 
 import numpy as np
 
-from mechcore.arrays import Complex, Real
+from mechcore.arrays import Complex, Index, Real
 from mechcore.cams.followers import Flat
 from mechcore.cams.synthesis import Cam
 from mechcore.laws.curve import MotionCurve
@@ -107,42 +107,43 @@ class CamPiece:
     first: float = 0.0  # share of the law's piece at which this one begins and ends
     last: float = 1.0
 
-    @cached_property
-    def _single(self) -> Cam:
-        piece, x0 = self.cam.law.pieces[self.piece], self.cam.law.knots[self.piece]
-        return Cam(MotionCurve((piece,), float(x0)), self.cam.follower, self.cam.turn, self.cam.wedge, self.cam.outer)
-
-    def _curve(self, u: Real, distance: float, order: int) -> Complex:
-        law = self.cam.law
-        piece, x0 = law.pieces[self.piece], law.knots[self.piece]
-        s = self.first + (self.last - self.first) * (1.0 - u if self.backwards else np.asarray(u))
-        single = self._single
-        angle = x0 + piece.length * s
-        # extrapolation beyond the ends is the piece's own analytic continuation
-        if isinstance(self.cam.follower.face, Flat):
-            w = single.working_curve(angle, order + 1 if distance else order, "left")
-            if distance:
-                outward = 1j * jets.unit(w[1:]) * np.where(np.real(self._along(single, angle, w)) < 0.0, -1.0, 1.0)
-                w = w[: len(outward)] + distance * outward
-            w = w[: order + 1]
-        else:
-            p = single.pitch_curve(angle, order + 1, "left")
-            shift = distance - self.cam.flank * self.cam.follower.radius
-            w = p[: order + 1] + shift * 1j * self.cam.turn * jets.unit(p[1:]) if shift else p[: order + 1]
-        rate = piece.length * (self.last - self.first) * (-1.0 if self.backwards else 1.0)
-        return w * (rate ** np.arange(len(w)))[:, None]
-
-    @staticmethod
-    def _along(cam: Cam, angle: Real, w: Complex) -> Complex:
-        """Positive where the profile runs along the face's direction."""
-        s = cam.at(angle)
-        return np.asarray(np.conj(s.normal / 1j) * w[1])
+    @property
+    def ends(self) -> tuple[float, float]:
+        """Shares of the law's piece at parameters 0 and 1."""
+        return (self.last, self.first) if self.backwards else (self.first, self.last)
 
     def __call__(self, u: Real, order: int) -> Complex:
-        return self._curve(u, 0.0, order)
+        return self.offset(u, 0.0, order)
 
     def offset(self, u: Real, distance: float, order: int) -> Complex:
-        return self._curve(u, distance, order)
+        u = np.atleast_1d(np.asarray(u, float))
+        ends = np.repeat(np.array([self.ends]).T, u.size, axis=1)
+        return on_cam(self.cam, np.full(u.size, self.piece), ends, u, distance, order)
+
+
+def ends_of(cam: Cam, pieces: Sequence[CamPiece], distance: float) -> tuple[Complex, Complex]:
+    """Starts and ends (n) of ranges of a cam, ``distance`` outside the profile."""
+    ends = np.array([p.ends for p in pieces]).T
+    own, zeros = np.array([p.piece for p in pieces]), np.zeros(len(pieces))
+    return on_cam(cam, own, ends, zeros, distance, 0)[0], on_cam(cam, own, ends, zeros + 1.0, distance, 0)[0]
+
+
+def on_cam(cam: Cam, piece: Index, ends: Real, u: Real, distance: float, order: int) -> Complex:
+    """Points ``distance`` outside the profile, with derivatives (order + 1, n), at parameters (n) of ranges of the law's pieces
+    (n) that go from a share of the piece to another, ``ends`` (2, n). Beyond its ends a piece is continued."""
+    length = cam.law.lengths[piece]
+    share = ends[1] - ends[0]
+    angle = cam.law.knots[piece] + length * (ends[0] + share * u)
+    if isinstance(cam.follower.face, Flat):
+        w = cam.working_curve(angle, order + 1 if distance else order, piece)
+        if distance:  # the profile runs along the face's direction, or against it
+            along = np.real(np.conj(cam.at(angle, piece=piece).normal / 1j) * w[1])
+            w = w[: order + 1] + distance * 1j * jets.unit(w[1:]) * np.where(along < 0.0, -1.0, 1.0)
+    else:
+        p = cam.pitch_curve(angle, order + 1, piece)
+        shift = distance - cam.flank * cam.follower.radius
+        w = p[: order + 1] + shift * 1j * cam.turn * jets.unit(p[1:]) if shift else p[: order + 1]
+    return np.asarray(w * (share * length) ** np.arange(order + 1)[:, None])
 
 
 @dataclass(frozen=True, eq=False)

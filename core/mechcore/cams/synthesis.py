@@ -23,7 +23,7 @@ from typing import cast
 import numpy as np
 from numpy.typing import ArrayLike
 
-from mechcore.arrays import Complex, Flags, Real, numbers
+from mechcore.arrays import Complex, Flags, Index, Real, numbers
 from mechcore.cams.followers import Arc, Flat, Follower, Oscillating, Translating
 from mechcore.errors import Fault, MechanismError
 from mechcore.laws.curve import MotionCurve, Side
@@ -240,16 +240,21 @@ class Cam:
     def period(self) -> float:
         return self.law.length
 
-    def at(self, angle: ArrayLike, side: Side = "right", order: int = 2) -> Synthesis:
-        """Angles (n) -> everything about the cam there. ``side``: which one-sided derivatives hold at the law's knots."""
+    def at(self, angle: ArrayLike, side: Side = "right", order: int = 2, piece: Index | None = None) -> Synthesis:
+        """Angles (n) -> everything about the cam there. ``side``: which one-sided derivatives hold at the law's knots; ``piece``
+        (n): the pieces of the law that hold, also beyond their ends."""
         keep_freed_memory()
         angle = numbers(angle)
-        return Synthesis(self, angle, self.law(angle, order, side))
+        return Synthesis(self, angle, self._motion(angle, order, piece, side))
 
-    def pitch_curve(self, angle: ArrayLike, order: int = 3, side: Side = "right") -> Complex:
-        """The pitch curve and its derivatives with respect to the angle, (order + 1, n), in the cam's axes."""
+    def pitch_curve(self, angle: ArrayLike, order: int = 3, piece: Index | None = None) -> Complex:
+        """The pitch curve and its derivatives with respect to the angle, (order + 1, n), in the cam's axes; ``piece``: as
+        in ``at``."""
         angle = np.atleast_1d(np.asarray(angle, float))
-        return self._pitch(angle, self.law(angle, order, side))
+        return self._pitch(angle, self._motion(angle, order, piece))
+
+    def _motion(self, angle: Real, order: int, piece: Index | None, side: Side = "right") -> Real:
+        return self.law(angle, order, side) if piece is None else self.law.on_pieces(piece, angle, order)
 
     def _pitch(self, angle: Real, motion: Real) -> Complex:
         t = self.follower.reference(motion)
@@ -272,10 +277,11 @@ class Cam:
             return out
         return np.asarray((-1j * self.turn) ** np.arange(n)[:, None] * np.exp(-1j * self.turn * angle))
 
-    def working_curve(self, angle: ArrayLike, order: int = 2, side: Side = "right") -> Complex:
-        """The profile and its derivatives with respect to the angle, (order + 1, n), order <= 3, in the cam's axes."""
+    def working_curve(self, angle: ArrayLike, order: int = 2, piece: Index | None = None) -> Complex:
+        """The profile and its derivatives with respect to the angle, (order + 1, n), order <= 3, in the cam's axes; ``piece``: as
+        in ``at``."""
         angle = np.atleast_1d(np.asarray(angle, float))
-        motion = self.law(angle, order + 1, side)
+        motion = self._motion(angle, order + 1, piece)
         follower = self.follower
         if not isinstance(follower.face, Flat):
             p = self._pitch(angle, motion)

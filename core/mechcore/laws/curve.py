@@ -15,7 +15,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from mechcore.arrays import Real
+from mechcore.arrays import Index, Real
 from mechcore.errors import Fault, MechanismError
 from mechcore.records import dataclass
 
@@ -147,7 +147,17 @@ class MotionCurve:
     @cached_property
     def knots(self) -> Real:
         """Ends of the pieces (n + 1)."""
-        return self.start + np.concatenate([[0.0], np.cumsum([p.length for p in self.pieces])])
+        return self.start + np.concatenate([[0.0], np.cumsum(self.lengths)])
+
+    @cached_property
+    def lengths(self) -> Real:
+        """Lengths of the pieces (n)."""
+        return np.array([p.length for p in self.pieces])
+
+    @cached_property
+    def _polynomial(self) -> bool:
+        """Whether no piece has waves."""
+        return not any(len(p.waves) for p in self.pieces)
 
     @property
     def length(self) -> float:
@@ -184,7 +194,7 @@ class MotionCurve:
             turns = (flat - knots[0]) / self.length
             cycle = np.floor(turns) if side == "right" else np.ceil(turns) - 1.0
             flat = np.clip(flat - cycle * self.length, knots[0], knots[-1])
-        if len(self.pieces) > _MANY and not any(len(p.waves) for p in self.pieces):
+        if len(self.pieces) > _MANY and self._polynomial:
             self._gather(flat, out, side)
         elif flat.size == 1 or np.all(flat[1:] >= flat[:-1]):
             self._visit(flat, out, side)
@@ -208,7 +218,23 @@ class MotionCurve:
     def _gather(self, x: Real, out: Real, side: Side) -> None:
         """Many polynomial pieces: the coefficients of each angle's piece from one table."""
         k = np.clip(np.searchsorted(self.knots, x, side=side) - 1, 0, len(self.pieces) - 1)
-        u = x - self.knots[k]
+        self._fill(k, x - self.knots[k], out)
+
+    def on_pieces(self, k: Index, x: Real, order: int) -> Real:
+        """Value and derivatives (order + 1, n) at angles (n), each by the piece that ``k`` (n) names, continued beyond its ends."""
+        out = np.empty((order + 1, x.size))
+        self._fill(k, x - self.knots[k], out)
+        return out
+
+    def _fill(self, k: Index, u: Real, out: Real) -> None:
+        """Distances (n) from the starts of pieces ``k`` (n)."""
+        if not self._polynomial:
+            for j in np.unique(k):
+                own = np.flatnonzero(k == j)
+                filled = np.empty((len(out), own.size))
+                self.pieces[j].fill(u[own], filled)
+                out[:, own] = filled
+            return
         table = self._table[:, k]
         for d in range(len(out)):
             row = np.zeros_like(u)
@@ -234,9 +260,11 @@ class MotionCurve:
 
     def limits(self, order: int = 4) -> tuple[Real, Real]:
         """One-sided values at the knots: left (n, order + 1) at the ends of the pieces, right (n, order + 1) at their starts."""
-        left = np.array([p.at(p.length, order) for p in self.pieces])
-        right = np.array([p.at(0.0, order) for p in self.pieces])
-        return left, right
+        every = np.arange(len(self.pieces))
+        left, right = np.empty((2, order + 1, len(every)))
+        self._fill(every, self.lengths, left)
+        self._fill(every, np.zeros(len(every)), right)
+        return left.T, right.T
 
     # -- new curves ---------------------------------------------------------------------------------------------------
 
