@@ -27,14 +27,15 @@ class Heights:
 
     size: float  # [m]
     top: float  # before everything [m]
-    joints: Mapping[str, float]  # front of each joint's pin or block [m]
+    joints: Mapping[str, float]  # just before each joint's pin or block [m]
     poses: Mapping[str, Real]  # link -> (F, 3) [m, m, rad]: the frames at which the solids were looked at
     _parts: tuple[Part, ...]
     _near: float  # in sizes
 
     def of_joint(self, joint: str) -> float:
-        """Just before a joint's pin, or before what touches there; before everything if nothing is drawn of it."""
-        return self.joints.get(joint, self.top)
+        """On the front of a joint's pin, or of what touches there; before everything if nothing is drawn of it. A ball lies there,
+        which needs no room between; from the side one would see that."""
+        return self.joints.get(joint, self.top) - _LIFT * self.size
 
     def of_point(self, link: str, xy: Vec2) -> float:
         """Just before a link, at a point of its frame [m]; before the whole link where the point lies beside its plate."""
@@ -119,7 +120,12 @@ def find_heights(
                 spots = {**axle.centres, **spots}
         joints[joint.name] = _front(parts, spots, near, model.size, top)
     for contact in mechanism.joints:  # what touches without a pin: cams, gears, belts
-        touching = [_height(part) for part in parts if part.link == contact.links[1] and contact.name in part.mates]
+        first, second = (
+            [p for p in parts if p.link == link and p.kind != "pin" and contact.name in p.mates] for link in contact.links[:2]
+        )
+        middles = [0.5 * (part.space[0].low + part.space[0].high) for part in first]
+        level = [p for p in second if any(prism.low < z < prism.high for prism in p.space for z in middles)]
+        touching = [_height(part) for part in level or second]  # not the cheeks of a fork beside its roller
         if contact.name not in joints and touching:
             joints[contact.name] = min((max(touching) + _LIFT) * model.size, top)
     kept = {link: np.asarray(pose, float) for link, pose in (poses or {}).items()}

@@ -1,4 +1,4 @@
-"""How large mechanisms are in the viewer: all solids projected through the camera that a browser is given."""
+"""How large mechanisms are in the viewer, and where their marks are: through the camera that a browser is given."""
 
 from __future__ import annotations
 
@@ -6,11 +6,27 @@ import numpy as np
 import pytest
 from filled import SCENES, arrows_box, solid_points
 
-from mechviz.outputs.viewer.world.camera import PRESETS, fit_view
-from recordings import solids
+from mechcore.arrays import Real
+from mechcore.joints.registry import build_joints
+from mechviz.outputs.viewer.world.camera import PRESETS, Preset, View, fit_view
+from mechviz.picture.build import joint_nodes, solid_nodes
+from mechviz.picture.nodes import Mesh
+from recordings import ran, solids
 
 FREE = {"1600x1000": 930 / 920, "1280x720": 610 / 616, "390x844": 390 / 388, "844x390": 764 / 294}
 """Width over height of what panels and the timeline leave of a window."""
+HIGH = 920  # pixels of it in the largest window
+AROUND = np.array([0.0, *(0.01 * np.exp(0.25j * np.pi * np.arange(8)))])  # of a joint, in sizes: its own hole or edge may be there
+
+
+def projected(points: Real, view: View, preset: Preset, aspect: float) -> tuple[Real, Real]:
+    """Places (n, 3) [m] in the picture (n,) each, from its middle to its edges -1 to 1."""
+    away = (view.position - view.look_at) / view.distance
+    right = np.cross([0.0, 1.0, 0.0], away)
+    right /= np.linalg.norm(right)
+    local = points - view.look_at
+    depth = (view.distance - local @ away) * np.tan(0.5 * preset.fov)
+    return local @ right / depth / aspect, local @ np.cross(away, right) / depth
 
 
 @pytest.mark.parametrize("name", SCENES)
@@ -18,13 +34,44 @@ def test_a_mechanism_fills_two_thirds_of_the_height_or_width_and_no_part_is_cut_
     points, arrows, core = solid_points(name), arrows_box(name), np.asarray(solids(name).bounds, float)
     for window, aspect in FREE.items():
         for preset in (PRESETS["front"], PRESETS["isometric"]):
-            view = fit_view(arrows, aspect, preset, core)
-            away = (view.position - view.look_at) / view.distance
-            right = np.cross([0.0, 1.0, 0.0], away)
-            right /= np.linalg.norm(right)
-            local = points - view.look_at
-            depth = (view.distance - local @ away) * np.tan(0.5 * preset.fov)
-            x, y = local @ right / depth / aspect, local @ np.cross(away, right) / depth  # -1 to 1 over the picture
+            x, y = projected(points, fit_view(arrows, aspect, preset, core), preset, aspect)
             assert max(np.abs(x).max(), np.abs(y).max()) < 1.0, (window, preset.label)
             least = 2.0 / 3.0 if preset.label == "Front" else 0.5  # a box that is seen at an angle is not filled to its corners
             assert max(np.ptp(x), np.ptp(y)) > 2.0 * least, (window, preset.label)
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_every_joint_has_its_mark_within_two_pixels_in_every_view(name):
+    """Of the place where the joint is, at the front of one of the links that meet there."""
+    run, shapes = ran(name), solids(name)
+    meshes = {body.parent: body.mesh for body in solid_nodes(run, shapes)}
+    places = {joint: run.motion.joint_position(joint) for joint in run.numbers.joints}
+    parts = {joint.name: joint.links for joint in (*run.motion.mechanism.joints, *build_joints(run.motion.mechanism).joints)}
+    views = [(preset, fit_view(arrows_box(name), FREE["1600x1000"], preset, shapes.bounds)) for preset in PRESETS.values()]
+    for node in joint_nodes(run, shapes):
+        for k in (0, run.motion.frames // 3):
+            at = places[node.owner[1]][k]
+            here = [joint for joint, place in places.items() if np.abs(place[k] - at).max() < 1e-6 * shapes.size]
+            links = {link for joint in here for link in parts[joint]}
+            fronts = [front(meshes[link], run.motion.pose(link)[k], at, shapes.size) for link in links if link in meshes]
+            joint = np.array([[*at, z] for z in fronts if np.isfinite(z)])
+            for preset, view in views:
+                wide = FREE["1600x1000"]
+                (x, y), (mark_x, mark_y) = (projected(xyz, view, preset, wide) for xyz in (joint, node.places[k]))
+                assert 0.5 * HIGH * np.hypot(wide * (x - mark_x), y - mark_y).min() < 2.0, (node.owner[1], preset.label)
+
+
+def front(mesh: Mesh, pose: Real, at: Real, size: float) -> float:
+    """The greatest height [m] of a link at a place of the plane or close to it, -inf where it has nothing."""
+    x, y, angle = pose
+    corners = mesh.vertices[mesh.faces].astype(float)
+    best = -np.inf
+    for spot in AROUND * size:
+        z = corners[..., 0] + 1j * corners[..., 1] - (complex(*at) + spot - complex(x, y)) * np.exp(-1j * angle)
+        areas = (np.roll(z, -1, axis=1).conj() * np.roll(z, -2, axis=1)).imag  # opposite each corner
+        whole = areas.sum(axis=1)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            weights = areas / whole[:, None]
+        inside = (weights >= -1e-9).all(axis=1)
+        best = max(best, float((weights * corners[..., 2]).sum(axis=1)[inside].max(initial=-np.inf)))
+    return best
