@@ -27,6 +27,13 @@ ARGS = [
 ]
 
 
+# The picture stays as it is, while the page goes on: where cameras put things can be asked without the price of drawing them
+STILL = """if (!window.drawnLater) { window.drawnLater = {};
+    for (const name of ['drawElements', 'drawArrays', 'drawElementsInstanced', 'drawArraysInstanced']) {
+        const own = WebGL2RenderingContext.prototype; window.drawnLater[name] = own[name]; own[name] = () => {}; } }"""
+DRAWING = "Object.assign(WebGL2RenderingContext.prototype, window.drawnLater); window.drawnLater = undefined"
+
+
 def chromium_or_skip() -> str:
     """The path of Chromium."""
     try:
