@@ -33,6 +33,7 @@ from mechviz.outputs.viewer.panels.plots import Curves
 from mechviz.outputs.viewer.viser_adapter import buffer_of, uuid_of
 from mechviz.outputs.viewer.world.arrows import arc_path
 from mechviz.outputs.viewer.world.camera import fit_view
+from mechviz.outputs.viewer.world.marks import dot_path
 from mechviz.outputs.viewer.world.solids import link_path
 from mechviz.runs import run_scene
 
@@ -657,8 +658,10 @@ def _first_chart(viewer: Viewer) -> str:
     return uuid_of(viewer.plots.slots[0].chart)
 
 
-def test_plans_stand_beside_the_mechanism_and_a_switch_hides_them(browser):
-    with Viewer(run_scene(scene.load("plans-four-bar"), frames=24), port=0) as shown:
+def test_plans_stand_beside_the_mechanism_and_switches_hide_them_paths_and_point_masses(browser):
+    document = scene.load("plans-four-bar").document.model_dump(exclude_defaults=True)
+    document["links"]["coupler"]["lumps"] = [{"mass": 0.4, "at": "P"}]
+    with Viewer(run_scene(scene.Scene.build(name="plans", **document), frames=24), port=0) as shown:
         opened = open_viewer(browser, shown, SIZE, [link_path("crank")])
         try:
             opened.wait_for_function(SEEN, arg="/drawings/velocity")
@@ -667,6 +670,11 @@ def test_plans_stand_beside_the_mechanism_and_a_switch_hides_them(browser):
             opened.get_by_label("Velocity plan", exact=True).uncheck()
             until(opened, lambda: not opened.evaluate(SEEN, "/drawings/velocity"), "the plan hidden")
             assert opened.evaluate(SEEN, "/drawings/force")
+            ball = f"{link_path('coupler')}/mass_0"
+            for label, nodes in (("Paths", ("/paths/coupler.P", dot_path("coupler.P"))), ("Point masses", (ball,))):
+                for on in (False, True):
+                    opened.get_by_label(label, exact=True).set_checked(on)
+                    until(opened, lambda n=nodes, on=on: all(opened.evaluate(SEEN, x) == on for x in n), f"{label}: {on}")
         finally:
             opened.close()
 
