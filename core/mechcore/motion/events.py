@@ -178,7 +178,9 @@ def _own_coordinates(parts: Sequence[tuple[str, Flags]], m: Motion) -> Real:
 def _limits(motion: Motion) -> Iterator[Event]:
     for joint, times, values in limit_positions(motion):
         rows = motion.coordinate(joint)
-        ends = np.interp(times, motion.time, rows[:, 2]) < 0.0
+        moving = np.flatnonzero(np.abs(rows[:, 1]) > REST * np.abs(rows[:, 1]).max(initial=0.0))
+        just_before = times - 1e-7 * np.ptp(motion.time)  # at the joint of two laws there is no acceleration that would tell
+        ends = rows[moving[np.searchsorted(motion.time[moving], just_before) - 1], 1] > 0.0
         told, count = list(range(len(times))), ""
         if len(times) > MOST_TOLD and len(np.unique(np.round(values / np.ptp(rows[:, 0]), 6))) > MOST_TOLD:
             told, count = sorted({int(np.argmin(values)), int(np.argmax(values))}), f" of {len(times)}"

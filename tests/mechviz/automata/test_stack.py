@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import mechviz
+from mechcore.motion.events import find_events
 from mechviz.automata.walking import walk_of, walking_scene
 from mechviz.picture.build import solids_of
 from mechviz.runs import run_scene
@@ -116,3 +117,10 @@ def test_a_walk_of_wheels_of_spokes_is_the_one_of_a_rimless_wheel():
 def test_a_walk_needs_two_feet(toy):
     with pytest.raises(Exception, match="at least two take turns"):
         walk_of(toy, [("foot", "H")], 1e-3)
+
+
+def test_limit_positions_where_two_rises_of_a_cam_meet_are_told_apart():
+    """The jester's cam lifts by 14 degrees, twice, without a rest: at the joints of its laws speed and acceleration are zero."""
+    events = [event for event in find_events(run_scene(mechviz.load("theatre")).motion) if event.item == "P"]
+    told = [("largest" in event.text, round(event.time / 5.0 * 360.0)) for event in events]
+    assert told == [(True, 60), (False, 120), (True, 180)]
