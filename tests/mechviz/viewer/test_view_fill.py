@@ -70,8 +70,8 @@ def front(mesh: Mesh, pose: Real, at: Real, size: float) -> float:
         z = corners[..., 0] + 1j * corners[..., 1] - (complex(*at) + spot - complex(x, y)) * np.exp(-1j * angle)
         areas = (np.roll(z, -1, axis=1).conj() * np.roll(z, -2, axis=1)).imag  # opposite each corner
         whole = areas.sum(axis=1)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            weights = areas / whole[:, None]
+        seen = whole != 0.0  # not from its edge
+        weights = areas[seen] / whole[seen, None]
         inside = (weights >= -1e-9).all(axis=1)
-        best = max(best, float((weights * corners[..., 2]).sum(axis=1)[inside].max(initial=-np.inf)))
+        best = max(best, float((weights * corners[seen][..., 2]).sum(axis=1)[inside].max(initial=-np.inf)))
     return best
