@@ -9,10 +9,11 @@ from functools import cache
 
 import numpy as np
 
-from mechcore.arrays import Integers
+from mechcore.arrays import Integers, Real
+from mechcore.errors import MechanismError
 from mechcore.motion.events import Event
 from mechviz.outputs.rerun.content import notes
-from mechviz.outputs.rerun.entities import parts_of, picture_stride, unpacked
+from mechviz.outputs.rerun.entities import RecordingError, parts_of, picture_stride, unpacked
 from mechviz.outputs.rerun.plots import find_lanes
 from mechviz.outputs.rerun.reader import Recording
 from mechviz.outputs.rerun.recorded import RecordedDrawings, numbers_in, picture_in
@@ -21,8 +22,8 @@ from mechviz.picture.constructions import Drawing, drawings_of
 from mechviz.picture.nodes import Color, Picture
 from mechviz.quantities.catalogue import Catalogue
 from mechviz.quantities.events import events_of
-from mechviz.runs import Run, package_version
-from mechviz.studies.designs.bands import Bands, bands_of
+from mechviz.runs import Run, package_version, run_scene
+from mechviz.studies.designs.bands import Bands, bands_of, with_tolerances
 
 
 @dataclass(frozen=True)
@@ -51,7 +52,7 @@ class Presentation:
     chosen: Integers
     total: int
     simulated: bool
-    bands: Callable[[], Bands] = Bands  # of tolerances; found when they are asked for, of a recording there are none
+    bands: Callable[[], Bands] = Bands  # of tolerances; found when they are asked for, of a recording by a run of its scene
 
 
 def presentation_of(run: Run, begin: Callable[[str], None] = lambda _: None) -> Presentation:
@@ -87,6 +88,7 @@ def presentation_in(recording: Recording) -> Presentation:
     every = ticks if recording.frame_times is None else recording.frame_times
     said = recording.said
     head = recording.notes.partition("\n## ")[0]
+    chosen = np.clip(np.searchsorted(every, ticks), 0, len(every) - 1)
     return Presentation(
         name=said.scene or recording.path.stem,
         title=said.title or said.scene or recording.path.stem,
@@ -99,10 +101,30 @@ def presentation_in(recording: Recording) -> Presentation:
         events=recording.events,
         lanes=tuple(_lanes_in(recording)),
         drawings=cache(RecordedDrawings(recording, ticks).drawings),
-        chosen=np.clip(np.searchsorted(every, ticks), 0, len(every) - 1),
+        chosen=chosen,
         total=len(every),
         simulated=said.duration is not None,
+        bands=cache(lambda: _bands_in(recording, numbers.time, chosen)),
     )
+
+
+def _bands_in(recording: Recording, time: Real, chosen: Integers) -> Bands:
+    """Tolerance bands at frames of a recording at times (F,) [s]: those of its scene, which is run once more where it has
+    tolerances and a prescribed motion. None where the frames would not be the same."""
+    try:
+        scene = recording.scene()
+        if not with_tolerances(scene):
+            return Bands()
+        if scene.simulation is not None:
+            return Bands(refused="finding the motion under forces once more may take long")
+        run = run_scene(scene)
+    except (MechanismError, RecordingError) as error:
+        return Bands(refused=str(error))
+    same = chosen[-1] < run.motion.frames and np.allclose(run.motion.time[chosen], time, rtol=1e-6, atol=1e-9 * run.motion.time[-1])
+    if not same:
+        return Bands(refused="the scene's frames are not those of the recording")
+    found = bands_of(run)
+    return Bands({key: half[chosen] for key, half in found.halves.items()}, found.refused)
 
 
 def _lanes_in(recording: Recording) -> Iterator[Lane]:

@@ -161,7 +161,18 @@ def test_plots_have_the_bands_of_tolerances():
     by_stroke = np.abs(np.cos(q) + (16.0 - np.sin(q) ** 2) / np.sqrt(16.0 - np.sin(q) ** 2))
     np.testing.assert_allclose(arrays[plots["Joint S: displacement"]["half"]], 0.05 * by_stroke, rtol=1e-6)
     together = plots["Joint reactions, magnitude"]
-    assert len(arrays[together["half"]]) == len(q) * len(together["names"]) and "half" not in plots["Energy"]
+    assert len(arrays[together["half"]]) == len(q) * len(together["names"]) and "half" not in plots["Power"]
+
+
+def test_a_recording_has_the_bands_of_its_scene(tmp_path):
+    run = run_scene(load("parametric-press"), frames=24)
+    write_recording(run, tmp_path / "press.rrd")
+    there = presentation_in(Recording(tmp_path / "press.rrd")).bands()
+    here = presentation_of(run).bands()
+    assert there.halves.keys() == here.halves.keys()
+    for key, half in here.halves.items():
+        np.testing.assert_allclose(there.halves[key], half, rtol=1e-9, atol=1e-12 * np.nanmax(np.abs(half), initial=1.0))
+    assert not presentation_in(recorded().recording).bands().halves  # a scene without tolerances
 
 
 def test_arrows_are_drawn_where_and_as_long_as_in_the_recording(ten):
