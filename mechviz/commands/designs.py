@@ -259,8 +259,9 @@ def optimise(
     output: Annotated[Path | None, typer.Option("--output", "-o", help="scene to write (.toml)")] = None,
     seed: Annotated[int, typer.Option("--seed", min=0, help="of the search: the same one finds the same")] = 0,
     population: Annotated[
-        int, typer.Option("--population", min=0, max=100_000, help="designs in a generation [default: 12 a variable, at least 32]")
-    ] = 0,
+        int | None,
+        typer.Option("--population", min=1, max=100_000, help="designs in a generation [default: 12 a variable, at least 32]"),
+    ] = None,
     generations: Annotated[int, typer.Option("--generations", min=0, max=100_000, help="of differential evolution, at most")] = 60,
     points: Annotated[int, typer.Option("--points", min=3, max=1000, help="of the front of several objectives")] = 9,
     front: Annotated[Path | None, typer.Option("--front", help="several objectives: write the front as a table (.csv)")] = None,
@@ -289,7 +290,7 @@ def optimise(
             check_ending(plot)
         loaded = load_scene(scene, values)
         problem = problem_of(
-            loaded, frames=frames, cycles=cycles, executor=checked(executor), population=population, generations=generations
+            loaded, frames=frames, cycles=cycles, executor=checked(executor), population=population or 0, generations=generations
         )
         if (front is not None or plot is not None) and len(problem.terms) < 2:
             fail("--front, --plot: the goal has one objective only, and so no front.")
@@ -300,7 +301,7 @@ def optimise(
                     shown = problem.terms[objective].shown(value)
                     bar.stage(f"{stage}: {shown if violation <= KEPT else f'limits missed by {100.0 * violation:.3g} %'}")
 
-                search = Search(problem, seed, population, generations, pool, report)
+                search = Search(problem, seed, population or 0, generations, pool, report)
                 best = find_best(search, points=points)
             print("\n".join(aligned(best.lines())))
             say(f"{search.evaluations} designs were looked at, computed by {problem.study.computed_by}.")

@@ -54,7 +54,9 @@ def find_scene(source: str | Path) -> Path:
             else "Check the path; gallery scenes are named without '.toml'."
         )
         raise SceneError(text, Fault("file", "there is no such file.", remedy))
-    alike = [f"'{name}'" for name in nearest(text, names, 3)]
+    part = _letters(text)
+    holding = [name for name in sorted(names, key=len) if part and part in _letters(name)]
+    alike = [f"'{name}'" for name in list(dict.fromkeys([*holding, *nearest(text, names, 3)]))[:3]]
     listed = "The gallery is listed by: mechviz scenes"
     meant = f"Did you mean {' or '.join(filter(None, (', '.join(alike[:-1]), *alike[-1:])))}? " if alike else ""
     raise SceneError(
@@ -65,6 +67,11 @@ def find_scene(source: str | Path) -> Path:
             meant + listed,
         ),
     )
+
+
+def _letters(name: str) -> str:
+    """A name without what divides its words."""
+    return re.sub(r"[\W_]", "", name.casefold())
 
 
 def read_text(path: Path) -> str:

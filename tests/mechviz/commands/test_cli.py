@@ -249,6 +249,8 @@ def test_the_gallery_is_listed_by_topic_in_short_lines_and_searched_by_words():
 def test_an_unknown_scene_is_answered_by_the_nearest_three():
     said = CliRunner().invoke(app, ["check", "crank-roker"])
     assert said.exit_code == 2 and "Did you mean 'crank-rocker', '" in said.stderr and len(said.stderr) < 300
+    said = CliRunner().invoke(app, ["check", "double_pendulum"])  # a part of a name
+    assert "Did you mean 'swinging-double-pendulum'?" in said.stderr
 
 
 def test_record_says_where_the_file_is_what_to_look_at_and_costs_when_asked(tmp_path: Path):
