@@ -22,6 +22,7 @@ Row = dict[int, Any]
 """Coefficients by the numbers of coordinates, three of each link: numbers, or arrays over frames."""
 
 WORK = 200_000_000  # third powers of the unknowns, over the frames at which rates are checked: seconds
+MOST = int(WORK ** (1.0 / 3.0))  # unknowns of a motion of which one frame is checked
 RANK = 1e-12  # of the least singular value to the largest
 
 
