@@ -15,6 +15,14 @@ numbers for the forms of laws that have several. */
 #define STEP 1e-7      /* of differences */
 #define ROUNDING 1e-15 /* of the largest term of a position: a correction below that is none */
 #define MOST 15        /* steps of Newton's method */
+#define MOST_NODES 32  /* of a window */
+#define NO_PART 1e-11  /* see dynamics.integration.collocation */
+#define CHATTER 1e-5   /* and windows */
+#define MOST_CUT 400.0
+#define PLACES 33 /* see dynamics.segments */
+#define FINER 96
+#define ROUNDS 8
+#define HEAD 9 /* numbers before the coordinates in what tells where windows begin */
 
 typedef struct {
     long f, given, angles; /* freedoms and states, numbers of prescribed drives, angles that are followed */
@@ -229,15 +237,84 @@ long window(const System *y, const Rule *r, double t0, double h, const double *q
     return count;
 }
 
+/* Values of the polynomials of 2 x - 1 with coefficients `series` (s, f), and what they and their integrals make of q, v (f) at a
+place x of a window; any of `q`, `v`, `a` may be 0. */
+static void within(long s, long f, const double *series, double h, double x, const double *q0, const double *v0, double *q, double *v,
+                   double *a) {
+    const double z = 2.0 * x - 1.0;
+    double p[MOST_NODES + 2], first[MOST_NODES + 1];
+    p[0] = 1.0, p[1] = z;
+    for (long k = 2; k < s + 2; k++) p[k] = ((2.0 * (double)k - 1.0) / (double)k) * (z * p[k - 1]) - (((double)k - 1.0) / (double)k) * p[k - 2];
+    first[0] = 0.5 * (p[1] + 1.0);
+    for (long k = 1; k < s + 1; k++) first[k] = 0.5 * (p[k + 1] - p[k - 1]) / (2.0 * (double)k + 1.0);
+    for (long i = 0; i < f; i++) {
+        double value = 0.0, once = 0.0, twice = 0.0;
+        for (long k = 0; k < s; k++) {
+            const double c = series[k * f + i];
+            value += c * p[k];
+            once += c * first[k];
+            twice += c * (k ? 0.5 * (first[k + 1] - first[k - 1]) / (2.0 * (double)k + 1.0) : 0.5 * (first[1] + first[0]));
+        }
+        if (q) q[i] = q0[i] + h * x * v0[i] + h * h * twice;
+        if (v) v[i] = v0[i] + h * once;
+        if (a) a[i] = value;
+    }
+}
+
+/* The first time in a window from t, later than `after`, at which a law changes its form; infinite where none does. As that of
+segments.Breakpoints. */
+static double broken(const System *y, long s, const double *series, double t, double h, const double *q0, const double *v0,
+                     double after) {
+    double low = fmax(after, t), high = t + h, q[F + STATES], v[F + STATES], times[FINER + 1];
+    const double start = low, whole = high - low;
+    long count = PLACES + 2, k = 0;
+    for (long i = 0; i < count; i++) times[i] = i == 0 ? low : i == count - 1 ? high : start + whole * (((double)i - 0.5) / PLACES);
+    for (long round = 0; round < ROUNDS; round++) {
+        double known[FORMS + 1], now[FORMS + 1];
+        int changed = 0;
+        for (long i = 0; i < count && !changed; i++) {
+            within(s, y->f, series, h, (times[i] - t) / h, q0, v0, q, v, 0);
+            forms(y->p, y->m, q, v, times[i], 0, 0, now);
+            for (long j = 0; i && j < FORMS; j++) changed |= now[j] != known[j];
+            memcpy(known, now, FORMS * sizeof(double));
+            k = i - 1;
+        }
+        if (!changed) return INFINITY;
+        const double apart = times[k + 1] - times[k];
+        if (!(apart > 4.0 * (nextafter(fabs(times[k + 1]), INFINITY) - fabs(times[k + 1])))) break;
+        if (round + 1 == ROUNDS) break;
+        low = times[k];
+        count = FINER + 1;
+        for (long i = 0; i < count; i++) times[i] = i < FINER ? low + apart * ((double)i / FINER) : low + apart;
+        k = 0;
+    }
+    return times[k + 1];
+}
+
+/* What the quadrature misses of the speed by coefficients (s) of one coordinate, as collocation.tails; the power of h goes into
+`order`. */
+static double missed(long s, long f, const double *series, double *order) {
+    double last = 0.0, middle = 0.0, size = 0.0;
+    for (long k = 0; k < s; k++) size = fmax(size, fabs(series[k * f]));
+    for (long k = s - 2; k < s; k++) last = fmax(last, fabs(series[k * f]));
+    for (long k = (s - 1) / 2; k < (s + 3) / 2; k++) middle = fmax(middle, fabs(series[k * f]));
+    const double ratio = fmin(last / fmax(middle, 1e-300), 0.25), m = -log2(fmax(ratio, 1e-300));
+    *order = fmin(*order, 0.5 * (m + 1.0));
+    return last > NO_PART * size ? 2.0 * (double)s * last * ratio / (m - 1.0) : 0.0;
+}
+
 /* Windows one after the other, from (q, v, t) to the time `end`, `count` at the most: each is start, length, what `strained` gives at
 its end, then q, v (f) at its start and Legendre coefficients (s, f) of the acceleration. How they are made longer and shorter is that of windows.integrate.
 
-`at`: t, h, longest, evaluations, rejected; q, v, end_a (f), guess (s, f), near (angles): where it begins, and where it has ended.
+With `checked` they end where laws change their forms.
+
+`at`: t, h, longest, evaluations, rejected, whether a window begins at a breakpoint, cuts of the present one, how long it would have
+been, windows in a row that are cut to almost nothing; q, v, end_a (f), guess (s, f), near (angles): where it begins, and where it has ended.
 The result is the number of windows, its negative less one where windows became too short. */
 long windows(const System *y, const Rule *r, double end, double least, double most, double tolerance, double small, long count,
-             double *at, double *out) {
+             long checked, double *at, double *out) {
     const long s = r->s, f = y->f, n = s * f;
-    double *q = at + 5, *v = q + f, *end_a = v + f, *guess = end_a + f, *near = guess + n;
+    double *q = at + HEAD, *v = q + f, *end_a = v + f, *guess = end_a + f, *near = guess + n;
     double *work = malloc((size_t)(room(s, f) + n) * sizeof(double));
     if (!work) return -1;
     double *a = work + room(s, f);
@@ -248,7 +325,7 @@ long windows(const System *y, const Rule *r, double end, double least, double mo
         if (t + 1.9 * h > end && t + h < end) h = 0.5 * (end - t);
         memcpy(a, guess, (size_t)n * sizeof(double));
         const long evaluations = solved(y, r, t, h, q, v, 0, near, a, small, work);
-        double worst = INFINITY, *series = out + 3 + 2 * f;
+        double worst = INFINITY, power = order, *series = out + 4 + 2 * f;
         at[3] += evaluations ? (double)evaluations : 8.0;
         if (evaluations) {
             const double longest = fmax(at[2], h);
@@ -259,15 +336,29 @@ long windows(const System *y, const Rule *r, double end, double least, double mo
                     for (long j = 0; j < s; j++) sum += r->legendre[i * s + j] * a[j * f + k];
                     series[i * f + k] = sum;
                 }
+            if (checked && at[6] < 5.0) {
+                const double until = broken(y, s, series, t, h, q, v, t + 10.0 * least);
+                if (t + 20.0 * least < until && until < t + h * (1.0 - 1e-10)) {
+                    at[6] += 1.0, at[7] = fmax(at[7], h), at[1] = until - t;
+                    for (long i = 0; i < s; i++) within(s, f, series, h, at[1] * r->nodes[i] / h, q, v, 0, 0, guess + i * f);
+                    continue;
+                }
+            }
             for (long k = 0; k < f; k++)
                 for (long i = s - 2; i < s; i++)
                     worst = fmax(worst, h * longest * fabs(series[i * f + k]) / (4.0 * (double)(i * i)) / (tolerance * y->scale[k]));
+            if (at[5] != 0.0 || at[6] > 0.0) {
+                double rough = 0.0, own = INFINITY;
+                for (long k = 0; k < f; k++) rough = fmax(rough, h * longest * missed(s, f, series + k, &own) / (tolerance * y->scale[k]));
+                if (MARGIN * rough > worst) worst = MARGIN * rough, power = own;
+            }
             if (worst > MARGIN && h < 1e4 * least) worst = MARGIN;
         }
         if (!(worst <= MARGIN)) {
             at[4] += 1.0;
-            h *= isfinite(worst) ? fmin(fmax(0.8 * pow(1.0 / worst, 1.0 / order), 0.1), 0.7) : 0.3;
+            h *= isfinite(worst) ? fmin(fmax(0.8 * pow(1.0 / worst, 1.0 / power), 0.1), 0.7) : 0.3;
             at[1] = h;
+            at[6] = 0.0;
             if (h < 1e3 * least) {
                 free(work);
                 return -made - 1;
@@ -276,10 +367,13 @@ long windows(const System *y, const Rule *r, double end, double least, double mo
             continue;
         }
         at[2] = fmax(at[2], h);
+        at[8] = checked && h < CHATTER * at[2] ? at[8] + 1.0 : 0.0;
+        if (at[8] > MOST_CUT) break;
         out[0] = t;
         out[1] = h;
-        memcpy(out + 3, q, (size_t)(2 * f) * sizeof(double));
-        const double longer = h * fmin(fmax(0.9 * pow(1.0 / fmax(worst, 1e-12), 1.0 / order), 0.3), 1.6);
+        out[3] = (double)(at[6] > 0.0);
+        memcpy(out + 4, q, (size_t)(2 * f) * sizeof(double));
+        const double longer = h * fmin(fmax(0.9 * pow(1.0 / fmax(worst, 1e-12), 1.0 / power), 0.3), 1.6);
         double away = 0.0, spread = 0.0;
         for (long k = 0; k < f; k++) {
             const double first = series[k], second = s > 1 ? series[f + k] : 0.0;
@@ -303,7 +397,7 @@ long windows(const System *y, const Rule *r, double end, double least, double mo
             }
             for (long k = 0; k < f; k++) away = fmax(away, fabs(guess[i * f + k] - end_a[k]));
         }
-        if (!(away <= 4.0 * spread + 1e-300))
+        if (at[7] > 0.0 || !(away <= 4.0 * spread + 1e-300))
             for (long i = 0; i < s; i++) memcpy(guess + i * f, end_a, (size_t)f * sizeof(double));
         if (y->angles) { /* followed over the nodes to the end of the window */
             for (long i = 0; i < s; i++) accelerations(y, work + i * f, work + n + i * f, t + h * r->nodes[i], 0, near, a);
@@ -311,8 +405,10 @@ long windows(const System *y, const Rule *r, double end, double least, double mo
         }
         out[2] = strained(y, q, v, t + h, 0, near);
         at[0] = t + h;
-        at[1] = longer;
-        out += 3 + 2 * f + n;
+        at[1] = fmax(longer, 0.5 * at[7]);
+        at[5] = (double)(at[6] > 0.0);
+        at[6] = at[7] = 0.0;
+        out += 4 + 2 * f + n;
         made++;
     }
     free(work);

@@ -61,7 +61,8 @@ class CollocationRule(Protocol):
 
 class Batch(NamedTuple):
     """Windows in a row: ``starts``, ``lengths`` (w,) [s], position and speed ``q``, ``v`` (w, f) at the starts, Legendre
-    coefficients ``a`` (w, s, f) of the accelerations; ``strain`` (w,) at their ends; ``stuck``: after the last one none is short
+    coefficients ``a`` (w, s, f) of the accelerations; ``strain`` (w,) at their ends; ``cut`` (w,), whether they end at a
+    breakpoint; ``stuck``: after the last one none is short
     enough."""
 
     starts: Real
@@ -70,6 +71,7 @@ class Batch(NamedTuple):
     v: Real
     a: Real
     strain: Real
+    cut: Real
     stuck: bool
 
 
@@ -215,16 +217,20 @@ class CompiledEquations:
         count = self._loaded.window(self._system, self._rule(rule), *times, *given)
         return (a, int(count)) if count else None
 
-    def windows(self, rule: CollocationRule, at: Real, bounds: tuple[float, float, float, float, float], count: int) -> Batch:
+    def windows(
+        self, rule: CollocationRule, at: Real, bounds: tuple[float, float, float, float, float], count: int, checked: bool
+    ) -> Batch:
         """``count`` windows at the most, from where ``at`` says, which then says where they end; see `collocation.c`.
 
+        ``checked``: they end where laws change their forms.
         ``bounds``: end [s], shortest and longest window [s], tolerance, and that of Newton's method.
         """
         s, f = len(rule.nodes), self.freedoms
-        out = np.empty((count, 3 + 2 * f + s * f))
+        out = np.empty((count, 4 + 2 * f + s * f))
         numbers = (ctypes.c_double(x) for x in bounds)
-        made = int(self._loaded.windows(self._system, self._rule(rule), *numbers, ctypes.c_long(count), _at(at), _at(out)))
+        most = ctypes.c_long(count), ctypes.c_long(checked)
+        made = int(self._loaded.windows(self._system, self._rule(rule), *numbers, *most, _at(at), _at(out)))
         stuck, made = made < 0, made if made >= 0 else -made - 1
         out = out[:made]
-        q, v, a = out[:, 3 : 3 + f], out[:, 3 + f : 3 + 2 * f], out[:, 3 + 2 * f :].reshape(made, s, f)
-        return Batch(out[:, 0], out[:, 1], q, v, a, out[:, 2], stuck)
+        q, v, a = out[:, 4 : 4 + f], out[:, 4 + f : 4 + 2 * f], out[:, 4 + 2 * f :].reshape(made, s, f)
+        return Batch(out[:, 0], out[:, 1], q, v, a, out[:, 2], out[:, 3], stuck)

@@ -80,6 +80,12 @@ def slider_crank_of(crank: float, rod: float) -> Mechanism:
     )
 
 
+def pushed() -> Mechanism:
+    """A slider-crank under torques by tables, in whose points its windows end."""
+    loads = tuple(sp.Torque(name=k, link="crank", moment=2.0, factor=FACTORS[k]) for k in ("straight", "smooth, periodic"))
+    return replace(slider_crank_of(0.1, 0.4), loads=loads)
+
+
 def turned_cam() -> Mechanism:
     """A cam whose law's acceleration jumps, free to turn against a damper, lifts a follower on a spring."""
     m = load("cam-constant-acceleration-smooth").mechanism
@@ -96,7 +102,7 @@ def servo() -> Mechanism:
 
 @pytest.mark.parametrize(
     ("made", "duration"),
-    [(damped, 0.02), (pendulum, 1.0), (swinging_five_bar, 0.5), (driven, 0.5), (servo, 0.5)],
+    [(damped, 0.02), (pendulum, 1.0), (swinging_five_bar, 0.5), (driven, 0.5), (servo, 0.5), (pushed, 0.6)],
 )
 def test_motions_are_the_same(made, duration: float) -> None:
     compiled = compile_mechanism(made())

@@ -55,6 +55,11 @@ class EquationsProgram:
         self.everywhere = not (self.partial or followed)  # any states at once
         self.alone = not (self._equations.given or self.partial)  # no values of drives or other functions of the time are needed
 
+    @property
+    def tells(self) -> bool:
+        """Whether it knows the forms of all laws that have several."""
+        return bool(self._equations.kinds) and self.everywhere
+
     def __call__(self, q: Real, v: Real, t: Real) -> Real:
         """Accelerations (n, f); where angles are followed, of states in order of time that are near each other."""
         return self._equations.accelerations(q, v, t, self._drives(t), self.near(q[:1], v[:1], t[:1]))
@@ -66,8 +71,7 @@ class EquationsProgram:
 
     def forms(self, q: Real, v: Real, t: Real) -> Real | None:
         """Forms of all laws that have several (k, n), at states (n, f) each; None where C does not have them."""
-        known = self._equations.kinds and self.everywhere
-        return self._equations.forms(q, v, t, self._drives(t)).T if known else None
+        return self._equations.forms(q, v, t, self._drives(t)).T if self.tells else None
 
     def strain(self, q: Real, v: Real, t: Real) -> float:
         """Largest rate of a joint per unit rate of a free coordinate at one state, see `charts.strain`."""
@@ -110,9 +114,12 @@ class EquationsProgram:
         away = q - self.compiled.start[0]
         return not self._singular.within(float(away.min()) - reach, float(away.max()) + reach)
 
-    def windows(self, rule: CollocationRule, at: Real, bounds: tuple[float, float, float, float, float], count: int) -> Batch:
-        """Windows one after the other, see `CompiledEquations.windows`; only where it is ``alone``."""
-        return self._equations.windows(rule, at, bounds, count)
+    def windows(
+        self, rule: CollocationRule, at: Real, bounds: tuple[float, float, float, float, float], count: int, checked: bool
+    ) -> Batch:
+        """Windows one after the other, see `CompiledEquations.windows`; only where it is ``alone``, and ``checked`` where it
+        ``tells`` forms."""
+        return self._equations.windows(rule, at, bounds, count, checked)
 
 
 def compiled_program(compiled: Compiled) -> EquationsProgram | None:

@@ -34,18 +34,22 @@ BATCH = 64  # windows that a compiled program solves before anybody looks at the
 
 
 class WindowProgram(Protocol):
-    """Equations of motion as a compiled program, with the windows around them; ``alone``: nothing else is needed for them;
-    ``partial``: where it has no answer numpy may have one."""
+    """Equations of motion as a compiled program, with the windows around them; ``alone``: nothing else is needed for them; it
+    ``tells`` the forms of laws; ``partial``: where it has no answer numpy may have one."""
 
     @property
     def alone(self) -> bool: ...
     @property
     def partial(self) -> bool: ...
+    @property
+    def tells(self) -> bool: ...
     def near(self, q: Real, v: Real, t: Real) -> Real: ...
     def window(
         self, rule: CollocationRule, t0: float, h: float, q: Real, v: Real, guess: Real, tolerance: float
     ) -> tuple[Real, int] | None: ...
-    def windows(self, rule: CollocationRule, at: Real, bounds: tuple[float, float, float, float, float], count: int) -> Batch: ...
+    def windows(
+        self, rule: CollocationRule, at: Real, bounds: tuple[float, float, float, float, float], count: int, checked: bool
+    ) -> Batch: ...
 
 
 class BreakpointFinder(Protocol):
@@ -55,6 +59,8 @@ class BreakpointFinder(Protocol):
     def __call__(self, window: Window, after: float) -> float | None: ...
 
     def stated(self, after: float) -> float: ...
+    @property
+    def of_forms(self) -> bool: ...
 
 
 @dataclass
@@ -181,8 +187,10 @@ class _Integration:
             self.settled = True
             if self.program is None and self.t1 - self.t > MANY * self.h:
                 self.program = self.offered(long=True)
-        if self.program is not None and self.program.alone and self.by.breakpoints is None and self.by.keeps is None:
-            return self._batch(self.program)
+        program, breakpoints = self.program, self.by.breakpoints
+        found = program is not None and (breakpoints is None or (breakpoints.of_forms and program.tells))
+        if program is not None and found and program.alone and self.by.keeps is None:
+            return self._batch(program)
         row: list[Window] = []
         if self.rows is not None and not self.cuts:
             row = self.rows.solve(self.t, self.t1, self.q, self.v, self.end_a, self.longest)
@@ -202,19 +210,23 @@ class _Integration:
         """Windows that a compiled program solves one after the other."""
         solution, f, s = self.solution, len(self.q), len(self.rule.nodes)
         near = program.near(self.q[None], self.v[None], np.array([self.t]))
-        head = [self.t, self.h, self.longest, 0.0, 0.0]
+        head = [self.t, self.h, self.longest, 0.0, 0.0, self.starts, self.cuts, self.uncut, self.chatter]
         at = np.concatenate([head, self.q, self.v, self.end_a[0], self.guess.ravel(), near])
         most = np.inf if self.by.most is None else self.by.most
-        batch = program.windows(self.rule, at, (self.t1, self.least, most, self.by.tolerance, self.small), BATCH)
+        bounds = self.t1, self.least, most, self.by.tolerance, self.small
+        batch = program.windows(self.rule, at, bounds, BATCH, self.rows is not None)
         solution.evaluations, solution.rejected = solution.evaluations + int(at[3]), solution.rejected + int(at[4])
-        numbers = (x.tolist() for x in (batch.starts, batch.lengths, batch.strain))
+        numbers = (x.tolist() for x in (batch.starts, batch.lengths, batch.strain, batch.cut))
         rows = zip(*numbers, batch.q, batch.v, batch.a, strict=True)
-        for t, h, strain, q, v, a in rows:
-            if not self._accept(Window(t, h, q, v, a, False, strain)):
+        for t, h, strain, cut, q, v, a in rows:
+            if not self._accept(Window(t, h, q, v, a, cut > 0.0, strain)):
                 return False
         self.t, self.h, self.longest = (float(x) for x in at[:3])
-        self.q, self.v, self.end_a = at[5 : 5 + f], at[5 + f : 5 + 2 * f], at[None, 5 + 2 * f : 5 + 3 * f]
-        self.guess = at[5 + 3 * f :][: s * f].reshape(s, f)
+        self.starts, self.cuts, self.uncut, self.chatter = bool(at[5]), int(at[6]), float(at[7]), int(at[8])
+        k = len(head)
+        self.q, self.v, self.end_a = at[k : k + f], at[k + f : k + 2 * f], at[None, k + 2 * f : k + 3 * f]
+        self.guess = at[k + 3 * f :][: s * f].reshape(s, f)
+        self._still()
         if batch.stuck:
             raise _stuck(self.t, self.h)
         return True
@@ -292,16 +304,7 @@ class _Integration:
         """Accept a window; the length and the guess of the next one."""
         self.longest = max(self.longest, self.h)
         self.chatter = self.chatter + 1 if self.by.breakpoints is not None and self.h < CHATTER * self.longest else 0
-        if self.chatter > MOST_CUT:
-            why = (
-                f"at t = {self.t:.9g} s a force changes its law again and again: at rest it pushes back whichever way the "
-                "mechanism moves."
-            )
-            remedy = (
-                "An indicator diagram in the middle of a stroke holds like dry friction: give a joint a brake, or let the machine "
-                "run through."
-            )
-            raise MechanismError(Fault("dynamics", why, remedy))
+        self._still()
         if not self._accept(window):
             return False
         self._go_to_end(window)
@@ -316,6 +319,19 @@ class _Integration:
             self.rows.reach, self.rows.natural = max(self.h, RECOVERED * self.rows.reach if self.cuts else 0.0), self.h
         self.starts, self.cuts, self.uncut = self.cuts > 0, 0, 0.0
         return True
+
+    def _still(self) -> None:
+        """Raise `MechanismError` where breakpoints leave no windows."""
+        if self.chatter > MOST_CUT:
+            why = (
+                f"at t = {self.t:.9g} s a force changes its law again and again: at rest it pushes back whichever way the "
+                "mechanism moves."
+            )
+            remedy = (
+                "An indicator diagram in the middle of a stroke holds like dry friction: give a joint a brake, or let the machine "
+                "run through."
+            )
+            raise MechanismError(Fault("dynamics", why, remedy))
 
 
 class _Rows:
