@@ -374,7 +374,7 @@ def freedoms(short: bool) -> None:
     ):
         rows, exact = freedom_rows(mechanism, duration, peer)
         if short:
-            rows = [row for row in rows if row[1].split()[1] in ("1e-07", "1e-08", "1e-09")]
+            rows = [row for row in rows if row[1].split()[1] in ("1e-06", "1e-07", "1e-08", "1e-09")]
         report(title, rows, exact, runs=2 if short else 3)
 
 

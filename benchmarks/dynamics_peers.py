@@ -30,7 +30,15 @@ __all__ = [
     "pinocchio_squeezer",
 ]
 
-PACKAGES = ("numpy==2.4.6", "scipy==1.17.1", "mujoco==4.0.0", "pin==4.1.0", "exudyn==1.13.6", "scikit-sundae==1.2.0")
+PACKAGES = (
+    "numpy==2.4.6",
+    "pydantic==2.14.3",
+    "scipy==1.17.1",
+    "mujoco==4.0.0",
+    "pin==4.1.0",
+    "exudyn==1.13.6",
+    "scikit-sundae==1.2.0",
+)
 TREE = (
     ("K1", None, "O"),
     ("K2", "K1", "P"),

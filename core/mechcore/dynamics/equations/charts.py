@@ -108,20 +108,40 @@ class Chart(Programmed):
         """Derivatives of the accelerations by position and speed (n, f, f) each, by differences, all in one call."""
         return differences(self, q, v, t, a, steps_of_differences(self.compiled, q, v, a))
 
+    def with_slopes(self, q: Real, v: Real, t: Real, near: Real) -> tuple[Real, Real, Real]:
+        """Accelerations (n, f) and their `slopes`, all in one call, ``near`` accelerations (n, f)."""
+        f, steps = q.shape[1], steps_of_differences(self.compiled, q, v, near)
+        every = self(*beside(q, v, t, steps, itself=True)).reshape(2 * f + 1, *q.shape)
+        return every[-1], *quotients(every[:-1] - every[-1], steps)
+
 
 def differences(
     system: Callable[[Real, Real, Real], Real], q: Real, v: Real, t: Real, a: Real, steps: tuple[Real, Real]
 ) -> tuple[Real, Real]:
     """Slopes of a system's accelerations by position and speed (n, f, f) each, by differences with steps (f,), all in one call."""
+    return quotients(system(*beside(q, v, t, steps)).reshape(-1, *q.shape) - a, steps)
+
+
+def beside(q: Real, v: Real, t: Real, steps: tuple[Real, Real], *, itself: bool = False) -> tuple[Real, Real, Real]:
+    """States (m n, f) and times (m n,): n of them with a step of each coordinate, then of each rate, then as they are, if that is
+    wanted."""
     n, f = q.shape
-    many_q, many_v = np.tile(q, (2 * f, 1)), np.tile(v, (2 * f, 1))
-    step_q, step_v = steps
+    m = 2 * f + itself
+    many = np.empty((2, m, n, f))
+    many[0], many[1] = q, v
     for k in range(f):
-        many_q[k * n : (k + 1) * n, k] += step_q[k]
-        many_v[(f + k) * n : (f + k + 1) * n, k] += step_v[k]
-    changed = system(many_q, many_v, np.tile(t, 2 * f)).reshape(2 * f, n, f) - a
-    by_q = np.moveaxis(changed[:f] / step_q[:, None, None], 0, -1)
-    by_v = np.moveaxis(changed[f:] / step_v[:, None, None], 0, -1)
+        many[0, k, :, k] += steps[0][k]
+        many[1, f + k, :, k] += steps[1][k]
+    many_q, many_v = many.reshape(2, m * n, f)
+    return many_q, many_v, np.tile(t, m)
+
+
+def quotients(changed: Real, steps: tuple[Real, Real]) -> tuple[Real, Real]:
+    """Slopes (n, f, f) by position and by speed from changes (2 f, n, f)."""
+    f = len(steps[0])
+    by_q, by_v = (
+        (part / step[:, None, None]).transpose(1, 2, 0) for part, step in zip((changed[:f], changed[f:]), steps, strict=True)
+    )
     return by_q, by_v
 
 

@@ -149,13 +149,15 @@ def solve_window(
     """Accelerations at the nodes (s, f) of one window, and the number of evaluations; None where Newton's method does not converge.
 
     ``system(q, v, t)`` gives the accelerations (s, f) at nodes, ``system.slopes(q, v, t, a)`` their derivatives by position and
-    speed, (s, f, f) each. ``tolerance``: of the positions' error that is left, absolute, in units of q.
+    speed, (s, f, f) each; a system whose slopes are differences may have both in one call, ``system.with_slopes(q, v, t, near)``
+    beside accelerations that are near. ``tolerance``: of the positions' error that is left, absolute, in units of q.
 
     The iteration ends when a step moves no position by more than that, or than the rounding of the sums that make the positions:
     the accelerations themselves may keep far fewer digits. Over a stiff vibration they are as large as the inverse of the
     collocation matrix makes them (1e4 times the position for 12 nodes), and rounding of a position moves them as much.
     """
     s, f = guess.shape
+    together = getattr(system, "with_slopes", None)
     t = t0 + h * rule.nodes
     drift = q0 + h * rule.nodes[:, None] * v0
     a = guess
@@ -164,12 +166,15 @@ def solve_window(
     for count in range(1, 16):
         q, v = drift + h * h * (rule.twice @ a), v0 + h * (rule.once @ a)
         with np.errstate(over="ignore", invalid="ignore", divide="ignore"):  # a trial may be anywhere
-            force = system(q, v, t)
+            if matrix is None and together is not None:
+                force, *slopes = together(q, v, t, a)
+            else:
+                force = system(q, v, t)
         residual = force - a
         if not np.isfinite(residual).all():
             return None
         if matrix is None:
-            by_q, by_v = system.slopes(q, v, t, force)
+            by_q, by_v = system.slopes(q, v, t, force) if together is None else slopes
             if f == 1:
                 matrix = np.eye(s) - h * h * by_q[:, :, 0] * rule.twice - h * by_v[:, :, 0] * rule.once
             else:
