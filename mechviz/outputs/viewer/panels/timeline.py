@@ -109,7 +109,7 @@ USUAL_CYCLE = 8.0
 START, BACK, PLAY, PAUSE, ON = "Start", "◂ Step", "Play", "Pause", "Step ▸"
 LOOP, ONCE = "Loop ✓", "Loop ✗"
 RATE = 12.0  # moves of the slider and changes of the numbers a second while playing: nobody reads faster
-NO_EVENT = "choose one of"
+NO_EVENT = "nothing happens"
 LONGEST_EVENT = 90
 
 
@@ -204,7 +204,8 @@ class Timeline:
 
     @property
     def _none(self) -> str:
-        return f"{NO_EVENT} {len(self._happenings)}" if self._happenings else "nothing happens"
+        count = len(self._happenings)
+        return f"{count} event{'s' if count > 1 else ''}" if count else NO_EVENT
 
     def place(self, show: ViewModel, frame: int) -> None:
         """Say where in another run it is."""
