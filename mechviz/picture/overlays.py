@@ -283,9 +283,9 @@ def section_nodes(run: Run, solids: Solids) -> Iterator[Lines | Points]:
     for group, diagram in DIAGRAMS.items():
         peaks = {link: float(np.nanmax(np.abs(diagram.ordinates(s)), initial=0.0)) for link, s in sections.items()}
         largest = max(peaks.values(), default=0.0)
-        scale = TALLEST * solids.size / largest if largest > 0.0 else 0.0
         for link, section in sections.items():
-            strips = [_in_world(run, link, strip) for strip in _strips(section, scale * np.nan_to_num(diagram.ordinates(section)))]
+            shares = np.nan_to_num(diagram.ordinates(section)) / (largest or 1.0)  # of the largest, which may be next to nothing
+            strips = [_in_world(run, link, strip) for strip in _strips(section, TALLEST * solids.size * shares)]
             height = _height(run, solids, link, strips[0])
             outline, ordinates, tip = (in_space(np.stack([z.real, z.imag], axis=-1), height) for z in strips)
             common: dict[str, Any] = {"owner": ("link", link), "group": group, "height": height, "colors": (diagram.color,)}

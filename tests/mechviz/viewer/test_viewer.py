@@ -42,7 +42,10 @@ from mechviz.outputs.viewer.world.camera import FIELD_OF_VIEW, PRESETS, USUAL_AS
 from mechviz.outputs.viewer.world.constructions import arrow_lines, placed
 from mechviz.outputs.viewer.world.marks import joint_groups
 from mechviz.outputs.viewer.world.solids import link_path, quaternions
+from mechviz.picture import overlays
+from mechviz.picture.build import solids_of
 from mechviz.picture.constructions import drawings_of
+from mechviz.picture.overlays import section_nodes
 from mechviz.quantities import vectors
 from mechviz.runs import Run, run_scene
 from recordings import vectors_of
@@ -226,6 +229,17 @@ def test_of_section_forces_the_bending_moments_are_shown_at_first():
         lines = constructions["Shear forces"].nodes[0].points
         assert lines[0, 0, :2] == pytest.approx(run.motion.point("rod", "B")[5], abs=1e-6)
         assert len(lines) > outline.stations.shape[1]
+
+
+def test_section_forces_next_to_nothing_are_drawn_like_others(monkeypatch):
+    run = run_scene(scene.load("connecting-rod-bending"), frames=12)
+    solids = solids_of(run)
+    lines = next(node for node in section_nodes(run, solids) if node.group == "bending_moment").strips[0]
+    diagram = overlays.DIAGRAMS["bending_moment"]
+    faint = diagram._replace(ordinates=lambda s: 1e-315 * diagram.ordinates(s))
+    monkeypatch.setitem(overlays.DIAGRAMS, "bending_moment", faint)
+    again = next(node for node in section_nodes(run, solids) if node.group == "bending_moment").strips[0]
+    np.testing.assert_allclose(again, lines, rtol=1e-5, atol=1e-6)
 
 
 def test_a_scene_without_constructions_has_none_in_the_viewer(kinematic):
