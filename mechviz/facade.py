@@ -6,7 +6,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -24,6 +24,7 @@ from mechviz.outputs.presentation import Presentation, presentation_in, presenta
 from mechviz.outputs.rerun.reader import Recording
 from mechviz.outputs.rerun.recorded import numbers_in
 from mechviz.outputs.rerun.writer import RecordingSummary, write_recording
+from mechviz.progress import progress_bar
 from mechviz.quantities.catalogue import Axis, Catalogue, Quantity, Together
 from mechviz.quantities.events import events_of
 from mechviz.runs import Run, run_scene
@@ -38,6 +39,9 @@ if TYPE_CHECKING:
     from mechcore.motion.events import Event
     from mechcore.motion.motion import Motion
     from mechviz.outputs.rerun.writer import RecordingSummary
+
+
+LONG = 1.0  # [s] from which on a run shows its progress
 
 
 class UnknownKey(KeyError):
@@ -232,16 +236,21 @@ def run(
     cycles: int | None = None,
     accuracy: float | None = None,
     executor: Executor = "auto",
+    progress: bool = True,
 ) -> Result:
     """Solve a scene: one that is loaded or built, the name of one of the gallery, or the path of a scene file.
 
     ``frames`` over the whole run and ``cycles`` of the first drive are the scene's own where they are not given; ``accuracy`` is
     the wanted relative error, such as 1e-6, from which frames and tolerances follow; ``executor`` is "numpy", "c" or, where
-    compiling pays, "auto". Raises `SceneError` with every fault of the
-    scene, `MechanismError` where the mechanism cannot move so.
+    compiling pays, "auto". What takes longer than a second shows its ``progress`` on a terminal and in a notebook.
+    Raises `SceneError` with every fault of the scene, `MechanismError` where the mechanism cannot move so.
     """
     solved = scene if isinstance(scene, Scene) else load(scene)
-    return Result(run_scene(solved, frames=frames, cycles=cycles, accuracy=accuracy, executor=executor))
+    dials: dict[str, Any] = {"frames": frames, "cycles": cycles, "accuracy": accuracy, "executor": executor}
+    if not progress:
+        return Result(run_scene(solved, **dials))
+    with progress_bar(f"solving {solved.name}", after=LONG) as bar:
+        return Result(run_scene(solved, **dials, progress=bar.stage, advance=lambda t, end: bar(round(1e3 * t / end), 1000)))
 
 
 def open(path: str | Path, *, most: int | None = None) -> Result:

@@ -12,7 +12,7 @@ from typing import Annotated
 import typer
 
 from mechcore.accuracy import accuracy_for
-from mechviz.commands.common import check_targets, fail, interruptible, progress_bar
+from mechviz.commands.common import check_targets, fail, interruptible
 from mechviz.commands.loading import SceneArg, SetOpt, clear_errors, load_scene
 from mechviz.commands.solving import QuickOpt
 from mechviz.figures import check_ending, save_chart
@@ -20,6 +20,7 @@ from mechviz.hard_cases import all_cases
 from mechviz.hard_cases.case import FAMILIES, as_data, summary, table
 from mechviz.outputs.rerun.precision import write_rrd
 from mechviz.outputs.rerun.writer import write_recording
+from mechviz.progress import progress_bar
 from mechviz.studies.cost import machine, used
 from mechviz.studies.influences import influence_lines, influences
 from mechviz.studies.precision import Point, cheapest, keep, kept, ladder, pareto

@@ -14,9 +14,10 @@ from mechviz.automata.plotter import plotter_scene
 from mechviz.automata.strokes import in_order, on_sheet, svg_strokes, text_strokes
 from mechviz.automata.walking import walk_of, walking_scene
 from mechviz.automata.writer import design_writer
-from mechviz.commands.common import check_targets, fail, interruptible, progress_bar, say
+from mechviz.commands.common import check_targets, fail, interruptible, say
 from mechviz.commands.loading import SceneArg, SetOpt, clear_errors, load_scene, quantity, quantity_of
 from mechviz.files import check_target, replacing
+from mechviz.progress import progress_bar
 from mechviz.scene.faults import did_you_mean
 from mechviz.scene.scene import Scene, dump
 from mechviz.scene.units import Units

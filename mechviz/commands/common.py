@@ -6,9 +6,8 @@ import os
 import signal
 import sys
 import traceback
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
 from typing import NoReturn
@@ -127,42 +126,6 @@ def interruptible(*libraries: str) -> Iterator[None]:
     finally:
         for number, handler in before.items():
             signal.signal(number, handler)
-
-
-@dataclass(frozen=True)
-class Bar:
-    """How far long work is: to be called with what is done and of how much; ``stage`` is told what is done now."""
-
-    label: str = ""
-    update: Callable[..., object] = lambda **_: None
-
-    def __call__(self, done: int, total: int) -> None:
-        self.update(completed=done, total=total)
-
-    def stage(self, name: str) -> None:
-        """Something else is done from now on; how long it takes nobody knows until the bar is called."""
-        self.update(description=f"{self.label}: {name}", completed=0, total=None)
-
-
-@contextmanager
-def progress_bar(label: str) -> Iterator[Bar]:
-    """A bar on stderr for long work; silent where stderr is no terminal."""
-    if not sys.stderr.isatty():
-        yield Bar()
-        return
-    from rich.console import Console
-    from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeElapsedColumn, TimeRemainingColumn
-
-    columns = (
-        TextColumn("{task.description}", markup=False),
-        BarColumn(),
-        TaskProgressColumn(),
-        TimeElapsedColumn(),
-        TimeRemainingColumn(),
-    )
-    with Progress(*columns, console=Console(stderr=True), transient=True) as shown:
-        task = shown.add_task(label, total=None)
-        yield Bar(label, lambda **what: shown.update(task, **what))
 
 
 def aligned(rows: Iterable[Sequence[str]]) -> list[str]:

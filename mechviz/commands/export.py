@@ -9,7 +9,7 @@ from typing import Annotated, Any
 
 import typer
 
-from mechviz.commands.common import check_targets, fail, interruptible, progress_bar, say
+from mechviz.commands.common import check_targets, fail, interruptible, say
 from mechviz.commands.loading import ReachableOpt, SetOpt, SourceArg, clear_errors, load_scene, quantity, quantity_of
 from mechviz.commands.recording import open_recording
 from mechviz.commands.solving import AccuracyOpt, CyclesOpt, ExecutorOpt, FramesOpt, KeepOpt, check_trust, solve, warn_of_accuracy
@@ -22,6 +22,7 @@ from mechviz.outputs.exports.solids import export_3mf, export_stl
 from mechviz.outputs.exports.tables import even_times, export_csv, export_parquet
 from mechviz.outputs.presentation import presentation_in, presentation_of
 from mechviz.outputs.rerun.reader import is_recording
+from mechviz.progress import progress_bar
 from mechviz.quantities.vectors import FAMILIES
 from mechviz.scene.units import Units
 

@@ -9,13 +9,14 @@ from typing import Annotated
 import typer
 
 from mechcore.compiled.motion import Executor
-from mechviz.commands.common import check_targets, fail, interruptible, progress_bar, say
+from mechviz.commands.common import check_targets, fail, interruptible, say
 from mechviz.commands.loading import ReachableOpt, SceneArg, SetOpt, clear_errors, load_scene
 from mechviz.commands.solving import AccuracyOpt, CyclesOpt, ExecutorOpt, FramesOpt, KeepOpt, check_trust, solve
 from mechviz.outputs.inspection import format_inspection
 from mechviz.outputs.inspection import inspect as inspect_recording
 from mechviz.outputs.rerun.reader import Recording
 from mechviz.outputs.rerun.writer import live, write_recording
+from mechviz.progress import progress_bar
 from mechviz.runs import Run, run_scene, with_run
 from mechviz.scene.scene import Scene
 

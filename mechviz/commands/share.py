@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from mechviz.commands.common import check_targets, fail, interruptible, progress_bar, say
+from mechviz.commands.common import check_targets, fail, interruptible, say
 from mechviz.commands.loading import SetOpt, SourceArg, clear_errors, load_scene
 from mechviz.commands.recording import open_recording
 from mechviz.commands.solving import KeepOpt, check_trust, solve
@@ -22,6 +22,7 @@ from mechviz.outputs.page.pack import MOST_FRAMES
 from mechviz.outputs.page.page import make_page
 from mechviz.outputs.presentation import Presentation, presentation_in, presentation_of
 from mechviz.outputs.rerun.reader import is_recording
+from mechviz.progress import progress_bar
 from mechviz.scene.units import QuantityError, Units
 
 FramesOpt = Annotated[

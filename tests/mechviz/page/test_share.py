@@ -8,6 +8,7 @@ import os
 import re
 import sys
 import time
+import types
 from html import unescape
 from pathlib import Path
 
@@ -22,7 +23,6 @@ from PIL import Image
 from typer.testing import CliRunner
 
 import mechviz
-from mechviz.commands.common import Bar, progress_bar
 from mechviz.commands.main import app
 from mechviz.files import OutputError
 from mechviz.outputs.images.drawing import svg_of, turned
@@ -34,6 +34,7 @@ from mechviz.outputs.presentation import presentation_in, presentation_of
 from mechviz.outputs.rerun.entities import parts_of
 from mechviz.outputs.rerun.reader import Recording
 from mechviz.outputs.rerun.writer import write_recording
+from mechviz.progress import Bar, progress_bar
 from mechviz.runs import run_scene
 from mechviz.scene.scene import load
 from recordings import Made, made
@@ -497,6 +498,42 @@ def test_a_bar_is_drawn_on_a_terminal_only(monkeypatch):
             assert "making [a] cake: oven" in stream.getvalue() and "25%" in stream.getvalue()
         else:
             assert stream.getvalue() == ""
+
+
+class Notebook(types.ModuleType):
+    """As much of IPython as shows a line that changes, with a run in it."""
+
+    def __init__(self) -> None:
+        super().__init__("IPython")
+        self.shown: list[str] = []
+        self.display = types.SimpleNamespace(display=self.show)
+
+    def get_ipython(self) -> object:
+        return types.SimpleNamespace(kernel=None)
+
+    def show(self, bundle: dict[str, str], raw: bool, display_id: bool = False) -> Notebook:
+        self.shown.append(bundle["text/plain"])
+        return self
+
+    def update(self, bundle: dict[str, str], raw: bool) -> None:
+        self.shown.append(bundle["text/plain"])
+
+
+def test_a_long_run_in_python_shows_how_far_it_is(monkeypatch, capsys):
+    notebook = Notebook()
+    monkeypatch.setitem(sys.modules, "IPython", notebook)
+    mechviz.run("swinging-double-pendulum", frames=12)
+    assert notebook.shown == []  # it is quick
+    monkeypatch.setattr("mechviz.facade.LONG", 0.0)
+    mechviz.run("swinging-double-pendulum", frames=12)
+    assert notebook.shown[0] == "solving swinging-double-pendulum" and notebook.shown[-1] == ""
+    assert "solving swinging-double-pendulum: motion under forces" in notebook.shown
+    shown = len(notebook.shown)
+    mechviz.run("swinging-double-pendulum", frames=12, progress=False)
+    assert len(notebook.shown) == shown
+    monkeypatch.delitem(sys.modules, "IPython")
+    mechviz.run("swinging-double-pendulum", frames=12)
+    assert len(notebook.shown) == shown and capsys.readouterr() == ("", "")
 
 
 FFMPEG = """#!{python}

@@ -1,0 +1,95 @@
+"""Progress of long work: a bar on a terminal, a line in a notebook, nothing elsewhere."""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, ExitStack, contextmanager
+from dataclasses import dataclass
+from typing import Any
+
+PAUSE = 0.2  # [s] between changes of the line in a notebook
+
+Update = Callable[..., object]
+"""``update(description=, completed=, total=)``, each if it changes; ``total`` None while it is not known."""
+
+
+@dataclass(frozen=True)
+class Bar:
+    """How far long work is: to be called with what is done and of how much; ``stage`` is told what is done now."""
+
+    label: str = ""
+    update: Update = lambda **_: None
+
+    def __call__(self, done: int, total: int) -> None:
+        self.update(completed=done, total=total)
+
+    def stage(self, name: str) -> None:
+        """Something else is done from now on; how long it takes nobody knows until the bar is called."""
+        self.update(description=f"{self.label}: {name}", completed=0, total=None)
+
+
+@contextmanager
+def progress_bar(label: str, after: float = 0.0) -> Iterator[Bar]:
+    """A bar on stderr for long work, in a notebook a line; silent where stderr is neither. It appears with the first news ``after``
+    so many seconds, and goes in the end."""
+    show: Callable[[str], AbstractContextManager[Update]] | None = _on_terminal if sys.stderr.isatty() else _in_notebook()
+    if show is None:
+        yield Bar()
+        return
+    with ExitStack() as stack:
+        begun, shown, words = time.monotonic(), None if after else stack.enter_context(show(label)), label
+
+        def update(**what: Any) -> None:
+            nonlocal shown, words
+            words = what.get("description", words)
+            if shown is None and time.monotonic() - begun >= after:
+                shown = stack.enter_context(show(words))
+            if shown is not None:
+                shown(**what)
+
+        yield Bar(label, update)
+
+
+@contextmanager
+def _on_terminal(label: str) -> Iterator[Update]:
+    from rich.console import Console
+    from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+
+    columns = (
+        TextColumn("{task.description}", markup=False),
+        BarColumn(),
+        TaskProgressColumn(),
+        TimeElapsedColumn(),
+        TimeRemainingColumn(),
+    )
+    with Progress(*columns, console=Console(stderr=True), transient=True) as shown:
+        task = shown.add_task(label, total=None)
+        yield lambda **what: shown.update(task, **what)
+
+
+def _in_notebook() -> Callable[[str], AbstractContextManager[Update]] | None:
+    """What shows a line in the notebook in which this runs; None where it does not run in one."""
+    shell = getattr(sys.modules.get("IPython"), "get_ipython", lambda: None)()
+    if not hasattr(shell, "kernel"):
+        return None
+    display = sys.modules["IPython"].display.display
+
+    @contextmanager
+    def line(label: str) -> Iterator[Update]:
+        handle = display({"text/plain": label}, raw=True, display_id=True)
+        words, told = label, time.monotonic()
+
+        def update(description: str = "", completed: int = 0, total: int | None = None) -> None:
+            nonlocal words, told
+            words = description or words
+            if description or time.monotonic() - told >= PAUSE:
+                told = time.monotonic()
+                share = f" {100 * completed // total} %" if total else ""
+                handle.update({"text/plain": f"{words}{share}"}, raw=True)
+
+        yield update
+        handle.update({"text/plain": ""}, raw=True)
+
+    return line
