@@ -22,7 +22,7 @@ LAYERS = {
         ("constructions", "design"),
     ),
     "mechviz": (
-        ("files", "meshes"), ("figures", "scene"), ("quantities",), ("accuracy",), ("runs",), ("picture",),
+        ("files", "meshes", "progress"), ("figures", "scene"), ("quantities",), ("accuracy",), ("runs",), ("picture",),
         ("automata", "editor", "studies"), ("outputs",), ("hard_cases",), ("facade",), ("commands",), ("__main__",),
     ),
 }  # fmt: skip

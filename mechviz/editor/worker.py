@@ -5,6 +5,8 @@ from __future__ import annotations
 
 import contextlib
 import ctypes
+import gc
+import itertools
 import sys
 import threading
 from collections.abc import Callable
@@ -20,7 +22,9 @@ from mechviz.scene.scene import Scene
 STEPS = 12  # from the good value to each end of the range
 HALVINGS = 11
 FRAMES = 90
+OFTEN = 8
 T = TypeVar("T")
+_left = itertools.count(1)
 
 
 class Latest(Generic[T]):
@@ -104,6 +108,14 @@ def give_back() -> None:
     if sys.platform == "linux":
         with contextlib.suppress(OSError, AttributeError):
             ctypes.CDLL("libc.so.6").malloc_trim(0)
+
+
+def left_over() -> None:
+    """Something has gone whose objects refer to each other, such as a browser or the drawing of a saved plot: of every `OFTEN` of
+    them all is collected. Python itself waits until such objects are a quarter of all, however much memory hangs on each."""
+    if next(_left) % OFTEN == 0:
+        gc.collect()
+        give_back()
 
 
 def assembles(scene: Scene) -> bool:

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from mechviz.editor.worker import left_over
 from mechviz.outputs.rerun.reader import Recording
 from mechviz.outputs.viewer.browser import prepare_page
 from mechviz.outputs.viewer.growth import Computing, Growth, Stopped
@@ -76,6 +77,7 @@ class Viewer:
         self.server, self.guard = start_server(port, "mechviz")
         self.changes = Changes()
         self.guard.admitted = self.changes.remember
+        self.server.on_client_disconnect(lambda _: left_over())
         try:
             if isinstance(shown, Recording):
                 assert show is not None

@@ -16,6 +16,7 @@ from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import ClientConnection
 
 from mechviz import scene
+from mechviz.editor.worker import OFTEN, left_over
 from mechviz.outputs.viewer.app import Viewer
 from mechviz.outputs.viewer.panels.plots import MOST_PLOTS, REMOVE
 from mechviz.outputs.viewer.viser_adapter import MOST_WAITING, RunJavascriptMessage, SharedBuffer, buffer_of, uuid_of
@@ -235,6 +236,31 @@ def test_plots_are_so_many_at_most_and_those_taken_away_are_not_kept(viewer, bro
     answered(viewer, browser)
     gc.collect()
     assert not [slot for slot in gone if slot() is not None]
+
+
+class Ring:
+    """Refers to itself: only a collection frees it."""
+
+    def __init__(self) -> None:
+        self.me = self
+
+
+def test_what_is_left_over_is_collected_before_it_is_much(viewer, monkeypatch):
+    rings = []
+    gc.disable()  # what is collected is collected by us
+    try:
+        for _ in range(3 * OFTEN):
+            rings.append(weakref.ref(Ring()))
+            left_over()
+            assert sum(ring() is not None for ring in rings) <= OFTEN
+    finally:
+        gc.enable()
+    told: list[int] = []
+    monkeypatch.setattr("mechviz.outputs.viewer.app.left_over", lambda: told.append(1))
+    with sockets(viewer.port, 1) as (browser,):
+        send(browser, CAMERA)
+        until(lambda: viewer.server.get_clients(), "the browser")
+    until(lambda: told, "that it has gone")
 
 
 def test_the_page_loads_nothing_from_elsewhere(viewer):

@@ -17,7 +17,7 @@ import viser
 from viser import uplot
 
 from mechcore.arrays import Index, Real
-from mechviz.editor.worker import give_back
+from mechviz.editor.worker import left_over
 from mechviz.outputs.exports.tables import KINDS, plot_file
 from mechviz.outputs.viewer.playback import NumberTrack, PlotTrack
 from mechviz.outputs.viewer.server import Callback, report
@@ -345,7 +345,7 @@ class Plots:
             report(self._server, "Saving a plot", error, client)
         finally:
             self._waiting.release()
-            give_back()
+            left_over()
 
     def file(self, slot: SharedSlot, kind: str) -> bytes:
         """A plot as a file, with the curves of the designs that are compared and its bands as they are; ``kind``: one of
