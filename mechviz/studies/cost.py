@@ -207,7 +207,7 @@ def executor_lines(scene: Scene, executor: Executor) -> list[str]:
     if _forces_of(scene):
         lines.append(f"  {'reactions, efforts':<21}{_of_forces(compiled, executor, scene.frames + 1)}")
     if scene.simulation is not None:
-        lines.append(f"  {'motion under forces':<21}{_of_simulation(compiled, executor)}")
+        lines.append(f"  {'motion under forces':<21}{_of_simulation(compiled, executor, stops=bool(scene.simulation.stops))}")
     return lines
 
 
@@ -258,11 +258,12 @@ def _of_forces(compiled: Compiled, executor: Executor, frames: int) -> str:
     return f"numpy: {program}" if isinstance(program, str) else f"C, {_price(program.source, program.lines)}"
 
 
-def _of_simulation(compiled: Compiled, executor: Executor) -> str:
+def _of_simulation(compiled: Compiled, executor: Executor, *, stops: bool) -> str:
     missing = missing_in_c(compiled)
     if missing is not None:
         return f"numpy: {missing}"
     price = _price(*written_source(compiled))
+    price += "; numpy while a stop holds" if stops else ""
     return f"C, {price}" if executor == "c" else f"numpy; C where more than {MANY} windows are left to integrate, {price}"
 
 

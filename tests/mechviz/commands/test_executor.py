@@ -38,6 +38,8 @@ def no_compiler(monkeypatch: pytest.MonkeyPatch):
         (("triad", "--executor", "c"), "positions and rates  numpy: the group of P is solved by Newton's method"),
         (("swinging-double-pendulum",), "motion under forces  numpy; C where more than 250 windows are left"),
         (("stick-slip-feed", "--executor", "c"), "motion under forces  numpy: dry friction"),
+        (("valve-float", "--executor", "c"), "motion under forces  numpy: no coordinate is free until a follower leaves its cam"),
+        (("toggle-press-stop", "--executor", "c"), "; numpy while a stop holds"),
         (("crank-rocker", "--executor", "numpy"), "numpy, as asked for"),
         (("slider-crank-compressor", "--executor", "c"), "reactions, efforts   C, "),
         (("slider-crank-compressor",), "reactions, efforts   numpy, as the positions"),

@@ -140,6 +140,8 @@ def compiled_program(compiled: Compiled) -> EquationsProgram | None:
 
 def missing_in_c(compiled: Compiled) -> str | None:
     """Why C does not have the equations of motion of a mechanism, in words; None where it has."""
+    if not free_of(compiled):
+        return "no coordinate is free until a follower leaves its cam"
     written = _written(compiled)
     return written if isinstance(written, str) else None
 
