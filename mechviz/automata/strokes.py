@@ -6,6 +6,7 @@ import math
 from collections.abc import Sequence
 from itertools import pairwise
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -17,17 +18,19 @@ EXTRA = "Install it: pip install 'mechviz[draw]'"
 _CORNER = math.radians(55.0)  # a polyline of a font turns less where it stands for a curve
 _STEP = 8  # points between two of a font's
 _FLAT = 400  # pieces of the drawing's larger side: a curve's chords are this short where it is flattened
+_CAPITAL = 0.7  # height of capitals over the size of a font
 _MOST = 200_000  # points of a drawing
 _ROUNDS = 40  # of improvement of the order of strokes
 
 
-def svg_strokes(path: Path | str) -> list[Complex]:
+def svg_strokes(path: Path | str, font: str = "scripts") -> list[Complex]:
     """The strokes of an SVG drawing, one for each part of a path, (n,) points in its own unit with y upwards.
 
-    Curves are flattened. Fillings are taken by their outlines. Raises `OutputError` where it cannot be read or has nothing in it.
+    Curves are flattened. Fillings are taken by their outlines. Texts are written in a Hershey ``font`` of single strokes.
+    Raises `OutputError` where it cannot be read or has nothing in it.
     """
     try:
-        from svgelements import SVG, Move, Shape
+        from svgelements import SVG, Move, Shape, Text
         from svgelements import Path as Trail
     except ImportError:
         raise OutputError("svgelements reads SVG drawings and is missing here.", EXTRA) from None
@@ -40,11 +43,11 @@ def svg_strokes(path: Path | str) -> list[Complex]:
         raise OutputError(f"'{path}' is no SVG drawing: {error}.", "Save it as plain SVG.") from None
     trails = [Trail(part) for shape in drawing.elements() if isinstance(shape, Shape) for part in Trail(shape).as_subpaths()]
     boxes = [box for trail in trails if (box := trail.bbox()) is not None]
-    if not boxes:
-        raise OutputError(f"'{path}' has no paths or shapes to draw.", "Turn its text into paths, and leave out images.")
-    low, high = np.min(boxes, axis=0)[:2], np.max(boxes, axis=0)[2:]
-    chord = float(max(high - low)) / _FLAT
-    lines, count = [], 0
+    lines = [s for e in drawing.elements() if isinstance(e, Text) and e.text and e.text.strip() for s in _written(e, font)]
+    if not boxes and not lines:
+        raise OutputError(f"'{path}' has no paths, shapes or texts to draw.", "Leave out images.")
+    low, high = (np.min(boxes, axis=0)[:2], np.max(boxes, axis=0)[2:]) if boxes else (np.zeros(2), np.ones(2))
+    chord, count = float(max(high - low)) / _FLAT, 0
     for trail in trails:
         points: list[complex] = []
         for segment in trail:
@@ -62,6 +65,18 @@ def svg_strokes(path: Path | str) -> list[Complex]:
     if not strokes:
         raise OutputError(f"'{path}' has no line of any length.", "Draw at least one.")
     return strokes
+
+
+def _written(text: Any, font: str) -> list[Complex]:
+    """The strokes of a text of a drawing, y upwards, its capitals as high as usual in its size."""
+    strokes, capital = text_strokes(text.text.strip(), font), np.concatenate(text_strokes("H", font)).imag
+    scale = _CAPITAL * float(text.font_size) / float(np.ptp(capital))
+    ends = np.concatenate(strokes).real
+    start = {"middle": 0.5 * (ends.min() + ends.max()), "end": ends.max()}.get(text.anchor, 0.0)
+    m = text.transform
+    placed = [scale * (stroke - complex(start, capital.min())) for stroke in strokes]  # on its line
+    flat = [complex(text.x, text.y) + stroke.conj() for stroke in placed]
+    return [(m.a * z.real + m.c * z.imag + m.e) - 1j * (m.b * z.real + m.d * z.imag + m.f) for z in flat]
 
 
 def text_strokes(text: str, font: str = "scripts") -> list[Complex]:

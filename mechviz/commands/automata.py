@@ -29,7 +29,9 @@ def draw(
     picture: Annotated[Path | None, typer.Argument(metavar="[PICTURE.svg]", help="its paths and shapes are drawn")] = None,
     output: Annotated[Path | None, typer.Option("--output", "-o", help="scene of the machine to write (.toml)")] = None,
     text: Annotated[str | None, typer.Option("--text", metavar="WORDS", help="write this instead of drawing a picture")] = None,
-    font: Annotated[str, typer.Option("--font", help="of --text: scripts, cursive, rowmans, futural ...")] = "scripts",
+    font: Annotated[
+        str, typer.Option("--font", help="of --text and of texts in a picture: scripts, cursive, rowmans, futural ...")
+    ] = "scripts",
     size: Annotated[str, typer.Option("--size", help="larger side of the drawing")] = "100 mm",
     error: Annotated[str, typer.Option("--error", help="how far the drawn line may be off its strokes")] = "0.1 mm",
     speed: Annotated[str, typer.Option("--speed", help="of the shaft: the drawing takes one turn")] = "1 rpm",
@@ -68,7 +70,7 @@ def draw(
         check_targets(str(picture or ""), output, program)
         with interruptible("matplotlib.path"), progress_bar("drawing") as bar:
             bar.stage("reading strokes")
-            raw = text_strokes(text, font) if text is not None else svg_strokes(str(picture))
+            raw = text_strokes(text, font) if text is not None else svg_strokes(str(picture), font)
             strokes = in_order(on_sheet(raw, width), 0.5 * off)
             stem = (output or program or Path("writer")).stem
             title = f"A machine that writes “{name}”" if text is not None else f"A machine that draws “{name}”"

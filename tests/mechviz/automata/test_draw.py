@@ -202,3 +202,16 @@ def test_words_keep_corners_and_round_the_rest():
     bow = text_strokes("o", "scripts")[0]
     turns = np.abs(np.angle(np.diff(bow)[1:] / np.diff(bow)[:-1]))
     assert np.median(turns) < 0.15
+
+
+def test_texts_of_an_svg_are_written_where_they_stand(tmp_path):
+    """Their capitals are 0.7 of the font's size high and stand on the line of the text, about its middle if anchored so."""
+    path = tmp_path / "text.svg"
+    words = '<text x="50" y="30" font-size="20" text-anchor="middle" transform="translate(7 5)">HH</text>'
+    path.write_text(f'<svg xmlns="http://www.w3.org/2000/svg">{words}<path d="M0 0 L 9 9"/></svg>')
+    for font in ("futural", "scripts"):
+        letters = [stroke for stroke in svg_strokes(path, font) if abs(stroke[0]) > 1.0]
+        spots = np.concatenate(letters)
+        assert spots.imag.min() == pytest.approx(-35.0, abs=0.01) and spots.imag.max() == pytest.approx(-21.0, abs=0.01)
+        assert 0.5 * (spots.real.min() + spots.real.max()) == pytest.approx(57.0, abs=0.01)
+        assert len(letters) >= 4
