@@ -5,12 +5,12 @@ It follows from the tables of a run or of a recording, so that both have the sam
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
 from mechcore.arrays import Flags, Real
+from mechcore.records import dataclass
 from mechviz.quantities.entries import UNITS, Entry, Names, entries
 from mechviz.quantities.items import Table
 from mechviz.quantities.numbers import Numbers

@@ -6,13 +6,13 @@ They depend on names alone, not on values, so that a scene whose values change k
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
 from functools import lru_cache, partial
 from typing import NamedTuple
 
 import numpy as np
 
 from mechcore.arrays import Real
+from mechcore.records import dataclass
 from mechviz.quantities.items import Columns
 
 Path = tuple[str, ...]

@@ -6,7 +6,6 @@ their rates beside them in their own columns. What has no rates is joined by pol
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -15,6 +14,7 @@ import numpy as np
 from mechcore.arrays import Real
 from mechcore.motion.motion import Motion
 from mechcore.numerics.interpolation import between
+from mechcore.records import dataclass
 from mechcore.spec.clearance import journals_of, made_joints
 
 if TYPE_CHECKING:

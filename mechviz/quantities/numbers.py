@@ -4,13 +4,13 @@ from them, whichever they are of."""
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from mechcore.arrays import Real
+from mechcore.records import dataclass
 from mechcore.spec.loads import Actuator, Damper, GasSpring, Spring
 from mechcore.spec.mechanism import Mechanism, Vec2
 from mechviz.quantities.items import JointInfo, Table, joints_of, links_of

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -11,6 +10,7 @@ from numpy.typing import NDArray
 
 from mechcore.arrays import Real
 from mechcore.laws.timed import Piecewise
+from mechcore.records import dataclass
 
 if TYPE_CHECKING:
     from mechviz.runs import Run

@@ -8,13 +8,13 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 from decimal import Decimal
 from functools import lru_cache
 
 import numpy as np
 
 from mechcore.arrays import Real
+from mechcore.records import dataclass
 from mechviz.scene.faults import did_you_mean
 from mechviz.scene.units import KINDS, QuantityError, Unit, is_unit, measured, split, unit_of
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -21,6 +20,7 @@ from mechcore.cams.synthesis import simplified_offset_error
 from mechcore.errors import MechanismError
 from mechcore.forces.cam_events import lost_ranges
 from mechcore.forces.cam_rating import AnyCam, contact_force, contact_stress, drawn_lift, joint_of, least_springs, placed_cams
+from mechcore.records import dataclass
 from mechcore.spec.mechanism import CamDrawn, CamJoint
 from mechcore.texts import Text, UnitSystem, as_angle, as_coordinate, as_force, as_length, as_quantity
 

@@ -8,7 +8,6 @@ Lengths are in units of the mechanism's size.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -17,6 +16,7 @@ from mechcore.arrays import Real
 from mechcore.constants import SINGULAR
 from mechcore.kinematics.program import LinearConstraint
 from mechcore.motion.motion import Motion
+from mechcore.records import dataclass
 
 Row = dict[int, Any]
 """Coefficients by the numbers of coordinates, three of each link: numbers, or arrays over frames."""

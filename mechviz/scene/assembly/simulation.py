@@ -6,7 +6,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -20,6 +20,7 @@ from mechcore.laws.timed import ConstantSpeed, Free, Law, Oscillation, Rest, mov
 from mechcore.motion.compiled import Compiled
 from mechcore.motion.reach import range_beside, reachable_ranges
 from mechcore.motion.solve import compile_mechanism
+from mechcore.records import dataclass
 from mechcore.spec.mechanism import Drive, Mechanism
 from mechviz.scene.convert import Converter
 from mechviz.scene.document import SceneDocument

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from pydantic import PlainValidator, WithJsonSchema
 
 from mechcore.effects.journal import loss_factor
 from mechcore.errors import Fault
+from mechcore.records import dataclass
 from mechcore.spec.clearance import Clearance
 from mechcore.spec.mechanism import Friction
 from mechviz.scene.fields import Effort, Flag, Length, Quantity, Size, Speed, Table, describe, fault

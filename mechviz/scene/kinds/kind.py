@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import field
 from functools import cached_property
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 
@@ -13,6 +13,7 @@ from pydantic import AfterValidator
 from mechcore.errors import Fault
 from mechcore.laws.timed import Smoothness
 from mechcore.laws.timed import Table as Interpolation
+from mechcore.records import dataclass
 from mechcore.spec.loads import Load
 from mechcore.spec.mechanism import Friction, Joint, Vec2
 from mechviz.scene.convert import Converter

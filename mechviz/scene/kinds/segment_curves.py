@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
 from itertools import pairwise
 from typing import TYPE_CHECKING
 
@@ -30,6 +29,7 @@ from mechcore.laws.segment_laws import (
     fourier_curve,
     joined_table,
 )
+from mechcore.records import dataclass
 from mechviz.scene.fields import is_whole
 from mechviz.scene.kinds.cam_files import read_columns
 from mechviz.scene.kinds.segments import (

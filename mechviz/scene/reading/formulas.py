@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass, field
+from dataclasses import field
 from decimal import Decimal
 from typing import Any
 
@@ -13,6 +13,7 @@ import numpy as np
 
 from mechcore.arrays import Real
 from mechcore.errors import Fault
+from mechcore.records import dataclass
 from mechviz.scene.annotations import Leaf, Place, leaf_at, raw_leaves
 from mechviz.scene.document import SceneDocument, with_values
 from mechviz.scene.expressions import (
