@@ -39,7 +39,7 @@ FACTORS = {
     "polynomial": sp.Factor(function=Polynomial((0.5, 0.1, -0.2), per=2.0), of="velocity"),
     "of Python": sp.Factor(function=lambda w: np.where(w > 2.1, np.tanh(w), 0.3 * w), of="velocity"),
 }
-RANDOM = (("four-bar", 2), ("slider-crank", 7), ("several drives", 1), ("belt", 0))
+RANDOM = (("four-bar", 2), ("slider-crank", 7), ("several drives", 1), ("belt", 0), ("cam", 2))
 
 
 def damped() -> Mechanism:

@@ -30,7 +30,7 @@ SCENES = (
     "cam-indexing-barrel",
     "cam-measured",
 )
-RANDOM = (("pin in slot", 2), ("several drives", 0), ("six-bar", 4))
+RANDOM = (("pin in slot", 2), ("several drives", 0), ("six-bar", 4), ("cam", 2))
 
 
 def rounding(compiled: Compiled, time: np.ndarray) -> float:
