@@ -12,6 +12,7 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
+from numpy.lib.mixins import NDArrayOperatorsMixin
 from numpy.typing import NDArray
 
 from mechcore.arrays import Real
@@ -160,7 +161,7 @@ def _gathered(w: Any, value: Numbers) -> Any:
     return w if np.iscomplexobj(value) else w.real
 
 
-class Traced:
+class Traced(NDArrayOperatorsMixin):
     """An array whose slopes are on a tape; an operand of whatever numpy's arrays are, but never a plain zero."""
 
     __slots__ = ("number", "tape", "value")
@@ -245,56 +246,6 @@ class Traced:
         if own is None:
             raise Untraced(f"numpy.{function.__name__} has no derivative here")
         return own(*operands, **options)
-
-    # -- arithmetic ---------------------------------------------------------------------------------------------------
-    def __add__(self, other: Any) -> Any:
-        return _add(self, other)
-
-    __radd__ = __add__
-
-    def __sub__(self, other: Any) -> Any:
-        return _subtract(self, other)
-
-    def __rsub__(self, other: Any) -> Any:
-        return _subtract(other, self)
-
-    def __mul__(self, other: Any) -> Any:
-        return _multiply(self, other)
-
-    __rmul__ = __mul__
-
-    def __truediv__(self, other: Any) -> Any:
-        return _divide(self, other)
-
-    def __rtruediv__(self, other: Any) -> Any:
-        return _divide(other, self)
-
-    def __neg__(self) -> Any:
-        return self.tape.elementwise(-self.value, [(self, -1.0, None)])
-
-    def __pow__(self, exponent: Any) -> Any:
-        return _power(self, exponent)
-
-    def __rpow__(self, base: Any) -> Any:
-        return _power(base, self)
-
-    def __abs__(self) -> Any:
-        return _absolute(self)
-
-    def __mod__(self, other: Any) -> Any:
-        return _remainder(self, other)
-
-    def __lt__(self, other: Any) -> Any:
-        return self.value < value_of(other)
-
-    def __le__(self, other: Any) -> Any:
-        return self.value <= value_of(other)
-
-    def __gt__(self, other: Any) -> Any:
-        return self.value > value_of(other)
-
-    def __ge__(self, other: Any) -> Any:
-        return self.value >= value_of(other)
 
     def __eq__(self, other: object) -> bool:
         return self is other
@@ -535,7 +486,7 @@ UFUNCS: dict[str, Callable[..., Any]] = {
     "multiply": _multiply,
     "divide": _divide,
     "power": _power,
-    "negative": lambda a: -a,
+    "negative": lambda a: a.tape.elementwise(-a.value, [(a, -1.0, None)]),
     "positive": lambda a: a,
     "absolute": _absolute,
     "conjugate": lambda a: a.conjugate(),
