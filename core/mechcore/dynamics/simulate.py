@@ -19,7 +19,7 @@ from mechcore.dynamics.equations.charts import Chart, curve_around
 from mechcore.dynamics.equations.curve import Curve
 from mechcore.dynamics.equations.energy import by_energy
 from mechcore.dynamics.equations.program import EquationsProgram
-from mechcore.dynamics.equations.reduced import coordinate_scales, free_of, integrating, reduce
+from mechcore.dynamics.equations.reduced import coordinate_scales, free_of, integrating, moving, reduce
 from mechcore.dynamics.event_integrator import EventIntegrator, Method, table_tolerance
 from mechcore.dynamics.events import EventTrigger, SimulationEvent, Stop, with_slot_ends
 from mechcore.dynamics.integration.collocation import Window
@@ -29,15 +29,20 @@ from mechcore.dynamics.segments import Segment
 from mechcore.dynamics.simulation import Simulation
 from mechcore.effects.registry import effects_of
 from mechcore.errors import Fault, MechanismError
+from mechcore.laws.curve import MotionCurve
+from mechcore.laws.factors import jumps
 from mechcore.laws.timed import Free
 from mechcore.motion.compiled import Compiled
 from mechcore.motion.solve import compile_mechanism
 from mechcore.spec.mechanism import Drive, Mechanism
+from mechcore.texts import as_angle, as_length
 
 BESIDE = 0.1  # how far from the start, in scales, forces are compared with
 PUSHED = 1e-4  # of the largest force in a table: what is more is not the table's own error
 BALANCED = 1e-13  # of those forces: what is left in an equilibrium by rounding
 
+
+KNOCK = 1e-6  # of a cam law's largest velocity: what may jump by the rounding of a given profile
 
 LOOKED_AT = 100  # windows, after which it is foreseen how many a motion takes
 MANY = 2_000  # windows that take long enough to be told before
@@ -75,6 +80,7 @@ def simulate(
     drives = [d for d in compiled.mechanism.drives if isinstance(d.law, Free)]
     q = np.array([float(d.law(0.0)[0]) for d in drives])
     v = np.array([float(d.law(0.0)[1]) for d in drives])
+    _refuse_knocks(compiled, q, v, separable_cams)
     system: Chart | Curve = Chart(compiled)
     valid_range: tuple[float, float] | None = None
     alone = len(q) == len(compiled.mechanism.drives) == 1 and not separable_cams and not integrating(compiled)
@@ -208,6 +214,26 @@ def _check_turns(compiled: Compiled, free: Sequence[Drive], duration: float, fau
             far = f"{speed * duration:.6g} " + ("turns" if rotary else "circumferences of a circle of the size of the mechanism")
             why = f"at this speed it would go {far} in {duration:.6g} s; motions are followed over {MOST_TURNS:,} at most."
             faults.append(Fault(f"joints.{d.joint}.free.speed", why, "Start slower, or run a shorter time."))
+
+
+def _refuse_knocks(compiled: Compiled, q: Real, v: Real, separable_cams: Sequence[SeparableCam]) -> None:
+    """Refuse cams that free coordinates (f,) move, or that followers may leave, whose law's velocity jumps: its impact is not
+    computed."""
+    names = {each.joint for each in separable_cams}
+    cams = [r for r in compiled.model.relations if r.kind == "cam" and isinstance(r.geometry.cam.law, MotionCurve)]
+    units = moving(compiled, q[None], v[None], np.zeros(1))[1] if cams and len(q) else []
+    faults = []
+    for r in cams:
+        steps = jumps(r.geometry.cam.law, (1,), KNOCK)
+        led = any(float(np.abs(unit.velocity(link)).max()) > 0.0 for unit in units for link in r.links)
+        if steps and (led or r.name in names):
+            at = as_length(steps[0].angle) if getattr(r.geometry, "bed", None) is not None else as_angle(steps[0].angle)
+            why = f"the velocity of its law jumps at {at}: the impact of its follower there is not computed."
+            faults.append(
+                Fault(f"joints.{r.name}", why, "Choose a law of continuous velocity, or prescribe a drive, without liftoff.")
+            )
+    if faults:
+        raise MechanismError(faults)
 
 
 def _weigh(compiled: Compiled, q: Real, system: Chart | Curve) -> None:

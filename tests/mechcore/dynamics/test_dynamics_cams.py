@@ -189,6 +189,15 @@ def test_bad_input_is_refused_in_words():
         assert words in " ".join(str(error.value).split())
 
 
+@pytest.mark.parametrize("start", ["drive", "free"])
+def test_a_law_whose_velocity_jumps_is_refused_where_its_impact_would_count(start: str):
+    """The follower is thrown off at half a turn and knocked at its end: neither was seen, and the energy did not close."""
+    text = mechviz.load("cam-constant-acceleration").text.replace("drive = {", f"{start} = {{")
+    text = text.replace('cam = ["cam", "follower"]', 'cam = ["cam", "follower"]\nliftoff = { restitution = 0.3 }')
+    with pytest.raises(MechanismError, match=r"joints\.K: the velocity of its law jumps at 0°"):
+        run_scene(mechviz.loads(f'{text}\n[run]\nduration = "0.1 s"'))
+
+
 def test_valve_float_is_recorded_with_lane_gap_and_events(tmp_path: Path):
     scene = mechviz.load("valve-float")
     assert mechviz.loads(scene.to_toml()) == scene
