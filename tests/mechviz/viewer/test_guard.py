@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gc
+import threading
 import time
 import urllib.request
 import weakref
@@ -11,6 +12,7 @@ from typing import Any
 
 import hostile_messages
 import pytest
+import viser
 from viewer_sockets import CAMERA, PATIENCE, answered, opened, send, sockets, until, update
 from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import ClientConnection
@@ -18,7 +20,7 @@ from websockets.sync.client import ClientConnection
 from mechviz import scene
 from mechviz.editor.worker import OFTEN, left_over
 from mechviz.outputs.viewer.app import Viewer
-from mechviz.outputs.viewer.panels.plots import MOST_PLOTS, REMOVE
+from mechviz.outputs.viewer.panels.plots import MOST_PLOTS, REMOVE, Plots
 from mechviz.outputs.viewer.viser_adapter import MOST_WAITING, RunJavascriptMessage, SharedBuffer, buffer_of, uuid_of
 from mechviz.runs import run_scene
 
@@ -236,6 +238,24 @@ def test_plots_are_so_many_at_most_and_those_taken_away_are_not_kept(viewer, bro
     answered(viewer, browser)
     gc.collect()
     assert not [slot for slot in gone if slot() is not None]
+
+
+def test_a_plot_is_not_sent_to_a_browser_that_has_gone(viewer, monkeypatch):
+    ended = threading.Event()
+    sent: list[int] = []
+
+    def file(self: Plots, slot: Any, kind: str) -> bytes:
+        until(lambda: not viewer.server.get_clients(), "that it has gone")
+        return b"a"
+
+    monkeypatch.setattr(Plots, "file", file)
+    monkeypatch.setattr(viser.ClientHandle, "send_file_download", lambda *_, **__: sent.append(1))
+    monkeypatch.setattr("mechviz.outputs.viewer.panels.plots.left_over", ended.set)
+    with sockets(viewer.port, 1) as (browser,):
+        send(browser, CAMERA)
+        send(browser, update(viewer.plots.slots[0].buttons, "PNG"))
+        answered(viewer, browser)
+    assert ended.wait(PATIENCE) and not sent
 
 
 class Ring:

@@ -340,7 +340,9 @@ class Plots:
         """Send a plot as a file, beside the thread that all browsers wait for: drawing one takes long."""
         try:
             words = re.sub(r"[^\w.-]+", "-", slot.quantity.label).strip("-")[:LONGEST_NAME]
-            client.send_file_download(f"{words}.{kind.lower()}", self.file(slot, kind), save_immediately=True)
+            data = self.file(slot, kind)
+            if client.client_id in self._server.get_clients():  # else nobody waits for it any more
+                client.send_file_download(f"{words}.{kind.lower()}", data, save_immediately=True)
         except Exception as error:
             report(self._server, "Saving a plot", error, client)
         finally:
