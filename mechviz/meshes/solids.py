@@ -100,7 +100,7 @@ def build_solids(
     `MechanismError` where links differ too much in size.
     """
     try:
-        if any(np.abs(list(link.points.values())).max(initial=0.0) > FARTHEST for link in mechanism.links):
+        if any(np.abs([*link.points.values(), *link.outline]).max(initial=0.0) > FARTHEST for link in mechanism.links):
             raise ShapeError(f"points lie farther than {FARTHEST:g} m away")
         with np.errstate(divide="raise", over="raise", invalid="raise"):  # of numbers that make no solids
             return _build(mechanism, poses, tolerance, chord, profile, spindle)

@@ -17,6 +17,14 @@ def test_wheels_and_springs_of_many_light_years_are_refused(name, link, point):
         solids_of(run)
 
 
+def test_a_figure_of_many_light_years_is_refused():
+    scene = gallery_scene("pecking-bird")
+    outline = [*scene.document.links["neck"].outline[1:], [1e29, 0.0]]
+    run = run_scene(scene.changed({("links", "neck", "outline"): outline}), frames=8)
+    with pytest.raises(MechanismError, match=r"the solids cannot be made: points lie farther than 1e\+12 m"):
+        solids_of(run)
+
+
 def test_a_link_of_many_light_years_is_named():
     scene = gallery_scene("rack-and-pinion")
     x, _ = scene.document.links["rack"].points["R"]
