@@ -247,6 +247,7 @@ TOGETHER: tuple[tuple[str, ...], ...] = (
     ("Transform3D:translation", "Transform3D:quaternion"),
     ("per_metre", "title", "unit", "least", "whole"),
     ("ranges", "title", "x_title", "y_title", "equal", "turn"),
+    ("TextLog:level", "TextLog:text"),
 )
 """Components that an entity has all, or not the first of them either."""
 

@@ -79,6 +79,15 @@ def test_what_is_missing_is_named(whole, tmp_path):
         Recording(tmp_path / "a.rrd")
 
 
+@pytest.mark.parametrize("lost", ["text", "level"])
+def test_a_log_without_its_lines_or_their_levels_is_named(whole, tmp_path, lost):
+    column = f"TextLog:{lost}"
+    found = [b.drop_columns([column]) if column in b.schema.names else b for b in batches(whole)]
+    write(tmp_path / "a.rrd", found)
+    with pytest.raises(RecordingError, match=f"/events: it has TextLog:.*, but no {column}"):
+        Recording(tmp_path / "a.rrd")
+
+
 def test_a_part_that_is_cut_anywhere_is_read_up_to_its_last_whole_block(tmp_path, monkeypatch):
     monkeypatch.setattr(writer, "BLOCK", 40)
 
