@@ -208,6 +208,7 @@ def _batch(message: Message) -> Any:
     batch = _arrow(message[PAYLOAD], message.get(2) == LZ4, message.get(3, 0))
     if b"rerun:entity_path" not in (batch.schema.metadata or {}):
         raise ValueError("a chunk does not say what it belongs to")
+    entity_of(batch)  # has to be text
     for name in INDICES:
         if name in batch.schema.names:
             column = batch[name]

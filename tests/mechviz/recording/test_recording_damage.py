@@ -202,6 +202,14 @@ def test_turned_bits_in_the_frame_of_a_chunk_do_not_end_the_process(whole, tmp_p
             assert error.remedy
 
 
+def test_a_chunk_whose_name_is_no_text_is_stepped_over(whole, tmp_path):
+    """Chunks are compressed, but short names that come once stand there as they are."""
+    target, name = tmp_path / "a.rrd", b"/data/links/crank/pose"
+    target.write_bytes(whole.read_bytes().replace(name, name.replace(b"crank", b"cr\xe9nk")))
+    with pytest.raises(OutputError, match="crank/pose"):
+        Recording(target)
+
+
 def test_what_is_no_regular_file_is_not_read(tmp_path):
     os.mkfifo(tmp_path / "pipe.rrd")
     (tmp_path / "zero.rrd").symlink_to("/dev/zero")
