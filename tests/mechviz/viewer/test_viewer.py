@@ -356,6 +356,8 @@ def test_a_plot_is_saved_beside_the_thread_that_all_browsers_wait_for(viewer, mo
     go, sent = threading.Event(), []
 
     class Client:
+        client_id = 7
+
         def send_file_download(self, name, content, save_immediately):
             sent.append((name.rpartition(".")[2], content))
 
@@ -365,6 +367,7 @@ def test_a_plot_is_saved_beside_the_thread_that_all_browsers_wait_for(viewer, mo
 
     with monkeypatch.context() as patch:
         patch.setattr(plots, "file", drawn)
+        patch.setattr(viewer.server, "get_clients", lambda: {Client.client_id: None})
         for _ in range(50):
             plots._press(slot, "PNG", Client())
         assert not sent, "the press waits for nothing"
