@@ -365,9 +365,9 @@ def test_a_plot_is_saved_beside_the_thread_that_all_browsers_wait_for(viewer, mo
         assert go.wait(60.0)
         return b"drawn"
 
+    monkeypatch.setattr(viewer.server, "get_clients", lambda: {Client.client_id: None})
     with monkeypatch.context() as patch:
         patch.setattr(plots, "file", drawn)
-        patch.setattr(viewer.server, "get_clients", lambda: {Client.client_id: None})
         for _ in range(50):
             plots._press(slot, "PNG", Client())
         assert not sent, "the press waits for nothing"
