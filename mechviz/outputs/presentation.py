@@ -23,7 +23,7 @@ from mechviz.picture.nodes import Color, Picture
 from mechviz.quantities.catalogue import Catalogue
 from mechviz.quantities.events import events_of
 from mechviz.runs import Run, package_version, run_scene
-from mechviz.studies.designs.bands import Bands, bands_of, with_tolerances
+from mechviz.studies.designs.sensitivity import Bands, bands_of, with_tolerances
 
 
 @dataclass(frozen=True)

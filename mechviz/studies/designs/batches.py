@@ -34,9 +34,8 @@ from mechviz.scene.faults import path_text
 from mechviz.scene.kinds.bodies import MassDocument
 from mechviz.scene.reading.formulas import formula_values, parameter_arrays, parameters_behind
 from mechviz.scene.scene import Scene
-from mechviz.studies.designs.measures import Measure, quantity_of
+from mechviz.studies.designs.measures import Measure, needs_forces, quantity_of, rows_of
 from mechviz.studies.designs.sampling import Variation
-from mechviz.studies.designs.tables import needs_forces, rows_of
 
 MOST_CORNERS = 12  # parameters of which all ends are tried together
 Numbers = dict[tuple[int | str, ...], float]  # by their places in a mechanism

@@ -19,9 +19,8 @@ from mechviz.runs import Run, run_scene
 from mechviz.scene.folder import SceneFolder
 from mechviz.scene.scene import Scene, loads
 from mechviz.studies.designs.batches import Batch, batch_of
-from mechviz.studies.designs.measures import Measure, quantity_of
+from mechviz.studies.designs.measures import Measure, needs_forces, quantity_of
 from mechviz.studies.designs.sampling import Variation
-from mechviz.studies.designs.tables import needs_forces
 
 ONE_AT_A_TIME = Lock()  # threads of one process, such as workers of clusters have, share its prepared studies
 TRIED = 3  # designs that are computed both ways before batches are trusted

@@ -1,9 +1,11 @@
-"""Sensitivities: exact derivatives of a quantity of a run by parameters of its scene, ranked, and a tornado chart."""
+"""Sensitivities: exact derivatives of a quantity of a run by parameters of its scene, ranked, with a tornado chart; and tolerance
+bands, how far curves may be off at every frame, from them."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -16,9 +18,9 @@ from mechcore.motion.solve import default_times
 from mechviz.figures import chart
 from mechviz.quantities.catalogue import Quantity
 from mechviz.runs import Run
-from mechviz.studies.designs.measures import Measure, parse_measure, quantity_of
-from mechviz.studies.designs.tables import needs_forces, rows_of
-from mechviz.studies.designs.variables import Variable, core_parameters, variables_of
+from mechviz.scene.scene import Scene
+from mechviz.studies.designs.measures import Measure, needs_forces, parse_measure, quantity_of, rows_of
+from mechviz.studies.designs.variables import Variable, core_parameters, parameters_of, variables_of
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -171,3 +173,43 @@ def tornado(row: Sensitivity, title: str, most: int = 20) -> Figure:
             axes.axvline(0.0, color="#222222", linewidth=0.8)
         figure.suptitle(f"{title}: sensitivity of {row.quantity.label}")
     return figure
+
+
+@dataclass(frozen=True, eq=False)
+class Bands:
+    """Half widths (F, n) of the curves of quantities by their keys, in their units: the worst case, all tolerances added up; NaN
+    at singular frames. ``refused``: why some or all are missing."""
+
+    halves: Mapping[str, Real] = field(default_factory=dict)
+    refused: str = ""
+
+
+def with_tolerances(scene: Scene) -> tuple[Variable, ...]:
+    """The parameters of a scene that have a tolerance."""
+    return tuple(v for v in parameters_of(scene) if v.tolerance > 0.0)
+
+
+def bands_of(run: Run) -> Bands:
+    """The bands of all quantities of which derivatives are known, by the tolerances of the scene's parameters; none where nothing
+    has a tolerance."""
+    variables = with_tolerances(run.scene)
+    if not variables:
+        return Bands()
+    refused = ""
+    columns = {}
+    try:
+        exact = derivatives_of(run, variables)
+    except MechanismError as error:
+        return Bands(refused=error.faults[0].message)
+    for quantity in run.catalogue.quantities:
+        with suppress(LookupError):
+            try:
+                columns[quantity.key] = traced(exact, quantity)
+            except MechanismError as error:
+                refused = error.faults[0].message
+    tolerances = np.array([v.tolerance for v in variables])
+    halves = {
+        key: np.asarray(np.tensordot(tolerances, np.abs(slopes), 1))
+        for key, slopes in zip(columns, exact.of(*columns.values()), strict=True)
+    }
+    return Bands(halves, refused)

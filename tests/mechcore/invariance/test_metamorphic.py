@@ -1,6 +1,6 @@
 """The same results however a random mechanism is described: turned, mirrored, scaled, renamed and reordered, run backwards.
 
-A moderate sample by default; all of it: pytest tests/test_metamorphic.py --random-cases 2000.
+A moderate sample by default; all of it: pytest tests/mechcore/invariance --random-cases 2000.
 """
 
 from __future__ import annotations

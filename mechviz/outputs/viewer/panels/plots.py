@@ -26,7 +26,7 @@ from mechviz.outputs.viewer.viser_adapter import uuid_of
 from mechviz.outputs.viewer.words import hint, number
 from mechviz.quantities.catalogue import Axis, Quantity, Together
 from mechviz.runs import Run
-from mechviz.studies.designs.bands import Bands, bands_of, with_tolerances
+from mechviz.studies.designs.sensitivity import Bands, bands_of, with_tolerances
 
 # From four points a pixel on uPlot draws by columns of pixels, in which a gap beside the cursor line swallows it; plots are about
 # 270 pixels wide
