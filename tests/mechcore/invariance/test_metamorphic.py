@@ -55,13 +55,18 @@ def changed(case: Case, how: str, base: Result, tolerance: float = TOLERANCE) ->
     rated = [x for x in m.loads if isinstance(x, RATED) or (getattr(x, "factor", None) and x.factor.of in ("velocity", "vx", "vy"))]
     drop = list(rated)
     start = Result(timeless(case, drop), tolerance) if "friction" in m.effects or rated or case.stops else base
-    for x in start.case.mechanism.loads:  # a spring that is wound by more than half a turn would start elsewhere
-        wound = isinstance(x, sp.TorsionSpring) and np.abs(start.forces.loads[x.name].values[-1, 2]) > 3.0 * x.stiffness
-        if wound or read_elsewhere(start, x):
-            drop.append(x)
-    if any(x not in rated for x in drop):
+    while True:
+        more = [x for x in start.case.mechanism.loads if wound(start, x) or read_elsewhere(start, x)]
+        if not more:
+            break
+        drop += more
         start = Result(timeless(case, drop), tolerance)
     return Change(start.case, back=start.motion), start
+
+
+def wound(result: Result, load: Any) -> bool:
+    """Whether a spring is wound by about half a turn or more where the motion ends: one that began there would be elsewhere."""
+    return isinstance(load, sp.TorsionSpring) and np.abs(result.forces.loads[load.name].values[-1, 2]) > 3.0 * load.stiffness
 
 
 def read_elsewhere(result: Result, load: Any) -> bool:

@@ -1,6 +1,6 @@
 """Random mechanisms against a second formulation (absolute coordinates, multipliers): no wrong number, no needless refusal.
 
-A moderate sample by default; the whole search: pytest tests/test_second_formulation.py --random-cases 2000.
+A moderate sample by default; the whole search: pytest tests/mechcore/invariance --random-cases 2000.
 """
 
 from __future__ import annotations
