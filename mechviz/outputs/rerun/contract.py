@@ -251,7 +251,11 @@ TOGETHER: tuple[tuple[str, ...], ...] = (
 )
 """Components that an entity has all, or not the first of them either."""
 
-SAME_COUNT = (*TOGETHER[0][2:], *TOGETHER[3][1:], "Arrows3D:vectors")
+SAME_COUNT = (
+    *("Mesh3D:vertex_normals", "Mesh3D:vertex_colors"),
+    *("StateConfiguration:labels", "StateConfiguration:colors"),
+    "Arrows3D:vectors",
+)
 """Of these an entity has as many as of the first that they belong to."""
 
 
