@@ -108,14 +108,7 @@ def curve_argument(constraint: LinearConstraint, state: State) -> Any:
     """The argument of a relation's curve."""
     curve = constraint.curve
     assert curve is not None
-    total: Any = curve.shift
-    for d, c in curve.drives:
-        total = total + c * state.drives[d]
-    for g, c in curve.groups:
-        total = total + c * state.angle[g]
-    for j, c in curve.slides:
-        total = total + c * state.slide[j]
-    return total
+    return curve.argument(state.drives, state.angle.__getitem__, state.slide, curve.shift)
 
 
 def slopes(numbers: Callable[[float], Numbers], nominal: Numbers, parameter: Parameter) -> Numbers:

@@ -132,7 +132,11 @@ def _starts(compiled: Compiled, parameters: Sequence[Parameter]) -> Real:
     nominal = at(compiled.mechanism)
     out = np.zeros((len(nominal), len(parameters)))
     for p, parameter in enumerate(parameters):
-        for (k, i), slope in slopes(lambda x, own=parameter: at(own.mechanism(x)), nominal, parameter).items():  # type: ignore[misc]
+
+        def beside(x: float, own: Parameter = parameter) -> dict[tuple[object, ...], float]:
+            return at(own.mechanism(x))
+
+        for (k, i), slope in slopes(beside, nominal, parameter).items():
             out[k * (len(nominal) // 2) + i, p] = slope
     return out
 

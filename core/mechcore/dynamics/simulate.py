@@ -219,19 +219,18 @@ def _check_turns(compiled: Compiled, free: Sequence[Drive], duration: float, fau
 def _refuse_knocks(compiled: Compiled, q: Real, v: Real, separable_cams: Sequence[SeparableCam]) -> None:
     """Refuse cams that free coordinates (f,) move, or that followers may leave, whose law's velocity jumps: its impact is not
     computed."""
+    laws = [(r, r.geometry.cam.law) for r in compiled.model.relations if r.kind == "cam"]
+    knocks = [(r, steps[0].angle) for r, law in laws if isinstance(law, MotionCurve) and (steps := jumps(law, (1,), KNOCK))]
+    units = moving(compiled, q[None], v[None], np.zeros(1))[1] if knocks and len(q) else []
     names = {each.joint for each in separable_cams}
-    cams = [r for r in compiled.model.relations if r.kind == "cam" and isinstance(r.geometry.cam.law, MotionCurve)]
-    units = moving(compiled, q[None], v[None], np.zeros(1))[1] if cams and len(q) else []
     faults = []
-    for r in cams:
-        steps = jumps(r.geometry.cam.law, (1,), KNOCK)
+    for r, angle in knocks:
         led = any(float(np.abs(unit.velocity(link)).max()) > 0.0 for unit in units for link in r.links)
-        if steps and (led or r.name in names):
-            at = as_length(steps[0].angle) if getattr(r.geometry, "bed", None) is not None else as_angle(steps[0].angle)
+        if led or r.name in names:
+            at = as_length(angle) if getattr(r.geometry, "bed", None) is not None else as_angle(angle)
             why = f"the velocity of its law jumps at {at}: the impact of its follower there is not computed."
-            faults.append(
-                Fault(f"joints.{r.name}", why, "Choose a law of continuous velocity, or prescribe a drive, without liftoff.")
-            )
+            remedy = "Choose a law of continuous velocity, or prescribe a drive, without liftoff."
+            faults.append(Fault(f"joints.{r.name}", why, remedy))
     if faults:
         raise MechanismError(faults)
 

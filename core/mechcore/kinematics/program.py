@@ -53,6 +53,17 @@ class NonlinearTerm:
     slides: tuple[tuple[int, float], ...]
     shift: float
 
+    def argument(self, drives: Sequence[Any], group: Callable[[int], Any], slides: Mapping[int, Any], start: float = 0.0) -> Any:
+        """The argument beyond ``start``, of coordinates or of their rates: of drives, angles of groups and slides."""
+        total: Any = start
+        for d, c in self.drives:
+            total = total + c * drives[d]
+        for g, c in self.groups:
+            total = total + c * group(g)
+        for j, c in self.slides:
+            total = total + c * slides[j]
+        return total
+
     def slope(self, unknown: Unknown) -> float:
         """Derivative of the argument by an unknown."""
         return dict(self.groups if unknown[0] == "angle" else self.slides).get(unknown[1], 0.0)

@@ -136,14 +136,8 @@ class Rates:
 
     def argument(self, curve: NonlinearTerm) -> Values:
         """Rate of a curve's argument."""
-        total: Values = 0.0
-        for d, c in curve.drives:
-            total = total + c * self.drives[d]
-        for g, c in curve.groups:
-            total = total + c * self.group[g]
-        for j, c in curve.slides:
-            total = total + c * self.slide[j]
-        return total
+        rate: Values = curve.argument(self.drives, self.group.__getitem__, self.slide)
+        return rate
 
 
 def velocities(

@@ -142,14 +142,12 @@ def relation_sum(
 
 def _argument(model: Model, curve: NonlinearTerm, state: State) -> Values:
     """The argument of a relation's curve, which is known before the relation is solved."""
-    total: Values = curve.shift
-    for d, c in curve.drives:
-        total = total + c * state.drives[d]
-    for g, c in curve.groups:
-        total = total + c * (state.angle[g] if g in state.angle else wrapped_angle(model, state, g))
-    for j, c in curve.slides:
-        total = total + c * state.slide[j]
-    return total
+
+    def angle(group: int) -> Values:
+        return state.angle[group] if group in state.angle else wrapped_angle(model, state, group)
+
+    argument: Values = curve.argument(state.drives, angle, state.slide, curve.shift)
+    return argument
 
 
 def wrapped_angle(model: Model, state: State, group: int) -> Values:

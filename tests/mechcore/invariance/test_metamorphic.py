@@ -56,7 +56,7 @@ def changed(case: Case, how: str, base: Result, tolerance: float = TOLERANCE) ->
     drop = list(rated)
     start = Result(timeless(case, drop), tolerance) if "friction" in m.effects or rated or case.stops else base
     while True:
-        more = [x for x in start.case.mechanism.loads if wound(start, x) or read_elsewhere(start, x)]
+        more = [x for x in start.case.mechanism.loads if far_turned(start, x) or read_elsewhere(start, x)]
         if not more:
             break
         drop += more
@@ -64,7 +64,7 @@ def changed(case: Case, how: str, base: Result, tolerance: float = TOLERANCE) ->
     return Change(start.case, back=start.motion), start
 
 
-def wound(result: Result, load: Any) -> bool:
+def far_turned(result: Result, load: Any) -> bool:
     """Whether a spring is wound by about half a turn or more where the motion ends: one that began there would be elsewhere."""
     return isinstance(load, sp.TorsionSpring) and np.abs(result.forces.loads[load.name].values[-1, 2]) > 3.0 * load.stiffness
 

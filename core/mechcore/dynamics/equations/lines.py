@@ -39,7 +39,7 @@ FUNCTIONS: dict[str, Callable[..., Any]] = {
     "leg": lambda r, y, _: leg(r, y),
     **{name: getattr(np, name) for name in SAME},
 }
-"""What lines of C may call, by its names there: the rest has tables, which C reads in its own way."""
+"""Functions that lines of C may call, by their names there: the others read tables, in the way of C."""
 
 
 class Lines:
