@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from functools import cached_property
+from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -15,10 +16,9 @@ from mechcore.compiled.motion import Executor
 from mechviz.figures import save_chart
 from mechviz.files import OutputError, check_target, replacing
 from mechviz.outputs.exports.tables import plot_figure
-from mechviz.outputs.images.drawing import write_svg
+from mechviz.outputs.images.drawing import svg_of, write_svg
 from mechviz.outputs.images.pictures import VIEWS, Look, moment
 from mechviz.outputs.images.pictures import shot as take
-from mechviz.outputs.notebook import bundle_of
 from mechviz.outputs.page.page import make_page
 from mechviz.outputs.presentation import Presentation, presentation_in, presentation_of
 from mechviz.outputs.rerun.reader import Recording
@@ -38,7 +38,22 @@ if TYPE_CHECKING:
     from mechcore.forces.kinetostatics import Forces
     from mechcore.motion.events import Event
     from mechcore.motion.motion import Motion
-    from mechviz.outputs.rerun.writer import RecordingSummary
+
+HEIGHT = 640  # [px] of the frame
+
+
+def bundle_of(shown: Presentation, text: str) -> dict[str, str]:
+    """The page as HTML, a drawing as SVG, a line of text.
+
+    A notebook shows the page; what cannot run it, such as a printed notebook, shows the drawing.
+    """
+    page, _ = make_page(shown)
+    frame = (
+        f'<iframe srcdoc="{escape(page, quote=True)}" sandbox="allow-scripts allow-downloads" '
+        f'title="{escape(shown.title, quote=True)}" '
+        f'style="width: 100%; height: {HEIGHT}px; border: 0"></iframe>'
+    )
+    return {"text/html": frame, "image/svg+xml": svg_of(shown, width=800, height=500), "text/plain": text}
 
 
 LONG = 1.0  # [s] from which on a run shows its progress

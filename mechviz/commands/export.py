@@ -17,8 +17,7 @@ from mechviz.outputs.exports.cam_profiles import export_profiles
 from mechviz.outputs.exports.code import export_code
 from mechviz.outputs.exports.gltf import export_glb
 from mechviz.outputs.exports.gltf_marks import ARROWS
-from mechviz.outputs.exports.kit import export_kit
-from mechviz.outputs.exports.solids import export_3mf, export_stl
+from mechviz.outputs.exports.solids import export_3mf, export_kit, export_stl
 from mechviz.outputs.exports.tables import even_times, export_csv, export_parquet
 from mechviz.outputs.presentation import presentation_in, presentation_of
 from mechviz.outputs.rerun.reader import is_recording

@@ -17,10 +17,11 @@ from mechviz.commands.synthesis.tasks import MostOpt, OutputOpt, PlotOpt, angle_
 from mechviz.figures import save_chart
 from mechviz.studies.synthesis import figures
 from mechviz.studies.synthesis.chains import chain_solutions
-from mechviz.studies.synthesis.rests import dwell_solutions, lid_solutions
-from mechviz.studies.synthesis.solutions import write
+from mechviz.studies.synthesis.linkages import write
 from mechviz.studies.synthesis.strokes import (
     crank_rocker_solution,
+    dwell_solutions,
+    lid_solutions,
     slider_crank_solution,
     slotted_lever_solution,
     straight_line_solutions,

@@ -16,7 +16,7 @@ from mechviz.figures import check_ending, save_chart
 from mechviz.files import check_target, read_regular
 from mechviz.scene.expressions import Amount, parse_expression
 from mechviz.scene.units import QuantityError, Units
-from mechviz.studies.synthesis.solutions import Solution, check_folder, table, write
+from mechviz.studies.synthesis.linkages import Solution, check_folder, table, write
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -11,7 +11,7 @@ import numpy as np
 
 from mechcore.arrays import Real
 from mechcore.motion.events import Event
-from mechviz.outputs.rerun.drawings import OVERLAYS
+from mechviz.outputs.drawings import OVERLAYS
 from mechviz.outputs.rerun.entities import entity
 from mechviz.outputs.rerun.plots import (
     Output,

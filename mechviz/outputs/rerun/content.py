@@ -4,17 +4,19 @@ from __future__ import annotations
 
 import cmath
 import json
+import re
 from base64 import b64encode
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from html import escape
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from mechcore.forces.powers import power_labels, power_table
 from mechviz.accuracy.kept import target_words
+from mechviz.outputs.drawings import Diagram, diagram_shapes, diagram_streams, polygon_shapes, polygon_streams, polygon_views
 from mechviz.outputs.rerun.blueprint import BACKGROUND
-from mechviz.outputs.rerun.drawings import Diagram, diagram_shapes, diagram_streams, polygon_shapes, polygon_streams, polygon_views
 from mechviz.outputs.rerun.entities import Static, Stream, entity, link_streams, magnification, table_streams, view_statics
 from mechviz.outputs.rerun.nodes import legend_shapes, listed, picture_statics, picture_streams
 from mechviz.outputs.rerun.plots import lane_styles, plot_streams, plot_styles
@@ -315,3 +317,44 @@ def _simulation_notes(run: Run) -> list[str]:
         kinds[h.kind] = kinds.get(h.kind, 0) + 1
     lines += [f"- {count} × {kind}" for kind, count in kinds.items()]
     return lines
+
+
+def html_of(text: str) -> str:
+    """HTML of a markdown text as `notes` writes it."""
+    return "\n".join(_blocks(text.splitlines()))
+
+
+def _blocks(lines: list[str]) -> Iterator[str]:
+    k = 0
+    while k < len(lines):
+        line = lines[k].strip()
+        heading = re.match(r"(#{1,4}) +(.*)", line)
+        if heading:
+            level = len(heading[1]) + 1  # the page's own title is the first
+            yield f"<h{level}>{_inline(heading[2])}</h{level}>"
+            k += 1
+        elif line.startswith(("- ", "|")):
+            mark = line[0]
+            end = next((i for i in range(k, len(lines)) if not lines[i].strip().startswith(mark)), len(lines))
+            rows = [row.strip() for row in lines[k:end]]
+            yield from _table(rows) if mark == "|" else ["<ul>", *(f"<li>{_inline(row[2:])}</li>" for row in rows), "</ul>"]
+            k = end
+        else:
+            if line:
+                yield f"<p>{_inline(line)}</p>"
+            k += 1
+
+
+def _table(rows: list[str]) -> Iterator[str]:
+    cells = [[_inline(cell.strip()) for cell in row.strip("|").split("|")] for row in rows if not set(row) <= set("|-: ")]
+    yield '<div class="wide"><table>'
+    for number, row in enumerate(cells):
+        tag = "th" if number == 0 else "td"
+        yield "<tr>" + "".join(f"<{tag}>{cell}</{tag}>" for cell in row) + "</tr>"
+    yield "</table></div>"
+
+
+def _inline(text: str) -> str:
+    text = escape(text)
+    text = re.sub(r"\*\*(.+?)\*\*", r"<b>\1</b>", text)
+    return re.sub(r"`(.+?)`", r"<code>\1</code>", text)

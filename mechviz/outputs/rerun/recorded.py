@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mechcore.arrays import Complex, Flags, Index, Integers, Real, Single
+from mechviz.outputs.drawings import HEIGHT, WIDTH, Curve
+from mechviz.outputs.drawings import Diagram as Chart
 from mechviz.outputs.rerun.contract import NodePart
-from mechviz.outputs.rerun.drawings import HEIGHT, WIDTH, Curve
-from mechviz.outputs.rerun.drawings import Diagram as Chart
 from mechviz.outputs.rerun.entities import parts_of, unpacked
 from mechviz.outputs.rerun.reader import Recording
 from mechviz.picture.arrows import with_scales

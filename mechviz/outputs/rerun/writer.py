@@ -15,6 +15,7 @@ from mechcore.arrays import Real
 from mechcore.effects.plan import OUTPUTS, make_plan
 from mechcore.motion.events import Event
 from mechcore.spec.clearance import made_joints
+from mechviz.outputs.drawings import diagram_views, find_diagrams
 from mechviz.outputs.rerun.blueprint import BACKGROUND, make_blueprint, spans_of_plots
 from mechviz.outputs.rerun.blueprint import picture as mechanism_view
 from mechviz.outputs.rerun.content import (
@@ -27,7 +28,6 @@ from mechviz.outputs.rerun.content import (
     property_statics,
     recorded_frames,
 )
-from mechviz.outputs.rerun.drawings import diagram_views, find_diagrams
 from mechviz.outputs.rerun.entities import (
     Stream,
     Timelines,

@@ -19,9 +19,8 @@ from mechviz.outputs.viewer.panels.designs import Optimiser, StudyChart
 from mechviz.outputs.viewer.panels.detail import DetailPanel, items_of
 from mechviz.outputs.viewer.panels.diagrams import Diagrams
 from mechviz.outputs.viewer.panels.effects import EffectsTab
-from mechviz.outputs.viewer.panels.handles import Pivots, traced_at, with_traced
+from mechviz.outputs.viewer.panels.handles import Pivots, Positions, traced_at, with_traced
 from mechviz.outputs.viewer.panels.plots import OPENED, Plots
-from mechviz.outputs.viewer.panels.positions import Positions
 from mechviz.outputs.viewer.panels.saving import Saver
 from mechviz.outputs.viewer.panels.switches import Switches
 from mechviz.outputs.viewer.panels.timeline import Timeline

@@ -15,9 +15,9 @@ from mechcore.joints.registry import build_joints
 from mechcore.spec.loads import Force
 from mechcore.spec.mechanism import Mechanism
 from mechviz.meshes.solids import Solids
-from mechviz.outputs.page.markdown import html_of
+from mechviz.outputs.drawings import find_diagrams
 from mechviz.outputs.presentation import presentation_in
-from mechviz.outputs.rerun.drawings import find_diagrams
+from mechviz.outputs.rerun.content import html_of
 from mechviz.outputs.rerun.reader import Recording
 from mechviz.outputs.rerun.recorded import RecordedDrawings
 from mechviz.outputs.viewer import words

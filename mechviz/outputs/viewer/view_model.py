@@ -18,7 +18,7 @@ from mechviz.quantities.numbers import Numbers
 from mechviz.quantities.vectors import FAMILIES, Scales
 
 if TYPE_CHECKING:
-    from mechviz.outputs.rerun.drawings import Diagram
+    from mechviz.outputs.drawings import Diagram
     from mechviz.picture.constructions import Drawing
     from mechviz.runs import Run
 

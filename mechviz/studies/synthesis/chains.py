@@ -11,7 +11,7 @@ from mechcore.design.chains import Chain
 from mechcore.errors import MechanismError
 from mechviz.runs import run_scene
 from mechviz.scene.scene import Scene
-from mechviz.studies.synthesis.solutions import Solution
+from mechviz.studies.synthesis.linkages import Solution
 
 TRIES = 8  # weights that are tried for each outer loop
 RADIUS = 100.0  # mm, of the circle on which the outer loop stands

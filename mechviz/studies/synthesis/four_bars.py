@@ -1,4 +1,6 @@
-"""Function, motion and path generation: tasks in SI units to four-bars as solutions."""
+"""Function, motion and path generation: tasks in SI units to four-bars as solutions; motion generation with a slide, where one
+point of the body lies on a line in all positions and a crank leads another one; cognates, the two other four-bars that draw the
+curve of a scene's coupler point (Roberts and Chebyshev)."""
 
 from __future__ import annotations
 
@@ -17,14 +19,17 @@ from mechcore.design.burmester import (
     fixed_pivots,
     guidance,
     moving_pivots,
+    slider_points,
 )
-from mechcore.design.four_bars import FourBar, acute, from_pins, used_range
+from mechcore.design.four_bars import FourBar, acute, cross, from_pins, judge, used_range
 from mechcore.design.freudenstein import FunctionGenerator, FunctionTask
 from mechcore.design.paths import PathDesign
 from mechcore.errors import Fault, MechanismError
+from mechcore.motion.metrics import grashof
+from mechcore.spec.mechanism import Revolute
+from mechviz.runs import Run
 from mechviz.scene.scene import Scene
-from mechviz.studies.synthesis.linkages import MM, four_bar_scene, once, through
-from mechviz.studies.synthesis.solutions import Solution
+from mechviz.studies.synthesis.linkages import MM, SPEED, Solution, four_bar_scene, once, slider_guide_scene, through
 
 CHOICES = 12  # four-bars that are offered where positions are placed by hand
 SWING = np.radians(60.0)  # of cranks between two positions, where nothing is said of it
@@ -277,3 +282,126 @@ def four_bar_lengths(bar: FourBar) -> dict[str, str]:
 
 def _angle(value: float) -> str:
     return f"{np.degrees(np.angle(np.exp(1j * value))):.4g}"
+
+
+def traced_four_bar(run: Run) -> tuple[FourBar, float]:
+    """The four-bar of a run with its traced coupler point, and its crank angle at the start [rad]. Raises `MechanismError` where
+    there is none, or several."""
+    motion, mechanism = run.motion, run.motion.mechanism
+    loops = [loop.joints for loop in grashof(motion.model)]
+    if len(loops) != 1:
+        why = f"the scene has {len(loops) or 'no'} four-bar loop{'s' if loops else ''}."
+        raise MechanismError(Fault("joints", why, "Give a four-bar with revolute joints."))
+    joints = {j.name: j for j in mechanism.joints if j.name in loops[0] and isinstance(j, Revolute)}
+    driven = [d.joint for d in mechanism.drives]
+    fixed = sorted((n for n, j in joints.items() if mechanism.frame in j.links), key=lambda n: n not in driven)
+    if len(fixed) != 2:
+        raise MechanismError(Fault("joints", "no link of the four-bar loop is fixed.", "Give a four-bar on the fixed link."))
+    arms = [next(link for link in joints[n].links if link != mechanism.frame) for n in fixed]
+    pins = [next(n for n, j in joints.items() if arm in j.links and n not in fixed) for arm in arms]
+    coupler = next(link for link in joints[pins[0]].links if link not in arms)
+    points = [point for link, point in mechanism.traced if link == coupler]
+    if not points:
+        raise MechanismError(Fault("trace", f"no point of {coupler} is traced.", f'Trace one: trace = ["{coupler}.E"].'))
+
+    def place(joint: str) -> complex:
+        return complex(*motion.point(joints[joint].links[0], joints[joint].points[0])[0])
+
+    o2, o4, a, b = (place(n) for n in (*fixed, *pins))
+    return from_pins(o2, o4, a, b, complex(*motion.point(coupler, points[0])[0])), float(np.angle(a - o2))
+
+
+def cognate_solutions(bar: FourBar, theta: float) -> list[Solution]:
+    """The cognates of a four-bar in the assembly mode that it has at a crank angle [rad]. The second one's crank turns as that of
+    the four-bar does; in the first it is the coupler that does, so that a drive turns that against its crank."""
+    out = []
+    for k, (made, pin) in enumerate(zip(bar.cognates(theta), bar.cognate_pins(theta), strict=True), 1):
+        begin = float(np.angle(pin[0] - made.crank_pivot))
+        joint = "B" if k == 1 else "A"
+        start = float(np.angle((pin[1] - pin[0]) / (pin[0] - made.crank_pivot))) if k == 1 else begin
+        drive = {"speed": SPEED, "start": float(np.degrees(start))} | ({} if bar.crank_turns else {"range": "reachable"})
+        scene = four_bar_scene(
+            made, drive, name=f"cognate-{k}", title=f"Cognate {k} of a four-bar", driven=joint,
+            side=int(np.sign(cross(made.rocker_pivot - made.crank_pivot, pin[1] - made.crank_pivot))) if k == 1 else 0,
+            teaches="Three four-bars draw every coupler curve (Roberts and Chebyshev). This one draws that of the four-bar from "
+            "which it was made.",
+        )  # fmt: skip
+        pivots = (("A", made.crank_pivot), ("D", made.rocker_pivot))
+        numbers = {f"{name} [mm]": f"({z.real * MM:.5g}, {z.imag * MM:.5g})" for name, z in pivots} | four_bar_lengths(made)
+        out.append(Solution(scene, numbers | {"driven at": joint, "type": made.grashof.value}))
+    return out
+
+
+FAR = 1e4  # of the reach: a rocker so long judges a slide, whose pin it leads on a line to a part of 1e-4
+
+
+@dataclass(frozen=True, eq=False)
+class SliderGuide:
+    """A crank and a slide that lead a body through N poses: the four-bar with a very long rocker that stands for them, crank angles
+    (N,) [rad], both pins at the start, the slide's unit direction, and the least transmission angle between the poses [rad], NaN
+    with defects."""
+
+    four_bar: FourBar
+    theta: Real
+    pins: tuple[complex, complex]
+    along: complex
+    transmission: float
+    defects: str
+
+
+def slider_guides(poses: Poses, w: Complex, c: Complex, most: int) -> list[SliderGuide]:
+    """Guides by one of the cranks (R,), moving pivots in the body and fixed ones, and one of the slides of the poses: so many that
+    differ, those without defects first, the best transmission first. Raises `MechanismError` where there is no slide."""
+    points, along = slider_points(poses)
+    near = np.abs(points) < FARTHEST * poses.reach
+    points, along = (points[near], along[near]) if near.any() else (points, along)
+    of, slide = (index.ravel() for index in np.meshgrid(np.arange(len(w)), np.arange(len(points)), indexing="ij"))
+    slides, pins = poses.of_points(points), poses.of_points(w)
+    crank, rod = np.abs(pins[of, 0] - c[of]), np.abs(pins[of, 0] - slides[slide, 0])
+    fits = (np.abs(c[of] - poses.places.mean()) < FARTHEST * poses.reach) & (np.abs(w[of] - points[slide]) > 1e-9)
+    fits &= np.maximum(crank, rod) < SHARPEST * np.minimum(crank, rod)
+    of, slide = of[fits], slide[fits]
+    if not len(of):
+        raise MechanismError(Fault("poses", "no crank goes with the slide of these positions.", "Move one of them a little."))
+    far = slides[:, 0] + 1j * along * FAR * poses.reach
+    defects = judge(c[of], far[slide], pins[of], slides[slide])
+    at_poses = acute(pins[of] - slides[slide], 1j * along[slide, None]).min(1)
+    made: list[SliderGuide] = []
+    for k in np.lexsort((-at_poses, ~defects.none)):
+        if len(made) == most:
+            break
+        own, slid, line = int(of[k]), complex(slides[slide[k], 0]), complex(along[slide[k]])
+        here = np.array([pins[own, 0], slid])
+        if any(np.abs(here - np.array(one.pins)).max() < APART * poses.reach for one in made):
+            continue
+        bar = from_pins(complex(c[own]), complex(far[slide[k]]), complex(pins[own, 0]), slid, complex(poses.places[0]))
+        theta, words, least = np.angle(pins[own] - c[own]), defects.words(int(k)), np.nan
+        if not words:
+            theta = crank_angles(bar, theta)
+            least = float(bar.transmission(np.linspace(*used_range(theta, bar.crank_turns), FINE)).min())
+        made.append(SliderGuide(bar, theta, (complex(pins[own, 0]), slid), line, least, words))
+    return sorted(made, key=lambda one: (bool(one.defects), -np.nan_to_num(one.transmission)))
+
+
+def slider_guide_solutions(poses: Poses, found: Sequence[SliderGuide]) -> list[Solution]:
+    """Guides as solutions."""
+    out = []
+    for k, made in enumerate(found, 1):
+        bar, (b, c) = made.four_bar, made.pins
+        scene = slider_guide_scene(
+            bar.crank_pivot, made.pins, complex(poses.places[0]), made.along,
+            through(bar, made.theta, usable=not made.defects), marks=pose_marks(poses), name=f"guide-{k}",
+            title="Crank and slide that lead a body through positions",
+            teaches="The point C of the body lies on a line in all positions, where a slide leads it; a crank leads B. Point E "
+            "passes P1, P2 ... of the frame, and the x axis of the body points to Q1, Q2 ...",
+        )  # fmt: skip
+        a = bar.crank_pivot
+        numbers = {
+            "A [mm]": f"({a.real * MM:.4g}, {a.imag * MM:.4g})",
+            "crank [mm]": f"{bar.crank * MM:.6g}",
+            "B-C [mm]": f"{abs(c - b) * MM:.6g}",
+            "slide [deg]": f"{np.degrees(np.angle(made.along)):.4g}",
+            "transmission [deg]": "-" if made.defects else f"{np.degrees(made.transmission):.1f}",
+        }
+        out.append(Solution(scene, numbers, made.defects))
+    return out

@@ -6,13 +6,15 @@ import numpy as np
 import pytest
 from design_cases import design_case
 
-from mechcore.design.straight_lines import STRAIGHT_LINES, hoecken, straightness
 from mechcore.design.strokes import (
+    STRAIGHT_LINES,
     best_crank_rocker,
     best_slider_crank,
     crank_rockers,
+    hoecken,
     slider_crank,
     slotted_lever,
+    straightness,
     time_ratio,
     whitworth,
 )

@@ -11,7 +11,7 @@ import pytest
 from shapely import affinity
 
 from mechviz.meshes.kit import kit_of, laid_out
-from mechviz.outputs.exports.kit import export_kit
+from mechviz.outputs.exports.solids import export_kit
 from mechviz.picture.build import looked_at
 from mechviz.runs import run_scene
 from mechviz.scene.scene import load

@@ -27,10 +27,10 @@ from mechviz.commands.main import app
 from mechviz.files import OutputError
 from mechviz.outputs.images.drawing import svg_of, turned
 from mechviz.outputs.images.pictures import Look, film, moment
-from mechviz.outputs.page.markdown import html_of
 from mechviz.outputs.page.pack import Pack, unpack
 from mechviz.outputs.page.page import make_page
 from mechviz.outputs.presentation import presentation_in, presentation_of
+from mechviz.outputs.rerun.content import html_of
 from mechviz.outputs.rerun.entities import parts_of
 from mechviz.outputs.rerun.reader import Recording
 from mechviz.outputs.rerun.writer import write_recording

@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from mechviz.outputs.drawings import HEIGHT, WIDTH, Curve, Diagram, find_diagrams, round_ticks
 from mechviz.outputs.rerun.blueprint import spans_of_plots
-from mechviz.outputs.rerun.drawings import HEIGHT, WIDTH, Curve, Diagram, find_diagrams, round_ticks
 from mechviz.outputs.rerun.plots import MOST_MARKS, mark_path, mark_times
 from recordings import made
 

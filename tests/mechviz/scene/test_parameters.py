@@ -16,11 +16,11 @@ import mechviz
 from mechviz.commands.main import COMMANDS, app
 from mechviz.editor.history import Draft
 from mechviz.editor.parameters import find_parameters
+from mechviz.editor.saving import kept_text
 from mechviz.outputs.rerun.reader import Recording
 from mechviz.scene.expressions import Amount, parse_expression
 from mechviz.scene.faults import SceneError
 from mechviz.scene.reading.formulas import parameter_words
-from mechviz.scene.saving import kept_text
 from mechviz.scene.units import QuantityError
 
 TEXT = """

@@ -12,9 +12,9 @@ import pytest
 from mechviz import scene
 from mechviz.editor.history import Draft
 from mechviz.editor.parameters import find_parameters
+from mechviz.editor.saving import kept_text, patched
 from mechviz.scene.folder import GALLERY_FOLDER
 from mechviz.scene.reading.text import toml_text
-from mechviz.scene.saving import kept_text, patched
 from mechviz.scene.scene import loads
 
 TEXT = '''# a "title" = [1] in a comment

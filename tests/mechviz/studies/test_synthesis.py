@@ -16,11 +16,16 @@ from mechviz.commands.main import app
 from mechviz.runs import run_scene
 from mechviz.studies.synthesis import figures
 from mechviz.studies.synthesis.chains import chain_solutions, layout, outline
-from mechviz.studies.synthesis.cognates import cognate_solutions, traced_four_bar
-from mechviz.studies.synthesis.four_bars import dyads, motion_designs, motion_solutions
-from mechviz.studies.synthesis.guides import slider_guide_solutions, slider_guides
-from mechviz.studies.synthesis.rests import dwell_solutions
-from mechviz.studies.synthesis.strokes import whitworth_solution
+from mechviz.studies.synthesis.four_bars import (
+    cognate_solutions,
+    dyads,
+    motion_designs,
+    motion_solutions,
+    slider_guide_solutions,
+    slider_guides,
+    traced_four_bar,
+)
+from mechviz.studies.synthesis.strokes import dwell_solutions, whitworth_solution
 
 
 def asked(*words):

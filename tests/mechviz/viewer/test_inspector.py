@@ -18,7 +18,7 @@ from mechviz import scene
 from mechviz.editor.history import Draft, History
 from mechviz.editor.parameters import find_choices, find_parameters
 from mechviz.editor.worker import Latest, assembles, reachable
-from mechviz.outputs.rerun.drawings import Diagram as Chart
+from mechviz.outputs.drawings import Diagram as Chart
 from mechviz.outputs.rerun.reader import Recording
 from mechviz.outputs.rerun.writer import write_recording
 from mechviz.outputs.viewer import words

@@ -13,7 +13,7 @@ import mechviz
 from mechcore.design.burmester import Poses
 from mechcore.errors import MechanismError
 from mechviz.outputs.viewer.app import Viewer
-from mechviz.outputs.viewer.panels.positions import lengthened, moved, shortened
+from mechviz.outputs.viewer.panels.handles import lengthened, moved, shortened
 from mechviz.outputs.viewer.world.solids import link_path
 from mechviz.runs import run_scene
 from mechviz.studies.synthesis.four_bars import motion_choices, motion_solutions, poses_in

@@ -10,7 +10,7 @@ from html import escape
 
 import numpy as np
 
-from mechviz.outputs.rerun.drawings import HEIGHT, TICKS, WIDTH, Diagram, round_ticks
+from mechviz.outputs.drawings import HEIGHT, TICKS, WIDTH, Diagram, round_ticks
 from mechviz.outputs.rerun.plots import PALETTE
 from mechviz.outputs.viewer import words
 from mechviz.outputs.viewer.world.constructions import ink

@@ -15,8 +15,8 @@ import viser
 
 from mechcore.arrays import Complex, Real
 from mechcore.spec.mechanism import ANSWERS
-from mechviz.outputs.rerun.drawings import Curve as ChartCurve
-from mechviz.outputs.rerun.drawings import Diagram as Chart
+from mechviz.outputs.drawings import Curve as ChartCurve
+from mechviz.outputs.drawings import Diagram as Chart
 from mechviz.outputs.viewer import words
 from mechviz.outputs.viewer.panels.charts import chart_svg, svg_text
 from mechviz.outputs.viewer.server import Callback

@@ -10,12 +10,12 @@ from typing import Any
 
 import viser
 
+from mechviz.editor.saving import kept_text
 from mechviz.files import plain_name
 from mechviz.outputs.rerun.writer import write_recording
 from mechviz.outputs.viewer import words
 from mechviz.outputs.viewer.server import Callback
 from mechviz.runs import Run
-from mechviz.scene.saving import kept_text
 from mechviz.scene.scene import Scene, dump, loads
 
 
