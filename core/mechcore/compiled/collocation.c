@@ -65,42 +65,6 @@ static void accelerations(const System *y, const double *q, const double *v, dou
     for (long i = 0; i < STATES; i++) a[F + i] = rhs[F + i];
 }
 
-/* Matrix (n, n) in place as L U with row exchanges; 0 where it is singular. */
-static int factored(double *m, long *rows, long n) {
-    for (long k = 0; k < n; k++) {
-        long best = k;
-        for (long i = k + 1; i < n; i++)
-            if (fabs(m[i * n + k]) > fabs(m[best * n + k])) best = i;
-        if (!(fabs(m[best * n + k]) > 0.0)) return 0;
-        rows[k] = best;
-        if (best != k)
-            for (long j = 0; j < n; j++) {
-                const double other = m[k * n + j];
-                m[k * n + j] = m[best * n + j];
-                m[best * n + j] = other;
-            }
-        for (long i = k + 1; i < n; i++) {
-            const double part = m[i * n + k] /= m[k * n + k];
-            for (long j = k + 1; j < n; j++) m[i * n + j] -= part * m[k * n + j];
-        }
-    }
-    return 1;
-}
-
-static void substituted(const double *m, const long *rows, double *x, long n) {
-    for (long k = 0; k < n; k++) {
-        const double other = x[k];
-        x[k] = x[rows[k]];
-        x[rows[k]] = other;
-    }
-    for (long i = 0; i < n; i++)
-        for (long j = 0; j < i; j++) x[i] -= m[i * n + j] * x[j];
-    for (long i = n - 1; i >= 0; i--) {
-        for (long j = i + 1; j < n; j++) x[i] -= m[i * n + j] * x[j];
-        x[i] /= m[i * n + i];
-    }
-}
-
 /* Accelerations at all nodes (s, f) for coordinates and rates there. */
 static void at_nodes(const System *y, const Rule *r, double t0, double h, const double *q, const double *v, const double *d,
                      const double *near, double *a) {

@@ -11,7 +11,8 @@ from typing import Any, NamedTuple, Protocol
 import numpy as np
 
 from mechcore.arrays import Index, Real
-from mechcore.compiled.symbols import HELPERS, Code, Operand
+from mechcore.compiled.operands import Operand
+from mechcore.compiled.symbols import HELPERS, Code
 from mechcore.compiled.toolchain import library
 
 AROUND = Path(__file__).with_name("collocation.c")

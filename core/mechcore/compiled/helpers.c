@@ -1,5 +1,7 @@
-/* Functions of the programs: those of mechcore.kinematics.dyads, tables, motion curves, numpy's sign, maximum and minimum. */
+/* Functions of the programs: those of mechcore.kinematics.dyads, tables, motion curves, numpy's sign, maximum and minimum, linear
+   equations and Newton's method. */
 #include <math.h>
+#include <string.h>
 
 static inline double four_areas(double a, double b, double d, double rounding) {
     const double total = a + b, difference = fabs(a - b), gap = total - d, spare = d - difference;
@@ -67,3 +69,112 @@ static inline double modulo(double a, double b) {
 static inline double sign(double x) { return (double)((x > 0.0) - (x < 0.0)) + 0.0 * x; }
 static inline double larger(double a, double b) { return a != a || a > b ? a : b; }
 static inline double smaller(double a, double b) { return a != a || a < b ? a : b; }
+
+/* Matrix (n, n) in place as L U with row exchanges; the sign of its determinant, 0 where it is singular. */
+static inline int factored(double *m, long *rows, long n) {
+    int sign = 1;
+    for (long k = 0; k < n; k++) {
+        long best = k;
+        for (long i = k + 1; i < n; i++)
+            if (fabs(m[i * n + k]) > fabs(m[best * n + k])) best = i;
+        if (!(fabs(m[best * n + k]) > 0.0)) return 0;
+        rows[k] = best;
+        sign = (best != k) != (m[best * n + k] < 0.0) ? -sign : sign;
+        if (best != k)
+            for (long j = 0; j < n; j++) {
+                const double other = m[k * n + j];
+                m[k * n + j] = m[best * n + j];
+                m[best * n + j] = other;
+            }
+        for (long i = k + 1; i < n; i++) {
+            const double part = m[i * n + k] /= m[k * n + k];
+            for (long j = k + 1; j < n; j++) m[i * n + j] -= part * m[k * n + j];
+        }
+    }
+    return sign;
+}
+
+static inline void substituted(const double *m, const long *rows, double *x, long n) {
+    for (long k = 0; k < n; k++) {
+        const double other = x[k];
+        x[k] = x[rows[k]];
+        x[rows[k]] = other;
+    }
+    for (long i = 0; i < n; i++)
+        for (long j = 0; j < i; j++) x[i] -= m[i * n + j] * x[j];
+    for (long i = n - 1; i >= 0; i--) {
+        for (long j = i + 1; j < n; j++) x[i] -= m[i * n + j] * x[j];
+        x[i] /= m[i * n + i];
+    }
+}
+static inline double linear(double *x, const long *s, const double *g) { /* linear equations: matrix (n, n), right-hand side (n) */
+    const long n = s[0];
+    double m[n * n];
+    long rows[n];
+    memcpy(m, g, (size_t)(n * n) * sizeof(double));
+    memcpy(x, g + n * n, (size_t)n * sizeof(double));
+    const int sign = factored(m, rows, n);
+    if (sign) substituted(m, rows, x, n);
+    else
+        for (long i = 0; i < n; i++) x[i] = NAN;
+    return sign;
+}
+
+/* A group's loops and relations by Newton's method as mechcore.numerics.newton: n unknowns x, angles first, from where they are
+guessed to be. `s`: how many are angles, n, loops, relations, whether x may only go on from the guess on its branch; then of each
+loop how many vectors unknowns turn, their numbers, how many guides, the number of each unknown and of the angle that turns it or
+-1; of each relation how many unknowns, their numbers. `g`: the guess, the tolerance, what kinematics.positions.block_equations says. */
+static inline double newton(double *x, const long *s, const double *g) {
+    const long angles = s[0], n = s[1], loops = s[2], relations = s[3], tied = s[4];
+    const double tolerance = g[n];
+    double here[n], m[n * n], r[n], re[n], im[n], best = INFINITY;
+    long rows[n];
+    int first = 0, sign = 0;
+    memcpy(x, g, (size_t)n * sizeof(double));
+    memcpy(here, g, (size_t)n * sizeof(double));
+    for (long count = 0; count < 30; count++) {
+        const long *at = s + 5;
+        const double *own = g + n + 1;
+        memset(m, 0, (size_t)(n * n) * sizeof(double));
+        for (long k = 0; k < angles; k++) re[k] = cos(here[k]), im[k] = sin(here[k]);
+        for (long i = 0; i < loops; i++) {
+            double *across = m + 2 * i * n, *up = across + n, u = *own++, v = *own++;
+            for (long left = *at++; left; left--, own += 2) {
+                const long k = *at++;
+                const double a = own[0] * re[k] - own[1] * im[k], b = own[0] * im[k] + own[1] * re[k];
+                u += a, v += b, across[k] -= b, up[k] += a;
+            }
+            for (long left = *at++; left; left--, own += 2) {
+                const long k = *at++, carrier = *at++;
+                double a = own[0], b = own[1];
+                if (carrier >= 0) {
+                    a = own[0] * re[carrier] - own[1] * im[carrier], b = own[0] * im[carrier] + own[1] * re[carrier];
+                    across[carrier] -= here[k] * b, up[carrier] += here[k] * a;
+                }
+                u += here[k] * a, v += here[k] * b, across[k] += a, up[k] += b;
+            }
+            r[2 * i] = u, r[2 * i + 1] = v;
+        }
+        for (long i = 2 * loops; i < 2 * loops + relations; i++) {
+            r[i] = *own++;
+            for (long left = *at++; left; left--) {
+                const long k = *at++;
+                r[i] += *own * here[k], m[i * n + k] = *own++;
+            }
+        }
+        double size = 0.0, longest = 0.0;
+        for (long i = 0; i < n; i++) size = fabs(r[i]) <= size ? size : fabs(r[i]); /* NaN where one is */
+        const int gain = size < 0.5 * best && size > tolerance, better = size < best;
+        sign = factored(m, rows, n);
+        if (count == 0) first = sign;
+        if (better) best = size, memcpy(x, here, (size_t)n * sizeof(double));
+        if (!sign || size != size || (!gain && (count >= 12 || best <= fmax(1e-8, tolerance)))) break;
+        substituted(m, rows, r, n);
+        for (long i = 0; i < n; i++) longest = fmax(longest, fabs(r[i]));
+        for (long i = 0; i < n; i++) here[i] -= longest > 1.0 ? r[i] / longest : r[i]; /* never more than a radian at once */
+    }
+    int lost = !(best < fmax(1e-9, 10.0 * tolerance)) || (tied && sign != first);
+    for (long i = 0; tied && i < n; i++) lost |= !(fabs(x[i] - g[i]) < 0.5);
+    for (long i = 0; lost && i < n; i++) x[i] = NAN;
+    return best;
+}

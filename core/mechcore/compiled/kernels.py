@@ -14,7 +14,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from mechcore.arrays import Complex, Real
-from mechcore.compiled.symbols import Code, Names, Node, Operand, Symbol
+from mechcore.compiled.operands import Names, Node, Operand
+from mechcore.compiled.symbols import Code, Symbol
 
 LANE, FRAME = 1, 2  # what a number of a program differs with
 BOTH = LANE | FRAME
@@ -49,7 +50,7 @@ def staged(code: Code, outputs: Sequence[tuple[str, Operand]], parameters: list[
     loop = dict.fromkeys(order, 0)  # of those that differ with both: odd for slow functions
     for number in order:
         if stage[number] == BOTH:
-            slow = code.form(number).startswith(tuple(f"{name}(" for name in (*SLOW, *TABLES)))
+            slow = number in code.arrays or code.form(number).startswith(tuple(f"{name}(" for name in (*SLOW, *TABLES)))
             loop[number] = int(slow)
             for x in code.operands(number):
                 loop[number] = max(loop[number], loop[x] + (loop[x] % 2 != slow) if stage[x] == BOTH else 0)

@@ -5,6 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any, Literal, NamedTuple
 
+import numpy as np
+
+from mechcore.accuracy import DEFAULT
 from mechcore.arrays import Complex, Real, Values
 from mechcore.compiled.kernels import Kernel, Rows
 from mechcore.compiled.steps import check_traceable, origins, placed_state
@@ -41,6 +44,7 @@ class MotionProgram:
         self._classes = [s for g in range(1, turning.groups) for s in program.classes_of[g]]
         self._slides = [j for b in model.blocks for j in b.slides]
         self._groups = [g for b in model.blocks for g in b.angles]
+        self._general = [b for b in model.blocks if b.kind == "general"]
         self._positions, self._rates = self._of_positions(), self._of_rates()
         self.lines = self._positions.lines + self._rates.lines
         self.source = HELPERS + self._positions.source() + self._rates.source()
@@ -50,13 +54,17 @@ class MotionProgram:
         drives = [kernel.real(f"drive {d}") for d in range(len(model.mechanism.drives))]
         driven = model.angles.class_drives
         delta: list[Any] = [kernel.plane(f"delta {s}") if drives else 1 + 0j for s, drives in enumerate(driven)]
+        near: dict[str, Any] = {f"angle {g}": kernel.real(f"near {g}") for g in model.multi_turn}
+        for block in self._general:
+            near[block.name] = [kernel.real(f"start {block.name} {k}") for k in range(len(block.unknowns))]
         state = placed_state(
             model,
             [(q,) for q in drives],
             delta,
             constants=[kernel.real(f"constant {r}") for r in range(len(model.constraints))],
-            near={f"angle {g}": kernel.real(f"near {g}") for g in model.multi_turn},
+            near=near,
             modes=[kernel.real(f"mode {k}") for k in range(len(model.blocks))],
+            tolerance=kernel.real("tolerance") if self._general else DEFAULT.position,
         )
         for s in self._classes:
             kernel.put_plane(state.rot[s])
@@ -118,14 +126,19 @@ class MotionProgram:
         starts: Mapping[str, Real] | None,
         constants: Sequence[float],
         n: int,
+        tolerance: float = DEFAULT.position,
     ) -> tuple[State, list[Complex]]:
         """Positions of all blocks at n frames, as `mechcore.kinematics.positions.place_all`, and origins of moving links."""
-        state = initial_state(self.model, drives, constants, starts)
+        state = initial_state(self.model, drives, constants, starts, tolerance)
         given: dict[str, Any] = {f"drive {d}": q for d, q in enumerate(drives)}
         given |= {f"delta {s}": x for s, x in enumerate(state.delta)}
         given |= {f"mode {k}": x for k, x in enumerate(modes)}
         given |= {f"constant {r}": x for r, x in enumerate(constants)}
         given |= {f"near {g}": state.near[f"angle {g}"] for g in self.model.multi_turn}
+        for block in self._general:
+            guess = np.asarray(state.near[block.name])
+            given |= {f"start {block.name} {k}": guess[..., k] for k in range(len(block.unknowns))}
+        given["tolerance"] = tolerance
         rows = Rows(self._positions(n, given)[0])
         for s in self._classes:
             state.rot[s] = rows.plane()

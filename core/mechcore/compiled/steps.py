@@ -5,11 +5,12 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from mechcore.accuracy import DEFAULT
 from mechcore.cams.placement.spatial import PlacedSpatial
-from mechcore.compiled.symbols import Symbol, Untraceable, called, joined
+from mechcore.compiled.symbols import Code, Symbol, Untraceable, called, joined, rotation
 from mechcore.kinematics.dyads import ROUNDING, cross
 from mechcore.kinematics.model import Model
-from mechcore.kinematics.positions import loop_terms, place
+from mechcore.kinematics.positions import block_equations, loop_terms, place
 from mechcore.kinematics.program import Block
 from mechcore.kinematics.state import State
 from mechcore.spec.mechanism import braked
@@ -18,12 +19,12 @@ TURN = 6.283185307179586
 
 
 def check_traceable(model: Model) -> None:
-    """Raise `Untraceable` where a step has no closed form; it names the joint."""
+    """Raise `Untraceable` where C does not have a step; it names the joint."""
     if model.designs:
         raise Untraceable("several designs side by side")
     for block in model.blocks:
-        if block.kind == "general":
-            raise Untraceable(f"the group of {block.name} is solved by Newton's method")
+        if block.kind == "general" and block.redundant:
+            raise Untraceable(f"the group of {block.name} has more constraints than unknowns")
 
 
 def check_forces_traceable(model: Model) -> None:
@@ -38,11 +39,15 @@ def check_forces_traceable(model: Model) -> None:
             raise Untraceable(f"the cam of {relation.name} touches its roller in space")
 
 
-def place_all(model: Model, state: State, modes: list[Any]) -> None:
-    """Positions of all blocks, filled into a state of symbols; ``modes``: assembly mode of each block."""
+def place_all(model: Model, state: State, modes: list[Any], *, tied: bool = False) -> None:
+    """Positions of all blocks, filled into a state of symbols; ``modes``: assembly mode of each block. Newton's method starts from
+    ``state.near``; ``tied``: it may only go on from there."""
     for block, mode in zip(model.blocks, modes, strict=True):
         if block.kind == "relation":
             place(model, block, state, mode)
+        elif block.kind == "general":
+            _place_general(model, block, state, mode.code, tied=tied)
+            continue
         elif block.kind != "check":
             _place_loop(model, block, state, mode)
         for group in block.angles:
@@ -58,8 +63,10 @@ def placed_state(
     constants: Sequence[Any],
     near: Mapping[str, Any] | None = None,
     modes: list[Any],
+    tolerance: Any = DEFAULT.position,
 ) -> Any:
-    """Positions of all blocks where the drives are (position first) and turn rotation classes by ``delta``, all on symbols."""
+    """Positions of all blocks where the drives are (position first) and turn rotation classes by ``delta``, all on symbols.
+    ``near`` and ``tolerance`` as of `State`."""
     state: Any = State(
         drives=[q for q, *_ in drives],
         delta=delta,
@@ -67,6 +74,7 @@ def placed_state(
         slide={j: drives[d][0] for j, d in model.program.driven_slides},
         constants=constants,
         near=near or {},
+        tolerance=tolerance,
     )
     place_all(model, state, modes)
     return state
@@ -126,6 +134,31 @@ def _place_loop(model: Model, block: Block, state: State, mode: Symbol) -> None:
             continue
         for rotation_class in model.angles.classes_of[i]:
             state.rot[rotation_class] = x * state.delta[rotation_class]
+
+
+def _place_general(model: Model, block: Block, state: State, code: Code, *, tied: bool) -> None:
+    """A block by Newton's method, lengths in units of the mechanism's size."""
+    start: Any = state.near.get(block.name)
+    if start is None:
+        raise Untraceable(f"the group of {block.name} is solved by Newton's method")
+    size, count = model.length_scale, len(block.angles)
+    loops, linear = block_equations(model, block, state)
+    shape = [count, len(block.unknowns), len(loops), len(linear), int(tied)]
+    numbers: list[Any] = [x if k < count else x / size for k, x in enumerate(start)] + [state.tolerance]
+    for rest, turned, slid in loops:
+        shape += [len(turned), *(k for k, _ in turned), len(slid), *(k for n, carrier, _ in slid for k in (n, carrier))]
+        vectors = [rest, *(a for _, a in turned), *(d for *_, d in slid)]
+        numbers += [part for z in vectors for part in (z.real, z.imag)]
+    for total, unknowns in linear:
+        shape += [len(unknowns), *(k for k, _ in unknowns)]
+        numbers += [total, *(c for _, c in unknowns)]
+    solved = code.filled("newton", len(block.unknowns), shape, numbers)
+    for group, x in zip(block.angles, solved, strict=False):
+        state.angle[group] = x  # type: ignore[assignment]
+        for rotation_class in model.angles.classes_of[group]:
+            state.rot[rotation_class] = rotation(x) * state.delta[rotation_class]
+    for j, x in zip(block.slides, solved[count:], strict=True):
+        state.slide[j] = size * x
 
 
 def _theta_theta(a: Any, b: Any, c: Any, mode: Symbol) -> tuple[Any, Any]:

@@ -11,53 +11,20 @@ import math
 from collections.abc import Callable, Iterable, Sequence
 from functools import partial
 from pathlib import Path
-from typing import Any, NamedTuple, TypeAlias
+from typing import Any
 
 import numpy as np
 
 from mechcore.arrays import Real
+from mechcore.compiled.operands import Names, Node, Operand, ParameterRow
 
 
 class Untraceable(TypeError):
     """Something that a straight-line program of real numbers does not say."""
 
 
-class Node(NamedTuple):
-    """A real number that the program computes, by its place in it."""
-
-    number: int
-
-
-class ParameterRow(NamedTuple):
-    """Parameters that stand side by side, as tables have them: C is given where the first one is."""
-
-    values: tuple[float, ...]
-
-
-Operand: TypeAlias = Node | float
-FOLDED = (0.0, 1.0, -1.0, 2.0, -2.0, 0.5, -0.5)  # numbers that stand in the program itself: other ones are parameters
 HELPERS = Path(__file__).with_name("helpers.c").read_text(encoding="utf-8")
 """Functions of the programs."""
-
-
-class Names:
-    """What C calls the operands of a program; numbers become ``parameters`` when first asked for."""
-
-    def __init__(self, parameters: list[float]):
-        self._parameters = parameters
-        self._places: dict[float | ParameterRow, int] = {x: k for k, x in enumerate(parameters)}
-
-    def __call__(self, operand: Operand | ParameterRow) -> str:
-        if isinstance(operand, Node):
-            return f"t{operand.number}"
-        row = isinstance(operand, ParameterRow)
-        if not row and operand in FOLDED:
-            return f"({operand!r})" if operand < 0.0 else repr(operand)
-        if operand not in self._places:
-            self._places[operand] = len(self._parameters)
-            self._parameters.extend(operand.values if isinstance(operand, ParameterRow) else [operand])
-        place = self._places[operand]
-        return f"(p + {place})" if row else f"p[{place}]"
 
 
 class Code:
@@ -67,6 +34,7 @@ class Code:
         self._nodes: list[tuple[str, tuple[Operand | ParameterRow, ...]]] = []
         self._known: dict[tuple[str, tuple[Operand | ParameterRow, ...]], Node] = {}
         self.of_time: list[Callable[[Any], Any]] = []  # functions of the time whose values the program is given
+        self.arrays: dict[int, int] = {}  # nodes that fill an array of so many numbers, and with 0 those that are its parts
 
     def input(self, expression: str) -> Symbol:
         """A real number that the program is given, as C names it."""
@@ -130,7 +98,9 @@ class Code:
     def line(self, number: int, names: Names) -> str:
         """The line that computes a node."""
         form, operands = self._nodes[number]
-        return f"const double t{number} = {form.format(*map(names, operands)) if operands else form};"
+        line = f"const double t{number} = {form.format(*map(names, operands)) if operands else form};"
+        count = self.arrays.get(number)
+        return f"double a{number}[{count}]; {line.replace('OWN', f'a{number}', 1)}" if count else line
 
     # -- real arithmetic --------------------------------------------------------------------------------------------------
     def add(self, a: Operand, b: Operand) -> Operand:
@@ -183,10 +153,24 @@ class Code:
 
     def called(self, function: str, *values: Any) -> Symbol:
         """A function of C's library or of `HELPERS`, of real symbols or numbers."""
+        return Symbol(self, self.call(function, *self._real(function, values)), 0.0)
+
+    def filled(self, function: str, count: int, fixed: Sequence[int], values: Sequence[Any]) -> list[Symbol]:
+        """So many numbers that a function of `HELPERS` puts into its first argument, from whole numbers that are ``fixed`` in the
+        program and real symbols or numbers."""
+        places, own = ", ".join(map(str, fixed)), ", ".join(["{}"] * len(values))
+        form = f"{function}(OWN, (const long[]){{{{{places}}}}}, (const double[]){{{{{own}}}}})"
+        call = self.node(form, *self._real(function, values))
+        self.arrays[call.number] = count
+        parts = [self.node(f"a{call.number}[{k}]", call) for k in range(count)]
+        self.arrays.update({part.number: 0 for part in parts})
+        return [Symbol(self, part, 0.0) for part in parts]
+
+    def _real(self, function: str, values: Sequence[Any]) -> list[Operand]:
         operands = [_symbol(self, x) for x in values]
         if any(x.im != 0.0 for x in operands):
             raise Untraceable(f"{function} of a plane vector")
-        return Symbol(self, self.call(function, *(x.re for x in operands)), 0.0)
+        return [x.re for x in operands]
 
 
 class Symbol:
@@ -324,16 +308,19 @@ class Symbol:
 
 
 class SymbolRows:
-    """Numbers side by side along a last axis, as tables have them: ``columns`` are symbols and plain numbers."""
+    """Numbers side by side along a last axis, as tables have them: ``columns`` are symbols and plain numbers. With a ``width`` they
+    are the rows of a matrix, one after the other."""
 
-    def __init__(self, columns: Sequence[Any]):
-        self.columns = list(columns)
-        self.shape = (len(self.columns),)
+    def __init__(self, columns: Sequence[Any], width: int = 0):
+        self.columns, self.width = list(columns), width
+        self.shape = (len(self.columns) // width, width) if width else (len(self.columns),)
 
     def __getitem__(self, key: Any) -> Any:
         last = key[-1] if isinstance(key, tuple) else key
+        if last is None:
+            return SymbolRows(self.columns, 1)
         if isinstance(last, int | np.integer):
-            return self.columns[last]
+            return SymbolRows(self.columns[last :: self.width]) if self.width else self.columns[last]
         if isinstance(last, slice):
             return SymbolRows(self.columns[last])
         return SymbolRows([self.columns[k] for k in last])
@@ -355,9 +342,9 @@ class SymbolRows:
 
     __radd__ = __add__
 
-    def reshape(self, *_: Any) -> SymbolRows:
-        """The same numbers: they have no other axes."""
-        return self
+    def reshape(self, *shape: Any) -> SymbolRows:
+        """The same numbers, or a matrix of them: they have no axis of frames."""
+        return SymbolRows(self.columns, shape[-1]) if len(shape) == 2 else self
 
     def __array__(self, *_: Any, **__: Any) -> Any:
         raise Untraceable("an array over frames")
@@ -437,7 +424,21 @@ def _side_by_side(parts: Sequence[Any], axis: int = -1) -> SymbolRows:
     return SymbolRows(columns)
 
 
+def _solved(matrix: Any, rhs: Any) -> SymbolRows:
+    """The solution (n, 1) of linear equations (n, n) for a right-hand side (n, 1), one of which is of symbols."""
+    entries, own = (x.columns if isinstance(x, SymbolRows) else list(np.ravel(x)) for x in (matrix, rhs))
+    return SymbolRows(_first(*own, *entries).code.filled("linear", len(own), [len(own)], [*entries, *own]), 1)
+
+
+def _swapped(matrix: SymbolRows, *_: int) -> SymbolRows:
+    """A matrix with its two axes exchanged."""
+    width = matrix.width
+    return SymbolRows([x for j in range(width) for x in matrix.columns[j::width]], len(matrix.columns) // width)
+
+
 FUNCTIONS: dict[str, Callable[..., Any]] = {
+    "solve": _solved,
+    "swapaxes": _swapped,
     "where": _where,
     "real": lambda z: z.real,
     "imag": lambda z: z.imag,

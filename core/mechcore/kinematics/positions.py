@@ -6,7 +6,7 @@ A dyad has a closed form; any other block is solved by Newton's method on all it
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -123,29 +123,15 @@ def _turn(model: Model, state: State, group: int, e: Plane | Values) -> None:
 def equations(model: Model, block: Block, state: State, frames: Index | None = None) -> Callable[[Real], tuple[Real, Real]]:
     """A block's loops and relations as a function of its unknowns (..., n), slides in units of the size: what is left of them
     (..., m), lengths in units of the mechanism's size, and the derivatives (..., m, n). ``frames``: at these only."""
-    size, n_angles = model.length_scale, len(block.angles)
-
-    def at(value: Any) -> Any:
-        return value / size if frames is None or not np.ndim(value) else value[frames] / size
-
-    column = {u: k for k, u in enumerate(block.unknowns)}
-    loops = []
-    for number, c in enumerate(block.loops):
-        target, arms, guides = loop_terms(model, block, state, number)
-        own = model.program.loop_equations[c]
-        turned = [(k, at(a)) for k, a in enumerate(arms) if not nothing(a)]
-        slid = [(column["slide", s.joint], s.carrier, at(d) * size) for s, d in zip(own.slides, guides, strict=True)]
-        loops.append((-at(target), turned, slid))
-    linear = []
-    for r in block.relations:
-        known, unknown = relation_sum(model, r, state, block)
-        linear.append((at(known), [(column[u], c / size if u[0] == "angle" else c) for u, c in unknown.items()]))
+    n_angles = len(block.angles)
+    loops, linear = block_equations(model, block, state, frames)
 
     def residual(x: Real) -> tuple[Real, Real]:
         e = np.exp(1j * x[..., :n_angles])
         rows = 2 * len(loops) + len(linear)
         r = np.empty((*x.shape[:-1], rows))
         jac = np.zeros((*x.shape[:-1], rows, x.shape[-1]))
+        total: Any
         for i, (total, unknowns) in enumerate(linear, 2 * len(loops)):
             for k, c in unknowns:
                 total = total + c * x[..., k]
@@ -170,6 +156,46 @@ def equations(model: Model, block: Block, state: State, frames: Index | None = N
         return r, jac
 
     return residual
+
+
+class OpenLoop(NamedTuple):
+    """A loop of a block for Newton's method: its ``rest`` while all unknowns are zero, the vectors that unknowns turn (number,
+    vector), and the guides along which unknowns slide (number, that of the angle that turns it or -1, direction)."""
+
+    rest: Plane
+    turned: list[tuple[int, Plane]]
+    slid: list[tuple[int, int, Plane]]
+
+
+class OpenRelation(NamedTuple):
+    """A relation of a block: its ``rest`` while all unknowns are zero, and their coefficients (number, coefficient)."""
+
+    rest: Values
+    unknowns: list[tuple[int, float]]
+
+
+def block_equations(
+    model: Model, block: Block, state: State, frames: Index | None = None
+) -> tuple[list[OpenLoop], list[OpenRelation]]:
+    """A block's loops and relations with what is known before it, lengths in units of the mechanism's size, see `equations`."""
+    size = model.length_scale
+
+    def at(value: Any, unit: float = size) -> Any:
+        return value / unit if frames is None or not np.ndim(value) else value[frames] / unit
+
+    column = {u: k for k, u in enumerate(block.unknowns)}
+    loops = []
+    for number, c in enumerate(block.loops):
+        target, arms, guides = loop_terms(model, block, state, number)
+        own = model.program.loop_equations[c]
+        turned = [(k, at(a)) for k, a in enumerate(arms) if not nothing(a)]
+        slid = [(column["slide", s.joint], s.carrier, at(d, 1.0)) for s, d in zip(own.slides, guides, strict=True)]
+        loops.append(OpenLoop(-at(target), turned, slid))
+    linear = []
+    for r in block.relations:
+        known, unknown = relation_sum(model, r, state, block)
+        linear.append(OpenRelation(at(known), [(column[u], c / size if u[0] == "angle" else c) for u, c in unknown.items()]))
+    return loops, linear
 
 
 def apply(model: Model, block: Block, state: State, patch: Patch, *, onto: bool = False) -> None:

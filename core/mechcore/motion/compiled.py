@@ -138,7 +138,7 @@ def place(compiled: Compiled, time: Real, values: DriveValues, *, given: bool) -
     if program is None:
         state = place_all(solved, positions, modes, starts, patches, constants, compiled.accuracy.position)
     else:
-        state, origins = program.place_all(positions, modes, starts, constants, len(time))
+        state, origins = program.place_all(positions, modes, starts, constants, len(time), compiled.accuracy.position)
     led = compiled if compiled.accuracy.differentiation == "exact" else replace(compiled, accuracy=DEFAULT)  # at any times
     again: Callable[[Real], Motion] | None = None if given else lambda t: follow(led, t)
     in_time = path.by_time if path is not None else len(positions) > 1 or not (singular_points is None or singular_points.by_drive)

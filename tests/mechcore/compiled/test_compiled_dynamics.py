@@ -139,6 +139,15 @@ def test_a_table_is_made_only_where_a_coordinate_leads_no_longer() -> None:
         np.testing.assert_allclose(a, b, rtol=1e-8)
 
 
+def test_groups_by_newton_and_turns_that_links_have_gone_are_followed() -> None:
+    """A group of class III leads; then another joint takes over, whose coordinate a link with a spring has left by a turn."""
+    m = draw("triad", 11, forces=True, friction=False).mechanism
+    by_numpy, by_c = (simulate(compile_mechanism(m, executor=e), 0.2, tolerance=1e-7) for e in ("numpy", "c"))
+    assert [s.independent for s in by_c.segments] == [["R0"], ["R6"]]
+    assert compiled_program(by_c.segments[0].system.compiled).followed[0] == ("angle", 1)
+    np.testing.assert_allclose(by_c([0.07, 0.2])[1], by_numpy([0.07, 0.2])[1], rtol=1e-7)
+
+
 @pytest.mark.parametrize("made", [damped, swinging_five_bar, driven, servo, turned_cam])
 def test_reduced_equations_are_the_same(made) -> None:
     compiled = compile_mechanism(made(), executor="c")

@@ -1,23 +1,24 @@
 """Equations of motion as a compiled program, with what it is given: laws of prescribed drives, angles that it follows.
 
 The code of positions, rates, effects and reduction runs on symbols, which writes the reduced equations out in C. Where C lacks
-something (groups solved by Newton's method, dry friction, loads that are functions of Python) the reason is given in words, and
-numpy does all.
+something (dry friction, loads that are functions of Python) the reason is given in words, and numpy does all.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from mechcore.arrays import Real
+from mechcore.arrays import Real, Values
 from mechcore.branches.unwrapped import LinkAngles, StartPose
 from mechcore.compiled.collocation import Batch, CollocationRule, CompiledEquations, WrittenEquations
 from mechcore.compiled.motion import MOST_LINES
 from mechcore.compiled.steps import check_traceable, followed_angle, place_all
 from mechcore.compiled.symbols import Code, Symbol, Untraceable, rotation
+from mechcore.constants import TURN
 from mechcore.dynamics.equations.reduced import (
     coordinate_scales,
     forms_of,
@@ -32,6 +33,7 @@ from mechcore.errors import MechanismError
 from mechcore.kinematics.columns import all_columns, all_vectors
 from mechcore.kinematics.model import Model
 from mechcore.kinematics.patching import NEAR
+from mechcore.kinematics.program import Unknown
 from mechcore.kinematics.rates import accelerations, velocities
 from mechcore.kinematics.state import State
 from mechcore.laws.timed import Free
@@ -39,11 +41,24 @@ from mechcore.motion.compiled import Compiled
 from mechcore.motion.motion import Motion
 from mechcore.spec.mechanism import braked
 
+TURNED = "turned"  # of what is followed: the angle of a group from the start pose on, which Newton's unknown need not be
+GONE = "gone"  # whole turns of a rotation class, which stay as they are: see `_gone`
+
+
+def _gone(motion: Motion, rotation_class: int) -> Real:
+    """Whole turns (n,) [rad] by which the angle of a rotation class has gone on from what its group and its drives make: where a
+    chart took over, links may have turned farther than the coordinates tell that lead there."""
+    turning = motion.model.angles
+    group = turning.class_group[rotation_class]
+    driven = sum(sign * motion.drives[d][0] for d, sign in turning.class_drives[rotation_class])
+    more = motion.angles.class_angles[rotation_class] - driven - (motion.group_angle(group) if group else 0.0)
+    return np.asarray(TURN * np.round(more / TURN))
+
 
 class EquationsProgram:
     """The equations of motion of a compiled mechanism, ready to run."""
 
-    def __init__(self, compiled: Compiled, written: WrittenEquations, followed: tuple[int, ...]):
+    def __init__(self, compiled: Compiled, written: WrittenEquations, followed: tuple[Unknown, ...]):
         self.compiled, self.followed = compiled, followed
         self._laws = [d.law for d in compiled.mechanism.drives if not isinstance(d.law, Free)]
         scales = np.append(coordinate_scales(compiled), np.ones(len(integrating(compiled))))
@@ -84,11 +99,17 @@ class EquationsProgram:
         return np.column_stack([np.broadcast_to(x, t.shape) for x in values])
 
     def near(self, q: Real, v: Real, t: Real) -> Real:
-        """The angles (a,) that the program follows, at one state."""
+        """The unknowns (a,) that the program follows, at one state."""
         if not self.followed:
             return np.zeros(0)
         motion = motion_at(self.compiled, q, v, t)
-        return np.array([float(np.ravel(motion.group_angle(g))[0]) for g in self.followed])
+        of: dict[str, Callable[[int], Values]] = {
+            TURNED: motion.group_angle,
+            GONE: partial(_gone, motion),
+            "angle": motion.state.angle.__getitem__,
+            "slide": motion.state.slide.__getitem__,
+        }
+        return np.array([float(np.ravel(of[what](i))[0]) for what, i in self.followed])
 
     def window(
         self, rule: CollocationRule, t0: float, h: float, q: Real, v: Real, guess: Real, tolerance: float
@@ -153,11 +174,11 @@ def written_source(compiled: Compiled) -> tuple[str, int]:
     return written[0].source, written[0].lines
 
 
-def _written(compiled: Compiled) -> tuple[WrittenEquations, tuple[int, ...]] | str:
+def _written(compiled: Compiled) -> tuple[WrittenEquations, tuple[Unknown, ...]] | str:
     known = compiled.model.once(_known)
     start = compiled.angles.start
     turned = tuple(float(x) for x in start.angles.values()), tuple(start.ranges.items()), compiled.angles.exact
-    key = (*turned, tuple(compiled.assembly.modes), tuple(compiled.assembly.constants))
+    key = (*turned, compiled.angles.at.time > -np.inf, tuple(compiled.assembly.modes), tuple(compiled.assembly.constants))
     if key not in known:
         try:
             written = written_equations(compiled)
@@ -168,7 +189,7 @@ def _written(compiled: Compiled) -> tuple[WrittenEquations, tuple[int, ...]] | s
     return known[key]
 
 
-def _known(_: Model) -> dict[Any, tuple[WrittenEquations, tuple[int, ...]] | str]:
+def _known(_: Model) -> dict[Any, tuple[WrittenEquations, tuple[Unknown, ...]] | str]:
     return {}
 
 
@@ -183,8 +204,8 @@ class Programmed:
         return self.compiled.once(compiled_program) if executor == "c" or (executor == "auto" and (long or there)) else None
 
 
-def written_equations(compiled: Compiled) -> tuple[WrittenEquations, tuple[int, ...]]:
-    """The reduced equations of a mechanism with free coordinates, and the groups whose angles they follow.
+def written_equations(compiled: Compiled) -> tuple[WrittenEquations, tuple[Unknown, ...]]:
+    """The reduced equations of a mechanism with free coordinates, and the unknowns that they follow.
 
     Raises `Untraceable` with the reason where C does not have them.
     """
@@ -194,13 +215,13 @@ def written_equations(compiled: Compiled) -> tuple[WrittenEquations, tuple[int, 
 
 class TracedEquations(NamedTuple):
     """A program and what is wanted of it, see `WrittenEquations`: ``outputs``, ``freedoms``, how many values of drives are
-    ``given``; the groups whose angles are ``followed``."""
+    ``given``; the unknowns that are ``followed``."""
 
     code: Code
     outputs: tuple[list[Any], ...]
     freedoms: tuple[int, int]
     given: int
-    followed: tuple[int, ...]
+    followed: tuple[Unknown, ...]
 
 
 def traced_equations(compiled: Compiled) -> TracedEquations:
@@ -216,7 +237,10 @@ class _Writer:
 
     def __init__(self, compiled: Compiled):
         self.compiled, self.model, self.code = compiled, compiled.model, Code()
-        self.followed: list[int] = []  # groups whose angles are, in the order of the program's
+        self.took_over = compiled.angles.at.time > -np.inf  # from another chart
+        self.followed: list[Unknown] = []  # in the order of the program's
+        self.turned: dict[int, Any] = {}  # angles of groups from the start pose on, as far as something asks for them
+        self.gone: dict[int, Any] = {}  # of rotation classes that drives turn, as far as something asks for them
 
     def equations(self) -> TracedEquations:
         model, free, code = self.model, free_of(self.compiled), self.code
@@ -246,7 +270,8 @@ class _Writer:
         outputs += [self._operand(q - h) for q, h in zip(force, bias, strict=True)]
         outputs += integrated
         ratios, forms = [self._operand(x) for row in rates for x in row], self._forms(moving)
-        near = [self._operand(state.angle[g]) for g in self.followed]  # after all that may ask for an angle
+        own: dict[str, Any] = {TURNED: self.turned, GONE: self.gone, "angle": state.angle, "slide": state.slide}
+        near = [self._operand(own[what][i]) for what, i in self.followed]  # after all that may ask for an angle
         given = 3 * (len(drives) - len(free))
         return TracedEquations(code, (outputs, near, ratios, forms), (len(free), len(states)), given, tuple(self.followed))
 
@@ -276,12 +301,16 @@ class _Writer:
             constants=self.compiled.assembly.constants,
         )
         for g in model.multi_turn:
-            state.near[f"angle {g}"] = self._near(g)
-        place_all(model, state, [code.input(f"m[{k}]") for k in range(len(model.blocks))])
+            state.near[f"angle {g}"] = self._near(TURNED, g)
+        for block in model.blocks:
+            if block.kind == "general":
+                state.near[block.name] = [self._near(*unknown) for unknown in block.unknowns]
+        place_all(model, state, [code.input(f"m[{k}]") for k in range(len(model.blocks))], tied=True)
+        self.turned |= {g: state.angle[g] for g in model.multi_turn}
         return state
 
-    def _near(self, group: int) -> Symbol:
-        self.followed.append(group)
+    def _near(self, what: str, number: int) -> Symbol:
+        self.followed.append((what, number))
         return self.code.input(f"near[{len(self.followed) - 1}]")
 
     def _angles(self, state: Any) -> LinkAngles:
@@ -290,11 +319,13 @@ class _Writer:
 
         def of_class(rotation_class: int) -> Any:
             group = model.angles.class_group[rotation_class]
-            if group and group not in state.angle:
-                state.near[f"angle {group}"] = self._near(group)
-                state.angle[group] = followed_angle(model, state, group)
-            angle = state.angle[group] if group else 0.0
-            return angle + sum((sign * state.drives[d] for d, sign in model.angles.class_drives[rotation_class]), 0.0)
+            if group and group not in self.turned:
+                state.near[f"angle {group}"] = self._near(TURNED, group)
+                self.turned[group] = followed_angle(model, state, group)
+            angle, drives = self.turned[group] if group else 0.0, model.angles.class_drives[rotation_class]
+            if drives and self.took_over and rotation_class not in self.gone:
+                self.gone[rotation_class] = self._near(GONE, rotation_class)
+            return angle + sum((sign * state.drives[d] for d, sign in drives), 0.0) + self.gone.get(rotation_class, 0.0)
 
         return _SymbolAngles(model, self.compiled.angles.start, of_class, exact=self.compiled.angles.exact)
 

@@ -1,0 +1,41 @@
+"""What a program in C computes with: numbers that it computes itself, plain ones, and parameters."""
+
+from __future__ import annotations
+
+from typing import NamedTuple, TypeAlias
+
+
+class Node(NamedTuple):
+    """A real number that the program computes, by its place in it."""
+
+    number: int
+
+
+class ParameterRow(NamedTuple):
+    """Parameters that stand side by side, as tables have them: C is given where the first one is."""
+
+    values: tuple[float, ...]
+
+
+Operand: TypeAlias = Node | float
+FOLDED = (0.0, 1.0, -1.0, 2.0, -2.0, 0.5, -0.5)  # numbers that stand in the program itself: other ones are parameters
+
+
+class Names:
+    """What C calls the operands of a program; numbers become ``parameters`` when first asked for."""
+
+    def __init__(self, parameters: list[float]):
+        self._parameters = parameters
+        self._places: dict[float | ParameterRow, int] = {x: k for k, x in enumerate(parameters)}
+
+    def __call__(self, operand: Operand | ParameterRow) -> str:
+        if isinstance(operand, Node):
+            return f"t{operand.number}"
+        row = isinstance(operand, ParameterRow)
+        if not row and operand in FOLDED:
+            return f"({operand!r})" if operand < 0.0 else repr(operand)
+        if operand not in self._places:
+            self._places[operand] = len(self._parameters)
+            self._parameters.extend(operand.values if isinstance(operand, ParameterRow) else [operand])
+        place = self._places[operand]
+        return f"(p + {place})" if row else f"p[{place}]"
