@@ -19,7 +19,7 @@ LAYERS = {
         ("arrays", "cache", "constants", "records", "texts"), ("errors",), ("accuracy", "numerics"), ("laws",), ("spec",),
         ("cams",), ("joints",), ("topology",), ("kinematics",), ("branches", "compiled"), ("motion",), ("effects",), ("forces",),
         ("reduction", "dynamics"),
-        ("constructions", "design"),
+        ("constructions", "derivatives", "design"),
     ),
     "mechviz": (
         ("files", "meshes", "progress"), ("figures", "scene"), ("quantities",), ("accuracy",), ("runs",), ("picture",),

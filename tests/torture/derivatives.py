@@ -1,6 +1,6 @@
 """Exact derivatives of random mechanisms with forces, beside differences of eighth order.
 
-    PYTHONPATH=tests/support:tests/mechcore/design OPENBLAS_NUM_THREADS=1 python tests/torture/derivatives.py [COUNT] [FIRST]
+    PYTHONPATH=tests/support:tests/mechcore/derivatives OPENBLAS_NUM_THREADS=1 python tests/torture/derivatives.py [COUNT] [FIRST]
 
 takes mechanisms of every kind, every other one with dry friction, all points, masses and coefficients moved together, until so many
 have been compared; prints those off by more than 1e-9 of a result's largest derivative (and the rounding of the differences), and
@@ -16,10 +16,10 @@ from itertools import count
 
 import numpy as np
 from random_mechanisms import KINDS, draw
-from test_derivatives import FEW, asked, difference, moved_together, solved
+from test_exact import FEW, asked, difference, moved_together, solved
 
-from mechcore.design.derivatives import Derivatives
-from mechcore.design.model_numbers import Parameter
+from mechcore.derivatives.exact import Derivatives
+from mechcore.derivatives.model_numbers import Parameter
 from mechcore.errors import MechanismError
 
 STEPS = (2e-3, 3e-4, 1e-4, 3e-5, 1e-5)  # of differences: long ones may reach a place where friction or a damper turns round

@@ -227,6 +227,10 @@ class Effect:
         """A whole number for the form of the law that holds (F,), of effects that are `piecewise`."""
         return np.zeros(np.shape(at.time), int)
 
+    def switch(self, at: Configuration) -> Values | None:
+        """What is at some level (F,) wherever the law changes its form so that a force jumps; None where that is no one number."""
+        return None
+
     @property
     def proportional(self) -> bool:
         """Whether its wrenches are in proportion to the velocities at every place, whatever the time."""

@@ -71,6 +71,9 @@ class CylinderGas(LoadEffect[GasPressure]):
         part = getattr(self.load.cycle, "part", None)
         return 2 * outward + firing + (0 if part is None else 4 * part(x, outward, firing))
 
+    def switch(self, at: Configuration) -> Values | None:
+        return rate(at, self.load.joint)  # branches of the diagram meet at dead centres; valves open without a jump
+
     def wrenches(self, at: Configuration) -> list[Wrench]:
         load, model = self.load, at.model
         j = model.joint_index[load.joint]

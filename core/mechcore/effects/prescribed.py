@@ -165,6 +165,9 @@ class Varied(LoadEffect[Multiplied]):
     def phase(self, at: Configuration) -> Index:
         return phase_of(at, self.load.factor)
 
+    def switch(self, at: Configuration) -> Values | None:
+        return None if self.load.factor is None else _argument(at, self.load.factor)
+
 
 class AppliedForce(Varied[Force]):
     """A force at a named point of a link."""

@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mechcore.arrays import Real
-from mechcore.design.derivatives import Derivatives
-from mechcore.design.variations import DerivativesUnderForces
+from mechcore.arrays import Index, Real
+from mechcore.derivatives.exact import Derivatives
+from mechcore.derivatives.forced import derivatives_under_forces
 from mechcore.errors import Fault, MechanismError
 from mechcore.motion.solve import default_times
 from mechviz.figures import chart
@@ -103,39 +103,55 @@ def sensitivity(run: Run, of: str, by: Sequence[str] = ()) -> Sensitivity:
 def sensitivities(run: Run, measures: Sequence[Measure], variables: Sequence[Variable]) -> list[Sensitivity]:
     """The same of several measures, which share the work."""
     quantities = [quantity_of(measure, run.catalogue) for measure in measures]
-    exact = derivatives_of(run, variables)
-    columns = []
-    for measure, quantity in zip(measures, quantities, strict=True):
-        try:
-            columns.append(traced(exact, quantity)[:, measure.column(quantity)])
-        except LookupError:
-            why = f"the derivatives of {quantity.key} are not known."
-            raise MechanismError(Fault(f"--of {measure.text}", why, "Sweep it instead: mechviz sweep SCENE --vary ...")) from None
+    found: list[Real | None] = [None] * len(measures)
+    for rows, exact in derivatives_of(run, variables):
+        columns = []
+        for measure, quantity in zip(measures, quantities, strict=True):
+            try:
+                columns.append(traced(exact, quantity)[:, measure.column(quantity)])
+            except LookupError:
+                why = f"the derivatives of {quantity.key} are not known."
+                raise MechanismError(
+                    Fault(f"--of {measure.text}", why, "Sweep it instead: mechviz sweep SCENE --vary ...")
+                ) from None
+        for k, part in enumerate(exact.of(*columns)):
+            found[k] = _put(found[k], rows, part, run.motion.frames)
     drives = run.motion.mechanism.drives
     drive = run.catalogue.coordinate(drives[0].joint) if drives else None
     time = run.catalogue.numbers.time
     results = []
-    for measure, quantity, slopes in zip(measures, quantities, exact.of(*columns), strict=True):
+    for measure, quantity, slopes in zip(measures, quantities, found, strict=True):
+        assert slopes is not None  # a run has frames
         curve = quantity.values()[:, measure.column(quantity)]
         number, derivatives = float("nan"), np.full(len(variables), np.nan)
         if measure.reducer:
             number = float(measure.reduced(curve, time, drive))
-            derivatives = slopes @ measure.weights(curve, time, drive)
+            weights = measure.weights(curve, time, drive)
+            derivatives = slopes[:, weights != 0.0] @ weights[weights != 0.0]
         results.append(Sensitivity(measure, quantity, tuple(variables), curve, slopes, number, derivatives))
     return results
 
 
-def derivatives_of(run: Run, variables: Sequence[Variable]) -> Derivatives:
-    """Derivatives of a run by variables of its scene, in their units; frames of one number are compared. Raises
-    `MechanismError`."""
+def _put(whole: Real | None, rows: Index, part: Real, frames: int) -> Real:
+    """Derivatives (P, F, ...) with those of some frames in their places."""
+    if whole is None:
+        whole = np.full((len(part), frames, *part.shape[2:]), np.nan)
+    whole[:, rows] = part
+    return whole
+
+
+def derivatives_of(run: Run, variables: Sequence[Variable]) -> list[tuple[Index, Derivatives]]:
+    """Derivatives of a run by variables of its scene, in their units, each with the numbers of the frames that it is of; frames of
+    one number are compared. Raises `MechanismError`."""
     parameters = core_parameters(run.scene, variables)
     if run.steady is not None:
         why = "the steady run in which this scene starts follows from its parameters in a way that is not known."
         raise MechanismError(Fault("run.steady", why, "Sweep the parameter instead: mechviz sweep SCENE --vary ..."))
     if run.simulation is not None:
-        return DerivativesUnderForces(run.simulation, parameters, run.motion.time)
+        return derivatives_under_forces(run.simulation, parameters, run.motion.time)
     frames, cycles = run.scene.frames, run.scene.cycles
-    return Derivatives(run.motion, parameters, lambda m: default_times(m, frames, cycles))
+    exact = Derivatives(run.motion, parameters, lambda m: default_times(m, frames, cycles))
+    return [(np.arange(run.motion.frames), exact)]
 
 
 def traced(exact: Derivatives, quantity: Quantity) -> Any:
@@ -196,20 +212,23 @@ def bands_of(run: Run) -> Bands:
     if not variables:
         return Bands()
     refused = ""
-    columns = {}
+    found: dict[str, Real | None] = {quantity.key: None for quantity in run.catalogue.quantities}
     try:
-        exact = derivatives_of(run, variables)
+        parts = derivatives_of(run, variables)
     except MechanismError as error:
         return Bands(refused=error.faults[0].message)
-    for quantity in run.catalogue.quantities:
-        with suppress(LookupError):
-            try:
-                columns[quantity.key] = traced(exact, quantity)
-            except MechanismError as error:
-                refused = error.faults[0].message
+    for rows, exact in parts:
+        columns = {}
+        for key in found:
+            with suppress(LookupError):
+                try:
+                    columns[key] = traced(exact, run.catalogue[key])
+                except MechanismError as error:
+                    refused = error.faults[0].message
+        found = {
+            key: _put(found[key], rows, slopes, run.motion.frames)
+            for key, slopes in zip(columns, exact.of(*columns.values()), strict=True)
+        }
     tolerances = np.array([v.tolerance for v in variables])
-    halves = {
-        key: np.asarray(np.tensordot(tolerances, np.abs(slopes), 1))
-        for key, slopes in zip(columns, exact.of(*columns.values()), strict=True)
-    }
+    halves = {key: np.asarray(np.tensordot(tolerances, np.abs(slopes), 1)) for key, slopes in found.items() if slopes is not None}
     return Bands(halves, refused)

@@ -7,7 +7,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from mechcore.design.model_numbers import Parameter
+from mechcore.derivatives.jumps import contact_numbers
+from mechcore.derivatives.model_numbers import Numbers, Parameter
+from mechcore.dynamics.events import with_slot_ends
 from mechcore.errors import Fault, MechanismError
 from mechcore.spec.mechanism import Mechanism
 from mechviz.scene.annotations import Leaf, Place, leaves
@@ -96,7 +98,14 @@ def core_parameters(scene: Scene, variables: Sequence[Variable]) -> tuple[Parame
         def mechanism(value: float) -> Mechanism:
             return variable.changed(wide, value).mechanism
 
-        return Parameter(variable.name, variable.value, variable.width, mechanism)
+        def contacts(value: float) -> Numbers:
+            changed = variable.changed(wide, value)
+            spec = changed.simulation
+            assert spec is not None
+            return contact_numbers(with_slot_ends(changed.mechanism, spec.stops), spec.separable_cams)
+
+        under_forces = scene.simulation is not None
+        return Parameter(variable.name, variable.value, variable.width, mechanism, contacts if under_forces else None)
 
     return tuple(of(v) for v in variables)
 

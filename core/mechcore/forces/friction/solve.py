@@ -282,7 +282,7 @@ class FrictionResult:
     @cached_property
     def power(self) -> Real:
         """Power of all friction (F,) [W], never positive."""
-        return np.asarray(-sum((self.losses(p) for p in self.joints), np.zeros(self.motion.frames)))
+        return -sum((self.losses(p) for p in self.joints), np.zeros(self.motion.frames))
 
     @cached_property
     def frictionless_power(self) -> Real:

@@ -17,9 +17,9 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from mechcore.arrays import Index, Real, Values
+from mechcore.arrays import Flags, Index, Real, Values
 from mechcore.branches.unwrapped import LinkAngles
-from mechcore.design.model_numbers import (
+from mechcore.derivatives.model_numbers import (
     Numbers,
     Parameter,
     check_structure,
@@ -58,8 +58,10 @@ class Derivatives:
 
     ``times``: the frames' times (F,) of a mechanism, where they depend on it, as those of whole cycles do; else those of the motion
     hold for all. Frames of one number are compared. ``under_forces``: free coordinates are where the motion has them, and do
-    not move with the parameters (see `variations`). Raises `MechanismError` where there are none, with the reason.
+    not move with the parameters (see `forced`). Raises `MechanismError` where there are none, with the reason.
     """
+
+    every_drive = False  # whether positions and rates of all drives are variables of the tape, not only those that move
 
     def __init__(
         self,
@@ -84,9 +86,10 @@ class Derivatives:
                 if any(d is not None for d in own):
                     self.leaves[place] = self._leaf(number, own)
         for d, drive in enumerate(motion.mechanism.drives):
-            if isinstance(drive.law, Free):
+            if self.every_drive or isinstance(drive.law, Free):
                 for k, number in enumerate(motion.drives[d]):
-                    self.leaves["drive", d, k] = self._leaf(number, [None] * len(self.parameters))
+                    if ("drive", d, k) not in self.leaves:
+                        self.leaves["drive", d, k] = self._leaf(number, [None] * len(self.parameters))
         self._refused(self._motion)
 
     # -- results ------------------------------------------------------------------------------------------------------
@@ -203,10 +206,8 @@ class Derivatives:
         motion, nominal = self.motion, solve_forces(self.nominal)
         known = nominal.friction
         assert known is not None
-        if two_sided(motion):
-            raise Untraced("a cam that may press on either side rubs")
-        elements = elements_of(motion)
         flanks = _flanks(self.nominal, known)
+        elements = elements_of(motion, flanks) if two_sided(motion) else elements_of(motion)
 
         def transmitted(loads: Sequence[Any]) -> tuple[Any, Any]:
             own_force, own_moment = list(force), list(moment)
@@ -226,7 +227,8 @@ class Derivatives:
         else:
             changes = [0.0] * len(elements)
         loads = [load + change for load, change in zip(plain, changes, strict=True)]
-        solved = Forces(motion, applied, *transmitted(loads), _TracedFriction(motion, applied, elements, loads, known))
+        values = [-e.sign * e.factor * load for e, load in zip(elements, loads, strict=True)]
+        solved = Forces(motion, applied, *transmitted(loads), TracedFriction(motion, applied, elements, values, known.jammed))
         joints = [c.name for c in motion.model.connections]
         largest = max(float(np.nanmax(np.abs(nominal.reaction(joint)), initial=0.0)) for joint in joints)
         for joint in joints:
@@ -283,6 +285,10 @@ class Derivatives:
         if curve is not None:
             curve = replace(curve, function=lambda _: self._bend(r))
         return replace(own, curve=curve, **{kind: with_leaves(kind) for kind in ("groups", "drives", "slides")})
+
+    def argument(self, r: int) -> Any:
+        """The argument (F,) of the curve of a relation on the tape."""
+        return curve_argument(self._model.constraints[r], self._state)
 
     def _bend(self, r: int) -> list[Any]:
         """The curve of a relation and its two derivatives on the tape, by its shape and its argument."""
@@ -440,19 +446,18 @@ class _TracedAngles(LinkAngles):
         return angle if offset is None else angle + (offset - offset.value)
 
 
-class _TracedFriction(FrictionResult):
-    """Friction whose normal loads may be on a tape."""
+class TracedFriction(FrictionResult):
+    """Friction whose ``values``, along the elements' unit wrenches, may be on a tape."""
 
     def __init__(
-        self, motion: Motion, applied: Sequence[Wrench], elements: Sequence[Element], loads: Sequence[Any], known: FrictionResult
+        self, motion: Motion, applied: Sequence[Wrench], elements: Sequence[Element], values: Sequence[Any], jammed: Flags
     ):
         self.motion, self.elements, self._applied = motion, tuple(elements), tuple(applied)
-        self.jammed = known.jammed
-        self._loads = loads
+        self.jammed = jammed
+        self._values = values
 
     def value(self, i: int) -> Any:
-        element = self.elements[i]
-        return -element.sign * element.factor * self._loads[i]
+        return self._values[i]
 
 
 def _flanks(nominal: Motion, known: FrictionResult) -> dict[int, Real]:
@@ -461,7 +466,7 @@ def _flanks(nominal: Motion, known: FrictionResult) -> dict[int, Real]:
     force, moment, _ = totals(nominal)
     own_force, own_moment = list(force), list(moment)
     flanks = _signs(joint_forces(nominal, list(force), list(moment))[2])
-    for i, element in enumerate(elements_of(nominal)):
+    for i, element in enumerate(known.elements):
         element.load(nominal, own_force, own_moment, -element.sign * element.factor * np.nan_to_num(known.loads[:, i]))
     for _ in range(TRIES):
         turned = _signs(joint_forces(nominal, list(own_force), list(own_moment), flanks)[2])

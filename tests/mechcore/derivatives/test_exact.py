@@ -9,8 +9,8 @@ import pytest
 from mechanisms import case, four_bar, slider_crank
 from random_mechanisms import KINDS, draw
 
-from mechcore.design.derivatives import Derivatives
-from mechcore.design.model_numbers import Parameter
+from mechcore.derivatives.exact import Derivatives
+from mechcore.derivatives.model_numbers import Parameter
 from mechcore.errors import MechanismError
 from mechcore.forces.kinetostatics import solve_forces
 from mechcore.laws.timed import ConstantSpeed, Free

@@ -36,12 +36,14 @@ TRIES = 5
 @dataclass(frozen=True)
 class Parameter:
     """A number from which a mechanism follows: its name, its ``value``, the ``mechanism`` that belongs to another value, and a
-    half ``width`` of values around its own for which there is one."""
+    half ``width`` of values around its own for which there is one; of motions under forces also the numbers of contacts
+    (`jumps.contact_numbers`) that belong to another value."""
 
     name: str
     value: float
     width: float
     mechanism: Callable[[float], Mechanism]
+    contacts: Callable[[float], Numbers] | None = None
 
 
 def refusal(message: str, remedy: str) -> MechanismError:

@@ -1,0 +1,126 @@
+"""Derivatives of motions under forces by parameters: the variational equations along a motion that was found, phase by phase, and
+the jumps of its changes between the phases. What is asked of the motion then follows from it as from a prescribed one."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import cached_property
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+
+from mechcore.arrays import Index, Real
+from mechcore.derivatives.exact import Derivatives
+from mechcore.derivatives.jumps import JUMP, Jumps
+from mechcore.derivatives.model_numbers import Parameter, refusal, slopes
+from mechcore.derivatives.phases import SWEEP, Changes, Phase, PhaseDerivatives, carried, changes_in
+from mechcore.dynamics.equations.reduced import integrating
+from mechcore.dynamics.integration.windows import Solution
+from mechcore.dynamics.segments import Breakpoints, Segment
+from mechcore.dynamics.simulation import Simulation
+from mechcore.laws.timed import Free
+from mechcore.motion.compiled import Compiled
+from mechcore.motion.solve import compile_mechanism
+from mechcore.spec.mechanism import Mechanism
+
+
+class PartUnderForces(PhaseDerivatives):
+    """Derivatives of the part of a motion under forces that lies in one phase, at times (n,); ``before``: the changes in earlier
+    phases, each with those (P, 2) that the instant after it makes in the energies supplied and dissipated."""
+
+    def __init__(self, simulation: Simulation, changes: Changes, before: Sequence[tuple[Changes, Real]], times: Real):
+        super().__init__(changes.phase, times)
+        self._simulation, self._changes, self._before = simulation, changes, tuple(before)
+        self.lead(changes(times))
+
+    @cached_property
+    def energy(self) -> Any:
+        """Kinetic and potential energy, work and dissipation so far (F, 4) [J], on the tape; works by the windows' quadrature."""
+        times, forces = self.nominal.time, self.forces
+        columns: list[Any] = [forces.kinetic_energy, forces.potential_energy]
+        changes = self._changes.works(times)
+        for earlier, at_once in self._before:
+            changes = changes + earlier.works(earlier.edges[-1:]) + at_once
+        for k, column in enumerate(self._simulation.energies(times)[:, 2:].T):
+            columns.append(self._leaf(column, list(changes[:, :, k].T)))
+        return np.column_stack(columns)
+
+
+def derivatives_under_forces(
+    simulation: Simulation, parameters: Sequence[Parameter], times: Real
+) -> list[tuple[Index, Derivatives]]:
+    """Derivatives of a motion under forces, and of its forces, at times (F,) [s], by parameters: of each phase that holds some of
+    the times, with the numbers of those. Raises `MechanismError` where there are none, with the reason."""
+    compiled = simulation.compiled
+    if integrating(compiled):
+        raise refusal("a load keeps a state of its own over the time.", SWEEP)
+    stated = _stated(compiled, simulation.duration)
+    for p in parameters:
+        beside = _stated(compile_mechanism(p.mechanism(p.value + 0.5 * p.width), compiled.accuracy), simulation.duration)
+        if len(beside) != len(stated) or not np.allclose(beside, stated, rtol=1e-12, atol=0.0):
+            raise refusal(f"instants at which forces change depend on {p.name}.", "Vary something else, or sweep it.")
+    largest = max((float(np.abs(w.a[0]).max(initial=0.0)) for s in simulation.segments for w in _windows(s)), default=0.0)
+    jumps = Jumps(simulation, parameters, stated, largest)
+    phases = [p for s in simulation.segments for p in _phases(s, simulation, tuple(parameters), jumps)]
+    places = np.searchsorted(np.array([p.end for p in phases[:-1]]), times, side="left")
+    found: list[tuple[Index, Derivatives]] = []
+    before: list[tuple[Changes, Real]] = []
+    states = jumps.begin(phases[0], _starts(compiled, parameters))
+    needed = int(places.max(initial=0))
+    for k, phase in enumerate(phases[: needed + 1]):
+        changes = changes_in(phase, states)
+        rows = np.flatnonzero(places == k)
+        if len(rows):
+            found.append((rows, PartUnderForces(simulation, changes, before, times[rows])))
+        if k < needed:
+            states, at_once = jumps(phase, phases[k + 1], changes(changes.edges[-1:])[0])
+            before.append((changes, at_once))
+    return found
+
+
+def _windows(segment: Segment) -> list[Any]:
+    return list(segment.solution.windows) if isinstance(segment.solution, Solution) else []
+
+
+def _phases(segment: Segment, simulation: Simulation, parameters: tuple[Parameter, ...], jumps: Jumps) -> list[Phase]:
+    """The phases of a segment: parts of it between jumps of forces at instants that no law states."""
+    inner = simulation.boundaries()
+    edges = np.unique(np.concatenate([inner[(inner > segment.start) & (inner < segment.end)], [segment.start, segment.end]]))
+    least = 1e-14 * simulation.duration
+    edges = np.append(edges[:-1][np.diff(edges) > least], edges[-1])
+    cuts = [0]
+    windows = _windows(segment)
+    for before, after in pairwise(windows):
+        last, first = before.a.sum(axis=0), (after.a * (-1.0) ** np.arange(len(after.a))[:, None]).sum(axis=0)
+        if after.start < segment.end and jumps.jumps(last, first) and not jumps.is_stated(after.start):
+            cuts.append(int(np.argmin(np.abs(edges - after.start))))
+    own = carried(segment.compiled, simulation.compiled, parameters)
+    return [Phase(segment, edges[a : b + 1], own) for a, b in pairwise([*dict.fromkeys(cuts), len(edges) - 1]) if b > a]
+
+
+def _stated(compiled: Compiled, until: float) -> Real:
+    """Instants [s] at which laws say that they change their form."""
+    breaks, times = Breakpoints(compiled), [0.0]
+    while (t := breaks.stated(times[-1])) < until:
+        times.append(np.nextafter(t, np.inf) + 4.0 * float(np.spacing(t)))
+    return np.array(times[1:])
+
+
+def _starts(compiled: Compiled, parameters: Sequence[Parameter]) -> Real:
+    """Derivatives (2 f, P) of the start, positions and then speeds, of the free coordinates."""
+
+    def at(mechanism: Mechanism) -> dict[tuple[object, ...], float]:
+        free = [d.law for d in mechanism.drives if isinstance(d.law, Free)]
+        return {(k, i): x for i, law in enumerate(free) for k, x in enumerate((law.start, law.speed))}
+
+    nominal = at(compiled.mechanism)
+    out = np.zeros((len(nominal), len(parameters)))
+    for p, parameter in enumerate(parameters):
+
+        def beside(x: float, own: Parameter = parameter) -> dict[tuple[object, ...], float]:
+            return at(own.mechanism(x))
+
+        for (k, i), slope in slopes(beside, nominal, parameter).items():
+            out[k * (len(nominal) // 2) + i, p] = slope
+    return out
