@@ -4,7 +4,8 @@ the jumps of its changes between the phases. What is asked of the motion then fo
 from __future__ import annotations
 
 from collections.abc import Sequence
-from functools import cached_property
+from dataclasses import replace
+from functools import cache, cached_property
 from itertools import pairwise
 from typing import Any
 
@@ -12,7 +13,7 @@ import numpy as np
 
 from mechcore.arrays import Index, Real
 from mechcore.derivatives.exact import Derivatives
-from mechcore.derivatives.jumps import JUMP, Jumps
+from mechcore.derivatives.jumps import Jumps
 from mechcore.derivatives.model_numbers import Parameter, refusal, slopes
 from mechcore.derivatives.phases import SWEEP, Changes, Phase, PhaseDerivatives, carried, changes_in
 from mechcore.dynamics.equations.reduced import integrating
@@ -53,6 +54,7 @@ def derivatives_under_forces(
     """Derivatives of a motion under forces, and of its forces, at times (F,) [s], by parameters: of each phase that holds some of
     the times, with the numbers of those. Raises `MechanismError` where there are none, with the reason."""
     compiled = simulation.compiled
+    parameters = [replace(p, mechanism=cache(p.mechanism)) for p in parameters]  # every phase asks for the same ones
     if integrating(compiled):
         raise refusal("a load keeps a state of its own over the time.", SWEEP)
     stated = _stated(compiled, simulation.duration)

@@ -1,15 +1,16 @@
 """How the changes of a motion go on after an instant at which its equations change: an impact, a contact that ends, slip that turns
 to stick, a force that jumps at a place.
 
-The instant T itself moves with the parameters: where g(q, v, t, p) = 0 says when it is, dT = -dg / g', dg by the change of the state
-there and by the parameters, g' along the motion. With the state's rates f before and after it and the map R from the one to the other
-dz+ = dR(dz- + f- dT) - f+ dT (saltation; Y. Hiskens and M. A. Pai, Trajectory sensitivity analysis of hybrid systems, 2000).
-Where neither the state nor its rates jump, nothing is left of dT.
+The instant T itself moves with the parameters: where g(q, v, t, p) = 0 says when it is, dT = -dg / g', dg by the change of the
+state there and by the parameters, g' along the motion. With the rates f of the state z before and after it and the map R from the
+one state to the other dz+ = dR(dz- + f- dT) - f+ dT (saltation; I. A. Hiskens and M. A. Pai, Trajectory sensitivity analysis of
+hybrid systems, 2000). Where neither the state nor its rates jump, nothing is left of dT.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -100,8 +101,8 @@ class Jumps:
 
 
 class Instant(Derivatives):
-    """A mechanism at one instant with several rates: ``q`` (f,), ``v``, ``a`` (n, f). All that is asked of it has P + 1 derivatives:
-    by the parameters, with the changes of the state before the event, and by the time along the motion before it."""
+    """A mechanism at one instant with several rates: ``q`` (f,), ``v``, ``a`` (n, f). What is asked of it has P + 1 derivatives: by
+    the parameters, with the changes of the state before the event, and by the time along the motion before it."""
 
     every_drive = True
 
@@ -125,7 +126,8 @@ class Instant(Derivatives):
         return rows[0, 0], rows[0, 1]
 
     def along(self, results: Sequence[Any], states: Real, flow: Real, moving: Sequence[int]) -> list[Real]:
-        """Derivatives (P + 1, n, ...) of results, where positions move as ``states`` (2 f, P) and ``flow`` (2 f,) say, and the rates of the rows ``moving``."""
+        """Derivatives (P + 1, n, ...) of results, where positions move as ``states`` (2 f, P) and ``flow`` (2 f,) say,
+        and the rates of the rows ``moving`` with them."""
         count, f = len(self.parameters), len(states) // 2
         free = free_of(self.nominal)
         known = {number: np.stack(d) for number, d in self._slopes.items()}
@@ -177,7 +179,7 @@ class _Crossing:
         self.at = Instant(before.compiled, before.parameters, self.t, self.q, rows, accelerations)
 
     def result(self) -> tuple[Real, Real]:
-        q, v, a = self._mapped()
+        v, a = self._mapped()
         states, flow = self._asked([x for j in self.after.free for x in self.at.coordinate(j)])
         f = len(self.after.free)
         lost = np.zeros((self.count, 2))
@@ -195,21 +197,17 @@ class _Crossing:
         return after, lost + moved[:, None] * self._powers()
 
     # -- the state on both sides ----------------------------------------------------------------------------------------
-    def _mapped(self) -> tuple[Real, Real, Real]:
-        """The state before the instant in the coordinates after it."""
-        rows = np.array([self._own(j) for j in self.after.free]).reshape(-1, 3)
-        return rows[:, 0], rows[:, 1], rows[:, 2]
-
-    def _own(self, joint: str) -> Real:
+    def _mapped(self) -> tuple[Real, Real]:
+        """Speeds and accelerations before the instant in the coordinates after it."""
         free = self.before.free
-        if joint in free:
-            k = free.index(joint)
-            return np.array([self.q[k], self.v[k], self.a[k]])
-        return np.asarray(self.at.nominal.coordinate(joint)[0])
+        known = {joint: (self.v[k], self.a[k]) for k, joint in enumerate(free)}
+        new = {joint: self.at.nominal.coordinate(joint)[0, 1:] for joint in self.after.free if joint not in free}
+        rows = np.array([(known | new)[joint] for joint in self.after.free]).reshape(-1, 2)
+        return rows[:, 0], rows[:, 1]
 
     def _asked(self, results: Sequence[Any]) -> tuple[Real, Real]:
-        """Derivatives (m, P) of numbers by the parameters, and (m,) along the motion, of those that depend on no row but the first."""
-        found = np.array(self.at.along(results, self.states, self.flow, (0, 1))).reshape(len(results), -1)
+        """Derivatives (m, P) by the parameters, and (m,) along the motion, of numbers of the first row."""
+        found = np.array(self.at.along(results, self.states, self.flow, (0, 1))).reshape(len(results), self.count + 1)
         return found[:, : self.count], found[:, self.count]
 
     def _settles(self, v: Real) -> bool:
@@ -292,15 +290,15 @@ class _Crossing:
         found: list[Any] = []
         for effect, form in zip(laws, changed, strict=False):
             if form:
-                switch = effect.switch(self.at.motion)
+                switch: Any = effect.switch(self.at.motion)
                 if switch is None:
                     return None
-                self._refuse_other_laws(effect.name, lambda m, name=effect.name: [x for x in m.loads if x.name == name])
+                self._refuse_other_laws(effect.name, partial(_loads, effect.name))
                 found.append(switch[0])
         for i, form in zip(cams, changed[len(laws) :], strict=True):
             if form:
                 name = compiled.model.relations[i].name
-                self._refuse_other_laws(name, lambda m, name=name: [j for j in m.joints if j.name == name])
+                self._refuse_other_laws(name, partial(_joints, name))
                 found.append(self.at.argument(i)[0])
         if not found:
             return None
@@ -363,7 +361,7 @@ class _Crossing:
         below = np.array([c.slopes[:, 2] + e * c.slopes[:, 0] for c, e in zip(chosen, gone, strict=True)])
         right = -total(np.concatenate([above, below]))
         right[f] -= contacts[0].bounce * contacts[0].rates[0] * (gone[0] != 0.0)
-        solved = np.linalg.solve(full, right)
+        solved = np.asarray(np.linalg.solve(full, right), float)
         before, after = (np.array([c.rates[k] for c in chosen]) for k in (0, 2))
         rate_before = total(np.array([c.slopes[:, 0] for c in chosen]))
         rate_after = total(np.array([c.slopes[:, 2] for c in chosen])) + g @ solved[:f]
@@ -439,3 +437,11 @@ class _Crossing:
             powers = powers_of(motion, segment_forces(motion, segment.system, q, v, segment.resting))
             sides.append(phase.at_edge(powers, last=last))
         return np.asarray((sides[0] - sides[1])[1:] * [1.0, -1.0])
+
+
+def _loads(name: str, mechanism: Mechanism) -> list[Any]:
+    return [x for x in mechanism.loads if x.name == name]
+
+
+def _joints(name: str, mechanism: Mechanism) -> list[Any]:
+    return [x for x in mechanism.joints if x.name == name]

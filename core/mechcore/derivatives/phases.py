@@ -32,7 +32,6 @@ from mechcore.forces.friction.elements import Element, elements_of, relative_rat
 from mechcore.forces.kinetostatics import LOSSES, Forces
 from mechcore.laws.timed import Free
 from mechcore.motion.compiled import Compiled
-from mechcore.motion.motion import Motion
 from mechcore.records import dataclass
 from mechcore.spec.mechanism import Drive, Mechanism
 
@@ -165,7 +164,7 @@ class PhaseDerivatives(Derivatives):
         stops = zip(self.phase.segment.resting, self.efforts, strict=True)
         held = [joint_wrench(motion, s.joint, x, name=stop_load(s), kind=STOP, cause=STOP) for s, x in stops]
         more = sum_up(held, len(motion.model.links))
-        force, moment = ([a + b for a, b in zip(x, y, strict=True)] for x, y in zip((force, moment), more, strict=True))
+        force, moment = [a + b for a, b in zip(force, more[0], strict=True)], [a + b for a, b in zip(moment, more[1], strict=True)]
         applied = [*formed(), *held]
         if self._dry is None:
             return Forces(motion, applied, *joint_forces(motion, force, moment)[:2])
