@@ -11,17 +11,21 @@ import os
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 
 import argparse
+import sys
 from collections.abc import Iterator
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 
 from mechcore.accuracy import Accuracy
 from mechviz.accuracy.estimate import estimate_errors, integration_error
-from mechviz.accuracy.reference import between_error, integration_truth, position_errors, reaction_error
 from mechviz.runs import run_scene
 from mechviz.scene.folder import gallery_names
 from mechviz.scene.scene import load
+
+sys.path.append(str(Path(__file__).resolve().parent.parent / "tests" / "support"))
+from true_errors import between_error, integration_truth, position_errors, reaction_error
 
 FLOOR = 1e-13
 """Of the references."""

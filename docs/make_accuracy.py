@@ -29,7 +29,7 @@ from mechviz.studies.precision_diagram import diagram
 
 HERE = Path(__file__).resolve().parent
 IMAGES = HERE / "images"
-sys.path.insert(0, str(HERE.parent / "benchmarks"))
+sys.path[:0] = [str(HERE.parent / "benchmarks"), str(HERE.parent / "tests" / "support")]
 BLUE, RED, GREEN, GREY = "#1b6ca8", "#c8553d", "#3a7d44", "#9aa3ad"
 TARGET = 1e-6
 Curve = tuple[np.ndarray, np.ndarray, str, str]
@@ -73,7 +73,7 @@ def plot(path: Path, title: str, across: str, up: str, curves: list[Curve], *, e
 
 def targets() -> str:
     """Wanted and reached errors of some scenes."""
-    from mechviz.accuracy.reference import between_error
+    from true_errors import between_error
 
     lines = [
         "| scene | wanted | frames | reached, at random times between frames | estimated by the run |",

@@ -28,8 +28,7 @@ from mechcore.motion.motion import Motion
 from mechcore.motion.solve import compile_mechanism, default_times, solve_motion
 from mechcore.texts import Text
 from mechviz.accuracy.estimate import ErrorEstimate, check_finite, estimate_errors
-from mechviz.accuracy.fit import Fit, fit_frames, simulated
-from mechviz.accuracy.kept import kept_dials
+from mechviz.accuracy.fit import Fit, fit_frames, kept_dials, simulated
 from mechviz.quantities.catalogue import Catalogue
 from mechviz.quantities.numbers import Numbers, numbers_of
 from mechviz.scene.faults import in_scene_words

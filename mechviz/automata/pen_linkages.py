@@ -12,7 +12,7 @@ from typing import ClassVar
 import numpy as np
 
 from mechcore.arrays import Complex, Real
-from mechviz.automata.texts import place
+from mechviz.automata.pen_motion import place
 
 PIVOTS, SHEET = 0.35, 1.65
 

@@ -4,6 +4,8 @@ Each stroke is run through from rest to rest under a bounded acceleration; the p
 is put down. This motion over time is smoothed by a cubic B-spline (four averages over a time h in a row), so that its jerk is
 continuous and at most (2/3) |change of velocity| / h^2 at a corner. A corner of turn d that is passed at the speed v is cut by
 (7/15) v h sin(d/2); where the line would miss its stroke by more than is allowed the pen goes slower.
+
+It also stands as a bare program for three motors: tables over time of two crossed slides and of the pen's lift.
 """
 
 from __future__ import annotations
@@ -18,6 +20,8 @@ from scipy.ndimage import minimum_filter1d
 from mechcore.arrays import Complex, Real
 from mechcore.errors import Fault, MechanismError
 from mechcore.texts import as_length
+from mechviz.scene.folder import SceneFolder
+from mechviz.scene.scene import Scene, loads
 
 HALF = 2.0  # the smoothing reaches this many h to either side
 _SMOOTH = 0.3  # h over the time in which the pen comes to full speed
@@ -247,3 +251,87 @@ def _apart(points: Complex, line: Complex) -> Real:
         u = np.clip(np.real((points - a) * np.conj(stride)) / np.maximum(np.abs(stride) ** 2, 1e-300), 0.0, 1.0)
         best = np.minimum(best, np.abs(points - a - u * stride))
     return best
+
+
+def csv_table(header: str, length: float, values: Real) -> bytes:
+    """A CSV table of periodic values (N,) at even steps over a length; the last row is the first one again."""
+    places = length * np.arange(len(values) + 1) / len(values)
+    rows = (f"{a:.12g},{b:.7f}" for a, b in zip(places, np.append(values, values[0]), strict=True))
+    return (header + "\n" + "\n".join(rows) + "\n").encode()
+
+
+def quoted(words: str) -> str:
+    """A text of TOML."""
+    return '"' + words.replace("\\", "\\\\").replace('"', '\\"') + '"'
+
+
+def place(z: complex) -> str:
+    """A point in millimetres."""
+    return f"[{1e3 * z.real:.9g}, {1e3 * z.imag:.9g}]"
+
+
+_LIFT = 0.04  # of the pen, over the size of the drawing
+_GUIDE = 0.3  # how far below the drawing the guide is, over its size
+
+
+def plotter_scene(motion: PenMotion, period: float, *, title: str, name: str) -> Scene:
+    """Two slides that draw, driven over time by the tables ``name-x.csv`` and ``name-y.csv`` of its folder, and a third that lifts.
+
+    ``period`` [s]: of one turn of the motion.
+    """
+    low, high = motion.places.real.min() + 1j * motion.places.imag.min(), motion.places.real.max() + 1j * motion.places.imag.max()
+    size = max((high - low).real, (high - low).imag)
+    lift, below = _LIFT * size, low.imag - _GUIDE * size
+    axes = {"x": motion.places.real, "y": motion.places.imag}
+    files = {f"{name}-{axis}.csv": _table(values, period) for axis, values in axes.items()}
+    last = f"{{ duration = {period:.12g}, law = {{ position = {{ file = %s, periodic = true }} }} }}"
+    lines = [
+        f"title = {quoted(title)}",
+        'teaches = "A program of three axes in step: two slides lead the pen, a third one lifts it between strokes."',
+        'units = { length = "mm", angle = "deg" }',
+        "",
+        "[run]",
+        f"frames = {2 * len(motion.places)}",
+        "",
+        "[links]",
+        f"frame = {{ points = {{ O = {place(1j * below)}, L = {place(high.real + 0.3 * size + 1j * low.imag)} }} }}",
+        f"carriage = {{ points = {{ X = [0, 0], Q = {place(-1j * below)} }} }}",
+        "pen = { points = { P = [0, 0] } }",
+        "lifter = { points = { L = [0, 0] } }",
+        "",
+        "[pens.P]",
+        'point = "pen.P"',
+        'joint = "Z"',
+        f"at_most = {1e3 * DOWN * lift:.6g}",
+    ]
+    guides = {"X": ("frame", "carriage", "O", "X", "[1, 0]"), "Y": ("carriage", "pen", "Q", "P", "[0, 1]")}
+    for joint, (first, second, at, point, along) in guides.items():
+        lines += [
+            "",
+            f"[joints.{joint}]",
+            f'prismatic = ["{first}", "{second}"]',
+            f'at = ["{at}", "{point}"]',
+            f"along = {along}",
+            f"drive.start = {1e3 * axes[joint.lower()][0]:.9g}",
+            f"drive.segments = [{last % quoted(f'{name}-{joint.lower()}.csv')}]",
+        ]
+    steps = []
+    for over, to in motion.lifts:
+        goal = "" if to is None else f', to = {1e3 * lift * to:.6g}, law = "cycloidal"'
+        steps.append(f"    {{ duration = {over * period / (2.0 * math.pi):.12g}{goal} }},")
+    lines += [
+        "",
+        "[joints.Z]",
+        'prismatic = ["frame", "lifter"]',
+        'at = ["L", "L"]',
+        "along = [0, 1]",
+        "drive.start = 0",
+        "drive.segments = [",
+        *steps,
+        "]",
+    ]
+    return loads("\n".join(lines) + "\n", name, SceneFolder(contents=files))
+
+
+def _table(values: Real, period: float) -> bytes:
+    return csv_table("time [s],position [mm]", period, 1e3 * np.asarray(values))

@@ -25,8 +25,7 @@ from mechcore.laws.program import Segment, program
 from mechcore.laws.segment_laws import Dwell, NormalisedLaw
 from mechcore.texts import as_angle, as_length
 from mechviz.automata.pen_linkages import PIVOTS, PenLinkage, Rods
-from mechviz.automata.pen_motion import DOWN, PenMotion, plan_motion
-from mechviz.automata.texts import csv_table, place, quoted
+from mechviz.automata.pen_motion import DOWN, PenMotion, csv_table, place, plan_motion, quoted
 from mechviz.runs import run_scene
 from mechviz.scene.folder import SceneFolder
 from mechviz.scene.scene import Scene, loads

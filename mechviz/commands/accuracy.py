@@ -12,9 +12,9 @@ from typing import Annotated
 import typer
 
 from mechcore.accuracy import accuracy_for
-from mechviz.commands.common import check_targets, fail, interruptible
-from mechviz.commands.loading import SceneArg, SetOpt, clear_errors, load_scene
-from mechviz.commands.solving import QuickOpt
+from mechviz.commands.shared.loading import SceneArg, SetOpt, clear_errors, load_scene
+from mechviz.commands.shared.messages import check_targets, fail, interruptible
+from mechviz.commands.shared.solving import QuickOpt
 from mechviz.figures import check_ending, save_chart
 from mechviz.hard_cases import all_cases
 from mechviz.hard_cases.case import FAMILIES, as_data, summary, table

@@ -10,12 +10,12 @@ import numpy as np
 import typer
 
 from mechviz.automata.pen_linkages import Rods, Slides
-from mechviz.automata.plotter import plotter_scene
+from mechviz.automata.pen_motion import plotter_scene
 from mechviz.automata.strokes import in_order, on_sheet, svg_strokes, text_strokes
 from mechviz.automata.walking import walk_of, walking_scene
 from mechviz.automata.writer import design_writer
-from mechviz.commands.common import check_targets, fail, interruptible, say
-from mechviz.commands.loading import SceneArg, SetOpt, clear_errors, load_scene, quantity, quantity_of
+from mechviz.commands.shared.loading import SceneArg, SetOpt, clear_errors, load_scene, quantity, quantity_of
+from mechviz.commands.shared.messages import check_targets, fail, interruptible, say
 from mechviz.files import check_target, replacing
 from mechviz.progress import progress_bar
 from mechviz.scene.faults import did_you_mean

@@ -13,9 +13,9 @@ import numpy as np
 import typer
 
 from mechcore.arrays import Real
-from mechviz.commands.common import aligned, check_targets, fail, interruptible, say
-from mechviz.commands.loading import SceneArg, SetOpt, clear_errors, load_scene
-from mechviz.commands.solving import CyclesOpt, DaskOpt, DesignExecutorOpt, FramesOpt, JobsOpt, checked, solve, workers
+from mechviz.commands.shared.loading import SceneArg, SetOpt, clear_errors, load_scene
+from mechviz.commands.shared.messages import aligned, check_targets, fail, interruptible, say
+from mechviz.commands.shared.solving import CyclesOpt, DaskOpt, DesignExecutorOpt, FramesOpt, JobsOpt, checked, solve, workers
 from mechviz.figures import check_ending, save_chart
 from mechviz.files import OutputError, replacing
 from mechviz.progress import progress_bar

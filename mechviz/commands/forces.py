@@ -14,10 +14,19 @@ from mechcore.effects.plan import make_plan
 from mechcore.forces.powers import flywheel
 from mechcore.spec.mechanism import CamDrawn
 from mechcore.texts import Text
-from mechviz.commands.common import check_targets, fail, interruptible
-from mechviz.commands.loading import ReachableOpt, SceneArg, SetOpt, clear_errors, load_scene, quantity, quantity_of
-from mechviz.commands.solving import AccuracyOpt, CyclesOpt, ExecutorOpt, FramesOpt, KeepOpt, check_trust, solve, warn_of_accuracy
-from mechviz.quantities.moment import time_at
+from mechviz.commands.shared.loading import ReachableOpt, SceneArg, SetOpt, clear_errors, load_scene, quantity, quantity_of
+from mechviz.commands.shared.messages import check_targets, fail, interruptible
+from mechviz.commands.shared.solving import (
+    AccuracyOpt,
+    CyclesOpt,
+    ExecutorOpt,
+    FramesOpt,
+    KeepOpt,
+    check_trust,
+    solve,
+    warn_of_accuracy,
+)
+from mechviz.quantities.catalogue import time_at
 from mechviz.quantities.power_table import flywheel_lines, force_lines, power_csv, sized_lines, steady_lines
 from mechviz.runs import Run
 from mechviz.scene.convert import LARGEST

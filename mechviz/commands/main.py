@@ -20,7 +20,7 @@ import typer
 from typer.core import TyperGroup
 from typer.main import get_command
 
-from mechviz.commands.common import fail, no_output, orderly, unforeseen
+from mechviz.commands.shared.messages import fail, no_output, orderly, unforeseen
 from mechviz.files import LARGE
 from mechviz.scene.folder import TOPICS, gallery
 
@@ -51,9 +51,6 @@ COMMANDS = {
         "draw": "Turn an SVG drawing, or words, into a machine that draws it: three cams, levers, rods or slides, and a pen.",
         "walk": "Let a mechanism walk: its fixed link becomes the body, and the foot that is lowest stands still on the ground.",
     },
-    "tasks": {
-        "solve": "Solve an inverse task of a lecture, without a scene.",
-    },
     "designs": {
         "sweep": "Compute quantities of many designs: a grid, lists or samples of a scene's parameters, one row for each design.",
         "study": "Draw a study: the response to a parameter, contours, parallel coordinates or a scatter matrix.",
@@ -72,15 +69,14 @@ COMMANDS = {
     },
     "export": {
         "export": "Write results as tables, the links as solids, the profiles of cams as drawings.",
-    },
-    "share": {
         "share": "Write one HTML file that plays a mechanism in any browser, with plots and events, without a server or a network.",
         "shot": "Write a picture of a mechanism at a time, frame or drive angle, without a display.",
         "film": "Write a film of a mechanism over its run, GIF or MP4; needs Chromium, but no display.",
     },
-    "laws": {
+    "lectures": {
         "laws": "Print motion laws with their peak factors Cv, Ca, Cj and the steps of their derivatives; "
         "plot them over each other.",
+        "solve": "Solve an inverse task of a lecture, without a scene.",
     },
     "accuracy": {
         "hard": "Run the suite of hard cases: what happens there, what is expected, what is found; exit code 1 where one fails.",

@@ -9,9 +9,9 @@ from typing import Annotated
 import typer
 
 from mechcore.compiled.motion import Executor
-from mechviz.commands.common import check_targets, fail, interruptible, say
-from mechviz.commands.loading import ReachableOpt, SceneArg, SetOpt, clear_errors, load_scene
-from mechviz.commands.solving import AccuracyOpt, CyclesOpt, ExecutorOpt, FramesOpt, KeepOpt, check_trust, solve
+from mechviz.commands.shared.loading import ReachableOpt, SceneArg, SetOpt, clear_errors, load_scene
+from mechviz.commands.shared.messages import check_targets, fail, interruptible, say
+from mechviz.commands.shared.solving import AccuracyOpt, CyclesOpt, ExecutorOpt, FramesOpt, KeepOpt, check_trust, solve
 from mechviz.outputs.inspection import format_inspection
 from mechviz.outputs.inspection import inspect as inspect_recording
 from mechviz.outputs.rerun.reader import Recording

@@ -7,8 +7,8 @@ from typing import Annotated
 
 import typer
 
-from mechviz.commands.common import say
-from mechviz.commands.loading import ReachableOpt, SceneArg, SetOpt, clear_errors, load_scene
+from mechviz.commands.shared.loading import ReachableOpt, SceneArg, SetOpt, clear_errors, load_scene
+from mechviz.commands.shared.messages import say
 from mechviz.scene.scene import json_schema
 from mechviz.studies.report import check_lines
 

@@ -7,11 +7,11 @@ from typing import Annotated
 
 import typer
 
-from mechcore.constructions.contour_graph import contour_graph
+from mechcore.constructions.equations import contour_graph
 from mechcore.motion.solve import compile_mechanism
-from mechviz.commands.common import check_targets, fail, interruptible, say
-from mechviz.commands.loading import SceneArg, SetOpt, clear_errors, load_scene, quantity_of
-from mechviz.commands.solving import solve
+from mechviz.commands.shared.loading import SceneArg, SetOpt, clear_errors, load_scene, quantity_of
+from mechviz.commands.shared.messages import check_targets, fail, interruptible, say
+from mechviz.commands.shared.solving import solve
 from mechviz.outputs.rerun.writer import write_recording
 from mechviz.scene.scene import Scene, dump
 from mechviz.studies.balance import balance_scene, write_polar

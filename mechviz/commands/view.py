@@ -7,10 +7,10 @@ from typing import Annotated
 
 import typer
 
-from mechviz.commands.common import fail
-from mechviz.commands.loading import ReachableOpt, SetOpt, clear_errors, load_scene
 from mechviz.commands.recording import open_recording
-from mechviz.commands.solving import AccuracyOpt, CyclesOpt, ExecutorOpt, FramesOpt, solve, warn_of_accuracy, warn_of_doubts
+from mechviz.commands.shared.loading import ReachableOpt, SetOpt, clear_errors, load_scene
+from mechviz.commands.shared.messages import fail
+from mechviz.commands.shared.solving import AccuracyOpt, CyclesOpt, ExecutorOpt, FramesOpt, solve, warn_of_accuracy, warn_of_doubts
 from mechviz.outputs.rerun.reader import Recording
 from mechviz.outputs.viewer.app import serve, serve_while
 from mechviz.outputs.viewer.server import ViewerError

@@ -17,7 +17,7 @@ from mechcore.arrays import Real
 from mechcore.cams import Roller
 from mechcore.spec.mechanism import Mechanism, Vec2
 from mechviz.meshes.draft import Draft
-from mechviz.meshes.layers.stack import Levels, stack_pieces
+from mechviz.meshes.layers import Levels, stack_pieces
 from mechviz.meshes.model import Axle, Model, build_model
 from mechviz.meshes.outline import disc, polygons
 from mechviz.meshes.shapes import draft_pieces

@@ -17,7 +17,7 @@ from mechcore.spec.mechanism import Vec2
 from mechviz.meshes.draft import Draft, Neck, Piece
 from mechviz.meshes.extrude import Groove, Part, Prism, Profile, Shell, Turned, plate, revolve
 from mechviz.meshes.kinds.spatial_cams import turrets_reach
-from mechviz.meshes.layers.stack import Levels
+from mechviz.meshes.layers import Levels
 from mechviz.meshes.model import Axle, Model
 from mechviz.meshes.outline import (
     clean,

@@ -23,8 +23,7 @@ from mechviz.meshes.kinds.fittings import on_shafts
 from mechviz.meshes.kinds.rims import Loop
 from mechviz.meshes.kinds.spatial_cams import Spin, spatial_parts
 from mechviz.meshes.kinds.wheels_drawn import find_loop
-from mechviz.meshes.layers.stack import Levels, poses_of, stack_pieces
-from mechviz.meshes.layers.sweep import Sweeps
+from mechviz.meshes.layers import Levels, Sweeps, poses_of, stack_pieces
 from mechviz.meshes.model import Model, build_model, largest_circle
 from mechviz.meshes.parts import make_parts
 from mechviz.meshes.shading import Color, crisp, face_normals, link_colors

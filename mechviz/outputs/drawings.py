@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mechcore.arrays import Complex, Real, Single
-from mechcore.effects.gas import CylinderGas
+from mechcore.effects.machines import CylinderGas
 from mechcore.spec.clearance import made_joints
 from mechcore.spec.loads import GasPressure
 from mechviz.outputs.rerun.entities import Static, Stream, columns_of, entity, line_strips, packed

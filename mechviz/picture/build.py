@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mechcore.arrays import Real, Single
-from mechviz.accuracy.kept import PROFILE
+from mechviz.accuracy.fit import PROFILE
 from mechviz.meshes.solids import Solids, build_solids
 from mechviz.quantities.items import links_of
 

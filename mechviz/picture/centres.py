@@ -10,9 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mechcore.arrays import Complex, Real
-from mechcore.constructions.curvature import InflectionCircle, PathCurvature
-from mechcore.constructions.instant_centres import InstantCentre
-from mechcore.constructions.percussion import Percussion
+from mechcore.constructions.centres import InflectionCircle, InstantCentre, PathCurvature, Percussion
 from mechviz.picture.nodes import ArrowSet, Color, Lines, Node, Points
 from mechviz.picture.overlays import polode_pieces, space, within
 

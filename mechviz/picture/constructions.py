@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mechcore.arrays import Complex, Real
-from mechcore.constructions.contour_graph import ContourGraph, contour_graph
+from mechcore.constructions.equations import ContourGraph, contour_graph
 from mechcore.constructions.force_polygons import Funicular
 from mechcore.constructions.polygons import Edge, Polygon
 from mechcore.motion.structure import ROMAN

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mechcore.constructions.contour_graph import ContourGraph
+from mechcore.constructions.equations import ContourGraph
 from mechviz.figures import COLOURS, chart, save_chart
 from mechviz.picture.constructions import layout, loop_number
 

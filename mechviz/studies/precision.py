@@ -22,8 +22,7 @@ from mechcore.errors import MechanismError
 from mechcore.forces.kinetostatics import solve_forces
 from mechcore.motion.solve import default_times, solve_motion
 from mechviz.accuracy.estimate import estimate_errors, poses_apart
-from mechviz.accuracy.fit import achieved, duration, fit_frames, provider
-from mechviz.accuracy.kept import ORDERS, PROFILE, plane_cams, profile_away
+from mechviz.accuracy.fit import ORDERS, PROFILE, achieved, duration, fit_frames, plane_cams, profile_away, provider
 from mechviz.accuracy.quantities import quantities
 from mechviz.meshes.kinds.cam_profiles import profile_points
 from mechviz.picture.build import solids_of

@@ -9,9 +9,9 @@ import numpy as np
 
 from mechcore.branches.assembly import all_modes
 from mechcore.effects.plan import Plan
-from mechcore.forces.balance import solution_order
 from mechcore.forces.cam_events import cam_events
 from mechcore.forces.cam_rating import placed_cams
+from mechcore.forces.equilibrium import solution_order
 from mechcore.forces.friction.events import friction_events
 from mechcore.forces.kinetostatics import Forces, solve_forces
 from mechcore.forces.load_events import belt_events, belt_grip, idle_table, load_events

@@ -11,12 +11,19 @@ from dataclasses import field, replace
 import numpy as np
 
 from mechcore.arrays import Real
-from mechcore.constructions.curvature import InflectionCircle, PathCurvature, inflection_circle, path_curvature
+from mechcore.constructions.centres import (
+    InflectionCircle,
+    InstantCentre,
+    PathCurvature,
+    Percussion,
+    inflection_circle,
+    kennedy,
+    path_curvature,
+    percussion,
+)
 from mechcore.constructions.equivalents import Equivalent, equivalent
 from mechcore.constructions.force_polygons import Funicular, force_polygons, funicular
-from mechcore.constructions.instant_centres import InstantCentre, kennedy
 from mechcore.constructions.inversion import CamInversion, cam_inversions
-from mechcore.constructions.percussion import Percussion, percussion
 from mechcore.constructions.polygons import Centrodes, Polygon, acceleration_polygon, centrodes, velocity_polygon
 from mechcore.errors import Fault, MechanismError
 from mechcore.forces.kinetostatics import Forces, acting_on

@@ -18,7 +18,7 @@ from mechcore.arrays import Complex, Flags, Index, Real
 from mechcore.design.atlas import likely
 from mechcore.design.four_bars import TURN, FourBar, coupler_direction, grashof_cranks, in_order
 from mechcore.errors import Fault, MechanismError
-from mechcore.numerics.least_squares import fit_all
+from mechcore.numerics.newton import fit_all
 from mechcore.records import dataclass
 
 ALIKE_CURVES = 400  # of the atlas, of each side and sense of rotation, that are looked at

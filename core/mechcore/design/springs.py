@@ -11,7 +11,7 @@ import numpy as np
 
 from mechcore.arrays import Index, Real
 from mechcore.errors import Fault, MechanismError
-from mechcore.numerics.least_squares import fit_all
+from mechcore.numerics.newton import fit_all
 from mechcore.records import dataclass
 
 SAMPLES = 41  # angles at which the effort is compared

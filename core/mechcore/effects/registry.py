@@ -10,9 +10,8 @@ from collections.abc import Callable
 from typing import Any, NamedTuple
 
 from mechcore.effects.base import Configuration, Effect, KnownLoad, PointLoad, Wrench, known_load, sum_up
-from mechcore.effects.gas import CylinderGas
 from mechcore.effects.journal import JournalFriction, JournalPressure
-from mechcore.effects.machines import ConstantPowerMachine, DirectCurrent, Governed, Induction, PositionServo
+from mechcore.effects.machines import ConstantPowerMachine, CylinderGas, DirectCurrent, Governed, Induction, PositionServo
 from mechcore.effects.masses import Gravity, Inertia
 from mechcore.effects.prescribed import AppliedForce, AppliedTorque, ConstantThrust
 from mechcore.effects.resistance import BeltPull, DryFriction, MediumDrag, ViscousFriction

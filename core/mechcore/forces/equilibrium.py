@@ -1,23 +1,229 @@
-"""Equilibrium: what joints and relations transmit under loads on the links, from the last group inwards.
+"""Equilibrium: what balances where, as data, and what joints and relations transmit under loads on the links, from the last group
+inwards.
 
-The loops' closing joints are cut; the forces in the cuts follow block by block from the transposed columns of the kinematics
-(virtual work of each unknown); then every link of the remaining tree is in equilibrium with the links beyond it, and moments about
-the joints that fix an angle give couples and driving torques. Where constraints are redundant the shortest of all solutions is
-taken (`mechcore.motion.redundancy`). All of this is linear in the loads. `balance.balance_program` says what balances where.
+Forwards, `mechcore.kinematics.program` solves a block for its unknowns; backwards the virtual work of each of these unknowns gives
+the forces in the cuts of the loops' closing joints, block by block, from the transposed columns of the kinematics. Then every link
+of the remaining tree is in equilibrium with the links beyond it, and moments about the joints that fix an angle give couples and
+driving torques. Where constraints are redundant the shortest of all solutions is taken (`mechcore.motion.redundancy`). All of this
+is linear in the loads. The order, `balance_program`, does not depend on time; `solution_order` says both ways in words.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from typing import NamedTuple
 
 import numpy as np
 
-from mechcore.arrays import Plane, Values
-from mechcore.forces.balance import Arm, BalanceBlock, SubtreeStep, balance_program
+from mechcore.arrays import Complex, Plane, Values
 from mechcore.kinematics.columns import constraint_coefficient, transposed
+from mechcore.kinematics.model import Model
+from mechcore.kinematics.program import Block, Unknown, moved_by
 from mechcore.motion.motion import Motion
 from mechcore.motion.redundancy import least_norm
 from mechcore.numerics.frames import QUIET, added, crossed, nothing, summed
+from mechcore.topology.graph import FRAME, leaves_first
+
+
+class Arm(NamedTuple):
+    """Where a joint's force acts on a link: at a vector in the axes of a rotation class, and beyond it at what the joint has slid
+    there, if it carries the guide of a ``slide``: (link, joint, side)."""
+
+    rotation_class: int
+    vector: complex | Complex
+    slide: tuple[int, int, int] | None
+
+
+class SubtreeStep(NamedTuple):
+    """A step: the force on a link and all beyond it in the tree is handed to its parent.
+
+    The arms are those at which it acts on the link and on the parent; None where the moment is not asked for, or the force acts at
+    the link's origin.
+    """
+
+    link: int
+    parent: int
+    arm: Arm | None
+    parent_arm: Arm | None
+
+
+class Balance(NamedTuple):
+    """Balance at an unknown: the moments on the ``links`` of an angle, or the force on the subtree of a ``child`` (0: none)
+    along ``sign`` times its guide; and the forces in the cuts of later blocks in which it appears: ``loops``, each with the numbers
+    of the vectors that it moves, and ``relations``."""
+
+    unknown: Unknown
+    links: tuple[int, ...]
+    child: int
+    sign: float
+    loops: tuple[tuple[int, tuple[int, ...]], ...]
+    relations: tuple[int, ...]
+
+
+class BalanceBlock(NamedTuple):
+    """A step: the transposed columns of a block give the forces in its cuts."""
+
+    number: int
+    block: Block
+    balances: tuple[Balance, ...]
+
+
+class Cut(NamedTuple):
+    """The joint that closes a loop, and the moving links that the force in its cut acts on: (link, sign, arm)."""
+
+    joint: int
+    on: tuple[tuple[int, int, Arm | None], ...]
+
+
+class BalanceProgram(NamedTuple):
+    """All that joint forces follow from: steps in the order in which they are taken, and their tables."""
+
+    subtrees_of_cuts: tuple[SubtreeStep, ...]  # as far as the forces in the cuts need them
+    blocks: tuple[BalanceBlock, ...]  # from the last back to the first
+    cuts: tuple[Cut, ...]  # of every loop
+    subtrees: tuple[SubtreeStep, ...]  # as far as couples and drives need them
+    carriers: tuple[tuple[int, int, int], ...]  # joints of the tree, each with the link that it leads to and that link's side in it
+    leaves_first: tuple[tuple[int, int, int, bool], ...]  # see `graph.leaves_first`, of the joints that fix an angle
+
+
+def balance_program(model: Model) -> BalanceProgram:
+    """All balances of a model, in order; ask for them by `Model.once`."""
+    joint, parent, outwards = model.tree.joint, model.tree.parent, model.tree.order
+    sides = {k: 1 if model.ends[joint[k]][1] == k else 0 for k in outwards}  # of each link in the joint that leads to it
+    child = {joint[k]: k for k in outwards}
+    passed_on = leaves_first(model.ends, model.angles.edges)
+    passing = frozenset(k for _, *links, _ in passed_on for k in links if k)  # moments, through joints that fix an angle
+    grouped = frozenset(k for k, g in enumerate(model.angles.group) if g)  # their moments balance with the forces in the cuts
+
+    def balance(block: Block, unknown: Unknown) -> Balance:
+        what, i = unknown
+        moved = ((c, moved_by(loop, unknown, model.angles)) for c, loop in enumerate(model.loop_sums) if c not in block.loops)
+        loops = tuple((c, numbers) for c, numbers in moved if numbers)
+        relations = tuple(
+            r for r, constraint in enumerate(model.constraints) if r not in block.relations and unknown in constraint.unknowns
+        )
+        if what == "angle":
+            return Balance(unknown, model.angles.links_of[i], 0, 1.0, loops, relations)
+        k = child.get(i, 0)  # of a tree joint: the subtree of the child moves along the guide
+        back = k != 0 and model.ends[i][model.joints[i].guide] == k
+        return Balance(unknown, (), k, -1.0 if back else 1.0, loops, relations)
+
+    def cut(j: int) -> Cut:
+        sides = ((k, sign, side) for side, (k, sign) in enumerate(zip(model.ends[j], (-1, 1), strict=True)) if k)
+        return Cut(j, tuple((k, sign, _arm_of(model, passing, k, j, side)) for k, sign, side in sides))
+
+    def subtrees(wanted: frozenset[int], among: frozenset[int]) -> Iterator[SubtreeStep]:
+        """Over the links ``among``, the moments on the links ``wanted``."""
+        for k in outwards[::-1]:
+            if k in among:
+                p, side = parent[k], sides[k]
+                on = _arm_of(model, wanted, p, joint[k], 1 - side) if p else None
+                own = _arm_of(model, wanted, k, joint[k], side)
+                if (p and p in among) or own is not None or on is not None:
+                    yield SubtreeStep(k, p, own, on)
+
+    decisive = {child[j] for b in model.blocks for j in b.slides if j in child}
+    decisive |= {k for k in outwards if k in grouped or parent[k] in grouped}
+    for k in outwards:  # parents first: all beyond a link that is needed is needed too
+        if parent[k] in decisive:
+            decisive.add(k)
+    blocks = [BalanceBlock(i, b, tuple(balance(b, u) for u in b.unknowns)) for i, b in enumerate(model.blocks)]
+    return BalanceProgram(
+        subtrees_of_cuts=tuple(subtrees(grouped, frozenset(decisive))),
+        blocks=tuple(blocks[::-1]),
+        cuts=tuple(cut(loop.closing) for loop in model.loops),
+        subtrees=tuple(subtrees(passing, frozenset(outwards))),
+        carriers=tuple((joint[k], k, sides[k]) for k in outwards),
+        leaves_first=passed_on,
+    )
+
+
+def _arm_of(model: Model, wanted: frozenset[int], k: int, j: int, side: int) -> Arm | None:
+    """The arm of a joint's force on a link; None where it is zero, or the moment on the link is not ``wanted``."""
+    joint = model.joints[j]
+    at = joint.b if side else joint.a
+    slides = joint.slide is not None and joint.guide == side
+    still = isinstance(at, complex) and at == 0 and not slides
+    if still or k not in wanted:
+        return None
+    return Arm(model.angles.rotation_class[k], at * model.turn[k], (k, j, side) if slides else None)
+
+
+FORMS = {
+    "theta_theta": "a e1 + b e2 = c",
+    "theta_slide": "a e + s d = c",
+    "arm_slide": "(a + s d) e = c",
+    "slide_slide": "s1 d1 + s2 d2 = c",
+    "angle": "a e = c",
+    "slide": "s d = c",
+    "check": "nothing is left to solve: it only has to close",
+    "relation": "sum of coordinates",
+    "general": "Newton's method",
+}
+"""How each kind of `Block` is solved, e = exp(i angle)."""
+
+
+def solution_order(model: Model) -> list[str]:
+    """Lines of text: what the drives decide, what every block solves and how, what balances there on the way back to the drives.
+
+    Loops have the numbers that they have among the loop equations.
+    """
+    program, back = model.program, model.once(balance_program)
+    steps = [f"{_drives(model, turned.drives)} turn{'s' * (len(turned.drives) == 1)} {_turned(model, turned.rotation_class)}"
+             for turned in program.driven_rotations]  # fmt: skip
+    steps += [f"drive {model.joints[j].name} moves along its guide" for j, _ in program.driven_slides]
+    steps += [_solved(model, block) for block in program.blocks]
+    lines = ["order of solution, e = exp(i angle): forwards to positions, velocities and accelerations"]
+    lines += [f"  {n}. {words}" for n, words in enumerate(steps, 1)]
+    if model.needs_global_solve:
+        return [*lines, "joint forces: of all joints together"]
+    lines.append("back to joint forces, from the loads and inertia forces on the links")
+    steps = [_balanced(model, block, balances) for _, block, balances in back.blocks if block.kind != "check"]
+    steps.append("link by link towards the frame: equilibrium gives the forces in all other joints, couples and drives")
+    return lines + [f"  {n}. {words}" for n, words in enumerate(steps, 1)]
+
+
+def _drives(model: Model, drives: tuple[tuple[int, int], ...]) -> str:
+    names = [model.mechanism.drives[d].joint for d, _ in drives]
+    return f"drive{'s' * (len(names) > 1)} {' and '.join(names)}"
+
+
+def _turned(model: Model, rotation_class: int) -> str:
+    """The links of a rotation class, with what they turn against where that is not the frame."""
+    links = ", ".join(model.links[k] for k, s in enumerate(model.angles.rotation_class) if s == rotation_class)
+    group = model.angles.class_group[rotation_class]
+    others = [model.links[k] for k in model.angles.links_of[group] if model.angles.rotation_class[k] != rotation_class]
+    return links if group == model.angles.class_group[FRAME] else f"{links} against {', '.join(others)}"
+
+
+def _solved(model: Model, block: Block) -> str:
+    unknowns = ", ".join(_unknown(model, u) for u in block.unknowns)
+    return f"{block.name}: {FORMS[block.kind]}, {_equations(model, block)}{': ' * bool(unknowns)}{unknowns}"
+
+
+def _equations(model: Model, block: Block) -> str:
+    loops = [f"loop{'s' * (len(block.loops) > 1)} {', '.join(str(c + 1) for c in block.loops)}"] if block.loops else []
+    return " and ".join(loops + [f"{model.relations[r].kind} {model.relations[r].name}" for r in block.relations])
+
+
+def _unknown(model: Model, unknown: Unknown) -> str:
+    what, i = unknown
+    if what == "slide":
+        return f"displacement {model.joints[i].name}"
+    return f"angle of {', '.join(model.links[k] for k in model.angles.links_of[i])}"
+
+
+def _balanced(model: Model, block: Block, balances: tuple[Balance, ...]) -> str:
+    cuts = [model.joints[model.loops[c].closing].name for c in block.loops] + [model.relations[r].name for r in block.relations]
+    works = ", ".join(_work(model, b) for b in balances)
+    return f"{block.name}: {works}: force{'s' * (len(cuts) > 1)} in {', '.join(cuts)}"
+
+
+def _work(model: Model, balance: Balance) -> str:
+    what, i = balance.unknown
+    if what == "angle":
+        return f"moments on {', '.join(model.links[k] for k in balance.links)}"
+    return f"forces along {model.joints[i].name}"
 
 
 def transmit(

@@ -22,8 +22,7 @@ from mechcore.cams.spatial import InverseCam
 from mechcore.cams.synthesis import Cam, cam_on_base
 from mechcore.errors import MechanismError
 from mechcore.joints.base import Bearing, Builder, point_of
-from mechcore.joints.cam_guides import Terms, bed_of, fault_of, guide_in, levelled, place_on, relate, renamed
-from mechcore.joints.spatial_cam import place_spatial
+from mechcore.joints.spatial_cam import Terms, bed_of, fault_of, guide_in, levelled, place_on, place_spatial, relate, renamed
 from mechcore.laws.curve import MotionCurve
 from mechcore.spec.mechanism import CamJoint, Prismatic, Revolute
 from mechcore.texts import as_angle, as_coordinate, as_length

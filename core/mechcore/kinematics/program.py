@@ -3,7 +3,7 @@
 Plane vectors are complex numbers. Every set of links that turns together (a *rotation class*, see `graph.Angles`) has one rotation
 ``E = exp(i angle)``. Each vector of a mechanism, round a loop or to a point, is a `VectorSum` over rotation classes and sliding
 joints; its derivatives are the same sum over the derivatives of E and of s E. A program runs forwards for positions, velocities and
-accelerations; `mechcore.forces.balance` has the way back, from the last block to the drives.
+accelerations; `mechcore.forces.equilibrium` has the way back, from the last block to the drives.
 
 Everything is indices, numbers and kinds of steps, so that numpy is one executor among others: only the nonlinear term of a relation
 (the law of a cam) is a function.

@@ -23,7 +23,6 @@ from mechcore.laws.boundary_conditions import (
 from mechcore.laws.catalogue import RISES, acceleration_zones, harmonic_sum, rise, scca
 from mechcore.laws.curve import MotionCurve
 from mechcore.laws.factors import Extreme, Jump, PeakFactors, extremes, jumps, peak, peak_factors
-from mechcore.laws.optimal import Optimum, least_peak
 from mechcore.laws.program import Follow, Segment, over_time, program
 from mechcore.laws.segment_laws import (
     Dwell,
@@ -32,11 +31,13 @@ from mechcore.laws.segment_laws import (
     GivenVelocity,
     LeastPeak,
     NormalisedLaw,
+    Optimum,
     Polynomial,
     SegmentLaw,
     Spline,
     fourier_curve,
     joined_table,
+    least_peak,
 )
 from mechcore.laws.signals import Chirp, Ramp, Signal, SignalPosition, SignalSpeed, Sine, Step
 from mechcore.laws.timed import (

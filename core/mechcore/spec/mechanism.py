@@ -330,7 +330,7 @@ class CamJoint:
     groove with a knife or roller, a yoke with flat faces. ``pressure_limit`` [rad]: a larger pressure angle is an event;
     ``curvature_limit`` [m]: least radius of the convex profile. ``least``: sizes that follow. The "base" circle is the
     least that keeps to both, is not undercut and not smaller than the ``hub`` [m] (``base`` does not count then); for "offset" and
-    "roller", and for ``sized``, see `with_least_sizes` of `mechcore.forces.cam_sizes`.
+    "roller", and for ``sized``, see `with_least_sizes` of `mechcore.forces.cam_rating`.
     ``second``: point and radius of a second roller on a second cam of the same shaft, which pulls (a conjugate pair).
     ``undercut``: a profile that is too sharp for its follower is refused, or made as the cutter leaves it ("cut").
     """

@@ -11,8 +11,8 @@ from mechcore.arrays import Real
 from mechcore.design.burmester import Poses, burmester_curve
 from mechcore.design.freudenstein import FunctionTask, chebyshev_points, fitted_generator, generators, slider_generator
 from mechcore.design.paths import PathTask, path_designs
-from mechviz.commands.common import fail, interruptible
-from mechviz.commands.loading import SceneArg, SetOpt, clear_errors, load_scene
+from mechviz.commands.shared.loading import SceneArg, SetOpt, clear_errors, load_scene
+from mechviz.commands.shared.messages import fail, interruptible
 from mechviz.commands.synthesis.tasks import (
     MostOpt,
     OutputOpt,

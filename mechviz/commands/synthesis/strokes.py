@@ -11,8 +11,8 @@ from mechcore.design.dwells import dwell_linkages
 from mechcore.design.springs import LidTask, lid_springs
 from mechcore.design.strokes import best_crank_rocker, best_slider_crank, slider_crank, slotted_lever
 from mechcore.design.strokes import whitworth as quick_return
-from mechviz.commands.common import fail, interruptible, say
-from mechviz.commands.loading import clear_errors
+from mechviz.commands.shared.loading import clear_errors
+from mechviz.commands.shared.messages import fail, interruptible, say
 from mechviz.commands.synthesis.tasks import MostOpt, OutputOpt, PlotOpt, angle_of, check, give, length_of, quantity_in, written
 from mechviz.figures import save_chart
 from mechviz.studies.synthesis import figures

@@ -11,7 +11,7 @@ import numpy as np
 import typer
 
 from mechcore.arrays import Real
-from mechviz.commands.common import fail, interruptible, say
+from mechviz.commands.shared.messages import fail, interruptible, say
 from mechviz.figures import check_ending, save_chart
 from mechviz.files import check_target, read_regular
 from mechviz.scene.expressions import Amount, parse_expression

@@ -22,7 +22,7 @@ from mechviz.meshes.shading import PIN
 
 if TYPE_CHECKING:
     from mechcore.cams.placement.spatial import PlacedSpatial
-    from mechviz.meshes.layers.stack import Levels
+    from mechviz.meshes.layers import Levels
     from mechviz.meshes.model import Model
 
 _BORE = 48  # sides of bore and shaft

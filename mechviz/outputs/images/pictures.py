@@ -21,7 +21,7 @@ from mechviz.outputs.images.browser import Chromium
 from mechviz.outputs.page.pack import Progress, quiet
 from mechviz.outputs.page.page import make_page, pace_of
 from mechviz.outputs.presentation import Presentation
-from mechviz.quantities.moment import time_at
+from mechviz.quantities.catalogue import time_at
 
 VIEWS = ("3d", "front", "iso", "top", "left", "right", "back")
 GIF_RATE, VIDEO_RATE = 20, 30  # pictures a second; a GIF counts in hundredths of a second

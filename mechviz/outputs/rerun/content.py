@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mechcore.forces.powers import power_labels, power_table
-from mechviz.accuracy.kept import target_words
+from mechviz.accuracy.fit import target_words
 from mechviz.outputs.drawings import Diagram, diagram_shapes, diagram_streams, polygon_shapes, polygon_streams, polygon_views
 from mechviz.outputs.rerun.blueprint import BACKGROUND
 from mechviz.outputs.rerun.entities import Static, Stream, entity, link_streams, magnification, table_streams, view_statics

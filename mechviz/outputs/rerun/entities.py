@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechcore.arrays import Integers, Real, Single
-from mechviz.accuracy.kept import plain_stride
+from mechviz.accuracy.fit import plain_stride
 from mechviz.files import OutputError
 from mechviz.picture.proportions import about_z, in_space
 from mechviz.quantities.items import Table, joint_unit

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 from mechcore.dynamics.events import with_slot_ends
 from mechcore.errors import Fault, MechanismError
-from mechcore.forces.cam_sizes import with_least_sizes
+from mechcore.forces.cam_rating import with_least_sizes
 from mechcore.laws.timed import Free, Law, moves
 from mechcore.reduction.bodies import Body
 from mechcore.spec.clearance import with_clearances

@@ -10,7 +10,7 @@ from mechcore.design import paths
 from mechcore.design.four_bars import FourBar, Grashof, from_pins
 from mechcore.design.paths import PathProblem, PathTask, path_designs
 from mechcore.errors import MechanismError
-from mechcore.numerics.least_squares import fit_all
+from mechcore.numerics.newton import fit_all
 
 
 def task_of(name, **given):

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import mechviz
-from mechcore.forces.balance import balance_program, solution_order
+from mechcore.forces.equilibrium import balance_program, solution_order
 from mechcore.kinematics.program import NonlinearTerm
 from mechcore.motion.solve import compile_mechanism, default_times, solve_motion
 

@@ -6,9 +6,7 @@ import numpy as np
 import pytest
 
 import mechviz
-from mechcore.constructions.curvature import inflection_circle, path_curvature
-from mechcore.constructions.instant_centres import kennedy
-from mechcore.constructions.percussion import percussion
+from mechcore.constructions.centres import inflection_circle, kennedy, path_curvature, percussion
 from mechcore.errors import MechanismError
 from mechcore.motion.solve import compile_mechanism, default_times, solve_motion
 

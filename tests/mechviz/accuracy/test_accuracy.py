@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from true_errors import between_error, position_errors, reaction_error
 
 from mechcore.accuracy import DEFAULT, DIALS, Accuracy, accuracy_for
 from mechcore.dynamics.simulate import simulate
@@ -17,12 +18,9 @@ from mechcore.forces.kinetostatics import solve_forces
 from mechcore.motion.solve import compile_mechanism, default_times, solve_motion
 from mechcore.numerics.interpolation import between, differentiate
 from mechviz.accuracy import fit as fit_module
-from mechviz.accuracy import kept
 from mechviz.accuracy.estimate import integration_error, interpolation_error
-from mechviz.accuracy.fit import achieved, fit_frames, provider, stand_out
-from mechviz.accuracy.kept import target_words
+from mechviz.accuracy.fit import achieved, fit_frames, provider, stand_out, target_words
 from mechviz.accuracy.quantities import Passage, Quantity, passages_of, quantities, size_at
-from mechviz.accuracy.reference import between_error, position_errors, reaction_error
 from mechviz.hard_cases.dynamics import SQUEEZED
 from mechviz.runs import run_scene
 from mechviz.scene.faults import SceneError
@@ -305,7 +303,7 @@ def test_more_frames_resolve_a_bend_and_not_a_jump(extra, reached, jumps, monkey
 def test_a_motion_whose_rounding_grows_beyond_the_wanted_error_says_so(monkeypatch):
     run = run_scene(load("andrews-squeezer"), frames=100, accuracy=1e-6)
     assert target_words(run)[1].startswith("motion under forces: within")
-    monkeypatch.setattr(kept, "integration_error", lambda *_: np.array([3e-5]))
+    monkeypatch.setattr(fit_module, "integration_error", lambda *_: np.array([3e-5]))
     assert target_words(run)[1].startswith("warning: motion under forces: about 3.0e-05 is left")
     assert target_words(dataclasses.replace(run, again=None))[1].startswith("warning: motion under forces: no second run")
 

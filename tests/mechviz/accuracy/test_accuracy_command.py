@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from mechviz.accuracy.kept import PROFILE
+from mechviz.accuracy.fit import PROFILE
 from mechviz.commands.main import app
 from mechviz.figures import DOTS, chart_svg
 from mechviz.outputs.rerun.precision import write_rrd

@@ -12,9 +12,7 @@ from typer.testing import CliRunner
 
 from mechcore.accuracy import Accuracy, accuracy_for
 from mechviz.accuracy import fit as fit_module
-from mechviz.accuracy import kept
-from mechviz.accuracy.fit import provider
-from mechviz.accuracy.kept import FINEST, profile_away, target_words
+from mechviz.accuracy.fit import FINEST, profile_away, provider, target_words
 from mechviz.commands.main import app
 from mechviz.meshes.kinds import cam_profiles as profiles
 from mechviz.outputs.exports.tables import even_times, wide_table
@@ -118,7 +116,7 @@ def test_meshes_get_no_finer_than_can_be_seen_and_say_so():
 @pytest.mark.parametrize("target", [1e-3, 1e-2])
 def test_arrows_between_drawn_frames_are_within_the_target(target, tmp_path, monkeypatch):
     """Arrows of a recording with far more frames than needed, joined by straight lines, against its numbers at all frames."""
-    monkeypatch.setattr(kept, "PICTURES_A_CYCLE", 45)
+    monkeypatch.setattr(fit_module, "PICTURES_A_CYCLE", 45)
     run = run_scene(load("ten-link-forces"), frames=1440, accuracy=target)
     stride = run.kept.pictures
     assert stride > 1 and 1440 % stride == 0

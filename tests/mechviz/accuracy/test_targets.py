@@ -35,7 +35,7 @@ COMMANDS = {
 @pytest.mark.parametrize("fault", ["no folder", "a folder", "below a file"])
 def test_what_cannot_be_written_there_is_refused_before_anything_is_computed(tmp_path: Path, monkeypatch, command, fault):
     """The same words and the same exit code everywhere, whatever the command would write."""
-    monkeypatch.setattr("mechviz.commands.solving.run_scene", lambda *_, **__: pytest.fail("it was computed"))
+    monkeypatch.setattr("mechviz.commands.shared.solving.run_scene", lambda *_, **__: pytest.fail("it was computed"))
     monkeypatch.setattr("mechviz.commands.accuracy.ladder", lambda *_, **__: pytest.fail("it was measured"))
     (tmp_path / "file").write_text("kept")
     place = {"no folder": "nowhere/out", "a folder": "out", "below a file": "file/out"}[fault]
@@ -81,7 +81,7 @@ def test_a_page_that_is_interrupted_on_its_way_leaves_nothing(tmp_path: Path, mo
     def stopped(*_: object, **__: object) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("mechviz.commands.share.make_page", stopped)
+    monkeypatch.setattr("mechviz.commands.export.make_page", stopped)
     done = CliRunner().invoke(app, ["share", "crank-rocker", "-n", "12", "-o", str(tmp_path / "a.html")])
     assert (done.exit_code, done.stderr.strip()) == (130, "Interrupted: nothing was written.")
     assert not list(tmp_path.iterdir())

@@ -10,8 +10,7 @@ import pytest
 from mechcore.errors import MechanismError
 from mechcore.forces.cam_rating import placed_cams
 from mechviz.automata.pen_linkages import Slides
-from mechviz.automata.pen_motion import plan_motion
-from mechviz.automata.plotter import plotter_scene
+from mechviz.automata.pen_motion import plan_motion, plotter_scene
 from mechviz.automata.strokes import in_order, on_sheet, svg_strokes, text_strokes
 from mechviz.automata.writer import design_writer
 from mechviz.meshes.solids import build_solids

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from mechcore.constructions.contour_graph import contour_graph
+from mechcore.constructions.equations import contour_graph
 from mechcore.motion.solve import compile_mechanism
 from mechviz.commands.main import app
 from mechviz.outputs.rerun.reader import Recording

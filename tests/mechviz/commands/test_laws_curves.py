@@ -22,8 +22,8 @@ from mechcore.laws.boundary_conditions import (
 from mechcore.laws.catalogue import RISES, acceleration_zones, rise, scca
 from mechcore.laws.curve import MotionCurve
 from mechcore.laws.factors import jumps, peak, peak_factors
-from mechcore.laws.optimal import least_peak
 from mechcore.laws.program import Follow, Segment, program
+from mechcore.laws.segment_laws import least_peak
 from mechcore.laws.timed import ConstantSpeed, Oscillation
 
 REFERENCE = {
@@ -446,7 +446,7 @@ def test_the_command_prints_the_table_and_plots(tmp_path):
     from typer.testing import CliRunner
 
     from mechcore.laws.catalogue import rise
-    from mechviz.commands.laws import laws_figure
+    from mechviz.commands.lectures import laws_figure
     from mechviz.commands.main import app
 
     picture = tmp_path / "laws.svg"

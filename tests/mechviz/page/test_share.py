@@ -398,7 +398,7 @@ def run(*arguments: str):
 
 
 def test_share_writes_a_page_of_a_recording_without_computing_anything(tmp_path, monkeypatch):
-    monkeypatch.setattr("mechviz.commands.solving.run_scene", lambda *a, **k: pytest.fail("it was solved again"))
+    monkeypatch.setattr("mechviz.commands.shared.solving.run_scene", lambda *a, **k: pytest.fail("it was solved again"))
     path = tmp_path / "page.html"
     result = run("share", str(recorded().path), "-o", str(path), "--most", "100")
     assert result.exit_code == 0 and str(path) in result.output and "100 of 361 frames" in result.output

@@ -10,8 +10,8 @@ from shapely import affinity
 from shapely.geometry import Point, Polygon, box
 
 from mechcore.motion.solve import compile_mechanism, default_times, solve_motion
-from mechviz.meshes.layers.order import WEIGHTS, Costs, Post, greedy, improve, improve_many, natural_ranks, order_layers, packed
-from mechviz.meshes.layers.sweep import Sweeps
+from mechviz.meshes.layer_order import WEIGHTS, Costs, Post, greedy, improve, improve_many, natural_ranks, order_layers, packed
+from mechviz.meshes.layers import Sweeps
 from mechviz.meshes.solids import build_solids
 from mechviz.scene.scene import loads
 

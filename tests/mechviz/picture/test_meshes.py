@@ -16,7 +16,7 @@ from solid_checks import FRAMES, Poses, check_shapes, in_world, mechanism, meeti
 
 import mechviz
 from mechcore.spec.mechanism import Mechanism, Prismatic, Revolute, Screw
-from mechviz.meshes.layers.order import Post, order_layers
+from mechviz.meshes.layer_order import Post, order_layers
 from mechviz.meshes.solids import Solids, build_solids, stl_bytes
 from mechviz.scene.folder import gallery_names
 from recordings import ran, solids

@@ -11,7 +11,7 @@ from typing import Annotated
 import typer
 
 from mechcore.errors import MechanismError
-from mechviz.commands.common import fail, orderly, say
+from mechviz.commands.shared.messages import fail, orderly, say
 from mechviz.scene.assembly.simulation import swinging
 from mechviz.scene.faults import SceneError
 from mechviz.scene.kinds.segments import former_laws

@@ -14,8 +14,8 @@ import typer
 from mechcore.compiled.motion import Executor
 from mechcore.compiled.toolchain import required_compiler
 from mechviz.accuracy.estimate import doubts
-from mechviz.accuracy.kept import target_words
-from mechviz.commands.common import UNTRUSTED, fail, say
+from mechviz.accuracy.fit import target_words
+from mechviz.commands.shared.messages import UNTRUSTED, fail, say
 from mechviz.progress import progress_bar
 from mechviz.runs import Run, run_scene
 from mechviz.scene.scene import Scene
