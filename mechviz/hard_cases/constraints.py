@@ -9,7 +9,7 @@ import numpy as np
 
 from mechcore.constants import TURN
 from mechcore.laws.timed import ConstantSpeed
-from mechcore.motion.redundancy import indeterminate
+from mechcore.motion.at_once import indeterminate
 from mechcore.motion.solve import compile_mechanism, default_times, solve_motion
 from mechcore.spec.loads import Force
 from mechcore.spec.mechanism import Drive, Gear, Link, Mechanism, Prismatic, Revolute

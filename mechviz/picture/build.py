@@ -23,13 +23,12 @@ from mechviz.meshes.kinds.spatial_cams import spin_transforms
 from mechviz.picture.arrows import Arrows, arrows_of, key_of, owner_of
 from mechviz.picture.centres import centre_nodes
 from mechviz.picture.fixtures import bounds_with, find_fixtures, has_spindle, joined
-from mechviz.picture.ink import ink_nodes
 from mechviz.picture.nodes import Body, Lines, Mesh, Picture, Points, Poses
 from mechviz.picture.overlays import inversion_nodes, overlay_nodes, section_nodes
 from mechviz.picture.proportions import about_z, arc_height, arrow_height, in_space, path_height
 from mechviz.picture.springs import COLOR as COIL
 from mechviz.picture.springs import Coil, find_coils, find_strut_glyphs
-from mechviz.picture.surface_marks import find_surface_marks
+from mechviz.picture.surface_marks import find_surface_marks, ink_nodes
 from mechviz.quantities.vectors import point_name
 from mechviz.scene.convert import Converter
 from mechviz.scene.kinds.bodies import lumps_of

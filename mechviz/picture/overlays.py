@@ -12,7 +12,7 @@ from mechcore.arrays import Complex, Real, Single
 from mechcore.constructions.inversion import CamInversion
 from mechcore.forces.section_forces import SectionForces
 from mechcore.forces.section_lines import Cuts
-from mechcore.reduction.systems import KINDS
+from mechcore.reduction.reduced import KINDS
 from mechviz.picture.constructions import COLORS
 from mechviz.picture.nodes import ArrowSet, Color, Lines, Node, Points
 from mechviz.picture.proportions import in_space, looks

@@ -19,13 +19,12 @@ from mechcore.laws.curve import MotionCurve
 from mechcore.laws.factors import ORDER_NAMES, jumps
 from mechcore.laws.program import CLOCK, Follow
 from mechcore.laws.timed import ConstantSpeed, Free, Law, Piecewise
-from mechcore.motion.at_once import MOST, agreement
+from mechcore.motion.at_once import MOST, agreement, indeterminate
 from mechcore.motion.compiled import Compiled
 from mechcore.motion.events import overshoots, strokes
 from mechcore.motion.metrics import grashof
 from mechcore.motion.motion import Motion
 from mechcore.motion.reach import reachable_ranges
-from mechcore.motion.redundancy import indeterminate
 from mechcore.motion.solve import compile_mechanism, default_times, solve_motion
 from mechcore.motion.structure import groups, gruebler, loop_equations, loop_joints, rank_mobility, redundant_joints
 from mechcore.spec.clearance import journals_of, made_joints

@@ -19,7 +19,7 @@ from mechcore.forces.kinetostatics import Acting, Forces, acting_on
 from mechcore.joints.base import Relation
 from mechcore.kinematics.dyads import cross
 from mechcore.kinematics.model import Model
-from mechcore.motion.redundancy import RANK, equilibrium_matrix
+from mechcore.motion.at_once import INDEPENDENT, equilibrium_matrix
 from mechcore.motion.structure import Group, groups, loop_steps
 from mechcore.records import dataclass
 
@@ -134,14 +134,14 @@ class Equilibrium:
         if rows != columns:
             return False
         s = np.linalg.svd(self.matrix / np.abs(self.matrix).max(axis=2, keepdims=True), compute_uv=False)
-        return bool((s[:, -1] > RANK * s[:, 0]).any())
+        return bool((s[:, -1] > INDEPENDENT * s[:, 0]).any())
 
     def at_once(self) -> Real:
         """The unknowns (F, unknowns) by all equations together, without splitting into groups; the shortest of all solutions where
         statics does not decide."""
         scale = np.abs(self.matrix).max(axis=2, keepdims=True, initial=0.0)
         scale = np.where(scale > 0.0, scale, 1.0)
-        return np.asarray((np.linalg.pinv(self.matrix / scale, rcond=RANK) @ (-self.loads[..., None] / scale))[..., 0])
+        return np.asarray((np.linalg.pinv(self.matrix / scale, rcond=INDEPENDENT) @ (-self.loads[..., None] / scale))[..., 0])
 
     def groups(self, frame: int) -> tuple[GroupEquations, ...]:
         """The equations of every group at a frame, the last group first."""

@@ -23,7 +23,7 @@ from mechcore.kinematics.dyads import cross
 from mechcore.kinematics.model import Model
 from mechcore.motion.structure import groups
 from mechcore.records import dataclass
-from mechcore.reduction.systems import KINDS, reduce_to
+from mechcore.reduction.reduced import KINDS, reduce_to
 
 
 def force_polygons(forces: Forces) -> tuple[Polygon, ...]:

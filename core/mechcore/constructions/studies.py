@@ -32,9 +32,8 @@ from mechcore.motion.motion import Motion
 from mechcore.records import dataclass
 from mechcore.reduction.balancing import Counterweight, Shaking, counterweights, find_linkage, shaking, with_counterweights
 from mechcore.reduction.bodies import acceleration_field
-from mechcore.reduction.reduced import Reduced, reduce_mechanism
+from mechcore.reduction.reduced import Reduced, Resultant, reduce_mechanism, reduce_to, resultant
 from mechcore.reduction.substitute import PointMass, Substitution, static_replacement, substitute_masses
-from mechcore.reduction.systems import Resultant, reduce_to, resultant
 from mechcore.spec.studies import ShakingStudy, SubstituteStudy, SystemStudy
 
 

@@ -45,8 +45,8 @@ from mechcore.laws.timed import Free
 from mechcore.motion.motion import Motion
 from mechcore.numerics.frames import QUIET, lazy
 from mechcore.numerics.tape import Tape, Traced, Untraced, value_of
+from mechcore.records import Place, with_numbers
 from mechcore.spec.mechanism import Mechanism, braked
-from mechcore.spec.numbers import Place, with_numbers
 from mechcore.topology.graph import vector_loops
 
 T = TypeVar("T")

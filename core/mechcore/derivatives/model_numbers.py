@@ -21,9 +21,8 @@ from mechcore.laws.timed import Free
 from mechcore.motion.compiled import drive_values
 from mechcore.motion.motion import Motion
 from mechcore.motion.solve import compile_mechanism
-from mechcore.records import dataclass
+from mechcore.records import Place, dataclass, numbers_in
 from mechcore.spec.mechanism import Mechanism
-from mechcore.spec.numbers import Place, numbers_in
 
 Numbers = dict[Place, Any]  # of a compiled mechanism, by where they are
 ROUNDING = 2e-14  # relative: what a map of a few operations may be off

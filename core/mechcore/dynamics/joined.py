@@ -13,7 +13,7 @@ from mechcore.arrays import Index, Real
 from mechcore.dynamics.events import Stop
 from mechcore.dynamics.segments import STOP, stop_load
 from mechcore.effects.base import Wrench, power_of
-from mechcore.effects.journal import IN_PAIRS, RUBBING, rubbing_name
+from mechcore.effects.resistance import IN_PAIRS, RUBBING, rubbing_name
 from mechcore.forces.friction.solve import FrictionResult
 from mechcore.forces.kinetostatics import Forces, LoadResult
 from mechcore.kinematics.model import Model

@@ -10,11 +10,10 @@ from collections.abc import Callable
 from typing import Any, NamedTuple
 
 from mechcore.effects.base import Configuration, Effect, KnownLoad, PointLoad, Wrench, known_load, sum_up
-from mechcore.effects.journal import JournalFriction, JournalPressure
 from mechcore.effects.machines import ConstantPowerMachine, CylinderGas, DirectCurrent, Governed, Induction, PositionServo
 from mechcore.effects.masses import Gravity, Inertia
 from mechcore.effects.prescribed import AppliedForce, AppliedTorque, ConstantThrust
-from mechcore.effects.resistance import BeltPull, DryFriction, MediumDrag, ViscousFriction
+from mechcore.effects.resistance import BeltPull, DryFriction, JournalFriction, JournalPressure, MediumDrag, ViscousFriction
 from mechcore.effects.springs import AngleDamper, AngleSpring, BushingDampers, BushingSprings, LineDamper, LineGasSpring, LineSpring
 from mechcore.kinematics.model import Model
 from mechcore.numerics.frames import added, crossed, nothing

@@ -4,7 +4,7 @@ inwards.
 Forwards, `mechcore.kinematics.program` solves a block for its unknowns; backwards the virtual work of each of these unknowns gives
 the forces in the cuts of the loops' closing joints, block by block, from the transposed columns of the kinematics. Then every link
 of the remaining tree is in equilibrium with the links beyond it, and moments about the joints that fix an angle give couples and
-driving torques. Where constraints are redundant the shortest of all solutions is taken (`mechcore.motion.redundancy`). All of this
+driving torques. Where constraints are redundant the shortest of all solutions is taken (`mechcore.motion.at_once`). All of this
 is linear in the loads. The order, `balance_program`, does not depend on time; `solution_order` says both ways in words.
 """
 
@@ -19,8 +19,8 @@ from mechcore.arrays import Complex, Plane, Values
 from mechcore.kinematics.columns import constraint_coefficient, transposed
 from mechcore.kinematics.model import Model
 from mechcore.kinematics.program import Block, Unknown, moved_by
+from mechcore.motion.at_once import least_norm
 from mechcore.motion.motion import Motion
-from mechcore.motion.redundancy import least_norm
 from mechcore.numerics.frames import QUIET, added, crossed, nothing, summed
 from mechcore.topology.graph import FRAME, leaves_first
 

@@ -22,7 +22,7 @@ from mechcore.kinematics.model import Model
 from mechcore.kinematics.state import State, initial_state, wrapped_angle
 from mechcore.motion.compiled import Compiled, DriveValues, drive_values
 from mechcore.motion.motion import Motion
-from mechcore.spec.numbers import Place
+from mechcore.records import Place
 
 SOME = 200_000  # frames of all designs from which on a program that is kept from before pays for being written and loaded
 MANY = 3_000_000  # from which on compiling it pays: 0.3 s and half a millisecond a line, for 0.6 ns a line and frame

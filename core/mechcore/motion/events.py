@@ -12,9 +12,9 @@ import numpy as np
 from mechcore.arrays import Flags, Real
 from mechcore.constants import REST, SINGULAR
 from mechcore.laws.timed import Table, TableLaw, moves
+from mechcore.motion.at_once import indeterminate
 from mechcore.motion.metrics import curvature, peak, per_unit, transmission_angles, velocity_ratios, zeros
 from mechcore.motion.motion import Motion
-from mechcore.motion.redundancy import indeterminate
 from mechcore.numerics.interpolation import between
 from mechcore.records import dataclass
 from mechcore.spec.mechanism import Mechanism

@@ -25,11 +25,10 @@ from mechcore.kinematics.build import build_model
 from mechcore.kinematics.model import Model
 from mechcore.kinematics.program import Block
 from mechcore.laws.timed import ConstantSpeed
-from mechcore.motion.closure_errors import greatest_miss
 from mechcore.motion.compiled import Compiled, drive_values, follow, place
 from mechcore.motion.events import at_drive, runs
 from mechcore.motion.motion import Motion
-from mechcore.motion.reach import Escape, escapes, range_beside, reachable_ranges
+from mechcore.motion.reach import Escape, escapes, greatest_miss, range_beside, reachable_ranges
 from mechcore.motion.structure import gruebler, rank_mobility
 from mechcore.numerics.frames import keep_freed_memory
 from mechcore.spec.mechanism import Mechanism, PinSlot, Prismatic

@@ -19,8 +19,7 @@ from mechcore.laws.timed import ConstantSpeed
 from mechcore.motion.compiled import Compiled, DriveValues, drive_values
 from mechcore.motion.design_program import DesignProgram, design_program
 from mechcore.motion.motion import Motion
-from mechcore.records import dataclass
-from mechcore.spec.numbers import Place, with_numbers
+from mechcore.records import Place, dataclass, with_numbers
 from mechcore.topology.graph import vector_loops
 
 CHUNK_OF_C = 2**21  # numbers that a program fills in at once

@@ -23,8 +23,8 @@ class Clearance:
     """``radial`` clearance: radius of the bearing less that of the journal [m].
 
     In contact F = stiffness d (d / radial)^(exponent - 1) (1 + loss d'), d the indentation [m]; ``stiffness`` [N/m] is that of a
-    straight line through the indentation ``radial``; ``loss`` [s/m], see `mechcore.effects.journal.loss_factor`. ``radius`` of the
-    journal [m] and coefficient of ``friction`` between the surfaces. ``start``: journal's centre in the bearing [m].
+    straight line through the indentation ``radial``; ``loss`` [s/m], see `mechcore.effects.resistance.loss_factor`. ``radius`` of
+    the journal [m] and coefficient of ``friction`` between the surfaces. ``start``: journal's centre in the bearing [m].
     """
 
     radial: float

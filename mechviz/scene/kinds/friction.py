@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from pydantic import PlainValidator, WithJsonSchema
 
-from mechcore.effects.journal import loss_factor
+from mechcore.effects.resistance import loss_factor
 from mechcore.errors import Fault
 from mechcore.records import dataclass
 from mechcore.spec.clearance import Clearance

@@ -25,8 +25,8 @@ from mechcore.motion.design_program import DesignProgram
 from mechcore.motion.motion import Motion
 from mechcore.motion.solve import compile_mechanism, default_times
 from mechcore.motion.sweep import sweep
+from mechcore.records import numbers_in
 from mechcore.spec.mechanism import Link, braked
-from mechcore.spec.numbers import numbers_in
 from mechviz.quantities.catalogue import Catalogue, Quantity
 from mechviz.scene.annotations import Place
 from mechviz.scene.document import LinkDocument, value_at

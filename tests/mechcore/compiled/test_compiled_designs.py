@@ -20,8 +20,8 @@ from mechcore.motion.design_program import DesignProgram
 from mechcore.motion.motion import Motion
 from mechcore.motion.solve import compile_mechanism, default_times
 from mechcore.motion.sweep import Sweep, sweep
+from mechcore.records import numbers_in
 from mechcore.spec.mechanism import Mechanism
-from mechcore.spec.numbers import numbers_in
 from mechviz.scene.scene import load
 
 pytestmark = pytest.mark.skipif(compiler() is None, reason="no C compiler")

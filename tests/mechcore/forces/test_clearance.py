@@ -11,8 +11,8 @@ from scipy.special import gamma
 
 import mechviz
 from mechcore.dynamics.simulate import simulate
-from mechcore.effects import journal
-from mechcore.effects.journal import loss_factor
+from mechcore.effects import resistance
+from mechcore.effects.resistance import loss_factor
 from mechcore.errors import MechanismError
 from mechcore.forces.cam_rating import contact_force, placed_cams
 from mechcore.forces.kinetostatics import solve_forces
@@ -146,8 +146,8 @@ def test_what_has_no_clearance_costs_nothing(monkeypatch: pytest.MonkeyPatch):
     def never(*_: object) -> None:
         raise AssertionError("a mechanism without clearance asks for its journal")
 
-    monkeypatch.setattr(journal.JournalPressure, "__init__", never)
-    monkeypatch.setattr(journal.JournalFriction, "__init__", never)
+    monkeypatch.setattr(resistance.JournalPressure, "__init__", never)
+    monkeypatch.setattr(resistance.JournalFriction, "__init__", never)
     ideal = crank()
     assert with_clearances(ideal, {}) is ideal and as_drawn(ideal) is ideal and not journals_of(ideal)
     simulate(mechviz.load("swinging-double-pendulum").mechanism, 0.1, tolerance=1e-4)

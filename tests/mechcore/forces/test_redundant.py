@@ -11,7 +11,7 @@ from random_linkages import balance_of_links
 
 from mechcore.errors import MechanismError
 from mechcore.laws.timed import ConstantSpeed
-from mechcore.motion.redundancy import indeterminate
+from mechcore.motion.at_once import indeterminate
 from mechcore.motion.solve import compile_mechanism, solve_motion
 from mechcore.motion.structure import gruebler, rank_mobility
 from mechcore.spec.loads import Force

@@ -15,7 +15,7 @@ from mechcore.constructions.force_polygons import force_polygons, funicular
 from mechcore.constructions.polygons import acceleration_polygon, centrodes, layout, velocity_polygon
 from mechcore.forces.kinetostatics import solve_forces
 from mechcore.motion.solve import compile_mechanism, default_times, solve_motion
-from mechcore.reduction.systems import resultant
+from mechcore.reduction.reduced import resultant
 from mechcore.spec.loads import Force, Spring
 from recordings import gallery_scene
 

@@ -26,8 +26,8 @@ from mechcore.reduction.bodies import (
     single_resultant,
     solid,
 )
+from mechcore.reduction.reduced import reduce_to, resultant
 from mechcore.reduction.substitute import PointMass, static_replacement, substitute_masses
-from mechcore.reduction.systems import reduce_to, resultant
 
 FILE = "forces_reduction"
 coordinate = st.floats(-2.0, 2.0)

@@ -14,7 +14,7 @@ from mechviz.automata.pen_motion import plan_motion, plotter_scene
 from mechviz.automata.strokes import in_order, on_sheet, svg_strokes, text_strokes
 from mechviz.automata.writer import design_writer
 from mechviz.meshes.solids import build_solids
-from mechviz.picture.ink import drawn_strokes, growing
+from mechviz.picture.surface_marks import drawn_strokes, growing
 from mechviz.runs import run_scene
 
 ERROR = 2e-4

@@ -22,8 +22,8 @@ from mechcore.errors import Fault, MechanismError
 from mechcore.forces.equilibrium import transmit
 from mechcore.forces.friction.elements import Element, elements_of, two_sided
 from mechcore.forces.friction.normal_loads import NormalLoads, jacobian, several, solve_normal_loads, stability
+from mechcore.motion.at_once import indeterminate
 from mechcore.motion.motion import Motion
-from mechcore.motion.redundancy import indeterminate
 from mechcore.numerics.frames import rows_of
 from mechcore.records import dataclass
 from mechcore.spec.mechanism import Revolute, braked, friction_of

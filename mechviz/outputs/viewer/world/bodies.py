@@ -12,9 +12,9 @@ from mechviz.outputs.viewer.playback import PointTrack
 from mechviz.outputs.viewer.view_model import ViewModel
 from mechviz.outputs.viewer.viser_adapter import Posed
 from mechviz.outputs.viewer.world.solids import link_path
-from mechviz.picture.ink import INK, SHEET
 from mechviz.picture.nodes import Body, Lines, Mesh
 from mechviz.picture.proportions import LINKER
+from mechviz.picture.surface_marks import INK, SHEET
 from mechviz.quantities.vectors import FAMILIES
 
 GROUPS = ("springs", "roller", "belt")
