@@ -1,7 +1,8 @@
 """``dataclass`` as of the standard library, for classes of which a run uses few: its methods are written when first needed.
 
 The library writes and compiles the methods of a class where the class is defined, about half a millisecond each: for all kinds of
-joints, loads, cams and steps together a third of the time of a short command. Also the numbers in such records, by where they are, and records with other ones.
+joints, loads, cams and steps together a third of the time of a short command. Also the numbers in
+such records, by where they are, and records with other ones in their places.
 """
 
 from __future__ import annotations
