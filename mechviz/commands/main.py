@@ -20,7 +20,7 @@ import typer
 from typer.core import TyperGroup
 from typer.main import get_command
 
-from mechviz.commands.shared.messages import fail, no_output, orderly, unforeseen
+from mechviz.commands.shared.messages import Stdout, fail, no_output, orderly, unforeseen
 from mechviz.files import LARGE
 from mechviz.scene.folder import TOPICS, gallery
 
@@ -190,6 +190,10 @@ for listed in COMMANDS.values():
 
 def main() -> None:
     """The `mechviz` command, once the signals are looked after."""
+    if isinstance(sys.stdout, io.TextIOWrapper):
+        at_once = sys.stdout.line_buffering or sys.stdout.write_through
+        raw = Stdout(sys.stdout.fileno(), "w", closefd=False)
+        sys.stdout = io.TextIOWrapper(io.BufferedWriter(raw), sys.stdout.encoding, line_buffering=at_once)
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="backslashreplace")  # terminals of few letters: a name in them is no reason to stop

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import os
 import signal
 import sys
@@ -10,7 +11,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from importlib import import_module
 from pathlib import Path
-from typing import NoReturn
+from typing import Any, NoReturn
 
 import typer
 
@@ -99,12 +100,26 @@ def refuse(error: OSError) -> int:
     return 2
 
 
+class Stdout(io.FileIO):
+    """Standard output for which a reader that leaves (as `head` does) is no error: a command that prints before it writes its files
+    still writes them."""
+
+    def write(self, data: Any, /) -> int:
+        """How many bytes are gone."""
+        with suppress(BrokenPipeError):
+            return super().write(data)
+        _give_up(self.fileno())
+        return len(memoryview(data))
+
+
+def _give_up(output: int) -> None:
+    os.dup2(os.open(os.devnull, os.O_WRONLY), output)
+
+
 def no_output(error: OSError) -> int:
-    """Gives up on stdout, silently where its reader has left (as `head` does); gives the exit code."""
+    """Says that stdout cannot be written, and gives up on it; gives the exit code."""
     with suppress(OSError, ValueError):
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-    if isinstance(error, BrokenPipeError):
-        return 0
+        _give_up(sys.stdout.fileno())
     say(f"the output cannot be written: {(error.strerror or str(error)).lower()}.")
     return 1
 

@@ -152,6 +152,16 @@ def test_a_reader_that_leaves_is_no_error(arguments):
     assert (done.returncode, done.stderr) == (0, "")
 
 
+def test_files_are_written_though_the_reader_of_the_words_has_left(tmp_path):
+    read, write = os.pipe()
+    os.close(read)
+    words = [*COMMAND, "forces", "slider-crank-compressor", "--csv", "power.csv"]  # the words come before the file
+    at_once = {**ENVIRONMENT, "PYTHONUNBUFFERED": "1"}
+    done = subprocess.run(words, stdout=write, stderr=subprocess.PIPE, text=True, env=at_once, cwd=tmp_path, timeout=60)
+    os.close(write)
+    assert (done.returncode, done.stderr) == (0, "") and (tmp_path / "power.csv").stat().st_size > 500
+
+
 @pytest.mark.parametrize("arguments", [["check", "crank-rocker"], ["check", "Kurbel ü"], ["--help"]])
 def test_terminals_of_few_letters_get_all_that_they_can_show(arguments):
     done = subprocess.run(
