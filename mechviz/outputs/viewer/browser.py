@@ -151,6 +151,30 @@ def prepare_page(server: viser.ViserServer, title: str) -> None:
     run_script(server, source, "page")
 
 
+# The size of the picture as a control of the page: viser tells it in pixels of the screen, which letters do not count.
+SIZE = """
+{ const tell = () => {
+    const { clientWidth: wide, clientHeight: high } = window.__viserMutable.canvas, value = `${wide}x${high}`;
+    if (value === window.mechvizSize.told || !wide || !high) return;
+    window.mechvizSize.told = value;
+    window.__viserMutable.sendMessage({ type: "GuiUpdateMessage", uuid: UUID, updates: { value } });
+  };
+  const start = () => {
+    if (!(window.__viserMutable || {}).canvas) return setTimeout(start, 100);
+    if (window.mechvizSize) window.mechvizSize.disconnect();
+    let waiting = 0;
+    window.mechvizSize = new ResizeObserver(() => { clearTimeout(waiting); waiting = setTimeout(tell, 150); });
+    window.mechvizSize.observe(window.__viserMutable.canvas);
+  };
+  start(); }
+"""
+
+
+def tell_size(server: viser.ViserServer, uuid: str) -> None:
+    """Let every browser, now and later, give the size of its picture [px] to a text control, as ``600x500``."""
+    run_script(server, SIZE.replace("UUID", json.dumps(uuid)), "size")
+
+
 # viser's tabs can be dragged: they open when a pointer has gone down and up on them, not on a mere click.
 OPEN_TAB = """
 for (const tab of document.querySelectorAll("[role=tab]")) {

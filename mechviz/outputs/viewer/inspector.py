@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import threading
 import time
 from collections.abc import Callable, Mapping
@@ -12,7 +13,7 @@ from typing import Any
 import viser
 
 from mechviz.outputs.viewer import words
-from mechviz.outputs.viewer.browser import lay_out, open_tab
+from mechviz.outputs.viewer.browser import lay_out, open_tab, tell_size
 from mechviz.outputs.viewer.panels.accuracy import AccuracyTab
 from mechviz.outputs.viewer.panels.controls import Controls
 from mechviz.outputs.viewer.panels.designs import Optimiser, StudyChart
@@ -122,6 +123,10 @@ class Inspector:
                 gui.add_html(show.notes)
         with view, gui.add_folder("Legend"):
             self._legend = gui.add_html("")
+        with view:
+            self.screen = gui.add_text("Size of the picture", "", visible=False)
+        self.screen.on_update(callback("Fitting the drawings", self._fit))
+        tell_size(server, uuid_of(self.screen))
         right = gui.add_panel()
         self.plots = Plots(server, right.add_tab("Plots", viser.Icon.CHART_LINE), show, callback)
         self.detail = DetailPanel(server, right.add_tab(CLOSER, viser.Icon.ZOOM_IN), show, drawn, self._picked)
@@ -347,6 +352,14 @@ class Inspector:
                 if ghost.on is not (name in chosen):
                     ghost.switch(name in chosen)
             self.plots.compare(chosen)
+
+    def _fit(self, event: Any) -> None:
+        """A browser has told the size of its picture [px]."""
+        if event.client_id is not None and re.fullmatch(r"[1-9]\d{1,4}x[1-9]\d{1,4}", self.screen.value):
+            width, height = map(int, self.screen.value.split("x"))
+            with self._lock, self._server.atomic():
+                self.scene.fit(event.client_id, (width, height))
+            self._player.refresh()
 
     def _handles(self, on: bool) -> None:
         assert self.pivots is not None

@@ -216,6 +216,26 @@ def test_every_construction_is_drawn_beside_or_on_the_mechanism_and_has_a_switch
         assert nodes[0].visible
 
 
+@pytest.mark.parametrize("screen", [(422, 562), (602, 616), (930, 920), (390, 388), (764, 294)])
+def test_headings_of_drawings_have_room_in_every_window(constructed, screen):
+    """Letters are as large in every window: no title, scale or legend over another one, and none beyond the picture."""
+    with Viewer(constructed, port=0) as viewer:
+        viewer.scene.fit(0, screen)
+        drawn = [n for c in viewer.scene.plans.constructions.values() for n in c.nodes if isinstance(n, viser.LabelHandle)]
+        heads = [node for node in drawn if node.name.split("/")[-1].startswith(("caption", "scale", "legend"))]
+        assert len(heads) >= 9 and (min(screen) < 400) != any("legend" in node.name for node in heads)
+        view = fit_view(viewer.scene.bounds, screen[0] / screen[1], core=viewer.scene.bounds)
+        per_pixel = view.height / screen[1]
+        wide = np.array([6.4 * node.font_screen_scale * len(node.text) for node in heads])
+        anchors = np.array([0.5 * w if node.anchor == "center-left" else 0.0 for node, w in zip(heads, wide, strict=True)])
+        x, y = (np.array([node.position[k] - view.look_at[k] for node in heads]) / per_pixel for k in (0, 1))
+        x += anchors
+        assert (np.abs(x) + 0.5 * wide < 0.5 * screen[0] + 20.0).all() and (np.abs(y) + 6.0 < 0.5 * screen[1]).all()
+        apart = np.abs(x[:, None] - x) - 0.5 * (wide[:, None] + wide), np.abs(y[:, None] - y) - 14.0
+        over = np.argwhere((np.maximum(*apart) <= 0.0) & ~np.eye(len(heads), dtype=bool))
+        assert not len(over), [(heads[j].text, heads[k].text) for j, k in over]
+
+
 def test_of_section_forces_the_bending_moments_are_shown_at_first():
     run = run_scene(scene.load("connecting-rod-bending"), frames=24)
     with Viewer(run, port=0) as viewer:

@@ -654,6 +654,9 @@ def test_a_plot_of_many_frames_is_drawn_point_by_point(viewer, page):
     assert len(Curves(np.arange(20_000.0), many).at(7)[0]) < 4.0 * wide
 
 
+EXTENT = "() => { const c = window.__viserMutable.canvas; return [c.clientWidth, c.clientHeight]; }"
+
+
 def _first_chart(viewer: Viewer) -> str:
     return uuid_of(viewer.plots.slots[0].chart)
 
@@ -665,6 +668,7 @@ def test_plans_stand_beside_the_mechanism_and_switches_hide_them_paths_and_point
         opened = open_viewer(browser, shown, SIZE, [link_path("crank")])
         try:
             opened.wait_for_function(SEEN, arg="/drawings/velocity")
+            until(opened, lambda: list(shown.scene.plans.screen) == opened.evaluate(EXTENT), "the size of the picture told")
             open_tab(opened, "View")
             opened.get_by_text("Velocity plan", exact=True).first.wait_for()
             opened.get_by_label("Velocity plan", exact=True).uncheck()

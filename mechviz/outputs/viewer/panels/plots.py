@@ -99,6 +99,7 @@ HEIGHT = 164  # [px]
 NOTHING, REMOVE = "nothing else", "Remove"
 LAST = 1e9  # the order of what stands below all plots
 LONGEST_NAME = 60  # of a file
+LONGEST_TITLE = 21  # letters along the vertical axis
 COLORS = ("#2563c9", "#d97706", "#0f8a5f", "#7c3aed", "#64748b", "#0e7490", "#a16207")  # and again
 # Their names and values on a dark page
 ON_DARK = ("#7fb0ff", "#f0a545", "#4fc79a", "#b79bff", "#a8b3c4", "#5cc8de", "#d8b04a")
@@ -403,8 +404,11 @@ class Slot:
         horizontal: Any = uplot.Axis(label=axis.title, size=34, labelGap=-2, **fonts)
         if axis.unit == "°":
             horizontal["incrs"] = ANGLE_STEPS
-        unit = "degrees" if quantity.unit == "°" else quantity.unit
-        vertical: Any = uplot.Axis(label=unit, size=52, space=24, **fonts)
+        names = {part.name for part in quantity.parts}
+        title = f"{names.pop()} [{quantity.unit}]" if len(names) == 1 else ""
+        vertical: Any = uplot.Axis(
+            label=title if 0 < len(title) <= LONGEST_TITLE else f"[{quantity.unit}]", size=52, space=24, **fonts
+        )
         before = self.chart
         with self._tab:
             self.chart = self._gui.add_uplot(

@@ -183,8 +183,9 @@ class FittedCameras:
         client.camera.on_update(update)
 
     def follow_bounds(self, bounds: Real, core: Real) -> None:
-        """The mechanism has another extent: fit the views that nobody moved."""
+        """The mechanism has another extent: fit the views that nobody moved, and let new browsers begin with it."""
         self._bounds, self._core = bounds, core
+        set_first_view(self._server, bounds, core)
         for client in self._server.get_clients().values():
             self._fit(client, client.camera)
 
@@ -286,7 +287,7 @@ class Stage:
     def face(self, client: viser.ClientHandle, *, ground: bool) -> None:
         """Put the grid of a browser below the mechanism, as its ground, or behind it."""
         section = 5.0 * self.cell
-        extent = np.ceil(3.0 * self._size / section) * section
+        extent = np.ceil(5.0 * self._size / section) * section
         # Whole sections, so that the lines stand at round coordinates
         x, y, z = np.round(self._bounds.mean(axis=0) / section) * section
         place = (x, self._bounds[0, 1] - 0.002 * self._size, z) if ground else (x, y, self._bounds[0, 2] - 0.02 * self._size)

@@ -31,10 +31,13 @@ Color = tuple[int, int, int]
 BARB = 0.035  # length of the lines of an arrow's head, in sizes of the mechanism; of short arrows a third of their length
 BARB_ANGLE = 0.36  # [rad]
 GAP = 0.22  # between the mechanism and what stands beside it, in its sizes
-CAPTION = 0.15  # room for a caption and a legend above a drawing, in sizes of the mechanism
-SWATCH = 0.05  # length of a line of the legend, in sizes of the mechanism
+LINE = 17.0  # [px] height of a line of the heading above a drawing
+LINES = 4  # of a heading: what is drawn, its scale, a legend in up to two rows
+SWATCH = 10.0  # [px] length of a line of the legend
+ROUNDS = 3  # in which the room of headings and the scale of the picture, each of which follows from the other, are found
 LEAST_LABEL = 0.035  # a side shorter than this, in sizes of the mechanism, has no label: it would hide its neighbours
-SCREEN = np.array([700.0, 560.0])  # [px] part of an ordinary window that the view takes
+LEAST_SCREEN = 400  # [px] in a picture less wide or high than this there is no room for legends
+SCREEN = (560, 520)  # [px] part of a window that the view takes, until a browser has told its own
 NEAR = 0.045  # a point this near to another one, in sizes of the mechanism, leaves the label to that one
 
 
@@ -85,13 +88,14 @@ def arrow_lines(start: Complex, vector: Complex, heads: Flags, barb: float) -> C
     return np.concatenate([np.stack([start, end], axis=1), *sides])
 
 
-def placed(mechanism: Real, boxes: Sequence[Real], gap: float, caption: float) -> list[complex]:
-    """Shifts that put boxes (2, 2) [m] beside and below that of the mechanism, in rows, none over another."""
+def placed(mechanism: Real, boxes: Sequence[Real], gap: float, caption: float, aspect: float = 1.0) -> list[complex]:
+    """Shifts that put boxes (2, 2) [m] beside and below that of the mechanism, in rows, none over another; as large as can be in a
+    picture of width over height ``aspect``."""
     sizes = [mechanism[1] - mechanism[0], *(b[1] - b[0] for b in boxes)]
     widths, heights = [float(s[0]) + gap for s in sizes], [float(s[1]) + gap + caption for s in sizes]
     shifts: list[complex] = []
     y = float(mechanism[1, 1])
-    for row in rows_of(widths, heights):
+    for row in rows_of([width / aspect for width in widths], heights):
         x = float(mechanism[0, 0])
         for i in row:
             if i:
@@ -100,6 +104,15 @@ def placed(mechanism: Real, boxes: Sequence[Real], gap: float, caption: float) -
             x += widths[i]
         y -= max(heights[i] for i in row)
     return shifts
+
+
+def _room(drawing: Drawing, per_pixel: float) -> Real:
+    """The box (2, 2) [m] of a drawing, at least as wide as its title."""
+    (title,) = half_sizes([drawing.title.split(":")[0]], per_pixel)
+    middle = drawing.bounds[:, 0].mean()
+    return np.array(
+        [np.minimum(drawing.bounds[0], [middle - title[0], np.inf]), np.maximum(drawing.bounds[1], [middle + title[0], -np.inf])]
+    )
 
 
 def _apart(z: Complex, least: float) -> Complex:
@@ -130,8 +143,17 @@ class PlanNodes:
         self._dark = False
         self._lines_painted: list[tuple[viser.LineSegmentsHandle, Sequence[Color], bool]] = []
         self._balls_painted: list[tuple[viser.IcosphereHandle, Color]] = []
+        self.screen, self._per_pixel = SCREEN, 1.0
         self.constructions: dict[str, Construction] = {}
         self.update(show)
+
+    def fit(self, screen: tuple[int, int]) -> bool:
+        """Lay the drawings out anew for a picture of this width and height [px]; whether there are any, and they moved."""
+        moved = bool(self.places) and self.screen != screen
+        self.screen = screen
+        if moved:
+            self.update(self._show)
+        return moved
 
     def update(self, show: ViewModel) -> None:
         """Draw the constructions of ``show`` instead of those so far; of a recording as it holds them."""
@@ -148,15 +170,7 @@ class PlanNodes:
         self._size = show.size
         self._z = show.z_top + 0.03 * show.size
         drawings = show.drawings()
-        box = show.bounds[:, :2]
-        shifts = placed(box, [d.bounds for d in drawings.values()], GAP * self._size, CAPTION * self._size)
-        self.places = dict(zip(drawings, shifts, strict=True))
-        if drawings:
-            corners = [
-                d.bounds + np.array([z.real, z.imag]) for (d, z) in zip(drawings.values(), self.places.values(), strict=True)
-            ]
-            high = np.max([c[1] for c in corners], axis=0) + np.array([0.0, CAPTION * self._size])
-            self.bounds = np.array([np.min([c[0] for c in corners], axis=0), high])
+        self._lay_out(drawings)
         for name, drawing in drawings.items():
             self._add(drawing.title.split(":")[0], self._drawing(name, drawing, self.places[name]))
         for words, groups in OVERLAYS.items():
@@ -197,6 +211,27 @@ class PlanNodes:
                 construction.show(frame)
 
     # -- inside -------------------------------------------------------------------------------------------------------
+    def _lay_out(self, drawings: Mapping[str, Drawing]) -> None:
+        """Places beside the mechanism, with room for headings, whose letters are as large in every window."""
+        box = self._show.bounds[:, :2]
+        per_pixel = float(np.max(np.ptp(box, axis=0) / self.screen))
+        for _ in range(ROUNDS if drawings else 0):
+            heading = (LINES if self._large else 2) * LINE * per_pixel
+            aspect = self.screen[0] / self.screen[1]
+            rooms = [_room(d, per_pixel) for d in drawings.values()]
+            shifts = placed(box, rooms, GAP * self._size, heading, aspect)
+            boxes = [room + np.array([z.real, z.imag]) for room, z in zip(rooms, shifts, strict=True)]
+            low = np.min([b[0] for b in boxes], axis=0)
+            self.bounds = np.array([low, np.max([b[1] for b in boxes], axis=0) + np.array([0.0, heading])])
+            self.places = dict(zip(drawings, shifts, strict=True))
+            whole = np.maximum(self.bounds[1], box[1]) - np.minimum(low, box[0])
+            per_pixel = float(np.max(whole / self.screen))
+        self._per_pixel = per_pixel
+
+    @property
+    def _large(self) -> bool:
+        return min(self.screen) >= LEAST_SCREEN
+
     def _add(self, name: str, construction: Construction) -> None:
         self.constructions[name] = construction
         if not self._on.setdefault(name, True):
@@ -227,12 +262,6 @@ class PlanNodes:
     def _label(self, path: str, text: str, large: float = 0.85, anchor: str = "center-center") -> viser.LabelHandle:
         return self._server.scene.add_label(path, typeset(text), anchor=anchor, font_screen_scale=large)
 
-    def _per_pixel(self) -> float:
-        """Metres in a pixel of the screen, about, in the view from the front that shows everything."""
-        boxes = [self._show.bounds[:, :2]] + ([] if self.bounds is None else [self.bounds])
-        low, high = np.min([b[0] for b in boxes], axis=0), np.max([b[1] for b in boxes], axis=0)
-        return float(np.max((high - low) / SCREEN))
-
     def _drawing(self, name: str, drawing: Drawing, at: complex) -> Construction:
         """Arrows with labels at their middles, points with names, and a caption with the scale."""
         strokes, marks, size = drawing.strokes, drawing.marks, self._size
@@ -250,20 +279,12 @@ class PlanNodes:
         words = [self._label(f"{path}/side {k}", i.label) for k, i in enumerate(strokes) if i.label]
         named = [k for k, i in enumerate(strokes) if i.label]
         points = [self._label(f"{path}/point {k}", m.label) for k, m in enumerate(marks)]
-        per_pixel = self._per_pixel()
+        per_pixel = self._per_pixel
         texts = [strokes[k].label for k in named], [m.label for m in marks]
-        stand = LabelPlaces(half_sizes(texts[0], per_pixel), half_sizes(texts[1], per_pixel), 3.0 * per_pixel)
+        heading, taken = self._heading(path, drawing, at)
+        stand = LabelPlaces(half_sizes(texts[0], per_pixel), half_sizes(texts[1], per_pixel), 3.0 * per_pixel, taken)
         spots = np.array([m.at for m in marks], complex).reshape(len(marks), frames) + at
-        low, high = drawing.bounds + np.array([at.real, at.imag])
-        quantity = drawing.title.split(":")[0]
-        caption = self._label(
-            f"{path}/caption",
-            f"{quantity}. {scale(drawing.unit.replace('^2', '²'), drawing.per_metre, size)}" if drawing.per_metre else quantity,
-            1.0,
-            "bottom-center",
-        )
-        caption.position = (0.5 * (low[0] + high[0]), high[1] + 0.65 * CAPTION * size, self._z)
-        nodes += [*words, *points, caption, *self._legend(path, drawing, complex(0.5 * (low[0] + high[0]), high[1]))]
+        nodes += [*words, *points, *heading]
         for k, (color, tips) in enumerate(drawing.curves):
             z = tips[np.isfinite(tips)] + at
             if len(z) > 1:
@@ -281,21 +302,49 @@ class PlanNodes:
 
         return Construction(tuple(nodes), show)
 
-    def _legend(self, path: str, drawing: Drawing, at: complex) -> list[viser.LineSegmentsHandle | viser.LabelHandle]:
-        """Meanings of the colours of a drawing, in a row about a place."""
-        if not drawing.legend:
-            return []
-        words, colors = zip(*drawing.legend, strict=True)
-        wide = 2.0 * half_sizes(list(words), self._per_pixel())[:, 0] + 2.0 * SWATCH * self._size
-        starts = at.real - 0.5 * wide.sum() + np.cumsum(wide) - wide
-        height, swatch = at.imag + 0.35 * CAPTION * self._size, SWATCH * self._size
-        ends = np.stack([starts, starts + swatch], axis=1) + 1j * height
-        nodes: list[viser.LineSegmentsHandle | viser.LabelHandle] = [self._lines(f"{path}/legend", self._space(ends), colors, 3.0)]
-        for word, x in zip(words, starts, strict=True):
-            label = self._label(f"{path}/legend {word}", word, 0.8, "center-left")
-            label.position = (x + 1.2 * swatch, height, self._z)
+    def _heading(
+        self, path: str, drawing: Drawing, at: complex
+    ) -> tuple[list[viser.LineSegmentsHandle | viser.LabelHandle], list[tuple[complex, Real]]]:
+        """What is drawn, its scale and the meanings of its colours, in lines above a drawing; and where they stand: middles and
+        half sizes."""
+        low, high = drawing.bounds + np.array([at.real, at.imag])
+        per_pixel = self._per_pixel
+        middle, line, swatch = 0.5 * (low[0] + high[0]), LINE * per_pixel, SWATCH * per_pixel
+
+        def wide(words: Sequence[str], room: float = 0.0) -> float:
+            return float(np.sum(2.0 * half_sizes(list(words), per_pixel)[:, 0] + room))
+
+        legend = drawing.legend if self._large else []
+        rows: list[list[tuple[str, Color]]] = [[]]
+        most = max(high[0] - low[0] + GAP * self._size, 0.55 * wide([words for words, _ in legend], 2.0 * swatch))
+        for entry in legend:
+            if rows[-1] and wide([words for words, _ in (*rows[-1], entry)], 2.0 * swatch) > most:
+                rows.append([])
+            rows[-1].append(entry)
+        nodes: list[viser.LineSegmentsHandle | viser.LabelHandle] = []
+        taken, height = [], high[1] + 0.5 * line
+        ends, colors = [], []
+        for row in reversed([row for row in rows if row]):
+            x = middle - 0.5 * wide([words for words, _ in row], 2.0 * swatch)
+            for words, color in row:
+                ends.append([complex(x, height), complex(x + swatch, height)])
+                colors.append(color)
+                label = self._label(f"{path}/legend {words}", words, 0.8, "center-left")
+                label.position = (x + 1.3 * swatch, height, self._z)
+                nodes.append(label)
+                x += wide([words], 2.0 * swatch)
+            taken.append((complex(middle, height), np.array([x - middle, 0.5 * line])))
+            height += line
+        if ends:
+            nodes.append(self._lines(f"{path}/legend", self._space(np.array(ends)), colors, 3.0))
+        texts = {"scale": scale(drawing.unit.replace("^2", "²"), drawing.per_metre, self._size)} if drawing.per_metre else {}
+        for name, text, large in (*((k, t, 0.8) for k, t in texts.items()), ("caption", drawing.title.split(":")[0], 1.0)):
+            label = self._label(f"{path}/{name}", text, large)
+            label.position = (middle, height, self._z)
             nodes.append(label)
-        return nodes
+            taken.append((complex(middle, height), np.array([0.5 * wide([text]), 0.5 * line])))
+            height += line
+        return nodes, taken
 
     def _stand(self, labels: Iterable[Any], places: Iterable[Any]) -> None:
         """Put labels at places x + iy of the plane; those without a place are hidden."""

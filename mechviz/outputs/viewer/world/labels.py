@@ -4,6 +4,7 @@ greedily, nearest place first."""
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -15,7 +16,7 @@ from mechcore.arrays import Complex, Flags, Real
 from mechviz.outputs.viewer.viser_adapter import run_script
 
 LETTER, LINE = 3.6, 8.0  # half width of a letter and half height of a label [px], with a little room around
-STEPS = (1.0, 2.2, 3.4)  # multiples of the least distance that are tried
+STEPS = (0.0, 1.0, 2.0, 3.2)  # heights of a label beyond the least distance that are tried
 AROUND = 12  # directions that are tried around a point
 BELOW, LAST = 0xE000, 0x7FF  # where letters below the line stand in Unicode's private area, and the last one that has a place there
 SMALL = 0.74  # size of such a letter
@@ -48,7 +49,8 @@ def half_sizes(texts: list[str], per_pixel: float) -> Real:
 
 @dataclass(eq=False)
 class LabelPlaces:
-    """Places labels with half sizes ``sides`` (n, 2) at sides and ``points`` (m, 2) at points, ``gap`` [m] from what they name.
+    """Places labels with half sizes ``sides`` (n, 2) at sides and ``points`` (m, 2) at points, ``gap`` [m] from what they name;
+    none over what is ``there``: middles and half sizes.
 
     A label keeps the kind of place that it has as long as that is free, so that it does not jump about as the drawing moves.
     """
@@ -56,6 +58,7 @@ class LabelPlaces:
     sides: Real
     points: Real
     gap: float
+    there: Sequence[tuple[complex, Real]] = ()
     _last: dict[tuple[str, int], int] = field(default_factory=dict)
 
     def __call__(self, starts: Complex, vectors: Complex, marks: Complex) -> tuple[Complex, Complex]:
@@ -64,7 +67,7 @@ class LabelPlaces:
         ends = ends[np.isfinite(ends)]
         centre = complex(ends.mean()) if len(ends) else 0j
         dots = marks[np.isfinite(marks)]
-        taken: list[tuple[complex, Real]] = []
+        taken: list[tuple[complex, Real]] = list(self.there)
         at_points = np.full(len(marks), np.nan + 0j)
         for k in _outermost_first(marks, centre):
             at_points[k] = self._free(("point", k), self._around(marks[k], self.points[k], centre), self.points[k], taken, dots)
@@ -85,7 +88,12 @@ class LabelPlaces:
         across = 1j * vector / size if size else 1j
         reach = self.gap + half[0] * abs(across.real) + half[1] * abs(across.imag)
         return np.array(
-            [start + u * vector + way * step * reach * across for step in STEPS for u in (0.5, 0.35, 0.65) for way in (1.0, -1.0)]
+            [
+                start + u * vector + way * (reach + 2.0 * step * half[1]) * across
+                for step in STEPS
+                for u in (0.5, 0.35, 0.65)
+                for way in (1.0, -1.0)
+            ]
         )
 
     def _around(self, point: complex, half: Real, centre: complex) -> Complex:
@@ -97,7 +105,7 @@ class LabelPlaces:
         for step in STEPS:
             for turn in turns:
                 way = complex(np.cos(turn), np.sin(turn))
-                out.append(point + step * way * (self.gap + half[0] * abs(way.real) + half[1] * abs(way.imag)))
+                out.append(point + way * (self.gap + half[0] * abs(way.real) + half[1] * abs(way.imag) + 2.0 * step * half[1]))
         return np.array(out)
 
     def _free(
@@ -114,7 +122,7 @@ class LabelPlaces:
         what speaks against the places anyway, as an area; ``inward`` (n,): places that come after the others."""
         covered = np.zeros(len(places)) + worse
         for z, other in taken:
-            covered += _overlap(places - z, half + other)
+            covered += 3.0 * _overlap(places - z, half + other)  # to be read comes before all else
         for z in dots:
             covered += 0.3 * _overlap(places - z, half)
         last = self._last.get(key)

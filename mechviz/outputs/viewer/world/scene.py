@@ -73,6 +73,7 @@ class Scene3D:
             "Joint names": self.joints.switch,
             "Grid": self.stage.switch,
         }
+        self._screens: dict[int, tuple[int, int]] = {}
         self.cameras = FittedCameras(server, self.bounds, self._core(show), self.stage)
         server.on_client_connect(self._greet)
         server.on_client_disconnect(self._part)
@@ -102,6 +103,13 @@ class Scene3D:
         if not inside or part < FITS_STILL:
             self.bounds = box
             self.cameras.follow_bounds(box, self._core(self.current))
+
+    def fit(self, browser: int, screen: tuple[int, int]) -> None:
+        """A browser's picture has this width and height [px]: the drawings beside the mechanism are laid out for the smallest."""
+        self._screens[browser] = screen
+        if self.plans.fit(min(self._screens.values(), key=min)):
+            self.bounds = self._box(self.current)
+            self.cameras.follow_bounds(self.bounds, self._core(self.current))
 
     def show(self, frame: int) -> None:
         """Bring everything to a frame, in one piece for the browsers."""
@@ -175,6 +183,7 @@ class Scene3D:
 
     async def _part(self, client: viser.ClientHandle) -> None:
         self.cameras.forget(client)
+        self._screens.pop(client.client_id, None)
 
 
 def _joined(bounds: Real, arrows: Real | None, most: float) -> Real:
