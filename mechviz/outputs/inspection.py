@@ -11,6 +11,7 @@ from mechcore.motion.events import Event, runs
 from mechviz.outputs.rerun.contract import Model
 from mechviz.outputs.rerun.entities import parts_of
 from mechviz.outputs.rerun.reader import Recording, Rows
+from mechviz.quantities.entries import UNITS
 from mechviz.quantities.events import line_of
 from mechviz.quantities.items import ERROR_COLUMNS
 
@@ -285,7 +286,7 @@ def format_inspection(found: Inspection) -> str:
     if found.motion:
         lines += ["", "Peaks of the motion", *_peak_lines(_without_noise(found.motion))]
     if found.studies:
-        lines += ["", "Peaks of the studies", *_peak_lines(_without_noise(found.studies))]
+        lines += ["", "Peaks of the studies", *_peak_lines(tuple(map(_as_read, _without_noise(found.studies))))]
     if found.losses:
         lines += ["", *_loss_lines(found)]
     if found.health:
@@ -302,6 +303,12 @@ def _without_noise(peaks: tuple[Peak, ...]) -> tuple[Peak, ...]:
     for peak in peaks:
         largest[peak.unit] = max(largest.get(peak.unit, 0.0), abs(peak.value))
     return tuple(replace(peak, value=0.0) if abs(peak.value) <= NOISE * largest[peak.unit] else peak for peak in peaks)
+
+
+def _as_read(peak: Peak) -> Peak:
+    """A peak in the unit that people read: MPa, mm."""
+    unit, factor = UNITS.get(peak.unit, (peak.unit, 1.0))
+    return replace(peak, value=factor * peak.value, unit=unit)
 
 
 def _peak_lines(peaks: tuple[Peak, ...]) -> list[str]:

@@ -12,6 +12,7 @@ from mechcore.forces.kinetostatics import Forces, solve_forces
 from mechviz.runs import Run
 
 THIN = r"\,"
+IN_A_ROW = 3  # values that fit beside each other on a page
 NOTHING = 1e-12
 """A load this much smaller than the largest of its link is rounding."""
 
@@ -147,7 +148,7 @@ def latex_lines(equilibrium: Equilibrium, frame: int) -> list[str]:
 
 
 def _latex_group(group: GroupEquations, size: float) -> Iterator[str]:
-    yield r"\begin{align*}"
+    rows = []
     for link in group.links:
         for equation in link.equations:
             parts = [("-" if c < 0.0 else "+", abs(c), _symbol(u)) for c, u in equation.terms]
@@ -155,10 +156,12 @@ def _latex_group(group: GroupEquations, size: float) -> Iterator[str]:
                 parts.append(("-" if equation.load < 0.0 else "+", abs(equation.load), ""))
             about = rf"M_{{\mathrm{{{_escaped(equation.about)}}}}}" if equation.about else "M"
             of = about if equation.sum == "M" else f"F_{equation.sum[-1]}"
-            yield rf"\textstyle\sum {of}^{{\text{{{_escaped(link.link)}}}}}&:& {_joined(parts, THIN)} &= 0 \\"
-    yield r"\end{align*}"
-    given = (rf"{_symbol(u)} = {_latex_number(v)}{THIN}\mathrm{{{u.unit.replace(' ', THIN)}}}" for u, v in group.found)
-    yield r"\[" + r",\quad ".join(given) + r"\]"
+            rows.append(rf"\textstyle\sum {of}^{{\text{{{_escaped(link.link)}}}}} &:\quad & {_joined(parts, THIN)} &= 0")
+    yield from (r"\begin{alignat*}{2}", " \\\\\n".join(rows), r"\end{alignat*}")
+    given = [rf"{_symbol(u)} &= {_latex_number(v)}{THIN}\mathrm{{{u.unit.replace(' ', THIN)}}}" for u, v in group.found]
+    if given:
+        found = (", & ".join(given[k : k + IN_A_ROW]) for k in range(0, len(given), IN_A_ROW))
+        yield from (r"\begin{align*}", ", \\\\\n".join(found), r"\end{align*}")
 
 
 def _symbol(u: Unknown) -> str:

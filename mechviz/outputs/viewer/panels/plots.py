@@ -99,7 +99,7 @@ HEIGHT = 164  # [px]
 NOTHING, REMOVE = "nothing else", "Remove"
 LAST = 1e9  # the order of what stands below all plots
 LONGEST_NAME = 60  # of a file
-LONGEST_TITLE = 21  # letters along the vertical axis
+LONGEST_TITLE = 17  # letters along the vertical axis
 COLORS = ("#2563c9", "#d97706", "#0f8a5f", "#7c3aed", "#64748b", "#0e7490", "#a16207")  # and again
 # Their names and values on a dark page
 ON_DARK = ("#7fb0ff", "#f0a545", "#4fc79a", "#b79bff", "#a8b3c4", "#5cc8de", "#d8b04a")

@@ -41,6 +41,8 @@ SCREEN = (560, 520)  # [px] part of a window that the view takes, until a browse
 NEAR = 0.045  # a point this near to another one, in sizes of the mechanism, leaves the label to that one
 
 
+ANCHORS = dict(zip(DIAGRAMS, ("bottom-left", "top-left", "bottom-right"), strict=True))
+"""Of the labels of diagrams whose largest ordinates may lie beside each other."""
 OVERLAYS = {
     "Polodes": ("polodes", "polode"),
     "Funicular polygon": ("funicular",),
@@ -388,7 +390,7 @@ class PlanNodes:
                             f"{path}/{k}", 0.6 * radius, color=self._shade(color), cast_shadow=False, receive_shadow=False
                         )
                         self._balls_painted.append((ball, color))
-                        dots.append((ball, self._label(f"{path}/{k} name", text, 0.9, "bottom-left")))
+                        dots.append((ball, self._label(f"{path}/{k} name", text, 0.9, ANCHORS.get(node.group, "bottom-left"))))
                     nodes += [handle for joint in dots for handle in joint]
                     shows.append(partial(_dot, node, dots))
 
