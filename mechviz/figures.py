@@ -12,6 +12,9 @@ from io import StringIO
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import numpy as np
+
+from mechcore.arrays import Real
 from mechviz.files import OutputError, replacing
 
 if TYPE_CHECKING:
@@ -20,6 +23,7 @@ if TYPE_CHECKING:
 COLOURS = ("#1b6ca8", "#c8553d", "#3a7d44", "#7b4b94", "#b08900", "#2a9d8f", "#6c757d", "#d6336c")
 ENDINGS = (".svg", ".png", ".pdf")
 DOTS = 160.0  # an inch of a PNG
+DECADES = 100.0  # times the median, from which on a scale goes by decades
 STYLE = {
     "axes.prop_cycle": f"cycler('color', {list(COLOURS)})",
     "axes.axisbelow": True, "axes.edgecolor": "#9aa3ad", "axes.grid": True, "axes.labelsize": "medium",
@@ -37,6 +41,11 @@ def chart(width: float, height: float) -> Iterator[Figure]:
 
     with matplotlib.rc_context(STYLE):
         yield Figure(figsize=(width, height), layout="constrained")
+
+
+def over_decades(values: Real) -> bool:
+    """Whether values are all positive, and the greatest so far beyond most of them that an even scale would show no others."""
+    return bool(len(values)) and float(values.min()) > 0.0 and float(values.max()) > DECADES * float(np.median(values))
 
 
 def check_ending(path: Path) -> None:

@@ -14,6 +14,7 @@ from mechcore.arrays import Real
 from mechcore.compiled.kernels import cores
 from mechcore.compiled.motion import Executor
 from mechcore.errors import Fault, MechanismError
+from mechviz.accuracy.estimate import doubts
 from mechviz.quantities.catalogue import Quantity
 from mechviz.runs import Run, run_scene
 from mechviz.scene.folder import SceneFolder
@@ -25,6 +26,7 @@ from mechviz.studies.designs.sampling import Variation
 ONE_AT_A_TIME = Lock()  # threads of one process, such as workers of clusters have, share its prepared studies
 TRIED = 3  # designs that are computed both ways before batches are trusted
 AGREEMENT = 1e-9  # relative, of a batch and a run by itself
+BEYOND = 1e6  # times the median of all designs: a result so large is one at a singular position, which a run by itself tells
 _PLAIN = ("pose", "velocity", "acceleration", "position", "reaction", "motion", "inertia")
 
 
@@ -208,6 +210,10 @@ def _evaluated(study: Study, designs: Real) -> Found:
             curve[~known] = np.nan
             with np.errstate(invalid="ignore"):
                 values.append(measure.reduced(curve, batch.time, drive))
+        for k in _out_of_proportion(values):
+            row, reasons[k] = _alone(study, designs[k], [np.full_like(v[k], np.nan) for v in values])
+            for v, own in zip(values, row, strict=True):
+                v[k] = own
         return Found(tuple(values), tuple(reasons), missing)
     rows: list[list[Real]] = []
     said: list[str] = []
@@ -220,11 +226,24 @@ def _evaluated(study: Study, designs: Real) -> Found:
     return Found(tuple(np.array(column) for column in zip(*rows, strict=True)), tuple(said), missing)
 
 
+def _out_of_proportion(values: Sequence[Real]) -> list[int]:
+    """Designs whose values (D, ...) are beyond all those of the others."""
+    beyond = np.zeros(len(values[0]), bool)
+    for each in values:
+        peaks = np.abs(each).reshape(len(each), -1).max(axis=1)
+        known = peaks[np.isfinite(peaks)]
+        if len(known):
+            beyond |= peaks > BEYOND * float(np.median(known))
+    return np.flatnonzero(beyond).tolist()
+
+
 def _alone(study: Study, design: Real, empty: list[Real]) -> tuple[list[Real], str]:
     """Values of each measure of one design, and why there is nothing, "" where there is."""
     run = _run_alone(study, design)
     if isinstance(run, str):
         return empty, run
+    if words := doubts(run):
+        return empty, f"not to be trusted: {words[0]}"
     row = []
     try:
         for measure in study.measures:

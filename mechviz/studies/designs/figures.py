@@ -5,13 +5,13 @@ from __future__ import annotations
 import json
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
 from mechcore.arrays import Flags, Real
 from mechcore.errors import Fault, MechanismError
-from mechviz.figures import chart
+from mechviz.figures import chart, over_decades
 from mechviz.scene.scene import Scene, loads
 from mechviz.studies.designs.sweep import REASON
 
@@ -131,6 +131,7 @@ def _response(figure: Figure, study: StoredStudy, title: str, values: Real) -> N
             axes.plot(x[~ok], np.full(int((~ok).sum()), low), "|", color=MISSING, label="no values")
             axes.legend()
         axes.set_xlabel(name)
+        axes.set_yscale("log" if over_decades(values[ok]) else "linear")
     axes.set_ylabel(title)
 
 
@@ -143,16 +144,26 @@ def _contour(figure: Figure, study: StoredStudy, title: str, values: Real) -> No
         place = np.searchsorted(columns, x), np.searchsorted(rows, y)
         grid = np.full((len(rows), len(columns)), np.nan)
         grid[place[1], place[0]] = np.where(ok, values, np.nan)
-        filled = axes.contourf(columns, rows, grid, LEVELS, cmap=COLOURS)
+        filled = axes.contourf(columns, rows, grid, **_levels(values[ok]))
     else:
-        filled = axes.tricontourf(x[ok], y[ok], values[ok], LEVELS, cmap=COLOURS)
-    figure.colorbar(filled, ax=axes, label=title)
+        filled = axes.tricontourf(x[ok], y[ok], values[ok], **_levels(values[ok]))
+    figure.colorbar(filled, ax=axes, label=title, **({"format": "%.3g"} if over_decades(values[ok]) else {}))
     if not ok.all():
         axes.set_facecolor("#f1e4e1")
         axes.plot(x[~ok], y[~ok], "x", color=MISSING, markersize=3.0, label="no values")
         axes.legend(frameon=True)
     axes.set_xlabel(first)
     axes.set_ylabel(second)
+
+
+def _levels(values: Real) -> dict[str, Any]:
+    """Levels of contours and their colours: in decades where the values reach over many."""
+    if not over_decades(values):
+        return {"levels": LEVELS, "cmap": COLOURS}
+    from matplotlib.colors import LogNorm
+
+    low, high = float(values.min()), float(values.max())
+    return {"levels": np.geomspace(low, high, LEVELS + 1), "norm": LogNorm(low, high), "cmap": COLOURS}
 
 
 def _parallel(figure: Figure, study: StoredStudy, title: str, values: Real) -> None:

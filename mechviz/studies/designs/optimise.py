@@ -17,7 +17,7 @@ import numpy as np
 
 from mechcore.arrays import Real
 from mechcore.errors import Fault, MechanismError
-from mechviz.figures import chart
+from mechviz.figures import chart, over_decades
 from mechviz.scene.scene import Scene
 from mechviz.studies.designs.evaluate import evaluate
 from mechviz.studies.designs.problem import AROUND, KEPT, Judged, Limit, Problem, population_of
@@ -348,6 +348,8 @@ def front_chart(optimum: Optimum, title: str) -> Figure:
                 first.sign * front[:, 0], second.sign * front[:, 1], c=values, cmap="viridis", zorder=3, label="front"
             )
             figure.colorbar(marks, ax=axes, label=f"{third.text} [{third.unit}]")
+        axes.set_xscale("log" if over_decades(first.sign * some[:, 0]) else "linear")
+        axes.set_yscale("log" if over_decades(second.sign * some[:, 1]) else "linear")
         axes.set_xlabel(f"{first.text} [{first.unit}]")
         axes.set_ylabel(f"{second.text} [{second.unit}]")
         axes.legend()

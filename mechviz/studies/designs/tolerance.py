@@ -27,7 +27,7 @@ from mechviz.scene.units import QuantityError, split, unit_of
 from mechviz.studies.designs.evaluate import Found, Study, study_of
 from mechviz.studies.designs.measures import Measure
 from mechviz.studies.designs.sampling import Variation
-from mechviz.studies.designs.sensitivity import sensitivities
+from mechviz.studies.designs.sensitivity import Sensitivity, sensitivities
 from mechviz.studies.designs.sweep import run_study
 from mechviz.studies.designs.variables import Variable, parameters_of, variables_of, without_ranges
 
@@ -42,6 +42,7 @@ REPEATS = 8  # independent scrambles of the samples, whose differences say how f
 MOST_CORNERS = 12  # tolerances whose corners are all computed
 MOST_NUMBERS = 60_000_000  # of the curves of all samples
 PLACES = 13  # of a band that is printed
+TAKEN_OVER = 1e-6  # by how much an extreme moves farther than its own frame's value, if another frame takes over
 TAILS = (0.00135, 0.99865)  # three standard deviations either way, of a normal distribution
 
 
@@ -205,7 +206,7 @@ def tolerances(
     if results.reasons[0]:
         raise MechanismError(Fault("--of", f"the nominal design has no values: {results.reasons[0]}.", "Mend the scene."))
     try:
-        slopes = [s.derivatives if s.measure.reducer else s.slopes for s in sensitivities(run, measures, some)]
+        slopes = [slopes_within(s, half) for s in sensitivities(run, measures, some)]
         exact = True
     except MechanismError:  # energies, motions under forces ...: straight lines through the samples
         slopes, exact = [_fitted(values, designs, len(corners)) for values in results.values], False
@@ -214,6 +215,19 @@ def tolerances(
         _judged(measure, quantity, tuple(some), distribution, d, exact, _Sampled(study, results, k, len(corners)), limit)
         for k, (measure, quantity, d, limit) in enumerate(zip(measures, study.quantities, slopes, stated, strict=True))
     ]
+
+
+def slopes_within(of: Sensitivity, half: Real) -> Real:
+    """Slopes (P, ...) of a measure over tolerances (P,): its derivatives. An extreme that other frames take over within a tolerance
+    follows from the derivatives at all frames: what the tolerance does at most either way, over the tolerance."""
+    if of.measure.reducer not in ("max", "min", "peak", "range"):
+        return of.derivatives if of.measure.reducer else of.slopes
+    moved = np.where(np.isfinite(of.slopes), of.slopes, 0.0) * half[:, None]
+    both = np.stack([of.measure.reduced(of.curve + sign * moved, of.curve, None) - of.number for sign in (1.0, -1.0)])
+    most = np.abs(both).max(axis=0)
+    taken = most > (1.0 + TAKEN_OVER) * np.abs(of.derivatives) * half
+    with np.errstate(invalid="ignore", divide="ignore"):
+        return np.where(taken, np.copysign(most / half, of.derivatives), of.derivatives)
 
 
 def parametrised(scene: Scene, variables: Sequence[Variable]) -> tuple[Scene, list[Variation]]:

@@ -12,9 +12,10 @@ from typer.testing import CliRunner
 
 from mechcore.errors import MechanismError
 from mechviz.commands.main import app
+from mechviz.figures import over_decades
 from mechviz.scene.scene import load
 from mechviz.studies.designs.evaluate import evaluate, study_of
-from mechviz.studies.designs.figures import read_study, study_chart
+from mechviz.studies.designs.figures import StoredStudy, read_study, study_chart
 from mechviz.studies.designs.measures import parse_measure
 from mechviz.studies.designs.sampling import parse_variation
 from mechviz.studies.designs.sweep import run_study
@@ -76,6 +77,14 @@ def test_curves_are_drawn_over_each_other(studies):
         study_chart(study, "contour")
     with pytest.raises(MechanismError, match="is no result"):
         study.result("nothing")
+
+
+def test_values_far_beyond_most_are_drawn_by_decades():
+    assert over_decades(np.array([1.0, 2.0, 3.0, 1e4])) and not over_decades(np.array([1.0, 2.0, 150.0]))
+    assert not over_decades(np.array([-1.0, 2.0, 1e4]))
+    x = np.linspace(60.0, 100.0, 9)
+    study = StoredStudy("s", "", (("stroke", "mm"),), {"stroke [mm]": x}, {"peak": np.exp(x - 60.0)}, ("",) * 9)
+    assert study_chart(study).axes[0].get_yscale() == "log"
 
 
 def test_the_command_draws_and_refuses_what_is_no_study(studies, tmp_path):

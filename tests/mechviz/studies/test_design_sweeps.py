@@ -15,6 +15,7 @@ from mechcore.compiled.toolchain import compiler
 from mechcore.errors import MechanismError
 from mechviz.commands.main import app
 from mechviz.runs import run_scene
+from mechviz.scene.scene import loads
 from mechviz.studies.designs.evaluate import evaluate, study_of
 from mechviz.studies.designs.measures import parse_measure
 from mechviz.studies.designs.sampling import grid, parse_sample, parse_variation, sampled
@@ -69,6 +70,32 @@ def test_speeds_of_the_drive_vary_in_a_batch(press, executor):
             drive = run.catalogue.coordinate("A")
             wanted = measure.reduced(curve, run.motion.time, drive)
             np.testing.assert_allclose(values[k], wanted, rtol=1e-10, atol=1e-12 * np.abs(curve).max())
+
+
+CHANGE_POINT = """
+units = { length = "mm", angle = "deg" }
+effects = ["inertia"]
+parameters = { crank = "60 mm" }
+[links]
+frame = { points = { A = [0, 0], D = [200, 0] } }
+crank = { points = { A = [0, 0], B = ["crank", 0] } }
+coupler = { points = { B = [0, 0], C = [180, 0] }, mass = 2.0, centre = [90, 0], inertia = "0.01 kg m^2" }
+rocker = { points = { D = [0, 0], C = [155, 0] }, mass = 2.0, centre = [75, 0], inertia = "0.01 kg m^2" }
+[joints]
+A = { revolute = ["frame", "crank"], drive = { speed = "120 rpm" } }
+B = { revolute = ["crank", "coupler"] }
+C = { revolute = ["coupler", "rocker"], side = "left" }
+D = { revolute = ["rocker", "frame"] }
+"""
+
+
+def test_a_design_at_a_change_point_is_a_row_with_its_reason():
+    """135 + 200 = 180 + 155: the links come to lie in one line at a frame, where reactions have no bound."""
+    study = question(loads(CHANGE_POINT, "change-point"), ["crank=60,90,135mm"], ["joint.B.reaction:peak"], 36)
+    assert study.batch is not None
+    found = evaluate(study, np.array([[60.0], [90.0], [135.0]]))
+    assert np.isfinite(found.values[0][:2]).all() and np.isnan(found.values[0][2])
+    assert found.reasons[:2] == ("", "") and "not to be trusted" in found.reasons[2]
 
 
 def test_a_drive_that_would_turn_round_is_run_by_itself(press):

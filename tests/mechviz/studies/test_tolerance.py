@@ -12,7 +12,8 @@ from mechviz.commands.main import app
 from mechviz.runs import run_scene
 from mechviz.scene.scene import Scene, load
 from mechviz.studies.designs.measures import parse_measure
-from mechviz.studies.designs.tolerance import Limits, parse_limits, toleranced, tolerances
+from mechviz.studies.designs.sensitivity import Sensitivity
+from mechviz.studies.designs.tolerance import Limits, parse_limits, slopes_within, toleranced, tolerances
 
 CASE = case("design", "tolerance-four-bar")
 
@@ -121,3 +122,12 @@ def test_the_command_says_yield_and_contributions(tmp_path):
     assert len(band.read_text().splitlines()) == 14
     along = said.stdout.partition("angle of drive A [°]")[2].splitlines()[1:14]
     assert [row.split()[:2] for row in along[:4:3]] == [["0", "200"], ["90", "154.919"]] and len(along) == 13
+
+
+def test_an_extreme_that_another_frame_takes_over_moves_as_the_frames_do():
+    """The greatest of 1 - x, 0.9 + 2 x within x = -1 .. 1 is 2.9 at most; 1 - x alone would say 2."""
+    run = run_scene(load("crank-rocker"), frames=4)
+    measure = parse_measure(run.scene, "link.rocker.angle:max")
+    curve, slopes = np.array([0.0, 1.0, 0.9]), np.array([[0.0, -1.0, 2.0], [0.0, 0.01, 0.0]])
+    of = Sensitivity(measure, run.catalogue["link.rocker.angle"], (), curve, slopes, 1.0, np.array([-1.0, 0.01]))
+    assert slopes_within(of, np.array([1.0, 1.0])) == pytest.approx([-1.9, 0.01])
