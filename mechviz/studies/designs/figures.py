@@ -147,7 +147,7 @@ def _contour(figure: Figure, study: StoredStudy, title: str, values: Real) -> No
         filled = axes.contourf(columns, rows, grid, **_levels(values[ok]))
     else:
         filled = axes.tricontourf(x[ok], y[ok], values[ok], **_levels(values[ok]))
-    figure.colorbar(filled, ax=axes, label=title, **({"format": "%.3g"} if over_decades(values[ok]) else {}))
+    figure.colorbar(filled, ax=axes, label=title, format="%.3g" if over_decades(values[ok]) else None)
     if not ok.all():
         axes.set_facecolor("#f1e4e1")
         axes.plot(x[~ok], y[~ok], "x", color=MISSING, markersize=3.0, label="no values")
