@@ -233,7 +233,7 @@ def _out_of_proportion(values: Sequence[Real]) -> list[int]:
         peaks = np.abs(each).reshape(len(each), -1).max(axis=1)
         known = peaks[np.isfinite(peaks)]
         if len(known):
-            beyond |= peaks > BEYOND * float(np.median(known))
+            beyond |= peaks > BEYOND * float(np.quantile(known, 0.5, method="lower"))
     return np.flatnonzero(beyond).tolist()
 
 
