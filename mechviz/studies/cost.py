@@ -96,7 +96,7 @@ def _positions(compiled: Compiled, frames: Any) -> Motion:
 def _friction(motion: Motion) -> None:
     """Dry friction and the reactions that it depends on."""
     applied = wrenches(motion)
-    solve_friction(motion, applied, *sum_up(applied, len(motion.model.links)))
+    solve_friction(motion, *sum_up(applied, len(motion.model.links)))
 
 
 def _read(result: Any, names: tuple[str, ...]) -> None:
@@ -255,7 +255,10 @@ def _of_forces(compiled: Compiled, executor: Executor, frames: int) -> str:
     if _of_motion(compiled, executor, frames).startswith("numpy"):
         return "numpy, as the positions"
     program = forces_program(compiled.model, exact=compiled.angles.exact)
-    return f"numpy: {program}" if isinstance(program, str) else f"C, {_price(program.source, program.lines)}"
+    if isinstance(program, str):
+        return f"numpy: {program}"
+    where = "; numpy where friction jams, or turns a flank" if program.rubs else ""
+    return f"C, {_price(program.source, program.lines)}{where}"
 
 
 def _of_simulation(compiled: Compiled, executor: Executor, *, stops: bool) -> str:

@@ -1,5 +1,5 @@
 /* Functions of the programs: those of mechcore.kinematics.dyads, tables, motion curves, numpy's sign, maximum and minimum, linear
-   equations and Newton's method. */
+   equations, Newton's method and the normal loads of friction. */
 #include <math.h>
 #include <string.h>
 
@@ -177,4 +177,69 @@ static inline double newton(double *x, const long *s, const double *g) {
     for (long i = 0; tied && i < n; i++) lost |= !(fabs(x[i] - g[i]) < 0.5);
     for (long i = 0; lost && i < n; i++) x[i] = NAN;
     return best;
+}
+
+/* g = |a + K g| as mechcore.forces.friction.normal_loads where the map contracts: loads (n), the error of their equations, the
+steps taken, and whether they are found so. `s`: n, of each load whether it is the length of its two numbers, else the larger one; `d`: tolerance,
+a (n, 2), K (n, 2, n). */
+static inline double rubbing(double *x, const long *s, const double *d) {
+    const long n = s[0], *lengths = s + 1;
+    const double tolerance = d[0], *a = d + 1, *k = a + 2 * n;
+    double m[n * n], f[n], next[n], y[n], bound = INFINITY, miss = NAN;
+    long rows[n];
+    int finite = 1;
+    x[n] = NAN, x[n + 1] = 0.0, x[n + 2] = 1.0;
+    for (long i = 0; i < 2 * n; i++) finite &= isfinite(a[i]) != 0;
+    for (long i = 0; i < n; i++) next[i] = 1.0;
+    for (long round = 0; round < 8 && !(bound < 1.0); round++) {
+        double most = 0.0, largest = 0.0;
+        for (long i = 0; i < n; i++) {
+            y[i] = 0.0;
+            for (long j = 0; j < n; j++) {
+                const double p = fabs(k[2 * n * i + j]), q = fabs(k[2 * n * i + n + j]);
+                y[i] += (lengths[i] ? length(p, q) : larger(p, q)) * next[j];
+            }
+            most = larger(most, y[i] / next[i]), largest = fmax(largest, y[i]);
+        }
+        bound = smaller(bound, most);
+        finite &= isfinite(bound) != 0;
+        for (long i = 0; i < n; i++) next[i] = y[i] / fmax(largest, 1e-300) + 1e-2;
+    }
+    for (long i = 0; i < n; i++) x[i] = finite ? 0.0 : NAN;
+    if (!finite) return NAN; /* nothing is known there */
+    x[n + 2] = (double)(bound < 1.0);
+    if (!(bound < 1.0)) return bound;
+    for (long i = 0; i < n; i++) next[i] = lengths[i] ? length(a[2 * i], a[2 * i + 1]) : larger(fabs(a[2 * i]), fabs(a[2 * i + 1]));
+    for (long step = 0, plain = 0; step <= 400; step++) {
+        double worst = 0.0;
+        for (long i = 0; i < n; i++) {
+            const double *first = k + 2 * n * i, *second = first + n;
+            double p = a[2 * i], q = a[2 * i + 1], terms = fabs(p) + fabs(q), u, v, size;
+            for (long j = 0; j < n; j++) {
+                p += first[j] * next[j], q += second[j] * next[j];
+                terms += (fabs(first[j]) + fabs(second[j])) * fabs(next[j]);
+            }
+            if (lengths[i]) size = length(p, q), u = size > 0.0 ? p / size : 0.0, v = size > 0.0 ? q / size : 0.0;
+            else size = larger(fabs(p), fabs(q)), u = fabs(p) >= fabs(q) ? sign(p) : 0.0, v = fabs(p) >= fabs(q) ? 0.0 : sign(q);
+            y[i] = next[i] - size;
+            worst = larger(worst, fabs(y[i]) / fmax(terms, 1e-300));
+            for (long j = 0; j < n; j++) m[n * i + j] = (i == j) - u * first[j] - v * second[j];
+        }
+        if (step && !plain && !(worst < 0.7 * miss)) {
+            if (miss <= 1e-11) break; /* as close as rounding lets it come */
+            for (long i = 0; i < n; i++) next[i] = x[i] - f[i]; /* a fixed-point step in its place */
+            plain = 1;
+            continue;
+        }
+        plain = 0, miss = worst;
+        memcpy(x, next, (size_t)n * sizeof(double));
+        memcpy(f, y, (size_t)n * sizeof(double));
+        if (miss <= tolerance || !factored(m, rows, n)) break;
+        substituted(m, rows, y, n);
+        for (long i = 0; i < n; i++) next[i] = x[i] - y[i];
+        x[n + 1] += 1.0;
+    }
+    x[n] = miss;
+    if (!(miss <= fmax(1e-11, tolerance))) x[n + 2] = 0.0;
+    return miss;
 }

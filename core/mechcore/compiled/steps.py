@@ -13,7 +13,6 @@ from mechcore.kinematics.model import Model
 from mechcore.kinematics.positions import block_equations, loop_terms, place
 from mechcore.kinematics.program import Block
 from mechcore.kinematics.state import State
-from mechcore.spec.mechanism import braked
 
 TURN = 6.283185307179586
 
@@ -30,8 +29,6 @@ def check_traceable(model: Model) -> None:
 def check_forces_traceable(model: Model) -> None:
     """Raise `Untraceable` where reactions and efforts follow from more than sums; it says why."""
     check_traceable(model)
-    if "friction" in model.mechanism.effects and braked(model.mechanism.joints):
-        raise Untraceable("dry friction depends on the reactions")
     if model.needs_global_solve:
         raise Untraceable("reactions that constraints do not determine are solved for all joints together")
     for relation in model.relations:

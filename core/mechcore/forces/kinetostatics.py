@@ -286,13 +286,14 @@ def solve_forces(motion: Motion) -> Forces:
     for effect in model.once(applied_effects):
         if effect.limited:
             effect.check(motion)
-    if "friction" in model.mechanism.effects and braked(model.mechanism.joints):
-        applied = wrenches(motion)
-        return Forces(motion, applied, *solve_friction(motion, applied, *sum_up(applied, len(model.links))))
     if motion.compiled:
         program = forces_program(model, exact=motion.angles.exact)
-        if not isinstance(program, str):
-            return Forces(motion, partial(wrenches, motion), *program(motion))
+        found = None if isinstance(program, str) else program(motion)
+        if found is not None:
+            return Forces(motion, partial(wrenches, motion), *found)
+    if "friction" in model.mechanism.effects and braked(model.mechanism.joints):
+        applied = wrenches(motion)
+        return Forces(motion, applied, *solve_friction(motion, *sum_up(applied, len(model.links))))
     with np.errstate(**QUIET):
         force, moment, formed = totals(motion)
         return Forces(motion, formed, *equilibrium.joint_forces(motion, force, moment)[:2])

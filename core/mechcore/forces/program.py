@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import itertools
+from collections.abc import Callable, Iterable
 from typing import Any
+
+import numpy as np
 
 from mechcore.arrays import Plane, Real, Values
 from mechcore.branches.unwrapped import LinkAngles, Range, StartPose
@@ -14,12 +17,48 @@ from mechcore.compiled.symbols import HELPERS, Symbol, Untraceable
 from mechcore.compiled.toolchain import library
 from mechcore.effects.registry import totals
 from mechcore.forces.equilibrium import joint_forces
+from mechcore.forces.friction.elements import elements_of, two_sided
+from mechcore.forces.friction.normal_loads import NormalLoads
+from mechcore.forces.friction.solve import FrictionResult, check_friction
 from mechcore.kinematics.model import Model
 from mechcore.kinematics.state import State
 from mechcore.motion.motion import Motion
+from mechcore.spec.mechanism import braked
 
 Transmitted = list[tuple[Plane, Values]]
 Contacts = dict[str, tuple[Plane, Plane]]
+
+
+def with_friction(
+    motion: Motion, force: list[Any], moment: list[Any], signs: Iterable[Any], tolerance: Any
+) -> tuple[Transmitted, Contacts, list[Any]]:
+    """As `solve_friction` on symbols, for the ``signs`` of the elements' rates; and the normal loads, the error of their equations,
+    the steps that these take, and whether they are found so, on the flanks that carry without friction.
+
+    Raises `Untraceable` where a cam may press on either side."""
+    if two_sided(motion):
+        raise Untraceable("dry friction acts on a cam that may press on either side")
+    elements, count = elements_of(motion, signs=signs), len(force)
+    forces, contacts, flanks = joint_forces(motion, list(force), list(moment))
+    own: list[Any] = [part for e in elements for part in e.normal(motion, forces, contacts, e.sign)]
+    coupling: list[list[tuple[Any, Any]]] = [[(0.0, 0.0)] * len(elements) for _ in elements]
+    for j, source in enumerate(elements):
+        unit: tuple[list[Any], list[Any]] = [0j] * count, [0.0] * count
+        source.load(motion, *unit, -source.sign * source.factor)
+        answer, touching, _ = joint_forces(motion, *unit, flanks)
+        for i, e in enumerate(elements):
+            if e.kind != "brake":
+                coupling[i][j] = e.normal(motion, answer, touching, e.sign)
+    own += [pair[axis] for row in coupling for axis in (0, 1) for pair in row]
+    code = next(x for x in (tolerance, *own) if isinstance(x, Symbol)).code
+    lengths = [int(e.euclidean) for e in elements]
+    *loads, residual, steps, found = code.filled("rubbing", len(lengths) + 3, [len(lengths), *lengths], [tolerance, *own])
+    for e, load in zip(elements, loads, strict=True):
+        e.load(motion, force, moment, -e.sign * e.factor * load)
+    transmitted, contacts, after = joint_forces(motion, force, moment, flanks)
+    for r, before in flanks.items():
+        found = found * (1.0 - abs((after[r] < 0.0) - (before < 0.0)))
+    return transmitted, contacts, [*loads, residual, steps, found]
 
 
 class ForcesProgram:
@@ -27,6 +66,9 @@ class ForcesProgram:
 
     def __init__(self, model: Model, exact: bool):
         check_forces_traceable(model)
+        self._solution: list[
+            Any
+        ] = []  # normal loads, error of their equations, steps, whether they are found so; with friction only
         self._loaded, self._kernel = False, (kernel := Kernel("forces", of_time=Kernel.real))
         rot: list[Any] = [kernel.plane(f"rot {s}") if s else 1 + 0j for s in range(len(model.angles.class_group))]
         slide: Any = {j: kernel.real(f"slide {j}") for j, joint in enumerate(model.joints) if joint.slide is not None}
@@ -39,7 +81,11 @@ class ForcesProgram:
         vars(motion).update(drives=drives, shape=())
         try:
             force, moment, _ = totals(motion)
-            transmitted, contacts, _ = joint_forces(motion, force, moment)
+            if "friction" in model.mechanism.effects and braked(model.mechanism.joints):
+                signs = (kernel.real(f"sign {i}") for i in itertools.count())
+                transmitted, contacts, self._solution = with_friction(motion, force, moment, signs, kernel.real("tolerance"))
+            else:
+                transmitted, contacts, _ = joint_forces(motion, force, moment)
         except Untraceable:
             raise
         except (TypeError, AttributeError, ValueError, IndexError, KeyError) as error:  # what code for arrays says of symbols
@@ -50,8 +96,15 @@ class ForcesProgram:
         for place, f in contacts.values():
             self._put(place)
             self._put(f)
+        for x in self._solution:
+            kernel.put(x)
         self.lines = kernel.lines
         self.source = HELPERS + kernel.source()
+
+    @property
+    def rubs(self) -> bool:
+        """Whether dry friction is in it."""
+        return bool(self._solution)
 
     def _put(self, vector: Any, number: Any = 0.0) -> None:
         """Rows of what is not plain."""
@@ -60,8 +113,10 @@ class ForcesProgram:
         if isinstance(number, Symbol):
             self._kernel.put(number)
 
-    def __call__(self, motion: Motion) -> tuple[Transmitted, Contacts]:
-        """As `joint_forces` under the loads and effects of a motion. Raises `MechanismError` where it cannot be compiled."""
+    def __call__(self, motion: Motion) -> tuple[Transmitted, Contacts, FrictionResult | None] | None:
+        """As `joint_forces` under the loads and effects of a motion, and the friction; None where numpy has to solve that.
+
+        Raises `MechanismError` where it cannot be compiled."""
         if not self._loaded:
             self._kernel.load(library(self.source))
             self._loaded = True
@@ -71,6 +126,11 @@ class ForcesProgram:
         given |= {f"bend {r} {k}": motion.state.bends[r][k] for r, k in self._bends}
         given |= {key: of(motion.angles) for key, of in self._angles.asked.items()}
         given |= {f"function {k}": function(motion.time) for k, function in enumerate(self._kernel.code.of_time)}
+        elements = []
+        if self._solution:
+            check_friction(motion)
+            elements = elements_of(motion)
+            given |= {f"sign {i}": e.sign for i, e in enumerate(elements)} | {"tolerance": motion.accuracy.friction}
         rows = Rows(self._kernel(motion.frames, given)[0])
 
         def plane(value: Any) -> Any:
@@ -80,7 +140,15 @@ class ForcesProgram:
             return rows.real() if isinstance(value, Symbol) else value
 
         transmitted = [(plane(f), real(couple)) for f, couple in self._transmitted]
-        return transmitted, {name: (plane(place), plane(f)) for name, (place, f) in self._contacts.items()}
+        contacts = {name: (plane(place), plane(f)) for name, (place, f) in self._contacts.items()}
+        if not self._solution:
+            return transmitted, contacts, None
+        n = motion.frames
+        loads, residual, steps, found = rows.reals(len(elements)).T, rows.real(), rows.real(), rows.real()
+        if not found.all():
+            return None
+        solution = NormalLoads(loads, np.zeros(n, bool), np.ones(n), np.zeros(loads.shape), residual, int(steps.max(initial=0)))
+        return transmitted, contacts, FrictionResult(motion, elements, solution)
 
 
 class _GivenAngles(LinkAngles):

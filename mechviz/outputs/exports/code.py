@@ -19,6 +19,7 @@ from mechcore.forces.kinetostatics import solve_forces
 from mechcore.motion.compiled import Compiled
 from mechcore.motion.motion import Motion
 from mechcore.motion.solve import compile_mechanism
+from mechcore.spec.mechanism import braked
 from mechviz.files import replacing
 from mechviz.quantities.vectors import point_name
 from mechviz.runs import package_version
@@ -153,6 +154,8 @@ class _Written:
         mechanism = self.compiled.mechanism
         if not (mechanism.effects or mechanism.loads):
             return None
+        if "friction" in mechanism.effects and braked(mechanism.joints):
+            return "dry friction depends on the reactions"
         try:
             check_forces_traceable(motion.model)
             forces = solve_forces(motion)

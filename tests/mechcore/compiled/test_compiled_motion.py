@@ -79,6 +79,28 @@ def test_forces_are_alike(name: str) -> None:
     assert np.abs(b.power_balance).max() < 1e-12
 
 
+@pytest.mark.parametrize("name", ["slider-crank-friction", "cam-friction", "rough-cylinder"])
+def test_friction_is_alike(name: str) -> None:
+    """Pins, guides with bearings, contacts and brakes: loads, reactions, and what follows from them later."""
+    compiled = compile_mechanism(load(name).mechanism)
+    time = default_times(compiled.mechanism, 36)
+    a, b = (solve_forces(solve_motion(replace(compiled, executor=e), time)) for e in ("numpy", "c"))
+    assert a.friction is not None and b.friction is not None and "_response" not in vars(b.friction)
+    np.testing.assert_allclose(b.friction.loads, a.friction.loads, rtol=1e-12, atol=1e-12 * np.nanmax(a.friction.loads))
+    for joint in (c.name for c in compiled.model.connections):
+        wanted = a.reaction(joint)
+        np.testing.assert_allclose(b.reaction(joint), wanted, atol=1e-12 * max(np.abs(wanted).max(), 1.0))
+    np.testing.assert_allclose(b.friction.stability, a.friction.stability, rtol=1e-12)
+    assert np.abs(b.power_balance).max() < 1e-12
+
+
+def test_a_jam_is_left_to_numpy() -> None:
+    compiled = compile_mechanism(load("jamming-sleeve").mechanism, executor="c")
+    friction = solve_forces(solve_motion(compiled, default_times(compiled.mechanism, 24))).friction
+    assert isinstance(forces_program(compiled.model, exact=True), ForcesProgram)
+    assert friction is not None and friction.jammed.any() and not friction.jammed.all()
+
+
 def test_what_cannot_be_assembled_is_missing_at_the_same_frames() -> None:
     compiled = compile_mechanism(four_bar(E=(0.3, 0.0), AB=0.2, BD=0.15, DE=0.2, start=0.5))  # the crank cannot turn fully
     time = np.linspace(0.0, 7.0, 400)

@@ -42,6 +42,7 @@ def no_compiler(monkeypatch: pytest.MonkeyPatch):
         (("toggle-press-stop", "--executor", "c"), "; numpy while a stop holds"),
         (("crank-rocker", "--executor", "numpy"), "numpy, as asked for"),
         (("slider-crank-compressor", "--executor", "c"), "reactions, efforts   C, "),
+        (("screw-jack", "--executor", "c"), "; numpy where friction jams, or turns a flank"),
         (("slider-crank-compressor",), "reactions, efforts   numpy, as the positions"),
     ],
 )
@@ -60,8 +61,8 @@ def test_without_a_compiler_c_is_refused(no_compiler, tmp_path):
 
 @has_compiler
 def test_what_numpy_has_to_do_is_noted(tmp_path):
-    code, text = said("export", "screw-jack", "--executor", "c", "-n", "12", "--csv", str(tmp_path / "a.csv"))
-    assert code == 0 and "note: numpy runs reactions and efforts: dry friction depends on the reactions." in text
+    code, text = said("export", "cam-barrel-arm", "--executor", "c", "-n", "12", "--csv", str(tmp_path / "a.csv"))
+    assert code == 0 and "note: numpy runs reactions and efforts: the cam of K touches its roller in space." in text
 
 
 @has_compiler

@@ -18,8 +18,8 @@ Cylinder: mu |F| along it, F the force that drives it; a cylinder that nothing d
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from typing import Literal, cast
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from typing import Any, Literal, cast
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -32,7 +32,7 @@ from mechcore.kinematics.model import Model
 from mechcore.kinematics.rates import Rates
 from mechcore.laws.timed import Free
 from mechcore.motion.motion import Motion
-from mechcore.numerics.tape import Traced, value_of
+from mechcore.numerics.tape import value_of
 from mechcore.records import dataclass
 from mechcore.spec.mechanism import (
     CamJoint,
@@ -103,7 +103,7 @@ class Element:
     ) -> tuple[Values, Values]:
         """The two numbers whose size is the normal load [N]; ``sign`` is the direction of sliding."""
         if self.kind == "brake":  # its factor is the whole friction, whatever the joint transmits: see `solve.system`
-            return np.ones(motion.frames), np.zeros(motion.frames)
+            return 1.0, 0.0
         if self.kind == "contact":
             force = contacts[self.joint][1] / self.seen
             return force.real, force.imag
@@ -112,7 +112,7 @@ class Element:
             return force.real, force.imag
         u = motion.guide(self.index)
         if self.kind == "drive":
-            return np.real(np.conj(u) * force), np.zeros(motion.frames)
+            return np.real(np.conj(u) * force), 0.0
         n = np.real(np.conj(1j * u) * force)
         f = self.friction
         if self.kind == "normal" or not f.length:
@@ -127,14 +127,24 @@ def scales_of(model: Model, elements: Sequence[Element]) -> Real:
     return np.array([1.0 if e.what == "turn" else model.length_scale for e in elements])
 
 
-def elements_of(motion: Motion, flanks: Mapping[int, Values] | None = None) -> list[Element]:
+def elements_of(motion: Motion, flanks: Mapping[int, Values] | None = None, signs: Iterable[Values] | None = None) -> list[Element]:
     """All elements of a mechanism, in the order of its joints. ``flanks``: relation -> multiplier (F,) whose sign says on which of
-    its two sides a cam presses; without it all press where they push."""
+    its two sides a cam presses; without it all press where they push. ``signs`` of their rates, where these are known."""
+    if signs is not None:
+        given = iter(signs)
+        return _elements(motion, lambda *_: next(given), flanks)
     turning = max((_peak(w) for w in motion.speeds.angular), default=0.0)
     moving = max([turning * motion.model.length_scale, *(_peak(v) for v in motion.speeds.slide.values())])
     least: dict[Movement, float] = {"turn": NOISE * turning, "slide": NOISE * moving}
+    return _elements(motion, lambda rate, what: _sign(rate, least[what]), flanks)
+
+
+Sense = Callable[[Any, Movement], Any]  # a rate (F,) and what it is of -> its sign (F,)
+
+
+def _elements(motion: Motion, sense: Sense, flanks: Mapping[int, Values] | None) -> list[Element]:
     return [
-        _element(motion, joint, *parts, least, flanks or {}, nth)
+        _element(motion, joint, *parts, sense, flanks or {}, nth)
         for joint in motion.mechanism.joints
         for nth, parts in enumerate(_parts(joint))
     ]
@@ -192,7 +202,7 @@ def _element(
     what: Movement,
     kind: Kind,
     arm: float,
-    least: Mapping[Movement, float],
+    sense: Sense,
     flanks: Mapping[int, Values],
     nth: int,
 ) -> Element:
@@ -202,18 +212,18 @@ def _element(
     j = model.joint_index.get(joint.name, -1)
     first, second = (model.index[k] for k in (joint.links if j < 0 else model.joints[j].links))  # of a cylinder: barrel and rod
     if isinstance(joint, CamJoint):
-        return _of_cam(motion, joint, friction, arm, (first, second), least["slide"], flanks, nth)
+        return _of_cam(motion, joint, friction, arm, (first, second), sense, flanks, nth)
     if isinstance(joint, Screw):
-        return _of_thread(motion, joint, friction, least["slide"])
+        return _of_thread(motion, joint, friction, sense)
     rate = relative_rate(motion, motion.speeds, what, j, (first, second))
     along = 0j if what == "turn" else motion.guide(j) * (1.0 if model.joints[j].guide == 0 else -1.0)
     mu = _coefficient(friction, rate * friction.radius if what == "turn" else rate)
     factor, limit = (_factor(friction, kind, arm, c) for c in (mu, max(friction.static, friction.coefficient)))
-    sign = _sign(rate, least[what])
+    sign = sense(rate, what)
     return Element(joint.name, what, kind, friction, factor, limit, mu, (first, second), j, along, rate, sign)
 
 
-def _of_thread(motion: Motion, joint: Screw, friction: Friction, least: float) -> Element:
+def _of_thread(motion: Motion, joint: Screw, friction: Friction, sense: Sense) -> Element:
     """Sliding of the nut's thread on the spindle's, by the nut's travel: the force along the thread has a part along the axis, and
     one round it, a torque about the axis. Raises `MechanismError` of a self-locking thread that nothing drives."""
     model, r = motion.model, friction.radius
@@ -240,7 +250,7 @@ def _of_thread(motion: Motion, joint: Screw, friction: Friction, least: float) -
         index=j,
         along=sine * sine * motion.guide(j),
         rate=rate,
-        sign=_sign(rate, least),
+        sign=sense(rate, "slide"),
         place=motion.joint_point(j),
         twist=r * sine * cosine,
         carrier=owner,
@@ -254,7 +264,7 @@ def _of_cam(
     friction: Friction,
     arm: float,
     links: tuple[int, int],
-    least: float,
+    sense: Sense,
     flanks: Mapping[int, Values],
     nth: int,
 ) -> Element:
@@ -263,13 +273,13 @@ def _of_cam(
     A roller is counted as if it stood still: what drags it along is the friction on its pin, at the same contact.
     """
     index, relation = next((i, r) for i, r in enumerate(motion.model.relations) if r.name == joint.name)
-    geometry, flank = relation.geometry, np.asarray(flanks.get(index, np.ones(motion.frames)))
+    geometry, flank = relation.geometry, np.asarray(flanks.get(index, np.ones(motion.shape)))
     mu = friction.coefficient
     factor: Values = mu * arm
     if relation.bearing is not None:
         *rubbing, seen = geometry.rubbing(motion, flank)
         r, carrier = rubbing[nth], motion.model.index[relation.bearing.carrier]
-        sign = _sign(r.rate, least)
+        sign = sense(r.rate, "slide")
         return Element(
             joint.name, "slide", "contact", friction, factor, factor, mu, links, -1, r.along, r.rate, sign, r.place, r.twist,
             carrier, seen,
@@ -282,8 +292,8 @@ def _of_cam(
     speed = [
         motion.origin_velocities[k] + 1j * motion.speeds.angular[rotation_class[k]] * (place - motion.origins[k]) for k in links
     ]
-    rate = np.array(np.broadcast_to(np.real(np.conj(along) * (speed[1] - speed[0])), (motion.frames,)))
-    sign = _sign(rate, least)
+    rate = _over_frames(motion, np.real(np.conj(along) * (speed[1] - speed[0])))
+    sign = sense(rate, "slide")
     return Element(joint.name, "slide", "contact", friction, factor, factor, mu, links, -1, along, rate, sign, place)
 
 
@@ -300,8 +310,12 @@ def relative_rate(motion: Motion, rates: Rates, what: Movement, j: int, links: t
         value = rates.angular[rotation_class[links[1]]] - rates.angular[rotation_class[links[0]]]
     else:
         value = rates.slide[j]
-    if isinstance(value, Traced):
-        return cast(Real, np.broadcast_to(value, (motion.frames,)))
+    return _over_frames(motion, value)
+
+
+def _over_frames(motion: Motion, value: Any) -> Real:
+    if not isinstance(value, np.ndarray | float | int):  # what stands for an array
+        return cast(Real, np.broadcast_to(value, motion.shape))
     return np.array(np.broadcast_to(np.asarray(value, float), (motion.frames,)))
 
 

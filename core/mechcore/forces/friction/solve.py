@@ -17,14 +17,15 @@ from typing import Any
 import numpy as np
 
 from mechcore.arrays import Flags, Plane, Real, Values
-from mechcore.effects.base import Wrench, power_of
+from mechcore.effects.base import Wrench, power_of, sum_up
+from mechcore.effects.registry import wrenches
 from mechcore.errors import Fault, MechanismError
 from mechcore.forces.equilibrium import transmit
 from mechcore.forces.friction.elements import Element, elements_of, two_sided
 from mechcore.forces.friction.normal_loads import NormalLoads, jacobian, several, solve_normal_loads, stability
 from mechcore.motion.at_once import indeterminate
 from mechcore.motion.motion import Motion
-from mechcore.numerics.frames import rows_of
+from mechcore.numerics.frames import lazy, rows_of
 from mechcore.records import dataclass
 from mechcore.spec.mechanism import Revolute, braked, friction_of
 
@@ -37,22 +38,21 @@ AT_ONCE = 400_000  # elements times frames that are solved in one call
 
 
 def solve_friction(
-    motion: Motion, applied: Sequence[Wrench], force: Sequence[Plane], moment: Sequence[Values]
+    motion: Motion, force: Sequence[Plane], moment: Sequence[Values]
 ) -> tuple[list[tuple[Plane, Values]], dict[str, tuple[Plane, Plane]], FrictionResult]:
     """Forces that joints and relations transmit (as `mechcore.forces.equilibrium.transmit` gives them), and the friction.
 
     ``force`` and ``moment`` are what loads put on the links. Raises `MechanismError` where statics leaves the normal load of a
     joint with friction undetermined.
     """
-    _check(motion)
-    _refuse_indeterminate(motion)
+    check_friction(motion)
     flanks = transmit(motion, force, moment)[2] if two_sided(motion) else None
     elements = elements_of(motion, flanks)
     for _ in range(FLANKS):
         response = respond(motion, elements, force, moment, flanks)
         before = response.base[2] if flanks is None else flanks
         solution = solve_normal_loads(*system(motion, elements, response), motion.accuracy.friction)
-        friction = FrictionResult(motion, applied, elements, response, solution)
+        friction = FrictionResult(motion, elements, solution, response)
         own_force, own_moment = list(force), list(moment)
         for i, element in enumerate(elements):
             element.load(motion, own_force, own_moment, np.nan_to_num(friction.value(i)))
@@ -68,8 +68,9 @@ def solve_friction(
     return transmitted, contacts, friction
 
 
-def _check(motion: Motion) -> None:
-    """Numbers that are no friction, where specs are made without a scene."""
+def check_friction(motion: Motion) -> None:
+    """Raise `MechanismError` of numbers that are no friction, where specs are made without a scene; and where statics does not tell
+    what presses on a joint."""
     faults = []
     for joint in motion.mechanism.joints:
         f = friction_of(joint)
@@ -84,6 +85,7 @@ def _check(motion: Motion) -> None:
             faults.append(Fault(path, "the pin has no radius, at which friction acts.", "Give radius = ..., or no coefficient."))
     if faults:
         raise MechanismError(faults)
+    _refuse_indeterminate(motion)
 
 
 def _refuse_indeterminate(motion: Motion) -> None:
@@ -181,18 +183,26 @@ class FrictionResult:
     ``residual`` (F,): of the solved equations, relative. ``iterations``: most Newton steps of any frame.
     """
 
-    def __init__(
-        self, motion: Motion, applied: Sequence[Wrench], elements: Sequence[Element], response: Response, solution: NormalLoads
-    ):
+    def __init__(self, motion: Motion, elements: Sequence[Element], solution: NormalLoads, response: Response | None = None):
         self.motion = motion
         self.elements = tuple(elements)
         self.iterations = solution.iterations
         self.jammed = solution.jammed
         self.reached = solution.reached
         self.residual = solution.residual
-        self._applied = tuple(applied)
-        self._response = response
         self._solution = solution
+        if response is not None:
+            self._response = response
+
+    @lazy
+    def _applied(self) -> tuple[Wrench, ...]:
+        """All wrenches on the links but those of dry friction."""
+        return tuple(wrenches(self.motion))
+
+    @lazy
+    def _response(self) -> Response:
+        """Where a program has solved the normal loads, what it did not keep."""
+        return respond(self.motion, self.elements, *sum_up(self._applied, len(self.motion.model.links)))
 
     @cached_property
     def stability(self) -> Real:
