@@ -19,7 +19,7 @@ from mechcore.laws.curve import MotionCurve
 from mechcore.laws.factors import ORDER_NAMES, jumps
 from mechcore.laws.program import CLOCK, Follow
 from mechcore.laws.timed import ConstantSpeed, Free, Law, Piecewise
-from mechcore.motion.at_once import MOST, agreement, indeterminate
+from mechcore.motion.at_once import agreement, indeterminate
 from mechcore.motion.compiled import Compiled
 from mechcore.motion.events import overshoots, strokes
 from mechcore.motion.metrics import grashof
@@ -134,9 +134,6 @@ def check_lines(scene: Scene, *, equations: bool = False, modes: bool = False) -
 def _at_once(motion: Motion) -> str:
     """What the rates are by all equations together, as a check of the groups."""
     found = agreement(motion)
-    if found is None:
-        rates = 3 * len(motion.model.links) - 3
-        return f"rates by all equations at once: left out, {rates} rates of links are more than the {MOST} that are solved together"
     words = f"all {found.equations} equations of joints and drives at once, without groups, for {found.unknowns} rates of links"
     if found.velocity is None or found.acceleration is None:
         return f"{words}: they decide them at no frame"

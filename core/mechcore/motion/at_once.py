@@ -11,7 +11,7 @@ indeterminate follows from the null space: they can be stressed against each oth
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -27,8 +27,9 @@ from mechcore.records import dataclass
 Row = dict[int, Any]
 """Coefficients by the numbers of coordinates, three of each link: numbers, or arrays over frames."""
 
-WORK = 200_000_000  # third powers of the unknowns, over the frames at which rates are checked: seconds
-MOST = int(WORK ** (1.0 / 3.0))  # unknowns of a motion of which one frame is checked
+WORK = 200_000_000  # operations for the frames at which rates are checked: seconds
+DENSE = 150  # unknowns up to which all frames are solved by full matrices, together
+SPARSE = 4_000  # operations for an unknown of a sparse matrix
 RANK = 1e-12  # of the least singular value to the largest
 
 
@@ -110,7 +111,7 @@ class Rows:
 def rates_at_once(motion: Motion, frames: slice) -> tuple[Real, Real, int]:
     """Velocities and accelerations (frames, links, 3) [m/s, rad/s; m/s^2, rad/s^2] of moving links, and the number of equations.
 
-    Where they do not decide all rates, at singular positions, those that are shortest.
+    Where they do not decide all rates, at singular positions, those that are shortest; of more than ``DENSE`` unknowns NaN.
     """
     rows, model = Rows(motion, frames), motion.model
     scale, size = model.length_scale, 3 * len(model.links)
@@ -123,16 +124,10 @@ def rates_at_once(motion: Motion, frames: slice) -> tuple[Real, Real, int]:
     for j in model.driven:
         driven.append((len(table), j))
         table.append(rows.coordinate(j))
-    matrix = np.zeros((count, len(table), size))
-    for r, row in enumerate(table):
-        for c, value in row.items():
-            matrix[:, r, c] += value
-    inverse = np.linalg.pinv(matrix[:, :, 3:], rcond=RANK)
+    solve = (_full if size - 3 <= DENSE else _sparse)(table, count, size)
 
     def solved(right: Real) -> Real:
-        rates = np.zeros((count, size))
-        rates[:, 3:] = (inverse @ right[..., None])[..., 0]
-        return rates
+        return np.pad(solve(right), ((0, 0), (3, 0)))
 
     def prescribed(right: Real, derivative: int) -> Real:
         for r, j in driven:
@@ -145,6 +140,46 @@ def rates_at_once(motion: Motion, frames: slice) -> tuple[Real, Real, int]:
     unit = np.tile([scale, scale, 1.0], len(model.links))
     shape = (count, len(model.links), 3)
     return (first * unit).reshape(shape)[:, 1:], (second * unit).reshape(shape)[:, 1:], len(table)
+
+
+Solve = Callable[[Real], Real]
+"""Right sides (frames, equations) to the rates (frames, unknowns) of moving links."""
+
+
+def _full(table: Sequence[Row], count: int, size: int) -> Solve:
+    matrix = np.zeros((count, len(table), size))
+    for r, row in enumerate(table):
+        for c, value in row.items():
+            matrix[:, r, c] += value
+    inverse = np.linalg.pinv(matrix[:, :, 3:], rcond=RANK)
+    return lambda right: np.asarray((inverse @ right[..., None])[..., 0])
+
+
+def _sparse(table: Sequence[Row], count: int, size: int) -> Solve:
+    """Least squares frame by frame, as one square system with the residuals (Bjorck 1967): more equations than unknowns are as
+    welcome as equally many."""
+    from scipy.sparse import coo_array
+    from scipy.sparse.linalg import splu
+
+    entries = [(r, c - 3, value) for r, row in enumerate(table) for c, value in row.items() if c >= 3]
+    r, c = np.array([entry[:2] for entry in entries]).T
+    values = np.array([np.broadcast_to(value, count) for *_, value in entries])
+    n, unknowns = len(table), size - 3
+    at = np.concatenate([np.arange(n), r, n + c]), np.concatenate([np.arange(n), n + c, r])
+    factors: list[Any] = []
+    for frame in values.T:
+        whole = coo_array((np.concatenate([np.ones(n), frame, frame]), at), shape=(n + unknowns, n + unknowns))
+        try:
+            factors.append(splu(whole.tocsc()))
+        except RuntimeError:  # exactly singular
+            factors.append(None)
+
+    def solve(right: Real) -> Real:
+        sides = np.pad(right, ((0, 0), (0, unknowns)))
+        nothing = np.full(n + unknowns, np.nan)
+        return np.array([nothing if f is None else f.solve(side) for f, side in zip(factors, sides, strict=True)])[:, n:]
+
+    return solve
 
 
 def _quadratic(rows: Rows, first: Real, equations: int) -> Real:
@@ -208,14 +243,13 @@ class Agreement:
     frames: int
 
 
-def agreement(motion: Motion, most: int = WORK) -> Agreement | None:
-    """The rates of a motion checked by all equations at once, at as many frames, evenly, as ``most`` operations allow; None where
-    they do not allow one."""
+def agreement(motion: Motion, most: int = WORK) -> Agreement:
+    """The rates of a motion checked by all equations at once, at as many frames, evenly, as ``most`` operations allow, at least
+    one."""
     model = motion.model
     unknowns = 3 * len(model.links) - 3
-    count = min(most // max(unknowns, 1) ** 3, motion.frames)
-    if not count or not unknowns:
-        return None
+    each = unknowns**3 if unknowns <= DENSE else SPARSE * unknowns
+    count = min(max(most // max(each, 1), 1), motion.frames)
     frames = slice(0, None, -(-motion.frames // count))
     regular = np.broadcast_to(motion.condition, motion.frames)[frames] <= SINGULAR
     *solved, equations = rates_at_once(motion, frames)

@@ -60,9 +60,3 @@ def test_what_does_not_fit_is_refused():
     outside = said("kinetostatic-four-bar", "--equations", "--at", "400 deg")
     assert outside.exit_code == 2 and "outside what the drive does" in outside.stderr
     assert said("crank-rocker", "--equations").exit_code == 2
-
-
-def test_rates_that_are_too_many_to_be_solved_together_are_told(monkeypatch):
-    monkeypatch.setattr("mechviz.studies.report.agreement", lambda _: None)
-    text = CliRunner().invoke(app, ["check", "crank-rocker", "--equations"]).stdout
-    assert "left out, 9 rates of links are more than the 584 that are solved together" in text
