@@ -64,7 +64,7 @@ def test_pages_drawings_and_plots_are_written_and_equal_from_both(run, played, t
     figure = played.plot("joint.B.reaction", "drive.A.torque", path=tmp_path / "plot.svg", against="time")
     assert (tmp_path / "plot.svg").stat().st_size > 5_000
     reaction, torque = figure.axes
-    assert torque.get_xlabel() == "time [s]" and reaction.get_ylabel() == "N"
+    assert torque.get_xlabel() == "time [s]" and reaction.get_ylabel() == "[N]"
     assert [line.get_label() for line in reaction.lines] == ["Fx", "Fy", "|F|"]
     np.testing.assert_array_equal(torque.lines[0].get_ydata(), run["drive.A.torque"][:, 0])
     assert len(run.plot().axes) == 3

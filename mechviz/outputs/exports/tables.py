@@ -96,6 +96,9 @@ KINDS = ("CSV", "SVG", "PNG")
 DASHES = ("--", ":", "-.")  # of other designs, and again
 
 
+ANGLES = (1.0, 1.5, 3.0, 4.5, 6.0, 9.0, 10.0)  # steps between ticks, times a power of ten
+
+
 def plot_figure(
     title: str,
     quantities: Sequence[Quantity | Together],
@@ -112,7 +115,7 @@ def plot_figure(
         panels = figure.subplots(len(quantities), squeeze=False, sharex=True)[:, 0]
         for panel, quantity in zip(panels, quantities, strict=True):
             panel.plot(axis.values, quantity.values(), label=quantity.curves)
-            panel.set(ylabel=quantity.unit, title=quantity.label)
+            panel.set(ylabel=f"[{quantity.unit}]", title=quantity.label)
         colors = [line.get_color() for line in panels[0].lines]
         for (other, values), dash in zip(beside.items(), cycle(DASHES), strict=False):
             for column, name, color in zip(values.T, quantities[0].curves, colors, strict=True):
@@ -124,6 +127,8 @@ def plot_figure(
             if len(panel.lines) > 1:
                 panel.legend(loc="upper left", bbox_to_anchor=(1.0, 1.0))
         panels[-1].set_xlabel(axis.title)
+        if axis.unit == "°":
+            panels[-1].xaxis.get_major_locator().set_params(steps=ANGLES)
     return figure
 
 

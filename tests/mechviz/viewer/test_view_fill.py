@@ -13,7 +13,7 @@ from mechviz.picture.build import joint_nodes, solid_nodes
 from mechviz.picture.nodes import Mesh
 from recordings import ran, solids
 
-FREE = {"1600x1000": 930 / 920, "1280x720": 610 / 616, "390x844": 390 / 388, "844x390": 764 / 294}
+FREE = {"1600x1000": 930 / 920, "1280x720": 602 / 602, "390x844": 390 / 388, "844x390": 764 / 294}
 """Width over height of what panels and the timeline leave of a window."""
 HIGH = 920  # pixels of it in the largest window
 AROUND = np.array([0.0, *(0.01 * np.exp(0.25j * np.pi * np.arange(8)))])  # of a joint, in sizes: its own hole or edge may be there

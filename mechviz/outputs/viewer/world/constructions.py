@@ -371,7 +371,7 @@ class PlanNodes:
                     lines = self._lines(path, segments(node, 0), shades, 2.5)
                     named = [(k, self._label(f"{path}/line {k}", text)) for k, text in enumerate(node.labels) if text]
                     nodes += [lines, *(label for _, label in named)]
-                    shows.append(partial(_bend, node, lines, named))
+                    shows.append(partial(_bend, node, lines, named, self._show.bounds[:, :2].mean(axis=0)))
                 case Lines():
                     below = f"{link_path(node.parent)}/{node.key.replace('/', '_')}" if node.parent else path
                     flat = segments(node, 0)
@@ -381,7 +381,7 @@ class PlanNodes:
                     arrows = self._lines(path, _arrow_segments(node, 0, self._size), shades, 3.0)
                     named = [(k, self._label(f"{path}/arrow {k}", text, 1.0)) for k, text in enumerate(node.labels) if text]
                     nodes += [arrows, *(label for _, label in named)]
-                    shows.append(partial(_point, node, arrows, named, self._size))
+                    shows.append(partial(_point, node, arrows, named, self._size, LINE * self._per_pixel))
                 case Points():
                     shades = [*node.colors] * (node.places.shape[1] // len(node.colors))
                     dots = []
@@ -407,21 +407,25 @@ def _arrow_segments(node: ArrowSet, frame: int, size: float) -> Single:
     return np.stack([flat.real, flat.imag, np.full(flat.shape, node.height)], axis=-1).astype(np.float32)
 
 
-def _bend(node: Lines, lines: Any, named: Sequence[tuple[int, Any]], frame: int) -> None:
-    """Lines of a frame, with labels at their middles."""
+def _bend(node: Lines, lines: Any, named: Sequence[tuple[int, Any]], middle: Real, frame: int) -> None:
+    """Lines of a frame, with labels at the middles of straight ones, of others where they pass nearest to a ``middle`` (2,)."""
     lines.points = segments(node, frame)
     for k, label in named:
-        label.position = tuple(node.strips[k][frame].mean(axis=0))
+        strip = node.strips[k][frame]
+        nearest = np.argmin(np.hypot(*(strip[:, :2] - middle).T))
+        label.position = tuple(strip.mean(axis=0) if len(strip) == 2 else strip[nearest])
 
 
-def _point(node: ArrowSet, arrows: Any, named: Sequence[tuple[int, Any]], size: float, frame: int) -> None:
-    """Arrows of a frame, with labels at their tips; of none that has no length."""
+def _point(node: ArrowSet, arrows: Any, named: Sequence[tuple[int, Any]], size: float, room: float, frame: int) -> None:
+    """Arrows of a frame, with labels ``room`` [m] beyond their tips; of none that has no length."""
     arrows.points = _arrow_segments(node, frame, size)
     for k, label in named:
-        seen = bool(node.vectors[frame, k].any())
-        if label.visible != seen:
-            label.visible = seen
-        label.position = tuple(node.origins[frame, k] + node.vectors[frame, k])
+        vector = node.vectors[frame, k]
+        length = float(np.linalg.norm(vector))
+        if label.visible != (length > 0.0):
+            label.visible = length > 0.0
+        if length > 0.0:
+            label.position = tuple(node.origins[frame, k] + (1.0 + room / length) * vector)
 
 
 def _dot(node: Points, dots: Sequence[tuple[Any, Any]], frame: int) -> None:

@@ -25,8 +25,8 @@ SCRIPT = Path(__file__).with_name("letters.js").read_text(encoding="utf-8")
 
 def parted(label: str) -> tuple[str, str, str]:
     """A label as it is written by hand: ``a_CBⁿ`` -> the letter, what stands below the line, what stands above it."""
-    parts = re.fullmatch(r"([A-Za-z])_(.+?)([ⁿᵗᶜʳ]?)", label)
-    return (label, "", "") if parts is None else (parts[1], parts[2], parts[3])
+    parts = re.fullmatch(r"((?:-m )?[A-Za-z])_(.+?)([ⁿᵗᶜʳ]?)", label)
+    return (label, "", "") if parts is None else (parts[1].replace("-", "−"), parts[2], parts[3])
 
 
 def typeset(label: str) -> str:
