@@ -14,6 +14,7 @@ from mechviz.outputs.viewer.viser_adapter import run_script
 # - Elsewhere an arrow key steps through the frames only, and E goes to an event: stopped at the root element, after the hotkeys.
 # - Space presses the button that the keyboard has reached. A button that the mouse has pressed gives up the focus, so that space
 #   means play and pause after it.
+# - Escape cancels a dialog: viser leaves closing to the server.
 KEYS = """
 if (!window.mechvizKeys) {
   window.mechvizKeys = true;
@@ -22,6 +23,9 @@ if (!window.mechvizKeys) {
     const target = event.target;
     if (arrow(event) && target.closest("[role=slider]")) event.stopPropagation();
     if (event.code === "Space" && target.closest("button, [role=tab]")) event.stopPropagation();
+    if (event.code === "Escape")
+      for (const button of document.querySelectorAll("[role=dialog] button"))
+        if (button.textContent.trim() === "Cancel") button.click();
   });
   document.documentElement.addEventListener("keydown", (event) => {
     if (arrow(event) || event.code === "KeyE") event.stopPropagation();

@@ -497,6 +497,9 @@ def test_a_recording_is_saved(viewer, page, folder):
 
     page.get_by_role("button", name="Recording", exact=True).click()
     dialog = page.get_by_role("dialog")
+    dialog.get_by_role("textbox").press("Escape")
+    dialog.wait_for(state="hidden")
+    page.get_by_role("button", name="Recording", exact=True).click()
     dialog.get_by_role("textbox").fill("run")
     dialog.get_by_role("button", name="Save", exact=True).click()
     until(page, lambda: (folder / "run.rrd").exists(), "recorded")
