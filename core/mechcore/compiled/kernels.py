@@ -6,6 +6,7 @@ import ctypes
 import os
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from copy import copy
 from functools import cache, reduce
 from itertools import pairwise
 from operator import or_
@@ -141,14 +142,25 @@ class Kernel:
 
     def __init__(self, name: str, of_time: Callable[[Kernel, str], Symbol] | None = None):
         self.of_time = of_time or Kernel.real_of_frame  # what a function of the time is given for
-        self.name, self.code = name, _KernelCode(self)
+        self.code = _KernelCode(self)
         self._given: list[str] = []
         self._fetched: dict[tuple[int, int], int] = {}  # (input, part of a plane vector): row of x
         self._depends: dict[int, int] = {}  # inputs: LANE or FRAME
+        self.carries = 0  # of real numbers
+        self._begin(name)
+
+    def _begin(self, name: str) -> None:
+        self.name = name
         self._outputs: list[tuple[str, Operand]] = []
         self._stored: list[str] = []
         self.parameters: list[float] = []
-        self.rows = self.carries = 0  # of real numbers
+        self.rows = 0  # of real numbers
+
+    def beside(self, name: str) -> Kernel:
+        """Another program of the same code and inputs, with rows of its own."""
+        other = copy(self)
+        other._begin(name)
+        return other
 
     @property
     def lines(self) -> int:

@@ -17,7 +17,7 @@ from mechcore.effects.masses import kinetic_energy
 from mechcore.effects.registry import applied_effects, potential, totals, wrenches
 from mechcore.forces import equilibrium
 from mechcore.forces.friction.solve import FrictionResult, solve_friction
-from mechcore.forces.program import forces_program
+from mechcore.forces.program import forces_program, rubbing_forces
 from mechcore.kinematics.dyads import cross
 from mechcore.motion.motion import Motion
 from mechcore.numerics.frames import QUIET, added, lazy, rows_of
@@ -292,6 +292,9 @@ def solve_forces(motion: Motion) -> Forces:
         if found is not None:
             return Forces(motion, partial(wrenches, motion), *found)
     if "friction" in model.mechanism.effects and braked(model.mechanism.joints):
+        if motion.peak is not None:
+            force, moment, formed = totals(motion)
+            return Forces(motion, formed, *rubbing_forces(motion, force, moment))
         applied = wrenches(motion)
         return Forces(motion, applied, *solve_friction(motion, *sum_up(applied, len(model.links))))
     with np.errstate(**QUIET):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from typing import Any
 
 import numpy as np
@@ -30,10 +30,10 @@ Contacts = dict[str, tuple[Plane, Plane]]
 
 
 def with_friction(
-    motion: Motion, force: list[Any], moment: list[Any], signs: Iterable[Any], tolerance: Any
+    motion: Motion, force: list[Any], moment: list[Any], signs: Iterable[Any] | None, tolerance: Any
 ) -> tuple[Transmitted, Contacts, list[Any]]:
-    """As `solve_friction` on symbols, for the ``signs`` of the elements' rates; and the normal loads, the error of their equations,
-    the steps that these take, and whether they are found so, on the flanks that carry without friction.
+    """As `solve_friction` on symbols, for the ``signs`` of the elements' rates if they are given; and the normal loads, the error
+    of their equations, the steps that these take, and whether they are found so, on the flanks that carry without friction.
 
     Raises `Untraceable` where a cam may press on either side."""
     if two_sided(motion):
@@ -59,6 +59,24 @@ def with_friction(
     for r, before in flanks.items():
         found = found * (1.0 - abs((after[r] < 0.0) - (before < 0.0)))
     return transmitted, contacts, [*loads, residual, steps, found]
+
+
+class WrittenFriction(FrictionResult):
+    """Friction on symbols: what a sweep may ask of it."""
+
+    def __init__(self, motion: Motion, loads: Sequence[Any]):
+        self.motion, self.elements, self._loads = motion, tuple(elements_of(motion)), tuple(loads)
+
+    def value(self, i: int) -> Any:
+        element = self.elements[i]
+        return -element.sign * element.factor * self._loads[i]
+
+
+def rubbing_forces(motion: Motion, force: list[Any], moment: list[Any]) -> tuple[Transmitted, Contacts, FrictionResult]:
+    """As `with_friction`, and the friction, for a motion of symbols whose speeds have known peaks; NaN where it is not found so."""
+    transmitted, contacts, (*loads, _, _, found) = with_friction(motion, force, moment, None, motion.accuracy.friction)
+    gap = found / found
+    return [(f * gap, c * gap) for f, c in transmitted], contacts, WrittenFriction(motion, loads)
 
 
 class ForcesProgram:

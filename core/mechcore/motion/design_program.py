@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
-from functools import reduce
+from functools import partial, reduce
 from typing import Any
 
 import numpy as np
@@ -23,9 +23,11 @@ from mechcore.kinematics.state import State, initial_state, wrapped_angle
 from mechcore.motion.compiled import Compiled, DriveValues, drive_values
 from mechcore.motion.motion import Motion
 from mechcore.records import Place
+from mechcore.spec.mechanism import braked
 
 SOME = 200_000  # frames of all designs from which on a program that is kept from before pays for being written and loaded
 MANY = 3_000_000  # from which on compiling it pays: 0.3 s and half a millisecond a line, for 0.6 ns a line and frame
+ALONE = 20_000  # from which on both pay where numpy solves designs one by one: with dry friction, 10 ms each
 Collect = Callable[[Motion], Mapping[str, Real]]
 Weights = tuple[Real, Complex, Real]  # masses (D, 1), centres of mass, moments of inertia
 Varied = Callable[[Compiled, Mapping[Any, Any], Mapping[str, Any], Mapping[Place, Any]], Model]
@@ -53,6 +55,7 @@ class DesignProgram:
         check_traceable(compiled.model)
         if compiled.accuracy.differentiation != "exact":
             raise Untraceable("rates are differences")
+        self._peaks: list[Symbol] = []
         self._compiled, self._kernel, self._speeds = compiled, (kernel := Kernel("designs")), frozenset(speeds)
         place = {key: kernel.plane(f"point {key}") for key in points}
         weights = {k: (kernel.real(f"mass {k}"), kernel.plane(f"centre {k}"), kernel.real(f"inertia {k}")) for k in masses}
@@ -74,10 +77,14 @@ class DesignProgram:
         kernel.put(reduce(np.maximum, steps) if steps else 0.0)
         solved = [part for x in (*motion.state.rot, *motion.state.slide.values()) for part in (np.real(x), np.imag(x))]
         kernel.put(sum((x for x in solved if isinstance(x, Symbol)), 0.0))
-        self.lines = kernel.lines
+        first = kernel.beside("peaks")
+        for x in self._peaks:
+            first.put(first.carried(partial(_larger, x)))
+        self._first = first if self._peaks else None  # goes over the frames before, for the peaks that the program is given
+        self.lines = kernel.lines + (first.lines if self._peaks else 0)
         if self.lines > MOST_LINES:
             raise Untraceable(f"the program would have {self.lines:,} lines")
-        self.source = HELPERS + kernel.source()
+        self.source = HELPERS + kernel.source() + (first.source() if self._peaks else "")
 
     def _motion(self, model: Model, values: DriveValues) -> Motion:
         kernel = self._kernel
@@ -95,8 +102,15 @@ class DesignProgram:
         time: Any = kernel.real_of_frame("time")
         angles = _Followed(self._compiled, model, kernel, state)
         motion = Motion(model, time, drives, state, angles, accuracy=self._compiled.accuracy)
-        vars(motion).update(drives=drives, shape=())
+        vars(motion).update(drives=drives, shape=(), peak=self._peak)
         return motion
+
+    def _peak(self, x: Any) -> Any:
+        """The largest size of a number over the frames of each design, which the program is given."""
+        if not isinstance(x, Symbol):
+            return abs(x)
+        self._peaks.append(x)
+        return self._kernel.real(f"peak {len(self._peaks) - 1}")
 
     @property
     def rows(self) -> int:
@@ -105,7 +119,9 @@ class DesignProgram:
 
     def load(self) -> DesignProgram:
         """The program ready to run. Raises `MechanismError` where it cannot be compiled."""
-        self._kernel.load(library(self.source))
+        loaded = library(self.source)
+        for kernel in (self._kernel, self._first) if self._first else (self._kernel,):
+            kernel.load(loaded)
         return self
 
     def __call__(
@@ -133,7 +149,11 @@ class DesignProgram:
             given |= {f"{what} {link}": x[:, 0] for what, x in zip(("mass", "centre", "inertia"), weights, strict=True)}
         given |= {f"load {key}": x[:, 0] for key, x in loads.items()}
         given |= {f"speed {d}": x[:, 0] for d, x in speeds.items()}
-        rows = self._kernel(len(next(iter(points.values()))), given, len(time))
+        count = len(next(iter(points.values())))
+        if self._first is not None:
+            given |= {f"peak {k}": np.zeros(1) for k in range(len(self._peaks))}
+            given |= {f"peak {k}": x for k, x in enumerate(self._first(count, given, len(time))[-1])}
+        rows = self._kernel(count, given, len(time))
         far = np.asarray((rows[:, -2] > LARGEST).any(axis=0))
         if len(own) < len(time):
             rows = rows[own]
@@ -159,15 +179,17 @@ def design_program(
     if compiled.executor == "numpy":
         return "as asked for"
     frames, auto = count * len(time), compiled.executor == "auto"
-    few = f"{frames:,} frames of all designs; compiling pays from about {MANY:,} on"
-    if auto and frames < SOME:
+    rubs = "friction" in compiled.mechanism.effects and bool(braked(compiled.mechanism.joints))
+    some, many = (ALONE, ALONE) if rubs else (SOME, MANY)
+    few = f"{frames:,} frames of all designs; compiling pays from about {many:,} on"
+    if auto and frames < some:
         return few
     known = compiled.once(_known)
     key = collect, *map(tuple, keys)
     if key not in known:
         try:
             program = DesignProgram(compiled, varied, *keys, time, collect)
-            if auto and frames < MANY and not cached(program.source):
+            if auto and frames < many and not cached(program.source):
                 return few
             known[key] = program.load()
         except Untraceable as reason:
@@ -177,6 +199,11 @@ def design_program(
                 raise
             known[key] = error.faults[0].message
     return known[key]
+
+
+def _larger(x: Symbol, before: Symbol) -> Any:
+    """The larger of a number's size, if it is one, and what was largest before."""
+    return np.where(np.isfinite(x), np.maximum(before, abs(x)), before)
 
 
 def _known(_: Compiled) -> dict[Any, DesignProgram | str]:

@@ -35,6 +35,9 @@ class Motion:
     Links, joints and points go by their names; ``link.point`` names a point of a link.
     """
 
+    peak: Callable[[Any], Any] | None = None
+    """The largest size of numbers over all frames, where a program is given it, as it sees one frame at a time."""
+
     def __init__(
         self,
         model: Model,

@@ -20,6 +20,7 @@ from mechcore.motion.compiled import Compiled, DriveValues, drive_values
 from mechcore.motion.design_program import DesignProgram, design_program
 from mechcore.motion.motion import Motion
 from mechcore.records import Place, dataclass, with_numbers
+from mechcore.spec.mechanism import braked
 from mechcore.topology.graph import vector_loops
 
 CHUNK_OF_C = 2**21  # numbers that a program fills in at once
@@ -56,8 +57,9 @@ def sweep(
     from a motion what is wanted, arrays (designs, F, ...).
     The executor of ``compiled`` computes them; ``of`` how many designs these are some, for it to judge whether compiling pays:
     ``collect`` then is given a motion of symbols and has to keep to what these have (see `design_program`), else numpy goes on.
-    Designs that cannot be assembled are NaN in the frames concerned and marked, not fatal. Groups without a closed form and
-    mechanisms with change points depend on a design's own path and are refused.
+    Designs that cannot be assembled are NaN in the frames concerned and marked, not fatal. With dry friction only C computes
+    designs side by side; where it does not find the friction, as in jams, they are NaN. Groups without a closed form and mechanisms
+    with change points depend on a design's own path and are refused.
     """
     model = compiled.model
     if compiled.assembly.starts or model.relations or (compiled.singular_points is not None and compiled.singular_points.found):
@@ -85,6 +87,10 @@ def sweep(
     driven = {d: np.asarray(x, float) for d, joint in enumerate(_speedy(model, speeds)) for x in [(speeds or {})[joint]]}
     keys = tuple(varied), tuple(masses or ()), tuple(loads or ()), tuple(driven)
     program = design_program(compiled, varied_model, keys, time, collect, max(of, count))
+    rubs = "friction" in model.mechanism.effects and bool(braked(model.mechanism.joints))
+    if rubs and isinstance(program, str):
+        why = f"numpy solves dry friction of one design at a time, and C none of these ({program})."
+        raise MechanismError(Fault("sweep", why, "Loop over designs."))
     chunk = max(1, (CHUNK if isinstance(program, str) else CHUNK_OF_C // program.rows) // len(time))
     parts: list[Mapping[str, Real]] = []
     assembled = np.empty(count, bool)
@@ -97,6 +103,10 @@ def sweep(
             found, assembled[start : start + chunk], far = program(part, weights, stated, time, rates)
             parts.append(found)
             if not far.any():
+                continue
+            if rubs:
+                for x in found.values():
+                    x[far] = np.nan
                 continue
             part = {key: xy[far] for key, xy in part.items()}
             weights = {link: (mass[far], centre[far], inertia[far]) for link, (mass, centre, inertia) in weights.items()}

@@ -37,6 +37,7 @@ from mechviz.scene.scene import Scene
 from mechviz.studies.designs.measures import Measure, needs_forces, quantity_of, rows_of
 from mechviz.studies.designs.sampling import Variation
 
+NOT_FINITE = "the values are not finite"  # of some frames, though all are assembled
 MOST_CORNERS = 12  # parameters of which all ends are tried together
 Numbers = dict[tuple[int | str, ...], float]  # by their places in a mechanism
 
@@ -59,6 +60,11 @@ class Batch:
         """Coordinate (F,) of the first drive, the same in all designs."""
         drives = self.compiled.mechanism.drives
         return np.broadcast_to(drives[0].law(self.time)[0], self.time.shape) if drives else None
+
+    @property
+    def rubs(self) -> bool:
+        """Whether there is dry friction, which C may leave to runs of single designs."""
+        return "friction" in self.compiled.mechanism.effects and bool(braked(self.compiled.mechanism.joints))
 
     @property
     def _speed(self) -> float:
@@ -116,7 +122,7 @@ class Batch:
             reasons[k] = reasons[k] or "joints: the mechanism cannot be assembled at all frames of the run"
         whole: Flags = np.all([np.isfinite(curve).all(axis=1) for curve in curves], axis=0)
         for k in map(int, np.flatnonzero(~whole)):
-            reasons[k] = reasons[k] or "the values are not finite"
+            reasons[k] = reasons[k] or NOT_FINITE
         return curves, reasons, swept.program
 
     def _varied(
@@ -187,8 +193,6 @@ def batch_of(
     mechanism = scene.mechanism
     if scene.simulation is not None or scene.accuracy.target is not None or not all(_can_vary(scene, place) for place in places):
         return None
-    if "friction" in mechanism.effects and braked(mechanism.joints):
-        return None
     links: dict[str, LinkDocument] = dict(scene.document.links)
     for link in {str(place[1]) for place in places if place[2] == "points"}:
         own = links[link]
@@ -202,6 +206,9 @@ def batch_of(
         compiled = compile_mechanism(mechanism, scene.accuracy)
         loads = tuple(varied for place in places if place[0] == "loads" for varied in _load_numbers(scene, place))
         batch = Batch(scene, compiled, default_times(mechanism, *frames), tuple(variations), tuple(columns), places, loads)
+        how, count = executor
+        if batch.rubs:
+            batch = replace(batch, compiled=replace(compiled, executor=how), count=count)
         if any(place[0] == "joints" for place in places):
             timed = any("time" in effect.needs for effect in effects_of(mechanism))
             if timed or len(variations) > MOST_CORNERS or not batch.one_sense:
@@ -209,7 +216,6 @@ def batch_of(
         batch.curves(batch.nominal)
     except (LookupError, MechanismError, StopIteration, ValueError, TypeError):
         return None
-    how, count = executor
     return replace(batch, compiled=replace(compiled, executor=how), count=count)
 
 

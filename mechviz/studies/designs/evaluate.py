@@ -19,7 +19,7 @@ from mechviz.quantities.catalogue import Quantity
 from mechviz.runs import Run, run_scene
 from mechviz.scene.folder import SceneFolder
 from mechviz.scene.scene import Scene, loads
-from mechviz.studies.designs.batches import Batch, batch_of
+from mechviz.studies.designs.batches import NOT_FINITE, Batch, batch_of
 from mechviz.studies.designs.measures import Measure, needs_forces, quantity_of
 from mechviz.studies.designs.sampling import Variation
 
@@ -159,6 +159,8 @@ def _batch(study: Study) -> Batch | None:
         alone = _run_alone(study, design)
         if isinstance(alone, str):
             continue  # a run by itself looks between the frames, too
+        if reasons[k] == NOT_FINITE and batch.rubs:
+            continue
         if reasons[k]:
             return None
         for (_, quantity, column), curve in zip(batch.columns, curves, strict=True):
@@ -210,8 +212,10 @@ def _evaluated(study: Study, designs: Real) -> Found:
             curve[~known] = np.nan
             with np.errstate(invalid="ignore"):
                 values.append(measure.reduced(curve, batch.time, drive))
-        for k in _out_of_proportion(values):
+        unsolved = [k for k, reason in enumerate(reasons) if batch.rubs and reason == NOT_FINITE]
+        for k in (*_out_of_proportion(values), *unsolved):
             row, reasons[k] = _alone(study, designs[k], [np.full_like(v[k], np.nan) for v in values])
+            missing[k] = 1.0 if reasons[k] else 0.0
             for v, own in zip(values, row, strict=True):
                 v[k] = own
         return Found(tuple(values), tuple(reasons), missing)

@@ -13,12 +13,13 @@ from random_mechanisms import draw
 from mechcore.arrays import Real
 from mechcore.compiled import kernels
 from mechcore.compiled.toolchain import compiler, library
+from mechcore.errors import MechanismError
 from mechcore.forces.kinetostatics import solve_forces
 from mechcore.motion import design_program
 from mechcore.motion.compiled import Compiled
 from mechcore.motion.design_program import DesignProgram
 from mechcore.motion.motion import Motion
-from mechcore.motion.solve import compile_mechanism, default_times
+from mechcore.motion.solve import compile_mechanism, default_times, solve_motion
 from mechcore.motion.sweep import Sweep, sweep
 from mechcore.records import numbers_in
 from mechcore.spec.mechanism import Mechanism
@@ -112,6 +113,22 @@ def test_designs_whose_links_turn_far_between_times_are_left_to_numpy(monkeypatc
     assert isinstance(b.program, DesignProgram)
     assert computed == [2, 1]
     np.testing.assert_allclose(b.results["pose"], a.results["pose"], atol=1e-12)
+
+
+def test_designs_with_friction_are_those_of_runs_by_themselves() -> None:
+    """Where a joint rests is judged by its peak of speed in each design; numpy has none with friction side by side."""
+    mechanism = load("slider-crank-friction").mechanism
+    compiled, cranks = compile_mechanism(mechanism, executor="c"), (0.05, 0.042)
+    points, time = {("crank", "B"): np.array([[r, 0.0] for r in cranks])}, default_times(mechanism, 12)
+    found = sweep(compiled, points, time, collect)
+    assert isinstance(found.program, DesignProgram)
+    for k, r in enumerate(cranks):
+        links = [replace(x, points=x.points | {"B": (r, 0.0)}) if x.name == "crank" else x for x in mechanism.links]
+        alone = collect(solve_motion(compile_mechanism(replace(mechanism, links=tuple(links))), time))
+        for name, wanted in alone.items():
+            np.testing.assert_allclose(found.results[name][k], wanted, atol=1e-12 * np.abs(wanted).max())
+    with pytest.raises(MechanismError, match="numpy solves dry friction of one design at a time"):
+        sweep(replace(compiled, executor="numpy"), points, time, collect)
 
 
 def test_what_c_does_not_have_of_designs_is_named() -> None:

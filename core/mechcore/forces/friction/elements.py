@@ -19,6 +19,7 @@ Cylinder: mu |F| along it, F the force that drives it; a cylinder that nothing d
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from functools import reduce
 from typing import Any, Literal, cast
 
 import numpy as np
@@ -133,10 +134,11 @@ def elements_of(motion: Motion, flanks: Mapping[int, Values] | None = None, sign
     if signs is not None:
         given = iter(signs)
         return _elements(motion, lambda *_: next(given), flanks)
-    turning = max((_peak(w) for w in motion.speeds.angular), default=0.0)
-    moving = max([turning * motion.model.length_scale, *(_peak(v) for v in motion.speeds.slide.values())])
+    peak = motion.peak or _peak
+    turning = reduce(np.maximum, map(peak, motion.speeds.angular), 0.0)
+    moving = reduce(np.maximum, map(peak, motion.speeds.slide.values()), turning * motion.model.length_scale)
     least: dict[Movement, float] = {"turn": NOISE * turning, "slide": NOISE * moving}
-    return _elements(motion, lambda rate, what: _sign(rate, least[what]), flanks)
+    return _elements(motion, lambda rate, what: _sign(rate, least[what], peak), flanks)
 
 
 Sense = Callable[[Any, Movement], Any]  # a rate (F,) and what it is of -> its sign (F,)
@@ -297,10 +299,10 @@ def _of_cam(
     return Element(joint.name, "slide", "contact", friction, factor, factor, mu, links, -1, along, rate, sign, place)
 
 
-def _sign(rate: Real, least: float) -> Real:
+def _sign(rate: Real, least: float, peak: Callable[[ArrayLike], float]) -> Real:
     """Sign of a relative speed (F,); zero at rest, where friction is undetermined and counted as zero."""
     speed = value_of(rate)
-    return np.asarray(np.where(np.abs(speed) <= max(REST * _peak(speed), least), 0.0, np.sign(speed)))
+    return np.where(np.abs(speed) <= np.maximum(REST * peak(speed), least), 0.0, np.sign(speed))
 
 
 def relative_rate(motion: Motion, rates: Rates, what: Movement, j: int, links: tuple[int, int]) -> Real:

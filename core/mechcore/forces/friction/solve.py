@@ -242,7 +242,7 @@ class FrictionResult:
 
     def applied(self, joint: str) -> Real:
         """Share of friction in the force [N] and couple [N m] on the second link (F, 3), beside what the joint transmits anyway."""
-        return rows_of((self.motion.frames,), *self._applied_to(joint))
+        return rows_of(self.motion.shape, *self._applied_to(joint))
 
     def _applied_to(self, joint: str) -> tuple[Plane, Values]:
         force: Plane = 0j
