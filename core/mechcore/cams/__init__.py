@@ -14,8 +14,7 @@ The way through the package::
     lift = mechcore.laws.program([Segment(2.0, 0.02, "cycloidal"), Segment(1.0), Segment(1.6, 0.0, "3-4-5"), ...])
     follower = Follower(Translating(offset=0.01), Roller(0.008))        # guide x face
     cam = cam_on_base(lift, follower, base=0.04)                        # or Cam(law, follower) with absolute heights
-    s = cam.at(theta)               # Synthesis: pitch, working, normal, contact, pressure_angle, radius, sharpness,
-    cutter_path(...)
+    s = cam.at(theta)               # Synthesis: pitch, working, normal, contact, pressure_angle, radius, sharpness
     w = cam.working_curve(theta, order=3)    # the profile as a function with derivatives, in the cam's axes
     find_limits(cam); check_limits(cam, Requirement(...)); least_base(...); best_offset(...)
     contact = analyse(cam_contour(cam), follower, theta)                # or circle, bulged (DXF), spline_contour, polar_contour

@@ -197,10 +197,6 @@ class Synthesis:
         with np.errstate(divide="ignore"):
             return 1.0 - r / self.pitch_radius
 
-    def cutter_path(self, tool: float) -> Complex:
-        """Centres of a milling cutter of radius ``tool`` [m] in the cam's axes: the working curve offset outwards."""
-        return self.working + self.cam.flank * tool * self.normal
-
 
 @dataclass(frozen=True, eq=False)
 class Cam:

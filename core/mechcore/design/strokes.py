@@ -36,14 +36,6 @@ class SliderCrank:
         """Largest angle between the rod and the slide's line [rad]; a right one where the crank does not turn fully."""
         return float(np.arcsin(min((self.crank + self.offset) / self.rod, 1.0)))
 
-    @property
-    def dead_angles(self) -> tuple[float, float]:
-        """Crank angles of the slider's outer and inner end [rad], the slide on the side x > 0."""
-        return (
-            float(np.arcsin(self.offset / (self.rod + self.crank))),
-            float(np.pi + np.arcsin(self.offset / (self.rod - self.crank))),
-        )
-
 
 def alpha_of(ratio: float) -> float:
     """The angle between the crank's dead lines [rad] that belongs to a time ratio. Raises MechanismError below one."""
@@ -86,21 +78,13 @@ def best_slider_crank(stroke: float, ratio: float) -> SliderCrank:
 
 
 # -- crank-rockers ----------------------------------------------------------------------------------------------------
-def crank_rockers(swing: float, ratio: float, rocker: float = 1.0) -> list[FourBar]:
-    """Crank-rockers of a rocker's swing [rad], time ratio and rocker length, all whose crank pivots lie on a circle.
-
-    The pins of the rocker's ends, B1 and B2, are seen from the crank's pivot under alpha. Frame along x, rocker pivot on the right.
-    """
-    four_bars = []
-    for side in (-1, 1):
-        for at in np.linspace(0.0, 2.0 * np.pi, SCAN, endpoint=False):
-            made = _crank_rocker(swing, alpha_of(ratio), rocker, side, float(at))
-            four_bars += [] if made is None else [made]
-    return four_bars
-
-
 def best_crank_rocker(swing: float, ratio: float, rocker: float = 1.0) -> FourBar:
-    """Of `crank_rockers` the one whose least transmission angle is greatest (the optimum of Alt's chart, VDI 2130)."""
+    """Of the crank-rockers of a rocker's swing [rad], time ratio and rocker length the one whose least transmission angle is
+    greatest (the optimum of Alt's chart, VDI 2130).
+
+    The pins of the rocker's ends, B1 and B2, are seen from the crank's pivot under alpha: all pivots lie on a circle. Frame
+    along x, rocker pivot on the right.
+    """
     alpha = alpha_of(ratio)
     if not 0.0 < swing < np.pi:
         raise MechanismError(

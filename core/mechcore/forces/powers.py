@@ -71,14 +71,6 @@ class PowerTable:
         largest = max(self.supplied, self.absorbed)
         return abs(self.supplied - self.absorbed) / largest if largest > 0.0 else 0.0
 
-    def by_cause(self) -> dict[str, tuple[float, float]]:
-        """Work supplied and absorbed [J] by cause."""
-        works: dict[str, tuple[float, float]] = {}
-        for i in self.items:
-            a, b = works.get(i.cause, (0.0, 0.0))
-            works[i.cause] = (a + i.supplied, b + i.absorbed)
-        return works
-
 
 def works(power: Real, time: Real) -> tuple[float, float]:
     """Work supplied and absorbed [J] by a power (F,) [W] that goes straight from frame to frame; exact, sign changes included."""

@@ -150,11 +150,6 @@ def solid(kind: str, *, mass: float | None = None, density: float | None = None,
     return Body(mass, centre, mass * square)
 
 
-def inertia_wrench(mass: float, inertia: float, a_s: ArrayLike, alpha: ArrayLike) -> tuple[Real, Real]:
-    """Inertia force -m a_S (..., 2) [N] at the centre of mass S and inertia moment -J_S alpha (...) [N m] (d'Alembert)."""
-    return -mass * np.asarray(a_s, float), -inertia * np.asarray(alpha, float)
-
-
 def single_resultant(force: ArrayLike, moment: ArrayLike, at: ArrayLike = (0.0, 0.0)) -> tuple[Real, Real]:
     """The one force that replaces a force (..., 2) at a point ``at`` and a moment (...): the point of its line of action that is
     nearest to ``at`` (..., 2), and its distance |M| / |F| (...). NaN and inf where there is no force but a moment; ``at``
@@ -190,16 +185,6 @@ def acceleration_field(places: ArrayLike, a_s: ArrayLike, omega: ArrayLike, alph
     w, e = np.asarray(omega, float)[..., None, None], np.asarray(alpha, float)[..., None, None]
     turned = np.stack([-r[..., 1], r[..., 0]], axis=-1)
     return np.asarray(np.asarray(a_s, float)[..., None, :] + e * turned - w * w * r)
-
-
-def inertia_of_points(
-    masses: ArrayLike, places: ArrayLike, a_s: ArrayLike, omega: ArrayLike, alpha: ArrayLike
-) -> tuple[Real, Real]:
-    """Force (..., 2) [N] and moment about S (...) [N m] of the inertia forces -m_i a_i of point masses (n,) at places (n, 2)
-    from S."""
-    r = np.asarray(places, float)
-    single = -np.asarray(masses, float)[:, None] * acceleration_field(r, a_s, omega, alpha)
-    return single.sum(axis=-2), (r[..., 0] * single[..., 1] - r[..., 1] * single[..., 0]).sum(axis=-1)
 
 
 @dataclass(frozen=True)

@@ -58,11 +58,6 @@ def rates_from_accelerations(a: complex, b: complex, of_a: complex, of_b: comple
     return PlaneRates(max(squared, 0.0), factor.imag, a, of_a)
 
 
-def swing_time(inertia: float, mass: float, distance: float, amplitude: float = 0.0, gravity: float = GRAVITY) -> float:
-    """Period [s] of a body with a moment of inertia [kg m^2] about its axis, its centre of mass at a distance [m] from that."""
-    return 4.0 * math.sqrt(inertia / (mass * gravity * distance)) * float(ellipkm1(math.cos(0.5 * amplitude) ** 2))
-
-
 def inertia_from_swing(
     mass: float, distance: float, period: float, amplitude: float = 0.0, gravity: float = GRAVITY
 ) -> tuple[float, float]:

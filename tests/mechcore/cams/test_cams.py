@@ -274,12 +274,6 @@ def test_a_clockwise_cam_is_the_mirror_image():
     close(b.pressure_angle, -a.pressure_angle)
 
 
-def test_cutter_paths_leave_the_profile():
-    s = Cam(LAW, OFFSET).at(np.linspace(0, 6, 25))
-    close(s.cutter_path(OFFSET.radius), s.pitch)
-    np.testing.assert_allclose(np.abs(s.cutter_path(0.003) - s.working), 0.003, rtol=1e-12)
-
-
 def test_nothing_is_computed_before_it_is_asked_for(monkeypatch):
     s = Cam(LAW, OFFSET).at(np.linspace(0, 6, 25))
     _ = s.pressure_angle

@@ -8,16 +8,22 @@ import math
 import numpy as np
 import pytest
 from mechanisms import case
+from scipy.special import ellipk
 from typer.testing import CliRunner
 
 import mechviz
 from mechcore.errors import MechanismError
 from mechcore.motion.solve import compile_mechanism, default_times, solve_motion
-from mechcore.reduction.inverse import inertia_from_swing, inertia_from_two_swings, rates_from_accelerations, swing_time
+from mechcore.reduction.inverse import inertia_from_swing, inertia_from_two_swings, rates_from_accelerations
 from mechviz.commands.main import app
 
 PLANE = np.array([1.0, 1.0j])
 FILE = "forces_reduction"
+
+
+def swing_time(inertia, mass, distance, amplitude=0.0):
+    """Period of a body about its axis, by the complete elliptic integral."""
+    return 4.0 * math.sqrt(inertia / (mass * 9.81 * distance)) * ellipk(math.sin(0.5 * amplitude) ** 2)
 
 
 def said(*arguments):

