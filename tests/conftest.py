@@ -8,6 +8,7 @@ from __future__ import annotations
 import gc
 import os
 import signal
+import sys
 from collections.abc import Callable
 
 import pytest
@@ -16,7 +17,8 @@ from hypothesis.internal.conjecture import providers
 
 # a worker for each core: threads of BLAS would only wait for each other (before numpy is loaded; processes of tests inherit it)
 os.environ.setdefault("OMP_NUM_THREADS", "1")
-os.environ.pop("PYTHONDONTWRITEBYTECODE", None)  # processes of tests: each would compile the packages anew
+os.environ.pop("PYTHONDONTWRITEBYTECODE", None)  # processes of tests, and each run: they would compile packages and tests anew
+sys.dont_write_bytecode = False
 
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:  # started in the background: processes of tests would not be interrupted
     signal.signal(signal.SIGINT, signal.default_int_handler)
@@ -42,16 +44,27 @@ PER_SCENE = {
     "test_meshes",
     "test_gltf",
     "test_scene_gallery",
-    "test_dynamics_scenes",
+    "test_cli",
+    "test_scene",
+    "test_inspector",
+    "test_graph",
+    "test_graphical",
     "test_friction_scenes",
 }
 # what takes longest and cannot be divided begins first, so that all workers end together
-FIRST = {"test_viewer_browser", "test_inspector_browser", "test_share_browser"}
+FIRST = (
+    "test_inspector_browser",
+    "test_viewer_browser",
+    "test_share_browser",
+    "test_view_browser",
+    "test_positions",
+    "test_machine_faults",
+)
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
     group = parser.getgroup("random mechanisms")
-    group.addoption("--random-cases", type=int, default=45, help="how many random mechanisms, of all kinds together (45)")
+    group.addoption("--random-cases", type=int, default=30, help="how many random mechanisms, of all kinds together (30)")
     group.addoption("--random-from", type=int, default=0, help="number of the first of each kind (0)")
 
 
@@ -69,4 +82,4 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
         scene = getattr(item, "callspec", None) and (item.callspec.params.get("name") or item.callspec.params.get("made"))
         together = scene if module in PER_SCENE and isinstance(scene, str) else module
         item.add_marker(pytest.mark.xdist_group(together))
-    items.sort(key=lambda item: item.path.stem not in FIRST)
+    items.sort(key=lambda item: FIRST.index(item.path.stem) if item.path.stem in FIRST else len(FIRST))
