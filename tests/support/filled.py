@@ -21,7 +21,7 @@ def solid_points(name: str) -> Real:
     """Places (n, 3) [m] of corners of all solids over the run."""
     run, spots = ran(name), []
     for body in solid_nodes(run, solids(name)):
-        xyz, pose = body.mesh.vertices[::7].astype(float), run.motion.pose(body.parent)[::30]
+        xyz, pose = body.mesh.vertices[::7].astype(float), run.motion.pose(body.parent)[::15]
         world = (xyz[:, 0] + 1j * xyz[:, 1]) * np.exp(1j * pose[:, 2:]) + (pose[:, 0] + 1j * pose[:, 1])[:, None]
         spots.append(np.column_stack([world.real.ravel(), world.imag.ravel(), np.tile(xyz[:, 2], len(pose))]))
     return np.concatenate(spots)

@@ -28,7 +28,7 @@ from mechviz.scene.scene import Scene
 
 NAMES = [entry.name for entry in mechviz.gallery()]
 FOLDER = TemporaryDirectory(prefix="mechviz-")  # goes when Python ends
-FRAMES = 240  # a run; enough for differences of poses to show their order
+FRAMES = 120  # a run
 
 
 @dataclass(frozen=True, eq=False)

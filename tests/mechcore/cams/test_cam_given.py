@@ -57,7 +57,7 @@ def test_the_law_of_a_profile_is_what_the_search_finds(make, follower, turn):
     """Between its knots as at them: value, velocity and acceleration against the global search at angles that are none."""
     contour, f = make(), FOLLOWERS[follower]
     given = lift_of(contour, f, turn)
-    x = np.random.default_rng(5).uniform(0.0, 2.0 * np.pi, 60)
+    x = np.random.default_rng(5).uniform(0.0, 2.0 * np.pi, 20)
     wanted = analyse(contour, f, x, turn, bridges=False).motion
     sizes = np.abs(wanted).max(axis=1)
     for order, bound in enumerate((1e-13, 1e-12, 1e-11)):

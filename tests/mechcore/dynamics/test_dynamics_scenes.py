@@ -13,14 +13,10 @@ from typer.testing import CliRunner
 import mechviz
 from mechcore.errors import MechanismError
 from mechcore.laws.timed import Free
-from mechcore.texts import Text
 from mechviz.commands.main import app
 from mechviz.outputs.rerun.reader import Recording
 from mechviz.outputs.rerun.writer import write_recording
 from mechviz.runs import run_scene
-from recordings import NAMES, gallery_scene, made
-
-SIMULATED = [name for name in NAMES if gallery_scene(name).simulation is not None]
 
 
 def fault_of(text: str, *changes: tuple[str, str]) -> str:
@@ -173,21 +169,6 @@ def test_the_squeezer_of_the_gallery_is_the_published_one():
 
 
 # --- recordings -------------------------------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize("name", SIMULATED)
-def test_recorded_energies_close_and_happenings_are_there(name: str):
-    run, found = made(name).run, made(name).recording
-    kinetic, potential, work, dissipated = found.scalars("data", "energy")[1].T
-    balance = kinetic + potential - work + dissipated
-    size = np.abs(found.scalars("data", "energy")[1]).max()
-    assert np.ptp(balance) <= 60.0 * run.simulation.tolerance * size
-    assert np.all(np.diff(dissipated) >= -1e-9 * size)
-    assert np.abs(found.scalars("health", "energy_drift")[1]).max() < 30.0 * run.simulation.tolerance
-    prescribed = [d.joint for d in run.scene.mechanism.drives if not isinstance(d.law, Free)]
-    assert found.model["drives"] == prescribed
-    texts = " ".join(e.text for e in found.events)
-    assert all(Text.of(h.text).in_units(run.scene.units) in texts for h in run.simulation.events)
 
 
 def test_lanes_of_a_stop_tell_contact_and_release(tmp_path: Path):

@@ -17,9 +17,7 @@ from mechcore.forces.kinetostatics import solve_forces
 from mechcore.motion.solve import compile_mechanism, default_times, solve_motion
 from mechcore.reduction.reduced import resultant
 from mechcore.spec.loads import Force, Spring
-from recordings import gallery_scene
-
-NAMES = [entry.name for entry in mechviz.gallery() if gallery_scene(entry.name).simulation is None]
+from recordings import NAMES, ran
 
 
 def motion_of(name, frames=72):
@@ -30,14 +28,16 @@ def motion_of(name, frames=72):
 
 @pytest.mark.parametrize("name", NAMES)
 def test_every_plan_of_the_gallery_closes(name):
-    motion = motion_of(name)
+    run = ran(name)
+    if run.simulation is not None:  # no plans are made of motions under forces
+        return
+    motion, forces = run.motion, run.forces
     for plan in (velocity_polygon(motion), acceleration_polygon(motion)):
         assert bool(plan.edges) == any(not c.fixed for c in layout(motion.model)[0])  # links on fixed pins alone have no side
         good = np.isfinite(plan.largest)
         assert good.mean() > 0.9
         assert plan.closing[good].max() <= 1e-9, plan.name
-    if motion.mechanism.effects or motion.mechanism.loads:
-        forces = solve_forces(motion)
+    if forces is not None:
         solved = np.isfinite(forces.reaction(motion.mechanism.joints[0].name)).all(axis=1)  # not where friction jams it
         assert solved.any()
         for plan in force_polygons(forces):

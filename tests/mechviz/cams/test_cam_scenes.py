@@ -180,10 +180,12 @@ def test_the_solids_touch_over_a_turn(name):
         flat = [p.bounds[:, 2] for k, p in zip(cam.kinds, cam.parts, strict=True) if k in ("plate", "wheel")]
         cuts = [[section(s.mesh, z) for s in (cam, follower)] for z in {0.493 * low + 0.507 * high for low, high in flat}]
         cuts = [cut for cut in cuts if not any(shape.is_empty for shape in cut)]  # a gear may sit on the cam's shaft too
-        for k in range(0, motion.frames, 3):
-            placings = [(_at(a, motion.pose(placed.links[0])[k]), _at(b, motion.pose(placed.links[1])[k])) for a, b in cuts]
-            assert min(a.distance(b) for a, b in placings) < tolerance
-            assert all(a.buffer(-tolerance).intersection(b).area < 1e-12 for a, b in placings)
+        cuts = [(a, a.buffer(-tolerance), b) for a, b in cuts]
+        for k in range(0, motion.frames, 4):
+            first, second = (motion.pose(link)[k] for link in placed.links)
+            placings = [(_at(a, first), _at(less, first), _at(b, second)) for a, less, b in cuts]
+            assert min(a.distance(b) for a, _, b in placings) < tolerance
+            assert all(less.intersection(b).area < 1e-12 for _, less, b in placings)
 
 
 def _at(shape, pose):

@@ -25,6 +25,7 @@ from mechviz.runs import run_scene
 from mechviz.scene.folder import TOPICS, gallery, gallery_names
 from mechviz.scene.scene import Scene, load, loads
 from mechviz.studies.report import check_lines
+from recordings import gallery_scene
 
 COMMAND = [sys.executable, "-m", "mechviz"]
 ENVIRONMENT = {**os.environ, "PYTHONPATH": os.pathsep.join(path for path in sys.path if path)}
@@ -42,7 +43,7 @@ def after(marker: str, lines: list[str]) -> list[str]:
 
 @pytest.mark.parametrize("name", gallery_names())
 def test_check_prints_every_scene_of_the_gallery_and_tells_modes_apart(name):
-    lines = check_lines(load(name), modes=True)
+    lines = check_lines(gallery_scene(name), modes=True)
     modes = [line.split(":", 1)[1].split("<-")[0].strip() for line in after("modes", lines) if re.match(r" {4}\w+:", line)]
     for first, second in zip(modes[::2], modes[1::2], strict=True):
         assert first != second
@@ -110,32 +111,35 @@ def test_events_name_no_position_that_is_only_rounding(tmp_path: Path):
     assert not re.search(r"at -?\d\S*e-1\d mm", text)
 
 
-@pytest.mark.parametrize(
-    "name", ["ü", "a b", "a.b", "a:b", "b'", "日本", "a,b;c", "[0]", "{x}", "%41", "~", "$HOME", "*?", "(a|b)", "1.5"]
-)
-def test_odd_names_go_through_a_recording_and_back(tmp_path: Path, name):
+def test_odd_names_go_through_a_recording_and_back(tmp_path: Path):
     """Links, joints and points of any name: what a reader finds by the names of the model is the motion."""
+    odd = ("ü", "a b", "a.b", "a:b", "b'", "日本", "a,b;c", "[0]", "{x}", "%41", "~", "$HOME", "*?", "(a|b)", "1.5")
     text = load("slider-crank-compressor").to_toml()
-    quoted = json.dumps(name, ensure_ascii=False)
-    for old in ("rod", "B"):
-        text = re.sub(rf"(?<![\w\"]){old}(?= =|\])|\"{old}\"", quoted, text)
-    scene = loads(text)
-    assert name in scene.document.links and name in scene.document.joints
-    run = run_scene(scene, frames=12)
-    write_recording(run, tmp_path / "a.rrd")
-    found = inspect(tmp_path / "a.rrd")
-    assert name in found.links and name in [joint.name for joint in found.joints]
-    recording = Recording(tmp_path / "a.rrd")
-    pose = recording.scalars("data", "links", name, "pose")[1]
-    np.testing.assert_array_equal(pose[:, :2], run.motion.pose(name)[:, :2])
-    assert loads(scene.to_toml()) == scene
+    names = [n for n in ("rod", "crank", "piston", "A", "B", "C") if re.search(rf"(?<![\w\"]){n}(?= =|\])", text)]
+    for first in range(0, len(odd), len(names)):
+        given = dict(zip(names, odd[first : first + len(names)], strict=False))
+        there = text
+        for old, name in given.items():
+            quoted = json.dumps(name, ensure_ascii=False)
+            there = re.sub(rf"(?<![\w\"]){old}(?= =|\])|\"{old}\"", lambda _, quoted=quoted: quoted, there)
+        scene = loads(there)
+        assert {*given.values()} <= {*scene.document.links, *scene.document.joints}
+        run = run_scene(scene, frames=12)
+        write_recording(run, tmp_path / "a.rrd")
+        found = inspect(tmp_path / "a.rrd")
+        assert {*given.values()} <= {*found.links, *(joint.name for joint in found.joints)}
+        recording = Recording(tmp_path / "a.rrd")
+        for link in scene.document.links:
+            pose = recording.scalars("data", "links", link, "pose")[1]
+            np.testing.assert_array_equal(pose[:, :2], run.motion.pose(link)[:, :2])
+        assert loads(scene.to_toml()) == scene
 
 
 # --- outputs and signals ----------------------------------------------------------------------------------------------
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="no device that is always full")
-@pytest.mark.parametrize("arguments", [["scenes"], ["schema"], ["--help"], ["check", "crank-rocker"], ["show", "triad"]])
+@pytest.mark.parametrize("arguments", [["scenes"], ["check", "crank-rocker"]])
 def test_a_full_output_is_a_message(arguments):
     with open("/dev/full", "w") as full:
         done = subprocess.run([*COMMAND, *arguments], stdout=full, stderr=subprocess.PIPE, text=True, env=ENVIRONMENT, timeout=60)
@@ -143,7 +147,7 @@ def test_a_full_output_is_a_message(arguments):
     assert done.stderr == "the output cannot be written: no space left on device.\n"
 
 
-@pytest.mark.parametrize("arguments", [["scenes"], ["schema"], ["show", "ten-link"]])
+@pytest.mark.parametrize("arguments", [["schema"]])
 def test_a_reader_that_leaves_is_no_error(arguments):
     read, write = os.pipe()
     os.close(read)
@@ -162,13 +166,13 @@ def test_files_are_written_though_the_reader_of_the_words_has_left(tmp_path):
     assert (done.returncode, done.stderr) == (0, "") and (tmp_path / "power.csv").stat().st_size > 500
 
 
-@pytest.mark.parametrize("arguments", [["check", "crank-rocker"], ["check", "Kurbel ü"], ["--help"]])
+@pytest.mark.parametrize("arguments", [["check", "crank-rocker"], ["check", "Kurbel ü"]])
 def test_terminals_of_few_letters_get_all_that_they_can_show(arguments):
     done = subprocess.run(
         [*COMMAND, *arguments], capture_output=True, text=True, env={**ENVIRONMENT, "PYTHONIOENCODING": "ascii"}, timeout=60
     )
     assert done.returncode == (2 if "Kurbel ü" in arguments else 0) and "Traceback" not in done.stderr
-    assert {"crank-rocker": "3\\xb73 - 2\\xb74", "Kurbel ü": "", "--help": ""}[arguments[-1]] in done.stdout
+    assert {"crank-rocker": "3\\xb73 - 2\\xb74", "Kurbel ü": ""}[arguments[-1]] in done.stdout
     assert ("Kurbel \\xfc" in done.stderr) == ("Kurbel ü" in arguments)
 
 
@@ -194,8 +198,6 @@ main()
     ("module", "number", "code"),
     [
         ("typer", signal.SIGINT, 130),
-        ("pydantic", signal.SIGTERM, 143),
-        ("rerun", signal.SIGINT, 130),
         ("rerun", signal.SIGTERM, 143),
         ("trimesh", signal.SIGINT, 130),
         ("mechcore.numerics.newton", signal.SIGTERM, 143),
@@ -214,8 +216,8 @@ def test_a_signal_while_libraries_load_ends_the_command_with_a_message(tmp_path:
     assert not list(tmp_path.iterdir())
 
 
-@pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
-def test_a_signal_while_frames_are_written_is_said_once(tmp_path: Path, number, code):
+def test_a_signal_while_frames_are_written_is_said_once(tmp_path: Path):
+    number, code = signal.SIGINT, 130
     target = tmp_path / "x.rrd"
     process = subprocess.Popen(
         [*COMMAND, "record", "crank-rocker", "-n", "60000", "-o", str(target)],

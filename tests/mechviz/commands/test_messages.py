@@ -17,15 +17,12 @@ import mechviz
 from mechcore.errors import Fault, MechanismError
 from mechcore.motion.events import Event
 from mechcore.texts import Kind, Text, as_angle, as_coordinate, as_force, as_length
-from mechviz.quantities.events import events_of
-from mechviz.runs import run_scene
 from mechviz.scene.document import UnitsDocument
 from mechviz.scene.faults import SceneError
-from mechviz.scene.folder import GALLERY_FOLDER, gallery, gallery_names
+from mechviz.scene.folder import GALLERY_FOLDER, gallery
 from mechviz.scene.scene import Scene, load
 from mechviz.scene.units import KINDS, Units
 from mechviz.studies.report import check_lines
-from recordings import gallery_scene
 
 ODD = Units(length="in", angle="turn", force="kgf")
 FOREIGN = re.compile(r"(?<![\w'\"])-?[\d.]+(e[+-]?\d+)? ?(mm|cm|m|deg|rad|°)(?![\w²³/^])(?! \w*['\"])")
@@ -66,19 +63,6 @@ def test_the_units_of_a_scene_have_all_kinds_of_quantities_of_texts():
         "torque": "0.001 kN m", "stiffness": "1e-06 kN/mm", "torsional stiffness": "1.745e-05 kN m/°",
     }  # fmt: skip
     assert set(shown) <= set(KINDS)
-
-
-# --- units of what a run says -----------------------------------------------------------------------------------------
-
-QUICK = [name for name in gallery_names() if gallery_scene(name).simulation is None]
-
-
-@pytest.mark.parametrize("name", QUICK)
-def test_events_and_check_are_in_the_units_of_the_scene(name):
-    scene = shown_in(load(name), ODD)
-    run = run_scene(scene)
-    told = [e.text for e in events_of(run)]
-    assert not [text for text in told if FOREIGN.search(text)]
 
 
 # --- faults: scenes whose numbers are changed -------------------------------------------------------------------------

@@ -37,7 +37,7 @@ from mechviz.outputs.rerun.writer import write_recording
 from mechviz.progress import Bar, progress_bar
 from mechviz.runs import run_scene
 from mechviz.scene.scene import load
-from recordings import Made, made
+from recordings import FRAMES, Made, made
 
 
 def recorded() -> Made:
@@ -241,7 +241,7 @@ def test_a_page_opens_where_forces_are_large_and_away_from_dead_points(ten):
     angle = recorded().shown.catalogue.coordinate("A")[frames.rows]
     assert largest[header["opening"]] > 0.4 * largest.max() and abs(np.sin(angle[header["opening"]])) > 0.3
     assert content(make_page(recorded().shown, plots=False)[0])[0]["opening"] == header["opening"]
-    assert content(make_page(made("crank-rocker").shown)[0])[0]["opening"] == 30  # an eighth of a turn
+    assert content(make_page(made("crank-rocker").shown)[0])[0]["opening"] == FRAMES // 8  # of a turn
 
 
 def test_no_text_of_a_scene_becomes_markup(tmp_path):

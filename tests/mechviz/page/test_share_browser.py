@@ -43,10 +43,7 @@ TAG = """name => { const tag = [...document.querySelectorAll('#labels span')].fi
 SOLID = """name => { const p = mechviz.player, link = p.header.links.find((k) => k.name === name), v = p.arrays[link.mesh.vertices];
     return { pose: p.stage.pose(link, p.frame), vertices: Array.from(v) }; }"""
 HINT = "GL Driver Message (OpenGL, Performance"  # of the browser, where it draws in software
-LARGE = (
-    "watt-six-bar", "kinetostatic-four-bar", "slider-crank-engine", "ten-link-forces", "cam-flat", "scissor-lift", "belt-drive",
-    "toggle-clamp", "valve-train", "excavator-arm",
-)  # fmt: skip
+LARGE = ("kinetostatic-four-bar", "slider-crank-engine", "ten-link-forces", "cam-flat", "scissor-lift", "excavator-arm")
 NOTHING = "for (const g of mechviz.player.header.groups) mechviz.player.show(g.name, false)"
 TIME = "mechviz.player.time"
 

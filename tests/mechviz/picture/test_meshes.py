@@ -141,16 +141,12 @@ def built():
 
 
 @pytest.mark.parametrize("name", ALL)
-def test_every_part_is_closed_and_its_normals_point_outwards(built, name):
-    spec, _, solids = built(name)
-    check_shapes(solids, spec)
-
-
-@pytest.mark.parametrize("name", ALL)
-def test_no_two_solids_pass_through_each_other(built, name):
+def test_parts_are_closed_nothing_collides_and_pins_reach_through_the_links_that_they_join(built, name):
     spec, poses, solids = built(name)
+    check_shapes(solids, spec)
     assert solids.clashes == ()
     assert meeting_links(spec, poses, solids) == set()
+    joined_links_lie_on_different_layers_and_one_pin_reaches_through_both(spec, poses, solids)
 
 
 @pytest.mark.parametrize("name", ["loose-coupler-pin"])  # in the process that has run this scene
@@ -164,9 +160,7 @@ def test_a_bearing_with_clearance_is_bored_so_wide_that_its_journal_stays_inside
     assert away < wide - tight < 1.15 * away, "the poses are some of those that the solids were built for"
 
 
-@pytest.mark.parametrize("name", ALL)
-def test_joined_links_lie_on_different_layers_and_one_pin_reaches_through_both(built, name):
-    spec, poses, solids = built(name)
+def joined_links_lie_on_different_layers_and_one_pin_reaches_through_both(spec: Mechanism, poses: Poses, solids: Solids) -> None:
     points = {link.name: link.points for link in spec.links}
     start = {name: poses[name][0] if name != spec.frame else np.zeros(3) for name in solids.links}
     pins = [

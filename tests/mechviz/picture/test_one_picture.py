@@ -14,10 +14,9 @@ from mechviz.outputs.presentation import presentation_of
 from mechviz.outputs.rerun.recorded import numbers_in, picture_in
 from mechviz.outputs.viewer.show import build, show_of_recording, show_of_run
 from mechviz.picture.build import picture_of
-from mechviz.picture.nodes import Picture
 from mechviz.quantities.catalogue import Catalogue
 from mechviz.quantities.events import events_of
-from recordings import NAMES, made
+from recordings import NAMES, Made, made
 
 
 def alike(a: Any, b: Any, where: str) -> None:
@@ -43,11 +42,6 @@ def alike(a: Any, b: Any, where: str) -> None:
         assert a == b, where
 
 
-def pictures(name: str) -> tuple[Picture, Picture]:
-    m = made(name)
-    return picture_of(m.run, m.solids), picture_in(m.recording, numbers_in(m.recording))
-
-
 @pytest.mark.parametrize("name", ["slider-crank-friction", "scissor-lift", "valve-train"])
 def test_the_viewer_shows_of_a_recording_what_it_shows_of_the_run(name: str) -> None:
     m = made(name)
@@ -70,8 +64,13 @@ def test_bodies_that_a_joint_brings_along_are_drawn() -> None:
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_a_recording_holds_the_picture_of_its_run(name: str) -> None:
-    run, recording = pictures(name)
+def test_a_recording_holds_the_picture_and_the_catalogue_of_its_run(name: str) -> None:
+    the_picture_is_that_of_the_run(made(name))
+    the_catalogue_is_that_of_the_run(made(name))
+
+
+def the_picture_is_that_of_the_run(m: Made) -> None:
+    run, recording = picture_of(m.run, m.solids), picture_in(m.recording, numbers_in(m.recording))
     assert [node.key for node in recording.nodes] == [node.key for node in run.nodes]
     assert len(run.by_key) == len(run.nodes), "keys are unique"
     assert (recording.frame, recording.size, recording.top) == (run.frame, run.size, run.top)
@@ -83,9 +82,7 @@ def test_a_recording_holds_the_picture_of_its_run(name: str) -> None:
         alike(a, b, a.key)
 
 
-@pytest.mark.parametrize("name", NAMES)
-def test_a_recording_holds_the_catalogue_of_its_run(name: str) -> None:
-    m = made(name)
+def the_catalogue_is_that_of_the_run(m: Made) -> None:
     run, recording = m.run.catalogue, Catalogue(numbers_in(m.recording))
     assert [(q.key, q.label, q.unit, q.curves) for q in recording.quantities] == [
         (q.key, q.label, q.unit, q.curves) for q in run.quantities

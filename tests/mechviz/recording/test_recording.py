@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import json
+import re
+from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -15,20 +18,31 @@ from mechcore.laws.timed import Free
 from mechcore.motion.events import find_events
 from mechcore.spec.clearance import journals_of
 from mechcore.spec.mechanism import CamJoint, Prismatic, Revolute
-from recordings import NAMES, Made, gallery_scene, made, motion_of, place, points_of, size_of
+from mechcore.texts import Text
+from mechviz.quantities.events import events_of
+from mechviz.scene.document import UnitsDocument
+from recordings import NAMES, Made, made, motion_of, place, points_of, size_of
 
-MECHANISMS = {name: gallery_scene(name).mechanism for name in NAMES}
-WITH_FORCES = [name for name, m in MECHANISMS.items() if m.effects or m.loads]
-KINEMATIC = [name for name in NAMES if name not in WITH_FORCES]
+Check = Callable[[Made], None]
+EVERYWHERE: list[Check] = []
+LOADED: list[Check] = []
 
-everywhere = pytest.mark.parametrize("name", NAMES)
-loaded = pytest.mark.parametrize("name", WITH_FORCES)
+
+def everywhere(check: Check) -> Check:
+    """Of the recording of every scene."""
+    EVERYWHERE.append(check)
+    return check
+
+
+def loaded(check: Check) -> Check:
+    """Of the recording of every scene that has forces."""
+    LOADED.append(check)
+    return check
 
 
 @everywhere
-def test_poses_are_what_the_core_computed_bit_for_bit(name):
-    m = made(name)
-    again = motion_of(name, m.run.motion.frames - 1)
+def poses_are_what_the_core_computed_bit_for_bit(m: Made) -> None:
+    again = motion_of(m.run.scene.name, m.run.motion.frames - 1)
     for link in m.recording.model["links"]:
         assert np.array_equal(m.data("links", link, "pose"), again.pose(link)), link
         assert np.array_equal(m.data("links", link, "velocity"), again.velocity(link)), link
@@ -36,8 +50,39 @@ def test_poses_are_what_the_core_computed_bit_for_bit(name):
 
 
 @everywhere
-def test_transforms_show_the_poses(name):
-    m = made(name)
+def loops_are_closed(m: Made) -> None:
+    assert m.recording.scalars("health", "closure")[1].max() <= 1e-12 * size_of(m.run.motion.mechanism)
+
+
+ODD = UnitsDocument(length="in", angle="turn", force="kgf")
+FOREIGN = re.compile(r"(?<![\w'\"])-?[\d.]+(e[+-]?\d+)? ?(mm|cm|m|deg|rad|°)(?![\w²³/^])(?! \w*['\"])")
+"""A number with a unit of length or angle other than those of `ODD`."""
+
+
+@everywhere
+def events_are_told_in_the_units_of_the_scene(m: Made) -> None:
+    scene = replace(m.run.scene, document=m.run.scene.document.model_copy(update={"units": ODD}))
+    assert not [e.text for e in events_of(replace(m.run, scene=scene)) if FOREIGN.search(e.text)]
+
+
+@everywhere
+def energies_close_and_happenings_of_motions_under_forces_are_there(m: Made) -> None:
+    run, found = m.run, m.recording
+    if run.simulation is None:
+        return
+    kinetic, potential, work, dissipated = found.scalars("data", "energy")[1].T
+    balance = kinetic + potential - work + dissipated
+    size = np.abs(found.scalars("data", "energy")[1]).max()
+    assert np.ptp(balance) <= 60.0 * run.simulation.tolerance * size
+    assert np.all(np.diff(dissipated) >= -1e-9 * size)
+    assert np.abs(found.scalars("health", "energy_drift")[1]).max() < 30.0 * run.simulation.tolerance
+    assert found.model["drives"] == [d.joint for d in run.scene.mechanism.drives if not isinstance(d.law, Free)]
+    texts = " ".join(e.text for e in found.events)
+    assert all(Text.of(h.text).in_units(run.scene.units) in texts for h in run.simulation.events)
+
+
+@everywhere
+def transforms_show_the_poses(m: Made) -> None:
     for link in m.recording.model["links"]:
         pose = m.data("links", link, "pose")
         where = m.recording.rows("mechanism", "links", link, component="Transform3D:translation")
@@ -51,8 +96,7 @@ def test_transforms_show_the_poses(name):
 
 
 @everywhere
-def test_joints_coincide_on_both_links(name):
-    m = made(name)
+def joints_coincide_on_both_links(m: Made) -> None:
     mechanism = m.mechanism
     points, near = points_of(mechanism), 1e-12 * size_of(mechanism)
     for joint in mechanism.joints:
@@ -144,13 +188,12 @@ def difference_errors(m: Made, motion: Any, ok: np.ndarray) -> dict[str, float]:
 
 
 @everywhere
-def test_velocities_and_accelerations_are_derivatives_of_the_poses(name):
+def velocities_and_accelerations_are_derivatives_of_the_poses(m: Made) -> None:
     """Central differences are of second order: half the step, a quarter of the error. They are what is recorded, see above."""
-    m = made(name)
     rows = max((len(j.lift.pieces) for j in m.mechanism.joints if isinstance(j, CamJoint) and j.lift is not None), default=0)
     # many swings or turns are not one cycle; of a fine table several frames lie between two rows
     frames = max(480 if m.run.simulation is None else 1440, 8 * rows if rows > 200 else 0)
-    few, many = motion_of(name, frames), motion_of(name, 2 * frames)
+    few, many = motion_of(m.run.scene.name, frames), motion_of(m.run.scene.name, 2 * frames)
     shared = np.zeros(len(many.time), bool)
     shared[::2] = smooth(m, few)  # the same moments: next to events differences leave out more of them when steps are long
     np.testing.assert_allclose(many.time[::2], few.time, rtol=0, atol=1e-9)
@@ -165,8 +208,7 @@ def test_velocities_and_accelerations_are_derivatives_of_the_poses(name):
 
 
 @everywhere
-def test_points_move_with_their_links(name):
-    m = made(name)
+def points_move_with_their_links(m: Made) -> None:
     mechanism = m.mechanism
     for link, point in mechanism.traced:
         position = m.data("points", f"{link}.{point}", "position")
@@ -179,9 +221,8 @@ def test_points_move_with_their_links(name):
 
 
 @loaded
-def test_every_link_is_in_dynamic_balance(name):
+def every_link_is_in_dynamic_balance(m: Made) -> None:
     """Reactions, drive wrenches, loads and inertia of every moving link sum to zero, in force and in moment."""
-    m = made(name)
     model = m.recording.model
     sums = {link: np.zeros((len(m.time), 3)) for link in model["links"]}
     largest = {link: np.zeros(3) for link in model["links"]}
@@ -234,14 +275,14 @@ def known(m: Made) -> np.ndarray:
 
 
 @loaded
-def test_power_is_balanced(name):
-    m = made(name)
-    assert abs(m.recording.scalars("health", "power_balance")[1][known(m)]).max() < 1e-9
+def power_is_balanced(m: Made) -> None:
+    """Where friction jams a mechanism there are no numbers."""
+    balance = m.recording.scalars("health", "power_balance")[1]
+    assert abs(balance[known(m)]).max() < 1e-9 and np.isnan(balance[~known(m)]).all()
 
 
 @loaded
-def test_inertia_arrows_lie_on_their_lines_of_action(name):
-    m = made(name)
+def inertia_arrows_lie_on_their_lines_of_action(m: Made) -> None:
     scale = m.recording.properties["newtons_per_metre"]
     for link in m.recording.model["links"]:
         if not m.recording.has("vectors", "inertia", link):
@@ -263,8 +304,7 @@ def test_inertia_arrows_lie_on_their_lines_of_action(name):
 
 
 @loaded
-def test_the_largest_force_is_a_third_of_the_mechanism_and_small_ones_are_left_out(name):
-    m = made(name)
+def the_largest_force_is_a_third_of_the_mechanism_and_small_ones_are_left_out(m: Made) -> None:
     vectors = [
         m.recording.rows(e, component="Arrows3D:vectors").values
         for e in m.recording.entities
@@ -287,8 +327,7 @@ def names(m: Made, path: str) -> set[str]:
 
 
 @everywhere
-def test_meshes_are_closed_and_lit(name):
-    m = made(name)
+def meshes_are_closed_and_lit(m: Made) -> None:
     for link in m.recording.model["links"]:
         path = ("mechanism", "links", link, "mesh")
         vertices, faces, normals, colors = (
@@ -308,11 +347,10 @@ def merged(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.ndar
 
 
 @everywhere
-def test_properties_and_documents_say_what_was_done(name):
-    m = made(name)
+def properties_and_documents_say_what_was_done(m: Made) -> None:
     p = m.recording.properties
     plan = m.run.plan
-    assert p["schema"] == 2 and p["scene"] == name and p["frames"] == m.run.motion.frames and p["complete"] is True
+    assert p["schema"] == 2 and p["scene"] == m.run.scene.name and p["frames"] == m.run.motion.frames and p["complete"] is True
     assert p["effects"] == list(plan.effects) and p["skipped"] == [s.name for s in plan.skipped]
     assert p["version"] and p["tolerance"] > 0 and p["wall_seconds"] > 0
     for scale in ("newtons_per_metre", "newton_metres_per_metre", "mps_per_metre", "mps2_per_metre"):
@@ -332,8 +370,7 @@ def test_properties_and_documents_say_what_was_done(name):
 
 
 @everywhere
-def test_all_rows_are_on_all_timelines_at_the_frames(name):
-    m = made(name)
+def all_rows_are_on_all_timelines_at_the_frames(m: Made) -> None:
     motion = m.run.motion
     ns = np.round(motion.time * 1e9).astype(np.int64)
     rotary = [d.joint for d in motion.mechanism.drives if isinstance(joint_of(m, d.joint), Revolute)]
@@ -354,9 +391,7 @@ def joint_of(m: Made, name: str):
     return next(p for p in m.run.motion.mechanism.joints if p.name == name)
 
 
-@pytest.mark.parametrize("name", KINEMATIC)
-def test_pure_kinematics_records_nothing_else(name):
-    m = made(name)
+def pure_kinematics_records_nothing_else(m: Made) -> None:
     for path in m.recording.entities:
         assert not path.endswith(("/reaction", "/inertia", "/properties", "/wrench", "/energy", "/power_balance")), path
         assert not path.startswith(
@@ -376,8 +411,7 @@ def test_pure_kinematics_records_nothing_else(name):
 
 
 @loaded
-def test_efforts_and_power_of_the_drives(name):
-    m = made(name)
+def efforts_and_power_of_the_drives(m: Made) -> None:
     for drive in m.recording.model["drives"]:
         _, speed, _, effort, power = m.data("drive", drive).T
         assert np.allclose(power, effort * speed, rtol=1e-12, atol=0, equal_nan=True) and np.isfinite(power[known(m)]).all()
@@ -386,15 +420,23 @@ def test_efforts_and_power_of_the_drives(name):
 
 
 @everywhere
-def test_the_default_blueprint_is_embedded(name):
+def the_default_blueprint_is_embedded(m: Made) -> None:
     from rerun.chunk import RrdReader
 
-    reader = RrdReader(made(name).path)
+    reader = RrdReader(m.path)
     assert [e.application_id for e in reader.recordings()] == ["mechviz"]
     blueprints = reader.blueprints()
     assert [e.application_id for e in blueprints] == ["mechviz"]
     views = [str(c.entity_path) for c in reader.stream(store=blueprints[0]) if str(c.entity_path).startswith("/view/")]
     assert len(views) >= 5
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_what_is_recorded(name: str) -> None:
+    """All of the above, of one recording."""
+    m = made(name)
+    for check in (*EVERYWHERE, *([pure_kinematics_records_nothing_else] if m.run.forces is None else LOADED)):
+        check(m)
 
 
 def test_no_wall_clock_timeline():

@@ -21,7 +21,7 @@ from mechviz.outputs.rerun.writer import write_recording
 from mechviz.quantities.tables import tables
 from mechviz.runs import Run, run_scene
 from mechviz.scene.scene import load
-from recordings import made, ran
+from recordings import FRAMES, made, ran
 
 ROOT = Path(__file__).resolve().parents[3]
 
@@ -44,8 +44,8 @@ def test_a_recording_takes_the_place_of_the_old_one(tmp_path):
     path.write_bytes(b"old")
     seen = []
     summary = write_recording(crank_rocker(), path, progress=lambda done, total: seen.append((done, total)))
-    assert seen[-1] == (241, 241)
-    assert summary.bytes == path.stat().st_size and summary.frames == 241
+    assert seen[-1] == (FRAMES + 1, FRAMES + 1)
+    assert summary.bytes == path.stat().st_size and summary.frames == FRAMES + 1
     assert [p.name for p in tmp_path.iterdir()] == ["a.rrd"]
     assert "left out: effect inertia" in summary.costs() and "kB a frame" in summary.costs()
 
@@ -83,7 +83,7 @@ def test_a_path_is_free_again_where_no_thread_can_be_made(tmp_path, monkeypatch)
         with pytest.raises(RecordingError, match="thread") as error:
             write_recording(crank_rocker(), tmp_path / "a.rrd")
     assert error.value.code == 1 and not list(tmp_path.iterdir())
-    assert write_recording(crank_rocker(), tmp_path / "a.rrd").frames == 241
+    assert write_recording(crank_rocker(), tmp_path / "a.rrd").frames == FRAMES + 1
 
 
 def test_recording_ids_differ_unless_given(tmp_path):
@@ -94,7 +94,7 @@ def test_recording_ids_differ_unless_given(tmp_path):
         path = tmp_path / f"{k}.rrd"
         write_recording(crank_rocker(), path, recording_id=given)
         ids += [e.recording_id for e in RrdReader(path).recordings()]
-        assert len(Recording(path).scalars("data", "links", "crank", "pose")[0]) == 241
+        assert len(Recording(path).scalars("data", "links", "crank", "pose")[0]) == FRAMES + 1
     assert len(set(ids)) == 3 and ids[2:] == ["mine", "mine"]
 
 
@@ -151,7 +151,7 @@ def test_two_runs_do_not_write_the_same_unfinished_file(tmp_path):
         with pytest.raises(RecordingError, match="being written by another run"):
             write_recording(crank_rocker(), tmp_path / "a.rrd")
 
-    assert write_recording(crank_rocker(), tmp_path / "a.rrd", progress=again).frames == 241
+    assert write_recording(crank_rocker(), tmp_path / "a.rrd", progress=again).frames == FRAMES + 1
     assert [p.name for p in tmp_path.iterdir()] == ["a.rrd"]
 
 
@@ -292,13 +292,13 @@ def test_reading_says_what_is_wrong(tmp_path):
 def test_inspection_reads_the_peaks_from_the_file():
     m = made("kinetostatic-four-bar")
     found = inspect(m.path)
-    assert (found.scene, found.frames, found.frame) == ("kinetostatic-four-bar", 241, "frame")
+    assert (found.scene, found.frames, found.frame) == ("kinetostatic-four-bar", FRAMES + 1, "frame")
     peaks = {p.item: p for p in found.peaks}
     torque = m.data("drive", "A")[:, 3]
     k = int(abs(torque).argmax())
     assert peaks["driving torque A"].value == torque[k] and peaks["driving torque A"].unit == "N m"
     assert peaks["driving torque A"].time == pytest.approx(m.time[k])
-    assert peaks["driving torque A"].drive == f"{360 * k / 240:.3f}°"
+    assert peaks["driving torque A"].drive == f"{360 * k / FRAMES:.3f}°"
     assert {f"reaction {j}" for j in m.recording.model["joints"]} <= set(peaks)
     assert {h.item for h in found.health} >= {"closure", "condition", "power balance"}
     text = format_inspection(found)

@@ -1,4 +1,4 @@
-"""The gallery: every scene loads, runs, closes its loops, and is the mechanism that its references describe."""
+"""The gallery: scenes are the mechanisms that their references describe; that all run and close, see test_recording."""
 
 from __future__ import annotations
 
@@ -53,24 +53,10 @@ def test_the_gallery_has_what_it_promises():
     assert sorted(NAMES) == NAMES
 
 
-@pytest.mark.parametrize("entry", mechviz.gallery(), ids=lambda entry: entry.name)
-def test_every_gallery_scene_has_a_title_and_teaches_one_sentence(entry):
-    assert 5 < len(entry.title) < 80
-    assert entry.teaches.endswith(".") and 30 < len(entry.teaches) < 200
-
-
-@pytest.mark.parametrize("name", NAMES)
-def test_every_gallery_scene_runs_and_closes(name):
-    motion = motion_of(name)
-    assert motion.closure.max() <= 1e-12 * size_of(motion)
-
-
-@pytest.mark.parametrize("name", [name for name in NAMES if gallery_scene(name).effects])
-def test_forces_of_every_gallery_scene_balance_their_power(name):
-    forces = forces_of(name)
-    known = np.ones(forces.motion.frames, bool) if forces.friction is None else ~forces.friction.jammed
-    assert known.any() and np.abs(forces.power_balance[known]).max() <= 1e-9
-    assert np.isnan(forces.power_balance[~known]).all()
+def test_every_gallery_scene_has_a_title_and_teaches_one_sentence():
+    for entry in mechviz.gallery():
+        assert 5 < len(entry.title) < 80, entry.name
+        assert entry.teaches.endswith(".") and 30 < len(entry.teaches) < 200, entry.name
 
 
 def forces_of(name: str, *, at: float | None = None) -> Forces:
@@ -369,7 +355,7 @@ def test_engine_mounts_are_swept_through_their_resonances():
     found = [mode.frequency for mode in small_vibrations(mechviz.load("engine-mounts").mechanism).modes]
     assert found == pytest.approx(wanted, rel=5e-3)  # the weight presses them in
     assert all(2.0 < f < 16.0 for f in found)
-    motion = motion_of("engine-mounts")
+    motion = ran("engine-mounts", 240).motion
     swept = 2.0 + 14.0 * motion.time / 3.0  # [Hz]
     heave, roll = motion.point("engine", "C")[:, 1], motion.pose("engine")[:, 2]
     for moved, frequency in ((heave, found[1]), (roll, found[2])):

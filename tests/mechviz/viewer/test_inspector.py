@@ -42,6 +42,7 @@ from mechviz.picture.nodes import Body as BodyNode
 from mechviz.quantities.catalogue import Health
 from mechviz.runs import run_scene
 from mechviz.scene.document import value_at, with_values
+from recordings import gallery_scene
 
 
 # -- dragging ---------------------------------------------------------------------------------------------------------
@@ -89,7 +90,7 @@ def test_what_goes_well_is_said_now_and_then_and_once_more_when_it_rests(monkeyp
 # -- what can be edited -----------------------------------------------------------------------------------------------
 @pytest.mark.parametrize("name", scene.gallery_names())
 def test_every_value_lies_in_its_range_and_written_back_says_the_same(name):
-    loaded = scene.load(name)
+    loaded = gallery_scene(name)
     found = find_parameters(loaded)
     assert found and len({p.key for p in found}) == len(found)
     draft = Draft.of(loaded)
