@@ -261,7 +261,7 @@ def optimise(
     seed: Annotated[int, typer.Option("--seed", min=0, help="of the search: the same one finds the same")] = 0,
     population: Annotated[
         int | None,
-        typer.Option("--population", min=1, max=100_000, help="designs in a generation [default: 12 a variable, at least 32]"),
+        typer.Option("--population", min=5, max=100_000, help="designs in a generation [default: 12 a variable, at least 32]"),
     ] = None,
     generations: Annotated[int, typer.Option("--generations", min=0, max=100_000, help="of differential evolution, at most")] = 60,
     points: Annotated[int, typer.Option("--points", min=3, max=1000, help="of the front of several objectives")] = 9,
