@@ -106,6 +106,16 @@ def test_energies_of_prescribed_motions_have_derivatives_too():
             np.testing.assert_allclose(one.slopes[0], wanted, atol=1e-9 * np.abs(wanted).max())
 
 
+def test_a_cam_that_presses_on_either_side_may_rub():
+    rubs = {("effects",): ["inertia", "friction"], ("joints", "K", "friction"): {"coefficient": 0.1, "radius": "2 mm"}}
+    scene, number = load("cam-groove").changed(rubs), "joints.K.friction.coefficient"
+    run = run_scene(scene, frames=FRAMES)
+    found = sensitivities(run, [parse_measure(scene, "drive.O.torque")], variables_of(scene, [number]))
+    (wanted,) = differences(scene, number, found, 1e-4, SIXTH)
+    assert np.abs(wanted).max() > 0.1
+    np.testing.assert_allclose(found[0].slopes[0], wanted, atol=1e-9 * np.abs(wanted).max())
+
+
 @pytest.mark.parametrize(
     "name, reason",
     [
