@@ -22,7 +22,7 @@ whether the results can be trusted.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any
@@ -34,7 +34,16 @@ from mechcore.arrays import Real
 from mechcore.constants import TURN
 from mechcore.errors import Fault, MechanismError
 from mechcore.numerics.interpolation import between, differentiate
-from mechviz.accuracy.quantities import Passage, Quantity, pace_of_rest, passages_of, quantities, size_at, stands_still
+from mechviz.accuracy.quantities import (
+    Passage,
+    Quantity,
+    each_quantity,
+    pace_of_rest,
+    passages_of,
+    reactions,
+    size_at,
+    stands_still,
+)
 from mechviz.quantities.items import ERROR_COLUMNS
 
 if TYPE_CHECKING:
@@ -85,9 +94,9 @@ def estimate_errors(run: Run) -> ErrorEstimate:
         velocity, acceleration = position * bend, position * bend * bend
     else:
         velocity, acceleration = (np.full(motion.frames, e) for e in _difference_errors(run))
-    reaction, known = np.full(motion.frames, np.nan), quantities(motion, run.forces)
+    reaction = np.full(motion.frames, np.nan)
     if run.forces is not None:
-        reaction = condition * (np.abs(np.nan_to_num(run.forces.power_balance)) + ROUNDING) + acceleration + _cancelled(run, known)
+        reaction = condition * (np.abs(np.nan_to_num(run.forces.power_balance)) + ROUNDING) + acceleration + _cancelled(run)
         if run.forces.friction is not None:
             reaction = reaction + np.nan_to_num(_friction_residual(run))
     if run.simulation is not None and run.again is not None:
@@ -102,7 +111,7 @@ def estimate_errors(run: Run) -> ErrorEstimate:
     lost = lost_turns(motion)
     position, reaction = position + lost, reaction + lost
     order = run.accuracy.interpolation
-    apart = interpolation_error(known, motion.time, order, passages_of(motion))
+    apart = interpolation_error(each_quantity(motion, run.forces), motion.time, order, passages_of(motion))
     return ErrorEstimate(position, velocity, acceleration, reaction, apart, order)
 
 
@@ -165,7 +174,7 @@ def _peaks(motion: Any) -> tuple[float, float]:
     return speed, acceleration
 
 
-def _cancelled(run: Run, every: list[Quantity]) -> float:
+def _cancelled(run: Run) -> float:
     """Rounding of the largest force or moment, seen from reactions and efforts that are much smaller: relative to their own peaks
     it is large. What is smaller than a billionth is nothing but rounding, and as wrong as it is large.
     """
@@ -173,19 +182,19 @@ def _cancelled(run: Run, every: list[Quantity]) -> float:
     def peak(values: Real) -> float:
         return float(np.abs(values[np.isfinite(values)]).max(initial=0.0))
 
-    reactions = [q for q in every if q.kind == "reaction"]
-    loads = [load.values for load in run.forces.loads.values()] if run.forces is not None else []
-    is_force = {q.name: q.name.startswith("reaction") for q in reactions}
-    force = max([*(peak(q.values) for q in reactions if is_force[q.name]), *(peak(v[:, :2]) for v in loads)], default=0.0)
-    moments = [*(peak(q.values) for q in reactions if not is_force[q.name]), *(peak(v[:, 2]) for v in loads)]
+    assert run.forces is not None
+    loads = [(peak(v[:, :2]), peak(v[:, 2])) for v in (load.values for load in run.forces.loads.values())]
+    peaks = [(q.name.startswith("reaction"), q.scale, peak(q.values)) for q in reactions(run.motion, run.forces)]
+    force = max([*(own for is_force, _, own in peaks if is_force), *(pull for pull, _ in loads)], default=0.0)
+    moments = [*(own for is_force, _, own in peaks if not is_force), *(turn for _, turn in loads)]
     moment = max([*moments, force * run.motion.model.length_scale])
     worst = 0.0
-    for q in reactions:
-        largest, own = force if is_force[q.name] else moment, peak(q.values)
+    for is_force, scale, own in peaks:
+        largest = force if is_force else moment
         if own > NOTHING * largest:
-            worst = max(worst, SUMS * ROUNDING * largest / q.scale)
-        elif q.scale > 10.0 * own:  # else it is compared with itself
-            worst = max(worst, own / q.scale)
+            worst = max(worst, SUMS * ROUNDING * largest / scale)
+        elif scale > 10.0 * own:  # else it is compared with itself
+            worst = max(worst, own / scale)
     return worst
 
 
@@ -215,7 +224,7 @@ def _difference_errors(run: Run) -> tuple[float, float]:
     return out[0], out[1]
 
 
-def interpolation_error(every: list[Quantity], time: Real, order: int, passages: Sequence[Passage] = ()) -> Real:
+def interpolation_error(every: Iterable[Quantity], time: Real, order: int, passages: Sequence[Passage] = ()) -> Real:
     """Estimated error of the interpolation from each frame to the next (F,), the largest of all quantities; ``passages`` of
     singular positions between the frames. See the module."""
     frames = len(time)

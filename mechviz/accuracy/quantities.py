@@ -53,27 +53,35 @@ def quantities(motion: Any, forces: Any) -> list[Quantity]:
     stands still are rounding, and so is their peak: they are relative to one that goes that far in the
     time of the run.
     """
-    every = [*_kinematics(motion), *_points(motion)]
+    return list(each_quantity(motion, forces))
+
+
+def each_quantity(motion: Any, forces: Any) -> Iterator[Quantity]:
+    """The same one after the other: of a long run of many bodies they take much memory together."""
+    yield from _kinematics(motion)
+    yield from _points(motion)
     if forces is not None:
-        every += _forces(motion, forces)
-    return every
+        yield from reactions(motion, forces)
 
 
 def _kinematics(motion: Any) -> Iterator[Quantity]:
-    size = motion.model.length_scale
-    moving = links_of(motion)[1:]
-    rows = {k: (motion.pose(k), motion.velocity(k), motion.acceleration(k)) for k in moving}
+    moving, parts = links_of(motion)[1:], {"place": slice(0, 2), "angle": slice(2, 3)}
+    peaks = {what: [0.0, 0.0] for what in parts}
+    for k in moving:
+        for d, rows in enumerate((motion.velocity(k), motion.acceleration(k))):
+            for what, part in parts.items():
+                peaks[what][d] = max(peaks[what][d], _peak(rows[:, part]))
     pace = pace_of_rest(motion) if stands_still(motion) else 0.0
-    for what, part in (("place", slice(0, 2)), ("angle", slice(2, 3))):
-        unit = size if what == "place" else 1.0
-        peaks = [_peak([r[d][:, part] for r in rows.values()]) for d in (1, 2)]
-        for k, (x, v, a) in rows.items():
-            x, v, a = x[:, part], v[:, part], a[:, part]
+    for k in moving:
+        every = motion.pose(k), motion.velocity(k), motion.acceleration(k)
+        for what, part in parts.items():
+            unit, (fast, strong) = motion.model.length_scale if what == "place" else 1.0, peaks[what]
+            x, v, a = (rows[:, part] for rows in every)
             yield Quantity(f"{what} of {k}", "position", x, unit, v, a, turns=what == "angle")
-            if peaks[0]:
-                yield Quantity(f"velocity of {k} ({what})", "velocity", v, max(_peak([v]), LEAST * peaks[0], unit * pace), a)
-            if peaks[1]:
-                scale = max(_peak([a]), LEAST * peaks[1], LEAST * peaks[0] ** 2 / unit, unit * pace * pace)
+            if fast:
+                yield Quantity(f"velocity of {k} ({what})", "velocity", v, max(_peak(v), LEAST * fast, unit * pace), a)
+            if strong:
+                scale = max(_peak(a), LEAST * strong, LEAST * fast**2 / unit, unit * pace * pace)
                 yield Quantity(f"acceleration of {k} ({what})", "acceleration", a, scale)
 
 
@@ -97,25 +105,27 @@ def _points(motion: Any) -> Iterator[Quantity]:
         yield Quantity(f"point {point} of {link}", "position", x, motion.model.length_scale, v, a)
 
 
-def _forces(motion: Any, forces: Any) -> Iterator[Quantity]:
-    reactions = {j.name: forces.reaction(j.name) for j in joints_of(motion)}
-    largest = _peak([r[:, :2] for r in reactions.values()])
-    moment = max(_peak([r[:, 2:] for r in reactions.values()]), LEAST * largest * motion.model.length_scale)
-    for name, r in reactions.items():
+def reactions(motion: Any, forces: Any) -> Iterator[Quantity]:
+    """Those of the reactions and of the drives' efforts."""
+    names = [j.name for j in joints_of(motion)]
+    peaks = [(_peak(r[:, :2]), _peak(r[:, 2:])) for r in map(forces.reaction, names)]
+    largest = max((force for force, _ in peaks), default=0.0)
+    moment = max([LEAST * largest * motion.model.length_scale, *(couple for _, couple in peaks)])
+    for name, (force, couple) in zip(names, peaks, strict=True):
+        r = forces.reaction(name)
         if largest:
-            yield Quantity(f"reaction {name}", "reaction", r[:, :2], max(_peak([r[:, :2]]), LEAST * largest))
-        if _peak([r[:, 2:]]) > LEAST * moment:
-            yield Quantity(f"couple {name}", "reaction", r[:, 2:], _peak([r[:, 2:]]))
+            yield Quantity(f"reaction {name}", "reaction", r[:, :2], max(force, LEAST * largest))
+        if couple > LEAST * moment:
+            yield Quantity(f"couple {name}", "reaction", r[:, 2:], couple)
     for drive in motion.mechanism.drives:
         effort = forces.effort(drive.joint)[:, None]
-        if _peak([effort]) > 0.0:
-            yield Quantity(f"effort {drive.joint}", "reaction", effort, _peak([effort]))
+        if (peak := _peak(effort)) > 0.0:
+            yield Quantity(f"effort {drive.joint}", "reaction", effort, peak)
 
 
-def _peak(values: list[Real]) -> float:
-    """Largest size in some arrays, NaN left out."""
-    sizes = [np.abs(v[np.isfinite(v)]) for v in values]
-    return max((float(s.max()) for s in sizes if s.size), default=0.0)
+def _peak(values: Real) -> float:
+    """Largest size, NaN left out."""
+    return float(np.abs(values[np.isfinite(values)]).max(initial=0.0))
 
 
 def errors_between(coarse: list[Quantity], time: Real, fine: list[Quantity], t: Real, order: int) -> dict[str, Real]:

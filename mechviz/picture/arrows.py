@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
@@ -11,6 +12,7 @@ import numpy as np
 from mechcore.arrays import Flags, Real
 from mechviz.picture.nodes import Arc, Arrow, Node
 from mechviz.picture.proportions import ARC_RADIUS
+from mechviz.quantities.items import Source, Table, values_of
 from mechviz.quantities.numbers import Numbers
 from mechviz.quantities.vectors import FAMILIES, Moment, Scales, Vector, calm_frames, centre_name, find_scales
 
@@ -25,6 +27,7 @@ SHORTEST = 0.015  # in sizes of the mechanism; what is shorter is left out
 APART = 0.016  # in sizes of the mechanism: distance of arrows that would lie on one line
 RING = 0.3  # of the radius of an arc: distance of arcs about one place
 ALONG = 0.1  # sine of the angle up to which arrows from one place lie on one line
+ALL, FORCE, MOMENT, PLACE = slice(None), slice(0, 2), 2, slice(3, None)  # columns of tables
 ROUND_OFF = 1e-9  # of the largest moment: what is smaller throughout is not drawn
 
 
@@ -131,45 +134,56 @@ def visible(vectors: Real, scale: float, size: float) -> Flags:
 
 
 def _vectors(n: Numbers) -> Iterator[Vector]:
-    places = {j: n.values("data", "joints", j, "position") for j in n.joints} if n.has_forces else {}
+    places = _joint_places(n) if n.has_forces else {}
     for name in n.points:
-        at = n.values("data", "points", name, "position")
+        at = n.tables.get(("data", "points", name, "position"))
         for family in ("velocity", "acceleration"):
-            value = n.values("data", "points", name, family)
-            if at is not None and value is not None:
-                yield Vector(family, name, at, value)
-    for name, at in places.items():
+            table = n.tables.get(("data", "points", name, family))
+            if at is not None and table is not None:
+                yield Vector(family, name, at.part(ALL), table.part(ALL))
+    for name, place in places.items():
         for family in ("reaction", "friction"):
-            value = n.values("data", "joints", name, family)
-            if at is not None and value is not None and (family == "reaction" or np.any(np.nan_to_num(value[:, :2]))):
-                yield Vector(family, name, at, value[:, :2])
+            table = n.tables.get(("data", "joints", name, family))
+            if table is not None and (family == "reaction" or np.any(np.nan_to_num(table.values[:, :2]))):
+                yield Vector(family, name, place, table.part(FORCE))
     for name, load in n.loads.items():
         gravity = load.kind == "gravity"
-        value = n.values("data", "loads", "gravity", load.links[0]) if gravity else n.values("data", "loads", name)
-        if value is not None and np.any(np.nan_to_num(value[:, :2])):
-            at, force = value[:, 3:], value[:, :2]
+        table = n.tables.get(("data", "loads", *(("gravity", load.links[0]) if gravity else (name,))))
+        if table is not None and np.any(np.nan_to_num(table.values[:, :2])):
+            place, force = table.part(PLACE), table.part(FORCE)
             if load.points and load.links[0] == n.frame:  # what is stated acts on the ground: what acts on the link is drawn
-                at, force = n.place(load.links[1], load.points[1]), -force
-            yield Vector(*(("gravity", load.links[0]) if gravity else ("applied", name)), at, force)
+                place, force = n.place(load.links[1], load.points[1]), -table.values[:, :2]
+            yield Vector(*(("gravity", load.links[0]) if gravity else ("applied", name)), place, force)
     for name in n.links:
-        value, at = n.values("data", "links", name, "inertia"), n.values("data", "points", centre_name(name), "position")
-        if value is not None and at is not None:
-            yield _inertia_resultant(name, at, value)
+        table, at = _inertia(n, name)
+        if table is not None and at is not None:
+            yield Vector("inertia", name, n.held(partial(_line_of_inertia, at, table)), table.part(FORCE))
     for name in n.drives:
-        value, at = n.values("data", "drive", name, "wrench"), places.get(name)
-        if value is not None and at is not None and np.any(value[:, :2]):
-            yield Vector("drive", name, at, value[:, :2])
+        table = n.tables.get(("data", "drive", name, "wrench"))
+        if table is not None and name in places and np.any(table.values[:, :2]):
+            yield Vector("drive", name, places[name], table.part(FORCE))
 
 
-def _inertia_resultant(link: str, centre: Real, values: Real) -> Vector:
-    """The inertia force of a link on its line of action: moved from the centre of mass by moment over force."""
-    force, moment = values[:, :2], values[:, 2]
+def _joint_places(n: Numbers) -> dict[str, Source]:
+    """Where the joints are (F, 2) [m]."""
+    return {j: n.tables["data", "joints", j, "position"].part(ALL) for j in n.joints}
+
+
+def _inertia(n: Numbers, link: str) -> tuple[Table | None, Table | None]:
+    """The inertia force of a link and its centre of mass."""
+    return n.tables.get(("data", "links", link, "inertia")), n.tables.get(("data", "points", centre_name(link), "position"))
+
+
+def _line_of_inertia(centre: Table, inertia: Table) -> Real:
+    """Where the inertia force of a link acts (F, 2) [m]: moved from the centre of mass onto its line of action by moment over
+    force."""
+    force, moment = inertia.values[:, :2], inertia.values[:, 2]
     square = (force**2).sum(axis=1)
     with np.errstate(invalid="ignore", divide="ignore"):
         # the arm at right angles to the force for which arm x force = moment
         arm = np.column_stack([force[:, 1], -force[:, 0]]) * (moment / square)[:, None]
     arm[square == 0.0] = 0.0
-    return Vector("inertia", link, centre + arm, force)
+    return np.asarray(centre.values + arm)
 
 
 def _moments(n: Numbers, vectors: tuple[Vector, ...], scales: Scales, size: float, circles: Collection[str]) -> tuple[Moment, ...]:
@@ -178,20 +192,23 @@ def _moments(n: Numbers, vectors: tuple[Vector, ...], scales: Scales, size: floa
     if not n.has_forces:
         return ()
     moments: list[Moment] = []
-    places = {j: n.tables["data", "joints", j, "position"].values for j in n.joints}
+    places = _joint_places(n)
     for name in n.drives:
-        moments.append(Moment("drive", name, places[name], n.tables["data", "drive", name, "wrench"].values[:, 2]))
+        moments.append(Moment("drive", name, places[name], n.tables["data", "drive", name, "wrench"].part(MOMENT)))
     for name, load in n.loads.items():
-        value = None if load.kind == "gravity" else n.values("data", "loads", name)
-        if value is not None and np.any(np.nan_to_num(value[:, 2])):
-            free = not np.any(np.nan_to_num(value[:, :2]))
-            at = _middle_of_joints(n, load.links, places) if free else value[:, 3:]
-            moments.append(Moment("applied", name, at, value[:, 2]))
-    for name, at in places.items():
-        couple, friction = n.tables["data", "joints", name, "reaction"].values[:, 2], n.values("data", "joints", name, "friction")
-        if friction is not None and name not in circles:
-            moments.append(Moment("friction", name, at, friction[:, 2]))
-        moments.append(Moment("reaction", name, at, couple if friction is None else _apart(couple, friction[:, 2])))
+        table = None if load.kind == "gravity" else n.tables.get(("data", "loads", name))
+        if table is not None and np.any(np.nan_to_num(table.values[:, 2])):
+            free = not np.any(np.nan_to_num(table.values[:, :2]))
+            at = _middle_of_joints(n, load.links, places) if free else table.part(PLACE)
+            moments.append(Moment("applied", name, at, table.part(MOMENT)))
+    for name, place in places.items():
+        reaction, friction = n.tables["data", "joints", name, "reaction"], n.tables.get(("data", "joints", name, "friction"))
+        if friction is None:
+            moments.append(Moment("reaction", name, place, reaction.part(MOMENT)))
+            continue
+        if name not in circles:
+            moments.append(Moment("friction", name, place, friction.part(MOMENT)))
+        moments.append(Moment("reaction", name, place, _apart(reaction.values[:, 2], friction.values[:, 2])))
     largest = max((_largest(m.value) for m in moments), default=0.0)
     pull = max((_largest(v.value) for v in vectors if v.family == "reaction"), default=0.0)
     largest = max(largest, pull * n.length_scale)  # where forces balance, all moments may be nothing
@@ -208,16 +225,16 @@ def _apart(couple: Real, friction: Real) -> Real:
 def _inertia_moments(n: Numbers, vectors: tuple[Vector, ...], scales: Scales, size: float) -> Iterator[Moment]:
     """Inertia moments of links at frames where no inertia force is there to carry them, about the centre of mass."""
     for link in n.links:
-        values, centre = n.values("data", "links", link, "inertia"), n.values("data", "points", centre_name(link), "position")
-        if values is None or centre is None:
+        table, centre = _inertia(n, link)
+        if table is None or centre is None:
             continue
-        alone = ~visible(values[:, :2], scales.newtons_per_metre, size)
-        moment = np.where(alone, values[:, 2], 0.0)
+        alone = ~visible(table.values[:, :2], scales.newtons_per_metre, size)
+        moment = np.where(alone, table.values[:, 2], 0.0)
         if np.any(moment):
-            yield Moment("inertia", link, centre, moment, alone)
+            yield Moment("inertia", link, centre.part(ALL), moment, alone)
 
 
-def _middle_of_joints(n: Numbers, links: tuple[str, ...], places: dict[str, Real]) -> Real:
+def _middle_of_joints(n: Numbers, links: tuple[str, ...], places: Mapping[str, Source]) -> Real:
     """Where a free moment is drawn: between two links at their joint; on a link at its joint on the frame if it has one, else in
     the middle of its joints; of a link without any, a free body, at its centre of mass or origin."""
     link = next((name for name in links if name != n.frame), n.frame)
@@ -227,7 +244,7 @@ def _middle_of_joints(n: Numbers, links: tuple[str, ...], places: dict[str, Real
         return n.poses[link][:, :2] if centre is None else centre
     between = [j for j in joints if len(links) > 1 and set(links) <= set(j.links)]
     grounded = [j for j in joints if n.frame in j.links]
-    return np.asarray(np.mean([places[j.name] for j in between[:1] or grounded[:1] or joints], axis=0))
+    return np.asarray(np.mean([values_of(places[j.name]) for j in between[:1] or grounded[:1] or joints], axis=0))
 
 
 def _in_order(items: Collection[T] | Iterator[T]) -> tuple[T, ...]:

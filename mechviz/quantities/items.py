@@ -6,7 +6,7 @@ their rates beside them in their own columns. What has no rates is joined by pol
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import cached_property
+from functools import cached_property, partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -21,6 +21,8 @@ if TYPE_CHECKING:
     from mechviz.runs import Run
 
 Columns = tuple[tuple[str, str], ...]
+Source = Real | Callable[[], Real]
+"""Values, or a function that computes them whenever they are asked for."""
 
 ERROR_COLUMNS = ("position", "velocity", "acceleration", "reaction", "between_frames")
 """Of `/health/error_estimate`."""
@@ -30,21 +32,40 @@ ERROR_COLUMNS = ("position", "velocity", "acceleration", "reaction", "between_fr
 class Table:
     """Values (F, n) of one item. ``path``: parts of its entity in a recording; ``columns``: name and unit of each component.
 
-    ``source`` is the values, or a function that computes them when they are asked for.
+    ``source`` is the values, or a function that computes them when they are first asked for, or, where they are not ``kept``, each
+    time: of a long run of many bodies they take more memory than time.
     """
 
     path: tuple[str, ...]
     item: str
     columns: Columns
-    source: Real | Callable[[], Real]
+    source: Source
+    kept: bool = True
+
+    @property
+    def values(self) -> Real:
+        return self._computed if self.kept else values_of(self.source)
 
     @cached_property
-    def values(self) -> Real:
-        return self.source() if callable(self.source) else self.source
+    def _computed(self) -> Real:
+        return values_of(self.source)
+
+    def part(self, columns: slice | int) -> Source:
+        """Values of some columns (F, n), or of one (F,), kept as those of the table are."""
+        return self.values[:, columns] if self.kept else partial(_part, self, columns)
 
     def headers(self) -> list[str]:
         """Column names with units, such as ``crank.x [m]``."""
         return [f"{self.item}.{name} [{unit}]" for name, unit in self.columns]
+
+
+def _part(table: Table, columns: slice | int) -> Real:
+    return table.values[:, columns]
+
+
+def values_of(source: Source) -> Real:
+    """The values of a source, computed where they are not there."""
+    return source() if callable(source) else source
 
 
 @dataclass(frozen=True)

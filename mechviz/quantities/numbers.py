@@ -3,7 +3,7 @@ from them, whichever they are of."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Iterator, Mapping
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -13,7 +13,7 @@ from mechcore.arrays import Real
 from mechcore.records import dataclass
 from mechcore.spec.loads import Actuator, Damper, GasSpring, Spring
 from mechcore.spec.mechanism import Mechanism, Vec2
-from mechviz.quantities.items import JointInfo, Table, joints_of, links_of
+from mechviz.quantities.items import JointInfo, Source, Table, joints_of, links_of
 from mechviz.quantities.tables import tables
 from mechviz.quantities.vectors import centre_name, point_name
 
@@ -56,6 +56,15 @@ class Numbers:
     length_scale: float
     tolerance: float
 
+    @cached_property
+    def kept(self) -> bool:
+        """Whether all values that were computed once are kept."""
+        return all(table.kept for table in self.tables.values())
+
+    def held(self, compute: Callable[[], Real]) -> Source:
+        """What follows from the tables, kept as they are."""
+        return compute() if self.kept else compute
+
     def values(self, *path: str) -> Real | None:
         """Values (F, n) of a table; None where it is not there."""
         table = self.tables.get(path)
@@ -93,7 +102,23 @@ class Numbers:
     @cached_property
     def poses(self) -> Mapping[str, Real]:
         """x, y [m] and angle [rad] (F, 3) of all links."""
-        return {link: self.tables["data", "links", link, "pose"].values for link in self.links}
+        return Poses(self)
+
+
+class Poses(Mapping[str, Real]):
+    """Poses (F, 3) of all links, from their tables."""
+
+    def __init__(self, numbers: Numbers):
+        self._numbers = numbers
+
+    def __getitem__(self, link: str) -> Real:
+        return self._numbers.tables["data", "links", link, "pose"].values
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._numbers.links)
+
+    def __len__(self) -> int:
+        return len(self._numbers.links)
 
 
 def numbers_of(run: Run) -> Numbers:

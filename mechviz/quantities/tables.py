@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from functools import cache, partial
+from dataclasses import replace
+from functools import cache, lru_cache, partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -53,19 +54,16 @@ def rounding_of_efforts(run: Run, unit: str) -> float:
     return ROUND_OFF * largest * (1.0 if unit == "m" else run.motion.model.length_scale)
 
 
+MOST_KEPT = 2**23
+"""Numbers of a run (64 MiB) beyond which those that follow from its motion and forces at once are not kept."""
+
+
 def tables(run: Run) -> list[Table]:
     """All tables of a run; what the scene does not call for is not there."""
-    return [
-        *_links(run),
-        *_points(run),
-        *_joints(run),
-        *_cams(run),
-        *_drives(run),
-        *_loads(run),
-        *_answers(run),
-        *_health(run),
-        *study_tables(run),
-    ]
+    quick = [*_links(run), *_points(run), *_joints(run), *_loads(run)]
+    if run.motion.frames * sum(len(t.columns) for t in quick) > MOST_KEPT and len(run.motion.parts) == 1:
+        quick = [replace(t, kept=False) for t in quick]
+    return [*quick, *_cams(run), *_drives(run), *_servos(run), *_powers(run), *_answers(run), *_health(run), *study_tables(run)]
 
 
 def _links(run: Run) -> Iterator[Table]:
@@ -265,12 +263,20 @@ def _loads(run: Run) -> Iterator[Table]:
     for name, load in run.forces.loads.items():
         parts = ("gravity", load.link) if load.kind == "gravity" else (name,)
         yield Table(("data", "loads", *parts), f"{name}.load", columns, partial(_load, onto, load))
-    for servo in run.motion.mechanism.loads:
+
+
+def _servos(run: Run) -> Iterator[Table]:
+    for servo in () if run.forces is None else run.motion.mechanism.loads:
         if isinstance(servo, Servo):
             path, unit = ("data", "servos", servo.name), joint_unit(run.motion, servo.joint)
             both: Columns = (("target", unit), ("reached", unit))
             yield Table((*path, "position"), servo.name, both, partial(_led, run.motion, servo, slice(0, 2)))
             yield Table((*path, "error"), servo.name, (("error", unit),), partial(_led, run.motion, servo, slice(2, 3)))
+
+
+def _powers(run: Run) -> Iterator[Table]:
+    if run.forces is None:
+        return
     forces = run.forces
     labels = power_labels(forces)
     if labels:
@@ -281,7 +287,10 @@ def _loads(run: Run) -> Iterator[Table]:
 
 
 def _load(onto: Any, load: LoadResult) -> Real:
-    return np.column_stack([load.values[:, :3], onto(load.links, load.values[:, 3:])])
+    values = load.values
+    place = values[:, 3:]
+    at = onto(load.links, place)
+    return values if at is place else np.column_stack([values[:, :3], at])
 
 
 def _health(run: Run) -> Iterator[Table]:
@@ -310,7 +319,7 @@ def onto_centres(run: Run, heavy: Sequence[str]) -> Callable[[Sequence[str], Rea
     ``heavy``) that it is but for rounding."""
     motion = run.motion
 
-    @cache
+    @lru_cache(maxsize=8)  # the links of a joint and of those about it
     def centre_of(link: str) -> Real:
         pose, (_, centre, _) = motion.pose(link), motion.model.masses[motion.model.index[link]]
         c, s = np.cos(pose[:, 2]), np.sin(pose[:, 2])

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from mechcore.arrays import Real
 from mechcore.laws.timed import Piecewise
 from mechcore.records import dataclass
+from mechviz.quantities.items import Source, values_of
 
 if TYPE_CHECKING:
     from mechviz.runs import Run
@@ -50,17 +51,31 @@ FORCE_FAMILIES = ("reaction", "applied", "gravity", "inertia", "friction", "driv
 
 
 @dataclass(frozen=True, eq=False)
-class Vector:
-    """One vector over all frames: ``origin`` (F, 2) [m] and ``value`` (F, 2) in the family's unit."""
+class Placed:
+    """What is drawn at a place over all frames: ``origin`` (F, 2) [m] and ``value``, from their sources."""
 
     family: str
     item: str
-    origin: Real
-    value: Real
+    places: Source
+    values: Source
+
+    @property
+    def origin(self) -> Real:
+        return values_of(self.places)
+
+    @property
+    def value(self) -> Real:
+        return values_of(self.values)
+
+
+@dataclass(frozen=True, eq=False)
+class Vector(Placed):
+    """One vector over all frames, its ``value`` (F, 2) in the family's unit."""
 
     @property
     def magnitude(self) -> Real:
-        return np.hypot(self.value[:, 0], self.value[:, 1])
+        x, y = self.value.T
+        return np.asarray(np.hypot(x, y))
 
     @property
     def entity(self) -> tuple[str, ...]:
@@ -69,14 +84,10 @@ class Vector:
 
 
 @dataclass(frozen=True, eq=False)
-class Moment:
-    """One moment over all frames: ``origin`` (F, 2) [m] and ``value`` (F,) [N m], counter-clockwise positive. ``shown`` (F,): where
-    it is drawn; None: at all frames."""
+class Moment(Placed):
+    """One moment over all frames, its ``value`` (F,) [N m] counter-clockwise positive. ``shown`` (F,): where it is drawn; None: at
+    all frames."""
 
-    family: str
-    item: str
-    origin: Real
-    value: Real
     shown: NDArray[np.bool_] | None = None
 
     @property

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import fields, replace
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any, TypeVar, cast
 
 import numpy as np
@@ -222,11 +222,11 @@ class JoinedForces(Forces):
                     return f.loads[name].values
                 return np.column_stack([np.zeros((f.motion.frames, 3)), f.motion.joint_position(joint)])
 
-            out[name] = LoadResult(name, STOP, STOP, (links[1], links[0]), self._join(held))
+            out[name] = LoadResult(name, STOP, STOP, (links[1], links[0]), partial(np.asarray, self._join(held)))
         for name, load in self._parts[0][1].loads.items():
             if name not in out and load.kind not in IN_PAIRS:
                 values = self._join(lambda f, n=name: f.loads[n].values)  # type: ignore[misc]  # bound now
-                out[name] = replace(load, values=values)
+                out[name] = replace(load, rows=partial(np.asarray, values))
         return out
 
     @cached_property

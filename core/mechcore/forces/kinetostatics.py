@@ -20,7 +20,7 @@ from mechcore.forces.friction.solve import FrictionResult, solve_friction
 from mechcore.forces.program import forces_program, rubbing_forces
 from mechcore.kinematics.dyads import cross
 from mechcore.motion.motion import Motion
-from mechcore.numerics.frames import QUIET, added, lazy, rows_of
+from mechcore.numerics.frames import QUIET, added, lazy, rows_of, stacked
 from mechcore.numerics.interpolation import integral_so_far
 from mechcore.numerics.tape import Traced, integral
 from mechcore.records import dataclass
@@ -33,14 +33,19 @@ LOSSES = ("viscous", "medium", "dry friction")  # causes that only ever take ene
 class LoadResult:
     """An external load: ``values`` (F, 5) are Fx, Fy [N], free moment [N m], point of action x, y [m] (world).
 
-    They act on the first of ``links``; on the second, where there is one, the opposite acts at the same point.
+    They act on the first of ``links``; on the second, where there is one, the opposite acts at the same point. They are put
+    together by ``rows`` whenever they are asked for.
     """
 
     name: str
     kind: str
     cause: str
     links: tuple[str, ...]
-    values: Real
+    rows: Callable[[], Real]
+
+    @property
+    def values(self) -> Real:
+        return self.rows()
 
     @property
     def link(self) -> str:
@@ -138,18 +143,21 @@ class Forces:
     @cached_property
     def loads(self) -> dict[str, LoadResult]:
         """All loads but inertia, by name (gravity of a link: ``gravity/<link>``)."""
-        m = self.motion
         return {
             w.name: LoadResult(
                 name=w.name,
                 kind=w.kind,
                 cause=w.cause,
-                links=tuple(m.model.links[k] for k in w.links),
-                values=np.column_stack([self._rows(w.force, w.moment), m._rows(point_of(m, w))]),
+                links=tuple(self.motion.model.links[k] for k in w.links),
+                rows=partial(self._load, w),
             )
             for w in self.applied
             if w.kind != "inertia"
         }
+
+    def _load(self, w: Wrench) -> Real:
+        place = point_of(self.motion, w)
+        return stacked([w.force.real, w.force.imag, w.moment, place.real, place.imag], self._shape)
 
     # -- energy -------------------------------------------------------------------------------------------------------
     @cached_property

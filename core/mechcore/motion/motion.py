@@ -85,6 +85,13 @@ class Motion:
         """
         return compute(self, *values)
 
+    def forget(self) -> None:
+        """Give up what was worked out on the way to results and takes memory; whoever asks for it works it out again."""
+        for _, part in self.parts:
+            for name in ("columns", "loop_vectors"):
+                part.__dict__.pop(name, None)
+            part._arms.clear()
+
     @property
     def compiled(self) -> bool:
         """Whether a program in C computes it."""

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from contextlib import suppress
+from ctypes import CDLL
 from functools import cache, reduce
 from operator import add, mul
 from typing import Any, Generic, TypeVar, overload
@@ -125,3 +127,9 @@ LARGEST = 2**25  # glibc adapts up to blocks of 32 MiB, and then keeps twice as 
 def keep_freed_memory() -> None:
     """Let the C library keep up to 64 MiB of freed memory for the next arrays; once per process."""
     np.empty(LARGEST - 2**16, np.uint8)
+
+
+def give_back_memory() -> None:
+    """Let the C library give freed memory back to the system, where it can: before work that takes memory of its own."""
+    with suppress(AttributeError, OSError, TypeError):  # of glibc
+        CDLL(None).malloc_trim(0)

@@ -181,11 +181,12 @@ def picture_stride(run: Run) -> int:
 def table_streams(all_tables: list[Table], numbers: str | None = None) -> Iterator[Stream]:
     """The float64 numbers; with ``numbers`` "float32" they keep the digits of those only, which takes less room."""
     for table in all_tables:
-        values = np.ascontiguousarray(table.values)
-        if numbers == "float32":
-            values = values.astype(np.float32).astype(float)
+        yield Stream(entity(*table.path), partial(_rows_of_table, table, numbers))
 
-        yield Stream(entity(*table.path), partial(scalar_rows, values))
+
+def _rows_of_table(table: Table, numbers: str | None, frames: slice) -> Any:
+    values = table.values[frames]
+    return scalar_rows(values.astype(np.float32).astype(float) if numbers == "float32" else values, slice(None))
 
 
 def scalar_rows(values: Real, frames: slice) -> Any:
@@ -193,7 +194,7 @@ def scalar_rows(values: Real, frames: slice) -> Any:
     import pyarrow as pa
     import rerun as rr
 
-    chosen = pa.array(values[frames].reshape(-1))  # else the recorder copies it
+    chosen = pa.array(np.ascontiguousarray(values[frames]).reshape(-1))  # else the recorder copies it
     return columns_of(rr.Scalars.from_fields(scalars=chosen), values.shape[1])
 
 
@@ -201,12 +202,12 @@ def link_streams(run: Run) -> Iterator[Stream]:
     """Poses of the links."""
     import rerun as rr
 
-    for link, pose in run.numbers.poses.items():
+    poses = run.numbers.poses
+    for link in poses:
 
-        def place(frames: slice, pose: Real = pose) -> Any:
-            return columns_of(
-                rr.Transform3D.from_fields(translation=in_space(pose[frames, :2], 0.0), quaternion=about_z(pose[frames, 2]))
-            )
+        def place(frames: slice, link: str = link) -> Any:
+            pose = poses[link][frames]
+            return columns_of(rr.Transform3D.from_fields(translation=in_space(pose[:, :2], 0.0), quaternion=about_z(pose[:, 2])))
 
         yield Stream(entity("mechanism", "links", link), place)
 

@@ -307,7 +307,7 @@ def plot_styles(run: Run, all_tables: list[Table]) -> Iterator[Static]:
     for table in all_tables:
         kind = (*table.path[:2], table.path[-1]) if table.path[0] == "data" else table.path[:1]
         first = known.get(kind, -1 if kind[1:2] == ("drive",) else 0)  # so that efforts are green, as their arrows are
-        known[kind] = first + table.values.shape[1]
+        known[kind] = first + len(table.columns)
         yield Static(entity(*table.path), style([h.replace("^2", "²") for h in table.headers()], first))
     for gathered in _gathered(run):
         effort = gathered.path[-1] in ("torque", "force")  # green first, as the arrows are

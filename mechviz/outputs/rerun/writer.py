@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 from uuid import uuid4
@@ -14,6 +15,7 @@ import numpy as np
 from mechcore.arrays import Real
 from mechcore.effects.plan import OUTPUTS, make_plan
 from mechcore.motion.events import Event
+from mechcore.numerics.frames import give_back_memory
 from mechcore.spec.clearance import made_joints
 from mechviz.outputs.drawings import diagram_views, find_diagrams
 from mechviz.outputs.rerun.blueprint import BACKGROUND, make_blueprint, spans_of_plots
@@ -58,7 +60,7 @@ if TYPE_CHECKING:
 BLOCK = 5000
 """Frames per block: large enough to be quick and small (rerun keeps some 6 kB of each entity and block until the end), small enough
 that an interrupted run keeps most of what it had."""
-ROWS = 400_000  # that wait in memory, some 15 MB
+ROWS = 50_000  # that wait in memory, some 2 MB
 
 
 MOST_WARNINGS = 6  # in the summary
@@ -132,6 +134,7 @@ def write_recording(
         solids = solids or solids_of(run)
     with stage("error estimates"):
         _ = run.errors  # once: the tables, the notes and the summary tell them
+        run.motion.forget()
     with stage("tables, arrows and events"):
         picture = picture_of(run, solids)
         every = picture_stride(run)
@@ -175,6 +178,7 @@ def write_recording(
             send_marks(part.stream, timelines, marks, spans)
             send_lanes(part.stream, timelines, run)
             part.flush(0)  # what the frames cannot be read without comes before them
+            give_back_memory()
             _send_streams(part, streams, timelines, progress)
         describe_run(part.stream, run, solids, picture, stages, every, complete=True)
     return RecordingSummary(
@@ -206,8 +210,7 @@ def _send_streams(part: Part, streams: list[Stream], timelines: Timelines, progr
     """All entities block by block, so that what an interrupted recording has ends at the same frame everywhere."""
     total = len(timelines.time)
     waiting = 0
-    for start in range(0, total, BLOCK):
-        stop = min(start + BLOCK, total)
+    for start, stop in pairwise([0, *range(BLOCK, total - BLOCK // 2, BLOCK), total]):  # the last one is not much shorter
         times: dict[int, Any] = {}
         for stream in streams:
             frames = slice(start + -start % stream.every, stop, stream.every)

@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
+import pytest
 
 from mechviz.picture.build import picture_of
 from mechviz.picture.nodes import Arc, Arrow, Body
+from mechviz.quantities import tables
 from recordings import made
 
 FRAMES = 24
@@ -49,3 +53,22 @@ def test_the_force_of_a_spring_on_the_ground_is_drawn_on_the_link_that_it_pulls(
     assert np.array_equal(np.sign(towards), np.sign(stretch)), "it pulls the link towards the ground where it is stretched"
     coil = next(b for b in picture.of(Body, "springs") if b.owner == ("load", spring.name))
     assert arrow.height > coil.height
+
+
+@pytest.mark.parametrize("name", ["cam-friction", "slider-crank-compressor"])
+def test_numbers_that_are_not_kept_make_the_same_tables_and_picture(name, monkeypatch):
+    m = made(name, FRAMES)
+    monkeypatch.setattr(tables, "MOST_KEPT", 0)
+    thrifty = replace(m.run)  # has no numbers yet
+    table = thrifty.numbers.tables["data", "joints", next(iter(thrifty.numbers.joints)), "reaction"]
+    assert not thrifty.numbers.kept and table.values is not table.values, "else this run keeps what it computes"
+    for path, kept in m.run.numbers.tables.items():
+        np.testing.assert_array_equal(thrifty.numbers.tables[path].values, kept.values)
+    picture, other = picture_of(m.run, m.solids), picture_of(thrifty, m.solids)
+    assert picture.by_key.keys() == other.by_key.keys() and picture.scales == other.scales
+    for arrow in picture.of(Arrow):
+        twin = other.by_key[arrow.key]
+        np.testing.assert_array_equal(twin.origin, arrow.origin)
+        np.testing.assert_array_equal(twin.vector.value, arrow.vector.value)
+    for arc in picture.of(Arc):
+        np.testing.assert_array_equal(other.by_key[arc.key].moment.value, arc.moment.value)
