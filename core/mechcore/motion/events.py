@@ -145,7 +145,10 @@ def limit_positions(motion: Motion) -> Iterator[tuple[str, Real, Real]]:
         if not np.isfinite(rows).all() or np.abs(rows[:, 1]).max(initial=0.0) <= _still(motion, rows):
             continue
         times = turning_points(motion.time, rows[:, 1], rows[:, 2])
-        found[joint.name] = np.array([t for t in times if not np.any(np.abs(reversals - t) < near)])
+        turned = np.abs(reversals - times[:, None]) < near
+        if len(motion.drives) == 1:  # between two frames in which the drive turns, too, nothing else can
+            turned |= np.searchsorted(motion.time, times)[:, None] == np.searchsorted(motion.time, reversals)
+        found[joint.name] = times[~turned.any(axis=1)]
     every = np.concatenate([np.zeros(0), *found.values()])
     order = np.argsort(every, kind="stable")
     owner = np.repeat(np.arange(len(found)), [len(times) for times in found.values()])[order]

@@ -103,7 +103,7 @@ def _drawing(
         follower=joint.links[1],
         placed=placed,
         size=size,
-        profile=Polygon(np.column_stack([on_link.real, on_link.imag])).buffer(0.0),
+        profile=outline.polygons(Polygon(np.column_stack([on_link.real, on_link.imag])).buffer(0.0))[0],
         bore=(placed.own.real / size, placed.own.imag / size),
         tip=(tip.real / size, tip.imag / size),
         turn=complex(turn),

@@ -375,3 +375,29 @@ def test_a_table_is_made_once_for_all_motions_of_a_mechanism(monkeypatch):
     for ours, same, theirs in zip(simulate(compiled, 0.2)(t), first, stopped, strict=True):
         np.testing.assert_array_equal(ours, same)
         np.testing.assert_allclose(ours, theirs, rtol=1e-8, atol=1e-8 * np.abs(theirs).max())
+
+
+@pytest.mark.parametrize(("start", "speed", "push", "side"), [(30, 0.5, 3000, "upper"), (90, -0.5, -3000, "lower")])
+def test_gas_keeps_to_the_stroke_that_led_to_rest_on_a_stop(start, speed, push, side):
+    """A compressor held 50 mm before top dead centre: what was compressed stays so, and sucked in what was sucked in."""
+    gas = "compressor = { suction = '1 bar', delivery = '7 bar', exponent = 1.3, clearance = 0.06 }"
+    text = f"""
+effects = ["inertia"]
+run = {{ duration = "0.1 s", tolerance = 1e-8, frames = 41 }}
+[links]
+frame = {{ points = {{ A = [0, 0] }} }}
+piston = {{ points = {{ A = [0, 0] }}, mass = "2 kg" }}
+[joints.S]
+prismatic = ["frame", "piston"]
+at = ["A", "A"]
+free = {{ position = "{start} mm", speed = "{speed} m/s" }}
+stops = [{{ at = "60 mm", side = "{side}" }}]
+[loads]
+air = {{ gas = "S", bore = "80 mm", top = "100 mm", stroke = "80 mm", {gas} }}
+push = {{ force = ["{push} N", 0], on = "piston", at = "A" }}
+"""
+    run = run_scene(mechviz.loads(text))
+    pressure = 1e5 * ((0.08 + 0.06 * 0.08) / (0.04 + 0.06 * 0.08)) ** 1.3 if side == "upper" else 1e5
+    expected = -(pressure - 101325.0) * np.pi / 4 * 0.08**2
+    assert run.forces.loads["air"].values[-1, 0] == pytest.approx(expected, rel=1e-9)
+    assert run.motion.coordinate("S")[-1] == pytest.approx([0.06, 0.0, 0.0], abs=1e-12)

@@ -33,6 +33,7 @@ TOUCH = 1e-11  # of the scale of a coordinate: nearer a stop is touched; so slow
 HELD = 1e-11  # rate, in scales, per unit rate of every coordinate, below which prescribed drives or other stops lead a joint
 PULLS = 1e-9  # part of the largest force beyond which a stop's pull, or what moves something onto it, is more than rounding
 LEAST_BOUNCE = 1e-6  # of the duration: a bounce that is over sooner ends in contact
+DIRECTION = 1e-200  # [rad/s or m/s] at rest on stops: nothing moves by it, but its sign says where it came from
 SOON = 1e-6  # of the duration: what begins to press so much later does it now
 
 Equations = Callable[[tuple[str, ...], Real], System]
@@ -191,7 +192,7 @@ class EndStops:
                 impulses = impact(touched.mobility, before, restitution, brief)
                 if impulses is None:
                     raise self._led(touched.which[int(np.argmin(before / touched.least))], t)
-                after, lost = shifted(v, touched.answers @ impulses[0]), impulses[1]
+                after, lost = self._without_rounding(touched, v, shifted(v, touched.answers @ impulses[0])), impulses[1]
                 self._left.clear()
             closed, second = self._pressed(touched, q, after, t, equations)
             rates = touched.rates(after)
@@ -214,10 +215,17 @@ class EndStops:
                 self.closed.add(k)
                 self._tell(t, "contact", k, f"rests on stop {self.stops[k].name}")
         after = touched.part(np.array([k in closed for k in touched.which])).stilled(after)
-        if len(self.closed) == len(self._free) == len(self.compiled.mechanism.drives):
-            after[: len(self._free)] = 0.0  # nothing moves: what rounding has left would have a direction, as gas and friction ask
         after[[self._free.index(joint) for joint in self.rests if joint in self._free]] = 0.0
-        return after, True
+        return self._without_rounding(touched, v, after), True
+
+    def _without_rounding(self, touched: _Touched, v: Real, after: Real) -> Real:
+        """Rates (f,) after touching where they leave all freedoms at rest: too small to move anything, in the direction in which it
+        came by rates ``v`` (f,), because an indicator diagram asks for the stroke that has led there; others as they are."""
+        slow = touched.part(np.abs(touched.rates(after)) <= touched.least)
+        if not len(slow.which) == len(self._free) == len(self.compiled.mechanism.drives) or not slow.independent():
+            return after
+        fastest = np.abs(v[: len(self._free)]).max()
+        return np.concatenate([v[: len(self._free)] * (DIRECTION / fastest if fastest else 0.0), after[len(self._free) :]])
 
     def _touched(self, q: Real, v: Real, t: float) -> _Touched | None:
         """The stops that are touched, in the order of their names; None where there are none."""

@@ -73,8 +73,10 @@ def constrained(inertia: Real, force: Real, jacobian: Real, second: Real | None 
     except np.linalg.LinAlgError:  # one of many, frame by frame
         each = np.broadcast_to(inertia, (*force.shape, force.shape[-1]))
         unknowns = solved(each.reshape(-1, *each.shape[-2:]), force.reshape(-1, force.shape[-1])).reshape(force.shape)
-    if c == f and (second is None or not second.any()):
-        unknowns[..., :f] *= 0.0  # everything is held: rounding would have a direction
+    if c == f:  # everything is held where nothing moves: rounding would have a direction
+        unknowns[..., :f] *= (
+            0.0 if second is None else second.reshape(len(second), *[1] * (force.ndim - 2), c).any(axis=-1, keepdims=True)
+        )
     return unknowns[..., :f], unknowns[..., f:]
 
 
