@@ -8,8 +8,6 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
-import numpy as np
-
 from mechcore.errors import Fault, MechanismError
 from mechcore.joints.base import LoopJoint, Relation
 from mechcore.joints.registry import build_joints
@@ -49,10 +47,10 @@ def build_model(mechanism: Mechanism) -> Model:
         raise MechanismError([Fault(f"links.{k}", "no chain of joints joins it to the frame.", "Add a joint.") for k in lost])
     closed = vector_loops(ends, joints, tree)
     turn = tuple(cmath.exp(1j * o) for o in turning.offset)
-    sums = tuple(loop_sum(c, turning, turn) for c in closed)
     size = _size(mechanism)
+    sums = tuple(loop_sum(c, turning, turn, 1e-14 * size) for c in closed)
     constraints = tuple(_linear_constraint(r, turning, index, joint_index) for r in parts.relations)
-    blocks, loose = _blocks(sums, tree.closing, constraints, turning, joints, ends, driven, size)
+    blocks, loose = _blocks(sums, tree.closing, constraints, turning, joints, ends, driven)
     _check_curves(blocks, constraints)
     free_angles = {g for b in blocks if b.kind in ("general", "relation") for g in b.angles}
     multi_turn = {g for t in constraints for g, _ in t.groups} - free_angles
@@ -80,11 +78,14 @@ def build_model(mechanism: Mechanism) -> Model:
     )
 
 
-def loop_sum(loop: Loop, turning: Angles, turn: tuple[complex, ...]) -> VectorSum:
-    """The vectors round a loop, summed up by rotation classes: zero where it closes."""
+def loop_sum(loop: Loop, turning: Angles, turn: tuple[complex, ...], least: float = 0.0) -> VectorSum:
+    """The vectors round a loop, summed up by rotation classes, zero where it closes; without those that are no longer than
+    ``least`` [m]."""
     arms: dict[int, Any] = {}
     for k, vector in loop.links:
         arms[turning.rotation_class[k]] = arms.get(turning.rotation_class[k], 0j) + vector * turn[k]
+    if least > 0.0:
+        arms = {s: a for s, a in arms.items() if abs(a) > least}
     return vector_sum(arms, [(j, turning.rotation_class[k], d * turn[k]) for j, k, d in loop.slides])
 
 
@@ -162,7 +163,6 @@ def _blocks(
     joints: tuple[LoopJoint, ...],
     ends: tuple[tuple[int, int], ...],
     driven: Mapping[int, int],
-    size: float,
 ) -> tuple[tuple[Block, ...], list[tuple[str, int]]]:
     sliding = [j for j, joint in enumerate(joints) if joint.slide is not None and j not in driven]
     columns: dict[tuple[str, int], int] = {("angle", g): g - 1 for g in range(1, turning.groups)}
@@ -170,7 +170,7 @@ def _blocks(
     unknown = list(columns)
     pattern: list[list[int]] = []
     for c in sums:
-        groups = {turning.class_group[s] for s, a in c.arms if np.abs(a).max() > 1e-14 * size}
+        groups = {turning.class_group[s] for s, _ in c.arms}
         groups |= {turning.class_group[g] for _, g, _ in c.slides}
         row = [columns["angle", g] for g in sorted(groups - {0})]
         row += [columns["slide", j] for j, _, _ in c.slides if j not in driven]

@@ -8,6 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from cam_scenes import changed, solved, text_of
 from comparison_columns import class_three
 from hypothesis import given
 from hypothesis import strategies as st
@@ -540,3 +541,11 @@ def test_printed_loop_equations_hold_with_the_solved_motion():
                     product *= values[name[:-2]] ** 2 if name.endswith("^2") else values[name]
                 total, size = total + product, size + abs(product)
             assert abs(total) < 1e-5 * max(size, 1e-9), line  # six digits are printed
+
+
+def test_an_arm_that_is_lost_in_rounding_is_none():
+    """A lever whose pin lies 1e-15 m from its axis: the loop beyond it does not wait for the lever's angle."""
+    motion, _ = solved(changed(text_of("word-writer"), "D = [100, 0]", "D = [1e-12, 0]"), frames=8)
+    assert motion.closure.max() < 1e-14
+    places = motion.point("left rod", "D") - motion.point("frame", "A")
+    assert np.abs(places).max() < 1e-14
