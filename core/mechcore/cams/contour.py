@@ -266,8 +266,12 @@ def spline_contour(points: ArrayLike, tolerance: float = 0.0, closed: bool = Tru
         why = f"{as_length(tolerance)}: the points themselves scatter by {as_length(spread, 4)}, so that nothing of them is left."
         raise MechanismError(Fault("contour.tolerance", why, "Give the scatter of the measurement."))
     data = np.append(z, z[0]) if closed else z
+    allowed = len(z) * tolerance**2
     tck: Any
-    tck, u = splprep([data.real, data.imag], k=degree, s=len(z) * tolerance**2, per=closed)
+    for part in (1.0, 0.5, 0.0):  # where its search for the smoothest ends too far from the points: nearer to them, at last through
+        (tck, u), off, ier, _ = splprep([data.real, data.imag], k=degree, s=part * allowed, per=closed, full_output=True)
+        if ier <= 0 or off <= allowed:
+            break
     t, (cx, cy), k = tck
     spline = BSpline(t, np.array([cx, cy]).T, k)
     fit = spline(u)

@@ -201,12 +201,12 @@ def _scan(lift: MotionCurve, follower: Follower, want: Requirement, turn: int, a
         low, high = max(abs(d - arm) - r, 0.0), d + arm - r
     low = max(low, at_least, 1e-6 * d)
 
-    def worst(base: float, count: int = 144) -> tuple[float, str]:
+    def worst(base: float) -> tuple[float, str]:
         cam = cam_on_base(lift, follower, base, turn)
         top = lift(lift.start + lift.length * np.arange(64) / 64.0, 0)[0].max() + follower.base_coordinate(base)
         if top >= np.pi:
             return -1.0, "reach of the arm"
-        verdicts = judge(find_limits(cam, count=count), want)
+        verdicts = judge(find_limits(cam, count=360), want)
         scale = [v.margin / (abs(v.allowed) or 1.0) for v in verdicts]
         k = int(np.nanargmin(scale))
         return scale[k], verdicts[k].condition
@@ -214,11 +214,10 @@ def _scan(lift: MotionCurve, follower: Follower, want: Requirement, turn: int, a
     grid = low + (high - low) * np.linspace(1e-6, 1.0 - 1e-6, 17) ** 1.5
     before = None
     for base in grid:
-        value, _ = worst(float(base))
-        if value >= 0.0:
+        if worst(float(base))[0] >= 0.0:
             if before is None:
                 return _finish(cam_on_base(lift, follower, float(low) or float(base), turn), float(low), 0.0, "base circle", want)
-            root = float(brentq(lambda b: worst(b, 360)[0], before, base, xtol=1e-12 * d, rtol=1e-12))
+            root = float(brentq(lambda b: worst(b)[0], before, base, xtol=1e-12 * d, rtol=1e-12))
             decides = worst(before + 0.999 * (root - before))[1]
             return _finish(cam_on_base(lift, follower, root, turn), root, 0.0, decides, want)
         before = float(base)

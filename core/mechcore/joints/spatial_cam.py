@@ -20,7 +20,7 @@ from mechcore.laws.curve import MotionCurve, Piece
 from mechcore.spec.mechanism import CamJoint, Prismatic, Revolute, SpatialBlank
 from mechcore.texts import as_angle, as_length
 
-_KEYS = {"base": "base", "lift": "lift", "radius": "face.radius"}
+_KEYS = {"base": "base", "lift": "lift", "radius": "face.radius", "second": "second"}
 """Names of a cam's geometry for the fields of a `CamJoint`."""
 
 Terms = tuple[tuple[str, float], ...]

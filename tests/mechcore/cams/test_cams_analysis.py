@@ -261,6 +261,12 @@ def test_polynomial_and_measured_profiles():
     smooth, rms = spline_contour(noisy, tolerance=1e-5)
     assert rms == pytest.approx(1e-5, rel=0.1)
     assert smooth.count < 60
+    phi = np.arange(12) * PI / 6
+    z = (0.03 + 0.004 * np.cos(2 * phi) + 1e-6 * np.random.default_rng(0).standard_normal(12)) * np.exp(1j * phi)
+    for part in range(-32, -2):  # the search for the smoothest ends without success at some: no warning, within the tolerance
+        for closed_ in (True, False):
+            tolerance = 0.03 * 10 ** (0.5 * part)
+            assert spline_contour(z, tolerance, closed_)[1] <= max(1.01 * tolerance, 1e-15)
 
 
 def test_outlines_that_are_none():

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import shapely
-from cam_scenes import changed, refused
+from cam_scenes import changed, refused, text_of
 from sections import section
 
 import mechviz
@@ -205,3 +205,15 @@ def test_a_scene_without_cams_pays_nothing(monkeypatch):
     monkeypatch.setattr(events, "placed_cams", refuse)
     monkeypatch.setattr(sys.modules["mechcore.cams.placement.plane"].PlacedCam, "at", refuse)
     assert not [t for t in tables(run_scene(mechviz.load("crank-rocker"))) if "cams" in t.path]
+
+
+def test_the_remedy_of_an_undercut_arm_is_sought_on_one_sampling():
+    """Coarse samples see no undercut at a base circle where fine ones do: it is not taken for one that fits."""
+    dwell, rise = "{ over = 29.0500642065 },\n    { over = 3.375, to = ", "3.27404"
+    text = changed(text_of("draughtsman"), dwell + rise, dwell + "6.54808")
+    refused(text, ["joints.Z", "undercut", "Give at most 2.41607 mm."])
+
+
+def test_the_second_roller_of_a_conjugate_pair_is_named_and_has_no_base_circle_of_its_own():
+    text = changed(text_of("cam-conjugate"), "second = { roller = 9", "second = { roller = 1e29")
+    refused(text, ["joints.K.second: the profile is undercut", "Give at most 40.1668 mm."])

@@ -183,8 +183,9 @@ class PlacedCam:
         s[1] *= self.ahead
         return np.where(known, s, np.nan)
 
-    def check(self) -> None:
-        """Raises where the cam cannot be cut, or where a yoke does not fit."""
+    def check(self, *, second: bool = False) -> None:
+        """Raises where the cam cannot be cut, or where a yoke does not fit; ``second``: of a conjugate pair, whose base circle
+        follows from the first."""
         cam, face, guide = self.cam, self.cam.follower.face, self.cam.follower.guide
         if self.yoke:
             if isinstance(guide, Oscillating) or abs(face.tilt) > 0.0:  # type: ignore[union-attr]  # flat here
@@ -202,7 +203,7 @@ class PlacedCam:
         if self.given is not None:
             return
         if self.mate is not None:
-            self.mate.check()
+            self.mate.check(second=True)
         for outer in (False, True) if self.groove and not cam.wedge and cam.follower.radius else (False,):
             limits = find_limits(replace(cam, outer=outer), count=720)
             if not limits.undercut:
@@ -217,10 +218,10 @@ class PlacedCam:
                 )
             raise MechanismError(
                 Fault(
-                    "cam.radius",
+                    "cam.second" if second else "cam.radius",
                     f"the profile is undercut {where}: a radius of {as_length(cam.follower.radius)} on a pitch curve of radius "
                     f"{as_length(greatest.value)}.",
-                    f"Give at most {as_length(greatest.value)}. {self._remedy()}",
+                    f"Give at most {as_length(greatest.value)}." + (f" {self._remedy()}" if not second else ""),
                 )
             )
 
