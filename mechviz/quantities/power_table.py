@@ -23,7 +23,7 @@ def _rows(table: PowerTable) -> list[tuple[str, ...]]:
     nothing = 1e-12 * max(table.supplied, table.absorbed, 1e-300)
 
     def number(value: float, least: float = 0.0) -> str:
-        return "0" if abs(value) <= least else f"{value:.5g}"
+        return "-" if np.isnan(value) else "0" if abs(value) <= least else f"{value:.5g}"
 
     span = float(np.ptp(table.time)) or 1.0
     rows = [
@@ -35,8 +35,7 @@ def _rows(table: PowerTable) -> list[tuple[str, ...]]:
             i.use or "-",
             number(i.mean, nothing / span),
             number(i.peak, 0.0 if i.role != "idle" else np.inf),
-            number(i.supplied, nothing),
-            number(i.absorbed, nothing),
+            *(number(work if i.role != "unknown" else np.nan, nothing) for work in (i.supplied, i.absorbed)),
         )
         for i in table.items
     ]
@@ -45,6 +44,12 @@ def _rows(table: PowerTable) -> list[tuple[str, ...]]:
         *rows,
         ("sum", "", "", "", "", number(mean, 1e-9 * table.supplied / span), "", number(table.supplied), number(table.absorbed)),
     ]
+
+
+def _closing(table: PowerTable) -> str:
+    if any(np.isnan(i.power).any() for i in table.items):
+        return "Where a power is unknown (the mechanism jams or is singular there) no work is counted: the works need not close."
+    return f"What is supplied is absorbed: the works close to {table.closure:.1e} of what is supplied."
 
 
 def force_lines(forces: Forces) -> list[str]:
@@ -57,8 +62,11 @@ def force_lines(forces: Forces) -> list[str]:
         for row in rows
     ]
     lines.insert(len(lines) - 1, "-" * len(lines[0]))
-    lines += ["", f"What is supplied is absorbed: the works close to {table.closure:.1e} of what is supplied.", ""]
+    lines += ["", _closing(table), ""]
     for share in drive_shares(forces) if forces.motion.mechanism.drives else ():
+        if np.isnan(share.power).all():
+            lines.append(f"drive {share.joint}: its power is unknown throughout")
+            continue
         when = ", ".join(f"{a:.4g} to {b:.4g} s" for a, b in share.delivers[:6]) or "never"
         more = f" and {len(share.delivers) - 6} times more" if len(share.delivers) > 6 else ""
         lines.append(
@@ -102,7 +110,7 @@ def power_markdown(table: PowerTable) -> list[str]:
     """The table for notes."""
     lines = ["## Powers", "", f"| {' | '.join(_HEADS)} |", f"|{'---|' * len(_HEADS)}"]
     lines += [f"| {' | '.join(row)} |" for row in _rows(table)]
-    return [*lines, "", f"The works close to {table.closure:.1e} of what is supplied."]
+    return [*lines, "", _closing(table)]
 
 
 def power_csv(forces: Forces, path: Path) -> Path:

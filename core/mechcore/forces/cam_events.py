@@ -103,9 +103,9 @@ def _lost(forces: Forces, cam: AnyCam) -> Iterator[Event]:
     for first, last in runs(n < -NOISE * largest):
         least = float(np.nanmin(n[first : last + 1]))
         for k, other, what in ((first, first - 1, "lost"), (last, last + 1, "regained")):
-            if not 0 <= other < len(time):
+            if not 0 <= other < len(time) or np.isnan(n[other]):  # the run ends there, or it jams
                 if what == "regained":
-                    continue  # the run ends before
+                    continue
                 t = float(time[k])
             else:
                 ends = float(time[other]), float(time[k]), float(n[other]), float(n[k])
@@ -130,9 +130,11 @@ def _turning(motion: Motion, t: float) -> str:
 
 
 def _lacking(forces: Forces, cam: AnyCam, first: int, last: int) -> float:
-    """The force along the follower's motion [N] that would just keep it on its cam over some frames."""
+    """The force along the follower's motion [N] that would just keep it on its cam over some frames; where the pressure angle is
+    unknown (a base circle that is a point), as much as could be needed."""
     part = slice(first, last + 1)
-    return float(np.nanmax(-contact_force(forces, cam)[part] * np.cos(cam.rows(forces.motion).pressure_angle[part])))
+    angle = np.nan_to_num(cam.rows(forces.motion).pressure_angle[part])
+    return float(np.max(-contact_force(forces, cam)[part] * np.cos(angle)))
 
 
 def _shocks(motion: Motion, cam: AnyCam) -> Iterator[Event]:

@@ -125,7 +125,8 @@ def _squeezed(motion: Motion, load: Spring, solid: float) -> Iterator[Event]:
 
 
 def crossing(forces: Forces, values: Callable[[Forces], Real], t0: float, t1: float, n0: float, n1: float) -> float:
-    """The time [s] at which ``values`` (F,) turn from ``n0`` >= 0 at ``t0`` to ``n1`` < 0 at ``t1`` (earlier or later)."""
+    """The time [s] at which ``values`` (F,) turn from ``n0`` >= 0 at ``t0`` to ``n1`` < 0 at ``t1`` (earlier or later); where a jam
+    lies between, its end next to ``t1``."""
     again = forces.motion.again
     for _ in range(ROUNDS if again is not None else 0):
         assert again is not None
@@ -137,6 +138,8 @@ def crossing(forces: Forces, values: Callable[[Forces], Real], t0: float, t1: fl
             t, loads = t[::-1], loads[::-1]
         k = int(np.argmax(loads < 0.0)) or PARTS
         t0, t1, n0, n1 = float(t[k - 1]), float(t[k]), float(loads[k - 1]), float(loads[k])
+    if np.isnan(n0):
+        return t1
     return t0 if n0 == n1 else t0 + (t1 - t0) * float(np.clip(n0 / (n0 - n1), 0.0, 1.0))
 
 

@@ -24,7 +24,7 @@ from mechcore.forces.kinetostatics import LOSSES, Forces
 from mechcore.records import dataclass
 from mechcore.spec.loads import GasPressure, Load, Prescribed
 
-Role = Literal["driving", "resisting", "alternating", "idle"]
+Role = Literal["driving", "resisting", "alternating", "idle", "unknown"]  # unknown: in a run that jams throughout
 SMALL = 1e-9  # part of the largest power of a run that counts as nothing
 
 
@@ -40,8 +40,8 @@ class Classed:
     use: Literal["useful", "harmful", ""]
     power: Real
     mean: float  # [W]
-    peak: float  # power of the largest magnitude, with its sign [W]
-    supplied: float
+    peak: float  # power of the largest magnitude, with its sign [W]; as the mean NaN where no power is known
+    supplied: float  # where the power is known
     absorbed: float
 
     @property
@@ -133,11 +133,13 @@ def _classed(
     largest: float,
 ) -> Classed:
     supplied, absorbed = works(power, time)
-    low, high = float(np.nanmin(power)), float(np.nanmax(power))
+    known = power[np.isfinite(power)]
+    low, high = (float(known.min()), float(known.max())) if known.size else (np.nan, np.nan)
     small = SMALL * largest
-    role: Role = (
-        "idle" if max(high, -low) <= small else "driving" if low >= -small else "resisting" if high <= small else "alternating"
-    )
+    role: Role = "unknown" if not known.size else "idle" if max(high, -low) <= small else "alternating"
+    if role == "alternating" and (low >= -small or high <= small):
+        role = "driving" if low >= -small else "resisting"
+    span = float(time[-1] - time[0])
     if not use and cause in LOSSES:
         use = "harmful"
     elif not use and cause == "process" and absorbed > supplied:
@@ -150,7 +152,7 @@ def _classed(
         role=role,
         use=use,  # type: ignore[arg-type] # one of the three words
         power=power,
-        mean=(supplied - absorbed) / float(time[-1] - time[0]) if len(time) > 1 else float(power[0]),
+        mean=np.nan if not known.size else (supplied - absorbed) / span if len(time) > 1 else float(power[0]),
         peak=high if high >= -low else low,
         supplied=supplied,
         absorbed=absorbed,

@@ -20,6 +20,7 @@ from mechcore.forces.powers import drive_shares, flywheel, flywheel_of_torque, p
 from mechcore.numerics.interpolation import integral_so_far
 from mechcore.spec.loads import Damper, Factor, Force, Spring, Torque
 from mechviz.commands.main import app
+from mechviz.quantities.power_table import force_lines
 from mechviz.runs import run_scene
 
 
@@ -196,6 +197,16 @@ def test_friction_absorbs_and_a_steady_load_drives_or_resists_even_where_it_rest
     m = slider_crank(r=1.0, l=3.0, loads=(Torque(name="along", link="crank", moment=2.0),))
     along = next(i for i in power_table(load(m, np.linspace(0.0, 6.0, 40), np.linspace(0.0, 3.0, 40))).items if i.label == "along")
     assert (along.role, along.absorbed) == ("driving", 0.0) and along.power[0] == 0.0
+
+
+def test_powers_of_a_run_that_jams_throughout_are_unknown():
+    text = mechviz.load("belt-slip").to_toml().replace("coefficient = 0.08", "coefficient = 80")
+    forces = run_scene(mechviz.loads(text), frames=8).forces
+    unknown = [i for i in power_table(forces).items if i.role == "unknown"]
+    assert {i.label for i in unknown} == {"drive A", "friction A", "friction B"}
+    assert np.isnan([i.mean for i in unknown]).all() and np.isnan([i.peak for i in unknown]).all()
+    words = "\n".join(force_lines(forces))
+    assert "need not close" in words and "drive A: its power is unknown throughout" in words
 
 
 def test_a_flywheel_takes_torques_that_jump_as_straight_lines():

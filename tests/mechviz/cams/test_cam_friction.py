@@ -85,3 +85,12 @@ def test_what_is_lacking_keeps_the_contact():
 )
 def test_faults_of_friction_at_cams(name, table, words):
     refused(rubbing(name, table), words)
+
+
+def test_contact_that_is_lost_next_to_a_jam_has_a_time_and_a_remedy():
+    """The base circle is a point, where the pressure angle is unknown, and the follower jams before it comes back to it."""
+    text = text_of("cam-friction").replace("base = 40", "base = 1e-12").replace("O = [0, 0] }, mass", "O = [0, 1e6] }, mass")
+    motion, forces = solved(text, frames=8)
+    events = [e for e in cam_events(motion, forces) if "contact" in e.text]
+    assert len(events) == 3 and np.isfinite([e.time for e in events]).all()
+    assert all("nan" not in e.text for e in events)
