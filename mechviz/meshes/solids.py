@@ -116,6 +116,11 @@ def _build(
 ) -> Solids:
     """The solids of `build_solids`."""
     model = build_model(mechanism, poses, _sides(tolerance, 128), profile, spindle=spindle)
+    for cam in model.cams:
+        reach = float(np.max(np.abs(cam.profile.bounds))) * cam.size
+        if reach > FARTHEST:
+            words = f"the solids cannot be made: its profile reaches {reach:.3g} m, farther than {FARTHEST:g} m."
+            raise MechanismError(Fault(f"joints.{cam.joint}", words, "Check its lift, base circle and roller, and their units."))
     if chord is not None:
         model = replace(model, segments=_sides(chord / (model.size * largest_circle(model)), 512))
     draft = draft_pieces(model)

@@ -41,3 +41,11 @@ def test_a_cam_whose_flank_is_lost_in_rounding_is_refused_without_a_warning():
     run = run_scene(scene.changed({("links", "arm", "points", "P"): [1e12, y]}), frames=8)
     with pytest.raises(MechanismError, match=r"links\.arm: the solids cannot be made"):
         solids_of(run)
+
+
+def test_a_lift_of_many_light_years_is_refused():
+    scene = gallery_scene("cam-constant-acceleration-general")
+    lift = [scene.document.joints["K"].profile.lift[0].model_copy(update={"to": 1e29}), scene.document.joints["K"].profile.lift[1]]
+    run = run_scene(scene.changed({("joints", "K", "profile", "lift"): lift}), frames=8)
+    with pytest.raises(MechanismError, match=r"joints\.K: .* its profile reaches 1e\+26 m"):
+        solids_of(run)
