@@ -74,12 +74,12 @@ class ArrowNodes:
         for family, node in self._nodes.items():
             if family not in self._tracks:
                 node.visible = False
-        self._turns: dict[tuple[str, str], tuple[Arc, Real]] = {}
+        self._turns: dict[tuple[str, str], tuple[Arc, Real, Real]] = {}
         for arc in show.picture.of(Arc):
             moment, key = arc.moment, (arc.moment.family, arc.moment.item)
             if key not in self._arcs:
                 self._arcs[key] = self._add_arc(*key)
-            self._turns[key] = arc, moment.value / show.scales.newton_metres_per_metre / arc.radius
+            self._turns[key] = arc, moment.origin, moment.value / show.scales.newton_metres_per_metre / arc.radius
         for key, node in self._arcs.items():
             if key not in self._turns:
                 node.visible = False
@@ -128,11 +128,11 @@ class ArrowNodes:
 
     def corners(self, key: tuple[str, str], frame: int) -> Single | None:
         """Corners of an arc at a frame, None where it is too short to be seen."""
-        arc, turns = self._turns[key]
+        arc, origins, turns = self._turns[key]
         turn = float(np.clip(turns[frame] * self._factors[key[0]], -LARGEST_TURN, LARGEST_TURN))
         if not abs(turn) >= ARC_TIP:
             return None
-        return arc_vertices(arc.moment.origin[frame], turn, arc.radius, ARC_WIDTH * self._size, arc.height)
+        return arc_vertices(origins[frame], turn, arc.radius, ARC_WIDTH * self._size, arc.height)
 
     def show(self, frame: int) -> None:
         for family in self._tracks:
@@ -165,7 +165,7 @@ class ArrowNodes:
                 yield PointTrack(f"/vectors/{family}", "points", *ragged(np.concatenate([flat, heights], axis=3), seen), steady)
         for key in self._turns:
             if self._on[key[0]]:
-                corners = [self.corners(key, frame) for frame in range(len(self._turns[key][1]))]
+                corners = [self.corners(key, frame) for frame in range(len(self._turns[key][2]))]
                 empty = np.zeros((2 * ARC_STEPS + 5, 3), np.float32)
                 values = np.stack([empty if c is None else c for c in corners]).reshape(len(corners), -1)
                 counts = np.array([0 if c is None else values.shape[1] for c in corners])
