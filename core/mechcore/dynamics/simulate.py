@@ -31,6 +31,7 @@ from mechcore.effects.registry import effects_of
 from mechcore.errors import Fault, MechanismError
 from mechcore.laws.curve import MotionCurve
 from mechcore.laws.factors import jumps
+from mechcore.laws.signals import Chirp, Sine
 from mechcore.laws.timed import Free
 from mechcore.motion.compiled import Compiled
 from mechcore.motion.solve import compile_mechanism
@@ -123,6 +124,9 @@ def simulate(
         words = check_periods(fast, duration, tolerance)
         if words is not None and warn is not None:
             warn(words)
+    swings = _check_signals(compiled.mechanism, duration)
+    if swings is not None and warn is not None:
+        warn(swings)
     if warn is not None:
         progress = _counted(duration, warn, progress)
     integrator = EventIntegrator(
@@ -133,6 +137,24 @@ def simulate(
         return run
     events = (SimulationEvent(0.0, "stiff", unseen.load, unseen.stepped_over), *run.events)
     return replace(run, unseen=(unseen.amplitude, unseen.frequency), events=events)
+
+
+def _check_signals(mechanism: Mechanism, duration: float) -> str | None:
+    """Warning before a run that has to follow very many periods of a load; None where there are none. Raises `MechanismError` where
+    nobody would wait for it."""
+    swung = [
+        (x.name, x.factor.function)
+        for x in mechanism.loads
+        if isinstance(getattr(getattr(x, "factor", None), "function", None), Sine | Chirp)
+    ]
+    most, name = max(((signal.periods(duration), name) for name, signal in swung), default=(0.0, ""))
+    if most < TOLD:
+        return None
+    words = f"load '{name}' swings through {most:,.0f} periods in {duration:.6g} s"
+    if most <= MOST_TURNS:
+        return f"{words}; following them takes a while."
+    remedy = f"Lower its frequency, or run at most {duration * MOST_TURNS / most:.3g} s."
+    raise MechanismError(Fault(f"loads.{name}", f"{words}; motions are followed over {MOST_TURNS:,} at most.", remedy))
 
 
 def _by_program(compiled: Compiled, method: Method) -> bool:

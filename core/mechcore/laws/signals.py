@@ -52,6 +52,10 @@ class Sine:
             return np.asarray(self.mean * t + 2.0 * self.amplitude / w * np.sin(0.5 * w * t) * np.sin(0.5 * w * t + self.phase))
         return np.asarray(self.mean + self.amplitude * np.sin(x))
 
+    def periods(self, until: float) -> float:
+        """How many periods there are from time zero until a time [s]."""
+        return abs(self.frequency) * until
+
 
 @dataclass(frozen=True, kw_only=True)
 class Step:
@@ -139,6 +143,11 @@ class Chirp:
             faster = np.where(t <= self.duration, TURN * self._frequency(swept, 1), 0.0)
             return np.asarray(self.amplitude * (w * np.cos(x) if derivative == 1 else faster * np.cos(x) - w * w * np.sin(x)))
         return np.asarray(self.mean + self.amplitude * np.sin(x))
+
+    def periods(self, until: float) -> float:
+        """How many periods there are from time zero until a time [s]."""
+        swept = float(self._angle(np.array(min(until, self.duration)))) - self.phase
+        return abs(swept) / TURN + abs(self.frequencies[1]) * max(until - self.duration, 0.0)
 
     @property
     def _growth(self) -> float:

@@ -6,15 +6,18 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+from dynamic_mechanisms import pendulum
 from scipy.integrate import quad, solve_ivp
 from scipy.signal import chirp
 
 import mechviz
 from mechcore.dynamics.simulate import simulate
+from mechcore.errors import MechanismError
 from mechcore.forces.kinetostatics import solve_forces
 from mechcore.laws.signals import Chirp, Ramp, Sine, Step
 from mechcore.motion.events import find_events
 from mechcore.motion.solve import compile_mechanism, solve_motion
+from mechcore.spec.loads import Factor, Torque
 from mechviz.runs import run_scene
 
 SIGNALS = [
@@ -311,3 +314,15 @@ def test_signals_multiply_speeds_and_only_some_repeat():
         mechviz.loads(twice.replace("DRIVE", 'chirp = { frequencies = [1, 5], duration = "1 s" }'))
     angle = run_scene(mechviz.loads(twice.replace("DRIVE", "sine = { period = 1, mean = 1 }"))).motion.coordinate("O")[:, 0]
     assert angle[-1] - angle[0] == pytest.approx(6.0 * np.pi, rel=1e-14)
+
+
+def test_what_a_load_swings_through_is_foreseen():
+    """Periods by the integral of the frequency; a load that nobody would follow is refused before the work begins."""
+    swept = Chirp(frequencies=(2.0, 10.0), duration=3.0, phase=0.4)
+    assert swept.periods(5.0) == pytest.approx(18.0 + 20.0)
+    assert Sine(frequency=7.0).periods(2.0) == pytest.approx(14.0)
+    shaken = Torque(name="M", link="body", moment=1e-3, factor=Factor(function=Sine(frequency=1e6), of="time"))
+    with pytest.raises(
+        MechanismError, match=r"'M' swings through 1,000,000 periods in 1 s.*Lower its frequency, or run at most 0.05 s"
+    ):
+        simulate(pendulum(inertia=1.0, mass=1.0, distance=0.5, angle=0.3, loads=(shaken,)), 1.0)
