@@ -201,6 +201,8 @@ class EventIntegrator:
             if time > end + 1e-14 * self.duration:
                 break
             q, v = react(time, q, v)
+            if self.progress is not None:  # other coordinates may have been looked for
+                self.progress(end)
         return end, q, v
 
     def _solve(

@@ -6,6 +6,7 @@ gives the motion without a single step in time. All else is collocation in windo
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
@@ -46,6 +47,7 @@ BALANCED = 1e-13  # of those forces: what is left in an equilibrium by rounding
 KNOCK = 1e-6  # of a cam law's largest velocity: what may jump by the rounding of a given profile
 
 LOOKED_AT = 100  # windows, after which it is foreseen how many a motion takes
+PATIENCE = 5.0  # [s] of processor time that pass without a word
 MANY = 2_000  # windows that take long enough to be told before
 
 
@@ -142,11 +144,8 @@ def simulate(
 def _check_signals(mechanism: Mechanism, duration: float) -> str | None:
     """Warning before a run that has to follow very many periods of a load; None where there are none. Raises `MechanismError` where
     nobody would wait for it."""
-    swung = [
-        (x.name, x.factor.function)
-        for x in mechanism.loads
-        if isinstance(getattr(getattr(x, "factor", None), "function", None), Sine | Chirp)
-    ]
+    factors = [(load.name, getattr(load, "factor", None)) for load in mechanism.loads]
+    swung = [(name, x.function) for name, x in factors if x is not None and isinstance(x.function, Sine | Chirp)]
     most, name = max(((signal.periods(duration), name) for name, signal in swung), default=(0.0, ""))
     if most < TOLD:
         return None
@@ -184,15 +183,22 @@ def _tables(_: Compiled) -> dict[float, tuple[Curve, tuple[float, float] | None]
 
 
 def _counted(duration: float, warn: Callable[[str], None], told: Callable[[float], None] | None) -> Callable[[float], None]:
-    """A progress that warns once, where the windows of `LOOKED_AT` calls lead so little on that very many will be needed."""
-    counts = 0
+    """A progress that warns once, where the windows of `LOOKED_AT` calls lead so little on that very many will be needed, or where
+    work has been going on and will."""
+    counts, warned, begun = 0, False, time.process_time()
 
     def progress(until: float) -> None:
-        nonlocal counts
+        nonlocal counts, warned
         counts += 1
-        if counts == LOOKED_AT and until * MANY < LOOKED_AT * duration:
-            needed = LOOKED_AT * duration / max(until, 1e-300)
+        share, spent = max(until, 1e-300) / duration, time.process_time() - begun
+        if not warned and counts == LOOKED_AT and share * MANY < LOOKED_AT:
+            warned = True
+            needed = LOOKED_AT / share
             warn(f"{LOOKED_AT:,} windows led to {until:.3g} s of {duration:.6g} s: it takes about {needed:.2g} of them in all.")
+        elif not warned and spent > PATIENCE and spent * (1.0 / share - 1.0) > PATIENCE:
+            warned = True
+            left = spent / share - spent
+            warn(f"{spent:.0f} s of work led to {until:.3g} s of {duration:.6g} s: it goes on for about {left:.0f} s.")
         if told is not None:
             told(until)
 
