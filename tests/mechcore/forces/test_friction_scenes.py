@@ -14,15 +14,17 @@ import mechviz
 from mechcore.effects.plan import make_plan
 from mechcore.forces.friction.events import find_jams, friction_events, friction_lanes
 from mechcore.forces.kinetostatics import solve_forces
+from mechcore.forces.powers import power_table
 from mechcore.laws.timed import ConstantSpeed, Oscillation
 from mechcore.motion.solve import compile_mechanism, default_times, solve_motion
 from mechcore.spec.mechanism import Drive, Friction, Link, PinSlot, Prismatic
 from mechviz.hard_cases.mechanisms import sleeve
 from mechviz.outputs.inspection import _losses, format_inspection, inspect
+from mechviz.runs import run_scene
 from mechviz.scene.builder import SceneBuilder
 from mechviz.scene.scene import Scene, json_schema
 from mechviz.studies.report import check_lines
-from recordings import made
+from recordings import gallery_scene, made
 
 SCENES = ("slider-crank-friction", "four-bar-friction-circles", "jamming-sleeve", "self-locking-wedge", "toggle-clamp")
 
@@ -237,6 +239,13 @@ def test_inspection_lists_losses_and_jams():
     jam = format_inspection(inspect(made("jamming-sleeve").path))
     assert "jams to the end of the run" in jam and " nan " not in jam
     assert "where it jams: there are no forces beyond" in jam
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("odd", [(("links", "cart", "points", "X"), [1e6, 0.0]), (("loads", "W", "force"), [1e12, 0.0])])
+def test_a_run_that_jams_throughout_or_under_huge_forces_warns_of_nothing(odd):
+    items = power_table(run_scene(gallery_scene("jamming-sleeve").changed(dict([odd])), frames=8).forces).items
+    assert all(np.isnan(i.peak) or abs(i.peak) == np.nanmax(np.abs(i.power)) for i in items)
 
 
 def test_losses_of_a_run_that_jams_at_its_beginning_are_those_of_its_other_frames():

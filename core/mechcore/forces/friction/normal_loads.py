@@ -309,8 +309,9 @@ def _follow(a: Real, k: Real, euclidean: Flags, radius: Real) -> tuple[Real, Rea
         y = aa + at[:, None, None] * np.einsum("fiaj,fj->fia", ka, here)
         slope = _solve(matrix, np.einsum("fia,fiaj,fj->fi", _norm(y, euclidean)[1], ka, here))
         size = np.minimum(_terms(aa, ka * at[:, None, None, None], here), np.abs(here).max(axis=1, keepdims=True))
-        # no load grows by more than half of its own terms, or of the largest load, in one step
-        most = 0.5 * (size / np.maximum(np.abs(slope), 1e-300)).min(axis=1)
+        # no load grows by more than half of its own terms, or of the largest load, in one step; a step of one is all of it
+        half = 0.5 * size
+        most = (half / np.maximum(np.maximum(np.abs(slope), half), 1e-300)).min(axis=1)
         h = np.minimum(np.minimum(step[active], most), 1.0 - at)
         to = np.where(h >= 1.0 - at, 1.0, at + h)
         guess = here + (to - at)[:, None] * slope
