@@ -190,7 +190,7 @@ for listed in COMMANDS.values():
 
 def main() -> None:
     """The `mechviz` command, once the signals are looked after."""
-    if isinstance(sys.stdout, io.TextIOWrapper):
+    if isinstance(sys.stdout, io.TextIOWrapper) and not isinstance(sys.stdout.buffer, io.BytesIO):  # what has a file
         at_once = sys.stdout.line_buffering or sys.stdout.write_through
         raw = Stdout(sys.stdout.fileno(), "w", closefd=False)
         sys.stdout = io.TextIOWrapper(io.BufferedWriter(raw), sys.stdout.encoding, line_buffering=at_once)

@@ -461,7 +461,7 @@ class Bars:
 
 def test_long_work_says_what_it_does_from_its_start_to_its_end(tmp_path, monkeypatch):
     bars = Bars()
-    for place in ("solving", "share", "export", "recording"):
+    for place in ("shared.solving", "export", "recording"):
         monkeypatch.setattr(f"mechviz.commands.{place}.progress_bar", bars.bar)
     for command, wanted in (
         (("share", "crank-rocker", "-o", str(tmp_path / "a.html")), "sharing"),

@@ -111,7 +111,7 @@ def test_links_are_drawn_where_their_poses_say(wide):
         "for (const g of mechviz.player.header.groups) mechviz.player.show(g.name, false); mechviz.player.show('names', false)"
     )
     page.get_by_role("button", name="Front 2D").click()
-    for frame in (30, 80):  # where no link hides these middles
+    for frame in (15, 40):  # where no link hides these middles
         page.evaluate(f"mechviz.player.seekFrame({frame}); mechviz.player.drawNow()")
         window = wide.window()
         for link, ends in (("crank", ("A", "B")), ("rocker", ("E", "D"))):
