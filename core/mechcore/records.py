@@ -111,4 +111,4 @@ def with_numbers(thing: T, numbers: Mapping[Place, Any]) -> T:
         changed.__dict__.update(thing.__dict__)
         for name, own in below.items():
             object.__setattr__(changed, name, with_numbers(getattr(thing, name), own))
-    return changed  # type: ignore[no-any-return]
+    return changed  # type: ignore[no-any-return]  # of the type of thing, whichever that is

@@ -151,7 +151,7 @@ def _place_general(model: Model, block: Block, state: State, code: Code, *, tied
         numbers += [total, *(c for _, c in unknowns)]
     solved = code.filled("newton", len(block.unknowns), shape, numbers)
     for group, x in zip(block.angles, solved, strict=False):
-        state.angle[group] = x  # type: ignore[assignment]
+        state.angle[group] = x  # type: ignore[assignment]  # symbols stand for arrays
         for rotation_class in model.angles.classes_of[group]:
             state.rot[rotation_class] = rotation(x) * state.delta[rotation_class]
     for j, x in zip(block.slides, solved[count:], strict=True):
