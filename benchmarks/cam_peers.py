@@ -158,8 +158,8 @@ def measure() -> None:
     print(f"\nmechanism's profile, turned as well as it can be, is off by {100.0 * off / LIFT:.2g} % of the lift")
     print(f"base circle for {STEEP:g} deg: mechanism {1e3 * theirs:.5g} mm, mechcore {1e3 * ours:.5g} mm")
     for radius, whose in ((abs(theirs), "mechanism"), (ours, "mechcore")):
-        found = find_limits(Cam(rise.raised(follower.base_coordinate(radius)), follower))
-        steep = np.degrees(max(found.rise.value, found.fall.value))
+        computed = find_limits(Cam(rise.raised(follower.base_coordinate(radius)), follower))
+        steep = np.degrees(max(computed.rise.value, computed.fall.value))
         print(f"largest pressure angle on the circle of {whose}: {steep:.6g} deg")
 
 

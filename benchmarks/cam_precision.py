@@ -95,13 +95,13 @@ def measure() -> None:
             print(f"| {who} | {setting} | {1e3 * spent:.3f} | {e:.1e} | {ratio} |")
 
 
-def apart(found, exact) -> float:
+def apart(computed, exact) -> float:
     """The largest difference. Of a profile that is another one, the largest distance of its points from the right curve: a package
     may count angles from other axes, so that it may be turned as a whole as well as it can be."""
     import numpy as np
     from scipy.spatial import cKDTree
 
-    error = float(np.abs(found - exact).max())
+    error = float(np.abs(computed - exact).max())
     if not np.iscomplexobj(exact) or error < 1e-2 * LIFT:
         return error
     right = exact.astype(complex)
@@ -109,7 +109,7 @@ def apart(found, exact) -> float:
     tree = cKDTree(np.column_stack([dense.real, dense.imag]))
 
     def away(turned: float, every: int = 20) -> float:
-        z = found[::every] * np.exp(1j * turned)
+        z = computed[::every] * np.exp(1j * turned)
         return float(tree.query(np.column_stack([z.real, z.imag]))[0].max())
 
     best = min(np.linspace(-0.5, 0.5, 101), key=away)
@@ -154,8 +154,8 @@ def ours(wanted, offset: float, roller: float, which: int) -> dict:
     cam = Cam(rise.raised(follower.base_coordinate(BASE)), follower)
 
     def compute(theta):
-        found = cam.at(theta)
-        return found.pressure_angle if which else found.working
+        cam_at = cam.at(theta)
+        return cam_at.pressure_angle if which else cam_at.working
 
     def by_hand(theta):
         return closed_form(theta, offset, roller)[which]
@@ -173,7 +173,7 @@ def packages(wanted, which: int) -> dict:
 
     import numpy as np
 
-    found = {}
+    result = {}
     if find_spec("mechanism") and not which:
         from mechanism import Cam
 
@@ -184,7 +184,7 @@ def packages(wanted, which: int) -> dict:
             x, y = cam.cycloidal.get_profile(BASE, cam.thetas_r)
             return 1j * (x + 1j * y)[: len(theta)]
 
-        found |= ladder("mechanism", profile, wanted)
+        result |= ladder("mechanism", profile, wanted)
     if find_spec("pylinkage"):
         from pylinkage.cam import CycloidalMotionLaw, FunctionProfile
 
@@ -196,9 +196,9 @@ def packages(wanted, which: int) -> dict:
                 return np.array([cam.pressure_angle(t) for t in theta.tolist()])
             return 1j * np.array([cam.evaluate(t) for t in theta.tolist()]) * np.exp(-1j * theta)
 
-        found[("pylinkage", "computed there")] = lambda: compute(wanted)
-        found |= ladder("pylinkage", compute, wanted)
-    return found
+        result[("pylinkage", "computed there")] = lambda: compute(wanted)
+        result |= ladder("pylinkage", compute, wanted)
+    return result
 
 
 if __name__ == "__main__":

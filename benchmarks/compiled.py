@@ -46,8 +46,8 @@ from mechviz.studies.designs.sweep import run_study
 
 
 def case(file: str, name: str) -> dict[str, float]:
-    found = json.loads((ROOT / "tests" / "reference" / f"{file}.json").read_text())["cases"]
-    return next(c for c in found if c["id"] == name)["inputs"]
+    result = json.loads((ROOT / "tests" / "reference" / f"{file}.json").read_text())["cases"]
+    return next(c for c in result if c["id"] == name)["inputs"]
 
 
 def all_of(compiled: Compiled, times: np.ndarray) -> None:
@@ -151,9 +151,9 @@ def long_ones() -> None:
             compiled = replace(compile_mechanism(mechanism), executor=executor)  # type: ignore[arg-type]
             compiled_program(compiled)
             start = time.process_time()
-            found = simulate(compiled, 20.0 * duration)
+            simulation = simulate(compiled, 20.0 * duration)
             spent[executor] = time.process_time() - start
-            windows = sum(len(s.solution.windows) for s in found.segments)
+            windows = sum(len(s.solution.windows) for s in simulation.segments)
         row = " | ".join(f"{spent[e]:.3f}" for e in ("numpy", "c", "auto"))
         print(f"| {title} x 20 | {windows} | {row} | {spent['numpy'] / spent['c']:.0f} |", flush=True)
 

@@ -37,7 +37,7 @@ class Curve:
 def precision_curves(rows: Sequence[Sequence[str]]) -> list[Curve]:
     """The curves of a table of who, setting, time [ms], error. What gave no number is left out; settings of mechviz that begin with
     a word, such as ``gauss 1e-06``, are a curve for each of these words."""
-    found: dict[str, list[tuple[str, float, float]]] = {}
+    result: dict[str, list[tuple[str, float, float]]] = {}
     for who, setting, time, error, *_ in rows:
         try:
             seconds, off = 1e-3 * float(time.replace(",", "")), float(error)
@@ -45,8 +45,8 @@ def precision_curves(rows: Sequence[Sequence[str]]) -> list[Curve]:
             continue
         method = re.match(r"(energy|gauss|radau) ", setting)
         if seconds > 0.0 and off <= MOST:
-            found.setdefault(f"{who}, {method[1]}" if method else who, []).append((setting, seconds, max(off, LEAST)))
-    return [Curve(who, *(tuple(column) for column in zip(*points, strict=True))) for who, points in found.items()]
+            result.setdefault(f"{who}, {method[1]}" if method else who, []).append((setting, seconds, max(off, LEAST)))
+    return [Curve(who, *(tuple(column) for column in zip(*points, strict=True))) for who, points in result.items()]
 
 
 def slug(title: str) -> str:

@@ -54,8 +54,8 @@ Row = tuple[str, str, Callable[[], float]]  # who, setting, computes the final a
 
 
 def case() -> dict[str, Any]:
-    found = json.loads((ROOT / "tests" / "reference" / "andrews.json").read_text())["cases"]
-    return next(c for c in found if c["id"] == "andrews-squeezer")
+    result = json.loads((ROOT / "tests" / "reference" / "andrews.json").read_text())["cases"]
+    return next(c for c in result if c["id"] == "andrews-squeezer")
 
 
 # --- P3: Andrews' squeezing mechanism ---------------------------------------------------------------------------------
@@ -186,8 +186,8 @@ def mechviz_end(compiled: Any, duration: float, tolerance: float, method: str) -
 
 
 def mechviz_again(compiled: Any, duration: float, tolerance: float, method: str) -> float:
-    found = simulate(compiled, duration, tolerance=tolerance, method=method)  # type: ignore[arg-type]
-    return float(found([duration])[0][0, 0])
+    simulation = simulate(compiled, duration, tolerance=tolerance, method=method)  # type: ignore[arg-type]
+    return float(simulation([duration])[0][0, 0])
 
 
 EXECUTORS = (("mechviz", "numpy", mechviz_end), ("mechviz, C", "c", mechviz_again))
@@ -216,11 +216,11 @@ def damped_rows(reference: dict[str, Any]) -> tuple[list[Row], float]:
 def chain_end(n: int, duration: float = 10.0, g: float = 9.81) -> float:
     """The angle of the first upright, exactly: uprights turn together, bars are carried round, so that it is one pendulum."""
     inertia, weight = (n + 1) / 3.0 + n, g * ((n + 1) / 2.0 + n)
-    found = solve_ivp(
+    solution = solve_ivp(
         lambda _, y: [y[1], -weight * np.cos(y[0]) / inertia], (0.0, duration), [np.pi / 2, -1.0],
         method="DOP853", rtol=3e-14, atol=1e-15,
     )  # fmt: skip
-    return float(found.y[0, -1])
+    return float(solution.y[0, -1])
 
 
 def chain_rows(n: int) -> list[Row]:

@@ -52,8 +52,8 @@ START = {"K1": "beta", "K2": "Theta", "K3": "gamma", "K5": "delta", "K4": "Phi",
 
 
 def by_scipy(rhs: Any, start: np.ndarray, duration: float, tolerance: float, method: str) -> float:
-    found = solve_ivp(rhs, (0.0, duration), start, method=method, rtol=tolerance, atol=1e-2 * tolerance)
-    return float(found.y[0, -1])
+    solution = solve_ivp(rhs, (0.0, duration), start, method=method, rtol=tolerance, atol=1e-2 * tolerance)
+    return float(solution.y[0, -1])
 
 
 def by_cvode(rhs: Any, start: np.ndarray, duration: float, tolerance: float) -> float:
@@ -74,9 +74,9 @@ def by_ida(parts: Any, start: np.ndarray, duration: float, tolerance: float) -> 
 
     n, m = 7, 6
     a, f, _ = parts(start)
-    found = np.linalg.solve(a, f)
-    y0 = np.concatenate([start, found[n:], np.zeros(m)])
-    yp0 = np.concatenate([start[n:], found[:n], np.zeros(2 * m)])
+    solution = np.linalg.solve(a, f)
+    y0 = np.concatenate([start, solution[n:], np.zeros(m)])
+    yp0 = np.concatenate([start[n:], solution[:n], np.zeros(2 * m)])
 
     def residual(_: float, y: np.ndarray, yp: np.ndarray, out: np.ndarray) -> None:
         a, f, closed = parts(y)

@@ -155,11 +155,11 @@ def main() -> None:
     wanted = parser.parse_args().frames
     jobs: dict[str, Callable[[], object]] = {}
     frames = 0
-    for what, found in cases().items():
-        times = default_times(found["bare"], wanted, 2)
+    for what, result in cases().items():
+        times = default_times(result["bare"], wanted, 2)
         frames = len(times)
-        jobs[f"{what}: kinematics alone"] = partial(kinematics, compile_mechanism(found["bare"]), times)
-        for name, mechanism in found.items():
+        jobs[f"{what}: kinematics alone"] = partial(kinematics, compile_mechanism(result["bare"]), times)
+        for name, mechanism in result.items():
             words = "a scene without effects, by its plan" if name == "bare" else name
             jobs[f"{what}: {words}"] = by_plan(compile_mechanism(mechanism), times)
     seconds = interleaved(jobs, runs=25, seconds=0.02, pick=min, clock=time.process_time)

@@ -84,16 +84,16 @@ def main() -> None:
     parser.add_argument("scenes", nargs="*")
     parser.add_argument("--frames", type=int)
     given = parser.parse_args()
-    found: list[Compared] = []
+    result: list[Compared] = []
     for name in given.scenes or gallery_names():
         for one in compare(name, given.frames):
-            found.append(one)
+            result.append(one)
             mark = " " if one.within else "!" if one.bounded else "X"
             print(
                 f"{mark} {one.scene:<40} {one.what:<26} estimate {one.estimate:9.1e}  true {one.truth:9.1e}  ratio {one.ratio:9.2g}"
             )
-    for what in (None, *dict.fromkeys(c.what for c in found)):
-        some = [c for c in found if what in (None, c.what)]
+    for what in (None, *dict.fromkeys(c.what for c in result)):
+        some = [c for c in result if what in (None, c.what)]
         bounded, within = (100.0 * float(np.mean([getattr(c, k) for c in some])) for k in ("bounded", "within"))
         words = f"truth at most ten times the estimate in {bounded:.1f} %, within a factor of ten in {within:.1f} %"
         print(f"{what or 'all':<26} {len(some):4d} results: {words}")

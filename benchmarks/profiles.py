@@ -64,7 +64,7 @@ def works(folder: str) -> dict[str, Callable[[], object]]:
     return {
         "solids of a scene": lambda: [solids_of(run) for run in runs],
         "run to recording": lambda: [
-            write_recording(run, f"{folder}/a.rrd", solids=found) for run, found in zip(runs, solids, strict=True)
+            write_recording(run, f"{folder}/a.rrd", solids=result) for run, result in zip(runs, solids, strict=True)
         ],
         "errors of motions under forces": errors,
     }
@@ -74,16 +74,16 @@ def shares(work: Callable[[], object]) -> dict[str, float]:
     """Parts of the time of a work by package: ``ours`` is the Python of mechviz and mechcore, without what it calls."""
     profile = cProfile.Profile(time.process_time)
     profile.runcall(work)
-    found: dict[str, float] = defaultdict(float)
+    result: dict[str, float] = defaultdict(float)
     rows = pstats.Stats(profile).stats  # type: ignore[attr-defined]  # not in its stubs
     for (file, _, name), (_, _, own, _, callers) in rows.items():
         if file == "~":  # built in: to whom it belongs is who calls it, but for the methods of arrays
             for (caller, _, _), (_, _, part, _) in callers.items():
-                found["numpy" if "numpy" in name else _owner(caller)] += part
+                result["numpy" if "numpy" in name else _owner(caller)] += part
         else:
-            found[_owner(file)] += own
-    total = sum(found.values())
-    return {owner: part / total for owner, part in found.items()}
+            result[_owner(file)] += own
+    total = sum(result.values())
+    return {owner: part / total for owner, part in result.items()}
 
 
 def _owner(file: str) -> str:
@@ -94,7 +94,7 @@ def _owner(file: str) -> str:
 def measure() -> dict[str, tuple[float, dict[str, float]]]:
     """Least processor time [s] and shares of each path."""
     with tempfile.TemporaryDirectory() as folder:
-        found = {}
+        result = {}
         for name, work in works(folder).items():
             work()
             times = []
@@ -102,8 +102,8 @@ def measure() -> dict[str, tuple[float, dict[str, float]]]:
                 start = time.process_time()
                 work()
                 times.append(time.process_time() - start)
-            found[name] = (min(times), shares(work))
-        return found
+            result[name] = (min(times), shares(work))
+        return result
 
 
 def repeat(name: str, seconds: float) -> None:
@@ -129,15 +129,15 @@ def sampled(name: str, seconds: float = 8.0, rate: int = 100) -> tuple[int, dict
         spy = ["py-spy", "record", "--native", "--full-filenames", "-r", str(rate), "-f", "raw", "-o", str(out), "--"]
         command = [*spy, sys.executable, __file__, "--repeat", name, "--seconds", str(seconds)]
         subprocess.run(command, env=env, check=True, capture_output=True, timeout=30.0 * seconds)
-        found: dict[str, float] = defaultdict(float)
+        result: dict[str, float] = defaultdict(float)
         for line in out.read_text().splitlines():
             stack, count = line.rsplit(" ", 1)
             frames = stack.split(";")
             begin = next((k for k, frame in enumerate(frames) if frame.startswith("_watched ")), None)
             if begin is not None:
-                found[_at_work(frames[begin:])] += int(count)
-    total = sum(found.values())
-    return int(total), {owner: part / total for owner, part in found.items()}
+                result[_at_work(frames[begin:])] += int(count)
+    total = sum(result.values())
+    return int(total), {owner: part / total for owner, part in result.items()}
 
 
 def _at_work(frames: list[str]) -> str:

@@ -22,9 +22,9 @@ Tables = list[tuple[str, list[list[str]]]]
 Quote = Callable[[Tables, str], str]
 
 
-def table(found: Tables, heading: str) -> list[list[str]]:
+def table(tables: Tables, heading: str) -> list[list[str]]:
     """The first table whose heading, or first cell, starts with some words; raises LookupError where there is none."""
-    for title, rows in found:
+    for title, rows in tables:
         if title.startswith(heading) or rows[0][0].startswith(heading):
             return rows
     raise LookupError(heading)
@@ -52,18 +52,18 @@ def line(text: str, pattern: str) -> str:
     return match[1]
 
 
-def fsolve(found: Tables, _: str) -> str:
-    return f"{times(number(table(found, 'four-bar, positions to torque')[2][2]))} times faster"
+def fsolve(tables: Tables, _: str) -> str:
+    return f"{times(number(table(tables, 'four-bar, positions to torque')[2][2]))} times faster"
 
 
-def frame_cost(found: Tables, _: str) -> str:
-    rows = next(rows for _, rows in found if rows[0][:2] == ["frames", "us a frame"])
+def frame_cost(tables: Tables, _: str) -> str:
+    rows = next(rows for _, rows in tables if rows[0][:2] == ["frames", "us a frame"])
     return " and ".join(row[2] for row in rows[2:4])
 
 
 def four_bar(column: int) -> Quote:
-    def quote(found: Tables, _: str) -> str:
-        rows = [r for r in table(found, "P1 Four-bar")[1:] if not r[0].startswith(("mechviz", "by hand"))]
+    def quote(tables: Tables, _: str) -> str:
+        rows = [r for r in table(tables, "P1 Four-bar")[1:] if not r[0].startswith(("mechviz", "by hand"))]
         numba = [r for r in rows if "with numba" in r[0]]
         others = [r for r in rows if r not in numba]
         one, many = (least([number(r[column]) for r in some]) for some in (numba, others))
@@ -75,8 +75,8 @@ def four_bar(column: int) -> Quote:
 def by_hand(heading: str) -> Quote:
     """The fastest row that is no package's service but equations worked out for the one mechanism, at few and many positions."""
 
-    def quote(found: Tables, _: str) -> str:
-        rows = [r for r in table(found, heading)[1:] if r[0].startswith("by hand")]
+    def quote(tables: Tables, _: str) -> str:
+        rows = [r for r in table(tables, heading)[1:] if r[0].startswith("by hand")]
         return " / ".join(compared(least([number(r[c]) for r in rows])) for c in (2, 4))
 
     return quote
@@ -90,8 +90,8 @@ def compared(ratio: float) -> str:
 def beside(heading: str, peer: str, setting: str) -> Quote:
     """A row of a peer beside the fastest of ours with that error or less, by numpy and by a compiled program."""
 
-    def quote(found: Tables, _: str) -> str:
-        rows = table(found, heading)[1:]
+    def quote(tables: Tables, _: str) -> str:
+        rows = table(tables, heading)[1:]
         spent, error = next((number(r[2]), number(r[3])) for r in rows if r[:2] == [peer, setting])
         said = []
         for who, how in (("mechviz", "by numpy"), ("mechviz, C", "by a compiled program")):
@@ -102,16 +102,16 @@ def beside(heading: str, peer: str, setting: str) -> Quote:
     return quote
 
 
-def forces(found: Tables, _: str) -> str:
-    rows = [r for r in table(found, "P2 Slider-crank")[1:] if not r[0].startswith(("mechviz", "by hand"))]
+def forces(tables: Tables, _: str) -> str:
+    rows = [r for r in table(tables, "P2 Slider-crank")[1:] if not r[0].startswith(("mechviz", "by hand"))]
     return " / ".join(times(least([number(r[c]) for r in rows])) for c in (2, 4)) + " times faster"
 
 
-def kept(found: Tables, _: str) -> str:
+def kept(tables: Tables, _: str) -> str:
     said = []
     for n in (1, 2, 10, 40):
         try:
-            rows = table(found, f"Chain of {n} four-bar")[1:]
+            rows = table(tables, f"Chain of {n} four-bar")[1:]
         except LookupError:
             continue
         ours = least([number(r[2]) for r in rows if r[0] == "mechviz, further motions"])
@@ -122,11 +122,11 @@ def kept(found: Tables, _: str) -> str:
     return ", ".join(said) + " times faster"
 
 
-def chains(found: Tables, _: str) -> str:
+def chains(tables: Tables, _: str) -> str:
     said = []
     for n in (1, 2, 10, 40):
         try:
-            rows = table(found, f"Chain of {n} four-bar")
+            rows = table(tables, f"Chain of {n} four-bar")
         except LookupError:
             continue
         ratio = least([number(r[4]) for r in rows[1:] if not r[0].startswith("mechviz") and number(r[3]) < 1e-3])
@@ -136,24 +136,24 @@ def chains(found: Tables, _: str) -> str:
     return ", ".join(said) + " times faster"
 
 
-def squeezer(found: Tables, _: str) -> str:
-    rows = table(found, "Andrews' squeezing")[1:]
+def squeezer(tables: Tables, _: str) -> str:
+    rows = table(tables, "Andrews' squeezing")[1:]
     said = []
     for who in ("Pinocchio", "MuJoCo", "exudyn"):
         said.append(f"{who} {times(least([number(r[4]) for r in rows if r[0].startswith(who) and number(r[3]) < 5e-6]))}")
     return ", ".join(said) + " times faster"
 
 
-def freedoms(found: Tables, _: str) -> str:
+def freedoms(tables: Tables, _: str) -> str:
     ratios = []
     for heading in ("Double pendulum", "Five-bar"):
-        rows = [r for r in table(found, heading)[1:] if r[0] == "same equations + DOP853" and r[1] == "rtol 1e-09"]
+        rows = [r for r in table(tables, heading)[1:] if r[0] == "same equations + DOP853" and r[1] == "rtol 1e-09"]
         ratios.append(times(least([number(r[4]) for r in rows])))
     return " / ".join(ratios) + " times faster"
 
 
-def cams(found: Tables, _: str) -> str:
-    rows = table(found, "P5 Offset roller")[1:]
+def cams(tables: Tables, _: str) -> str:
+    rows = table(tables, "P5 Offset roller")[1:]
     own, other = (next(r for r in rows if r[0].startswith(who)) for who in ("mechcore: profile", "mechanism: laws and profile"))
     return f"{times(number(other[2]))} times faster; errors of {own[3]} and {other[3]} of the lift"
 
@@ -163,8 +163,8 @@ def slopes(_: Tables, text: str) -> str:
     return f"{motion}, memory {memory}"
 
 
-def recorded(found: Tables, _: str) -> str:
-    rows = table(found, "scene")
+def recorded(tables: Tables, _: str) -> str:
+    rows = table(tables, "scene")
     return "; ".join(f"`{r[0]}` {r[6]}, {number(r[7]) / 1e3:.1f} kB a frame" for r in rows[1:])
 
 
@@ -228,7 +228,7 @@ QUOTES: tuple[tuple[str, Quote, str], ...] = (
 
 def block(text: str) -> str:
     """The table of quotes from the text of a report, with the report's own words on its day, mode and machine."""
-    found = tables(text)
+    columns = tables(text)
     head = next(row for row in text.splitlines() if re.match(r"\d{4}-\d\d-\d\d, ", row))
     lines = [
         f"`benchmarks/REPORT.md`, {head.split(';')[0]}:",
@@ -238,7 +238,7 @@ def block(text: str) -> str:
     ]
     for what, quote, script in QUOTES:
         try:
-            lines.append(f"| {what} | {quote(found, text)} | `benchmarks/{script}` |")
+            lines.append(f"| {what} | {quote(columns, text)} | `benchmarks/{script}` |")
         except (LookupError, StopIteration) as missing:
             print(f"left out: {what} ({missing} is not in the report)", file=sys.stderr)
     return "\n".join(lines)

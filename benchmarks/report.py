@@ -50,7 +50,7 @@ class Part:
 
 def tables(text: str) -> list[tuple[str, Table]]:
     """Markdown tables in a text, each with the last heading before it."""
-    found: list[tuple[str, Table]] = []
+    result: list[tuple[str, Table]] = []
     heading, inside = "", False
     for line in text.splitlines():
         if line.startswith("#"):
@@ -61,10 +61,10 @@ def tables(text: str) -> list[tuple[str, Table]]:
         if row:
             cells = [c.strip() for c in line.strip().strip("|").split("|")]
             if not inside:
-                found.append((heading, []))
-            found[-1][1].append(cells)
+                result.append((heading, []))
+            result[-1][1].append(cells)
         inside = row
-    return found
+    return result
 
 
 def number(text: str) -> float:
@@ -80,9 +80,9 @@ def draw_precision(text: str, folder: Path) -> list[Path]:
     """Work-precision diagrams of the tables that have a time and an error for every who and setting."""
     drawn = []
     for heading, table in tables(text):
-        if table[0][:2] == ["who", "setting"] and (found := precision_curves(table[1:])):
+        if table[0][:2] == ["who", "setting"] and (curves := precision_curves(table[1:])):
             title = heading.removeprefix("Work and precision, ")
-            drawn.append(draw_curves(title, table[0][3], found, folder / f"curve-{slug(title)}.svg"))
+            drawn.append(draw_curves(title, table[0][3], curves, folder / f"curve-{slug(title)}.svg"))
     return drawn
 
 
@@ -97,8 +97,8 @@ def draw_peers(text: str, folder: Path) -> list[Path]:
         if head[0] != "who" or not head[-1].startswith("error"):
             continue
         for c in (c for c, name in enumerate(head) if name.endswith(("positions", "points"))):
-            found = [(row[0], 1e-3 * number(row[c]), [float(e) for e in NUMBERS.findall(row[-1])]) for row in table[1:]]
-            points = [(who, seconds, max(errors)) for who, seconds, errors in found if seconds > 0.0 and errors]
+            result = [(row[0], 1e-3 * number(row[c]), [float(e) for e in NUMBERS.findall(row[-1])]) for row in table[1:]]
+            points = [(who, seconds, max(errors)) for who, seconds, errors in result if seconds > 0.0 and errors]
             if points:
                 panels.append((f"{heading.split(':')[0]}, {head[c]}", points))
     return [_numbered(panel, points, folder / f"peers-{slug(panel)}.svg") for panel, points in panels]
@@ -296,13 +296,13 @@ def as_markdown(text: str) -> str:
 
 def versions() -> str:
     """Versions of what the figures depend on."""
-    found = []
+    result = []
     for package in ("mechviz", "numpy", "scipy", "rerun-sdk", "trimesh", "shapely"):
         try:
-            found.append(f"{package} {version(package)}")
+            result.append(f"{package} {version(package)}")
         except PackageNotFoundError:
-            found.append(f"{package} (not installed)")
-    return ", ".join(found)
+            result.append(f"{package} (not installed)")
+    return ", ".join(result)
 
 
 def main() -> None:

@@ -27,8 +27,8 @@ TOLERANCES = 10.0 ** -np.arange(3.0, 10.0)
 
 
 def reference(name: str, case: str) -> dict:
-    found = json.loads((ROOT / "tests" / "reference" / name).read_text())["cases"]
-    return next(c for c in found if c["id"] == case)["inputs"]
+    result = json.loads((ROOT / "tests" / "reference" / name).read_text())["cases"]
+    return next(c for c in result if c["id"] == case)["inputs"]
 
 
 def errors_of(mechanism, duration: float) -> np.ndarray:
@@ -39,10 +39,10 @@ def errors_of(mechanism, duration: float) -> np.ndarray:
     return np.array([np.abs(q - exact).max() for q in runs])
 
 
-def draw(found: dict[str, np.ndarray], path: Path) -> None:
+def draw(result: dict[str, np.ndarray], path: Path) -> None:
     with chart(6.4, 4.4) as figure:
         axes = figure.subplots()
-        for name, errors in found.items():
+        for name, errors in result.items():
             axes.plot(TOLERANCES, np.maximum(errors, 1e-14), "o-", markersize=4.0, label=name)
         axes.plot(TOLERANCES, TOLERANCES, "--", color="#888888", label="error = tolerance")
         axes.set(xscale="log", yscale="log", xlabel="requested tolerance", ylabel="error [rad, m]")
@@ -63,14 +63,14 @@ def main() -> None:
         "slider-crank, 0.2 s": (slider_crank(i), 0.2),
         "squeezer, 0.03 s": (squeezer(reference("andrews.json", "andrews-squeezer")), 0.03),
     }
-    found = {name: errors_of(mechanism, duration) for name, (mechanism, duration) in cases.items()}
-    print("| tolerance | " + " | ".join(found) + " |\n|" + "---|" * (len(found) + 1))
+    result = {name: errors_of(mechanism, duration) for name, (mechanism, duration) in cases.items()}
+    print("| tolerance | " + " | ".join(result) + " |\n|" + "---|" * (len(result) + 1))
     for k, t in enumerate(TOLERANCES):
-        print(f"| {t:.0e} | " + " | ".join(f"{e[k]:.1e}" for e in found.values()) + " |")
-    slopes = [np.polyfit(np.log10(TOLERANCES[:6]), np.log10(e[:6] + 1e-15), 1)[0] for e in found.values()]
+        print(f"| {t:.0e} | " + " | ".join(f"{e[k]:.1e}" for e in result.values()) + " |")
+    slopes = [np.polyfit(np.log10(TOLERANCES[:6]), np.log10(e[:6] + 1e-15), 1)[0] for e in result.values()]
     print("| slope over five decades | " + " | ".join(f"{s:.2f}" for s in slopes) + " |")
     if out is not None:
-        draw(found, out)
+        draw(result, out)
 
 
 if __name__ == "__main__":

@@ -175,17 +175,17 @@ def _drag(chromium: Any, free: bool) -> None:
         page.wait_for_timeout(3000)
         viewer.session.wait(rested=True)
         slider, spent = viewer.inspector.controls.sliders["links.crank.points.B[0]"]._impl.uuid, Spent(page)
-        found, solved, server = [], [], 0.0
+        result, solved, server = [], [], 0.0
         for k, value in enumerate(0.1 + 0.02 * np.sin(np.arange(MOVES + 10))):
             if k == 10:
                 before, server = spent(), time.process_time()
-            found.append(page.evaluate(MOVE, [slider, round(float(value), 5), "/mechanism/coupler"]))
+            result.append(page.evaluate(MOVE, [slider, round(float(value), 5), "/mechanism/coupler"]))
             solved.append(viewer.session.status.seconds * 1e3)
         server = 1e3 * (time.process_time() - server) / MOVES
         print(f"edit: {KIND[free]}: a move costs {server:.1f} ms of the server, {spent.since(before, MOVES)}")
         page.close()
-    found, solved = [f for f in found[10:] if f is not None], solved[10:]
-    for what, times in (("solved and sent", solved), ("arrived", [f[0] for f in found]), ("drawn", [f[1] for f in found])):
+    result, solved = [f for f in result[10:] if f is not None], solved[10:]
+    for what, times in (("solved and sent", solved), ("arrived", [f[0] for f in result]), ("drawn", [f[1] for f in result])):
         median, most = statistics.median(times), np.percentile(times, 95)
         print(f"edit: {KIND[free]}: {what:16s} median {median:6.1f} ms, 95 % below {most:6.1f} ms ({len(times)})")
 

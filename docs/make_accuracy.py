@@ -89,7 +89,7 @@ def targets() -> str:
 
 def ladders(quick: bool) -> dict[str, tuple[Point, ...]]:
     """The ladders that are drawn, measured or kept."""
-    found = {}
+    result = {}
     for name in ("crank-rocker", "andrews-squeezer"):
         scene = load(name)
         measured = kept(scene, TARGET, rough=quick)
@@ -100,14 +100,14 @@ def ladders(quick: bool) -> dict[str, tuple[Point, ...]]:
         title = f"{scene.title}: what accuracy costs"
         figure, words = diagram(measured.points, title, measured.foot, TARGET)
         save_chart(figure, IMAGES / f"accuracy-{name}.svg", words)
-        found[name] = measured.points
-    return found
+        result[name] = measured.points
+    return result
 
 
-def cheapest_table(found: dict[str, tuple[Point, ...]]) -> str:
+def cheapest_table(result: dict[str, tuple[Point, ...]]) -> str:
     """The cheapest setting of every dial that reaches the target."""
     lines = ["| scene | dial | cheapest setting | error | time |", "|---|---|---|---|---|"]
-    for name, points in found.items():
+    for name, points in result.items():
         for dial in dict.fromkeys(p.dial for p in points):
             best = cheapest([p for p in points if p.dial == dial], TARGET)
             words = (
@@ -134,8 +134,8 @@ def estimates() -> str:
 
 def effects_block() -> str:
     """What the effects of a scene do."""
-    base, found = influences(load("slider-crank-friction"))
-    return code(["$ mechviz effects slider-crank-friction", *influence_lines(base, found, 0.01), "", f"measured on {machine()}"])
+    base, result = influences(load("slider-crank-friction"))
+    return code(["$ mechviz effects slider-crank-friction", *influence_lines(base, result, 0.01), "", f"measured on {machine()}"])
 
 
 # -- hard-cases.md ----------------------------------------------------------------------------------------------------------------
@@ -152,7 +152,7 @@ def hard_tables() -> dict[str, str]:
         for case in all_cases(family):
             outcome = case.run()
             if not outcome.passed:
-                raise SystemExit(f"{case.name} fails: {outcome.found}")
+                raise SystemExit(f"{case.name} fails: {outcome.summary}")
             happens = case.happens + (f" (peers: {case.peers})" if case.peers else "")
             cells = [case.name, happens, case.expected, f"{outcome.worst.error:.1e}", f"{outcome.worst.bound:.0e}"]
             lines.append(f"| {' | '.join(c.replace('|', chr(92) + '|') for c in cells)} |")
@@ -243,8 +243,8 @@ def main() -> None:
     IMAGES.mkdir(exist_ok=True)
     hard_pictures()
     fill("hard-cases.md", hard_tables())
-    found = ladders(quick)
-    blocks = {"targets": targets(), "cheapest": cheapest_table(found), "estimates": estimates(), "effects": effects_block()}
+    points = ladders(quick)
+    blocks = {"targets": targets(), "cheapest": cheapest_table(points), "estimates": estimates(), "effects": effects_block()}
     fill("accuracy.md", blocks)
 
 

@@ -30,6 +30,7 @@ ARGS = [
 READY = """names => { const m = window.__viserMutable; return !!m && !!m.messageQueue && m.messageQueue.length === 0 &&
     names.every(n => m.nodeRefFromName[n]); }"""
 SETTLING = 3500  # [ms] that the page takes to fit its view and to draw it
+AGAIN, ALIKE = 1500, 4  # the page is whole when so many pictures, this far apart [ms], are the same: letters come a few a frame
 WIDE, PHONE = (1400, 850), (390, 844)
 
 
@@ -93,7 +94,11 @@ def shoot(browser: Any, shot: Shot, path: Path) -> None:
         page.wait_for_function(READY, arg=[link_path(link) for link in run.motion.model.links])
         shot.prepare(viewer, page)
         page.wait_for_timeout(SETTLING)
-        page.screenshot(path=path)
+        pictures = [page.screenshot()]
+        while len(pictures) < ALIKE or len(set(pictures[-ALIKE:])) > 1:
+            page.wait_for_timeout(AGAIN)
+            pictures.append(page.screenshot())
+        path.write_bytes(pictures[-1])
         page.close()
     print(path, flush=True)
 

@@ -10,10 +10,10 @@ lift = program([Segment(turn(120), 0.020), Segment(turn(60)), Segment(turn(120),
 follower = Follower(Translating(offset=0.008), Roller(0.010))
 wanted = Requirement(pressure_rise=turn(30), pressure_fall=turn(40), radius=0.015)
 
-found = least_base(lift, follower, wanted)
-print(f"Least base circle {1e3 * found.base:.2f} mm; decided by: {found.decides}")
+least = least_base(lift, follower, wanted)
+print(f"Least base circle {1e3 * least.base:.2f} mm; decided by: {least.decides}")
 
-cam = cam_on_base(lift, follower, found.base)
+cam = cam_on_base(lift, follower, least.base)
 for verdict in check_limits(cam, wanted):
     print(f"{'pass' if verdict.passed else 'FAIL'}  {verdict.condition}, nearest at {np.degrees(verdict.angle):.1f}°")
 

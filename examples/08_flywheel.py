@@ -9,7 +9,7 @@ run = mv.run("slider-crank-compressor", frames=720)
 forces = run.forces
 assert forces is not None
 
-found = flywheel(forces, fluctuation=0.02)
-print(f"Mean torque {found.mean:.2f} N m, excess work {found.excess:.1f} J")
-fastest, slowest = np.degrees([found.fastest, found.slowest])
-print(f"Flywheel {found.inertia:.4f} kg m²; the crank is fastest at {fastest:.1f}°, slowest at {slowest:.1f}°")
+wheel = flywheel(forces, fluctuation=0.02)
+print(f"Mean torque {wheel.mean:.2f} N m, excess work {wheel.excess:.1f} J")
+fastest, slowest = np.degrees([wheel.fastest, wheel.slowest])
+print(f"Flywheel {wheel.inertia:.4f} kg m²; the crank is fastest at {fastest:.1f}°, slowest at {slowest:.1f}°")

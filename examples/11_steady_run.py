@@ -6,10 +6,10 @@ import mechviz as mv
 from mechcore.dynamics.rest.steady import steady_run
 
 crusher = mv.load("crusher-steady")
-found = steady_run(crusher.mechanism)
+steady = steady_run(crusher.mechanism)
 rpm = 30.0 / np.pi
-print(f"Mean speed {found.mean * rpm:.2f} rpm, from {found.least * rpm:.2f} to {found.greatest * rpm:.2f} rpm")
-print(f"Coefficient of fluctuation {found.fluctuation:.4f}; a disturbance shrinks to {found.multiplier:.3f} of itself in a turn.")
+print(f"Mean speed {steady.mean * rpm:.2f} rpm, from {steady.least * rpm:.2f} to {steady.greatest * rpm:.2f} rpm")
+print(f"Coefficient of fluctuation {steady.fluctuation:.4f}; a disturbance shrinks to {steady.multiplier:.3f} of itself in a turn.")
 
-speed = found(np.linspace(0.0, 2.0 * np.pi, 13))  # over the angle from its start [rad/s]
+speed = steady(np.linspace(0.0, 2.0 * np.pi, 13))  # over the angle from its start [rad/s]
 assert np.isclose(speed[0], speed[-1], rtol=1e-9)

@@ -24,7 +24,7 @@ oil = { viscous = "O", linear = "oil" }
 """
 
 # derivatives go through the blow on the buffer, so that the search ends with steps along them
-found = optimise(Search(problem_of(mv.loads(CARRIAGE)), population=5, generations=0))
-for line in found.lines():
+optimum = optimise(Search(problem_of(mv.loads(CARRIAGE)), population=5, generations=0))
+for line in optimum.lines():
     print("  ".join(line))
-assert not found.search.refused and found.search.evaluations < 200
+assert not optimum.search.refused and optimum.search.evaluations < 200

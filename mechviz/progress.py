@@ -70,7 +70,7 @@ def _on_terminal(label: str) -> Iterator[Update]:
 
 
 def _in_notebook() -> Callable[[str], AbstractContextManager[Update]] | None:
-    """What shows a line in the notebook in which this runs; None where it does not run in one."""
+    """Shows a line in the notebook in which this runs; None where it does not run in one."""
     shell = getattr(sys.modules.get("IPython"), "get_ipython", lambda: None)()
     if not hasattr(shell, "kernel"):
         return None

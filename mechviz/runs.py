@@ -233,7 +233,7 @@ def _resimulate(
     unseen = [] if observe is None else [observe]
     unwarned = [] if warn is None else [lambda words: warn(Text.of(words).in_units(scene.units))]
 
-    def found(tolerance: float, method: Method | None = None, like: Simulation | None = None) -> Simulation:
+    def resimulate(tolerance: float, method: Method | None = None, like: Simulation | None = None) -> Simulation:
         look = unseen.pop() if unseen else None
         return simulate(
             compiled,
@@ -249,7 +249,7 @@ def _resimulate(
             warn=unwarned.pop() if unwarned else None,
         )
 
-    return found
+    return resimulate
 
 
 def _simulate(scene: Scene, dials: Accuracy, again: Resimulate, *, asked: bool) -> Simulation:
@@ -321,7 +321,7 @@ class Running:
         self.times: Real = np.zeros(0)  # of all frames of the whole run
         self.duration = 0.0
         self._stretches: list[Simulation] = []
-        self._found: tuple[tuple[_Block, ...], Simulation] | None = None  # replaced as one: another thread may ask for it
+        self._joined: tuple[tuple[_Block, ...], Simulation] | None = None  # replaced as one: another thread may ask for it
 
     def take(self, stretch: Simulation, duration: float) -> Run | None:
         """Take a stretch; the run of the frames that are new, if they are enough for a block. ``duration`` of the whole [s]."""
@@ -347,20 +347,20 @@ class Running:
             forces = new.forces(motion)
             _ = new.energies(times)  # its works: the whole then need not find them again
         block = _Block(times, motion, forces)
-        if self._found is None:
-            self._found = (block,), new
+        if self._joined is None:
+            self._joined = (block,), new
         else:
-            self._found = (*self._found[0], block), self._found[1].followed_by([new])
+            self._joined = (*self._joined[0], block), self._joined[1].followed_by([new])
         self.sent += len(times)
-        return self._run((block,), self._found[1])
+        return self._run((block,), self._joined[1])
 
     def so_far(self) -> Run:
         """All frames that are known in blocks, of which there has to be one. Another thread may ask."""
-        assert self._found is not None
-        return self._run(*self._found)
+        assert self._joined is not None
+        return self._run(*self._joined)
 
     def _run(self, blocks: tuple[_Block, ...], whole: Simulation) -> Run:
-        assert self._found is not None
+        assert self._joined is not None
         first = blocks[0]
         times = np.concatenate([b.times for b in blocks])
         starts = np.cumsum([0, *(len(b.times) for b in blocks)])
@@ -368,7 +368,7 @@ class Running:
         motion = JoinedMotion(
             times,
             parts,
-            mechanism=self._found[0][0].motion.mechanism,  # the same one in all runs, for which solids are made
+            mechanism=self._joined[0][0].motion.mechanism,  # the same one in all runs, for which solids are made
             again=whole.view,
             coordinates=whole.coordinates(times),
             model=first.motion.model,

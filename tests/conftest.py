@@ -9,7 +9,7 @@ import gc
 import os
 import signal
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 
 import pytest
 from hypothesis import HealthCheck, settings
@@ -66,6 +66,16 @@ def pytest_addoption(parser: pytest.Parser) -> None:
     group = parser.getgroup("random mechanisms")
     group.addoption("--random-cases", type=int, default=30, help="how many random mechanisms, of all kinds together (30)")
     group.addoption("--random-from", type=int, default=0, help="number of the first of each kind (0)")
+
+
+@pytest.fixture(scope="session", autouse=True)
+def compiled_without_optimising() -> Iterator[None]:
+    """A quarter of the time to compile what runs for moments; `test_compiled_motion` shows that no bit depends on it."""
+    from mechcore.compiled import toolchain  # not before the number of threads is set
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(toolchain, "OPTIONS", ("-O0", *toolchain.OPTIONS[1:]))
+        yield
 
 
 @pytest.fixture

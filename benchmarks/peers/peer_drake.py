@@ -58,7 +58,7 @@ def four_bar():
     places = [(plant.GetFrameByName("crank"), [p.crank, 0, 0]), (rocker, end), (coupler, [*p.p, 0])]
 
     def solve(angles):
-        found = np.empty((3, len(angles), 2))
+        computed = np.empty((3, len(angles), 2))
         guess = np.array([0.0, 0.8, 1.8])
         for k, angle in enumerate(angles):
             driven.evaluator().set_bounds([angle], [angle])
@@ -70,8 +70,8 @@ def four_bar():
             guess = result.GetSolution(q)
             plant.SetPositions(context, guess)
             for i, (frame, place) in enumerate(places):
-                found[i, k] = plant.CalcPointsPositions(context, frame, place, world)[:2, 0]
-        return {(n, 0): found[i] for i, n in enumerate("BCP")}
+                computed[i, k] = plant.CalcPointsPositions(context, frame, place, world)[:2, 0]
+        return {(n, 0): computed[i] for i, n in enumerate("BCP")}
 
     return solve
 
@@ -100,7 +100,7 @@ def slider_crank():
 
     def solve(angles):
         n = len(angles)
-        found = {k: np.empty((n, 2)) for k in "OBC"} | {k: np.empty(n) for k in ("guide", "torque")}
+        computed = {k: np.empty((n, 2)) for k in "OBC"} | {k: np.empty(n) for k in ("guide", "torque")}
         q, v, a = np.array([0.0, 0.0, p.r + p.l]), np.array([p.speed, 0.0, 0.0]), np.zeros(3)
         before = angles[0]
         for k in range(n):
@@ -125,7 +125,7 @@ def slider_crank():
             bodies[2].AddInForceInWorld(context, push, forces)
             tau = plant.CalcInverseDynamics(context, a, forces)
             cut = np.linalg.solve(-both[:, 1:].T, tau[1:])  # on the slider, reversed on the rod
-            found["torque"][k] = tau[0] + both[:, 0] @ cut
+            computed["torque"][k] = tau[0] + both[:, 0] @ cut
             spatial = plant.CalcSpatialAccelerationsFromVdot(context, a)
             needed = []
             for body, i, mass, centre in zip(bodies, indices, p.m, (p.s1, p.s2, 0.0), strict=True):
@@ -135,11 +135,11 @@ def slider_crank():
                 alpha = spatial[i].rotational()[2]
                 at = spatial[i].translational()[:2] + alpha * np.array([-arm[1], arm[0]]) - spin**2 * arm
                 needed.append(mass * (at - weight))
-            found["C"][k] = cut
-            found["B"][k] = needed[1] + cut
-            found["O"][k] = needed[0] + found["B"][k]
-            found["guide"][k] = needed[2][1] - cut[1]
-        return found
+            computed["C"][k] = cut
+            computed["B"][k] = needed[1] + cut
+            computed["O"][k] = needed[0] + computed["B"][k]
+            computed["guide"][k] = needed[2][1] - cut[1]
+        return computed
 
     return solve
 

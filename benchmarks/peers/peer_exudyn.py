@@ -141,8 +141,8 @@ def slider_crank(*, steps: int):
     scene.mbs.Assemble()
 
     def solve(angles):
-        found = scene.run(angles)
-        return {k: -found[k][:, :2] for k in "OBC"} | {k: -found[k][:, 0] for k in ("guide", "torque")}
+        result = scene.run(angles)
+        return {k: -result[k][:, :2] for k in "OBC"} | {k: -result[k][:, 0] for k in ("guide", "torque")}
 
     return solve
 

@@ -25,11 +25,11 @@ def four_bar():
 
     def solve(angles, xtol=1.49012e-8):
         bx, by = p.crank * np.cos(angles), p.crank * np.sin(angles)
-        found = np.empty((len(angles), 2))
+        computed = np.empty((len(angles), 2))
         x = np.array([0.8, 1.8])
         for k in range(len(angles)):
-            found[k] = x = fsolve(loop, x, args=(bx[k], by[k]), xtol=xtol)
-        c, s = np.cos(found), np.sin(found)
+            computed[k] = x = fsolve(loop, x, args=(bx[k], by[k]), xtol=xtol)
+        c, s = np.cos(computed), np.sin(computed)
         b = np.stack([bx, by], -1)
         end = np.stack([p.ground + p.rocker * c[:, 1], p.rocker * s[:, 1]], -1)
         point = b + np.stack([p.p[0] * c[:, 0] - p.p[1] * s[:, 0], p.p[0] * s[:, 0] + p.p[1] * c[:, 0]], -1)
@@ -60,13 +60,13 @@ def triad():
 
     def solve(angles, xtol=1.49012e-8):
         bx, by = p.crank * np.cos(angles), p.crank * np.sin(angles)
-        found = np.empty((len(angles), 3))
+        computed = np.empty((len(angles), 3))
         z = np.array(p.start)
         for k in range(len(angles)):
-            found[k] = z = fsolve(lengths, z, args=(bx[k], by[k]), xtol=xtol)
-        c, s = np.cos(found[:, 2]), np.sin(found[:, 2])
+            computed[k] = z = fsolve(lengths, z, args=(bx[k], by[k]), xtol=xtol)
+        c, s = np.cos(computed[:, 2]), np.sin(computed[:, 2])
         return {
-            (n, 0): np.stack([found[:, 0] + c * u - s * v, found[:, 1] + s * u + c * v], -1)
+            (n, 0): np.stack([computed[:, 0] + c * u - s * v, computed[:, 1] + s * u + c * v], -1)
             for n, (u, v) in zip("PQR", p.plate, strict=True)
         }
 

@@ -41,13 +41,13 @@ def four_bar():
             guess=guess,
         )
         m.iterate()
-        found = {}
+        result = {}
         for k in "BCP":
             j = pins[k]
-            found[k, 0] = np.stack([j.x_positions, j.y_positions], -1)
-            found[k, 1] = np.stack([j.x_velocities, j.y_velocities], -1)
-            found[k, 2] = np.stack([j.x_accelerations, j.y_accelerations], -1)
-        return found
+            result[k, 0] = np.stack([j.x_positions, j.y_positions], -1)
+            result[k, 1] = np.stack([j.x_velocities, j.y_velocities], -1)
+            result[k, 2] = np.stack([j.x_accelerations, j.y_accelerations], -1)
+        return result
 
     return solve
 

@@ -78,8 +78,8 @@ def slider_crank(accuracy=None):
 
     def solve(angles):
         forces = solve_forces(solve_motion(compiled, angles / p.speed))
-        found = {k: forces.reaction(k)[:, :2] for k in "OBC"}
-        return {**found, "guide": forces.reaction("S")[:, 1], "torque": forces.effort("O")}
+        result = {k: forces.reaction(k)[:, :2] for k in "OBC"}
+        return {**result, "guide": forces.reaction("S")[:, 1], "torque": forces.effort("O")}
 
     return solve
 
@@ -148,8 +148,8 @@ def between_frames(order):
 
     def joined(n, wanted):
         turn = np.linspace(0.0, 2.0 * np.pi, n + 1)
-        found, time = solve(turn), turn / FOUR_BAR.speed
-        rates = [np.concatenate([found[k, d] for k in "BCP"], axis=1) for d in range(3)]
+        result, time = solve(turn), turn / FOUR_BAR.speed
+        rates = [np.concatenate([result[k, d] for k in "BCP"], axis=1) for d in range(3)]
         values = [between(time, rates[d], wanted / FOUR_BAR.speed, order, *rates[d + 1 :]) for d in range(3)]
         return {(k, d): values[d][:, 2 * i : 2 * i + 2] for i, k in enumerate("BCP") for d in range(3)}
 

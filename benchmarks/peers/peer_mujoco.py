@@ -48,7 +48,7 @@ def slider_crank():
 
     def solve(angles, stop=1e-14):
         n = len(angles)
-        found = {k: np.empty((n, 2)) for k in "OBC"} | {k: np.empty(n) for k in ("guide", "torque")}
+        computed = {k: np.empty((n, 2)) for k in "OBC"} | {k: np.empty(n) for k in ("guide", "torque")}
         q, v, a = np.array([0.0, 0.0, p.r + p.l]), np.array([p.speed, 0.0, 0.0]), np.zeros(3)
         before = angles[0]
         for k in range(n):
@@ -77,17 +77,17 @@ def slider_crank():
             # forces on bodies do not enter mj_inverse: the working force is taken to the joints by its Jacobian
             tau = data.qfrc_inverse - jac[1][0] * p.force
             cut = np.linalg.solve(-both[:, 1:].T, tau[1:])  # on the slider, reversed on the rod
-            found["torque"][k] = tau[0] + both[:, 0] @ cut
+            computed["torque"][k] = tau[0] + both[:, 0] @ cut
             arm = data.site_xpos[tip] - data.xipos[rod]  # forces on bodies act at their centres of mass
             data.xfrc_applied[rod, :2] = -cut
             data.xfrc_applied[rod, 5] = -(arm[0] * cut[1] - arm[1] * cut[0])
             data.xfrc_applied[slider, :2] = p.force + cut[0], cut[1]
             mj.mj_rnePostConstraint(model, data)
-            found["O"][k] = data.cfrc_int[crank, 3:5]
-            found["B"][k] = data.cfrc_int[rod, 3:5]
-            found["C"][k] = cut
-            found["guide"][k] = data.cfrc_int[slider, 4]
-        return found
+            computed["O"][k] = data.cfrc_int[crank, 3:5]
+            computed["B"][k] = data.cfrc_int[rod, 3:5]
+            computed["C"][k] = cut
+            computed["guide"][k] = data.cfrc_int[slider, 4]
+        return computed
 
     return solve
 

@@ -54,7 +54,7 @@ def slider_crank():
 
     def solve(angles):
         n = len(angles)
-        found = {k: np.empty((n, 2)) for k in "OBC"} | {k: np.empty(n) for k in ("guide", "torque")}
+        computed = {k: np.empty((n, 2)) for k in "OBC"} | {k: np.empty(n) for k in ("guide", "torque")}
         q, v, before = np.array([0.0, 0.0, p.r + p.l]), np.array([p.speed, 0.0, 0.0]), angles[0]
         for k in range(n):
             state.setTime(float(angles[k] / p.speed))
@@ -78,13 +78,13 @@ def slider_crank():
             model.realizeAcceleration(state)
             for name, joint in zip("OB", joints, strict=False):
                 force = joint.calcReactionOnChildExpressedInGround(state).get(1)
-                found[name][k] = force.get(0), force.get(1)
-            found["guide"][k] = joints[2].calcReactionOnChildExpressedInGround(state).get(1).get(1)
+                computed[name][k] = force.get(0), force.get(1)
+            computed["guide"][k] = joints[2].calcReactionOnChildExpressedInGround(state).get(1).get(1)
             matter.findConstraintForces(state, on_bodies, on_joints)
-            found["torque"][k] = -on_joints.get(0)
+            computed["torque"][k] = -on_joints.get(0)
             slider_force = on_bodies.get(slider.getMobilizedBodyIndex()).get(1)
-            found["C"][k] = -slider_force.get(0), -slider_force.get(1)
-        return found
+            computed["C"][k] = -slider_force.get(0), -slider_force.get(1)
+        return computed
 
     return solve
 

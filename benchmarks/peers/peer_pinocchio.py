@@ -43,7 +43,7 @@ def four_bar():
     still = np.zeros(3)
 
     def solve(angles, stop=1e-14):
-        found = np.empty((3, 3, len(angles), 2))
+        computed = np.empty((3, 3, len(angles), 2))
         q, v, a = np.array([0.0, 0.8, 1.8]), np.array([p.speed, 0.0, 0.0]), np.zeros(3)
         before = angles[0]
         for k in range(len(angles)):
@@ -65,10 +65,10 @@ def four_bar():
             pin.forwardKinematics(model, data, q, v, a)
             pin.updateFramePlacements(model, data)
             for i, f in enumerate(watched):
-                found[0, i, k] = data.oMf[f].translation[PLANE]
-                found[1, i, k] = pin.getFrameVelocity(model, data, f, world).linear[PLANE]
-                found[2, i, k] = pin.getFrameClassicalAcceleration(model, data, f, world).linear[PLANE]
-        return {(n, d): found[d, i] for i, n in enumerate("BCP") for d in range(3)}
+                computed[0, i, k] = data.oMf[f].translation[PLANE]
+                computed[1, i, k] = pin.getFrameVelocity(model, data, f, world).linear[PLANE]
+                computed[2, i, k] = pin.getFrameClassicalAcceleration(model, data, f, world).linear[PLANE]
+        return {(n, d): computed[d, i] for i, n in enumerate("BCP") for d in range(3)}
 
     return solve
 
@@ -90,7 +90,7 @@ def slider_crank():
 
     def solve(angles, stop=1e-14):
         n = len(angles)
-        found = {k: np.empty((n, 2)) for k in "OBC"} | {k: np.empty(n) for k in ("guide", "torque")}
+        computed = {k: np.empty((n, 2)) for k in "OBC"} | {k: np.empty(n) for k in ("guide", "torque")}
         q, v, a = np.array([0.0, 0.0, p.r + p.l]), np.array([p.speed, 0.0, 0.0]), np.zeros(3)
         nothing = [pin.Force.Zero() for _ in range(model.njoints)]
         outside = [pin.Force.Zero() for _ in range(model.njoints)]
@@ -117,12 +117,12 @@ def slider_crank():
             turn = data.oMi[rod].rotation
             outside[rod] = to_joint.act(pin.Force(turn.T @ np.array([*-cut, 0.0]), np.zeros(3)))
             outside[slider] = pin.Force(np.array([p.force + cut[0], cut[1], 0.0]), np.zeros(3))
-            found["torque"][k] = pin.rnea(model, data, q, v, a, outside)[0]
-            found["O"][k] = (data.oMi[crank].rotation @ data.f[crank].linear)[PLANE]
-            found["B"][k] = (turn @ data.f[rod].linear)[PLANE]
-            found["C"][k] = cut
-            found["guide"][k] = data.f[slider].linear[1]
-        return found
+            computed["torque"][k] = pin.rnea(model, data, q, v, a, outside)[0]
+            computed["O"][k] = (data.oMi[crank].rotation @ data.f[crank].linear)[PLANE]
+            computed["B"][k] = (turn @ data.f[rod].linear)[PLANE]
+            computed["C"][k] = cut
+            computed["guide"][k] = data.f[slider].linear[1]
+        return computed
 
     return solve
 

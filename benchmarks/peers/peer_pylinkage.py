@@ -43,8 +43,8 @@ def four_bar(*, numba: bool, rates: bool = True):
         if not rates:
             places = linkage.step_fast(len(angles), step)
             return {(k, 0): places[:, j] for k, j in names.items()}
-        found = linkage.step_fast_with_kinematics(len(angles), step)
-        return {(k, i): found[i][:, j] for k, j in names.items() for i in range(3)}
+        result = linkage.step_fast_with_kinematics(len(angles), step)
+        return {(k, i): result[i][:, j] for k, j in names.items() for i in range(3)}
 
     return solve
 

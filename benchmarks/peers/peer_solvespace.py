@@ -18,7 +18,7 @@ def _turned(sketch, pin, crank, watched, names):
     start = [sketch.params(w) for w in watched]
 
     def solve(angles):
-        found = np.empty((3, len(angles), 2))
+        computed = np.empty((3, len(angles), 2))
         for w, values in zip(watched, start, strict=True):
             sketch.set_params(w, values)
         bx, by = (crank * np.cos(angles)).tolist(), (crank * np.sin(angles)).tolist()
@@ -27,8 +27,8 @@ def _turned(sketch, pin, crank, watched, names):
             if sketch.solve() != ResultFlag.OKAY:
                 raise RuntimeError(f"no solution at crank angle {angles[k]}")
             for i, w in enumerate(watched):
-                found[i, k] = sketch.params(w)
-        return {(name, 0): found[i] for i, name in enumerate(names)}
+                computed[i, k] = sketch.params(w)
+        return {(name, 0): computed[i] for i, name in enumerate(names)}
 
     return solve
 

@@ -67,13 +67,13 @@ def four_bar(*, solver=None):
     start = (0.8, 1.8)
 
     def one_by_one(angles, stop=1e-13):
-        found = np.empty((len(angles), 18))
+        computed = np.empty((len(angles), 18))
         z = start
         for k, angle in enumerate(angles.tolist()):
             z, jacobian = newton(closure, solver, angle, z, stop)
             v = solver(jacobian, right_v(angle, *z))
-            found[k] = results(angle, *z, *v, *solver(jacobian, right_a(angle, *z, *v)))
-        return {(n, d): found[:, 6 * d + 2 * i : 6 * d + 2 * i + 2] for i, n in enumerate("BCP") for d in range(3)}
+            computed[k] = results(angle, *z, *v, *solver(jacobian, right_a(angle, *z, *v)))
+        return {(n, d): computed[:, 6 * d + 2 * i : 6 * d + 2 * i + 2] for i, n in enumerate("BCP") for d in range(3)}
 
     def at_once(angles, stop=1e-13):
         z = np.tile(np.array(start)[:, None], len(angles))  # one start for the whole turn: it happens to be good enough here
@@ -86,8 +86,8 @@ def four_bar(*, solver=None):
         jacobian = closure(angles, *z)[1]
         v = solve2(jacobian, right_v(angles, *z))
         a = solve2(jacobian, right_a(angles, *z, *v))
-        found = np.stack(results(angles, *z, *v, *a), -1)
-        return {(n, d): found[:, 6 * d + 2 * i : 6 * d + 2 * i + 2] for i, n in enumerate("BCP") for d in range(3)}
+        computed = np.stack(results(angles, *z, *v, *a), -1)
+        return {(n, d): computed[:, 6 * d + 2 * i : 6 * d + 2 * i + 2] for i, n in enumerate("BCP") for d in range(3)}
 
     return one_by_one if solver else at_once
 
@@ -137,12 +137,12 @@ def slider_crank(*, solver=None):
     evaluate = sp.lambdify(known, [matrix[i, j] for i, j in entries] + list(right), "numpy", cse=True)
 
     def motion(angles, stop):
-        found, z = np.empty((len(angles), 6)), (0.0, p.r + p.l)
+        result, z = np.empty((len(angles), 6)), (0.0, p.r + p.l)
         for k, angle in enumerate(angles.tolist()):
             z, jacobian = newton(closure, solver, angle, z, stop)
             v = solver(jacobian, right_v(angle, *z))
-            found[k] = *z, *v, *solver(jacobian, right_a(angle, *z, *v))
-        return found.T
+            result[k] = *z, *v, *solver(jacobian, right_a(angle, *z, *v))
+        return result.T
 
     def solve(angles, stop=1e-13):
         values = evaluate(angles, *(() if closed else motion(angles, stop)))

@@ -64,8 +64,8 @@ def settings(module, problem: str, panel: str, who: str) -> dict:
 
 def rows(module, problem: str, panel: str) -> list[str]:
     """Who takes part: where other angles are wanted than are computed, the first row of every package that names none."""
-    found = list(getattr(module, "DIALS", {}).get((problem, panel), {}))
-    return found or ([*module.ROWS.get(problem, {})][:1] if panel == "any angle" else [])
+    result = list(getattr(module, "DIALS", {}).get((problem, panel), {}))
+    return result or ([*module.ROWS.get(problem, {})][:1] if panel == "any angle" else [])
 
 
 def serve(pipe, module: str) -> None:
@@ -99,15 +99,15 @@ def serve(pipe, module: str) -> None:
         pipe.send(("error", f"{type(error).__name__}: {str(error).strip().splitlines()[0] if str(error).strip() else ''}"))
 
 
-def error_of(found: dict, reference: dict, panel: Panel) -> float:
+def error_of(computed: dict, reference: dict, panel: Panel) -> float:
     """The largest error of all that is wanted, relative to the largest value of each; infinite where something is not given."""
     worst = 0.0
     for key, right in reference.items():
         if panel.name == "positions" and key[1]:
             continue
-        if key not in found:
+        if key not in computed:
             return math.inf
-        error = float(abs(found[key] - right).max() / abs(right).max())
+        error = float(abs(computed[key] - right).max() / abs(right).max())
         worst = max(worst, error if error == error else math.inf)
     return worst
 
@@ -117,15 +117,15 @@ def curve(panel: Panel, remotes: dict[str, Remote], reference: dict, *, runs: in
     jobs: dict[tuple[str, str], Remote] = {}
     for name, remote in remotes.items():
         for who in rows(importlib.import_module(name), panel.problem, panel.name):
-            found = remote.ask("settings", panel.problem, panel.name, who)
-            jobs |= {(who, setting): remote for setting in (() if remote.fault else found)}
+            result = remote.ask("settings", panel.problem, panel.name, who)
+            jobs |= {(who, setting): remote for setting in (() if remote.fault else result)}
     errors, repeats, times = {}, {}, {}
     for (who, setting), remote in jobs.items():
-        found = remote.ask("values", who, setting)
+        result = remote.ask("values", who, setting)
         once = remote.ask("time", who, setting, 1)
         if not remote.fault:
             key = who, setting
-            errors[key] = error_of(found, reference, panel)
+            errors[key] = error_of(result, reference, panel)
             repeats[key], times[key] = max(1, round(seconds / max(once, 1e-7))), once
     for turn in range(runs):
         for who, setting in errors:

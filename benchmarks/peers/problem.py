@@ -147,8 +147,8 @@ def slider_crank(angle: np.ndarray) -> dict[Any, np.ndarray]:
     a1x, a1y = c.a * s1, s.a * s1
     ox, oy = m1 * a1x + bx, m1 * (a1y + g) + by
     torque = m1 * s1 * (c.x * (a1y + g) - s.x * a1x) + r * (c.x * by - s.x * bx)
-    found = {"O": np.stack([ox, oy], -1), "B": np.stack([bx, by], -1), "C": np.stack([cx, cy], -1), "guide": m3 * g - cy}
-    return {k: v.astype(float) for k, v in {**found, "torque": torque}.items()}
+    result = {"O": np.stack([ox, oy], -1), "B": np.stack([bx, by], -1), "C": np.stack([cx, cy], -1), "guide": m3 * g - cy}
+    return {k: v.astype(float) for k, v in {**result, "torque": torque}.items()}
 
 
 def triad(angle: np.ndarray) -> dict[Any, np.ndarray]:
@@ -176,16 +176,16 @@ def triad(angle: np.ndarray) -> dict[Any, np.ndarray]:
         )
 
     x, y, turn = p.start
-    found = np.empty((len(angle), 3))
+    computed = np.empty((len(angle), 3))
     for k in range(len(angle)):
         for _ in range(30):
             dx, dy, d = newton(x, y, np.cos(turn), np.sin(turn), (bx[k], by[k]))
             x, y, turn = x - dx, y - dy, turn - d
             if abs(dx) + abs(dy) + abs(d) < 1e-15:
                 break
-        found[k] = x, y, turn
+        computed[k] = x, y, turn
     exact = np.frompyfunc(mpmath.mpf, 1, 1)
-    px, py, q = (exact(column) for column in found.T)
+    px, py, q = (exact(column) for column in computed.T)
     cos, sin = np.frompyfunc(mpmath.cos, 1, 1), np.frompyfunc(mpmath.sin, 1, 1)
     b = exact(p.crank) * cos(exact(angle)), exact(p.crank) * sin(exact(angle))
     for _ in range(2):

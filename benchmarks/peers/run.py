@@ -48,7 +48,7 @@ PATIENCE = 300.0  # longest wait for an answer [s]
 # -- environment ------------------------------------------------------------------------------------------------------
 def peers(*, large: bool) -> dict[str, tuple[str, ...]]:
     """Peer modules beside this file and the packages that they need, read without importing them; mechviz first."""
-    found = {}
+    result = {}
     for path in sorted(HERE.glob("peer_*.py"), key=lambda p: (p.stem != "peer_mechviz", p.stem)):
         values = {}
         for node in ast.parse(path.read_text()).body:
@@ -56,8 +56,8 @@ def peers(*, large: bool) -> dict[str, tuple[str, ...]]:
             if name in ("PACKAGES", "LARGE"):
                 values[name] = ast.literal_eval(node.value)
         if large or not values.get("LARGE"):
-            found[path.stem] = values["PACKAGES"]
-    return found
+            result[path.stem] = values["PACKAGES"]
+    return result
 
 
 def environment(wanted: dict[str, tuple[str, ...]]) -> tuple[Path, dict[str, str]]:
@@ -186,12 +186,12 @@ class Row(Remote):
 
     def check(self, n: int, reference: dict) -> None:
         """Largest error of each kind of value, relative to its largest value; infinite for kinds that the peer does not give."""
-        found = self.ask("values", n)
+        computed = self.ask("values", n)
         if self.fault:
             return
         for key, right in reference.items():
             kind = ("position", "velocity", "acceleration")[key[1]] if isinstance(key, tuple) else KINDS.get(key, "force")
-            error = float(abs(found[key] - right).max() / abs(right).max()) if key in found else math.inf
+            error = float(abs(computed[key] - right).max() / abs(right).max()) if key in computed else math.inf
             self.errors[kind] = max(error if error == error else math.inf, self.errors.get(kind, 0.0))
 
     def time(self, n: int) -> float:

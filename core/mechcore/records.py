@@ -45,7 +45,7 @@ class _Lazy:
         return self.cls.__dataclass_fields__
 
     def stand_in(self, method: Any) -> Any:
-        """What completes the class and then calls a method of it."""
+        """A method that completes the class, then calls the method of that name."""
 
         def first(this: Any, *args: Any, **given: Any) -> None:
             self.complete()
@@ -73,7 +73,7 @@ class _Lazy:
 
 
 def _restore(this: Any, state: dict[str, Any]) -> None:
-    """What ``pickle`` and ``copy`` do by themselves."""
+    """Restore the state, as ``pickle`` and ``copy`` do by themselves."""
     this.__dict__.update(state)
 
 

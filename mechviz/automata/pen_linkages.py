@@ -18,7 +18,7 @@ PIVOTS, SHEET = 0.35, 1.65
 
 
 class PenLinkage(ABC):
-    """What leads the pen ``P`` of the link ``pen`` from the two levers, for a drawing of a ``size`` [m] about the origin."""
+    """Linkage that leads the pen ``P`` of the link ``pen`` from the two levers, for drawings of ``size`` [m] about the origin."""
 
     pen: ClassVar[str]
     joints: ClassVar[tuple[str, ...]]

@@ -131,14 +131,14 @@ def walk(
             check_targets(scene, output)
         loaded = load_scene(scene, values)
         feet = [_foot(loaded, text) for text in foot]
-        found = walk_of(loaded, feet, quantity_of(loaded, touch, "touch", "length") or 0.0)
-        duration = float(found.time[-1] - found.time[0])
-        print(f"a cycle of {duration:.4g} s leads {1e3 * found.advance:.4g} mm: {1e3 * found.advance / duration:.4g} mm/s")
-        print(f"the body goes up and down by {1e3 * found.bounce:.3g} mm")
-        for name, share, slip in zip(found.feet, found.shares, found.slips, strict=True):
+        gait = walk_of(loaded, feet, quantity_of(loaded, touch, "touch", "length") or 0.0)
+        duration = float(gait.time[-1] - gait.time[0])
+        print(f"a cycle of {duration:.4g} s leads {1e3 * gait.advance:.4g} mm: {1e3 * gait.advance / duration:.4g} mm/s")
+        print(f"the body goes up and down by {1e3 * gait.bounce:.3g} mm")
+        for name, share, slip in zip(gait.feet, gait.shares, gait.slips, strict=True):
             print(f"{name} stands for {100.0 * share:.3g} % of the cycle, slips {1e3 * slip:.3g} mm in it")
         if output is not None:
-            dump(walking_scene(loaded, found, output.stem), output)
+            dump(walking_scene(loaded, gait, output.stem), output)
             say(f"{output} written.")
 
 

@@ -104,7 +104,7 @@ def _summary(table: Table) -> Iterator[str]:
     """How many designs there are, and between which values each number lies."""
     ok = table.feasible
     yield f"{int(ok.sum())} of {len(ok)} designs have values." + ("" if ok.all() else " The others say why in the column 'reason'.")
-    for title, values in zip(columns_of(table.study), table.found.values, strict=True):
+    for title, values in zip(columns_of(table.study), table.results.values, strict=True):
         if values.ndim == 1 and ok.any():
             for word, k in (("least", int(np.nanargmin(values))), ("greatest", int(np.nanargmax(values)))):
                 where = ", ".join(f"{v.title} = {x:.6g}" for v, x in zip(table.study.variations, table.designs[k], strict=True))
@@ -170,20 +170,20 @@ def sensitivity(
         variables = variables_of(loaded, by or ())
         with interruptible(*(["matplotlib.figure"] if plot is not None else [])):
             run = solve(loaded, frames, cycles)
-            found = sensitivities(run, measures, variables)
-            for one in found:
+            results = sensitivities(run, measures, variables)
+            for one in results:
                 value = f" = {one.number:.6g} {one.quantity.unit}" if one.measure.reducer else ""
                 print(f"{one.measure.text}{value}")
                 print("\n".join(f"  {line}" for line in aligned(one.rows())))
             if plot is not None:
-                save_chart(tornado(found[0], loaded.title), plot)
+                save_chart(tornado(results[0], loaded.title), plot)
                 print(plot)
             if csv_file is not None:
                 slopes = [
-                    f"d {one.measure.key} / d {v.name} [{one.quantity.unit}/{v.unit or '1'}]" for one in found for v in variables
+                    f"d {one.measure.key} / d {v.name} [{one.quantity.unit}/{v.unit or '1'}]" for one in results for v in variables
                 ]
-                heads = ["time [s]", *(f"{one.measure.key} [{one.quantity.unit}]" for one in found), *slopes]
-                columns = [run.motion.time, *(one.curve for one in found), *(d for one in found for d in one.slopes)]
+                heads = ["time [s]", *(f"{one.measure.key} [{one.quantity.unit}]" for one in results), *slopes]
+                columns = [run.motion.time, *(one.curve for one in results), *(d for one in results for d in one.slopes)]
                 write_columns(csv_file, heads, columns)
                 print(csv_file)
 
@@ -233,13 +233,13 @@ def tolerance(
         with interruptible(*(["matplotlib.figure"] if plot is not None else [])):
             run = solve(loaded, frames, cycles)
             with progress_bar("sampling") as bar, workers(jobs, dask) as (pool, most):
-                found = tolerances(
+                results = tolerances(
                     run, measures, variables, limits=ends, samples=samples, distribution=distribution, seed=seed,
                     executor=pool, most=most, progress=bar, program=checked(executor),
                 )  # fmt: skip
-            say(f"Samples computed by {found[0].computed_by}.")
+            say(f"Samples computed by {results[0].computed_by}.")
             axis = run.catalogue.axes[0]
-            for one in found:
+            for one in results:
                 where = "" if one.at is None else f", widest at: {axis.label} = {axis.values[one.at]:.5g} {axis.unit}"
                 print(f"{one.measure.text}{where}")
                 print("\n".join(f"  {line}" for line in [*aligned(one.lines()), *aligned(one.rows())]))
@@ -248,10 +248,10 @@ def tolerance(
                 if not one.exact:
                     say(f"note: {one.measure.text} has no exact derivatives here: contributions are fitted to the samples.")
             if plot is not None:
-                save_chart(tolerance_chart(found[0], loaded.title, axis), plot)
+                save_chart(tolerance_chart(results[0], loaded.title, axis), plot)
                 print(plot)
             if csv_file is not None:
-                _write_bands(csv_file, axis, found)
+                _write_bands(csv_file, axis, results)
                 print(csv_file)
 
 
@@ -326,9 +326,9 @@ def optimise(
         raise typer.Exit(130)
 
 
-def _write_bands(path: Path, axis: Axis, found: list[Tolerances]) -> None:
+def _write_bands(path: Path, axis: Axis, results: list[Tolerances]) -> None:
     """The bands of curves over the frames. Raises `OutputError`, also where there is no curve."""
-    curves = [one for one in found if one.curve]
+    curves = [one for one in results if one.curve]
     if not curves:
         raise OutputError(f"'{path}': no curve is asked for.", "Leave the reducer of a quantity out.")
     heads, columns = [axis.title], [axis.values]

@@ -174,7 +174,7 @@ def solve(
             fail("a swing needs --mass and --period.")
         if (len(period) == 2) != (apart is not None) or (len(period) == 1) != (distance is not None) or len(period) > 2:
             fail("a swing needs one --period and --distance, or two --period and --apart.")
-        found = SwingTask(
+        swing = SwingTask(
             mass=_value(mass, "mass", "mass"),
             periods=tuple(_value(text, "period", "time") for text in period),
             distance=None if distance is None else _value(distance, "distance", "length"),
@@ -182,7 +182,7 @@ def solve(
             amplitude=_value(amplitude, "amplitude", "angle"),
             gravity=_value(gravity, "gravity", "gravity"),
         )
-        print("\n".join(swing_lines(found)))
+        print("\n".join(swing_lines(swing)))
 
 
 def _link(

@@ -128,16 +128,16 @@ def scenes(
 
     Words are looked for in names, titles, topics and lessons: mechviz scenes cam spring
     """
-    found = [entry for entry in gallery() if entry.about(words or ())]
-    if not found:
+    entries = [entry for entry in gallery() if entry.about(words or ())]
+    if not entries:
         fail(f"no scene of the gallery is about {' and '.join(words or ())}. Use fewer or other words, or none for all.")
     with orderly():
         if names:
-            print("\n".join(entry.name for entry in found))
+            print("\n".join(entry.name for entry in entries))
             return
-        width = max(len(entry.name) for entry in found)
+        width = max(len(entry.name) for entry in entries)
         for topic in TOPICS:
-            own = [entry for entry in found if entry.topic == topic]
+            own = [entry for entry in entries if entry.topic == topic]
             if own:
                 print(topic)
             for entry in own:

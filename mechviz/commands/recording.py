@@ -89,10 +89,10 @@ def _solve_live(
 
 def open_recording(path: str, most: int | None = None) -> Recording:
     """A recording, after saying what is missing of it; ``most`` as of `Recording`."""
-    found = Recording(path, most=most)
-    if found.note:
-        say(f"note: {found.note}")
-    return found
+    recording = Recording(path, most=most)
+    if recording.note:
+        say(f"note: {recording.note}")
+    return recording
 
 
 def inspect(recording: Annotated[Path, typer.Argument(metavar="FILE.rrd", help="a mechviz recording")]) -> None:

@@ -83,13 +83,13 @@ def view(
 
 def _beside(others: list[str] | None, frames: int | None, cycles: int | None) -> dict[str, Run | Recording]:
     """Other designs by their names, solved with as many frames where they are scenes."""
-    found: dict[str, Run | Recording] = {}
+    beside: dict[str, Run | Recording] = {}
     for other in others or ():
         with clear_errors(other):
             solved = open_recording(other) if other.endswith(".rrd") else solve(load_scene(other), frames, cycles)
         name, k = Path(other).stem, 1
-        while name in found:
+        while name in beside:
             k += 1
             name = f"{Path(other).stem} {k}"
-        found[name] = solved
-    return found
+        beside[name] = solved
+    return beside

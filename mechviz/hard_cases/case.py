@@ -37,7 +37,7 @@ class Outcome:
     """Outcome of a case. ``residual``: largest loop residual over the mechanism's size; ``condition``: largest of a block;
     ``events``: what the program says of the place, in words."""
 
-    found: str
+    summary: str
     checks: tuple[Check, ...]
     residual: float | None = None
     condition: float | None = None
@@ -88,7 +88,9 @@ def judged(name: str, holds: Any) -> Check:
     return Check(name, 0.0 if bool(np.all(holds)) else 1.0, 0.5)
 
 
-def moved(motion: Motion, found: str, checks: Iterable[Check], forces: Forces | None = None, events: Iterable[str] = ()) -> Outcome:
+def moved(
+    motion: Motion, summary: str, checks: Iterable[Check], forces: Forces | None = None, events: Iterable[str] = ()
+) -> Outcome:
     """The outcome of a motion: its loops have to close to rounding beside whatever else is checked."""
     size = motion.model.length_scale
     residual = float(np.max(motion.closure)) / size
@@ -98,7 +100,7 @@ def moved(motion: Motion, found: str, checks: Iterable[Check], forces: Forces | 
     count = len(motion.singular_points)
     said = ([f"{count} change or dead point{'s' if count > 1 else ''}"] if count else []) + list(events)
     condition = float(np.max(motion.condition))
-    return Outcome(found, tuple(every), residual, condition, tuple(said))
+    return Outcome(summary, tuple(every), residual, condition, tuple(said))
 
 
 def refused(attempt: Callable[[], Any], *patterns: str, checks: Callable[[str], Sequence[Check]] = lambda _: ()) -> Outcome:
@@ -143,7 +145,7 @@ def table(results: Sequence[tuple[Case, Outcome]], width: int = 160) -> str:
         for c, o in rows:
             worst = o.worst
             happens = f"{c.happens} (peers: {c.peers})" if c.peers else c.happens
-            answer = o.found if len(o.found) <= LONGEST else o.found[: LONGEST - 4] + " ..."
+            answer = o.summary if len(o.summary) <= LONGEST else o.summary[: LONGEST - 4] + " ..."
             if not o.passed:
                 answer = f"{worst.name}: {answer}"
             events = "; ".join(e if len(e) < 60 else e[:56] + " ..." for e in o.events)
@@ -170,7 +172,7 @@ def as_data(results: Sequence[tuple[Case, Outcome]]) -> list[dict[str, Any]]:
             "happens": c.happens,
             "expected": c.expected,
             "peers": c.peers,
-            "found": o.found,
+            "found": o.summary,
             "checks": [{"name": k.name, "error": _plain(k.error), "bound": k.bound, "passed": k.passed} for k in o.checks],
             "residual": _plain(o.residual),
             "condition": _plain(o.condition),

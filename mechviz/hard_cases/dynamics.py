@@ -29,7 +29,9 @@ SQUEEZED = (
 beta, confirmed by an energy quadrature (tests/reference/andrews.json); the published digits agree to 1e-9."""
 
 
-def _outcome(simulation: Simulation, found: str, checks: list[Check], *, drift: float | None = 1e-8, frames: int = 101) -> Outcome:
+def _outcome(
+    simulation: Simulation, summary: str, checks: list[Check], *, drift: float | None = 1e-8, frames: int = 101
+) -> Outcome:
     """The outcome of a simulation: loops close and energy is accounted for, beside what else is checked."""
     t = np.linspace(0.0, simulation.duration, frames)
     motion = simulation.motion(t)
@@ -39,7 +41,7 @@ def _outcome(simulation: Simulation, found: str, checks: list[Check], *, drift: 
         every.append(Check("energy", float(np.max(np.abs(simulation.drift(t)))), drift))
     kinds = [h.kind for h in simulation.events]
     events = [f"{kinds.count(k)} {k}" for k in dict.fromkeys(kinds)]
-    return Outcome(found, tuple(every), residual, float(np.max(motion.condition)), tuple(events))
+    return Outcome(summary, tuple(every), residual, float(np.max(motion.condition)), tuple(events))
 
 
 def _squeezer(method: Method, tolerance: float, bound: float) -> Outcome:

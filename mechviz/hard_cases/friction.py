@@ -183,14 +183,14 @@ def _small_coefficients() -> Outcome:
     )
 
 
-def _simulated(simulation: Any, found: str, checks: list[Check]) -> Outcome:
+def _simulated(simulation: Any, summary: str, checks: list[Check]) -> Outcome:
     t = np.linspace(0.0, simulation.duration, 101)
     motion = simulation.motion(t)
     drift = float(np.max(np.abs(simulation.drift(t))))
     kinds = [h.kind for h in simulation.events]
     events = tuple(f"{kinds.count(k)} {k}" for k in dict.fromkeys(kinds))
     residual = float(np.max(motion.closure)) / simulation.compiled.model.length_scale
-    return Outcome(found, (*checks, Check("energy", drift, 1e-7)), residual, float(np.max(motion.condition)), events)
+    return Outcome(summary, (*checks, Check("energy", drift, 1e-7)), residual, float(np.max(motion.condition)), events)
 
 
 def _runs_down() -> Outcome:

@@ -130,21 +130,21 @@ class _Kit:
 
     @cached_property
     def _rollers(self) -> list[_Roller]:
-        found = [(cam, cam.placed.cam.follower.face) for cam in self.model.cams]
+        faces = [(cam, cam.placed.cam.follower.face) for cam in self.model.cams]
         widest = 0.4 * self.model.proportions.r
-        rollers = [(cam.follower, cam.tip, face.radius / self.model.size) for cam, face in found if isinstance(face, Roller)]
+        rollers = [(cam.follower, cam.tip, face.radius / self.model.size) for cam, face in faces if isinstance(face, Roller)]
         return [_Roller(link, tip, radius, min(widest, 0.3 * radius)) for link, tip, radius in rollers]
 
     def _fast(self, axle: Axle) -> dict[str, tuple[float, float, float]]:
         """Links that a pin is fast in: its owner and what is welded to that there: the axis, and by how much they are turned back
         against the owner [rad]."""
         at = axle.centres[axle.owner]
-        found = {axle.owner: (*at, 0.0)}
+        places = {axle.owner: (*at, 0.0)}
         for weld in self.model.welds:
             for k, sign in ((0, -1.0), (1, 1.0)):
                 if weld.links[k] == axle.owner and np.hypot(*np.subtract(weld.points[k], at)) < _SAME:
-                    found[weld.links[1 - k]] = (*weld.points[1 - k], sign * weld.angle)
-        return found
+                    places[weld.links[1 - k]] = (*weld.points[1 - k], sign * weld.angle)
+        return places
 
     def _bases(self) -> Iterator[FlatPart]:
         """A plate behind all, and one in front of all where pins stand on that, about the axes that are fixed to the ground."""
@@ -224,21 +224,21 @@ def _shaft(radius: float, key: tuple[float, float], turned: float) -> Polygon:
 
 def _counted(parts: Sequence[FlatPart]) -> list[FlatPart]:
     """Equal parts once, with their number."""
-    found: dict[tuple[str, float, float], list[FlatPart]] = {}
+    alike: dict[tuple[str, float, float], list[FlatPart]] = {}
     for part in parts:
-        found.setdefault((part.name, round(part.thickness, 6), round(part.outline.area, 6)), []).append(part)
-    return [FlatPart(p[0].name, p[0].kind, p[0].outline, p[0].thickness, p[0].circles, len(p)) for p in found.values()]
+        alike.setdefault((part.name, round(part.thickness, 6), round(part.outline.area, 6)), []).append(part)
+    return [FlatPart(p[0].name, p[0].kind, p[0].outline, p[0].thickness, p[0].circles, len(p)) for p in alike.values()]
 
 
 def laid_out(parts: Sequence[FlatPart], width: float) -> list[tuple[FlatPart, float, float]]:
     """Every part, as often as it is there, and how far it is moved [mm]: in rows up to a width [mm], none over another one."""
     every = [part for part in parts for _ in range(part.count)]
     every.sort(key=lambda part: -np.ptp(part.outline.bounds[1::2]))
-    found, x, y, tall = [], 0.0, 0.0, 0.0
+    placed, x, y, tall = [], 0.0, 0.0, 0.0
     for part in every:
         x0, y0, x1, y1 = part.outline.bounds
         if x > 0.0 and x + (x1 - x0) > width:
             x, y, tall = 0.0, y + tall + _APART, 0.0
-        found.append((part, x - x0, y - y0))
+        placed.append((part, x - x0, y - y0))
         x, tall = x + (x1 - x0) + _APART, max(tall, y1 - y0)
-    return found
+    return placed

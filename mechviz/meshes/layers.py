@@ -260,15 +260,15 @@ def _in_planes(model: Model, draft: Draft, layer: dict[str, int]) -> dict[str, i
     plane = dict.fromkeys(layer, 0.0)
     for piece in draft.pieces:
         plane[piece.group] = max(plane[piece.group], model.planes.get(piece.link, 0.0), key=abs)
-    found: dict[str, int] = {}
+    planes: dict[str, int] = {}
     last = -1
     for at in sorted(set(plane.values())):
         own = [group for group in layer if plane[group] == at]
         used = sorted({layer[group] for group in own})
         first = max(last + 1, math.ceil((at - min(plane.values())) / model.proportions.pitch - 1e-9))
-        found |= {group: first + used.index(layer[group]) for group in own}
+        planes |= {group: first + used.index(layer[group]) for group in own}
         last = first + len(used) - 1
-    return found
+    return planes
 
 
 def _axle_reach(model: Model, draft: Draft, number: int) -> _Reach:

@@ -154,7 +154,7 @@ def _nut(levels: Levels, piece: Piece, model: Model) -> Part:
 
 
 def _laid(upright: Shell, piece: Piece, middle: float) -> Shell:
-    """What stands on the plane at the origin, laid along the line of a piece at a height."""
+    """A solid that stands on the plane at the origin, laid along the line of a piece at a height."""
     (x, y), (c, s) = piece.line
     # z becomes the line's direction, x what is across it, y upright: a rotation, so that faces stay outside
     vertices = upright.vertices @ np.array([[-s, c, 0.0], [0.0, 0.0, 1.0], [c, s, 0.0]]) + (x, y, middle)

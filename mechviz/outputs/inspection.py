@@ -125,47 +125,47 @@ def inspect(path: Path | str) -> Inspection:
 
 def _peaks(recording: Recording, model: Model) -> list[Peak]:
     """Largest drive efforts, then largest joint reactions and applied loads."""
-    found = []
+    peaks = []
     for joint in model.drives:
         slides = model.joints[joint].type in ("prismatic", "pin_slot", "rolling")
         what, unit = ("driving force", "N") if slides else ("driving torque", "N m")
-        found.append(_peak(recording, ("data", "drive", joint), f"{what} {joint}", unit, [3], signed=True))
+        peaks.append(_peak(recording, ("data", "drive", joint), f"{what} {joint}", unit, [3], signed=True))
     for joint in model.joints:
         path = ("data", "joints", joint, "reaction")
-        found.append(_peak(recording, path, f"reaction {joint}", "N", [0, 1]))
+        peaks.append(_peak(recording, path, f"reaction {joint}", "N", [0, 1]))
         if model.joints[joint].type == "prismatic":
-            found.append(_peak(recording, path, f"couple {joint}", "N m", [2], signed=True))
+            peaks.append(_peak(recording, path, f"couple {joint}", "N m", [2], signed=True))
             ends = ("data", "joints", joint, "bearing")
-            found += [_peak(recording, ends, f"bearing force {end} {joint}", "N", [k], signed=True) for k, end in enumerate(ENDS)]
+            peaks += [_peak(recording, ends, f"bearing force {end} {joint}", "N", [k], signed=True) for k, end in enumerate(ENDS)]
     for joint in model.joints:
         path = ("data", "joints", joint, "friction")
         rubs = _peak(recording, path, f"friction force {joint}", "N", [0, 1])
         turns = _peak(recording, path, f"friction moment {joint}", "N m", [2], signed=True)
-        found += [p for p in (rubs, turns) if p is not None and p.value != 0.0]
+        peaks += [p for p in (rubs, turns) if p is not None and p.value != 0.0]
     for load, about in model.loads.items():
         if about.kind != "gravity":
             force = _peak(recording, ("data", "loads", load), f"load {load}", "N", [0, 1])
             moment = _peak(recording, ("data", "loads", load), f"load {load}", "N m", [2], signed=True)
             is_moment = about.kind in MOMENTS or (moment is not None and moment.value != 0.0)
-            found.append(moment if is_moment and force is not None and force.value == 0.0 else force)
-    return [p for p in found if p is not None]
+            peaks.append(moment if is_moment and force is not None and force.value == 0.0 else force)
+    return [p for p in peaks if p is not None]
 
 
 def _motion(recording: Recording, model: Model) -> list[Peak]:
     """Largest speeds and accelerations of traced points and centres of mass, then of the links that turn."""
-    found = []
+    peaks = []
     points = dict.fromkeys(parts[2] for parts in map(parts_of, recording.entities) if parts[:2] == ("data", "points"))
     for what, unit in (("velocity", "m/s"), ("acceleration", "m/s²")):
-        found += [_peak(recording, ("data", "points", name, what), f"{what} {name}", unit, [0, 1]) for name in points]
+        peaks += [_peak(recording, ("data", "points", name, what), f"{what} {name}", unit, [0, 1]) for name in points]
     for what, unit in (("velocity", "rad/s"), ("acceleration", "rad/s²")):
         for link in model.links:
-            found.append(_peak(recording, ("data", "links", link, what), f"angular {what} {link}", unit, [2], signed=True))
-    return [p for p in found if p is not None and p.value != 0.0]
+            peaks.append(_peak(recording, ("data", "links", link, what), f"angular {what} {link}", unit, [2], signed=True))
+    return [p for p in peaks if p is not None and p.value != 0.0]
 
 
 def _studies(recording: Recording) -> list[Peak]:
     """Largest values of the results of studies, column by column; places are left out."""
-    found = []
+    peaks = []
     for path in recording.entities:
         parts = parts_of(path)
         names = recording.static(path, component="SeriesLines:names")
@@ -175,10 +175,10 @@ def _studies(recording: Recording) -> list[Peak]:
             of, _, name = header.removesuffix("]").rpartition(".")
             name, _, unit = name.partition(" [")
             if name == "Fx":
-                found.append(_peak(recording, parts, f"force {of}", unit, [k, k + 1]))
+                peaks.append(_peak(recording, parts, f"force {of}", unit, [k, k + 1]))
             elif name != "Fy" and name.split()[-1] not in ("x", "y", "at"):
-                found.append(_peak(recording, parts, f"{name} {of}", unit, [k], signed=True))
-    return [p for p in found if p is not None]
+                peaks.append(_peak(recording, parts, f"{name} {of}", unit, [k], signed=True))
+    return [p for p in peaks if p is not None]
 
 
 def _losses(recording: Recording, model: Model) -> list[tuple[str, float, Spans]]:
@@ -186,7 +186,7 @@ def _losses(recording: Recording, model: Model) -> list[tuple[str, float, Spans]
 
     With each the spans of time [s] that these frames take: where the mechanism jams there are no forces.
     """
-    found = []
+    losses = []
     for joint in model.joints:
         path = ("data", "joints", joint, "friction_loss")
         if recording.has(*path):
@@ -197,34 +197,34 @@ def _losses(recording: Recording, model: Model) -> list[tuple[str, float, Spans]
             span = sum(end - start for start, end in spans)
             work = sum(float(np.trapezoid(values[part], time[part])) for part in parts)
             if parts:
-                found.append((joint, work / span if span > 0 else float(np.nanmean(values)), spans))
+                losses.append((joint, work / span if span > 0 else float(np.nanmean(values)), spans))
             else:
-                found.append((joint, 0.0, ()))
-    return sorted(found, key=lambda item: -item[1])
+                losses.append((joint, 0.0, ()))
+    return sorted(losses, key=lambda item: -item[1])
 
 
-def _loss_lines(found: Inspection) -> list[str]:
+def _loss_lines(inspection: Inspection) -> list[str]:
     """Losses and over which part of the run they are averaged."""
-    spans = found.losses_over
+    spans = inspection.losses_over
     if not spans:
         return ["Friction losses: it jams over the whole run, there are no forces"]
-    begins, ends = spans[0][0] <= found.start, spans[-1][1] >= found.end
+    begins, ends = spans[0][0] <= inspection.start, spans[-1][1] >= inspection.end
     if len(spans) == 1 and begins:
         over = "of the run" if ends else f"up to {spans[0][1]:.6g} s, where it jams: there are no forces beyond"
     else:
         parts = ", ".join(f"{start:.6g} s to {end:.6g} s" if start < end else f"{start:.6g} s" for start, end in spans)
         over = f"over {parts}: at the other frames it jams and there are no forces"
-    total = sum(loss for _, loss in found.losses)
+    total = sum(loss for _, loss in inspection.losses)
     lines = [f"Friction losses, mean {over}"]
-    lines += [f"  {joint:<12}  {loss:>12.5g} W  {100.0 * loss / (total or 1.0):5.1f} %" for joint, loss in found.losses]
+    lines += [f"  {joint:<12}  {loss:>12.5g} W  {100.0 * loss / (total or 1.0):5.1f} %" for joint, loss in inspection.losses]
     return [*lines, f"  {'all':<12}  {total:>12.5g} W"]
 
 
 def _health(recording: Recording) -> list[Peak]:
-    found = [_peak(recording, ("health", name), name.replace("_", " "), unit, [0]) for name, unit in HEALTH]
+    peaks = [_peak(recording, ("health", name), name.replace("_", " "), unit, [0]) for name, unit in HEALTH]
     path = ("health", "error_estimate")
-    found += [_peak(recording, path, f"estimated error: {name.replace('_', ' ')}", "", [k]) for k, name in enumerate(ERROR_COLUMNS)]
-    return [p for p in found if p is not None]
+    peaks += [_peak(recording, path, f"estimated error: {name.replace('_', ' ')}", "", [k]) for k, name in enumerate(ERROR_COLUMNS)]
+    return [p for p in peaks if p is not None]
 
 
 def _peak(
@@ -263,36 +263,39 @@ def _drive_range(rows: Rows) -> str:
     return ", ".join(spans)
 
 
-def format_inspection(found: Inspection) -> str:
+def format_inspection(inspection: Inspection) -> str:
     """An inspection as plain text for a terminal."""
-    joints = ", ".join(f"{j.name} ({j.kind}: {' - '.join(j.links)})" for j in found.joints)
-    span = f"{found.start:.6g} s to {found.end:.6g} s"
+    joints = ", ".join(f"{j.name} ({j.kind}: {' - '.join(j.links)})" for j in inspection.joints)
+    span = f"{inspection.start:.6g} s to {inspection.end:.6g} s"
     rows = [
-        ("file", f"{found.path}, {found.bytes / 1e6:.2f} MB, mechviz {found.version}"),
-        *([("note", found.note)] if found.note else []),
-        ("scene", found.scene),
-        ("links", f"{len(found.links)}: {', '.join(k + ' (frame)' if k == found.frame else k for k in found.links)}"),
-        ("joints", f"{len(found.joints)}: {joints}"),
-        ("drives", ", ".join(found.drives) or "none"),
-        ("loads", ", ".join(found.loads) or "none"),
-        ("frames", f"{found.frames}, {span}" + (f", drive {found.drive_range}" if found.drive_range else "")),
-        ("effects", ", ".join(found.effects) or "none: pure kinematics"),
-        ("left out", ", ".join(found.skipped) or "nothing"),
+        ("file", f"{inspection.path}, {inspection.bytes / 1e6:.2f} MB, mechviz {inspection.version}"),
+        *([("note", inspection.note)] if inspection.note else []),
+        ("scene", inspection.scene),
+        (
+            "links",
+            f"{len(inspection.links)}: {', '.join(k + ' (frame)' if k == inspection.frame else k for k in inspection.links)}",
+        ),
+        ("joints", f"{len(inspection.joints)}: {joints}"),
+        ("drives", ", ".join(inspection.drives) or "none"),
+        ("loads", ", ".join(inspection.loads) or "none"),
+        ("frames", f"{inspection.frames}, {span}" + (f", drive {inspection.drive_range}" if inspection.drive_range else "")),
+        ("effects", ", ".join(inspection.effects) or "none: pure kinematics"),
+        ("left out", ", ".join(inspection.skipped) or "nothing"),
     ]
     width = max(len(name) for name, _ in rows)
-    lines = [found.title, *(f"  {name:<{width}}  {text}" for name, text in rows)]
-    if found.peaks:
-        lines += ["", "Peaks", *_peak_lines(_without_noise(found.peaks))]
-    if found.motion:
-        lines += ["", "Peaks of the motion", *_peak_lines(_without_noise(found.motion))]
-    if found.studies:
-        lines += ["", "Peaks of the studies", *_peak_lines(tuple(map(_as_read, _without_noise(found.studies))))]
-    if found.losses:
-        lines += ["", *_loss_lines(found)]
-    if found.health:
-        lines += ["", "Worst health", *_peak_lines(found.health)]
-    lines += ["", "Events", *(f"  {e.level:<4}  {line_of(e)}" for e in found.events)]
-    if not found.events:
+    lines = [inspection.title, *(f"  {name:<{width}}  {text}" for name, text in rows)]
+    if inspection.peaks:
+        lines += ["", "Peaks", *_peak_lines(_without_noise(inspection.peaks))]
+    if inspection.motion:
+        lines += ["", "Peaks of the motion", *_peak_lines(_without_noise(inspection.motion))]
+    if inspection.studies:
+        lines += ["", "Peaks of the studies", *_peak_lines(tuple(map(_as_read, _without_noise(inspection.studies))))]
+    if inspection.losses:
+        lines += ["", *_loss_lines(inspection)]
+    if inspection.health:
+        lines += ["", "Worst health", *_peak_lines(inspection.health)]
+    lines += ["", "Events", *(f"  {e.level:<4}  {line_of(e)}" for e in inspection.events)]
+    if not inspection.events:
         lines.append("  none")
     return "\n".join(lines)
 

@@ -123,8 +123,8 @@ def _bands_in(recording: Recording, time: Real, chosen: Integers) -> Bands:
     same = chosen[-1] < run.motion.frames and np.allclose(run.motion.time[chosen], time, rtol=1e-6, atol=1e-9 * run.motion.time[-1])
     if not same:
         return Bands(refused="the scene's frames are not those of the recording")
-    found = bands_of(run)
-    return Bands({key: half[chosen] for key, half in found.halves.items()}, found.refused)
+    bands = bands_of(run)
+    return Bands({key: half[chosen] for key, half in bands.halves.items()}, bands.refused)
 
 
 def _lanes_in(recording: Recording) -> Iterator[Lane]:

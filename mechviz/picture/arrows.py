@@ -27,6 +27,10 @@ SHORTEST = 0.015  # in sizes of the mechanism; what is shorter is left out
 APART = 0.016  # in sizes of the mechanism: distance of arrows that would lie on one line
 RING = 0.3  # of the radius of an arc: distance of arcs about one place
 ALONG = 0.1  # sine of the angle up to which arrows from one place lie on one line
+# Arrows from two places lie on each other: ends this near the other's line and this much of them side by side, in sizes of the
+# mechanism, at this part of some frames
+NARROW, COVERED, OFTEN = 0.008, 0.02, 0.25
+SAMPLES = 8  # frames at which that is tried
 ALL, FORCE, MOMENT, PLACE = slice(None), slice(0, 2), 2, slice(3, None)  # columns of tables
 ROUND_OFF = 1e-9  # of the largest moment: what is smaller throughout is not drawn
 
@@ -93,10 +97,11 @@ def _drawn(vectors: tuple[Vector, ...], moments: tuple[Moment, ...], scales: Sca
 
 
 def set_apart(vectors: tuple[Vector, ...], scales: Scales, size: float) -> tuple[float, ...]:
-    """How far aside [m] of its line each vector is drawn: those that ever point from one place the same way stand side by side.
-    Resultants of inertia stay on their lines of action."""
+    """How far aside [m] of its line each vector is drawn: those that ever point from one place the same way, or often lie on
+    each other, stand side by side. Resultants of inertia stay on their lines of action."""
     order = sorted(range(len(vectors)), key=lambda k: vectors[k].family != "inertia")
-    lanes = _lanes([vectors[k] for k in order], size, lambda a, b: _on_one_line(a, b, scales, size))
+    ordered = [vectors[k] for k in order]
+    lanes = _lanes(ordered, size, lambda a, b: _on_one_line(a, b, scales, size), _covering(ordered, scales, size))
     asides = [0.0] * len(vectors)
     for k, lane in zip(order, lanes, strict=True):
         if vectors[k].family != "inertia":
@@ -104,8 +109,9 @@ def set_apart(vectors: tuple[Vector, ...], scales: Scales, size: float) -> tuple
     return tuple(asides)
 
 
-def _lanes(items: Sequence[T], size: float, meet: Callable[[T, T], bool]) -> list[int]:
-    """For each vector or moment the least number that no earlier one has which is drawn at its place and which it ``meet``s."""
+def _lanes(items: Sequence[T], size: float, meet: Callable[[T, T], bool], covering: Flags | None = None) -> list[int]:
+    """For each vector or moment the least number that no earlier one has which is drawn at its place and which it ``meet``s, or
+    which it is ``covering`` (n, n)."""
     if not items or not len(items[0].origin):
         return [0] * len(items)
     frames = [0, len(items[0].origin) // 2]
@@ -114,6 +120,8 @@ def _lanes(items: Sequence[T], size: float, meet: Callable[[T, T], bool]) -> lis
     for k, item in enumerate(items):
         near = np.abs(places[:k] - places[k]).max(axis=(1, 2), initial=0.0) < ROUND_OFF * size
         taken = {lanes[i] for i in np.flatnonzero(near).tolist() if meet(items[i], item)}
+        if covering is not None:
+            taken |= {lanes[i] for i in np.flatnonzero(covering[k, :k]).tolist()}
         lanes.append(next(lane for lane in range(len(items)) if lane not in taken))
     return lanes
 
@@ -125,6 +133,30 @@ def _on_one_line(a: Vector, b: Vector, scales: Scales, size: float) -> bool:
         same = np.abs(ax * by - ay * bx) < ALONG * (ax * bx + ay * by)
     seen = [visible(v.value, scales.per_metre(v.family), size) for v in (a, b)]
     return bool((same & seen[0] & seen[1]).any())
+
+
+def _covering(vectors: Sequence[Vector], scales: Scales, size: float) -> Flags:
+    """Which vectors (n, n) of two families from two places often lie on each other. Two reactions stay where they act, as the
+    force of a cam's contact and that of its bearing."""
+    if not vectors or not len(vectors[0].origin):
+        return np.zeros((len(vectors), len(vectors)), bool)
+    frames = np.unique(np.linspace(0, len(vectors[0].origin) - 1, SAMPLES).astype(int))
+    values = [v.value[frames] for v in vectors]
+    seen = np.array([visible(value, scales.per_metre(v.family), size) for v, value in zip(vectors, values, strict=True)])  # (n, k)
+    with np.errstate(invalid="ignore"):  # of what is not finite, and not seen
+        starts = np.array([v.origin[frames] for v in vectors]) @ [1.0, 1.0j] / size
+        drawn = np.array([value / scales.per_metre(v.family) for v, value in zip(vectors, values, strict=True)])
+        arrows = np.where(seen, drawn @ [1.0, 1.0j] / size, 0.0)
+        lengths = np.abs(arrows)
+        along = (arrows / np.where(lengths > 0.0, lengths, 1.0)).conj()[:, None]
+        first = (starts[None] - starts[:, None]) * along  # of each other arrow, along and across this one
+        second = first + arrows[None] * along
+        low, high = np.minimum(first.real, second.real), np.maximum(first.real, second.real)
+        covered = np.minimum(high, lengths[:, None]) - np.maximum(low, 0.0) > COVERED
+        near = np.maximum(np.abs(first.imag), np.abs(second.imag)) < NARROW
+        often = (covered & near & seen[:, None] & seen[None]).mean(axis=-1) >= OFTEN
+    families = np.array([v.family for v in vectors])
+    return np.asarray(often & often.T & (families[:, None] != families))
 
 
 def visible(vectors: Real, scale: float, size: float) -> Flags:

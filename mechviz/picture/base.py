@@ -85,10 +85,10 @@ def find_base(run: Run, solids: Solids, coils: Sequence[Coil], fixtures: Sequenc
     room = _Room(run, solids, min([float(solids.bounds[0, 2]), *lows]), covered)
     feet: list[_Foot] = []
     for (foot, low, high), *columns in solids.heights.parts(frame, ("pedestal",)):
-        found = _feet(room, foot, (low, high))
-        if found and columns and low < min(bottom for _, bottom, _ in columns):  # under the bearing itself
-            found = [post for outline, *_ in columns if (post := room.post(_xy(outline.centroid), low)) is not None] or found
-        feet += found
+        posts = _feet(room, foot, (low, high))
+        if posts and columns and low < min(bottom for _, bottom, _ in columns):  # under the bearing itself
+            posts = [post for outline, *_ in columns if (post := room.post(_xy(outline.centroid), low)) is not None] or posts
+        feet += posts
     for part in solids.heights.parts(frame, ("rail", "block", "rod")):
         outline, low, high = part[0]
         feet += _feet(room, outline, (low, high))
@@ -112,7 +112,7 @@ def find_base(run: Run, solids: Solids, coils: Sequence[Coil], fixtures: Sequenc
 
 
 def _covered(run: Run, solids: Solids, coil: Coil) -> tuple[shapely.Geometry, float, float]:
-    """What of the plane [m] a spring covers during the run, and between which heights [m]."""
+    """The part of the plane [m] that a spring covers during the run, and its least and largest height [m]."""
     frames, _ = looks(run, solids.heights)
     start, angle = coil.pose[frames, :2], coil.pose[frames, 2]
     long, wide = coil.stretch[frames] * float(coil.vertices[:, 0].max()), float(np.abs(coil.vertices[:, 1]).max())
@@ -148,7 +148,7 @@ def _feet(room: _Room, outline: Polygon, heights: tuple[float, float]) -> list[_
 def _spots(outline: Polygon, size: float) -> list[Vec2]:
     """Places within the thickest part of an outline [m], from one end of it to the other."""
     cores = (polygons(outline.buffer(-part * size)) for part in CORES)
-    core = next((found[0] for found in cores if found), outline)
+    core = next((core[0] for core in cores if core), outline)
     corners = np.asarray(core.minimum_rotated_rectangle.exterior.coords)[:4]
     if np.hypot(*(corners[1] - corners[0])) < np.hypot(*(corners[2] - corners[1])):
         corners = np.roll(corners, -1, axis=0)

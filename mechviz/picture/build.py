@@ -197,9 +197,9 @@ def _masses(run: Run, solids: Solids) -> Iterator[Points]:
     document = run.scene.document
     points = {link.name: link.points for link in run.motion.mechanism.links}
     convert = Converter.of(document.units, run.scene.folder)
-    found = {name: lumps_of(link.lumps, points[name], convert, name) for name, link in document.links.items() if link.lumps}
-    heaviest = max((b.mass for bodies in found.values() for b in bodies), default=0.0)
-    for name, bodies in found.items() if heaviest > 0.0 else ():
+    lumps = {name: lumps_of(link.lumps, points[name], convert, name) for name, link in document.links.items() if link.lumps}
+    heaviest = max((b.mass for bodies in lumps.values() for b in bodies), default=0.0)
+    for name, bodies in lumps.items() if heaviest > 0.0 else ():
         yield Points(
             f"masses.{name}",
             ("link", name),
@@ -249,24 +249,24 @@ def joint_nodes(run: Run, solids: Solids) -> Iterator[Points]:
 
 def _arrow_heights(run: Run, solids: Solids, arrows: Arrows, coils: list[Coil], known: Heights) -> Heights:
     """Heights [m] of arrows and arcs by key."""
-    found = {}
+    heights = {}
     for vector in arrows.vectors:
         key = key_of(vector)
         if key not in known:
-            found[key] = arrow_height(run, solids.heights, vector, arrows.scales.per_metre(vector.family))
+            heights[key] = arrow_height(run, solids.heights, vector, arrows.scales.per_metre(vector.family))
     for moment, radius in zip(arrows.moments, arrows.radii, strict=True):
         key = key_of(moment)
         if key not in known:
-            found[key] = arc_height(run, solids.heights, moment, radius)
+            heights[key] = arc_height(run, solids.heights, moment, radius)
     behind: dict[tuple[str, str], float] = {("load", coil.name): coil.front for coil in coils}
     for moment in arrows.moments:
-        height = found.get(key_of(moment), known.get(key_of(moment), 0.0))
+        height = heights.get(key_of(moment), known.get(key_of(moment), 0.0))
         behind[owner_of(moment)] = max(behind.get(owner_of(moment), height), height)
     for vector in arrows.vectors:  # forces lie before the couple of their joint, and before the spring that exerts them
         key = key_of(vector)
-        if key in found:
-            found[key] = max(found[key], behind.get(owner_of(vector), found[key]))
-    return {**known, **found}
+        if key in heights:
+            heights[key] = max(heights[key], behind.get(owner_of(vector), heights[key]))
+    return {**known, **heights}
 
 
 def _one_color(color: tuple[int, int, int], count: int) -> NDArray[np.uint8]:

@@ -112,8 +112,8 @@ class Drawing:
     def legend(self) -> list[tuple[str, Color]]:
         """Meanings of the colours that are there, where there are several: words and colour."""
         there = {stroke.color for stroke in self.strokes}
-        found = [(words, COLORS[key]) for key, words in LEGENDS.get(self.name, {}).items() if COLORS[key] in there]
-        return found if len(found) > 1 else []
+        entries = [(words, COLORS[key]) for key, words in LEGENDS.get(self.name, {}).items() if COLORS[key] in there]
+        return entries if len(entries) > 1 else []
 
     @property
     def bounds(self) -> Real:

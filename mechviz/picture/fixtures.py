@@ -53,7 +53,7 @@ def find_fixtures(run: Run, solids: Solids, coils: Sequence[Coil]) -> Mapping[st
 
 
 def _fixtures(run: Run, solids: Solids, coils: Sequence[Coil]) -> Iterator[tuple[str, Placed]]:
-    """What is fixed to links, each with its link."""
+    """Solids that are fixed to links, each with its link."""
     loads = {load.name: load for load in run.motion.mechanism.loads if isinstance(load, Spring)}
     for coil in coils:
         for end in (0, 1):
@@ -108,7 +108,7 @@ def _mesh(outline: Polygon, z: tuple[float, float], color: Color) -> Mesh:
 
 # -- springs --------------------------------------------------------------------------------------------------------------
 def _seat(run: Run, solids: Solids, load: Spring, coil: Coil, end: int) -> Iterator[tuple[str, Placed]]:
-    """What one end of a spring rests on or hangs from: a plate or a bracket of the ground, a washer on a link against which it
+    """The seat of one end of a spring: a plate or a bracket of the ground, a washer on a link against which it
     does not turn."""
     link, frame = load.links[end], run.motion.mechanism.frame
     at = next(spec for spec in run.motion.mechanism.links if spec.name == link).points[load.points[end]]
@@ -218,7 +218,7 @@ SHAFT = 0.022  # radius, in sizes of the mechanism
 
 
 def looks_of(run: Run) -> dict[str, tuple[str, ...]]:
-    """What the links of a scene are to look like, by their names."""
+    """Looks of a scene's links, by their names."""
     links = run.scene.document.links
     return {name: (link.looks,) if isinstance(link.looks, str) else tuple(link.looks) for name, link in links.items() if link.looks}
 

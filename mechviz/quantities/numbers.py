@@ -62,7 +62,7 @@ class Numbers:
         return all(table.kept for table in self.tables.values())
 
     def held(self, compute: Callable[[], Real]) -> Source:
-        """What follows from the tables, kept as they are."""
+        """Values that follow from the tables, kept as they are."""
         return compute() if self.kept else compute
 
     def values(self, *path: str) -> Real | None:

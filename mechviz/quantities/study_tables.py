@@ -50,8 +50,8 @@ def study_tables(run: Run) -> Iterator[Table]:
         yield _places(("percussion", name), f"{name}.percussion", ("", struck.centre), ("line", struck.through))
         values = np.column_stack([struck.force.real, struck.force.imag, struck.moment])
         yield Table(("data", "percussion", name, "inertia"), f"{name}.percussion", _FORCE, values)
-    for name, found in studies.equivalents.items():
-        for pin, place in found.pins.items():
+    for name, masses in studies.equivalents.items():
+        for pin, place in masses.pins.items():
             columns = (("x", "m"), ("y", "m"))
             values = np.column_stack([place.real, place.imag])
             yield Table(("data", "equivalent", name, pin or "block"), f"{name}.{pin or 'block'}", columns, values)
@@ -134,7 +134,7 @@ def _lines(run: Run) -> Iterator[str]:
             most = float(np.abs(body.correction).max(initial=0.0))
             yield f"static replacement of {name}: {masses}, with a correction couple of up to {most:.5g} N m"
             continue
-        yield f"substitute masses of {name}: {body.found.message}; shown is solution {body.chosen + 1}: {masses}"
+        yield f"substitute masses of {name}: {body.substitution.message}; shown is solution {body.chosen + 1}: {masses}"
     for name, forces in studies.sections.items():
         yield f"section forces of {name}: {_section_words(forces, run.motion.time)}"
 

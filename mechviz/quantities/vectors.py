@@ -52,7 +52,7 @@ FORCE_FAMILIES = ("reaction", "applied", "gravity", "inertia", "friction", "driv
 
 @dataclass(frozen=True, eq=False)
 class Placed:
-    """What is drawn at a place over all frames: ``origin`` (F, 2) [m] and ``value``, from their sources."""
+    """A vector or moment at a place over all frames: ``origin`` (F, 2) [m] and ``value``, from their sources."""
 
     family: str
     item: str

@@ -138,16 +138,16 @@ class LinkDocument(Table):
 
     @model_validator(mode="after")
     def _shape_fits(self) -> LinkDocument:
-        found = []
+        faults = []
         if self.sound("points") and isinstance(self.points, list) and len(set(self.points)) < len(self.points):
-            found.append(("points", "a point is listed twice.", "Name each point once."))
+            faults.append(("points", "a point is listed twice.", "Name each point once."))
         if isinstance(self.mass, MassDocument):
             for key in ("shape", "inertia") if self.mass.solid else ("shape", "centre", "inertia"):
                 if getattr(self, key) is not None:
-                    found.append((key, f"stands beside a mass with a shape, which decides the {key}.", f"Leave out {key}."))
+                    faults.append((key, f"stands beside a mass with a shape, which decides the {key}.", f"Leave out {key}."))
         for key in ("centre", "inertia"):
             if self.shape and getattr(self, key) is not None:
-                found.append(
+                faults.append(
                     (
                         key,
                         f"stands beside shape = '{self.shape}', which decides the {key}.",
@@ -155,10 +155,10 @@ class LinkDocument(Table):
                     )
                 )
         if self.sound("points") and self.shape == "bar" and len(self.points) < 2:
-            found.append(("shape", "a bar needs two points, this link has one.", "Add a point, or write shape = 'point'."))
+            faults.append(("shape", "a bar needs two points, this link has one.", "Add a point, or write shape = 'point'."))
         if self.shape and self.mass is None:
-            found.append(("shape", f"shape = '{self.shape}' without a mass.", "Add mass = ..., or leave out shape."))
-        refuse(found)
+            faults.append(("shape", f"shape = '{self.shape}' without a mass.", "Add mass = ..., or leave out shape."))
+        refuse(faults)
         return self
 
 

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 from functools import cache
 from itertools import pairwise
 from threading import RLock
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import (
     AfterValidator,
@@ -344,6 +344,8 @@ class Table(BaseModel):
     """
 
     model_config = ConfigDict(extra="forbid", frozen=True, defer_build=True)
+
+    ELSEWHERE: ClassVar[Mapping[str, str]] = {}  # key that belongs into another table -> where it goes
 
     _unread: frozenset[str] = PrivateAttr(default=frozenset())
 

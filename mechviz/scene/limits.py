@@ -21,7 +21,7 @@ def lifted() -> bool:
 
 
 def size_faults(data: Mapping[str, Any]) -> list[Fault]:
-    """What is too large in the plain data of a scene."""
+    """Faults of what is too large in the plain data of a scene."""
     if lifted():
         return []
     keys = _keys(data)

@@ -248,13 +248,13 @@ def _with_present_keys(value: Any, path: str, former: dict[str, str]) -> Any:
     """A part of a scene's data with the present names of keys; ``former`` takes the former ones by their places."""
     if not isinstance(value, Mapping):
         return value
-    found = {}
+    renamed = {}
     for key, inner in value.items():
         new = key if FORMER_INNER.get(key, key) in value else FORMER_INNER.get(key, key)
         if new != key:
             former[f"{path}.{new}"] = f"{path}.{key}"
-        found[new] = _with_present_keys(inner, f"{path}.{new}", former)
-    return found
+        renamed[new] = _with_present_keys(inner, f"{path}.{new}", former)
+    return renamed
 
 
 def _assembled(

@@ -8,7 +8,7 @@ import os
 import platform
 import statistics
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import partial
@@ -19,7 +19,8 @@ import numpy as np
 
 from mechcore.compiled.motion import PAYS, Executor, written
 from mechcore.compiled.toolchain import cached, compiler, required_compiler
-from mechcore.dynamics.equations.program import missing_in_c, written_source
+from mechcore.dynamics.equations.contacts import missing_in_c, rubs, written_source
+from mechcore.dynamics.events import with_slot_ends
 from mechcore.dynamics.integration.windows import MANY
 from mechcore.effects.base import sum_up
 from mechcore.effects.plan import Plan, make_plan
@@ -207,7 +208,7 @@ def executor_lines(scene: Scene, executor: Executor) -> list[str]:
     if _forces_of(scene):
         lines.append(f"  {'reactions, efforts':<21}{_of_forces(compiled, executor, scene.frames + 1)}")
     if scene.simulation is not None:
-        lines.append(f"  {'motion under forces':<21}{_of_simulation(compiled, executor, stops=bool(scene.simulation.stops))}")
+        lines.append(f"  {'motion under forces':<21}{_of_simulation(compiled, executor, _stopped(scene))}")
     return lines
 
 
@@ -220,7 +221,8 @@ def missing_lines(scene: Scene) -> list[str]:
         program = forces_program(compiled.model, exact=compiled.angles.exact)
         reasons["reactions and efforts"] = program if isinstance(program, str) else None
     if scene.simulation is not None:
-        reasons["the motion under forces"] = missing_in_c(compiled)
+        reasons["the motion under forces"] = missing = missing_in_c(compiled)
+        reasons["the motion while a stop holds"] = None if missing else _missing_at_rest(compiled, _stopped(scene))
     return [f"numpy runs {what}: {why}." for what, why in reasons.items() if why is not None]
 
 
@@ -230,7 +232,7 @@ def _not_written(compiled: Compiled) -> str | None:
         return program
     return (
         "frames near change points are interpolated"
-        if compiled.singular_points is not None and compiled.singular_points.found
+        if compiled.singular_points is not None and compiled.singular_points.points
         else None
     )
 
@@ -261,12 +263,25 @@ def _of_forces(compiled: Compiled, executor: Executor, frames: int) -> str:
     return f"C, {_price(program.source, program.lines)}{where}"
 
 
-def _of_simulation(compiled: Compiled, executor: Executor, *, stops: bool) -> str:
+def _stopped(scene: Scene) -> list[str]:
+    """The joints of a scene that end stops may hold."""
+    stated = () if scene.simulation is None else scene.simulation.stops
+    return list(dict.fromkeys(stop.joint for stop in with_slot_ends(scene.mechanism, stated)))
+
+
+def _missing_at_rest(compiled: Compiled, joints: Sequence[str]) -> str | None:
+    return next((why for joint in joints if (why := missing_in_c(compiled, (joint,))) is not None), None)
+
+
+def _of_simulation(compiled: Compiled, executor: Executor, stopped: Sequence[str]) -> str:
     missing = missing_in_c(compiled)
     if missing is not None:
         return f"numpy: {missing}"
     price = _price(*written_source(compiled))
-    price += "; numpy while a stop holds" if stops else ""
+    price += "; numpy where friction jams" if rubs(compiled) else ""
+    if stopped:
+        at_rest = _missing_at_rest(compiled, stopped)
+        price += "; another program while a stop holds" if at_rest is None else f"; numpy while a stop holds: {at_rest}"
     return f"C, {price}" if executor == "c" else f"numpy; C where more than {MANY} windows are left to integrate, {price}"
 
 

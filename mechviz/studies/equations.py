@@ -24,7 +24,7 @@ def equilibrium_at(run: Run, time: float) -> tuple[Equilibrium, int]:
     """
     assert run.forces is not None
     forces, frame = run.forces, int(np.argmin(np.abs(run.motion.time - time)))
-    if run.motion.again is not None and run.simulation is None and abs(run.motion.time[frame] - time) > 0.0:
+    if run.motion.again is not None and run.simulation is None:  # one frame is enough
         forces, frame = solve_forces(run.motion.again(np.array([time]))), 0
     equilibrium = Equilibrium(_part(forces, frame)[0])
     frame = _part(forces, frame)[1]
@@ -62,7 +62,7 @@ def equation_lines(equilibrium: Equilibrium, frame: int) -> list[str]:
                 lines.append(f"    {f'sum {_sum(equation)}':<10} {_text(equation, least)} = 0")
         if group.known:
             lines.append(f"  known      {_values(group.known)}")
-        lines.append(f"  gives      {_values(group.found)}")
+        lines.append(f"  gives      {_values(group.solved)}")
     return [*lines, "", *_together(equilibrium, frame)]
 
 
@@ -80,12 +80,12 @@ def equation_table(run: Run) -> list[str]:
             for equation in link.equations:
                 least = _rounding(link, equation, run.motion.model.length_scale)
                 lines.append(f"| {number} | {link.link} | {_sum(equation)} | {_text(equation, least)} = 0 |")
-        lines.append(f"| {number} | gives | | {_values(group.found)} |")
+        lines.append(f"| {number} | gives | | {_values(group.solved)} |")
     return [*lines, "", *(f"- {line}" for line in _together(equilibrium, frame)), ""]
 
 
 def _together(equilibrium: Equilibrium, frame: int) -> Iterator[str]:
-    """What the equations give at once, as a check."""
+    """Solution of all equations at once, as a check."""
     rows, columns = equilibrium.matrix.shape[1:]
     yield f"all {rows} equations at once, without groups, for {columns} unknowns: " + (
         f"the same values, to {_difference(equilibrium, frame):.1e} of the largest"
@@ -158,10 +158,10 @@ def _latex_group(group: GroupEquations, size: float) -> Iterator[str]:
             of = about if equation.sum == "M" else f"F_{equation.sum[-1]}"
             rows.append(rf"\textstyle\sum {of}^{{\text{{{_escaped(link.link)}}}}} &:\quad & {_joined(parts, THIN)} &= 0")
     yield from (r"\begin{alignat*}{2}", " \\\\\n".join(rows), r"\end{alignat*}")
-    given = [rf"{_symbol(u)} &= {_latex_number(v)}{THIN}\mathrm{{{u.unit.replace(' ', THIN)}}}" for u, v in group.found]
+    given = [rf"{_symbol(u)} &= {_latex_number(v)}{THIN}\mathrm{{{u.unit.replace(' ', THIN)}}}" for u, v in group.solved]
     if given:
-        found = (", & ".join(given[k : k + IN_A_ROW]) for k in range(0, len(given), IN_A_ROW))
-        yield from (r"\begin{align*}", ", \\\\\n".join(found), r"\end{align*}")
+        lines = (", & ".join(given[k : k + IN_A_ROW]) for k in range(0, len(given), IN_A_ROW))
+        yield from (r"\begin{align*}", ", \\\\\n".join(lines), r"\end{align*}")
 
 
 def _symbol(u: Unknown) -> str:

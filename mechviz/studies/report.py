@@ -15,6 +15,7 @@ from mechcore.forces.equilibrium import solution_order
 from mechcore.forces.friction.events import friction_events
 from mechcore.forces.kinetostatics import Forces, solve_forces
 from mechcore.forces.load_events import belt_events, belt_grip, idle_table, load_events
+from mechcore.forces.section_forces import section_forces
 from mechcore.laws.curve import MotionCurve
 from mechcore.laws.factors import ORDER_NAMES, jumps
 from mechcore.laws.program import CLOCK, Follow
@@ -115,6 +116,7 @@ def check_lines(scene: Scene, *, equations: bool = False, modes: bool = False) -
         lines += _contact(forces, scene.units, decided)
         if any(isinstance(load, BeltTension) and load.coefficient for load in scene.mechanism.loads):
             lines += _belts(forces, scene.units)
+        lines += _section("inside", list(_inside_links(forces, scene.units)))
     cams = [joint for joint in scene.mechanism.joints if isinstance(joint, CamJoint)]
     if cams:
         known = law_facts(motion) if free or decided else cam_facts(motion, forces)  # forces decide what a run makes of them
@@ -132,14 +134,14 @@ def check_lines(scene: Scene, *, equations: bool = False, modes: bool = False) -
 
 
 def _at_once(motion: Motion) -> str:
-    """What the rates are by all equations together, as a check of the groups."""
-    found = agreement(motion)
-    words = f"all {found.equations} equations of joints and drives at once, without groups, for {found.unknowns} rates of links"
-    if found.velocity is None or found.acceleration is None:
+    """Rates by all equations together, as a check of the groups."""
+    check = agreement(motion)
+    words = f"all {check.equations} equations of joints and drives at once, without groups, for {check.unknowns} rates of links"
+    if check.velocity is None or check.acceleration is None:
         return f"{words}: they decide them at no frame"
     return (
-        f"{words}: the same velocities, to {found.velocity:.1e} of the largest, and accelerations, to {found.acceleration:.1e}, "
-        f"at {found.frames} frames"
+        f"{words}: the same velocities, to {check.velocity:.1e} of the largest, and accelerations, to {check.acceleration:.1e}, "
+        f"at {check.frames} frames"
     )
 
 
@@ -175,6 +177,20 @@ def _belts(forces: Forces, units: Units) -> list[str]:
     lines = [f"{joint} carries up to {force} without slipping (Euler, Eytelwein)" for joint, force in most.items()]
     slips = [f"{e.item}: {e.in_units(units).text}" for e in belt_events(forces)]
     return _section("belt", [*lines, *(slips or ["no belt slips over the run"])])
+
+
+def _inside_links(forces: Forces, units: Units) -> Iterator[str]:
+    """Largest bending moment of each link whose section forces are asked for, where and when; with a cross-section its stress."""
+    for study in forces.motion.mechanism.studies.sections:
+        found = section_forces(forces, study)
+        size = np.abs(found.bending.values)
+        if not np.isfinite(size).any():
+            continue  # it jams over the whole run
+        k = int(np.nanargmax(size))
+        words = f"largest bending moment {units.show(found.bending.values[k], 'torque', 5)}"
+        place = units.show(found.bending.stations[k], "length", 5)
+        stress = "" if found.bending_stress is None else f", bending stress {1e-6 * found.bending_stress[k]:.5g} MPa"
+        yield f"{study.link}: {words} at {place} of its axis, at {forces.motion.time[k]:.6g} s{stress}"
 
 
 def _section(title: str, lines: list[str]) -> list[str]:

@@ -25,7 +25,7 @@ class LinkTask:
 
 
 def link_lines(task: LinkTask) -> list[str]:
-    """What the accelerations of two points of a link tell. Raises `MechanismError` where no rigid body moves so."""
+    """Lines on the rates of a link by accelerations of two of its points. Raises `MechanismError` where no rigid body moves so."""
     (a, b), (of_a, of_b) = list(task.points.values())[:2], task.accelerations
     return list(_of_link(task, rates_from_accelerations(a, b, of_a, of_b)))
 
@@ -51,9 +51,9 @@ def _point_masses(task: LinkTask, rates: PlaneRates) -> Iterator[str]:
     assert task.mass is not None and task.inertia is not None
     s = task.centre
     places = [PointMass(None, None if x is None else x - s.real, None if y is None else y - s.imag) for _, x, y in task.masses]
-    found = substitute_masses(task.mass, task.inertia, places)
-    yield f"point masses instead: {found.message}"
-    for number, (masses, from_s) in enumerate(found.solutions, 1):
+    substitution = substitute_masses(task.mass, task.inertia, places)
+    yield f"point masses instead: {substitution.message}"
+    for number, (masses, from_s) in enumerate(substitution.solutions, 1):
         yield f"  {number}."
         for (name, _, _), m, xy in zip(task.masses, masses, from_s, strict=True):
             place = s + complex(*xy)

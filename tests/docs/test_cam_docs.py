@@ -33,7 +33,7 @@ def test_the_python_of_the_page_runs(capsys):
     names: dict = {}
     exec(code, names)
     base, rise, _ = map(float, capsys.readouterr().out.split())
-    assert rise <= 30.0 + 1e-6 and 1e-3 * base == pytest.approx(names["found"].base)
+    assert rise <= 30.0 + 1e-6 and 1e-3 * base == pytest.approx(names["least"].base)
 
 
 def test_every_cam_scene_is_on_the_page_and_the_page_names_no_other():

@@ -32,8 +32,8 @@ def test_the_tree_of_contributing_is_that_of_the_checkout():
         part = re.split(until, tree[tree.index(f"{package}/") + len(package) + 1 :])[0]
         heads = [row[2:] for row in part.splitlines()[1:] if re.match(r"  \S", row)]
         named = {name for row in heads for name in re.findall(r"(?:^|  )(\w+)/", row)}
-        found = {each.name for each in (ROOT / package).iterdir() if each.is_dir() and not each.name.startswith("_")}
-        assert named == found, package
+        result = {each.name for each in (ROOT / package).iterdir() if each.is_dir() and not each.name.startswith("_")}
+        assert named == result, package
 
 
 def blocks(page: str, language: str) -> list[str]:

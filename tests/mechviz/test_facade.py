@@ -43,8 +43,8 @@ def test_values_are_those_of_the_core_in_the_units_that_people_read(run):
 def test_scenes_come_by_name_path_or_value_and_frames_follow(tmp_path):
     scene = mv.load("crank-rocker")
     mv.dump(scene, tmp_path / "mine.toml")
-    found = [mv.run(s, frames=8)["link.rocker.angle"] for s in ("crank-rocker", tmp_path / "mine.toml", scene)]
-    assert len(found[0]) == 9 and all((f == found[0]).all() for f in found)
+    result = [mv.run(s, frames=8)["link.rocker.angle"] for s in ("crank-rocker", tmp_path / "mine.toml", scene)]
+    assert len(result[0]) == 9 and all((f == result[0]).all() for f in result)
 
 
 def test_an_unknown_quantity_is_told_with_the_one_that_was_meant(run):

@@ -141,12 +141,12 @@ class Loaded(Constraints):
 
     def applied(self, t: float, q: Array, v: Array) -> list[Wrench]:
         """All loads in their order, then weights."""
-        found = [self.load(x, t, q, v) for x in self.m.loads]
+        result = [self.load(x, t, q, v) for x in self.m.loads]
         if "gravity" in self.m.effects:
             g = complex(*self.m.gravity)
             for b in range(1, len(self.names) + 1):
-                found.append(Wrench(b, self.mass[b] * g, 0.0, self.point(q, b, self.centre[b])))
-        return found
+                result.append(Wrench(b, self.mass[b] * g, 0.0, self.point(q, b, self.centre[b])))
+        return result
 
     def deflection(self, spring: sp.TorsionSpring, q: Array) -> float:
         """Angle by which a torsion spring is wound; it starts nearest to where it is slack."""
@@ -263,8 +263,8 @@ class Loaded(Constraints):
                 wanted, _ = solved(demand - self.generalised([w for _, w in rubs(p)], q))
                 return wanted - p
 
-            found = root(residual, p, tol=1e-13).x
-            for start in (found, p):  # its law has corners, next to which Newton's method may stand: mild friction contracts
+            computed = root(residual, p, tol=1e-13).x
+            for start in (computed, p):  # its law has corners, next to which Newton's method may stand: mild friction contracts
                 p = start
                 for _ in range(300):
                     left = residual(p)
@@ -328,7 +328,7 @@ class Loaded(Constraints):
             elements.append((p, f, sign))
 
         def wrenches(m: Array) -> list[tuple[str, Wrench]]:
-            found = []
+            computed = []
             for p, f, sign in elements:
                 if isinstance(p, sp.Revolute):
                     i = self.revolute.index(p.name)
@@ -340,7 +340,7 @@ class Loaded(Constraints):
                         couple = abs(m[lead + self.linear_of[p.name]])
                     size = max(force, 2.0 * couple / f.length) if f.length else force
                     effort = -sign * f.coefficient * size
-                found.append((p.name, self.effort(p.name, q, float(effort))))
-            return found
+                computed.append((p.name, self.effort(p.name, q, float(effort))))
+            return computed
 
         return wrenches

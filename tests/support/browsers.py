@@ -26,10 +26,15 @@ ARGS = [
     "--disable-gpu-compositing",  # there is no graphics card: the page itself is put together faster without pretending one
 ]
 
+# Without a graphics card a picture costs by its samples
+ONE_SAMPLE = """const get = HTMLCanvasElement.prototype.getContext;
+    HTMLCanvasElement.prototype.getContext = function (kind, options) {
+        return get.call(this, kind, kind === 'webgl2' ? { ...options, antialias: false } : options); }"""
 
-# The picture stays as it is, while the page goes on: where cameras put things can be asked without the price of drawing them
+# Drawn in software, a picture costs more than all else that a page does: a page that is still computes, hears and moves as ever,
+# and draws nothing. Where cameras put things is asked without a picture
 STILL = """if (!window.drawnLater) { window.drawnLater = {};
-    for (const name of ['drawElements', 'drawArrays', 'drawElementsInstanced', 'drawArraysInstanced']) {
+    for (const name of ['clear', 'drawElements', 'drawArrays', 'drawElementsInstanced', 'drawArraysInstanced']) {
         const own = WebGL2RenderingContext.prototype; window.drawnLater[name] = own[name]; own[name] = () => {}; } }"""
 DRAWING = "Object.assign(WebGL2RenderingContext.prototype, window.drawnLater); window.drawnLater = undefined"
 

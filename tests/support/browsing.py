@@ -9,17 +9,15 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
+from browsers import DRAWING, ONE_SAMPLE, STILL
 
 from mechviz.outputs.viewer.viser_adapter import run_script
 
 _marks = itertools.count(1)
 
-# Without a graphics card a picture costs by its pixels: half as many each way, one sample each. That is also what keeps viser from
+# Without a graphics card a picture costs by its pixels: half as many each way. That is also what keeps viser from
 # changing the number of pixels by itself when the machine is busy.
 PIXELS = "?fixedDpr=0.5"
-ONE_SAMPLE = """const get = HTMLCanvasElement.prototype.getContext;
-    HTMLCanvasElement.prototype.getContext = function (kind, options) {
-        return get.call(this, kind, kind === 'webgl2' ? { ...options, antialias: false } : options); }"""
 SIZE = {"width": 1100, "height": 700}
 PATIENCE = 60.0  # [s] for anything that has to come: a slow machine without a graphics card may need most of it
 READY = """names => { const m = window.__viserMutable; return !!m && !!m.messageQueue && m.messageQueue.length === 0 &&
@@ -46,9 +44,10 @@ def new_page(browser: Any, size: dict[str, int], **more: Any) -> Any:
 
 
 def open_viewer(browser: Any, viewer: Any, size: dict[str, int], nodes: Sequence[str], **more: Any) -> Any:
-    """A page with the viewer, when these nodes of the scene are there, with fewer pixels and samples; ``more`` of the page."""
+    """A page with the viewer, when these nodes of the scene are there, which draws where `picture` looks; ``more`` of the page."""
     page = new_page(browser, size, **more)
     page.add_init_script(ONE_SAMPLE)
+    page.add_init_script(STILL)
     page.goto(f"{viewer.url}{PIXELS}")
     _arrange(page, nodes)
     return page
@@ -68,9 +67,9 @@ def _arrange(page: Any, nodes: Sequence[str]) -> None:
 
 def open_tab(page: Any, tab: str) -> None:
     """Open a tab of a panel, if it is not open."""
-    found = page.get_by_role("tab", name=tab, exact=True)
-    if found.get_attribute("aria-selected") != "true":
-        found.click()
+    control = page.get_by_role("tab", name=tab, exact=True)
+    if control.get_attribute("aria-selected") != "true":
+        control.click()
 
 
 def caught_up(viewer: Any, page: Any) -> None:
@@ -116,9 +115,19 @@ def until(page: Any, condition: Any, what: str, seconds: float = PATIENCE) -> No
         page.wait_for_timeout(20)
 
 
+# Draw one picture of the scene
+DRAWN_ONCE = f"""async () => {{ {DRAWING};
+    const m = window.__viserMutable, own = m.scene.__r3f, {{ scene }} = (own.root || own).getState();
+    await new Promise(done => {{ const after = scene.onAfterRender;
+        scene.onAfterRender = () => {{ scene.onAfterRender = after; done(); }}; m.requestRender(); }});
+    await new Promise(done => requestAnimationFrame(() => requestAnimationFrame(done)));
+    {STILL} }}"""
+
+
 def picture(page: Any) -> np.ndarray:
     """The part of the page between the panels, as (rows, columns, RGB)."""
     from PIL import Image
 
+    page.evaluate(DRAWN_ONCE)
     clip = dict(zip(("x", "y", "width", "height"), page.evaluate(CANVAS), strict=True))
     return np.asarray(Image.open(io.BytesIO(page.screenshot(clip=clip))).convert("RGB")).astype(int)

@@ -26,3 +26,15 @@ def design_case(name: str) -> tuple[Any, Any]:
 def plane(pairs: Any) -> Complex:
     """Pairs of numbers as plane vectors."""
     return np.asarray(pairs, float)[..., 0] + 1j * np.asarray(pairs, float)[..., 1]
+
+
+def time_ratio(pin: np.ndarray) -> float:
+    """Slow over fast of an output (F,) over one turn of a crank at constant speed, ends of the turn once; found between samples."""
+    high, low = int(pin.argmax()), int(pin.argmin())
+
+    def place(k: int) -> float:
+        before, at, after = pin[k - 1], pin[k], pin[(k + 1) % len(pin)]
+        return float(k + 0.5 * (before - after) / (before - 2.0 * at + after))
+
+    part = (place(high) - place(low)) % len(pin) / len(pin)
+    return float(max(part, 1.0 - part) / min(part, 1.0 - part))

@@ -94,7 +94,7 @@ def linkage_way(linkage: Linkage, x: Array, leader: int, speed: float, times: Se
 
     y = np.append(x, 0.0)
     solver: Any = DOP853(slope, 0.0, y, 1e6, rtol=3e-14, atol=1e-15, first_step=1e-4)
-    found, left = [], list(times)
+    result, left = [], list(times)
     while left:
         singular = float(np.linalg.svd(linkage.jacobian(solver.y[:-1]))[1][-1])
         solver.max_step = max(0.2 * singular, floor)
@@ -105,12 +105,12 @@ def linkage_way(linkage: Linkage, x: Array, leader: int, speed: float, times: Se
         dense = solver.dense_output()
         while left and left[0] <= solver.y[-1]:
             s = brentq(lambda s, way=dense: way(s)[-1] - left[0], solver.t_old, solver.t, xtol=1e-15)
-            found.append(linkage.closed(dense(s)[:-1]))
+            result.append(linkage.closed(dense(s)[:-1]))
             left.pop(0)
         solver.y[:-1] = linkage.closed(solver.y[:-1])
         solver.f = slope(solver.t, solver.y)
         before = solver.f[:-1]
-    return np.array(found)
+    return np.array(result)
 
 
 def change_point_way(
@@ -156,8 +156,8 @@ def change_point_way(
         return np.angle(vectors), (slopes / vectors).imag
 
     def rate(q: Array) -> Array:
-        found = [linkage.energies(x, w) for x, w in zip(*angles(q), strict=True)]
-        return np.array([np.sqrt(k / (whole - v)) for k, v in found])
+        computed = [linkage.energies(x, w) for x, w in zip(*angles(q), strict=True)]
+        return np.array([np.sqrt(k / (whole - v)) for k, v in computed])
 
     x, w = angles(np.array([start]))
     kinetic, potential = linkage.energies(x[0], w[0] * speed)
@@ -171,5 +171,5 @@ def change_point_way(
         half = 0.5 * np.diff(fine)
         q = (fine[:-1, None] + half[:, None] * (1.0 + nodes)).ravel()
         times.append(times[-1] + float((rate(q) * (np.abs(half)[:, None] * weights).ravel()).sum()))
-    found = np.concatenate([angles(edges[k : k + 1])[0] for k in range(1, count + 1)])
-    return np.array(times[1:]), found
+    computed = np.concatenate([angles(edges[k : k + 1])[0] for k in range(1, count + 1)])
+    return np.array(times[1:]), computed

@@ -62,19 +62,19 @@ def wrapped(angle: float) -> float:
 
 def stated(joints: Any, starts: Any, first: str, second: str) -> float | None:
     """The angle of two links where rigid joints and driven joints, which start at ``starts``, say it; whole turns included."""
-    found = {first: 0.0}
+    result = {first: 0.0}
     while True:
-        size = len(found)
+        size = len(result)
         for p in joints:
             angle = starts.get(p.name) if isinstance(p, Revolute) else getattr(p, "angle", None)
             if angle is not None:
                 a, b = p.links
-                if a in found:
-                    found.setdefault(b, found[a] + angle)
-                elif b in found:
-                    found[a] = found[b] - angle
-        if len(found) == size:
-            return found.get(second)
+                if a in result:
+                    result.setdefault(b, result[a] + angle)
+                elif b in result:
+                    result[a] = result[b] - angle
+        if len(result) == size:
+            return result.get(second)
 
 
 def unit(angle: float) -> complex:

@@ -113,14 +113,14 @@ def _made(name: str, frames: int) -> Made:
 
 def vectors_of(run: Run, size: float = 1.0) -> tuple[dict[str, dict[str, Vector]], dict[str, dict[str, Moment]], Scales]:
     """Vectors and moments that are drawn of a run, by family and item, and their scales in a mechanism of a size [m]."""
-    found = arrows_of(run, size)
+    arrows = arrows_of(run, size)
     vectors: dict[str, dict[str, Vector]] = {}
     moments: dict[str, dict[str, Moment]] = {}
-    for vector in found.vectors:
+    for vector in arrows.vectors:
         vectors.setdefault(vector.family, {})[vector.item] = vector
-    for moment in found.moments:
+    for moment in arrows.moments:
         moments.setdefault(moment.family, {})[moment.item] = moment
-    return vectors, moments, found.scales
+    return vectors, moments, arrows.scales
 
 
 def place(pose: NDArray[np.float64], point: tuple[float, float]) -> NDArray[np.float64]:

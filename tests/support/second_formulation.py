@@ -36,8 +36,8 @@ class Second(Loaded):
         m = len(j)
         whole = np.zeros((self.n + m, self.n + m))
         whole[: self.n, : self.n], whole[: self.n, self.n :], whole[self.n :, : self.n] = big, -j.T, j
-        found = np.linalg.solve(whole, np.concatenate([force, -k]))
-        return found[: self.n], found[self.n :]
+        solution = np.linalg.solve(whole, np.concatenate([force, -k]))
+        return solution[: self.n], solution[self.n :]
 
     def project(self, t: float, q: Array, v: Array, more: tuple[str, ...] = ()) -> tuple[Array, Array]:
         """The nearest state that the constraints allow."""
@@ -116,23 +116,23 @@ class Second(Loaded):
                 events.append(event)
             started = np.concatenate([q, v])
             exact = {"method": "DOP853", "rtol": tolerance, "atol": 1e-13, "dense_output": True}
-            found = solve_ivp(slope, (t, end), started, events=[*events, *nearest], max_step=longest, **exact)
+            solution = solve_ivp(slope, (t, end), started, events=[*events, *nearest], max_step=longest, **exact)
             longest = np.inf
-            if found.status < 0:
-                raise Lost(found.message)
-            met = [(float(found.t[-1]), i) for i in range(len(stops)) if found.status == 1 and len(found.t_events[i])]
+            if solution.status < 0:
+                raise Lost(solution.message)
+            met = [(float(solution.t[-1]), i) for i in range(len(stops)) if solution.status == 1 and len(solution.t_events[i])]
             for i, (s, near) in enumerate(zip(stops, events, strict=True)):  # a graze within a step: in and out again
-                turns = [] if s in resting else found.t_events[len(stops) + i]
-                beyond = next((float(u) for u in turns if near(u, found.sol(u)) > GRAZES), None)
+                turns = [] if s in resting else solution.t_events[len(stops) + i]
+                beyond = next((float(u) for u in turns if near(u, solution.sol(u)) > GRAZES), None)
                 if beyond is not None:
-                    before = max(float(u) for u in np.linspace(t, beyond, DENSE) if near(u, found.sol(u)) < 0.0)
-                    met.append((brentq(lambda u, near=near, at=found.sol: near(u, at(u)), before, beyond, xtol=1e-16), i))
+                    before = max(float(u) for u in np.linspace(t, beyond, DENSE) if near(u, solution.sol(u)) < 0.0)
+                    met.append((brentq(lambda u, near=near, at=solution.sol: near(u, at(u)), before, beyond, xtol=1e-16), i))
             if not met:
-                states(more, end, found.sol)
+                states(more, end, solution.sol)
                 return {k: np.array(x) if k in ("q", "v", "a") else x for k, x in out.items()}
             t, which = min(met)
-            states(more, t, found.sol)
-            y = found.sol(t)
+            states(more, t, solution.sol)
+            y = solution.sol(t)
             q, v = self.project(t, y[: self.n], y[self.n :], more)
             s = stops[which]
             sign = 1.0 if s.side == "upper" else -1.0

@@ -81,7 +81,7 @@ def meeting_links(spec: Mechanism, poses: Poses, solids: Solids, every: int = 3)
     touching = {frozenset(p.links) for p in spec.joints if isinstance(p, CamJoint)}  # to the tolerance of their tessellation
     screws = [joint for joint in spec.joints if isinstance(joint, Screw)]
     within = {frozenset((joint.links[joint.guide], f"{joint.name}.spindle")) for joint in screws}  # it turns inside rod and bearing
-    found = set()
+    result = set()
     sections = {name: Sections(mesh) for name, mesh in scaled.items()}
     looked_at = set()
     for z in 0.5 * (heights[1:] + heights[:-1]):
@@ -90,7 +90,7 @@ def meeting_links(spec: Mechanism, poses: Poses, solids: Solids, every: int = 3)
         at: dict[str, np.ndarray] = {}
         for a, b in itertools.combinations(cut, 2):
             pair = (a, cut[a][0], b, cut[b][0])
-            if (a, b) in found or {a, b} in within or pair in looked_at:
+            if (a, b) in result or {a, b} in within or pair in looked_at:
                 continue
             looked_at.add(pair)
             for name in {a, b} - at.keys():
@@ -99,8 +99,8 @@ def meeting_links(spec: Mechanism, poses: Poses, solids: Solids, every: int = 3)
             if {a, b} in touching:
                 first = placed(shapely.buffer(cut[a][1], -TOUCH / solids.size), poses.get(a, still)[::every], solids.size)
             if shapely.intersects(first, at[b]).any():
-                found.add((a, b))
-    return found
+                result.add((a, b))
+    return result
 
 
 def without_threads(spec: Mechanism, solids: Solids) -> dict[str, trimesh.Trimesh]:

@@ -42,18 +42,18 @@ def opened(port: int) -> contextlib.AbstractContextManager[ClientConnection]:
 def sockets(port: int, count: int) -> Iterator[list[ClientConnection]]:
     """Browsers of which only the sockets are there, after all that was before them."""
     with contextlib.ExitStack() as stack:
-        found = [stack.enter_context(opened(port)) for _ in range(count)]
-        for socket in found:
+        result = [stack.enter_context(opened(port)) for _ in range(count)]
+        for socket in result:
             replay(socket)
-        yield found
+        yield result
 
 
 def replay(socket: ClientConnection) -> list[dict[str, Any]]:
     """All that a page is told when it opens."""
-    found: list[dict[str, Any]] = []
-    while "ReplayDoneMessage" not in types(found):
-        found += messages(socket)
-    return found
+    result: list[dict[str, Any]] = []
+    while "ReplayDoneMessage" not in types(result):
+        result += messages(socket)
+    return result
 
 
 def messages(socket: ClientConnection) -> list[dict[str, Any]]:
@@ -67,8 +67,8 @@ def decoded(data: Any) -> list[dict[str, Any]]:
     return list(msgspec.msgpack.decode(inner)["messages"])
 
 
-def types(found: list[dict[str, Any]]) -> set[str]:
-    return {m["type"] for m in found}
+def types(result: list[dict[str, Any]]) -> set[str]:
+    return {m["type"] for m in result}
 
 
 def send(socket: ClientConnection, message: Any) -> None:

@@ -36,9 +36,9 @@ def entity_of(batch: Any) -> str:
     return str(batch.schema.metadata[b"rerun:entity_path"].decode())
 
 
-def write(path: Path, found: list[Any]) -> Path:
+def write(path: Path, items: list[Any]) -> Path:
     """Write batches as a recording."""
-    chunks = [chunk for batch in found for chunk in Chunk.from_record_batch(batch)]
+    chunks = [chunk for batch in items for chunk in Chunk.from_record_batch(batch)]
     LazyChunkStream.from_iter(iter(chunks)).write_rrd(path, application_id="mechviz", recording_id="damaged")
     return path
 
@@ -52,9 +52,9 @@ def damaged(whole: Path, target: Path, seed: int) -> str:
         words = harm(rng, data)
         target.write_bytes(data)
         return str(words)
-    found = batches(whole)
-    words = harm(rng, found)
-    write(target, found)
+    rows = batches(whole)
+    words = harm(rng, rows)
+    write(target, rows)
     return str(words)
 
 
@@ -75,17 +75,17 @@ def _components(batch: Any) -> list[int]:
     return [k for k, name in enumerate(batch.schema.names) if not name.startswith("rerun")]
 
 
-def _column(rng: random.Random, found: list[Any]) -> str:
+def _column(rng: random.Random, items: list[Any]) -> str:
     """One column of one batch loses rows or values, or gets impossible ones."""
-    k = rng.randrange(len(found))
-    batch = found[k]
+    k = rng.randrange(len(items))
+    batch = items[k]
     choice = [c for c in _components(batch) if pa.types.is_list(batch.schema.field(c).type)]
     if not choice:
         return "nothing"
     c = rng.choice(choice)
     ways = (_drop_column, _drop_rows, _replace_values, _replace_values, _replace_values, _resize)
     way: Callable[[random.Random, Any, int], tuple[Any, str]] = rng.choice(ways)
-    found[k], words = way(rng, batch, c)
+    items[k], words = way(rng, batch, c)
     return f"{entity_of(batch)} {batch.schema.names[c]}: {words}"
 
 
@@ -144,32 +144,32 @@ def _resize(rng: random.Random, batch: Any, c: int) -> tuple[Any, str]:
     return _with(batch, c, new, f"rows {way}{f' at {at}' if one else ''}")
 
 
-def _entity(rng: random.Random, found: list[Any]) -> str:
+def _entity(rng: random.Random, items: list[Any]) -> str:
     """An entity is missing, or everything below a path."""
-    path = entity_of(rng.choice(found))
+    path = entity_of(rng.choice(items))
     parts = path.split("/")
     path = "/".join(parts[: rng.randrange(2, len(parts) + 1)])
-    found[:] = [b for b in found if not (entity_of(b) + "/").startswith(path + "/")]
+    items[:] = [b for b in items if not (entity_of(b) + "/").startswith(path + "/")]
     return f"without {path}"
 
 
-def _text(rng: random.Random, found: list[Any]) -> str:
+def _text(rng: random.Random, items: list[Any]) -> str:
     """A property holds something else, or its JSON is another."""
-    own = [k for k, batch in enumerate(found) if entity_of(batch) == PROPERTIES]
+    own = [k for k, batch in enumerate(items) if entity_of(batch) == PROPERTIES]
     k = rng.choice(own)
-    batch = found[k]
+    batch = items[k]
     c = rng.choice(_components(batch))
     name, field = batch.schema.names[c], batch.schema.field(c)
     row = batch.column(c).to_pylist()[-1]
     if isinstance(row, list) and len(row) == 1 and isinstance(row[0], str) and row[0][:1] in "{[":
         text, words = _other_json(rng, row[0])
-        found[k] = batch.set_column(c, field, pa.array([[text]] * len(batch), field.type))
+        items[k] = batch.set_column(c, field, pa.array([[text]] * len(batch), field.type))
         return f"property {name}: {words}"
     if rng.random() < 0.3:
-        found[k] = batch.drop_columns([name])
+        items[k] = batch.drop_columns([name])
         return f"property {name} dropped"
     value = rng.choice(("x", 7, -1.5, float("nan"), 0.0, "../../evil"))
-    found[k] = batch.set_column(c, name, pa.array([[value]] * len(batch)))
+    items[k] = batch.set_column(c, name, pa.array([[value]] * len(batch)))
     return f"property {name} = {value!r}"
 
 

@@ -23,7 +23,6 @@ from mechcore.derivatives.model_numbers import Parameter
 from mechcore.errors import MechanismError
 
 STEPS = (2e-3, 3e-4, 1e-4, 3e-5, 1e-5)  # of differences: long ones may reach a place where friction or a damper turns round
-SETTLED = 1e-6  # relative: differences with the two shortest steps that are further apart say nothing
 ROUNDING = 100.0 * np.finfo(float).eps
 
 
@@ -31,18 +30,18 @@ def off(kind: str, seed: int) -> float | None:
     """The largest error of a mechanism's derivatives, in what is allowed; NaN where differences do not decide, None where there is
     nothing to compare. Raises
     `MechanismError` where derivatives are refused."""
-    found = draw(kind, seed, forces=False, friction=seed % 2 == 1)
-    if found.free or not found.mechanism.effects:
+    drawing = draw(kind, seed, forces=False, friction=seed % 2 == 1)
+    if drawing.free or not drawing.mechanism.effects:
         return None
-    time = found.time[:: max(len(found.time) // FEW, 1)]
+    time = drawing.time[:: max(len(drawing.time) // FEW, 1)]
     try:
-        motion, forces = solved(found.mechanism, time)
+        motion, forces = solved(drawing.mechanism, time)
     except MechanismError:
         return None
     jams = forces.friction is not None and forces.friction.jammed.any()
     if motion.singular_points or np.max(motion.condition) >= 30.0 or jams:
         return None
-    at = moved_together(found.mechanism, np.random.default_rng(5 + seed))
+    at = moved_together(drawing.mechanism, np.random.default_rng(5 + seed))
     exact = Derivatives(motion, [Parameter("x", 0.0, 0.01, at)])
     slopes = exact.of(*asked(exact.motion, exact.forces))
     close = []
@@ -58,10 +57,11 @@ def off(kind: str, seed: int) -> float | None:
         apart = []
         for h, theirs in close:
             size = max(np.max(np.abs(theirs[k])), 1e-3 * np.max(np.abs(value)), 1e-4 * largest)
-            apart.append(np.max(np.abs(ours[0] - theirs[k])) / (1e-9 * size + ROUNDING * largest / h))
+            allowed = 1e-9 * size + ROUNDING * largest / h
+            apart.append(np.max(np.abs(ours[0] - theirs[k])) / allowed)
         least = min(apart, default=0.0)
-        if least > 1.0 and np.max(np.abs(close[-1][1][k] - close[-2][1][k])) > SETTLED * size:
-            return float("nan")
+        if least > 1.0 and np.max(np.abs(close[-1][1][k] - close[-2][1][k])) > allowed:
+            return float("nan")  # those with the two shortest steps do not agree either
         worst = max(worst, least)
     return float(worst) if len(close) > 1 else None
 

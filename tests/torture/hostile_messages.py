@@ -136,9 +136,9 @@ def viewer() -> Iterator[tuple[int, int]]:
         process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, cwd=folder)
         try:
             assert process.stdout is not None
-            found = re.search(r"http://127.0.0.1:(\d+)/", process.stdout.readline())
-            assert found, "the viewer does not start"
-            yield int(found[1]), process.pid
+            match = re.search(r"http://127.0.0.1:(\d+)/", process.stdout.readline())
+            assert match, "the viewer does not start"
+            yield int(match[1]), process.pid
         finally:
             process.terminate()
             print(process.communicate(timeout=PATIENCE)[1][-3000:], file=sys.stderr)
@@ -146,9 +146,9 @@ def viewer() -> Iterator[tuple[int, int]]:
 
 def memory(process: int) -> float:
     """Of a process [bytes]."""
-    found = re.search(r"VmRSS:\s+(\d+) kB", Path(f"/proc/{process}/status").read_text(encoding="ascii"))
-    assert found, "the viewer has ended"
-    return 1024.0 * int(found[1])
+    match = re.search(r"VmRSS:\s+(\d+) kB", Path(f"/proc/{process}/status").read_text(encoding="ascii"))
+    assert match, "the viewer has ended"
+    return 1024.0 * int(match[1])
 
 
 def drained(socket: ClientConnection) -> None:

@@ -53,14 +53,14 @@ def check(target: Path, part: Path) -> None:
 def _check_part(path: Path) -> None:
     whole = frames_in_whole_blocks(path)
     try:
-        found = inspect(path)
-        format_inspection(found)
+        inspection = inspect(path)
+        format_inspection(inspection)
     except RecordingError as error:
         if whole or not error.remedy:
             print(f"WRONG: {whole} frames stand there, and it says: {error}")
         return
-    if found.frames != whole:
-        print(f"WRONG: {found.frames} of {whole} frames are read")
+    if inspection.frames != whole:
+        print(f"WRONG: {inspection.frames} of {whole} frames are read")
 
 
 def main(count: int = 200, seconds: float = 3600.0, first: int = 0) -> int:
@@ -85,8 +85,8 @@ def main(count: int = 200, seconds: float = 3600.0, first: int = 0) -> int:
                 before = target.read_bytes()
                 forked(words, said, kill_after=rng.uniform(0.0, 1.1 * takes))
                 tried += 1
-                found = {path.name for path in folder.iterdir()} - {"a.rrd", "a.part.rrd", "said"}
-                told = f"{sorted(found)} are left" if found else ""
+                result = {path.name for path in folder.iterdir()} - {"a.rrd", "a.part.rrd", "said"}
+                told = f"{sorted(result)} are left" if result else ""
                 if part.exists():
                     left += 1
                     told = told or ("" if target.read_bytes() == before else "the recording that was there has changed")

@@ -182,8 +182,8 @@ def _repeating(until: Callable[[float], BranchPath], cycles: Sequence[int], cycl
         singular_points = path.singular_points
         if singular_points is not None:
             tiny = 1e-9 * period
-            kept = tuple(c for c in singular_points.found if -tiny <= c.time < period - tiny)
-            singular_points = replace(singular_points, period=period, found=kept)
+            kept = tuple(c for c in singular_points.points if -tiny <= c.time < period - tiny)
+            singular_points = replace(singular_points, period=period, points=kept)
         return replace(path, period=period, singular_points=singular_points)
     return None
 
@@ -224,7 +224,7 @@ def _reaches_dead_points(path: BranchPath) -> bool:
     """Whether a path in time goes through dead points that the drive just reaches: beyond them the loops would not close."""
     if path.singular_points is None:
         return False
-    time = np.array([c.time for c in path.singular_points.found if c.dead])
+    time = np.array([c.time for c in path.singular_points.points if c.dead])
     if not len(time):
         return False
     model, assembly = path.model, path.branch.assembly
@@ -272,7 +272,7 @@ def branch_path(
         return replace(path, gaps=tuple(gaps))
     still = tuple(ConstantSpeed(q, 0.0) for q in branch.still)
     laws = branch.laws if by_time else (ConstantSpeed(start, 1.0), *still)
-    singular_points = SingularPoints(period=1e150, found=tuple(passed), laws=laws, by_drive=not by_time)
+    singular_points = SingularPoints(period=1e150, points=tuple(passed), laws=laws, by_drive=not by_time)
     return replace(path, gaps=tuple(gaps), singular_points=singular_points)
 
 

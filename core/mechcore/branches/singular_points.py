@@ -66,7 +66,7 @@ class SingularPoints:
     """
 
     period: float
-    found: tuple[SingularPoint, ...]
+    points: tuple[SingularPoint, ...]
     laws: tuple[Law, ...]
     by_drive: bool = False
     gaps: tuple[Gap, ...] = ()
@@ -75,7 +75,7 @@ class SingularPoints:
         """All singular points of a run from ``start`` to ``end`` [s], in order of time."""
         out = []
         for k in range(int(np.floor(start / self.period)), int(np.floor(end / self.period)) + 1):
-            for c in self.found:
+            for c in self.points:
                 t = c.time + k * self.period
                 if start <= t <= end:
                     out.append(replace(c, time=t))
@@ -93,7 +93,7 @@ class SingularPoints:
     def _flips(self) -> dict[int, Real]:
         """When the modes of each block are exchanged."""
         times: dict[int, list[float]] = {}
-        for c in self.found:
+        for c in self.points:
             if c.flips:
                 times.setdefault(c.block, []).append(c.time)
         return {block: np.sort(t) for block, t in times.items()}
@@ -164,7 +164,7 @@ def _until_closed(
         singular_points = _scan(model, modes, cycle, cycles, laws, by_drive=by_drive)
         if singular_points is None:
             return None
-        counts = np.bincount([c.block for c in singular_points.found if c.flips], minlength=len(model.blocks))
+        counts = np.bincount([c.block for c in singular_points.points if c.flips], minlength=len(model.blocks))
         if not (counts % 2).any():
             break
     return singular_points
@@ -227,7 +227,7 @@ def _sampled(
                 resolved &= fine
             if by_drive and block.angles and not np.isfinite(np.sum(state.rot[model.angles.classes_of[block.angles[0]][0]])):
                 return None, True
-    return SingularPoints(period=period, found=tuple(points), laws=laws, by_drive=by_drive, gaps=tuple(gaps)), resolved
+    return SingularPoints(period=period, points=tuple(points), laws=laws, by_drive=by_drive, gaps=tuple(gaps)), resolved
 
 
 def _smoothed(

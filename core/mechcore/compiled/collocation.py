@@ -23,6 +23,7 @@ REDUCED = """
 #define MARGIN {margin!r}
 #define RATIOS {count}
 #define FORMS {kinds}
+#define TOLD {told}
 
 static void reduced(const double *p, const double *m, const double *q, const double *v, double t, const double *d, double *near,
                     double *out) {{
@@ -78,7 +79,8 @@ class Batch(NamedTuple):
 
 class WrittenEquations:
     """Reduced equations of motion in C. ``outputs``: the lower triangle of M, row by row, then Q - h, then rates of states; angles
-    that are followed; ratios of rates of joints to those of the coordinates; forms of laws that have several.
+    that are followed; ratios of rates of joints to those of the coordinates; forms of laws that have several; what
+    else is told of a state.
 
     They are computed from what C calls ``q[k]``, ``v[k]``, ``t``, modes ``m[k]``, ``given`` values ``d[k]`` of prescribed drives,
     and angles ``near[k]`` from which the ``angles`` are followed; values of functions `of_time` come after those of drives.
@@ -86,7 +88,8 @@ class WrittenEquations:
     """
 
     def __init__(self, code: Code, outputs: tuple[Sequence[Operand], ...], freedoms: tuple[int, int], given: int, margin: float):
-        equations, angles, ratios, forms = outputs
+        equations, angles, ratios, forms, told = outputs
+        equations = [*equations, *told]
         self.parameters: list[float] = []
         self.coordinates = freedoms[0]
         self.freedoms, self.given, self.angles = sum(freedoms), given + len(code.of_time), len(angles)
@@ -96,7 +99,7 @@ class WrittenEquations:
         self.lines = len(lines)
         rates = code.written([(f"out[{k}]", x) for k, x in enumerate(ratios)], self.parameters)
         whole = code.written([(f"out[{k}]", x) for k, x in enumerate(forms)], self.parameters)
-        self.forms = len(forms)
+        self.forms, self.told = len(forms), len(told)
         own = REDUCED.format(
             freedoms=freedoms[0],
             states=freedoms[1],
@@ -105,6 +108,7 @@ class WrittenEquations:
             margin=margin,
             count=len(ratios),
             kinds=len(forms),
+            told=len(told),
             forms="\n    ".join(whole),
             lines="\n    ".join(lines),
             rates="\n    ".join(rates),
@@ -154,7 +158,7 @@ class CompiledEquations:
         self._loaded.window.restype = self._loaded.windows.restype = ctypes.c_long
         self._loaded.evaluated.restype = self._loaded.formed.restype = self._loaded.reduced_at.restype = None
         self.coordinates = written.coordinates
-        self.kinds = written.forms
+        self.kinds, self._told = written.forms, written.told
         self._loaded.strained.restype = ctypes.c_double
         self._kept: list[Real] = [np.array(x or [0.0], float) for x in (written.parameters, list(modes), list(scale))]
         self.modes = self._kept[1]
@@ -175,12 +179,22 @@ class CompiledEquations:
 
     def reduced(self, q: Real, v: Real, t: Real, d: Real, near: Real) -> tuple[Real, Real]:
         """M (n, k, k) and Q - h (n, k) of the k coordinates that are no states, for what `accelerations` is given."""
-        k, given = self.coordinates, [np.ascontiguousarray(x, float) for x in (q, v, t, d, near)]
-        out = np.empty((len(t), k * (k + 1) // 2 + self.freedoms))
-        self._loaded.reduced_at(self._system, ctypes.c_long(len(t)), *(_at(x) for x in given), _at(out))
-        inertia, (i, j) = np.empty((len(t), k, k)), _below(k)
-        inertia[:, i, j] = inertia[:, j, i] = out[:, : len(i)]
-        return inertia, out[:, len(i) : len(i) + k]
+        k, (i, j) = self.coordinates, _below(self.coordinates)
+        rest = self._rows(q, v, t, d, near)
+        inertia = np.empty((len(t), k, k))
+        inertia[:, i, j] = inertia[:, j, i] = rest[:, : len(i)]
+        return inertia, rest[:, len(i) : len(i) + k]
+
+    def told(self, q: Real, v: Real, t: Real, d: Real, near: Real) -> tuple[Real, Real]:
+        """Q - h and rates of states (n, f), which are accelerations where M is one, and what else is told of states (n, k)."""
+        rest, k = self._rows(q, v, t, d, near), len(_below(self.coordinates)[0])
+        return rest[:, k : k + self.freedoms], rest[:, k + self.freedoms :]
+
+    def _rows(self, *at: Real) -> Real:
+        given = [np.ascontiguousarray(x, float) for x in at]
+        out = np.empty((len(at[2]), len(_below(self.coordinates)[0]) + self.freedoms + self._told))
+        self._loaded.reduced_at(self._system, ctypes.c_long(len(out)), *(_at(x) for x in given), _at(out))
+        return out
 
     def accelerations(self, q: Real, v: Real, t: Real, d: Real, near: Real) -> Real:
         """Accelerations (n, f) at coordinates and rates (n, f), times (n,), values of drives (n, g) and near the angles (a,)."""

@@ -1,5 +1,5 @@
 /* Functions of the programs: those of mechcore.kinematics.dyads, tables, motion curves, numpy's sign, maximum and minimum, linear
-   equations, Newton's method and the normal loads of friction. */
+   equations, Newton's method, the normal loads of friction and what sticks. */
 #include <math.h>
 #include <string.h>
 
@@ -100,11 +100,11 @@ static inline void substituted(const double *m, const long *rows, double *x, lon
         x[k] = x[rows[k]];
         x[rows[k]] = other;
     }
-    for (long i = 0; i < n; i++)
-        for (long j = 0; j < i; j++) x[i] -= m[i * n + j] * x[j];
-    for (long i = n - 1; i >= 0; i--) {
-        for (long j = i + 1; j < n; j++) x[i] -= m[i * n + j] * x[j];
-        x[i] /= m[i * n + i];
+    for (long j = 0; j < n; j++) /* column by column: no term waits for the one before */
+        for (long i = j + 1; i < n; i++) x[i] -= m[i * n + j] * x[j];
+    for (long j = n - 1; j >= 0; j--) {
+        x[j] /= m[j * n + j];
+        for (long i = 0; i < j; i++) x[i] -= m[i * n + j] * x[j];
     }
 }
 static inline double linear(double *x, const long *s, const double *g) { /* linear equations: matrix (n, n), right-hand side (n) */
@@ -242,4 +242,90 @@ static inline double rubbing(double *x, const long *s, const double *d) {
     x[n] = miss;
     if (!(miss <= fmax(1e-11, tolerance))) x[n + 2] = 0.0;
     return miss;
+}
+
+/* Eigenvalues of a symmetric matrix (n, n) on its diagonal, and its eigenvectors in the columns of v, by Jacobi's rotations. */
+static inline void diagonalised(double *m, double *v, long n) {
+    for (long i = 0; i < n * n; i++) v[i] = (double)(i % (n + 1) == 0);
+    for (long sweep = 0; sweep < 50; sweep++) {
+        double off = 0.0, on = 0.0;
+        for (long i = 0; i < n; i++)
+            for (long j = 0; j < n; j++) *(i == j ? &on : &off) += m[i * n + j] * m[i * n + j];
+        if (!(off > 1e-40 * on)) return;
+        for (long p = 0; p < n; p++)
+            for (long q = p + 1; q < n; q++) {
+                if (m[p * n + q] == 0.0) continue;
+                const double half = 0.5 * (m[q * n + q] - m[p * n + p]) / m[p * n + q];
+                const double t = (half < 0.0 ? -1.0 : 1.0) / (fabs(half) + sqrt(half * half + 1.0)), c = 1.0 / sqrt(t * t + 1.0);
+                for (long i = 0; i < n; i++) { /* columns, those of v too, then rows */
+                    double *const pairs[] = {m + i * n + p, m + i * n + q, v + i * n + p, v + i * n + q};
+                    for (long k = 0; k < 4; k += 2) {
+                        const double first = *pairs[k], second = *pairs[k + 1];
+                        *pairs[k] = c * (first - t * second), *pairs[k + 1] = c * (second + t * first);
+                    }
+                }
+                for (long i = 0; i < n; i++) {
+                    const double first = m[p * n + i], second = m[q * n + i];
+                    m[p * n + i] = c * (first - t * second), m[q * n + i] = c * (second + t * first);
+                }
+            }
+    }
+}
+
+/* Dry friction of elements of which some stick, as mechcore.dynamics.contact.dry_friction: its values (n), sizes of the normal loads
+(n), whether they are found. `s`: n, of each load whether it is the length of its two numbers; `d`: tolerance, signs of the
+rates (n), friction per normal load against them (n), scales (n), relative accelerations without friction (n) and by unit friction
+(n, n), the loads' numbers a (n, 2) without and (n, 2, n) by unit friction. */
+static inline double dry(double *x, const long *s, const double *d) {
+    const long n = s[0];
+    const double *signs = d + 1, *braking = signs + n, *scale = braking + n, *bias = scale + n, *coupling = bias + n, *a = coupling + n * n,
+                 *k = a + 2 * n;
+    long stuck[n + 1], slides[n + 1], lengths[n + 1], count = 0, rest = 0;
+    for (long i = 0; i < n; i++) {
+        if (signs[i] == 0.0) stuck[count++] = i;
+        else lengths[rest + 1] = s[1 + i], slides[rest++] = i;
+    }
+    lengths[0] = rest;
+    double inner[count * count + 1], vectors[count * count + 1], need[count * count + 1], held[count * (rest + 1) + 1], most = 0.0;
+    for (long i = 0; i < count * count; i++) {
+        const long p = stuck[i / count], q = stuck[i % count];
+        inner[i] = coupling[p * n + q] / (scale[p] * scale[q]), need[i] = 0.0;
+    }
+    diagonalised(inner, vectors, count);
+    for (long i = 0; i < count; i++) most = fmax(most, fabs(inner[i * count + i]));
+    for (long e = 0; e < count; e++) {
+        const double value = inner[e * count + e];
+        if (!(fabs(value) > 1e-10 * most)) continue; /* efforts that nothing determines */
+        for (long i = 0; i < count * count; i++) need[i] += vectors[i / count * count + e] * vectors[i % count * count + e] / value;
+    }
+    for (long i = 0; i < count * count; i++) need[i] /= scale[stuck[i / count]] * scale[stuck[i % count]];
+    for (long i = 0; i < count; i++)
+        for (long j = 0; j <= rest; j++) { /* by loads of what slides, and last without */
+            double sum = 0.0;
+            for (long m = 0; m < count; m++)
+                sum -= need[i * count + m] * (j < rest ? coupling[stuck[m] * n + slides[j]] * braking[slides[j]] : bias[stuck[m]]);
+            held[i * (rest + 1) + j] = sum;
+        }
+    double given[1 + 2 * rest + 2 * rest * rest], loads[rest + 3];
+    given[0] = d[0], loads[rest + 2] = 1.0;
+    for (long i = 0; i < 2 * rest; i++) {
+        const long row = 2 * slides[i / 2] + i % 2;
+        for (long j = 0; j <= rest; j++) {
+            double sum = j < rest ? braking[slides[j]] * k[row * n + slides[j]] : a[row];
+            for (long m = 0; m < count; m++) sum += k[row * n + stuck[m]] * held[m * (rest + 1) + j];
+            given[j < rest ? 1 + 2 * rest + i * rest + j : 1 + i] = sum;
+        }
+    }
+    if (rest) rubbing(loads, lengths, given);
+    for (long j = 0; j < rest; j++) x[slides[j]] = braking[slides[j]] * loads[j];
+    for (long i = 0; i < count; i++) {
+        x[stuck[i]] = held[i * (rest + 1) + rest];
+        for (long j = 0; j < rest; j++) x[stuck[i]] += held[i * (rest + 1) + j] * loads[j];
+    }
+    for (long i = 0; i < n; i++) {
+        double p = a[2 * i], q = a[2 * i + 1];
+        for (long j = 0; j < n; j++) p += k[2 * i * n + j] * x[j], q += k[(2 * i + 1) * n + j] * x[j];
+        x[n + i] = s[1 + i] ? length(p, q) : larger(fabs(p), fabs(q));
+    }
+    return x[2 * n] = loads[rest + 2];
 }

@@ -1,4 +1,4 @@
-"""What a program in C computes with: numbers that it computes itself, plain ones, and parameters."""
+"""Operands of a program in C: numbers that it computes itself, plain ones, and parameters."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ FOLDED = (0.0, 1.0, -1.0, 2.0, -2.0, 0.5, -0.5)  # numbers that stand in the pro
 
 
 class Names:
-    """What C calls the operands of a program; numbers become ``parameters`` when first asked for."""
+    """Names of a program's operands in C; numbers become ``parameters`` when first asked for."""
 
     def __init__(self, parameters: list[float]):
         self._parameters = parameters

@@ -60,7 +60,7 @@ class Code:
         return self.looked_up(f"searched({{}}, {len(numbers)}, {{}})", numbers, x)
 
     def looked_up(self, form: str, numbers: Iterable[float], x: Symbol) -> Symbol:
-        """What a form of C makes of a row of numbers and x."""
+        """The value of a form of C for a row of numbers and x."""
         return Symbol(self, self.node(form, ParameterRow(tuple(map(float, numbers))), x.re), 0.0)
 
     def node(self, form: str, *operands: Operand | ParameterRow) -> Node:

@@ -28,7 +28,7 @@ PLANE = np.array([1.0, 1.0j])
 
 @dataclass(frozen=True)
 class Unknown:
-    """What a joint transmits to its second link, or a drive's effort: ``letter`` with the joint's name and ``axis`` below, in N or
+    """A force or couple in a joint on its second link, or a drive's effort: ``letter`` with the joint and ``axis`` below, in N or
     N m.
 
     R with x, y: components of the reaction; N: normal force of a guide, along its left normal; M: couple; T: driving torque; F:
@@ -72,7 +72,7 @@ class GroupEquations:
 
     group: Group
     links: tuple[LinkEquations, ...]
-    found: tuple[tuple[Unknown, float], ...]
+    solved: tuple[tuple[Unknown, float], ...]
     known: tuple[tuple[Unknown, float], ...]
 
 
@@ -121,7 +121,7 @@ class Equilibrium:
 
     @cached_property
     def residual(self) -> Real:
-        """What the values of `solve_forces` leave of each equation (F,), as a part of the largest term of that frame."""
+        """Residual of each equation (F,) at the values of `solve_forces`, as a part of the largest term of that frame."""
         terms = np.abs(self.matrix * self.values[:, None, :]).max(axis=(1, 2), initial=0.0)
         left = np.abs((self.matrix @ self.values[..., None])[..., 0] + self.loads).max(axis=1, initial=0.0)
         largest = np.maximum(terms, np.abs(self.loads).max(axis=1, initial=0.0))
@@ -141,7 +141,10 @@ class Equilibrium:
         statics does not decide."""
         scale = np.abs(self.matrix).max(axis=2, keepdims=True, initial=0.0)
         scale = np.where(scale > 0.0, scale, 1.0)
-        return np.asarray((np.linalg.pinv(self.matrix / scale, rcond=INDEPENDENT) @ (-self.loads[..., None] / scale))[..., 0])
+        given = -self.loads[..., None] / scale
+        if self.determinate and len(self.matrix) == 1:
+            return np.asarray(np.linalg.solve(self.matrix / scale, given)[..., 0])
+        return np.asarray((np.linalg.pinv(self.matrix / scale, rcond=INDEPENDENT) @ given)[..., 0])
 
     def groups(self, frame: int) -> tuple[GroupEquations, ...]:
         """The equations of every group at a frame, the last group first."""
@@ -151,7 +154,7 @@ class Equilibrium:
         for group in reversed(groups(model)):
             links = [model.index[name] for name in group.links]
             rows = [row for k in links for row in range(3 * k - 3, 3 * k)]
-            used = [c for c in range(len(self.unknowns)) if self.matrix[:, rows, c].any()]
+            used = np.flatnonzero(self.matrix[:, rows].any(axis=(0, 1))).tolist()
             pairs = [(self.unknowns[c], float(self.values[frame, c])) for c in used]
             known = [pair for c, pair in zip(used, pairs, strict=True) if c in given]
             unknown = [pair for c, pair in zip(used, pairs, strict=True) if c not in given]
@@ -179,7 +182,7 @@ class Equilibrium:
         largest = np.abs(rows).max(axis=1, initial=0.0, keepdims=True)
         equations = []
         for row, load, least, (what, unit) in zip(rows, loads, 1e-12 * largest[:, 0], _SUMS, strict=True):
-            terms = tuple((float(c), u) for c, u in zip(row, self.unknowns, strict=True) if abs(c) > least)
+            terms = tuple((float(row[c]), self.unknowns[c]) for c in np.flatnonzero(np.abs(row) > least))
             equations.append(Equation(what, name if what == "M" else "", terms, float(load), unit))
         at = motion.origins[k] + place
         listed = []

@@ -53,10 +53,10 @@ class SystemResult:
 @dataclass(frozen=True, eq=False)
 class SubstituteResult:
     """``masses`` (n,) [kg] at ``places`` (F, n, 2) [m] of the world with inertia forces ``forces`` (F, n, 2) [N]; their resultant
-    ``force`` (F, 2) and ``moment`` (F,) about S; ``found`` holds all solutions, ``chosen`` is the one shown here. Of a static
+    ``force`` (F, 2) and ``moment`` (F,) about S; ``substitution`` holds all solutions, ``chosen`` the one shown. Of a static
     replacement ``correction`` (F,) [N m] is the couple that makes it right; the moment includes it."""
 
-    found: Substitution
+    substitution: Substitution
     chosen: int
     masses: Real
     places: Real
@@ -181,7 +181,7 @@ def _substitute(study: SubstituteStudy, motion: Motion) -> SubstituteResult:
     correction = excess * np.array(alpha) if study.static else None
     single = -masses[:, None] * acceleration_field(arms, motion.centre_of_mass(study.link, 2), omega, alpha)
     return SubstituteResult(
-        found=solved,
+        substitution=solved,
         chosen=study.solution - 1,
         masses=masses,
         places=motion.centre_of_mass(study.link)[:, None, :] + arms,

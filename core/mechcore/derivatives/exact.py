@@ -309,7 +309,12 @@ class Derivatives:
             m: Any = value_of(multiplier)
             sign = np.where(np.real(m) >= 0.0, 1.0, -1.0)
             key = "contact", r, np.packbits(np.atleast_1d(sign) > 0.0).tobytes()
-            place, along = own.contact(motion, sign)
+            try:
+                place, along = own.contact(motion, sign)
+            except Untraced:
+                raise Untraced(
+                    f"it changes where on its cam {own.name} touches, and derivatives of that force are not known"
+                ) from None
             at = self.nominal
 
             def of(which: int) -> Callable[[Model], Any]:

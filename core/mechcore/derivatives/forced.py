@@ -66,7 +66,7 @@ def derivatives_under_forces(
     jumps = Jumps(simulation, parameters, stated, largest)
     phases = [p for s in simulation.segments for p in _phases(s, simulation, tuple(parameters), jumps)]
     places = np.searchsorted(np.array([p.end for p in phases[:-1]]), times, side="left")
-    found: list[tuple[Index, Derivatives]] = []
+    parts: list[tuple[Index, Derivatives]] = []
     before: list[tuple[Changes, Real]] = []
     states = jumps.begin(phases[0], _starts(compiled, parameters))
     needed = int(places.max(initial=0))
@@ -74,11 +74,11 @@ def derivatives_under_forces(
         changes = changes_in(phase, states)
         rows = np.flatnonzero(places == k)
         if len(rows):
-            found.append((rows, PartUnderForces(simulation, changes, before, times[rows])))
+            parts.append((rows, PartUnderForces(simulation, changes, before, times[rows])))
         if k < needed:
             states, at_once = jumps(phase, phases[k + 1], changes(changes.edges[-1:])[0])
             before.append((changes, at_once))
-    return found
+    return parts
 
 
 def _windows(segment: Segment) -> list[Any]:

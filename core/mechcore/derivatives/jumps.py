@@ -47,7 +47,7 @@ def contact_numbers(stops: Sequence[Stop], cams: Sequence[SeparableCam]) -> Numb
 
 
 class Jumps:
-    """What becomes of the changes of a motion at the instants between its phases. ``largest``: the size of its accelerations."""
+    """Jumps of the changes of a motion at the instants between its phases. ``largest``: the size of its accelerations."""
 
     def __init__(self, simulation: Simulation, parameters: Sequence[Parameter], stated: Real, largest: float):
         self.simulation, self.parameters = simulation, tuple(parameters)
@@ -72,8 +72,8 @@ class Jumps:
         q, v = (np.array([float(d.law(0.0)[k]) for d in free]) for k in (0, 1))
         at = Instant(compiled, self.parameters, 0.0, q, v[None], np.zeros((1, len(q))))
         asked = [x for joint in phase.free for x in at.coordinate(joint)]
-        found = np.array(at.along(asked, states, np.zeros(2 * len(q)), (0,)))[:, : len(self.parameters)]
-        return np.concatenate([found[0::2], found[1::2]])
+        start_rates = np.array(at.along(asked, states, np.zeros(2 * len(q)), (0,)))[:, : len(self.parameters)]
+        return np.concatenate([start_rates[0::2], start_rates[1::2]])
 
     def condition(self, key: tuple[str, ...]) -> Real:
         """Derivatives (P,) of a number of `contact_numbers`."""
@@ -207,8 +207,8 @@ class _Crossing:
 
     def _asked(self, results: Sequence[Any]) -> tuple[Real, Real]:
         """Derivatives (m, P) by the parameters, and (m,) along the motion, of numbers of the first row."""
-        found = np.array(self.at.along(results, self.states, self.flow, (0, 1))).reshape(len(results), self.count + 1)
-        return found[:, : self.count], found[:, self.count]
+        directional = np.array(self.at.along(results, self.states, self.flow, (0, 1))).reshape(len(results), self.count + 1)
+        return directional[:, : self.count], directional[:, self.count]
 
     def _settles(self, v: Real) -> bool:
         """Whether what stops moving had next to no speed left: friction holds it."""
@@ -221,12 +221,12 @@ class _Crossing:
         still = np.zeros(self.count)
         if not self.jumps.jumps(a, self.new[2]) or self.jumps.is_stated(self.t):
             return still
-        found = self._turned()
-        found = self._loose() if found is None else found
-        found = self._passed() if found is None else found
-        if found is None:
+        shift = self._turned()
+        shift = self._loose() if shift is None else shift
+        shift = self._passed() if shift is None else shift
+        if shift is None:
             raise refusal(f"a force jumps at t = {self.t:.6g} s, an instant that moves with the parameters.", SWEEP)
-        return found
+        return shift
 
     def _when(self, g: Any) -> Real:
         by_parameters, pace = self._asked([g])
@@ -240,7 +240,7 @@ class _Crossing:
         signs = other.signs if isinstance(other, DrySystem) and len(other.signs) == len(one.signs) else None
         motion = self.at.motion
         elements = elements_of(self.at.nominal)
-        best, found = 0.0, None
+        best, shift = 0.0, None
         for i, e in enumerate(elements):
             if one.signs[i] == 0.0 or (signs is not None and signs[i] == one.signs[i]):
                 continue
@@ -248,8 +248,8 @@ class _Crossing:
             by_parameters, pace = self._asked([rate])
             size = abs(pace[0]) / (1.0 if e.what == "turn" else motion.model.length_scale)
             if size > best:
-                best, found = size, -by_parameters[0] / pace[0]
-        return found
+                best, shift = size, -by_parameters[0] / pace[0]
+        return shift
 
     def _loose(self) -> Real | None:
         """Where something that stuck comes loose: what holds it has reached its limit."""
@@ -287,22 +287,22 @@ class _Crossing:
         changed = [bool(np.ptp(np.broadcast_to(form, (2,)))) for form in forms_of(around)]
         laws = [e for e in effects_of(compiled.mechanism) if e.piecewise]
         cams = [i for i, r in enumerate(compiled.model.relations) if r.kind == "cam"]
-        found: list[Any] = []
+        conditions: list[Any] = []
         for effect, form in zip(laws, changed, strict=False):
             if form:
                 switch: Any = effect.switch(self.at.motion)
                 if switch is None:
                     return None
                 self._refuse_other_laws(effect.name, partial(_loads, effect.name))
-                found.append(switch[0])
+                conditions.append(switch[0])
         for i, form in zip(cams, changed[len(laws) :], strict=True):
             if form:
                 name = compiled.model.relations[i].name
                 self._refuse_other_laws(name, partial(_joints, name))
-                found.append(self.at.argument(i)[0])
-        if not found:
+                conditions.append(self.at.argument(i)[0])
+        if not conditions:
             return None
-        by_parameters, pace = self._asked(found)
+        by_parameters, pace = self._asked(conditions)
         k = int(np.argmax(np.abs(pace)))
         return np.asarray(-by_parameters[k] / pace[k])
 

@@ -127,7 +127,11 @@ def slopes(numbers: Callable[[float], Numbers], nominal: Numbers, parameter: Par
             width /= NARROWER
             continue
         return _slopes(numbers, nominal, parameter, width, (below, above, between))
-    raise reason
+    fault = reason.faults[0]
+    raise refusal(
+        f"there is no such mechanism just beside the stated value of {parameter.name}: {fault.path}: {fault.message}",
+        "Let the values that belong together follow from one parameter, or vary something else.",
+    ) from None
 
 
 def _slopes(
@@ -141,6 +145,8 @@ def _slopes(
         if np.array_equal(low, middle) and np.array_equal(high, middle) and np.array_equal(inner, middle):
             continue
         size = max(float(np.max(np.abs(x), initial=0.0)) for x in (low, middle, high))
+        if max(float(np.max(np.abs(x - middle))) for x in (low, high, inner)) <= ROUNDING * size:
+            continue  # as where a drive of another speed is at a frame
         line = 0.5 * (low + high), 0.5 * (high - low)
         off = max(float(np.max(np.abs(line[0] - middle))), float(np.max(np.abs(line[0] + 0.375 * line[1] - inner))))
         if off <= ROUNDING * size:

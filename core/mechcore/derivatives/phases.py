@@ -178,7 +178,7 @@ class PhaseDerivatives(Derivatives):
         return Forces(motion, applied, *self._passed, friction)
 
     def _residuals(self) -> list[Any]:
-        """What is zero (n,) as long as the phase lasts, one for each of the unknowns: accelerations, efforts of stops, friction."""
+        """Residuals (n,) that vanish in the phase, one for each unknown: accelerations, efforts of stops, friction."""
         motion, forces = self.motion, self.forces
         left: list[Any] = [forces.effort(joint) for joint in self.phase.free]
         left += [motion.coordinate(stop.joint)[:, 2] for stop in self.phase.segment.resting]

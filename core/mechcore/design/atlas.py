@@ -61,15 +61,15 @@ def likely(points: Complex, closed: bool, side: int, sense: int, count: int, atl
     along /= along[-1]
     part = along if forwards else 1.0 - along
     if closed:
-        found, shift = _curves_like(atlas, wanted, part, count)
-        designs = atlas.curves[found].astype(float)
-        first, span = np.zeros(len(found)), np.full(len(found), TURN)
+        nearest, shift = _curves_like(atlas, wanted, part, count)
+        designs = atlas.curves[nearest].astype(float)
+        first, span = np.zeros(len(nearest)), np.full(len(nearest), TURN)
     else:
-        found = _arcs_like(atlas, wanted, part, count)
-        designs, shift = atlas.arcs[found].astype(float), np.zeros(len(found))
+        nearest = _arcs_like(atlas, wanted, part, count)
+        designs, shift = atlas.arcs[nearest].astype(float), np.zeros(len(nearest))
         first, span = designs[:, 5], designs[:, 6]
     theta, _, length = _measured(designs, first, span)
-    angles = np.empty((len(found), len(points)))
+    angles = np.empty((len(nearest), len(points)))
     for k, own in enumerate(shift):
         turns = np.floor(part + own) if closed else 0.0
         angles[k] = np.interp(part + own - turns, length[k], theta[k]) + TURN * turns
@@ -84,8 +84,8 @@ def _curves_like(atlas: Atlas, points: Complex, part: Real, count: int) -> tuple
     shifts = np.arange(SHIFTS) / SHIFTS
     turned = (own[:, None] * np.exp(-1j * TURN * _orders()[:, None] * shifts)).astype(np.complex64)
     likeness = np.abs(np.conj(atlas.descriptors) @ turned)
-    found = np.argsort(-likeness.max(axis=1), kind="stable")[:count]
-    return found, shifts[likeness[found].argmax(axis=1)]
+    nearest = np.argsort(-likeness.max(axis=1), kind="stable")[:count]
+    return nearest, shifts[likeness[nearest].argmax(axis=1)]
 
 
 def _arcs_like(atlas: Atlas, points: Complex, part: Real, count: int) -> Index:
@@ -170,8 +170,8 @@ def _at_lengths(points: Complex, length: Real, parts: Real) -> Complex:
     k = np.clip((length[:, None, :] <= parts[:, None]).sum(axis=2) - 1, 0, length.shape[1] - 2)
     low, high = length[rows, k], length[rows, k + 1]
     share = (parts - low) / np.maximum(high - low, 1e-300)
-    found: Complex = points[rows, k] + share * (points[rows, k + 1] - points[rows, k])
-    return found
+    resampled: Complex = points[rows, k] + share * (points[rows, k + 1] - points[rows, k])
+    return resampled
 
 
 def _orders() -> Index:

@@ -48,6 +48,11 @@ class Poses:
         return (np.asarray(c)[..., None] - self.places) / self.turns
 
     @property
+    def inverse(self) -> Poses:
+        """The poses of the frame as the body sees them: its circle points are the centre points of these."""
+        return Poses(-self.places / self.turns, -self.angles)
+
+    @property
     def reach(self) -> float:
         """Largest distance of two places [m], at least the turn's share of a metre; a scale for what is far away."""
         return float(max(np.abs(self.places[:, None] - self.places).max(), 1e-12))
@@ -94,11 +99,6 @@ def circle_point_values(poses: Poses, w: Complex) -> Real:
     return np.asarray(np.linalg.det(rows), float)
 
 
-def circle_points_at(poses: Poses, u: float) -> Complex:
-    """The points (R,) of the circle-point curve with the x coordinate u in the body: the real roots of a cubic, R = 1 or 3."""
-    return _on_line(poses, complex(u), 1j)
-
-
 def _on_line(poses: Poses, origin: complex, direction: complex) -> Complex:
     """The points of the circle-point curve on a line: real roots of a cubic of the distance along it."""
     scale = poses.reach
@@ -121,8 +121,9 @@ class BurmesterCurve:
     c: Complex
 
 
-def burmester_curve(poses: Poses, count: int = 720) -> BurmesterCurve:
-    """Circle-point and centre-point curve of four poses.
+def burmester_curve(poses: Poses, count: int = 720, *, joined: bool = False) -> BurmesterCurve:
+    """Circle-point and centre-point curve of four poses; ``joined``: with strokes from one root of a line to the other where they
+    are the last ones before they become complex, without which a drawing has gaps.
 
     The lines through one point of the cubic meet it in two more, from a quadratic: all its real points come from ``count`` lines
     through the image of the pole P12 in the body, which lies on it.
@@ -146,11 +147,11 @@ def burmester_curve(poses: Poses, count: int = 720) -> BurmesterCurve:
         summed = -0.5 * (b + np.where(b >= 0.0, 1.0, -1.0) * root)
         distances = np.stack([summed / a, c / summed])
     distances = np.where(np.abs(distances) < LARGEST * scale, distances, np.nan)
-    w = _sorted_pieces(origin + distances * directions, scale)
+    w = _sorted_pieces(origin + distances * directions, scale, joined)
     return BurmesterCurve(w, fixed_pivots(poses, w))
 
 
-def _sorted_pieces(points: Complex, scale: float) -> Complex:
+def _sorted_pieces(points: Complex, scale: float, joined: bool) -> Complex:
     """Two roots a line (2, K) as pieces: the root that goes on from the last one stays in its row."""
     rows = points.copy()
     for k in range(1, rows.shape[1]):
@@ -162,6 +163,10 @@ def _sorted_pieces(points: Complex, scale: float) -> Complex:
         far = np.flatnonzero(np.abs(np.diff(row)) > 0.5 * scale + 0.2 * np.abs(row[1:]))
         pieces.append(np.insert(row, far + 1, np.nan))
         pieces.append(np.array([np.nan + 0j]))
+    known = np.pad(np.isfinite(rows).all(axis=0), 1)
+    none = np.pad(np.isnan(rows).all(axis=0), 1)
+    for k in np.flatnonzero(known[1:-1] & (none[:-2] | none[2:])).tolist() if joined else ():
+        pieces += [rows[:, k], np.array([np.nan + 0j])]
     return np.concatenate(pieces)
 
 

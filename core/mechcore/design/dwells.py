@@ -164,7 +164,7 @@ def _with_lever(bar: FourBar, start: float, centre: complex, radius: float, dwel
     lengths = away * np.geomspace(0.15, 6.0, 12)
 
     def swings(length: Real | float, direction: Complex | complex, side: int) -> Real:
-        """What the lever swings; NaN where it cannot, or where F rests on the wrong side."""
+        """Swing of the lever; NaN where it cannot, or where F rests on the wrong side."""
         pivot = centre + np.asarray(length * direction)[..., None]
         f = _pins(e, pivot, radius, np.asarray(length)[..., None], side)
         right = np.abs(f[..., 0] - centre) < 0.2 * radius

@@ -105,14 +105,14 @@ def _dense(task: PathTask, seed: int, screened: int) -> list[PathDesign]:
     chosen: Index = np.unique(np.linspace(0, count - 1, DENSE).round().astype(int))
     along = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(task.points)))])
     coarse = replace(task, points=task.points[chosen])
-    found: list[PathDesign] = []
+    designs: list[PathDesign] = []
     for one in _sparse(coarse, seed, screened, DENSE_REFINED, DENSE_ITERATIONS):
-        if len(found) < DENSE_KEPT and all(_difference(one, other) > RELATED for other in found):
-            found.append(one)
-    if not found:
+        if len(designs) < DENSE_KEPT and all(_difference(one, other) > RELATED for other in designs):
+            designs.append(one)
+    if not designs:
         return []
     rows = []
-    for one in found:
+    for one in designs:
         theta = np.array(one.theta)
         if task.closed:  # the last point is the first, a turn later
             theta[-1] = theta[0] + np.sign(theta[-2] - theta[0]) * TURN
@@ -120,7 +120,7 @@ def _dense(task: PathTask, seed: int, screened: int) -> list[PathDesign]:
         shape = [bar.frame, bar.crank, bar.coupler, bar.rocker, bar.tracer.real, bar.tracer.imag]
         angles = np.interp(along, along[chosen], theta) - bar.frame_angle
         rows.append([bar.crank_pivot.real, bar.crank_pivot.imag, bar.frame_angle, *shape, *angles])
-    problem = PathProblem(task, np.array([one.four_bar.side for one in found]), np.ones(len(found), int))
+    problem = PathProblem(task, np.array([one.four_bar.side for one in designs]), np.ones(len(designs), int))
     x = np.array(rows)
     return problem.designs(fit_all(problem.evaluate, x, *problem.bounds(x), DENSE_ITERATIONS).x)
 
@@ -162,8 +162,8 @@ def _screen(task: PathTask, rng: np.random.Generator, side: int, sense: int, cou
     tried: list[tuple[Real, Real, Real]] = []
     most = min(LARGEST_RATIO, task.lengths[1] / task.lengths[0] if task.lengths[0] else np.inf)
     if task.steps is None and task.start is None:
-        found = likely(task.points, task.closed, side, sense, ALIKE_CURVES)
-        best.append(_best([(*_linear(task, *found, side, sense), found.steps)], kept // 2))
+        candidates = likely(task.points, task.closed, side, sense, ALIKE_CURVES)
+        best.append(_best([(*_linear(task, *candidates, side, sense), candidates.steps)], kept // 2))
         kept -= kept // 2
     for first in range(0, count, CHUNK):
         size = min(CHUNK, count - first)

@@ -180,18 +180,6 @@ def whitworth(stroke: float, ratio: float, crank: float) -> Whitworth:
     return Whitworth(crank, float(crank * np.cos(np.pi / (ratio + 1.0))), 0.5 * stroke, 0.5 * ROD * stroke)
 
 
-def time_ratio(pin: Real) -> float:
-    """Slow over fast of an output (F,) over one turn of a crank at constant speed, ends of the turn once; found between samples."""
-    high, low = int(pin.argmax()), int(pin.argmin())
-
-    def place(k: int) -> float:
-        before, at, after = pin[k - 1], pin[k], pin[(k + 1) % len(pin)]
-        return float(k + 0.5 * (before - after) / (before - 2.0 * at + after))
-
-    part = (place(high) - place(low)) % len(pin) / len(pin)
-    return float(max(part, 1.0 - part) / min(part, 1.0 - part))
-
-
 SAMPLES = 721
 COARSE = 4001  # points of the range over which Hoecken's proportions are chosen
 

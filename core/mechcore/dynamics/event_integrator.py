@@ -195,8 +195,7 @@ class EventIntegrator:
         end = first[0][0] if first else self.duration
         if end > t:
             self.segments.append(self._segment(t, end, solution, system))
-        end_q, end_v, _ = solution(np.array([end]))
-        q, v = end_q[0], end_v[0]
+        q, v = solution.state(end)
         for time, react in list(first):
             if time > end + 1e-14 * self.duration:
                 break

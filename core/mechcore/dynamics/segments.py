@@ -136,7 +136,7 @@ class Breakpoints(Programmed):
         laws = [d.law for d in compiled.mechanism.drives if not isinstance(d.law, Free)]
         laws += [law for e in effects_of(compiled.mechanism) for law in e.laws]
         self.laws = [law for law in laws if law.breaks or isinstance(law, Piecewise)]
-        self.breaks = np.unique([t for e in effects_of(compiled.mechanism) for t in e.breaks])
+        self.breaks = np.array(sorted({t for e in effects_of(compiled.mechanism) for t in e.breaks}))
         self.driven = "friction" in compiled.mechanism.effects and not free_of(compiled)  # else friction's phases end segments
         several = any(e.piecewise for e in effects_of(compiled.mechanism)) or any(r.kind == "cam" for r in compiled.model.relations)
         self.searched = several or self.driven

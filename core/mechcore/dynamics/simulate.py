@@ -314,7 +314,7 @@ def _rest(compiled: Compiled, q: Real, v: Real, system: Chart | Curve) -> Simula
         largest = np.abs(system.table.coefficients[:, :, 1]).max()
         if abs(system.table(q)[0, 1]) > PUSHED * largest:
             return None
-    scale = coordinate_scales(compiled)
+    scale = compiled.once(coordinate_scales)
     near = np.array([q, q - BESIDE * scale, q + BESIDE * scale])
     program, still = _program(system), (near, np.zeros_like(near), np.zeros(3))
     force = np.abs(reduce(compiled, *still).force if program is None else program.reduced(*still)[1]) * scale

@@ -219,18 +219,18 @@ def with_least_sizes(mechanism: Mechanism) -> Mechanism:
         before = mechanism
         if rollers:
             compiled = compile_mechanism(mechanism)
-            found = {name: _least_roller(compiled, name) for name in rollers}
-            mechanism = replace(mechanism, joints=tuple(_with_roller(p, found) for p in mechanism.joints))
+            least_radii = {name: _least_roller(compiled, name) for name in rollers}
+            mechanism = replace(mechanism, joints=tuple(_with_roller(p, least_radii) for p in mechanism.joints))
         if all(_settled(p, q) for p, q in zip(before.joints, mechanism.joints, strict=True)):
             return mechanism
     why = "solution after solution of the forces asks for another roller."
     raise MechanismError([Fault(f"joints.{name}.face", why, "Give its radius.") for name in rollers])
 
 
-def _with_roller(joint: Joint, found: dict[str, tuple[float, float]]) -> Joint:
-    if not isinstance(joint, CamJoint) or joint.name not in found:
+def _with_roller(joint: Joint, least: dict[str, tuple[float, float]]) -> Joint:
+    if not isinstance(joint, CamJoint) or joint.name not in least:
         return joint
-    radius, angle = found[joint.name]
+    radius, angle = least[joint.name]
     pin = 0.0 if joint.friction is None else joint.friction.radius
     if radius <= pin:
         why = f"its pin of {as_length(pin)} is not thinner than the least roller of {as_length(radius)}."

@@ -170,18 +170,11 @@ class Forces:
         """All loads and inertia forces, each with its power (F,) [W]."""
         return [(w, self._over_frames(power_of(self.motion, w))) for w in self.applied]
 
-    def power_of(self, kinds: Sequence[str]) -> Real:
-        """Power of the loads of some kinds (F,) [W]."""
-        return self._power(lambda w: w.kind in kinds)
-
     def power_by_cause(self, causes: Sequence[str]) -> Real:
         """Power of the loads and effects of some causes (F,) [W]."""
-        known = self._power(lambda w: w.cause in causes)
-        return known if self.friction is None or "dry friction" not in causes else known + self.friction.power
-
-    def _power(self, which: Callable[[Wrench], bool]) -> Real:
-        chosen = [w for w in self.applied if which(w)]
-        return self._over_frames(sum((power_of(self.motion, w) for w in chosen), 0.0)) if chosen else np.zeros(self.motion.frames)
+        powers = [power_of(self.motion, w) for w in self.applied if w.cause in causes]
+        power = self._over_frames(sum(powers, 0.0)) if powers else np.zeros(self.motion.frames)
+        return power if self.friction is None or "dry friction" not in causes else power + self.friction.power
 
     @cached_property
     def power_balance(self) -> Real:
@@ -296,9 +289,9 @@ def solve_forces(motion: Motion) -> Forces:
             effect.check(motion)
     if motion.compiled:
         program = forces_program(model, exact=motion.angles.exact)
-        found = None if isinstance(program, str) else program(motion)
-        if found is not None:
-            return Forces(motion, partial(wrenches, motion), *found)
+        computed = None if isinstance(program, str) else program(motion)
+        if computed is not None:
+            return Forces(motion, partial(wrenches, motion), *computed)
     if "friction" in model.mechanism.effects and braked(model.mechanism.joints):
         if motion.peak is not None:
             force, moment, formed = totals(motion)
@@ -310,7 +303,7 @@ def solve_forces(motion: Motion) -> Forces:
         return Forces(motion, formed, *equilibrium.joint_forces(motion, force, moment)[:2])
 
 
-LABELS = {"inertia": "B", "gravity": "G"}
+LABELS = {"inertia": "F_i ", "gravity": "G_"}  # of drawings: what follows _ stands lower
 
 
 @dataclass(frozen=True, eq=False)
@@ -330,7 +323,7 @@ def acting_on(forces: Forces, link: int) -> list[Acting]:
     motion = forces.motion
     out = []
     for w in forces.applied:
-        label = f"{LABELS[w.kind]} {motion.model.links[link]}" if w.kind in LABELS else w.name
+        label = f"{LABELS[w.kind]}{motion.model.links[link]}" if w.kind in LABELS else w.name
         for k, arm, sign in ((w.link, w.arm, 1.0), (w.other, w.other_arm, -1.0)):
             if k == link:
                 out.append(Acting(w.name, label, w.kind, sign * w.force, sign * w.moment, motion.origins[k] + arm))

@@ -52,13 +52,13 @@ def with_friction(
     own += [pair[axis] for row in coupling for axis in (0, 1) for pair in row]
     code = next(x for x in (tolerance, *own) if isinstance(x, Symbol)).code
     lengths = [int(e.euclidean) for e in elements]
-    *loads, residual, steps, found = code.filled("rubbing", len(lengths) + 3, [len(lengths), *lengths], [tolerance, *own])
+    *loads, residual, steps, converged = code.filled("rubbing", len(lengths) + 3, [len(lengths), *lengths], [tolerance, *own])
     for e, load in zip(elements, loads, strict=True):
         e.load(motion, force, moment, -e.sign * e.factor * load)
     transmitted, contacts, after = joint_forces(motion, force, moment, flanks)
     for r, before in flanks.items():
-        found = found * (1.0 - abs((after[r] < 0.0) - (before < 0.0)))
-    return transmitted, contacts, [*loads, residual, steps, found]
+        converged = converged * (1.0 - abs((after[r] < 0.0) - (before < 0.0)))
+    return transmitted, contacts, [*loads, residual, steps, converged]
 
 
 class WrittenFriction(FrictionResult):
@@ -74,13 +74,13 @@ class WrittenFriction(FrictionResult):
 
 def rubbing_forces(motion: Motion, force: list[Any], moment: list[Any]) -> tuple[Transmitted, Contacts, FrictionResult]:
     """As `with_friction`, and the friction, for a motion of symbols whose speeds have known peaks; NaN where it is not found so."""
-    transmitted, contacts, (*loads, _, _, found) = with_friction(motion, force, moment, None, motion.accuracy.friction)
-    gap = found / found
+    transmitted, contacts, (*loads, _, _, converged) = with_friction(motion, force, moment, None, motion.accuracy.friction)
+    gap = converged / converged
     return [(f * gap, c * gap) for f, c in transmitted], contacts, WrittenFriction(motion, loads)
 
 
 class ForcesProgram:
-    """What the joints of a model transmit, from positions and the drives' rates. Raises `Untraceable` where C does not have it."""
+    """Reactions in the joints of a model, from positions and the drives' rates. Raises `Untraceable` where C does not have it."""
 
     def __init__(self, model: Model, exact: bool):
         check_forces_traceable(model)
@@ -162,8 +162,8 @@ class ForcesProgram:
         if not self._solution:
             return transmitted, contacts, None
         n = motion.frames
-        loads, residual, steps, found = rows.reals(len(elements)).T, rows.real(), rows.real(), rows.real()
-        if not found.all():
+        loads, residual, steps, converged = rows.reals(len(elements)).T, rows.real(), rows.real(), rows.real()
+        if not converged.all():
             return None
         solution = NormalLoads(loads, np.zeros(n, bool), np.ones(n), np.zeros(loads.shape), residual, int(steps.max(initial=0)))
         return transmitted, contacts, FrictionResult(motion, elements, solution)

@@ -119,8 +119,8 @@ class Model:
     @cached_property
     def designs(self) -> tuple[int, ...]:
         """(D,) where D designs are computed side by side, else ()."""
-        own = [np.shape(a)[:-1] for loop in self.loop_sums for a in (loop.still, *(a for _, a in loop.arms)) if np.ndim(a) > 1]
-        return own[0] if own else ()
+        sums = (a for loop in self.loop_sums for a in (loop.still, *(a for _, a in loop.arms)))
+        return next((np.shape(a)[:-1] for a in (*self.varied.values(), *sums) if np.ndim(a) > 1), ())
 
     @cached_property
     def named_points(self) -> dict[tuple[str, str], VectorSum]:

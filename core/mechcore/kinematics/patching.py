@@ -110,7 +110,7 @@ def make_patches(
 ) -> dict[int, list[Patch]]:
     """Interpolations for the frames next to a change, by block. ``scale``: how fast the frames run against the law (1, 0 where
     they follow it): first and second derivative of law time by time. ``starts``: law times -> Newton starts."""
-    asked = [c for c in singular_points.found if _frames_near(singular_points, c, time).any()]
+    asked = [c for c in singular_points.points if _frames_near(singular_points, c, time).any()]
     if not asked:
         return {}
     nodes, needed = _nodes_of(singular_points, asked)
@@ -157,7 +157,7 @@ def _nodes_of(singular_points: SingularPoints, asked: Sequence[SingularPoint]) -
         nodes = np.unique(np.concatenate([nodes, *(_nodes(c) for c in fresh)]))
         have = {id(c) for c in needed}
         fresh = [
-            c for c in singular_points.found if id(c) not in have and (_distance(singular_points, c, nodes) < NEAR * c.step).any()
+            c for c in singular_points.points if id(c) not in have and (_distance(singular_points, c, nodes) < NEAR * c.step).any()
         ]
         needed = needed + fresh
     return nodes, needed

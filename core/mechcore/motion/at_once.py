@@ -44,7 +44,7 @@ class Rows:
         return np.broadcast_to(values, self.motion.frames)[self.frames]
 
     def joint(self, j: int) -> Iterator[Row]:
-        """What a joint ties: two equations of its point, or one across its guide; one more where it does not turn."""
+        """Equations of a joint: two of its point, or one across its guide; one more where it does not turn."""
         joint, (p, q) = self.model.joints[j], self.model.ends[j]
         x, y = self._point(j, {p: 1.0, q: -1.0})
         if joint.slide is None:
@@ -183,7 +183,7 @@ def _sparse(table: Sequence[Row], count: int, size: int) -> Solve:
 
 
 def _quadratic(rows: Rows, first: Real, equations: int) -> Real:
-    """What centripetal and Coriolis accelerations, and the bends of curves, leave to the accelerations (frames, equations)."""
+    """Centripetal and Coriolis terms, those of bends of curves too, of the equations of accelerations (frames, equations)."""
     model, scale = rows.model, rows.model.length_scale
     right = np.zeros((len(first), equations))
     turn = first[:, 2::3]
@@ -384,6 +384,6 @@ def equilibrium_matrix(motion: Motion, flanks: Mapping[int, Values]) -> tuple[Re
                     if (k := model.index[link]) != 0:
                         add(3 * k - 1, column, sign * couple / model.length_scale)
     rows = 3 * (len(model.links) - 1)
-    cells = [entries.get((row, column), 0.0) for row in range(rows) for column in range(len(labels))]
-    matrix = stacked(cells, (motion.frames,)).reshape(motion.frames, rows, len(labels))
-    return matrix, labels
+    filled = stacked([*entries.values(), 0.0], (motion.frames,))  # most cells of a large matrix are empty: the last value
+    place = {cell: k for k, cell in enumerate(entries)}
+    return filled[:, [[place.get((row, column), -1) for column in range(len(labels))] for row in range(rows)]], labels

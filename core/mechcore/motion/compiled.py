@@ -124,7 +124,7 @@ def place(compiled: Compiled, time: Real, values: DriveValues, *, given: bool) -
     elif not given and len(time) and model.once(needs_span) and _beyond(singular_points, span := float(np.max(time))):
         singular_points = find_singular_points(model, compiled.assembly.modes, compiled.assembly.starts, span=span)
         compiled = replace(compiled, singular_points=singular_points)  # for further times within that span
-    if singular_points is not None and singular_points.found:
+    if singular_points is not None and singular_points.points:
         law_time, scale = _law_time(compiled, singular_points, time, values, given=given)
         if law_time is not None:
             modes = [m * singular_points.signs(i, law_time) for i, m in enumerate(modes)]

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Callable, Collection, Mapping, Sequence
+from dataclasses import dataclass, replace
 from functools import partial, reduce
 from typing import Any
 
@@ -14,16 +14,17 @@ from mechcore.branches.unwrapped import LARGEST, LinkAngles, times_of_designs
 from mechcore.compiled.kernels import Kernel
 from mechcore.compiled.motion import MOST_LINES
 from mechcore.compiled.steps import check_traceable, placed_state
-from mechcore.compiled.symbols import HELPERS, Symbol, SymbolRows, Untraceable
+from mechcore.compiled.symbols import HELPERS, Symbol, SymbolRows, Untraceable, rotation
 from mechcore.compiled.toolchain import cached, library
 from mechcore.constants import TURN
 from mechcore.errors import MechanismError
 from mechcore.kinematics.model import Model
 from mechcore.kinematics.state import State, initial_state, wrapped_angle
+from mechcore.laws.timed import ConstantSpeed, Law
 from mechcore.motion.compiled import Compiled, DriveValues, drive_values
 from mechcore.motion.motion import Motion
 from mechcore.records import Place
-from mechcore.spec.mechanism import braked
+from mechcore.spec.mechanism import Mechanism, braked
 
 SOME = 200_000  # frames of all designs from which on a program that is kept from before pays for being written and loaded
 MANY = 3_000_000  # from which on compiling it pays: 0.3 s and half a millisecond a line, for 0.6 ns a line and frame
@@ -33,12 +34,45 @@ Weights = tuple[Real, Complex, Real]  # masses (D, 1), centres of mass, moments 
 Varied = Callable[[Compiled, Mapping[Any, Any], Mapping[str, Any], Mapping[Place, Any]], Model]
 
 
+@dataclass(frozen=True, eq=False)
+class DrivenDesigns:
+    """The drives of designs side by side: the ``pace`` (D, 1) at which each goes through the laws of the mechanism, None where all
+    keep to their times; and the drives, by their numbers, that have a position at the start and a constant speed (D, 1) of their
+    own."""
+
+    mechanism: Mechanism
+    pace: Real | None
+    own: Mapping[int, tuple[Real, Real]]
+
+    def some(self, which: Flags) -> DrivenDesigns:
+        """Those of some designs (D,)."""
+        own = {d: (q[which], v[which]) for d, (q, v) in self.own.items()}
+        return replace(self, pace=None if self.pace is None else self.pace[which], own=own)
+
+    @property
+    def laws(self) -> tuple[Law, ...]:
+        """A law for each drive, as fast as the fastest of the designs over the times of the compiled one."""
+        laws: list[Law] = [drive.law for drive in self.mechanism.drives]
+        for d, (_, v) in self.own.items():
+            laws[d] = ConstantSpeed(0.0, float(np.max(np.abs(v if self.pace is None else v / self.pace), initial=0.0)))
+        return tuple(laws)
+
+    def values(self, time: Real) -> DriveValues:
+        """Positions, speeds and accelerations of all drives at times (n,) of the compiled design, (n,) or (D, n)."""
+        values = drive_values(self.mechanism, time)
+        if self.pace is not None:
+            values = [(q, v * self.pace, a * self.pace**2) for q, v, a in values]
+        for d, (start, speed) in self.own.items():
+            values[d] = start + (speed if self.pace is None else speed / self.pace) * time, speed, 0.0
+        return values
+
+
 class DesignProgram:
-    """What is collected from the motions of designs in which some numbers vary, as a program. Raises `Untraceable` where C does not
+    """A program of values collected from the motions of designs in which some numbers vary. Raises `Untraceable` where C does not
     have it.
 
-    ``varied`` makes the model of numbers that vary, those of the ``points``, ``masses`` and ``loads``; the drives of ``speeds`` (by
-    number) have speeds that vary.
+    ``varied`` makes the model of numbers that vary, those of the ``points``, ``masses`` and ``loads``; the drives ``own`` (by
+    number) have starts and speeds of their own, and where they are ``paced`` designs differ in how fast they go through their laws.
     """
 
     def __init__(
@@ -48,7 +82,8 @@ class DesignProgram:
         points: Sequence[tuple[str, str]],
         masses: Sequence[str],
         loads: Sequence[Place],
-        speeds: Sequence[int],
+        own: Sequence[int],
+        paced: bool,
         time: Real,
         collect: Collect,
     ):
@@ -56,19 +91,20 @@ class DesignProgram:
         if compiled.accuracy.differentiation != "exact":
             raise Untraceable("rates are differences")
         self._peaks: list[Symbol] = []
-        self._compiled, self._kernel, self._speeds = compiled, (kernel := Kernel("designs")), frozenset(speeds)
+        self._compiled, self._kernel = compiled, (kernel := Kernel("designs"))
+        self._own, self._pace = frozenset(own), kernel.real("pace") if paced else None
         place = {key: kernel.plane(f"point {key}") for key in points}
         weights = {k: (kernel.real(f"mass {k}"), kernel.plane(f"centre {k}"), kernel.real(f"inertia {k}")) for k in masses}
         model = varied(compiled, place, weights, {key: kernel.real(f"load {key}") for key in loads})
         motion = self._motion(model, drive_values(model.mechanism, time))
         try:
-            found = {name: _operands(value) for name, value in collect(motion).items()}
+            collected = {name: _operands(value) for name, value in collect(motion).items()}
         except Untraceable:
             raise
         except (TypeError, AttributeError, ValueError, IndexError, KeyError) as error:  # what code for arrays says of symbols
             raise Untraceable(f"something is computed in a way that C does not have ({error})") from error
         self._columns: dict[str, tuple[int, int | None]] = {}
-        for name, (symbols, width) in found.items():
+        for name, (symbols, width) in collected.items():
             self._columns[name] = kernel.rows, width
             for symbol in symbols:
                 kernel.put(symbol)
@@ -87,20 +123,26 @@ class DesignProgram:
         self.source = HELPERS + kernel.source() + (first.source() if self._peaks else "")
 
     def _motion(self, model: Model, values: DriveValues) -> Motion:
-        kernel = self._kernel
+        kernel, pace = self._kernel, self._pace
+        time: Any = kernel.real_of_frame("time")
         drives: list[Any] = []
         for d, known in enumerate(values):
+            if d in self._own:
+                speed: Any = kernel.real(f"speed {d}")
+                drives.append((kernel.real(f"start {d}") + (speed if pace is None else speed / pace) * time, speed, 0.0))
+                continue
             still = [isinstance(x, float) and x == 0.0 for x in known]
-            own: list[Any] = [0.0 if s else kernel.real_of_frame(f"drive {d} {k}") for k, s in enumerate(still)]
-            if d in self._speeds:
-                own[1] = kernel.real(f"speed {d}")
-            drives.append(tuple(own))
-        turned = model.angles.class_drives
-        delta: list[Any] = [kernel.plane_of_frame(f"delta {s}") if terms else 1 + 0j for s, terms in enumerate(turned)]
+            q, v, a = (0.0 if s else kernel.real_of_frame(f"drive {d} {k}") for k, s in enumerate(still))
+            drives.append((q, v, a) if pace is None else (q, v * pace, a * pace**2))
+        delta: list[Any] = [1 + 0j] * len(model.angles.class_drives)
+        for s, terms in enumerate(model.angles.class_drives):
+            if any(d in self._own for d, _ in terms):
+                delta[s] = rotation(sum((sign * drives[d][0] for d, sign in terms), 0.0))
+            elif terms:
+                delta[s] = kernel.plane_of_frame(f"delta {s}")
         modes: list[Any] = [Symbol(kernel.code, float(mode), 0.0) for mode in self._compiled.assembly.modes]
         state = placed_state(model, drives, delta, constants=self._compiled.assembly.constants, modes=modes)
-        time: Any = kernel.real_of_frame("time")
-        angles = _Followed(self._compiled, model, kernel, state)
+        angles = _Followed(self._compiled, model, kernel, state, self._own)
         motion = Motion(model, time, drives, state, angles, accuracy=self._compiled.accuracy)
         vars(motion).update(drives=drives, shape=(), peak=self._peak)
         return motion
@@ -130,17 +172,21 @@ class DesignProgram:
         masses: Mapping[str, Weights],
         loads: Mapping[Place, Real],
         time: Real,
-        speeds: Mapping[int, Real],
+        driven: DrivenDesigns,
     ) -> tuple[dict[str, Real], Flags, Flags]:
-        """What is collected of designs at times (F,), each (D, F, ...); which of them (D,) go together at all frames; and of which
+        """Values of designs at times (F,), each (D, F, ...); which of them (D,) go together at all frames; and of which
         angles may be wrong, as links turn too far from one time to the next."""
         model, own = self._compiled.model, np.arange(len(time))
         if self._follows:
-            time, own = times_of_designs(model, time, tuple(d.law for d in model.mechanism.drives))
+            time, own = times_of_designs(model, time, driven.laws)
         values = drive_values(model.mechanism, time)
         state = initial_state(model, [q for q, _, _ in values], self._compiled.assembly.constants)
         given: dict[str, Any] = {f"drive {d} {k}": x for d, known in enumerate(values) for k, x in enumerate(known)}
         given |= {f"start {d}": q[0] for d, (q, _, _) in enumerate(values)}
+        given |= {
+            f"{what} {d}": x[:, 0] for d, both in driven.own.items() for what, x in zip(("start", "speed"), both, strict=True)
+        }
+        given |= {} if driven.pace is None else {"pace": driven.pace[:, 0]}
         given |= {f"delta {s}": x for s, x in enumerate(state.delta)}
         given |= {"time": time, "first": np.arange(len(time)) == 0}
         given |= {f"function {k}": function(time) for k, function in enumerate(self._kernel.code.of_time)}
@@ -148,7 +194,6 @@ class DesignProgram:
         for link, weights in masses.items():
             given |= {f"{what} {link}": x[:, 0] for what, x in zip(("mass", "centre", "inertia"), weights, strict=True)}
         given |= {f"load {key}": x[:, 0] for key, x in loads.items()}
-        given |= {f"speed {d}": x[:, 0] for d, x in speeds.items()}
         count = len(next(iter(points.values())))
         if self._first is not None:
             given |= {f"peak {k}": np.zeros(1) for k in range(len(self._peaks))}
@@ -167,7 +212,7 @@ class DesignProgram:
 def design_program(
     compiled: Compiled,
     varied: Varied,
-    keys: tuple[Sequence[tuple[str, str]], Sequence[str], Sequence[Place], Sequence[int]],
+    keys: tuple[Sequence[tuple[str, str]], Sequence[str], Sequence[Place], Sequence[int], bool],
     time: Real,
     collect: Collect,
     count: int,
@@ -185,7 +230,7 @@ def design_program(
     if auto and frames < some:
         return few
     known = compiled.once(_known)
-    key = collect, *map(tuple, keys)
+    key = collect, *(tuple(k) if isinstance(k, Sequence) else k for k in keys)
     if key not in known:
         try:
             program = DesignProgram(compiled, varied, *keys, time, collect)
@@ -223,8 +268,8 @@ def _operands(value: Any) -> tuple[list[Any], int | None]:
 class _Followed(LinkAngles):
     """Angles of links on symbols: each design carries them from one time to the next."""
 
-    def __init__(self, compiled: Compiled, model: Model, kernel: Kernel, state: State):
-        self._kernel, self._state = kernel, state
+    def __init__(self, compiled: Compiled, model: Model, kernel: Kernel, state: State, own: Collection[int]):
+        self._kernel, self._state, self._own = kernel, state, own
         self.steps: list[Any] = []  # by which angles went on from the time before
         self._groups: dict[int, tuple[Any, Any]] = {}
         start = replace(compiled.angles.start, angles=_Starts(self))
@@ -240,7 +285,8 @@ class _Followed(LinkAngles):
         now, start = self._of_group(turning.class_group[rotation_class])
         for d, sign in turning.class_drives[rotation_class]:
             now = now + sign * self._state.drives[d]
-            start = start + sign * self._kernel.real_of_frame(f"start {d}")
+            of = self._kernel.real if d in self._own else self._kernel.real_of_frame
+            start = start + sign * of(f"start {d}")
         return now + offset, start + offset
 
     def _of_group(self, group: int) -> tuple[Any, Any]:

@@ -137,7 +137,7 @@ def limit_positions(motion: Motion) -> Iterator[tuple[str, Real, Real]]:
     stops: list[Any] = [turning_points(motion.time, q[1], q[2]) for q in motion.drives]
     reversals = np.concatenate([np.zeros(0), *stops])
     near = 1e-6 * max(float(np.ptp(motion.time)), 1e-300) if motion.frames else 0.0
-    found: dict[str, Real] = {}
+    times_of: dict[str, Real] = {}
     for joint in motion.mechanism.joints:
         if joint.name in driven or motion.mechanism.frame not in joint.links:
             continue
@@ -148,25 +148,25 @@ def limit_positions(motion: Motion) -> Iterator[tuple[str, Real, Real]]:
         turned = np.abs(reversals - times[:, None]) < near
         if len(motion.drives) == 1:  # between two frames in which the drive turns, too, nothing else can
             turned |= np.searchsorted(motion.time, times)[:, None] == np.searchsorted(motion.time, reversals)
-        found[joint.name] = times[~turned.any(axis=1)]
-    every = np.concatenate([np.zeros(0), *found.values()])
+        times_of[joint.name] = times[~turned.any(axis=1)]
+    every = np.concatenate([np.zeros(0), *times_of.values()])
     order = np.argsort(every, kind="stable")
-    owner = np.repeat(np.arange(len(found)), [len(times) for times in found.values()])[order]
+    owner = np.repeat(np.arange(len(times_of)), [len(times) for times in times_of.values()])[order]
     every, again = every[order], motion.again
     values = np.zeros(len(every))
     if again is not None and len(every) and len(every) * len(motion.model.links) <= MOST_SOLVED:
-        own = partial(_own_coordinates, [(name, owner == k) for k, name in enumerate(found)])
+        own = partial(_own_coordinates, [(name, owner == k) for k, name in enumerate(times_of)])
         every = zeros(motion, lambda m: own(m)[:, 1:], every)
         values = own(again(every))[:, 0]
     else:
-        for k, name in enumerate(found):
+        for k, name in enumerate(times_of):
             rows = motion.coordinate(name)
             times = every[owner == k]
             if again is None:
                 values[owner == k] = [_at(motion, rows, float(t)) for t in times]
             else:
                 values[owner == k] = between(motion.time, rows[:, 0], times, 5, rows[:, 1], rows[:, 2])
-    for k, name in enumerate(found):
+    for k, name in enumerate(times_of):
         yield name, every[owner == k], values[owner == k]
 
 

@@ -16,8 +16,8 @@ from mechcore.kinematics.build import loop_sum
 from mechcore.kinematics.model import Model
 from mechcore.kinematics.positions import place_all
 from mechcore.laws.timed import ConstantSpeed
-from mechcore.motion.compiled import Compiled, DriveValues, drive_values
-from mechcore.motion.design_program import DesignProgram, design_program
+from mechcore.motion.compiled import Compiled
+from mechcore.motion.design_program import DesignProgram, DrivenDesigns, design_program
 from mechcore.motion.motion import Motion
 from mechcore.records import Place, dataclass, with_numbers
 from mechcore.spec.mechanism import braked
@@ -45,15 +45,17 @@ def sweep(
     masses: Mapping[str, tuple[ArrayLike, ArrayLike, ArrayLike]] | None = None,
     loads: Mapping[Place, ArrayLike] | None = None,
     of: int = 0,
-    speeds: Mapping[str, ArrayLike] | None = None,
+    pace: ArrayLike | None = None,
+    drives: Mapping[str, tuple[ArrayLike, ArrayLike]] | None = None,
 ) -> Sweep:
     """Motion of D variants of a mechanism at times (F,) [s].
 
     ``points``: (link, point) -> positions (D, 2) [m] in the link's frame, of points at which the link is joined; all else is as
     compiled, the assembly modes too. ``masses``: link -> mass (D,) [kg], centre of mass (D, 2) [m] and moment of inertia about it
     (D,) [kg m^2], of links whose masses vary beside. ``loads``: numbers (D,) in place of those of the mechanism's loads, by their
-    places in them (`numbers_in`). ``speeds``: joint -> constant speed (D,) [rad/s or m/s] of the only drive, in its sense: the
-    designs are compared where that drive is at the times of the compiled one, and no force may depend on time. ``collect`` takes
+    places in them (`numbers_in`). ``pace`` (D,): how many times faster all drives go through their laws; the designs are compared
+    at the times of the compiled one over their pace, and no force may depend on time. ``drives``: joint -> position at the start
+    and constant speed (D,) [rad, rad/s or m, m/s], whatever the pace is, in place of a law of constant speed. ``collect`` takes
     from a motion what is wanted, arrays (designs, F, ...).
     The executor of ``compiled`` computes them; ``of`` how many designs these are some, for it to judge whether compiling pays:
     ``collect`` then is given a motion of symbols and has to keep to what these have (see `design_program`), else numpy goes on.
@@ -62,7 +64,7 @@ def sweep(
     with change points depend on a design's own path and are refused.
     """
     model = compiled.model
-    if compiled.assembly.starts or model.relations or (compiled.singular_points is not None and compiled.singular_points.found):
+    if compiled.assembly.starts or model.relations or (compiled.singular_points is not None and compiled.singular_points.points):
         raise MechanismError(
             Fault(
                 "sweep",
@@ -83,9 +85,9 @@ def sweep(
             Fault("sweep", "the points are given for different numbers of designs, or for none.", "Give as many of each.")
         )
     count = designs.pop()
-    values = drive_values(model.mechanism, time)
-    driven = {d: np.asarray(x, float) for d, joint in enumerate(_speedy(model, speeds)) for x in [(speeds or {})[joint]]}
-    keys = tuple(varied), tuple(masses or ()), tuple(loads or ()), tuple(driven)
+    paces = None if pace is None else np.asarray(pace, float)
+    own = {_constant(model, joint): (np.asarray(q, float), np.asarray(v, float)) for joint, (q, v) in (drives or {}).items()}
+    keys = tuple(varied), tuple(masses or ()), tuple(loads or ()), tuple(own), paces is not None
     program = design_program(compiled, varied_model, keys, time, collect, max(of, count))
     rubs = "friction" in model.mechanism.effects and bool(braked(model.mechanism.joints))
     if rubs and isinstance(program, str):
@@ -98,24 +100,28 @@ def sweep(
         part = {key: xy[start : start + chunk, :] for key, xy in varied.items()}
         weights = {link: _rows_of_masses(own, start, chunk) for link, own in (masses or {}).items()}
         stated = {key: np.asarray(x, float)[start : start + chunk, None] for key, x in (loads or {}).items()}
-        rates = {d: x[start : start + chunk, None] for d, x in driven.items()}
+        rows = slice(start, start + chunk)
+        driven = DrivenDesigns(
+            model.mechanism,
+            None if paces is None else paces[rows, None],
+            {d: (q[rows, None], v[rows, None]) for d, (q, v) in own.items()},
+        )
         if not isinstance(program, str):
-            found, assembled[start : start + chunk], far = program(part, weights, stated, time, rates)
-            parts.append(found)
+            computed, assembled[start : start + chunk], far = program(part, weights, stated, time, driven)
+            parts.append(computed)
             if not far.any():
                 continue
             if rubs:
-                for x in found.values():
+                for x in computed.values():
                     x[far] = np.nan
                 continue
             part = {key: xy[far] for key, xy in part.items()}
             weights = {link: (mass[far], centre[far], inertia[far]) for link, (mass, centre, inertia) in weights.items()}
-            own = _with_speeds(values, {d: x[far] for d, x in rates.items()})
-            again = collect(_motion(compiled, part, weights, {key: x[far] for key, x in stated.items()}, time, own))
+            again = collect(_motion(compiled, part, weights, {key: x[far] for key, x in stated.items()}, time, driven.some(far)))
             for name, x in again.items():
-                found[name][far] = x
+                computed[name][far] = x
             continue
-        motion = _motion(compiled, part, weights, stated, time, _with_speeds(values, rates))
+        motion = _motion(compiled, part, weights, stated, time, driven)
         parts.append(collect(motion))
         ok = np.ones(motion.shape, bool)
         for rot in motion.state.rot:
@@ -127,20 +133,12 @@ def sweep(
     return Sweep(results, assembled, program)
 
 
-def _speedy(model: Model, speeds: Mapping[str, ArrayLike] | None) -> list[str]:
-    """The driven joints whose speeds vary. Raises `MechanismError` where designs cannot be compared so."""
-    if not speeds:
-        return []
-    joints = [d.joint for d in model.mechanism.drives if isinstance(d.law, ConstantSpeed)]
-    if list(speeds) != joints or len(model.mechanism.drives) != 1:
-        why = "speeds vary of other drives than one of constant speed."
-        raise MechanismError(Fault("sweep", why, "Loop over designs."))
-    return joints
-
-
-def _with_speeds(values: DriveValues, rates: Mapping[int, Real]) -> DriveValues:
-    """The drives' positions (F,) with other speeds (designs, 1)."""
-    return [(q, rates[d], 0.0) if d in rates else (q, v, a) for d, (q, v, a) in enumerate(values)]
+def _constant(model: Model, joint: str) -> int:
+    """The number of a drive of constant speed. Raises `MechanismError` where the joint has none."""
+    for d, drive in enumerate(model.mechanism.drives):
+        if drive.joint == joint and isinstance(drive.law, ConstantSpeed):
+            return d
+    raise MechanismError(Fault("sweep", f"'{joint}' has no drive of constant speed.", "Loop over designs."))
 
 
 def _rows_of_masses(stated: tuple[ArrayLike, ArrayLike, ArrayLike], start: int, chunk: int) -> tuple[Real, Complex, Real]:
@@ -180,15 +178,15 @@ def _motion(
     masses: Mapping[str, tuple[Real, Complex, Real]],
     loads: Mapping[Place, Real],
     time: Real,
-    values: DriveValues,
+    driven: DrivenDesigns,
 ) -> Motion:
     variant = varied_model(compiled, {key: (xy[:, 0] + 1j * xy[:, 1])[:, None] for key, xy in points.items()}, masses, loads)
-    modes, laws = compiled.assembly.modes, tuple(d.law for d in variant.mechanism.drives)
+    modes, values = compiled.assembly.modes, driven.values(time)
     state = place_all(variant, [v[0] for v in values], modes)
 
     def placed(x: Real) -> Frames:
-        q = [np.asarray(law(x[:, 0])[0], float) for law in laws]
+        q = [v[0] for v in driven.values(x[:, 0])]
         return q, place_all(variant, q, modes), (*variant.designs, len(x))
 
-    angles = along_designs(variant, time, ([v[0] for v in values], state, (*variant.designs, len(time))), laws, placed)
+    angles = along_designs(variant, time, ([v[0] for v in values], state, (*variant.designs, len(time))), driven.laws, placed)
     return Motion(variant, time, values, state, angles, accuracy=compiled.accuracy)

@@ -54,7 +54,8 @@ def newton(residual: Residual, x: Real, *, tolerance: float = 2e-15, iterations:
 
 def least_squares(residual: Residual, x: Real, *, iterations: int) -> Real:
     """Values (..., m) of a residual as in `newton` where the sum of their squares is least, from starts (..., n); by the method of
-    Levenberg and Marquardt with a damping of its own for each system."""
+    Levenberg with a damping of its own for each system, alike for all unknowns: `fit_all` with Marquardt's, in proportion to
+    the diagonal, creeps along the narrow valleys of heavily weighted equations."""
     r, jacobian = residual(x)
     cost = (r * r).sum(axis=-1)
     damping = np.full(cost.shape, 1e-2)
@@ -120,7 +121,7 @@ def fit_all(evaluate: Evaluate, x: Real, lower: Real, upper: Real, iterations: i
         normal[:, diagonal, diagonal] += damping[at, None] * scale
         root = np.sqrt(normal[:, diagonal, diagonal])
         even = normal / (root[:, :, None] * root[:, None, :])
-        step = -np.linalg.solve(even, (np.where(held, 0.0, gradient) / root)[..., None])[..., 0] / root
+        step = -solve_many(even, np.where(held, 0.0, gradient) / root) / root
         tried = np.clip(x[at] + step, lower, upper)
         new_residual, new_slopes = evaluate(tried, at)
         new_cost = _cost(new_residual)

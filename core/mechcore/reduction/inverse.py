@@ -43,7 +43,7 @@ class PlaneRates:
 
 
 def rates_from_accelerations(a: complex, b: complex, of_a: complex, of_b: complex) -> PlaneRates:
-    """What two points of a rigid body at ``a`` and ``b`` [m] with accelerations ``of_a`` and ``of_b`` [m/s^2] tell, all complex.
+    """Rates of a rigid body by its points ``a`` and ``b`` [m] with accelerations ``of_a`` and ``of_b`` [m/s^2], all complex.
 
     Raises `MechanismError` where they are one point, or where no rigid body can move so: omega^2 would be negative.
     """

@@ -46,13 +46,6 @@ class Reduced:
         with np.errstate(invalid="ignore"):
             return 0.5 * self.mass * self.rate**2
 
-    @cached_property
-    def balancing(self) -> Real:
-        """Torque or force that a drive at this link or point has to supply for the motion (F,) [N m or N]: J a + J' v^2 / 2 -
-        reduced force."""
-        with np.errstate(invalid="ignore"):
-            return self.mass * self.second + 0.5 * self.slope * self.rate**2 - self.force
-
 
 def reduce_mechanism(motion: Motion, link: str, point: str | None = None, loads: tuple[Wrench, ...] = ()) -> Reduced:
     """Reduce a mechanism with one drive to one of its links, or to a point of it.

@@ -112,8 +112,8 @@ def workers(jobs: int, dask: str | None = None) -> Iterator[tuple[Pool | None, i
     """An executor that computes designs, and how many portions it is well given at once: a Dask cluster, so many processes, or
     none for one job, which is done here."""
     if dask is not None:
-        with _cluster(dask) as found:
-            yield found
+        with _cluster(dask) as pool:
+            yield pool
     elif jobs == 1:
         yield None, 2
     else:

@@ -8,7 +8,7 @@ import numpy as np
 import typer
 
 from mechcore.arrays import Real
-from mechcore.design.burmester import Poses, burmester_curve
+from mechcore.design.burmester import Poses
 from mechcore.design.freudenstein import FunctionTask, chebyshev_points, fitted_generator, generators, slider_generator
 from mechcore.design.paths import PathTask, path_designs
 from mechviz.commands.shared.loading import SceneArg, SetOpt, clear_errors, load_scene
@@ -157,8 +157,7 @@ def motion(
             give(slider_guide_solutions(poses, slider_guides(poses, w, c, most)), output, None, None)
             return
         designs = motion_designs(poses, w, c, most, all_of_them=named or len(rows) >= 5)
-        curve = burmester_curve(poses) if len(rows) == 4 else None
-        give(motion_solutions(poses, designs), output, plot, lambda: figures.motion_figure(poses, designs, curve))
+        give(motion_solutions(poses, designs), output, plot, lambda: figures.motion_figure(poses, designs))
 
 
 def path(

@@ -92,7 +92,7 @@ def code_of(scene: Scene, name: str) -> tuple[str, str | None]:
     try:
         if scene.simulation is not None or not drives:
             raise Untraceable("forces decide its motion, which no function of the drives tells")
-        if compiled.singular_points is not None and compiled.singular_points.found:
+        if compiled.singular_points is not None and compiled.singular_points.points:
             raise Untraceable("its assembly modes meet at change points, between which a program would have to choose")
         written = _Written(compiled)
     except Untraceable as reason:
@@ -186,7 +186,7 @@ class _Written:
         return motion
 
     def lines(self, parameters: list[float]) -> list[str]:
-        """What the program computes, its numbers among the ``parameters``."""
+        """Lines of the program's results, its numbers among the ``parameters``."""
         targets = [(f"out[{k}]", x) for k, x in enumerate(self.columns.values())]
         return self.code.written([(target, x.re if isinstance(x, Symbol) else float(x)) for target, x in targets], parameters)
 

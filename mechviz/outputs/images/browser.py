@@ -37,6 +37,8 @@ ARGUMENTS = (
     "--use-gl=angle",  # draws in software, the same on every machine
     "--use-angle=swiftshader",
     "--enable-unsafe-swiftshader",
+    "--disable-gpu-compositing",  # the page around the picture would be drawn by that emulated card, too: a quarter more work
+    "--disable-gpu-rasterization",
 )
 
 

@@ -153,7 +153,7 @@ class Recording:
 
     @property
     def note(self) -> str:
-        """What is missing of the recording, in a sentence; nothing where it is complete."""
+        """The missing part of the recording, in a sentence; nothing where it is complete."""
         if self._damage is not None:
             frames = len(self.times("data", "links", self.said.model.frame, "pose"))
             here = "" if frames == self.said.frames else f" Only the first {frames} of {self.said.frames} frames are here."
@@ -319,9 +319,9 @@ def _times_of_frames(chunks: Iterator[Any], most: int, damage: Callable[[], Dama
         return None
     times = {name: np.sort(np.concatenate(parts)) for name, parts in counted.items()}
     frames = times.get(entity("data", "links", said.model.frame, "pose"), np.zeros(0, np.int64))
-    found = damage()
-    if found is not None or not said.complete:
-        spare = _spare(said, entity("data", "energy") in times, found)
+    fault = damage()
+    if fault is not None or not said.complete:
+        spare = _spare(said, entity("data", "energy") in times, fault)
         frames = frames[frames <= _last_whole_time({name: own for name, own in times.items() if name not in spare})]
     return frames if len(frames) > most else None
 

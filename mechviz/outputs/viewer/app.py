@@ -153,7 +153,7 @@ class Viewer:
             run,
             present=lambda show: self.inspector.present(show),
             told=lambda status: self.inspector.tell(status),
-            contributed=lambda found: self.inspector.weighed(found),
+            contributed=lambda contributions: self.inspector.weighed(contributions),
             settled=lambda: self.inspector.settle(),
             failed=lambda error: report(self.server, "Editing", error),
         )

@@ -41,7 +41,7 @@ if (!window.mechvizKeys) {
 # viser names the row of a control, but neither the thumb of its slider nor the box beside it: screen readers need that.
 NAMES = """
 if (!window.mechvizNames) {
-  const ICONS = { "list-search": "Search in the scene tree", "adjustments": "Settings and connection" };
+  const ICONS = { "list-search": "Search for a command", "adjustments": "Settings and connection" };
   const name = () => {
     window.mechvizNames.waiting = 0;
     for (const label of document.querySelectorAll("label[for]")) {
@@ -59,6 +59,17 @@ if (!window.mechvizNames) {
       const words = head.textContent.trim();
       if (!head.getAttribute("aria-label").includes(words)) head.setAttribute("aria-label", `Expand panel ${words}`);
     }
+    // viser's own dialogs and settings
+    for (const dialog of document.querySelectorAll("section[role=dialog]:not([aria-label])"))
+      if (!document.getElementById(dialog.getAttribute("aria-labelledby")))
+        dialog.setAttribute("aria-label", dialog.querySelector("input")?.placeholder || "Dialog");
+    for (const opener of document.querySelectorAll("div[aria-haspopup=dialog]:not([role])")) {
+      opener.setAttribute("role", "button");
+      opener.setAttribute("aria-label", opener.querySelector("[aria-label]")?.getAttribute("aria-label") || "Open");
+    }
+    for (const image of document.querySelectorAll("img:not([alt])")) image.alt = "";
+    for (const input of document.querySelectorAll("input:not([aria-label])"))
+      if (/^wss?:/.test(input.value)) input.setAttribute("aria-label", "Address of the server");
     for (const button of document.querySelectorAll(".mantine-ActionIcon-root:not([aria-label])")) {
       const icon = (button.innerHTML.match(/tabler-icon-([a-z-]+)/) || ["", "button"])[1];  // viser's own, in the heads of panels
       button.setAttribute("aria-label", ICONS[icon] || icon.replaceAll("-", " "));
@@ -66,7 +77,8 @@ if (!window.mechvizNames) {
   };
   window.mechvizNames = { waiting: 0 };
   // Numbers and pictures change all the time: only new controls need names
-  const NEW = "label[for], input, [role=slider], [role=button], .mantine-Notification-closeButton, .mantine-ActionIcon-root";
+  const NEW = "label[for], input, img, [role=slider], [role=button], [role=dialog], [aria-haspopup=dialog], " +
+    ".mantine-Notification-closeButton, .mantine-ActionIcon-root";
   const isNew = (node) => node.nodeType === 1 && (node.matches(NEW) || !!node.querySelector(NEW));
   new MutationObserver((changes) => {
     if (!window.mechvizNames.waiting && changes.some((change) => [...change.addedNodes].some(isNew)))

@@ -281,11 +281,11 @@ class Inspector:
         if self._player.playing:
             self._player.refresh()
 
-    def weighed(self, found: tuple[Contribution, ...]) -> None:
+    def weighed(self, contributions: tuple[Contribution, ...]) -> None:
         """Show what each effect contributes."""
         if self.effects is not None:
             with self._lock:
-                self.effects.weighed(found)
+                self.effects.weighed(contributions)
 
     def close(self) -> None:
         """Something else is to be shown to the browsers."""

@@ -213,10 +213,15 @@ def _least_roller_faults(document: SceneDocument, *, decided: bool) -> list[Faul
         if joint.follower is None or joint.follower.roller != LEAST:
             continue
         drawn = [link for link in joint.links if link in drawn_links(document)]
-        why = "forces decide the motion, which the roller changes" if decided else ""
-        why = why or (f"the mass of '{drawn[0]}' follows from what is drawn, and that from the roller" if drawn else "")
-        if why:
-            faults.append(Fault(f"joints.{key}.follower.roller", f"{why}.", "Give its radius."))
+        path = f"joints.{key}.follower.roller"
+        if decided:
+            why = "forces decide the motion, so that each roller has a motion, and forces, of its own."
+            faults.append(
+                Fault(path, why, "Give its radius; mechviz cams SCENE --size says which one the motion with it asks for.")
+            )
+        elif drawn:
+            why = f"the mass of '{drawn[0]}' follows from what is drawn, and that from the roller."
+            faults.append(Fault(path, why, "Give its radius."))
     return faults
 
 

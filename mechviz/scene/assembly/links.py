@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -237,11 +237,9 @@ def mass_properties(
     places = list(points.values())
     if isinstance(link.shape, Unknown):
         return mass, (0.0, 0.0), inertia
-    if link.shape == "bar" and len(places) > 1:
-        (ax, ay), (bx, by) = places[:2]
-        return mass, (0.5 * (ax + bx), 0.5 * (ay + by)), mass * math.dist((ax, ay), (bx, by)) ** 2 / 12.0
     if link.shape is not None:
-        return mass, places[0] if places else (0.0, 0.0), 0.0
+        where, inertia = of_shape(link.shape, mass, [complex(*place) for place in places] or [0j])
+        return mass, (where.real, where.imag), inertia
     counts = (mass > 0.0 or math.isnan(mass)) and bool(effects)
     given = _stated_centre(name, link, points, convert)
     if given is not None:
@@ -261,6 +259,14 @@ def mass_properties(
             'Add inertia = "... kg m^2", or shape = "bar" or "point".',
         )
     return mass, centre, inertia
+
+
+def of_shape(shape: str, mass: Any, places: Sequence[Any]) -> tuple[Any, Any]:
+    """Centre of mass (complex [m]) and moment of inertia about it [kg m^2] of a bar between the first two of a link's points, or
+    of a point mass in the first: numbers, or arrays over designs."""
+    if shape == "bar" and len(places) > 1:
+        return 0.5 * (places[0] + places[1]), mass * abs(places[1] - places[0]) ** 2 / 12.0
+    return places[0], 0.0 * mass
 
 
 def _who_need(effects: Sequence[str]) -> str:

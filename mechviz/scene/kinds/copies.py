@@ -46,19 +46,19 @@ def with_copies(raw: Mapping[str, Any], known: Mapping[str, Any]) -> dict[str, A
         return dict(raw)
     if any(name not in raw["links"] or not isinstance(raw["links"][name], Mapping) for entry in copies for name in entry.of):
         return dict(raw)
-    found: dict[str, Any] = deepcopy({key: value for key, value in raw.items() if key != "copies"})
+    completed: dict[str, Any] = deepcopy({key: value for key, value in raw.items() if key != "copies"})
     for entry in copies:
-        before = deepcopy(found)
+        before = deepcopy(completed)
         for number in range(1, entry.count + 1):
-            _Copy(before, found, entry, number, units).made()
-    return found
+            _Copy(before, completed, entry, number, units).made()
+    return completed
 
 
 class _Copy:
-    """One copy of some links of a scene ``before`` in plain data, which ``made`` adds to ``found``."""
+    """One copy of some links of a scene ``before`` in plain data, which ``made`` adds to ``completed``."""
 
-    def __init__(self, before: dict[str, Any], found: dict[str, Any], entry: CopyDocument, number: int, units: Units):
-        self.before, self.found, self.entry, self.number, self.units = before, found, entry, number, units
+    def __init__(self, before: dict[str, Any], completed: dict[str, Any], entry: CopyDocument, number: int, units: Units):
+        self.before, self.completed, self.entry, self.number, self.units = before, completed, entry, number, units
         joints = {name: joint for name, joint in before["joints"].items() if isinstance(joint, Mapping)}
         self.joints = {name: joint for name, joint in joints.items() if any(link in entry.of for link in _links(joint))}
         self.names = {name: f"{name} {number + 1}" for name in (*entry.of, *self.joints)}
@@ -68,14 +68,14 @@ class _Copy:
             link = dict(self.before["links"][name])
             if self.entry.offset:
                 link["plane"] = self._sum(link.get("plane", 0.0), self.entry.offset, "length")
-            self.found["links"][self.names[name]] = link
+            self.completed["links"][self.names[name]] = link
         for name, joint in self.joints.items():
-            self.found["joints"][self.names[name]] = self._joint(name, joint)
+            self.completed["joints"][self.names[name]] = self._joint(name, joint)
         for section in ("loads", "pens"):
             for name, item in self.before.get(section, {}).items():
                 new = self._renamed(item)
                 if new != item:
-                    self.found[section][f"{name} {self.number + 1}"] = new
+                    self.completed[section][f"{name} {self.number + 1}"] = new
 
     def _joint(self, name: str, joint: Mapping[str, Any]) -> dict[str, Any]:
         links = _links(joint)

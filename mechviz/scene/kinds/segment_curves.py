@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Sequence
-from itertools import pairwise
+from itertools import pairwise, product
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -14,6 +14,7 @@ from mechcore.errors import MechanismError
 from mechcore.laws.boundary_conditions import Condition, measured_table
 from mechcore.laws.catalogue import rise
 from mechcore.laws.curve import MotionCurve
+from mechcore.laws.factors import jumps
 from mechcore.laws.program import Segment, program
 from mechcore.laws.segment_laws import (
     Dwell,
@@ -30,6 +31,7 @@ from mechcore.laws.segment_laws import (
     joined_table,
 )
 from mechcore.records import dataclass
+from mechcore.texts import as_coordinate
 from mechviz.scene.fields import is_whole
 from mechviz.scene.kinds.cam_files import read_columns
 from mechviz.scene.kinds.segments import (
@@ -105,6 +107,27 @@ def lift_curve(
     overs = [axes.place(s.over, f"{path}[{k}].over") for k, s in enumerate(segments)]
     state: State = (start, None, None) if repeats and segments and isinstance(segments[-1].to, list) else (start,)
     return segments_curve(segments, overs, axes, path, state, repeats)
+
+
+def note_corners(
+    segments: Sequence[LiftSegment | RadiusSegment], curve: MotionCurve, axes: Axes, path: str, *, rotary: bool
+) -> None:
+    """Notes where the velocity falls at the first or last row of a table: a corner on any cam, which only a knife follows.
+
+    ``rotary``: the follower swings.
+    """
+    falls = [j for j in jumps(curve, (1,)) if j.size < 0.0]
+    ends = np.concatenate([[0.0], np.cumsum([axes.place(s.over, path) for s in segments])])
+    near = _SAME_RANGE * float(ends[-1])
+    for (k, segment), row, jump in product(enumerate(segments), ("first", "last"), falls):
+        apart = abs(jump.angle - curve.start - float(ends[k + (row == "last")]))
+        table = isinstance(segment.law, LawDocument) and segment.law.kind == "position"
+        if table and min(apart, abs(apart - curve.length)) < near:
+            before, after = (as_coordinate(v, rotary=rotary, digits=4) for v in (jump.left, jump.right))
+            turn = " per radian" if axes.master == "angle" else ""
+            why = f"at its {row} row the velocity falls from {before} to {after}{turn}: a corner on a cam of any size."
+            remedy = "Write law = { spline = [...] } of its rows, which goes from rest to rest; or let a knife follow it."
+            axes.convert.note(f"{path}[{k}].law.position", why, remedy)
 
 
 def stands_still(segments: Sequence[SegmentTable], curve: MotionCurve) -> bool:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Annotated, Any, ClassVar, Literal
 
@@ -200,12 +200,26 @@ class LawDocument(Table):
         return self.kind in ("polynomial", "spline", "least")
 
 
+_LAW_TABLES = {
+    "acceleration": "{ acceleration = { at = [0, 60, 60, 120], values = [1, 1, -1, -1] } }",
+    "velocity": "{ velocity = { at = [0, 30, 90, 120], values = [0, 1, 1, 0] } }",
+    "position": '{ position = { file = "lift.csv" } }',
+    "polynomial": "{ polynomial = [{ at = 60, to = 14 }] }",
+    "spline": "{ spline = [{ at = 60, to = 14 }] }",
+    "least": '{ least = "acceleration" }',
+}
+"""Each law that is a table, as it may stand in a scene."""
+
 LawEntry = Annotated[Annotated[Text, Tag("<value>")] | Annotated[LawDocument, Tag("<table>")], Discriminator(table_or_value)]
 
 
 class SegmentTable(Table):
     """The end of a segment and the law that leads there."""
 
+    ELSEWHERE: ClassVar[Mapping[str, str]] = {
+        **dict.fromkeys(LawDocument.model_fields, "It is a key of the law: law = { ... }."),
+        **{key: f"It is a law: write law = {law}." for key, law in _LAW_TABLES.items()},
+    }
     usual: ClassVar[str] = "cycloidal"
 
     to: State | None = None
@@ -237,7 +251,9 @@ class SegmentTable(Table):
         wrong: list[tuple[str, str, str]] = []
         name = self.named
         shaped = name is not None and name != "polynomial"
-        if shaped and self.sound("law", "parameters"):
+        if shaped and name in _LAW_TABLES:
+            wrong.append(("law", f"'{name}' alone does not say which law.", f"Write it like law = {_LAW_TABLES[name]}."))
+        elif shaped and self.sound("law", "parameters"):
             try:
                 rise(str(name), **self.parameters)
             except MechanismError as error:

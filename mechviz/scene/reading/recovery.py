@@ -79,7 +79,9 @@ def _keys_as_meant(cls: type[Table], raw: Mapping[str, Any], loc: Loc, faults: l
     known, beside = list(hints), cls.keys_beside(raw)
     unknown = [written for written in raw if written not in hints]
     for k, written in enumerate(unknown):
-        if k >= MOST_GUESSED:
+        if written in cls.ELSEWHERE:
+            faults.append(Fault(path_text(loc), f"'{written}' does not belong here.", cls.ELSEWHERE[written]))
+        elif k >= MOST_GUESSED:
             faults.append(unknown_key((*loc, written), beside, ""))
         else:
             likely = meant_keys(str(written), known)

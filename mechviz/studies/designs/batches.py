@@ -1,5 +1,5 @@
-"""Many designs in one call of the core: where parameters vary nothing but places of joints, masses of links, numbers of loads and
-the constant speed of the drive.
+"""Many designs in one call of the core: where parameters vary nothing but places of joints, masses of links, numbers of loads,
+and the starts and constant speeds of drives.
 
 What can be computed this way is tried out on a few designs beside the run of each by itself; where they differ, all are run by
 themselves.
@@ -19,7 +19,8 @@ from mechcore.compiled.motion import Executor
 from mechcore.effects.registry import effects_of
 from mechcore.errors import MechanismError
 from mechcore.forces.kinetostatics import solve_forces
-from mechcore.laws.timed import ConstantSpeed
+from mechcore.laws.program import Follow
+from mechcore.laws.timed import ConstantSpeed, moves
 from mechcore.motion.compiled import Compiled
 from mechcore.motion.design_program import DesignProgram
 from mechcore.motion.motion import Motion
@@ -29,6 +30,7 @@ from mechcore.records import numbers_in
 from mechcore.spec.mechanism import Link, braked
 from mechviz.quantities.catalogue import Catalogue, Quantity
 from mechviz.scene.annotations import Place
+from mechviz.scene.assembly.links import of_shape
 from mechviz.scene.document import LinkDocument, value_at
 from mechviz.scene.faults import path_text
 from mechviz.scene.kinds.bodies import MassDocument
@@ -66,20 +68,51 @@ class Batch:
         """Whether there is dry friction, which C may leave to runs of single designs."""
         return "friction" in self.compiled.mechanism.effects and bool(braked(self.compiled.mechanism.joints))
 
-    @property
-    def _speed(self) -> float:
-        """Speed of the first drive [rad/s or m/s]."""
-        return float(self.compiled.mechanism.drives[0].law(np.zeros(1))[1][0])
+    @cached_property
+    def _constant(self) -> dict[str, ConstantSpeed]:
+        """The laws of drives of constant speed, by their joints."""
+        return {d.joint: d.law for d in self.compiled.mechanism.drives if isinstance(d.law, ConstantSpeed)}
+
+    @cached_property
+    def _varied_drives(self) -> frozenset[str]:
+        """The joints of drives whose start or speed varies."""
+        return frozenset(str(place[1]) for place in self.places if place[0] == "joints")
+
+    @cached_property
+    def _leader(self) -> str:
+        """The joint of the drive whose cycle the frames follow, "" where none moves."""
+        return next((d.joint for d in self.compiled.mechanism.drives if moves(d.law)), "")
 
     @property
-    def one_sense(self) -> bool:
-        """Whether the drive keeps its sense in all designs between the ends of what varies, as far as their corners tell."""
+    def paced(self) -> bool:
+        """Whether designs differ in the time of a cycle."""
+        return ("joints", self._leader, "drive", "speed") in self.places
+
+    @property
+    def comparable(self) -> bool:
+        """Whether frames of one number are where the leading drive is the same, and it keeps its sense in all designs between the
+        ends of what varies, as far as their corners tell."""
+        drives = self.compiled.mechanism.drives
+        still = [d.joint for d in drives if not moves(d.law)]
+        if self._varied_drives.intersection(still[: [d.joint for d in drives].index(self._leader)] if self._leader else still):
+            return False  # it may come to lead
+        if any(m.reducer == "at" for m, _, _ in self.columns) and ("joints", drives[0].joint, "drive", "start") in self.places:
+            return False
+        if not self.paced:
+            return True
+        leader = self._constant[self._leader]
+        led = [d.law for d in drives if d.joint not in self._constant]
+        timed = any("time" in effect.needs for effect in effects_of(self.compiled.mechanism))
+        if timed or not all(isinstance(law, Follow) and law.master == leader for law in led):
+            return False
+        if len(self.variations) > MOST_CORNERS or (led and ("joints", self._leader, "drive", "start") in self.places):
+            return False
         corners = np.array(
             list(product(*((min(v.values), max(v.values)) if v.values else (v.low, v.high) for v in self.variations)))
         )
         amounts = parameter_arrays(self.scene.document, {v.name: corners[:, k] * v.factor for k, v in enumerate(self.variations)})
-        speeds = formula_values(self.scene.document, amounts, tuple(p for p in self.places if p[0] == "joints"))
-        return all(bool((x * self._speed > 0.0).all()) for x in speeds.values())
+        place: Place = ("joints", self._leader, "drive", "speed")
+        return bool((formula_values(self.scene.document, amounts, (place,))[place] * leader.speed > 0.0).all())
 
     @cached_property
     def program(self) -> DesignProgram | str:
@@ -112,11 +145,10 @@ class Batch:
             reasons[k] = reasons[k] or "links: a mass or moment of inertia is negative"
         with np.errstate(all="ignore"):
             loads = {number: constant + factor * values[place] for number, place, constant, factor in self.loads}
-            speeds = {str(place[1]): values[place] for place in self.places if place[0] == "joints"}
-            for joint, x in speeds.items():
-                for k in map(int, np.flatnonzero(x * self._speed <= 0.0)):
-                    reasons[k] = reasons[k] or f"joints.{joint}.drive: turns the other way"
-            swept = sweep(self.compiled, points, self.time, self._collect, masses, loads, self.count, speeds)
+            pace, drives = self._driven(values, count)
+            for k in map(int, np.flatnonzero(pace <= 0.0) if pace is not None else ()):
+                reasons[k] = reasons[k] or f"joints.{self._leader}.drive: turns the other way"
+            swept = sweep(self.compiled, points, self.time, self._collect, masses, loads, self.count, pace, drives)
         curves = [swept.results[str(k)] for k in range(len(self.columns))]
         for k in map(int, np.flatnonzero(~swept.assembled)):
             reasons[k] = reasons[k] or "joints: the mechanism cannot be assembled at all frames of the run"
@@ -124,6 +156,19 @@ class Batch:
         for k in map(int, np.flatnonzero(~whole)):
             reasons[k] = reasons[k] or NOT_FINITE
         return curves, reasons, swept.program
+
+    def _driven(self, values: Mapping[Place, Real], count: int) -> tuple[Real | None, dict[str, tuple[Real, Real]]]:
+        """How fast each design goes through its laws, and the starts and speeds of the drives that differ by more than that."""
+        pace = values["joints", self._leader, "drive", "speed"] / self._constant[self._leader].speed if self.paced else None
+        drives = {}
+        for joint, law in self._constant.items():
+            start, speed = (values.get(("joints", joint, "drive", what)) for what in ("start", "speed"))
+            if start is not None or (joint != self._leader and (speed is not None or pace is not None)):
+                drives[joint] = (
+                    np.full(count, law.start) if start is None else start,
+                    np.full(count, law.speed) if speed is None else speed,
+                )
+        return pace, drives
 
     def _varied(
         self, values: Mapping[Place, Real], count: int
@@ -154,6 +199,15 @@ class Batch:
                 weights(link)[1][:, int(place[3])] = numbers
             else:
                 weights(link)[2][:] = numbers
+        for link in dict.fromkeys(str(place[1]) for place in values if place[0] == "links"):
+            shape = self.scene.document.links[link].shape
+            if isinstance(shape, str):
+                mass, centre, inertia = weights(link)
+                known = [
+                    points.get((link, name), np.tile(np.asarray(xy, float), (count, 1))) for name, xy in links[link].points.items()
+                ]
+                where, inertia[:] = of_shape(shape, mass, [xy[:, 0] + 1j * xy[:, 1] for xy in known])
+                centre[:] = np.column_stack([where.real, where.imag])
         if not points:  # the core takes the number of designs from places
             joint = next(j for j in self.compiled.model.joints if j.name in links[j.links[1]].points)
             points[joint.links[1], joint.name] = np.tile(np.asarray(links[joint.links[1]].points[joint.name], float), (count, 1))
@@ -187,7 +241,7 @@ def batch_of(
 ) -> Batch | None:
     """Batch of the designs side by side, over so many ``frames`` and cycles, by an executor for so many of them; None where the
     variations reach further than joints and masses, or the mechanism has groups, effects or quantities that are computed design by
-    design."""
+    design. Raises `MechanismError` where C is asked for and cannot be compiled."""
     names = {v.name for v in variations}
     places = tuple(place for place in scene.document.formulas if names & parameters_behind(scene.document, place))
     mechanism = scene.mechanism
@@ -196,7 +250,7 @@ def batch_of(
     links: dict[str, LinkDocument] = dict(scene.document.links)
     for link in {str(place[1]) for place in places if place[2] == "points"}:
         own = links[link]
-        if own.shape is not None or own.lumps or isinstance(own.mass, MassDocument) or isinstance(own.centre, str):
+        if own.lumps or isinstance(own.mass, MassDocument) or isinstance(own.centre, str):
             return None
     columns = []
     for measure in measures:
@@ -209,12 +263,14 @@ def batch_of(
         how, count = executor
         if batch.rubs:
             batch = replace(batch, compiled=replace(compiled, executor=how), count=count)
-        if any(place[0] == "joints" for place in places):
-            timed = any("time" in effect.needs for effect in effects_of(mechanism))
-            if timed or len(variations) > MOST_CORNERS or not batch.one_sense:
-                return None
+        if not batch.comparable:
+            return None
         batch.curves(batch.nominal)
-    except (LookupError, MechanismError, StopIteration, ValueError, TypeError):
+    except MechanismError as error:
+        if any(fault.path == "executor" for fault in error.faults):
+            raise
+        return None
+    except (LookupError, StopIteration, ValueError, TypeError):
         return None
     return replace(batch, compiled=replace(compiled, executor=how), count=count)
 
@@ -224,14 +280,14 @@ def _can_vary(scene: Scene, place: Place) -> bool:
     if place[0] == "loads":
         return True
     if place[0] == "joints":
-        drives = scene.mechanism.drives
-        return place == ("joints", drives[0].joint, "drive", "speed") and type(drives[0].law) is ConstantSpeed
+        laws = {d.joint: d.law for d in scene.mechanism.drives}
+        return place[2:] in (("drive", "speed"), ("drive", "start")) and isinstance(laws.get(str(place[1])), ConstantSpeed)
     if place[0] != "links" or place[2] not in ("points", "mass", "centre", "inertia"):
         return False
     link = scene.document.links[str(place[1])]
     if place[2] == "points":
         return isinstance(link.points, dict)
-    return not isinstance(link.mass, MassDocument) and link.shape is None and not link.lumps
+    return not isinstance(link.mass, MassDocument) and not link.lumps
 
 
 def _load_numbers(scene: Scene, place: Place) -> list[tuple[tuple[int | str, ...], Place, float, float]]:

@@ -67,7 +67,7 @@ class Study:
 
     @property
     def computed_by(self) -> str:
-        """What computes its designs, in words for the user."""
+        """The executor of its designs, in words for the user."""
         if self.batch is None:
             return "numpy, each design by itself: what varies, or what is asked for, is not computed side by side"
         program = self.batch.program
@@ -82,7 +82,7 @@ class Study:
 
 
 @dataclass(frozen=True, eq=False)
-class Found:
+class DesignResults:
     """Results of designs: numbers (D,) or curves (D, F) of each measure; NaN, and a reason, where there is none. ``missing``:
     the part (D,) of the frames that have no values, 1 where that is not known."""
 
@@ -119,7 +119,7 @@ def study_of(
     twice = {v.name for v in variations if sum(v.name == other.name for other in variations) > 1}
     if twice:
         raise MechanismError(Fault(f"--vary {min(twice)}", "varies twice.", "Give each parameter once."))
-    found = Study(
+    study = Study(
         scene.text,
         scene.name,
         str(scene.folder.path),
@@ -131,9 +131,9 @@ def study_of(
         executor,
         count,
     )
-    for measure, quantity in zip(found.measures, found.quantities, strict=True):
-        _reduced(measure, quantity, found.nominal)
-    return found
+    for measure, quantity in zip(study.measures, study.quantities, strict=True):
+        _reduced(measure, quantity, study.nominal)
+    return study
 
 
 @lru_cache(maxsize=4)
@@ -193,13 +193,13 @@ def _reduced(measure: Measure, quantity: Quantity, run: Run) -> Real:
     return np.asarray(measure.reduced(values, run.catalogue.numbers.time, drive))
 
 
-def evaluate(study: Study, designs: Real) -> Found:
+def evaluate(study: Study, designs: Real) -> DesignResults:
     """Results of designs (D, n), the values of the study's variations in their units."""
     with ONE_AT_A_TIME:
         return _evaluated(study, designs)
 
 
-def _evaluated(study: Study, designs: Real) -> Found:
+def _evaluated(study: Study, designs: Real) -> DesignResults:
     batch = study.batch
     if batch is not None:
         curves, reasons = batch.curves(designs)
@@ -218,7 +218,7 @@ def _evaluated(study: Study, designs: Real) -> Found:
             missing[k] = 1.0 if reasons[k] else 0.0
             for v, own in zip(values, row, strict=True):
                 v[k] = own
-        return Found(tuple(values), tuple(reasons), missing)
+        return DesignResults(tuple(values), tuple(reasons), missing)
     rows: list[list[Real]] = []
     said: list[str] = []
     empty = [np.full_like(_reduced(m, q, study.nominal), np.nan) for m, q in zip(study.measures, study.quantities, strict=True)]
@@ -227,7 +227,7 @@ def _evaluated(study: Study, designs: Real) -> Found:
         rows.append(row)
         said.append(reason)
     missing = np.array([1.0 if reason else 0.0 for reason in said])
-    return Found(tuple(np.array(column) for column in zip(*rows, strict=True)), tuple(said), missing)
+    return DesignResults(tuple(np.array(column) for column in zip(*rows, strict=True)), tuple(said), missing)
 
 
 def _out_of_proportion(values: Sequence[Real]) -> list[int]:

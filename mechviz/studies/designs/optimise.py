@@ -280,8 +280,9 @@ def _levels(known: Judged, points: int) -> list[Real]:
 
 
 def _below(known: Judged, level: Real) -> int | None:
-    """The design whose first objective is least among those with the others up to a level (m - 1,), where there is one."""
-    kept = np.flatnonzero(known.feasible & np.all(known.objectives[:, 1:] <= level + SLACK * np.abs(level), axis=1))
+    """The design whose first objective is least among those with the others up to a level (m - 1,), where there is one. What was
+    refined to within a slack is there in spite of rounding."""
+    kept = np.flatnonzero(known.feasible & np.all(known.objectives[:, 1:] <= level + 2.0 * SLACK * np.abs(level), axis=1))
     return int(kept[np.lexsort(known.objectives[kept].T[::-1])[0]]) if len(kept) else None
 
 

@@ -87,17 +87,17 @@ class FourBarLoop:
 def four_bar_loops(run: Run, type: str) -> list[FourBarLoop]:
     """The four-bar loops of a run, to be of a type. Raises `MechanismError` where there is none."""
     joints = {joint.name: joint for joint in run.motion.mechanism.joints}
-    found = []
+    loops = []
     for loop in grashof(run.motion.model):
         points: dict[str, list[str]] = {link: [] for link in loop.links}
         for joint in (joints[name] for name in loop.joints):
             assert isinstance(joint, Revolute)
             for link, point in zip(joint.links, joint.points, strict=True):
                 points[link].append(point)
-        found.append(FourBarLoop("-".join(loop.joints), type, tuple((link, own[0], own[1]) for link, own in points.items())))
-    if not found:
+        loops.append(FourBarLoop("-".join(loop.joints), type, tuple((link, own[0], own[1]) for link, own in points.items())))
+    if not loops:
         raise MechanismError(Fault("goal.grashof", "the scene has no four-bar loop of revolute joints.", "Leave the key out."))
-    return found
+    return loops
 
 
 def _known(place: Place) -> bool:

@@ -103,7 +103,7 @@ def sensitivity(run: Run, of: str, by: Sequence[str] = ()) -> Sensitivity:
 def sensitivities(run: Run, measures: Sequence[Measure], variables: Sequence[Variable]) -> list[Sensitivity]:
     """The same of several measures, which share the work."""
     quantities = [quantity_of(measure, run.catalogue) for measure in measures]
-    found: list[Real | None] = [None] * len(measures)
+    exact_slopes: list[Real | None] = [None] * len(measures)
     for rows, exact in derivatives_of(run, variables):
         columns = []
         for measure, quantity in zip(measures, quantities, strict=True):
@@ -115,12 +115,12 @@ def sensitivities(run: Run, measures: Sequence[Measure], variables: Sequence[Var
                     Fault(f"--of {measure.text}", why, "Sweep it instead: mechviz sweep SCENE --vary ...")
                 ) from None
         for k, part in enumerate(exact.of(*columns)):
-            found[k] = _put(found[k], rows, part, run.motion.frames)
+            exact_slopes[k] = _put(exact_slopes[k], rows, part, run.motion.frames)
     drives = run.motion.mechanism.drives
     drive = run.catalogue.coordinate(drives[0].joint) if drives else None
     time = run.catalogue.numbers.time
     results = []
-    for measure, quantity, slopes in zip(measures, quantities, found, strict=True):
+    for measure, quantity, slopes in zip(measures, quantities, exact_slopes, strict=True):
         assert slopes is not None  # a run has frames
         curve = quantity.values()[:, measure.column(quantity)]
         number, derivatives = float("nan"), np.full(len(variables), np.nan)
@@ -212,23 +212,25 @@ def bands_of(run: Run) -> Bands:
     if not variables:
         return Bands()
     refused = ""
-    found: dict[str, Real | None] = {quantity.key: None for quantity in run.catalogue.quantities}
+    slopes_of: dict[str, Real | None] = {quantity.key: None for quantity in run.catalogue.quantities}
     try:
         parts = derivatives_of(run, variables)
     except MechanismError as error:
         return Bands(refused=error.faults[0].message)
     for rows, exact in parts:
         columns = {}
-        for key in found:
+        for key in slopes_of:
             with suppress(LookupError):
                 try:
                     columns[key] = traced(exact, run.catalogue[key])
                 except MechanismError as error:
                     refused = error.faults[0].message
-        found = {
-            key: _put(found[key], rows, slopes, run.motion.frames)
+        slopes_of = {
+            key: _put(slopes_of[key], rows, slopes, run.motion.frames)
             for key, slopes in zip(columns, exact.of(*columns.values()), strict=True)
         }
     tolerances = np.array([v.tolerance for v in variables])
-    halves = {key: np.asarray(np.tensordot(tolerances, np.abs(slopes), 1)) for key, slopes in found.items() if slopes is not None}
+    halves = {
+        key: np.asarray(np.tensordot(tolerances, np.abs(slopes), 1)) for key, slopes in slopes_of.items() if slopes is not None
+    }
     return Bands(halves, refused)

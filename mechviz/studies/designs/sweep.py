@@ -17,7 +17,7 @@ from mechcore.arrays import Flags, Index, Real
 from mechcore.errors import Fault, MechanismError
 from mechviz.files import put_in_place, replacing
 from mechviz.runs import package_version
-from mechviz.studies.designs.evaluate import Found, Study, evaluate
+from mechviz.studies.designs.evaluate import DesignResults, Study, evaluate
 from mechviz.studies.designs.sampling import Sample
 
 if TYPE_CHECKING:
@@ -35,12 +35,12 @@ class Table:
 
     study: Study
     designs: Real
-    found: Found
+    results: DesignResults
 
     @property
     def feasible(self) -> Flags:
         """Whether there are values (D,)."""
-        return np.array([not reason for reason in self.found.reasons], bool)
+        return np.array([not reason for reason in self.results.reasons], bool)
 
 
 @dataclass
@@ -135,7 +135,7 @@ def columns_of(study: Study) -> list[str]:
     return columns
 
 
-def arrow_table(study: Study, numbers: Index, designs: Real, results: Found) -> pa.Table:
+def arrow_table(study: Study, numbers: Index, designs: Real, results: DesignResults) -> pa.Table:
     """The rows of some designs: their numbers, the parameters, what was found, and the reasons where nothing was."""
     import pyarrow as pa
 
@@ -158,7 +158,7 @@ def read_table(study: Study, table: pa.Table) -> Table:
         flat = column.flatten() if hasattr(column, "flatten") and column.type.num_fields else column
         values.append(np.asarray(flat.to_numpy(zero_copy_only=False)).reshape(len(designs), -1))
     whole = tuple(v[:, 0] if v.shape[1] == 1 else v for v in values)
-    return Table(study, designs, Found(whole, tuple(reason or "" for reason in table[REASON].to_pylist())))
+    return Table(study, designs, DesignResults(whole, tuple(reason or "" for reason in table[REASON].to_pylist())))
 
 
 def csv_lines(table: Table) -> Iterator[str]:
@@ -166,8 +166,8 @@ def csv_lines(table: Table) -> Iterator[str]:
     yield ",".join(f'"{title}"' for title in (*(v.title for v in table.study.variations), *columns_of(table.study), REASON))
     for k, design in enumerate(table.designs):
         cells = [repr(float(x)) for x in design]
-        cells += [" ".join(repr(float(x)) for x in np.atleast_1d(values[k])) for values in table.found.values]
-        reason = table.found.reasons[k].replace('"', "'")
+        cells += [" ".join(repr(float(x)) for x in np.atleast_1d(values[k])) for values in table.results.values]
+        reason = table.results.reasons[k].replace('"', "'")
         yield ",".join([*cells, f'"{reason}"' if reason else ""])
 
 
@@ -229,13 +229,13 @@ def run_study(
 
 def _computed(
     study: Study, designs: Real, portions: Iterator[Index], executor: Executor | None, most: int
-) -> Iterator[tuple[Index, Found]]:
+) -> Iterator[tuple[Index, DesignResults]]:
     """The portions as they are found, with their numbers."""
     if executor is None:
         for numbers in portions:
             yield numbers, evaluate(study, designs[numbers])
         return
-    running: dict[Future[Found], Index] = {}
+    running: dict[Future[DesignResults], Index] = {}
     try:
         for numbers in portions:
             running[executor.submit(evaluate, study, designs[numbers])] = numbers
@@ -248,7 +248,7 @@ def _computed(
             future.cancel()
 
 
-def _finished(running: dict[Future[Found], Index]) -> Iterator[tuple[Index, Found]]:
+def _finished(running: dict[Future[DesignResults], Index]) -> Iterator[tuple[Index, DesignResults]]:
     done, _ = wait(running, return_when=FIRST_COMPLETED)
     for future in done:
         yield running.pop(future), future.result()

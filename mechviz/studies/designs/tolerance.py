@@ -24,7 +24,7 @@ from mechviz.runs import Run
 from mechviz.scene.annotations import Place
 from mechviz.scene.scene import Scene
 from mechviz.scene.units import QuantityError, split, unit_of
-from mechviz.studies.designs.evaluate import Found, Study, study_of
+from mechviz.studies.designs.evaluate import DesignResults, Study, study_of
 from mechviz.studies.designs.measures import Measure
 from mechviz.studies.designs.sampling import Variation
 from mechviz.studies.designs.sensitivity import Sensitivity, sensitivities
@@ -202,7 +202,7 @@ def tolerances(
     designs = np.concatenate([nominal[None], nominal + half * offsets])
     own, cycles = run.scene.frames or None, run.scene.cycles
     study = study_of(scene, varied, measures, frames=own, cycles=cycles, executor=program, count=len(designs))
-    results = run_study(study, designs, executor=executor, most=most, progress=progress).found
+    results = run_study(study, designs, executor=executor, most=most, progress=progress).results
     if results.reasons[0]:
         raise MechanismError(Fault("--of", f"the nominal design has no values: {results.reasons[0]}.", "Mend the scene."))
     try:
@@ -271,7 +271,7 @@ def _fitted(values: Real, designs: Real, corners: int) -> Real:
 class _Sampled:
     """Values of a measure: of the nominal design, the corners and the samples."""
 
-    def __init__(self, study: Study, results: Found, k: int, corners: int):
+    def __init__(self, study: Study, results: DesignResults, k: int, corners: int):
         self.computed_by = study.computed_by
         values = results.values[k]
         self.nominal, self.corners, self.samples = values[0], values[1 : 1 + corners], values[1 + corners :]

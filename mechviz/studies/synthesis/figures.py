@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mechcore.arrays import Complex, Real
-from mechcore.design.burmester import BurmesterCurve, Poses
+from mechcore.design.burmester import Poses, burmester_curve
 from mechcore.design.chains import Chain
 from mechcore.design.dwells import DwellLinkage
 from mechcore.design.freudenstein import FunctionGenerator, FunctionTask
@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 MOST_SHOWN = 6
+LINES = 7200  # through a point of a cubic: where they touch it no gap is seen
 GREY = "#6c757d"
 
 
@@ -41,14 +42,15 @@ def error_figure(task: FunctionTask, generators: Sequence[FunctionGenerator], sy
     return figure
 
 
-def motion_figure(poses: Poses, designs: Sequence[MotionDesign], curve: BurmesterCurve | None = None) -> Figure:
+def motion_figure(poses: Poses, designs: Sequence[MotionDesign]) -> Figure:
     """Positions of the body, the first linkage in all of them, and of four positions the circle-point and centre-point curves."""
     with chart(7.6, 6.4) as figure:
         axes = figure.subplots()
         shown = list(poses.places)
-        if curve is not None:
-            _curve(axes, (curve.w * poses.turns[0] + poses.places[0]) * MM, COLOURS[2], "circle points, in position 1")
-            _curve(axes, curve.c * MM, COLOURS[1], "centre points")
+        if len(poses.places) == 4:
+            w = burmester_curve(poses, LINES, joined=True).w
+            _curve(axes, (w * poses.turns[0] + poses.places[0]) * MM, COLOURS[2], "circle points, in position 1")
+            _curve(axes, burmester_curve(poses.inverse, LINES, joined=True).w * MM, COLOURS[1], "centre points")
         for made in designs[:1]:
             bar = made.four_bar
             for k, (a, b) in enumerate(made.pins.T):
@@ -72,7 +74,7 @@ def motion_figure(poses: Poses, designs: Sequence[MotionDesign], curve: Burmeste
             xlim=(middle.real - size, middle.real + size), ylim=(middle.imag - size, middle.imag + size), aspect="equal",
             xlabel="x [mm]", ylabel="y [mm]",
         )  # fmt: skip
-        if curve is not None:
+        if len(poses.places) == 4:
             axes.legend(loc="upper right")
     return figure
 

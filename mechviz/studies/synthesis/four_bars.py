@@ -45,10 +45,10 @@ EXACT = 1e-9  # of the size of a path: what misses by less passes its points
 FINE = 181  # crank angles between first and last pose
 
 
-def function_solutions(task: FunctionTask, found: Sequence[FunctionGenerator], frame: float, words: str) -> list[Solution]:
+def function_solutions(task: FunctionTask, designs: Sequence[FunctionGenerator], frame: float, words: str) -> list[Solution]:
     """Function generators as solutions, with a frame of some length [m]; ``words``: the function."""
     out = []
-    for k, made in enumerate(found):
+    for k, made in enumerate(designs):
         error, place = made.largest_error(task)
         least = np.nan if np.isnan(error) else made.least_transmission(task)
         bar = made.four_bar().scaled(frame)
@@ -73,20 +73,20 @@ def function_solutions(task: FunctionTask, found: Sequence[FunctionGenerator], f
     return out
 
 
-def ranked_paths(found: Sequence[PathDesign], points: Complex) -> list[PathDesign]:
+def ranked_paths(designs: Sequence[PathDesign], points: Complex) -> list[PathDesign]:
     """Designs, the best first: those that miss nothing in the order of their transmission angles, the others of their errors."""
     size = float(np.abs(points - points.mean()).max())
 
     def rank(made: PathDesign) -> tuple[float, float]:
         return (0.0, -made.four_bar.least_transmission()) if made.largest < EXACT * size else (made.error, 0.0)
 
-    return sorted(found, key=rank)
+    return sorted(designs, key=rank)
 
 
-def path_solutions(found: Sequence[PathDesign], points: Complex) -> list[Solution]:
+def path_solutions(designs: Sequence[PathDesign], points: Complex) -> list[Solution]:
     """Four-bars through points as solutions."""
     out = []
-    for k, made in enumerate(found):
+    for k, made in enumerate(designs):
         drive = through(made.four_bar, made.theta, usable=True)
         scene = four_bar_scene(
             made.four_bar, drive, name=f"path-{k + 1}", title=f"Four-bar through {len(points)} points",
@@ -178,27 +178,27 @@ class MotionDesign:
 
 def motion_designs(poses: Poses, w: Complex, c: Complex, most: int, *, all_of_them: bool) -> list[MotionDesign]:
     """Four-bars of pairs of dyads: all with their defects, or so many that differ, without defects, best transmission first."""
-    found = guidance(poses, w, c)
-    pins = poses.of_points(found.w)
-    crank, rocker = np.abs(pins[:, 0] - found.c[:, :1])[:, 0], np.abs(pins[:, 1] - found.c[:, 1:])[:, 0]
-    lengths = np.stack([crank, np.abs(found.w[:, 0] - found.w[:, 1]), rocker, np.abs(found.c[:, 0] - found.c[:, 1])])
-    at_poses = acute(pins[:, 0] - pins[:, 1], found.c[:, 1:] - pins[:, 1]).min(1)
+    guides = guidance(poses, w, c)
+    pins = poses.of_points(guides.w)
+    crank, rocker = np.abs(pins[:, 0] - guides.c[:, :1])[:, 0], np.abs(pins[:, 1] - guides.c[:, 1:])[:, 0]
+    lengths = np.stack([crank, np.abs(guides.w[:, 0] - guides.w[:, 1]), rocker, np.abs(guides.c[:, 0] - guides.c[:, 1])])
+    at_poses = acute(pins[:, 0] - pins[:, 1], guides.c[:, 1:] - pins[:, 1]).min(1)
     if all_of_them:
-        order = np.lexsort((-at_poses, ~found.defects.none))[:most]
+        order = np.lexsort((-at_poses, ~guides.defects.none))[:most]
     else:
-        order = np.flatnonzero(found.defects.none & (lengths.max(0) < SHARPEST * lengths.min(0)))
+        order = np.flatnonzero(guides.defects.none & (lengths.max(0) < SHARPEST * lengths.min(0)))
         order = order[np.argsort(-at_poses[order])][:EXAMINED]
     made = []
     for k in order:
-        first, second, a, b, place = (complex(z) for z in (*found.c[k], *pins[k, :, 0], poses.places[0]))
+        first, second, a, b, place = (complex(z) for z in (*guides.c[k], *pins[k, :, 0], poses.places[0]))
         bar = from_pins(first, second, a, b, place)
-        theta = np.angle(pins[k, 0] - found.c[k, 0])
-        defects = found.defects.words(k)
+        theta = np.angle(pins[k, 0] - guides.c[k, 0])
+        defects = guides.defects.words(k)
         least = np.nan
         if not defects:
             theta = crank_angles(bar, theta)
             least = float(bar.transmission(np.linspace(*used_range(theta, bar.crank_turns), FINE)).min())
-        made.append(MotionDesign(bar, theta, pins[k], least, defects, np.concatenate([found.w[k], found.c[k]])))
+        made.append(MotionDesign(bar, theta, pins[k], least, defects, np.concatenate([guides.w[k], guides.c[k]])))
     if all_of_them:
         return made
     kept: list[MotionDesign] = []
@@ -215,8 +215,8 @@ def motion_designs(poses: Poses, w: Complex, c: Complex, most: int, *, all_of_th
 
 def motion_choices(poses: Poses, most: int = CHOICES) -> list[MotionDesign]:
     """Four-bars for poses without anything else being said: at most so many, those without defects first."""
-    found = motion_designs(poses, *dyads(poses, (), (), SWING), most, all_of_them=len(poses.places) >= 5)
-    return sorted(found, key=lambda made: bool(made.defects))
+    designs = motion_designs(poses, *dyads(poses, (), (), SWING), most, all_of_them=len(poses.places) >= 5)
+    return sorted(designs, key=lambda made: bool(made.defects))
 
 
 def pose_marks(poses: Poses) -> dict[str, complex]:
@@ -236,11 +236,11 @@ def poses_in(scene: Scene) -> Poses | None:
     return Poses(p, np.angle(q - p)) if np.isfinite(p).all() and np.isfinite(q).all() else None
 
 
-def motion_solutions(poses: Poses, found: Sequence[MotionDesign]) -> list[Solution]:
+def motion_solutions(poses: Poses, designs: Sequence[MotionDesign]) -> list[Solution]:
     """Four-bars that lead a body through poses as solutions."""
     count = len(poses.places)
     out = []
-    for k, made in enumerate(found):
+    for k, made in enumerate(designs):
         bar = made.four_bar
         scene = four_bar_scene(
             bar, through(bar, made.theta, usable=not made.defects), name=f"motion-{k + 1}", marks=pose_marks(poses),
@@ -383,10 +383,10 @@ def slider_guides(poses: Poses, w: Complex, c: Complex, most: int) -> list[Slide
     return sorted(made, key=lambda one: (bool(one.defects), -np.nan_to_num(one.transmission)))
 
 
-def slider_guide_solutions(poses: Poses, found: Sequence[SliderGuide]) -> list[Solution]:
+def slider_guide_solutions(poses: Poses, designs: Sequence[SliderGuide]) -> list[Solution]:
     """Guides as solutions."""
     out = []
-    for k, made in enumerate(found, 1):
+    for k, made in enumerate(designs, 1):
         bar, (b, c) = made.four_bar, made.pins
         scene = slider_guide_scene(
             bar.crank_pivot, made.pins, complex(poses.places[0]), made.along,

@@ -48,9 +48,9 @@ def case(text: str, times: int = 31) -> Case:
     m = replace(m, frame=FRAME, links=links, joints=tuple(joints), loads=tuple(loads))
     first = solve_motion(compile_mechanism(m), [0.0])
     end = scene.simulation.duration if scene.simulation else m.drives[0].law.duration
-    found = Case("focused", 3, m, np.linspace(0.0, end, times))
+    result = Case("focused", 3, m, np.linspace(0.0, end, times))
     return replace(
-        found,
+        result,
         start={p.name: float(first.coordinate(p.name)[0, 0]) for p in m.joints},
         poses={k: tuple(map(float, first.pose(k)[0])) for k in first.model.links},
         stops=scene.simulation.stops if scene.simulation else (),
@@ -159,7 +159,7 @@ def test_designs_of_a_sweep_start_and_turn_as_each_alone():
     lengths = np.array([0.115, 0.12, 0.126])
     points = {("rocker", "D"): np.column_stack([lengths, 0.0 * lengths])}
     time = np.linspace(1.3, 2.9, 7)
-    found = sweep(compiled, points, time, lambda m: {p: m.coordinate(p)[..., 0] for p in "BDE"})
+    table = sweep(compiled, points, time, lambda m: {p: m.coordinate(p)[..., 0] for p in "BDE"})
     for k, length in enumerate(lengths):
         links = tuple(
             replace(link, points={**link.points, "D": (float(length), 0.0)}) if link.name == "rocker" else link
@@ -167,7 +167,7 @@ def test_designs_of_a_sweep_start_and_turn_as_each_alone():
         )
         alone = solve_motion(compile_mechanism(replace(compiled.mechanism, links=links)), time)
         for joint in "BDE":
-            assert found.results[joint][k] == pytest.approx(alone.coordinate(joint)[:, 0], abs=1e-9)
+            assert table.results[joint][k] == pytest.approx(alone.coordinate(joint)[:, 0], abs=1e-9)
 
 
 @pytest.mark.parametrize("name", ["five-bar", "stop"])
@@ -218,8 +218,8 @@ def stop(at: float, side: str) -> tuple[str, str, float]:
     ],
 )
 def test_a_joint_starts_on_the_side_of_its_stops(angle, stops, starts):
-    found = pose(angle, tuple(stop(at, side) for side, at in stops))
-    turns = found.turns("a", "b", found.ranges.get("B"))
+    poses = pose(angle, tuple(stop(at, side) for side, at in stops))
+    turns = poses.turns("a", "b", poses.ranges.get("B"))
     assert angle + 360.0 * turns == pytest.approx(starts, abs=1e-9)
 
 
@@ -228,8 +228,8 @@ def test_a_joint_starts_on_the_side_of_its_stops(angle, stops, starts):
     [(-170.0, (100.0, 260.0), 190.0), (170.0, (-260.0, -100.0), -190.0), (30.0, (0.0, 720.0), 30.0), (250.0, (0.0, 90.0), -110.0)],
 )
 def test_a_joint_starts_in_the_range_of_tables_over_it(angle, table, starts):
-    found = pose(angle, tables={"B": table})
-    assert angle + 360.0 * found.turns("a", "b", found.ranges["B"]) == pytest.approx(starts, abs=1e-9)
+    poses = pose(angle, tables={"B": table})
+    assert angle + 360.0 * poses.turns("a", "b", poses.ranges["B"]) == pytest.approx(starts, abs=1e-9)
     held = pose(angle, (stop(0.0, "upper"),), {"B": table})  # stops come first
     assert -360.0 < angle + 360.0 * held.turns("a", "b", held.ranges["B"]) <= 0.0
 
@@ -265,12 +265,12 @@ def test_a_watch_is_passed_at_the_turn_that_it_names():
     mechanism = replace(compiled.mechanism, links=links, drives=(free,), effects=("inertia",))
     first = np.degrees(solve_motion(compiled, [0.0]).coordinate("E")[0, 0])
     looks = tuple(EventTrigger(name=str(at), joint="E", at=np.radians(at)) for at in (-260.0, 100.0, 460.0, 820.0))
-    found = simulate(mechanism, 3.0, watches=looks)
-    passed = [float(h.item) for h in found.events]
-    last = np.degrees(found.view([3.0]).coordinate("E")[0, 0])
+    simulation = simulate(mechanism, 3.0, watches=looks)
+    passed = [float(h.item) for h in simulation.events]
+    last = np.degrees(simulation.view([3.0]).coordinate("E")[0, 0])
     assert passed == [at for at in (-260.0, 100.0, 460.0, 820.0) if first < at < last] and len(passed) == 2
-    for h in found.events:
-        assert found.view([h.time]).coordinate("E")[0, 0] == pytest.approx(np.radians(float(h.item)), abs=1e-8)
+    for h in simulation.events:
+        assert simulation.view([h.time]).coordinate("E")[0, 0] == pytest.approx(np.radians(float(h.item)), abs=1e-8)
 
 
 @pytest.mark.parametrize("far", [1e4, 1e9, np.inf, np.nan])
@@ -281,6 +281,6 @@ def test_a_trial_of_the_integrator_may_lie_anywhere(text, far):
     compiled = compile_mechanism(mechviz.loads(text).mechanism)
     q = np.array(compiled.start)
     both = np.array([q + 0.01, q + far])
-    found = motion_at(compiled, both, np.zeros_like(both), np.array([0.0, 1e-3])).angles.class_angles
+    computed = motion_at(compiled, both, np.zeros_like(both), np.array([0.0, 1e-3])).angles.class_angles
     alone = motion_at(compiled, both[:1], np.zeros_like(both[:1]), np.zeros(1)).angles.class_angles
-    assert found.shape[1] == 2 and found[:, 0] == pytest.approx(alone[:, 0], abs=1e-12)
+    assert computed.shape[1] == 2 and computed[:, 0] == pytest.approx(alone[:, 0], abs=1e-12)

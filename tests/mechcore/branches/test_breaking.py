@@ -266,7 +266,7 @@ def test_a_motion_below_rounding_is_not_searched_for_changes():
         base = four_bar(E=(far.real, far.imag), AB=lengths[0], BD=lengths[1], DE=lengths[2], start=turn)
         m = replace(base, drives=(Drive(joint="A", law=Oscillation(turn, 1e-12, 1.0)),))
         compiled = compile_mechanism(m)
-        assert compiled.singular_points is not None and len(compiled.singular_points.found) < 10
+        assert compiled.singular_points is not None and len(compiled.singular_points.points) < 10
         assert solve_motion(compiled, default_times(m, 20)).closure.max() < 1e-9
 
 

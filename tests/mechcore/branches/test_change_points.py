@@ -77,7 +77,7 @@ def test_no_change_where_there_is_a_margin():
         # frame + crank = coupler + rocker - margin: never flat on the far side; rocker and coupler of different length
         m = four_bar(E=(3.0, 0.0), AB=1.0, BD=2.5, DE=1.5 + margin, start=0.3)
         compiled = compile_mechanism(m)
-        assert not compiled.singular_points.found, margin
+        assert not compiled.singular_points.points, margin
         motion = solve_motion(compiled, np.linspace(0.0, TURN, 73) - 0.3)
         side = np.imag(np.conj(motion.of_point(2, 2.5 + 0j) - motion.of_point(2, 0j)) * (3.0 - motion.of_point(2, 0j)))
         assert (side < 0).all(), "D stays on the left of B -> E"
@@ -261,7 +261,7 @@ def test_next_to_a_sliver_all_is_well(margin):
 
     m = misses_by(-margin)
     compiled = compile_mechanism(m)
-    assert not compiled.singular_points.found and not compiled.singular_points.gaps
+    assert not compiled.singular_points.points and not compiled.singular_points.gaps
     solve_motion(compiled, default_times(m, 7))
     short = replace(misses_by(margin), drives=(Drive(joint="A", law=Oscillation(1.5, 1.5, 1.0)),))
     motion = solve_motion(compile_mechanism(short), np.linspace(0.0, 1.0, 91))

@@ -39,9 +39,9 @@ class Jumping(LinkAngles):
         self.jumping = k
 
     def link(self, k: int) -> np.ndarray:
-        found = super().link(k)
-        jump = np.arange(len(found)) > len(found) // 2
-        return found - 2.0 * np.pi * jump if k == self.jumping else found
+        result = super().link(k)
+        jump = np.arange(len(result)) > len(result) // 2
+        return result - 2.0 * np.pi * jump if k == self.jumping else result
 
 
 def test_a_lost_turn_in_the_frames_is_seen_from_there_on():

@@ -177,9 +177,9 @@ def test_a_stop_beyond_half_a_turn_is_met_and_the_motion_goes_back():
         return quad(lambda q: np.sqrt(inertia(q) / inertia(start)) / omega, start, end, epsabs=1e-14, epsrel=1e-13)[0]
 
     passed, hit = time_to(185.0), time_to(190.0)
-    found = run.simulation.events
-    assert [h.kind for h in found] == ["watch", "impact", "watch"]
-    assert [h.time for h in found] == pytest.approx([passed, hit, 2.0 * hit - passed], abs=1e-9)
+    computed = run.simulation.events
+    assert [h.kind for h in computed] == ["watch", "impact", "watch"]
+    assert [h.time for h in computed] == pytest.approx([passed, hit, 2.0 * hit - passed], abs=1e-9)
     t = np.linspace(0.0, hit, 7)
     assert run.simulation(2.0 * hit - t)[0] == pytest.approx(run.simulation(t)[0], abs=1e-9)  # all the way back
     assert np.degrees(run.motion.coordinate("B")[:, 0]).max() <= 190.0 + 1e-9

@@ -120,8 +120,8 @@ def test_a_stated_stop_comes_before_the_end_behind_it():
 
 
 def test_the_core_meets_the_ends_of_slots_by_itself():
-    found = simulate(mechviz.loads(falling("50")).mechanism, 0.5, tolerance=1e-9)
-    assert found.motion(np.linspace(0.0, 0.5, 51)).coordinate("P")[:, 0].max() <= 0.05 + 1e-9
+    simulation = simulate(mechviz.loads(falling("50")).mechanism, 0.5, tolerance=1e-9)
+    assert simulation.motion(np.linspace(0.0, 0.5, 51)).coordinate("P")[:, 0].max() <= 0.05 + 1e-9
 
 
 def test_a_free_motion_that_starts_beyond_an_end_is_refused():

@@ -172,6 +172,10 @@ def _cam(**change):
             translating(Roller(0.05), base=0.002, lift=program([Segment(0.8, 0.03), Segment(2 * np.pi - 0.8, 0.0)])),
             "undercut.*radius of 50 mm on a pitch curve",
         ),
+        (
+            translating(Roller(0.01), lift=program([Segment(2.0, (0.01, 0.02)), Segment(2 * np.pi - 2.0, 0.0)])),
+            "velocity falls at 114.592° from 20 mm to 0 mm per radian: a corner",
+        ),
         (translating(Roller(0.001), base=0.005, offset=0.012), "does not reach the offset"),
         (oscillating(Roller(0.01), base=0.2), "does not reach a base circle"),
         (

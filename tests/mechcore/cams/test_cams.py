@@ -166,9 +166,9 @@ def test_the_lecture_s_examples_with_every_boundary(case):
             assert s.radius[0] == pytest.approx(row[rho], rel=RTOL)
         assert neglected_phase(law, e, theta)[0] == pytest.approx(row["phase_neglected_by_lecture"], rel=RTOL)
     if isinstance(expected, dict) and "velocity_jump_at_pi" in expected:
-        found = {round(j.angle / PI): w * j.size for j in jumps(law, (1,))}
-        assert found.get(1, 0.0) == pytest.approx(expected["velocity_jump_at_pi"], abs=1e-13)
-        assert found.get(0, 0.0) == pytest.approx(expected["velocity_jump_at_2pi_wrap"], abs=1e-13)
+        computed = {round(j.angle / PI): w * j.size for j in jumps(law, (1,))}
+        assert computed.get(1, 0.0) == pytest.approx(expected["velocity_jump_at_pi"], abs=1e-13)
+        assert computed.get(0, 0.0) == pytest.approx(expected["velocity_jump_at_2pi_wrap"], abs=1e-13)
 
 
 def test_what_the_lecture_s_simplified_offset_profile_costs():
@@ -193,9 +193,9 @@ def test_constant_breadth():
     case = CASES["cam-yoke-constant-breadth"]
     base, lift = case["inputs"]["R_b"], case["inputs"]["H"]
     law = program([Segment(PI, base + lift, "harmonic"), Segment(PI, base, "harmonic")], base)
-    found = breadth(law)
-    assert found.constant(1e-14)
-    assert found.mean == pytest.approx(case["expected"]["breadth"][0], rel=1e-14)
+    size = breadth(law)
+    assert size.constant(1e-14)
+    assert size.mean == pytest.approx(case["expected"]["breadth"][0], rel=1e-14)
     s = Cam(law, Follower(Translating(), Flat())).at(np.linspace(0, 6, 50))
     close(s.radius, np.full(50, base + lift / 2))  # an eccentric circle
     other = program([Segment(PI, base + lift, "cycloidal"), Segment(PI, base, "3-4-5")], base)
@@ -206,7 +206,7 @@ def test_constant_breadth():
     assert not breadth(program([Segment(1.0), Segment(half, 0.05, "3-4-5"), Segment(1.0), Segment(half, base)], base)).constant()
     # the second face touches the cam too: the faces are each other's contact half a turn later
     half = Cam(law, Follower(Translating(), Flat())).at(np.linspace(0, 6, 50) + PI)
-    assert (s.motion[0] + half.motion[0]) == pytest.approx(found.mean)
+    assert (s.motion[0] + half.motion[0]) == pytest.approx(size.mean)
 
 
 # --- working curves as functions -----------------------------------------------------------------------------------------------

@@ -304,5 +304,5 @@ def test_a_knife_exactly_on_a_joint_of_the_profile_stands_there(guide):
     swings = isinstance(guide, Oscillating)
     lift = program([Segment(PI, 0.2 if swings else 0.02, "constant-acceleration"), Segment(PI, 0.0, "constant-acceleration")])
     cam = cam_on_base(lift, Follower(guide, Knife()), 0.04)
-    found = analyse(cam_contour(cam), cam.follower, np.append(lift.knots, [2.0, 5.0]), bridges=False).motion[0]
-    np.testing.assert_allclose(found, cam.law(np.append(lift.knots, [2.0, 5.0]), 0)[0], rtol=1e-9)
+    computed = analyse(cam_contour(cam), cam.follower, np.append(lift.knots, [2.0, 5.0]), bridges=False).motion[0]
+    np.testing.assert_allclose(computed, cam.law(np.append(lift.knots, [2.0, 5.0]), 0)[0], rtol=1e-9)

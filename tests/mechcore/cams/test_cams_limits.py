@@ -41,9 +41,9 @@ def test_extremes_of_the_reference():
     assert flat.distance_right.value == pytest.approx(expected["flat_contact_offset_max"]["value"], rel=1e-13)
     assert flat.distance_left.value == pytest.approx(expected["flat_contact_offset_min"]["value"], rel=1e-13)
     assert flat.face_length == pytest.approx(flat.distance_right.value - flat.distance_left.value)
-    found = find_limits(Cam(law, Follower(Translating(0.01), Roller(0.008))))
-    assert found.greatest_roller.value == pytest.approx(expected["max_roller_radius_without_undercut"], rel=1e-12)
-    assert found.concave is None
+    computed = find_limits(Cam(law, Follower(Translating(0.01), Roller(0.008))))
+    assert computed.greatest_roller.value == pytest.approx(expected["max_roller_radius_without_undercut"], rel=1e-12)
+    assert computed.concave is None
 
 
 def test_a_roller_as_large_as_the_least_radius_makes_a_cusp_and_a_larger_one_undercuts():
@@ -69,20 +69,20 @@ def test_a_roller_as_large_as_the_least_radius_makes_a_cusp_and_a_larger_one_und
 @pytest.mark.parametrize("row", CASES["cam-flat-undercut-threshold"]["expected"], ids=lambda r: f"{r['law']}-{r['beta']:.2f}")
 def test_flat_follower_at_the_threshold_of_undercut(row):
     lift = program([Segment(row["beta"], row["lift"], NAMES[row["law"]])], repeats=False)
-    found = least_base(lift, Follower(Translating(), Flat()), Requirement())
-    assert found.base == pytest.approx(row["min_base_radius"], rel=1e-12, abs=1e-15)
+    least = least_base(lift, Follower(Translating(), Flat()), Requirement())
+    assert least.base == pytest.approx(row["min_base_radius"], rel=1e-12, abs=1e-15)
     if row["min_base_radius"] > 0.0:
-        assert not found.limits.undercut, "exactly at the threshold there is a cusp, no undercut"
-        assert abs(found.limits.sharpness.value) < 1e-12
-        assert find_limits(cam_on_base(lift, Follower(Translating(), Flat()), 0.99 * found.base)).undercut
+        assert not least.limits.undercut, "exactly at the threshold there is a cusp, no undercut"
+        assert abs(least.limits.sharpness.value) < 1e-12
+        assert find_limits(cam_on_base(lift, Follower(Translating(), Flat()), 0.99 * least.base)).undercut
 
 
 @pytest.mark.parametrize("row", CASES["cam-pressure-limited-base"]["expected"], ids=lambda r: f"{r['law']}-{r['e']}")
 def test_least_base_for_a_pressure_angle(row):
     lift = program([Segment(row["beta"], row["lift"], NAMES[row["law"]])], repeats=False)
-    found = least_base(lift, Follower(Translating(row["e"]), Knife()), Requirement(pressure_rise=row["alpha_max"]))
-    assert found.start == pytest.approx(row["min_h_base"], rel=1e-11)
-    assert found.decides == "pressure angle on the rise"
+    least = least_base(lift, Follower(Translating(row["e"]), Knife()), Requirement(pressure_rise=row["alpha_max"]))
+    assert least.start == pytest.approx(row["min_h_base"], rel=1e-11)
+    assert least.decides == "pressure angle on the rise"
 
 
 @settings(max_examples=15)

@@ -30,23 +30,23 @@ def motion_of(name, frames=30):
 @pytest.mark.parametrize(("name", "point"), [("cam-by-inversion", "T"), ("cam-knife", "T"), ("cam-friction", "T")])
 def test_every_step_is_where_the_follower_is_when_the_cam_has_turned_so_far(name, point):
     motion = motion_of(name)
-    found = cam_inversion(motion, "K")
+    inversion = cam_inversion(motion, "K")
     pose = motion.pose("cam")
-    place = (pose[:, 0] + 1j * pose[:, 1]) + np.exp(1j * pose[:, 2]) * found.references
+    place = (pose[:, 0] + 1j * pose[:, 1]) + np.exp(1j * pose[:, 2]) * inversion.references
     assert place == pytest.approx(motion.point("follower", point) @ PLANE, abs=1e-12)
 
 
 def test_lifts_are_laid_off_on_lines_that_touch_the_offset_circle():
     motion = motion_of("cam-by-inversion")
-    found = cam_inversion(motion, "K")
-    assert np.abs(found.origins - found.centre) == pytest.approx(np.full(30, 0.014))
-    assert [np.abs(z - found.centre).max() for z in found.bases] == pytest.approx([0.038, 0.014])
-    across = np.real(np.conj(found.origins - found.centre) * (found.references - found.origins))
+    inversion = cam_inversion(motion, "K")
+    assert np.abs(inversion.origins - inversion.centre) == pytest.approx(np.full(30, 0.014))
+    assert [np.abs(z - inversion.centre).max() for z in inversion.bases] == pytest.approx([0.038, 0.014])
+    across = np.real(np.conj(inversion.origins - inversion.centre) * (inversion.references - inversion.origins))
     assert across == pytest.approx(np.zeros(30), abs=1e-15)
-    assert np.abs(found.starts - found.centre) == pytest.approx(np.full(30, 0.048))  # base 38 and roller 10
+    assert np.abs(inversion.starts - inversion.centre) == pytest.approx(np.full(30, 0.048))  # base 38 and roller 10
     lift = motion.coordinate("S")[:, 0]
-    assert found.lifts == pytest.approx(lift - lift[0], abs=1e-12) and found.lifts.max() == pytest.approx(0.026)
-    turned = np.unwrap(np.angle((found.starts - found.centre) / (found.starts[0] - found.centre)))
+    assert inversion.lifts == pytest.approx(lift - lift[0], abs=1e-12) and inversion.lifts.max() == pytest.approx(0.026)
+    turned = np.unwrap(np.angle((inversion.starts - inversion.centre) / (inversion.starts[0] - inversion.centre)))
     assert turned == pytest.approx(-2.0 * np.pi * np.arange(30) / 30)  # back, against the cam
 
 
@@ -54,23 +54,23 @@ def test_lifts_are_laid_off_on_lines_that_touch_the_offset_circle():
     "name", ["cam-by-inversion", "cam-flat-offset", "cam-mushroom", "cam-oscillating-flat", "cam-oscillating-roller", "cam-groove"]
 )
 def test_the_profile_is_the_envelope_of_the_follower(name):
-    found = cam_inversion(motion_of(name), "K")
-    assert np.abs(found.gap).max() < 1e-7
-    assert np.abs(found.profile - found.centre).min() == pytest.approx(found.base, rel=1e-6)
+    inversion = cam_inversion(motion_of(name), "K")
+    assert np.abs(inversion.gap).max() < 1e-7
+    assert np.abs(inversion.profile - inversion.centre).min() == pytest.approx(inversion.base, rel=1e-6)
 
 
 @pytest.mark.parametrize(("name", "joint"), [("cam-wedge", "S"), ("cam-wedge-oscillating", "P")])
 def test_along_a_wedge_the_frame_is_pushed_back(name, joint):
     """The positions lie on the way of the roller seen from the slide, and the wedge touches all of them."""
     motion = motion_of(name, 3000)
-    found = cam_inversion(motion, "K")
+    inversion = cam_inversion(motion, "K")
     pose = motion.pose("slide")
     follower = "follower" if joint == "S" else "lever"
     point = next(p for p in motion.mechanism.joints if p.name == "K").point
     way = (motion.point(follower, point) @ PLANE - (pose[:, 0] + 1j * pose[:, 1])) * np.exp(-1j * pose[:, 2])
-    assert max(np.abs(way - z).min() for z in found.references) < 2e-4
-    assert len(found.angles) == 31 and np.abs(found.gap).max() < 1e-6
-    assert np.ptp(np.imag(found.bases[0])) == pytest.approx(0.0, abs=1e-12) and found.lifts.max() > 0.01
+    assert max(np.abs(way - z).min() for z in inversion.references) < 2e-4
+    assert len(inversion.angles) == 31 and np.abs(inversion.gap).max() < 1e-6
+    assert np.ptp(np.imag(inversion.bases[0])) == pytest.approx(0.0, abs=1e-12) and inversion.lifts.max() > 0.01
 
 
 @pytest.mark.parametrize("name", ["cam-conjugate", "cam-conjugate-oscillating"])

@@ -34,9 +34,9 @@ RANDOM = (("slider-crank", 3), ("pin in slot", 2))
 def collect(motion: Motion) -> Mapping[str, Real]:
     """The pose of a link with its rates, a coordinate, the reactions of two joints, the efforts."""
     forces, link, joints = solve_forces(motion), motion.model.links[-1], [c.name for c in motion.model.connections]
-    found = {of: getattr(motion, of)(link) for of in ("pose", "velocity", "acceleration")}
-    found |= {"coordinate": motion.coordinate(joints[-1])} | {f"reaction {k}": forces.reaction(k) for k in (joints[0], joints[-1])}
-    return found | {f"effort {d.joint}": forces.effort(d.joint) for d in motion.mechanism.drives}
+    result = {of: getattr(motion, of)(link) for of in ("pose", "velocity", "acceleration")}
+    result |= {"coordinate": motion.coordinate(joints[-1])} | {f"reaction {k}": forces.reaction(k) for k in (joints[0], joints[-1])}
+    return result | {f"effort {d.joint}": forces.effort(d.joint) for d in motion.mechanism.drives}
 
 
 def swept(compiled: Compiled, time: Real, count: int = 70) -> list[Sweep]:
@@ -58,10 +58,10 @@ def check_alike(by_numpy: Sweep, by_c: Sweep, within: float) -> None:
     np.testing.assert_array_equal(by_numpy.assembled, by_c.assembled)
     assert by_c.assembled.any()
     for name, wanted in by_numpy.results.items():
-        found, wanted = by_c.results[name][by_c.assembled], wanted[by_c.assembled]
+        computed, wanted = by_c.results[name][by_c.assembled], wanted[by_c.assembled]
         size = np.abs(wanted).max() + 1e-9
-        assert np.broadcast_shapes(found.shape, wanted.shape) == wanted.shape
-        assert np.abs(found - wanted).max() <= within * size, name
+        assert np.broadcast_shapes(computed.shape, wanted.shape) == wanted.shape
+        assert np.abs(computed - wanted).max() <= within * size, name
 
 
 def with_forces(mechanism: Mechanism) -> Mechanism:
@@ -120,13 +120,13 @@ def test_designs_with_friction_are_those_of_runs_by_themselves() -> None:
     mechanism = load("slider-crank-friction").mechanism
     compiled, cranks = compile_mechanism(mechanism, executor="c"), (0.05, 0.042)
     points, time = {("crank", "B"): np.array([[r, 0.0] for r in cranks])}, default_times(mechanism, 12)
-    found = sweep(compiled, points, time, collect)
-    assert isinstance(found.program, DesignProgram)
+    table = sweep(compiled, points, time, collect)
+    assert isinstance(table.program, DesignProgram)
     for k, r in enumerate(cranks):
         links = [replace(x, points=x.points | {"B": (r, 0.0)}) if x.name == "crank" else x for x in mechanism.links]
         alone = collect(solve_motion(compile_mechanism(replace(mechanism, links=tuple(links))), time))
         for name, wanted in alone.items():
-            np.testing.assert_allclose(found.results[name][k], wanted, atol=1e-12 * np.abs(wanted).max())
+            np.testing.assert_allclose(table.results[name][k], wanted, atol=1e-12 * np.abs(wanted).max())
     with pytest.raises(MechanismError, match="numpy solves dry friction of one design at a time"):
         sweep(replace(compiled, executor="numpy"), points, time, collect)
 
@@ -135,8 +135,8 @@ def test_what_c_does_not_have_of_designs_is_named() -> None:
     compiled = compile_mechanism(load("crank-rocker").mechanism)
     points = {("coupler", "C"): np.array([[0.18, 0.0], [0.181, 0.0]])}
     time = default_times(compiled.mechanism, 8)
-    found = sweep(replace(compiled, executor="c"), points, time, lambda motion: {"x": np.cumsum(motion.condition)})
-    assert found.program == "C does not have numpy's cumsum"
+    table = sweep(replace(compiled, executor="c"), points, time, lambda motion: {"x": np.cumsum(motion.condition)})
+    assert table.program == "C does not have numpy's cumsum"
 
 
 def test_auto_compiles_for_many_designs_and_takes_what_is_kept_for_some(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:

@@ -14,8 +14,9 @@ from random_mechanisms import draw
 from mechcore import spec as sp
 from mechcore.compiled.toolchain import compiler
 from mechcore.dynamics.equations.charts import Chart
+from mechcore.dynamics.equations.contacts import missing_in_c
 from mechcore.dynamics.equations.curve import Curve
-from mechcore.dynamics.equations.program import compiled_program, missing_in_c
+from mechcore.dynamics.equations.program import compiled_program
 from mechcore.dynamics.equations.reduced import motion_at, reduce
 from mechcore.dynamics.integration.collocation import Window, gauss
 from mechcore.dynamics.simulate import simulate
@@ -167,8 +168,8 @@ def test_the_end_of_a_window_is_that_of_its_polynomials(nodes: int) -> None:
     rng = np.random.default_rng(nodes)
     window = Window(0.3, 0.2, rng.random(3), rng.random(3), rng.random((nodes, 3)))
     q, v, _ = window(np.array([0.5]))
-    for found, wanted in zip(window.end(), (q[0], v[0]), strict=True):
-        np.testing.assert_allclose(found, wanted, rtol=1e-13)
+    for computed, wanted in zip(window.end(), (q[0], v[0]), strict=True):
+        np.testing.assert_allclose(computed, wanted, rtol=1e-13)
 
 
 @pytest.mark.parametrize("executor", ["numpy", "c"])
@@ -187,7 +188,7 @@ def test_numpy_leads_through_change_points() -> None:
     compiled = compile_mechanism(damped_chain)
     program = compiled_program(compiled)
     assert program is not None and program.partial
-    flat = compiled.start[0] + compiled.singular_points.found[0].time
+    flat = compiled.start[0] + compiled.singular_points.points[0].time
     ask = partial(program.window, gauss(7), 0.0, 1e-3, v=np.ones(1), guess=np.zeros((7, 1)), tolerance=1e-12)
     assert ask(q=np.array([flat])) is None and ask(q=np.array([flat + 0.01])) is None
     assert ask(q=np.array([flat + 0.2])) is not None
@@ -200,11 +201,11 @@ def test_numpy_leads_through_change_points() -> None:
 
 @pytest.mark.parametrize(("kind", "seed"), RANDOM)
 def test_accelerations_are_the_same(kind: str, seed: int) -> None:
-    found = draw(kind, seed, forces=True).mechanism
-    compiled = compile_mechanism(found)
+    computed = draw(kind, seed, forces=True).mechanism
+    compiled = compile_mechanism(computed)
     program = compiled_program(compiled)
     assert program is not None, missing_in_c(compiled)
-    start = np.array([[float(d.law(0.0)[k]) for d in found.drives] for k in (0, 1)])
+    start = np.array([[float(d.law(0.0)[k]) for d in computed.drives] for k in (0, 1)])
     steps = np.linspace(0.0, 1.0, 7)[:, None]
     q, v, t = start[0] + 0.02 * steps, start[1] * (1.0 + steps), 0.01 * steps[:, 0]
     expected = Chart(compiled)(q, v, t)

@@ -10,8 +10,10 @@ from mechanisms import four_bar
 from random_mechanisms import draw
 
 from mechcore.compiled import motion as compiled_motion
+from mechcore.compiled import toolchain
 from mechcore.compiled.motion import MotionProgram, motion_program, written
-from mechcore.compiled.toolchain import compiler
+from mechcore.compiled.toolchain import compiler, library
+from mechcore.dynamics.simulate import simulate
 from mechcore.forces.kinetostatics import solve_forces
 from mechcore.forces.program import ForcesProgram, forces_program
 from mechcore.motion.compiled import Compiled
@@ -21,6 +23,7 @@ from mechviz.scene.scene import load
 
 pytestmark = pytest.mark.skipif(compiler() is None, reason="no C compiler")
 
+OPTIMISED = toolchain.OPTIONS  # as users have it
 SCENES = (
     "jansen-leg",
     "shaper-quick-return",
@@ -74,8 +77,8 @@ def test_forces_are_alike(name: str) -> None:
     assert isinstance(forces_program(compiled.model, exact=True), ForcesProgram)
     asked = [("reaction", c.name) for c in compiled.model.connections] + [("effort", d.joint) for d in compiled.mechanism.drives]
     for of, k in asked:
-        wanted, found = (getattr(f, of)(k) for f in (a, b))
-        assert np.abs(found - wanted).max() <= 1e-12 * max(np.abs(wanted).max(), 1.0), k
+        wanted, computed = (getattr(f, of)(k) for f in (a, b))
+        assert np.abs(computed - wanted).max() <= 1e-12 * max(np.abs(wanted).max(), 1.0), k
     assert np.abs(b.power_balance).max() < 1e-12
 
 
@@ -126,3 +129,22 @@ def test_auto_compiles_long_motions_only(monkeypatch: pytest.MonkeyPatch) -> Non
 def test_what_c_does_not_have_is_named() -> None:
     barrel = compile_mechanism(load("cam-barrel-arm").mechanism).model
     assert forces_program(barrel, exact=True) == "the cam of K touches its roller in space"
+
+
+@pytest.mark.parametrize("name", ["slider-crank-compressor", "cam-friction", "swinging-double-pendulum"])
+def test_no_bit_depends_on_optimising(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The compiler keeps to the order of operations: what tests show of their programs holds of those of users."""
+    assert "-O2" in OPTIMISED
+    found = []
+    for options in (("-O0", *OPTIMISED[1:]), OPTIMISED):
+        monkeypatch.setattr(toolchain, "OPTIONS", options)
+        library.cache_clear()
+        compiled = compile_mechanism(load(name).mechanism, executor="c")
+        if name.startswith("swinging"):
+            found.append(np.hstack(simulate(compiled, 0.2)(np.linspace(0.0, 0.2, 9))))
+            continue
+        forces = solve_forces(solve_motion(compiled, default_times(compiled.mechanism, 36)))
+        assert isinstance(forces_program(compiled.model, exact=True), ForcesProgram)
+        found.append(np.hstack([forces.reaction(c.name).reshape(37, -1) for c in compiled.model.connections]))
+    library.cache_clear()
+    np.testing.assert_array_equal(*found)

@@ -41,11 +41,13 @@ def test_a_four_bar_agrees_with_its_closed_forms(row):
     start = np.radians(row["theta_deg"])
     motion, _ = solved(reference_four_bar(nominal, start), [0.0])
     parameters = [Parameter(k, x, 0.1, lambda y, k=k: reference_four_bar(nominal | {k: y}, start)) for k, x in nominal.items()]
-    found = Derivatives(motion, parameters)
-    pull = found.forces.reaction("D")
+    derivatives = Derivatives(motion, parameters)
+    pull = derivatives.forces.reaction("D")
     along = np.exp(1j * row["theta3"])
     tension = pull[:, 0] * along.real + pull[:, 1] * along.imag  # at a nominal direction: its turning counts apart
-    d_angle, d_rate, d_tension = found.of(found.motion.pose("rocker")[:, 2], found.motion.velocity("rocker")[:, 2], tension)
+    d_angle, d_rate, d_tension = derivatives.of(
+        derivatives.motion.pose("rocker")[:, 2], derivatives.motion.velocity("rocker")[:, 2], tension
+    )
     for k, name in enumerate(nominal):
         assert d_angle[k, 0] == pytest.approx(row["dpsi"][name], rel=1e-10)
         assert d_rate[k, 0] == pytest.approx(row["domega4"][name], rel=1e-10)
@@ -76,10 +78,10 @@ def rougher(joint, x):
 
 
 def asked(motion, forces):
-    found = [forces.reaction(c.name) for c in motion.model.connections]
-    found += [forces.effort(d.joint) for d in motion.mechanism.drives]
-    found += [motion.acceleration(link) for link in motion.model.links[1:]]
-    return found + [motion.coordinate(c.name) for c in motion.model.connections if c.kind != "weld"]
+    result = [forces.reaction(c.name) for c in motion.model.connections]
+    result += [forces.effort(d.joint) for d in motion.mechanism.drives]
+    result += [motion.acceleration(link) for link in motion.model.links[1:]]
+    return result + [motion.coordinate(c.name) for c in motion.model.connections if c.kind != "weld"]
 
 
 def difference(values, h):
@@ -97,17 +99,17 @@ def by_result(sides):
 def drawn(kind, rubs):
     """The first mechanism of a kind that can be led through its run, all frames far from dead points and jams."""
     for seed in range(30):
-        found = draw(kind, seed, forces=False, friction=rubs)
-        if found.free or rubs is not ("friction" in found.mechanism.effects):
+        drawing = draw(kind, seed, forces=False, friction=rubs)
+        if drawing.free or rubs is not ("friction" in drawing.mechanism.effects):
             continue
-        time = found.time[:: max(len(found.time) // FEW, 1)]
+        time = drawing.time[:: max(len(drawing.time) // FEW, 1)]
         try:
-            motion, forces = solved(found.mechanism, time)
+            motion, forces = solved(drawing.mechanism, time)
         except MechanismError:
             continue
         jams = forces.friction is not None and forces.friction.jammed.any()
-        if not motion.singular_points and np.max(motion.condition) < 30.0 and found.mechanism.effects and not jams:
-            return found.mechanism, motion, forces
+        if not motion.singular_points and np.max(motion.condition) < 30.0 and drawing.mechanism.effects and not jams:
+            return drawing.mechanism, motion, forces
     raise LookupError(kind)
 
 
@@ -122,15 +124,15 @@ def test_every_kind_of_mechanism_agrees_with_differences(kind, rubs):
 @pytest.mark.parametrize(("kind", "seed"), [("belt", 17), ("gear", 19), ("cylinder", 9)])
 def test_friction_that_changes_which_side_carries_is_followed(kind, seed):
     """Of a belt the tight span, of gears the flank; the cylinder has a joint in which nothing but rounding acts."""
-    found = draw(kind, seed, forces=False, friction=True)
-    compare(found.mechanism, *solved(found.mechanism, found.time[:: len(found.time) // FEW]))
+    drawing = draw(kind, seed, forces=False, friction=True)
+    compare(drawing.mechanism, *solved(drawing.mechanism, drawing.time[:: len(drawing.time) // FEW]))
 
 
 def compare(m, motion, forces):
     at = moved_together(m, np.random.default_rng(5))
-    found = Derivatives(motion, [Parameter("x", 0.0, 0.01, at)])
-    traced = asked(found.motion, found.forces)
-    exact = found.of(*traced)
+    derivatives = Derivatives(motion, [Parameter("x", 0.0, 0.01, at)])
+    traced = asked(derivatives.motion, derivatives.forces)
+    exact = derivatives.of(*traced)
     close = [difference(lambda x: asked(*solved(at(x), motion.time)), h) for h in (2e-3, 3e-4)]
     plain = asked(motion, forces)
     largest = max(np.max(np.abs(value)) for value in plain)
@@ -140,7 +142,9 @@ def compare(m, motion, forces):
     result = traced[-2]
     weights = np.random.default_rng(1).normal(size=(2, *result.shape))
     forward = (weights * exact[-2]).reshape(2, -1).sum(axis=1)
-    np.testing.assert_allclose(found.adjoint(result, weights)[:, 0], forward, rtol=1e-11, atol=1e-11 * np.abs(exact[-2]).max())
+    np.testing.assert_allclose(
+        derivatives.adjoint(result, weights)[:, 0], forward, rtol=1e-11, atol=1e-11 * np.abs(exact[-2]).max()
+    )
 
 
 def test_frames_keep_their_place_in_the_cycle_where_its_time_varies():
@@ -152,8 +156,8 @@ def test_frames_keep_their_place_in_the_cycle_where_its_time_varies():
         return default_times(m, FEW)
 
     motion, forces = solved(at(30.0), times(at(30.0)))
-    found = Derivatives(motion, [Parameter("speed", 30.0, 1.0, at)], times)
-    d_torque, d_place = found.of(found.forces.effort("O"), found.motion.pose("piston"))
+    derivatives = Derivatives(motion, [Parameter("speed", 30.0, 1.0, at)], times)
+    d_torque, d_place = derivatives.of(derivatives.forces.effort("O"), derivatives.motion.pose("piston"))
     np.testing.assert_allclose(d_torque[0], 2.0 * forces.effort("O") / 30.0, rtol=1e-12, atol=1e-12)  # inertia goes with its square
     np.testing.assert_allclose(d_place[0], 0.0, atol=1e-15)
 
@@ -165,9 +169,11 @@ def test_numbers_of_loads_and_points_that_are_zero_vary_too():
 
     time = np.linspace(0.1, 3.0, FEW)
     motion, _ = solved(at(), time)
-    found = Derivatives(motion, [Parameter("k", 400.0, 40.0, lambda k: at(k)), Parameter("e", 0.0, 0.01, lambda e: at(offset=e))])
-    torque, place = found.forces.effort("O"), found.motion.pose("piston")[:, 0]
-    d_torque, d_place = found.of(torque, place)
+    derivatives = Derivatives(
+        motion, [Parameter("k", 400.0, 40.0, lambda k: at(k)), Parameter("e", 0.0, 0.01, lambda e: at(offset=e))]
+    )
+    torque, place = derivatives.forces.effort("O"), derivatives.motion.pose("piston")[:, 0]
+    d_torque, d_place = derivatives.of(torque, place)
     np.testing.assert_allclose(d_torque[0], torque.value / 400.0, rtol=1e-12)
     # x = r cos q + sqrt(l^2 - (r sin q - e)^2)
     drop = 0.1 * np.sin(time)

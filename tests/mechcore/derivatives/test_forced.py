@@ -35,7 +35,7 @@ oil = { viscous = "O", linear = 4.0 }
 def test_a_damped_oscillator_moves_as_its_closed_form_says():
     run = run_scene(loads(OSCILLATOR, "oscillator"))
     places = ["links.cart.mass", "loads.spring.stiffness", "loads.oil.linear", "joints.O.free.position", "joints.O.free.speed"]
-    found = sensitivity(run, "link.cart.position[x]", places)
+    computed = sensitivity(run, "link.cart.position[x]", places)
     t = run.motion.time
 
     def x(m, k, c, x0, v0):
@@ -43,8 +43,8 @@ def test_a_damped_oscillator_moves_as_its_closed_form_says():
         return np.exp(-decay * t) * (x0 * np.cos(w * t) + (v0 + decay * x0) / w * np.sin(w * t))
 
     nominal = [2.0, 50.0, 4.0, 0.3, 0.5]
-    np.testing.assert_allclose(found.curve / MM, x(*nominal).real, atol=1e-11)
-    for k, slopes in enumerate(found.slopes):
+    np.testing.assert_allclose(computed.curve / MM, x(*nominal).real, atol=1e-11)
+    for k, slopes in enumerate(computed.slopes):
         turned = list(nominal)
         turned[k] += 1e-30j  # exact to rounding: the closed form is analytic
         np.testing.assert_allclose(slopes / MM, x(*turned).imag / 1e-30, atol=1e-10)
@@ -90,8 +90,8 @@ def test_motions_of_gallery_scenes_agree_with_their_differences(name, duration, 
     scene = load(name).changed({("run", "tolerance"): 1e-13, ("run", "duration"): duration})
     run = run_scene(scene, frames=FRAMES)
     measures = [parse_measure(scene, key) for key in keys]
-    found = sensitivities(run, measures, variables_of(scene, [number]))
-    for one, wanted in zip(found, differences(scene, number, found, step, SIXTH), strict=True):
+    results = sensitivities(run, measures, variables_of(scene, [number]))
+    for one, wanted in zip(results, differences(scene, number, results, step, SIXTH), strict=True):
         assert np.abs(wanted).max() > 0.0
         np.testing.assert_allclose(one.slopes[0], wanted, atol=1e-7 * np.abs(wanted).max())
 
@@ -101,8 +101,8 @@ def test_energies_of_prescribed_motions_have_derivatives_too():
     run = run_scene(scene, frames=FRAMES)
     measures = [parse_measure(scene, f"energy[{name}]") for name in ("kinetic", "work")]
     for number, step in (("stroke", 0.5), ("speed", 0.5)):  # a speed changes the times of the frames, too
-        found = sensitivities(run, measures, variables_of(scene, [number]))
-        for one, wanted in zip(found, differences(scene, number, found, step, SIXTH), strict=True):
+        results = sensitivities(run, measures, variables_of(scene, [number]))
+        for one, wanted in zip(results, differences(scene, number, results, step, SIXTH), strict=True):
             np.testing.assert_allclose(one.slopes[0], wanted, atol=1e-9 * np.abs(wanted).max())
 
 
@@ -110,10 +110,30 @@ def test_a_cam_that_presses_on_either_side_may_rub():
     rubs = {("effects",): ["inertia", "friction"], ("joints", "K", "friction"): {"coefficient": 0.1, "radius": "2 mm"}}
     scene, number = load("cam-groove").changed(rubs), "joints.K.friction.coefficient"
     run = run_scene(scene, frames=FRAMES)
-    found = sensitivities(run, [parse_measure(scene, "drive.O.torque")], variables_of(scene, [number]))
-    (wanted,) = differences(scene, number, found, 1e-4, SIXTH)
+    results = sensitivities(run, [parse_measure(scene, "drive.O.torque")], variables_of(scene, [number]))
+    (wanted,) = differences(scene, number, results, 1e-4, SIXTH)
     assert np.abs(wanted).max() > 0.1
+    np.testing.assert_allclose(results[0].slopes[0], wanted, atol=1e-9 * np.abs(wanted).max())
+
+
+def test_a_cam_turns_faster():
+    scene, number = load("cam-roller"), "joints.O.drive.speed"
+    run = run_scene(scene, frames=FRAMES)
+    found = sensitivities(run, [parse_measure(scene, "drive.O.torque")], variables_of(scene, [number]))
+    (wanted,) = differences(scene, number, found, 0.5, SIXTH)
     np.testing.assert_allclose(found[0].slopes[0], wanted, atol=1e-9 * np.abs(wanted).max())
+
+
+@pytest.mark.parametrize(
+    "name, number, reason",
+    [
+        ("cam-roller", "joints.K.profile.lift[0].over", "follow from one parameter"),  # a turn has 360 degrees
+        ("cam-linkage", "links.frame.points.O[0]", "where on its cam K touches"),
+    ],
+)
+def test_what_cams_refuse_is_said_in_words(name, number, reason):
+    with pytest.raises(MechanismError, match=reason):
+        sensitivity(run_scene(load(name), frames=8), "joint.K.reaction", [number])
 
 
 @pytest.mark.parametrize(
@@ -153,14 +173,14 @@ bounce = 0.8
 
 def test_a_bouncing_ball_moves_with_its_floor_and_what_it_bounces_as_its_closed_form_says():
     run = run_scene(loads(BALL, "ball"))
-    found = sensitivity(run, "joint.G.displacement", ["floor", "bounce"])
+    computed = sensitivity(run, "joint.G.displacement", ["floor", "bounce"])
     t = run.motion.time
 
     def height(floor, bounce):  # dropped from 1.25 m at 10 m/s^2
         hit = np.sqrt((1.25 - floor) / 5.0)
         return np.where(t > 0.5, floor + bounce * 10.0 * hit * (t - hit) - 5.0 * (t - hit) ** 2, 1.25 - 5.0 * t * t)
 
-    for slopes, beside in zip(found.slopes, (height(1e-30j, 0.8), height(0.0, 0.8 + 1e-30j)), strict=True):
+    for slopes, beside in zip(computed.slopes, (height(1e-30j, 0.8), height(0.0, 0.8 + 1e-30j)), strict=True):
         np.testing.assert_allclose(slopes / MM, beside.imag / 1e-30, atol=1e-9)  # the closed form is analytic
 
 
@@ -168,10 +188,10 @@ def test_forces_that_change_at_stated_times_are_followed_and_times_that_vary_ref
     """A constant force from half a second on: what it does grows from there, as a step response does."""
     scene = loads(OSCILLATOR + 'push = { force = ["8 N", 0], on = "cart", at = "E", step = { at = "0.5 s" } }', "pushed")
     run = run_scene(scene)
-    found = sensitivity(run, "link.cart.position[x]", ["loads.push.force[0]"])
+    slopes = sensitivity(run, "link.cart.position[x]", ["loads.push.force[0]"])
     t = np.maximum(run.motion.time - 0.5, 0.0)
     decay, w = 1.0, np.sqrt(24.0)
     response = (1.0 - np.exp(-decay * t) * (np.cos(w * t) + decay / w * np.sin(w * t))) / 50.0
-    np.testing.assert_allclose(found.slopes[0] / MM, response, atol=1e-10)
+    np.testing.assert_allclose(slopes.slopes[0] / MM, response, atol=1e-10)
     with pytest.raises(MechanismError, match="instants at which forces change"):
         sensitivity(run, "link.cart.position[x]", ["loads.push.step.at"])

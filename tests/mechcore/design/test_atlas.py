@@ -29,12 +29,12 @@ def test_a_curve_of_the_atlas_is_found_wherever_it_begins(side, sense):
     design = SMALL.curves[20]
     theta = side * 0.8 + sense * np.linspace(0.0, TURN, 400)
     points = moved(bar_of(design, side).positions(theta)[2])
-    found = likely(points, True, side, sense, 3, SMALL)
-    assert found.ratios[0] == pytest.approx(design[:3])
-    assert np.angle(np.exp(1j * (found.start[0] - side * 0.8))) == pytest.approx(0.0, abs=TURN / module.SHIFTS)
-    assert found.steps[0, [0, -1]] == pytest.approx([0.0, TURN])
-    assert found.steps[0] == pytest.approx(np.linspace(0.0, TURN, 400), abs=0.3)
-    assert (np.diff(found.steps[0]) > 0.0).all()
+    candidates = likely(points, True, side, sense, 3, SMALL)
+    assert candidates.ratios[0] == pytest.approx(design[:3])
+    assert np.angle(np.exp(1j * (candidates.start[0] - side * 0.8))) == pytest.approx(0.0, abs=TURN / module.SHIFTS)
+    assert candidates.steps[0, [0, -1]] == pytest.approx([0.0, TURN])
+    assert candidates.steps[0] == pytest.approx(np.linspace(0.0, TURN, 400), abs=0.3)
+    assert (np.diff(candidates.steps[0]) > 0.0).all()
 
 
 @pytest.mark.parametrize("side", [1, -1])
@@ -44,9 +44,9 @@ def test_an_arc_of_the_atlas_is_found_with_its_crank_angles(side, sense):
     first, span = map(float, design[5:])
     own = first + span * np.linspace(0.0, 1.0, 300)[:: side * sense]
     points = moved(bar_of(design, side).positions(side * own)[2])
-    found = likely(points, False, side, sense, 3, SMALL)
-    assert found.ratios[0] == pytest.approx(design[:3])
-    assert found.start[0] + sense * found.steps[0] == pytest.approx(side * own, abs=2e-3)
+    candidates = likely(points, False, side, sense, 3, SMALL)
+    assert candidates.ratios[0] == pytest.approx(design[:3])
+    assert candidates.start[0] + sense * candidates.steps[0] == pytest.approx(side * own, abs=2e-3)
 
 
 def test_a_curve_drawn_at_even_speed_is_met():
@@ -54,8 +54,8 @@ def test_a_curve_drawn_at_even_speed_is_met():
     curve = FourBar(0j, 1.6 + 0j, 1.0, 2.6, 2.5, 1, 2.4 - 2.4j).positions(np.linspace(0.0, TURN, 2001))[2]
     along = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(curve)))])
     points = np.interp(np.linspace(0.0, along[-1], 41), along, curve)
-    found = path_designs(PathTask(moved(points)))
-    assert found[0].largest < 1e-5 * abs(points - points.mean()).max()
+    designs = path_designs(PathTask(moved(points)))
+    assert designs[0].largest < 1e-5 * abs(points - points.mean()).max()
 
 
 def test_the_atlas_is_made_once_and_kept(tmp_path, monkeypatch):

@@ -38,8 +38,8 @@ def test_springs_carry_the_lid(pushes):
 
 def test_a_wanted_effort_is_kept():
     best = lid_springs(LidTask(**{**vars(LID), "effort": 15.0}))[0]
-    found = best.effort(LID, np.linspace(LID.start, LID.end, 41))
-    assert abs(found - 15.0).max() == pytest.approx(best.error, rel=1e-9)
+    efforts = best.effort(LID, np.linspace(LID.start, LID.end, 41))
+    assert abs(efforts - 15.0).max() == pytest.approx(best.error, rel=1e-9)
     assert best.error < 5.0
 
 

@@ -41,9 +41,9 @@ def test_three_points_in_closed_form():
 
 def test_four_points_have_two_solutions():
     _, expected = design_case("freudenstein-4-points")
-    found = generators(INVERSE, np.array(expected["precision_x"]), np.radians(30))
-    assert len(found) == len(expected["solutions"])
-    for made, wanted in zip(found, expected["solutions"], strict=True):
+    computed = generators(INVERSE, np.array(expected["precision_x"]), np.radians(30))
+    assert len(computed) == len(expected["solutions"])
+    for made, wanted in zip(computed, expected["solutions"], strict=True):
         check(made, wanted)
         assert np.degrees(made.output_start) == pytest.approx(wanted["psi_s_deg"], rel=1e-10)
         assert np.degrees(made.largest_error(INVERSE)[0]) == pytest.approx(wanted["max_structural_error_deg"], rel=1e-9)
@@ -53,9 +53,9 @@ def test_four_points_have_two_solutions():
 def test_five_points_are_met_and_all_found():
     _, expected = design_case("freudenstein-5-points")
     x = chebyshev_points(1.0, 2.0, 5)
-    found = [one for one in generators(INVERSE, x) if max(abs(one.crank), one.coupler, abs(one.rocker)) < 30]
+    computed = [one for one in generators(INVERSE, x) if max(abs(one.crank), one.coupler, abs(one.rocker)) < 30]
     (wanted,) = expected["solutions"]
-    (made,) = found
+    (made,) = computed
     check(made, wanted)
     assert np.degrees([made.input_start, made.output_start]) == pytest.approx([wanted["phi_s_deg"], wanted["psi_s_deg"]], rel=1e-10)
     assert np.degrees(made.largest_error(INVERSE)[0]) == pytest.approx(wanted["max_structural_error_deg"], rel=1e-9)

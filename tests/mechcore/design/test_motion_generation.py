@@ -10,7 +10,7 @@ from mechcore.design.burmester import (
     Poses,
     burmester_curve,
     burmester_points,
-    circle_points_at,
+    circle_point_values,
     circumcentres,
     fixed_pivots,
     guidance,
@@ -28,6 +28,13 @@ def poses_of(inputs):
 
 def lengths(poses, w, c):
     return np.abs(poses.of_points(w) - np.asarray(c)[..., None])
+
+
+def circle_points_at(poses, u):
+    """The points of the circle-point curve with the x coordinate u in the body: the real roots of a cubic in y."""
+    y = np.arange(4.0)
+    roots = np.roots(np.polyfit(y, circle_point_values(poses, u + 1j * y), 3))
+    return u + 1j * np.sort(roots.real[np.abs(roots.imag) < 1e-9 * (1.0 + np.abs(roots))])
 
 
 def test_three_positions():
@@ -62,12 +69,18 @@ def test_all_of_the_curve_keeps_its_distance_and_sees_the_poles_alike():
     near = np.isfinite(curve.w) & (abs(curve.w) < 20) & (abs(curve.c) < 20)
     w, c = curve.w[near], curve.c[near]
     assert len(w) > 200
-    found = lengths(poses, w, c)
-    assert found == pytest.approx(np.broadcast_to(found[:, :1], found.shape), rel=1e-8)
+    sizes = lengths(poses, w, c)
+    assert sizes == pytest.approx(np.broadcast_to(sizes[:, :1], sizes.shape), rel=1e-8)
     p12, p23, p34, p14 = (poses.pole(*pair) for pair in ((0, 1), (1, 2), (2, 3), (0, 3)))
     twice = ((p12 - c) / (p23 - c)) / ((p14 - c) / (p34 - c))  # the same angle modulo pi: real
     apart = np.minimum.reduce([abs(c - p) for p in (p12, p23, p34, p14)]) > 0.02
     assert np.abs(np.sin(np.angle(twice[apart]))).max() < 1e-6
+    # the frame moves on the body as the body does on the frame: centre points are circle points of that
+    centres = burmester_curve(poses.inverse, 2000).w
+    seen = centres[np.isfinite(centres) & (abs(centres) < 20)]
+    from_body = lengths(poses.inverse, seen, fixed_pivots(poses.inverse, seen))
+    assert np.max([np.nanmin(abs(centres - z)) / (1.0 + abs(z)) for z in c]) < 0.05
+    assert from_body == pytest.approx(np.broadcast_to(from_body[:, :1], from_body.shape), rel=1e-8)
     # what the cubic itself gives on lines x = u lies on the traced curve
     for u in (-0.5, 0.0, 0.5):
         for point in circle_points_at(poses, u):
@@ -148,12 +161,12 @@ def test_defects_are_those_of_the_motion_itself():
 def test_pairs_of_dyads_make_linkages_that_pass_all_poses():
     inputs, _ = design_case("burmester-5-positions")
     poses = poses_of(inputs)
-    found = guidance(poses, *burmester_points(poses))
-    assert len(found.w) == 12 and found.defects.none.any()
-    good = np.flatnonzero(found.defects.none)[0]
-    pins = poses.of_points(found.w[good])
-    bar = from_pins(*found.c[good], *pins[:, 0], poses.places[0])
-    assert bar.positions(np.angle(pins[0] - found.c[good][0]))[2] == pytest.approx(poses.places, abs=1e-9)
+    guides = guidance(poses, *burmester_points(poses))
+    assert len(guides.w) == 12 and guides.defects.none.any()
+    good = np.flatnonzero(guides.defects.none)[0]
+    pins = poses.of_points(guides.w[good])
+    bar = from_pins(*guides.c[good], *pins[:, 0], poses.places[0])
+    assert bar.positions(np.angle(pins[0] - guides.c[good][0]))[2] == pytest.approx(poses.places, abs=1e-9)
 
 
 def test_what_says_nothing_is_refused():

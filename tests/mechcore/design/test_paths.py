@@ -37,12 +37,12 @@ CASES = {
 
 @pytest.mark.parametrize("name", CASES)
 def test_the_best_values_known_are_reached(name):
-    found = path_designs(task_of(name, **CASES[name]), seed=3, screened=8000)
-    assert found[0].error == pytest.approx(best(name), rel=1e-6)
-    bar = found[0].four_bar
+    designs = path_designs(task_of(name, **CASES[name]), seed=3, screened=8000)
+    assert designs[0].error == pytest.approx(best(name), rel=1e-6)
+    bar = designs[0].four_bar
     assert bar.grashof is Grashof.CRANK_ROCKER
-    miss = bar.positions(found[0].theta)[2] - plane(design_case(name)[0]["points"])
-    assert (np.abs(miss) ** 2).sum() == pytest.approx(found[0].error, rel=1e-9)
+    miss = bar.positions(designs[0].theta)[2] - plane(design_case(name)[0]["points"])
+    assert (np.abs(miss) ** 2).sum() == pytest.approx(designs[0].error, rel=1e-9)
     low, high = CASES[name].get("lengths", (0, np.inf))
     assert all(low - 1e-12 <= length <= high + 1e-12 for length in (bar.frame, bar.crank, bar.coupler, bar.rocker))
 
@@ -58,9 +58,9 @@ def test_published_linkages_have_the_errors_that_are_recomputed():
 
 
 def test_points_on_a_line_are_met_exactly_and_in_order():
-    found = path_designs(task_of("path-6-points-straight-line", lengths=(5, 60), farthest=60), seed=1, screened=4000)
-    assert len(found) > 5 and found[0].error < 1e-20
-    for one in found[:5]:
+    designs = path_designs(task_of("path-6-points-straight-line", lengths=(5, 60), farthest=60), seed=1, screened=4000)
+    assert len(designs) > 5 and designs[0].error < 1e-20
+    for one in designs[:5]:
         steps = np.diff(one.theta)
         assert (steps > 0).all() or (steps < 0).all()
         assert abs(steps.sum()) < 2 * np.pi
@@ -147,7 +147,7 @@ def test_many_points_without_timing_are_met_by_way_of_fewer(monkeypatch):
     monkeypatch.setattr(paths, "DENSE_ITERATIONS", 100)
     bar = FourBar(0j, 3 + 0.5j, 1.0, 3.2, 2.6, 1, 1.5 + 1.2j)
     points = bar.positions(np.linspace(0.4, 0.4 + 2 * np.pi, 25))[2]
-    found = path_designs(PathTask(points), seed=2, screened=400)
+    designs = path_designs(PathTask(points), seed=2, screened=400)
     size = abs(points - points.mean()).max()
-    assert found[0].largest < 1e-9 * size
-    assert found[0].four_bar.positions(found[0].theta)[2] == pytest.approx(points, abs=1e-9 * size)
+    assert designs[0].largest < 1e-9 * size
+    assert designs[0].four_bar.positions(designs[0].theta)[2] == pytest.approx(points, abs=1e-9 * size)

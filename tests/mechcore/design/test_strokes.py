@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from design_cases import design_case
+from design_cases import design_case, time_ratio
 
 from mechcore.design.strokes import (
     STRAIGHT_LINES,
@@ -14,7 +14,6 @@ from mechcore.design.strokes import (
     slider_crank,
     slotted_lever,
     straightness,
-    time_ratio,
     whitworth,
 )
 from mechcore.errors import MechanismError
@@ -73,19 +72,19 @@ def test_well_known_straight_lines():
     _, expected = design_case("straight-line-linkages")
     assert set(STRAIGHT_LINES) == set(expected)
     for name, row in expected.items():
-        found = straightness(STRAIGHT_LINES[name])
-        assert found.travel == pytest.approx(row["travel_along_line"], rel=1e-10)
-        assert found.greatest - found.least == pytest.approx(row["peak_to_peak"], rel=1e-10)
-        assert found.ratio == pytest.approx(row["ratio"], rel=1e-10)
+        error = straightness(STRAIGHT_LINES[name])
+        assert error.travel == pytest.approx(row["travel_along_line"], rel=1e-10)
+        assert error.greatest - error.least == pytest.approx(row["peak_to_peak"], rel=1e-10)
+        assert error.ratio == pytest.approx(row["ratio"], rel=1e-10)
 
 
 @pytest.mark.parametrize("row", [0, 3])
 def test_the_best_proportions_of_hoecken(row):
     _, expected = design_case("hoecken-optimum")
     straight, frame, coupler, ratio = expected["rows"][row]
-    found = hoecken(np.radians(straight))
-    assert (found.four_bar.frame, found.four_bar.coupler) == pytest.approx((frame, coupler), rel=1e-5)
-    assert straightness(found).ratio == pytest.approx(ratio, rel=1e-3)
+    designs = hoecken(np.radians(straight))
+    assert (designs.four_bar.frame, designs.four_bar.coupler) == pytest.approx((frame, coupler), rel=1e-5)
+    assert straightness(designs).ratio == pytest.approx(ratio, rel=1e-3)
 
 
 @pytest.mark.parametrize(

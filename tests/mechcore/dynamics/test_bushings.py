@@ -50,9 +50,9 @@ def made(front: str = "free_angle = 0", start: str = "free = {}") -> str:
 
 
 def test_natural_frequencies():
-    found = small_vibrations(mechviz.loads(made()).mechanism)
+    vibrations = small_vibrations(mechviz.loads(made()).mechanism)
     expected = np.sqrt(eigh(STIFFNESS, MASS, eigvals_only=True)) / (2.0 * np.pi)
-    assert [mode.frequency for mode in found.modes] == pytest.approx(expected, rel=1e-7)
+    assert [mode.frequency for mode in vibrations.modes] == pytest.approx(expected, rel=1e-7)
 
 
 def test_damped_modes():
@@ -60,8 +60,8 @@ def test_damped_modes():
     damping = matrix((900.0, 400.0, 30.0), (0.0, 0.0, 0.0))
     state = np.block([[np.zeros((3, 3)), np.eye(3)], [-np.linalg.solve(MASS, STIFFNESS), -np.linalg.solve(MASS, damping)]])
     roots = sorted((z for z in eig(state)[0] if z.imag > 0.0), key=abs)
-    found = small_vibrations(mechviz.loads(text).mechanism)
-    ours = sorted((z for mode in found.modes for z in mode.eigenvalues if z.imag > 0.0), key=abs)
+    vibrations = small_vibrations(mechviz.loads(text).mechanism)
+    ours = sorted((z for mode in vibrations.modes for z in mode.eigenvalues if z.imag > 0.0), key=abs)
     assert ours == pytest.approx(roots, rel=1e-6)
 
 
@@ -154,10 +154,10 @@ def test_a_bushing_is_in_the_solid_model():
 
 def test_a_mode_of_a_free_body_cannot_be_shown():
     scene = mechviz.loads(made())
-    found = vibrations_of(scene)
-    assert len(found.modes) == 3 and "body.x [m]" in "\n".join(vibration_lines(scene, found))
+    vibrations = vibrations_of(scene)
+    assert len(vibrations.modes) == 3 and "body.x [m]" in "\n".join(vibration_lines(scene, vibrations))
     with pytest.raises(mechviz.SceneError, match="a mode is shown by driven joints, and a free body has none") as refused:
-        mode_scene(scene, found, 1)
+        mode_scene(scene, vibrations, 1)
     assert refused.value.faults[0].path == "joints.body" and "two sliding joints and a pin" in refused.value.faults[0].remedy
 
 

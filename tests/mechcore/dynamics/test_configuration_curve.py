@@ -228,10 +228,12 @@ def test_a_walk_that_starts_on_a_change_point_or_beside_it_goes_the_stated_way(m
     plain = solve_motion(compile_mechanism(base), t)
     geared = solve_motion(compile_mechanism(with_pinion(base, "rocker", (3.5, 0.0))), t)
     assert geared.closure.max() < 1e-13
-    for found in ("pose", "velocity", "acceleration"):
-        want, got = (getattr(m, found)("rocker") for m in (plain, geared))
-        turns = TURN * np.round((got[0, 2] - want[0, 2]) / TURN) if found == "pose" else 0.0  # -180 and 180 degrees are one start
-        np.testing.assert_allclose(got - [0.0, 0.0, turns], want, rtol=0, atol=1e-6 if found == "acceleration" else 1e-7)
+    for computed in ("pose", "velocity", "acceleration"):
+        want, got = (getattr(m, computed)("rocker") for m in (plain, geared))
+        turns = (
+            TURN * np.round((got[0, 2] - want[0, 2]) / TURN) if computed == "pose" else 0.0
+        )  # -180 and 180 degrees are one start
+        np.testing.assert_allclose(got - [0.0, 0.0, turns], want, rtol=0, atol=1e-6 if computed == "acceleration" else 1e-7)
     wheel = geared.pose("pinion")[:, 2] - geared.pose("pinion")[0, 2]
     np.testing.assert_allclose(wheel, -(geared.pose("rocker")[:, 2] - geared.pose("rocker")[0, 2]) * 2 / 3, atol=1e-9)
 

@@ -82,8 +82,8 @@ def test_pendulum_against_elliptic_functions():
         by_energy, stepped = simulate(body, 20 * period), simulate(body, 2 * period, method="gauss", tolerance=1e-12)
         for s in e["states"]:
             for simulation, later, bound in ((by_energy, 0.0, 1e-10), (by_energy, 19.0, 1e-8), (stepped, 0.0, 1e-11)):
-                found = simulation([s["t_over_T"] * period + later * period])[0][0, 0] + np.pi / 2
-                assert found == pytest.approx(s["theta"], abs=bound)
+                computed = simulation([s["t_over_T"] * period + later * period])[0][0, 0] + np.pi / 2
+                assert computed == pytest.approx(s["theta"], abs=bound)
 
 
 def test_pendulum_next_to_its_unstable_equilibrium():
@@ -438,16 +438,16 @@ def test_swings_of_any_size_are_found_by_their_energy_with_few_panels(swing: flo
     """Against elliptic functions; started at rest, all but at rest, on the way and at the bottom (``share`` of the speed there)."""
     w, k = np.sqrt(9.81), np.sin(swing / 2)
     angle, speed = 2.0 * np.arcsin(k * np.sqrt(1.0 - share**2)), 2.0 * w * k * share
-    found = simulate(pendulum(inertia=1.0, mass=1.0, distance=1.0, angle=angle, speed=speed), 12.0, tolerance=1e-11)
-    assert found.method == "energy"
-    assert sum(leg.clock.count for leg in found.segments[0].solution.legs) <= 64
+    simulation = simulate(pendulum(inertia=1.0, mass=1.0, distance=1.0, angle=angle, speed=speed), 12.0, tolerance=1e-11)
+    assert simulation.method == "energy"
+    assert sum(leg.clock.count for leg in simulation.segments[0].solution.legs) <= 64
     t = np.linspace(0.0, 12.0, 97)
     start = ellipkinc(np.arctan2(np.sin(angle / 2), speed / (2.0 * w)), k * k)
     sn, cn, _, _ = ellipj(start + w * t, k * k)
-    q, v, _ = found(t)
+    q, v, _ = simulation(t)
     assert np.abs(q[:, 0] + np.pi / 2 - 2.0 * np.arcsin(k * sn)).max() < 3e-11 * swing + 1e-13
     assert np.abs(v[:, 0] - 2.0 * w * k * cn).max() < 1e-10 * swing + 1e-12
-    assert np.abs(found.drift(t)).max() < 1e-9
+    assert np.abs(simulation.drift(t)).max() < 1e-9
 
 
 @pytest.mark.parametrize("share", [1e-6, 1e-9])
@@ -460,8 +460,8 @@ def test_a_rocker_that_is_all_the_mass_there_is(share: float):
         for k in body.links
     ]
     compiled = compile_mechanism(dataclasses.replace(body, links=tuple(light), effects=("inertia",)))
-    found = simulate(compiled, 5.0, tolerance=1e-9)
-    assert found.method == "energy" and sum(leg.clock.count for leg in found.segments[0].solution.legs) < 400
+    simulation = simulate(compiled, 5.0, tolerance=1e-9)
+    assert simulation.method == "energy" and sum(leg.clock.count for leg in simulation.segments[0].solution.legs) < 400
 
     def inertia(q: np.ndarray) -> np.ndarray:
         return reduce(compiled, q[:, None], np.zeros((len(q), 1)), np.zeros(len(q))).inertia[:, 0, 0]
@@ -482,7 +482,7 @@ def test_a_rocker_that_is_all_the_mass_there_is(share: float):
     nodes = (edges[:-1, None] + 0.5 * widths[:, None] * (x + 1.0)).ravel()
     energy = 0.5 * inertia(q[:1])[0] * 25.0
     turn = float((np.sqrt(0.5 * inertia(nodes) / energy).reshape(-1, 16) @ w) @ (0.5 * widths))
-    assert turn < 5.0 and float(found([turn])[0][0, 0]) == pytest.approx(0.5 + 2 * np.pi, abs=1e-8)
+    assert turn < 5.0 and float(simulation([turn])[0][0, 0]) == pytest.approx(0.5 + 2 * np.pi, abs=1e-8)
 
 
 def test_a_start_next_to_a_dead_point_of_its_own_joint():

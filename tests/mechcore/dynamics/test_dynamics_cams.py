@@ -43,9 +43,9 @@ def lift_of(mechanism: Mechanism):
 
 def onset() -> tuple[Mechanism, float, float]:
     mechanism = translating(Roller(0.01))
-    found = first_separation(Closure(MASS, STIFFNESS, CLOSED, G), lift_of(mechanism))
-    assert found is not None
-    return mechanism, found.speed, found.angle
+    separation = first_separation(Closure(MASS, STIFFNESS, CLOSED, G), lift_of(mechanism))
+    assert separation is not None
+    return mechanism, separation.speed, separation.angle
 
 
 def contact_at(mechanism: Mechanism, speed: float) -> np.ndarray:
@@ -83,16 +83,16 @@ def test_an_oscillating_follower_is_lost_where_kinetostatics_would_have_to_pull(
         middle = 0.5 * (low + high)
         low, high = (middle, high) if contact_at(mechanism, middle).min() > 0.0 else (low, middle)
     assert not turns(mechanism, 0.999 * low).events
-    found = turns(mechanism, 1.001 * low, e=0.0)
-    assert [h.kind for h in found.events[:2]] == ["lost", "regained"]
+    simulation = turns(mechanism, 1.001 * low, e=0.0)
+    assert [h.kind for h in simulation.events[:2]] == ["lost", "regained"]
 
 
 def test_flight_is_that_of_a_mass_on_its_spring():
     mechanism, speed, _ = onset()
-    found = turns(mechanism, 1.3 * speed, e=0.5)
-    lost, hit = found.events[0].time, found.events[1].time
+    simulation = turns(mechanism, 1.3 * speed, e=0.5)
+    lost, hit = simulation.events[0].time, simulation.events[1].time
     t = np.linspace(lost, hit, 40)
-    y = found.view(t).coordinate("S")
+    y = simulation.view(t).coordinate("S")
     w = np.sqrt(STIFFNESS / MASS)
     rest = 0.14 - 0.2 - MASS * G / STIFFNESS  # height of the point at which spring and weight are balanced
     a, b = y[0, 0] - rest, y[0, 1] / w
@@ -103,18 +103,18 @@ def test_flight_is_that_of_a_mass_on_its_spring():
 
 def test_contact_presses_or_is_open_and_energy_closes_through_every_impact():
     mechanism, speed, _ = onset()
-    found = turns(mechanism, 1.3 * speed, count=2.0, e=0.4)
-    t = np.linspace(0.0, found.duration, 501)
-    view = found.view(t)
-    forces, gap = found.forces(view), found.gap("K", view)
+    simulation = turns(mechanism, 1.3 * speed, count=2.0, e=0.4)
+    t = np.linspace(0.0, simulation.duration, 501)
+    view = simulation.view(t)
+    forces, gap = simulation.forces(view), simulation.gap("K", view)
     force = contact_force(forces, placed_cams(view)[0])
     size = np.abs(force).max()
     assert gap.min() > -1e-12 and force.min() > -1e-9 * size
     assert np.all((gap < 1e-12) | (np.abs(force) < 1e-12 * size))  # complementarity
     assert gap.max() > 1e-3 and (force > 0.1 * size).any()
-    assert np.abs(found.drift(t)).max() < 1e-9
+    assert np.abs(simulation.drift(t)).max() < 1e-9
     assert np.abs(forces.power_balance).max() < 1e-10
-    energies = found.energies(t)
+    energies = simulation.energies(t)
     assert np.ptp(energies[:, 0] + energies[:, 1] - energies[:, 2] + energies[:, 3]) < 1e-9 * np.abs(energies).max()
     assert energies[-1, 3] > 0.0 and np.all(np.diff(energies[:, 3]) >= -1e-12)
 
@@ -122,21 +122,23 @@ def test_contact_presses_or_is_open_and_energy_closes_through_every_impact():
 def test_the_impact_has_the_stated_restitution():
     mechanism, speed, _ = onset()
     e = 0.4
-    found = turns(mechanism, 1.3 * speed, e=e)
-    hits = [h for h in found.events if h.kind == "impact"]
+    simulation = turns(mechanism, 1.3 * speed, e=e)
+    hits = [h for h in simulation.events if h.kind == "impact"]
     assert len(hits) >= 2
     eps = 1e-9
 
     def rate(t: float) -> float:
         """Of the gap, by its difference over a short time."""
-        view = found.view(np.array([t, t + 1e-8]))
-        return float(np.diff(found.gap("K", view))[0] / 1e-8)
+        view = simulation.view(np.array([t, t + 1e-8]))
+        return float(np.diff(simulation.gap("K", view))[0] / 1e-8)
 
     for h in hits[:2]:
         before, after = rate(h.time - 2e-8), rate(h.time + eps)
         assert before < 0 < after
         assert after == pytest.approx(-e * before, rel=1e-3)
-        lost = next(energy for t, energy in found.lost if t == h.time)  # the camshaft does not give way: only the follower's mass
+        lost = next(
+            energy for t, energy in simulation.lost if t == h.time
+        )  # the camshaft does not give way: only the follower's mass
         assert lost == pytest.approx(0.5 * MASS * (1 - e**2) * before**2, rel=2e-3)
 
 
@@ -148,13 +150,13 @@ def test_a_free_camshaft_feels_the_impact():
         drives=(Drive(joint="O", law=Free(0.0, 1.12 * speed)),),
         loads=(*mechanism.loads, Torque(name="motor", link="cam", moment=5.0)),
     )
-    found = simulate(free, 0.03, separable_cams=[SeparableCam(joint="K", restitution=0.5)])
-    hits = np.array([h.time for h in found.events if h.kind == "impact"])
-    knocks = found(hits + 1e-7)[1] - found(hits - 1e-7)[1]
+    simulation = simulate(free, 0.03, separable_cams=[SeparableCam(joint="K", restitution=0.5)])
+    hits = np.array([h.time for h in simulation.events if h.kind == "impact"])
+    knocks = simulation(hits + 1e-7)[1] - simulation(hits - 1e-7)[1]
     assert np.abs(knocks).max() > 1e-3 * speed
-    t = np.linspace(0.0, found.duration, 101)
-    assert np.abs(found.drift(t)).max() < 1e-7
-    assert found.gap("K", found.view(t)).min() > -1e-11
+    t = np.linspace(0.0, simulation.duration, 101)
+    assert np.abs(simulation.drift(t)).max() < 1e-7
+    assert simulation.gap("K", simulation.view(t)).min() > -1e-11
 
 
 def test_what_is_not_named_is_not_looked_at(monkeypatch):
@@ -203,12 +205,12 @@ def test_valve_float_is_recorded_with_lane_gap_and_events(tmp_path: Path):
     assert mechviz.loads(scene.to_toml()) == scene
     run = run_scene(scene, frames=300)
     write_recording(run, tmp_path / "x.rrd")
-    found = Recording(tmp_path / "x.rrd")
-    texts = [e.text for e in found.events]
+    recording = Recording(tmp_path / "x.rrd")
+    texts = [e.text for e in recording.events]
     lost = [t for t in texts if "contact lost" in t]
     assert len(lost) >= 5 and any("contact regained" in t for t in texts)
-    assert "/state/K" in {e.replace("\\", "") for e in found.entities}
-    gap = found.scalars("data", "cams", "K", "gap")[1]
+    assert "/state/K" in {e.replace("\\", "") for e in recording.entities}
+    gap = recording.scalars("data", "cams", "K", "gap")[1]
     assert gap.max() > 2e-3 and gap.min() > -1e-12
     # held by the closed form: not before the speed at which the spring is too weak
     joint = next(p for p in scene.mechanism.joints if isinstance(p, CamJoint))
@@ -237,46 +239,46 @@ def test_dry_friction_in_the_guide_shifts_the_onset_as_statics_says():
         middle = 0.5 * (low + high)
         low, high = (middle, high) if contact_at(rough, middle).min() > 0.0 else (low, middle)
     assert not {h.kind for h in turns(rough, 0.9999 * low).events} & {"lost", "impact"}
-    found = [h for h in turns(rough, 1.001 * low, e=0.0).events if h.item == "K"]
-    assert [h.kind for h in found[:2]] == ["lost", "regained"]
+    result = [h for h in turns(rough, 1.001 * low, e=0.0).events if h.item == "K"]
+    assert [h.kind for h in result[:2]] == ["lost", "regained"]
 
 
 def test_a_follower_flies_against_the_friction_in_its_guide():
     """On its way up it is a mass on a spring with Coulomb friction; the works close through stick, slip, flight and impacts."""
     mechanism, speed, _ = onset()
-    found = turns(with_brake(mechanism, 6.0), 1.5 * speed, count=1.2, e=0.4)
-    kinds = [(h.kind, h.item) for h in found.events]
+    simulation = turns(with_brake(mechanism, 6.0), 1.5 * speed, count=1.2, e=0.4)
+    kinds = [(h.kind, h.item) for h in simulation.events]
     assert {("slip", "S"), ("lost", "K"), ("impact", "K"), ("regained", "K")} <= set(kinds)
-    lost = next(h.time for h in found.events if h.kind == "lost")
-    turned = next(h.time for h in found.events if h.kind == "slip" and h.time > lost)
+    lost = next(h.time for h in simulation.events if h.kind == "lost")
+    turned = next(h.time for h in simulation.events if h.kind == "slip" and h.time > lost)
     t = np.linspace(lost, turned, 40)
-    y = found.view(t).coordinate("S")
+    y = simulation.view(t).coordinate("S")
     w = np.sqrt(STIFFNESS / MASS)
     rest = 0.14 - 0.2 - (MASS * G + 6.0) / STIFFNESS  # friction acts downwards
     a, b = y[0, 0] - rest, y[0, 1] / w
     assert y[:, 0] == pytest.approx(rest + a * np.cos(w * (t - lost)) + b * np.sin(w * (t - lost)), abs=1e-9)
     assert y[-1, 1] == pytest.approx(0.0, abs=1e-9)  # there it turns back
-    t = np.linspace(0.0, found.duration, 301)
-    energies = found.energies(t)
+    t = np.linspace(0.0, simulation.duration, 301)
+    energies = simulation.energies(t)
     size = np.abs(energies).max()
     assert np.ptp(energies[:, 0] + energies[:, 1] - energies[:, 2] + energies[:, 3]) < 1e-9 * size
     assert np.all(np.diff(energies[:, 3]) > -1e-12 * size)
-    view = found.view(t)
-    forces = found.forces(view)
-    assert found.gap("K", view).min() > -1e-11 and contact_force(forces, placed_cams(view)[0]).min() > -1e-7
-    way = np.abs(np.diff(found.view(np.linspace(0.0, found.duration, 20001)).coordinate("S")[:, 0])).sum()
-    impacts = sum(e for _, e in found.lost)
+    view = simulation.view(t)
+    forces = simulation.forces(view)
+    assert simulation.gap("K", view).min() > -1e-11 and contact_force(forces, placed_cams(view)[0]).min() > -1e-7
+    way = np.abs(np.diff(simulation.view(np.linspace(0.0, simulation.duration, 20001)).coordinate("S")[:, 0])).sum()
+    impacts = sum(e for _, e in simulation.lost)
     assert energies[-1, 3] - impacts == pytest.approx(6.0 * way, rel=1e-4)  # a brake takes the same everywhere
-    lanes = lanes_of(found)
+    lanes = lanes_of(simulation)
     assert {"K", "S"} <= set(lanes) and {"flies", "touches"} <= {state for _, state in lanes["K"]}
 
 
 def test_a_follower_that_its_guide_holds_hangs_where_the_cam_has_left_it():
     mechanism, speed, _ = onset()
-    found = turns(with_brake(mechanism, 900.0), 0.4 * speed, count=1.0, e=0.0)
-    assert [h.kind for h in found.events if h.item == "K"] == ["lost"]
-    t = np.linspace(found.events[-1].time, found.duration, 50)
-    assert np.ptp(found.view(t).coordinate("S")[:, 0]) < 1e-12
+    simulation = turns(with_brake(mechanism, 900.0), 0.4 * speed, count=1.0, e=0.0)
+    assert [h.kind for h in simulation.events if h.item == "K"] == ["lost"]
+    t = np.linspace(simulation.events[-1].time, simulation.duration, 50)
+    assert np.ptp(simulation.view(t).coordinate("S")[:, 0]) < 1e-12
     with pytest.raises(MechanismError, match=r"joints\.K\.friction: friction between a cam and its follower while forces move"):
         rough = with_brake(mechanism, 6.0)
         joints = tuple(replace(p, friction=Friction(coefficient=0.1)) if p.name == "K" else p for p in rough.joints)
@@ -297,9 +299,9 @@ def let_free(name: str, start: float, speed: float) -> Mechanism:
 @pytest.mark.parametrize(("start", "speed"), [(0.0, 1.0), (2.0, 0.0)])
 def test_a_free_camshaft_is_found_by_its_energy_wherever_it_starts(start: float, speed: float):
     """On a dwell the spring does no work: there may be no place near enough to the start to be integrated from it."""
-    found = simulate(let_free("cam-roller", start, speed), 0.5)
-    assert found.method == "energy"
-    assert np.abs(found.drift(np.linspace(0.0, 0.5, 51))).max() < 1e-9
+    simulation = simulate(let_free("cam-roller", start, speed), 0.5)
+    assert simulation.method == "energy"
+    assert np.abs(simulation.drift(np.linspace(0.0, 0.5, 51))).max() < 1e-9
 
 
 @pytest.mark.parametrize(
@@ -308,10 +310,10 @@ def test_a_free_camshaft_is_found_by_its_energy_wherever_it_starts(start: float,
 def test_a_roller_in_a_groove_follows_a_free_drive(name: str, guide: str, start: float, speed: float, end: float):
     """Windows end on the knots of its law; over the pieces put together the contact is that of each."""
     mechanism = let_free(name, start, speed)
-    found, by_energy = (simulate(mechanism, end, method=method) for method in ("gauss", "energy"))
+    computed, by_energy = (simulate(mechanism, end, method=method) for method in ("gauss", "energy"))
     t = np.linspace(0.0, end, 41)
-    assert np.abs(found.drift(t)).max() < 1e-9
-    view, other = found.view(t), by_energy.view(t)
+    assert np.abs(computed.drift(t)).max() < 1e-9
+    view, other = computed.view(t), by_energy.view(t)
     np.testing.assert_allclose(view.coordinate("O")[:, :2], other.coordinate("O")[:, :2], rtol=1e-7, atol=1e-9)
     (cam,) = placed_cams(view)
     rows, x = cam.rows(view), cam.argument(view)
@@ -320,7 +322,7 @@ def test_a_roller_in_a_groove_follows_a_free_drive(name: str, guide: str, start:
     np.testing.assert_array_equal(rows.angle, x)
     assert len(set(cam.segment(view))) >= 2
     # no other force drives the follower: the flank that presses is the one that accelerates it
-    force, a = contact_force(found.forces(view), cam), view.coordinate(guide)[:, 2]
+    force, a = contact_force(computed.forces(view), cam), view.coordinate(guide)[:, 2]
     pressed = np.abs(a) > 1e-3 * np.abs(a).max()
     assert pressed.sum() > 10
     np.testing.assert_array_equal(np.sign(force[pressed]), np.sign(a[pressed]))
@@ -359,10 +361,10 @@ def test_an_inverse_cam_goes_on_beside_a_cam_that_its_follower_leaves():
     data["joints"]["O"]["drive"] = {"speed": "5200 rpm", "start": 180}
     run = run_scene(mechviz.Scene.build(**data))
     assert [h.kind for h in run.simulation.events][:1] == ["lost"]
-    found = {t.path[1:]: t for t in tables(run) if t.path[1] == "cams"}
-    assert ("cams", "K", "gap") in found and ("cams", "K2", "gap") not in found
+    computed = {t.path[1:]: t for t in tables(run) if t.path[1] == "cams"}
+    assert ("cams", "K", "gap") in computed and ("cams", "K2", "gap") not in computed
     cam = next(c for c in placed_cams(run.motion) if c.name == "K2")
-    lift = found["cams", "K2", "lift"].values[:, 0]
+    lift = computed["cams", "K2", "lift"].values[:, 0]
     x = np.degrees(-0.6981317007977318 + 950 * np.pi / 30 * run.motion.time)
     s = np.clip((x + 30.0) / 60.0, 0.0, 1.0)
     np.testing.assert_allclose(np.degrees(lift), -22.0 * (10 * s**3 - 15 * s**4 + 6 * s**5), atol=1e-9)

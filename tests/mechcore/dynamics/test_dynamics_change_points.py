@@ -73,9 +73,9 @@ def test_a_change_point_four_bar_turns_three_times(name: str):
     sizes, side, start, speed, gravity = CHANGE_POINTS[name]
     mechanism, linkage = four_bar(sizes, side, start, speed, gravity=gravity)
     t, angles = change_point_way(sizes, linkage, side_of(mechanism), start, speed, 3.0, 24)
-    found = simulate(mechanism, float(t[-1]), tolerance=1e-11)
-    assert np.abs(np.exp(1j * angles_of(found.motion(t))) - np.exp(1j * angles)).max() < 1e-9
-    assert np.abs(found.drift(t)).max() < 1e-9
+    simulation = simulate(mechanism, float(t[-1]), tolerance=1e-11)
+    assert np.abs(np.exp(1j * angles_of(simulation.motion(t))) - np.exp(1j * angles)).max() < 1e-9
+    assert np.abs(simulation.drift(t)).max() < 1e-9
 
 
 @pytest.mark.parametrize("joint", "BCD")
@@ -87,8 +87,8 @@ def test_a_change_point_four_bar_led_by_another_joint(joint: str):
     poses = {name: tuple(float(x) for x in at.pose(name)[0]) for name in LINKS}
     led = replace(mechanism, drives=(Drive(joint=joint, law=Free(start, speed)),), modes={}, sketch=poses)
     t, angles = change_point_way(sizes, linkage, side_of(mechanism), np.pi / 3, -12.0, 3.0, 24)
-    found = simulate(led, float(t[-1]), tolerance=1e-11)
-    assert np.abs(np.exp(1j * angles_of(found.motion(t))) - np.exp(1j * angles)).max() < 1e-9
+    simulation = simulate(led, float(t[-1]), tolerance=1e-11)
+    assert np.abs(np.exp(1j * angles_of(simulation.motion(t))) - np.exp(1j * angles)).max() < 1e-9
 
 
 def test_the_four_bar_of_a_scene_that_stopped_after_a_turn():
@@ -114,8 +114,8 @@ def test_the_four_bar_of_a_scene_that_stopped_after_a_turn():
     linkage = Linkage(bodies, ((((0, 1.0), (1, 3.0), (2, -2.0)), -4.0),))
     mechanism = loads(text).mechanism
     t, angles = change_point_way((1.0, 3.0, 2.0, 4.0), linkage, 1.0, np.pi / 3, 5.0, 3.0, 24)
-    found = simulate(mechanism, float(t[-1]), tolerance=1e-11)
-    assert np.abs(np.exp(1j * angles_of(found.motion(t))) - np.exp(1j * angles)).max() < 1e-9
+    simulation = simulate(mechanism, float(t[-1]), tolerance=1e-11)
+    assert np.abs(np.exp(1j * angles_of(simulation.motion(t))) - np.exp(1j * angles)).max() < 1e-9
 
 
 def test_a_change_point_beside_which_an_arm_is_short_is_found():
@@ -129,7 +129,7 @@ def test_a_change_point_beside_which_an_arm_is_short_is_found():
     compiled = compile_mechanism(driven)
     changes = find_singular_points(compiled.model, compiled.assembly.modes, {})
     assert changes is not None
-    assert {round(np.cos(start + c.time), 9) for c in changes.found} == {-1.0}
+    assert {round(np.cos(start + c.time), 9) for c in changes.points} == {-1.0}
 
 
 NEAR = {
@@ -148,8 +148,8 @@ def test_four_bars_near_a_change_point(name: str, decade: int):
     first = angles_of(solve_motion(compile_mechanism(mechanism), [0.0]))[0]
     t = np.linspace(0.2, 1.0, 5)
     want = linkage_way(linkage, first, 0, speed, list(t), 0.03 * np.sqrt(abs(gap)))
-    found = simulate(mechanism, 1.0, tolerance=1e-11)
-    assert np.abs(angles_of(found.motion(t)) - want).max() < 1e-9
+    simulation = simulate(mechanism, 1.0, tolerance=1e-11)
+    assert np.abs(angles_of(simulation.motion(t)) - want).max() < 1e-9
 
 
 @pytest.mark.parametrize(("gap", "rod"), [(1e-2, 2.2), (-1e-4, 2.6), (1e-6, 2.2), (-1e-9, 2.6)])

@@ -79,28 +79,28 @@ def test_time_reversal_leads_back_through_all_charts(fallen):
 
 def test_springs_count_their_turns_through_all_charts():
     body = swinging_five_bar(stiffness=0.1, speeds=(9.0, 2.0))
-    found = simulate(replace(body, loads=body.loads[:1]), END, tolerance=1e-8)
-    assert any("A" not in joints for joints in leads(found))
-    assert np.abs(found.drift(TIMES)).max() < 1e-7
-    q, v, _ = found(TIMES)
+    simulation = simulate(replace(body, loads=body.loads[:1]), END, tolerance=1e-8)
+    assert any("A" not in joints for joints in leads(simulation))
+    assert np.abs(simulation.drift(TIMES)).max() < 1e-7
+    q, v, _ = simulation(TIMES)
     assert np.abs(np.diff(q, axis=0) - TIMES[1] * 0.5 * (v[1:] + v[:-1])).max() < 0.3  # no jump of a turn
 
 
 def test_beside_a_prescribed_drive():
     """One arm turns evenly: the only free coordinate is handed on where the rods come in line."""
     body = replace(falling(), drives=(Drive(joint="A", law=ConstantSpeed(2.2, -3.0, 9.0)), falling().drives[1]))
-    found = simulate(body, END, tolerance=1e-8)
-    assert {"AE", "DA", "BA"} <= set(leads(found))
-    assert found.motion(TIMES).coordinate("A")[:, 1] == pytest.approx(-3.0, abs=1e-12)
-    assert np.abs(found.drift(TIMES)).max() < 1e-7
+    simulation = simulate(body, END, tolerance=1e-8)
+    assert {"AE", "DA", "BA"} <= set(leads(simulation))
+    assert simulation.motion(TIMES).coordinate("A")[:, 1] == pytest.approx(-3.0, abs=1e-12)
+    assert np.abs(simulation.drift(TIMES)).max() < 1e-7
 
 
 def test_dead_points_are_passed_where_springs_count_the_turns_of_both_arms():
     t = np.linspace(0.0, 2.0, 121)
-    found = simulate(swinging_five_bar(stiffness=0.1, speeds=(9.0, 2.0)), 2.0, tolerance=1e-9)
-    assert len(set(leads(found))) > 2
-    assert np.abs(found.drift(t)).max() < 1e-7
-    q, v, _ = found(t)
+    simulation = simulate(swinging_five_bar(stiffness=0.1, speeds=(9.0, 2.0)), 2.0, tolerance=1e-9)
+    assert len(set(leads(simulation))) > 2
+    assert np.abs(simulation.drift(t)).max() < 1e-7
+    q, v, _ = simulation(t)
     assert np.abs(np.diff(q, axis=0) - t[1] * 0.5 * (v[1:] + v[:-1])).max() < 0.3
 
 
@@ -155,9 +155,9 @@ def test_a_shaft_whose_gear_does_not_come_back_after_a_turn_goes_on_in_either_se
         effects=("inertia", "gravity"),
         sketch={"wheel": (0.3, 0.0, 0.0 if sense > 0 else np.pi)},
     )
-    found = simulate(mechanism, 1.0, tolerance=1e-10)
+    simulation = simulate(mechanism, 1.0, tolerance=1e-10)
     t = np.linspace(0.0, 1.0, 81)
-    q, v, _ = (x[:, 0] for x in found(t))
+    q, v, _ = (x[:, 0] for x in simulation(t))
     ratio = 14.0 / 51.0
     angle = (0.0 if sense > 0 else np.pi) - ratio * (q - q[0])
     inertia = 0.004 + (0.01 + 1.0 * 0.1**2) * ratio**2
@@ -178,10 +178,10 @@ def test_a_cylinder_that_stands_still_for_an_instant_hands_over_to_the_boom():
         effects=("inertia", "gravity"),
         sketch={"boom": (0.0, 0.0, 0.9)},
     )
-    found = simulate(mechanism, 1.0, tolerance=1e-10)
-    assert "O" in leads(found)
+    simulation = simulate(mechanism, 1.0, tolerance=1e-10)
+    assert "O" in leads(simulation)
     t = np.linspace(0.0, 1.0, 81)
-    rows = found.motion(t).coordinate("O")
+    rows = simulation.motion(t).coordinate("O")
     energy = 0.5 * (0.01 + 0.4**2) * rows[:, 1] ** 2 + 9.81 * 0.4 * np.sin(rows[:, 0])
     np.testing.assert_allclose(energy, energy[0], rtol=0, atol=1e-8 * np.abs(energy[0]))
     assert rows[:, 0].min() < -0.5 < 0.5 < rows[0, 0]
@@ -190,9 +190,9 @@ def test_a_cylinder_that_stands_still_for_an_instant_hands_over_to_the_boom():
 def test_other_coordinates_lead_before_digits_are_lost():
     """A window of this five-bar ends where some joint turns 80 times as fast as those that lead: they change within the window."""
     mechanism = replace(swinging_five_bar(speeds=(8.96, 0.32)), loads=())
-    found = simulate(mechanism, END, tolerance=1e-11)
-    assert len(found.segments) > 1
-    for segment in found.segments[:-1]:
+    simulation = simulate(mechanism, END, tolerance=1e-11)
+    assert len(simulation.segments) > 1
+    for segment in simulation.segments[:-1]:
         q, v, _ = segment.solution(np.array([segment.end]))
         assert strain(segment.compiled, q[0], v[0], segment.end) < 20.1
-    assert np.abs(found.drift(TIMES)).max() < 1e-9
+    assert np.abs(simulation.drift(TIMES)).max() < 1e-9

@@ -51,11 +51,11 @@ def test_a_motion_that_turns_back_once_goes_on_the_other_way(moment: float):
     """By its energy: a torque brings it to rest and then drives it through turn after turn, as in steps of time."""
     text = FOUR_BAR + f'push = {{ torque = "{moment} N m", on = "coupler", against = "crank" }}\n'
     mechanism = mechviz.loads(text).mechanism
-    found, steps = simulate(mechanism, 0.3), simulate(mechanism, 0.3, method="gauss", tolerance=1e-11)
-    assert found.method == "energy"
+    computed, steps = simulate(mechanism, 0.3), simulate(mechanism, 0.3, method="gauss", tolerance=1e-11)
+    assert computed.method == "energy"
     t = np.linspace(0.0, 0.3, 61)
-    assert np.abs(found(t)[0]).max() > 2 * np.pi
-    for ours, theirs in zip(found(t)[:2], steps(t)[:2], strict=True):
+    assert np.abs(computed(t)[0]).max() > 2 * np.pi
+    for ours, theirs in zip(computed(t)[:2], steps(t)[:2], strict=True):
         assert ours == pytest.approx(theirs, rel=1e-9, abs=1e-9)
 
 
@@ -125,7 +125,7 @@ def random_loads(rng: np.random.Generator) -> dict[str, str]:
     def some(low: float, high: float) -> str:
         return f"{rng.uniform(low, high):.6g}"
 
-    found = {
+    result = {
         "force": f"force = [{some(-9, 9)}, {some(-9, 9)}], on = 'coupler', at = 'E', axes = 'link'",
         "between": f"force = [{some(-9, 9)}, 3], on = 'coupler', at = 'B', against = 'crank'",
         "torque": f"torque = '{some(-1, 1)} N m', on = 'coupler', against = 'crank'",
@@ -150,12 +150,12 @@ def random_loads(rng: np.random.Generator) -> dict[str, str]:
             "torque = '0.6 N m', on = 'coupler'" if of in ("position", "velocity") else "force = [3, 2], on = 'coupler', at = 'C'"
         )
         joint = ", joint = 'B'" if of in ("position", "velocity") and rng.random() < 0.5 else ""
-        found[f"table {of}"] = f"{load}, table = {{ {of} = [{', '.join(at)}], factor = {factors}, smooth = false{more}{joint} }}"
+        result[f"table {of}"] = f"{load}, table = {{ {of} = [{', '.join(at)}], factor = {factors}, smooth = false{more}{joint} }}"
         per = f"'{wide:g} {unit}'"
-        found[f"polynomial {of}"] = (
+        result[f"polynomial {of}"] = (
             f"{load}, polynomial = {{ of = '{of}', coefficients = [{some(-1, 1)}, {some(-1, 0)}], per = {per}{more}{joint} }}"
         )
-    return found | {
+    return result | {
         "jack": f"actuator = ['frame.H', 'coupler.E'], thrust = '{some(-9, 9)} N', sine = {{ frequency = '{some(2, 9)} Hz' }}",
         "step": f"torque = '{some(-1, 1)} N m', on = 'coupler', step = {{ at = '{some(0.02, 0.1)} s' }}",
         "chirp": f"force = [{some(-9, 9)}, 2], on = 'coupler', at = 'C', chirp = {{ frequencies = [1, 40], duration = 0.1 }}",
@@ -185,11 +185,11 @@ def checked(text: str) -> Any:
     scene = mechviz.loads(text)
     assert mechviz.loads(scene.to_toml()) == scene and scene.simulation is not None
     mechanism, end = scene.mechanism, scene.simulation.duration
-    found = simulate(mechanism, end, tolerance=1e-8, stops=scene.simulation.stops)
+    simulation = simulate(mechanism, end, tolerance=1e-8, stops=scene.simulation.stops)
     wanted = [e for e in effects_of(mechanism) if "accelerations" not in e.needs]
 
     def powers(t: np.ndarray) -> np.ndarray:
-        view = found.view(t)
+        view = simulation.view(t)
         parts = [
             (rows, [sum((power_of(m, w) for w in e.wrenches(m)), np.zeros(len(rows))) for e in wanted]) for rows, m in view.parts
         ]
@@ -198,36 +198,36 @@ def checked(text: str) -> Any:
             out[rows, :-1] = np.stack(values, axis=1)
         drives = [d.joint for d in view.mechanism.drives]
         if drives:
-            out[:, -1] = found.forces(view).power(drives[0])
+            out[:, -1] = simulation.forces(view).power(drives[0])
         return out
 
-    edges = np.unique(np.concatenate([found.boundaries(), [0.0, end]]))
+    edges = np.unique(np.concatenate([simulation.boundaries(), [0.0, end]]))
     t = np.linspace(0.0, end, 41)
     works = work_integrals(powers, edges)(t)
-    kinetic = found.kinetic_energy(t)
-    lost = np.array([sum(e for at, e in found.lost if at < x) - sum(e for at, e in found.pushed if at < x) for x in t])
+    kinetic = simulation.kinetic_energy(t)
+    lost = np.array([sum(e for at, e in simulation.lost if at < x) - sum(e for at, e in simulation.pushed if at < x) for x in t])
     size = max(np.abs(works).max(), np.ptp(kinetic))
     assert kinetic - kinetic[0] == pytest.approx(works.sum(axis=1) - lost, abs=1e-6 * size)
     for e, work in zip(wanted, works.T, strict=False):
         if e.stores:
-            view = found.view(t)
+            view = simulation.view(t)
             stored = np.empty(len(t))
             for rows, m in view.parts:
                 stored[rows] = e.potential(m)
             assert work == pytest.approx(stored[0] - stored, abs=1e-8 * size), e.name
         elif e.cause in LOSSES:
             assert np.all(np.diff(work) <= 1e-12 * size) and work[-1] < 0.0, e.name
-    view = found.view(t)
-    assert np.abs(found.forces(view).power_balance).max() < 1e-9
-    return found
+    view = simulation.view(t)
+    assert np.abs(simulation.forces(view).power_balance).max() < 1e-9
+    return simulation
 
 
 @pytest.mark.parametrize("half", [0, 1])
 @pytest.mark.parametrize("case", list(CASES))
 def test_the_work_of_every_load_is_accounted_for(case: str, half: int):
     drawn = random_loads(np.random.default_rng([half, len(case)]))
-    found = checked(CASES[case] + written({kind: drawn[kind] for kind in KINDS[half::2]}))
-    assert any(h.kind == "impact" for h in found.events) == (case in ("stops", "driven"))
+    result = checked(CASES[case] + written({kind: drawn[kind] for kind in KINDS[half::2]}))
+    assert any(h.kind == "impact" for h in result.events) == (case in ("stops", "driven"))
 
 
 @pytest.mark.parametrize("gas", GASES)
@@ -250,8 +250,8 @@ def test_a_load_by_table_is_read_where_the_mechanism_is(of: str):
     """Along the motion that it makes, the recorded load is the table at the recorded argument."""
     text = random_loads(np.random.default_rng(7))[f"table {of}"]
     scene = mechviz.loads(CHAIN.replace("LEAD", FREE).replace("STOPS", "") + f"'by table' = {{ {text} }}")
-    found = simulate(scene.mechanism, 0.4, tolerance=1e-8)
-    view = found.view(np.linspace(0.0, 0.4, 60))
+    simulation = simulate(scene.mechanism, 0.4, tolerance=1e-8)
+    view = simulation.view(np.linspace(0.0, 0.4, 60))
     (load,) = scene.mechanism.loads
     joint = load.factor.joint or "A"
     e, v = view.point("coupler", "E"), view.point("coupler", "E", 1)
@@ -262,7 +262,7 @@ def test_a_load_by_table_is_read_where_the_mechanism_is(of: str):
     }[of]  # fmt: skip
     table = load.factor.function
     factor = np.interp(argument, table.x, table.y)
-    values = found.forces(view).loads["by table"].values
+    values = simulation.forces(view).loads["by table"].values
     whole = 0.6 * factor if of in ("position", "velocity") else 3.0 * factor
     assert values[:, 2 if of in ("position", "velocity") else 0] == pytest.approx(whole, rel=1e-9, abs=1e-12)
     assert np.ptp(factor) > 1e-3
@@ -289,17 +289,17 @@ def hatch(stops=(), speed=0.0, end=1.2):
 @pytest.mark.parametrize("stops", [(), (Stop(name="end", joint="O", at=0.45, restitution=0.4),)])
 def test_a_gas_spring_is_asked_only_where_the_motion_goes(stops):
     """Its table over a turn, and windows that reach beyond a stop, try lengths that it does not have; energy is kept between."""
-    found = hatch(stops, speed=1.5 if stops else 0.0)
+    lines = hatch(stops, speed=1.5 if stops else 0.0)
     t = np.linspace(0.0, 1.2, 49)
-    motion = found.motion(t)
+    motion = lines.motion(t)
     length = np.hypot(*(motion.point("hatch", "Q") - [0.0, -0.3]).T)
     assert length.max() < 0.6
     angle, rate, _ = motion.coordinate("O").T
     stored = -60.0 * 0.7 * np.log(1.0 - (0.6 - length) / 0.7)
     energy = 0.5 * (0.3 + 4.0 * 0.25) * rate**2 + 4.0 * 9.81 * 0.5 * np.sin(angle) + stored
-    lost = sum(e for _, e in found.lost)
+    lost = sum(e for _, e in lines.lost)
     assert bool(lost) == bool(stops)
-    struck = np.array([sum(e for at, e in found.lost if at < x) for x in t])
+    struck = np.array([sum(e for at, e in lines.lost if at < x) for x in t])
     np.testing.assert_allclose(energy + struck, energy[0], rtol=0, atol=1e-8 * np.abs(energy).max())
 
 

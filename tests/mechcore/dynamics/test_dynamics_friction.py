@@ -104,10 +104,10 @@ def test_pendulum_with_a_brake_in_its_pin():
         dataclasses.replace(body, joints=(pin,), effects=("inertia", "gravity", "friction")), 20.0, tolerance=1e-10
     )
     turns = [h for h in simulation.events if h.time > 0]
-    found = [float(simulation([h.time])[0][0, 0]) + np.pi / 2 for h in turns]
-    assert found == pytest.approx(angles[1:], abs=1e-9)
+    computed = [float(simulation([h.time])[0][0, 0]) + np.pi / 2 for h in turns]
+    assert computed == pytest.approx(angles[1:], abs=1e-9)
     assert [h.kind for h in turns] == ["slip"] * (len(turns) - 1) + ["stick"]
-    assert abs(found[-1]) < reference["expected"]["stop_angle"] < abs(found[-2])
+    assert abs(computed[-1]) < reference["expected"]["stop_angle"] < abs(computed[-2])
 
 
 def test_pendulum_whose_friction_depends_on_the_reaction():
@@ -244,12 +244,12 @@ def test_the_only_joint_that_rubs_turns_back_at_dead_points_while_the_crank_goes
     text = mechviz.load("crushing-press").text.replace('effects = ["inertia"', 'effects = ["friction", "inertia"')
     text = text.replace('branch = "ahead" }', 'branch = "ahead", friction = { coefficient = 0.1 } }')
     mechanism = mechviz.loads(text.replace("free = { position = 90 }", 'free = { position = 97, speed = "110 rpm" }')).mechanism
-    found = simulate(mechanism, 0.6, tolerance=1e-8)
-    assert [h.kind for h in found.events] == ["slip"] * len(found.events)
-    words = [h.text[-11:-10] for h in found.events]
+    simulation = simulate(mechanism, 0.6, tolerance=1e-8)
+    assert [h.kind for h in simulation.events] == ["slip"] * len(simulation.events)
+    words = [h.text[-11:-10] for h in simulation.events]
     assert words[:3] == ["+", "-", "+"]
     t = np.linspace(0.0, 0.6, 300)
-    losses = found.forces(found.motion(t)).friction.losses("S")
+    losses = simulation.forces(simulation.motion(t)).friction.losses("S")
     assert losses.min() > -1e-9 * losses.max()
 
 
@@ -257,12 +257,12 @@ def test_the_only_joint_that_rubs_turns_back_at_dead_points_while_the_crank_goes
 def test_friction_brakes_after_an_impact_too(e: float):
     """A block slides to a wall and back: v^2 falls by 2 mu g a metre on both ways, to e^2 of it at the wall."""
     mechanism = dataclasses.replace(oscillator(2.0, 0.0, 0.3, 0.0, 3.0), loads=())
-    found = simulate(mechanism, 2.0, stops=[Stop(name="wall", joint="S", at=0.6, restitution=e)])
+    simulation = simulate(mechanism, 2.0, stops=[Stop(name="wall", joint="S", at=0.6, restitution=e)])
     back = e**2 * (9.0 - 2 * 0.3 * 9.81 * 0.6) / (2 * 0.3 * 9.81)
-    q, v, _ = found([2.0])
+    q, v, _ = simulation([2.0])
     assert q[0, 0] == pytest.approx(0.6 - back, abs=1e-9) and abs(v[0, 0]) < 1e-12
-    assert {h.kind for h in found.events} == {"slip", "impact", "stick"}  # held by friction, the wall has nothing to hold
-    energies = found.energies(np.linspace(0.0, 2.0, 101))
+    assert {h.kind for h in simulation.events} == {"slip", "impact", "stick"}  # held by friction, the wall has nothing to hold
+    energies = simulation.energies(np.linspace(0.0, 2.0, 101))
     assert np.all(np.diff(energies[:, 3]) >= 0.0)
     assert energies[-1] == pytest.approx([0.0, 0.0, 0.0, 9.0], abs=1e-9)
 
@@ -283,12 +283,14 @@ def test_a_load_that_jumps_breaks_what_sticks_loose(beside: str):
         back = Force(name="back", link="mass", point="P", vector=(-8.0, 0.0))
         m = dataclasses.replace(m, loads=(back, dataclasses.replace(push, vector=(16.0, 0.0))))
         stops = [Stop(name="wall", joint="S", at=0.0, side="lower")]
-    found = simulate(m, 1.0, stops=stops)
+    simulation = simulate(m, 1.0, stops=stops)
     acceleration = (8.0 - 0.3 * 2.0 * 9.81) / 2.0
-    assert found.events[-1].text == "S slides in the + direction" and found.events[-1].time == pytest.approx(0.5, abs=1e-12)
+    assert simulation.events[-1].text == "S slides in the + direction" and simulation.events[-1].time == pytest.approx(
+        0.5, abs=1e-12
+    )
     expected = [0.5 * acceleration * 0.5**2, acceleration * 0.5, acceleration]
-    np.testing.assert_allclose(found.motion([0.5, 1.0]).coordinate("S"), [[0.0, 0.0, 0.0], expected], atol=1e-10)
-    assert np.ptp(found.drift(np.linspace(0.0, 1.0, 50))) < 1e-9
+    np.testing.assert_allclose(simulation.motion([0.5, 1.0]).coordinate("S"), [[0.0, 0.0, 0.0], expected], atol=1e-10)
+    assert np.ptp(simulation.drift(np.linspace(0.0, 1.0, 50))) < 1e-9
 
 
 def test_what_rests_on_a_stop_between_two_moving_masses_slides_on_together():
@@ -311,18 +313,18 @@ def test_what_rests_on_a_stop_between_two_moving_masses_slides_on_together():
         drives=(Drive(joint="rear", law=Free(0.0, 3.0)), Drive(joint="front", law=Free(0.5, 0.0))),
         effects=("inertia", "gravity", "friction"),
     )
-    found = simulate(mechanism, 1.0, stops=[Stop(name="buffer", joint="between", at=0.2, side="lower")])
-    assert [h.kind for h in found.events if h.item == "buffer"][:2] == ["impact", "contact"]
+    simulation = simulate(mechanism, 1.0, stops=[Stop(name="buffer", joint="between", at=0.2, side="lower")])
+    assert [h.kind for h in simulation.events if h.item == "buffer"][:2] == ["impact", "contact"]
     speed = np.sqrt(9.0 - 2 * 0.1 * 9.81 * 0.3) / 3.0  # of both after the impact
     brake = (0.1 * 1.0 + 0.3 * 2.0) * 9.81 / 3.0
-    hit = next(h.time for h in found.events if h.kind == "impact")
+    hit = next(h.time for h in simulation.events if h.kind == "impact")
     t = hit + np.linspace(0.01, 0.9, 7) * speed / brake
-    q, v, a = found(t)
+    q, v, a = simulation(t)
     assert q[:, 1] - q[:, 0] == pytest.approx(0.2, abs=1e-9) and v[:, 0] == pytest.approx(v[:, 1], abs=1e-9)
     assert v[:, 0] == pytest.approx(speed - brake * (t - hit), abs=1e-8) and a == pytest.approx(-brake, rel=1e-9)
-    push = found.forces(found.view(t)).loads["stop buffer"].values[:, 0]
+    push = simulation.forces(simulation.view(t)).loads["stop buffer"].values[:, 0]
     assert np.abs(push) == pytest.approx(2.0 * (0.3 * 9.81 - brake), rel=1e-8)
-    assert found([1.0])[0][0] == pytest.approx([0.3 + speed**2 / (2 * brake), 0.5 + speed**2 / (2 * brake)], abs=1e-8)
+    assert simulation([1.0])[0][0] == pytest.approx([0.3 + speed**2 / (2 * brake), 0.5 + speed**2 / (2 * brake)], abs=1e-8)
 
 
 LINKS = """
@@ -357,11 +359,11 @@ def test_stops_impacts_and_prescribed_drives_beside_friction(lead: str, kinds: s
 
     scene = mechviz.loads(LINKS + lead)
     assert scene.simulation is not None
-    found = simulate(scene.mechanism, 2.0, stops=scene.simulation.stops)
-    assert kinds <= {f"{h.kind} {h.item}" for h in found.events}
+    simulation = simulate(scene.mechanism, 2.0, stops=scene.simulation.stops)
+    assert kinds <= {f"{h.kind} {h.item}" for h in simulation.events}
     t = np.linspace(0.0, 2.0, 201)
-    view = found.view(t)
-    forces, energies = found.forces(view), found.energies(t)
+    view = simulation.view(t)
+    forces, energies = simulation.forces(view), simulation.energies(t)
     size = np.abs(energies).max()
     assert np.ptp(energies[:, 0] + energies[:, 1] - energies[:, 2] + energies[:, 3]) < 1e-8 * size
     assert np.all(np.diff(energies[:, 3]) > -1e-12 * size) and energies[-1, 3] > 0.1 * size

@@ -138,8 +138,8 @@ def test_scipy_finds_the_same_motion_from_the_same_equations(method: str):
 def test_scipy_agrees_between_impacts_and_releases():
     body = pendulum(inertia=0.4, mass=1.5, distance=0.35, angle=1.2)
     stop = Stop(name="wall", joint="O", at=-np.pi / 2, side="lower", restitution=0.5)
-    found = simulate(body, 1.5, stops=[stop], tolerance=1e-11)
-    assert len(found.segments) > 2 and cross_check(found) < 1e-8
+    simulation = simulate(body, 1.5, stops=[stop], tolerance=1e-11)
+    assert len(simulation.segments) > 2 and cross_check(simulation) < 1e-8
 
 
 # --- conservation -----------------------------------------------------------------------------------------------------
@@ -189,12 +189,12 @@ def test_a_pendulum_on_a_cart_keeps_its_momentum_along_the_rail(cart, bob, lengt
         drives=(Drive(joint="S", law=Free(0.0, speed)), Drive(joint="P", law=Free(angle, spin))),
         effects=("inertia", "gravity"),
     )
-    found = simulate(body, 1.0, tolerance=1e-11)
-    motion = found.motion(np.linspace(0.0, 1.0, 13))
+    simulation = simulate(body, 1.0, tolerance=1e-11)
+    motion = simulation.motion(np.linspace(0.0, 1.0, 13))
     momentum = cart * motion.centre_of_mass("cart", 1)[:, 0] + bob * motion.centre_of_mass("bob", 1)[:, 0]
     size = np.abs(bob * motion.centre_of_mass("bob", 1)).max() + abs(momentum[0])
     assert np.ptp(momentum) < 1e-9 * size
-    assert np.abs(found.drift(motion.time)).max() < 1e-8
+    assert np.abs(simulation.drift(motion.time)).max() < 1e-8
 
 
 # --- hard places ------------------------------------------------------------------------------------------------------
@@ -207,9 +207,9 @@ def test_at_rest_on_a_dead_point_it_stays_and_says_why():
     push = Force(name="push", link="slider", point="C", vector=(-50.0, 0.0))
     level = [replace(k, centre=(k.centre[0], 0.0)) if k.centre else k for k in body.links]
     body = replace(body, links=tuple(level), loads=(push,), effects=("inertia",))
-    found = simulate(body, 2.0)
-    assert found([2.0])[0][0, 0] == 0.0
-    (word,) = found.events
+    simulation = simulate(body, 2.0)
+    assert simulation([2.0])[0][0, 0] == 0.0
+    (word,) = simulation.events
     assert word.kind == "equilibrium" and "no arm" in word.text
     beside = simulate(replace(body, drives=(Drive(joint="O", law=Free(1e-3)),)), 2.0)
     assert not beside.events and abs(np.ptp(beside(np.linspace(0, 2, 50))[0])) > 1.0
@@ -225,8 +225,8 @@ def parallelogram(coupler: float, *, gravity: bool, speed: float, angle: float =
 
 @pytest.mark.parametrize("method", ["energy", "gauss"])
 def test_a_parallelogram_with_inertia_runs_evenly_through_its_change_points(method: str):
-    found = simulate(parallelogram(3.0, gravity=False, speed=7.0), 10.0, method=method, tolerance=1e-10)
-    q, v, _ = found(np.linspace(0.0, 10.0, 101))
+    simulation = simulate(parallelogram(3.0, gravity=False, speed=7.0), 10.0, method=method, tolerance=1e-10)
+    q, v, _ = simulation(np.linspace(0.0, 10.0, 101))
     assert q[:, 0] == pytest.approx(0.5 + 7.0 * np.linspace(0.0, 10.0, 101), abs=1e-8)
     assert v[:, 0] == pytest.approx(7.0, rel=1e-10)
 
@@ -238,10 +238,10 @@ def test_nearly_massless_links_and_mass_ratios_of_1e9(coupler: float):
     inertia, weight = 2.0 * m * length**2 / 3.0 + coupler * length**2, (m + coupler) * g * length
     period = 4.0 * np.sqrt(inertia / weight) * ellipk(np.sin(np.pi / 4) ** 2)
     for method in ("energy", "gauss"):
-        found = simulate(parallelogram(coupler, gravity=True, speed=0.0, angle=0.0), period, method=method, tolerance=1e-11)
-        half, whole = (float(x) for x in found([0.5 * period, period])[0][:, 0])
+        simulation = simulate(parallelogram(coupler, gravity=True, speed=0.0, angle=0.0), period, method=method, tolerance=1e-11)
+        half, whole = (float(x) for x in simulation([0.5 * period, period])[0][:, 0])
         assert half == pytest.approx(-np.pi, abs=1e-7) and whole == pytest.approx(0.0, abs=1e-7)
-        assert np.abs(found.drift(np.linspace(0.0, period, 9))).max() < 1e-9
+        assert np.abs(simulation.drift(np.linspace(0.0, period, 9))).max() < 1e-9
 
 
 @pytest.mark.parametrize("beyond", [-1e-6, -1e-12, 0.0, 1e-12, 1e-6])
@@ -249,11 +249,11 @@ def test_a_stop_at_the_very_place_where_the_swing_turns_back(beyond: float):
     """Grazing: touched with no speed or hardly any; the swing goes on, no energy to speak of is lost, and nothing loops."""
     body = pendulum(inertia=0.4, mass=1.5, distance=0.35, angle=1.0)
     stop = Stop(name="wall", joint="O", at=-1.0 - np.pi / 2 + beyond, side="lower", restitution=0.3)
-    found = simulate(body, 5.0, stops=[stop], tolerance=1e-11)
-    assert len(found.events) < 12
+    simulation = simulate(body, 5.0, stops=[stop], tolerance=1e-11)
+    assert len(simulation.events) < 12
     free = simulate(body, 5.0, tolerance=1e-11)
-    assert found([5.0])[0][0, 0] == pytest.approx(free([5.0])[0][0, 0], abs=1e-4 + 5.0 * np.sqrt(max(beyond, 0.0)))
-    assert np.abs(found.drift(np.linspace(0.0, 5.0, 20))).max() < 1e-8
+    assert simulation([5.0])[0][0, 0] == pytest.approx(free([5.0])[0][0, 0], abs=1e-4 + 5.0 * np.sqrt(max(beyond, 0.0)))
+    assert np.abs(simulation.drift(np.linspace(0.0, 5.0, 20))).max() < 1e-8
 
 
 def test_ten_thousand_turns_do_not_drift():
@@ -266,22 +266,22 @@ def test_ten_thousand_turns_do_not_drift():
     for _ in range(60):
         middle = 0.5 * (low + high)
         low, high = (middle, high) if once([middle])[0][0, 0] < at + 2 * np.pi else (low, middle)
-    found = simulate(body, 10_000 * high)
-    assert found.method == "energy"
-    q, v, _ = found([10_000 * high])
+    simulation = simulate(body, 10_000 * high)
+    assert simulation.method == "energy"
+    q, v, _ = simulation([10_000 * high])
     assert q[0, 0] - at == pytest.approx(10_000 * 2 * np.pi, rel=1e-11)
     assert v[0, 0] == pytest.approx(rate, rel=1e-7)
     t = np.linspace(0.0, 10_000 * high, 7)
-    kinetic = found.kinetic_energy(t)
+    kinetic = simulation.kinetic_energy(t)
     assert np.ptp(kinetic) < 1e-10 * kinetic[0]
 
 
 def test_chain_of_40_four_bars_keeps_its_energy_through_the_singular_position():
-    found = simulate(chain(40), 10.0, tolerance=1e-9)
-    assert np.pi / 2 - found([10.0])[0][0, 0] == pytest.approx(31.597433743985738, abs=1e-8)
+    simulation = simulate(chain(40), 10.0, tolerance=1e-9)
+    assert np.pi / 2 - simulation([10.0])[0][0, 0] == pytest.approx(31.597433743985738, abs=1e-8)
     t = np.linspace(0.0, 10.0, 60)
-    assert np.abs(found.drift(t)).max() < 1e-9
-    assert found.kinetic_energy([0.0])[0] == pytest.approx(41 / 6 + 20.0, rel=1e-12)  # of 620.338... J with its height
+    assert np.abs(simulation.drift(t)).max() < 1e-9
+    assert simulation.kinetic_energy([0.0])[0] == pytest.approx(41 / 6 + 20.0, rel=1e-12)  # of 620.338... J with its height
 
 
 # --- the balance with everything on -----------------------------------------------------------------------------------

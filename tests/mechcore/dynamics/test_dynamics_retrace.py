@@ -49,13 +49,13 @@ def test_same_solution_from_any_start_that_is_near(stiff, wrong):
     boundaries = np.array([*(w.start for w in first.windows), 12.0])
     known = Known(boundaries, np.zeros(len(boundaries) - 1, bool), lambda t: first(t)[2] * (1.0 + wrong * np.cos(t))[:, None])
     system = Counted()
-    found = refine(Integrator(system, tolerance=1e-10, stiff=stiff), *start, 0.0, 12.0, known)
+    refined = refine(Integrator(system, tolerance=1e-10, stiff=stiff), *start, 0.0, 12.0, known)
     t = np.linspace(0.0, 12.0, 301)
-    miss, before = (np.abs(np.array(x(t)[:2]) - np.array(exact(t)[:2])).max() for x in (found, first))
+    miss, before = (np.abs(np.array(x(t)[:2]) - np.array(exact(t)[:2])).max() for x in (refined, first))
     assert miss < 2e-10 and before > 3.0 * miss
     if wrong < 1e-3:
         assert system.calls <= 8, "all windows in one call"
-    assert sum(w.length for w in found.windows) == pytest.approx(12.0, abs=1e-12)
+    assert sum(w.length for w in refined.windows) == pytest.approx(12.0, abs=1e-12)
 
 
 def test_windows_are_halved_until_the_series_ends():
@@ -63,10 +63,10 @@ def test_windows_are_halved_until_the_series_ends():
     start = np.array([2.0]), np.array([0.0])
     exact = Integrator(Counted(), tolerance=1e-13).run(*start, 0.0, 12.0)
     known = Known(np.linspace(0.0, 12.0, 7), np.zeros(6, bool), lambda t: exact(t)[2])
-    found = refine(Integrator(Counted(), tolerance=1e-10), *start, 0.0, 12.0, known)
-    lengths = [w.length for w in found.windows]
+    refined = refine(Integrator(Counted(), tolerance=1e-10), *start, 0.0, 12.0, known)
+    lengths = [w.length for w in refined.windows]
     assert max(lengths) >= 2.0 * min(lengths)
-    assert np.abs(found(np.array([12.0]))[0] - exact(np.array([12.0]))[0]).max() < 2e-10
+    assert np.abs(refined(np.array([12.0]))[0] - exact(np.array([12.0]))[0]).max() < 2e-10
 
 
 def test_what_is_known_may_be_nonsense():
@@ -75,8 +75,8 @@ def test_what_is_known_may_be_nonsense():
     exact = Integrator(Counted(), tolerance=1e-13).run(*start, 0.0, 5.0)
     for acceleration in (lambda t: np.full((len(t), 1), np.nan), lambda t: 40.0 * np.sin(20.0 * t)[:, None]):
         known = Known(np.linspace(0.0, 5.0, 9), np.zeros(8, bool), acceleration)
-        found = refine(Integrator(Counted(), tolerance=1e-11), *start, 0.0, 5.0, known)
-        assert np.abs(found(np.array([5.0]))[0] - exact(np.array([5.0]))[0]).max() < 1e-9
+        refined = refine(Integrator(Counted(), tolerance=1e-11), *start, 0.0, 5.0, known)
+        assert np.abs(refined(np.array([5.0]))[0] - exact(np.array([5.0]))[0]).max() < 1e-9
 
 
 class Bent:
@@ -119,9 +119,9 @@ def test_windows_end_where_the_law_changes_in_the_new_motion():
         np.array([*(w.start for w in first.windows), 6.0]), np.array([w.cut for w in first.windows]), lambda t: first(t)[2]
     )
     assert known.cut.sum() > 5
-    found = refine(Integrator(Bent(), tolerance=1e-9, breakpoints=break_time), *start, 0.0, 6.0, known)
+    refined = refine(Integrator(Bent(), tolerance=1e-9, breakpoints=break_time), *start, 0.0, 6.0, known)
     t = np.linspace(0.0, 6.0, 301)
-    miss, before = (np.abs(x(t)[0] - exact(t)[0]).max() for x in (found, first))
+    miss, before = (np.abs(x(t)[0] - exact(t)[0]).max() for x in (refined, first))
     assert miss < 2e-9 and before > 100.0 * miss
 
 
@@ -161,8 +161,8 @@ def test_another_motion_helps_nothing_but_harms_nothing():
     here, there = (pendulum(inertia=0.02, mass=1.0, distance=0.1, angle=angle) for angle in (0.5, 2.0))
     like = simulate(there, 2.0, tolerance=1e-9, method="gauss")
     exact = simulate(here, 2.0, tolerance=1e-12, method="gauss")
-    found = simulate(here, 2.0, tolerance=1e-10, method="gauss", like=like)
-    assert np.abs(found([2.0])[0] - exact([2.0])[0]).max() < 1e-9
+    simulation = simulate(here, 2.0, tolerance=1e-10, method="gauss", like=like)
+    assert np.abs(simulation([2.0])[0] - exact([2.0])[0]).max() < 1e-9
 
 
 def test_works_of_a_periodic_motion_are_found_for_one_period_only(monkeypatch):

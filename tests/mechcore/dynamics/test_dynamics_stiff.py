@@ -85,13 +85,13 @@ def test_stiff_windows_do_not_stand_on_the_last_digits(nodes):
 def test_a_stiff_spring_leads_to_the_equilibrium(stiffness):
     """It stays within its deflection M g l / k of where it is, in a few windows; the equilibrium is that of statics."""
     mechanism = held(stiffness)
-    found = simulate(mechanism, 2.0, tolerance=1e-8)
-    assert found.method == "radau" and found.evaluations < 300
+    simulation = simulate(mechanism, 2.0, tolerance=1e-8)
+    assert simulation.method == "radau" and simulation.evaluations < 300
     t = np.linspace(0.5, 2.0, 50)
     rest = 0.7 - np.pi / 2 - 9.81 * 0.2 * np.sin(0.7) / stiffness  # to the square of the deflection
-    assert np.abs(found(t)[0] - rest).max() < 1e-3 * 9.81 * 0.2 / stiffness + 1e-15
-    assert found.events[0].kind == "stiff" and "k" in found.events[0].text
-    assert 0.0 < found.unseen[0] <= 1e-8
+    assert np.abs(simulation(t)[0] - rest).max() < 1e-3 * 9.81 * 0.2 / stiffness + 1e-15
+    assert simulation.events[0].kind == "stiff" and "k" in simulation.events[0].text
+    assert 0.0 < simulation.unseen[0] <= 1e-8
 
 
 def test_the_slow_motion_beside_a_stiff_spring_is_that_of_a_rigid_joint():
@@ -174,10 +174,10 @@ def test_vibrations_that_are_seen_are_followed():
     """Above the tolerance nothing is stepped over: the closed form of the small vibration, 200 periods long."""
     k = 1e6
     mechanism = held(k, speed=1.0)
-    found = simulate(mechanism, 0.3, tolerance=1e-10)
-    assert found.method == "gauss" and found.unseen == (0.0, 0.0)
+    simulation = simulate(mechanism, 0.3, tolerance=1e-10)
+    assert simulation.method == "gauss" and simulation.unseen == (0.0, 0.0)
     omega, t = np.sqrt(k / 0.05), np.linspace(0.0, 0.3, 7)
-    assert np.abs(found(t)[0][:, 0] - (0.7 - np.pi / 2) - np.sin(omega * t) / omega).max() < 3e-6
+    assert np.abs(simulation(t)[0][:, 0] - (0.7 - np.pi / 2) - np.sin(omega * t) / omega).max() < 3e-6
 
 
 def test_errors_of_what_stands_still_are_absolute(tmp_path):

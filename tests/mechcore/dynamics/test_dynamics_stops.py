@@ -55,21 +55,21 @@ def test_a_stop_at_a_joint_that_a_prescribed_drive_moves_as_well(joint: str, res
     loose = simulate(compiled, 1.0, tolerance=1e-10)
     at = loose.motion(np.linspace(0.0, 1.0, 400)).coordinate(joint)[:, 0]
     limit = float(at[0] + 0.4 * (at.max() - at[0]))
-    found = simulate(compiled, 1.0, tolerance=1e-10, stops=[Stop(name="s", joint=joint, at=limit, restitution=restitution)])
-    kinds = [h.kind for h in found.events]
+    simulation = simulate(compiled, 1.0, tolerance=1e-10, stops=[Stop(name="s", joint=joint, at=limit, restitution=restitution)])
+    kinds = [h.kind for h in simulation.events]
     assert "impact" in kinds and ("contact" in kinds) == (restitution == 0.0)
-    assert found.motion(np.linspace(0.0, 1.0, 400)).coordinate(joint)[:, 0].max() < limit + 1e-9
-    first = next(h.time for h in found.events if h.kind == "impact")
-    before, after = (found.motion([first + s * 1e-9]).coordinate(joint)[0, 1] for s in (-1, 1))
+    assert simulation.motion(np.linspace(0.0, 1.0, 400)).coordinate(joint)[:, 0].max() < limit + 1e-9
+    first = next(h.time for h in simulation.events if h.kind == "impact")
+    before, after = (simulation.motion([first + s * 1e-9]).coordinate(joint)[0, 1] for s in (-1, 1))
     assert after == pytest.approx(-restitution * before, rel=1e-5, abs=1e-6)
     if restitution == 0.0:
-        end = next((h.time for h in found.events if h.kind == "release"), 1.0)
-        rest = found.motion(np.linspace(first + 1e-6, end - 1e-6, 50))
+        end = next((h.time for h in simulation.events if h.kind == "release"), 1.0)
+        rest = simulation.motion(np.linspace(first + 1e-6, end - 1e-6, 50))
         assert np.ptp(rest.coordinate(joint)[:, 0]) < 1e-9
         assert np.ptp(rest.coordinate("E")[:, 0]) > 1e-3  # what is free goes on moving
-        forces = found.forces(rest)
+        forces = simulation.forces(rest)
         assert np.abs(forces.effort("E")).max() < 1e-9 * np.abs(forces.loads["stop s"].values).max()
-    assert np.abs(found.drift(np.linspace(0.0, 1.0, 100))).max() < 1e-8
+    assert np.abs(simulation.drift(np.linspace(0.0, 1.0, 100))).max() < 1e-8
 
 
 def test_a_stop_holds_a_combination_of_two_free_coordinates():
@@ -77,15 +77,15 @@ def test_a_stop_holds_a_combination_of_two_free_coordinates():
     compiled = compile_mechanism(swinging_five_bar(stiffness=1.0, speeds=(6.0, 2.0)))
     at = simulate(compiled, 0.5, tolerance=1e-9).motion(np.linspace(0.0, 0.5, 400)).coordinate("C")[:, 0]
     limit = float(at[0] + 0.5 * (at.max() - at[0]))
-    found = simulate(compiled, 0.5, tolerance=1e-10, stops=[Stop(name="s", joint="C", at=limit)])
-    first = next(h.time for h in found.events if h.kind == "contact")
-    end = next((h.time for h in found.events if h.kind == "release"), 0.5)
-    rest = found.motion(np.linspace(first + 1e-6, end - 1e-6, 50))
+    simulation = simulate(compiled, 0.5, tolerance=1e-10, stops=[Stop(name="s", joint="C", at=limit)])
+    first = next(h.time for h in simulation.events if h.kind == "contact")
+    end = next((h.time for h in simulation.events if h.kind == "release"), 0.5)
+    rest = simulation.motion(np.linspace(first + 1e-6, end - 1e-6, 50))
     assert np.ptp(rest.coordinate("C")[:, 0]) < 1e-9
     assert min(np.ptp(rest.coordinate(joint)[:, 0]) for joint in ("A", "E")) > 1e-4
-    forces = found.forces(rest)
+    forces = simulation.forces(rest)
     assert max(np.abs(forces.effort(joint)).max() for joint in ("A", "E")) < 1e-9 * np.abs(forces.loads["stop s"].values).max()
-    assert np.abs(found.drift(np.linspace(0.0, 0.5, 100))).max() < 1e-8
+    assert np.abs(simulation.drift(np.linspace(0.0, 0.5, 100))).max() < 1e-8
 
 
 def rods(**start: float) -> Mechanism:
@@ -127,9 +127,9 @@ def test_impulses_push_only_where_contacts_leave_with_the_least_speed_whatever_t
         mobility, rates = contacts(rng)
         c = len(rates)
         e = rng.choice([0.0, 1.0]) * np.ones(c) if rng.uniform() < 0.5 else rng.uniform(0.0, 1.0, c)
-        found = impact(mobility, rates, e, np.zeros(c, bool))
-        assert found is not None
-        push, lost = found
+        jump = impact(mobility, rates, e, np.zeros(c, bool))
+        assert jump is not None
+        push, lost = jump
         after = rates + mobility @ push
         assert push.min() >= 0.0 and after.min() > -1e-9 * np.abs(rates).max()
         assert lost >= -1e-9 * float(push @ np.abs(rates))

@@ -93,13 +93,13 @@ def test_beside_a_loop_that_changes_its_leading_joint():
     four_bar = both.replace(next(line for line in both.splitlines() if line.startswith("plate")), "")
     four_bar = four_bar.replace(next(line for line in both.splitlines() if line.startswith("body")), "")
     t = np.linspace(0.0, 0.8, 33)
-    found, body, rest = (simulate(mechviz.loads(text).mechanism, 0.8, tolerance=1e-10) for text in (both, alone, four_bar))
-    assert found.motion(t).pose("plate") == pytest.approx(body.motion(t).pose("plate"), abs=1e-9)
+    computed, body, rest = (simulate(mechviz.loads(text).mechanism, 0.8, tolerance=1e-10) for text in (both, alone, four_bar))
+    assert computed.motion(t).pose("plate") == pytest.approx(body.motion(t).pose("plate"), abs=1e-9)
     for link in ("crank", "coupler", "rocker"):
-        assert found.motion(t).point(link, "B" if link != "rocker" else "C") == pytest.approx(
+        assert computed.motion(t).point(link, "B" if link != "rocker" else "C") == pytest.approx(
             rest.motion(t).point(link, "B" if link != "rocker" else "C"), abs=1e-8
         )
-    assert np.abs(found.drift(t)).max() < 1e-8
+    assert np.abs(computed.drift(t)).max() < 1e-8
 
 
 def test_a_recording_knows_nothing_of_what_it_is_made_of(tmp_path):

@@ -41,7 +41,7 @@ def test_windows_between_corners_are_solved_together_as_alone():
     """A pendulum against quadrature row by row (scipy)."""
     table = lines(120, 0.4, 1.6)
     load = Torque(name="pull", link="body", moment=2.0, factor=Factor(function=table, of="time"))
-    found = simulate(pendulum(inertia=0.3, mass=1.0, distance=0.4, angle=0.5, loads=(load,)), 2.0, tolerance=1e-11)
+    simulation = simulate(pendulum(inertia=0.3, mass=1.0, distance=0.4, angle=0.5, loads=(load,)), 2.0, tolerance=1e-11)
 
     def rates(t, y):
         return [y[1], (2.0 * np.interp(t, table.x, table.y) - 0.4 * 9.81 * np.sin(y[0])) / 0.3]
@@ -49,8 +49,8 @@ def test_windows_between_corners_are_solved_together_as_alone():
     y, t = np.array([0.5, 0.0]), 0.0
     for end in (*table.x, 2.0):
         y, t = solve_ivp(rates, (t, end), y, "DOP853", rtol=1e-12, atol=1e-13).y[:, -1], end
-    assert [x[0, 0] for x in found([2.0])[:2]] == pytest.approx([y[0] - np.pi / 2, y[1]], abs=1e-9)
-    assert found.evaluations < 150
+    assert [x[0, 0] for x in simulation([2.0])[:2]] == pytest.approx([y[0] - np.pi / 2, y[1]], abs=1e-9)
+    assert simulation.evaluations < 150
 
 
 @pytest.mark.parametrize("beside", ["friction", "a stop", "two freedoms", "a table of position", "radau"])
@@ -72,10 +72,10 @@ def test_what_else_happens_between_corners_is_met_as_before(monkeypatch, beside)
         body = replace(base, loads=(replace(pull, link="lower"),))
     elif beside == "radau":
         method = "radau"
-    found = simulate(body, 1.0, tolerance=1e-10, stops=stops, method=method)
+    simulation = simulate(body, 1.0, tolerance=1e-10, stops=stops, method=method)
     monkeypatch.setattr(windows, "FEW", 10**9)
     alone = simulate(body, 1.0, tolerance=1e-10, stops=stops, method=method)
     t = np.linspace(0.0, 1.0, 41)
-    assert np.abs(np.array(found(t)[:2]) - np.array(alone(t)[:2])).max() < 1e-8
-    assert [(e.kind, round(e.time, 8)) for e in found.events] == [(e.kind, round(e.time, 8)) for e in alone.events]
-    assert found.evaluations < 0.7 * alone.evaluations
+    assert np.abs(np.array(simulation(t)[:2]) - np.array(alone(t)[:2])).max() < 1e-8
+    assert [(e.kind, round(e.time, 8)) for e in simulation.events] == [(e.kind, round(e.time, 8)) for e in alone.events]
+    assert simulation.evaluations < 0.7 * alone.evaluations

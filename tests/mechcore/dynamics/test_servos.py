@@ -93,9 +93,9 @@ def test_it_follows_a_target_that_moves(target, law):
             x, v, _ = (float(k) for k in servo.target(np.clip(time, np.nextafter(a, b) if a else 0.0, b)))
             return [s[1], (KP * (x - s[0]) + KD * (v - s[1]) + KI * s[2]) / 2.0, x - s[0]]
 
-        found = solve_ivp(rates, (a, b), state, method="DOP853", rtol=1e-13, atol=1e-14, dense_output=True)
-        here, state = (t >= a) & (t <= b), found.y[:, -1]
-        expected[:, here] = found.sol(t[here])
+        solution = solve_ivp(rates, (a, b), state, method="DOP853", rtol=1e-13, atol=1e-14, dense_output=True)
+        here, state = (t >= a) & (t <= b), solution.y[:, -1]
+        expected[:, here] = solution.sol(t[here])
     assert run(t)[0][:, 0] == pytest.approx(expected[0], abs=1e-11)
 
 
@@ -165,13 +165,13 @@ def test_target_and_error_are_recorded(tmp_path):
     """Of a run as of its recording: the target by hand, the coordinate reached, and how far it is behind."""
     run = run_scene(mechviz.loads(ARM), frames=60)
     write_recording(run, tmp_path / "arm.rrd")
-    t, found, data = run.motion.time, run.catalogue.by_key, Recording(tmp_path / "arm.rrd")
-    target, reached = found["servo.elbow.position"].values().T
+    t, computed, data = run.motion.time, run.catalogue.by_key, Recording(tmp_path / "arm.rrd")
+    target, reached = computed["servo.elbow.position"].values().T
     assert target == pytest.approx(40.0 * np.sin(2.0 * np.pi * t), abs=1e-9)
     assert reached == pytest.approx(np.degrees(run.motion.coordinate("B")[:, 0]), abs=1e-9)
-    error = found["servo.elbow.error"]
+    error = computed["servo.elbow.error"]
     assert error.values()[:, 0] == pytest.approx(target - reached, abs=1e-9) and error.unit == "°"
-    assert found["servo.shoulder.position"].values()[:, 0] == pytest.approx(np.where(t > 0.2, 60.0, 0.0), abs=1e-9)
+    assert computed["servo.shoulder.position"].values()[:, 0] == pytest.approx(np.where(t > 0.2, 60.0, 0.0), abs=1e-9)
     assert np.degrees(data.scalars("data", "servos", "elbow", "error")[1][:, 0]) == pytest.approx(target - reached, abs=1e-9)
 
 
@@ -257,9 +257,9 @@ def test_it_leads_through_dead_points_of_the_free_joint():
 
 
 def test_small_vibrations_are_those_of_its_gains():
-    found = small_vibrations(scene('target = "10 mm"', PD).mechanism)
-    assert found.modes[0].frequency == pytest.approx(np.sqrt(KP / 2.0) / (2.0 * np.pi), rel=1e-6)
-    assert found.modes[0].damping_ratio == pytest.approx(KD / (2.0 * np.sqrt(KP * 2.0)), rel=1e-6)
+    vibrations = small_vibrations(scene('target = "10 mm"', PD).mechanism)
+    assert vibrations.modes[0].frequency == pytest.approx(np.sqrt(KP / 2.0) / (2.0 * np.pi), rel=1e-6)
+    assert vibrations.modes[0].damping_ratio == pytest.approx(KD / (2.0 * np.sqrt(KP * 2.0)), rel=1e-6)
     assert any("servo" in note for note in small_vibrations(scene('target = "10 mm"').mechanism).notes)
 
 
@@ -284,8 +284,8 @@ def test_a_recording_shows_it():
 
 
 def test_its_gains_are_sliders_with_their_units():
-    found = {p.title for p in find_parameters(mechviz.loads(ARM)) if p.path[0] == "loads"}
-    assert {"shoulder target [°]", "shoulder proportional [N m/rad]", "elbow integral [N m/(rad s)]"} <= found
+    result = {p.title for p in find_parameters(mechviz.loads(ARM)) if p.path[0] == "loads"}
+    assert {"shoulder target [°]", "shoulder proportional [N m/rad]", "elbow integral [N m/(rad s)]"} <= result
 
 
 @pytest.mark.parametrize(

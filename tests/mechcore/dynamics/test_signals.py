@@ -100,9 +100,9 @@ def test_forced_oscillator(text, method):
             inside = np.clip(time, np.nextafter(a, b) if a else 0.0, b)
             return [y[1], (25.0 * float(signal(inside)) - 6.0 * y[1] - 800.0 * y[0]) / 2.0]
 
-        found = solve_ivp(rates, (a, b), state, method="DOP853", rtol=1e-13, atol=1e-15, dense_output=True)
-        here, state = (t >= a) & (t <= b), found.y[:, -1]
-        expected[:, here] = found.sol(t[here])
+        solution = solve_ivp(rates, (a, b), state, method="DOP853", rtol=1e-13, atol=1e-15, dense_output=True)
+        here, state = (t >= a) & (t <= b), solution.y[:, -1]
+        expected[:, here] = solution.sol(t[here])
     run = simulate(mechanism, 3.0, tolerance=1e-11, method=method)
     q, v, _ = run(t)
     assert q[:, 0] == pytest.approx(expected[0], abs=1e-12)

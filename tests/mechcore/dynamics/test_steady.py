@@ -78,8 +78,8 @@ def test_a_cycle_simulated_from_it_comes_back(name: str):
     mechanism = started(name)
     run = steady_run(mechanism)
     (drive,) = mechanism.drives
-    found = simulate(replace(mechanism, drives=(replace(drive, law=Free(run.start, run.speed)),)), run.period, tolerance=1e-11)
-    q, v, _ = found(np.linspace(0.0, run.period, 200))
+    simulation = simulate(replace(mechanism, drives=(replace(drive, law=Free(run.start, run.speed)),)), run.period, tolerance=1e-11)
+    q, v, _ = simulation(np.linspace(0.0, run.period, 200))
     assert q[-1, 0] - q[0, 0] == pytest.approx(TURN, rel=1e-9)
     assert v[-1, 0] == pytest.approx(v[0, 0], rel=1e-9)
     assert v[:, 0] == pytest.approx(run(q[:, 0] - run.start), rel=1e-8)
@@ -89,9 +89,9 @@ def test_a_cycle_simulated_from_it_comes_back(name: str):
 def test_a_long_simulation_from_rest_ends_in_it():
     mechanism = started("compressor-start-up")
     run = steady_run(mechanism)
-    found = simulate(mechanism, 4.0, tolerance=1e-9)
+    simulation = simulate(mechanism, 4.0, tolerance=1e-9)
     t = np.linspace(4.0 - run.period, 4.0, 2000)
-    speed = found(t)[1][:, 0]
+    speed = simulation(t)[1][:, 0]
     assert speed.max() == pytest.approx(run.greatest, rel=1e-5) and speed.min() == pytest.approx(run.least, rel=1e-5)
     assert TURN / np.trapezoid(np.ones_like(t), t) == pytest.approx(run.mean, rel=1e-12)
     assert 0.0 < run.multiplier < 1.0
@@ -111,8 +111,8 @@ def test_dry_friction_is_that_of_the_simulation():
     smooth, run = steady_run(started("crushing-press")), steady_run(rubbing)
     assert run.mean < smooth.mean * (1 - 1e-4)
     (drive,) = rubbing.drives
-    found = simulate(replace(rubbing, drives=(replace(drive, law=Free(run.start, run.speed)),)), run.period, tolerance=1e-8)
-    assert found([run.period])[1][0, 0] == pytest.approx(run.speed, rel=1e-6)
+    simulation = simulate(replace(rubbing, drives=(replace(drive, law=Free(run.start, run.speed)),)), run.period, tolerance=1e-8)
+    assert simulation([run.period])[1][0, 0] == pytest.approx(run.speed, rel=1e-6)
 
 
 def test_sizing_approaches_the_usual_formula_as_the_fluctuation_gets_small():

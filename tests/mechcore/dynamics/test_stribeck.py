@@ -55,13 +55,13 @@ def test_stick_slip_on_a_belt(damping):
                 return y[1] - belt if time > begin + 1e-3 else -1.0
 
             faster.terminal, faster.direction = True, 1
-            found = solve_ivp(
+            solution = solve_ivp(
                 lambda _, y: [y[1], (-100.0 * y[0] - damping * y[1] + curve(y[1] - belt) * NORMAL) / 2.0],
                 (begin, end), [x, belt], events=faster, method="DOP853", rtol=1e-12, atol=1e-13, dense_output=True,
             )  # fmt: skip
-            now, x = float(found.t[-1]), float(found.y[0, -1])
+            now, x = float(solution.t[-1]), float(solution.y[0, -1])
             here = (t > begin) & (t <= now)
-            expected[here] = found.sol(t[here])[0]
+            expected[here] = solution.sol(t[here])[0]
         sticks = not sticks
         events += [now] if now < end else []
     assert run.motion(t).point("mass", "P")[:, 0] == pytest.approx(expected, abs=1e-10)

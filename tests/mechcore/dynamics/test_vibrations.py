@@ -86,7 +86,7 @@ def flywheels(inertias, stiffnesses, dampers=()) -> Mechanism:
 def test_physical_double_pendulum_against_its_equations():
     """(M w^2 - K) = 0 with M, K of the textbook in the absolute angles, brought to the relative ones."""
     i = {"L1": 0.5, "a1": 0.2, "m1": 1.3, "J1": 0.04, "a2": 0.35, "m2": 0.7, "J2": 0.03}
-    found = small_vibrations(double_pendulum({**i, "theta_1": 0.9, "theta_2": -0.4, "omega_1": 2.0, "omega_2": 0.0}))
+    vibrations = small_vibrations(double_pendulum({**i, "theta_1": 0.9, "theta_2": -0.4, "omega_1": 2.0, "omega_2": 0.0}))
     m = np.array(
         [
             [i["J1"] + i["m1"] * i["a1"] ** 2 + i["m2"] * i["L1"] ** 2, i["m2"] * i["L1"] * i["a2"]],
@@ -95,31 +95,33 @@ def test_physical_double_pendulum_against_its_equations():
     )
     k = 9.81 * np.diag([i["m1"] * i["a1"] + i["m2"] * i["L1"], i["m2"] * i["a2"]])
     t = np.array([[1.0, 0.0], [1.0, 1.0]])  # absolute angles from relative ones
-    np.testing.assert_allclose(found.inertia, t.T @ m @ t, rtol=1e-12)
-    np.testing.assert_allclose(found.stiffness, t.T @ k @ t, rtol=1e-10, atol=1e-10)
+    np.testing.assert_allclose(vibrations.inertia, t.T @ m @ t, rtol=1e-12)
+    np.testing.assert_allclose(vibrations.stiffness, t.T @ k @ t, rtol=1e-10, atol=1e-10)
     squares = np.sort(np.linalg.eigvals(np.linalg.solve(m, k)))
-    np.testing.assert_allclose([x.square for x in found.modes], squares, rtol=1e-10)
-    assert found.stability == "stable" and found.equilibrium.position == pytest.approx([-np.pi / 2, 0.0], abs=1e-12)
-    np.testing.assert_allclose(found.shapes.T @ found.inertia @ found.shapes, np.eye(2), atol=1e-12)
-    np.testing.assert_allclose(found.shapes.T @ found.stiffness @ found.shapes, np.diag(squares), atol=1e-9 * squares[1])
-    assert np.abs(found.damping).max() == 0.0
+    np.testing.assert_allclose([x.square for x in vibrations.modes], squares, rtol=1e-10)
+    assert vibrations.stability == "stable" and vibrations.equilibrium.position == pytest.approx([-np.pi / 2, 0.0], abs=1e-12)
+    np.testing.assert_allclose(vibrations.shapes.T @ vibrations.inertia @ vibrations.shapes, np.eye(2), atol=1e-12)
+    np.testing.assert_allclose(
+        vibrations.shapes.T @ vibrations.stiffness @ vibrations.shapes, np.diag(squares), atol=1e-9 * squares[1]
+    )
+    assert np.abs(vibrations.damping).max() == 0.0
 
 
 def test_two_carts_beat_with_the_sum_and_the_difference_of_their_modes():
     m, k, c = 2.0, 500.0, 60.0
-    found = small_vibrations(carts(masses=(m, m), springs=(k, c, k)))
-    np.testing.assert_allclose([x.square for x in found.modes], [k / m, (k + 2 * c) / m], rtol=1e-11)
-    np.testing.assert_allclose(np.abs(found.shapes), 1.0 / np.sqrt(2.0 * m), rtol=1e-10)
-    assert found.shapes[0, 0] * found.shapes[1, 0] > 0 > found.shapes[0, 1] * found.shapes[1, 1]
+    vibrations = small_vibrations(carts(masses=(m, m), springs=(k, c, k)))
+    np.testing.assert_allclose([x.square for x in vibrations.modes], [k / m, (k + 2 * c) / m], rtol=1e-11)
+    np.testing.assert_allclose(np.abs(vibrations.shapes), 1.0 / np.sqrt(2.0 * m), rtol=1e-10)
+    assert vibrations.shapes[0, 0] * vibrations.shapes[1, 0] > 0 > vibrations.shapes[0, 1] * vibrations.shapes[1, 1]
 
 
 def test_flywheels_on_a_shaft_have_a_free_mode_and_the_textbook_frequency():
     j, c = (0.3, 0.5), 800.0
-    found = small_vibrations(flywheels(j, (c,)))
-    assert [x.kind for x in found.modes] == ["neutral", "vibration"] and found.stability == "neutral"
-    assert found.modes[0].frequency == 0.0
-    assert found.modes[1].square == pytest.approx(c * (1 / j[0] + 1 / j[1]), rel=1e-11)
-    assert found.modes[1].shape[0] / found.modes[1].shape[1] == pytest.approx(-j[1] / j[0], rel=1e-9)
+    vibrations = small_vibrations(flywheels(j, (c,)))
+    assert [x.kind for x in vibrations.modes] == ["neutral", "vibration"] and vibrations.stability == "neutral"
+    assert vibrations.modes[0].frequency == 0.0
+    assert vibrations.modes[1].square == pytest.approx(c * (1 / j[0] + 1 / j[1]), rel=1e-11)
+    assert vibrations.modes[1].shape[0] / vibrations.modes[1].shape[1] == pytest.approx(-j[1] / j[0], rel=1e-9)
     three = small_vibrations(flywheels((0.1,) * 3, (50.0, 50.0)))  # w^2 = 0, c/J, 3 c/J
     np.testing.assert_allclose([x.square for x in three.modes], [0.0, 500.0, 1500.0], rtol=1e-11)
 
@@ -127,8 +129,8 @@ def test_flywheels_on_a_shaft_have_a_free_mode_and_the_textbook_frequency():
 def test_damping_ratios_below_and_above_the_critical_one():
     m, k = 2.0, 800.0  # w = 20
     for ratio in (0.05, 0.7, 3.0):
-        found = small_vibrations(carts(masses=(m,), springs=(k, 0.0), dampers=(2.0 * ratio * 20.0 * m,), start=(0.01,)))
-        (mode,) = found.modes
+        vibrations = small_vibrations(carts(masses=(m,), springs=(k, 0.0), dampers=(2.0 * ratio * 20.0 * m,), start=(0.01,)))
+        (mode,) = vibrations.modes
         assert mode.damping_ratio == pytest.approx(ratio, rel=1e-9)
         assert mode.damped_frequency * TURN == pytest.approx(20.0 * np.sqrt(max(0.0, 1.0 - ratio**2)), rel=1e-9)
         assert mode.growth == pytest.approx(-20.0 * ratio + 20.0 * np.sqrt(max(0.0, ratio**2 - 1.0)), rel=1e-8)
@@ -139,14 +141,14 @@ def test_eigenvalues_of_any_damping_satisfy_the_quadratic_problem():
     mechanism = carts(
         masses=(1.0, 2.0, 1.5), springs=(300.0, 200.0, 400.0, 0.0), dampers=(0.0, 1.0, 2.0, 120.0), start=(0.0, 0.01, 0.0)
     )
-    found = small_vibrations(mechanism)
-    values = np.array([s for x in found.modes for s in x.eigenvalues])
+    vibrations = small_vibrations(mechanism)
+    values = np.array([s for x in vibrations.modes for s in x.eigenvalues])
     assert len({complex(round(s.real, 6), round(s.imag, 6)) for s in values}) == 6 and (values.real < 0).all()
     assert sum(values.imag == 0) == 2
     for s in values:
-        singular = np.linalg.svd(s * s * found.inertia + s * found.damping + found.stiffness, compute_uv=False)
+        singular = np.linalg.svd(s * s * vibrations.inertia + s * vibrations.damping + vibrations.stiffness, compute_uv=False)
         assert singular[-1] < 1e-10 * singular[0]
-    assert sum(values).real == pytest.approx(-np.trace(np.linalg.solve(found.inertia, found.damping)), rel=1e-9)
+    assert sum(values).real == pytest.approx(-np.trace(np.linalg.solve(vibrations.inertia, vibrations.damping)), rel=1e-9)
 
 
 def test_quadratic_drag_does_not_damp_small_vibrations():
@@ -154,18 +156,18 @@ def test_quadratic_drag_does_not_damp_small_vibrations():
         inertia=0.2, mass=1.0, distance=0.3, angle=0.4, loads=(Drag(name="air", link="body", point="O", quadratic=3.0),
                                                               Drag(name="spin", link="body", quadratic=2.0, linear=0.01))
     )  # fmt: skip
-    found = small_vibrations(mechanism)
-    assert found.damping[0, 0] == pytest.approx(0.01, rel=1e-9)
-    assert found.modes[0].square == pytest.approx(9.81 * 0.3 / 0.2, rel=1e-10)
+    vibrations = small_vibrations(mechanism)
+    assert vibrations.damping[0, 0] == pytest.approx(0.01, rel=1e-9)
+    assert vibrations.modes[0].square == pytest.approx(9.81 * 0.3 / 0.2, rel=1e-10)
 
 
 # --- against the simulated motion -------------------------------------------------------------------------------------
 
 
-def linear_motion(found, away, t):
+def linear_motion(result, away, t):
     """The exact solution of the linear equations after letting go at ``away`` from the equilibrium."""
-    solve, f = np.linalg.solve, len(found.inertia)
-    slopes = [[np.zeros((f, f)), np.eye(f)], [-solve(found.inertia, found.stiffness), -solve(found.inertia, found.damping)]]
+    solve, f = np.linalg.solve, len(result.inertia)
+    slopes = [[np.zeros((f, f)), np.eye(f)], [-solve(result.inertia, result.stiffness), -solve(result.inertia, result.damping)]]
     start = np.concatenate([away, np.zeros(f)])
     return np.array([(expm(np.block(slopes) * x) @ start)[:f] for x in t])
 
@@ -186,9 +188,9 @@ def test_the_simulated_small_motion_is_the_linear_one(damped: bool):
         else:
             mechanism = double_pendulum({**i, "theta_1": size, "theta_2": -0.5 * size})
             away = size * np.array([1.0, -1.5])
-        found = small_vibrations(mechanism)
-        q = simulate(mechanism, 2.0, tolerance=1e-12)(t)[0] - found.equilibrium.position
-        errors.append(np.abs(q - linear_motion(found, away, t)).max() / size)
+        vibrations = small_vibrations(mechanism)
+        q = simulate(mechanism, 2.0, tolerance=1e-12)(t)[0] - vibrations.equilibrium.position
+        errors.append(np.abs(q - linear_motion(vibrations, away, t)).max() / size)
     if damped:
         assert max(errors) < 1e-9  # its equations are linear
     else:
@@ -198,14 +200,14 @@ def test_the_simulated_small_motion_is_the_linear_one(damped: bool):
 def test_a_four_bar_swings_as_its_linearised_equation_says():
     """One freedom past its dead points: the small swing of a closed chain about the place that it falls to."""
     falling = bars(frame=1.0, crank=0.7, coupler=0.6, rocker=0.8, angle=1.2, speed=0.0)
-    found = small_vibrations(falling)
-    eq = found.equilibrium
+    vibrations = small_vibrations(falling)
+    eq = vibrations.equilibrium
     (joint,), (q,) = eq.joints, eq.position
     near = replace(eq.compiled.mechanism, drives=(Drive(joint=joint, law=Free(q + 1e-3)),))
-    period = 1.0 / found.modes[0].frequency
+    period = 1.0 / vibrations.modes[0].frequency
     back = simulate(near, period, tolerance=1e-9)(np.array([0.5 * period, period]))[0][:, 0]
     assert (back - q) / 1e-3 == pytest.approx([-1.0, 1.0], abs=2e-3)
-    assert found.stability == "stable"
+    assert vibrations.stability == "stable"
 
 
 # --- equilibria -------------------------------------------------------------------------------------------------------
@@ -213,33 +215,33 @@ def test_a_four_bar_swings_as_its_linearised_equation_says():
 
 def test_an_unstable_equilibrium_is_told_with_its_growth():
     up = pendulum(inertia=0.2, mass=1.0, distance=0.3, angle=np.pi)
-    found = small_vibrations(up)
-    assert found.stability == "unstable" and found.modes[0].kind == "unstable"
-    assert found.stiffness[0, 0] == pytest.approx(-9.81 * 0.3, rel=1e-10)
-    assert found.modes[0].growth == pytest.approx(np.sqrt(9.81 * 0.3 / 0.2), rel=1e-9)
-    assert np.isnan(found.modes[0].frequency) and np.isnan(found.modes[0].damping_ratio)
+    vibrations = small_vibrations(up)
+    assert vibrations.stability == "unstable" and vibrations.modes[0].kind == "unstable"
+    assert vibrations.stiffness[0, 0] == pytest.approx(-9.81 * 0.3, rel=1e-10)
+    assert vibrations.modes[0].growth == pytest.approx(np.sqrt(9.81 * 0.3 / 0.2), rel=1e-9)
+    assert np.isnan(vibrations.modes[0].frequency) and np.isnan(vibrations.modes[0].damping_ratio)
     near = pendulum(inertia=0.2, mass=1.0, distance=0.3, angle=np.pi - 0.1)
     assert find_equilibrium(near).position[0] == pytest.approx(-np.pi / 2, abs=1e-10)  # downhill
     assert find_equilibrium(near, seek="nearest").position[0] == pytest.approx(np.pi / 2, abs=1e-10)
 
 
 def test_upright_four_bars_stand_unstably():
-    found = small_vibrations(chain(2))
-    assert found.stability == "unstable"
-    assert found.stiffness[0, 0] == pytest.approx(-9.81 * (3 * 0.5 + 2 * 1.0), rel=1e-9)
+    vibrations = small_vibrations(chain(2))
+    assert vibrations.stability == "unstable"
+    assert vibrations.stiffness[0, 0] == pytest.approx(-9.81 * (3 * 0.5 + 2 * 1.0), rel=1e-9)
 
 
 def test_a_follower_force_makes_it_flutter():
     """Two carts, the second pushed by what the first one does: no potential, and one joint of exponents grows."""
     push = Factor(function=lambda x: x, of="x", point=("cart0", "P"))
     loads = (Force(name="push", link="cart1", point="P", vector=(-400.0, 0.0), factor=push),)
-    found = small_vibrations(
+    vibrations = small_vibrations(
         carts(masses=(1.0, 1.0), springs=(300.0, 100.0, 310.0), loads=loads, start=(1e-3, 0.0)), seek="nearest"
     )
-    assert found.stability == "unstable" and any("no potential" in note for note in found.notes)
-    matrix = found.stiffness  # unit masses: exponents are the roots of the eigenvalues of -K
+    assert vibrations.stability == "unstable" and any("no potential" in note for note in vibrations.notes)
+    matrix = vibrations.stiffness  # unit masses: exponents are the roots of the eigenvalues of -K
     wanted = np.sqrt(-np.linalg.eigvals(matrix).astype(complex))
-    got = max((s for m in found.modes for s in m.eigenvalues), key=lambda s: s.real)
+    got = max((s for m in vibrations.modes for s in m.eigenvalues), key=lambda s: s.real)
     assert got.real == pytest.approx(np.abs(wanted.real).max(), rel=1e-9)
 
 
@@ -268,28 +270,28 @@ def test_a_force_that_jumps_as_the_motion_turns_round_is_refused():
 def test_in_a_mode_inertia_and_loads_balance_without_the_drives():
     """The effort left to the drives falls with the third power of the amplitude, relative to the torques with the second."""
     scene = mechviz.load("swinging-double-pendulum")
-    found = vibrations_of(scene)
+    vibrations = vibrations_of(scene)
     left = []
     for amplitude in (0.04, 0.02):
-        mode = mode_scene(scene, found, 2, amplitude=amplitude)
-        time = np.linspace(0.0, 1.0 / found.modes[1].frequency, 49)
+        mode = mode_scene(scene, vibrations, 2, amplitude=amplitude)
+        time = np.linspace(0.0, 1.0 / vibrations.modes[1].frequency, 49)
         motion = solve_motion(compile_mechanism(mode.mechanism), time)
         forces = solve_forces(motion)
         left.append(max(np.abs(forces.effort(p)).max() for p in ("O", "J")) / amplitude)
-        for joint, x in zip(found.joints, found.modes[1].shape, strict=True):
+        for joint, x in zip(vibrations.joints, vibrations.modes[1].shape, strict=True):
             moved = motion.coordinate(joint)[:, 0] - motion.coordinate(joint)[0, 0]
             ratio = moved[12] / (motion.coordinate("O")[12, 0] - motion.coordinate("O")[0, 0])
-            assert ratio == pytest.approx(x / found.modes[1].shape[0], rel=1e-9)
+            assert ratio == pytest.approx(x / vibrations.modes[1].shape[0], rel=1e-9)
     assert left[0] / left[1] == pytest.approx(4.0, rel=0.1)
 
 
 def test_a_mode_of_a_chain_beside_a_prescribed_drive_and_with_friction():
     scene = mechviz.load("stick-slip-feed")
-    found = vibrations_of(scene)
-    assert found.modes[0].square == pytest.approx(4000.0 / 12.0, rel=1e-10)
-    assert found.modes[0].damping_ratio == pytest.approx(20.0 / (2.0 * np.sqrt(4000.0 * 12.0)), rel=1e-9)
-    assert len(found.notes) == 2
-    mode = mode_scene(scene, found, 1)
+    vibrations = vibrations_of(scene)
+    assert vibrations.modes[0].square == pytest.approx(4000.0 / 12.0, rel=1e-10)
+    assert vibrations.modes[0].damping_ratio == pytest.approx(20.0 / (2.0 * np.sqrt(4000.0 * 12.0)), rel=1e-9)
+    assert len(vibrations.notes) == 2
+    mode = mode_scene(scene, vibrations, 1)
     motion = solve_motion(compile_mechanism(mode.mechanism), np.linspace(0.0, 0.3, 7))
     assert np.ptp(motion.coordinate("R")[:, 0]) < 1e-11 < 1e-3 < np.ptp(motion.coordinate("G")[:, 0])
 
@@ -297,13 +299,13 @@ def test_a_mode_of_a_chain_beside_a_prescribed_drive_and_with_friction():
 def test_the_mode_of_a_four_bar_starts_where_another_joint_leads():
     """The triple rocker comes to rest beyond a dead point of its free joint, on another branch of its assembly."""
     scene = mechviz.load("swinging-triple-rocker")
-    found = vibrations_of(scene)
-    mode = mode_scene(scene, found, 1, amplitude=0.02)
+    vibrations = vibrations_of(scene)
+    mode = mode_scene(scene, vibrations, 1, amplitude=0.02)
     again = mechviz.loads(mode.to_toml())
     assert again == mode
     motion = solve_motion(compile_mechanism(mode.mechanism), np.zeros(1))
     for link in ("crank", "coupler", "rocker"):
-        assert np.abs(motion.pose(link)[0, :2] - found.equilibrium.motion.pose(link)[0, :2]).max() < 1e-9
+        assert np.abs(motion.pose(link)[0, :2] - vibrations.equilibrium.motion.pose(link)[0, :2]).max() < 1e-9
 
 
 def test_the_command_prints_writes_and_refuses(tmp_path: Path):
@@ -332,8 +334,8 @@ def test_the_command_prints_writes_and_refuses(tmp_path: Path):
 def test_the_governor_stands_at_the_height_that_its_speed_wants():
     """Porter's governor: h = (m + M) g / (m w^2) whatever the length of the arms, and there its motion ends."""
     scene = mechviz.load("flyball-governor")
-    found = vibrations_of(scene)
-    height = -found.equilibrium.motion.point("right_arm", "R")[0, 1]
+    vibrations = vibrations_of(scene)
+    height = -vibrations.equilibrium.motion.point("right_arm", "R")[0, 1]
     assert height == pytest.approx((1.5 + 6.0) * 9.81 / 370.11, rel=1e-12)
     simulation = simulate(scene.mechanism, 12.0)
     assert simulation.motion([12.0]).point("sleeve", "P")[0, 1] == pytest.approx(-2.0 * height, rel=1e-6)

@@ -126,10 +126,10 @@ def test_the_benchmark_of_prices_has_every_effect_of_the_registry(monkeypatch):
     spec = importlib.util.spec_from_file_location("effects_benchmark", folder / "effects.py")
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
-    for found in module.cases().values():
-        compiled = compile_mechanism(found["bare"])
-        assert module.by_plan(compiled, default_times(found["bare"], 24, 2))().frames > 24  # no forces: a motion
-        for name, mechanism in list(found.items())[1:]:
+    for result in module.cases().values():
+        compiled = compile_mechanism(result["bare"])
+        assert module.by_plan(compiled, default_times(result["bare"], 24, 2))().frames > 24  # no forces: a motion
+        for name, mechanism in list(result.items())[1:]:
             assert np.isfinite(
                 module.by_plan(compile_mechanism(mechanism), default_times(mechanism, 24, 2))().power_supplied
             ).all(), name

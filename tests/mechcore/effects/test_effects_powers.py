@@ -53,12 +53,12 @@ def test_works_of_a_line_through_zero():
 def test_classes_as_the_lecture_has_them():
     """A compressor: the drive drives, the gas resists on the whole and is useful; friction is harmful; inertia alternates."""
     table = power_table(run_scene(mechviz.load("compressor-cycle"), frames=720).forces)
-    found = {i.label: (i.cause, i.place, i.role, i.use) for i in table.items}
-    assert found["air"] == ("process", "internal", "alternating", "useful")
-    assert found["oil"] == ("viscous", "internal", "resisting", "harmful")
-    assert found["inertia/piston"] == ("inertia", "external", "alternating", "")
-    assert found["inertia/crank"][2] == "idle"  # constant speed, centre of mass on the crank
-    assert found["drive A"][:2] == ("drive", "external")
+    computed = {i.label: (i.cause, i.place, i.role, i.use) for i in table.items}
+    assert computed["air"] == ("process", "internal", "alternating", "useful")
+    assert computed["oil"] == ("viscous", "internal", "resisting", "harmful")
+    assert computed["inertia/piston"] == ("inertia", "external", "alternating", "")
+    assert computed["inertia/crank"][2] == "idle"  # constant speed, centre of mass on the crank
+    assert computed["drive A"][:2] == ("drive", "external")
     engine = power_table(run_scene(mechviz.load("four-stroke-cycle"), frames=720).forces)
     roles = {i.label: i for i in engine.items}
     assert roles["gas"].use == "" and roles["gas"].mean > 0.0  # it drives

@@ -56,29 +56,29 @@ intake = [1e5, 1e5], compression = [8e5, 1e5] } }
 
 def test_loads_in_si():
     scene = mechviz.loads(BASE + ALL)
-    found = {load.name: load for load in scene.mechanism.loads}
-    assert list(found) == list(tomllib.loads(ALL))
-    force, torque = found["force"], found["torque"]
+    computed = {load.name: load for load in scene.mechanism.loads}
+    assert list(computed) == list(tomllib.loads(ALL))
+    force, torque = computed["force"], computed["torque"]
     assert isinstance(force, Force) and force.against == "frame" and force.factor.of == "velocity" and force.factor.joint == "S"
     assert force.factor([-0.3, 0.0, 0.3]) == pytest.approx([1.0, 0.0, -1.0])
     assert isinstance(torque, Torque) and torque.factor([2.0]) == pytest.approx([3.0])
-    assert found["wind"].factor.point == ("rod", "C") and found["wind"].factor([0.002]) == pytest.approx([4.0])  # of mm/s
-    spring = found["spring"]
+    assert computed["wind"].factor.point == ("rod", "C") and computed["wind"].factor([0.002]) == pytest.approx([4.0])  # of mm/s
+    spring = computed["spring"]
     assert spring == Spring(
         name="spring", links=("frame", "piston"), points=("P.x", "T"), stiffness=2000.0, free_length=0.08, preload=5.0
     )
-    assert found["bare"].stiffness == 2000.0 and found["bare"].use == "useful"  # bare numbers: N/mm
-    assert found["damper"] == Damper(name="damper", links=("frame", "rod"), points=("H", "C"), linear=20.0, quadratic=3.0)
-    assert found["strut"] == GasSpring(
+    assert computed["bare"].stiffness == 2000.0 and computed["bare"].use == "useful"  # bare numbers: N/mm
+    assert computed["damper"] == Damper(name="damper", links=("frame", "rod"), points=("H", "C"), linear=20.0, quadratic=3.0)
+    assert computed["strut"] == GasSpring(
         name="strut", links=("frame", "rod"), points=("H", "C"), force=400.0, extended=0.6, gas_length=0.7, exponent=1.2
     )
-    assert found["hinge"] == TorsionSpring(name="hinge", links=("frame", "crank"), stiffness=3.0, free_angle=math.pi / 2)
-    assert found["brake"] == TorsionDamper(name="brake", links=("frame", "crank"), coefficient=0.1)
-    assert found["water"] == Drag(name="water", link="piston", point="T", linear=3.0)
-    assert found["fan"] == Drag(name="fan", link="crank", quadratic=0.002)
-    assert found["oil"] == Viscous(name="oil", joint="A", coefficient=0.02)
-    assert found["guide"] == Viscous(name="guide", joint="S", coefficient=5.0)
-    air, motor, card = found["air"], found["motor"], found["card"]
+    assert computed["hinge"] == TorsionSpring(name="hinge", links=("frame", "crank"), stiffness=3.0, free_angle=math.pi / 2)
+    assert computed["brake"] == TorsionDamper(name="brake", links=("frame", "crank"), coefficient=0.1)
+    assert computed["water"] == Drag(name="water", link="piston", point="T", linear=3.0)
+    assert computed["fan"] == Drag(name="fan", link="crank", quadratic=0.002)
+    assert computed["oil"] == Viscous(name="oil", joint="A", coefficient=0.02)
+    assert computed["guide"] == Viscous(name="guide", joint="S", coefficient=5.0)
+    air, motor, card = computed["air"], computed["motor"], computed["card"]
     assert isinstance(air, GasPressure) and air.area == pytest.approx(math.pi * 0.04**2) and air.top == 0.19 and air.back == 1e5
     assert air.cycle == Compressor(stroke=0.08, suction=1e5, delivery=7e5, exponent=1.3, clearance=0.05)
     assert motor.cycle == FourStroke(stroke=0.08, ratio=9.0, rise=3.0) and motor.fires == 2.0 * math.pi and motor.drive == "A"

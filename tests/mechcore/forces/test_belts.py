@@ -99,8 +99,8 @@ def test_recording_page_viewer_and_glb_show_the_same_marks():
             (channel,) = [c for c in animation["channels"] if c["target"] == {"node": number, "path": path}]
             entry = document["accessors"][animation["samplers"][channel["sampler"]]["output"]]
             start = document["bufferViews"][entry["bufferView"]]["byteOffset"]
-            found = np.frombuffer(binary, "<f4", values.size, start).reshape(values.shape)
-            assert found == pytest.approx(values, abs=1e-6)
+            computed = np.frombuffer(binary, "<f4", values.size, start).reshape(values.shape)
+            assert computed == pytest.approx(values, abs=1e-6)
     assert len({document["nodes"][names.index(m.title)]["mesh"] for m in marks}) == 1, "one mesh for marks of one size"
 
 

@@ -42,12 +42,12 @@ def ball(**clearance) -> Mechanism:
 
 
 def test_a_journal_flies_freely_until_it_touches():
-    found = simulate(ball(), 0.04, tolerance=1e-12)
+    simulation = simulate(ball(), 0.04, tolerance=1e-12)
     t = np.linspace(0.0, np.sqrt(2.0 * 0.01 / 9.81), 20)
-    q, v, _ = found(t)
+    q, v, _ = simulation(t)
     np.testing.assert_allclose(q[:, 2], -0.5 * 9.81 * t * t, atol=1e-14)
     np.testing.assert_allclose(v[:, 2], -9.81 * t, atol=1e-12)
-    forces = found.forces(found.motion(t[:-1]))
+    forces = simulation.forces(simulation.motion(t[:-1]))
     assert np.abs(forces.reaction("O")).max() == 0.0
 
 
@@ -58,12 +58,12 @@ def test_an_impact_has_the_stated_restitution_whatever_the_stiffness(restitution
     speed = 0.4
     made = ball(loss=loss_factor(restitution, speed), exponent=exponent, stiffness=3e6)
     drives = tuple(replace(d, law=Free(0.0, speed)) if d.joint == "O.across" else d for d in made.drives)
-    found = simulate(replace(made, drives=drives, effects=("inertia",)), 0.06, tolerance=1e-11)
-    _, v, _ = found([0.0, 0.045])
+    simulation = simulate(replace(made, drives=drives, effects=("inertia",)), 0.06, tolerance=1e-11)
+    _, v, _ = simulation([0.0, 0.045])
     assert v[0, 1] == speed and v[1, 1] == pytest.approx(-restitution * speed, rel=1e-8)
-    energy = found.energies([0.045])[0]
+    energy = simulation.energies([0.045])[0]
     assert energy[3] == pytest.approx(speed**2 * (1.0 - restitution**2), rel=1e-6, abs=1e-9)
-    assert abs(found.drift([0.06])[0]) < 1e-8
+    assert abs(simulation.drift([0.06])[0]) < 1e-8
 
 
 @pytest.mark.parametrize("exponent", [1.5, 2.5])
@@ -78,33 +78,33 @@ def test_a_contact_of_hertz_is_as_exact_as_asked_for(exponent: float):
     deepest = (0.5 * mass * speed**2 / (stiffness * radial ** (1.0 - exponent) * p)) ** p
     lasts = 2.0 * deepest / speed * np.sqrt(np.pi) * gamma(1.0 + p) / gamma(0.5 + p)
     for tolerance in (1e-8, 1e-9, 1e-11):
-        found = simulate(compiled, 0.06, tolerance=tolerance)
-        q, v, _ = found([0.06])
+        simulation = simulate(compiled, 0.06, tolerance=tolerance)
+        q, v, _ = simulation([0.06])
         assert abs(q[0, 1] - (radial - speed * (0.06 - radial / speed - lasts))) < 0.2 * tolerance
         assert abs(v[0, 1] + speed) < 6.0 * tolerance
-        assert abs(found.drift([0.06])[0]) < 30.0 * tolerance
+        assert abs(simulation.drift([0.06])[0]) < 30.0 * tolerance
 
 
 def test_it_comes_to_rest_on_the_bottom_pressed_in_by_its_weight():
-    found = simulate(ball(loss=loss_factor(0.2, 0.3), stiffness=2e5, start=(0.0, -0.0098)), 0.6, tolerance=1e-7)
-    q, v, _ = found([0.6])
+    simulation = simulate(ball(loss=loss_factor(0.2, 0.3), stiffness=2e5, start=(0.0, -0.0098)), 0.6, tolerance=1e-7)
+    q, v, _ = simulation([0.6])
     assert q[0, 2] == pytest.approx(-0.01 - 2.0 * 9.81 / 2e5, rel=1e-6) and abs(q[0, 1]) < 1e-12
     assert np.abs(v[0, 1:]).max() < 1e-4
-    held = found.forces(found.view([0.6])).reaction("O")[0, :2]
+    held = simulation.forces(simulation.view([0.6])).reaction("O")[0, :2]
     assert held == pytest.approx([0.0, 2.0 * 9.81], abs=1e-2)
 
 
 def test_friction_in_the_bearing_brakes_the_spin_by_the_moment_that_the_joint_shows():
     made = ball(loss=2.0, stiffness=2e5, friction=0.2, radius=0.05, start=(0.0, -0.01), spin=30.0)
-    found = simulate(made, 0.2, tolerance=1e-8)
+    simulation = simulate(made, 0.2, tolerance=1e-8)
     t = np.linspace(0.12, 0.2, 9)
-    motion = found.view(t)
-    reaction = found.forces(motion).reaction("O")
+    motion = simulation.view(t)
+    reaction = simulation.forces(motion).reaction("O")
     np.testing.assert_allclose(reaction[:, 2], 0.01 * motion.acceleration("ball")[:, 2], rtol=1e-9)  # J alpha
-    assert (reaction[:, 2] < 0).all() and found([0.2])[1][0, 0] < 30.0
+    assert (reaction[:, 2] < 0).all() and simulation([0.2])[1][0, 0] < 30.0
     side, up = reaction[:, 0], reaction[:, 1]
     np.testing.assert_allclose(reaction[:, 2], -0.05 * 0.2 / np.sqrt(1.04) * np.hypot(side, up), rtol=1e-3)
-    assert abs(found.drift([0.2])[0]) < 1e-6
+    assert abs(simulation.drift([0.2])[0]) < 1e-6
 
 
 def crank() -> Mechanism:
@@ -128,14 +128,14 @@ def test_reactions_approach_those_of_the_ideal_joint_as_the_clearance_vanishes()
     means, spreads, places = [], [], []
     for radial in (1e-3, 1e-4, 1e-5):
         made = with_clearances(ideal, {"B": Clearance(radial=radial, stiffness=3e5, loss=20.0, start=(radial, 0.0))})
-        found = simulate(made, 3.0 * quarter, tolerance=1e-5)
-        moved = found.view(t)
-        forces = found.forces(moved)
+        simulation = simulate(made, 3.0 * quarter, tolerance=1e-5)
+        moved = simulation.view(t)
+        forces = simulation.forces(moved)
         off = forces.reaction("B")[:, :2] - wanted
         means.append(np.abs(off.mean(axis=0)).max())
         spreads.append(np.sqrt((off**2).mean()))
         places.append(np.abs(moved.point("slider", "C")[:, 0] - motion.point("slider", "C")[:, 0]).max())
-        assert np.abs(forces.power_balance).max() < 1e-9 and abs(found.drift(t[-1:])[0]) < 1e-5
+        assert np.abs(forces.power_balance).max() < 1e-9 and abs(simulation.drift(t[-1:])[0]) < 1e-5
     largest = np.abs(wanted).max()
     assert spreads[0] > spreads[1] > spreads[2] and spreads[2] < 0.05 * largest
     assert means[1] < 0.02 * largest and means[2] < 0.005 * largest
@@ -200,15 +200,17 @@ def test_a_loose_pin_beside_dry_friction_and_a_follower_that_flies():
     """Valve train: the tappet leaves the cam and lands, its pin rattles, guide and rocker rub; all balances hold."""
     scene = mechviz.loads(VALVE)
     assert mechviz.loads(scene.to_toml()) == scene and scene.simulation is not None
-    found = simulate(scene.mechanism, scene.simulation.duration, tolerance=1e-6, separable_cams=scene.simulation.separable_cams)
-    assert {("lost", "K"), ("impact", "K"), ("slip", "S"), ("slip", "P")} <= {(h.kind, h.item) for h in found.events}
-    t = np.linspace(0.0, found.duration, 181)
-    view = found.view(t)
-    forces, energies = found.forces(view), found.energies(t)
+    simulation = simulate(
+        scene.mechanism, scene.simulation.duration, tolerance=1e-6, separable_cams=scene.simulation.separable_cams
+    )
+    assert {("lost", "K"), ("impact", "K"), ("slip", "S"), ("slip", "P")} <= {(h.kind, h.item) for h in simulation.events}
+    t = np.linspace(0.0, simulation.duration, 181)
+    view = simulation.view(t)
+    forces, energies = simulation.forces(view), simulation.energies(t)
     size = np.abs(energies).max()
     assert np.ptp(energies[:, 0] + energies[:, 1] - energies[:, 2] + energies[:, 3]) < 1e-5 * size
     assert np.all(np.diff(energies[:, 3]) > -1e-12 * size) and np.abs(forces.power_balance).max() < 1e-12
-    gap, contact = found.gap("K", view), contact_force(forces, placed_cams(view)[0])
+    gap, contact = simulation.gap("K", view), contact_force(forces, placed_cams(view)[0])
     assert gap.max() > 1e-4 and np.all((np.abs(gap) < 1e-11) | (np.abs(contact) < 1e-9 * contact.max()))
     play = np.hypot(*(view.coordinate(name)[:, 0] for name in ("R.across", "R.journal")))
     touching = np.hypot(*forces.reaction("R")[:, :2].T) > 1e-9
@@ -235,9 +237,9 @@ def test_a_recording_shows_the_ideal_links_and_the_gap(tmp_path):
     path = tmp_path / "loose.rrd"
     run = run_scene(short)
     write_recording(run, path)
-    found = Recording(path)
-    assert not any("B.across" in entity or "B.journal" in entity for entity in found.entities)
-    gap = found.scalars("data", "joints", "B", "journal")[1][:, 2]
+    recording = Recording(path)
+    assert not any("B.across" in entity or "B.journal" in entity for entity in recording.entities)
+    gap = recording.scalars("data", "joints", "B", "journal")[1][:, 2]
     assert gap[0] == pytest.approx(4e-4) and gap.min() < 0.0
     touching = np.abs(run.forces.reaction("B")[:, :2]).max(axis=1) > 1e-9
     assert np.array_equal(touching, gap < 0.0)

@@ -26,23 +26,23 @@ def equilibrium_of(name, frames=9):
 @pytest.mark.parametrize("name", NAMES)
 def test_all_equations_at_once_give_what_the_groups_gave(name):
     """Newton and Euler for every link, without cuts, trees or virtual work."""
-    found = equilibrium_of(name)
-    assert found.determinate and found.matrix.shape[1] == found.matrix.shape[2]
-    known = np.isfinite(found.values).all(axis=1)
-    assert known.any() and found.residual[known].max() < 1e-11
-    largest = np.abs(found.values[known]).max()
-    assert found.at_once()[known] == pytest.approx(found.values[known], abs=1e-9 * largest)
+    equilibrium = equilibrium_of(name)
+    assert equilibrium.determinate and equilibrium.matrix.shape[1] == equilibrium.matrix.shape[2]
+    known = np.isfinite(equilibrium.values).all(axis=1)
+    assert known.any() and equilibrium.residual[known].max() < 1e-11
+    largest = np.abs(equilibrium.values[known]).max()
+    assert equilibrium.at_once()[known] == pytest.approx(equilibrium.values[known], abs=1e-9 * largest)
 
 
 @pytest.mark.parametrize("name", NAMES)
 def test_every_group_decides_as_many_unknowns_as_it_has_equations(name):
-    found = equilibrium_of(name)
+    equilibrium = equilibrium_of(name)
     given = set()
-    for group in found.groups(3):
-        assert len(group.found) == 3 * len(group.links)
+    for group in equilibrium.groups(3):
+        assert len(group.solved) == 3 * len(group.links)
         assert {u for u, _ in group.known} <= given
-        given |= {u for u, _ in group.found}
-        values = dict(group.found + group.known)
+        given |= {u for u, _ in group.solved}
+        values = dict(group.solved + group.known)
         scale = max(map(abs, values.values()), default=1.0)
         for link in group.links:
             for equation in link.equations:
@@ -50,14 +50,14 @@ def test_every_group_decides_as_many_unknowns_as_it_has_equations(name):
                 assert abs(left) <= 1e-10 * scale
                 column = {"Fx": 1, "Fy": 2, "M": 3}[equation.sum]
                 assert equation.load == pytest.approx(sum(row[column] for row in link.loads), abs=1e-12 * scale)
-    assert given == set(found.unknowns)
+    assert given == set(equilibrium.unknowns)
 
 
 def test_the_numbers_are_those_of_the_reference():
     """Reference case kinetostatics-fourbar at crank angle 0: the dyad first, then the crank with its torque."""
     first, last = equilibrium_of("kinetostatic-four-bar").groups(0)
     assert [link.link for link in first.links] == ["coupler", "rocker"] and [link.link for link in last.links] == ["crank"]
-    values = {u.name: v for u, v in (*first.found, *last.found)}
+    values = {u.name: v for u, v in (*first.solved, *last.solved)}
     assert values["T_A"] == pytest.approx(6.263621286093999, rel=1e-10)
     assert (values["R_Dx"], values["R_Dy"]) == pytest.approx((89.16285328808743, 89.67820599095988), rel=1e-10)
     moments = first.links[0].equations[2]
@@ -66,9 +66,9 @@ def test_the_numbers_are_those_of_the_reference():
 
 
 def test_a_redundant_mechanism_is_told_as_such():
-    found = equilibrium_of("double-parallelogram")
-    assert not found.determinate and found.matrix.shape[2] == found.matrix.shape[1] + 1
-    assert found.residual.max() < 1e-11
+    equilibrium = equilibrium_of("double-parallelogram")
+    assert not equilibrium.determinate and equilibrium.matrix.shape[2] == equilibrium.matrix.shape[1] + 1
+    assert equilibrium.residual.max() < 1e-11
 
 
 def test_arms_are_about_the_joint():

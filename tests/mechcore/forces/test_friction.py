@@ -73,11 +73,11 @@ def test_reference_four_bar_where_a_pin_is_at_rest():
     def limit(values):
         return 3 * values[0] - 3 * values[1] + values[2]
 
-    found = [limit(side.effort("A")) for side in (before, after)]
-    assert min(abs(np.array(found) / row["drive_torque"] - 1.0)) < 1e-11
-    assert found[0] != pytest.approx(found[1], rel=1e-3)
-    assert at.effort("A")[0] == pytest.approx(np.mean(found), rel=1e-4)
-    side = (before, after)[int(np.argmin(abs(np.array(found) - row["drive_torque"])))]
+    computed = [limit(side.effort("A")) for side in (before, after)]
+    assert min(abs(np.array(computed) / row["drive_torque"] - 1.0)) < 1e-11
+    assert computed[0] != pytest.approx(computed[1], rel=1e-3)
+    assert at.effort("A")[0] == pytest.approx(np.mean(computed), rel=1e-4)
+    side = (before, after)[int(np.argmin(abs(np.array(computed) - row["drive_torque"])))]
     for joint, key in (("A", "R_A_on_1"), ("B", "R_B_on_2"), ("D", "R_D_on_3"), ("E", "R_E_on_3")):
         np.testing.assert_allclose(limit(side.reaction(joint)[:, :2]), row[key], rtol=1e-11)
 

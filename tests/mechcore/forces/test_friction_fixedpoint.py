@@ -17,30 +17,30 @@ def one(a, b, euclidean=True):
     return solve_normal_loads(*parts, np.array([euclidean]))
 
 
-def one_stability(a, b, found):
+def one_stability(a, b, result):
     a, b = np.broadcast_arrays(np.atleast_1d(np.asarray(a, complex)), np.atleast_1d(np.asarray(b, complex)))
     parts = np.stack([a.real, a.imag], -1)[:, None, :], np.stack([b.real, b.imag], -1)[:, None, :, None]
-    return stability(*parts, np.array([True]), found.loads)
+    return stability(*parts, np.array([True]), result.loads)
 
 
 def test_one_scalar_load_is_a_over_one_minus_b_and_jams_at_one():
     b = np.array([-50.0, -3.0, -1.0, -0.5, 0.0, 0.5, 0.99, 1.0 - 1e-9, 1.0 + 1e-9, 1.5, 30.0])
-    found = one(2.0, b)
+    computed = one(2.0, b)
     good = b < 1.0
-    np.testing.assert_allclose(found.loads[good, 0], 2.0 / (1.0 - b[good]), rtol=1e-7)
-    np.testing.assert_allclose(found.loads[:7, 0], 2.0 / (1.0 - b[:7]), rtol=1e-13)
-    assert (found.jammed == ~good).all() and np.isnan(found.loads[~good]).all()
-    np.testing.assert_allclose(found.reached[~good], 1.0 / b[~good], rtol=1e-9)
-    np.testing.assert_allclose(one_stability(2.0, b, found)[good], 1.0 - b[good], rtol=1e-12)
-    assert (found.share[~good] == 1.0).all()
+    np.testing.assert_allclose(computed.loads[good, 0], 2.0 / (1.0 - b[good]), rtol=1e-7)
+    np.testing.assert_allclose(computed.loads[:7, 0], 2.0 / (1.0 - b[:7]), rtol=1e-13)
+    assert (computed.jammed == ~good).all() and np.isnan(computed.loads[~good]).all()
+    np.testing.assert_allclose(computed.reached[~good], 1.0 / b[~good], rtol=1e-9)
+    np.testing.assert_allclose(one_stability(2.0, b, computed)[good], 1.0 - b[good], rtol=1e-12)
+    assert (computed.share[~good] == 1.0).all()
 
 
 def test_a_branch_that_would_need_infinite_loads_at_the_very_coefficients():
     """At b = 1 the equations are singular; just below it they are not."""
-    found = one(2.0, np.array([1.0 - 1e-12, 1.0]))
-    np.testing.assert_array_equal(found.jammed, [False, True])
-    assert found.loads[0, 0] == pytest.approx(2e12, rel=1e-3)
-    assert 1.0 - 1e-9 < found.reached[1] < 1.0 and found.share[1, 0] == 1.0
+    computed = one(2.0, np.array([1.0 - 1e-12, 1.0]))
+    np.testing.assert_array_equal(computed.jammed, [False, True])
+    assert computed.loads[0, 0] == pytest.approx(2e12, rel=1e-3)
+    assert 1.0 - 1e-9 < computed.reached[1] < 1.0 and computed.share[1, 0] == 1.0
 
 
 def random_system(seed, frames=100):
@@ -84,12 +84,12 @@ def crept(a, k, kinds, steps=600):
 def test_the_branch_is_followed_without_jumping_to_another_one(seed, frame):
     """Systems in which a longer step, or one whose end is not looked at, arrives on another branch."""
     a, k, kinds = random_system(seed)
-    found = solve_normal_loads(a[[frame]], k[[frame]], kinds)
+    solution = solve_normal_loads(a[[frame]], k[[frame]], kinds)
     wanted, reached = crept(a[frame], k[frame], kinds)
-    assert found.jammed[0] == (wanted is None)
-    assert found.reached[0] == pytest.approx(reached, abs=2e-3)
+    assert solution.jammed[0] == (wanted is None)
+    assert solution.reached[0] == pytest.approx(reached, abs=2e-3)
     if wanted is not None:
-        np.testing.assert_allclose(found.loads[0], wanted, rtol=1e-9, atol=1e-11 * wanted.max())
+        np.testing.assert_allclose(solution.loads[0], wanted, rtol=1e-9, atol=1e-11 * wanted.max())
 
 
 @pytest.mark.parametrize("most", [1, 2000])
@@ -101,11 +101,11 @@ def test_every_jam_names_what_makes_it_and_no_branch_is_followed_in_vain(most, m
     jams = 0
     for seed in (7, 10, 11, 16, 18, 46):
         calls.clear()
-        found = solve_normal_loads(*random_system(seed))
-        jams += int(found.jammed.sum())
-        assert (found.share[found.jammed].max(axis=1) == 1.0).all() and not found.share[~found.jammed].any()
-        assert (found.reached[found.jammed] < 1.0).all() and np.isnan(found.loads[found.jammed]).all()
-        assert np.isfinite(found.loads[~found.jammed]).all()
+        solution = solve_normal_loads(*random_system(seed))
+        jams += int(solution.jammed.sum())
+        assert (solution.share[solution.jammed].max(axis=1) == 1.0).all() and not solution.share[~solution.jammed].any()
+        assert (solution.reached[solution.jammed] < 1.0).all() and np.isnan(solution.loads[solution.jammed]).all()
+        assert np.isfinite(solution.loads[~solution.jammed]).all()
         assert len(calls) < 1000
     assert jams > 100
 
@@ -113,10 +113,10 @@ def test_every_jam_names_what_makes_it_and_no_branch_is_followed_in_vain(most, m
 def test_a_second_state_is_found_where_there_is_one():
     """2 + b g = -g has a solution g = -2 / (1 + b) beside 2 / (1 - b) where b < -1, as the contact is then reversed."""
     b = np.array([-50.0, -3.0, -1.01, -0.99, -0.5, 0.5, 0.9, 1.5])
-    found = one(2.0, b)
+    computed = one(2.0, b)
     parts = np.zeros((len(b), 1, 2)), np.zeros((len(b), 1, 2, 1))
     parts[0][:, 0, 0], parts[1][:, 0, 0, 0] = 2.0, b
-    np.testing.assert_array_equal(several(*parts, np.array([True]), found.loads), b < -1.0)
+    np.testing.assert_array_equal(several(*parts, np.array([True]), computed.loads), b < -1.0)
 
 
 @pytest.mark.parametrize("angle", [0.0, 0.7, 1.5, 2.2, 3.0])
@@ -125,19 +125,19 @@ def test_one_pin_is_a_quadratic(angle):
     a = 3.0 * np.exp(0.4j)
     for size in (0.3, 0.95, 1.4, 5.0):
         b = size * np.exp(1j * (angle + 0.4))
-        found = one(a, b)
+        computed = one(a, b)
         c = (np.conj(a) * b).real
         # (1 - |b|^2) g^2 - 2 c g - |a|^2 = 0; of the two roots the one that |a| becomes as b grows from zero
         disc = c**2 + (1.0 - size**2) * abs(a) ** 2
         ends = (1.0 if c >= 0 else 1.0 / abs(np.sin(angle))) if c != 0 else 1.0
         if size < 1.0 or (c < 0 and size < ends):
             wanted = abs(a) ** 2 / (np.sqrt(disc) - c)
-            assert found.loads[0, 0] == pytest.approx(wanted, rel=1e-12)
-            assert not found.jammed[0] and one_stability(a, b, found)[0] > 0.0
+            assert computed.loads[0, 0] == pytest.approx(wanted, rel=1e-12)
+            assert not computed.jammed[0] and one_stability(a, b, computed)[0] > 0.0
         else:
-            assert found.jammed[0]
+            assert computed.jammed[0]
             # at a proportion p it ends: p size = 1 where it runs to infinity, p size sin = 1 where it turns back
-            assert found.reached[0] * size == pytest.approx(ends, rel=1e-6)
+            assert computed.reached[0] * size == pytest.approx(ends, rel=1e-6)
 
 
 def test_random_systems_have_the_one_solution_of_the_fixed_point():
@@ -148,14 +148,14 @@ def test_random_systems_have_the_one_solution_of_the_fixed_point():
     kinds = np.array([True, True, False, True, False, False])
     size = np.where(kinds[:, None], np.hypot(k[:, :, 0], k[:, :, 1]), np.abs(k).max(axis=2))
     k *= (0.97 / np.abs(np.linalg.eigvals(size)).max(axis=1))[:, None, None, None]
-    found = solve_normal_loads(a, k, kinds)
-    assert not found.jammed.any() and found.residual.max() < 1e-12 and (found.loads >= 0).all()
-    assert found.iterations < 25
+    solution = solve_normal_loads(a, k, kinds)
+    assert not solution.jammed.any() and solution.residual.max() < 1e-12 and (solution.loads >= 0).all()
+    assert solution.iterations < 25
     g = np.zeros((frames, n))
     for _ in range(3000):
         y = a + np.einsum("fiaj,fj->fia", k, g)
         g = np.where(kinds, np.hypot(y[..., 0], y[..., 1]), np.abs(y).max(axis=2))
-    np.testing.assert_allclose(found.loads, g, rtol=0, atol=1e-12 * g.max())
+    np.testing.assert_allclose(solution.loads, g, rtol=0, atol=1e-12 * g.max())
 
 
 def test_just_below_a_jam_loads_are_found_to_the_last_digit():
@@ -164,13 +164,13 @@ def test_just_below_a_jam_loads_are_found_to_the_last_digit():
     k = np.zeros((1, 2, 2, 2))
     k[0, 0, :, 1] = k[0, 1, :, 1] = 0.5275201702512721, 0.8350566555731247
     k[0, 1] *= -1.0
-    found = solve_normal_loads(a, k, np.array([True, True]))
+    solution = solve_normal_loads(a, k, np.array([True, True]))
     # g = |a + b g| with |b| < 1 is a quadratic; the first load follows from the second
     p, b = a[0] @ [1.0, 1.0j], k[0, 1, :, 1] @ [1.0, 1.0j]
     c = (np.conj(p[1]) * b).real
     g = (c + np.sqrt(c**2 + (1.0 - abs(b) ** 2) * abs(p[1]) ** 2)) / (1.0 - abs(b) ** 2)
-    np.testing.assert_allclose(found.loads[0], [abs(p[0] - b * g), g], rtol=1e-11)
-    assert found.residual[0] < 1e-13 and not found.jammed[0]
+    np.testing.assert_allclose(solution.loads[0], [abs(p[0] - b * g), g], rtol=1e-11)
+    assert solution.residual[0] < 1e-13 and not solution.jammed[0]
 
 
 @pytest.mark.parametrize("n", [1, 2, 4])
@@ -180,8 +180,8 @@ def test_where_the_map_hardly_contracts_the_equations_hold(n, radius):
     a, k = rng.normal(size=(300, n, 2)), rng.normal(size=(300, n, 2, n))
     size = np.hypot(k[:, :, 0], k[:, :, 1])
     k *= (radius / np.abs(np.linalg.eigvals(size)).max(axis=1))[:, None, None, None]
-    found = solve_normal_loads(a, k, np.ones(n, bool))
-    assert not found.jammed.any() and found.residual.max() < 1e-11
+    solution = solve_normal_loads(a, k, np.ones(n, bool))
+    assert not solution.jammed.any() and solution.residual.max() < 1e-11
 
 
 def test_beyond_the_contraction_the_branch_is_followed():
@@ -190,39 +190,39 @@ def test_beyond_the_contraction_the_branch_is_followed():
     frames, n = 300, 4
     a, k = rng.normal(size=(frames, n, 2)), 0.35 * rng.normal(size=(frames, n, 2, n))
     kinds = np.array([True, False, True, False])
-    found = solve_normal_loads(a, k, kinds)
-    good = ~found.jammed
+    solution = solve_normal_loads(a, k, kinds)
+    good = ~solution.jammed
     assert 20 < good.sum() < 280
     assert (
-        found.residual[good].max() < 1e-11
-        and (stability(a, k, kinds, found.loads)[good] > 0).all()
-        and (found.loads[good] >= -1e-12).all()
+        solution.residual[good].max() < 1e-11
+        and (stability(a, k, kinds, solution.loads)[good] > 0).all()
+        and (solution.loads[good] >= -1e-12).all()
     )
-    assert (found.share[found.jammed].max(axis=1) == 1.0).all()
+    assert (solution.share[solution.jammed].max(axis=1) == 1.0).all()
     # just short of where a branch ends it is still there, just beyond it is not
-    bad = found.jammed
+    bad = solution.jammed
     for part, there in ((1.0 - 1e-4, True), (1.0 + 1e-4, False)):
-        again = solve_normal_loads(a[bad], k[bad] * (part * found.reached[bad])[:, None, None, None], kinds)
+        again = solve_normal_loads(a[bad], k[bad] * (part * solution.reached[bad])[:, None, None, None], kinds)
         assert (again.jammed != there).mean() > 0.97
     # a frame's answer does not depend on its neighbours
     alone = solve_normal_loads(a[7:8], k[7:8], kinds)
-    np.testing.assert_array_equal(alone.jammed, found.jammed[7:8])
-    np.testing.assert_allclose(alone.loads, found.loads[7:8], rtol=1e-10)
+    np.testing.assert_array_equal(alone.jammed, solution.jammed[7:8])
+    np.testing.assert_allclose(alone.loads, solution.loads[7:8], rtol=1e-10)
 
 
 def test_nothing_loaded_and_nothing_finite():
     k = np.full((3, 2, 2, 2), 5.0)
     a = np.zeros((3, 2, 2))
     a[2, 0, 0] = np.nan
-    found = solve_normal_loads(a, k, np.array([True, False]))
-    np.testing.assert_array_equal(found.loads[:2], 0.0)
-    assert not found.jammed.any() and np.isnan(found.loads[2]).all()
+    solution = solve_normal_loads(a, k, np.array([True, False]))
+    np.testing.assert_array_equal(solution.loads[:2], 0.0)
+    assert not solution.jammed.any() and np.isnan(solution.loads[2]).all()
 
 
 def test_spectral_radius_is_a_bound_from_above():
     rng = np.random.default_rng(2)
     m = rng.uniform(0, 1, (200, 5, 5)) * (rng.uniform(size=(200, 5, 5)) < 0.5)
     true = np.abs(np.linalg.eigvals(m)).max(axis=1)
-    found = spectral_radius(m)
-    assert (found >= true * (1 - 1e-12)).all()
-    assert (found[true > 0.1] <= 1.1 * true[true > 0.1]).all()
+    radius = spectral_radius(m)
+    assert (radius >= true * (1 - 1e-12)).all()
+    assert (radius[true > 0.1] <= 1.1 * true[true > 0.1]).all()

@@ -285,10 +285,10 @@ M = { torque = "-20 N m", on = "drum" }
 
 def test_scenes_say_it():
     scene = mechviz.loads(SCENE)
-    joints, found = {p.name: p for p in scene.mechanism.joints}, {x.name: x for x in scene.mechanism.loads}
+    joints, computed = {p.name: p for p in scene.mechanism.joints}, {x.name: x for x in scene.mechanism.loads}
     assert joints["C"].friction == Friction(coefficient=0.05, brake=80.0)
-    assert found["T"] == BeltTension(name="T", joint="V", slack=150.0, coefficient=0.35)
-    assert found["oil"].coefficient == pytest.approx(200.0) and found["air"].coefficient == 3.0
+    assert computed["T"] == BeltTension(name="T", joint="V", slack=150.0, coefficient=0.35)
+    assert computed["oil"].coefficient == pytest.approx(200.0) and computed["air"].coefficient == 3.0
     again = mechviz.loads(scene.to_toml())
     assert again == scene and again.mechanism == scene.mechanism
     defaults = mechviz.loads(SCENE + "\n[friction]\ncoefficient = 0.2\n")

@@ -21,16 +21,16 @@ from mechcore.spec.mechanism import Belt, Friction, Mechanism, Revolute
 @st.composite
 def frictions(draw, mechanism: Mechanism) -> Mechanism:
     """Some or all joints with friction; radii and lengths in the size of the cranks (1 m)."""
-    found = {}
+    result = {}
     for joint in mechanism.joints:
         if isinstance(joint, Belt) or not draw(st.booleans()):
             continue
         mu = draw(st.floats(0.01, 1.5))
         if isinstance(joint, Revolute):
-            found[joint.name] = Friction(coefficient=mu, radius=draw(st.floats(0.01, 0.5)))
+            result[joint.name] = Friction(coefficient=mu, radius=draw(st.floats(0.01, 0.5)))
         else:
-            found[joint.name] = Friction(coefficient=mu, length=draw(st.sampled_from([0.0, 0.2, 1.0])))
-    return rub(mechanism, **found) if found else mechanism
+            result[joint.name] = Friction(coefficient=mu, length=draw(st.sampled_from([0.0, 0.2, 1.0])))
+    return rub(mechanism, **result) if result else mechanism
 
 
 def at(mechanism: Mechanism, frames: np.ndarray) -> Forces:

@@ -58,15 +58,15 @@ FAULTS = [
 
 @pytest.mark.parametrize(("where", "value", "path", "message"), FAULTS)
 def test_faults(where, value, path, message):
-    found = faults_of(changed((where, value)))
-    assert any(f.path == path and message in f.message for f in found), found
-    assert all(f.remedy for f in found)
+    faults = faults_of(changed((where, value)))
+    assert any(f.path == path and message in f.message for f in faults), faults
+    assert all(f.remedy for f in faults)
 
 
 def test_more_faults():
     slide = {"prismatic": ["frame", "rocker"], "at": "C", "friction": {"coefficient": 0.1, "height": 0.02}}
-    found = faults_of(changed(("joints/D", slide)))
-    assert any(f.path == "joints.D.friction.height" and "length" in f.remedy for f in found)
+    faults = faults_of(changed(("joints/D", slide)))
+    assert any(f.path == "joints.D.friction.height" and "length" in f.remedy for f in faults)
     rolling = {"rolling": ["frame", "rocker"], "at": "C", "radius": 1, "friction": {"coefficient": 0.1}}
     assert any("does not go with the friction of a rolling joint" in f.message for f in faults_of(changed(("joints/D", rolling))))
     weld = {"weld": ["frame", "rocker"], "at": "C", "friction": {"coefficient": 0.1}}
@@ -95,11 +95,11 @@ S = { prismatic = ["frame", "piston"], at = ["G", "C"], friction = { bearing = "
 F = { force = [-10, 0], on = "piston" }
 """
     scene = mechviz.loads(text)
-    found = {p.name: p.friction for p in scene.mechanism.joints}
-    assert found["A"] == Friction(coefficient=0.1, radius=0.005)
-    assert found["B"] == Friction(coefficient=0.2, radius=0.005, exact=True)
-    assert found["C"].coefficient == 0.0
-    assert found["S"] == Friction(coefficient=0.1, length=0.06, bearing="guide", offset=-0.01, height=0.008)
+    result = {p.name: p.friction for p in scene.mechanism.joints}
+    assert result["A"] == Friction(coefficient=0.1, radius=0.005)
+    assert result["B"] == Friction(coefficient=0.2, radius=0.005, exact=True)
+    assert result["C"].coefficient == 0.0
+    assert result["S"] == Friction(coefficient=0.1, length=0.06, bearing="guide", offset=-0.01, height=0.008)
     again = mechviz.loads(scene.to_toml())
     assert again == scene and again.mechanism == scene.mechanism
     plan = make_plan(scene.mechanism)
@@ -176,8 +176,8 @@ def test_the_wedge_locks_itself_and_a_steeper_one_does_not():
     assert forces.friction.self_locking[moving].all()
     assert any(e.text.startswith("self-locking") for e in friction_events(forces))
     steep = mechviz.loads(mechviz.load("self-locking-wedge").text.replace("along = [-10, 1]", "along = [-4, 1]"))
-    found = solve_forces(solve_motion(compile_mechanism(steep.mechanism), default_times(steep.mechanism, 100)))
-    assert not found.friction.self_locking.any()
+    computed = solve_forces(solve_motion(compile_mechanism(steep.mechanism), default_times(steep.mechanism, 100)))
+    assert not computed.friction.self_locking.any()
 
 
 def test_the_toggle_locks_near_its_dead_centre_only():
@@ -190,9 +190,9 @@ def test_the_toggle_locks_near_its_dead_centre_only():
 
 def test_sign_changes_lie_where_the_relative_motion_reverses():
     forces = forces_of("four-bar-friction-circles")
-    found = [e for e in friction_events(forces) if "changes its sign" in e.text]
-    assert {e.item for e in found} == {"C", "D"}  # crank and coupler pins turn one way only
-    for e in found:
+    result = [e for e in friction_events(forces) if "changes its sign" in e.text]
+    assert {e.item for e in result} == {"C", "D"}  # crank and coupler pins turn one way only
+    for e in result:
         at = forces.motion.again(np.array([e.time - 1e-7, e.time + 1e-7])).coordinate(e.item)[:, 1]
         assert at[0] * at[1] < 0.0
     lanes = friction_lanes(forces)
@@ -231,10 +231,10 @@ def test_pins_show_their_friction_circle_and_the_line_that_touches_it():
 
 
 def test_inspection_lists_losses_and_jams():
-    found = inspect(made("slider-crank-friction").path)
+    inspection = inspect(made("slider-crank-friction").path)
     friction = made("slider-crank-friction").run.forces.friction
-    assert dict(found.losses) == pytest.approx(friction.mean_losses(), rel=1e-6)
-    text = format_inspection(found)
+    assert dict(inspection.losses) == pytest.approx(friction.mean_losses(), rel=1e-6)
+    text = format_inspection(inspection)
     assert "Friction losses, mean of the run" in text and "friction moment O" in text and "efficiency of the run" in text
     jam = format_inspection(inspect(made("jamming-sleeve").path))
     assert "jams to the end of the run" in jam and " nan " not in jam
@@ -270,8 +270,8 @@ def test_losses_of_a_run_that_jams_at_its_beginning_are_those_of_its_other_frame
             return Rows(self.values)
 
     def text(*values: float) -> str:
-        found = _losses(Jammed(values), SimpleNamespace(joints=("O", "B")))
-        told = replace(whole, start=0.0, end=5.0, losses=tuple(f[:2] for f in found), losses_over=found[0][2])
+        result = _losses(Jammed(values), SimpleNamespace(joints=("O", "B")))
+        told = replace(whole, start=0.0, end=5.0, losses=tuple(f[:2] for f in result), losses_over=result[0][2])
         return format_inspection(told)
 
     late = text(none, none, 2.0, 2.0, none, 4.0)

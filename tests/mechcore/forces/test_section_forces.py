@@ -42,19 +42,19 @@ def bar(law: Law, *, effects: tuple[str, ...] = ("inertia",), **more: object) ->
     )  # type: ignore[arg-type]
 
 
-def inside(found: SectionForces) -> np.ndarray:
+def inside(diagrams: SectionForces) -> np.ndarray:
     """The stations of the first frame that lie between the ends."""
-    return (found.stations[0] > 0.0) & (found.stations[0] < found.axis.length)
+    return (diagrams.stations[0] > 0.0) & (diagrams.stations[0] < diagrams.axis.length)
 
 
 def test_a_beam_in_uniform_rotation_is_pulled_by_the_masses_farther_out() -> None:
-    found = sections(bar(ConstantSpeed(0.3, SPEED)), "bar", [0.0, 0.1])
-    k, s = inside(found), found.stations
+    diagrams = sections(bar(ConstantSpeed(0.3, SPEED)), "bar", [0.0, 0.1])
+    k, s = inside(diagrams), diagrams.stations
     pull = MASS / LENGTH * SPEED**2 * (LENGTH**2 - s**2) / 2.0
-    assert np.allclose(found.normal[:, k], pull[:, k], rtol=1e-12)
+    assert np.allclose(diagrams.normal[:, k], pull[:, k], rtol=1e-12)
     scale = pull.max()
-    assert np.abs(found.shear).max() < 1e-12 * scale
-    assert np.abs(found.moment).max() < 1e-12 * scale * LENGTH
+    assert np.abs(diagrams.shear).max() < 1e-12 * scale
+    assert np.abs(diagrams.moment).max() < 1e-12 * scale * LENGTH
 
 
 def test_a_rod_that_falls_about_its_end_bends_most_at_a_third_of_its_length() -> None:
@@ -65,13 +65,13 @@ def test_a_rod_that_falls_about_its_end_bends_most_at_a_third_of_its_length() ->
     mechanism = bar(law, effects=("inertia", "gravity"))
     forces = solved(mechanism, [0.0])
     assert abs(forces.effort("A")[0]) < 1e-9 * MASS * 9.81 * LENGTH  # it falls freely
-    found = section_forces(forces, SectionStudy(link="bar", section=CrossSection(area=4e-4, modulus=2e-6)))
-    s = found.stations[0]
-    assert np.allclose(np.abs(found.moment[0]), MASS * 9.81 * s * (1.0 - s / LENGTH) ** 2 / 4.0, atol=1e-11)
-    assert abs(found.bending.values[0]) == pytest.approx(MASS * 9.81 * LENGTH / 27.0, rel=1e-8)
-    assert found.bending.stations[0] == pytest.approx(LENGTH / 3.0, rel=1e-3)
-    assert found.bending_stress is not None
-    assert found.bending_stress[0] == pytest.approx(MASS * 9.81 * LENGTH / 27.0 / 2e-6, rel=1e-8)
+    diagrams = section_forces(forces, SectionStudy(link="bar", section=CrossSection(area=4e-4, modulus=2e-6)))
+    s = diagrams.stations[0]
+    assert np.allclose(np.abs(diagrams.moment[0]), MASS * 9.81 * s * (1.0 - s / LENGTH) ** 2 / 4.0, atol=1e-11)
+    assert abs(diagrams.bending.values[0]) == pytest.approx(MASS * 9.81 * LENGTH / 27.0, rel=1e-8)
+    assert diagrams.bending.stations[0] == pytest.approx(LENGTH / 3.0, rel=1e-3)
+    assert diagrams.bending_stress is not None
+    assert diagrams.bending_stress[0] == pytest.approx(MASS * 9.81 * LENGTH / 27.0 / 2e-6, rel=1e-8)
 
 
 def test_a_connecting_rod_at_speed_bends_most_near_its_length_over_the_root_of_three() -> None:
@@ -80,13 +80,13 @@ def test_a_connecting_rod_at_speed_bends_most_near_its_length_over_the_root_of_t
     mechanism = slider_crank(r=0.1, l=0.8, speed=50.0, bodies=bodies, effects=("inertia",))
     times = np.linspace(0.0, 2.0 * math.pi / 50.0, 97)
     forces = solved(mechanism, times)
-    found = section_forces(forces, SectionStudy(link="rod"))
+    diagrams = section_forces(forces, SectionStudy(link="rod"))
     motion = forces.motion
     across = 1j * np.exp(1j * motion.pose("rod")[:, 2])
     q0, q1 = (-MASS / 0.8 * np.real(np.conj(across) * (motion.point("rod", p, 2) @ [1.0, 1.0j])) for p in ("B", "C"))
-    s, length = found.stations, 0.8
+    s, length = diagrams.stations, 0.8
     moment = -(q0[:, None] * (2 * length - s) + q1[:, None] * (length + s)) * s * (length - s) / (6.0 * length)
-    assert np.allclose(found.moment, moment, atol=1e-11 * np.abs(moment).max())
+    assert np.allclose(diagrams.moment, moment, atol=1e-11 * np.abs(moment).max())
     # where the slider is not accelerated the load is a triangle: largest at L / sqrt 3 from the slider
     slider = motion.acceleration("piston")[:, 0]
     k = int(np.flatnonzero(np.diff(np.sign(slider)))[0])
@@ -116,7 +116,7 @@ def test_the_pressure_of_a_guide_is_linear_along_it(bearing: str) -> None:
     times = np.linspace(0.0, 1.0, 9)
     mechanism = plunger(bearing)
     forces = solved(mechanism, times)
-    found = section_forces(forces, SectionStudy(link="stem", points=("foot", "top")))
+    diagrams = section_forces(forces, SectionStudy(link="stem", points=("foot", "top")))
     lift = forces.motion.coordinate("S")[:, 0]
     middle = 0.22 - lift if bearing == "guide" else np.full(len(times), 0.22)  # from the foot
     load = guide_load(forces, mechanism.joints[0])  # type: ignore[arg-type]
@@ -127,34 +127,34 @@ def test_the_pressure_of_a_guide_is_linear_along_it(bearing: str) -> None:
     assert np.allclose(np.abs(load.ends.sum(axis=1)), 30.0)
     # below the bearing a cantilever, above it nothing; at the lower edge the pressure begins
     for k in range(len(times)):
-        s = found.stations[k]
+        s = diagrams.stations[k]
         below = (s > 0.0) & (s < middle[k] - 0.05)
-        assert np.allclose(np.abs(found.moment[k, below]), 30.0 * s[below])
+        assert np.allclose(np.abs(diagrams.moment[k, below]), 30.0 * s[below])
         above = s > middle[k] + 0.05
-        assert np.abs(found.moment[k, above]).max() < 1e-12
+        assert np.abs(diagrams.moment[k, above]).max() < 1e-12
         x = s - middle[k]
         within = np.abs(x) < 0.05 - 1e-9
         turn = 30.0 * middle[k]
         y = x[within]
         wanted = 30.0 * s[within] - 30.0 * (y + 0.05) ** 2 / 0.2 - 12.0 * turn / 0.1**3 * (y + 0.05) ** 2 * (0.1 - y) / 6.0
-        assert np.allclose(np.abs(found.moment[k, within]), np.abs(wanted), atol=1e-10)
-    assert found.unbalanced.max() < 1e-10
+        assert np.allclose(np.abs(diagrams.moment[k, within]), np.abs(wanted), atol=1e-10)
+    assert diagrams.unbalanced.max() < 1e-10
 
 
 def test_friction_of_a_guide_acts_along_its_bearing() -> None:
     forces = solved(plunger("guide", coefficient=0.2), np.linspace(0.01, 0.2, 5))
-    found = section_forces(forces, SectionStudy(link="stem", points=("foot", "top")))
-    assert found.unbalanced.max() < 1e-10
+    diagrams = section_forces(forces, SectionStudy(link="stem", points=("foot", "top")))
+    assert diagrams.unbalanced.max() < 1e-10
     assert forces.friction is not None
     rubs = forces.friction.wrench("S")[:, 1]
     assert (np.abs(rubs) > 20.0).all()
     lift = forces.motion.coordinate("S")[:, 0]
     for k in range(5):  # the foot's load below the bearing and where the drive acts, nothing above
-        below, above = (np.argmin(np.abs(found.stations[k] - (0.22 - lift[k] + x))) for x in (-0.07, 0.07))
-        assert found.normal[k, below] == pytest.approx(200.0)
-        assert abs(found.normal[k, above]) < 1e-9
+        below, above = (np.argmin(np.abs(diagrams.stations[k] - (0.22 - lift[k] + x))) for x in (-0.07, 0.07))
+        assert diagrams.normal[k, below] == pytest.approx(200.0)
+        assert abs(diagrams.normal[k, above]) < 1e-9
         # friction pulls evenly along the bearing, the drive's force is one jump
-        assert np.ptp(found.normal[k]) == pytest.approx(200.0 + abs(rubs[k]))
+        assert np.ptp(diagrams.normal[k]) == pytest.approx(200.0 + abs(rubs[k]))
 
 
 def test_the_slope_of_the_moment_is_the_shear_force_between_loads() -> None:
@@ -166,15 +166,15 @@ def test_the_slope_of_the_moment_is_the_shear_force_between_loads() -> None:
         extra={"coupler": {"Q": (0.25, 0.0)}},
     )  # fmt: skip
     for link in ("crank", "coupler", "rocker"):
-        found = sections(mechanism, link, np.linspace(0.0, 0.6, 7))
-        steps = np.diff(found.stations, axis=1)
-        regular = steps > 1e-3 * found.axis.length
-        mean = 0.5 * (found.shear[:, 1:] + found.shear[:, :-1])
-        slope = np.diff(found.moment, axis=1)[regular] / steps[regular]
-        scale = np.abs(found.shear).max() + 1e-12
+        diagrams = sections(mechanism, link, np.linspace(0.0, 0.6, 7))
+        steps = np.diff(diagrams.stations, axis=1)
+        regular = steps > 1e-3 * diagrams.axis.length
+        mean = 0.5 * (diagrams.shear[:, 1:] + diagrams.shear[:, :-1])
+        slope = np.diff(diagrams.moment, axis=1)[regular] / steps[regular]
+        scale = np.abs(diagrams.shear).max() + 1e-12
         assert np.abs(slope - mean[regular]).max() < 2e-3 * scale  # trapezoids, of curves of the third degree
-        assert found.unbalanced.max() < 1e-11 * np.abs(found.normal).max()
-        assert np.abs(found.moment[:, [0, -1]]).max() < 1e-11 * (1.0 + np.abs(found.moment).max())
+        assert diagrams.unbalanced.max() < 1e-11 * np.abs(diagrams.normal).max()
+        assert np.abs(diagrams.moment[:, [0, -1]]).max() < 1e-11 * (1.0 + np.abs(diagrams.moment).max())
 
 
 def test_an_axis_with_corners_and_a_load_beside_it() -> None:
@@ -189,29 +189,29 @@ def test_an_axis_with_corners_and_a_load_beside_it() -> None:
     mechanism = Mechanism(
         name="bracket", frame="frame", links=(frame, arm), joints=(weld,), loads=loads, effects=("gravity",), standstill=0.0
     )
-    found = sections(mechanism, "arm", points=("O", "K", "T"))
-    assert found.unbalanced[0] < 1e-11
-    s = found.stations[0]
+    diagrams = sections(mechanism, "arm", points=("O", "K", "T"))
+    assert diagrams.unbalanced[0] < 1e-11
+    s = diagrams.stations[0]
     corner = np.flatnonzero(np.abs(s - 0.3) < 1e-12)
-    assert found.moment[0, corner[0]] == pytest.approx(found.moment[0, corner[-1]], rel=1e-6)
-    assert found.normal[0, corner[0]] == pytest.approx(-abs(found.shear[0, corner[-1]]), rel=1e-6)
+    assert diagrams.moment[0, corner[0]] == pytest.approx(diagrams.moment[0, corner[-1]], rel=1e-6)
+    assert diagrams.normal[0, corner[0]] == pytest.approx(-abs(diagrams.shear[0, corner[-1]]), rel=1e-6)
     foot = np.flatnonzero(s == 0.0)[-1]
-    assert found.moment[0, foot] == pytest.approx(-(50.0 * 0.4 + 3.0 * 9.81 * 0.1), rel=1e-6)
+    assert diagrams.moment[0, foot] == pytest.approx(-(50.0 * 0.4 + 3.0 * 9.81 * 0.1), rel=1e-6)
     straight = sections(mechanism, "arm", points=("O", "K"))  # the load at T is passed on by a rigid arm
     assert straight.unbalanced[0] < 1e-11
-    assert straight.moment[0, np.flatnonzero(straight.stations[0] == 0.0)[-1]] == pytest.approx(found.moment[0, foot], rel=1e-6)
+    assert straight.moment[0, np.flatnonzero(straight.stations[0] == 0.0)[-1]] == pytest.approx(diagrams.moment[0, foot], rel=1e-6)
 
 
 def test_turned_scaled_and_reversed_links_carry_the_same() -> None:
     bodies = {"rod": (1.3, (0.2, 0.03), 0.02), "crank": (0.5, (0.05, 0.0), 0.001)}
     mechanism = slider_crank(r=0.1, l=0.5, speed=20.0, bodies=bodies, effects=("inertia", "gravity"))
     times = np.linspace(0.0, 0.3, 5)
-    found = sections(mechanism, "rod", times)
+    diagrams = sections(mechanism, "rod", times)
     back = sections(mechanism, "rod", times, points=("C", "B"))
-    scale = np.abs(found.normal).max()
-    assert np.allclose(back.normal[:, ::-1], found.normal, atol=1e-7 * scale)
-    assert np.allclose(back.shear[:, ::-1], found.shear, atol=1e-7 * scale)
-    assert np.allclose(back.moment[:, ::-1], -found.moment, atol=1e-7 * scale)
+    scale = np.abs(diagrams.normal).max()
+    assert np.allclose(back.normal[:, ::-1], diagrams.normal, atol=1e-7 * scale)
+    assert np.allclose(back.shear[:, ::-1], diagrams.shear, atol=1e-7 * scale)
+    assert np.allclose(back.moment[:, ::-1], -diagrams.moment, atol=1e-7 * scale)
     turn = cmath.exp(0.7j)
 
     def turned(xy: tuple[float, float]) -> tuple[float, float]:
@@ -221,7 +221,7 @@ def test_turned_scaled_and_reversed_links_carry_the_same() -> None:
     rod = next(k for k in mechanism.links if k.name == "rod")
     other = replace(rod, points={k: turned(xy) for k, xy in rod.points.items()}, centre=turned(rod.centre))
     again = sections(replace(mechanism, links=tuple(other if k is rod else k for k in mechanism.links)), "rod", times)
-    assert np.allclose(again.moment, found.moment, atol=1e-9 * scale)
+    assert np.allclose(again.moment, diagrams.moment, atol=1e-9 * scale)
     large = [
         replace(
             k, points={n: (3.0 * x, 3.0 * y) for n, (x, y) in k.points.items()},
@@ -230,8 +230,8 @@ def test_turned_scaled_and_reversed_links_carry_the_same() -> None:
         for k in mechanism.links
     ]  # fmt: skip
     thrice = sections(replace(mechanism, links=tuple(large), gravity=(0.0, -29.43)), "rod", times)
-    assert np.allclose(thrice.normal, 3.0 * found.normal, atol=1e-9 * scale)
-    assert np.allclose(thrice.moment, 9.0 * found.moment, atol=1e-9 * scale)
+    assert np.allclose(thrice.normal, 3.0 * diagrams.normal, atol=1e-9 * scale)
+    assert np.allclose(thrice.moment, 9.0 * diagrams.moment, atol=1e-9 * scale)
 
 
 def test_the_distribution_of_mass_meets_mass_centre_and_inertia() -> None:

@@ -109,12 +109,12 @@ def searched(kind: str, seed: int, tolerance: float) -> tuple[str, str, float, f
     for how in CHANGES:
         change, start = changed(case, how, base, tolerance)
         try:
-            found = differences(change, start, Result(change.made(), tolerance))
+            result = differences(change, start, Result(change.made(), tolerance))
         except MechanismError as error:
             if how == "backwards" and "dead point" in str(error):  # where it ends no motion can start by that coordinate
                 continue
             return how, f"refused: {error}", np.inf, condition
-        name, deviation = max(found.items(), key=lambda x: x[1])
+        name, deviation = max(result.items(), key=lambda x: x[1])
         if deviation / allowed > worst[2]:
             worst = (how, name, deviation / allowed)
     return (*worst, condition)
@@ -141,9 +141,9 @@ def test_friction_under_forces_sticks_and_slides_alike_at_every_scale(kind: str,
     mechanism = replace(case.mechanism, joints=joints, effects=(*case.mechanism.effects, "friction"))
     case = replace(case, mechanism=mechanism, time=np.linspace(0.0, 3.0 * case.time[-1], 25))
     change, base = Change(case, length=length, mass=length**3, time=time), Result(case)
-    found = differences(change, base, Result(change.made()))
+    result = differences(change, base, Result(change.made()))
     assert any(kind in ("stick", "slip") for _, kind, _ in base.events)
-    assert max(found.values()) <= SAME, max(found.items(), key=lambda x: x[1])
+    assert max(result.values()) <= SAME, max(result.items(), key=lambda x: x[1])
 
 
 @pytest.mark.parametrize("kind", KINDS)

@@ -55,8 +55,8 @@ def test_motion_and_forces_in_kilometres_and_ten_kilometres_away(build, scale, s
     for link in base.motion.model.links[1:]:
         want, got = base.motion.pose(link), other.motion.pose(link) - [shift, -shift, 0.0]
         np.testing.assert_allclose(got / [scale, scale, 1.0], want, rtol=0, atol=near)
-        for found in ("velocity", "acceleration"):
-            want, got = getattr(base.motion, found)(link), getattr(other.motion, found)(link) / [scale, scale, 1.0]
+        for computed in ("velocity", "acceleration"):
+            want, got = getattr(base.motion, computed)(link), getattr(other.motion, computed)(link) / [scale, scale, 1.0]
             np.testing.assert_allclose(got, want, rtol=0, atol=near * np.abs(want).max())
     for joint in (p.name for p in base.motion.mechanism.joints):
         want = base.reaction(joint)
@@ -92,8 +92,8 @@ def test_turn_ten_thousand_equals_turn_one(build):
         went = np.array([0.0, 0.0, turns * TURN * full.get(link, 0.0)])
         size = first.model.length_scale
         np.testing.assert_allclose(last.pose(link) - went, first.pose(link), rtol=0, atol=1e-10 * max(1.0, size))
-        for found in ("velocity", "acceleration"):  # a drive at 62,832 rad is known to 7e-12
-            want, got = getattr(first, found)(link), getattr(last, found)(link)
+        for computed in ("velocity", "acceleration"):  # a drive at 62,832 rad is known to 7e-12
+            want, got = getattr(first, computed)(link), getattr(last, computed)(link)
             np.testing.assert_allclose(got, want, rtol=0, atol=1e-9 * max(np.abs(want).max(), 1.0))
     assert last.closure.max() <= 1e-12 * last.model.length_scale
     if build is not triad:

@@ -65,7 +65,7 @@ def compare(case: Case) -> tuple[dict[str, float], float]:
         if condition > HOPELESS:
             raise Refused(refused)
         raise AssertionError(f"refused without need (condition {condition:.1e}): {refused}")
-    found = positions(case, second, motion, q, v, a)
+    computed = positions(case, second, motion, q, v, a)
     try:
         forces = solve_forces(motion)
     except MechanismError as error:
@@ -73,10 +73,10 @@ def compare(case: Case) -> tuple[dict[str, float], float]:
             raise Refused(str(error)) from error
         raise AssertionError(f"refused without need: {error}") from error
     try:
-        found |= efforts(case, second, motion, forces, q, v, a)
+        computed |= efforts(case, second, motion, forces, q, v, a)
     except Lost as lost:
         raise AssertionError(f"the core has forces where the second formulation has none: {lost}") from lost
-    return found, condition
+    return computed, condition
 
 
 def compare_free(case: Case, second: Second) -> tuple[dict[str, float], float]:
@@ -98,17 +98,17 @@ def compare_free(case: Case, second: Second) -> tuple[dict[str, float], float]:
             raise Refused(refused)
         raise AssertionError(f"refused without need (condition {condition:.1e}): {refused}")
     motion = run.motion(case.time)
-    found = positions(case, second, motion, there["q"], there["v"], there["a"])
+    computed = positions(case, second, motion, there["q"], there["v"], there["a"])
     hits, expected = (
         until_they_crowd([(t, kind) for t, kind, *_ in events], duration)
         for events in ([(h.time, h.kind) for h in run.events if h.kind in ("impact", "release")], there["events"])
     )
     if [kind for _, kind in hits] != [kind for _, kind in expected]:
-        found["events"] = np.inf
+        computed["events"] = np.inf
     elif hits:
-        found["events"] = max(abs(h[0] - e[0]) for h, e in zip(hits, expected, strict=True)) / duration
-    found |= efforts(case, second, motion, run.forces(motion), there["q"], there["v"], there["a"], there["resting"])
-    return found, condition
+        computed["events"] = max(abs(h[0] - e[0]) for h, e in zip(hits, expected, strict=True)) / duration
+    computed |= efforts(case, second, motion, run.forces(motion), there["q"], there["v"], there["a"], there["resting"])
+    return computed, condition
 
 
 def until_they_crowd(events: list[tuple[float, str]], duration: float) -> list[tuple[float, str]]:
@@ -172,10 +172,10 @@ def search(kind: str, seed: int) -> tuple[str, float, float, Case]:
     for travel in REACHES:
         case = draw(kind, seed, travel=travel)
         try:
-            found, condition = compare(case)
+            result, condition = compare(case)
         except Refused:
             continue
-        name, deviation = worst(found)
+        name, deviation = worst(result)
         allowed = (UNDER_FORCES if case.free else PRESCRIBED) * max(1.0, condition / WELL) ** 2
         return name, deviation / allowed, condition, case
     return "refused", 0.0, np.inf, case

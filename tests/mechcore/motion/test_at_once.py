@@ -29,10 +29,10 @@ def motion_of(name, accuracy=DEFAULT, frames=24):
 def test_all_equations_at_once_give_the_rates_of_the_groups(name, dense, monkeypatch):
     """By sparse matrices, too, as of mechanisms with more links: also where there are more equations than rates."""
     monkeypatch.setattr(at_once, "DENSE", dense)
-    found = agreement(motion_of(name))
-    assert found.frames >= 20
-    assert found.velocity < 1e-11
-    assert found.acceleration < 1e-9
+    check = agreement(motion_of(name))
+    assert check.frames >= 20
+    assert check.velocity < 1e-11
+    assert check.acceleration < 1e-9
 
 
 @pytest.mark.parametrize("name", ["shaper-quick-return", "cam-wedge-oscillating", "planetary-gear"])
@@ -51,6 +51,6 @@ def test_rates_at_once_are_differences_of_positions(name):
 
 
 def test_rates_that_are_off_are_seen():
-    found = agreement(motion_of("watt-six-bar", replace(DEFAULT, differentiation="differences"), 72))
-    assert found.velocity > 1e-5
-    assert found.acceleration > 1e-5
+    check = agreement(motion_of("watt-six-bar", replace(DEFAULT, differentiation="differences"), 72))
+    assert check.velocity > 1e-5
+    assert check.acceleration > 1e-5

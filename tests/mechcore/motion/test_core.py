@@ -146,13 +146,13 @@ def test_theta_theta_closes_with_unit_rotations(a, b, u, v, mode):
 def test_theta_slide_and_arm_slide_close(a, u, v, s, mode):
     d = np.exp(1j * np.array([v]))
     c = a * np.exp(1j * u) + s * d
-    e, found = cf.theta_slide(a + 0j, d, c, mode)
-    assert abs(a * e + found * d - c)[0] < 1e-13 * (a + abs(s))
+    e, computed = cf.theta_slide(a + 0j, d, c, mode)
+    assert abs(a * e + computed * d - c)[0] < 1e-13 * (a + abs(s))
     arm, unit = 0.3 * a * 1j + 0.1, 1 + 0j
     target = (arm + s * unit) * np.exp(1j * np.array([u]))
-    e, found = cf.arm_slide(arm, unit, target, mode)
+    e, computed = cf.arm_slide(arm, unit, target, mode)
     if abs(target[0]) > 1e-3:
-        assert abs((arm + found * unit) * e - target)[0] < 1e-12 * (a + abs(s) + 1)
+        assert abs((arm + computed * unit) * e - target)[0] < 1e-12 * (a + abs(s) + 1)
 
 
 def test_needle_triangles_keep_their_digits():

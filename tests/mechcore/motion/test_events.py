@@ -30,8 +30,8 @@ def test_turning_points_of_a_sine_are_found_to_fourth_order():
     errors = []
     for n in (20, 40):
         t = np.linspace(0.0, 2.0, n)
-        found = turning_points(t, np.cos(3 * t + 0.2), -3 * np.sin(3 * t + 0.2))
-        errors.append(abs(found - (np.array([0.5, 1.5]) * np.pi - 0.2) / 3))
+        dead_points = turning_points(t, np.cos(3 * t + 0.2), -3 * np.sin(3 * t + 0.2))
+        errors.append(abs(dead_points - (np.array([0.5, 1.5]) * np.pi - 0.2) / 3))
     assert errors[1].max() < 1e-6
     assert np.log2(errors[0].max() / errors[1].max()) > 3.0
 
@@ -78,14 +78,14 @@ def slider_crank(law) -> Mechanism:
 def test_zones_of_a_drive():
     law = zones(start=0.0, speed=2.0, run_up=0.5, steady=1.0, braking=0.25)
     motion = move(slider_crank(law), 100)
-    found = [(e.text.split(" at ")[0], e.time) for e in of(motion, "A")]
-    assert [words for words, _ in found] == [
+    computed = [(e.text.split(" at ")[0], e.time) for e in of(motion, "A")]
+    assert [words for words, _ in computed] == [
         "drive starts",
         "zone boundary of the drive's law",
         "zone boundary of the drive's law",
         "drive stops",
     ]
-    assert [t for _, t in found] == pytest.approx([0.0, 0.5, 1.0, 1.25])
+    assert [t for _, t in computed] == pytest.approx([0.0, 0.5, 1.0, 1.25])
 
 
 def test_a_drive_that_swings_reverses_and_its_reversals_are_no_limits_of_others():
@@ -148,17 +148,17 @@ def test_extremes_between_frames(frames):
     tiny = 1e-7 * motion.time[-1]
 
     def only(item: str, words: str) -> Event:
-        (found,) = (e for e in events if e.item == item and words in e.text)
-        return found
+        (computed,) = (e for e in events if e.item == item and words in e.text)
+        return computed
 
     def search(quantity, near: float) -> tuple[float, float]:
-        found = minimize_scalar(
+        computed = minimize_scalar(
             lambda t: -quantity(solve_motion(compiled, [t]))[0],
             bounds=(near - 0.05, near + 0.05),
             method="bounded",
             options={"xatol": 1e-11},
         )
-        return float(found.x), -float(found.fun)
+        return float(computed.x), -float(computed.fun)
 
     g = CRANK_ROCKER
     worst = only("D", "worst transmission angle")  # crank and frame in line, the crank towards E
@@ -206,5 +206,5 @@ def test_the_velocity_ratio_at_a_dead_point_is_named_without_bound():
     limit = float(np.arccos((0.22**2 + 0.3**2 - 0.37**2) / (2 * 0.22 * 0.3)))
     m = replace(m, answers=("velocity_ratio",), drives=(Drive(joint="A", law=Oscillation(0.0, limit, 0.25)),))
     motion = solve_motion(compile_mechanism(m), np.linspace(0.0, 2.0, 203))
-    found = next(e for e in find_events(motion) if e.item == "E" and "velocity ratio" in e.text)
-    assert "without bound" in found.text and found.time == pytest.approx(1.0, abs=1e-6)
+    computed = next(e for e in find_events(motion) if e.item == "E" and "velocity ratio" in e.text)
+    assert "without bound" in computed.text and computed.time == pytest.approx(1.0, abs=1e-6)

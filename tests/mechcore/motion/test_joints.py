@@ -659,10 +659,10 @@ def test_a_load_turns_a_screw_that_does_not_lock_itself_against_viscous_drag():
     machine = lift(0.1, drives=(Drive(joint="S", law=Free(0.0, 0.0)),), loads=loads)
     machine = replace(machine, joints=(replace(machine.joints[0], lead=0.04),))
     t = np.linspace(0.0, 0.5, 6)
-    found = simulate(compile_mechanism(machine), 0.5, tolerance=1e-11)(t)[1][:, 0]
+    computed = simulate(compile_mechanism(machine), 0.5, tolerance=1e-11)(t)[1][:, 0]
     arm, travel = MEAN * np.tan(lead - friction), 0.04 / (2.0 * np.pi)
     limit, settling = MASS * G * arm / drag, MASS * travel * arm / drag
-    assert found == pytest.approx(-limit * (1.0 - np.exp(-t / settling)), abs=1e-7 * limit)
+    assert computed == pytest.approx(-limit * (1.0 - np.exp(-t / settling)), abs=1e-7 * limit)
 
 
 @pytest.mark.parametrize("mu", [0.1, 0.0885])

@@ -152,10 +152,10 @@ def test_stroke_and_time_ratio_of_a_slider_crank():
     delta = np.arcsin(e / (length - r)) - np.arcsin(e / (length + r))
     for cycles in (1, 3):
         scene = mechviz.loads(f"run = {{ frames = 200, cycles = {cycles} }}\n" + SLIDER_CRANK)
-        (found,) = strokes(motion_of(scene), cycles)
-        assert (found.joint, found.rotary) == ("S", False)
-        np.testing.assert_allclose([found.low, found.high], [low, high], rtol=1e-12)
-        assert found.time_ratio == pytest.approx((np.pi + delta) / (np.pi - delta), rel=1e-9)
+        (computed,) = strokes(motion_of(scene), cycles)
+        assert (computed.joint, computed.rotary) == ("S", False)
+        np.testing.assert_allclose([computed.low, computed.high], [low, high], rtol=1e-12)
+        assert computed.time_ratio == pytest.approx((np.pi + delta) / (np.pi - delta), rel=1e-9)
     (line,) = [line for line in check_lines(scene) if line.startswith("output")]
     ratio = (np.pi + delta) / (np.pi - delta)
     words = f"stroke {1e3 * (high - low):.5g} mm, {1e3 * low:.5g} mm to {1e3 * high:.5g} mm; time ratio {ratio:.5g}"
@@ -166,21 +166,21 @@ def test_range_of_a_rocker_and_a_start_in_a_limit_position():
     """The rocker turns back where the distance of A and C is l ± r: the law of cosines."""
     angles = [np.arccos((0.150**2 + 0.090**2 - reach**2) / (2 * 0.150 * 0.090)) for reach in (0.080, 0.160)]
     scene = mechviz.loads(FOUR_BAR)
-    (found,) = strokes(motion_of(scene))
-    np.testing.assert_allclose(sorted(np.pi - a for a in angles), [found.low, found.high], rtol=1e-9)
+    (computed,) = strokes(motion_of(scene))
+    np.testing.assert_allclose(sorted(np.pi - a for a in angles), [computed.low, computed.high], rtol=1e-9)
     at_limit = mechviz.loads(SLIDER_CRANK.replace("start = 17", "start = 0").replace("G = [0, -25]", "G = [0, 0]"))
-    (found,) = strokes(motion_of(at_limit))
-    assert found.length == pytest.approx(0.080, rel=1e-12) and found.time_ratio == pytest.approx(1.0, rel=1e-9)
+    (computed,) = strokes(motion_of(at_limit))
+    assert computed.length == pytest.approx(0.080, rel=1e-12) and computed.time_ratio == pytest.approx(1.0, rel=1e-9)
     oscillation = "oscillation = { centre = 60, amplitude = 20, period = 1 }"
-    (found,) = strokes(motion_of(mechviz.loads(FOUR_BAR.replace('speed = "60 rpm", start = 17', oscillation))))
-    assert np.isnan(found.time_ratio), "the drive turns back, not the mechanism"
+    (computed,) = strokes(motion_of(mechviz.loads(FOUR_BAR.replace('speed = "60 rpm", start = 17', oscillation))))
+    assert np.isnan(computed.time_ratio), "the drive turns back, not the mechanism"
 
 
 def test_the_velocity_may_jump_where_an_output_turns_back():
     """A cam of constant acceleration rises and returns over half a turn each."""
     scene = mechviz.load("cam-constant-acceleration")
-    (found,) = strokes(motion_of(scene))
-    assert found.time_ratio == pytest.approx(1.0, rel=1e-9)
+    (computed,) = strokes(motion_of(scene))
+    assert computed.time_ratio == pytest.approx(1.0, rel=1e-9)
 
 
 def test_check_names_the_limits_that_only_a_run_can_judge():

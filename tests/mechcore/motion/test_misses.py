@@ -58,8 +58,8 @@ def refused(mechanism: Mechanism) -> str:
 
 
 def number(pattern: str, text: str) -> tuple[float, ...]:
-    found = re.search(pattern, text)
-    return tuple(map(float, found.groups())) if found else ()
+    match = re.search(pattern, text)
+    return tuple(map(float, match.groups())) if match else ()
 
 
 def test_three_drives_of_a_six_bar():
@@ -113,8 +113,10 @@ def platform(rng: np.random.Generator) -> tuple[Mechanism, tuple[np.ndarray, ...
         law = Oscillation(float(starts[i]), float(rng.uniform(0.2, 1.2)), float(rng.integers(1, 3)))
         drives.append(Drive(joint=f"A{i}", law=law if i else ConstantSpeed(float(starts[0]), 2.0 * np.pi)))
         sketch[f"rod{i}"] = outer[i].real, outer[i].imag, float(np.angle(reach[i]))
-    found = Mechanism(name="platform", frame="frame", links=tuple(links), joints=tuple(joints), drives=tuple(drives), sketch=sketch)
-    return found, (pivots, plate, cranks, abs(reach))
+    mechanism = Mechanism(
+        name="platform", frame="frame", links=tuple(links), joints=tuple(joints), drives=tuple(drives), sketch=sketch
+    )
+    return mechanism, (pivots, plate, cranks, abs(reach))
 
 
 def miss_of_platform(shape: tuple[np.ndarray, ...], q: list[float]) -> float:

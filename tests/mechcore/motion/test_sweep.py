@@ -36,34 +36,34 @@ def test_a_sweep_is_the_same_as_design_by_design():
     frame = np.column_stack([rng.uniform(3.8, 4.2, count), rng.uniform(-0.2, 0.2, count)])
     base = four_bar(E=(4.0, 0.0), AB=1.0, BD=3.5, DE=3.0, coupler_point=(1.5, 1.0))
     zero = np.zeros(count)
-    found = sweep(
+    table = sweep(
         compile_mechanism(base),
         {("crank", "B"): np.column_stack([crank, zero]), ("coupler", "D"): np.column_stack([coupler, zero]), ("frame", "E"): frame},
         TIME,
         collect,
     )
-    assert found.assembled.all() and found.results["point"].shape == (count, len(TIME), 2)
-    assert found.results["closure"].max() < 1e-14
+    assert table.assembled.all() and table.results["point"].shape == (count, len(TIME), 2)
+    assert table.results["closure"].max() < 1e-14
     for i in (0, 100, 299):
         alone = four_bar(E=frame[i], AB=crank[i], BD=coupler[i], DE=3.0, coupler_point=(1.5, 1.0))
         motion = solve_motion(compile_mechanism(alone), TIME)
         for name, value in collect(motion).items():
-            np.testing.assert_allclose(found.results[name][i], value, rtol=1e-13, atol=1e-13)
+            np.testing.assert_allclose(table.results[name][i], value, rtol=1e-13, atol=1e-13)
 
 
 def test_designs_that_do_not_assemble_are_marked_not_fatal():
     base = four_bar(E=(4.0, 0.0), AB=1.0, BD=3.5, DE=3.0, coupler_point=(1.5, 1.0))
     lengths = np.column_stack([[1.0, 3.0, 1.2, 20.0], np.zeros(4)])
-    found = sweep(compile_mechanism(base), {("crank", "B"): lengths}, TIME, collect)
-    assert found.assembled.tolist() == [True, False, True, False]
-    bad = np.isnan(found.results["point"]).any(axis=2)
+    table = sweep(compile_mechanism(base), {("crank", "B"): lengths}, TIME, collect)
+    assert table.assembled.tolist() == [True, False, True, False]
+    bad = np.isnan(table.results["point"]).any(axis=2)
     assert bad[1].any() and not bad[1].all(), "only the frames out of reach are missing"
     assert bad[3].all() and not bad[[0, 2]].any()
 
 
 def test_slides_sweep_too():
     base = slider_crank(r=1.0, l=3.0)
-    found = sweep(
+    table = sweep(
         compile_mechanism(base),
         {("rod", "C"): [[3.0, 0.0], [4.0, 0.0]]},
         TIME,
@@ -71,7 +71,7 @@ def test_slides_sweep_too():
     )
     for k, rod in enumerate((3.0, 4.0)):
         s = np.cos(TIME) + np.sqrt(rod**2 - np.sin(TIME) ** 2)
-        np.testing.assert_allclose(found.results["s"][k, :, 0], s, rtol=1e-14)
+        np.testing.assert_allclose(table.results["s"][k, :, 0], s, rtol=1e-14)
 
 
 def test_what_a_sweep_cannot_do_is_refused():
@@ -101,10 +101,10 @@ def test_masses_and_forces_sweep_as_design_by_design():
             "power": forces.power(base.drives[0].joint),
         }
 
-    found = sweep(compile_mechanism(base), {("rod", "C"): rod}, TIME, forces_of, masses={"rod": (mass, centre, inertia)})
+    table = sweep(compile_mechanism(base), {("rod", "C"): rod}, TIME, forces_of, masses={"rod": (mass, centre, inertia)})
     for k in (0, 7, 19):
         body = replace(links[2], points={**links[2].points, "C": tuple(rod[k])}, mass=mass[k], centre=tuple(centre[k]))
         body = replace(body, inertia=inertia[k])
         alone = replace(base, links=tuple(body if link.name == "rod" else link for link in base.links))
         for name, value in forces_of(solve_motion(compile_mechanism(alone), TIME)).items():
-            np.testing.assert_allclose(found.results[name][k], value, rtol=1e-12, atol=1e-12 * np.abs(value).max())
+            np.testing.assert_allclose(table.results[name][k], value, rtol=1e-12, atol=1e-12 * np.abs(value).max())

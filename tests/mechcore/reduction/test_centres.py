@@ -35,51 +35,51 @@ def collinear(a, b, c, size):
 def test_the_instant_centres_of_a_four_bar_are_where_its_bars_cross():
     motion = motion_of("instant-centres")
     a, b, c, d = (motion.point(*at) @ PLANE for at in (("frame", "A"), ("crank", "B"), ("coupler", "C"), ("frame", "D")))
-    found = kennedy(motion)
-    assert list(found) == ["P01", "P02", "P03", "P12", "P13", "P23"]
+    centres = kennedy(motion)
+    assert list(centres) == ["P01", "P02", "P03", "P12", "P13", "P23"]
     for name, place in (("P01", a), ("P12", b), ("P23", c), ("P03", d)):
-        assert found[name].found_by == "joint" and found[name].place == pytest.approx(place, abs=1e-12)
-    assert found["P02"].place == pytest.approx(crossing(a, b, d, c), rel=1e-9)
-    assert found["P13"].place == pytest.approx(crossing(a, d, b, c), rel=1e-9)
-    assert [line.through for line in found["P02"].lines] == [("P01", "P12"), ("P03", "P23")]
+        assert centres[name].found_by == "joint" and centres[name].place == pytest.approx(place, abs=1e-12)
+    assert centres["P02"].place == pytest.approx(crossing(a, b, d, c), rel=1e-9)
+    assert centres["P13"].place == pytest.approx(crossing(a, d, b, c), rel=1e-9)
+    assert [line.through for line in centres["P02"].lines] == [("P01", "P12"), ("P03", "P23")]
     for name in ("P02", "P13"):
-        assert found[name].found_by == "lines" and found[name].gap.max() < 1e-12
-        for line in found[name].lines:
-            assert all(collinear(found[p].place, line.base, line.base + line.along, 0.1).all() for p in (name, *line.through))
+        assert centres[name].found_by == "lines" and centres[name].gap.max() < 1e-12
+        for line in centres[name].lines:
+            assert all(collinear(centres[p].place, line.base, line.base + line.along, 0.1).all() for p in (name, *line.through))
     ratio = motion.velocity("rocker")[:, 2] / motion.velocity("crank")[:, 2]
     turning = np.abs(motion.velocity("crank")[:, 2]) > 1e-6
-    arms = (found["P13"].place - a) / (found["P13"].place - d)
+    arms = (centres["P13"].place - a) / (centres["P13"].place - d)
     assert arms.real[turning] == pytest.approx(ratio[turning], rel=1e-9)
 
 
 def test_the_centre_of_a_sliding_joint_is_at_infinity_across_its_guide():
     motion = motion_of("slider-crank-compressor")
-    found, slide = kennedy(motion), motion.velocity("piston")[:, :2] @ PLANE
+    computed, slide = kennedy(motion), motion.velocity("piston")[:, :2] @ PLANE
     moving = np.abs(slide) > 1e-9
-    assert np.isnan(found["P03"].place).all()
-    assert np.abs(np.real(np.conj(found["P03"].away) * slide))[moving].max() < 1e-12
+    assert np.isnan(computed["P03"].place).all()
+    assert np.abs(np.real(np.conj(computed["P03"].away) * slide))[moving].max() < 1e-12
     # the piston moves as fast as the crank's point in P13
-    arm = found["P13"].place - (motion.point("crank", "A") @ PLANE)
+    arm = computed["P13"].place - (motion.point("crank", "A") @ PLANE)
     assert 1j * motion.velocity("crank")[:, 2] * arm == pytest.approx(slide, abs=1e-9 * np.abs(slide).max())
 
 
 def test_the_centres_of_wheels_are_where_they_roll():
     """Sun 24, planets 18, ring 60 teeth of module 2 mm: pitch points at 24 mm and 60 mm from the middle."""
     motion = motion_of("planetary-gear", 12)
-    found, turned = kennedy(motion, ["frame", "sun", "planet"]), np.exp(1j * motion.pose("arm")[:, 2])
-    assert found["P23"].place == pytest.approx(0.024 * turned, abs=1e-12)
-    assert found["P03"].place == pytest.approx(0.060 * turned, abs=1e-12)
-    assert ("SP",) in [line.through for line in found["P23"].lines]
-    assert {"P13", "P01"} <= set(found) and "P45" not in found  # what the lines need, and no more
+    computed, turned = kennedy(motion, ["frame", "sun", "planet"]), np.exp(1j * motion.pose("arm")[:, 2])
+    assert computed["P23"].place == pytest.approx(0.024 * turned, abs=1e-12)
+    assert computed["P03"].place == pytest.approx(0.060 * turned, abs=1e-12)
+    assert ("SP",) in [line.through for line in computed["P23"].lines]
+    assert {"P13", "P01"} <= set(computed) and "P45" not in computed  # what the lines need, and no more
 
 
 @pytest.mark.parametrize("name", ["ten-link", "shaper-quick-return", "jansen-leg", "double-rocker", "piston-driven-crank"])
 def test_all_triples_of_centres_are_collinear(name):
     motion = motion_of(name, 25)
-    found = kennedy(motion)
+    centres = kennedy(motion)
     size = motion.model.length_scale
-    assert not [c for c in found.values() if c.found_by == "velocities"]
-    places = {frozenset(c.links): np.where(np.abs(c.place - c.place[0]) < 50 * size, c.place, np.nan) for c in found.values()}
+    assert not [c for c in centres.values() if c.found_by == "velocities"]
+    places = {frozenset(c.links): np.where(np.abs(c.place - c.place[0]) < 50 * size, c.place, np.nan) for c in centres.values()}
     links, judged = motion.model.links, 0
     for i in range(len(links)):
         for j in range(i):
@@ -124,9 +124,9 @@ def test_the_evolute_of_an_ellipse():
     t = motion.pose("crank")[:, 2]
     a, b = 0.12, 0.04
     assert motion.point("rod", "P") == pytest.approx(np.column_stack([a * np.cos(t), b * np.sin(t)]), abs=1e-9)
-    found = path_curvature(motion, "rod", "P")
+    curvature = path_curvature(motion, "rod", "P")
     evolute = (a * a - b * b) * (np.cos(t) ** 3 / a - 1j * np.sin(t) ** 3 / b)
-    assert found.centre == pytest.approx(evolute, rel=1e-9)
+    assert curvature.centre == pytest.approx(evolute, rel=1e-9)
 
 
 def test_euler_savary_and_the_path_have_one_centre_of_curvature():
@@ -141,12 +141,12 @@ def test_euler_savary_and_the_path_have_one_centre_of_curvature():
 def test_bobillier_finds_the_pole_tangent_from_two_points():
     motion = motion_of("inflection-circle")
     circle = inflection_circle(motion, "coupler")
-    found = circle.bobillier
-    assert found is not None and found.points == ("B", "C")
+    computed = circle.bobillier
+    assert computed is not None and computed.points == ("B", "C")
     pivots = [motion.point("frame", name) @ PLANE for name in ("A", "D")]
-    np.testing.assert_allclose(found.centres, pivots, atol=1e-12)
+    np.testing.assert_allclose(computed.centres, pivots, atol=1e-12)
     across = circle.end - circle.pole
-    assert np.real(np.conj(found.tangent) * across / np.abs(across)) == pytest.approx(np.zeros(motion.frames), abs=1e-9)
+    assert np.real(np.conj(computed.tangent) * across / np.abs(across)) == pytest.approx(np.zeros(motion.frames), abs=1e-9)
     # a bar of a guide has its centre at infinity, so that the construction has nothing to start from
     assert inflection_circle(motion_of("cardan-circles"), "rod").bobillier is None
 
@@ -160,27 +160,27 @@ def test_a_link_that_does_not_turn_has_no_inflection_circle():
 # -- percussion ---------------------------------------------------------------------------------------------------------
 def test_a_rod_is_struck_at_two_thirds_of_its_length():
     motion = motion_of("percussion-centre")
-    found = percussion(motion, "rod", "A")
-    assert found.centre == pytest.approx(motion.point("rod", "W") @ PLANE, abs=1e-12)  # 200 of 300 mm
-    assert found.through == pytest.approx(found.centre, abs=1e-9) and found.meeting == pytest.approx(found.centre, abs=1e-9)
-    assert np.abs(found.carried).max() < 1e-12 * np.abs(found.turned).max()
+    centre = percussion(motion, "rod", "A")
+    assert centre.centre == pytest.approx(motion.point("rod", "W") @ PLANE, abs=1e-12)  # 200 of 300 mm
+    assert centre.through == pytest.approx(centre.centre, abs=1e-9) and centre.meeting == pytest.approx(centre.centre, abs=1e-9)
+    assert np.abs(centre.carried).max() < 1e-12 * np.abs(centre.turned).max()
 
 
 def test_the_inertia_resultant_of_a_connecting_rod_goes_through_the_crossing_of_both_parts():
     motion = motion_of("connecting-rod-bending")
-    found = percussion(motion, "rod", "B")
+    centre = percussion(motion, "rod", "B")
     _, _, inertia = motion.model.masses[motion.model.index["rod"]]
     force = -0.8 * (motion.centre_of_mass("rod", 2) @ PLANE)
     moment = -inertia * motion.acceleration("rod")[:, 2]
-    assert found.force == pytest.approx(force) and found.carried + found.turned == pytest.approx(force)
+    assert centre.force == pytest.approx(force) and centre.carried + centre.turned == pytest.approx(force)
     s = motion.centre_of_mass("rod") @ PLANE
     scale = np.abs(force).max() * 0.22
-    for place in (found.through, found.meeting):  # about a point of the line the forces have no moment
+    for place in (centre.through, centre.meeting):  # about a point of the line the forces have no moment
         known = np.isfinite(place) & (np.abs(place) < 10.0)
         assert known.sum() > 40
         assert (moment + cross(s - place, force))[known] == pytest.approx(0.0, abs=1e-9 * scale)
     # and the parts go through S and W: the moment about W of what remains without translation is none
-    assert moment + cross(s - found.centre, found.turned) == pytest.approx(0.0, abs=1e-12 * scale)
+    assert moment + cross(s - centre.centre, centre.turned) == pytest.approx(0.0, abs=1e-12 * scale)
 
 
 def test_a_body_turned_about_its_centre_of_mass_has_no_centre_of_percussion():

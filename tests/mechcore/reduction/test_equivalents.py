@@ -78,23 +78,23 @@ def guided(o: complex, k: complex, t: complex, foot: complex, up: complex, turn:
 @pytest.mark.parametrize("face", [Knife(), Roller(0.01), Arc(0.03, 1.0), Flat()])
 def test_translating_followers(face, slope):
     motion = load(translating(face, offset=0.007, slope=slope), THETA, SPEED, ACCELERATION).motion
-    found = equivalent(motion, "K")
+    equivalents = equivalent(motion, "K")
     up = np.exp(1j * np.radians(slope))
     for f in range(len(THETA)):
-        o, k, t = (complex(found.pins[name][f]) for name in "OKT")
+        o, k, t = (complex(equivalents.pins[name][f]) for name in "OKT")
         tip = complex(*motion.point("follower", "T")[f])
-        face_way = complex(found.blocks[0].along[f]) if found.blocks else None
-        rates = guided(o, k, tip if found.blocks else t, tip, up, 1.0, face=face_way)
+        face_way = complex(equivalents.blocks[0].along[f]) if equivalents.blocks else None
+        rates = guided(o, k, tip if equivalents.blocks else t, tip, up, 1.0, face=face_way)
         np.testing.assert_allclose(rates, motion.coordinate("S")[f, 1:], rtol=1e-8, atol=1e-10)
-    assert found.bars[:2] == (("O", "K"), ("K", "T"))
+    assert equivalents.bars[:2] == (("O", "K"), ("K", "T"))
 
 
 @pytest.mark.parametrize("face", [Roller(0.012), Knife()])
 def test_oscillating_followers(face):
     motion = load(oscillating(face), THETA, SPEED, ACCELERATION).motion
-    found = equivalent(motion, "K")
+    equivalents = equivalent(motion, "K")
     for f in range(len(THETA)):
-        o, k, t, p = (complex(found.pins[name][f]) for name in "OKTP")
+        o, k, t, p = (complex(equivalents.pins[name][f]) for name in "OKTP")
         rates = four_bar(o, k, t, p)
         np.testing.assert_allclose(rates[0], motion.velocity("follower")[f, 2], rtol=1e-8, atol=1e-10)
         np.testing.assert_allclose(rates[1], motion.acceleration("follower")[f, 2], rtol=1e-8, atol=1e-9)
@@ -122,8 +122,8 @@ def test_gears_turn_like_a_four_bar_between_their_base_circles(sizes, internal):
     for moment in (-3.0, 3.0):
         m = wheels(gear)
         forces = load(replace(m, loads=(replace(m.loads[0], moment=moment),), effects=()), [0.3], SPEED, ACCELERATION)
-        found = equivalent(forces.motion, "K", forces)
-        o1, n1, n2, o2 = (complex(found.pins[name][0]) for name in ("O1", "N1", "N2", "O2"))
+        equivalents = equivalent(forces.motion, "K", forces)
+        o1, n1, n2, o2 = (complex(equivalents.pins[name][0]) for name in ("O1", "N1", "N2", "O2"))
         assert (abs(o1), abs(o2 - complex(0.5, 0.2))) < (1e-15, 1e-15)
         rates = four_bar(o1, n1, n2, o2)
         np.testing.assert_allclose(rates, (forces.motion.velocity("b")[0, 2], forces.motion.acceleration("b")[0, 2]), rtol=1e-9)
@@ -138,8 +138,8 @@ def test_a_rack_is_pushed_by_a_rod_that_slides_on_its_flank(side):
     frame = replace(m.links[0], points={**m.links[0].points, "G": g})
     m = replace(m, links=(frame, *m.links[1:]), joints=(*m.joints[:2], replace(m.joints[2], side=side)))
     motion = load(m, [0.3], SPEED, ACCELERATION).motion
-    found = equivalent(motion, "K")
-    o, n, c = (complex(found.pins[name][0]) for name in ("O1", "N1", "C"))
+    equivalents = equivalent(motion, "K")
+    o, n, c = (complex(equivalents.pins[name][0]) for name in ("O1", "N1", "C"))
     assert abs(o) < 1e-15 and abs(c - complex(*g)) < 1e-15
     crank, place = bar("crank", o, n)
     links = (
@@ -149,7 +149,7 @@ def test_a_rack_is_pushed_by_a_rod_that_slides_on_its_flank(side):
     )
     joints = (
         joint("O", "frame", "O", "crank", "a"),
-        PinSlot(name="N", links=("rack", "crank"), points=("N", "b"), along=xy(complex(found.blocks[0].along[0]))),
+        PinSlot(name="N", links=("rack", "crank"), points=("N", "b"), along=xy(complex(equivalents.blocks[0].along[0]))),
         Prismatic(name="S", links=("frame", "rack"), points=("G", "C")),
     )
     rates = moved(links, joints, {"crank": place, "rack": (*xy(c), 0.0)}, "O", place[2]).coordinate("S")[0, 1:]
@@ -158,13 +158,13 @@ def test_a_rack_is_pushed_by_a_rod_that_slides_on_its_flank(side):
 
 def test_a_wedge_carries_its_centre_of_curvature_on_its_bed():
     motion = load(wedge(Roller(0.01)), [0.02, 0.05], 0.3, 0.1).motion
-    found = equivalent(motion, "K")
-    assert "O" not in found.pins and len(found.blocks) >= 1
-    inner = np.isfinite(found.pins["K"])
-    rod = found.pins["T"] - found.pins["K"]
+    equivalents = equivalent(motion, "K")
+    assert "O" not in equivalents.pins and len(equivalents.blocks) >= 1
+    inner = np.isfinite(equivalents.pins["K"])
+    rod = equivalents.pins["T"] - equivalents.pins["K"]
     for f in np.flatnonzero(inner):
-        bed, up = complex(found.blocks[-1].along[f]), 1j * complex(found.blocks[-1].along[f])
-        k, t = complex(found.pins["K"][f]), complex(found.pins["T"][f])
+        bed, up = complex(equivalents.blocks[-1].along[f]), 1j * complex(equivalents.blocks[-1].along[f])
+        k, t = complex(equivalents.pins["K"][f]), complex(equivalents.pins["T"][f])
         made, at = bar("rod", k, t)
         links = (
             Link(name="frame", points={"K": xy(k), "T": xy(t)}),
@@ -198,9 +198,11 @@ def test_a_wedge_carries_its_centre_of_curvature_on_its_bed():
 
 def test_a_pin_in_a_slot_is_a_block():
     motion = load(shaper(), THETA, SPEED).motion
-    found = equivalent(motion, "K")
-    np.testing.assert_allclose(found.blocks[0].place, motion.point("crank", "A") @ [1.0, 1j], atol=1e-15)
-    np.testing.assert_allclose(np.angle(found.blocks[0].along), np.angle(motion.rotation(motion.model.index["lever"])), atol=1e-14)
+    equivalents = equivalent(motion, "K")
+    np.testing.assert_allclose(equivalents.blocks[0].place, motion.point("crank", "A") @ [1.0, 1j], atol=1e-15)
+    np.testing.assert_allclose(
+        np.angle(equivalents.blocks[0].along), np.angle(motion.rotation(motion.model.index["lever"])), atol=1e-14
+    )
 
 
 def test_lower_joints_have_none():
@@ -215,9 +217,9 @@ def test_scenes_ask_for_them_and_recordings_hold_them(tmp_path):
     assert scene.mechanism.studies.equivalent == ("C",) and mechviz.loads(scene.to_toml()) == scene
     run = run_scene(scene, frames=60)
     chain = run.studies.equivalents["C"]
-    found = {table.path: table.values for table in study_tables(run)}
+    computed = {table.path: table.values for table in study_tables(run)}
     for pin in "OKTP":
-        np.testing.assert_array_equal(found["data", "equivalent", "C", pin] @ [1.0, 1j], chain.pins[pin])
+        np.testing.assert_array_equal(computed["data", "equivalent", "C", pin] @ [1.0, 1j], chain.pins[pin])
     strips = dict(chain_strips(run, 0.1))["C"]
     np.testing.assert_array_equal(strips[1], np.stack([chain.pins["K"], chain.pins["T"]], axis=1))
     path = tmp_path / "x.rrd"

@@ -115,7 +115,7 @@ def test_the_force_plan_of_the_dyad_follows_the_hand_method():
     names = [e.name for e in dyad.edges]
     assert dyad.name == "coupler + rocker" and crank.name == "crank"
     assert names[:2] == ["R_B^n", "R_B^t"] and names[-2:] == ["R_E^t", "R_E^n"]
-    assert {"B coupler", "G coupler", "B rocker", "G rocker", "P", "R_D"} <= set(names)
+    assert {"F_i coupler", "G_coupler", "F_i rocker", "G_rocker", "P", "R_D"} <= set(names)
     sides = {e.name: e.vector for e in dyad.edges}
     rows = {p: forces.reaction(p) @ np.array([1, 1j, 0]) for p in "ABDE"}
     assert sides["R_B^n"] + sides["R_B^t"] == pytest.approx(rows["B"], rel=1e-9)  # moments against the solver
@@ -154,14 +154,14 @@ def test_the_funicular_polygon_finds_the_resultants_of_the_reference(name):
     c = case("forces_reduction", name)
     e = c["expected"]
     for pole in (None, (-40.0, 23.0), (61.0, 5.0)):
-        found = funicular([c["inputs"]["points"]], [c["inputs"]["forces"]], pole=pole)
-        assert found.kind[0] == e["type"]
-        assert found.moment[0] == pytest.approx(e.get("moment_about_origin", e.get("moment")), rel=1e-11)
+        polygon = funicular([c["inputs"]["points"]], [c["inputs"]["forces"]], pole=pole)
+        assert polygon.kind[0] == e["type"]
+        assert polygon.moment[0] == pytest.approx(e.get("moment_about_origin", e.get("moment")), rel=1e-11)
         if e["type"] == "single force":
             on, d = complex(*e["line_of_action_point_nearest_origin"]), complex(*e["line_of_action_direction"])
-            assert np.imag((found.meeting[0] - on) * np.conj(d)) == pytest.approx(0.0, abs=1e-11)
+            assert np.imag((polygon.meeting[0] - on) * np.conj(d)) == pytest.approx(0.0, abs=1e-11)
         else:
-            assert np.isnan(found.meeting[0])
+            assert np.isnan(polygon.meeting[0])
 
 
 @settings(max_examples=60)
@@ -172,32 +172,32 @@ def test_the_result_does_not_depend_on_the_pole(seed, n):
     couples = rng.normal(size=(3, n)) * (seed % 2)
     algebra = resultant(points, forces, couples)
     for pole in (None, rng.normal(size=(3, 2)) * 3):
-        found = funicular(points, forces, couples, pole=pole)
-        assert list(found.kind) == list(algebra.kind)
-        assert found.resultant == pytest.approx(algebra.force @ np.array([1, 1j]), rel=1e-12)
+        polygon = funicular(points, forces, couples, pole=pole)
+        assert list(polygon.kind) == list(algebra.kind)
+        assert polygon.resultant == pytest.approx(algebra.force @ np.array([1, 1j]), rel=1e-12)
         # rounding grows where a string is nearly parallel to its force: judged by the smallest sine
-        cross = np.imag(np.conj(found.rays[:, :-1]) * found.forces)
+        cross = np.imag(np.conj(polygon.rays[:, :-1]) * polygon.forces)
         sine = np.min(
-            np.abs(cross) / (np.abs(found.rays[:, :-1]) * np.abs(found.forces) + 1e-300),
+            np.abs(cross) / (np.abs(polygon.rays[:, :-1]) * np.abs(polygon.forces) + 1e-300),
             initial=1.0,
-            where=np.abs(found.forces) > 0,
+            where=np.abs(polygon.forces) > 0,
         )
-        reach = max(np.abs(found.knots).max(), 1.0)
-        tolerance = 1e-12 * reach * np.abs(found.forces).sum() * max(1.0, np.abs(found.rays).max()) / max(sine, 1e-6)
-        assert found.moment == pytest.approx(algebra.moment, abs=tolerance)
+        reach = max(np.abs(polygon.knots).max(), 1.0)
+        tolerance = 1e-12 * reach * np.abs(polygon.forces).sum() * max(1.0, np.abs(polygon.rays).max()) / max(sine, 1e-6)
+        assert polygon.moment == pytest.approx(algebra.moment, abs=tolerance)
         if pole is None:
-            assert found.closing.max() < 1e-9
+            assert polygon.closing.max() < 1e-9
 
 
 @settings(max_examples=50)
 @given(st.integers(0, 10**6))
 def test_strings_are_parallel_to_rays_and_meet_on_the_forces(seed):
     rng = np.random.default_rng(seed)
-    found = funicular(rng.uniform(-1, 1, (2, 5, 2)), rng.normal(size=(2, 5, 2)))
-    on_lines = np.imag((found.knots - found.points) * np.conj(found.forces))
-    assert on_lines == pytest.approx(np.zeros_like(on_lines), abs=1e-9 * (1 + np.abs(found.knots).max()))
-    string = np.diff(found.knots, axis=1)
-    assert np.imag(string * np.conj(found.rays[:, 1:-1])) == pytest.approx(0.0, abs=1e-9 * (1 + np.abs(found.knots).max()))
+    polygon = funicular(rng.uniform(-1, 1, (2, 5, 2)), rng.normal(size=(2, 5, 2)))
+    on_lines = np.imag((polygon.knots - polygon.points) * np.conj(polygon.forces))
+    assert on_lines == pytest.approx(np.zeros_like(on_lines), abs=1e-9 * (1 + np.abs(polygon.knots).max()))
+    string = np.diff(polygon.knots, axis=1)
+    assert np.imag(string * np.conj(polygon.rays[:, 1:-1])) == pytest.approx(0.0, abs=1e-9 * (1 + np.abs(polygon.knots).max()))
 
 
 def test_couples_vanishing_forces_and_equilibrium():
@@ -212,16 +212,16 @@ def test_couples_vanishing_forces_and_equilibrium():
 # -- polodes ------------------------------------------------------------------------------------------------------------
 def test_the_moving_polode_rolls_on_the_fixed_one():
     motion = bar_motion(720)
-    found = centrodes(motion, "coupler")
-    fixed, moving = (np.hypot(*np.diff(p, axis=0).T) for p in (found.fixed, found.moving))
+    curves = centrodes(motion, "coupler")
+    fixed, moving = (np.hypot(*np.diff(p, axis=0).T) for p in (curves.fixed, curves.moving))
     near = np.isfinite(fixed) & (fixed < 0.01)
     assert near.sum() > 100
     assert fixed[near] == pytest.approx(moving[near], rel=2e-3)  # chords of equal arcs
     # and they touch: the moving one, carried along, passes the pole, where the link's velocity is zero
     k = motion.model.index["coupler"]
-    local = found.moving[:, 0] + 1j * found.moving[:, 1]
+    local = curves.moving[:, 0] + 1j * curves.moving[:, 1]
     place = motion.origins[k] + local * motion.rotation(k)
-    assert np.column_stack([place.real, place.imag]) == pytest.approx(found.fixed, rel=1e-9)
+    assert np.column_stack([place.real, place.imag]) == pytest.approx(curves.fixed, rel=1e-9)
     v = motion.origin_velocities[k] + 1j * motion.velocity("coupler")[:, 2] * local * motion.rotation(k)
     assert np.abs(v).max() <= 1e-9 * np.abs(motion.origin_velocities[k]).max() * (1 + np.abs(local).max())
 
@@ -229,9 +229,9 @@ def test_the_moving_polode_rolls_on_the_fixed_one():
 def test_elliptic_trammel_has_cardan_circles_for_polodes():
     motion = motion_of("elliptic-trammel", 90)
     rod = max(motion.mechanism.links, key=lambda k: len(k.points) if k.name != motion.mechanism.frame else 0).name
-    found = centrodes(motion, rod)
+    curves = centrodes(motion, rod)
     circle = []
-    for way in (found.fixed, found.moving):
+    for way in (curves.fixed, curves.moving):
         a = np.column_stack([2.0 * way, np.ones(len(way))])
         (x, y, c), *_ = np.linalg.lstsq(a, (way**2).sum(axis=1), rcond=None)
         radius = np.sqrt(c + x * x + y * y)

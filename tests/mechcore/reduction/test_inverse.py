@@ -33,8 +33,8 @@ def said(*arguments):
 @pytest.mark.parametrize("name", ["inertia-lecture-aB30", "inertia-lecture-aB25"])
 def test_the_worked_task_of_the_lecture(name):
     """Accelerations are inputs: omega^2, alpha, a_S, the resultant, its moment, and the point masses' accelerations."""
-    found = case(FILE, name)
-    i, expected = found["inputs"], found["expected"]
+    reference = case(FILE, name)
+    i, expected = reference["inputs"], reference["expected"]
     a, b = complex(*i["A"]), complex(*i["B"])
     of_a, of_b = (cmath.rect(i[f"a_{k}"], math.radians(i[f"a_{k}_angle_deg"])) for k in "AB")
     rates = rates_from_accelerations(a, b, of_a, of_b)
@@ -81,9 +81,9 @@ def test_accelerations_that_no_rigid_body_has_are_refused():
 
 def test_inertia_from_the_periods_of_the_reference():
     """Reference case compound-pendulum-period: J_O = 0.4 kg m^2 at every amplitude."""
-    found = case("dynamics", "compound-pendulum-period")
-    i = found["inputs"]
-    for row in found["expected"]:
+    reference = case("dynamics", "compound-pendulum-period")
+    i = reference["inputs"]
+    for row in reference["expected"]:
         about, centre = inertia_from_swing(i["m"], i["d"], row["period"], row["amplitude"], i["g"])
         assert about == pytest.approx(i["J_O"], rel=1e-12)
         assert centre == pytest.approx(i["J_O"] - i["m"] * i["d"] ** 2, rel=1e-12)

@@ -40,26 +40,26 @@ def test_resultants_of_the_reference(name):
     c = case(FILE, name)
     expected = c["expected"]
     points, forces = c["inputs"]["points"], c["inputs"]["forces"]
-    found = resultant(points, forces)
-    assert found.kind == expected["type"]
-    assert found.force == pytest.approx(expected["resultant"], rel=1e-13, abs=1e-13)
+    resultants = resultant(points, forces)
+    assert resultants.kind == expected["type"]
+    assert resultants.force == pytest.approx(expected["resultant"], rel=1e-13, abs=1e-13)
     key = "moment_about_origin" if "moment_about_origin" in expected else "moment"
-    assert float(found.moment) == pytest.approx(expected[key], rel=1e-13)
+    assert float(resultants.moment) == pytest.approx(expected[key], rel=1e-13)
     if "line_of_action_point_nearest_origin" in expected:
-        assert found.point == pytest.approx(expected["line_of_action_point_nearest_origin"], abs=1e-14)
-        assert found.direction == pytest.approx(expected["line_of_action_direction"], abs=1e-14)
+        assert resultants.point == pytest.approx(expected["line_of_action_point_nearest_origin"], abs=1e-14)
+        assert resultants.direction == pytest.approx(expected["line_of_action_direction"], abs=1e-14)
 
 
 def test_forces_in_equilibrium_come_to_nothing():
-    found = resultant([[0, 0], [1, 0], [0.5, 1]], [[0, 1], [0, 1], [0, -2]])
-    assert found.kind == "equilibrium"
-    assert found.moment == 0 and np.isnan(found.point).all() and np.isnan(found.direction).all()
+    resultants = resultant([[0, 0], [1, 0], [0.5, 1]], [[0, 1], [0, 1], [0, -2]])
+    assert resultants.kind == "equilibrium"
+    assert resultants.moment == 0 and np.isnan(resultants.point).all() and np.isnan(resultants.direction).all()
 
 
 def test_a_couple_far_from_the_origin_is_a_couple():
-    found = resultant([[1e6, 1e6], [1e6 + 0.5, 1e6]], [[0, -3], [0, 3]])
-    assert found.kind == "couple"
-    assert float(found.moment) == pytest.approx(1.5, rel=1e-9)
+    resultants = resultant([[1e6, 1e6], [1e6 + 0.5, 1e6]], [[0, -3], [0, 3]])
+    assert resultants.kind == "couple"
+    assert float(resultants.moment) == pytest.approx(1.5, rel=1e-9)
 
 
 @settings(max_examples=50)
@@ -72,18 +72,20 @@ def test_the_main_vector_does_not_depend_on_the_point_and_the_moment_shifts_by_r
     f1, m1 = reduce_to(points, forces, couples, about=about)
     assert np.array_equal(f0, f1)
     assert m1 == pytest.approx(m0 - (about[0] * f0[1] - about[1] * f0[0]), abs=1e-12)
-    found = resultant(points, forces, couples)
-    if found.kind == "single force" and found.magnitude > 1e-3:  # alone on its line it has the system's moment about any point
-        back = resultant([found.point], [found.force])
-        assert float(back.moment) == pytest.approx(float(m0), abs=1e-9 * (1 + np.abs(found.point).max()))
-        assert np.hypot(*found.nearest(about) - about) <= np.hypot(*found.point - about) + 1e-12
+    resultants = resultant(points, forces, couples)
+    if (
+        resultants.kind == "single force" and resultants.magnitude > 1e-3
+    ):  # alone on its line it has the system's moment about any point
+        back = resultant([resultants.point], [resultants.force])
+        assert float(back.moment) == pytest.approx(float(m0), abs=1e-9 * (1 + np.abs(resultants.point).max()))
+        assert np.hypot(*resultants.nearest(about) - about) <= np.hypot(*resultants.point - about) + 1e-12
 
 
 def test_frames_lead_and_each_has_its_own_kind():
     forces = np.array([[[0, 1], [0, 1]], [[0, 1], [0, -1]], [[0, 0], [0, 0]]], float)
-    found = resultant(np.array([[0.0, 0.0], [2.0, 0.0]]), forces)
-    assert list(found.kind) == ["single force", "couple", "equilibrium"]
-    assert found.point[0] == pytest.approx([1.0, 0.0])
+    resultants = resultant(np.array([[0.0, 0.0], [2.0, 0.0]]), forces)
+    assert list(resultants.kind) == ["single force", "couple", "equilibrium"]
+    assert resultants.point[0] == pytest.approx([1.0, 0.0])
 
 
 # -- inertia ------------------------------------------------------------------------------------------------------------
@@ -156,8 +158,8 @@ def test_the_lectures_table_of_solids():
     for row in c["expected"]:
         hits = [k for k in ours if k in row["body"]]
         if "box" in row["body"] or "cuboid" in row["body"] or "block" in row["body"]:
-            found = [m * SOLIDS["box"].square(p, q) for p, q in ((a, b), (b, cc), (a, cc))]
-            assert any(x == pytest.approx(row["I"], rel=1e-13) for x in found), row["body"]
+            computed = [m * SOLIDS["box"].square(p, q) for p, q in ((a, b), (b, cc), (a, cc))]
+            assert any(x == pytest.approx(row["I"], rel=1e-13) for x in computed), row["body"]
             seen.add("box")
             continue
         assert len(hits) >= 1, row["body"]
@@ -251,24 +253,24 @@ def equivalent(mass, inertia, solution):
 def test_the_lectures_worked_task_has_two_solutions(name):
     c = case(FILE, name)
     i = c["inputs"]
-    found = substitute_masses(
+    substitution = substitute_masses(
         i["m"], i["I_S"], [PointMass(x=i["A"][0], y=i["A"][1]), PointMass(x=i["B"][0], y=i["B"][1]), PointMass(y=i["y_C"])]
     )
-    assert len(found.solutions) == 2 and "two" in found.message and "negative" in found.message
-    for (masses, places), branch in zip(found.solutions, c["expected"]["branches"], strict=True):  # the positive one first
+    assert len(substitution.solutions) == 2 and "two" in substitution.message and "negative" in substitution.message
+    for (masses, places), branch in zip(substitution.solutions, c["expected"]["branches"], strict=True):  # the positive one first
         assert masses == pytest.approx([branch["m_A"], branch["m_B"], branch["m_C"]], rel=1e-12)
         assert places[2] == pytest.approx([branch["x_C"], i["y_C"]], rel=1e-12)
         assert (masses > 0).all() == branch["all_positive"]
         assert equivalent(i["m"], i["I_S"], (masses, places)) < 1e-13
-    assert found.negative == ((), (0,))
+    assert substitution.negative == ((), (0,))
 
 
 def test_no_real_solution_is_said():
     i = case(FILE, "masses-no-real-solution")["inputs"]
-    found = substitute_masses(
+    substitution = substitute_masses(
         i["m"], i["I_S"], [PointMass(x=i["A"][0], y=i["A"][1]), PointMass(x=i["B"][0], y=i["B"][1]), PointMass(y=i["y_C"])]
     )
-    assert found.solutions == () and "no real solution" in found.message
+    assert substitution.solutions == () and "no real solution" in substitution.message
 
 
 @pytest.mark.parametrize("name", ["inertia-lecture-aB30", "inertia-lecture-aB25"])
@@ -281,10 +283,10 @@ def test_point_forces_of_the_worked_task(name):
     omega, alpha = math.sqrt(-field.real), field.imag
     a_s = acc[0] - field * a[0]
     assert omega**2 == pytest.approx(e["omega_squared"], rel=1e-11) and alpha == pytest.approx(e["eps"], rel=1e-11)
-    found = substitute_masses(
+    substitution = substitute_masses(
         i["m"], i["I_S"], [PointMass(x=i["A"][0], y=i["A"][1]), PointMass(x=i["B"][0], y=i["B"][1]), PointMass(y=i["y_C"])]
     )
-    for (masses, places), branch in zip(found.solutions, e["branches"], strict=True):
+    for (masses, places), branch in zip(substitution.solutions, e["branches"], strict=True):
         single = -masses[:, None] * acceleration_field(places, [a_s.real, a_s.imag], omega, alpha)
         for k, name in enumerate("ABC"):
             assert single[k] == pytest.approx(branch[f"P_{name}"], rel=1e-10)
@@ -302,8 +304,8 @@ def test_three_masses_in_line_through_s(name):
     i, e = c["inputs"], c["expected"]
     # the line is x; a fourth place off it, of zero mass, makes four equations for four masses
     points = [PointMass(x=-i["b"], y=0.0), PointMass(x=0.0, y=0.0), PointMass(x=i["c"], y=0.0), PointMass(x=0.1, y=0.7)]
-    found = substitute_masses(i["m"], i["J_S"], points)
-    ((masses, places),) = found.solutions
+    substitution = substitute_masses(i["m"], i["J_S"], points)
+    ((masses, places),) = substitution.solutions
     assert masses == pytest.approx([e["m_B"], e["m_S"], e["m_C"], 0.0], rel=1e-12, abs=1e-13)
     assert equivalent(i["m"], i["J_S"], (masses, places)) < 1e-13
 
@@ -353,17 +355,17 @@ def test_every_solution_replaces_the_body_and_a_known_one_is_found(mass, inertia
             for i in range(n)
         ]
         try:
-            found = substitute_masses(float(m.sum()), j, points)
+            substitution = substitute_masses(float(m.sum()), j, points)
         except MechanismError as error:  # choices that say nothing about one of the equations, or leave a family
             assert any(
                 w in str(error)
                 for w in ("family", "all masses are given", "nothing that is unknown", "has no influence", "one circle")
             )
             continue
-        for solution in found.solutions:
+        for solution in substitution.solutions:
             assert equivalent(float(m.sum()), j, solution) < 1e-9
-        near = [max(np.abs(a - m).max(), np.abs(b - xy).max()) for a, b in found.solutions]
-        assert min(near, default=np.inf) < 1e-4, (chosen, found.message)
+        near = [max(np.abs(a - m).max(), np.abs(b - xy).max()) for a, b in substitution.solutions]
+        assert min(near, default=np.inf) < 1e-4, (chosen, substitution.message)
 
 
 def test_wrong_numbers_of_unknowns_and_families_are_refused():

@@ -76,12 +76,12 @@ def test_newton_stops_earlier_with_a_larger_tolerance(monkeypatch):
 
 def test_friction_stops_earlier_with_a_larger_tolerance():
     m = load("slider-crank-friction").mechanism
-    found = [solve_forces(solve_motion(compile_mechanism(m, Accuracy(friction=t)), default_times(m, 90))) for t in (1e-13, 1e-3)]
-    tight, loose = (f.friction for f in found)
+    computed = [solve_forces(solve_motion(compile_mechanism(m, Accuracy(friction=t)), default_times(m, 90))) for t in (1e-13, 1e-3)]
+    tight, loose = (f.friction for f in computed)
     assert loose.iterations < tight.iterations
     assert tight.residual.max() < 1e-13 < loose.residual.max() < 1e-3
-    peak = np.abs(found[0].effort("O")).max()
-    assert 0.0 < np.abs(found[1].effort("O") - found[0].effort("O")).max() < 1e-2 * peak
+    peak = np.abs(computed[0].effort("O")).max()
+    assert 0.0 < np.abs(computed[1].effort("O") - computed[0].effort("O")).max() < 1e-2 * peak
 
 
 @pytest.mark.parametrize("order", [2, 4, 6])
@@ -184,9 +184,9 @@ def test_what_is_recorded_has_the_digits_and_frames_that_are_asked(tmp_path):
         else:
             assert np.array_equal(values, run.motion.pose("rocker"))
     assert sizes[1] < 0.7 * sizes[0]
-    found = {p.item: p.value for p in inspect(tmp_path / "full.rrd").health}
-    assert found["estimated error: between frames"] == pytest.approx(np.nanmax(full.errors.between))
-    assert 0.0 < found["estimated error: position"] < 1e-13
+    computed = {p.item: p.value for p in inspect(tmp_path / "full.rrd").health}
+    assert computed["estimated error: between frames"] == pytest.approx(np.nanmax(full.errors.between))
+    assert 0.0 < computed["estimated error: position"] < 1e-13
 
 
 def test_what_nobody_asks_for_costs_nothing(monkeypatch):
@@ -404,5 +404,5 @@ def test_poles_are_where_bars_come_into_line():
 
 def test_rounding_next_to_a_change_point_does_not_fall_with_the_number_of_frames():
     """A kite that folds flat: there digits are lost, and the estimate leaves them as they are."""
-    found = [c for c in compare("kite") if c.what == "between frames, order 5"]
-    assert found[0].within and found[0].truth > 1e-12
+    result = [c for c in compare("kite") if c.what == "between frames, order 5"]
+    assert result[0].within and result[0].truth > 1e-12

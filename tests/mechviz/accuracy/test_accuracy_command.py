@@ -40,8 +40,8 @@ def test_pareto_front_and_the_cheapest():
 
 def test_timing_warms_up_and_repeats():
     calls: list[str] = []
-    found = timed(lambda: calls.append("x"), budget=0.0, least=5)
-    assert len(calls) == 6 and found.repeats == 5 and found.seconds > 0.0 <= found.spread
+    timing = timed(lambda: calls.append("x"), budget=0.0, least=5)
+    assert len(calls) == 6 and timing.repeats == 5 and timing.seconds > 0.0 <= timing.spread
     calls.clear()
     side_by_side(lambda: calls.append("a"), lambda: calls.append("b"), budget=0.0, least=3)
     assert "".join(calls) == "ab" * 4, "in turns"
@@ -55,9 +55,10 @@ def test_times_of_a_processor_that_others_used_are_called_rough(monkeypatch):
         pass
     monkeypatch.undo()
     assert share() == 0.4
-    found = precision.Measured("s", "a machine", "2026-01-01", (), share=share())
+    measured = precision.Measured("s", "a machine", "2026-01-01", (), share=share())
     assert (
-        found.foot == "measured 2026-01-01 on a machine; one thread, medians; rough: others had 60 % of the time on this processor"
+        measured.foot
+        == "measured 2026-01-01 on a machine; one thread, medians; rough: others had 60 % of the time on this processor"
     )
     assert "rough" not in precision.Measured("s", "a machine", "2026-01-01", (), share=0.97).foot
 
@@ -158,21 +159,21 @@ def test_a_recording_of_the_diagrams_has_axes_and_a_point_for_each_setting(tmp_p
 
     write_rrd(POINTS, tmp_path / "d.rrd", "title", "table", 1e-3)
     assert not [w for w in recwarn if "rerun" in w.category.__name__.lower()]
-    found = {}
+    result = {}
     for chunk in RrdReader(tmp_path / "d.rrd").stream():
         batch = chunk.to_record_batch()
         for name in batch.schema.names:
-            found[str(chunk.entity_path), name] = batch[name].to_pylist()[-1]
-    image = found["/accuracy/frames/axes", "EncodedImage:blob"][0]
+            result[str(chunk.entity_path), name] = batch[name].to_pylist()[-1]
+    image = result["/accuracy/frames/axes", "EncodedImage:blob"][0]
     assert bytes(image)[:4] == b"\x89PNG"
     for method in ("a", "b"):
         own = [p for p in POINTS if p.method == method]
-        places = np.array(found[f"/accuracy/frames/{method}", "Points2D:positions"])
+        places = np.array(result[f"/accuracy/frames/{method}", "Points2D:positions"])
         assert (np.diff(places[:, 0]) > 0).all() and (np.diff(places[:, 1]) > 0).all()
         assert places.min() > 0 and (places < DOTS * np.array(PANEL)).all()
-        labels = found[f"/accuracy/frames/{method}", "Points2D:labels"]
+        labels = result[f"/accuracy/frames/{method}", "Points2D:labels"]
         assert [label.split(": ")[1] for label in labels] == [f"{p.error:.1e} in {1e3 * p.seconds:.3g} ms" for p in own]
-        assert found[f"/accuracy/frames/{method}/error", "Scalars:scalars"] == [p.error for p in own]
+        assert result[f"/accuracy/frames/{method}/error", "Scalars:scalars"] == [p.error for p in own]
 
 
 def test_a_recording_of_the_diagrams_leaves_no_threads(tmp_path):
@@ -200,8 +201,8 @@ def test_what_was_kept_on_another_machine_does_not_count(tmp_path, monkeypatch):
     scene = load("crank-rocker")
     infinite = [*POINTS, point(5.0, float("inf"))]
     precision.keep(scene, None, infinite)
-    found = precision.kept(scene, None)
-    assert found is not None and list(found.points) == infinite and found.scene == "crank-rocker"
+    stored = precision.kept(scene, None)
+    assert stored is not None and list(stored.points) == infinite and stored.scene == "crank-rocker"
     monkeypatch.setattr(precision, "machine", lambda: "another one")
     assert precision.kept(scene, None) is None
     monkeypatch.undo()
@@ -222,8 +223,8 @@ def test_what_was_kept_on_another_machine_does_not_count(tmp_path, monkeypatch):
 def test_bad_options_are_refused(arguments, words, tmp_path, monkeypatch):
     monkeypatch.setenv("MECHVIZ_CACHE", str(tmp_path))
     monkeypatch.setattr("mechviz.commands.accuracy.ladder", lambda *a, **k: list(POINTS))
-    found = CliRunner().invoke(app, ["accuracy", "crank-rocker", *arguments])
-    assert found.exit_code == 2 and words in found.stderr
+    result = CliRunner().invoke(app, ["accuracy", "crank-rocker", *arguments])
+    assert result.exit_code == 2 and words in result.stderr
     assert CliRunner().invoke(app, ["effects", "crank-rocker", "--accuracy", "2"]).exit_code == 2
 
 
@@ -256,9 +257,9 @@ def test_settings_lie_where_their_time_and_error_are_and_marks_around_them():
 def test_a_setting_becomes_part_of_the_scene(options, changed):
     before = load("andrews-squeezer" if "method" in options else "crank-rocker")
     scene = before.changed(setting_changes(before.document, options))
-    document, found = (s.document.model_dump(exclude_defaults=True) for s in (before, scene))
+    document, result = (s.document.model_dump(exclude_defaults=True) for s in (before, scene))
     for table, values in changed.items():
-        assert {**document.get(table, {}), **values} == found[table]
+        assert {**document.get(table, {}), **values} == result[table]
     for key in set(options) - {"frames", "method", "integrator"}:
         assert getattr(scene.accuracy, key) == options[key]
     wanted = before.changed({("accuracy",): 1e-3})
@@ -314,8 +315,8 @@ def test_what_effects_do_is_what_two_runs_differ_by():
     from mechviz.scene.scene import Scene
 
     scene = load("slider-crank-friction")
-    _, found = influences(scene, budget=0.0)
-    by_name = {i.name: i for i in found}
+    _, computed = influences(scene, budget=0.0)
+    by_name = {i.name: i for i in computed}
     assert set(by_name) == {"inertia", "gravity", "friction", "process"}
     document = scene.document.model_dump(exclude_defaults=True)
     whole = np.abs(run_scene(scene).forces.effort("O")).max()
@@ -325,23 +326,23 @@ def test_what_effects_do_is_what_two_runs_differ_by():
         assert by_name[effect].effort == pytest.approx(abs(whole - less) / whole, rel=1e-9)
         assert np.isfinite(by_name[effect].cost) and by_name[effect].named
     assert by_name["friction"].worth(0.05) and not by_name["gravity"].worth(0.05)
-    words = "\n".join(influence_lines(_, found, 0.05))
+    words = "\n".join(influence_lines(_, computed, 0.05))
     assert "keep: friction changes the peak effort by 9.54 %" in words and "could be left out: gravity" in words
 
 
 def test_effects_that_a_scene_has_not_are_tried_and_not_applied():
     scene = load("slider-crank-compressor")
     before = scene.to_toml()
-    base, found = influences(scene, budget=0.0)
-    gravity = next(i for i in found if i.name == "gravity")
+    base, result = influences(scene, budget=0.0)
+    gravity = next(i for i in result if i.name == "gravity")
     assert not gravity.named and 0.0 < gravity.curve < 0.2
-    friction = next(i for i in found if i.name == "friction")
+    friction = next(i for i in result if i.name == "friction")
     assert friction.problem, "no joint has a coefficient"
     assert scene.to_toml() == before
-    assert any("friction" in line and friction.problem in line for line in influence_lines(base, found, 0.01))
+    assert any("friction" in line and friction.problem in line for line in influence_lines(base, result, 0.01))
 
 
 def test_fluctuation_of_a_motion_under_forces():
-    base, found = influences(load("andrews-squeezer"), budget=0.0)
-    assert base.fluctuation > 0.0 and next(i for i in found if i.name == "spring").fluctuation > 0.0
-    assert next(i for i in found if i.name == "inertia").problem
+    base, result = influences(load("andrews-squeezer"), budget=0.0)
+    assert base.fluctuation > 0.0 and next(i for i in result if i.name == "spring").fluctuation > 0.0
+    assert next(i for i in result if i.name == "inertia").problem

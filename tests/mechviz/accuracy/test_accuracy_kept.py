@@ -42,11 +42,11 @@ def test_recorded_numbers_are_within_the_target_between_the_frames(target, digit
     worst = 0.0
     for link in ("crank", "coupler", "rocker"):
         for what, kind in (("pose", "{}"), ("velocity", "velocity of {} ({})"), ("acceleration", "acceleration of {} ({})")):
-            found = recording.at(t, "data", "links", link, what)
+            cam_at = recording.at(t, "data", "links", link, what)
             for part, columns in (("place", slice(0, 2)), ("angle", slice(2, 3))):
                 q = truth.get(kind.format(link, part) if what != "pose" else f"{part} of {link}")
                 if q is not None and np.abs(q.values).max() > 1e-9 * q.scale:
-                    worst = max(worst, float(np.abs(found[:, columns] - q.values).max()) / q.scale)
+                    worst = max(worst, float(np.abs(cam_at[:, columns] - q.values).max()) / q.scale)
     assert 0.03 * target <= worst <= target
 
 
@@ -172,8 +172,8 @@ def test_numbers_between_frames_use_the_recorded_rates():
     t = np.linspace(0.0, 2.0, 57)
     path = ("data", "joints", "A", "motion")
     table = np.column_stack([time**5, 5 * time**4, 20 * time**3])
-    found = read_between(path, time, {path: table}.get, t, 5)
-    assert np.abs(found - np.column_stack([t**5, 5 * t**4, 20 * t**3])).max() < 1e-11
+    frames = read_between(path, time, {path: table}.get, t, 5)
+    assert np.abs(frames - np.column_stack([t**5, 5 * t**4, 20 * t**3])).max() < 1e-11
     pose, velocity = ("data", "links", "a", "pose"), ("data", "links", "a", "velocity")
     tables = {pose: np.tile(time[:, None] ** 3, 3), velocity: np.tile(3 * time[:, None] ** 2, 3)}
     assert slopes_of(pose) == (velocity, ("data", "links", "a", "acceleration"))

@@ -64,13 +64,13 @@ def test_methods_of_ours_are_curves_of_their_own_and_others_have_the_colour_of_t
         ["by hand + DOP853", "rtol 1", "3.0", "1e-3", ""],
         ["peer", "could not be run", "", "", ""],
     ]
-    found = {c.who: c for c in curves.precision_curves(rows)}
-    assert set(found) == {"mechviz, energy", "mechviz, gauss", "exudyn gen.-alpha", "by hand + DOP853"}
-    assert found["mechviz, energy"].seconds == (2e-3, 1.0) and found["mechviz, energy"].errors == (1e-12, curves.LEAST)
-    assert found["exudyn gen.-alpha"].settings == ("20 steps",), "what went astray is no result"
-    colored = {c.who: color for c, color in curves._coloured([*found.values()])}
+    result = {c.who: c for c in curves.precision_curves(rows)}
+    assert set(result) == {"mechviz, energy", "mechviz, gauss", "exudyn gen.-alpha", "by hand + DOP853"}
+    assert result["mechviz, energy"].seconds == (2e-3, 1.0) and result["mechviz, energy"].errors == (1e-12, curves.LEAST)
+    assert result["exudyn gen.-alpha"].settings == ("20 steps",), "what went astray is no result"
+    colored = {c.who: color for c, color in curves._coloured([*result.values()])}
     assert colored["exudyn gen.-alpha"] == curves.PACKAGES["exudyn"] and colored["by hand + DOP853"] in curves.BY_HAND
-    assert curves._front([*found.values()]) == [(2e-3, 1e-12), (1.0, curves.LEAST)]
+    assert curves._front([*result.values()]) == [(2e-3, 1e-12), (1.0, curves.LEAST)]
 
 
 @pytest.mark.parametrize("order", [2, 4, 6])
@@ -84,15 +84,15 @@ def test_what_peers_do_with_few_positions_is_as_exact_as_its_order(order):
         return np.stack([(1j * k) ** d * np.exp(1j * k * t) / k for k in (1, 3)], -1).view(float)[:, :4]
 
     def error(n):
-        found = spread.with_rates(lambda t: {("P", 0): motion(t, 0)}, order, 2.0, turn(n))
-        return np.array([np.abs(found["P", d] - 2.0**d * motion(turn(n), d)).max() for d in (1, 2)])
+        computed = spread.with_rates(lambda t: {("P", 0): motion(t, 0)}, order, 2.0, turn(n))
+        return np.array([np.abs(computed["P", d] - 2.0**d * motion(turn(n), d)).max() for d in (1, 2)])
 
     assert np.log2(error(64) / error(128)) == pytest.approx([order, order], abs=0.15)
     wanted = np.linspace(0.1, 6.0, 77)
 
     def splines(n):
-        found = spread.at_any_angle(lambda t: {("P", 0): motion(t, 0)}, turn(n), 2.0, wanted)
-        return np.array([np.abs(found["P", d] - 2.0**d * motion(wanted, d)).max() for d in range(3)])
+        computed = spread.at_any_angle(lambda t: {("P", 0): motion(t, 0)}, turn(n), 2.0, wanted)
+        return np.array([np.abs(computed["P", d] - 2.0**d * motion(wanted, d)).max() for d in range(3)])
 
     assert (np.log2(splines(64) / splines(128)) > [5.5, 4.5, 3.5]).all()
 

@@ -134,10 +134,10 @@ def test_its_cams_keep_to_the_pressure_angle_and_are_not_undercut(writer):
     cams = placed_cams(run.motion)
     assert [cam.name for cam in cams] == ["X", "Y", "Z"]
     for cam, stated, sharp in zip(cams, writer.pressure_angles, writer.sharpest, strict=True):
-        found = cam.cam.at(np.linspace(0.0, 2.0 * np.pi, 7001))
-        largest = np.degrees(np.abs(found.pressure_angle).max())
+        cam_at = cam.cam.at(np.linspace(0.0, 2.0 * np.pi, 7001))
+        largest = np.degrees(np.abs(cam_at.pressure_angle).max())
         assert largest == pytest.approx(np.degrees(stated), abs=0.1) and largest < 40.1
-        convex = found.radius[found.radius > 0.0]
+        convex = cam_at.radius[cam_at.radius > 0.0]
         assert convex.min() == pytest.approx(sharp, rel=0.05) and sharp > 0.15 * cam.cam.follower.radius
 
 

@@ -68,10 +68,10 @@ def test_parts_lie_apart(parts):
 @pytest.mark.parametrize(("scene", "turning"), [("waving-figure", ("crank", "shaft")), ("theatre", ("mill", "sails"))])
 def test_what_is_welded_on_a_shaft_turns_with_it(scene, turning):
     run = run_scene(load(scene))
-    found = kit_of(run.motion.mechanism, looked_at(run), THICK, PLAY, WASHER)
-    shafts = [part.outline.exterior.length for part in found if part.name.startswith("shaft") and part.kind == "pin"]
+    kit = kit_of(run.motion.mechanism, looked_at(run), THICK, PLAY, WASHER)
+    shafts = [part.outline.exterior.length for part in kit if part.name.startswith("shaft") and part.kind == "pin"]
     for name in turning:
-        plate = next(part for part in found if part.name == name)
+        plate = next(part for part in kit if part.name == name)
         assert all(x or y for x, y, _ in plate.circles), "no round hole on the shaft"
         assert any(abs(ring.length - shaft) < 1e-4 for ring in plate.outline.interiors for shaft in shafts)
 
@@ -103,13 +103,13 @@ def test_the_files_hold_the_parts(bird, parts, tmp_path):
 def test_rollers_turn_on_pins_of_their_own():
     """In the lever the pin is fast, the roller beside it turns on it; the cheeks of a fork hold one."""
     run = run_scene(load("waving-figure"))
-    found = kit_of(run.motion.mechanism, looked_at(run), THICK, PLAY, WASHER)
+    kit = kit_of(run.motion.mechanism, looked_at(run), THICK, PLAY, WASHER)
     pin = 0.5 * 0.6 * 8.0  # mm, of rollers with a radius of 8 mm
-    lever = [r for p in found if p.name.startswith("lever") for x, y, r in p.circles if (round(x), round(y)) == (90, 0)]
-    fork = [r for p in found if p.name.startswith("head") for *_, r in p.circles]
+    lever = [r for p in kit if p.name.startswith("lever") for x, y, r in p.circles if (round(x), round(y)) == (90, 0)]
+    fork = [r for p in kit if p.name.startswith("head") for *_, r in p.circles]
     assert sorted(lever) == pytest.approx([pin, pin + 0.5 * PLAY])
     assert sorted(fork) == pytest.approx([pin, pin, pin + 0.5 * PLAY])
-    pins = [(p.thickness, 0.5 * np.ptp(p.outline.bounds[::2])) for p in found if p.name.startswith("roller pin")]
+    pins = [(p.thickness, 0.5 * np.ptp(p.outline.bounds[::2])) for p in kit if p.name.startswith("roller pin")]
     assert sorted(pins) == [
         (pytest.approx(THICK * 1.4), pytest.approx(pin)),
         (pytest.approx(2 * THICK + WASHER), pytest.approx(pin)),

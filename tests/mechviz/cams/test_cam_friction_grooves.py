@@ -189,8 +189,8 @@ def test_the_side_that_carries_is_the_side_that_rubs(name):
     else:  # the shaft's work: what friction takes is what the shaft gives more than without it
         free = solved(rubbing(name, "{ coefficient = 0.1 }" if flat else None).replace('"friction", ', ""))[1]
         expected = (forces.effort(drive) - free.effort(drive)) * speed
-    found = forces.friction.losses("K")
-    np.testing.assert_allclose(found, expected, atol=2e-9 * found.max())
+    shares = forces.friction.losses("K")
+    np.testing.assert_allclose(shares, expected, atol=2e-9 * shares.max())
 
 
 def _pitch_rate(cam, angle, h=1e-6):

@@ -47,13 +47,13 @@ def lines_of(run, name):
 def test_the_pressure_is_that_of_hertz_and_carries_the_force():
     """Half an ellipse of the largest pressure over the strip is the contact force; width and peak by the formulas of a handbook."""
     _, forces, cam = solved(mechviz.load("cam-roller"))
-    found = contact_stress(forces, cam, STEEL)
+    stress = contact_stress(forces, cam, STEEL)
     force = contact_force(forces, cam)
-    np.testing.assert_allclose(0.5 * np.pi * found.pressure * found.half_width * STEEL.width, force, rtol=1e-12)
+    np.testing.assert_allclose(0.5 * np.pi * stress.pressure * stress.half_width * STEEL.width, force, rtol=1e-12)
     rho = cam.rows(forces.motion).radius
     reduced = 1.0 / (1.0 / rho + 1.0 / 0.010)
     # sigma_H = 0.418 sqrt(F E / (b r)) of steel on steel, nu = 0.3
-    np.testing.assert_allclose(found.pressure, 0.418 * np.sqrt(force * 2.1e11 / (0.008 * reduced)), rtol=1e-3)
+    np.testing.assert_allclose(stress.pressure, 0.418 * np.sqrt(force * 2.1e11 / (0.008 * reduced)), rtol=1e-3)
 
 
 def test_the_flank_that_carries_has_its_own_curvature():
@@ -62,25 +62,25 @@ def test_the_flank_that_carries_has_its_own_curvature():
     force = contact_force(forces, cam)
     assert (force < -1.0).any() and (force > 1.0).any()
     rho, r = cam.rows(forces.motion).radius, cam.face.radius
-    found = contact_stress(forces, cam, STEEL)
+    stress = contact_stress(forces, cam, STEEL)
     hollow = force < 0.0
     near = np.where(hollow, 1.0 / r - 1.0 / (rho + 2.0 * r), 1.0 / r + 1.0 / rho)
     modulus = 2.1e11 / (2.0 * (1.0 - 0.09))
-    np.testing.assert_allclose(found.pressure, np.sqrt(np.abs(force) / 0.008 * modulus * near / np.pi), rtol=1e-9)
+    np.testing.assert_allclose(stress.pressure, np.sqrt(np.abs(force) / 0.008 * modulus * near / np.pi), rtol=1e-9)
     assert (near[hollow] < 1.0 / r).all()
 
 
 @pytest.mark.parametrize("name", ["cam-conjugate", "cam-inverse", "cam-barrel", "cam-mushroom", "cam-knife"])
 def test_every_kind_of_contact_has_a_pressure(name):
     _, forces, cam = solved(mechviz.load(name), 90)
-    found = contact_stress(forces, cam, STEEL)
+    stress = contact_stress(forces, cam, STEEL)
     pressed = np.abs(contact_force(forces, cam)) > 1e-6
     if name == "cam-knife":
-        assert np.isinf(found.pressure[pressed]).all()
+        assert np.isinf(stress.pressure[pressed]).all()
         return
-    assert (found.pressure[pressed] > 1e6).all() and np.isfinite(found.pressure).all()
+    assert (stress.pressure[pressed] > 1e6).all() and np.isfinite(stress.pressure).all()
     force = np.abs(contact_force(forces, cam))
-    np.testing.assert_allclose(0.5 * np.pi * found.pressure * found.half_width * STEEL.width, force, rtol=1e-9, atol=1e-9)
+    np.testing.assert_allclose(0.5 * np.pi * stress.pressure * stress.half_width * STEEL.width, force, rtol=1e-9, atol=1e-9)
 
 
 # -- springs --------------------------------------------------------------------------------------------------------------
@@ -89,13 +89,13 @@ def test_every_kind_of_contact_has_a_pressure(name):
 def test_the_least_spring_is_that_of_the_theory():
     """Along the follower, no margin: the closed form over the law's exact extremes, which 3,600 frames meet to 1e-6."""
     _, forces, cam = solved(mechviz.load("valve-train"), 3600)
-    (found,) = least_springs(forces, cam, 0.0)
+    (computed,) = least_springs(forces, cam, 0.0)
     spring = forces.motion.mechanism.loads[0]
     mass, speed = 0.11, 2.0 * np.pi * 60.0
     length = np.hypot(*(forces.motion.point("frame", "H") - forces.motion.point("valve", "R")).T)
     preload = spring.free_length - length.max()
     wanted, _ = least_spring(Closure(mass, 1.0, preload, gravity=0.0), cam.cam.law.raised(-cam.zero), speed)
-    assert found.stiffness == pytest.approx(wanted, rel=1e-5)
+    assert computed.stiffness == pytest.approx(wanted, rel=1e-5)
 
 
 @pytest.mark.parametrize("name", ["cam-roller", "valve-train", "cam-oscillating-roller"])
@@ -106,16 +106,16 @@ def test_with_the_least_spring_the_margin_is_just_kept(name):
     margin = 35.0
     springs = least_springs(forces, cam, margin)
     assert springs and all(s.stiffness is not None for s in springs)
-    for found in springs:
-        for change in ({"stiffness": found.stiffness}, {"free_length": found.free_length}):
+    for computed in springs:
+        for change in ({"stiffness": computed.stiffness}, {"free_length": computed.free_length}):
             if None in change.values():
                 continue
-            loads = tuple(replace(x, **change) if x.name == found.spring else x for x in scene.mechanism.loads)
+            loads = tuple(replace(x, **change) if x.name == computed.spring else x for x in scene.mechanism.loads)
             motion = solve_motion(compile_mechanism(replace(scene.mechanism, loads=loads)), forces.motion.time)
             force = contact_force(solve_forces(motion), cam)
             if min(change.values()) > 0.0:  # else it is kept without the spring
                 assert force.min() == pytest.approx(margin, rel=1e-9)
-        assert found.force == pytest.approx(contact_force(forces, cam).min())
+        assert computed.force == pytest.approx(contact_force(forces, cam).min())
 
 
 def test_springs_are_not_sized_where_the_force_is_not_linear():
@@ -131,12 +131,12 @@ def test_the_drawn_lift_meets_the_exact_one_on_its_points_and_its_error_shrinks(
     motion, _, cam = solved(mechviz.load("cam-roller"))
     errors = []
     for step in (15.0, 7.5, 3.75):
-        found = drawn_lift(cam, CamDrawn(step=np.radians(step)))
-        np.testing.assert_allclose(found.drawn[0], cam.law(found.angle)[0] - cam.zero, atol=1e-12)
-        np.testing.assert_allclose(found.exact, cam.law(found.angle) - [[cam.zero], [0], [0]], atol=1e-9)
-        rows = drawn_rows(motion, cam, found)
+        lift = drawn_lift(cam, CamDrawn(step=np.radians(step)))
+        np.testing.assert_allclose(lift.drawn[0], cam.law(lift.angle)[0] - cam.zero, atol=1e-12)
+        np.testing.assert_allclose(lift.exact, cam.law(lift.angle) - [[cam.zero], [0], [0]], atol=1e-9)
+        rows = drawn_rows(motion, cam, lift)
         np.testing.assert_allclose(rows[:, :3] - rows[:, 3:], cam.law(cam.argument(motion)).T - [cam.zero, 0, 0], atol=1e-12)
-        errors.append(found.largest)
+        errors.append(lift.largest)
     assert (np.diff(np.array(errors)[:, 1]) < 0.0).all()
     rough = drawn_lift(cam, CamDrawn(step=np.radians(15.0), resolution=5e-4))
     assert 0.0 < np.abs(rough.error[0]).max() <= 2.5e-4 + 1e-12
@@ -162,10 +162,10 @@ def test_scenes_ask_for_stress_and_drawing_in_tables_and_events():
     again = next(p for p in mechviz.loads(scene.to_toml()).mechanism.joints if p.name == "K")
     assert (again.rating, again.drawn) == (joint.rating, joint.drawn)
     run = run_scene(scene)
-    found = lines_of(run, "K")
+    computed = lines_of(run, "K")
     stress = contact_stress(run.forces, placed_cams(run.motion)[0], joint.rating)
-    np.testing.assert_array_equal(found["stress"].values, np.column_stack([stress.pressure, stress.half_width]))
-    assert [c[0] for c in found["graphical"].columns][::3] == ["drawn_lift", "lift_error"]
+    np.testing.assert_array_equal(computed["stress"].values, np.column_stack([stress.pressure, stress.half_width]))
+    assert [c[0] for c in computed["graphical"].columns][::3] == ["drawn_lift", "lift_error"]
     texts = [e.text for e in cam_events(run.motion, run.forces)]
     (pressure,) = [t for t in texts if t.startswith("Hertz pressure")]
     assert f"up to {1e-6 * stress.pressure.max():.4g} MPa (limit 250 MPa)" in pressure

@@ -74,11 +74,11 @@ def test_faults_of_scenes(old, new, words):
 def test_tables_of_the_contact():
     """Names, units and values that the recording promises, against the textbook's formulas."""
     run = run_scene(mechviz.load("cam-roller-offset"))
-    found = {t.path: t for t in tables(run)}
-    contact = found["data", "cams", "K", "contact"]
+    computed = {t.path: t for t in tables(run)}
+    contact = computed["data", "cams", "K", "contact"]
     assert [unit for _, unit in contact.columns] == ["m", "m", "N", "rad", "m", "m"]
     x, y, force, alpha, radius, eccentricity = contact.values.T
-    lift, rate, second = found["data", "cams", "K", "lift"].values.T
+    lift, rate, second = computed["data", "cams", "K", "lift"].values.T
     e, r = 0.014, 0.010
     h = np.sqrt((0.038 + r) ** 2 - e**2) + lift
     np.testing.assert_allclose(np.tan(alpha), (rate - e) / h, atol=1e-12)

@@ -72,12 +72,12 @@ def test_the_least_roller_of_a_scene_just_keeps_to_the_hertz_pressure():
 
 
 def test_the_offset_of_a_scene_s_least_base_circle_and_its_roller_hold_when_they_are_typed():
-    found = placed(mechviz.loads(sized('"least"', '"least"', 'offset = "least",')))
-    roller, offset = 1e3 * found.face.radius, 1e3 * found.offset
+    computed = placed(mechviz.loads(sized('"least"', '"least"', 'offset = "least",')))
+    roller, offset = 1e3 * computed.face.radius, 1e3 * computed.offset
     bases = [placed(mechviz.loads(sized('"least"', f"{roller}", place=offset + shift))).base for shift in (-0.5, 0.0, 0.5)]
-    assert bases[1] == pytest.approx(found.base, rel=1e-9)
-    assert min(bases[0], bases[2]) > found.base * 1.001
-    assert worst_stress(sized(f"{1e3 * found.base}", f"{roller}", place=offset)) == pytest.approx(300e6, rel=2e-6)
+    assert bases[1] == pytest.approx(computed.base, rel=1e-9)
+    assert min(bases[0], bases[2]) > computed.base * 1.001
+    assert worst_stress(sized(f"{1e3 * computed.base}", f"{roller}", place=offset)) == pytest.approx(300e6, rel=2e-6)
 
 
 @pytest.mark.parametrize(
@@ -101,6 +101,12 @@ def test_no_roller_is_the_least_where_nothing_presses_it_or_none_does():
         mechviz.loads(text.replace("300 MPa", "20 MPa"))
     with pytest.raises(MechanismError, match="no force presses this follower"):
         mechviz.loads(re.sub(r"(?s)\[loads\].*", "", text).replace('effects = ["inertia", "gravity"]', "effects = []"))
+
+
+def test_no_roller_is_the_least_where_it_lands_on_its_cam():
+    text = text_of("valve-float").replace("flat = true", 'roller = "least"').replace(", face = [20, 20] }", " }")
+    with pytest.raises(MechanismError, match=r"(?s)lands with an impact.*--size"):
+        mechviz.loads(text.replace("liftoff =", 'rating = { width = 8, limit = "1500 MPa" }\nliftoff ='))
 
 
 def test_check_says_which_sizes_it_found(tmp_path):

@@ -177,8 +177,8 @@ def test_either_roller_of_a_conjugate_joint_stays_on_its_cam(name):
     motion, forces = solved(name)
     (cam,) = placed_cams(motion)
     x = np.linspace(0.1, 6.1, 40)
-    found = analyse(cam_contour(cam.mate.cam), cam.mate.cam.follower, x, cam.mate.cam.turn, bridges=False)
-    np.testing.assert_allclose(found.motion[0], cam.mate.cam.law(x, 0)[0], atol=1e-11)
+    contact = analyse(cam_contour(cam.mate.cam), cam.mate.cam.follower, x, cam.mate.cam.turn, bridges=False)
+    np.testing.assert_allclose(contact.motion[0], cam.mate.cam.law(x, 0)[0], atol=1e-11)
     force = contact_force(forces, cam)
     assert force.min() < 0.0 < force.max(), "either cam carries at times"
     reaction = forces.reaction("K")[:, 0] + 1j * forces.reaction("K")[:, 1]
@@ -218,7 +218,7 @@ def test_the_crank_of_an_inverse_cam_may_swing_about_any_angle(turned):
     text = text_of("cam-inverse")
     swung = text.replace("phase = 42", "phase = -138").replace("P = [60, -110]", "P = [-60, 110]")
     swung = swung.replace("amplitude = 40", f"amplitude = 40, centre = {turned}")
-    found = []
+    computed = []
     for each in (text, swung):
         mechanism = mechviz.loads(each).mechanism
         motion = solve_motion(compile_mechanism(mechanism), default_times(mechanism, 90, 1))
@@ -226,8 +226,8 @@ def test_the_crank_of_an_inverse_cam_may_swing_about_any_angle(turned):
         rows = cam.rows(motion, contact_force(forces, cam))
         np.testing.assert_allclose(rows.lift, motion.coordinate("P")[:, 0] - cam.law(cam.way[0])[0], atol=1e-12)
         assert not cam_events(motion, forces)
-        found.append((rows.lift, contact_force(forces, cam), rows.pressure_angle, cam.segment(motion)))
-    for before, after in zip(*found, strict=True):
+        computed.append((rows.lift, contact_force(forces, cam), rows.pressure_angle, cam.segment(motion)))
+    for before, after in zip(*computed, strict=True):
         np.testing.assert_allclose(after, before, atol=1e-9 * np.abs(before).max())
 
 

@@ -89,7 +89,7 @@ def inspected(scene: Scene, path: Path, frames: int = 60) -> str:
 def test_inspect_prints_zero_for_rounding_but_leaves_health_alone(tmp_path: Path):
     text = inspected(load("excavator-arm"), tmp_path / "a.rrd")
     peaks, health = text.split("Peaks\n")[1].split("Worst health\n")
-    values = [float(found[1]) for line in peaks.splitlines() if (found := re.search(r" (\S+) N(?: m)? ", line))]
+    values = [float(match[1]) for line in peaks.splitlines() if (match := re.search(r" (\S+) N(?: m)? ", line))]
     assert len(values) > 8
     assert all(value == 0.0 or abs(value) > 1e-7 for value in values)
     assert re.search(r"couple C1 +0 N m +throughout", peaks)
@@ -126,8 +126,8 @@ def test_odd_names_go_through_a_recording_and_back(tmp_path: Path):
         assert {*given.values()} <= {*scene.document.links, *scene.document.joints}
         run = run_scene(scene, frames=12)
         write_recording(run, tmp_path / "a.rrd")
-        found = inspect(tmp_path / "a.rrd")
-        assert {*given.values()} <= {*found.links, *(joint.name for joint in found.joints)}
+        inspection = inspect(tmp_path / "a.rrd")
+        assert {*given.values()} <= {*inspection.links, *(joint.name for joint in inspection.joints)}
         recording = Recording(tmp_path / "a.rrd")
         for link in scene.document.links:
             pose = recording.scalars("data", "links", link, "pose")[1]
@@ -252,8 +252,8 @@ def test_the_gallery_is_listed_by_topic_in_short_lines_and_searched_by_words():
     lines = runner.invoke(app, ["scenes"]).stdout.splitlines()
     assert [line for line in lines if not line.startswith(" ")] == list(TOPICS)
     assert len(lines) == len(gallery()) + len(TOPICS) and max(map(len, lines)) <= 100
-    found = runner.invoke(app, ["scenes", "Slider", "friction", "--names"]).stdout.split()
-    assert "slider-crank-friction" in found and len(found) < 10
+    parts = runner.invoke(app, ["scenes", "Slider", "friction", "--names"]).stdout.split()
+    assert "slider-crank-friction" in parts and len(parts) < 10
     none = runner.invoke(app, ["scenes", "zeppelin"])
     assert none.exit_code == 2 and "no scene of the gallery is about zeppelin" in none.stderr
 
@@ -277,14 +277,14 @@ def test_record_says_where_the_file_is_what_to_look_at_and_costs_when_asked(tmp_
 def test_inspect_tells_peaks_of_the_motion_and_of_studies(tmp_path: Path):
     run = run_scene(load("shaking-engine"), frames=60)
     write_recording(run, tmp_path / "a.rrd")
-    found = inspect(tmp_path / "a.rrd")
-    motion = {peak.item: peak.value for peak in found.motion}
+    inspection = inspect(tmp_path / "a.rrd")
+    motion = {peak.item: peak.value for peak in inspection.motion}
     rate = np.abs(run.motion.velocity("rod")[:, 2]).max()
     assert abs(motion["angular velocity rod"]) == pytest.approx(rate, rel=1e-12)
-    studies = {peak.item: peak.value for peak in found.studies}
+    studies = {peak.item: peak.value for peak in inspection.studies}
     assert studies["force shaking"] == pytest.approx(np.hypot(*run.studies.shaking.force.T).max(), rel=1e-12)
     assert studies["force shaking balanced"] < 0.5 * studies["force shaking"]
-    assert "Peaks of the motion" in format_inspection(found) and "Peaks of the studies" in format_inspection(found)
+    assert "Peaks of the motion" in format_inspection(inspection) and "Peaks of the studies" in format_inspection(inspection)
     turned = run_scene(load("substitute-masses"), frames=60)  # forces along both axes
     write_recording(turned, tmp_path / "b.rrd")
     force = next(peak for peak in inspect(tmp_path / "b.rrd").studies if peak.item == "force link.substitutes")

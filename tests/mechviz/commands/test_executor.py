@@ -9,6 +9,8 @@ from typer.testing import CliRunner
 import mechviz as mv
 from mechcore.compiled import toolchain
 from mechcore.compiled.toolchain import compiler
+from mechcore.errors import Fault, MechanismError
+from mechcore.motion import design_program
 from mechviz.commands.main import app
 
 has_compiler = pytest.mark.skipif(compiler() is None, reason="no C compiler")
@@ -37,9 +39,9 @@ def no_compiler(monkeypatch: pytest.MonkeyPatch):
         (("crank-rocker", "--executor", "c"), "positions and rates  C, "),
         (("triad", "--executor", "c"), "positions and rates  C, "),
         (("swinging-double-pendulum",), "motion under forces  numpy; C where more than 250 windows are left"),
-        (("stick-slip-feed", "--executor", "c"), "motion under forces  numpy: dry friction"),
+        (("stick-slip-feed", "--executor", "c"), "; numpy where friction jams"),
         (("valve-float", "--executor", "c"), "motion under forces  numpy: no coordinate is free until a follower leaves its cam"),
-        (("toggle-press-stop", "--executor", "c"), "; numpy while a stop holds"),
+        (("toggle-press-stop", "--executor", "c"), "; another program while a stop holds"),
         (("crank-rocker", "--executor", "numpy"), "numpy, as asked for"),
         (("slider-crank-compressor", "--executor", "c"), "reactions, efforts   C, "),
         (("screw-jack", "--executor", "c"), "; numpy where friction jams, or turns a flank"),
@@ -84,3 +86,19 @@ def test_results_are_the_same():
     for key in by_numpy:
         a, b = by_numpy[key], by_c[key]
         assert np.abs(a - b).max() <= 1e-6 * max(np.abs(a).max(), 1e-6), key  # two bars that fall free are chaotic
+
+
+@has_compiler
+def test_designs_with_friction_say_that_compiling_fails(tmp_path, monkeypatch):
+    """They were run one by one instead, without a word."""
+    text = mv.load("slider-crank-friction").text.replace("[50, 0]", '["r", 0]')
+    scene = tmp_path / "rubbing.toml"
+    scene.write_text(text.replace("[links]", '[parameters]\nr = "50 mm"\n\n[links]'))
+    ask = ("sweep", str(scene), "--vary", "r=40..60mm:3", "--of", "drive.O.torque:peak", "-n", "12", "--executor", "c")
+
+    def fails(_):
+        raise MechanismError(Fault("executor", "the C compiler fails: no space left.", "Choose the executor numpy."))
+
+    monkeypatch.setattr(design_program, "library", fails)
+    code, text = said(*ask)
+    assert code == 2 and "the C compiler fails: no space left." in text

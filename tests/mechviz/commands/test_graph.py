@@ -64,16 +64,16 @@ def crossing(a, b, c, d):
 @pytest.mark.parametrize("name", NAMES)
 def test_vertices_stand_apart_and_edges_hardly_cross(name):
     graph = graph_of(name)
-    found = layout(graph)
-    z = found.vertices
+    positions = layout(graph)
+    z = positions.vertices
     assert min(abs(a - b) for a, b in combinations(z, 2)) > 0.3
     assert np.angle(z[0] - z.mean()) == pytest.approx(-0.5 * np.pi)  # the frame at the bottom
-    for edge, curve in zip(graph.edges, found.edges, strict=True):
+    for edge, curve in zip(graph.edges, positions.edges, strict=True):
         assert curve[[0, -1]] == pytest.approx(z[list(edge.ends)])
     pairs = {tuple(sorted(e.ends)) for e in graph.edges}
     crossings = [(e, f) for e, f in combinations(pairs, 2) if not set(e) & set(f) and crossing(*z[list(e)], *z[list(f)])]
     assert len(crossings) == (1 if name == "planetary-gear" else 0)
-    numbers = found.numbers
+    numbers = positions.numbers
     assert all(abs(a - b) > 0.4 for a, b in combinations(numbers, 2))
 
 

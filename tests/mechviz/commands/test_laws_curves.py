@@ -278,10 +278,10 @@ def test_velocity_jumps_of_the_lecture_s_two_parabolas(row):
     half = [0.04, c1, a0 / 2]
     back = [0.04 + c1 * t + a0 * t**2 / 2, a0 * t - a0 * t - c1, -a0 / 2]
     law = MotionCurve.of((0.0, t, 2 * t), [half, back], repeats=True)
-    found = {round(j.angle / t): j.size for j in jumps(law, (0, 1))}
+    computed = {round(j.angle / t): j.size for j in jumps(law, (0, 1))}
     want = {1: row["jump_at_pi"], 0: row["jump_at_wrap"]}
     for k, size in want.items():
-        assert found.get(k, 0.0) == pytest.approx(size, rel=1e-13, abs=1e-13)
+        assert computed.get(k, 0.0) == pytest.approx(size, rel=1e-13, abs=1e-13)
     assert all(j.shock for j in jumps(law, (1, 2)))
 
 

@@ -76,10 +76,10 @@ def test_every_mode_of_three_legged_platforms_is_found():
     for _ in range(80):
         legs = rng.uniform(0.5, 2.5, 3)
         expected = plate_angles(legs)
-        found = found_angles(platform(legs), "plate")
-        assert len(found) == len(expected), legs
-        np.testing.assert_allclose(np.exp(1j * found), np.exp(1j * expected), atol=1e-6)
-        counts.append(len(found))
+        angles = found_angles(platform(legs), "plate")
+        assert len(angles) == len(expected), legs
+        np.testing.assert_allclose(np.exp(1j * angles), np.exp(1j * expected), atol=1e-6)
+        counts.append(len(angles))
     assert {0, 2, 6} <= set(counts)
 
 
@@ -161,10 +161,10 @@ def test_every_mode_of_eight_bars_is_found():
         assert (block.kind, len(block.angles), len(block.loops)) == ("general", 6, 3)
         modes = group_modes(model, block, initial_state(model, [np.float64(0.0)]))
         leg = block.angles.index(model.angles.group[model.index["leg_B"]])
-        found = np.exp(1j * (modes[:, leg] + np.angle(at["P"] - at["B"])))
+        computed = np.exp(1j * (modes[:, leg] + np.angle(at["P"] - at["B"])))
         expected = np.exp(1j * modes_of_eight_bar(at))
-        assert len(found) == len(expected)
-        assert np.abs(found[:, None] - expected).min(axis=1).max() < 1e-8
-        assert np.abs(found[:, None] - expected).min(axis=0).max() < 1e-8
-        counts.append(len(found))
+        assert len(computed) == len(expected)
+        assert np.abs(computed[:, None] - expected).min(axis=1).max() < 1e-8
+        assert np.abs(computed[:, None] - expected).min(axis=0).max() < 1e-8
+        counts.append(len(computed))
     assert max(counts) == 12

@@ -19,7 +19,7 @@ CASES = all_cases()
 def test_hard_case(case: Case):
     outcome = case.run()
     missed = [f"{c.name}: {c.error:.3g} > {c.bound:.3g}" for c in outcome.checks if not c.passed]
-    assert outcome.passed, f"{outcome.found}; {missed}"
+    assert outcome.passed, f"{outcome.summary}; {missed}"
 
 
 def test_the_suite_is_whole():
@@ -49,7 +49,7 @@ def _case(error: float) -> Case:
 def test_an_exception_is_a_failure_of_its_case_only():
     broken = Case("broken", "input", "it breaks", "nothing", lambda: 1 / 0)  # type: ignore[arg-type,return-value]  # on purpose
     outcome = broken.run()
-    assert not outcome.passed and "division by zero" in outcome.found
+    assert not outcome.passed and "division by zero" in outcome.summary
 
 
 @pytest.mark.parametrize(("error", "code"), [(1e-12, 0), (1e-3, 1), (float("nan"), 1)])

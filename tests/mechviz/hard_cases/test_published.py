@@ -195,8 +195,8 @@ def test_four_bars_in_a_row_through_their_singular_position():
     case = CASES["iftomm_A02_n2"]
     end = [case["inputs"]["t_end"]]
     for method in ("energy", "gauss"):
-        found = simulate(chain(case["inputs"]["N"]), end[0], tolerance=1e-11, method=method)
-        motion = found.motion(end)
+        simulation = simulate(chain(case["inputs"]["N"]), end[0], tolerance=1e-11, method=method)
+        motion = simulation.motion(end)
         for key, derivative in (("B0", 0), ("vB0", 1)):
             got = motion.point("upright0", "B0", derivative)[0]
             agree(got, case["expected"][key], case, key)
@@ -226,9 +226,9 @@ def test_stick_slip_with_bristles():
     """Time constants of 0.003 s to some seconds in one motion: the integrator's Radau windows."""
     case = CASES["lugre_stick_slip"]
     end, none = case["inputs"]["t_end"], np.zeros(2)
-    found = Integrator(Bristles(case["inputs"]), tolerance=1e-8, scale=np.array([1.0, 1e-5]), stiff=True).run(none, none, 0.0, end)
-    q, v, _ = found(end)
+    result = Integrator(Bristles(case["inputs"]), tolerance=1e-8, scale=np.array([1.0, 1e-5]), stiff=True).run(none, none, 0.0, end)
+    q, v, _ = result(end)
     for key, got in (("x", q[0, 0]), ("v", v[0, 0]), ("z", v[0, 1])):
         agree(got, case["expected"][key], case, key)
         exactly(got, case, key)
-    assert len(found.windows) < 500
+    assert len(result.windows) < 500

@@ -34,17 +34,17 @@ def test_a_program_prints_what_a_run_has(tmp_path: Path, scene: str) -> None:
     asked = [repr(float(positions[0])), repr(float(positions[-1])), "25", repr(float(speeds[0]))]
     printed = subprocess.run([str(tmp_path / "own"), *asked], capture_output=True, text=True, check=True).stdout
     head, *rows = csv.reader(io.StringIO(printed))
-    found = dict(zip(head, np.array(rows, float).T, strict=True))
+    computed = dict(zip(head, np.array(rows, float).T, strict=True))
     for link in run.motion.model.links[1:]:
         wanted = {"x": run.motion.pose(link)[:, 0], "y": run.motion.pose(link)[:, 1]}
         wanted |= {"angular_velocity": run.motion.velocity(link)[:, 2], "x_acceleration": run.motion.acceleration(link)[:, 0]}
         for name, values in wanted.items():
-            np.testing.assert_allclose(found[f"{link} {name}"], values, rtol=1e-11, atol=1e-11 * max(np.abs(values).max(), 1.0))
-        turned = found[f"{link} angle"] - run.motion.pose(link)[:, 2]
+            np.testing.assert_allclose(computed[f"{link} {name}"], values, rtol=1e-11, atol=1e-11 * max(np.abs(values).max(), 1.0))
+        turned = computed[f"{link} angle"] - run.motion.pose(link)[:, 2]
         np.testing.assert_allclose(np.sin(turned), 0.0, atol=1e-11)
     if run.forces is not None:
         effort = run.forces.effort(drive)
-        np.testing.assert_allclose(found[f"{drive} effort"], effort, atol=1e-11 * np.abs(effort).max())
+        np.testing.assert_allclose(computed[f"{drive} effort"], effort, atol=1e-11 * np.abs(effort).max())
 
 
 @pytest.mark.parametrize(

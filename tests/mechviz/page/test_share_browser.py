@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from browsers import REQUESTING, STILL, browser, chromium_or_skip, elsewhere, pulling
+from browsers import ONE_SAMPLE, REQUESTING, STILL, browser, chromium_or_skip, elsewhere, pulling
 from pixels import same
 
 from mechviz.facade import Result
@@ -60,6 +60,7 @@ class Opened:
 
     def __init__(self, browser: Any, file: Path, script: str = "", **options: Any):
         self.context = browser.new_context(**options)
+        self.context.add_init_script(ONE_SAMPLE)
         self.context.add_init_script(script)
         self.context.set_offline(True)
         self.page = self.context.new_page()

@@ -28,6 +28,19 @@ def test_arrows_along_one_line_are_apart_in_recordings():
     assert np.all(rows.values[:, 2] == np.float32(arrow.height))
 
 
+def test_forces_from_two_places_that_lie_on_each_other_are_drawn_side_by_side():
+    """A spring pushes along the line of the joint's force, from a seat below it."""
+    m = made("valve-spring", FRAMES)
+    picture = picture_of(m.run, m.solids)
+    spring, joint = (next(a for a in picture.of(Arrow) if a.key == key) for key in ("applied.return_spring", "reaction.T"))
+    away = np.abs(spring.vector.origin - joint.vector.origin)[:, 0]
+    assert np.mean(away < 1e-9) > 0.5, "one line while the valve is shut"
+    assert np.abs(spring.vector.origin - joint.vector.origin)[:, 1].min() > 0.01 * picture.size, "two places"
+    assert abs(spring.aside - joint.aside) > 0.01 * picture.size
+    cam = made("cam-roller", FRAMES)
+    assert all(a.aside == 0.0 for a in picture_of(cam.run, cam.solids).of(Arrow, "reaction")), "through contact and bearing"
+
+
 def test_couples_about_one_place_have_circles_of_their_own_behind_the_forces():
     m = made("belt-slip", FRAMES)
     picture = picture_of(m.run, m.solids)

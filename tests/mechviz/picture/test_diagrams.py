@@ -67,10 +67,10 @@ def test_diagrams_of_an_engine():
 )
 def test_only_what_a_run_calls_for(name, expected):
     run = made(name, 40).run
-    found = find_diagrams(run)
-    assert [d.name for d in found] == expected
+    diagrams = find_diagrams(run)
+    assert [d.name for d in diagrams] == expected
     if run.simulation is not None:
-        assert [c.name for c in found[0].curves] == [d.joint for d in run.scene.mechanism.drives]
+        assert [c.name for c in diagrams[0].curves] == [d.joint for d in run.scene.mechanism.drives]
 
 
 def test_curves_are_cut_where_nothing_is_known():

@@ -64,13 +64,13 @@ def test_all_that_stands_on_the_ground_hangs_together(name):
     whole = [(outline(mesh), mesh.vertices[:, 2].min(), mesh.vertices[:, 2].max()) for mesh in picture.fixtures[frame]]
     whole += [part for parts in solids.heights.parts(frame, ("pedestal", "rail")) for part in parts]
     near = 1e-3 * solids.size
-    found, left = [whole[0]], whole[1:]
+    result, left = [whole[0]], whole[1:]
     while touching := [
         part
         for part in left
-        if any(part[1] < high + near and part[2] > low - near and part[0].distance(shape) < near for shape, low, high in found)
+        if any(part[1] < high + near and part[2] > low - near and part[0].distance(shape) < near for shape, low, high in result)
     ]:
-        found += touching
+        result += touching
         left = [part for part in left if not any(part is other for other in touching)]
     assert not left
     assert min(low for _, low, _ in whole) < float(solids.bounds[0, 2]), "the bars lie behind all links"

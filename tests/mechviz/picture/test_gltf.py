@@ -134,10 +134,10 @@ def test_meshes_are_the_solids(made):
             triangles.append(places[indices.reshape(-1, 3)])
             color = glb["materials"][primitive["material"]]["pbrMetallicRoughness"]["baseColorFactor"]
             assert len(color) == 4 and all(0.0 <= c <= 1.0 for c in color)
-        found = np.concatenate(triangles)
-        assert np.array_equal(np.sort(found, axis=None), np.sort(solid.vertices[solid.faces], axis=None))
+        computed = np.concatenate(triangles)
+        assert np.array_equal(np.sort(computed, axis=None), np.sort(solid.vertices[solid.faces], axis=None))
         mesh = Trimesh(solid.vertices.astype(float), solid.faces, process=False)
-        volume = np.einsum("ij,ij->i", found[:, 0], np.cross(found[:, 1], found[:, 2])).sum() / 6.0
+        volume = np.einsum("ij,ij->i", computed[:, 0], np.cross(computed[:, 1], computed[:, 2])).sum() / 6.0
         assert volume == pytest.approx(mesh.volume, rel=1e-3)  # every triangle once
         assert volume > 0.999 * solids.links[node["name"]].mesh.volume  # and outwards
 

@@ -66,15 +66,15 @@ class Puzzle:
 
     def moves(self, layers: list[int]) -> list[list[int]]:
         """All orders one move away."""
-        found = [[max(layers) - layer for layer in layers]]
+        result = [[max(layers) - layer for layer in layers]]
         for g in range(self.n):
             for level in range(max(layers) + 2):
-                found.append([level if k == g else old for k, old in enumerate(layers)])
-                found.append([level if k == g else old + (old >= level) for k, old in enumerate(layers)])
+                result.append([level if k == g else old for k, old in enumerate(layers)])
+                result.append([level if k == g else old + (old >= level) for k, old in enumerate(layers)])
             for h in range(g):
-                found.append(list(layers))
-                found[-1][g], found[-1][h] = layers[h], layers[g]
-        return [[sorted(set(order)).index(layer) for layer in order] for order in found]
+                result.append(list(layers))
+                result[-1][g], result[-1][h] = layers[h], layers[g]
+        return [[sorted(set(order)).index(layer) for layer in order] for order in result]
 
 
 @pytest.mark.parametrize("seed", range(40))
@@ -97,11 +97,11 @@ def test_moves_in_bulk_end_where_no_single_move_helps(bulk, n, seed):
     ranks = [natural_ranks(puzzle.conflicts, puzzle.posts), list(range(n))]
     start = packed(greedy(puzzle.costs, np.array(ranks)))
     assert start.tolist() == [placed_one_by_one(puzzle, order) for order in ranks]
-    found = bulk(puzzle.costs, start).tolist()
-    costs = [puzzle.cost(order) for order in found]
+    result = bulk(puzzle.costs, start).tolist()
+    costs = [puzzle.cost(order) for order in result]
     assert min(costs) <= min(puzzle.cost(order) for order in start.tolist()) + 1e-9
-    assert found == packed(np.array(found, np.int16)).tolist()
-    for order, cost in zip(found, costs, strict=True):
+    assert result == packed(np.array(result, np.int16)).tolist()
+    for order, cost in zip(result, costs, strict=True):
         assert all(puzzle.cost(trial) >= cost - 1e-6 for trial in puzzle.moves(order))
 
 
@@ -118,9 +118,9 @@ def test_the_order_is_the_cheapest_that_any_start_leads_to():
     puzzle = Puzzle(random.Random(5), 6)
     puzzle.behind = {2: 1.0}
     puzzle.costs = Costs(puzzle.conflicts, puzzle.posts, puzzle.behind, WEIGHTS)
-    found = order_layers(puzzle.conflicts, puzzle.posts, puzzle.behind)
-    cost = puzzle.cost(list(found.layers))
-    assert found.clashes == cost // WEIGHTS[0]
+    layers = order_layers(puzzle.conflicts, puzzle.posts, puzzle.behind)
+    cost = puzzle.cost(list(layers.layers))
+    assert layers.clashes == cost // WEIGHTS[0]
     rng = random.Random(0)
     for _ in range(200):
         assert cost <= puzzle.cost(packed(np.array([[rng.randint(0, 5) for _ in range(6)]], np.int16))[0].tolist()) + 1e-9

@@ -209,8 +209,8 @@ def slices_of(solids: Solids, name: str, poses: np.ndarray, z: float) -> np.ndar
 
 def slice_of(solids: Solids, name: str, pose: np.ndarray, z: float) -> shapely.Geometry:
     """The same at one pose (3,)."""
-    (found,) = slices_of(solids, name, pose[None], z)
-    return found
+    (result,) = slices_of(solids, name, pose[None], z)
+    return result
 
 
 def layer_height(solids: Solids, name: str, kinds: tuple[str, ...]) -> float:
@@ -260,18 +260,18 @@ def test_numbers_of_teeth_are_the_stated_ones_or_fit_the_radii():
     assert (z1, z2) == (16, 40)
     b = scene("small numbers").link("frame", A=(0, 0), B=(30, 0)).link("a", A=(0, 0)).link("b", B=(0, 0))
     b.revolute("A", "frame", "a", drive=TURN).revolute("B", "frame", "b").gear("G", "a", "b", teeth=[1, 2])
-    found = build_model(b.scene().mechanism, None, 48).wheels.wheels
-    assert [w.teeth for w in found] == [16, 32], "a ratio is no number of teeth"
+    result = build_model(b.scene().mechanism, None, 48).wheels.wheels
+    assert [w.teeth for w in result] == [16, 32], "a ratio is no number of teeth"
 
 
 def test_wheels_of_one_train_share_their_module_where_only_radii_are_stated():
     b = scene("train").link("frame", A=(0, 0), B=(50, 0), C=(110, 0)).link("a", A=(0, 0)).link("b", B=(0, 0)).link("c", C=(0, 0))
     b.revolute("A", "frame", "a", drive=TURN).revolute("B", "frame", "b").revolute("C", "frame", "c")
     b.gear("G", "a", "b", radii=[20, 30]).gear("H", "b", "c", radii=[30, 30])
-    found = build_model(b.scene().mechanism, None, 48).wheels
-    assert [w.link for w in found.wheels] == ["a", "b", "c"], "the middle wheel is one wheel"
-    assert len({round(w.module, 12) for w in found.wheels}) == 1
-    assert [w.teeth for w in found.wheels] == [16, 24, 24]
+    result = build_model(b.scene().mechanism, None, 48).wheels
+    assert [w.link for w in result.wheels] == ["a", "b", "c"], "the middle wheel is one wheel"
+    assert len({round(w.module, 12) for w in result.wheels}) == 1
+    assert [w.teeth for w in result.wheels] == [16, 24, 24]
 
 
 @pytest.mark.parametrize("name", ["planetary-gear", "planetary", "welded_ring"])

@@ -69,8 +69,8 @@ def test_commands_write_them(tmp_path):
 
 def test_where_the_drive_slides_the_part_of_the_run_is_its_angle():
     run = run_scene(mechviz.load("excavator-arm"))
-    found = shaking(run.motion)
-    curves, _, moments = drawn(polar_figure("arm", run.motion, {"shaking force": found}))
+    resultants = shaking(run.motion)
+    curves, _, moments = drawn(polar_figure("arm", run.motion, {"shaking force": resultants}))
     turn = 2.0 * np.pi * run.motion.time / run.motion.time[-1]
-    np.testing.assert_allclose(moments[0], np.column_stack([turn, found.moment]), atol=1e-12)
-    np.testing.assert_allclose(curves[0], found.force, atol=1e-12)
+    np.testing.assert_allclose(moments[0], np.column_stack([turn, resultants.moment]), atol=1e-12)
+    np.testing.assert_allclose(curves[0], resultants.force, atol=1e-12)

@@ -21,9 +21,9 @@ def test_answers_are_recorded_where_they_are_asked_for(tmp_path):
         ("velocity_ratio", answers.velocity_ratios),
         ("mechanical_advantage", answers.mechanical_advantage),
     ):
-        found = compute(motion)
-        assert found
-        for joint, values in found.items():
+        computed = compute(motion)
+        assert computed
+        for joint, values in computed.items():
             np.testing.assert_array_equal(recording.scalars("data", "answers", name, joint)[1][:, 0], values)
     centres = answers.instant_centres(motion)
     assert len(centres) == 6
@@ -50,9 +50,9 @@ def test_nothing_is_recorded_that_was_not_asked_for(tmp_path):
 def test_passing_a_change_point_is_an_event(tmp_path):
     run = run_scene(mechviz.load("parallelogram"), frames=90, cycles=2)
     write_recording(run, tmp_path / "c.rrd")
-    found = [e for e in Recording(tmp_path / "c.rrd").events if "change point" in e.text]
-    assert len(found) == 4 and all(e.level == "WARN" for e in found)
-    np.testing.assert_allclose([e.time for e in found], [c.time for c in run.motion.singular_points], atol=1e-8)
+    computed = [e for e in Recording(tmp_path / "c.rrd").events if "change point" in e.text]
+    assert len(computed) == 4 and all(e.level == "WARN" for e in computed)
+    np.testing.assert_allclose([e.time for e in computed], [c.time for c in run.motion.singular_points], atol=1e-8)
 
 
 def test_indeterminate_joints_are_an_event():

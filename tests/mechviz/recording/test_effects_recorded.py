@@ -55,8 +55,8 @@ def test_struts_are_drawn_between_their_points(name, load):
 
 def test_linkers_only_where_loads_are_computed():
     assert list(find_strut_glyphs(run_scene(mechviz.load("crank-rocker"), frames=12), 1.0)) == []
-    found = list(find_strut_glyphs(run_scene(mechviz.load("door-closer"), frames=12), 0.4))
-    assert {x.kind for x in found} == {"torsion spring", "damper"}
+    result = list(find_strut_glyphs(run_scene(mechviz.load("door-closer"), frames=12), 0.4))
+    assert {x.kind for x in result} == {"torsion spring", "damper"}
     run = run_scene(mechviz.load("door-closer"), frames=12)
     (damper,) = (x for x in picture_of(run, solids_of(run)).of(Lines) if x.key == "spring.damper")
     lines = segments(damper, 3)

@@ -100,9 +100,9 @@ def test_stretches_make_the_whole_with_its_works_and_losses(text: str):
     running, blocks = Running(scene), []
 
     def observe(stretch, duration: float) -> None:
-        found = running.take(stretch, duration)
-        if found is not None:
-            blocks.append(found)
+        computed = running.take(stretch, duration)
+        if computed is not None:
+            blocks.append(computed)
 
     run = run_scene(scene, observe=observe)
     so_far = running.so_far()

@@ -62,9 +62,9 @@ def connected(client: Any, process: subprocess.Popen[bytes], port: int, log: Pat
             words = f"rerun's viewer does not start; it needs a Vulkan driver such as mesa-vulkan-drivers: {' '.join(why)[:300]}"
             pytest.fail(words) if REQUIRED else pytest.skip(words)
         try:
-            found = client.connect(f"rerun+http://127.0.0.1:{port}/proxy")
-            found.get_state()
-            return found
+            result = client.connect(f"rerun+http://127.0.0.1:{port}/proxy")
+            result.get_state()
+            return result
         except Exception:
             time.sleep(0.2)
     pytest.fail("rerun's viewer does not answer")
@@ -74,13 +74,13 @@ def shown(v: Any, m: Made, view: str) -> np.ndarray:
     """A view of a recording at a third of its run, as pixels (H, W, 3)."""
     v.open(str(m.path))
     end = time.monotonic() + PATIENCE
-    while not (found := [w for w in v.get_state().views if w.name == view]):
+    while not (result := [w for w in v.get_state().views if w.name == view]):
         assert time.monotonic() < end, f"no view '{view}' among {[w.name for w in v.get_state().views]}"
         time.sleep(0.1)
     v.set_time("time", duration=float(m.time[len(m.time) // 3]), play_state="paused")
     before = None
     while True:  # the first pictures may come before the meshes are on the card
-        png = v.take_screenshot(found[0].view_id, max_size=640)
+        png = v.take_screenshot(result[0].view_id, max_size=640)
         picture = np.asarray(Image.open(io.BytesIO(png)).convert("RGB")).astype(int)
         if before is not None and same(before, picture) and fraction_of_background(picture) < 0.97:
             return picture

@@ -67,17 +67,17 @@ def events_are_told_in_the_units_of_the_scene(m: Made) -> None:
 
 @everywhere
 def energies_close_and_happenings_of_motions_under_forces_are_there(m: Made) -> None:
-    run, found = m.run, m.recording
+    run, computed = m.run, m.recording
     if run.simulation is None:
         return
-    kinetic, potential, work, dissipated = found.scalars("data", "energy")[1].T
+    kinetic, potential, work, dissipated = computed.scalars("data", "energy")[1].T
     balance = kinetic + potential - work + dissipated
-    size = np.abs(found.scalars("data", "energy")[1]).max()
+    size = np.abs(computed.scalars("data", "energy")[1]).max()
     assert np.ptp(balance) <= 60.0 * run.simulation.tolerance * size
     assert np.all(np.diff(dissipated) >= -1e-9 * size)
-    assert np.abs(found.scalars("health", "energy_drift")[1]).max() < 30.0 * run.simulation.tolerance
-    assert found.model["drives"] == [d.joint for d in run.scene.mechanism.drives if not isinstance(d.law, Free)]
-    texts = " ".join(e.text for e in found.events)
+    assert np.abs(computed.scalars("health", "energy_drift")[1]).max() < 30.0 * run.simulation.tolerance
+    assert computed.model["drives"] == [d.joint for d in run.scene.mechanism.drives if not isinstance(d.law, Free)]
+    texts = " ".join(e.text for e in computed.events)
     assert all(Text.of(h.text).in_units(run.scene.units) in texts for h in run.simulation.events)
 
 

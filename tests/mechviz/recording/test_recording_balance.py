@@ -127,11 +127,11 @@ WITHOUT_MASS = {
 @pytest.fixture(scope="module")
 def recordings(tmp_path_factory):
     folder = tmp_path_factory.mktemp("heavy")
-    found = {}
+    result = {}
     for name, text in SCENES.items():
         run = run_scene(mechviz.loads(text), frames=24)
-        found[name] = Recording(write_recording(run, folder / f"{name}.rrd").path)
-    return found
+        result[name] = Recording(write_recording(run, folder / f"{name}.rrd").path)
+    return result
 
 
 @pytest.mark.parametrize("name", SCENES)
@@ -233,6 +233,6 @@ drive = { speed = 200, travel = 800 }
 [loads]
 Q = { force = ["-60 N", 0], on = "wheel" }
 """)
-    found = inspect(write_recording(run_scene(scene, frames=8), tmp_path / "wheel.rrd").path)
-    assert (found.peaks[0].item, found.peaks[0].unit) == ("driving force W", "N")
-    assert found.peaks[0].value == pytest.approx(60.0)
+    inspection = inspect(write_recording(run_scene(scene, frames=8), tmp_path / "wheel.rrd").path)
+    assert (inspection.peaks[0].item, inspection.peaks[0].unit) == ("driving force W", "N")
+    assert inspection.peaks[0].value == pytest.approx(60.0)

@@ -44,13 +44,13 @@ def test_damage_is_an_error_of_ours_or_nothing(whole, tmp_path):
 
 def changed(whole: Path, target: Path, path: str, name: str, change) -> Path:
     """A recording in which a column of an entity has other rows."""
-    found = batches(whole)
-    for k, batch in enumerate(found):
+    rows = batches(whole)
+    for k, batch in enumerate(rows):
         if entity_of(batch) == path and name in batch.schema.names:
             c = batch.schema.names.index(name)
             field = batch.schema.field(c)
-            found[k] = batch.set_column(c, field, pa.array([change(row) for row in batch.column(c).to_pylist()], field.type))
-    return write(target, found)
+            rows[k] = batch.set_column(c, field, pa.array([change(row) for row in batch.column(c).to_pylist()], field.type))
+    return write(target, rows)
 
 
 @pytest.mark.parametrize(
@@ -82,8 +82,8 @@ def test_what_is_missing_is_named(whole, tmp_path):
 @pytest.mark.parametrize("lost", ["text", "level"])
 def test_a_log_without_its_lines_or_their_levels_is_named(whole, tmp_path, lost):
     column = f"TextLog:{lost}"
-    found = [b.drop_columns([column]) if column in b.schema.names else b for b in batches(whole)]
-    write(tmp_path / "a.rrd", found)
+    result = [b.drop_columns([column]) if column in b.schema.names else b for b in batches(whole)]
+    write(tmp_path / "a.rrd", result)
     with pytest.raises(RecordingError, match=f"/events: it has TextLog:.*, but no {column}"):
         Recording(tmp_path / "a.rrd")
 
@@ -128,16 +128,16 @@ def test_a_damaged_chunk_costs_its_entity_only(whole, tmp_path, capsys):
     """Everything stands in one block: its other entities are as they were, in every way of reading it."""
     lost = ("/data/links/rocker/acceleration", "/data/loads/P", "/vectors/reaction/B", "/mechanism/links/crank/mesh", "/scene")
     target = hurt(whole, tmp_path / "hurt.rrd", *lost)
-    sound, found = Recording(whole), Recording(target)
-    assert set(sound.entities) - set(found.entities) == set(lost)
-    assert "damaged at byte" in found.note and all(entity in found.note for entity in lost)
-    for path in found.entities:
-        if path.startswith(("/data/", "/health/")) and found.has(path):
-            assert np.array_equal(found.scalars(path)[1], sound.scalars(path)[1], equal_nan=True)
-    assert found.note in format_inspection(inspect(target)).replace("\n", " ")
-    assert open_recording(str(target)).note == found.note and "damaged at byte" in capsys.readouterr().err
+    sound, result = Recording(whole), Recording(target)
+    assert set(sound.entities) - set(result.entities) == set(lost)
+    assert "damaged at byte" in result.note and all(entity in result.note for entity in lost)
+    for path in result.entities:
+        if path.startswith(("/data/", "/health/")) and result.has(path):
+            assert np.array_equal(result.scalars(path)[1], sound.scalars(path)[1], equal_nan=True)
+    assert result.note in format_inspection(inspect(target)).replace("\n", " ")
+    assert open_recording(str(target)).note == result.note and "damaged at byte" in capsys.readouterr().err
     with pytest.raises(RecordingError, match="does not hold its scene"):
-        found.scene()
+        result.scene()
     for read in read_all(target)[:-1]:
         read()
 
@@ -150,11 +150,11 @@ def test_where_a_needed_table_is_damaged_the_frames_before_are_read(tmp_path, mo
     pose = "/data/links/crank/pose"
     target = hurt(whole, tmp_path / "hurt.rrd", pose, "/health/closure")
     for most in (None, 20):
-        found = Recording(target, most=most)
-        assert "Missing: /health/closure." in found.note
-    found = Recording(target)
-    assert "Only the first 80 of 101 frames are here" in found.note
-    _, poses = found.scalars("data", "links", "rocker", "pose")
+        recording = Recording(target, most=most)
+        assert "Missing: /health/closure." in recording.note
+    recording = Recording(target)
+    assert "Only the first 80 of 101 frames are here" in recording.note
+    _, poses = recording.scalars("data", "links", "rocker", "pose")
     assert np.array_equal(poses, Recording(whole).scalars("data", "links", "rocker", "pose")[1][:80])
     assert inspect(target).frames == 80
 
@@ -173,9 +173,9 @@ def test_a_message_that_lies_about_its_length_or_kind_is_stepped_over(whole, tmp
         turned = bytearray(data)
         turned[place] ^= bit
         (tmp_path / "a.rrd").write_bytes(turned)
-        found = Recording(tmp_path / "a.rrd")
-        assert kept - set(found.entities) <= {"/vectors/reaction/B"}
-        assert found.note or kept == set(found.entities)
+        recording = Recording(tmp_path / "a.rrd")
+        assert kept - set(recording.entities) <= {"/vectors/reaction/B"}
+        assert recording.note or kept == set(recording.entities)
 
 
 def test_without_its_index_a_damaged_recording_is_read_up_to_there(tmp_path, monkeypatch):
@@ -184,8 +184,8 @@ def test_without_its_index_a_damaged_recording_is_read_up_to_there(tmp_path, mon
     writer.write_recording(ran("crank-rocker", 100), whole)
     target = hurt(whole, tmp_path / "hurt.rrd", "/health/closure")
     target.write_bytes(target.read_bytes()[:-1])
-    found = Recording(target)
-    assert len(found.times("data", "links", "crank", "pose")) == 80 and "Only the first 80 of 101 frames" in found.note
+    recording = Recording(target)
+    assert len(recording.times("data", "links", "crank", "pose")) == 80 and "Only the first 80 of 101 frames" in recording.note
 
 
 def test_turned_bits_in_the_frame_of_a_chunk_do_not_end_the_process(whole, tmp_path):

@@ -171,9 +171,9 @@ def test_an_interrupted_run_keeps_what_it_had(tmp_path, monkeypatch):
     assert path.read_bytes() == b"old"
     part = tmp_path / "a.part.rrd"
     assert f"2000 frames written so far are in '{part}'" in stopped.value.__notes__[0]
-    found = inspect(part)
-    assert found.frames == 2000 and not found.complete and "interrupted" in format_inspection(found)
-    assert {len(Recording(part).scalars("health", "closure")[0]), found.frames} == {2000}
+    inspection = inspect(part)
+    assert inspection.frames == 2000 and not inspection.complete and "interrupted" in format_inspection(inspection)
+    assert {len(Recording(part).scalars("health", "closure")[0]), inspection.frames} == {2000}
 
 
 def test_interrupted_before_the_first_frame_nothing_is_left(tmp_path, monkeypatch):
@@ -291,16 +291,16 @@ def test_reading_says_what_is_wrong(tmp_path):
 
 def test_inspection_reads_the_peaks_from_the_file():
     m = made("kinetostatic-four-bar")
-    found = inspect(m.path)
-    assert (found.scene, found.frames, found.frame) == ("kinetostatic-four-bar", FRAMES + 1, "frame")
-    peaks = {p.item: p for p in found.peaks}
+    inspection = inspect(m.path)
+    assert (inspection.scene, inspection.frames, inspection.frame) == ("kinetostatic-four-bar", FRAMES + 1, "frame")
+    peaks = {p.item: p for p in inspection.peaks}
     torque = m.data("drive", "A")[:, 3]
     k = int(abs(torque).argmax())
     assert peaks["driving torque A"].value == torque[k] and peaks["driving torque A"].unit == "N m"
     assert peaks["driving torque A"].time == pytest.approx(m.time[k])
     assert peaks["driving torque A"].drive == f"{360 * k / FRAMES:.3f}°"
     assert {f"reaction {j}" for j in m.recording.model["joints"]} <= set(peaks)
-    assert {h.item for h in found.health} >= {"closure", "condition", "power balance"}
-    text = format_inspection(found)
+    assert {h.item for h in inspection.health} >= {"closure", "condition", "power balance"}
+    text = format_inspection(inspection)
     for words in ("Kinetostatics of a four-bar", "crank", "revolute: frame - crank", "effect gravity", "limit position", "N m"):
         assert words in text

@@ -76,9 +76,9 @@ def scene():
     ],
 )
 def test_expressions_have_the_value_of_the_formula(text, number, powers):
-    found = parse_expression(text).value({"r": R, "phi": PHI, "n": Amount(3.0)})
-    assert found.powers == powers
-    assert float(found.number) == pytest.approx(number, rel=1e-15)
+    computed = parse_expression(text).value({"r": R, "phi": PHI, "n": Amount(3.0)})
+    assert computed.powers == powers
+    assert float(computed.number) == pytest.approx(number, rel=1e-15)
 
 
 @pytest.mark.parametrize(
@@ -193,12 +193,12 @@ def test_parameters_are_told_in_the_units_of_the_scene(scene):
 
 
 def test_sliders_are_the_parameters_first_and_not_what_follows_from_them(scene):
-    found = find_parameters(scene)
-    assert [p.label for p in found[:4]] == ["r", "omega", "n", "tilt"]  # l follows from r
-    first = found[0]
+    parameters = find_parameters(scene)
+    assert [p.label for p in parameters[:4]] == ["r", "omega", "n", "tilt"]  # l follows from r
+    first = parameters[0]
     assert (first.value, first.unit, first.low, first.high) == (30.0, "mm", 20.0, 60.0)
-    assert found[2].whole  # a number of frames follows from it
-    assert not {p.path for p in found} & scene.document.formulas.keys()
+    assert parameters[2].whole  # a number of frames follows from it
+    assert not {p.path for p in parameters} & scene.document.formulas.keys()
     moved = Draft.of(scene).with_value(first.path, first.written(45.0)).scene()
     assert moved == scene.with_parameters({"r": "45.0 mm"})
 

@@ -214,12 +214,12 @@ def faults_of(data: dict[str, Any]) -> list[Fault]:
 
 def check(slips: list[Slip]) -> None:
     """Every slip is reported, and every report comes of a slip."""
-    found = faults_of(slipped(slips))
+    faults = faults_of(slipped(slips))
     wanted = [(slip.path, slip.words) for slip in slips]
     wanted += [joint for slip in slips for joint in COMPANIONS.get(slip.where, [])]
     for path, words in wanted:
-        assert any(f.path == path and words in f.message for f in found), (path, words, [s.where for s in slips], found)
-    for fault in found:
+        assert any(f.path == path and words in f.message for f in faults), (path, words, [s.where for s in slips], faults)
+    for fault in faults:
         known = any(fault.path == path and words in fault.message for path, words in wanted)
         assert known, (fault, [s.where for s in slips])
         assert fault.message

@@ -327,9 +327,9 @@ COMBINED = [
 
 @pytest.mark.parametrize(("changes", "path", "message", "remedy"), COMBINED)
 def test_a_fault_of_parts_that_do_not_go_together(changes, path, message, remedy):
-    found = [fault for fault in faults_of(changed(*changes)) if fault.path == path and message in fault.message]
-    assert len(found) == 1
-    assert remedy in found[0].remedy
+    result = [fault for fault in faults_of(changed(*changes)) if fault.path == path and message in fault.message]
+    assert len(result) == 1
+    assert remedy in result[0].remedy
 
 
 # --- all at once, and nothing twice -----------------------------------------------------------------------------------

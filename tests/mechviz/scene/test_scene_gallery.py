@@ -352,13 +352,13 @@ def test_engine_mounts_are_swept_through_their_resonances():
         stiffness += rows.T @ np.diag([kx, ky, kt]) @ rows
     weight = np.diag([90.0, 90.0, 3.2])
     wanted = np.sqrt(np.sort(np.linalg.eigvals(np.linalg.solve(weight, stiffness)).real)) / (2.0 * np.pi)
-    found = [mode.frequency for mode in small_vibrations(mechviz.load("engine-mounts").mechanism).modes]
-    assert found == pytest.approx(wanted, rel=5e-3)  # the weight presses them in
-    assert all(2.0 < f < 16.0 for f in found)
+    computed = [mode.frequency for mode in small_vibrations(mechviz.load("engine-mounts").mechanism).modes]
+    assert computed == pytest.approx(wanted, rel=5e-3)  # the weight presses them in
+    assert all(2.0 < f < 16.0 for f in computed)
     motion = ran("engine-mounts", 240).motion
     swept = 2.0 + 14.0 * motion.time / 3.0  # [Hz]
     heave, roll = motion.point("engine", "C")[:, 1], motion.pose("engine")[:, 2]
-    for moved, frequency in ((heave, found[1]), (roll, found[2])):
+    for moved, frequency in ((heave, computed[1]), (roll, computed[2])):
         assert swept[np.argmax(np.abs(moved - moved[0]))] == pytest.approx(frequency, abs=1.0)
 
 

@@ -111,9 +111,9 @@ KINDS = [
 
 @pytest.mark.parametrize(("entry", "spec"), KINDS, ids=[f"{type(spec).__name__}-{k}" for k, (_, spec) in enumerate(KINDS)])
 def test_every_kind_of_joint_in_si(entry, spec):
-    found = made(entry)
-    angles = {key: getattr(found, key) for key in ("angle", "pressure_angle") if hasattr(spec, key)}
-    assert found == replace(spec, **angles)
+    computed = made(entry)
+    angles = {key: getattr(computed, key) for key in ("angle", "pressure_angle") if hasattr(spec, key)}
+    assert computed == replace(spec, **angles)
     for key, value in angles.items():
         assert value == pytest.approx(getattr(spec, key), rel=3e-16)
 
@@ -341,10 +341,10 @@ FAULTS = [
 
 @pytest.mark.parametrize(("joint", "path", "message", "remedy"), FAULTS)
 def test_a_fault_of_a_joint_has_path_message_and_remedy(joint, path, message, remedy):
-    found = [fault for fault in faults_of(changed(X=joint)) if fault.path == f"joints.X{path}" and message in fault.message]
-    assert len(found) == 1, faults_of(changed(X=joint))
-    assert remedy in found[0].remedy
-    assert found[0].message[-1] in ".?"
+    result = [fault for fault in faults_of(changed(X=joint)) if fault.path == f"joints.X{path}" and message in fault.message]
+    assert len(result) == 1, faults_of(changed(X=joint))
+    assert remedy in result[0].remedy
+    assert result[0].message[-1] in ".?"
 
 
 @pytest.mark.parametrize(
@@ -398,9 +398,11 @@ def test_two_links_that_could_both_carry_a_gear_joint_are_named():
     data = changed(X={"gear": ["a", "b"], "teeth": [2, 3]}, Q={"revolute": ["arm", "b"], "at": ["C", "B"]})
     data["joints"]["A"] = {"revolute": ["c", "a"], "at": ["C", "A"], "drive": TURNING}
     data["joints"]["B"] = {"revolute": ["c", "b"], "at": ["C", "B"]}
-    found = [f for f in faults_of(data) if f.path == "joints.X"]
-    assert [f.message for f in found] == ["'a' and 'b' are both pinned to 'arm', 'c'."] or found[0].message.endswith("'c', 'arm'.")
-    assert "carrier" in found[0].remedy
+    result = [f for f in faults_of(data) if f.path == "joints.X"]
+    assert [f.message for f in result] == ["'a' and 'b' are both pinned to 'arm', 'c'."] or result[0].message.endswith(
+        "'c', 'arm'."
+    )
+    assert "carrier" in result[0].remedy
 
 
 def test_belts_that_do_not_fit_are_refused_by_the_core():

@@ -37,10 +37,10 @@ def spoilt(rng: random.Random, raw: dict[str, Any]) -> dict[str, Any]:
     """A copy with up to eight places removed, replaced, misspelt, copied from elsewhere, or added."""
     raw = copy.deepcopy(raw)
     for _ in range(rng.choice([1, 1, 2, 3, 8])):
-        found = [place for place in places(raw) if place]
-        if not found:
+        result = [place for place in places(raw) if place]
+        if not result:
             break
-        *parents, key = rng.choice(found)
+        *parents, key = rng.choice(result)
         table, way = inside(raw, tuple(parents)), rng.randrange(6)
         if way == 0:
             del table[key]
@@ -49,7 +49,7 @@ def spoilt(rng: random.Random, raw: dict[str, Any]) -> dict[str, Any]:
         elif way == 3 and isinstance(key, str):
             table[key[:1] + key[2:] + rng.choice(["", "x"])] = table.pop(key)
         elif way == 4:
-            table[key] = copy.deepcopy(inside(raw, rng.choice(found)))
+            table[key] = copy.deepcopy(inside(raw, rng.choice(result)))
         elif isinstance(table, dict):
             table[rng.choice(KEYS)] = copy.deepcopy(rng.choice(VALUES))
     return raw

@@ -16,12 +16,12 @@ from mechviz.scene.scene import Scene, load
 @pytest.fixture(scope="module")
 def places():
     """One reference of every key and sort in the gallery: key, what it refers to -> name of the scene and place."""
-    found = {}
+    result = {}
     for entry in gallery():
         for leaf, reference in references(load(entry.name).document):
             key = next(part for part in reversed(leaf.path) if isinstance(part, str))
-            found.setdefault((key, reference.to), (entry.name, leaf.path))
-    return found
+            result.setdefault((key, reference.to), (entry.name, leaf.path))
+    return result
 
 
 def test_keywords_of_joints_refer_to_links(places):

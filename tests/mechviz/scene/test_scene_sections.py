@@ -1,6 +1,7 @@
 """Scenes that ask for section forces: keys, faults, numbers in catalogue, report and recording, diagrams, free motion."""
 
 import math
+import re
 
 import numpy as np
 import pytest
@@ -14,6 +15,7 @@ from mechviz.picture.build import picture_of, solids_of
 from mechviz.picture.nodes import Lines, Points
 from mechviz.quantities.study_tables import study_lines
 from mechviz.runs import run_scene
+from mechviz.studies.report import check_lines
 from recordings import gallery_scene
 
 ROD = gallery_scene("connecting-rod-bending")
@@ -114,12 +116,12 @@ def test_diagrams_stand_on_their_links_and_go_with_them():
     assert outline[:, 0] == pytest.approx(ends[0], abs=1e-6) and outline[:, -1] == pytest.approx(ends[1], abs=1e-6)
     # the tallest ordinate of all links and frames is a fixed part of the mechanism, on the side that is stretched
     tallest = 0.0
-    for link, found in run.studies.sections.items():
+    for link, computed in run.studies.sections.items():
         z = picture.by_key[f"section.{link}.bending_moment"].strips[0][..., :2] @ np.array([1.0, 1.0j])
         turned = (z - z[:, :1]) * np.exp(-1j * run.motion.pose(link)[:, 2])[:, None]
         aside = turned.imag[:, 1:-1]
         k = np.unravel_index(np.argmax(np.abs(aside)), aside.shape)
-        assert np.sign(aside[k]) == -np.sign(found.moment[k])
+        assert np.sign(aside[k]) == -np.sign(computed.moment[k])
         tallest = max(tallest, float(np.abs(aside).max()))
     assert tallest == pytest.approx(0.16 * solids.size, rel=1e-3)
     dots = list(picture.of(Points, "bending_moment"))
@@ -148,3 +150,14 @@ def test_bearing_forces_at_both_ends_of_a_guide_have_names():
     behind, ahead = (run.catalogue[f"joint.S.bearing_force_{end}"].values()[:, 0] for end in ("behind", "ahead"))
     load = run.forces.friction.normal_load("S")
     assert np.abs(behind) + np.abs(ahead) == pytest.approx(load, rel=1e-9)  # what its friction is made by
+
+
+def test_check_tells_the_largest_bending_moment():
+    """A bar that its drive holds out: M = m g l / 2 at the pivot, stress M / W."""
+    held = FALLING.replace("free = { position = 0 }", "drive = { speed = 0 }").replace("bar = {}", 'bar.section.diameter = "30 mm"')
+    scene = mechviz.loads("gravity = [0, -10]\n" + held.replace("run = { duration = 0.3, frames = 31 }", ""))
+    (line,) = (line for line in check_lines(scene) if line.startswith("inside"))
+    moment, place, stress = (float(x) for x in re.search(r"moment (\S+) N m at (\S+) m of .* stress (\S+) MPa", line).groups())
+    assert abs(moment) == pytest.approx(3 * 10 * 0.6)
+    assert place == pytest.approx(0.0, abs=1e-9)
+    assert stress == pytest.approx(18.0 / (math.pi / 32 * 27.0), rel=1e-4)

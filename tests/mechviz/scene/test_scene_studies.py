@@ -69,8 +69,8 @@ def link(name, **changes):
 
 
 def body(name, **changes):
-    found = {k.name: k for k in with_(**link(name, **changes)).mechanism.links}[name]
-    return found.mass, found.centre, found.inertia
+    result = {k.name: k for k in with_(**link(name, **changes)).mechanism.links}[name]
+    return result.mass, result.centre, result.inertia
 
 
 def faults(**more):
@@ -157,9 +157,9 @@ def test_the_schema_knows_the_keywords():
     ],
 )  # fmt: skip
 def test_faults_name_the_item_and_the_remedy(more, path, words):
-    found = faults(**more)
-    assert path in found, found
-    assert words in found[path]
+    result = faults(**more)
+    assert path in result, result
+    assert words in result[path]
 
 
 def test_studies_need_masses_and_moments_of_inertia():
@@ -250,11 +250,11 @@ def test_results_of_a_run():
 def test_a_static_replacement_with_its_correction_couple_is_the_link():
     own = link("coupler", centre=[0.14, 0])
     run = run_scene(with_(substitutes={"coupler": {"masses": [{"at": "B"}, {"at": "D"}], "static": True}}, **own))
-    inertia, found = run.forces.inertia("coupler"), run.studies.substitutes["coupler"]
-    assert found.masses == pytest.approx([1.6 * 0.16 / 0.3, 1.6 * 0.14 / 0.3])
-    assert found.force == pytest.approx(inertia[:, :2], abs=1e-9)
-    assert found.moment == pytest.approx(inertia[:, 2], abs=1e-9)
-    assert np.abs(found.correction).max() > 1.0  # J = 0.05 is not m a b = 0.036
+    inertia, computed = run.forces.inertia("coupler"), run.studies.substitutes["coupler"]
+    assert computed.masses == pytest.approx([1.6 * 0.16 / 0.3, 1.6 * 0.14 / 0.3])
+    assert computed.force == pytest.approx(inertia[:, :2], abs=1e-9)
+    assert computed.moment == pytest.approx(inertia[:, 2], abs=1e-9)
+    assert np.abs(computed.correction).max() > 1.0  # J = 0.05 is not m a b = 0.036
     with pytest.raises(MechanismError, match=r"substitutes.coupler: a static replacement has two masses"):
         run_scene(with_(substitutes={"coupler": {"masses": [{"at": "B"}, {}], "static": True}}, **own))
     with pytest.raises(MechanismError, match="does not lie on the line"):
@@ -264,10 +264,10 @@ def test_a_static_replacement_with_its_correction_couple_is_the_link():
 def test_counterweights_are_drawn_on_their_links(tmp_path):
     path = tmp_path / "lumps.rrd"
     write_recording(run_scene(mechviz.load("counterweighted-four-bar"), frames=6), path)
-    found = Recording(path)
-    at = found.static("mechanism", "links", "crank", "lumps", component="Points3D:positions")
+    recording = Recording(path)
+    at = recording.static("mechanism", "links", "crank", "lumps", component="Points3D:positions")
     assert np.ravel(at)[:2] == pytest.approx([-0.05, 0.0])
-    assert found.static("mechanism", "links", "coupler", "lumps", component="Points3D:positions") is None
+    assert recording.static("mechanism", "links", "coupler", "lumps", component="Points3D:positions") is None
 
 
 def test_a_plan_without_a_moving_point_is_empty_and_says_so(tmp_path):
@@ -359,12 +359,12 @@ def test_counterweights_of_the_gallery_scene_balance_it():
 
 # -- balancing a scene --------------------------------------------------------------------------------------------------
 def test_a_balanced_scene_says_what_it_was_given(tmp_path):
-    found = balance_scene(with_(**ALL))
-    assert found.after.peak <= 1e-12 * found.before.peak
-    again = mechviz.loads(found.scene.to_toml(), "bar")
+    balanced = balance_scene(with_(**ALL))
+    assert balanced.after.peak <= 1e-12 * balanced.before.peak
+    again = mechviz.loads(balanced.scene.to_toml(), "bar")
     assert again.document.links["crank"].lumps and again.document.shaking.counterweights is None
     run = run_scene(again)
-    assert run.studies.shaking.peak <= 1e-12 * found.before.peak
+    assert run.studies.shaking.peak <= 1e-12 * balanced.before.peak
     out = tmp_path / "balanced.toml"
     result = CliRunner().invoke(app, ["balance", "shaking-engine", "-o", str(out), "--fraction", "0.4"])
     assert result.exit_code == 0, result.output
@@ -412,18 +412,18 @@ def test_a_drawn_mass_is_that_of_the_outline_in_the_picture():
     links = {name: {"points": {**entry["points"]}} for name, entry in BASE["links"].items()}
     links["crank"]["mass"] = links["rocker"]["mass"] = drawn
     links["rocker"]["points"]["Q"] = [0.1, 0.08]  # a wide plate, with a mark
-    found = with_(links=links)
-    motion = solve_motion(compile_mechanism(found.mechanism), default_times(found.mechanism, found.frames))
-    solids = build_solids(found.mechanism, {k.name: motion.pose(k.name) for k in found.mechanism.links}, tolerance=1e-4)
+    scene = with_(links=links)
+    motion = solve_motion(compile_mechanism(scene.mechanism), default_times(scene.mechanism, scene.frames))
+    solids = build_solids(scene.mechanism, {k.name: motion.pose(k.name) for k in scene.mechanism.links}, tolerance=1e-4)
     for name in ("crank", "rocker"):
-        link = next(k for k in found.mechanism.links if k.name == name)
+        link = next(k for k in scene.mechanism.links if k.name == name)
         (part,) = [p for p, kind in zip(solids.links[name].parts, solids.links[name].kinds, strict=True) if kind == "plate"]
         z = part.vertices[:, 2]
         outline = section(part, 0.5 * (z.min() + z.max()))
         assert link.mass == pytest.approx(outline.area * 0.008 * 7850, rel=1e-3), name
         assert link.centre == pytest.approx(outline.centroid.coords[0], abs=1e-4), name
-    again = mechviz.loads(found.to_toml(), "bar")
-    assert again == found and again.mechanism == found.mechanism
+    again = mechviz.loads(scene.to_toml(), "bar")
+    assert again == scene and again.mechanism == scene.mechanism
 
 
 @pytest.mark.parametrize(
@@ -518,21 +518,21 @@ def test_masses_from_a_mesh_file(tmp_path):
 def test_a_recording_has_the_polygons_and_their_closing_errors(tmp_path):
     path = tmp_path / "all.rrd"
     write_recording(run_scene(with_(**ALL)), path)
-    found = Recording(path)
+    recording = Recording(path)
     for name in ("velocity", "acceleration", "force", "funicular"):
-        _, closing = found.scalars("polygons", name, "closing")
+        _, closing = recording.scalars("polygons", name, "closing")
         assert closing.shape == (37, 1) and np.abs(closing).max() < 1e-9
-        assert found.has("polygons", name)
+        assert recording.has("polygons", name)
     for moving in ("polygons/funicular/forces", "polygons/shaking", "polygons/substitutes/coupler"):
-        assert found.has(*moving.split("/")), moving
+        assert recording.has(*moving.split("/")), moving
     for still in ("polygons/shaking/polar", "polygons/polodes/coupler", "mechanism/links/coupler/polode"):
-        assert found.static(*still.split("/"), component="LineStrips3D:strips") is not None, still
-    _, shaking = found.scalars("data", "shaking")
-    _, balanced = found.scalars("data", "shaking", "balanced")
+        assert recording.static(*still.split("/"), component="LineStrips3D:strips") is not None, still
+    _, shaking = recording.scalars("data", "shaking")
+    _, balanced = recording.scalars("data", "shaking", "balanced")
     assert shaking.shape == (37, 3)
     assert np.abs(balanced[:, :2]).max() <= 1e-11 * np.abs(shaking[:, :2]).max()
-    assert found.scalars("data", "reduced", "crank")[1].shape == (37, 4)
-    assert "counterweight on crank" in found.notes and "two real solutions" in found.notes
+    assert recording.scalars("data", "reduced", "crank")[1].shape == (37, 4)
+    assert "counterweight on crank" in recording.notes and "two real solutions" in recording.notes
     bare = tmp_path / "bare.rrd"
     write_recording(run_scene(with_()), bare)
     assert not [e for e in Recording(bare).entities if e.startswith(("/polygons", "/data/shaking", "/data/reduced"))]

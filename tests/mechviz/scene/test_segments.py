@@ -56,6 +56,7 @@ CAM = {
 }
 POINTS = [{"at": 60, "to": [14, 0.15]}]
 TABLE = {"at": [0, 20, 40, 60, 80, 100, 120], "values": [0, 1.5, 6, 10, 14, 18.5, 20]}
+FAST = {**TABLE, "values": [0, 5, 10, 14, 17, 19, 20]}  # at speed where it begins and ends
 LAWS = {  # over 120 units of the master, to 20
     "named": {"to": 20, "law": "modified-trapezoid-constant-velocity", "parameters": {"coast": 0.3}, "mirrored": True},
     "polynomial": {"to": [20, 0, 0, 0], "law": "polynomial"},
@@ -99,7 +100,7 @@ def faults(build):
 def test_any_law_stands_on_a_cam_over_a_master_and_over_time(kind):
     """The same curve, stretched: 120 deg of a cam or of a master at 60 rpm, or 120 s."""
     segment = LAWS[kind]
-    on_cam = lift_of(cam({"over": 120, **segment}, {"over": 120, "to": 0}, {"over": 120}))
+    on_cam = lift_of(cam({"over": 120, **segment}, {"over": 120, "to": 0}, {"over": 120}, undercut="cut"))
     program = {"start": 0, "program": {"master": "O", "segments": [{"over": 120, **segment}, {"over": 240, "to": 0}]}}
     by_master = law(axes(X=program))
     over_time = law(axes(X={"start": 0, "segments": [{"duration": 120, **segment}, {"duration": 240, "to": 0}]}))
@@ -126,10 +127,10 @@ def test_several_axes_with_common_knots_are_the_reference_s_program():
     rows = [{"duration": float(b - a), **s} for a, b, s in zip(knots, knots[1:], ends(given["x"]), strict=False)]
     scene = axes(X={"start": 0, "segments": rows}, Z={"start": 0, "program": {"knots": "X", "segments": ends(given["y"])}})
     for joint, axis in (("X", "x"), ("Z", "y")):
-        found = law(scene, joint)
-        assert isinstance(found, Piecewise)
-        np.testing.assert_allclose(found.coefficients, want[axis]["coefficients"], rtol=1e-8, atol=1e-10)
-        np.testing.assert_allclose(found.knots, knots)
+        computed = law(scene, joint)
+        assert isinstance(computed, Piecewise)
+        np.testing.assert_allclose(computed.coefficients, want[axis]["coefficients"], rtol=1e-8, atol=1e-10)
+        np.testing.assert_allclose(computed.knots, knots)
 
 
 def test_knots_of_a_program_on_a_master_are_taken_with_its_phase():
@@ -138,10 +139,10 @@ def test_knots_of_a_program_on_a_master_are_taken_with_its_phase():
         X={"start": 0, "program": first},
         Z={"start": 0, "program": {"knots": "X", "segments": [{"to": 10, "law": "3-4-5"}, {"to": 0, "law": "3-4-5"}]}},
     )
-    found = law(scene, "Z")
-    assert isinstance(found, Follow)
-    assert found.phase == pytest.approx(np.radians(30))
-    np.testing.assert_allclose(found.curve.knots, np.radians([0, 100, 360]))
+    values = law(scene, "Z")
+    assert isinstance(values, Follow)
+    assert values.phase == pytest.approx(np.radians(30))
+    np.testing.assert_allclose(values.curve.knots, np.radians([0, 100, 360]))
 
 
 def test_derivatives_by_the_cam_s_angle_in_any_unit():
@@ -196,6 +197,14 @@ def _lift(**segment):
         (_lift(to=[20, 5], law="cycloidal"), "joints.K.profile.lift[0].to", "cannot meet a velocity"),
         (_lift(to=20, law="cycloid"), "joints.K.profile.lift[0].law", "is no law of motion"),
         (_lift(to=20, law={"least": "acceleration", "spline": POINTS}), "joints.K.profile.lift[0].law", "at once"),
+        (_lift(to=20, spline=POINTS), "joints.K.profile.lift[0]", "'spline' does not belong here"),
+        (_lift(to=20, law={"spline": POINTS}, degree=4), "joints.K.profile.lift[0]", "'degree' does not belong here"),
+        (_lift(to=20, law="position"), "joints.K.profile.lift[0].law", "alone does not say which law"),
+        (
+            _lift(law={"position": FAST}),
+            "joints.K.profile.lift[0].law.position",
+            "at its last row the velocity falls from 1.656 mm",
+        ),
         (_lift(to=20, law={"least": "push"}), "joints.K.profile.lift[0].law.least", "push"),
         (_lift(law={"least": "jerk"}), "joints.K.profile.lift[0].law", "does not say where the segment ends"),
         (_lift(to=20, law={"least": "jerk", "degree": 3}), "joints.K.profile.lift[0].law.degree", "goes with spline"),
@@ -231,19 +240,19 @@ def _lift(**segment):
     ],
 )
 def test_faults_name_the_place(build, path, message):
-    found = faults(build)
-    assert path in found, found
-    assert message in found[path]
+    result = faults(build)
+    assert path in result, result
+    assert message in result[path]
 
 
 def test_the_editor_shows_laws_with_their_units():
     scene = cam({"over": 120, "to": [20, 0.1, "free"]}, {"over": 120, **LAWS["through"], "to": 0}, {"over": 120})
-    found = {p.key: p for p in find_parameters(scene)}
+    result = {p.key: p for p in find_parameters(scene)}
     first = "joints.K.profile.lift[0]"
-    assert (found[f"{first}.to[0]"].unit, found[f"{first}.to[1]"].unit, found[f"{first}.over"].unit) == ("mm", "mm/°", "°")
-    assert f"{first}.to[2]" not in found
+    assert (result[f"{first}.to[0]"].unit, result[f"{first}.to[1]"].unit, result[f"{first}.over"].unit) == ("mm", "mm/°", "°")
+    assert f"{first}.to[2]" not in result
     second = "joints.K.profile.lift[1].law.polynomial[0]"
-    assert (found[f"{second}.at"].unit, found[f"{second}.to[1]"].unit) == ("°", "mm/°")
+    assert (result[f"{second}.at"].unit, result[f"{second}.to[1]"].unit) == ("°", "mm/°")
     laws = {c.key: c for c in find_choices(scene)}
     assert laws[f"{first}.law"].value == "polynomial"
     assert "sine-squared" in laws[f"{first}.law"].options
@@ -251,6 +260,17 @@ def test_the_editor_shows_laws_with_their_units():
     units = {p.key.rpartition("drive.")[2]: p.unit for p in find_parameters(timed) if ".X." in p.key}
     assert units["segments[0].to[3]"] == "mm/s³"
     assert units["start[1]"] == "mm/s"
+
+
+def test_the_remedies_of_a_table_that_ends_at_speed_make_a_cam():
+    rows = [{"at": at, "to": to} for at, to in zip(FAST["at"], FAST["values"], strict=True)][1:-1]
+    lift = lift_of(_lift(to=20, law={"spline": rows})())
+    np.testing.assert_allclose(lift(np.radians(FAST["at"]), 0)[0], np.array(FAST["values"]) / 1e3, atol=1e-12)
+    assert [j.angle for j in jumps(lift) if j.order < 2] == []
+    data = copy.deepcopy(CAM)
+    data["joints"]["K"]["follower"] = {"knife": True, "guide": "S", "point": "T"}
+    data["joints"]["K"]["profile"]["lift"] = [{"over": 120, "law": {"position": FAST}}, {"over": 240, "to": 0}]
+    assert {j.order for j in jumps(lift_of(Scene.build(**data)))} >= {1}
 
 
 def test_check_tells_how_smooth_every_law_is():
@@ -295,5 +315,5 @@ def test_the_gantry_of_the_gallery_keeps_its_axes_in_step():
 )
 def test_tables_of_laws_that_cannot_be_read_are_told_once(segment, path):
     """Mutants that once stopped with an error of the program."""
-    found = faults(_lift(**segment))
-    assert list(found) == [f"joints.K.profile.lift[0].{path}"]
+    result = faults(_lift(**segment))
+    assert list(result) == [f"joints.K.profile.lift[0].{path}"]

@@ -62,8 +62,8 @@ def test_four_bars_are_followed_from_where_they_are_drawn():
         tip = lengths[0] * np.exp(1j * drawn)
         sketch = {"crank": (0.0, 0.0, drawn), "coupler": (tip.real, tip.imag, coupler), "rocker": (lengths[3], 0.0, rocker)}
         motion = solve_motion(compile_mechanism(four_bar(lengths, start, sketch)), [0.0])
-        found = [motion.pose(name)[0, 2] for name in ("coupler", "rocker")]
-        np.testing.assert_allclose(np.exp(1j * np.array(found)), np.exp(1j * np.array(angles(lengths, start, side))), atol=1e-7)
+        computed = [motion.pose(name)[0, 2] for name in ("coupler", "rocker")]
+        np.testing.assert_allclose(np.exp(1j * np.array(computed)), np.exp(1j * np.array(angles(lengths, start, side))), atol=1e-7)
 
 
 @pytest.mark.parametrize(

@@ -118,5 +118,5 @@ def test_a_cluster_finds_the_same_bit_for_bit_and_loses_nothing_with_a_worker():
                 os.kill(victim, signal.SIGKILL)
 
         there = run_study(study, designs, executor=client.get_executor(pure=False), most=4, progress=progress)
-    np.testing.assert_array_equal(there.found.values[0], here.values[0])
+    np.testing.assert_array_equal(there.results.values[0], here.values[0])
     assert np.isfinite(here.values[0]).all() and done[-1] == len(designs)

@@ -37,14 +37,14 @@ def test_a_batch_is_the_same_as_run_by_run_and_as_the_closed_form(press):
     study = question(press, ["stroke=60..100mm:3", "ratio=3.5,5"], OF)
     assert study.batch is not None
     designs = grid(study.variations)
-    found = evaluate(study, designs)
-    assert not any(found.reasons)
+    outcomes = evaluate(study, designs)
+    assert not any(outcomes.reasons)
     for k, (stroke, ratio) in enumerate(designs):
         run = run_scene(press.with_parameters({"stroke": f"{stroke} mm", "ratio": float(ratio)}), frames=24)
-        assert found.values[0][k] == pytest.approx(run.catalogue["drive.A.torque"].values().max(), rel=1e-12)
-        assert found.values[1][k] == pytest.approx(run.catalogue["joint.B.reaction"].values()[:, 2].max(), rel=1e-12)
-        assert found.values[2][k] == pytest.approx(stroke, rel=1e-12)
-        assert found.values[3][k] == pytest.approx(-np.degrees(np.arcsin(1.0 / ratio)), rel=1e-12)
+        assert outcomes.values[0][k] == pytest.approx(run.catalogue["drive.A.torque"].values().max(), rel=1e-12)
+        assert outcomes.values[1][k] == pytest.approx(run.catalogue["joint.B.reaction"].values()[:, 2].max(), rel=1e-12)
+        assert outcomes.values[2][k] == pytest.approx(stroke, rel=1e-12)
+        assert outcomes.values[3][k] == pytest.approx(-np.degrees(np.arcsin(1.0 / ratio)), rel=1e-12)
 
 
 @pytest.mark.parametrize(
@@ -60,12 +60,12 @@ def test_speeds_of_the_drive_vary_in_a_batch(press, executor):
     study = study_of(press, variations, measures, frames=24, executor=executor)
     assert study.batch is not None and study.compiled == (executor == "c")
     designs = grid(variations)
-    found = evaluate(study, designs)
-    velocity = dict(zip(map(tuple, designs), found.values[0], strict=True))
+    outcomes = evaluate(study, designs)
+    velocity = dict(zip(map(tuple, designs), outcomes.values[0], strict=True))
     assert velocity[240.0, 70.0] == pytest.approx(4.0 * velocity[60.0, 70.0], rel=1e-12)
     for k, (speed, stroke) in enumerate(designs):
         run = run_scene(press.with_parameters({"stroke": f"{stroke} mm", "speed": f"{speed} rpm"}), frames=24)
-        for measure, values in zip(measures, found.values, strict=True):
+        for measure, values in zip(measures, outcomes.values, strict=True):
             curve = run.catalogue[measure.key].values()[:, 0]
             drive = run.catalogue.coordinate("A")
             wanted = measure.reduced(curve, run.motion.time, drive)
@@ -95,13 +95,13 @@ def test_a_design_at_a_change_point_is_what_it_is_by_itself(effects):
     text = CHANGE_POINT.replace('"inertia"]', ", ".join(f'"{e}"' for e in effects.split(", ")) + "]")
     study = question(loads(text, "change-point"), ["crank=60mm,135mm"], ["joint.B.reaction:peak"], 360)
     assert study.batch is not None
-    found = evaluate(study, np.array([[60.0], [135.0]]))
-    assert found.values[0][0] < 100.0 and found.reasons[0] == ""
+    outcomes = evaluate(study, np.array([[60.0], [135.0]]))
+    assert outcomes.values[0][0] < 100.0 and outcomes.reasons[0] == ""
     if "gravity" in effects:  # whose power cannot balance there
-        assert np.isnan(found.values[0][1]) and "not to be trusted" in found.reasons[1]
+        assert np.isnan(outcomes.values[0][1]) and "not to be trusted" in outcomes.reasons[1]
     else:
         alone = run_scene(study.scene.with_parameters({"crank": "135 mm"}), frames=360)
-        assert found.values[0][1] == pytest.approx(alone.catalogue.peak("joint.B.reaction"), rel=1e-12)
+        assert outcomes.values[0][1] == pytest.approx(alone.catalogue.peak("joint.B.reaction"), rel=1e-12)
 
 
 def test_a_drive_that_would_turn_round_is_run_by_itself(press):
@@ -113,21 +113,94 @@ def test_a_drive_that_would_turn_round_is_run_by_itself(press):
     assert fast == pytest.approx(3.5 * slow, rel=1e-12)
 
 
-def test_what_is_no_place_mass_load_or_speed_is_run_by_itself():
+TWO_DRIVES = """
+units = { length = "mm", angle = "deg" }
+effects = ["inertia"]
+trace = ["P"]
+[parameters]
+left_speed = "90 rpm"
+right_speed = "-60 rpm"
+start = "30 deg"
+arm = "70 mm"
+[links]
+frame = { points = { A = [0, 0], E = [200, 0] } }
+left  = { points = { A = [0, 0], B = ["arm", 0] }, mass = "0.5 kg", centre = [35, 0], inertia = "0.001 kg m^2" }
+upper_left  = { points = { B = [0, 0], P = [220, 0] }, mass = "0.8 kg", centre = [110, 0], inertia = "0.003 kg m^2" }
+upper_right = { points = { P = [0, 0], D = [220, 0] }, mass = "0.8 kg", centre = [110, 0], inertia = "0.003 kg m^2" }
+right = { points = { E = [0, 0], D = [70, 0] }, mass = "0.5 kg", centre = [35, 0], inertia = "0.001 kg m^2" }
+[joints]
+A = { revolute = ["frame", "left"], drive = { speed = "left_speed", start = 90 } }
+B = { revolute = ["left", "upper_left"] }
+P = { revolute = ["upper_left", "upper_right"], side = "left" }
+D = { revolute = ["upper_right", "right"] }
+E = { revolute = ["frame", "right"], drive = { speed = "right_speed", start = "start" } }
+"""
+
+
+@pytest.mark.parametrize(
+    "executor", ["numpy", pytest.param("c", marks=pytest.mark.skipif(compiler() is None, reason="no C compiler"))]
+)
+@pytest.mark.parametrize(
+    "vary", [["left_speed=60rpm,120rpm", "arm=60mm,70mm"], ["right_speed=-90rpm,0rpm,45rpm", "start=10deg,200deg"]]
+)
+def test_several_drives_vary_in_a_batch(executor, vary):
+    scene = loads(TWO_DRIVES, "two-drives")
+    variations = [parse_variation(scene, v) for v in vary]
+    measures = [parse_measure(scene, m) for m in ("drive.E.torque", "link.upper_left.angle")]
+    study = study_of(scene, variations, measures, frames=24, executor=executor)
+    assert study.batch is not None and study.compiled == (executor == "c")
+    designs = grid(variations)
+    found = evaluate(study, designs)
+    for k, design in enumerate(designs):
+        run = run_scene(
+            scene.with_parameters({v.name: v.stated(float(x)) for v, x in zip(variations, design, strict=True)}), frames=24
+        )
+        for measure, values in zip(measures, found.values, strict=True):
+            wanted = run.catalogue[measure.key].values()[:, 0]
+            np.testing.assert_allclose(values[k], wanted, rtol=1e-10, atol=1e-11 * np.abs(wanted).max())
+
+
+def test_masses_that_follow_from_lengths_vary_in_a_batch():
+    bar = 'mass = "0.8 kg", centre = [110, 0], inertia = "0.003 kg m^2" }\nupper_right'
+    assert bar in TWO_DRIVES
+    text = TWO_DRIVES.replace(bar, 'mass = "0.8 kg", shape = "bar" }\nupper_right').replace(
+        "B = [0, 0], P = [220, 0]", 'B = [0, 0], P = ["3*arm", 0]'
+    )
+    study = question(loads(text, "bars"), ["arm=65mm,75mm"], ["drive.E.torque:peak"])
+    assert study.batch is not None
+    for arm, peak in zip((65.0, 75.0), evaluate(study, grid(study.variations)).values[0], strict=True):
+        run = run_scene(study.scene.with_parameters({"arm": f"{arm} mm"}), frames=24)
+        assert peak == pytest.approx(np.abs(run.catalogue["drive.E.torque"].values()).max(), rel=1e-11)
+
+
+def test_axes_that_follow_a_shaft_vary_with_its_speed_in_a_batch():
+    """Frames are compared where the shaft is: speeds of what follows it go with its own, accelerations with its square."""
+    text = mechviz.load("two-axis-program").to_toml().replace("[links]", '[parameters]\nw = "60 rpm"\n\n[links]')
+    scene = mechviz.loads(text).changed({("joints", "M", "drive", "speed"): "w"})
+    of = [f"link.carriage.{what}:peak" for what in ("position[x]", "velocity", "acceleration")]
+    study = question(scene, ["w=60rpm,180rpm"], of)
+    assert study.batch is not None
+    place, speed, acceleration = evaluate(study, grid(study.variations)).values
+    assert place[1] == pytest.approx(place[0], rel=1e-12)
+    assert speed[1] == pytest.approx(3.0 * speed[0], rel=1e-12)
+    assert acceleration[1] == pytest.approx(9.0 * acceleration[0], rel=1e-12)
+
+
+def test_a_law_is_run_by_itself():
     text = mechviz.load("crank-rocker").to_toml().replace("[links]", '[parameters]\na = "10 deg"\n\n[links]')
-    scene = mechviz.loads(text).changed({("joints", "A", "drive", "start"): "a"})
-    study = question(scene, ["a=10deg,20deg"], ["link.crank.angle:min"])
+    swings = {"oscillation": {"period": "1 s", "amplitude": "a", "centre": 60}}
+    study = question(mechviz.loads(text).changed({("joints", "A", "drive"): swings}), ["a=10deg,20deg"], ["link.crank.angle:max"])
     assert study.batch is None
-    np.testing.assert_allclose(evaluate(study, grid(study.variations)).values[0], [10.0, 20.0], rtol=1e-12)
+    np.testing.assert_allclose(evaluate(study, grid(study.variations)).values[0], [70.0, 80.0], rtol=1e-12)
 
 
 def test_a_design_that_cannot_be_assembled_is_a_row_with_its_reason():
     text = mechviz.load("crank-rocker").to_toml().replace("[links]", '[parameters]\na = "60 mm"\n\n[links]')
     scene = mechviz.loads(text).changed({("links", "crank", "points", "B", 0): "a"})
     study = question(scene, ["a=60mm,170mm"], ["link.rocker.angle:range"])
-    found = evaluate(study, grid(study.variations))
-    assert not found.reasons[0] and np.isfinite(found.values[0][0])
-    assert "assembled" in found.reasons[1] and np.isnan(found.values[0][1])
+    outcomes = evaluate(study, grid(study.variations))
+    assert not outcomes.reasons[0] and np.isfinite(outcomes.values[0][0])
+    assert "assembled" in outcomes.reasons[1] and np.isnan(outcomes.values[0][1])
 
 
 def test_a_study_that_was_cut_off_goes_on_and_ends_the_same(press, tmp_path, monkeypatch):
@@ -150,7 +223,7 @@ def test_a_study_that_was_cut_off_goes_on_and_ends_the_same(press, tmp_path, mon
     again.open()
     assert again.done == set(range(8))
     ended = run_study(study, designs, again)
-    np.testing.assert_array_equal(ended.found.values[0], whole.found.values[0])
+    np.testing.assert_array_equal(ended.results.values[0], whole.results.values[0])
     complete = Store(path, about_study(study, None))
     complete.open()
     assert complete.done == set(range(20))

@@ -20,39 +20,39 @@ def press():
 
 
 def test_a_stroke_moves_a_ram_as_its_closed_form_says(press):
-    found = sensitivity(press, "link.ram.position[x]", ["stroke", "ratio"])
+    slopes = sensitivity(press, "link.ram.position[x]", ["stroke", "ratio"])
     q = press.catalogue.coordinate("A")
     throw, rod = 40.0, 160.0  # mm
     root = np.sqrt(rod**2 - (throw * np.sin(q)) ** 2)
     by_throw = np.cos(q) + (4.0 * rod - throw * np.sin(q) ** 2) / root  # the rod is four throws long
-    np.testing.assert_allclose(found.slopes[0], 0.5 * by_throw, rtol=1e-12, atol=1e-12)
-    np.testing.assert_allclose(found.slopes[1], throw * rod / root, rtol=1e-12)
-    assert found.quantity.unit == "mm"
+    np.testing.assert_allclose(slopes.slopes[0], 0.5 * by_throw, rtol=1e-12, atol=1e-12)
+    np.testing.assert_allclose(slopes.slopes[1], throw * rod / root, rtol=1e-12)
+    assert slopes.quantity.unit == "mm"
 
 
 @pytest.mark.parametrize("reducer", ["max", "min", "peak", "mean", "rms", "range", "at 75 deg"])
 def test_the_derivative_of_a_number_is_the_limit_of_its_differences(press, reducer):
     of = f"drive.A.torque:{reducer}"
-    found = sensitivity(press, of, ["stroke"])
+    slopes = sensitivity(press, of, ["stroke"])
     h = 1e-3
     near = [
         sensitivity(run_scene(press.scene.with_parameters({"stroke": f"{80.0 + s * h!r} mm"}), frames=90), of, ["speed"]).number
         for s in (1.0, -1.0)
     ]
-    assert found.derivatives[0] == pytest.approx((near[0] - near[1]) / (2.0 * h), rel=2e-6, abs=1e-9)
+    assert slopes.derivatives[0] == pytest.approx((near[0] - near[1]) / (2.0 * h), rel=2e-6, abs=1e-9)
 
 
 def test_numbers_of_a_scene_without_parameters_vary_by_their_places():
     run = run_scene(load("crank-rocker"), frames=24)
-    found = sensitivity(run, "link.rocker.angle:at 60 deg", ["links.rocker.points.C[0]", "links.coupler.points.C[0]"])
+    slopes = sensitivity(run, "link.rocker.angle:at 60 deg", ["links.rocker.points.C[0]", "links.coupler.points.C[0]"])
     # half a degree of drive and lengths in mm: -1/q and cos(psi - phi)/q of the four-bar, in degrees per mm
     a, b, c, d, q = 60.0, 180.0, 150.0, 200.0, np.radians(60.0)
     line = d - a * np.exp(1j * q)
-    psi = np.radians(found.number)
+    psi = np.radians(slopes.number)
     phi = np.angle(line + c * np.exp(1j * psi))
     assert abs(line + c * np.exp(1j * psi)) == pytest.approx(b, rel=1e-5)  # the number is interpolated between frames
     side = c * np.sin(psi - phi)
-    np.testing.assert_allclose(found.derivatives, np.degrees([c * np.cos(psi - phi) / side / c, -1.0 / side]), rtol=2e-3)
+    np.testing.assert_allclose(slopes.derivatives, np.degrees([c * np.cos(psi - phi) / side / c, -1.0 / side]), rtol=2e-3)
     assert {v.name for v in variables_of(run.scene)} >= {"links.crank.mass", "links.frame.points.D[0]"}
 
 

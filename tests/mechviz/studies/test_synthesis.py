@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from design_cases import time_ratio
 from typer.testing import CliRunner
 
 import mechviz
 from mechcore.design.burmester import Poses, burmester_curve
 from mechcore.design.chains import kinematic_chains
 from mechcore.design.dwells import dwell_linkages
-from mechcore.design.strokes import time_ratio, whitworth
+from mechcore.design.strokes import whitworth
 from mechcore.errors import MechanismError
 from mechviz.commands.main import app
 from mechviz.runs import run_scene
@@ -143,19 +144,19 @@ def test_straight_lines_are_straight(tmp_path):
 
 def test_levers_rest_while_the_crank_turns_on():
     dwell, swing = np.radians([80, 25])
-    found = dwell_linkages(dwell, swing, seed=1, most=3, screened=800)
-    best = found[0]
-    assert all(best.drift <= one.drift for one in found) and best.drift < 1e-3 * swing
+    designs = dwell_linkages(dwell, swing, seed=1, most=3, screened=800)
+    best = designs[0]
+    assert all(best.drift <= one.drift for one in designs) and best.drift < 1e-3 * swing
     theta = best.start + np.linspace(0, 2 * np.pi, 721)
     angle = best.lever_angles(theta)
     f = best.pivot + best.lever * np.exp(1j * angle)
     assert abs(f - best.four_bar.positions(theta)[2]) == pytest.approx(np.full(721, best.link), rel=1e-12)
-    run = run_scene(dwell_solutions(found, 0.02, dwell)[0].scene, frames=720)
+    run = run_scene(dwell_solutions(designs, 0.02, dwell)[0].scene, frames=720)
     lever = np.unwrap(values(run, "link.lever.angle"), period=360)
     assert lever - lever[0] == pytest.approx(np.degrees(angle - angle[0]), abs=1e-9)
     assert np.ptp(lever) == pytest.approx(25.0, rel=1e-2)
     assert np.ptp(lever[:161]) == pytest.approx(np.degrees(best.drift), rel=0.05)  # the run begins with the rest
-    assert figures.dwell_figure(found).axes
+    assert figures.dwell_figure(designs).axes
 
 
 def test_lids_stay(tmp_path):
@@ -199,9 +200,9 @@ def test_sketches_of_eight_links_do_not_cross():
 def test_burmesters_curves_pass_the_pivots_of_every_proposal():
     poses = Poses(np.array([0, 0.03 + 0.015j, 0.06 + 0.02j, 0.075 + 0.01j]), np.radians([0, 20, 45, 70]))
     curve = burmester_curve(poses, 4000)
-    found = motion_designs(poses, *dyads(poses, [], [], 1.0), 5, all_of_them=False)
-    assert len(motion_solutions(poses, found)) == 5
-    for made in found:
+    designs = motion_designs(poses, *dyads(poses, [], [], 1.0), 5, all_of_them=False)
+    assert len(motion_solutions(poses, designs)) == 5
+    for made in designs:
         for pivot in (made.four_bar.crank_pivot, made.four_bar.rocker_pivot):
             assert np.nanmin(abs(curve.c - pivot)) < 0.002
 

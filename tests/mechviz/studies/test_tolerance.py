@@ -71,34 +71,34 @@ def test_samples_agree_with_quadrature_within_their_own_errors(rocker):
 def test_the_band_of_a_ram_is_its_closed_form():
     scene = load("parametric-press")
     run = run_scene(scene, frames=24)
-    found = tolerances(run, [parse_measure(scene, "link.ram.position[x]")], toleranced(scene, ["ratio=0.05"]), samples=64)[0]
+    computed = tolerances(run, [parse_measure(scene, "link.ram.position[x]")], toleranced(scene, ["ratio=0.05"]), samples=64)[0]
     q, throw, rod = run.catalogue.coordinate("A"), 40.0, 160.0
     root = np.sqrt(rod**2 - (throw * np.sin(q)) ** 2)
     by_stroke = 0.1 * 0.5 * np.abs(np.cos(q) + (4.0 * rod - throw * np.sin(q) ** 2) / root)
     by_ratio = 0.05 * throw * rod / root
-    np.testing.assert_allclose(found.worst, by_stroke + by_ratio, rtol=1e-11)
-    np.testing.assert_allclose(found.likely, np.hypot(by_stroke, by_ratio), rtol=1e-11)
-    half = 0.5 * (found.corners[1] - found.corners[0])
-    np.testing.assert_allclose(half, found.worst, rtol=1e-3)  # the corners know what straight lines do not
-    assert found.at is not None and found.deviations().sum() == pytest.approx(found.worst[found.at])
+    np.testing.assert_allclose(computed.worst, by_stroke + by_ratio, rtol=1e-11)
+    np.testing.assert_allclose(computed.likely, np.hypot(by_stroke, by_ratio), rtol=1e-11)
+    half = 0.5 * (computed.corners[1] - computed.corners[0])
+    np.testing.assert_allclose(half, computed.worst, rtol=1e-3)  # the corners know what straight lines do not
+    assert computed.at is not None and computed.deviations().sum() == pytest.approx(computed.worst[computed.at])
 
 
 def test_uniform_parts_fill_their_tolerance():
     scene = load("parametric-press")
     run = run_scene(scene, frames=4)
     measure = parse_measure(scene, "link.ram.position[x]:max")  # throw + rod: five throws, straight in the stroke
-    found = tolerances(run, [measure], toleranced(scene, []), samples=1024, distribution="uniform")[0]
-    assert found.sigma == pytest.approx(0.25 / np.sqrt(3.0), rel=2e-3)
-    assert found.ends[1] - found.nominal == pytest.approx(0.25, rel=5e-3) and found.ends[1] - found.nominal <= 0.25
+    computed = tolerances(run, [measure], toleranced(scene, []), samples=1024, distribution="uniform")[0]
+    assert computed.sigma == pytest.approx(0.25 / np.sqrt(3.0), rel=2e-3)
+    assert computed.ends[1] - computed.nominal == pytest.approx(0.25, rel=5e-3) and computed.ends[1] - computed.nominal <= 0.25
 
 
 def test_what_has_no_derivatives_is_fitted_to_samples():
     scene = load("parametric-press")
     run = run_scene(scene, frames=4)
     key = next(f"{key}[{q.curves[0]}]:max" for key, q in run.catalogue.by_key.items() if key.startswith("power"))
-    found = tolerances(run, [parse_measure(scene, key)], toleranced(scene, ["ratio=0.01"]), samples=16)[0]
-    assert not found.exact and found.shares().sum() == pytest.approx(1.0)
-    assert found.shares()[0] > 0.5  # the stroke decides how fast the masses go
+    computed = tolerances(run, [parse_measure(scene, key)], toleranced(scene, ["ratio=0.01"]), samples=16)[0]
+    assert not computed.exact and computed.shares().sum() == pytest.approx(1.0)
+    assert computed.shares()[0] > 0.5  # the stroke decides how fast the masses go
 
 
 def test_nonsense_is_refused():

@@ -91,34 +91,34 @@ def test_what_goes_well_is_said_now_and_then_and_once_more_when_it_rests(monkeyp
 @pytest.mark.parametrize("name", scene.gallery_names())
 def test_every_value_lies_in_its_range_and_written_back_says_the_same(name):
     loaded = gallery_scene(name)
-    found = find_parameters(loaded)
-    assert found and len({p.key for p in found}) == len(found)
+    parameters = find_parameters(loaded)
+    assert parameters and len({p.key for p in parameters}) == len(parameters)
     draft = Draft.of(loaded)
-    for p in found:
+    for p in parameters:
         assert p.hard_low <= p.low <= p.value <= p.high <= p.hard_high and p.step > 0.0, p
         assert (p.high - p.low) / p.step <= 10_000, p
         draft = draft.with_value(p.path, p.written(p.value))
     again = find_parameters(draft.scene())
-    assert [(p.key, p.title) for p in again] == [(p.key, p.title) for p in found]
-    np.testing.assert_allclose([p.value for p in again], [p.value for p in found], rtol=1e-11)
+    assert [(p.key, p.title) for p in again] == [(p.key, p.title) for p in parameters]
+    np.testing.assert_allclose([p.value for p in again], [p.value for p in parameters], rtol=1e-11)
 
 
 def test_lengths_masses_speeds_springs_and_laws_are_there_with_their_units():
-    found = {p.title: p for p in find_parameters(scene.load("cam-roller"))}
-    assert {"follower T–E [mm]", "frame G y [mm]", "O speed [rpm]", "K base [mm]", "K lift 1 over [°]"} <= set(found)
+    result = {p.title: p for p in find_parameters(scene.load("cam-roller"))}
+    assert {"follower T–E [mm]", "frame G y [mm]", "O speed [rpm]", "K base [mm]", "K lift 1 over [°]"} <= set(result)
     assert {"return spring stiffness [N/mm]", "return spring free length [mm]", "cam mass [kg]", "cam inertia [kg m²]"} <= set(
-        found
+        result
     )
-    assert found["O speed [rpm]"].value == 240.0 and found["O speed [rpm]"].written(250.0) == "250.0 rpm"
-    assert found["follower T–E [mm]"].written(80.0) == 80.0
+    assert result["O speed [rpm]"].value == 240.0 and result["O speed [rpm]"].written(250.0) == "250.0 rpm"
+    assert result["follower T–E [mm]"].written(80.0) == 80.0
     choices = {c.label: c for c in find_choices(scene.load("cam-roller"))}
     assert choices["K lift 1 law"].value == "cycloidal" and "3-4-5" in choices["K lift 1 law"].options
     assert "D side" in {c.label for c in find_choices(scene.load("kinetostatic-four-bar"))}
 
 
 def test_a_cam_is_judged_by_a_force():
-    found = {p.key: p.unit for p in find_parameters(scene.load("cam-roller"))}
-    assert found["joints.K.rating.margin"] == "N" and found["joints.K.rating.width"] == "mm"
+    result = {p.key: p.unit for p in find_parameters(scene.load("cam-roller"))}
+    assert result["joints.K.rating.margin"] == "N" and result["joints.K.rating.width"] == "mm"
 
 
 def test_the_base_of_an_inverse_cam_is_an_angle_where_its_follower_swings():
@@ -385,27 +385,27 @@ def test_each_effect_is_weighed_by_the_peak_without_it(session):
     end = time.monotonic() + 30.0
     while not session.screen.found and time.monotonic() < end:
         time.sleep(0.01)
-    found = {c.name: c for c in session.screen.found[-1]}
-    assert set(found) == {"inertia", "gravity", "friction", "P"}
-    assert found["inertia"].on and not found["gravity"].on
+    computed = {c.name: c for c in session.screen.found[-1]}
+    assert set(computed) == {"inertia", "gravity", "friction", "P"}
+    assert computed["inertia"].on and not computed["gravity"].on
     without = run_scene(Draft.of(session.run.scene).with_effect("inertia", False).scene())
-    assert found["inertia"].peak_with == pytest.approx(np.abs(session.run.forces.effort("A")).max())
-    assert found["inertia"].peak_without == pytest.approx(np.abs(without.forces.effort("A")).max())
-    assert np.isnan(found["friction"].seconds) and found["friction"].why.startswith("friction is named, but no joint has any")
+    assert computed["inertia"].peak_with == pytest.approx(np.abs(session.run.forces.effort("A")).max())
+    assert computed["inertia"].peak_without == pytest.approx(np.abs(without.forces.effort("A")).max())
+    assert np.isnan(computed["friction"].seconds) and computed["friction"].why.startswith("friction is named, but no joint has any")
     assert "friction: friction is named" in words.contributions(session.screen.found[-1], "drive torque")
 
 
 def test_of_a_motion_without_drives_effects_are_weighed_by_the_largest_reaction():
-    found: list[tuple[Contribution, ...]] = []
+    computed: list[tuple[Contribution, ...]] = []
     run = run_scene(scene.load("pendulum-near-the-top"), frames=20)
-    made = EditSession(run, lambda _: None, lambda _: None, found.append, lambda: None, lambda _: None)
+    made = EditSession(run, lambda _: None, lambda _: None, computed.append, lambda: None, lambda _: None)
     made.weigh(asked=True)
     assert made.wait(rested=True)
     made.close()
-    gravity = next(c for c in found[-1] if c.name == "gravity")
+    gravity = next(c for c in computed[-1] if c.name == "gravity")
     largest = max(np.hypot(*run.forces.reaction(joint.name)[:, :2].T).max() for joint in run.motion.mechanism.joints)
     assert gravity.peak_with == pytest.approx(largest) and gravity.peak_without == pytest.approx(0.0, abs=1e-9)
-    assert f"+{largest:.3g} N<" in words.contributions(found[-1], "reaction")
+    assert f"+{largest:.3g} N<" in words.contributions(computed[-1], "reaction")
     unasked = [Contribution("inertia", True, 1.0, np.nan, np.nan)]
     assert "press the button" in words.contributions(unasked, "reaction")
 
@@ -435,18 +435,23 @@ def test_diagrams_of_a_recording_are_those_of_its_run(name, overlays, tmp_path):
         played.set_frame(7)
         assert tuple(name for name in played.scene.plans.constructions if name in OVERLAYS) == overlays
     for key, drawing in solved.drawings().items():
-        found = recorded.drawings()[key]
-        assert (found.title, found.unit, found.whole) == (drawing.title, drawing.unit, drawing.whole)
-        assert found.per_metre == pytest.approx(drawing.per_metre)
-        np.testing.assert_allclose(found.bounds, drawing.bounds, atol=1e-6 * solved.size)
-        for a, b in zip(found.strokes, drawing.strokes, strict=True):
+        computed = recorded.drawings()[key]
+        assert (computed.title, computed.unit, computed.whole) == (drawing.title, drawing.unit, drawing.whole)
+        assert computed.per_metre == pytest.approx(drawing.per_metre)
+        np.testing.assert_allclose(computed.bounds, drawing.bounds, atol=1e-6 * solved.size)
+        for a, b in zip(computed.strokes, drawing.strokes, strict=True):
             assert (a.label, a.color, a.plain, a.fine) == (b.label, b.color, b.plain, b.fine)
             np.testing.assert_allclose(a.start, b.start, atol=1e-6 * solved.size)
             np.testing.assert_allclose(a.vector, b.vector, atol=1e-6 * solved.size)
-        assert [m.label for m in found.marks] == [m.label for m in drawing.marks]
-    for found, chart in zip(recorded.charts(), solved.charts(), strict=True):
-        assert (found.title, found.x_title, found.y_title, found.equal) == (chart.title, chart.x_title, chart.y_title, chart.equal)
-        for a, b in zip(found.curves, chart.curves, strict=True):
+        assert [m.label for m in computed.marks] == [m.label for m in drawing.marks]
+    for computed, chart in zip(recorded.charts(), solved.charts(), strict=True):
+        assert (computed.title, computed.x_title, computed.y_title, computed.equal) == (
+            chart.title,
+            chart.x_title,
+            chart.y_title,
+            chart.equal,
+        )
+        for a, b in zip(computed.curves, chart.curves, strict=True):
             assert a.name == b.name
             np.testing.assert_allclose(a.x, b.x, atol=1e-5 * np.ptp(chart.ranges[:2]))
             np.testing.assert_allclose(a.y, b.y, atol=1e-5 * np.ptp(chart.ranges[2:]))
@@ -459,10 +464,10 @@ def test_a_spatial_cam_turns_in_its_recording_as_in_its_run(tmp_path):
     run = run_scene(scene.load("cam-barrel"), frames=24)
     write_recording(run, tmp_path / "a.rrd")
     with Viewer(Recording(tmp_path / "a.rrd"), port=0) as played, Viewer(run, port=0) as solved:
-        found, wanted = (v.scene.links.tracks()["/mechanism/cam"] for v in (played, solved))
-    np.testing.assert_allclose(found[0], wanted[0], atol=1e-7)
-    np.testing.assert_allclose(np.abs((found[1] * wanted[1]).sum(axis=1)), 1.0, atol=1e-6)
-    assert np.ptp(found[1][:, 1:3]) > 0.5, "not about z"
+        computed, wanted = (v.scene.links.tracks()["/mechanism/cam"] for v in (played, solved))
+    np.testing.assert_allclose(computed[0], wanted[0], atol=1e-7)
+    np.testing.assert_allclose(np.abs((computed[1] * wanted[1]).sum(axis=1)), 1.0, atol=1e-6)
+    assert np.ptp(computed[1][:, 1:3]) > 0.5, "not about z"
 
 
 def test_solids_follow_the_dials_of_the_accuracy():
@@ -603,9 +608,9 @@ def test_a_single_bad_frame_is_seen_in_the_strip():
 # -- diagrams ---------------------------------------------------------------------------------------------------------
 def test_diagrams_move_with_the_frame_and_lie_within_their_picture():
     run = run_scene(scene.load("plans-four-bar"), frames=24)
-    found = diagrams_of(show_of_run(run, build(run)))
-    assert {"Velocity plan", "Acceleration plan", "Force plan"} <= set(found) and any(t.startswith("Path of") for t in found)
-    for title, diagram in found.items():
+    diagrams = diagrams_of(show_of_run(run, build(run)))
+    assert {"Velocity plan", "Acceleration plan", "Force plan"} <= set(diagrams) and any(t.startswith("Path of") for t in diagrams)
+    for title, diagram in diagrams.items():
         first, later = diagram_svg(diagram, 3), diagram_svg(diagram, 15)
         assert first != later and title in first
         numbers = [float(v) for spots in re.findall(r'points="([^"]*)"', first) for v in re.split("[ ,]", spots)]
@@ -616,13 +621,13 @@ def test_diagrams_move_with_the_frame_and_lie_within_their_picture():
 def test_a_cam_has_diagrams_of_its_pressure_angle_and_curvature():
     run = run_scene(scene.load("cam-roller"), frames=72)
     show = show_of_run(run, build(run))
-    found = {title: d for title, d in diagrams_of(show).items() if title.endswith("of cam K")}
-    assert list(found) == ["Pressure angle [°] of cam K", "Curvature [1/m] of cam K"]
-    angle = found["Pressure angle [°] of cam K"].curves[0]
+    computed = {title: d for title, d in diagrams_of(show).items() if title.endswith("of cam K")}
+    assert list(computed) == ["Pressure angle [°] of cam K", "Curvature [1/m] of cam K"]
+    angle = computed["Pressure angle [°] of cam K"].curves[0]
     quantity = next(q for q in show.quantities if q.label == "cam K: pressure angle")
     np.testing.assert_array_equal(angle.y, quantity.values()[:, 0])
     assert angle.x[-1] == pytest.approx(360.0) and np.ptp(angle.y) > 20.0
-    assert ">270<" in diagram_svg(found["Pressure angle [°] of cam K"], 10), "quarter turns"
+    assert ">270<" in diagram_svg(computed["Pressure angle [°] of cam K"], 10), "quarter turns"
 
 
 def test_labels_of_a_diagram_stand_apart_and_are_written_as_by_hand():

@@ -250,8 +250,8 @@ def test_effects_are_switched_and_weighed(viewer, page):
     page.get_by_text("pure kinematics").wait_for(state="detached")
     plan = page.get_by_role("img", name="Analysis plan")
     until(page, lambda: plan.locator("g").count() == 10, "the plan with inertia and the load again")
-    found = plan.locator("g").evaluate_all("gs => gs.map(g => [g.querySelector('title').textContent.split(':')[0], g.dataset.on])")
-    assert dict(found)["inertia"] == "1" and dict(found)["gravity"] == "0"
+    values = plan.locator("g").evaluate_all("gs => gs.map(g => [g.querySelector('title').textContent.split(':')[0], g.dataset.on])")
+    assert dict(values)["inertia"] == "1" and dict(values)["gravity"] == "0"
     assert viewer.session.wait(rested=True)
     viewer.inspector.effects.table.content = ""
     row = page.locator("tr", has_text="inertia").filter(has_text="N m").filter(has_text="ms")
@@ -344,8 +344,8 @@ def test_a_point_that_is_clicked_is_traced(viewer, page):
     _click(page, viewer, middle)
     until(page, lambda: viewer.run.motion.mechanism.traced == (("coupler", "T1"),), "traced")
     page.wait_for_function(SEEN, arg="/paths/coupler.T1")
-    found = viewer.run.motion.point("coupler", "T1")[300]
-    assert np.abs(found - middle).max() < 0.02 * viewer.scene.size
+    computed = viewer.run.motion.point("coupler", "T1")[300]
+    assert np.abs(computed - middle).max() < 0.02 * viewer.scene.size
     page.get_by_label("Trace the point that I click").uncheck()
 
 
@@ -706,6 +706,10 @@ def test_every_control_has_a_name(page):
     for tab in ("Edit", "Effects", "View"):
         open_tab(page, tab)
         until(page, lambda: page.evaluate(NAMELESS) == [], f"a name for every control under {tab}")
+    page.get_by_role("button", name="Search for a command").click()
+    page.get_by_role("dialog", name="Search commands").wait_for()
+    page.keyboard.press("Escape")
+    page.get_by_role("dialog").wait_for(state="hidden")
 
 
 def _dragged_right(page: Any, viewer: Viewer) -> float:

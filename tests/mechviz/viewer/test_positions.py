@@ -24,7 +24,7 @@ POSES = Poses(np.array([0, 0.03 + 0.015j, 0.06 + 0.02j]), np.radians([0, 20, 45]
 
 
 @pytest.fixture(scope="module")
-def found():
+def solutions():
     return motion_solutions(POSES, motion_choices(POSES))
 
 
@@ -39,16 +39,16 @@ def dragged(place, angle, phase="end"):
     return SimpleNamespace(phase=phase, target=node)
 
 
-def test_a_scene_says_its_positions(found):
-    for one in found[:2]:
+def test_a_scene_says_its_positions(solutions):
+    for one in solutions[:2]:
         again = poses_in(mechviz.loads(one.scene.to_toml()))
         assert again.places == pytest.approx(POSES.places, abs=1e-15)
         assert again.angles == pytest.approx(POSES.angles, abs=1e-12)
     assert poses_in(mechviz.load("crank-rocker")) is None
 
 
-def test_positions_are_dragged_added_and_taken_away(found):
-    with Viewer(run_scene(found[0].scene, frames=120), port=0) as viewer:
+def test_positions_are_dragged_added_and_taken_away(solutions):
+    with Viewer(run_scene(solutions[0].scene, frames=120), port=0) as viewer:
         tab, session = viewer.inspector.positions, viewer.session
         assert tab is not None and not tab._nodes
         tab.on.value = True
@@ -73,8 +73,8 @@ def test_positions_are_dragged_added_and_taken_away(found):
 
 
 @pytest.mark.browser
-def test_positions_are_shown_added_and_taken_away_in_the_page(browser, found):
-    with Viewer(run_scene(found[0].scene, frames=60), port=0) as viewer:
+def test_positions_are_shown_added_and_taken_away_in_the_page(browser, solutions):
+    with Viewer(run_scene(solutions[0].scene, frames=60), port=0) as viewer:
         page = open_viewer(browser, viewer, SIZE, [link_path("crank")])
         tab, session = viewer.inspector.positions, viewer.session
         page.get_by_label("Show the positions").check()
@@ -89,8 +89,8 @@ def test_positions_are_shown_added_and_taken_away_in_the_page(browser, found):
         page.close()
 
 
-def test_another_solution_is_another_linkage(found):
-    with Viewer(run_scene(found[0].scene, frames=60), port=0) as viewer:
+def test_another_solution_is_another_linkage(solutions):
+    with Viewer(run_scene(solutions[0].scene, frames=60), port=0) as viewer:
         tab, session = viewer.inspector.positions, viewer.session
         before = session.run.scene.document.links["crank"].points
         tab.choice.value = 2

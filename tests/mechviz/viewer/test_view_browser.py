@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from browsers import DRAWING, STILL, browser
+from browsers import browser
 from browsing import CAMERA, CANVAS, PLACE, camera_rests, caught_up, heard, next_frames, open_viewer, picture, until
 from filled import SCENES, arrows_box, solid_points
 from shapely.geometry import MultiPoint
@@ -70,7 +70,6 @@ def _settled(viewer: Viewer, page: Any) -> None:
 
 def test_mechanisms_fill_two_thirds_of_the_picture_and_nothing_is_cut_off(viewer, page):
     """Where the page's own camera has them, in windows of three sizes, each with a part of the scenes."""
-    page.evaluate(STILL)
     for k, (window, (width, height)) in enumerate(WINDOWS.items()):
         page.set_viewport_size({"width": width, "height": height})
         for name in SCENES[k :: len(WINDOWS)]:
@@ -82,7 +81,6 @@ def test_mechanisms_fill_two_thirds_of_the_picture_and_nothing_is_cut_off(viewer
             assert (high - low).max() > 2.0 * 2.0 / 3.0, (name, window)
     viewer.scene.cameras.follow_bounds(viewer.scene.bounds, viewer.scene.current.bounds)
     page.set_viewport_size(PHONE)
-    page.evaluate(DRAWING)
     _settled(viewer, page)
 
 

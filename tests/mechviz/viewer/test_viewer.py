@@ -31,7 +31,7 @@ from mechviz.outputs.exports.tables import plot_file
 from mechviz.outputs.viewer import words
 from mechviz.outputs.viewer.app import Viewer
 from mechviz.outputs.viewer.panels.effects import plan_graph, plan_svg
-from mechviz.outputs.viewer.panels.plots import Curves, padded_range, thinned
+from mechviz.outputs.viewer.panels.plots import Curves, padded_range, peak_of, thinned
 from mechviz.outputs.viewer.panels.timeline import Speeds
 from mechviz.outputs.viewer.player import Player
 from mechviz.outputs.viewer.server import ViewerError, finite
@@ -67,6 +67,13 @@ def kinematic() -> Run:
 
 
 # -- what is drawn ----------------------------------------------------------------------------------------------------
+def test_peaks_of_curves_that_go_as_far_up_as_down_are_compared_on_one_side():
+    up, down = np.array([-1.0, 1.001]), np.array([-1.2, 1.199])
+    assert peak_of(down) == -1.2 and peak_of(up) == 1.001
+    assert peak_of(up, peak_of(down)) == -1.0
+    assert peak_of(np.array([-0.5, 1.0]), like=-1.0) == 1.0 and np.isnan(peak_of(np.array([np.nan])))
+
+
 def test_families_follow_what_the_scene_asks_for(four_bar, kinematic):
     assert set(vectors_of(kinematic)[0]) == {"velocity", "acceleration"}
     assert vectors_of(kinematic)[1] == {}
@@ -75,14 +82,14 @@ def test_families_follow_what_the_scene_asks_for(four_bar, kinematic):
 
 
 def test_vectors_are_those_of_the_core(compressor):
-    found = vectors_of(compressor)[0]
+    computed = vectors_of(compressor)[0]
     forces, motion = compressor.forces, compressor.motion
     assert forces is not None
-    np.testing.assert_array_equal(found["reaction"]["B"].value, forces.reaction("B")[:, :2])
-    np.testing.assert_array_equal(found["reaction"]["B"].origin, motion.joint_position("B"))
-    np.testing.assert_array_equal(found["applied"]["gas"].value, forces.loads["gas"].values[:, :2])
+    np.testing.assert_array_equal(computed["reaction"]["B"].value, forces.reaction("B")[:, :2])
+    np.testing.assert_array_equal(computed["reaction"]["B"].origin, motion.joint_position("B"))
+    np.testing.assert_array_equal(computed["applied"]["gas"].value, forces.loads["gas"].values[:, :2])
     rod = vectors.centre_name("rod")
-    np.testing.assert_array_equal(found["acceleration"][rod].value, motion.centre_of_mass("rod", 2))
+    np.testing.assert_array_equal(computed["acceleration"][rod].value, motion.centre_of_mass("rod", 2))
 
 
 def test_an_inertia_resultant_on_its_line_of_action_has_the_inertia_moment(four_bar):
@@ -94,12 +101,12 @@ def test_an_inertia_resultant_on_its_line_of_action_has_the_inertia_moment(four_
 
 
 def test_the_largest_force_is_a_third_of_the_size_and_all_forces_share_the_scale(four_bar):
-    found, moments = vectors_of(four_bar)[:2]
-    scales = vectors.find_scales(found, moments, size=0.6)
-    forces = [v for f in vectors.FORCE_FAMILIES for v in found.get(f, {}).values()]
+    computed, moments = vectors_of(four_bar)[:2]
+    scales = vectors.find_scales(computed, moments, size=0.6)
+    forces = [v for f in vectors.FORCE_FAMILIES for v in computed.get(f, {}).values()]
     assert max(v.magnitude.max() for v in forces) / scales.newtons_per_metre == pytest.approx(0.2)
     assert scales.per_metre("reaction") == scales.per_metre("inertia") == scales.newtons_per_metre
-    speeds = [v.magnitude.max() for v in found["velocity"].values()]
+    speeds = [v.magnitude.max() for v in computed["velocity"].values()]
     assert max(speeds) / scales.per_metre("velocity") == pytest.approx(0.2)
 
 
@@ -446,12 +453,12 @@ def test_transmission_angles_and_section_forces_can_be_asked_for_and_plotted(fou
             offered = {q.key: q for q in shown.inspector.show.quantities}
             assert ("transmission_angle.D.angle" in offered) is on
             if on:
-                found = offered["transmission_angle.D.angle"]
+                computed = offered["transmission_angle.D.angle"]
                 rocker, coupler = (four_bar.motion.pose(link)[:, 2] for link in ("rocker", "coupler"))
                 between = np.degrees(np.abs(np.angle(np.exp(1j * (rocker - coupler)))))
-                np.testing.assert_allclose(found.values()[:, 0], np.minimum(between, 180.0 - between), atol=1e-9)
-                shown.plots.choose(shown.plots.slots[0], found.title)
-                assert shown.plots.slots[0].quantity.title == found.title
+                np.testing.assert_allclose(computed.values()[:, 0], np.minimum(between, 180.0 - between), atol=1e-9)
+                shown.plots.choose(shown.plots.slots[0], computed.title)
+                assert shown.plots.slots[0].quantity.title == computed.title
         shown.session.change("sections", lambda draft: draft.with_named("sections", "coupler", True))
         assert shown.session.wait(rested=True)
         until(lambda: shown.inspector.diagrams.asked["sections", "coupler"].value)

@@ -230,15 +230,15 @@ def test_between_frames_a_page_draws_what_lies_between_them_but_where_something_
     viewer.inspector.playback.change()
     viewer.play()
     until(page, lambda: page.evaluate(PLAYS), "playing in the browser")
-    found = page.evaluate(BETWEEN, link_path("coupler"))
-    (low, low_arrows), (high, high_arrows) = ([np.array(part) for part in found[name]] for name in ("low", "high"))
-    (middle, middle_arrows), (flipped, _) = ([np.array(part) for part in found[name]] for name in ("middle", "flipped"))
+    outcomes = page.evaluate(BETWEEN, link_path("coupler"))
+    (low, low_arrows), (high, high_arrows) = ([np.array(part) for part in outcomes[name]] for name in ("low", "high"))
+    (middle, middle_arrows), (flipped, _) = ([np.array(part) for part in outcomes[name]] for name in ("middle", "flipped"))
     assert np.abs(high - low).max() > 1e-4 and len(low_arrows) == len(high_arrows) > 0
     assert np.abs(middle - (low + high) / 2).max() < 1e-6 and np.abs(flipped - middle).max() < 1e-9
     assert np.linalg.norm(middle[:4]) == pytest.approx(1.0, abs=1e-12)
     assert np.abs(middle_arrows - (low_arrows + high_arrows) / 2).max() < 1e-6
-    assert np.abs(np.array(found["leap"][0]) - low).max() < 1e-9, "it stays where it is until it has leapt"
-    assert found["others"][1] == low_arrows.tolist(), "arrows of others than before are not mixed with them"
+    assert np.abs(np.array(outcomes["leap"][0]) - low).max() < 1e-9, "it stays where it is until it has leapt"
+    assert outcomes["others"][1] == low_arrows.tolist(), "arrows of others than before are not mixed with them"
     viewer.inspector.playback.change()
     viewer.pause()
     _until_drawn(viewer, page)

@@ -77,14 +77,14 @@ def test_a_frame_comes_in_one_piece_and_says_only_what_moved(viewer):
     viewer.set_frame(0)
     with sockets(viewer.port, 1) as (socket,):
         viewer.set_frame(12)
-        found = messages(socket)
-        moved = {(m["type"], m["name"]) for m in found if m["type"] in POSES}
+        texts = messages(socket)
+        moved = {(m["type"], m["name"]) for m in texts if m["type"] in POSES}
         crank, fixed = link_path("crank"), viewer.inspector.show.frame
         assert ("SetOrientationMessage", crank) in moved and ("SetOrientationMessage", link_path("coupler")) in moved
         assert ("SetPositionMessage", crank) not in moved, "it turns about the origin"
         assert not [name for _, name in moved if name == link_path(fixed)]
         nodes = {name: viewer.server.scene.get_handle_by_name(name) for _, name in moved}
-        for m in (m for m in found if m["type"] in POSES):
+        for m in (m for m in texts if m["type"] in POSES):
             state = nodes[m["name"]].position if "position" in m else nodes[m["name"]].wxyz
             assert list(m.get("position", m.get("wxyz"))) == state.tolist()
 
@@ -106,14 +106,14 @@ def test_a_browser_that_comes_later_is_told_where_everything_is_now(viewer):
     viewer.set_frame(7)
     viewer.set_frame(31)
     with opened(viewer.port) as socket:
-        found = replay(socket)
+        messages = replay(socket)
         for link in ("crank", "coupler", "rocker"):
-            said = [m for m in found if m["type"] == "SetOrientationMessage" and m["name"] == link_path(link)]
+            said = [m for m in messages if m["type"] == "SetOrientationMessage" and m["name"] == link_path(link)]
             angle = viewer.run.motion.pose(link)[31, 2]
             assert len(said) == 1 and said[0]["wxyz"] == pytest.approx([np.cos(angle / 2), 0.0, 0.0, np.sin(angle / 2)], abs=1e-9)
-            made = [k for k, m in enumerate(found) if m["type"] == "FrameMessage" and m["name"] == link_path(link)]
-            assert made and made[0] < found.index(said[0])
-        assert [m["type"] for m in found].index("ReplayDoneMessage") == len(found) - 1
+            made = [k for k, m in enumerate(messages) if m["type"] == "FrameMessage" and m["name"] == link_path(link)]
+            assert made and made[0] < messages.index(said[0])
+        assert [m["type"] for m in messages].index("ReplayDoneMessage") == len(messages) - 1
 
 
 def test_a_browser_that_comes_after_hours_of_play_does_not_ask_for_each_message_that_has_been_replaced(viewer):

@@ -208,6 +208,8 @@ class PlacedCam:
             limits = find_limits(replace(cam, outer=outer), count=720)
             if not limits.undercut:
                 continue
+            if limits.sharpness.value == -math.inf and not second:
+                raise MechanismError(self._corner(limits.sharpness.angle))
             where = f"at {as_coordinate(limits.sharpness.angle, rotary=not cam.wedge)}"
             greatest = limits.greatest_roller
             if isinstance(face, Flat) or greatest is None:
@@ -224,6 +226,19 @@ class PlacedCam:
                     f"Give at most {as_length(greatest.value)}." + (f" {self._remedy()}" if not second else ""),
                 )
             )
+
+    def _corner(self, angle: float) -> Fault:
+        """The fault of a law whose velocity jumps down, so that the profile folds at any size."""
+        left, right = self.cam.law(angle, 1, "left")[1], self.cam.law(angle, 1)[1]
+        rotary = isinstance(self.cam.follower.guide, Oscillating)
+        before, after = (as_coordinate(float(v), rotary=rotary, digits=4) for v in (left, right))
+        size = "" if self.cam.wedge else f" from {before} to {after} per radian"
+        at = as_coordinate(angle, rotary=not self.cam.wedge)
+        return Fault(
+            "cam.lift",
+            f"its velocity falls at {at}{size}: a corner on a cam of any size.",
+            "Let both sides meet there with one velocity, or let a knife follow it.",
+        )
 
     def _remedy(self) -> str:
         """The least base circle without undercut, in words."""

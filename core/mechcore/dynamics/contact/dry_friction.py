@@ -16,6 +16,7 @@ import numpy as np
 
 from mechcore.arrays import Index, Plane, Real, Values
 from mechcore.dynamics.equations.charts import differences, jacobian_of
+from mechcore.dynamics.equations.contacts import ContactProgram, Told, add_inertia, contact_program
 from mechcore.dynamics.equations.reduced import (
     constrained,
     free_of,
@@ -33,7 +34,6 @@ from mechcore.forces.friction.elements import Element, elements_of, relative_rat
 from mechcore.forces.friction.normal_loads import solve_normal_loads
 from mechcore.forces.friction.solve import FrictionResult, Response, Transmitted, picked, system
 from mechcore.forces.kinetostatics import Forces
-from mechcore.kinematics.dyads import cross
 from mechcore.motion.compiled import Compiled
 from mechcore.motion.motion import Motion
 from mechcore.records import dataclass
@@ -106,8 +106,28 @@ class DrySystem:
         self.breaking = breaking
         self.rests = tuple(rests)
 
+    def program(self, *, long: bool = False) -> ContactProgram | None:
+        """The compiled program where one is wanted."""
+        program = contact_program(self.compiled, self.rests, long=long)
+        return None if program is None else program.with_signs(self.signs, breaking=self.breaking)
+
+    def _told(self, q: Real, v: Real, t: Real) -> Told | None:
+        """Values of a compiled program at states; None where there is none for any states."""
+        program = self.program()
+        return None if program is None or not program.everywhere else program.told(q, v, t)
+
+    def rates(self, q: Real, v: Real, t: Real) -> Real:
+        """Relative rates of all elements (n, e)."""
+        told = self._told(q, v, t)
+        if told is not None:
+            return told.rate
+        return np.stack([e.rate for e in elements_of(moving(self.compiled, q, v, t)[0])], axis=1)
+
     def holding(self, q: Real, v: Real, t: Real) -> Real:
         """Efforts that keep the joints at rest (n, p): torque [N m] or force [N] in the direction of each one's coordinate."""
+        told = self._told(q, v, t)
+        if told is not None and told.found:
+            return told.holding
         motion, units = moving(self.compiled, q, v, t)
         r, friction = reduced_equations(motion, units), self.solve(q, v, t)
         tau = np.stack([rates_of(units, e) for e in elements_of(motion)], axis=1)
@@ -129,6 +149,9 @@ class DrySystem:
 
     def solve(self, q: Real, v: Real, t: Real) -> Dry:
         """Accelerations and friction. Raises `MechanismError` where no acceleration is in balance with the friction it causes."""
+        told = self._told(q, v, t)
+        if told is not None and told.found:
+            return Dry(*told[:5])
         motion, units = moving(self.compiled, q, v, t)
         n = motion.frames
         r = reduced_equations(motion, units)
@@ -215,17 +238,6 @@ def _respond(motion: Motion, units: Sequence[Motion], elements: Sequence[Element
         one = np.zeros((e, 1))
         one[i] = 1.0
         element.load(motion, force, moment, one)
-    for k in range(1, len(model.links)):
-        mass, centre, inertia = model.masses[k]
-        if not (mass or inertia):
-            continue
-        rotation_class = model.angles.rotation_class[k]
-        a: Plane = 0j
-        alpha: Values = 0.0
-        for f, unit in enumerate(units):
-            a = a + answers[:, :, f].T * unit.of_point(k, centre, 1)
-            alpha = alpha + answers[:, :, f].T * unit.speeds.angular[rotation_class]
-        force[k] = force[k] - mass * a
-        moment[k] = moment[k] - inertia * alpha - cross(centre * motion.rotation(k), mass * a)
+    add_inertia(motion, units, list(answers.T), force, moment)
     together = transmit(motion, force, moment, base[2])
     return Response(base, picked(together, (e, n)))

@@ -98,7 +98,7 @@ class EndStops:
         self._distances = [event_function_of(s, read, partial(motion_at, compiled)) for s in self.stops]
         self._signs = np.array([-1.0 if s.side == "upper" else 1.0 for s in self.stops])
         self._scales = np.array([compiled.model.coordinate_scale(s.joint) for s in self.stops])
-        self._free_scales = coordinate_scales(compiled)
+        self._free_scales = compiled.once(coordinate_scales)
         self._fastest = np.zeros(len(self._free))
 
     def _rotary(self, joint: str) -> bool:

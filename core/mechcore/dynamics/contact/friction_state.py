@@ -15,6 +15,7 @@ from mechcore.constants import REST
 from mechcore.dynamics.contact.dry_friction import DrySystem, least_efforts, rates_of
 from mechcore.dynamics.equations.charts import jacobian_of
 from mechcore.dynamics.equations.reduced import (
+    ReducedEquations,
     constrained,
     coordinate_scales,
     free_of,
@@ -105,6 +106,8 @@ class FrictionState:
 
 
 Key = tuple[str, str, str]
+Here = tuple[Motion, list[Motion], list[Element], ReducedEquations]
+"""At one state: the motion with q'' = 0, its tangents, the elements of friction, and the equations of motion without it."""
 WORDS = {0.0: "stick", 1.0: "slip +", -1.0: "slip -"}
 NO_EFFECT = 1e-12  # part of what a force on an element would move, if it did, that is rounding
 LOOSE = 1e-10  # of the limit of sticking: what exceeds it by less is rounding
@@ -126,6 +129,7 @@ class Phases:
         self.signs = np.array([(before or {}).get(key, 0.0) for key in self.keys])
         self.rests: tuple[str, ...] = ()
         self.prescribed = np.zeros(len(elements), bool)
+        self._known: tuple[tuple[float, bytes, bytes], Here] | None = None
         self.alone = len(free_of(compiled)) == len(compiled.mechanism.drives) == 1
 
     def system(self) -> DrySystem:
@@ -142,14 +146,13 @@ class Phases:
         before = self.signs.copy()
         self.rests = rests
         row = q[None], v[None], np.array([t])
-        motion, units = moving(self.compiled, *row)
-        elements = elements_of(motion)
+        motion, _, elements, equations = here = self._at(t, q, v)
         rate = np.array([e.rate[0] for e in elements])
         alone = self.alone and not rests
-        self.prescribed = np.zeros(len(before), bool) if alone else self._prescribed(motion, units, elements)
+        self.prescribed = np.zeros(len(before), bool) if alone else self._prescribed(here)
         scale, own = scales_of(motion.model, elements), coordinate_scales(self.compiled)
         f = len(own)
-        driven = reduced_equations(motion, units).acceleration()[0] / own if f else np.zeros(1)
+        driven = equations.acceleration()[0] / own if f else np.zeros(1)
         pace = max(
             float((np.abs(rate) / scale).max()),
             float((np.abs(v[:f]) / own).max(initial=0.0)),
@@ -195,18 +198,25 @@ class Phases:
             return v
         if self.alone:
             return np.append(0.0, v[1:])
-        motion, units = moving(self.compiled, q[None], v[None], np.array([t]))
-        elements = elements_of(motion)
+        motion, units, elements, equations = self._at(t, q, v)
         tau = np.stack([rates_of(units, elements[i])[0] for i in stuck])
-        inertia = reduced_equations(motion, units).inertia
-        answer = constrained(inertia[:, None], tau[None], jacobian_of(motion, units, self.rests)[0])[0][0].T
+        answer = constrained(equations.inertia[:, None], tau[None], jacobian_of(motion, units, self.rests)[0])[0][0].T
         need = least_efforts(tau @ answer, scales_of(motion.model, elements)[stuck])
         return shifted(v, -answer @ need @ np.array([elements[i].rate[0] for i in stuck]))
 
-    def _prescribed(self, motion: Motion, units: Sequence[Motion], elements: Sequence[Element]) -> Flags:
+    def _at(self, t: float, q: Real, v: Real) -> Here:
+        """Values at a state, kept for the next question about it."""
+        key = t, q.tobytes(), v.tobytes()
+        if self._known is None or self._known[0] != key:
+            motion, units = moving(self.compiled, q[None], v[None], np.array([t]))
+            self._known = key, (motion, units, elements_of(motion), reduced_equations(motion, units))
+        return self._known[1]
+
+    def _prescribed(self, here: Here) -> Flags:
         """Elements (e,) that no force moves: the drives lead them, or stops hold them."""
+        motion, units, elements, equations = here
         tau = np.stack([rates_of(units, e) for e in elements], axis=1)
-        inertia, (rows, _) = reduced_equations(motion, units).inertia, jacobian_of(motion, units, self.rests)
+        inertia, (rows, _) = equations.inertia, jacobian_of(motion, units, self.rests)
         freely, really = (np.einsum("nef,nef->ne", tau, constrained(inertia[:, None], tau, g)[0])[0] for g in (rows[:, :0], rows))
         return np.asarray(~(really > NO_EFFECT * freely))
 
@@ -221,8 +231,7 @@ class Phases:
     def directions(self, row: tuple[Real, Real, Real], sense: float) -> Real:
         """Signs of the elements' speeds where the only coordinate moves one way (e,)."""
         q, v, t = row
-        motion = moving(self.compiled, q[:1], sense * np.ones_like(v[:1]), t[:1])[0]
-        return np.array([float(np.sign(e.rate[0])) for e in elements_of(motion)])
+        return np.asarray(np.sign(self.system().rates(q[:1], sense * np.ones_like(v[:1]), t[:1])[0]))
 
     def slip_ends(self) -> list[tuple[EventFunction, bool]]:
         """Relative rates that end the slip of an element where they pass zero, and whether they rise there."""
@@ -254,9 +263,7 @@ class Phases:
         return senses(moving(self.compiled, q, v, t)[0])
 
     def _rate(self, i: int, q: Real, v: Real, t: Real) -> Real:
-        motion = moving(self.compiled, q, v, t)[0]
-        e = elements_of(motion)[i]
-        return np.asarray(e.rate)
+        return self.system().rates(q, v, t)[:, i]
 
     def _free(self, sense: float, q: Real, v: Real, t: Real) -> Real:
         """Acceleration (n,) in the sense ``sense`` of what rests, if it began to move that way: forces that depend on the sense of

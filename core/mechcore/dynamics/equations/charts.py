@@ -20,6 +20,7 @@ from mechcore.arrays import Real, Values
 from mechcore.branches.paths import Starts, Waypoint
 from mechcore.branches.unwrapped import UnwrappedAngles, raw_angles
 from mechcore.constants import TURN
+from mechcore.dynamics.equations.contacts import contact_program
 from mechcore.dynamics.equations.curve import Curve, beside_singular, tabulate, whole_turn
 from mechcore.dynamics.equations.lines import straight_lines
 from mechcore.dynamics.equations.program import EquationsProgram, Programmed
@@ -76,7 +77,7 @@ class Chart(Programmed):
         self.calls = 0
 
     def program(self, *, long: bool = False) -> EquationsProgram | None:
-        return None if self.rests else super().program(long=long)
+        return contact_program(self.compiled, self.rests, long=long) if self.rests else super().program(long=long)
 
     def __call__(self, q: Real, v: Real, t: Real) -> Real:
         program = self.program()
@@ -102,7 +103,8 @@ class Chart(Programmed):
 
     def holding(self, q: Real, v: Real, t: Real) -> Real:
         """Efforts that keep the joints at rest (n, p): torque [N m] or force [N] in the direction of each one's coordinate."""
-        return self._solve(q, v, t)[1]
+        program = contact_program(self.compiled, self.rests)
+        return program.told(q, v, t).holding if program is not None and program.everywhere else self._solve(q, v, t)[1]
 
     def slopes(self, q: Real, v: Real, t: Real, a: Real) -> tuple[Real, Real]:
         """Derivatives of the accelerations by position and speed (n, f, f) each, by differences, all in one call."""

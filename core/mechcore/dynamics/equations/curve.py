@@ -171,7 +171,7 @@ def _fitted(
     """A table of values: equal panels, or shorter ones where a group comes close to a singular position. ``unit``: a motion at a
     unit rate whose last frames are the ends of the equal panels."""
     boundaries = np.linspace(low, high, EQUAL + 1)
-    if compiled.singular_points is None or not compiled.singular_points.found:
+    if compiled.singular_points is None or not compiled.singular_points.points:
         boundaries = beside_singular(compiled, boundaries, unit)
     if np.diff(boundaries).min() > SHORT * (high - low) / EQUAL:
         return fit_panels(values, low, high, periodic=periodic, tolerance=tolerance, first=FIRST, known=known)
@@ -267,7 +267,7 @@ def _curve(compiled: Compiled, table: Panels, rest: Sequence[Effect]) -> Curve:
 def _clear_of(singular_points: SingularPoints, start: float, q: float) -> float:
     """Where the first panels have to begin, next to ``q``, so that no node comes close to a change, where positions are
     interpolated."""
-    places = np.unique(np.round([start + c.time for c in singular_points.found], 9))
+    places = np.unique(np.round([start + c.time for c in singular_points.points], 9))
     if not len(places):
         return q
     shifts = TURN / FIRST * np.arange(32) / 32

@@ -108,7 +108,7 @@ def solved(triangle: Sequence[Values], rhs: Sequence[Values]) -> list[Values]:
 def straight_lines(compiled: Compiled) -> Lines | None:
     """The equations of a mechanism as lines of numpy; None where they cannot be written so. Ask for it by `Compiled.once`."""
     points = compiled.singular_points
-    if compiled.accuracy.differentiation != "exact" or (points is not None and points.found):
+    if compiled.accuracy.differentiation != "exact" or (points is not None and points.points):
         return None
     try:
         traced = traced_equations(compiled)

@@ -1,14 +1,15 @@
 """Equations of motion as a compiled program, with what it is given: laws of prescribed drives, angles that it follows.
 
 The code of positions, rates, effects and reduction runs on symbols, which writes the reduced equations out in C. Where C lacks
-something (dry friction, loads that are functions of Python) the reason is given in words, and numpy does all.
+something (loads that are functions of Python) the reason is given in words, and numpy does all. Dry friction and joints that rest
+on stops are in `contacts`.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from functools import partial
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeAlias, TypeVar
 
 import numpy as np
 
@@ -41,6 +42,7 @@ from mechcore.motion.compiled import Compiled
 from mechcore.motion.motion import Motion
 from mechcore.spec.mechanism import braked
 
+T = TypeVar("T")
 TURNED = "turned"  # of what is followed: the angle of a group from the start pose on, which Newton's unknown need not be
 GONE = "gone"  # whole turns of a rotation class, which stay as they are: see `_gone`
 
@@ -56,16 +58,16 @@ def _gone(motion: Motion, rotation_class: int) -> Real:
 
 
 class EquationsProgram:
-    """The equations of motion of a compiled mechanism, ready to run."""
+    """The equations of motion of a compiled mechanism, ready to run. It is given so many ``more`` numbers beside the modes."""
 
-    def __init__(self, compiled: Compiled, written: WrittenEquations, followed: tuple[Unknown, ...]):
+    def __init__(self, compiled: Compiled, written: WrittenEquations, followed: tuple[Unknown, ...], more: int = 0):
         self.compiled, self.followed = compiled, followed
         self._laws = [d.law for d in compiled.mechanism.drives if not isinstance(d.law, Free)]
-        scales = np.append(coordinate_scales(compiled), np.ones(len(integrating(compiled))))
-        self._equations = CompiledEquations(written, np.array(compiled.assembly.modes, float), scales)
+        scales = np.append(compiled.once(coordinate_scales), np.ones(len(integrating(compiled))))
+        self._equations = CompiledEquations(written, np.append(compiled.assembly.modes, np.zeros(more)), scales)
         self._of_time = written.of_time
         points = compiled.singular_points
-        self._singular = points if points is not None and points.by_drive and points.found else None
+        self._singular = points if points is not None and points.by_drive and points.points else None
         self.partial = self._singular is not None  # next to singular points numpy has to do
         self.everywhere = not (self.partial or followed)  # any states at once
         self.alone = not (self._equations.given or self.partial)  # no values of drives or other functions of the time are needed
@@ -81,12 +83,22 @@ class EquationsProgram:
 
     def reduced(self, q: Real, v: Real, t: Real) -> tuple[Real, Real]:
         """M (n, f, f) and Q - h (n, f) at free coordinates and rates (n, f), near each other, whatever the states are."""
-        q, v = (np.column_stack([x, np.zeros((len(x), self._equations.freedoms - x.shape[1]))]) for x in (q, v))
+        states = self._equations.freedoms - q.shape[1]
+        if states:
+            q, v = (np.column_stack([x, np.zeros((len(x), states))]) for x in (q, v))
         return self._equations.reduced(q, v, t, self._drives(t), self.near(q[:1], v[:1], t[:1]))
 
     def forms(self, q: Real, v: Real, t: Real) -> Real | None:
         """Forms of all laws that have several (k, n), at states (n, f) each; None where C does not have them."""
         return self._equations.forms(q, v, t, self._drives(t)).T if self.tells else None
+
+    def _told(self, q: Real, v: Real, t: Real) -> tuple[Real, Real]:
+        """Accelerations (n, f) and what else is told of any states (n, k), see `contacts`."""
+        return self._equations.told(q, v, t, self._drives(t), self.near(q[:1], v[:1], t[:1]))
+
+    def _set(self, numbers: Real) -> None:
+        """Set the numbers that it is given beside the modes."""
+        self._equations.modes[len(self.compiled.assembly.modes) :] = numbers
 
     def strain(self, q: Real, v: Real, t: Real) -> float:
         """Largest rate of a joint per unit rate of a free coordinate at one state, see `charts.strain`."""
@@ -131,7 +143,7 @@ class EquationsProgram:
     def _clear(self, q: Real) -> bool:
         """Whether no singular point is near the way over positions (n,) of the only drive."""
         assert self._singular is not None
-        reach = NEAR * max(point.step for point in self._singular.found)
+        reach = NEAR * max(point.step for point in self._singular.points)
         away = q - self.compiled.start[0]
         return not self._singular.within(float(away.min()) - reach, float(away.max()) + reach)
 
@@ -148,48 +160,43 @@ def compiled_program(compiled: Compiled) -> EquationsProgram | None:
 
     Ask for it by `Compiled.once`. Raises `MechanismError` where C is asked for and cannot be compiled.
     """
-    written = _written(compiled)
-    if isinstance(written, str):
-        return None
+    found = written(compiled, traced_equations)
+    return None if isinstance(found, str) else working(compiled, lambda: EquationsProgram(compiled, *found))
+
+
+def working(compiled: Compiled, made: Callable[[], T]) -> T | None:
+    """A program that is ``made``; None where that fails. Raises `MechanismError` then where C is asked for."""
     try:
-        return EquationsProgram(compiled, *written)
+        return made()
     except MechanismError:
         if compiled.executor == "c":
             raise
         return None
 
 
-def missing_in_c(compiled: Compiled) -> str | None:
-    """Why C does not have the equations of motion of a mechanism, in words; None where it has."""
-    if not free_of(compiled):
-        return "no coordinate is free until a follower leaves its cam"
-    written = _written(compiled)
-    return written if isinstance(written, str) else None
+Written: TypeAlias = tuple[WrittenEquations, tuple[Unknown, ...]]
+"""A program and the unknowns that it follows."""
 
 
-def written_source(compiled: Compiled) -> tuple[str, int]:
-    """The program in C of equations that C has, and how many lines compute them."""
-    written = _written(compiled)
-    assert not isinstance(written, str), written
-    return written[0].source, written[0].lines
-
-
-def _written(compiled: Compiled) -> tuple[WrittenEquations, tuple[Unknown, ...]] | str:
+def written(compiled: Compiled, traced: Callable[[Compiled], TracedEquations], kind: Any = None) -> Written | str:
+    """The program of equations that are ``traced``, of some ``kind``, or why C does not have them, in words."""
     known = compiled.model.once(_known)
     start = compiled.angles.start
     turned = tuple(float(x) for x in start.angles.values()), tuple(start.ranges.items()), compiled.angles.exact
-    key = (*turned, compiled.angles.at.time > -np.inf, tuple(compiled.assembly.modes), tuple(compiled.assembly.constants))
+    took_over = compiled.angles.at.time > -np.inf
+    key = (*turned, took_over, tuple(compiled.assembly.modes), tuple(compiled.assembly.constants), kind)
     if key not in known:
         try:
-            written = written_equations(compiled)
-            long = written[0].lines > MOST_LINES
-            known[key] = f"the program would have {written[0].lines:,} lines" if long else written
+            found = traced(compiled)
+            program = WrittenEquations(*found[:4], MARGIN)
+            long = program.lines > MOST_LINES
+            known[key] = f"the program would have {program.lines:,} lines" if long else (program, found.followed)
         except Untraceable as reason:
             known[key] = str(reason)
     return known[key]
 
 
-def _known(_: Model) -> dict[Any, tuple[WrittenEquations, tuple[Unknown, ...]] | str]:
+def _known(_: Model) -> dict[Any, Written | str]:
     return {}
 
 
@@ -200,17 +207,14 @@ class Programmed:
 
     def program(self, *, long: bool = False) -> EquationsProgram | None:
         """The compiled program where C is asked for; where the executor is "auto", for a ``long`` motion, and once it is there."""
-        executor, there = self.compiled.executor, compiled_program in self.compiled.kept
-        return self.compiled.once(compiled_program) if executor == "c" or (executor == "auto" and (long or there)) else None
+        return (
+            self.compiled.once(compiled_program) if wanted(self.compiled, compiled_program in self.compiled.kept or long) else None
+        )
 
 
-def written_equations(compiled: Compiled) -> tuple[WrittenEquations, tuple[Unknown, ...]]:
-    """The reduced equations of a mechanism with free coordinates, and the unknowns that they follow.
-
-    Raises `Untraceable` with the reason where C does not have them.
-    """
-    traced = traced_equations(compiled)
-    return WrittenEquations(*traced[:4], MARGIN), traced.followed
+def wanted(compiled: Compiled, worth: bool) -> bool:
+    """Whether a compiled program is: where C is asked for, and where the executor is "auto" and it is ``worth`` it."""
+    return compiled.executor == "c" or (compiled.executor == "auto" and worth)
 
 
 class TracedEquations(NamedTuple):
@@ -229,10 +233,10 @@ def traced_equations(compiled: Compiled) -> TracedEquations:
     check_traceable(compiled.model)
     if "friction" in compiled.mechanism.effects and braked(compiled.mechanism.joints):
         raise Untraceable("dry friction depends on the reactions")
-    return _Writer(compiled).equations()
+    return EquationsWriter(compiled).equations()
 
 
-class _Writer:
+class EquationsWriter:
     """The mechanism on symbols of one program."""
 
     def __init__(self, compiled: Compiled):
@@ -259,21 +263,26 @@ class _Writer:
         states = integrating(self.compiled)
         moving.states.update({e.name: code.input(f"v[{len(free) + i}]") for i, e in enumerate(states)})  # type: ignore[misc]
         try:
-            inertia, bias, force = reduced_terms(moving, units)
+            outputs, told = self._reduced(moving, units)
             integrated = [self._operand(e.state_rate(moving)) for e in states]
             _, rates = rates_of_joints(self.compiled, units)
         except Untraceable:
             raise
         except (TypeError, AttributeError, ValueError, IndexError, KeyError) as error:  # what code for arrays says of symbols
             raise Untraceable(f"a load is computed in a way that C does not have ({error})") from error
-        outputs = [self._operand(inertia[i][j]) for i in range(len(free)) for j in range(i + 1)]
-        outputs += [self._operand(q - h) for q, h in zip(force, bias, strict=True)]
-        outputs += integrated
+        outputs = [self._operand(x) for x in outputs] + integrated
         ratios, forms = [self._operand(x) for row in rates for x in row], self._forms(moving)
         own: dict[str, Any] = {TURNED: self.turned, GONE: self.gone, "angle": state.angle, "slide": state.slide}
         near = [self._operand(own[what][i]) for what, i in self.followed]  # after all that may ask for an angle
         given = 3 * (len(drives) - len(free))
-        return TracedEquations(code, (outputs, near, ratios, forms), (len(free), len(states)), given, tuple(self.followed))
+        kept = outputs, near, ratios, forms, [self._operand(x) for x in told]
+        return TracedEquations(code, kept, (len(free), len(states)), given, tuple(self.followed))
+
+    def _reduced(self, moving: Motion, units: list[Motion]) -> tuple[list[Any], list[Any]]:
+        """The lower triangle of M, row by row, then Q - h; and what else is told of a state. From the motion with q'' = 0 and its
+        tangents."""
+        inertia, bias, force = reduced_terms(moving, units)
+        return [x for row in inertia for x in row] + [q - h for q, h in zip(force, bias, strict=True)], []
 
     def _forms(self, motion: Motion) -> list[Any]:
         """Forms of the laws of effects and cams; none where C does not have them all."""

@@ -89,6 +89,11 @@ class Solution:
             (values[:, None, :] @ a)[:, 0],
         )
 
+    def state(self, t: float) -> tuple[Real, Real]:
+        """Position and speed (f,) at a time near the end, as `__call__` has them, without looking at all windows."""
+        q, v, _ = next((w for w in reversed(self.windows) if w.start < t), self.windows[0])(np.array([t]))
+        return q[0], v[0]
+
     def _within(self, t: Real) -> tuple[Real, ...]:
         """Where times (n,) are in their windows, and the windows' lengths, starts and series."""
         starts, lengths, q, v, a = self._stacked()
@@ -188,8 +193,8 @@ class _Integration:
             if self.program is None and self.t1 - self.t > MANY * self.h:
                 self.program = self.offered(long=True)
         program, breakpoints = self.program, self.by.breakpoints
-        found = program is not None and (breakpoints is None or (breakpoints.of_forms and program.tells))
-        if program is not None and found and program.alone and self.by.keeps is None:
+        in_program = program is not None and (breakpoints is None or (breakpoints.of_forms and program.tells))
+        if program is not None and in_program and program.alone and self.by.keeps is None:
             return self._batch(program)
         row: list[Window] = []
         if self.rows is not None and not self.cuts:

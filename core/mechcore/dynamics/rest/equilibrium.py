@@ -120,7 +120,7 @@ def _forces(compiled: Compiled, q: Real, v: Real | None = None, only: str = "pos
 def slopes_at_rest(compiled: Compiled, q: Real) -> tuple[Real, Real, Real]:
     """Q (f,) at rest at position q (f,), its derivative by the position (f, f), and the size of its parts around there (f,): all
     from one set of positions, central differences of sixth order."""
-    scale, f = coordinate_scales(compiled), len(q)
+    scale, f = compiled.once(coordinate_scales), len(q)
     shifts = (np.eye(f)[:, None, :] * NODES[None, :, None]).reshape(-1, f)
     force, size = _forces(compiled, np.vstack([q[None], q + STEP * scale * shifts]))
     by_q = np.einsum("knj,n->jk", force[1:].reshape(f, len(NODES), f), WEIGHTS) / (STEP * scale)
@@ -145,7 +145,7 @@ def find_equilibrium(mechanism: Mechanism | Compiled, *, seek: Seek = "stable", 
     q = np.array([float(d.law(0.0)[0]) for d in compiled.mechanism.drives if isinstance(d.law, Free)])
     changed = 0
     for count in range(1, MOST + 1):
-        scale = coordinate_scales(compiled)
+        scale = compiled.once(coordinate_scales)
         force, by_q, size = slopes_at_rest(compiled, q)
         if not np.isfinite(by_q).all():
             if len(q) > 1 or changed > 8:
@@ -190,7 +190,7 @@ def _newton(force: Real, stiffness: Real, seek: Seek) -> Real:
 
 def _step(compiled: Compiled, q: Real, force: Real, step: Real, seek: Seek, largest: float) -> Real:
     """The position after a step: shortened until it stays within reach and, going downhill, until the forces do work along it."""
-    scale = coordinate_scales(compiled)
+    scale = compiled.once(coordinate_scales)
     length = float(np.abs(step / scale).max())
     step = step * min(1.0, LONGEST / length) if length else step
     for _ in range(40):
@@ -280,13 +280,13 @@ class Fastest:
 def beside(compiled: Compiled, q: Real) -> Real:
     """A place (f,), and places beside it (n, f) from which slopes by the free coordinates follow."""
     shifts = (np.eye(len(q))[:, None, :] * NODES[None, :, None]).reshape(-1, len(q))
-    return np.vstack([q[None], q + STEP * coordinate_scales(compiled) * shifts])
+    return np.vstack([q[None], q + STEP * compiled.once(coordinate_scales) * shifts])
 
 
 def vibrations(compiled: Compiled, forces: Real, inertia: Real) -> tuple[Real, Real, Real] | None:
     """Squares of the frequencies (f,) [rad^2/s^2] in order, shapes (f, f) in sizes of the coordinates, and the stiffness (c, f, f)
     of each of the ``forces`` (c, n, f) at places `beside` one; the last of them counts. None where they are not known."""
-    scale, f = coordinate_scales(compiled), forces.shape[-1]
+    scale, f = compiled.once(coordinate_scales), forces.shape[-1]
     by_q = np.einsum("cknj,n->cjk", forces[:, 1:].reshape(-1, f, len(NODES), f), WEIGHTS) / (STEP * scale)
     stiffness = -0.5 * (by_q + by_q.swapaxes(1, 2))
     both = scale[:, None] * scale
@@ -305,7 +305,7 @@ def fastest_vibration(compiled: Compiled, q: Real, v: Real) -> Fastest | None:
     springs = [load for load in compiled.mechanism.loads if isinstance(load, Spring | TorsionSpring | Bushing)]
     if not springs or not len(q):
         return None
-    scale, places = coordinate_scales(compiled), beside(compiled, q)
+    scale, places = compiled.once(coordinate_scales), beside(compiled, q)
     motion = motion_at(compiled, places, np.zeros_like(places), np.zeros(len(places)))
     units = tangents(motion, free_of(compiled))
     at_rest = reduced_equations(motion, units)
@@ -316,10 +316,10 @@ def fastest_vibration(compiled: Compiled, q: Real, v: Real) -> Fastest | None:
         parts.append(np.stack([sum(power_of(unit, w) for w in wrenches) * np.ones(len(places)) for unit in units], axis=1))
     forces = np.stack([*parts, at_rest.force - at_rest.bias])
     inertia = at_rest.inertia[0]
-    found = vibrations(compiled, forces, inertia)
-    if found is None or not found[0][-1] > 0.0:
+    modes = vibrations(compiled, forces, inertia)
+    if modes is None or not modes[0][-1] > 0.0:
         return None
-    squares, shapes, stiffness = found
+    squares, shapes, stiffness = modes
     omega, shape = float(np.sqrt(squares[-1])), scale * shapes[:, -1]
     shares = np.einsum("j,cjk,k->c", shape, stiffness[:-1], shape)
     spring = springs[int(np.argmax(shares))]

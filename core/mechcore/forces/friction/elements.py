@@ -316,8 +316,8 @@ def relative_rate(motion: Motion, rates: Rates, what: Movement, j: int, links: t
 
 
 def _over_frames(motion: Motion, value: Any) -> Real:
-    if not isinstance(value, np.ndarray | float | int):  # what stands for an array
-        return cast(Real, np.broadcast_to(value, motion.shape))
+    if not (motion.shape and isinstance(value, np.ndarray | float | int)):  # what stands for an array
+        return cast(Real, value)
     return np.array(np.broadcast_to(np.asarray(value, float), (motion.frames,)))
 
 

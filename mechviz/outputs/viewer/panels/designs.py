@@ -79,10 +79,10 @@ class Optimiser:
 
     def _search(self, search: Search) -> None:
         try:
-            found = optimise(search)
-            self._take(search.problem, found.design)
+            optimum = optimise(search)
+            self._take(search.problem, optimum.design)
             how = "Stopped: the best design so far." if search.interrupted else "Done."
-            self.told.content = words.table(f"{how} {search.evaluations} designs were looked at.", found.lines())
+            self.told.content = words.table(f"{how} {search.evaluations} designs were looked at.", optimum.lines())
         except MechanismError as error:
             self.told.content = words.fault(" ".join(f"{f.message} {f.remedy}" for f in error.faults), None, 0.0, None)
         finally:

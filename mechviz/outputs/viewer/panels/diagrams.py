@@ -216,12 +216,12 @@ class Diagrams:
     ):
         self._moved = 0.0
         self._frame, self._wanted = 0, False
-        self._found, self._solved = diagrams_of(show), show.run is not None
+        self._diagrams, self._solved = diagrams_of(show), show.run is not None
         self._session = session
         self.asked: dict[tuple[str, str], viser.GuiCheckboxHandle] = {}
         gui = server.gui
         with tab:
-            self.choice = gui.add_dropdown("Diagram", tuple(self._found) or ("none",))
+            self.choice = gui.add_dropdown("Diagram", tuple(self._diagrams) or ("none",))
             self._picture = gui.add_html("")
             self.seen = gui.add_checkbox("The diagram is seen", False, visible=False)
             if session is not None and show.run is not None:
@@ -251,16 +251,16 @@ class Diagrams:
 
     def update(self, show: ViewModel, frame: int) -> None:
         """Take another run."""
-        before = tuple(self._found)
-        self._found = diagrams_of(show)
+        before = tuple(self._diagrams)
+        self._diagrams = diagrams_of(show)
         self.mirror(show)
-        if tuple(self._found) != before:
+        if tuple(self._diagrams) != before:
             kept = self.choice.value
-            self.choice.options = tuple(self._found) or ("none",)
-            new = [title for title in self._found if title not in before]
+            self.choice.options = tuple(self._diagrams) or ("none",)
+            new = [title for title in self._diagrams if title not in before]
             if self._wanted and new:
                 self.choice.value = new[0]  # what was asked for is what is looked at
-            elif kept in self._found:
+            elif kept in self._diagrams:
                 self.choice.value = kept
             self._wanted = False
 
@@ -299,7 +299,7 @@ class Diagrams:
         if playing and now - self._moved < 1.0 / RATE:
             return
         self._frame, self._moved = frame, now
-        diagram = self._found.get(self.choice.value)
+        diagram = self._diagrams.get(self.choice.value)
         if diagram is None:
             content = words.hint(NONE_OF_A_RUN if self._solved else NONE_OF_A_RECORDING)
         else:

@@ -194,7 +194,7 @@ class Positions:
         self._server, self._session, self._callback = server, session, callback
         self._nodes: list[Any] = []
         self._held = -1
-        self._found: list[MotionDesign] = []
+        self._choices: list[MotionDesign] = []
         poses = poses_in(session.run.scene)
         assert poses is not None
         self.poses = poses
@@ -225,9 +225,9 @@ class Positions:
 
     def drafted(self, draft: Draft, poses: Poses, choice: int) -> Draft:
         """A draft of the four-bar of a number (1: the best) for poses. Raises `MechanismError` where there is none."""
-        found = motion_choices(poses)
-        self._found = found
-        made = found[min(max(choice, 1), len(found)) - 1]
+        choices = motion_choices(poses)
+        self._choices = choices
+        made = choices[min(max(choice, 1), len(choices)) - 1]
         return replace(draft, document=motion_solutions(poses, [made])[0].scene.document)
 
     def ask(self, what: str, poses: Poses) -> None:
@@ -236,7 +236,7 @@ class Positions:
 
     def _explain(self) -> None:
         """Say which four-bars there are."""
-        rows = [f"{k}: {one.defects or f'{np.degrees(one.transmission):.0f}°'}" for k, one in enumerate(self._found, 1)]
+        rows = [f"{k}: {one.defects or f'{np.degrees(one.transmission):.0f}°'}" for k, one in enumerate(self._choices, 1)]
         content = words.hint("Least transmission angle, or defects, of each solution. " + "; ".join(rows)) if rows else ""
         if self.told.content != content:
             self.told.content = content

@@ -108,6 +108,7 @@ DASHES = ([6, 4], [2, 3], [10, 3, 2, 3])  # of the designs that are compared, an
 BANDS = {"none": 0.0, "as it is": 1.0, "10 times": 10.0, "100 times": 100.0}  # how wide a tolerance band is drawn
 PALE = "38"  # opacity of a band
 ROUND_OFF = 1e-9  # of a quantity's largest value
+NEARLY = 0.01  # part by which peaks up and down differ and are still told as one
 CURSOR = "#c2255c"
 CURSOR_RATE = 12.0  # moves a second while playing: each sends the whole plot
 ANGLE_STEPS = (1, 2, 5, 10, 15, 30, 45, 90, 180, 360, 720, 1440, 3600)
@@ -120,15 +121,20 @@ def at_places(values: Real, places: Real, wanted: Real) -> Real:
     return np.column_stack(columns)
 
 
-def peak_of(values: Real) -> float:
-    """The value (n,) of the largest magnitude, with its sign; NaN where none is finite."""
+def peak_of(values: Real, like: float = 0.0) -> float:
+    """The value (n,) of the largest magnitude, with its sign; of two that are nearly as large the one with the sign of ``like``.
+    NaN where none is finite."""
     known = values[np.isfinite(values)]
-    return float(known[np.argmax(np.abs(known))]) if len(known) else float("nan")
+    if not len(known):
+        return float("nan")
+    ends = sorted((float(known.min()), float(known.max())), key=abs)
+    nearly = abs(ends[0]) > (1.0 - NEARLY) * abs(ends[1])
+    return ends[0] if nearly and ends[0] * like > 0.0 > ends[1] * like else ends[1]
 
 
 @dataclass(frozen=True, eq=False)
 class Beside:
-    """What a plot shows beside its curves (F, k): those of other designs by their names, and half the width (F, k) of the pale
+    """Series of a plot beside its curves (F, k): those of other designs by their names, and half the width (F, k) of the pale
     band around each, NaN while it is not known, ``enlarged`` so many times."""
 
     others: Mapping[str, Real] = field(default_factory=dict)
@@ -137,7 +143,7 @@ class Beside:
 
     @property
     def kind(self) -> tuple[object, ...]:
-        """What of it needs series of its own."""
+        """The parts of it that need series of their own."""
         return *self.others, self.half is None
 
 
@@ -245,7 +251,7 @@ class Plots:
         slot.plot(quantity, self._axis, self._frame, self._beside(quantity))
 
     def _beside(self, quantity: Quantity | Together, known: bool = True) -> Beside:
-        """What belongs beside curves; bands that are not ``known`` yet have their place."""
+        """Series beside curves; bands that are not ``known`` yet have their place."""
         others = {name: values for name, show in self._others.items() if (values := self._compared(quantity, show)) is not None}
         enlarged = BANDS[self.band.value] if self.band is not None else 0.0
         halves = [self._bands.halves.get(q.key) for q in quantity.parts]
@@ -481,7 +487,7 @@ class Slot:
             whose = f"{html.escape(name)}: " if several else ""
             now = self._rounded(peak_of(self._values[:, k]))
             for other, values in self._beside.others.items():
-                was = self._rounded(peak_of(values[:, k]))
+                was = self._rounded(peak_of(values[:, k], now))
                 part = f", {'+' if abs(now) >= abs(was) else '−'}{abs(abs(now) / abs(was) - 1.0):.1%}" if was else ""
                 said = f"{whose}peak {number(now)} {unit}, {html.escape(other)} {number(was)} {unit}{part.replace('%', ' %')}"
                 yield f'<span style="opacity:0.8">{said}</span>'

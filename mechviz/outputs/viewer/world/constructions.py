@@ -307,7 +307,7 @@ class PlanNodes:
     def _heading(
         self, path: str, drawing: Drawing, at: complex
     ) -> tuple[list[viser.LineSegmentsHandle | viser.LabelHandle], list[tuple[complex, Real]]]:
-        """What is drawn, its scale and the meanings of its colours, in lines above a drawing; and where they stand: middles and
+        """The title of a drawing, its scale and the meanings of its colours, in lines above it; and where they stand: middles and
         half sizes."""
         low, high = drawing.bounds + np.array([at.real, at.imag])
         per_pixel = self._per_pixel

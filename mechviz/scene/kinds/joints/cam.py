@@ -29,7 +29,7 @@ from mechviz.scene.kinds.joints.cam_documents import (
     rating_of,
 )
 from mechviz.scene.kinds.kind import JointKind, JointMaker
-from mechviz.scene.kinds.segment_curves import Axes, lift_curve
+from mechviz.scene.kinds.segment_curves import Axes, lift_curve, note_corners
 from mechviz.scene.names import TwoLinks, known_point
 
 if TYPE_CHECKING:
@@ -103,7 +103,11 @@ def _cam(m: JointMaker) -> Joint | None:
     lift, contour = None, None
     if profile.lift is not None:
         round_again = not profile.bed and follower.groove is None
-        lift = lift_curve(profile.lift, Axes(convert, across, along), f"{path}.profile.lift", 0.0, round_again)
+        axes, place = Axes(convert, across, along), f"{path}.profile.lift"
+        lift = lift_curve(profile.lift, axes, place, 0.0, round_again)
+        plane = follower.groove is None and all(getattr(profile, key) is None for key in SOLIDS)
+        if lift is not None and plane and not follower.knife and profile.undercut != "cut":
+            note_corners(profile.lift, lift, axes, place, rotary=oscillates)
     elif len(convert.faults) == before:
         contour = _given_contour(profile, base, f"{path}.profile", convert)
     rating = None if joint.rating is None else rating_of(joint.rating, f"{path}.rating", convert)
@@ -163,7 +167,10 @@ def _least_sizes(
     if follower.roller == LEAST:
         asked.append("roller")
         where = f"{path}.follower.roller"
-        if other or profile.lift is None or follower.second is not None or joint.closure == "form" or joint.liftoff is not None:
+        if joint.liftoff is not None:
+            why = "the follower may leave the cam, and lands with an impact: no roller bounds that pressure."
+            convert.note(where, why, "Give a length; mechviz cams SCENE --size says which one the forces between impacts ask for.")
+        elif other or profile.lift is None or follower.second is not None or joint.closure == "form":
             convert.note(
                 where, 'the value "least" is for discs with a lift and a follower that is pressed on them.', "Give a length."
             )

@@ -1,0 +1,265 @@
+"""Equations of motion with dry friction and joints that rest on stops, as a compiled program.
+
+It is written once for a mechanism and the joints that rest. Which way every element slides, or that it sticks, is a number that it
+is given. What `contact.dry_friction` and `charts.Chart` compute over arrays, one after the other, stands there term by term.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Sequence
+from copy import copy
+from functools import partial
+from itertools import chain
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from mechcore.arrays import Plane, Real, Values
+from mechcore.compiled.collocation import CollocationRule
+from mechcore.compiled.steps import check_forces_traceable
+from mechcore.compiled.symbols import Symbol, Untraceable
+from mechcore.dynamics.equations.program import (
+    EquationsProgram,
+    EquationsWriter,
+    TracedEquations,
+    Written,
+    traced_equations,
+    wanted,
+    working,
+    written,
+)
+from mechcore.dynamics.equations.reduced import free_of, reduced_terms
+from mechcore.effects.base import rate
+from mechcore.effects.registry import totals
+from mechcore.forces.equilibrium import joint_forces
+from mechcore.forces.friction.elements import elements_of, relative_rate, scales_of
+from mechcore.forces.friction.normal_loads import TOLERANCE
+from mechcore.kinematics.dyads import cross
+from mechcore.motion.compiled import Compiled
+from mechcore.motion.motion import Motion
+from mechcore.spec.mechanism import braked
+
+
+class Told(NamedTuple):
+    """States with friction: accelerations (n, f + s); of every element (n, e) friction, the limit up to which it sticks, relative
+    rate and second rate; efforts (n, c) that hold the joints at rest. ``found``: whether there are all of these; there always
+    are rates."""
+
+    acceleration: Real
+    value: Real
+    limit: Real
+    rate: Real
+    second: Real
+    holding: Real
+    found: bool
+
+
+class ContactProgram(EquationsProgram):
+    """The equations of a mechanism while so many joints rest, with so many elements that rub; where friction jams, numpy has to do.
+
+    It is for `with_signs` of them; without there is none that rubs.
+    """
+
+    def __init__(self, compiled: Compiled, found: Written, rests: int):
+        elements = (found[0].told - rests - 1) // 4
+        super().__init__(compiled, *found, elements + 1)
+        self.alone, self.partial = False, True
+        self._rests, self._signs = rests, np.zeros(elements + 1)
+
+    def with_signs(self, signs: Real, *, breaking: bool = False) -> ContactProgram:
+        """The same where elements slide by ``signs`` (e,) of their rates, 0 where they stick; ``breaking``: with the coefficients
+        of sticking."""
+        other = copy(self)
+        other._signs = np.append(signs, float(breaking))
+        return other
+
+    def __call__(self, q: Real, v: Real, t: Real) -> Real:
+        return self.told(q, v, t).acceleration
+
+    def window(
+        self, rule: CollocationRule, t0: float, h: float, q: Real, v: Real, guess: Real, tolerance: float
+    ) -> tuple[Real, int] | None:
+        self._set(self._signs)
+        return super().window(rule, t0, h, q, v, guess, tolerance)
+
+    def told(self, q: Real, v: Real, t: Real) -> Told:
+        """Values at states (n, f) each."""
+        self._set(self._signs)
+        accelerations, rest = self._told(q, v, t)
+        e = len(self._signs) - 1
+        value, limit, rates, second, holding, found = np.split(rest, [e, 2 * e, 3 * e, 4 * e, 4 * e + self._rests], axis=1)
+        return Told(accelerations, value, limit, rates, second, holding, bool(found.all()))
+
+
+def contact_program(compiled: Compiled, rests: Sequence[str], *, long: bool = False) -> ContactProgram | None:
+    """The program where one is wanted, see `Programmed.program`, and C has it. Raises `MechanismError` as `compiled_program`."""
+    known, key = compiled.once(_known), tuple(rests)
+    if not wanted(compiled, long or key in known):
+        return None
+    if key not in known:
+        found = _written(compiled, key)
+        known[key] = None if isinstance(found, str) else working(compiled, partial(ContactProgram, compiled, found, len(key)))
+    return known[key]
+
+
+def _known(_: Compiled) -> dict[tuple[str, ...], ContactProgram | None]:
+    return {}
+
+
+def _written(compiled: Compiled, rests: Sequence[str]) -> Written | str:
+    return written(compiled, partial(_traced, rests=tuple(rests)), ("contacts", *rests))
+
+
+def _traced(compiled: Compiled, rests: tuple[str, ...]) -> TracedEquations:
+    check_forces_traceable(compiled.model)
+    return _ContactWriter(compiled, rests).equations()
+
+
+def rubs(compiled: Compiled) -> bool:
+    """Whether a mechanism has dry friction."""
+    return "friction" in compiled.mechanism.effects and bool(braked(compiled.mechanism.joints))
+
+
+def _of_motion(compiled: Compiled, rests: Sequence[str] = ()) -> Written | str:
+    return _written(compiled, rests) if rests or rubs(compiled) else written(compiled, traced_equations)
+
+
+def missing_in_c(compiled: Compiled, rests: Sequence[str] = ()) -> str | None:
+    """Why C does not have the equations of motion of a mechanism, while joints rest on stops, in words; None where it has."""
+    if not free_of(compiled):
+        return "no coordinate is free until a follower leaves its cam"
+    found = _of_motion(compiled, rests)
+    return found if isinstance(found, str) else None
+
+
+def written_source(compiled: Compiled) -> tuple[str, int]:
+    """The program in C of equations that C has, and how many lines compute them."""
+    found = _of_motion(compiled)
+    assert not isinstance(found, str), found
+    return found[0].source, found[0].lines
+
+
+class _ContactWriter(EquationsWriter):
+    """The mechanism on symbols. Equations M a = Q are told solved, with a mass matrix of one."""
+
+    def __init__(self, compiled: Compiled, rests: tuple[str, ...]):
+        super().__init__(compiled)
+        self._resting = rests
+
+    def _reduced(self, moving: Motion, units: list[Motion]) -> tuple[list[Any], list[Any]]:
+        inertia, bias, force = reduced_terms(moving, units)
+        f, rests = len(units), self._resting
+        mass = [[inertia[max(i, j)][min(i, j)] for j in range(f)] for i in range(f)]
+        held = _Held(self, mass, [[rate(u, joint) for u in units] for joint in rests])
+        first, effort = held.answer([q - h for q, h in zip(force, bias, strict=True)], [_second(moving, j) for j in rests])
+        seconds, free = [a for *_, a in moving.drives], free_of(self.compiled)
+        for k, i in enumerate(free):
+            seconds[i] = first[k]
+        drives = [(q, v, a) for (q, v, _), a in zip(moving.drives, seconds, strict=True)]
+        loaded = self._motion(moving.state, moving.angles, drives, second=True)
+        loaded.states.update(moving.states)
+        told, extra, more = self._friction(loaded, units, held) if rubs(self.compiled) else ([1.0], [0.0] * f, [0.0] * len(rests))
+        acceleration = [a + b for a, b in zip(first, extra, strict=True)]
+        efforts = [p + b for p, b in zip(effort, more, strict=True)]
+        led = [self.model.mechanism.drives[i].joint in rests for i in free]
+        acceleration = [0.0 if it else a for it, a in zip(led, acceleration, strict=True)]
+        one = [float(i == j) for i in range(f) for j in range(i + 1)]
+        return one + acceleration, [*told[:-1], *efforts, told[-1]]
+
+    def _friction(self, loaded: Motion, units: list[Motion], held: _Held) -> tuple[list[Any], list[Any], list[Any]]:
+        """Values of friction; the accelerations and the efforts that hold joints at rest which it adds."""
+        code, modes, links = self.code, len(self.model.blocks), len(self.model.links)
+        numbers = (code.input(f"m[{modes + i}]") for i in itertools.count())
+        elements = elements_of(loaded, signs=(s - (1.0 - abs(s)) for s in numbers))  # what sticks counts as sliding back
+        count, plain = len(elements), [e.sign for e in elements]
+        signs = [code.input(f"m[{modes + i}]") for i in range(count)]
+        breaking, still = code.input(f"m[{modes + count}]"), [1.0 - abs(s) for s in signs]
+        for e in elements:
+            if e.what == "slide" and e.index < 0:
+                raise Untraceable(f"friction acts on the cam of {e.joint}")
+        tau = [[relative_rate(u, u.speeds, e.what, e.index, e.links) for u in units] for e in elements]
+        answers = [held.answer(row, [0.0] * len(self._resting)) for row in tau]
+        force, moment, _ = totals(loaded)
+        forces, contacts, flanks = joint_forces(loaded, list(force), list(moment))
+        own = [x for e, s in zip(elements, plain, strict=True) for x in e.normal(loaded, forces, contacts, s)]
+        by: list[list[tuple[Any, Any]]] = [[(0.0, 0.0)] * count for _ in elements]
+        for j, source in enumerate(elements):
+            unit: tuple[list[Any], list[Any]] = [0j] * links, [0.0] * links
+            source.load(loaded, *unit, 1.0)
+            add_inertia(loaded, units, answers[j][0], *unit)
+            answer, touching, _ = joint_forces(loaded, *unit, flanks)
+            for i, e in enumerate(elements):
+                if e.kind != "brake":
+                    by[i][j] = e.normal(loaded, answer, touching, plain[i])
+        factors = [np.where(breaking, e.limit, e.factor) for e in elements]
+        braking = [x - s * f for x, s, f in zip(still, signs, factors, strict=True)]
+        bias = [relative_rate(loaded, loaded.accelerations, e.what, e.index, e.links) for e in elements]
+        coupling = [[_product(row, a) for a, _ in answers] for row in tau]
+        pairs = (pair[axis] for row in by for axis in (0, 1) for pair in row)
+        given = [TOLERANCE, *signs, *braking, *map(float, scales_of(self.model, elements)), *bias, *chain(*coupling), *own, *pairs]
+        shape = [count, *(int(e.euclidean) for e in elements)]
+        *solved, found = code.filled("dry", 2 * count + 1, shape, given)
+        value, size = [x / found for x in solved[:count]], solved[count:]
+        second = [b + _product(row, value) for b, row in zip(bias, coupling, strict=True)]
+        limits = [x * e.limit for x, e in zip(size, elements, strict=True)]
+        extra, more = ([_product(row, value) for row in zip(*(a[k] for a in answers), strict=True)] for k in (0, 1))
+        return [*value, *limits, *(e.rate for e in elements), *second, found], extra, more
+
+
+class _Held:
+    """Linear equations M a = Q + G' p, G a + b = 0 on symbols, as `reduced.constrained`."""
+
+    def __init__(self, writer: EquationsWriter, mass: list[list[Any]], rows: list[list[Any]]):
+        self._writer, self._mass, self._rows = writer, mass, rows
+
+    def answer(self, force: list[Any], second: list[Any]) -> tuple[list[Any], list[Any]]:
+        """Accelerations and what holds the constraints."""
+        f, rows = len(self._mass), self._rows
+        if f == 1 and not rows:
+            return [force[0] / self._mass[0][0]], []
+        matrix = [[*own, *(-row[i] for row in rows)] for i, own in enumerate(self._mass)] + [
+            [*row, *[0.0] * len(rows)] for row in rows
+        ]
+        right = [*force, *(-b for b in second)]
+        x: list[Any] = list(self._writer.code.filled("linear", len(right), [len(right)], [*chain(*matrix), *right]))
+        if len(rows) == f:  # everything is held where nothing moves: rounding would have a direction
+            moves = [abs(b) for b in second if isinstance(b, Symbol) or b]
+            x[:f] = [a * np.where(sum(moves, 0.0) > 0.0, 1.0, 0.0) if moves else 0.0 for a in x[:f]]
+        return x[:f], x[f:]
+
+
+def add_inertia(
+    motion: Motion, units: Sequence[Motion], answer: Sequence[Values], force: list[Plane], moment: list[Values]
+) -> None:
+    """Add to the loads on the links the inertia forces of accelerations of the coordinates, (...) each."""
+    model = motion.model
+    for k in range(1, len(model.links)):
+        mass, centre, inertia = model.masses[k]
+        if not (mass or inertia):
+            continue
+        rotation_class = model.angles.rotation_class[k]
+        a: Plane = 0j
+        alpha: Values = 0.0
+        for own, unit in zip(answer, units, strict=True):
+            a = a + own * unit.of_point(k, centre, 1)
+            alpha = alpha + own * unit.speeds.angular[rotation_class]
+        force[k] = force[k] - mass * a
+        moment[k] = moment[k] - inertia * alpha - cross(centre * motion.rotation(k), mass * a)
+
+
+def _second(motion: Motion, joint: str) -> Values:
+    """Second rate of a joint's coordinate at q'' = 0."""
+    model, rates = motion.model, motion.accelerations
+    j = model.joint_index.get(joint)
+    if j is not None and j in model.driven:
+        return motion.drives[model.driven[j]][2]
+    if j is not None and model.joints[j].coordinate == "slide":
+        return rates.slide[j]
+    first, second = (model.index[x] for x in next(c.links for c in model.connections if c.name == joint))
+    rotation_class = model.angles.rotation_class
+    return rates.angular[rotation_class[second]] - rates.angular[rotation_class[first]]
+
+
+def _product(a: Sequence[Any], b: Sequence[Any]) -> Any:
+    return sum((x * y for x, y in zip(a, b, strict=True)), 0.0)
