@@ -113,9 +113,10 @@ def page(browser, viewer, errors) -> Iterator[Any]:
 
 @pytest.fixture(autouse=True)
 def as_opened(viewer, page) -> None:
-    """Every test starts with the scene as opened, at a frame with large forces."""
+    """Every test starts with the scene as opened, at a frame with large forces; solids are made anew when nothing moves any more,
+    and the camera follows."""
     viewer.session.reset()
-    assert viewer.session.wait()
+    assert viewer.session.wait(rested=True)
     viewer.set_frame(300)
     open_tab(page, "Edit")
     open_tab(page, "Plots")
