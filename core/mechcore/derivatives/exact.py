@@ -286,10 +286,6 @@ class Derivatives:
             curve = replace(curve, function=lambda _: self._bend(r))
         return replace(own, curve=curve, **{kind: with_leaves(kind) for kind in ("groups", "drives", "slides")})
 
-    def argument(self, r: int) -> Any:
-        """The argument (F,) of the curve of a relation on the tape."""
-        return curve_argument(self._model.constraints[r], self._state)
-
     def _bend(self, r: int) -> list[Any]:
         """The curve of a relation and its two derivatives on the tape, by its shape and its argument."""
         bend = self.nominal.state.bends[r]

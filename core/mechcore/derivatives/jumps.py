@@ -9,8 +9,7 @@ hybrid systems, 2000). Where neither the state nor its rates jump, nothing is le
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from functools import partial
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -33,7 +32,6 @@ from mechcore.forces.friction.elements import elements_of, relative_rate
 from mechcore.forces.kinetostatics import Forces
 from mechcore.laws.timed import Free
 from mechcore.motion.compiled import Compiled
-from mechcore.spec.mechanism import Mechanism
 
 SAME = 1e-7  # of the largest speed: how far speeds after an impact may be from those that the equations of impact give
 JUMP = 1e-5  # part of the largest acceleration by which it may change without being a jump
@@ -276,7 +274,7 @@ class _Crossing:
         return np.asarray(-slope[:, 0] / pace)
 
     def _passed(self) -> Real | None:
-        """Where the law of a force or a cam passes into another form."""
+        """Where the law of a force passes into another form."""
         compiled = self.before.compiled
         step = 1e-9 * max(self.before.end - self.before.start, 1e-300)
         rows = (
@@ -286,31 +284,25 @@ class _Crossing:
         around = motion_at(compiled, *rows, np.array([self.t - step, self.t + step]))
         changed = [bool(np.ptp(np.broadcast_to(form, (2,)))) for form in forms_of(around)]
         laws = [e for e in effects_of(compiled.mechanism) if e.piecewise]
-        cams = [i for i, r in enumerate(compiled.model.relations) if r.kind == "cam"]
         conditions: list[Any] = []
-        for effect, form in zip(laws, changed, strict=False):
+        for effect, form in zip(laws, changed, strict=False):  # the forms of cams follow: where one touches may not vary
             if form:
                 switch: Any = effect.switch(self.at.motion)
                 if switch is None:
                     return None
-                self._refuse_other_laws(effect.name, partial(_loads, effect.name))
+                self._refuse_other_laws(effect.name)
                 conditions.append(switch[0])
-        for i, form in zip(cams, changed[len(laws) :], strict=True):
-            if form:
-                name = compiled.model.relations[i].name
-                self._refuse_other_laws(name, partial(_joints, name))
-                conditions.append(self.at.argument(i)[0])
         if not conditions:
             return None
         by_parameters, pace = self._asked(conditions)
         k = int(np.argmax(np.abs(pace)))
         return np.asarray(-by_parameters[k] / pace[k])
 
-    def _refuse_other_laws(self, name: str, of: Callable[[Mechanism], list[Any]]) -> None:
+    def _refuse_other_laws(self, name: str) -> None:
         """Refuse parameters by which the places may vary at which a law changes its form."""
         for p in self.before.parameters:
-            own, other = (of(m) for m in (self.before.compiled.mechanism, p.mechanism(p.value + 0.5 * p.width)))
-            laws = [[getattr(x, "factor", getattr(x, "cam", None)) for x in those] for those in (own, other)]
+            mechanisms = self.before.compiled.mechanism, p.mechanism(p.value + 0.5 * p.width)
+            laws = [[getattr(x, "factor", None) for x in m.loads if x.name == name] for m in mechanisms]
             if laws[0] != laws[1]:
                 raise refusal(f"where the law of {name} changes its form may depend on {p.name}.", SWEEP)
 
@@ -437,11 +429,3 @@ class _Crossing:
             powers = powers_of(motion, segment_forces(motion, segment.system, q, v, segment.resting))
             sides.append(phase.at_edge(powers, last=last))
         return np.asarray((sides[0] - sides[1])[1:] * [1.0, -1.0])
-
-
-def _loads(name: str, mechanism: Mechanism) -> list[Any]:
-    return [x for x in mechanism.loads if x.name == name]
-
-
-def _joints(name: str, mechanism: Mechanism) -> list[Any]:
-    return [x for x in mechanism.joints if x.name == name]

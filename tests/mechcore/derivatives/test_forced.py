@@ -96,6 +96,38 @@ def test_motions_of_gallery_scenes_agree_with_their_differences(name, duration, 
         np.testing.assert_allclose(one.slopes[0], wanted, atol=1e-7 * np.abs(wanted).max())
 
 
+PISTON = """
+units = { length = "mm", angle = "deg" }
+effects = ["inertia"]
+run = { duration = "8 ms", tolerance = 1e-13 }
+[links]
+frame = { points = { S = [0, 0], W = [-200, 0] } }
+piston = { points = { S = [0, 0] }, mass = 0.7 }
+[joints]
+S = { prismatic = ["frame", "piston"], along = [1, 0], free = { speed = "6 m/s" } }
+[loads]
+spring = { spring = ["frame.W", "piston.S"], stiffness = "100 N/mm", free_length = 200 }
+[loads.air]
+gas = "S"
+bore = 40
+top = 40
+stroke = 80
+back = "1 bar"
+compressor = { suction = "1 bar", delivery = "7 bar", exponent = 1.3, clearance = 0.06 }
+"""
+
+
+@pytest.mark.parametrize("number, step", [("links.piston.mass", 1e-3), ("joints.S.free.speed", 1e-2)])
+def test_gas_passes_to_another_line_where_a_free_piston_turns_back(number, step):
+    """The pressure jumps in the middle of the stroke, at an instant that moves."""
+    scene = loads(PISTON, "piston")
+    results = sensitivities(
+        run_scene(scene, frames=FRAMES), [parse_measure(scene, "joint.S.displacement")], variables_of(scene, [number])
+    )
+    (wanted,) = differences(scene, number, results, step, SIXTH)
+    np.testing.assert_allclose(results[0].slopes[0], wanted, atol=1e-9 * np.abs(wanted).max())
+
+
 def test_energies_of_prescribed_motions_have_derivatives_too():
     scene = load("parametric-press")
     run = run_scene(scene, frames=FRAMES)
@@ -119,9 +151,9 @@ def test_a_cam_that_presses_on_either_side_may_rub():
 def test_a_cam_turns_faster():
     scene, number = load("cam-roller"), "joints.O.drive.speed"
     run = run_scene(scene, frames=FRAMES)
-    found = sensitivities(run, [parse_measure(scene, "drive.O.torque")], variables_of(scene, [number]))
-    (wanted,) = differences(scene, number, found, 0.5, SIXTH)
-    np.testing.assert_allclose(found[0].slopes[0], wanted, atol=1e-9 * np.abs(wanted).max())
+    results = sensitivities(run, [parse_measure(scene, "drive.O.torque")], variables_of(scene, [number]))
+    (wanted,) = differences(scene, number, results, 0.5, SIXTH)
+    np.testing.assert_allclose(results[0].slopes[0], wanted, atol=1e-9 * np.abs(wanted).max())
 
 
 @pytest.mark.parametrize(
@@ -182,6 +214,17 @@ def test_a_bouncing_ball_moves_with_its_floor_and_what_it_bounces_as_its_closed_
 
     for slopes, beside in zip(computed.slopes, (height(1e-30j, 0.8), height(0.0, 0.8 + 1e-30j)), strict=True):
         np.testing.assert_allclose(slopes / MM, beside.imag / 1e-30, atol=1e-9)  # the closed form is analytic
+
+
+@pytest.mark.parametrize("number, step", [("floor", 1e-4), ("bounce", 1e-4), ("loads.oil.linear", 1e-3)])
+def test_oil_takes_more_from_a_ball_that_rises_higher(number, step):
+    """An impact that comes later leaves the oil more time at the speed before it, and less at the one after it."""
+    scene = loads(BALL + '[loads]\noil = { viscous = "G", linear = 4.0 }\n', "ball")
+    results = sensitivities(
+        run_scene(scene, frames=FRAMES), [parse_measure(scene, "energy[dissipated]")], variables_of(scene, [number])
+    )
+    (wanted,) = differences(scene, number, results, step, SIXTH)
+    np.testing.assert_allclose(results[0].slopes[0], wanted, atol=1e-9 * np.abs(wanted).max())
 
 
 def test_forces_that_change_at_stated_times_are_followed_and_times_that_vary_refused():
