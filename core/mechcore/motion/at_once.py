@@ -385,5 +385,6 @@ def equilibrium_matrix(motion: Motion, flanks: Mapping[int, Values]) -> tuple[Re
                         add(3 * k - 1, column, sign * couple / model.length_scale)
     rows = 3 * (len(model.links) - 1)
     filled = stacked([*entries.values(), 0.0], (motion.frames,))  # most cells of a large matrix are empty: the last value
-    place = {cell: k for k, cell in enumerate(entries)}
-    return filled[:, [[place.get((row, column), -1) for column in range(len(labels))] for row in range(rows)]], labels
+    order = {cell: k for k, cell in enumerate(entries)}
+    cells = np.array([[order.get((row, column), -1) for column in range(len(labels))] for row in range(rows)], int)
+    return filled[:, cells.reshape(rows, len(labels))], labels
