@@ -182,14 +182,14 @@ def _belts(forces: Forces, units: Units) -> list[str]:
 def _inside_links(forces: Forces, units: Units) -> Iterator[str]:
     """Largest bending moment of each link whose section forces are asked for, where and when; with a cross-section its stress."""
     for study in forces.motion.mechanism.studies.sections:
-        found = section_forces(forces, study)
-        size = np.abs(found.bending.values)
+        section = section_forces(forces, study)
+        size = np.abs(section.bending.values)
         if not np.isfinite(size).any():
             continue  # it jams over the whole run
         k = int(np.nanargmax(size))
-        words = f"largest bending moment {units.show(found.bending.values[k], 'torque', 5)}"
-        place = units.show(found.bending.stations[k], "length", 5)
-        stress = "" if found.bending_stress is None else f", bending stress {1e-6 * found.bending_stress[k]:.5g} MPa"
+        words = f"largest bending moment {units.show(section.bending.values[k], 'torque', 5)}"
+        place = units.show(section.bending.stations[k], "length", 5)
+        stress = "" if section.bending_stress is None else f", bending stress {1e-6 * section.bending_stress[k]:.5g} MPa"
         yield f"{study.link}: {words} at {place} of its axis, at {forces.motion.time[k]:.6g} s{stress}"
 
 

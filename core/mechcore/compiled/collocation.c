@@ -5,7 +5,7 @@ Before this stands, generated, what makes the reduced equations M q'' + h = Q of
 with parameters p, assembly modes m, coordinates q and their rates v, values d of prescribed drives, angles `near` from which others
 are followed (replaced by those found), and out: the lower triangle of M row by row, then Q - h, then rates of the
 states of effects that integrate over the time: they come after the coordinates, each as a rate whose acceleration that is; then
-whatever else is told of a state.
+additional outputs.
 Beside it, of the same arguments, `ratios`: rates of joints relative to those of coordinates, and `forms`:
 numbers for the forms of laws that have several. */
 
@@ -38,7 +38,7 @@ typedef struct {
 /* Accelerations a (f); NaN where the coordinates move no mass. M = L D L' is solved without pivots, as it is positive. */
 static void accelerations(const System *y, const double *q, const double *v, double t, const double *d, double *near, double *a) {
     const long f = F;
-    double l[F * (F + 1) / 2 + F + STATES + TOLD], x[F];
+    double l[F * (F + 1) / 2 + F + STATES + ADDITIONAL], x[F];
     reduced(y->p, y->m, q, v, t, d, near, l);
     const double *rhs = l + f * (f + 1) / 2;
     for (long i = 0; i < f; i++) {
@@ -170,13 +170,13 @@ void evaluated(const System *y, long n, const double *q, const double *v, const 
     for (long i = 0; i < n; i++) accelerations(y, q + i * y->f, v + i * y->f, t[i], d + i * y->given, own, a + i * y->f);
 }
 
-/* What `reduced` gives at states (n, F (F + 1) / 2 + F + STATES + TOLD). Angles are followed from each state to the next. */
+/* What `reduced` gives at states (n, F (F + 1) / 2 + F + STATES + ADDITIONAL). Angles are followed from each state to the next. */
 void reduced_at(const System *y, long n, const double *q, const double *v, const double *t, const double *d, const double *near,
                 double *out) {
     double own[ANGLES + 1];
     memcpy(own, near, (size_t)y->angles * sizeof(double));
     for (long i = 0; i < n; i++)
-        reduced(y->p, y->m, q + i * y->f, v + i * y->f, t[i], d + i * y->given, own, out + i * (F * (F + 1) / 2 + F + STATES + TOLD));
+        reduced(y->p, y->m, q + i * y->f, v + i * y->f, t[i], d + i * y->given, own, out + i * (F * (F + 1) / 2 + F + STATES + ADDITIONAL));
 }
 
 /* The largest of the ratios at a state; NaN where one is. */

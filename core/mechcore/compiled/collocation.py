@@ -23,7 +23,7 @@ REDUCED = """
 #define MARGIN {margin!r}
 #define RATIOS {count}
 #define FORMS {kinds}
-#define TOLD {told}
+#define ADDITIONAL {additional}
 
 static void reduced(const double *p, const double *m, const double *q, const double *v, double t, const double *d, double *near,
                     double *out) {{
@@ -79,8 +79,8 @@ class Batch(NamedTuple):
 
 class WrittenEquations:
     """Reduced equations of motion in C. ``outputs``: the lower triangle of M, row by row, then Q - h, then rates of states; angles
-    that are followed; ratios of rates of joints to those of the coordinates; forms of laws that have several; what
-    else is told of a state.
+    that are followed; ratios of rates of joints to those of the coordinates; forms of laws that have several;
+    additional outputs.
 
     They are computed from what C calls ``q[k]``, ``v[k]``, ``t``, modes ``m[k]``, ``given`` values ``d[k]`` of prescribed drives,
     and angles ``near[k]`` from which the ``angles`` are followed; values of functions `of_time` come after those of drives.
@@ -88,8 +88,8 @@ class WrittenEquations:
     """
 
     def __init__(self, code: Code, outputs: tuple[Sequence[Operand], ...], freedoms: tuple[int, int], given: int, margin: float):
-        equations, angles, ratios, forms, told = outputs
-        equations = [*equations, *told]
+        equations, angles, ratios, forms, additional = outputs
+        equations = [*equations, *additional]
         self.parameters: list[float] = []
         self.coordinates = freedoms[0]
         self.freedoms, self.given, self.angles = sum(freedoms), given + len(code.of_time), len(angles)
@@ -99,7 +99,7 @@ class WrittenEquations:
         self.lines = len(lines)
         rates = code.written([(f"out[{k}]", x) for k, x in enumerate(ratios)], self.parameters)
         whole = code.written([(f"out[{k}]", x) for k, x in enumerate(forms)], self.parameters)
-        self.forms, self.told = len(forms), len(told)
+        self.forms, self.additional = len(forms), len(additional)
         own = REDUCED.format(
             freedoms=freedoms[0],
             states=freedoms[1],
@@ -108,7 +108,7 @@ class WrittenEquations:
             margin=margin,
             count=len(ratios),
             kinds=len(forms),
-            told=len(told),
+            additional=len(additional),
             forms="\n    ".join(whole),
             lines="\n    ".join(lines),
             rates="\n    ".join(rates),
@@ -158,7 +158,7 @@ class CompiledEquations:
         self._loaded.window.restype = self._loaded.windows.restype = ctypes.c_long
         self._loaded.evaluated.restype = self._loaded.formed.restype = self._loaded.reduced_at.restype = None
         self.coordinates = written.coordinates
-        self.kinds, self._told = written.forms, written.told
+        self.kinds, self._additional = written.forms, written.additional
         self._loaded.strained.restype = ctypes.c_double
         self._kept: list[Real] = [np.array(x or [0.0], float) for x in (written.parameters, list(modes), list(scale))]
         self.modes = self._kept[1]
@@ -185,14 +185,14 @@ class CompiledEquations:
         inertia[:, i, j] = inertia[:, j, i] = rest[:, : len(i)]
         return inertia, rest[:, len(i) : len(i) + k]
 
-    def told(self, q: Real, v: Real, t: Real, d: Real, near: Real) -> tuple[Real, Real]:
-        """Q - h and rates of states (n, f), which are accelerations where M is one, and what else is told of states (n, k)."""
+    def outputs(self, q: Real, v: Real, t: Real, d: Real, near: Real) -> tuple[Real, Real]:
+        """Q - h and rates of states (n, f), which are accelerations where M is one, and additional outputs (n, k)."""
         rest, k = self._rows(q, v, t, d, near), len(_below(self.coordinates)[0])
         return rest[:, k : k + self.freedoms], rest[:, k + self.freedoms :]
 
     def _rows(self, *at: Real) -> Real:
         given = [np.ascontiguousarray(x, float) for x in at]
-        out = np.empty((len(at[2]), len(_below(self.coordinates)[0]) + self.freedoms + self._told))
+        out = np.empty((len(at[2]), len(_below(self.coordinates)[0]) + self.freedoms + self._additional))
         self._loaded.reduced_at(self._system, ctypes.c_long(len(out)), *(_at(x) for x in given), _at(out))
         return out
 

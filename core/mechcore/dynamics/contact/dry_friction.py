@@ -16,7 +16,7 @@ import numpy as np
 
 from mechcore.arrays import Index, Plane, Real, Values
 from mechcore.dynamics.equations.charts import differences, jacobian_of
-from mechcore.dynamics.equations.contacts import ContactProgram, Told, add_inertia, contact_program
+from mechcore.dynamics.equations.contacts import ContactProgram, FrictionState, add_inertia, contact_program
 from mechcore.dynamics.equations.reduced import (
     constrained,
     free_of,
@@ -111,23 +111,23 @@ class DrySystem:
         program = contact_program(self.compiled, self.rests, long=long)
         return None if program is None else program.with_signs(self.signs, breaking=self.breaking)
 
-    def _told(self, q: Real, v: Real, t: Real) -> Told | None:
+    def _compiled_state(self, q: Real, v: Real, t: Real) -> FrictionState | None:
         """Values of a compiled program at states; None where there is none for any states."""
         program = self.program()
-        return None if program is None or not program.everywhere else program.told(q, v, t)
+        return None if program is None or not program.everywhere else program.friction_state(q, v, t)
 
     def rates(self, q: Real, v: Real, t: Real) -> Real:
         """Relative rates of all elements (n, e)."""
-        told = self._told(q, v, t)
-        if told is not None:
-            return told.rate
+        state = self._compiled_state(q, v, t)
+        if state is not None:
+            return state.rate
         return np.stack([e.rate for e in elements_of(moving(self.compiled, q, v, t)[0])], axis=1)
 
     def holding(self, q: Real, v: Real, t: Real) -> Real:
         """Efforts that keep the joints at rest (n, p): torque [N m] or force [N] in the direction of each one's coordinate."""
-        told = self._told(q, v, t)
-        if told is not None and told.found:
-            return told.holding
+        state = self._compiled_state(q, v, t)
+        if state is not None and state.solved:
+            return state.holding
         motion, units = moving(self.compiled, q, v, t)
         r, friction = reduced_equations(motion, units), self.solve(q, v, t)
         tau = np.stack([rates_of(units, e) for e in elements_of(motion)], axis=1)
@@ -149,9 +149,9 @@ class DrySystem:
 
     def solve(self, q: Real, v: Real, t: Real) -> Dry:
         """Accelerations and friction. Raises `MechanismError` where no acceleration is in balance with the friction it causes."""
-        told = self._told(q, v, t)
-        if told is not None and told.found:
-            return Dry(*told[:5])
+        state = self._compiled_state(q, v, t)
+        if state is not None and state.solved:
+            return Dry(*state[:5])
         motion, units = moving(self.compiled, q, v, t)
         n = motion.frames
         r = reduced_equations(motion, units)

@@ -104,7 +104,7 @@ class Chart(Programmed):
     def holding(self, q: Real, v: Real, t: Real) -> Real:
         """Efforts that keep the joints at rest (n, p): torque [N m] or force [N] in the direction of each one's coordinate."""
         program = contact_program(self.compiled, self.rests)
-        return program.told(q, v, t).holding if program is not None and program.everywhere else self._solve(q, v, t)[1]
+        return program.friction_state(q, v, t).holding if program is not None and program.everywhere else self._solve(q, v, t)[1]
 
     def slopes(self, q: Real, v: Real, t: Real, a: Real) -> tuple[Real, Real]:
         """Derivatives of the accelerations by position and speed (n, f, f) each, by differences, all in one call."""

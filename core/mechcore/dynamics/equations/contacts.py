@@ -41,9 +41,9 @@ from mechcore.motion.motion import Motion
 from mechcore.spec.mechanism import braked
 
 
-class Told(NamedTuple):
+class FrictionState(NamedTuple):
     """States with friction: accelerations (n, f + s); of every element (n, e) friction, the limit up to which it sticks, relative
-    rate and second rate; efforts (n, c) that hold the joints at rest. ``found``: whether there are all of these; there always
+    rate and second rate; efforts (n, c) that hold the joints at rest. ``solved``: whether there are all of these; there always
     are rates."""
 
     acceleration: Real
@@ -52,7 +52,7 @@ class Told(NamedTuple):
     rate: Real
     second: Real
     holding: Real
-    found: bool
+    solved: bool
 
 
 class ContactProgram(EquationsProgram):
@@ -61,9 +61,9 @@ class ContactProgram(EquationsProgram):
     It is for `with_signs` of them; without there is none that rubs.
     """
 
-    def __init__(self, compiled: Compiled, found: Written, rests: int):
-        elements = (found[0].told - rests - 1) // 4
-        super().__init__(compiled, *found, elements + 1)
+    def __init__(self, compiled: Compiled, written: Written, rests: int):
+        elements = (written[0].additional - rests - 1) // 4
+        super().__init__(compiled, *written, elements + 1)
         self.alone, self.partial = False, True
         self._rests, self._signs = rests, np.zeros(elements + 1)
 
@@ -75,7 +75,7 @@ class ContactProgram(EquationsProgram):
         return other
 
     def __call__(self, q: Real, v: Real, t: Real) -> Real:
-        return self.told(q, v, t).acceleration
+        return self.friction_state(q, v, t).acceleration
 
     def window(
         self, rule: CollocationRule, t0: float, h: float, q: Real, v: Real, guess: Real, tolerance: float
@@ -83,13 +83,13 @@ class ContactProgram(EquationsProgram):
         self._set(self._signs)
         return super().window(rule, t0, h, q, v, guess, tolerance)
 
-    def told(self, q: Real, v: Real, t: Real) -> Told:
-        """Values at states (n, f) each."""
+    def friction_state(self, q: Real, v: Real, t: Real) -> FrictionState:
+        """At states (n, f) each."""
         self._set(self._signs)
-        accelerations, rest = self._told(q, v, t)
+        accelerations, rest = self._outputs(q, v, t)
         e = len(self._signs) - 1
-        value, limit, rates, second, holding, found = np.split(rest, [e, 2 * e, 3 * e, 4 * e, 4 * e + self._rests], axis=1)
-        return Told(accelerations, value, limit, rates, second, holding, bool(found.all()))
+        value, limit, rates, second, holding, solved = np.split(rest, [e, 2 * e, 3 * e, 4 * e, 4 * e + self._rests], axis=1)
+        return FrictionState(accelerations, value, limit, rates, second, holding, bool(solved.all()))
 
 
 def contact_program(compiled: Compiled, rests: Sequence[str], *, long: bool = False) -> ContactProgram | None:
@@ -98,8 +98,10 @@ def contact_program(compiled: Compiled, rests: Sequence[str], *, long: bool = Fa
     if not wanted(compiled, long or key in known):
         return None
     if key not in known:
-        found = _written(compiled, key)
-        known[key] = None if isinstance(found, str) else working(compiled, partial(ContactProgram, compiled, found, len(key)))
+        equations = _written(compiled, key)
+        known[key] = (
+            None if isinstance(equations, str) else working(compiled, partial(ContactProgram, compiled, equations, len(key)))
+        )
     return known[key]
 
 
@@ -129,19 +131,19 @@ def missing_in_c(compiled: Compiled, rests: Sequence[str] = ()) -> str | None:
     """Why C does not have the equations of motion of a mechanism, while joints rest on stops, in words; None where it has."""
     if not free_of(compiled):
         return "no coordinate is free until a follower leaves its cam"
-    found = _of_motion(compiled, rests)
-    return found if isinstance(found, str) else None
+    equations = _of_motion(compiled, rests)
+    return equations if isinstance(equations, str) else None
 
 
 def written_source(compiled: Compiled) -> tuple[str, int]:
     """The program in C of equations that C has, and how many lines compute them."""
-    found = _of_motion(compiled)
-    assert not isinstance(found, str), found
-    return found[0].source, found[0].lines
+    equations = _of_motion(compiled)
+    assert not isinstance(equations, str), equations
+    return equations[0].source, equations[0].lines
 
 
 class _ContactWriter(EquationsWriter):
-    """The mechanism on symbols. Equations M a = Q are told solved, with a mass matrix of one."""
+    """The mechanism on symbols. Equations M a = Q are written solved, with a mass matrix of one."""
 
     def __init__(self, compiled: Compiled, rests: tuple[str, ...]):
         super().__init__(compiled)
@@ -159,13 +161,13 @@ class _ContactWriter(EquationsWriter):
         drives = [(q, v, a) for (q, v, _), a in zip(moving.drives, seconds, strict=True)]
         loaded = self._motion(moving.state, moving.angles, drives, second=True)
         loaded.states.update(moving.states)
-        told, extra, more = self._friction(loaded, units, held) if rubs(self.compiled) else ([1.0], [0.0] * f, [0.0] * len(rests))
+        values, extra, more = self._friction(loaded, units, held) if rubs(self.compiled) else ([1.0], [0.0] * f, [0.0] * len(rests))
         acceleration = [a + b for a, b in zip(first, extra, strict=True)]
         efforts = [p + b for p, b in zip(effort, more, strict=True)]
         led = [self.model.mechanism.drives[i].joint in rests for i in free]
         acceleration = [0.0 if it else a for it, a in zip(led, acceleration, strict=True)]
         one = [float(i == j) for i in range(f) for j in range(i + 1)]
-        return one + acceleration, [*told[:-1], *efforts, told[-1]]
+        return one + acceleration, [*values[:-1], *efforts, values[-1]]
 
     def _friction(self, loaded: Motion, units: list[Motion], held: _Held) -> tuple[list[Any], list[Any], list[Any]]:
         """Values of friction; the accelerations and the efforts that hold joints at rest which it adds."""
@@ -199,12 +201,12 @@ class _ContactWriter(EquationsWriter):
         pairs = (pair[axis] for row in by for axis in (0, 1) for pair in row)
         given = [TOLERANCE, *signs, *braking, *map(float, scales_of(self.model, elements)), *bias, *chain(*coupling), *own, *pairs]
         shape = [count, *(int(e.euclidean) for e in elements)]
-        *solved, found = code.filled("dry", 2 * count + 1, shape, given)
-        value, size = [x / found for x in solved[:count]], solved[count:]
+        *solved, factor = code.filled("dry", 2 * count + 1, shape, given)
+        value, size = [x / factor for x in solved[:count]], solved[count:]
         second = [b + _product(row, value) for b, row in zip(bias, coupling, strict=True)]
         limits = [x * e.limit for x, e in zip(size, elements, strict=True)]
         extra, more = ([_product(row, value) for row in zip(*(a[k] for a in answers), strict=True)] for k in (0, 1))
-        return [*value, *limits, *(e.rate for e in elements), *second, found], extra, more
+        return [*value, *limits, *(e.rate for e in elements), *second, factor], extra, more
 
 
 class _Held:

@@ -92,9 +92,9 @@ class EquationsProgram:
         """Forms of all laws that have several (k, n), at states (n, f) each; None where C does not have them."""
         return self._equations.forms(q, v, t, self._drives(t)).T if self.tells else None
 
-    def _told(self, q: Real, v: Real, t: Real) -> tuple[Real, Real]:
-        """Accelerations (n, f) and what else is told of any states (n, k), see `contacts`."""
-        return self._equations.told(q, v, t, self._drives(t), self.near(q[:1], v[:1], t[:1]))
+    def _outputs(self, q: Real, v: Real, t: Real) -> tuple[Real, Real]:
+        """Accelerations (n, f) and the additional outputs (n, k) of any states, see `contacts`."""
+        return self._equations.outputs(q, v, t, self._drives(t), self.near(q[:1], v[:1], t[:1]))
 
     def _set(self, numbers: Real) -> None:
         """Set the numbers that it is given beside the modes."""
@@ -160,8 +160,8 @@ def compiled_program(compiled: Compiled) -> EquationsProgram | None:
 
     Ask for it by `Compiled.once`. Raises `MechanismError` where C is asked for and cannot be compiled.
     """
-    found = written(compiled, traced_equations)
-    return None if isinstance(found, str) else working(compiled, lambda: EquationsProgram(compiled, *found))
+    equations = written(compiled, traced_equations)
+    return None if isinstance(equations, str) else working(compiled, lambda: EquationsProgram(compiled, *equations))
 
 
 def working(compiled: Compiled, made: Callable[[], T]) -> T | None:
@@ -187,10 +187,10 @@ def written(compiled: Compiled, traced: Callable[[Compiled], TracedEquations], k
     key = (*turned, took_over, tuple(compiled.assembly.modes), tuple(compiled.assembly.constants), kind)
     if key not in known:
         try:
-            found = traced(compiled)
-            program = WrittenEquations(*found[:4], MARGIN)
+            equations = traced(compiled)
+            program = WrittenEquations(*equations[:4], MARGIN)
             long = program.lines > MOST_LINES
-            known[key] = f"the program would have {program.lines:,} lines" if long else (program, found.followed)
+            known[key] = f"the program would have {program.lines:,} lines" if long else (program, equations.followed)
         except Untraceable as reason:
             known[key] = str(reason)
     return known[key]
@@ -263,7 +263,7 @@ class EquationsWriter:
         states = integrating(self.compiled)
         moving.states.update({e.name: code.input(f"v[{len(free) + i}]") for i, e in enumerate(states)})  # type: ignore[misc]
         try:
-            outputs, told = self._reduced(moving, units)
+            outputs, additional = self._reduced(moving, units)
             integrated = [self._operand(e.state_rate(moving)) for e in states]
             _, rates = rates_of_joints(self.compiled, units)
         except Untraceable:
@@ -275,11 +275,11 @@ class EquationsWriter:
         own: dict[str, Any] = {TURNED: self.turned, GONE: self.gone, "angle": state.angle, "slide": state.slide}
         near = [self._operand(own[what][i]) for what, i in self.followed]  # after all that may ask for an angle
         given = 3 * (len(drives) - len(free))
-        kept = outputs, near, ratios, forms, [self._operand(x) for x in told]
+        kept = outputs, near, ratios, forms, [self._operand(x) for x in additional]
         return TracedEquations(code, kept, (len(free), len(states)), given, tuple(self.followed))
 
     def _reduced(self, moving: Motion, units: list[Motion]) -> tuple[list[Any], list[Any]]:
-        """The lower triangle of M, row by row, then Q - h; and what else is told of a state. From the motion with q'' = 0 and its
+        """The lower triangle of M, row by row, then Q - h; and additional outputs. From the motion with q'' = 0 and its
         tangents."""
         inertia, bias, force = reduced_terms(moving, units)
         return [x for row in inertia for x in row] + [q - h for q, h in zip(force, bias, strict=True)], []
