@@ -51,13 +51,13 @@ def test_friction_at_any_instant_is_the_same(kind: str, seed: int) -> None:
         by_numpy, by_c = (DrySystem(replace(compiled, executor=e), signs, rests=rests, breaking=breaking) for e in ("numpy", "c"))
         program = by_c.program()
         assert program is not None
-        expected, told = by_numpy.solve(q, v, t), program.told(q, v, t)
-        assert told.found and len(signs) > 2
+        expected, state = by_numpy.solve(q, v, t), program.friction_state(q, v, t)
+        assert state.solved and len(signs) > 2
         for name in ("acceleration", "value", "limit", "rate", "second"):
-            whole, own = getattr(expected, name), getattr(told, name)
+            whole, own = getattr(expected, name), getattr(state, name)
             assert np.abs(own - whole).max() <= 1e-11 * max(np.abs(whole).max(), 1e-3), name
         if rests:
-            np.testing.assert_allclose(told.holding, by_numpy.holding(q, v, t), rtol=1e-10)
+            np.testing.assert_allclose(state.holding, by_numpy.holding(q, v, t), rtol=1e-10)
 
 
 @pytest.mark.parametrize("name", ["stick-slip-feed", "compressor-run-down", "lifted-boom"])
@@ -97,6 +97,6 @@ def test_a_jam_is_told_as_by_numpy() -> None:
     )
     compiled, one = compile_mechanism(m, executor="c"), np.ones((1, 1))
     program = DrySystem(compiled, one[0]).program()
-    assert program is not None and not program.told(one, one, one[0]).found
+    assert program is not None and not program.friction_state(one, one, one[0]).solved
     with pytest.raises(MechanismError, match=r"joints\.S\.friction: .*jams in motion"):
         simulate(compiled, 1.0)
