@@ -225,13 +225,17 @@ def _resimulate(
     warn: Callable[[str], None] | None,
 ) -> Resimulate:
     """Maker of the motion under forces of a scene's free coordinates, with a tolerance and perhaps another method, perhaps
-    from a motion that is like it; only the first motion is observed while it is found."""
+    from a motion that is like it; only the first motion is observed while it is found, and what takes long is said once."""
     spec = scene.simulation
     assert spec is not None
     duration = steady.period if steady is not None and np.isnan(spec.duration) else spec.duration
 
     unseen = [] if observe is None else [observe]
-    unwarned = [] if warn is None else [lambda words: warn(Text.of(words).in_units(scene.units))]
+    unwarned = [] if warn is None else [warn]
+
+    def once(words: str) -> None:
+        if unwarned:
+            unwarned.pop()(Text.of(words).in_units(scene.units))
 
     def resimulate(tolerance: float, method: Method | None = None, like: Simulation | None = None) -> Simulation:
         look = unseen.pop() if unseen else None
@@ -246,7 +250,7 @@ def _resimulate(
             progress=lambda t: advance(t, duration),
             observe=None if look is None else lambda stretch: look(stretch, duration),
             like=like,
-            warn=unwarned.pop() if unwarned else None,
+            warn=once if unwarned else None,
         )
 
     return resimulate

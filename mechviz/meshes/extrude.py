@@ -15,16 +15,12 @@ from mapbox_earcut import triangulate_float64
 from shapely.geometry import LinearRing, Point, Polygon
 
 from mechcore.arrays import Integers, Real
-from mechviz.meshes.outline import clean
+from mechviz.meshes.outline import ShapeError, clean
 from mechviz.meshes.shading import Color
 
 Profile = tuple[tuple[float, float], ...]
 Ring = tuple[Real, Integers]
 """A closed line of vertices: places (n, 2) and indices (n,)."""
-
-
-class ShapeError(ValueError):
-    """A part that cannot be made: its proportions are beyond what its outline can be drawn with."""
 
 
 @dataclass(frozen=True)

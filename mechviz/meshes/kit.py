@@ -19,8 +19,9 @@ from mechcore.spec.mechanism import Mechanism, Vec2
 from mechviz.meshes.draft import Draft
 from mechviz.meshes.layers import Levels, stack_pieces
 from mechviz.meshes.model import Axle, Model, build_model
-from mechviz.meshes.outline import disc, polygons
+from mechviz.meshes.outline import disc, largest, polygons
 from mechviz.meshes.shapes import draft_pieces
+from mechviz.meshes.solids import shaped
 
 SIDES = 128  # of a full circle
 _EDGE = 1.8  # of the bosses: how far a base reaches beyond the axes that stand on it
@@ -48,12 +49,14 @@ def kit_of(
     """The parts of a kit, plates first. Plates are ``thickness`` [mm] thick, ``washer`` [mm] apart; a pin turns in holes that are
     wider by ``clearance`` [mm], and sits fast in the part that holds it. A shaft that turns its cams is flattened on one side.
 
-    ``poses`` as in `build_solids`. Belts, barrels and spatial cams are no flat parts and left out.
+    ``poses`` as in `build_solids`. Belts, barrels and spatial cams are no flat parts and left out. Raises `MechanismError` where
+    links differ too much in size.
     """
-    model = build_model(mechanism, poses, SIDES)
-    draft = draft_pieces(model)
-    levels = stack_pieces(model, draft)
-    return _Kit(model, draft, levels, thickness, clearance, washer).parts()
+    with shaped(mechanism):
+        model = build_model(mechanism, poses, SIDES)
+        draft = draft_pieces(model)
+        levels = stack_pieces(model, draft)
+        return _Kit(model, draft, levels, thickness, clearance, washer).parts()
 
 
 @dataclass(frozen=True)
@@ -101,7 +104,7 @@ class _Kit:
                 circles, flats = self._holes(link, shape)
                 outline = affinity.scale(shape, self.scale, self.scale, origin=(0.0, 0.0))
                 holes = [Point(x, y).buffer(r, quad_segs=SIDES // 4) for x, y, r in circles]
-                cut = polygons(outline.difference(unary_union([*holes, *flats])))[0]
+                cut = largest(outline.difference(unary_union([*holes, *flats])))
                 deep = (height[1] - height[0]) * self.thickness
                 label = link if number == 1 else f"{link} {number} ({group})"
                 yield FlatPart(label, "plate", cut, deep, circles)
@@ -164,7 +167,7 @@ class _Kit:
                 circles.append((x, y, self.scale * axle.pin + turns))
             outline = affinity.scale(shape, self.scale, self.scale, origin=(0.0, 0.0))
             holes = unary_union([Point(x, y).buffer(r, quad_segs=SIDES // 4) for x, y, r in circles])
-            cut = polygons(outline.difference(holes))[0]
+            cut = largest(outline.difference(holes))
             yield FlatPart("front" if front else "base", "plate", cut, self.thickness, tuple(circles))
 
     # -- what goes through them -----------------------------------------------------------------------------------------
@@ -211,7 +214,7 @@ class _Kit:
             ring = disc((0.0, 0.0), outer, SIDES).difference(disc((0.0, 0.0), inner, SIDES))
             for a, b in pairwise(layers):
                 height = (b - a) * (self.thickness + self.washer) - self.thickness
-                yield FlatPart(f"spacer {2.0 * inner:.3g} mm", "spacer", polygons(ring)[0], height, ((0.0, 0.0, inner),))
+                yield FlatPart(f"spacer {2.0 * inner:.3g} mm", "spacer", largest(ring), height, ((0.0, 0.0, inner),))
 
 
 def _shaft(radius: float, key: tuple[float, float], turned: float) -> Polygon:
@@ -219,7 +222,7 @@ def _shaft(radius: float, key: tuple[float, float], turned: float) -> Polygon:
     turn = math.degrees(math.atan2(key[1], key[0]) + turned)
     cut = box((1.0 - _FLAT) * radius, -2.0 * radius, 2.0 * radius, 2.0 * radius)
     whole = disc((0.0, 0.0), radius, SIDES).difference(affinity.rotate(cut, turn, origin=(0.0, 0.0)))
-    return polygons(whole)[0]
+    return largest(whole)
 
 
 def _counted(parts: Sequence[FlatPart]) -> list[FlatPart]:

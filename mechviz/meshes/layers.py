@@ -14,11 +14,10 @@ from shapely.geometry import Polygon
 
 from mechcore.arrays import Flags, Integers, Real
 from mechviz.meshes.draft import Draft, Neck, Piece
-from mechviz.meshes.extrude import ShapeError
 from mechviz.meshes.kinds.wheels_drawn import webs
 from mechviz.meshes.layer_order import Post, order_layers
 from mechviz.meshes.model import Model, Proportions
-from mechviz.meshes.outline import disc
+from mechviz.meshes.outline import ShapeError, disc
 
 _FIRST = 3  # places at which a question is tried before all others
 _TOGETHER = (48, 6)  # frames in a row that are looked at as one, in turn

@@ -61,6 +61,9 @@ def pedestal(pivot: Vec2, r: float, segments: int) -> Polygon:
     return unary_union([foot, hatched_bar((x - 2.2 * r, top), (x + 2.2 * r, top), r, thickness=0.4 * r)])
 
 
+MOST_RIBS = 1_000  # of a bar of the ground: more cannot be seen
+
+
 def hatched_bar(start: Vec2, end: Vec2, r: float, *, thickness: float) -> Polygon:
     """A straight bar of the ground whose left edge runs from start to end, with slanted hatching ribs on its right."""
     a, b = np.asarray(start, float), np.asarray(end, float)
@@ -69,7 +72,7 @@ def hatched_bar(start: Vec2, end: Vec2, r: float, *, thickness: float) -> Polygo
     n = np.array([u[1], -u[0]])
     parts = [Polygon([a, b, b + thickness * n, a + thickness * n])]
     rib, height, margin = 0.2 * r, 0.75 * r, 0.1 * r
-    count = max(3, round(length / (0.95 * r)))
+    count = min(max(3, round(length / (0.95 * r))), MOST_RIBS)
     pitch = (length - height - rib - margin) / (count - 1)
     for k in range(count):
         foot = a + (height + k * pitch) * u + 0.5 * thickness * n
@@ -105,6 +108,18 @@ def polygons(shape: shapely.Geometry) -> list[Polygon]:
     return []
 
 
+class ShapeError(ValueError):
+    """A part that cannot be made: its proportions are beyond what its outline can be drawn with."""
+
+
+def largest(shape: shapely.Geometry) -> Polygon:
+    """The largest polygon of any shapely geometry. Raises `ShapeError` where there is none."""
+    left = polygons(shape)
+    if not left:
+        raise ShapeError("nothing is left of the outline of a part")
+    return left[0]
+
+
 def clean(shape: Polygon) -> Polygon:
     """The polygon with the material to the left of every ring, without needless vertices on straight edges."""
     simple = shapely.simplify(shape, 1e-7, preserve_topology=True)
@@ -131,14 +146,14 @@ def keyway_corner(shaft: float) -> float:
 def keyed_bore(centre: Vec2, shaft: float, hole: float, towards: Vec2, segments: int) -> Polygon:
     """A round hole with a keyway in the unit direction ``towards``, for a shaft of the radius ``shaft``."""
     slot = box(0.0, -_HALF * shaft, (1.0 + _HIGH) * shaft, _HALF * shaft)
-    return polygons(disc(centre, hole, segments).union(_turned(slot, centre, towards)))[0]
+    return largest(disc(centre, hole, segments).union(_turned(slot, centre, towards)))
 
 
 def key_outline(centre: Vec2, shaft: float, towards: Vec2, segments: int) -> Polygon:
     """The part of the key that stands out of its shaft, a hair apart from it: no two parts share a corner."""
     half = _FIT * _HALF * shaft
     whole = _turned(box(0.0, -half, (1.0 + _FIT * _HIGH) * shaft, half), centre, towards)
-    return polygons(whole.difference(disc(centre, 1.004 * shaft, segments)))[0]
+    return largest(whole.difference(disc(centre, 1.004 * shaft, segments)))
 
 
 def _turned(shape: Polygon, centre: Vec2, towards: Vec2) -> Polygon:

@@ -26,6 +26,7 @@ from mechviz.meshes.outline import (
     keyed_bore,
     keyway_corner,
     keyway_reach,
+    largest,
     pedestal,
     polygons,
 )
@@ -110,7 +111,7 @@ def _flat_parts(model: Model, draft: Draft, levels: Levels, piece: Piece) -> lis
         bottom, top = (low + part * (high - low) for part in _GROOVE)
         groove = Groove(piece.groove, bottom, top)
         core = flat.intersection(shape.buffer(-piece.groove))
-        space = (Prism(flat, low, bottom), Prism(polygons(core)[0], bottom, top), Prism(flat, top, high), *bosses)
+        space = (Prism(flat, low, bottom), Prism(largest(core), bottom, top), Prism(flat, top, high), *bosses)
     bevel = 0.0 if piece.kind == "belt" else size.bevel  # the corners of crossing spans are too sharp for one
     shell = plate(shape, (low, high), bevel, turned, model.segments, groove)
     color = BELT if piece.kind == "belt" else None

@@ -73,7 +73,7 @@ def _draw_figure(draft: Draft, link: str, figure: Polygon) -> None:
     """A figure as a part of the plate that a link has, else as one of its own."""
     for k, piece in enumerate(draft.pieces):
         if piece.link == link and piece.kind == "plate":
-            draft.pieces[k] = replace(piece, outline=outline.polygons(unary_union([piece.outline, figure]))[0])
+            draft.pieces[k] = replace(piece, outline=outline.largest(unary_union([piece.outline, figure])))
             return
     draft.pieces.append(Piece(link, figure, draft.groups[link], "plate"))
 
@@ -266,7 +266,7 @@ def _plate(model: Model, link: str, forms: Mapping[str, str]) -> Polygon:
     keep += [outline.disc(g.block_point, size.r, model.segments) for g in model.guides if g.block == link]
     holes = [] if figure else outline.cutouts(whole, keep, 1.35 * size.r, 0.45 * size.r, 7.0 * size.r**2)
     cut = whole.difference(unary_union([*slots, *holes])) if slots or holes else whole
-    return outline.polygons(cut)[0]
+    return outline.largest(cut)
 
 
 def _compact(model: Model, guide: Guide) -> bool:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING
@@ -17,7 +18,7 @@ from shapely.geometry import Polygon
 from mechcore.arrays import Real, Single
 from mechcore.errors import Fault, MechanismError
 from mechcore.spec.mechanism import Mechanism
-from mechviz.meshes.extrude import Part, ShapeError, Shell, joined_shells
+from mechviz.meshes.extrude import Part, Shell, joined_shells
 from mechviz.meshes.heights import Heights, find_heights
 from mechviz.meshes.kinds.fittings import on_shafts
 from mechviz.meshes.kinds.rims import Loop
@@ -25,6 +26,7 @@ from mechviz.meshes.kinds.spatial_cams import Spin, spatial_parts
 from mechviz.meshes.kinds.wheels_drawn import find_loop
 from mechviz.meshes.layers import Levels, Sweeps, poses_of, stack_pieces
 from mechviz.meshes.model import Model, build_model, largest_circle
+from mechviz.meshes.outline import ShapeError
 from mechviz.meshes.parts import make_parts
 from mechviz.meshes.shading import Color, crisp, face_normals, link_colors
 from mechviz.meshes.shapes import draft_pieces
@@ -98,11 +100,17 @@ def build_solids(
     needs, at most 2048. `profile`: points of a cam's profile. `spindle`: the ground's guides are rods through their blocks. Raises
     `MechanismError` where links differ too much in size.
     """
-    try:
+    with shaped(mechanism), np.errstate(divide="raise", over="raise", invalid="raise"):  # of numbers that make no solids
         if any(np.abs([*link.points.values(), *link.outline]).max(initial=0.0) > FARTHEST for link in mechanism.links):
             raise ShapeError(f"points lie farther than {FARTHEST:g} m away")
-        with np.errstate(divide="raise", over="raise", invalid="raise"):  # of numbers that make no solids
-            return _build(mechanism, poses, tolerance, chord, profile, spindle)
+        return _build(mechanism, poses, tolerance, chord, profile, spindle)
+
+
+@contextmanager
+def shaped(mechanism: Mechanism) -> Iterator[None]:
+    """Turn what cannot be drawn of a mechanism's parts into a `MechanismError`."""
+    try:
+        yield
     except (ShapeError, GEOSException, FloatingPointError) as error:
         spans = {link.name: float(np.max(np.ptp([(0.0, 0.0), *link.points.values()], axis=0))) for link in mechanism.links}
         long, short = max(spans, key=lambda k: spans[k]), min((k for k in spans if spans[k]), key=lambda k: spans[k], default="")
@@ -275,9 +283,10 @@ def drawn_outlines(mechanism: Mechanism, poses: Mapping[str, Real] | None, links
 
     poses: x, y, angle (F, 3) [m, m, rad] of every link over the run, as for `build_solids`: slots and guides follow from them.
     """
-    model = build_model(mechanism, poses, SEGMENTS)
-    draft = draft_pieces(model)
-    parts = make_parts(model, draft, stack_pieces(model, draft))
+    with shaped(mechanism):
+        model = build_model(mechanism, poses, SEGMENTS)
+        draft = draft_pieces(model)
+        parts = make_parts(model, draft, stack_pieces(model, draft))
     out: dict[str, list[Polygon]] = {name: [] for name in links}
     for part in parts:
         if part.link in out and part.kind in FLAT:

@@ -17,15 +17,15 @@ from mechcore.joints.registry import build_joints
 from mechcore.spec.loads import Spring
 from mechcore.spec.mechanism import Mechanism, Vec2
 from mechviz.meshes.extrude import plate
-from mechviz.meshes.outline import disc, hatched_bar, pedestal, polygons
+from mechviz.meshes.outline import disc, hatched_bar, largest, pedestal, polygons
 from mechviz.meshes.shading import FRAME, PIN, Color, crisp, face_normals
+from mechviz.meshes.solids import Solids, shaped
 from mechviz.picture.base import Placed, blocked, find_base
 from mechviz.picture.nodes import Mesh
 from mechviz.picture.proportions import looks
 from mechviz.picture.springs import Coil, find_struts
 
 if TYPE_CHECKING:
-    from mechviz.meshes.solids import Solids
     from mechviz.runs import Run
 
 STEADY = 0.02  # [rad]: a spring that turns no further against a link has a seat on it
@@ -42,13 +42,14 @@ GAP = 1e-3  # in sizes of the mechanism, between a link and the anvil that it re
 def find_fixtures(run: Run, solids: Solids, coils: Sequence[Coil]) -> Mapping[str, list[Mesh]]:
     """Meshes in the frames of links, by the links that they are fixed to."""
     frame = run.motion.mechanism.frame
-    placed = list(_fixtures(run, solids, coils))
-    base = find_base(run, solids, coils, [part for link, part in placed if link == frame])
-    placed += [(frame, part) for part in base]
-    placed += _named_wheels(run, solids, min([float(solids.bounds[0, 2]), *(low for _, (low, _), _ in base)]))
     meshes: dict[str, list[Mesh]] = {}
-    for link, part in placed:
-        meshes.setdefault(link, []).append(_mesh(*part))
+    with shaped(run.motion.mechanism):
+        placed = list(_fixtures(run, solids, coils))
+        base = find_base(run, solids, coils, [part for link, part in placed if link == frame])
+        placed += [(frame, part) for part in base]
+        placed += _named_wheels(run, solids, min([float(solids.bounds[0, 2]), *(low for _, (low, _), _ in base)]))
+        for link, part in placed:
+            meshes.setdefault(link, []).append(_mesh(*part))
     return meshes
 
 
@@ -285,4 +286,4 @@ def _fan(centre: Vec2, radius: float) -> Polygon:
 
 
 def _at(shape: Polygon, centre: Vec2) -> Polygon:
-    return polygons(affinity.translate(shape, *centre))[0]
+    return largest(affinity.translate(shape, *centre))

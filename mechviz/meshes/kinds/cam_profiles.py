@@ -103,7 +103,7 @@ def _drawing(
         follower=joint.links[1],
         placed=placed,
         size=size,
-        profile=outline.polygons(Polygon(np.column_stack([on_link.real, on_link.imag])).buffer(0.0))[0],
+        profile=outline.largest(Polygon(np.column_stack([on_link.real, on_link.imag])).buffer(0.0)),
         bore=(placed.own.real / size, placed.own.imag / size),
         tip=(tip.real / size, tip.imag / size),
         turn=complex(turn),
@@ -170,7 +170,7 @@ def draw_inverse(model: Model, draft: Draft) -> None:
     for drawing in model.inverse:
         group, mates = _group(drawing), frozenset([drawing.joint])
         body = drawing.groove.buffer(max(1.3 * r, 0.9 * drawing.radius), quad_segs=32).difference(drawing.groove)
-        draft.pieces.append(Piece(drawing.driven, outline.polygons(body)[0], group, "wheel", mates))
+        draft.pieces.append(Piece(drawing.driven, outline.largest(body), group, "wheel", mates))
         for end in drawing.ends:
             spot = outline.polygons(Point(end).buffer(0.5 * r).intersection(body.buffer(-0.05 * r)))
             if spot:

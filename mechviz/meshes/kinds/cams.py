@@ -104,7 +104,7 @@ def _draw_cam(model: Model, draft: Draft, cam: CamDrawing, group: str, *, home: 
             if cam.cam in a.centres and math.dist(a.centres[cam.cam], cam.bore) > 1e-9
         ]
         floor = rim.buffer(-0.06 * r, quad_segs=32)  # no edge of it coincides with one of the rim
-        floor = outline.polygons(floor.difference(unary_union(heads)))[0] if heads else floor
+        floor = outline.largest(floor.difference(unary_union(heads))) if heads else floor
         draft.pieces.append(Piece(cam.cam, floor, group, "disc", mates, height=(-_CHEEK, 0.0)))
     if not home and cam.cam in draft.groups:
         draft.necks.append(Neck(cam.cam, outline.disc(cam.bore, 0.8 * r, model.segments), (draft.groups[cam.cam], group)))
@@ -234,7 +234,7 @@ def _draw_head(model: Model, draft: Draft, cam: CamDrawing, group: str) -> None:
         spot = outline.disc(cam.tip, 0.6 * r, model.segments).intersection(inside if not inside.is_empty else shape)
         if spot.is_empty:
             spot = inside if not inside.is_empty else shape
-        draft.necks.append(Neck(cam.follower, outline.polygons(spot)[0], (draft.groups[cam.follower], group)))
+        draft.necks.append(Neck(cam.follower, outline.largest(spot), (draft.groups[cam.follower], group)))
 
 
 def _draw_stem(model: Model, draft: Draft, cam: CamDrawing, group: str) -> None:
@@ -296,9 +296,9 @@ def _draw_stem(model: Model, draft: Draft, cam: CamDrawing, group: str) -> None:
         if own != group:
             draft.pieces.append(Piece(cam.follower, _moved(head.touching, complex(*cam.tip), cam.turn), group, "wheel", mates))
             spot = head.touching.buffer(-0.1 * r)
-            spot = outline.polygons(spot if not spot.is_empty else head.touching)[0]
+            spot = outline.largest(spot if not spot.is_empty else head.touching)
             draft.necks.append(Neck(cam.follower, _moved(spot, complex(*cam.tip), cam.turn), (own, group)))
-    whole = outline.polygons(_moved(rod, complex(*cam.tip), cam.turn))[0]
+    whole = outline.largest(_moved(rod, complex(*cam.tip), cam.turn))
     draft.pieces.append(Piece(cam.follower, whole, own, "plate", mates))
     offset = placed.offset / cam.size
     origin = placed.centre / cam.size + placed.axes * offset

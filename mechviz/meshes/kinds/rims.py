@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import cache
+from functools import lru_cache
 
 import numpy as np
 import shapely
@@ -12,7 +12,7 @@ from shapely.geometry import Point, Polygon
 from shapely.ops import unary_union
 
 from mechcore.arrays import Complex, Real
-from mechviz.meshes.outline import polygons, rounded
+from mechviz.meshes.outline import largest, rounded
 
 ADDENDUM = 1.0
 DEDENDUM = 1.25
@@ -30,7 +30,7 @@ def _cutter(angle: float, tip: float) -> Polygon:
     return rounded(Polygon(corners), 0.2)
 
 
-@cache
+@lru_cache(maxsize=64)
 def _gap(teeth: int, angle: float) -> Polygon:
     """The gap between two teeth, about the +x axis of the wheel."""
     radius, tool = 0.5 * teeth, _cutter(angle, DEDENDUM)
@@ -38,7 +38,7 @@ def _gap(teeth: int, angle: float) -> Polygon:
         affinity.rotate(affinity.translate(tool, radius, radius * turn), -turn, origin=(0.0, 0.0), use_radians=True)
         for turn in np.linspace(-_ROLL, _ROLL, _STEPS) / radius
     ]
-    return polygons(unary_union(cuts).simplify(_FINE))[0]
+    return largest(unary_union(cuts).simplify(_FINE))
 
 
 def _around(shape: Polygon, count: int) -> list[Polygon]:
@@ -46,31 +46,31 @@ def _around(shape: Polygon, count: int) -> list[Polygon]:
     return [affinity.rotate(shape, 360.0 * k / count, origin=(0.0, 0.0)) for k in range(count)]
 
 
-@cache
+@lru_cache(maxsize=64)
 def external_wheel(teeth: int, angle: float, addendum: float = ADDENDUM) -> Polygon:
     """A wheel with teeth outside, one of them about the +x axis; ``angle`` is the pressure angle [rad]."""
     blank = Point(0.0, 0.0).buffer(0.5 * teeth + addendum, quad_segs=max(16, teeth))
     gap = affinity.rotate(_gap(teeth, angle), 180.0 / teeth, origin=(0.0, 0.0))
-    return polygons(blank.difference(unary_union(_around(gap, teeth))))[0]
+    return largest(blank.difference(unary_union(_around(gap, teeth))))
 
 
-@cache
+@lru_cache(maxsize=64)
 def ring_teeth(teeth: int, pinion: int, angle: float, rim: float) -> Polygon:
     """A ring with teeth inside, one of them about the +x axis, that fits a pinion; ``rim`` is its outer radius."""
     radius, small = 0.5 * teeth, 0.5 * pinion
     half = np.pi / pinion
     wedge = Polygon([(0.0, 0.0), *(2.0 * (small + 3.0) * np.array([np.cos(a), np.sin(a)]) for a in (-half, half))])
-    tool = polygons(external_wheel(pinion, angle, DEDENDUM).intersection(wedge).buffer(BACKLASH, join_style="mitre"))[0]
+    tool = largest(external_wheel(pinion, angle, DEDENDUM).intersection(wedge).buffer(BACKLASH, join_style="mitre"))
     reach = min(2.0 * _ROLL, 0.9 * radius)
     cuts = []
     for turn in np.linspace(-reach, reach, 2 * _STEPS - 1) / radius:
         placed = affinity.rotate(tool, -turn * teeth / pinion, origin=(0.0, 0.0), use_radians=True)
         cuts.append(affinity.rotate(affinity.translate(placed, radius - small, 0.0), turn, origin=(0.0, 0.0), use_radians=True))
     outside = Point(0.0, 0.0).buffer(radius - ADDENDUM, quad_segs=max(16, teeth))
-    space = polygons(unary_union(cuts).simplify(_FINE).difference(outside.buffer(-0.5)))[0]
+    space = largest(unary_union(cuts).simplify(_FINE).difference(outside.buffer(-0.5)))
     space = affinity.rotate(space, 180.0 / teeth, origin=(0.0, 0.0))
     blank = Point(0.0, 0.0).buffer(rim, quad_segs=max(16, teeth))
-    return polygons(blank.difference(unary_union([outside, *_around(space, teeth)])))[0]
+    return largest(blank.difference(unary_union([outside, *_around(space, teeth)])))
 
 
 def rack_teeth(low: float, high: float, phase: float, angle: float, body: float) -> Polygon:

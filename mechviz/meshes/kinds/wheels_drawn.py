@@ -11,6 +11,7 @@ from shapely import affinity
 from shapely.geometry import LineString, Point, Polygon
 from shapely.ops import unary_union
 
+from mechcore.errors import Fault, MechanismError
 from mechcore.spec.mechanism import Vec2
 from mechviz.meshes import outline
 from mechviz.meshes.draft import Draft, Neck, Piece
@@ -20,6 +21,7 @@ from mechviz.meshes.model import Model, place
 
 _GAP = 0.02  # between a wheel and what it rolls on, a belt and its pulley; in half widths of a plate
 _FLANGE = 1.6  # height of a pulley's flanges above the floor of its groove, in thicknesses of its belt
+MOST_TEETH = 1_000  # of a rack: each takes part in every step of its outline
 _RIM = 2.2  # width of a ring's rim, in half widths of a plate
 
 
@@ -160,7 +162,7 @@ def _body(model: Model, wheel: Wheel) -> Polygon:
         flange = _FLANGE * _belt(model) if wheel.kind == "pulley" else 0.0
         whole = Point(wheel.centre).buffer(_root(model, wheel) + flange, quad_segs=max(16, model.segments // 2))
     holes = _windows(model, wheel)
-    return outline.polygons(whole.difference(unary_union(holes)))[0] if holes else whole
+    return outline.largest(whole.difference(unary_union(holes))) if holes else whole
 
 
 def _set_up(shape: Polygon, wheel: Wheel) -> Polygon:
@@ -238,7 +240,7 @@ def _web(model: Model, draft: Draft, wheel: Wheel, group: str) -> None:
     held = [*model.pins(wheel.link), *model.marks[wheel.link]]
     arms += [outline.hull([(wheel.centre, size.r), (at, size.r)], model.segments) for at in held]
     hub = Point(wheel.centre).buffer(1.3 * size.r, quad_segs=12)
-    draft.pieces.append(Piece(wheel.link, outline.polygons(unary_union([rim, hub, *arms]))[0], draft.groups[wheel.link], "plate"))
+    draft.pieces.append(Piece(wheel.link, outline.largest(unary_union([rim, hub, *arms])), draft.groups[wheel.link], "plate"))
     draft.necks.append(Neck(wheel.link, rim, (draft.groups[wheel.link], group)))
 
 
@@ -295,6 +297,16 @@ def _draw_rack(model: Model, draft: Draft, bar: RackBar) -> None:
     wheel, r = model.wheels.wheels[bar.wheel], model.proportions.r
     m, group = wheel.module, draft.wheels[bar.wheel]
     low, high, depth = _bar_extent(model, bar)
+    teeth = (high - low) / (np.pi * m)
+    if teeth > MOST_TEETH:
+        words = f"its rack would have {teeth:,.0f} teeth, more than {MOST_TEETH:,}."
+        raise MechanismError(
+            Fault(
+                f"joints.{bar.joint}",
+                words,
+                "Check the radius of the pinion, the travel of the rack and the points of its link, and their units.",
+            )
+        )
     shape = rack_teeth(low / m, high / m, bar.phase / m, wheel.angle, depth / m)
     a, b = bar.along
     shape = affinity.affine_transform(shape, [m * a, -m * b, m * b, m * a, *bar.origin])
@@ -343,5 +355,5 @@ def _draw_band(model: Model, draft: Draft, band: Band) -> None:
     first, span, second = loop.pieces
     around, _ = loop.at(np.concatenate([np.linspace(0.0, first, 97), first + span + np.linspace(0.0, second, 97)]))
     path = LineString([(z.real, z.imag) for z in [*around, around[0]]])
-    shape = outline.polygons(path.buffer(0.5 * loop.thick, quad_segs=4).simplify(0.01 * loop.thick))[0]
+    shape = outline.largest(path.buffer(0.5 * loop.thick, quad_segs=4).simplify(0.01 * loop.thick))
     draft.pieces.append(Piece(band.carrier, shape, draft.wheels[band.wheels[0]], "belt", height=(0.27, 0.73)))

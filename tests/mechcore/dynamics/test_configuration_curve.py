@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -10,6 +11,7 @@ from change_points import coupled, misses_by
 from mechanisms import drawn, four_bar, pin, slider_crank
 from scipy.optimize import root
 
+from mechcore.dynamics.equations import curve
 from mechcore.errors import MechanismError
 from mechcore.laws.timed import ConstantSpeed, Law, Oscillation
 from mechcore.motion.reach import reachable_ranges
@@ -364,3 +366,12 @@ def test_limits_of_closed_forms_that_are_followed_are_exact():
     edge = np.arccos((0.81 + 1.0 - 1.69) / 1.8)
     (low, high), *_ = reachable_ranges(compile_mechanism(m))
     assert high == pytest.approx(edge, abs=1e-11) and low == pytest.approx(-edge, abs=1e-11)
+
+
+def test_conditions_that_are_noise_do_not_gather_ever_more_positions(monkeypatch):
+    """Next to a change point of many equal loops rounding decides all of them: a gallery scene so spoilt took 24 GB."""
+    rng = np.random.default_rng(0)
+    monkeypatch.setattr(curve, "_unit", lambda _, q: SimpleNamespace(condition=10.0 ** rng.uniform(2.0, 9.0, len(q))))
+    monkeypatch.setattr(curve, "reached", lambda _, q: np.ones(len(q), bool))
+    x = curve.beside_singular(None, np.linspace(-1.0, 1.0, 201))
+    assert 201 < len(x) <= curve.MOST_TIMES * 201 and np.all(np.diff(x) > 0.0)

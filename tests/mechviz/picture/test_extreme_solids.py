@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import pytest
+from shapely.geometry import Point
 
 from mechcore.errors import MechanismError
+from mechviz.meshes.outline import MOST_RIBS, hatched_bar, largest
+from mechviz.meshes.solids import shaped
 from mechviz.picture.build import solids_of
 from mechviz.runs import run_scene
 from recordings import gallery_scene
@@ -32,6 +35,25 @@ def test_a_link_of_many_light_years_is_named():
     with pytest.raises(MechanismError, match="the solids cannot be made") as error:
         solids_of(run)
     assert error.value.faults[0].remedy
+
+
+def test_a_rack_with_thousands_of_teeth_is_refused_with_their_number():
+    run = run_scene(gallery_scene("rack-and-pinion").changed({("links", "rack", "points", "E"): [160_000.0, 0.0]}), frames=8)
+    with pytest.raises(MechanismError, match=r"its rack would have 12,7.. teeth, more than 1,000"):
+        solids_of(run)
+
+
+def test_the_ribs_of_a_long_rail_are_as_many_as_can_be_seen():
+    ribs = [hatched_bar((0.0, 0.0), (length, 0.0), 1.0, thickness=0.5) for length in (900.0, 1e6)]
+    assert [shape.geom_type for shape in ribs] == ["Polygon", "Polygon"]
+    few, many = (len(shape.exterior.coords) for shape in ribs)
+    assert 3000 < few < 1.1 * 4 * 900 / 0.95 and many < 1.1 * 4 * MOST_RIBS
+
+
+def test_a_part_of_which_nothing_is_left_is_a_message():
+    mechanism = run_scene(gallery_scene("crank-rocker"), frames=8).motion.mechanism
+    with pytest.raises(MechanismError, match=r"nothing is left of the outline of a part; this link is .* long"), shaped(mechanism):
+        largest(Point(0.0, 0.0).buffer(1.0).difference(Point(0.0, 0.0).buffer(2.0)))
 
 
 def test_a_cam_whose_flank_is_lost_in_rounding_is_refused_without_a_warning():

@@ -32,6 +32,7 @@ FIRST = 8  # panels of the first try
 EQUAL = 64  # panels of a table, beside the shorter ones next to singular positions
 SHORT = 0.1  # of the width of an equal panel: features that are less wide need shorter ones
 DEEPEST, CLOSE = 24, 0.3  # halvings next to a singular position; conditions beyond the inverse of that are looked at
+MOST_TIMES = 16  # as many positions: they gather at singular places, and are everywhere only where rounding decides
 ROUGH = 1e-4  # next to a singular position rounding is that much at most
 SAME = 1e-3  # of an energy: two ways to find it differ by less
 LITTLE = 1e-3  # of the work from one end of a table: kinetic energies below that are no differences of work
@@ -138,13 +139,13 @@ def beside_singular(compiled: Compiled, x: Real, at_x: Motion | None = None) -> 
             inverse = 1.0 / unit.condition[-len(q) :]
         return np.where(reached(compiled, q), inverse, np.nan)
 
-    near = distances(x, _unit(compiled, x) if at_x is None else at_x)
+    near, most = distances(x, _unit(compiled, x) if at_x is None else at_x), MOST_TIMES * len(x)
     for _ in range(DEEPEST):
         widths, least = np.diff(x), np.minimum(near[:-1], near[1:])
         slopes = np.nan_to_num(np.abs(np.diff(near)) / widths)
         slopes = np.maximum.reduce([slopes, np.append(0.0, slopes[:-1]), np.append(slopes[1:], 0.0)])
         at = np.flatnonzero((least < slopes * widths) & (least < CLOSE))
-        if not len(at):
+        if not len(at) or len(x) + len(at) > most:
             break
         middle = 0.5 * (x[at] + x[at + 1])
         x, near = np.insert(x, at + 1, middle), np.insert(near, at + 1, distances(middle, _unit(compiled, middle)))

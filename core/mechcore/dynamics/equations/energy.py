@@ -333,6 +333,7 @@ def _clock(work: _Work, start: float, length: float, ends: tuple[bool, bool], ki
         if ends[1]:
             last = ~first & (size * rest < width)
             energy[last] = work.near(start + length, -length * rest[last])
+        inertia = np.maximum(inertia, 0.0)  # a table of what nearly vanishes may miss it
         return (size * slope * np.sqrt(0.5 * inertia / np.maximum(energy, 1e-300)))[:, None]
 
     panels, left = fit_where_needed(rate, np.linspace(0.0, 1.0, max(2, round(size / width)) + 1), tolerance=tolerance)
