@@ -43,6 +43,7 @@ class Constraints:
     def __init__(self, m: sp.Mechanism, poses: dict[str, tuple[float, float, float]], start: dict[str, float]):
         self.m = m
         self.held: dict[str, float] = {}  # coordinates of joints that rest on stops
+        self.led: dict[str, float] = {}  # by gas: whether its piston came to rest moving away from the head, or towards it
         self._framed: Any = (None, None)
         self._known: Any = (None, None, None)
         self.names = [k.name for k in m.links if k.name != m.frame]

@@ -125,7 +125,8 @@ class Loaded(Constraints):
         if not 0.0 <= depth <= x.cycle.stroke:
             raise Lost(f"{x.name} leaves its stroke")
         away = -rate if ahead else rate
-        outward = away >= -1e-13  # a piston at rest counts as one that moves away
+        # at rest it stays on the stroke that led there; without one it counts as one that moves away
+        outward = away >= -1e-13 if abs(away) > 1e-13 else self.led.get(x.name, 1.0) >= 0.0
         c: Any = x.cycle
         if isinstance(c, Compressor):
             room = c.clearance + depth / c.stroke

@@ -6,6 +6,7 @@ impacts and rests on stops between: `Second.run`. Of `mechcore` only the specs a
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import replace
 from typing import Any
 
@@ -16,12 +17,14 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
 from mechcore.dynamics.events import Stop
+from mechcore.spec.loads import GasPressure
 
 __all__ = ["Lost", "Second"]
 
 
 GRAZES = 1e-11  # [rad or m]: a coordinate that comes no farther beyond a stop does not touch it
 DENSE = 400  # places at which what comes before a graze is looked at
+MOST_CALLS = 200_000  # of the equations of motion: some minutes
 SHORTEST = 1e-6  # of the duration: bounces that are over sooner end in rest
 
 
@@ -65,6 +68,7 @@ class Second(Loaded):
         v, _ = self.rates(0.0, q, "all")
         out: dict[str, Any] = {"q": [], "v": [], "a": [], "events": [], "resting": [], "condition": 1.0}
         resting: list[Stop] = []
+        calls = itertools.count()
         longest = np.inf
         wanted = list(time)
 
@@ -83,6 +87,8 @@ class Second(Loaded):
             more = tuple(s.joint for s in resting)
 
             def slope(t: float, y: Array, more: tuple[str, ...] = more) -> Array:
+                if next(calls) > MOST_CALLS:
+                    raise Lost("stiff: an explicit method takes too many steps")
                 q, v = y[: self.n], y[self.n :]
                 return np.concatenate([v, self.accelerations(t, q, v, more)[0]])
 
@@ -142,6 +148,10 @@ class Second(Loaded):
                 continue
             before = float(self.measured(s.joint, q, v)[1] @ v)
             out["events"].append((t, "impact", s.name))
+            for x in self.m.loads:
+                if isinstance(x, GasPressure):
+                    rate = self.coordinate(x.joint, q, v)[1]
+                    self.led[x.name] = -rate if x.head == "ahead" else rate
             v = self.strike(t, q, v, s, more)
             after = s.restitution * abs(before)
             self.held[s.joint] = s.at

@@ -142,7 +142,7 @@ def limit_positions(motion: Motion) -> Iterator[tuple[str, Real, Real]]:
         if joint.name in driven or motion.mechanism.frame not in joint.links:
             continue
         rows = motion.coordinate(joint.name)
-        if not np.isfinite(rows).all() or np.abs(rows[:, 1]).max(initial=0.0) <= _still(motion, rows):
+        if not np.isfinite(rows).all() or np.abs(rows[:, 1]).max(initial=0.0) <= _still(motion, joint.name, rows):
             continue
         times = turning_points(motion.time, rows[:, 1], rows[:, 2])
         turned = np.abs(reversals - times[:, None]) < near
@@ -193,9 +193,10 @@ def _limits(motion: Motion) -> Iterator[Event]:
             yield Event(float(times[k]), "INFO", joint, _placed(words, motion, float(times[k])), float(values[k]))
 
 
-def _still(motion: Motion, rows: Real) -> float:
-    """A speed that is rounding noise: that of a coordinate that moves by 1e-9 of its scale over the run."""
-    scale = max(motion.model.length_scale, float(np.abs(rows[:, 0]).max(initial=0.0)))
+def _still(motion: Motion, joint: str, rows: Real) -> float:
+    """A speed that is rounding noise: that of a coordinate (F, 3) that moves by 1e-9 of its scale over the run."""
+    least = 1.0 if motion.model.rotary(joint) else motion.model.length_scale
+    scale = max(least, float(np.abs(rows[:, 0]).max(initial=0.0)))
     return REST * scale / max(float(np.ptp(motion.time)), 1e-300)
 
 

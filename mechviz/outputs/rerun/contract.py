@@ -169,11 +169,13 @@ def _words(error: Any) -> str:
 
 class Kind(NamedTuple):
     """Kind of values in a component: numbers, whole numbers (``whole``), ``text`` or ``truth``; vectors of ``width`` of them;
-    ``each``: how many a row has. ``drawn``: it has to be finite and not too far away."""
+    ``each``: how many a row has. ``drawn``: it has to be finite and not too far away
+    (``farthest``)."""
 
     leaf: str = "number"
     width: int = 0
     drawn: bool = True
+    farthest: float = FARTHEST
     each: int | None = None
 
 
@@ -207,7 +209,7 @@ COMPONENTS: Mapping[str, Kind] = {
     "per_metre": Kind(each=1),
     "least": Kind(each=1),
     "turn": Kind(each=1),
-    "ranges": Kind(each=4),
+    "ranges": Kind(each=4, farthest=np.inf),  # of values in the units of a diagram, not of places
     "whole": Kind("truth", each=1),
     "equal": Kind("truth", each=1),
 }
@@ -365,8 +367,8 @@ def _read_column(column: Any, kind: Kind, name: str, moving: bool) -> Any:
         numbers = values.to_numpy(zero_copy_only=False)
         if not np.isfinite(numbers).all():
             raise ValueError("is not finite")
-        if np.any(np.abs(numbers) > FARTHEST):
-            raise ValueError(f"holds numbers beyond {FARTHEST:g}")
+        if np.any(np.abs(numbers) > kind.farthest):
+            raise ValueError(f"holds numbers beyond {kind.farthest:g}")
         if name == "Transform3D:scale" and not numbers.all():
             raise ValueError("is zero")
         if name == "Transform3D:quaternion" and not numbers.reshape(-1, 4).any(axis=1).all():

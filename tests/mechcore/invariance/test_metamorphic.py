@@ -33,6 +33,7 @@ MENDED = (
     ("belt", 92),
     ("inverted slider-crank", 19),
     ("gear", 85),
+    ("triad", 20053),
 )  # beyond the default sample
 CHANGES = ("turned", "mirrored", "small", "large", "renamed", "backwards")
 

@@ -19,6 +19,8 @@ from mechviz.outputs.inspection import format_inspection, inspect
 from mechviz.outputs.rerun import rerun_adapter, writer
 from mechviz.outputs.rerun.entities import RecordingError
 from mechviz.outputs.rerun.reader import Recording
+from mechviz.runs import run_scene
+from mechviz.scene.scene import loads
 from recordings import made, ran
 
 SAMPLE = 12
@@ -237,3 +239,28 @@ def test_the_scene_of_a_recording_cannot_leave_its_folder(whole, tmp_path):
             naming(name).scene()
     shutil.copy(secret, tmp_path / "in" / "near.csv")
     assert set(naming("near.csv").scene().files) == {"near.csv"}
+
+
+def test_what_is_written_is_read_or_not_written(tmp_path):
+    """A cam lifts by a million kilometres: its diagrams hold velocities and forces beyond all places. A block moves so far that it
+    cannot be drawn."""
+    path = tmp_path / "far.rrd"
+    lift = {("joints", "K", "profile", "lift", 0, "to"): 1e12}
+    writer.write_recording(run_scene(mechviz.load("cam-roller").changed(lift), frames=8), path)
+    assert Recording(path).scene().name == "cam-roller"
+    run = run_scene(loads(FAR, "far"))
+    with pytest.raises(RecordingError, match=r"The mechanism reaches 1.06e\+13 m; a recording holds places up to 1e\+12 m"):
+        writer.write_recording(run, tmp_path / "farther.rrd")
+    assert [p.name for p in tmp_path.iterdir()] == ["far.rrd"]
+
+
+FAR = """
+run = { frames = 8 }
+[links]
+frame = { points = { G = [0, 0], H = ["1e9 m", 0] } }
+block = { points = { G = [0, 0], E = ["1e9 m", 0] } }
+[joints.G]
+prismatic = ["frame", "block"]
+along = [1, 0]
+drive = { speed = "1 m/s", travel = "1e13 m" }
+"""
