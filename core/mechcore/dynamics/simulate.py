@@ -98,8 +98,11 @@ def simulate(
         if observe is not None:
             observe(rest)
         return rest
+    if warn is not None:
+        progress = _counted(duration, warn, progress)
     if isinstance(system, Curve) and system.conservative and not stops and not watches and method in ("auto", "energy"):
-        energy = by_energy(system, q[0], v[0], duration, tolerance=float(np.clip(1e-3 * tolerance, 1e-13, 1e-7)))
+        fine = float(np.clip(1e-3 * tolerance, 1e-13, 1e-7))
+        energy = by_energy(system, q[0], v[0], duration, tolerance=fine, progress=progress)
         if energy is not None:
             if energy.period is not None and duration > MOST_TURNS * energy.period:
                 periods = duration / energy.period
@@ -129,8 +132,6 @@ def simulate(
     swings = _check_signals(compiled.mechanism, duration)
     if swings is not None and warn is not None:
         warn(swings)
-    if warn is not None:
-        progress = _counted(duration, warn, progress)
     integrator = EventIntegrator(
         compiled, (system, valid_range), duration, tolerance, method, stops, watches, separable_cams, progress, observe, like
     )

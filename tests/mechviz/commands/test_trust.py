@@ -172,6 +172,26 @@ def test_a_motion_of_very_many_windows_is_told_once_while_it_begins(monkeypatch)
     assert "it goes on for about" in words
 
 
+SPUN_UP = """
+effects = ["inertia"]
+run = { duration = "1e6 s", frames = 24 }
+[links]
+frame = { points = { A = [0, 0] } }
+rotor = { points = { A = [0, 0] }, mass = "1 kg", centre = [0, 0], inertia = "1 kg m^2" }
+[joints]
+A = { revolute = ["frame", "rotor"], free = { position = 10 } }
+[loads]
+motor = { torque = "1 N m", on = "rotor" }
+"""
+
+
+def test_a_rotor_that_gains_speed_for_ever_is_followed_over_so_many_turns():
+    """At 1 rad/s^2 it has made 50,000 turns after sqrt(2 x 50,000 x 2 pi) s = 792.7 s."""
+    with pytest.raises(MechanismError, match=r"after 79[23].* s of 1e\+06 s it has made 50,000 turns") as error:
+        run_scene(loads(SPUN_UP, "spun up"))
+    assert error.value.faults[0].path == "run.duration" and "Give at most 79" in error.value.faults[0].remedy
+
+
 def test_sound_runs_raise_no_doubts():
     for name in ("kinetostatic-four-bar", "jamming-sleeve"):
         assert not doubts(run_scene(mechviz.load(name), frames=24), errors=True), name

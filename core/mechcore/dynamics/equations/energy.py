@@ -6,14 +6,16 @@ made at all. At turning points, where q' vanishes, a quadratic substitution make
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import cached_property
 
 import numpy as np
 from numpy.polynomial.chebyshev import chebvander
 
 from mechcore.arrays import Real
-from mechcore.constants import TURN
+from mechcore.constants import MOST_TURNS, TURN
 from mechcore.dynamics.equations.curve import Curve
+from mechcore.errors import Fault, MechanismError
 from mechcore.numerics.chebyshev import NODES, Panels, fit_where_needed
 from mechcore.records import dataclass
 
@@ -149,10 +151,19 @@ SMALL = 1e-10  # of the largest energy: below, its last digits decide how far a 
 CLOSE = 1e-10  # a last step of Newton's method that is shorter leaves an error of its square
 
 
-def by_energy(curve: Curve, q0: float, v0: float, duration: float, *, tolerance: float = 1e-13) -> EnergyMotion | None:
+def by_energy(
+    curve: Curve,
+    q0: float,
+    v0: float,
+    duration: float,
+    *,
+    tolerance: float = 1e-13,
+    progress: Callable[[float], None] | None = None,
+) -> EnergyMotion | None:
     """The motion from q0, v0 for ``duration`` [s]; None where this way does not lead on (rest in an equilibrium, a way towards an
     unstable equilibrium, a swing about one that is too small to be seen in the energy, the end of the tabulated range), or where
-    the table's panels are not equal."""
+    the table's panels are not equal. ``progress`` is told the time reached. Raises `MechanismError` where it gains speed for more
+    than `MOST_TURNS`."""
     if curve.table.boundaries is not None:
         return None
     work = _Work(curve)
@@ -191,6 +202,11 @@ def by_energy(curve: Curve, q0: float, v0: float, duration: float, *, tolerance:
             legs.append(leg.back)
             return EnergyMotion(curve, tuple(legs), 2.0 * leg.duration, 0.0)
         t, q_next = leg.time + leg.duration, q + sign * travel
+        if progress is not None:
+            progress(min(t, duration))
+        if t < duration and abs(q_next - q0) > TURN * MOST_TURNS:
+            why = f"after {t:.6g} s of {duration:.6g} s it has made {MOST_TURNS:,} turns; motions are followed no farther."
+            raise MechanismError(Fault("run.duration", why, f"Give at most {t:.3g} s."))
         if turning:
             sign, kinetic = -sign, 0.0
         elif not from_rest and abs(work.per_turn) <= 1e-14 * size and curve.table.periodic:
