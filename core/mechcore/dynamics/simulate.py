@@ -186,20 +186,24 @@ def _tables(_: Compiled) -> dict[float, tuple[Curve, tuple[float, float] | None]
 def _counted(duration: float, warn: Callable[[str], None], told: Callable[[float], None] | None) -> Callable[[float], None]:
     """A progress that warns once, where the windows of `LOOKED_AT` calls lead so little on that very many will be needed, or where
     work has been going on and will."""
-    counts, warned, begun = 0, False, time.process_time()
+    counts, warned, begun, marked = 0, False, time.process_time(), (0.0, 0.0)
 
     def progress(until: float) -> None:
-        nonlocal counts, warned
+        nonlocal counts, warned, marked
         counts += 1
-        share, spent = max(until, 1e-300) / duration, time.process_time() - begun
+        share, spent = until / duration, time.process_time() - begun
+        worked, gained = spent - marked[0], share - marked[1]
         if not warned and counts == LOOKED_AT and share * MANY < LOOKED_AT:
             warned = True
-            needed = LOOKED_AT / share
+            needed = LOOKED_AT / max(share, 1e-300)
             warn(f"{LOOKED_AT:,} windows led to {until:.3g} s of {duration:.6g} s: it takes about {needed:.2g} of them in all.")
-        elif not warned and spent > PATIENCE and spent * (1.0 / share - 1.0) > PATIENCE:
-            warned = True
-            left = spent / share - spent
-            warn(f"{spent:.0f} s of work led to {until:.3g} s of {duration:.6g} s: it goes on for about {left:.0f} s.")
+        elif not warned and worked > PATIENCE:
+            # The last seconds count, as windows may have become short, but for another run through the same time
+            rate = gained / worked if gained > 0.0 else max(share, 1e-300) / spent
+            marked, left = (spent, share), (1.0 - share) / rate
+            warned = left > PATIENCE
+            if warned:
+                warn(f"{spent:.0f} s of work led to {until:.3g} s of {duration:.6g} s: it goes on for about {left:.3g} s.")
         if told is not None:
             told(until)
 
