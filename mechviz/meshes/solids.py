@@ -101,8 +101,11 @@ def build_solids(
     `MechanismError` where links differ too much in size.
     """
     with shaped(mechanism), np.errstate(divide="raise", over="raise", invalid="raise"):  # of numbers that make no solids
-        if any(np.abs([*link.points.values(), *link.outline]).max(initial=0.0) > FARTHEST for link in mechanism.links):
-            raise ShapeError(f"points lie farther than {FARTHEST:g} m away")
+        for link in mechanism.links:
+            far = float(np.abs([*link.points.values(), *link.outline, link.centre]).max())
+            if far > FARTHEST:
+                words = f"the solids cannot be made: points lie farther than {FARTHEST:g} m away, one {far:.3g} m."
+                raise MechanismError(Fault(f"links.{link.name}", words, "Check its points, its centre of mass and their units."))
         return _build(mechanism, poses, tolerance, chord, profile, spindle)
 
 

@@ -2,24 +2,17 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
-import numpy as np
-
-from mechcore.arrays import Real, Single
-from mechviz.accuracy.fit import PROFILE
-from mechviz.meshes.solids import Solids, build_solids
-from mechviz.quantities.items import links_of
-
-if TYPE_CHECKING:
-    from mechviz.runs import Run
-
 from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING
 
+import numpy as np
 from numpy.typing import NDArray
 
+from mechcore.arrays import Real, Single
+from mechcore.errors import Fault, MechanismError
+from mechviz.accuracy.fit import PROFILE
 from mechviz.meshes.kinds.spatial_cams import spin_transforms
+from mechviz.meshes.solids import FARTHEST, Solids, build_solids
 from mechviz.picture.arrows import Arrows, arrows_of, key_of, owner_of
 from mechviz.picture.centres import centre_nodes
 from mechviz.picture.fixtures import bounds_with, find_fixtures, has_spindle, joined
@@ -29,15 +22,14 @@ from mechviz.picture.proportions import about_z, arc_height, arrow_height, in_sp
 from mechviz.picture.springs import COLOR as COIL
 from mechviz.picture.springs import Coil, find_coils, find_strut_glyphs
 from mechviz.picture.surface_marks import find_surface_marks, ink_nodes
+from mechviz.quantities.items import links_of
 from mechviz.quantities.vectors import point_name
 from mechviz.scene.convert import Converter
 from mechviz.scene.kinds.bodies import lumps_of
 from mechviz.scene.limits import check_drawn
 
 if TYPE_CHECKING:
-    from mechviz.meshes.solids import Solids
     from mechviz.runs import Run
-
 
 Heights = Mapping[str, float]
 
@@ -278,11 +270,18 @@ def _single(values: Real) -> Single:
 
 
 def solids_of(run: Run) -> Solids:
-    """Meshes of all links, in layers that do not collide during the run. Raises `MechanismError` where there are too many."""
+    """Meshes of all links, in layers that do not collide during the run. Raises `MechanismError` where there are too many, or one
+    goes farther away than can be drawn."""
     dials = run.kept
-    return build_solids(
+    solids = build_solids(
         run.motion.mechanism, looked_at(run), chord=dials.chord, profile=dials.profile or PROFILE, spindle=has_spindle(run)
     )
+    for link in links_of(run.motion):
+        far = float(np.max(np.abs(run.motion.pose(link)[:, :2]), initial=0.0))
+        if far > FARTHEST:
+            words = f"it goes as far as {far:.3g} m away; up to {FARTHEST:g} m are drawn."
+            raise MechanismError(Fault(f"links.{link}", words, "Check speeds, forces and the duration, or export its numbers."))
+    return solids
 
 
 def looked_at(run: Run) -> dict[str, Real]:

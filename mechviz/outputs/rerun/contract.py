@@ -25,12 +25,14 @@ from pydantic import (
     model_validator,
 )
 
+from mechviz.meshes import solids
 from mechviz.outputs.rerun.entities import entity, parts_of
 
 if TYPE_CHECKING:
     from mechviz.outputs.rerun.reader import Recording
 
-FARTHEST = 1e12  # [m]; what is drawn farther away cannot be drawn in single precision
+FARTHEST = 10.0 * solids.FARTHEST  # [m]: outlines, arrows and springs reach beyond the points that they belong to
+LARGEST = 1e150  # of any other number: its square is one, too
 
 Positive = Annotated[PositiveFloat, Field(lt=1e300)]
 Box = tuple[tuple[FiniteFloat, FiniteFloat, FiniteFloat], tuple[FiniteFloat, FiniteFloat, FiniteFloat]]
@@ -169,18 +171,19 @@ def _words(error: Any) -> str:
 
 class Kind(NamedTuple):
     """Kind of values in a component: numbers, whole numbers (``whole``), ``text`` or ``truth``; vectors of ``width`` of them;
-    ``each``: how many a row has. ``drawn``: it has to be finite and not too far away
-    (``farthest``)."""
+    ``each``: how many a row has. Numbers are finite and up to ``most``, but for what is not known (NaN) where there may be
+    ``gaps``, and what is infinite where that is one of its values (``endless``)."""
 
     leaf: str = "number"
     width: int = 0
-    drawn: bool = True
-    farthest: float = FARTHEST
     each: int | None = None
+    most: float = FARTHEST
+    gaps: bool = False
+    endless: bool = False
 
 
 COMPONENTS: Mapping[str, Kind] = {
-    "Scalars:scalars": Kind(drawn=False),
+    "Scalars:scalars": Kind(most=LARGEST, gaps=True, endless=True),
     "Transform3D:translation": Kind(width=3, each=1),
     "Transform3D:quaternion": Kind(width=4, each=1),
     "Transform3D:scale": Kind(width=3, each=1),
@@ -206,10 +209,10 @@ COMPONENTS: Mapping[str, Kind] = {
     "unit": Kind("text", each=1),
     "x_title": Kind("text", each=1),
     "y_title": Kind("text", each=1),
-    "per_metre": Kind(each=1),
-    "least": Kind(each=1),
-    "turn": Kind(each=1),
-    "ranges": Kind(each=4, farthest=np.inf),  # of values in the units of a diagram, not of places
+    "per_metre": Kind(each=1, most=LARGEST),
+    "least": Kind(each=1, most=LARGEST),
+    "turn": Kind(each=1, most=LARGEST),
+    "ranges": Kind(each=4, most=LARGEST),
     "whole": Kind("truth", each=1),
     "equal": Kind("truth", each=1),
 }
@@ -239,6 +242,9 @@ TABLES: tuple[tuple[str, tuple[str, ...]], ...] = (
     ("health/*", ("1", "m", "m/s", "m/s²")),
 )
 """Units of the numbers in a row of the tables of the contract; the first that fits counts."""
+
+FINITE = tuple(("data", what) for what in ("links", "points", "joints", "loads", "drive", "energy"))
+"""Tables without infinite numbers; radii of curvature and conditions may be infinite."""
 
 TOGETHER: tuple[tuple[str, ...], ...] = (
     ("Mesh3D:vertex_positions", "Mesh3D:triangle_indices", "Mesh3D:vertex_normals", "Mesh3D:vertex_colors"),
@@ -300,27 +306,28 @@ def faults_of(recording: Recording) -> Iterator[str]:
     said, has = recording.said, set(recording.entities)
     yield from (f"{path} is missing" for path in missing_tables(recording))
     yield from (f"{node.entity} is missing" for node in said.picture or () if node.kind == "body" and node.entity not in has)
-    poses = (entity("data", "links", link, "pose") for link in said.model.links)
-    finite = {path for path in poses if path in has}
+    poses = {entity("data", "links", link, "pose") for link in said.model.links}
     time = recording.times(entity("data", "links", said.model.frame, "pose"))
     if np.any(np.diff(time) <= 0):
         yield "the times of the frames do not increase"
     for path in recording.entities:
         if not path.startswith("/__properties"):
-            yield from (f"{path}: {words}" for words in dict.fromkeys(_entity_faults(recording, path, time, path in finite)))
+            yield from (f"{path}: {words}" for words in dict.fromkeys(_entity_faults(recording, path, time, path in poses)))
 
 
-def _entity_faults(recording: Recording, path: str, time: Any, finite: bool) -> Iterator[str]:
-    """Faults of an entity; ``finite``: also its numbers have to be finite."""
+def _entity_faults(recording: Recording, path: str, time: Any, pose: bool) -> Iterator[str]:
+    """Faults of an entity; ``pose``: its numbers are places."""
+    parts = parts_of(path)
+    scalars = Kind() if pose else COMPONENTS["Scalars:scalars"]._replace(endless=not (units_of(parts) and parts[:2] in FINITE))
     counts: dict[str, Any] = {}  # how many each row of a component has, of all batches
     names = set()
     for batch, moving in recording.batches(path):
         names |= set(batch.schema.names)
         for name in batch.schema.names:
-            kind = COMPONENTS.get(name) or FIELDS.get(name.rpartition(":")[2])
+            kind = scalars if name == "Scalars:scalars" else COMPONENTS.get(name) or FIELDS.get(name.rpartition(":")[2])
             if kind is not None:
                 try:
-                    column = _read_column(batch[name], kind._replace(drawn=kind.drawn or finite), name, moving)
+                    column = _read_column(batch[name], kind, name, moving)
                 except ValueError as error:
                     yield f"its {name} {error}"
                     return
@@ -334,7 +341,6 @@ def _entity_faults(recording: Recording, path: str, time: Any, finite: bool) -> 
             yield from (f"it has more or fewer {name} than {first}" for name in different)
     if "Mesh3D:triangle_indices" in names and not _faces_fit(recording, path):
         yield "its faces name vertices that it has not"
-    parts = parts_of(path)
     if parts[0] in ("data", "health") and recording.has(path):
         yield from _table_faults(recording, path, time, counts.get("Scalars:scalars"))
 
@@ -345,7 +351,7 @@ def _read_column(column: Any, kind: Kind, name: str, moving: bool) -> Any:
 
     if not pa.types.is_list(column.type):
         raise ValueError("does not hold lists")
-    if column.null_count and moving:
+    if column.null_count and (moving or kind.each is not None):
         raise ValueError("has rows without values")
     column = column.drop_null()
     lengths = np.diff(np.asarray(column.offsets))
@@ -363,12 +369,13 @@ def _read_column(column: Any, kind: Kind, name: str, moving: bool) -> Any:
         raise ValueError(f"holds {values.type}, not {WORDS[kind.leaf]}")
     if values.null_count:
         raise ValueError("has values that are not there")
-    if kind.leaf == "number" and kind.drawn:
+    if kind.leaf == "number":
         numbers = values.to_numpy(zero_copy_only=False)
-        if not np.isfinite(numbers).all():
+        allowed = np.isfinite(numbers) | (np.isnan(numbers) & kind.gaps) | (np.isinf(numbers) & kind.endless)
+        if not allowed.all():
             raise ValueError("is not finite")
-        if np.any(np.abs(numbers) > kind.farthest):
-            raise ValueError(f"holds numbers beyond {kind.farthest:g}")
+        if np.any(np.abs(numbers[np.isfinite(numbers)]) > kind.most):
+            raise ValueError(f"holds numbers beyond {kind.most:g}")
         if name == "Transform3D:scale" and not numbers.all():
             raise ValueError("is zero")
         if name == "Transform3D:quaternion" and not numbers.reshape(-1, 4).any(axis=1).all():

@@ -136,8 +136,12 @@ class Timelines:
 
     @classmethod
     def of(cls, run: Run) -> Timelines:
-        """The timelines of a run."""
+        """The timelines of a run. Raises `RecordingError` of frames at times that cannot be told apart."""
         motion = run.motion
+        time = _integers(motion.time * 1e9)
+        if np.any(np.diff(time) <= 0):
+            words = f"The {len(time)} frames lie within {motion.time[-1] - motion.time[0]:.3g} s; a recording counts nanoseconds."
+            raise RecordingError(words, "Check the speeds of the drives and the duration, or record fewer frames.")
         angles: dict[str, Integers] = {}
         for drive in motion.mechanism.drives:
             position = motion.coordinate(drive.joint)[:, 0]
@@ -145,7 +149,7 @@ class Timelines:
                 angles.setdefault("drive_mdeg", _integers(np.degrees(position) * 1e3))
             else:
                 angles.setdefault("drive_um", _integers(position * 1e6))
-        return cls(time=_integers(motion.time * 1e9), drives=tuple(angles.items()))
+        return cls(time=time, drives=tuple(angles.items()))
 
     def columns(self, frames: slice) -> list[Any]:
         """Time columns of some frames."""

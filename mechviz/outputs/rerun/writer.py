@@ -30,9 +30,7 @@ from mechviz.outputs.rerun.content import (
     property_statics,
     recorded_frames,
 )
-from mechviz.outputs.rerun.contract import FARTHEST
 from mechviz.outputs.rerun.entities import (
-    RecordingError,
     Stream,
     Timelines,
     link_streams,
@@ -139,10 +137,6 @@ def write_recording(
         run.motion.forget()
     with stage("tables, arrows and events"):
         picture = picture_of(run, solids)
-        far = float(np.abs(picture.bounds).max())
-        if far > FARTHEST:  # our own reader would call it damaged
-            why = f"The mechanism reaches {far:.3g} m; a recording holds places up to {FARTHEST:g} m."
-            raise RecordingError(why, "Check lengths and travels, and their units.")
         every = picture_stride(run)
         timelines = Timelines.of(run)
         events = events_of(run)

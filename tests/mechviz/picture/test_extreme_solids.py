@@ -8,6 +8,7 @@ from shapely.geometry import Point
 from mechcore.errors import MechanismError
 from mechviz.meshes.outline import MOST_RIBS, hatched_bar, largest
 from mechviz.meshes.solids import shaped
+from mechviz.picture import build
 from mechviz.picture.build import solids_of
 from mechviz.runs import run_scene
 from recordings import gallery_scene
@@ -35,6 +36,15 @@ def test_a_link_of_many_light_years_is_named():
     with pytest.raises(MechanismError, match="the solids cannot be made") as error:
         solids_of(run)
     assert error.value.faults[0].remedy
+
+
+def test_a_centre_of_mass_and_a_motion_of_many_light_years_are_named(monkeypatch):
+    far = gallery_scene("kinetostatic-four-bar").changed({("links", "rocker", "centre"): [5e12, 0.0]})
+    with pytest.raises(MechanismError, match=r"links.rocker: .* points lie farther than 1e\+12 m away, one 5e\+12 m"):
+        solids_of(run_scene(far, frames=8))
+    monkeypatch.setattr(build, "FARTHEST", 0.2)
+    with pytest.raises(MechanismError, match=r"links.rocker: it goes as far as 0.28 m away; up to 0.2 m are drawn"):
+        solids_of(run_scene(gallery_scene("kinetostatic-four-bar"), frames=8))
 
 
 def test_a_rack_with_thousands_of_teeth_is_refused_with_their_number():

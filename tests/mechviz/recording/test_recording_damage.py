@@ -21,7 +21,7 @@ from mechviz.outputs.rerun.entities import RecordingError
 from mechviz.outputs.rerun.reader import Recording
 from mechviz.runs import run_scene
 from mechviz.scene.scene import loads
-from recordings import made, ran
+from recordings import gallery_scene, made, ran
 
 SAMPLE = 12
 
@@ -60,6 +60,9 @@ def changed(whole: Path, target: Path, path: str, name: str, change) -> Path:
     [
         ("/data/links/crank/pose", "Scalars:scalars", lambda row: [np.nan, *row[1:]], "crank/pose: its .* is not finite"),
         ("/data/links/crank/pose", "Scalars:scalars", lambda row: row[:2], "2 numbers in a row instead of 3"),
+        ("/data/joints/A/motion", "Scalars:scalars", lambda row: [np.inf, *row[1:]], "A/motion: its .* is not finite"),
+        ("/data/links/crank/velocity", "Scalars:scalars", lambda row: [1e200, *row[1:]], r"holds numbers beyond 1e\+150"),
+        ("/diagrams/bearing\\ forces", "title", lambda row: None, "its title has rows without values"),
         ("/mechanism/links/crank", "Transform3D:translation", lambda row: [[np.inf, 0.0, 0.0]], "is not finite"),
         ("/mechanism/links/crank/mesh", "Mesh3D:triangle_indices", lambda row: [[0, 1, 10**6]], "its faces name vertices"),
         ("/__properties/mechviz", "model", lambda row: [row[0][:40]], "property model: invalid json"),
@@ -73,6 +76,20 @@ def test_what_is_wrong_is_named(whole, tmp_path, path, name, change, words):
     with pytest.raises(RecordingError, match=words) as error:
         Recording(target)
     assert error.value.remedy and len(str(error.value)) < 2000
+
+
+@pytest.mark.parametrize(("link", "keys", "value"), [("rocker", ("mass",), "1e29 kg"), ("coupler", ("points", "T"), ["1e12 m", 0])])
+def test_our_own_recordings_of_far_values_are_whole(tmp_path, link, keys, value):
+    """Forces of a heavy link passed the limit of places, and the outline about a far point did: both were called damaged."""
+    scene = gallery_scene("kinetostatic-four-bar").changed({("links", link, *keys): value})
+    writer.write_recording(run_scene(scene, frames=8), tmp_path / "a.rrd")
+    assert Recording(tmp_path / "a.rrd").said.complete
+
+
+def test_frames_within_a_nanosecond_are_refused(tmp_path):
+    scene = gallery_scene("crank-rocker").changed({("joints", "A", "drive", "speed"): "1e14 rpm"})
+    with pytest.raises(RecordingError, match="The 9 frames lie within 6e-13 s; a recording counts nanoseconds"):
+        writer.write_recording(run_scene(scene, frames=8), tmp_path / "a.rrd")
 
 
 def test_what_is_missing_is_named(whole, tmp_path):
@@ -249,7 +266,7 @@ def test_what_is_written_is_read_or_not_written(tmp_path):
     writer.write_recording(run_scene(mechviz.load("cam-roller").changed(lift), frames=8), path)
     assert Recording(path).scene().name == "cam-roller"
     run = run_scene(loads(FAR, "far"))
-    with pytest.raises(RecordingError, match=r"The mechanism reaches 1.06e\+13 m; a recording holds places up to 1e\+12 m"):
+    with pytest.raises(MechanismError, match=r"links.block: it goes as far as 1e\+13 m away; up to 1e\+12 m are drawn"):
         writer.write_recording(run, tmp_path / "farther.rrd")
     assert [p.name for p in tmp_path.iterdir()] == ["far.rrd"]
 
