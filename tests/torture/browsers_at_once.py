@@ -8,10 +8,8 @@ stays flat, and it draws the scene correctly afterwards.
 
 from __future__ import annotations
 
-import argparse
 import random
 import sys
-import time
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +18,7 @@ if __name__ == "__main__":
 
 from browsers import ARGS
 from browsing import ONE_SAMPLE, PIXELS
+from budget import Tally, options
 from hostile_messages import MOST_GROWN, draws, grown, memory, viewer
 from playwright.sync_api import sync_playwright
 
@@ -63,46 +62,43 @@ def look(page: Any, rng: random.Random) -> None:
             page.set_viewport_size({"width": rng.randrange(320, 1100), "height": rng.randrange(320, 800)})
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+def main() -> int:
+    parser = options(__doc__, 1_000_000, seconds=600.0)
     parser.add_argument("--browsers", type=int, default=20)
-    parser.add_argument("--processes", type=int, default=4)
-    parser.add_argument("--seconds", type=float, default=600.0)
-    parser.add_argument("--seed", type=int, default=0)
-    options = parser.parse_args()
-    rng, errors, sizes, done = random.Random(options.seed), list[str](), list[float](), 0
+    parser.add_argument("--processes", type=int, default=4, help="of Chromium (4)")
+    given = parser.parse_args()
+    rng, errors, sizes = random.Random(given.first), list[str](), list[float]()
     with viewer() as (port, process), sync_playwright() as playwright:
         started = [
             playwright.chromium.launch(executable_path=find_chromium(), headless=True, args=ARGS)
-            for _ in range(min(options.processes, options.browsers))
+            for _ in range(min(given.processes, given.browsers))
         ]
         pages = []
-        for k in range(options.browsers):
+        for k in range(given.browsers):
             pages.append(opened(started[k % len(started)], port, errors))
-            print(f"{k + 1} of {options.browsers} browsers are there", flush=True)
-        end = time.monotonic() + options.seconds
-        while time.monotonic() < end:
+            print(f"{k + 1} of {given.browsers} browsers are there", flush=True)
+        tally = Tally(given.count, given.seconds)
+        for _ in tally.cases():
             k = rng.randrange(len(pages))
             if rng.random() < 0.1:
                 pages[k].close()
                 pages[k] = opened(started[k % len(started)], port, errors)
             else:
                 look(pages[k], rng)
-            done += 1
             sizes.append(memory(process))
         for chromium in started:
             chromium.close()
-        draws(port)
+        try:
+            draws(port)
+        except AssertionError as error:
+            tally.fault(str(error))
         sizes.append(memory(process))
-    print(
-        f"{options.browsers} browsers did {done} things in {options.seconds:g} s; the viewer takes {sizes[-1] / 1e6:.0f} MB, ",
-        end="",
-    )
-    print(f"grown by {grown(sizes) / 1e6:.1f} MB; {len(errors)} errors on pages; the picture is right")
-    for error in dict.fromkeys(errors):
-        print(error[:300])
-    sys.exit(int(bool(errors) or grown(sizes) > MOST_GROWN))
+    for message in errors:
+        tally.fault(f"on a page: {message[:300]}", message)
+    if grown(sizes) > MOST_GROWN:
+        tally.fault("memory has grown")
+    return tally.end(f"the viewer takes {sizes[-1] / 1e6:.0f} MB, grown by {grown(sizes) / 1e6:.1f} MB")
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(main())

@@ -1,20 +1,20 @@
 """Exact derivatives of random mechanisms with forces, beside differences of eighth order.
 
-    PYTHONPATH=tests/support:tests/mechcore/derivatives OPENBLAS_NUM_THREADS=1 python tests/torture/derivatives.py [COUNT] [FIRST]
+    PYTHONPATH=tests/support:tests/mechcore/derivatives OPENBLAS_NUM_THREADS=1 python tests/torture/derivatives.py --count 1000
 
 takes mechanisms of every kind, every other one with dry friction, all points, masses and coefficients moved together, until so many
-have been compared; prints those off by more than 1e-9 of a result's largest derivative (and the rounding of the differences), and
-exits with 1 where there are any. What cannot be run, is next to a dead point or jams is left out; refusals are counted, and so is
-what differences do not decide, as a kink lies within their shortest step.
+have been compared. A fault is one off by more than 1e-9 of a result's largest derivative (and the rounding of the differences).
+What cannot be run, is next to a dead point or jams is left out; refusals are counted, and so is what differences do not decide, as
+a kink lies within their shortest step.
 """
 
 from __future__ import annotations
 
-import sys
 from collections import Counter
 from itertools import count
 
 import numpy as np
+from budget import Tally, options
 from random_mechanisms import KINDS, draw
 from test_exact import FEW, asked, difference, moved_together, solved
 
@@ -67,27 +67,24 @@ def off(kind: str, seed: int) -> float | None:
 
 
 def main() -> int:
-    given = [int(text) for text in sys.argv[1:3]]
-    wanted, first = (*given, *(1000, 0)[len(given) :])
-    compared, wrong, undecided, refused = 0, 0, 0, Counter[str]()
-    for seed in count(first):
-        for kind in KINDS:
-            try:
-                error = off(kind, seed)
-            except MechanismError as reason:
-                refused[reason.faults[0].message] += 1
-                continue
-            if error is None or np.isnan(error):
-                undecided += error is not None
-                continue
-            compared += 1
-            if error > 1.0:
-                wrong += 1
-                print(f"WRONG: {kind} {seed}: {error:.3g} times what is allowed", flush=True)
-        if compared >= wanted:
+    given = options(__doc__, 1000).parse_args()
+    tally, undecided, refused = Tally(given.count, given.seconds), 0, Counter[str]()
+    for seed, kind in ((seed, kind) for seed in count(given.first) for kind in KINDS):
+        tally.tell()
+        if tally.over() or tally.tried >= given.count:
             break
-    print(f"{compared} mechanisms to seed {seed}, {wrong} wrong, {undecided} undecided; refused: {dict(refused)}")
-    return 1 if wrong else 0
+        try:
+            error = off(kind, seed)
+        except MechanismError as reason:
+            refused[reason.faults[0].message] += 1
+            continue
+        if error is None or np.isnan(error):
+            undecided += error is not None
+            continue
+        tally.tried += 1
+        if error > 1.0:
+            tally.fault(f"{kind} {seed}: {error:.3g} times what is allowed")
+    return tally.end(f"to seed {seed}; {undecided} undecided; refused: {dict(refused)}")
 
 
 if __name__ == "__main__":

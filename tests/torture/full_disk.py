@@ -1,6 +1,6 @@
 """Commands that write, on a disk that fills up after any number of bytes: each ends with a message and leaves nothing behind.
 
-    OPENBLAS_NUM_THREADS=1 python tests/torture/full_disk.py [COUNT] [SECONDS] [FIRST]
+    OPENBLAS_NUM_THREADS=1 python tests/torture/full_disk.py --count 300
 
 Files are limited by the system (RLIMIT_FSIZE); as root, every third time a small file system in memory is full instead.
 """
@@ -12,11 +12,11 @@ import random
 import subprocess
 import sys
 import tempfile
-import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+from budget import Tally, options
 from forked import command, faults, forked, load_all
 
 WRITERS = (
@@ -52,26 +52,24 @@ def can_mount() -> bool:
         return tried.returncode == 0 and subprocess.run(["umount", name], check=False).returncode == 0
 
 
-def main(count: int = 300, seconds: float = 3600.0, first: int = 0) -> int:
-    """Fills disks; gives the number of faults."""
+def main() -> int:
+    """Fills disks; gives 1 where there were faults."""
+    given = options(__doc__, 300).parse_args()
     load_all()
     mounts = os.geteuid() == 0 and can_mount()
-    begun, wrong, tried, full = time.monotonic(), 0, 0, 0
+    tally, full = Tally(given.count, given.seconds), 0
     sizes: dict[tuple[str, ...], int] = {}
     with tempfile.TemporaryDirectory() as name:
         folder, said = Path(name) / "disk", Path(name) / "said"
         folder.mkdir()
         os.chdir(folder)
-        for seed in range(first, first + count):
-            if time.monotonic() - begun > seconds:
-                break
+        for seed in tally.cases(given.first):
             rng = random.Random(seed)
             words = WRITERS[seed % len(WRITERS)]
             if words not in sizes:  # how much it writes where there is room
                 told = faults(forked(command(*words), said), (0,))
                 sizes[words] = sum(path.stat().st_size for path in folder.rglob("*") if path.is_file())
             else:
-                tried += 1
                 limit = int(sizes[words] * rng.random())
                 mounted = mounts and seed % 3 == 0
                 os.chdir(name)
@@ -88,12 +86,10 @@ def main(count: int = 300, seconds: float = 3600.0, first: int = 0) -> int:
             for path in sorted(folder.rglob("*"), reverse=True):
                 path.rmdir() if path.is_dir() else path.unlink()
             if told:
-                wrong += 1
-                print(f"seed {seed}, {' '.join(words)}: {told}", flush=True)
+                tally.fault(f"seed {seed}, {' '.join(words)}: {told}")
         os.chdir("/")
-    print(f"{tried} commands, {full} found the disk full{', some on file systems in memory' if mounts else ''}, {wrong} faults")
-    return wrong
+    return tally.end(f"{full} commands found the disk full{', some on file systems in memory' if mounts else ''}")
 
 
 if __name__ == "__main__":
-    sys.exit(min(1, main(*(kind(text) for kind, text in zip((int, float, int), sys.argv[1:], strict=False)))))
+    sys.exit(main())

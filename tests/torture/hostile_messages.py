@@ -8,7 +8,6 @@ The viewer's memory stays flat, and it draws the scene correctly afterwards.
 
 from __future__ import annotations
 
-import argparse
 import contextlib
 import dataclasses
 import random
@@ -28,6 +27,7 @@ if __name__ == "__main__":
 
 import msgspec
 import numpy as np
+from budget import Tally, options
 from viewer_sockets import CAMERA, opened, replay, send
 from viser._messages import Message
 from websockets.exceptions import ConnectionClosed
@@ -178,13 +178,13 @@ def heard(port: int, socket: ClientConnection, frame: int) -> None:
         shown = next(v for m in reversed(told) for v in (m.get("value"), m.get("updates", {}).get("value")) if v is not None)
 
 
-def attack(port: int, process: int, count: int, seed: int, share: float) -> tuple[list[float], Counter[str]]:
+def attack(port: int, process: int, tally: Tally, seed: int, share: float) -> tuple[list[float], Counter[str]]:
     """Send messages from one socket after the other, with a ``share`` of fitting values for controls; the viewer's memory now and
     then [bytes], and what became of the sockets."""
     rng = random.Random(seed)
     kinds = [kind for kind in Message.get_subclasses() if dataclasses.is_dataclass(kind)]
-    sizes, ends, sent = [memory(process)], Counter[str](), 0
-    while sent < count:
+    sizes, ends = [memory(process)], Counter[str]()
+    while tally.tried < tally.count and not tally.over():
         with opened(port) as socket:
             known = Known.of(replay(socket))
             send(socket, CAMERA)
@@ -192,8 +192,8 @@ def attack(port: int, process: int, count: int, seed: int, share: float) -> tupl
             if reads:
                 drained(socket)
             end = "stayed open"
-            for _ in range(min(PER_SOCKET, count - sent)):
-                sent += 1
+            for _ in range(min(PER_SOCKET, tally.count - tally.tried)):
+                tally.tried += 1
                 try:
                     send(socket, hostile(rng, known, kinds, share))
                 except ConnectionClosed as closed:
@@ -202,9 +202,10 @@ def attack(port: int, process: int, count: int, seed: int, share: float) -> tupl
             else:
                 if not reads:  # it would not see either that it has been closed
                     drained(socket)
-                heard(port, socket, sent % FRAME)
+                heard(port, socket, tally.tried % FRAME)
             ends[end] += 1
         sizes.append(memory(process))
+        tally.tell(f", {sizes[-1] / 1e6:.0f} MB")
     return sizes, ends
 
 
@@ -237,22 +238,23 @@ def grown(sizes: list[float]) -> float:
     return max(sizes[first:]) - max(sizes[:first])
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--count", type=int, default=1_000_000, help="messages (1,000,000)")
-    parser.add_argument("--seed", type=int, default=0)
+def main() -> int:
+    parser = options(__doc__, 1_000_000)
     parser.add_argument("--share", type=float, default=0.02, help="of fitting values for controls, most of them edits (0.02)")
-    options = parser.parse_args()
+    given = parser.parse_args()
+    tally = Tally(given.count, given.seconds)
     with viewer() as (port, process):
-        start = time.perf_counter()
-        sizes, ends = attack(port, process, options.count, options.seed, options.share)
-        print(f"{options.count} messages in {time.perf_counter() - start:.0f} s; sockets: {dict(ends)}")
+        sizes, ends = attack(port, process, tally, given.first, given.share)
+        print(f"sockets: {dict(ends)}")
         print("memory [MB]:", *(f"{size / 1e6:.0f}" for size in sizes[:: max(len(sizes) // 20, 1)]), f"-> {sizes[-1] / 1e6:.0f}")
-        draws(port)
-    print(f"grown by {grown(sizes) / 1e6:.1f} MB; the picture is right")
+        try:
+            draws(port)
+        except AssertionError as error:
+            tally.fault(str(error))
     if grown(sizes) > MOST_GROWN:
-        sys.exit(1)
+        tally.fault("memory has grown")
+    return tally.end(f"grown by {grown(sizes) / 1e6:.1f} MB")
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(main())

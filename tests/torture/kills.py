@@ -1,10 +1,10 @@
 """`mechviz record` killed (-9) at random times, again and again into the same folder.
 
-    OPENBLAS_NUM_THREADS=1 python tests/torture/kills.py [COUNT] [SECONDS] [FIRST]
+    OPENBLAS_NUM_THREADS=1 python tests/torture/kills.py --count 200
 
-ends after so many kills or seconds, prints what went wrong, and exits with 1 where anything did: a file of another name is left,
-the recording that was there before is not as it was, the next run does not begin, a traceback, or other frames are read of the
-unfinished recording than stand in it in whole blocks.
+A fault is a file of another name that is left, a recording that was there before and is not as it was, a next run that does not
+begin, a traceback, or other frames that are read of the unfinished recording than stand in it in whole blocks. Every tenth run is
+not killed, and counts as tried, too.
 """
 
 from __future__ import annotations
@@ -16,6 +16,7 @@ import time
 from pathlib import Path
 
 import numpy as np
+from budget import Tally, options
 from forked import command, faults, forked, load_all
 
 from mechviz.outputs.inspection import format_inspection, inspect
@@ -63,28 +64,27 @@ def _check_part(path: Path) -> None:
         print(f"WRONG: {inspection.frames} of {whole} frames are read")
 
 
-def main(count: int = 200, seconds: float = 3600.0, first: int = 0) -> int:
-    """Kills recordings; gives the number of faults."""
+def main() -> int:
+    """Kills recordings; gives 1 where there were faults."""
+    given = options(__doc__, 200).parse_args()
     writer.BLOCK = BLOCK
     load_all()
-    begun, wrong, left, tried = time.monotonic(), 0, 0, 0
+    tally, left, killed = Tally(given.count, given.seconds), 0, 0
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         target, part, said = folder / "a.rrd", folder / "a.part.rrd", folder / "said"
-        for seed in range(first, first + count):
-            if time.monotonic() - begun > seconds:
-                break
+        for seed in tally.cases(given.first):
             rng = random.Random(seed)
             scene = rng.choice(SCENES)
             words = command("record", scene, "--frames", str(FRAMES), "-o", str(target))
-            if seed == first or rng.random() < 0.1:
+            if seed == given.first or rng.random() < 0.1:
                 start = time.monotonic()
                 told = faults(forked(words, said), (0,))
                 takes = time.monotonic() - start
             else:
                 before = target.read_bytes()
                 forked(words, said, kill_after=rng.uniform(0.0, 1.1 * takes))
-                tried += 1
+                killed += 1
                 result = {path.name for path in folder.iterdir()} - {"a.rrd", "a.part.rrd", "said"}
                 told = f"{sorted(result)} are left" if result else ""
                 if part.exists():
@@ -93,11 +93,9 @@ def main(count: int = 200, seconds: float = 3600.0, first: int = 0) -> int:
                 checked = forked(lambda: check(target, part), said)
                 told = told or (checked.text if "WRONG" in checked.text else faults(checked, (0,)))
             if told:
-                wrong += 1
-                print(f"seed {seed}, {scene}: {told}", flush=True)
-    print(f"{tried} kills, {left} left an unfinished recording, {wrong} faults; {time.monotonic() - begun:.0f} s")
-    return wrong
+                tally.fault(f"seed {seed}, {scene}: {told}")
+    return tally.end(f"{killed} were killed, {left} of them left an unfinished recording")
 
 
 if __name__ == "__main__":
-    sys.exit(min(1, main(*(kind(text) for kind, text in zip((int, float, int), sys.argv[1:], strict=False)))))
+    sys.exit(main())

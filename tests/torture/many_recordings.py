@@ -1,8 +1,8 @@
 """Many recordings in one process: memory and threads stay flat.
 
-    python tests/torture/many_recordings.py [COUNT] [SECONDS]
+    python tests/torture/many_recordings.py --count 1000
 
-exits with 1 where the process has grown by more than 20 MB after the first tenth, or by a thread.
+A fault is a process that has grown by more than 20 MB after the first tenth, or by a thread.
 """
 
 from __future__ import annotations
@@ -10,8 +10,9 @@ from __future__ import annotations
 import os
 import sys
 import tempfile
-import time
 from pathlib import Path
+
+from budget import Tally, options
 
 import mechviz
 from mechviz.outputs.rerun.writer import write_recording
@@ -25,20 +26,22 @@ def memory() -> float:
     return int(Path("/proc/self/statm").read_text().split()[1]) * float(os.sysconf("SC_PAGE_SIZE"))
 
 
-def main(count: int = 1000, seconds: float = 3600.0) -> int:
+def main() -> int:
     """Writes recordings; gives 1 where memory or threads have grown."""
-    run, begun, made = run_scene(mechviz.load("crank-rocker"), frames=12), time.monotonic(), 0
+    given = options(__doc__, 1000, first=False).parse_args()
+    run, tally = run_scene(mechviz.load("crank-rocker"), frames=12), Tally(given.count, given.seconds)
     seen: list[tuple[float, int]] = []
     with tempfile.TemporaryDirectory() as folder:
-        while made < count and time.monotonic() - begun < seconds:
+        for _ in tally.cases():
             write_recording(run, Path(folder) / "a.rrd")
-            made += 1
             seen.append((memory(), len(os.listdir("/proc/self/task"))))
-    (early, threads), (late, now) = seen[made // 10], seen[-1]
+    (early, threads), (late, now) = seen[len(seen) // 10], seen[-1]
     first, last = (f"{size / 1e6:.0f} MB and {number} threads" for size, number in ((early, threads), (late, now)))
-    print(f"{made} recordings: {first} after {made // 10}, {last} in the end")
-    return int(late - early > MOST_GROWN or now > threads)
+    words = f"{first} after {len(seen) // 10} recordings, {last} in the end"
+    if late - early > MOST_GROWN or now > threads:
+        tally.fault(words)
+    return tally.end(words)
 
 
 if __name__ == "__main__":
-    sys.exit(main(*(kind(text) for kind, text in zip((int, float), sys.argv[1:], strict=False))))
+    sys.exit(main())

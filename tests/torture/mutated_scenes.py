@@ -1,14 +1,15 @@
 """Scenes of the gallery with one or two values that nobody means, solved and recorded: each gives a result or an error of ours.
 
-    python tests/torture/mutated_scenes.py [COUNT] [SECONDS] [FIRST]
+    python tests/torture/mutated_scenes.py --count 50000 --workers 2
 
-ends after so many scenes or seconds of processor time, prints what went wrong with the seed that makes it, and exits with 1 where
-anything did: an exception that is not ours, a warning, half a minute of processor time without it being said that this will take
-long, a result that is no number without a word, memory that grows. A scene is interrupted after half a minute.
+prints what went wrong with the seed that makes it, once for every kind: an exception that is not ours, a warning, half a minute of
+processor time without it being said that this will take long, a result that is no number without a word, memory that grows, a
+process that ends. A scene is interrupted after half a minute.
 """
 
 from __future__ import annotations
 
+import os
 import random
 import signal
 import sys
@@ -18,14 +19,20 @@ import tomllib
 import traceback
 import warnings
 from collections.abc import Iterator
+from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
+from dataclasses import dataclass
+from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
+from budget import OFTEN, Tally, options
 from many_recordings import memory
 
 from mechcore.errors import MechanismError
 from mechviz.files import OutputError
+from mechviz.outputs.rerun.entities import RecordingError
 from mechviz.outputs.rerun.reader import Recording
 from mechviz.outputs.rerun.writer import write_recording
 from mechviz.runs import run_scene
@@ -34,8 +41,9 @@ from mechviz.scene.scene import Scene
 
 FRAMES = 8
 SLOW = 30.0  # [s] of processor time
-OFTEN = 500  # scenes, after which it is told how many there were
-MOST_GROWN = 200e6  # [bytes] that the process may grow by after the first thousand scenes
+BLOCK = 20  # scenes that a process is given at once
+WARM = 1000  # scenes of a process, after which its memory is looked at
+MOST_GROWN = 200e6  # [bytes] that a process may grow by after that
 ODD: tuple[Any, ...] = (0, -1, 1e-12, 1e-6, 1e6, 1e12, 1e29, float("nan"), float("inf"), "", "x", [], {}, True, "1e400 mm", "-3 kg")
 
 
@@ -87,53 +95,96 @@ def interrupted(seconds: float) -> Iterator[None]:
         signal.setitimer(signal.ITIMER_PROF, 0.0)
 
 
-def main(count: int = 50_000, seconds: float = 36_000.0, first: int = 0) -> int:
-    """Tries mutated scenes; gives the number of kinds of faults."""
+@dataclass
+class Tried:
+    """Outcome of a block of scenes: faults with their kinds, refused and interrupted scenes, the process and its memory [bytes]."""
+
+    count: int
+    faults: list[tuple[str, str]]
+    refused: int
+    told: int
+    process: int
+    memory: float
+
+
+def attempt(seeds: range) -> Tried:
+    """Solve and record mutated scenes."""
     warnings.simplefilter("error", RuntimeWarning)
-    known: set[str] = set()
-    tried = refused = told = 0
-    sizes: list[float] = []
+    out = Tried(len(seeds), [], 0, 0, os.getpid(), 0.0)
     with tempfile.TemporaryDirectory() as folder:
-        target = Path(folder) / "a.rrd"
-        for seed in range(first, first + count):
-            if time.process_time() > seconds:
+        for seed in seeds:
+            _attempt_one(seed, Path(folder) / "a.rrd", out)
+    out.memory = memory()
+    return out
+
+
+def _attempt_one(seed: int, target: Path, out: Tried) -> None:
+    name, document, words = mutated(seed)
+    start, fault = time.process_time(), ""
+    said: list[str] = []
+    try:
+        with interrupted(SLOW):
+            run = run_scene(Scene.build(name=name, folder=GALLERY_FOLDER, **document), warn=said.append)
+            write_recording(run, target)
+            Recording(target)
+    except (MechanismError, OutputError) as error:
+        out.refused += 1
+        lacking = [str(f) for f in getattr(error, "faults", ()) if not f.remedy or f.remedy.startswith("Or")]
+        fault = f"no remedy: {lacking[0]}" if lacking else ""
+        if isinstance(error, RecordingError) and "is damaged" in str(error):
+            fault = f"its own recording: {error}"
+    except EnoughError:
+        out.told += bool(said)
+        fault = "" if said else f"slow: {time.process_time() - start:.0f} s without a word"
+    except Exception as error:
+        place = traceback.extract_tb(error.__traceback__)
+        own = [p for p in place if "mech" in p.filename and "torture" not in p.filename] or place
+        fault = f"{type(error).__name__} in {Path(own[-1].filename).name}:{own[-1].lineno}: {error}"
+    if time.process_time() - start > SLOW + 5.0:
+        fault = f"slow: {time.process_time() - start:.0f} s, not to be interrupted"
+    if fault:
+        kind = fault.partition(":")[0] + fault.partition(":")[2].partition(":")[0]
+        out.faults.append((f"seed {seed}, {name}: {words[:150]}: {fault[:220]}", kind))
+
+
+def main() -> int:
+    """Tries mutated scenes; gives 1 where there were faults."""
+    parser = options(__doc__, 50_000, seconds=36_000.0)
+    parser.add_argument("--workers", type=int, default=1, help="processes (1)")
+    given = parser.parse_args()
+    tally, refused, told = Tally(given.count, given.seconds), 0, 0
+    last = given.first + given.count
+    blocks = iter([range(k, min(k + BLOCK, last)) for k in range(given.first, last, BLOCK)])
+    done: dict[int, int] = {}  # scenes of each process
+    warm: dict[int, float] = {}  # its memory after the first ones [bytes]
+    waiting: dict[Future[Tried], range] = {}
+    with ProcessPoolExecutor(given.workers, mp_context=get_context("spawn")) as pool:
+        while True:
+            while len(waiting) < given.workers and not tally.over() and (block := next(blocks, None)) is not None:
+                waiting[pool.submit(attempt, block)] = block
+            if not waiting:
                 break
-            name, document, words = mutated(seed)
-            start, fault = time.process_time(), ""
-            said: list[str] = []
-            tried += 1
-            try:
-                with interrupted(SLOW):
-                    run = run_scene(Scene.build(name=name, folder=GALLERY_FOLDER, **document), warn=said.append)
-                    write_recording(run, target)
-                    Recording(target)
-            except (MechanismError, OutputError) as error:
-                refused += 1
-                lacking = [str(f) for f in getattr(error, "faults", ()) if not f.remedy or f.remedy.startswith("Or")]
-                fault = f"no remedy: {lacking[0]}" if lacking else ""
-            except EnoughError:
-                told += bool(said)
-                fault = "" if said else f"slow: {time.process_time() - start:.0f} s without a word"
-            except Exception as error:
-                place = traceback.extract_tb(error.__traceback__)
-                own = [p for p in place if "mech" in p.filename and "torture" not in p.filename] or place
-                fault = f"{type(error).__name__} in {Path(own[-1].filename).name}:{own[-1].lineno}: {error}"
-            if time.process_time() - start > SLOW + 5.0:
-                fault = f"slow: {time.process_time() - start:.0f} s, not to be interrupted"
-            kind = fault.partition(":")[0] + fault.partition(":")[2].partition(":")[0]
-            if fault and kind not in known:
-                known.add(kind)
-                print(f"seed {seed}, {name}: {words[:150]}: {fault[:220]}", flush=True)
-            if tried % OFTEN == 0:
-                sizes.append(memory())
-                print(f"{tried} scenes, {refused} refused; {time.process_time():.0f} s, {sizes[-1] / 1e6:.0f} MB", flush=True)
-    if len(sizes) > 2 and sizes[-1] - sizes[1] > MOST_GROWN:
-        known.add("memory")
-        print(f"memory has grown from {sizes[1] / 1e6:.0f} to {sizes[-1] / 1e6:.0f} MB")
-    print(f"{tried} mutated scenes, {refused} refused, {told} interrupted after it was said that they take long, ", end="")
-    print(f"{len(known)} kinds of faults; {time.process_time():.0f} s of processor time")
-    return len(known)
+            for future in wait(waiting, timeout=OFTEN, return_when=FIRST_COMPLETED).done:
+                block = waiting.pop(future)
+                try:
+                    tried = future.result()
+                except BrokenProcessPool:
+                    tally.fault(f"seeds {block.start} to {block.stop - 1}: a process has ended without a word")
+                    return tally.end()
+                tally.tried += tried.count
+                refused, told = refused + tried.refused, told + tried.told
+                for words, kind in tried.faults:
+                    tally.fault(words, kind)
+                process = tried.process
+                done[process] = done.get(process, 0) + tried.count
+                if done[process] <= WARM:
+                    warm[process] = tried.memory
+                elif tried.memory - warm[process] > MOST_GROWN:
+                    sizes = f"from {warm[process] / 1e6:.0f} to {tried.memory / 1e6:.0f} MB"
+                    tally.fault(f"seeds to {block.stop - 1}: memory has grown {sizes}", f"memory of {process}")
+            tally.tell(f", {refused} refused")
+    return tally.end(f"{refused} were refused, {told} interrupted after it was said that they take long")
 
 
 if __name__ == "__main__":
-    sys.exit(min(1, main(*(kind(text) for kind, text in zip((int, float, int), sys.argv[1:], strict=False)))))
+    sys.exit(main())
