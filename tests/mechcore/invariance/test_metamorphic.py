@@ -105,17 +105,19 @@ def searched(kind: str, seed: int, tolerance: float) -> tuple[str, str, float, f
         break
     else:
         return "refused", "", 0.0, np.inf
-    allowed = SAME * max(1.0, condition / WELL) ** 2
     worst = ("", "", 0.0)
     for how in CHANGES:
         change, start = changed(case, how, base, tolerance)
         try:
-            result = differences(change, start, Result(change.made(), tolerance))
+            other = Result(change.made(), tolerance)
+            result = differences(change, start, other)
         except MechanismError as error:
             if how == "backwards" and "dead point" in str(error):  # where it ends no motion can start by that coordinate
                 continue
             return how, f"refused: {error}", np.inf, condition
         name, deviation = max(result.items(), key=lambda x: x[1])
+        # backwards it may begin next to a singular position of the coordinates that are stated there, where others led to
+        allowed = SAME * max(1.0, condition / WELL, float(np.nanmax(other.motion.condition)) / WELL) ** 2
         if deviation / allowed > worst[2]:
             worst = (how, name, deviation / allowed)
     return (*worst, condition)
