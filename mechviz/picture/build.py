@@ -16,7 +16,8 @@ from mechviz.meshes.solids import FARTHEST, Solids, build_solids
 from mechviz.picture.arrows import Arrows, arrows_of, key_of, owner_of
 from mechviz.picture.centres import centre_nodes
 from mechviz.picture.fixtures import bounds_with, find_fixtures, has_spindle, joined
-from mechviz.picture.nodes import Body, Lines, Mesh, Picture, Points, Poses
+from mechviz.picture.nodes import FARTHEST as REACH
+from mechviz.picture.nodes import Body, Lines, Mesh, Picture, Points, Poses, farthest
 from mechviz.picture.overlays import inversion_nodes, overlay_nodes, section_nodes
 from mechviz.picture.proportions import about_z, arc_height, arrow_height, in_space, path_height
 from mechviz.picture.springs import COLOR as COIL
@@ -54,7 +55,7 @@ DOT, DOT_COLOR = 0.0045, (250, 250, 250)
 
 
 def picture_of(run: Run, solids: Solids, arrows: Arrows | None = None, known: Picture | None = None) -> Picture:
-    """Everything that is seen of a run with its solids.
+    """Everything that is seen of a run with its solids. Raises `MechanismError` where it reaches farther than can be drawn.
 
     ``arrows``: where they have been found before; ``known``: the picture of a run of the same scene, of which heights and fixtures
     are kept.
@@ -80,6 +81,11 @@ def picture_of(run: Run, solids: Solids, arrows: Arrows | None = None, known: Pi
         *section_nodes(run, solids),
         *arrows.nodes(_arrow_heights(run, solids, arrows, coils, heights), solids.z_top),
     ]
+    for node in nodes:
+        if farthest(node) > REACH:
+            kind, name = node.owner
+            words = f"what is drawn of it reaches {farthest(node):.3g} m; up to {REACH:g} m are drawn."
+            raise MechanismError(Fault(f"{kind}s.{name}", words, "Check lengths and radii, and their units."))
     numbers = run.numbers
     return Picture(
         numbers.time,

@@ -11,7 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechcore.arrays import Flags, Index, Real, Single
+from mechviz.meshes import solids
 from mechviz.quantities.vectors import Moment, Scales, Vector
+
+FARTHEST = 10.0 * solids.FARTHEST  # [m]: outlines, springs and constructions reach beyond the points that they belong to
 
 Color = tuple[int, int, int]
 
@@ -146,6 +149,23 @@ class Arc(Node):
 
     moment: Moment
     radius: float
+
+
+def farthest(node: Node) -> float:
+    """How far a node reaches from the origin [m], along the axis where it reaches farthest."""
+    places: tuple[Real | Single, ...] = ()
+    match node:
+        case Body(poses=Poses(places=at)):
+            places = (at,)
+        case Lines():
+            places = node.strips
+        case Points():
+            places = (node.places,)
+        case ArrowSet():
+            places = node.origins, node.vectors
+        case Arrow():
+            places = (node.vector.origin,)
+    return max((float(np.max(np.abs(at), initial=0.0, where=~np.isnan(at))) for at in places), default=0.0)
 
 
 N = TypeVar("N", bound=Node)

@@ -25,13 +25,12 @@ from pydantic import (
     model_validator,
 )
 
-from mechviz.meshes import solids
 from mechviz.outputs.rerun.entities import entity, parts_of
+from mechviz.picture.nodes import FARTHEST
 
 if TYPE_CHECKING:
     from mechviz.outputs.rerun.reader import Recording
 
-FARTHEST = 10.0 * solids.FARTHEST  # [m]: outlines, arrows and springs reach beyond the points that they belong to
 LARGEST = 1e150  # of any other number: its square is one, too
 
 Positive = Annotated[PositiveFloat, Field(lt=1e300)]

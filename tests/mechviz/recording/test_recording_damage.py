@@ -86,6 +86,12 @@ def test_our_own_recordings_of_far_values_are_whole(tmp_path, link, keys, value)
     assert Recording(tmp_path / "a.rrd").said.complete
 
 
+def test_a_friction_circle_of_many_light_years_is_refused(tmp_path):
+    scene = gallery_scene("four-bar-friction-circles").changed({("friction", "radius"): 1e29})
+    with pytest.raises(MechanismError, match=r"joints\.A: what is drawn of it reaches .*e\+2\d m; up to 1e\+13 m are drawn"):
+        writer.write_recording(run_scene(scene, frames=8), tmp_path / "a.rrd")
+
+
 def test_frames_within_a_nanosecond_are_refused(tmp_path):
     scene = gallery_scene("crank-rocker").changed({("joints", "A", "drive", "speed"): "1e14 rpm"})
     with pytest.raises(RecordingError, match="The 9 frames lie within 6e-13 s; a recording counts nanoseconds"):
