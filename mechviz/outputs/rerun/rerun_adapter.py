@@ -51,11 +51,13 @@ def chunks_in(path: Path) -> Iterator[Any]:
     damage: DamageError | None = None
     index: dict[int, str] = {}
     places: list[int] = []
+    begun: list[int] = []  # messages that were read
     first: bytes | None = None
     at: int | None = FILE_HEADER
     while at is not None:
         try:
             for place, kind, data in _messages(path, at):
+                begun.append(place)
                 batch = None
                 if _is_chunk(kind, data):
                     try:
@@ -76,7 +78,9 @@ def chunks_in(path: Path) -> Iterator[Any]:
                 damage.lost = set() if index else None
             if damage.lost is not None and error.at in index:
                 damage.lost.add(index[error.at])
-            next_one = bisect(places, error.at)
+            # After a message that lies about its length, what is read begins within the next one, which may be whole
+            reached = error.at if error.at in index else max((place for place in begun if place in index), default=-1)
+            next_one = bisect(places, reached)
             at = places[next_one] if next_one < len(places) else None
     if damage is not None:
         raise damage

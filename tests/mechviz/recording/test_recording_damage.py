@@ -203,6 +203,17 @@ def test_a_message_that_lies_about_its_length_or_kind_is_stepped_over(whole, tmp
         assert recording.note or kept == set(recording.entities)
 
 
+def test_a_message_that_says_it_is_longer_takes_nothing_from_the_next_one(whole, tmp_path):
+    index, data = rerun_adapter.index_of(whole), whole.read_bytes()
+    kept, tried = set(Recording(whole).entities), [at for at, entity in sorted(index.items()) if entity.startswith("/vectors/")]
+    for at in tried[:8]:
+        longer = bytearray(data)
+        longer[at + 8 : at + 16] = (int.from_bytes(data[at + 8 : at + 16], "little") + 4).to_bytes(8, "little")
+        (tmp_path / "a.rrd").write_bytes(longer)
+        recording = Recording(tmp_path / "a.rrd")
+        assert kept - set(recording.entities) <= {index[at]} and recording.note
+
+
 def test_without_its_index_a_damaged_recording_is_read_up_to_there(tmp_path, monkeypatch):
     monkeypatch.setattr(writer, "BLOCK", 40)
     whole = tmp_path / "whole.rrd"
