@@ -3,11 +3,8 @@ find how far a value can be moved until the mechanism cannot be assembled, is un
 
 from __future__ import annotations
 
-import contextlib
-import ctypes
 import gc
 import itertools
-import sys
 import threading
 from collections.abc import Callable
 from typing import Generic, TypeVar
@@ -16,6 +13,7 @@ import numpy as np
 
 from mechcore.errors import MechanismError
 from mechcore.motion.solve import compile_mechanism, solve_motion
+from mechcore.numerics.frames import give_back_memory
 from mechviz.runs import run_scene
 from mechviz.scene.scene import Scene
 
@@ -102,20 +100,12 @@ class Latest(Generic[T]):
                 self._changed.notify_all()
 
 
-def give_back() -> None:
-    """Let the machine have the memory again that freed objects leave in the heaps of this process: glibc keeps most of it, a heap
-    for every thread. Elsewhere nothing happens."""
-    if sys.platform == "linux":
-        with contextlib.suppress(OSError, AttributeError):
-            ctypes.CDLL("libc.so.6").malloc_trim(0)
-
-
 def left_over() -> None:
     """Something has gone whose objects refer to each other, such as a browser or the drawing of a saved plot: of every `OFTEN` of
     them all is collected. Python itself waits until such objects are a quarter of all, however much memory hangs on each."""
     if next(_left) % OFTEN == 0:
         gc.collect()
-        give_back()
+        give_back_memory()
 
 
 def assembles(scene: Scene) -> bool:

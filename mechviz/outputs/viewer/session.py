@@ -12,10 +12,11 @@ from typing import Any
 import numpy as np
 
 from mechcore.errors import MechanismError
+from mechcore.numerics.frames import give_back_memory
 from mechcore.spec.mechanism import EFFECTS
 from mechviz.editor.history import Draft, History
 from mechviz.editor.parameters import Parameter, find_parameters
-from mechviz.editor.worker import Latest, assembles, give_back, reachable
+from mechviz.editor.worker import Latest, assembles, reachable
 from mechviz.outputs.viewer.show import Built, build, show_of_run
 from mechviz.outputs.viewer.view_model import ViewModel
 from mechviz.runs import Run, run_scene
@@ -243,7 +244,7 @@ class EditSession:
             shares = self._weigh(draft, run)
             if shares is not None and run is self.run:
                 self._contributed(shares)
-        give_back()
+        give_back_memory()
 
     def _weigh(self, draft: Draft, run: Run) -> tuple[Contribution, ...] | None:
         """Contributions of each effect and load: the run with it and without it."""
