@@ -365,6 +365,7 @@ def test_a_pivot_is_dragged_and_everything_follows(viewer, page):
     page.wait_for_function(SEEN, arg="/pivots/E")
     open_tab(page, "View")
     page.get_by_role("button", name="Front", exact=True).click()  # the arrow of the handle is as long as the view says
+    open_tab(page, "Edit")
     heard(viewer)
     camera_rests(page)
     tries = itertools.count(3)
