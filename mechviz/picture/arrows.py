@@ -189,7 +189,7 @@ def _vectors(n: Numbers) -> Iterator[Vector]:
     for name in n.links:
         table, at = _inertia(n, name)
         if table is not None and at is not None:
-            yield Vector("inertia", name, n.held(partial(_line_of_inertia, at, table)), table.part(FORCE))
+            yield Vector("inertia", name, n.held(partial(_line_of_inertia, at, table, n.length_scale)), table.part(FORCE))
     for name in n.drives:
         table = n.tables.get(("data", "drive", name, "wrench"))
         if table is not None and name in places and np.any(table.values[:, :2]):
@@ -206,15 +206,18 @@ def _inertia(n: Numbers, link: str) -> tuple[Table | None, Table | None]:
     return n.tables.get(("data", "links", link, "inertia")), n.tables.get(("data", "points", centre_name(link), "position"))
 
 
-def _line_of_inertia(centre: Table, inertia: Table) -> Real:
+FARTHEST_LINE = 1e9  # lengths of the mechanism: a force whose line of action lies farther away is what rounding left of none
+
+
+def _line_of_inertia(centre: Table, inertia: Table, length: float) -> Real:
     """Where the inertia force of a link acts (F, 2) [m]: moved from the centre of mass onto its line of action by moment over
-    force."""
+    force, in a mechanism of a length [m]."""
     force, moment = inertia.values[:, :2], inertia.values[:, 2]
     square = (force**2).sum(axis=1)
     with np.errstate(invalid="ignore", divide="ignore"):
         # the arm at right angles to the force for which arm x force = moment
         arm = np.column_stack([force[:, 1], -force[:, 0]]) * (moment / square)[:, None]
-    arm[square == 0.0] = 0.0
+    arm[np.abs(moment) >= FARTHEST_LINE * length * np.sqrt(square)] = 0.0
     return np.asarray(centre.values + arm)
 
 

@@ -15,6 +15,7 @@ from mechcore.spec.mechanism import Drive, Link, Mechanism, Planar
 from mechviz.outputs.rerun.reader import Recording
 from mechviz.outputs.rerun.writer import write_recording
 from mechviz.picture.build import picture_of, solids_of
+from mechviz.picture.nodes import Arrow
 from mechviz.runs import run_scene
 from recordings import vectors_of
 
@@ -186,4 +187,6 @@ def test_a_torque_on_a_free_body_is_drawn_at_its_centre():
     run = run_scene(mechviz.loads(text))
     moment = vectors_of(run)[1]["applied"]["spin"]
     np.testing.assert_allclose(moment.origin, run.motion.centre_of_mass("body"), atol=1e-12)
-    picture_of(run, solids_of(run))  # with the height of its arc
+    picture = picture_of(run, solids_of(run))  # with the height of its arc
+    (inertia,) = (node.vector.origin for node in picture.of(Arrow, "inertia"))  # a couple alone: its force is what rounding left
+    np.testing.assert_allclose(inertia, run.motion.centre_of_mass("body"), atol=1e-12)
