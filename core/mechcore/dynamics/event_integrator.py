@@ -220,7 +220,7 @@ class EventIntegrator:
             pace = partial(self.separation.window_length, self.compiled, q, v, duration=self.duration)
             return driven_windows(t, self.duration, pace, after, breakpoints)
         keeps = None
-        if isinstance(system, Curve) and (len(self.known) > 1 or system.table.boundaries is not None):
+        if isinstance(system, Curve) and (len(self.known) > 1 or system.beside_singular):
             keeps = partial(system.kept, begun)
         integrator = Integrator(
             system,

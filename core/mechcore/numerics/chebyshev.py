@@ -85,6 +85,36 @@ class Panels:
         """Widths of the panels (p, 1, 1), or of all of them."""
         return self.width if self.boundaries is None else np.diff(self.boundaries)[:, None, None]
 
+    @property
+    def least(self) -> float:
+        """Width of the narrowest panel."""
+        return self.width if self.boundaries is None else float(np.diff(self.boundaries).min())
+
+    @property
+    def mean(self) -> float:
+        """Mean width of the panels."""
+        return (self.high - self.low) / self.count
+
+    def within_panel(self, x: float, way: Real) -> Real:
+        """Signed ways (n,) from x on, no longer than a panel each, as far as they lead within the first one. Equal panels are those
+        of one smooth function, of which a way leaves none."""
+        if self.boundaries is None:
+            return way
+        length, edges = self.high - self.low, self.boundaries
+        u = x - length * np.floor((x - self.low) / length) if self.periodic else x
+        k = int(np.clip(np.searchsorted(edges, u, side="right"), 1, self.count))
+        ahead = edges[k] - u
+        behind = edges[k - 1] - u or (edges[k - 2] - u if k > 1 else edges[-2] - edges[-1])
+        return np.asarray(np.clip(way, behind, ahead))
+
+    def between(self, low: float, high: float) -> Real:
+        """Boundaries (n,) of unequal panels between two places, repeated where they repeat."""
+        assert self.boundaries is not None
+        length = self.high - self.low
+        first, last = np.floor((np.array([low, high]) - self.low) / length) if self.periodic else (0.0, 0.0)
+        x = np.unique(np.add.outer(length * np.arange(first, last + 1.0), self.boundaries))
+        return np.asarray(x[(x > low) & (x < high)])
+
     def __call__(self, x: Real) -> Real:
         """Values of the functions at x (n,) -> (n, c); NaN beyond the panels where they do not repeat."""
         if self.boundaries is not None:

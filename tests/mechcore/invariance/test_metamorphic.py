@@ -26,6 +26,7 @@ REACHES = (TURN, 1.0, 0.3)
 RATED = (sp.Damper, sp.TorsionDamper, sp.Drag, sp.Viscous, sp.DcMotor, sp.GasPressure)  # know which way time runs
 MENDED = (
     ("cam", 58),
+    ("cam", 9053),
     ("cylinder", 91),
     ("six-bar", 51),
     ("four-bar", 126),
@@ -34,6 +35,7 @@ MENDED = (
     ("inverted slider-crank", 19),
     ("gear", 85),
     ("triad", 20053),
+    ("pin in slot", 20089),
 )  # beyond the default sample
 CHANGES = ("turned", "mirrored", "small", "large", "renamed", "backwards")
 

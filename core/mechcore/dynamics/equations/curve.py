@@ -13,7 +13,7 @@ from functools import cached_property
 
 import numpy as np
 
-from mechcore.arrays import Real, Values
+from mechcore.arrays import Index, Real, Values
 from mechcore.branches.paths import repeats
 from mechcore.branches.singular_points import SingularPoints
 from mechcore.constants import TURN
@@ -25,7 +25,7 @@ from mechcore.effects.registry import effects_of
 from mechcore.errors import MechanismError
 from mechcore.motion.compiled import Compiled, reached
 from mechcore.motion.motion import Motion
-from mechcore.numerics.chebyshev import Panels, fit_panels, fit_where_needed, nodes_of
+from mechcore.numerics.chebyshev import NOISE, Panels, fit_panels, fit_where_needed, nodes_of
 from mechcore.records import dataclass
 
 FIRST = 8  # panels of the first try
@@ -34,6 +34,7 @@ SHORT = 0.1  # of the width of an equal panel: features that are less wide need 
 DEEPEST, CLOSE = 24, 0.3  # halvings next to a singular position; conditions beyond the inverse of that are looked at
 MOST_TIMES = 16  # as many positions: they gather at singular places, and are everywhere only where rounding decides
 ROUGH = 1e-4  # next to a singular position rounding is that much at most
+MOST_BENDS, ROUNDS = 64, 16  # of cams that a table's panels end at; 32^16 are more than there are numbers between two places
 SAME = 1e-3  # of an energy: two ways to find it differ by less
 LITTLE = 1e-3  # of the work from one end of a table: kinetic energies below that are no differences of work
 
@@ -41,12 +42,13 @@ LITTLE = 1e-3  # of the work from one end of a table: kinetic energies below tha
 @dataclass(frozen=True, eq=False)
 class Curve(Programmed):
     """``table``: J, the tabulated part of Q and, where loads are in proportion to speeds, C; ``both``: these, their derivatives,
-    and J''; ``rest``: effects that are not in the table."""
+    and J''; ``rest``: effects that are not in the table; ``beside_singular``: whether it comes close to singular positions."""
 
     compiled: Compiled
     table: Panels
     both: Panels
     rest: tuple[Effect, ...] = ()
+    beside_singular: bool = False
 
     def __call__(self, q: Real, v: Real, t: Real) -> Real:
         program = None if self.conservative else self.program()
@@ -155,7 +157,7 @@ def beside_singular(compiled: Compiled, x: Real, at_x: Motion | None = None) -> 
 def tabulate(compiled: Compiled, low: float, high: float, *, tolerance: float = 1e-13) -> Curve:
     """Reduce the mechanism to its free coordinate between ``low`` and ``high``."""
     fixed, rest = _parted(compiled, lambda: _unit(compiled, nodes_of(low, high, FIRST)))
-    return _curve(compiled, _fitted(compiled, _values(compiled, fixed), low, high, periodic=False, tolerance=tolerance), rest)
+    return _curve(compiled, *_fitted(compiled, _values(compiled, fixed), low, high, periodic=False, tolerance=tolerance), rest)
 
 
 def _fitted(
@@ -168,15 +170,47 @@ def _fitted(
     tolerance: float,
     known: Real | None = None,
     unit: Motion | None = None,
-) -> Panels:
-    """A table of values: equal panels, or shorter ones where a group comes close to a singular position. ``unit``: a motion at a
-    unit rate whose last frames are the ends of the equal panels."""
+) -> tuple[Panels, bool]:
+    """A table of values: equal panels, or panels that end where cams change their form, and shorter ones where a group comes close
+    to a singular position; and whether one does. ``unit``: a motion at a unit rate whose last frames are those ends of panels."""
     boundaries = np.linspace(low, high, EQUAL + 1)
     if compiled.singular_points is None or not compiled.singular_points.points:
         boundaries = beside_singular(compiled, boundaries, unit)
-    if np.diff(boundaries).min() > SHORT * (high - low) / EQUAL:
-        return fit_panels(values, low, high, periodic=periodic, tolerance=tolerance, first=FIRST, known=known)
-    return fit_where_needed(values, boundaries, tolerance=tolerance, periodic=periodic, noise=ROUGH)[0].joined()
+    plain = bool(np.diff(boundaries).min() > SHORT * (high - low) / EQUAL)
+    bends = _bends(compiled, low, high)
+    if plain and not len(bends):
+        return fit_panels(values, low, high, periodic=periodic, tolerance=tolerance, first=FIRST, known=known), False
+    if len(bends):
+        boundaries = np.linspace(low, high, FIRST + 1) if plain else boundaries
+        apart = np.abs(boundaries[:, None] - bends).min(axis=1) > SHORT * (high - low) / EQUAL
+        apart[[0, -1]] = True
+        boundaries = np.unique(np.concatenate([boundaries[apart] if plain else boundaries, bends]))
+    noise = NOISE if plain else ROUGH
+    return fit_where_needed(values, boundaries, tolerance=tolerance, periodic=periodic, noise=noise)[0].joined(), not plain
+
+
+def _bends(compiled: Compiled, low: float, high: float) -> Real:
+    """Positions (n,) between two others, in order, at which a cam goes over to another form of its law: a derivative of J or Q
+    jumps there. None where they are very many, as of a measured profile, which is as good as smooth."""
+    if not any(r.kind == "cam" for r in compiled.model.relations):
+        return np.zeros(0)
+
+    def changes(x: Real) -> Index:
+        motion = _unit(compiled, x.ravel())
+        forms = np.stack([r.geometry.segment(motion) for r in motion.model.relations if r.kind == "cam"]).reshape(-1, *x.shape)
+        return np.stack(np.nonzero((forms[:, :, 1:] != forms[:, :, :-1]).any(axis=0)))
+
+    edges = np.linspace(low, high, MOST_BENDS * 4 + 1)[None]
+    for _ in range(ROUNDS):
+        row, k = changes(edges)
+        if not 0 < len(k) <= MOST_BENDS:
+            return np.zeros(0)
+        before, after = edges[row, k], edges[row, k + 1]
+        if (after - before <= 4.0 * np.spacing(np.abs(after))).all():
+            break
+        edges = before[:, None] + (after - before)[:, None] * np.linspace(0.0, 1.0, 33)
+    close = 1e-9 * (high - low)
+    return np.asarray(after[(after > low + close) & (after < high - close) & (np.diff(after, prepend=low) > close)])
 
 
 def whole_turn(
@@ -203,8 +237,8 @@ def whole_turn(
     rest += [e for e in fixed if e not in repeating]  # torsion springs, and tables over an angle that goes on
     known = _columns(unit, {e: forces[e] for e in repeating})[: len(x)]
     values = _values(compiled, repeating, usable)
-    table = _fitted(compiled, values, low, low + TURN, periodic=True, tolerance=tolerance, known=known, unit=unit)
-    return _curve(compiled, table, rest) if np.isfinite(table.coefficients).all() else None
+    table, singular = _fitted(compiled, values, low, low + TURN, periodic=True, tolerance=tolerance, known=known, unit=unit)
+    return _curve(compiled, table, singular, rest) if np.isfinite(table.coefficients).all() else None
 
 
 def _parted(compiled: Compiled, everywhere: Callable[[], Motion]) -> tuple[list[Effect], list[Effect]]:
@@ -258,11 +292,11 @@ def _columns(unit: Motion, forces: Mapping[Effect, Values]) -> Real:
     return np.column_stack(columns)
 
 
-def _curve(compiled: Compiled, table: Panels, rest: Sequence[Effect]) -> Curve:
+def _curve(compiled: Compiled, table: Panels, singular: bool, rest: Sequence[Effect]) -> Curve:
     first = table.derivative()
     second = first.derivative()
     both = table.stacked(first).stacked(second.only(0))
-    return Curve(compiled, table, both, tuple(rest))
+    return Curve(compiled, table, both, tuple(rest), singular)
 
 
 def _clear_of(singular_points: SingularPoints, start: float, q: float) -> float:

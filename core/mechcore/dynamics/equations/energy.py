@@ -13,7 +13,7 @@ import numpy as np
 from numpy.polynomial.chebyshev import chebvander
 
 from mechcore.arrays import Real
-from mechcore.constants import MOST_TURNS, TURN
+from mechcore.constants import MOST_TURNS
 from mechcore.dynamics.equations.curve import Curve
 from mechcore.errors import Fault, MechanismError
 from mechcore.numerics.chebyshev import NODES, Panels, fit_where_needed
@@ -148,6 +148,7 @@ class EnergyMotion:
 
 
 SMALL = 1e-10  # of the largest energy: below, its last digits decide how far a swing goes, and its table would be fitted in vain
+BESIDE = 1e-9  # of a leg: bends that are so close to each other are one
 CLOSE = 1e-10  # a last step of Newton's method that is shorter leaves an error of its square
 
 
@@ -162,9 +163,9 @@ def by_energy(
 ) -> EnergyMotion | None:
     """The motion from q0, v0 for ``duration`` [s]; None where this way does not lead on (rest in an equilibrium, a way towards an
     unstable equilibrium, a swing about one that is too small to be seen in the energy, the end of the tabulated range), or where
-    the table's panels are not equal. ``progress`` is told the time reached. Raises `MechanismError` where it gains speed for more
-    than `MOST_TURNS`."""
-    if curve.table.boundaries is not None:
+    the table comes close to singular positions. ``progress`` is told the time reached. Raises `MechanismError` where it gains
+    speed for more than `MOST_TURNS`."""
+    if curve.beside_singular:
         return None
     work = _Work(curve)
     inertia, force, _, slope, _ = (float(x) for x in curve.both(np.array([q0]))[0])
@@ -177,7 +178,8 @@ def by_energy(
         return None
     legs: list[Leg] = []
     q, t, from_rest = q0, 0.0, not v0
-    reach = TURN
+    whole = curve.table.high - curve.table.low  # a turn, or all that a table which does not repeat has: an angle or a length
+    reach = whole
     before = 0.0 if from_rest else _way_to_turn(work, q0, kinetic, -sign, reach)
     if before is None or not np.isfinite(before):
         before = 0.0
@@ -204,7 +206,7 @@ def by_energy(
         t, q_next = leg.time + leg.duration, q + sign * travel
         if progress is not None:
             progress(min(t, duration))
-        if t < duration and abs(q_next - q0) > TURN * MOST_TURNS:
+        if t < duration and abs(q_next - q0) > whole * MOST_TURNS:
             why = f"after {t:.6g} s of {duration:.6g} s it has made {MOST_TURNS:,} turns; motions are followed no farther."
             raise MechanismError(Fault("run.duration", why, f"Give at most {t:.3g} s."))
         if turning:
@@ -214,7 +216,7 @@ def by_energy(
         else:
             kinetic += float(work.gain(q, np.array([sign * travel]))[0])
             if not from_rest or abs(work.per_turn) > 1e-14 * size:  # else the next turn is the one that repeats
-                reach = min(2.0 * reach, 64.0 * TURN)
+                reach = min(2.0 * reach, 64.0 * whole)
         q, from_rest, before = q_next, bool(turning), 0.0
     return EnergyMotion(curve, tuple(legs), None, 0.0)
 
@@ -261,13 +263,21 @@ class _Work:
 
     def near(self, q: float, travel: Real) -> Real:
         """Work (n,) on signed ways (n,) from q on that are no longer than a panel, to all digits however short they are."""
-        force = self.table((q + travel[:, None] * _GAUSS[0]).ravel())[:, 1].reshape(travel.size, _GAUSS[0].size)
+        first = self.table.within_panel(q, travel)
+        out = self._short(np.full(travel.size, q), first)
+        over = first != travel
+        out[over] += self._short(q + first[over], (travel - first)[over])
+        return out
+
+    def _short(self, q: Real, travel: Real) -> Real:
+        """Work (n,) on signed ways (n,) from q (n,) on, within a panel each."""
+        force = self.table((q[:, None] + travel[:, None] * _GAUSS[0]).ravel())[:, 1].reshape(travel.size, _GAUSS[0].size)
         return np.asarray(travel * (force @ _GAUSS[1]))
 
     def gain(self, q: float, travel: Real) -> Real:
         """Work (n,) on signed ways (n,) from q on."""
         out = self(q + travel)[1] - self(np.array([q]))[1]
-        short = np.abs(travel) <= self.table.width
+        short = np.abs(travel) <= self.table.least
         if short.any():
             out[short] = self.near(q, travel[short])
         return np.asarray(out)
@@ -332,7 +342,7 @@ def _clock(work: _Work, start: float, length: float, ends: tuple[bool, bool], ki
 
     T = length f(u) Q, with Q the mean force on the way from a turning point: what vanishes there, f, is taken out of the root.
     """
-    size, width = abs(length), work.table.width
+    size, width = abs(length), work.table.least
     until = work(np.array([start]))[1]
 
     def rate(u: Real) -> Real:
@@ -352,5 +362,16 @@ def _clock(work: _Work, start: float, length: float, ends: tuple[bool, bool], ki
         inertia = np.maximum(inertia, 0.0)  # a table of what nearly vanishes may miss it
         return (size * slope * np.sqrt(0.5 * inertia / np.maximum(energy, 1e-300)))[:, None]
 
-    panels, left = fit_where_needed(rate, np.linspace(0.0, 1.0, max(2, round(size / width)) + 1), tolerance=tolerance)
+    panels, left = fit_where_needed(rate, _edges(work.table, start, length, ends), tolerance=tolerance)
     return panels.with_integral(0) if left <= 1e-6 else None
+
+
+def _edges(table: Panels, start: float, length: float, ends: tuple[bool, bool]) -> Real:
+    """Values of `_way`'s parameter between which a leg's time is one smooth function: the ends of unequal panels are bends."""
+    if table.boundaries is None:
+        return np.linspace(0.0, 1.0, max(2, round(abs(length) / table.width)) + 1)
+    f = np.sort((table.between(min(start, start + length), max(start, start + length)) - start) / length)
+    u = {(True, True): np.arctan2(np.sqrt(f), np.sqrt(1.0 - f)) / (0.5 * np.pi), (True, False): np.sqrt(f)}.get(ends)
+    u = u if u is not None else 1.0 - np.sqrt(1.0 - f) if ends[1] else f
+    u = u[(u > BESIDE) & (u < 1.0 - BESIDE)]
+    return np.concatenate([[0.0], u[np.diff(u, prepend=0.0) > BESIDE], [1.0]])
