@@ -266,9 +266,8 @@ def test_mouse_turns_and_wheel_zooms(wide):
     page.mouse.move(x + 80, y + 10, steps=3)
     page.mouse.up()
     page.mouse.wheel(0, -300)
-    page.evaluate("new Promise((done) => setTimeout(done, 60))")
+    page.wait_for_function(f"mechviz.player.stage.camera.distance < {0.9 * distance}")
     assert page.evaluate("mechviz.player.stage.camera.yaw") < yaw - 0.1
-    assert page.evaluate("mechviz.player.stage.camera.distance") < 0.9 * distance
 
 
 def test_tabs_and_camera_obey_the_keyboard(wide):

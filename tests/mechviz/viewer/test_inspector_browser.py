@@ -233,6 +233,7 @@ def test_effects_are_switched_and_weighed(viewer, page):
     page.get_by_label("inertia", exact=True).uncheck()
     until(page, lambda: viewer.run.scene.effects == (), "no inertia")
     open_tab(page, "View")
+    page.get_by_label("Reactions", exact=True).wait_for()
     until(page, lambda: not page.get_by_label("Inertia", exact=True).is_visible(), "no arrows of inertia to be had")
     open_tab(page, "Effects")
     caught_up(viewer, page)  # nothing is on its way that would put the box back under the pointer
@@ -249,10 +250,11 @@ def test_effects_are_switched_and_weighed(viewer, page):
     page.locator("tr", has_text="inertia").filter(has_text="N m").filter(has_text="ms").first.wait_for()
     assert peak > 0.0
     page.get_by_text("pure kinematics").wait_for(state="detached")
-    plan = page.get_by_role("img", name="Analysis plan")
-    until(page, lambda: plan.locator("g").count() == 10, "the plan with inertia and the load again")
-    values = plan.locator("g").evaluate_all("gs => gs.map(g => [g.querySelector('title').textContent.split(':')[0], g.dataset.on])")
-    assert dict(values)["inertia"] == "1" and dict(values)["gravity"] == "0"
+    boxes = page.get_by_role("img", name="Analysis plan").locator("g")
+    label_and_state = "gs => gs.map(g => [g.querySelector('title').textContent.split(':')[0], g.dataset.on])"
+    wanted = {"inertia": "1", "P": "1", "gravity": "0"}  # the plan follows at most a moment after the picture
+    until(page, lambda: wanted.items() <= dict(boxes.evaluate_all(label_and_state)).items(), "the plan with inertia and the load")
+    assert boxes.count() == 10
     assert viewer.session.wait(rested=True)
     viewer.inspector.effects.table.content = ""
     row = page.locator("tr", has_text="inertia").filter(has_text="N m").filter(has_text="ms")
@@ -382,11 +384,10 @@ def test_cameras_2d_and_dark(viewer, page):
     until(
         page, lambda: page.evaluate("() => window.__viserMutable.camera.fov") == pytest.approx(1.5, abs=0.01), "nearly orthographic"
     )
-    away = page.evaluate("() => { const m = window.__viserMutable.camera.matrixWorld.elements; return [m[8], m[9], m[10]]; }")
-    assert abs(abs(away[2]) - 1.0) < 1e-4, "straight on"
+    turned = "() => window.__viserMutable.camera.getWorldDirection(window.__viserMutable.camera.position.clone()).toArray()"
+    until(page, lambda: abs(abs(page.evaluate(turned)[2]) - 1.0) < 1e-4, "straight on")
     page.get_by_role("button", name="Angled", exact=True).click()
     until(page, lambda: page.evaluate(FOV) == pytest.approx(18.0, abs=0.1), "in space again")
-    turned = "() => window.__viserMutable.camera.getWorldDirection(window.__viserMutable.camera.position.clone()).toArray()"
     for button, preset in (("Isometric", "isometric"), ("Top", "top"), ("Side", "side"), ("Behind", "behind"), ("Front", "front")):
         page.get_by_role("button", name=button, exact=True).click()
         away = np.array(PRESETS[preset].away) * [-1.0, 1.0, -1.0]  # viser turns the scene by half a turn about y
@@ -687,7 +688,7 @@ def test_who_comes_later_or_reloads_sees_what_has_been_made_of_the_scene(viewer,
     _until_drawn(viewer, page)
     until(page, lambda: page.evaluate(EXTENT, NODES[0]) == pytest.approx(longer, abs=1e-4), "the longer crank after a reload")
     uuid = page.locator("label", has_text=CRANK).first.get_attribute("for")
-    assert float(page.locator(f'[id="{uuid}"] ~ div input').input_value()) == pytest.approx(0.125)
+    until(page, lambda: float(page.locator(f'[id="{uuid}"] ~ div input').input_value()) == pytest.approx(0.125), "its slider")
     until(page, lambda: len(viewer.server.get_clients()) == 1, "the old page has gone")
 
 

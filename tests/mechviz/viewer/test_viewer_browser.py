@@ -18,6 +18,7 @@ from browsing import (
     READY,
     SEEN,
     SIZE,
+    camera_rests,
     caught_up,
     heard,
     next_frames,
@@ -142,7 +143,7 @@ def _red(shot: np.ndarray) -> int:
 
 
 def test_the_page_shows_the_mechanism(viewer, page, errors):
-    assert "Kinetostatics of a four-bar" in page.title()
+    until(page, lambda: "Kinetostatics of a four-bar" in page.title(), "its title")
 
     def seen() -> bool:
         shot = picture(page)
@@ -244,15 +245,18 @@ def test_between_frames_a_page_draws_what_lies_between_them_but_where_something_
     _until_drawn(viewer, page)
 
 
+POINT = """() => { const dot = document.querySelector('.mechviz-diagram circle');
+    return [dot.getAttribute('cx'), dot.getAttribute('cy')]; }"""
+
+
 def test_a_diagram_moves_while_the_browser_plays_if_it_is_seen(viewer, page):
     diagrams = viewer.inspector.diagrams
     open_tab(page, "Diagrams")
     viewer.play()
     until(page, lambda: diagrams.watched, "the page has said so")
-    box = page.locator(".mechviz-diagram circle").first
-    place = (box.get_attribute("cx"), box.get_attribute("cy"))
-    until(page, lambda: (box.get_attribute("cx"), box.get_attribute("cy")) != place, "the point moves along its curve")
-    assert viewer.player.aside
+    place = page.evaluate(POINT)
+    until(page, lambda: page.evaluate(POINT) != place, "the point moves along its curve")
+    until(page, lambda: viewer.player.aside, "played by the browser")
     open_tab(page, "Plots")
     until(page, lambda: not diagrams.watched, "nobody sees it any more")
 
@@ -515,6 +519,7 @@ def test_the_cursor_of_a_plot_moves_and_another_quantity_can_be_chosen(viewer, p
     page.locator(f'[id="{uuid_of(slot.choice)}"]').click()
     page.get_by_role("option", name="joint B: reaction [N]").click()
     until(page, lambda: slot.quantity.label == "joint B: reaction", "the new quantity")
+    heard(viewer)  # its chart is there, too
     uuid = uuid_of(slot.chart)
     page.wait_for_function("uuid => !!window.__viserTestpoints.uplots[uuid]?.chart", arg=uuid)
     until(page, lambda: page.evaluate(CURSOR, uuid) == pytest.approx([270, 270]), "the cursor of the new plot")
@@ -593,7 +598,7 @@ def test_the_front_is_reached_before_the_browser_has_told_that_its_camera_moved(
             if (message.type === 'ViewerCameraMessage') m.mechvizHeld += 1; else m.mechvizSend(message); }; }""")
     try:
         _zoom(page)
-        assert page.evaluate("() => window.__viserMutable.mechvizHeld") > 0, "nothing was held back"
+        until(page, lambda: page.evaluate("() => window.__viserMutable.mechvizHeld") > 0, "a message held back")
         page.get_by_role("button", name="Front", exact=True).click()
         until(page, lambda: _at(page, fitted), "back at the front")
     finally:
@@ -627,6 +632,7 @@ def test_in_2d_dragging_moves_the_picture_and_turns_nothing(viewer, page):
 
     page.get_by_role("button", name="2D", exact=True).click()
     until(page, lambda: page.evaluate("() => window.__viserMutable.camera.fov") < 2.0, "hardly any perspective")
+    camera_rests(page)
     assert dragged() < 1e-9
     page.get_by_role("button", name="Front", exact=True).click()
     _until_fitted(viewer, page)
@@ -639,11 +645,11 @@ def test_reset_view_leads_out_of_2d(viewer, page):
     drag = "() => { const c = window.__viserMutable.cameraControl; return c.mouseButtons.left === c.constructor.ACTION.ROTATE; }"
     page.get_by_role("button", name="2D", exact=True).click()
     until(page, lambda: page.evaluate("() => window.__viserMutable.camera.fov") < 2.0, "hardly any perspective")
-    assert not page.evaluate(drag)
+    until(page, lambda: not page.evaluate(drag), "dragging moves the picture")
     page.evaluate("() => window.__viserMutable.resetCameraPose(true)")  # what viser's button calls
     _until_fitted(viewer, page)
     until(page, lambda: page.evaluate("() => window.__viserMutable.camera.fov") > 10.0, "the usual angle of view")
-    assert page.evaluate(drag)
+    until(page, lambda: page.evaluate(drag), "dragging turns again")
     assert {viewer.scene.cameras.preset(client) for client in viewer.server.get_clients().values()} == {"front"}
 
 
