@@ -19,7 +19,8 @@ def main() -> None:
     for number in (signal.SIGINT, signal.SIGTERM):
         if signal.getsignal(number) is not signal.SIG_IGN:  # as under nohup
             signal.signal(number, _leave)
-    gc.set_threshold(100_000, 20, 20)  # what loads stays: looking through it for garbage takes a tenth of a command's time
+    gc.disable()  # until the command has loaded (`load_module`)
+    gc.set_threshold(100_000, 20, 20)
     from mechviz.commands.main import main as command
 
     command()

@@ -23,7 +23,6 @@ whether the results can be trusted.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
@@ -34,6 +33,7 @@ from mechcore.arrays import Real
 from mechcore.constants import TURN
 from mechcore.errors import Fault, MechanismError
 from mechcore.numerics.interpolation import between, differentiate
+from mechcore.records import dataclass
 from mechviz.accuracy.quantities import (
     Passage,
     Quantity,

@@ -9,7 +9,7 @@ own: facets, points of cam profiles, digits, frames with pictures.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
@@ -19,6 +19,7 @@ from mechcore.accuracy import Accuracy
 from mechcore.arrays import Real
 from mechcore.forces.kinetostatics import solve_forces
 from mechcore.motion.solve import compile_mechanism, default_times, solve_motion
+from mechcore.records import dataclass
 from mechviz.accuracy.estimate import integration_error
 from mechviz.accuracy.quantities import Quantity, errors_between, quantities
 from mechviz.scene.limits import check_frames

@@ -9,7 +9,6 @@ straight through its flat position) there is none.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -19,6 +18,7 @@ from mechcore.arrays import Real
 from mechcore.kinematics.columns import matrix_of
 from mechcore.motion.motion import Motion
 from mechcore.numerics.interpolation import between
+from mechcore.records import dataclass
 from mechviz.quantities.items import joints_of, links_of
 
 KINDS = ("position", "velocity", "acceleration", "reaction")

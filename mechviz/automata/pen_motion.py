@@ -12,13 +12,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from scipy.ndimage import minimum_filter1d
 
 from mechcore.arrays import Complex, Real
 from mechcore.errors import Fault, MechanismError
+from mechcore.records import dataclass
 from mechcore.texts import as_length
 from mechviz.scene.folder import SceneFolder
 from mechviz.scene.scene import Scene, loads

@@ -8,13 +8,13 @@ without being the lowest slip.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from mechcore.arrays import Complex, Index, Real
 from mechcore.errors import Fault, MechanismError
+from mechcore.records import dataclass
 from mechviz.runs import run_scene
 from mechviz.scene.scene import Scene
 

@@ -10,7 +10,6 @@ from __future__ import annotations
 import cmath
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 import shapely
@@ -23,6 +22,7 @@ from mechcore.laws.catalogue import rise as rise_of
 from mechcore.laws.curve import MotionCurve
 from mechcore.laws.program import Segment, program
 from mechcore.laws.segment_laws import Dwell, NormalisedLaw
+from mechcore.records import dataclass
 from mechcore.texts import as_angle, as_length
 from mechviz.automata.pen_linkages import PIVOTS, PenLinkage, Rods
 from mechviz.automata.pen_motion import DOWN, PenMotion, csv_table, place, plan_motion, quoted

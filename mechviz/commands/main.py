@@ -12,7 +12,6 @@ import os
 import sys
 from collections.abc import Callable
 from functools import wraps
-from importlib import import_module
 from textwrap import fill, shorten
 from typing import Annotated, Any, get_args, get_type_hints
 
@@ -20,7 +19,7 @@ import typer
 from typer.core import TyperGroup
 from typer.main import get_command
 
-from mechviz.commands.shared.messages import Stdout, fail, no_output, orderly, unforeseen
+from mechviz.commands.shared.messages import Stdout, fail, load_module, no_output, orderly, unforeseen
 from mechviz.files import LARGE
 from mechviz.scene.folder import TOPICS, gallery
 
@@ -108,8 +107,9 @@ def load_command(name: str) -> Any:
     """The command of a name, from its module."""
     if not any(variable in os.environ for variable in THREADS):
         os.environ.update(dict.fromkeys(THREADS, "1"))
+    os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")  # looking for them takes longer than reading a scene
     module = next(module for module, commands in COMMANDS.items() if name in commands)
-    function = getattr(import_module(f"mechviz.commands.{module}"), name)
+    function = getattr(load_module(f"mechviz.commands.{module}"), name)
     if isinstance(function, typer.Typer):  # a group of commands
         for own in function.registered_commands:
             own.callback = _with_finite_numbers(own.callback) if own.callback else None

@@ -5,9 +5,10 @@ from __future__ import annotations
 import copy
 import time
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
+from mechcore.records import dataclass
 from mechviz.scene.annotations import Place
 from mechviz.scene.document import SceneDocument
 from mechviz.scene.faults import SceneError

@@ -8,10 +8,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any, Literal, get_args, get_origin
 
 from mechcore.laws.catalogue import RISES
+from mechcore.records import dataclass
 from mechviz.scene.annotations import Leaf, Place, hints_of, leaves
 from mechviz.scene.document import SceneDocument, value_at
 from mechviz.scene.expressions import is_plain, parse_expression

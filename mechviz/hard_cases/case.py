@@ -6,7 +6,7 @@ import io
 import re
 import time
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from typing import Any, Literal
 
 import numpy as np
@@ -14,6 +14,7 @@ import numpy as np
 from mechcore.errors import MechanismError
 from mechcore.forces.kinetostatics import Forces
 from mechcore.motion.motion import Motion
+from mechcore.records import dataclass
 
 Family = Literal["linkages", "cams", "friction", "dynamics", "input"]
 FAMILIES: tuple[Family, ...] = ("linkages", "cams", "friction", "dynamics", "input")

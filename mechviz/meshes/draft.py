@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import TYPE_CHECKING
 
 from shapely.geometry import Polygon
 
+from mechcore.records import dataclass
 from mechcore.spec.mechanism import Vec2
 from mechviz.meshes.extrude import Profile
 

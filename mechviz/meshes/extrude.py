@@ -7,7 +7,6 @@ by construction and no vertices need merging. Lengths are in units of the mechan
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
@@ -15,6 +14,7 @@ from mapbox_earcut import triangulate_float64
 from shapely.geometry import LinearRing, Point, Polygon
 
 from mechcore.arrays import Integers, Real
+from mechcore.records import dataclass
 from mechviz.meshes.outline import ShapeError, clean
 from mechviz.meshes.shading import Color
 

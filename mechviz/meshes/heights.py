@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -11,6 +10,7 @@ import shapely
 
 from mechcore.arrays import Integers, Real
 from mechcore.joints.registry import build_joints
+from mechcore.records import dataclass
 from mechcore.spec.mechanism import Mechanism, Vec2
 from mechviz.meshes.extrude import Part
 from mechviz.meshes.model import Model

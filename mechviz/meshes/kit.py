@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
 
@@ -15,6 +14,7 @@ from shapely.ops import unary_union
 
 from mechcore.arrays import Real
 from mechcore.cams import Roller
+from mechcore.records import dataclass
 from mechcore.spec.mechanism import Mechanism, Vec2
 from mechviz.meshes.draft import Draft
 from mechviz.meshes.layers import Levels, stack_pieces

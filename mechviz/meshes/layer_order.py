@@ -9,13 +9,13 @@ from __future__ import annotations
 
 import random
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mechcore.arrays import Flags, Integers, Real
+from mechcore.records import dataclass
 
 _CLASH = 1000.0
 _FRONT = 12.0  # a pedestal in front of everything hides the view: worth one more layer, but no clash

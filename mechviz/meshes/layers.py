@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -13,6 +12,7 @@ from numpy.typing import NDArray
 from shapely.geometry import Polygon
 
 from mechcore.arrays import Flags, Integers, Real
+from mechcore.records import dataclass
 from mechviz.meshes.draft import Draft, Neck, Piece
 from mechviz.meshes.kinds.wheels_drawn import webs
 from mechviz.meshes.layer_order import Post, order_layers

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 
 import numpy as np
 from shapely.geometry import Point, Polygon
@@ -11,6 +11,7 @@ from shapely.geometry import Point, Polygon
 from mechcore.arrays import Real
 from mechcore.joints.base import Builder, LoopJoint
 from mechcore.joints.registry import build_joints
+from mechcore.records import dataclass
 from mechcore.spec.loads import Force
 from mechcore.spec.mechanism import CamJoint, Link, Mechanism, PinSlot, Prismatic, Rolling, Screw, Vec2
 from mechviz.meshes.kinds.cam_profiles import CamDrawing, InverseDrawing, cam_extents, find_cams, find_inverse

@@ -6,13 +6,13 @@ Lengths are in units of the size; every part is given in the frame of its link, 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
 from shapely.geometry import Point, Polygon, box
 from shapely.ops import unary_union
 
+from mechcore.records import dataclass
 from mechcore.spec.mechanism import Vec2
 from mechviz.meshes.draft import Draft, Neck, Piece
 from mechviz.meshes.extrude import Groove, Part, Prism, Profile, Shell, Turned, plate, revolve

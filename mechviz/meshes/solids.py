@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -17,6 +17,7 @@ from shapely.geometry import Polygon
 
 from mechcore.arrays import Real, Single
 from mechcore.errors import Fault, MechanismError
+from mechcore.records import dataclass
 from mechcore.spec.mechanism import Mechanism
 from mechviz.meshes.extrude import Part, Shell, joined_shells
 from mechviz.meshes.heights import Heights, find_heights

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -11,6 +10,7 @@ import numpy as np
 
 from mechcore.arrays import Complex, Real, Single
 from mechcore.effects.machines import CylinderGas
+from mechcore.records import dataclass
 from mechcore.spec.clearance import made_joints
 from mechcore.spec.loads import GasPressure
 from mechviz.outputs.rerun.entities import Static, Stream, columns_of, entity, line_strips, packed

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
 from mechcore.motion.events import Event, runs
+from mechcore.records import dataclass
 from mechviz.outputs.rerun.contract import Model
 from mechviz.outputs.rerun.entities import parts_of
 from mechviz.outputs.rerun.reader import Recording, Rows

@@ -4,7 +4,6 @@ constructions, words."""
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
 from functools import cache
 
 import numpy as np
@@ -12,6 +11,7 @@ import numpy as np
 from mechcore.arrays import Integers, Real
 from mechcore.errors import MechanismError
 from mechcore.motion.events import Event
+from mechcore.records import dataclass
 from mechviz.outputs.rerun.content import notes
 from mechviz.outputs.rerun.entities import RecordingError, parts_of, picture_stride, unpacked
 from mechviz.outputs.rerun.plots import find_lanes

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 
 from mechcore.arrays import Flags, Real
+from mechcore.records import dataclass
 from mechviz.picture.nodes import Arc, Arrow, Node
 from mechviz.picture.proportions import ARC_RADIUS
 from mechviz.quantities.items import Source, Table, values_of

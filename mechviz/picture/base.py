@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -12,6 +11,7 @@ from shapely.geometry import LineString, Point, Polygon, box
 from shapely.ops import unary_union
 
 from mechcore.arrays import Real
+from mechcore.records import dataclass
 from mechcore.spec.mechanism import Vec2
 from mechviz.meshes.outline import polygons
 from mechviz.meshes.shading import Color

@@ -4,13 +4,13 @@ of percussion with the line of the inertia resultant. Their nodes are called by 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from mechcore.arrays import Complex, Real
 from mechcore.constructions.centres import InflectionCircle, InstantCentre, PathCurvature, Percussion
+from mechcore.records import dataclass
 from mechviz.picture.nodes import ArrowSet, Color, Lines, Node, Points
 from mechviz.picture.overlays import polode_pieces, space, within
 

@@ -11,7 +11,6 @@ frame stands at the bottom.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from itertools import combinations, pairwise
 from typing import TYPE_CHECKING
 
@@ -22,6 +21,7 @@ from mechcore.constructions.equations import ContourGraph, contour_graph
 from mechcore.constructions.force_polygons import Funicular
 from mechcore.constructions.polygons import Edge, Polygon
 from mechcore.motion.structure import ROMAN
+from mechcore.records import dataclass
 
 if TYPE_CHECKING:
     from mechviz.runs import Run

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from functools import cached_property
 from typing import TypeVar
 
@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechcore.arrays import Flags, Index, Real, Single
+from mechcore.records import dataclass
 from mechviz.meshes import solids
 from mechviz.quantities.vectors import Moment, Scales, Vector
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING
 
@@ -11,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechcore.arrays import Integers, Real, Single
+from mechcore.records import dataclass
 from mechcore.spec.loads import Actuator, Bushing, Damper, GasSpring, Spring, TorsionSpring
 from mechcore.spec.mechanism import Mechanism
 from mechviz.meshes.extrude import Shell

@@ -4,7 +4,6 @@ pens, lines that grow with the frames, on their sheet."""
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Literal, get_args
 
 import numpy as np
@@ -16,6 +15,7 @@ from mechcore.cams.placement.inverse import PlacedInverse
 from mechcore.cams.placement.plane import PlacedCam
 from mechcore.cams.placement.spatial import PlacedSpatial, roller_angle
 from mechcore.forces.cam_rating import contact_force, placed_cams
+from mechcore.records import dataclass
 from mechcore.spec.mechanism import CamJoint
 from mechviz.picture.nodes import Color, Lines
 from mechviz.picture.proportions import about_z, in_space

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import TYPE_CHECKING, Any
 
 from mechcore.errors import Fault
+from mechcore.records import dataclass
 from mechviz.scene.folder import SceneFolder
 from mechviz.scene.units import KINDS, QuantityError, Units, magnitude, parse
 

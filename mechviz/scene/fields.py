@@ -11,7 +11,6 @@ import inspect
 import math
 import sys
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
 from functools import cache
 from itertools import pairwise
 from threading import RLock
@@ -33,6 +32,7 @@ from pydantic import (
 )
 from pydantic_core import CoreSchema, PydanticCustomError, core_schema
 
+from mechcore.records import dataclass
 from mechviz.scene.units import EXPRESSION_PATTERN, KINDS, QUANTITY_PATTERN, QuantityError, magnitude, parse, unit_factor
 
 

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterator
-from dataclasses import dataclass
 from functools import cache
 from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeVar, get_args
 
 from pydantic import Field
 
 from mechcore.errors import Fault
+from mechcore.records import dataclass
 from mechviz.scene.annotations import Leaf, hints_of, leaves, raw_value, stated_keys
 from mechviz.scene.faults import did_you_mean, listing, path_text
 from mechviz.scene.fields import Table, Text, Unknown
@@ -65,13 +65,13 @@ def _marked(document: Table, sort: type[T]) -> Iterator[tuple[Leaf, T]]:
 
 @cache
 def _marking(cls: type[Table], sort: Any) -> tuple[str, ...]:
-    """The keys of a table that hold texts with a mark of a sort, or tables that do."""
+    """The keys of a table that hold texts with a mark of a sort, or tables: whether these do is seen where there are any."""
     return tuple(key for key, hint in hints_of(cls).items() if _marks(hint, sort))
 
 
 def _marks(annotation: Any, sort: type) -> bool:
     if isinstance(annotation, type) and issubclass(annotation, Table):
-        return bool(_marking(annotation, sort))
+        return True
     return isinstance(annotation, sort) or any(_marks(inner, sort) for inner in get_args(annotation))
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -13,6 +13,7 @@ from pydantic import ValidationError
 
 from mechcore.accuracy import Accuracy
 from mechcore.errors import Fault
+from mechcore.records import dataclass
 from mechcore.spec.mechanism import Mechanism
 from mechviz.files import replacing
 from mechviz.scene.annotations import Place, raw_value

@@ -11,10 +11,10 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass
 from decimal import Decimal
 from functools import cache
 
+from mechcore.records import dataclass
 from mechcore.texts import shown
 from mechviz.scene.faults import closest
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -15,6 +14,7 @@ from mechcore.arrays import Real
 from mechcore.errors import Fault
 from mechcore.motion.motion import Motion
 from mechcore.motion.solve import compile_mechanism, default_times, solve_motion
+from mechcore.records import dataclass
 from mechcore.reduction.balancing import Counterweight, Shaking, counterweights, find_linkage, shaking
 from mechviz.figures import COLOURS, chart, save_chart
 from mechviz.files import OutputError

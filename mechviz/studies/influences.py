@@ -4,7 +4,6 @@ again."""
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
@@ -14,6 +13,7 @@ from mechcore.arrays import Real
 from mechcore.errors import MechanismError
 from mechcore.forces.kinetostatics import solve_forces
 from mechcore.motion.solve import compile_mechanism, default_times, solve_motion
+from mechcore.records import dataclass
 from mechcore.spec.mechanism import EFFECTS
 from mechviz.quantities.items import joints_of
 from mechviz.runs import run_scene

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -15,6 +14,7 @@ from mechcore.errors import Fault, MechanismError
 from mechcore.forces.cam_rating import AnyCam, contact_force, joint_of, least_springs, placed_cams
 from mechcore.laws.curve import MotionCurve
 from mechcore.laws.factors import jumps, peak
+from mechcore.records import dataclass
 from mechcore.texts import Text, UnitSystem, as_angle, as_coordinate, as_force, as_length, as_quantity, as_torque
 from mechviz.figures import COLOURS, chart
 from mechviz.runs import run_scene

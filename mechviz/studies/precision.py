@@ -7,7 +7,7 @@ import json
 import os
 import tempfile
 from collections.abc import Callable, Collection, Iterator, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, replace
 from datetime import date
 from functools import partial
 from pathlib import Path
@@ -21,6 +21,7 @@ from mechcore.arrays import Real
 from mechcore.errors import MechanismError
 from mechcore.forces.kinetostatics import solve_forces
 from mechcore.motion.solve import default_times, solve_motion
+from mechcore.records import dataclass
 from mechviz.accuracy.estimate import estimate_errors, poses_apart
 from mechviz.accuracy.fit import ORDERS, PROFILE, achieved, duration, fit_frames, plane_cams, profile_away, provider
 from mechviz.accuracy.quantities import quantities

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 
+from mechcore.records import dataclass
 from mechcore.reduction.bodies import single_resultant
 from mechcore.reduction.inverse import PlaneRates, inertia_from_swing, inertia_from_two_swings, rates_from_accelerations
 from mechcore.reduction.substitute import PointMass, substitute_masses

@@ -5,18 +5,20 @@ from __future__ import annotations
 import ctypes
 import os
 from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from copy import copy
 from functools import cache, reduce
 from itertools import pairwise
 from operator import or_
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from mechcore.arrays import Complex, Real
 from mechcore.compiled.operands import Names, Node, Operand
 from mechcore.compiled.symbols import Code, Symbol
+
+if TYPE_CHECKING:
+    from concurrent.futures import ThreadPoolExecutor
 
 LANE, FRAME = 1, 2  # what a number of a program differs with
 BOTH = LANE | FRAME
@@ -300,6 +302,8 @@ def cores() -> int:
 
 @cache
 def _threads() -> ThreadPoolExecutor:
+    from concurrent.futures import ThreadPoolExecutor  # loads logging
+
     return ThreadPoolExecutor(cores(), "mechviz")
 
 

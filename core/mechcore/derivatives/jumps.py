@@ -20,9 +20,9 @@ from mechcore.derivatives.exact import Derivatives
 from mechcore.derivatives.model_numbers import Numbers, Parameter, refusal, slopes
 from mechcore.derivatives.phases import SWEEP, Phase, PhaseDerivatives, carried
 from mechcore.dynamics.contact.dry_friction import DrySystem
-from mechcore.dynamics.contact.separation import FollowerSeparation, SeparableCam
+from mechcore.dynamics.contact.separation import FollowerSeparation
 from mechcore.dynamics.equations.reduced import forms_of, free_of, motion_at, reduce
-from mechcore.dynamics.events import Stop
+from mechcore.dynamics.events import SeparableCam, Stop
 from mechcore.dynamics.segments import segment_forces
 from mechcore.dynamics.simulation import Simulation, powers_of
 from mechcore.effects.masses import kinetic_energy

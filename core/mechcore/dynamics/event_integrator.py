@@ -14,7 +14,6 @@ from mechcore.dynamics.contact.end_stops import LEAST_BOUNCE, TOUCH, EndStops, a
 from mechcore.dynamics.contact.friction_state import FrictionState
 from mechcore.dynamics.contact.separation import (
     FollowerSeparation,
-    SeparableCam,
     driven_windows,
     first_beyond,
     pressing,
@@ -39,6 +38,7 @@ from mechcore.dynamics.events import (
     Log,
     PossibleEvent,
     Reaction,
+    SeparableCam,
     SimulationEvent,
     Stop,
     event_function_of,

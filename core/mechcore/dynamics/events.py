@@ -4,18 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from itertools import pairwise
-from typing import Any, Literal, NamedTuple
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.polynomial import chebyshev
 from numpy.typing import NDArray
 
 from mechcore.arrays import Real
-from mechcore.dynamics.integration.collocation import Window
 from mechcore.motion.motion import Motion
 from mechcore.records import dataclass
 from mechcore.spec.mechanism import Mechanism
 from mechcore.texts import Text, as_coordinate, as_quantity
+
+if TYPE_CHECKING:
+    from mechcore.dynamics.integration.collocation import Window
 
 SAMPLES = 25  # of a window, in which an event function is a polynomial to rounding or nearly so
 _X = np.cos(np.pi * (np.arange(SAMPLES) + 0.5) / SAMPLES)[::-1]
@@ -60,6 +62,14 @@ def with_slot_ends(mechanism: Mechanism, stops: Sequence[Stop]) -> tuple[Stop, .
         if not any(s.side == "upper" and s.at <= high for s in own):
             all_stops.append(Stop(name=f"{name} upper end", joint=name, at=high))
     return tuple(all_stops)
+
+
+@dataclass(frozen=True, kw_only=True)
+class SeparableCam:
+    """A cam ``joint`` whose follower may leave it; ``restitution`` (0 to 1) of the impact when it comes back (Newton)."""
+
+    joint: str
+    restitution: float = 0.0
 
 
 @dataclass(frozen=True, kw_only=True)

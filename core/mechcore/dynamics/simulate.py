@@ -15,14 +15,13 @@ import numpy as np
 from mechcore.arrays import Real
 from mechcore.constants import MOST_TURNS, TURN
 from mechcore.dynamics.contact.friction_state import braking_elements
-from mechcore.dynamics.contact.separation import SeparableCam
 from mechcore.dynamics.equations.charts import Chart, curve_around
 from mechcore.dynamics.equations.curve import Curve
 from mechcore.dynamics.equations.energy import by_energy
 from mechcore.dynamics.equations.program import EquationsProgram
 from mechcore.dynamics.equations.reduced import coordinate_scales, free_of, integrating, moving, reduce
 from mechcore.dynamics.event_integrator import EventIntegrator, Method, table_tolerance
-from mechcore.dynamics.events import EventTrigger, SimulationEvent, Stop, with_slot_ends
+from mechcore.dynamics.events import EventTrigger, SeparableCam, SimulationEvent, Stop, with_slot_ends
 from mechcore.dynamics.integration.collocation import Window
 from mechcore.dynamics.integration.windows import Solution
 from mechcore.dynamics.rest.equilibrium import TOLD, Fastest, beside, check_periods, fastest_vibration, vibrations

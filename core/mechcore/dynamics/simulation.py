@@ -16,10 +16,10 @@ from numpy.typing import ArrayLike
 from mechcore.arrays import Index, Real
 from mechcore.constants import TURN
 from mechcore.dynamics.contact.dry_friction import DrySystem
-from mechcore.dynamics.contact.separation import FollowerSeparation, SeparableCam
+from mechcore.dynamics.contact.separation import FollowerSeparation
 from mechcore.dynamics.equations.energy import EnergyMotion
 from mechcore.dynamics.equations.reduced import free_of, integrating, motion_at
-from mechcore.dynamics.events import SimulationEvent, Stop
+from mechcore.dynamics.events import SeparableCam, SimulationEvent, Stop
 from mechcore.dynamics.integration.collocation import integrals
 from mechcore.dynamics.integration.windows import Solution
 from mechcore.dynamics.joined import JoinedForces, JoinedMotion

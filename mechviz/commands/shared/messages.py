@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import io
 import os
 import signal
@@ -11,6 +12,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from importlib import import_module
 from pathlib import Path
+from types import ModuleType
 from typing import Any, NoReturn
 
 import typer
@@ -124,6 +126,18 @@ def no_output(error: OSError) -> int:
     return 1
 
 
+def load_module(name: str) -> ModuleType:
+    """A module. What it makes while it loads stays: looking through that for garbage would take a tenth of a command's time."""
+    if name in sys.modules:
+        return sys.modules[name]
+    gc.disable()
+    try:
+        return import_module(name)
+    finally:
+        gc.freeze()
+        gc.enable()
+
+
 @contextmanager
 def interruptible(*libraries: str) -> Iterator[None]:
     """From here on Ctrl-C and SIGTERM are exceptions, so that what was begun can be left in order.
@@ -131,7 +145,7 @@ def interruptible(*libraries: str) -> Iterator[None]:
     ``libraries`` are loaded before: some catch everything while they load, and the exception would be lost.
     """
     for name in libraries:
-        import_module(name)
+        load_module(name)
     before = {
         signal.SIGINT: signal.signal(signal.SIGINT, signal.default_int_handler),
         signal.SIGTERM: signal.signal(signal.SIGTERM, lambda *_: sys.exit(143)),

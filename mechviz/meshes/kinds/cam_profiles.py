@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -12,6 +12,7 @@ from shapely.geometry import LineString, Point, Polygon
 from mechcore.arrays import Complex
 from mechcore.cams.followers import Oscillating
 from mechcore.joints.base import Builder, point_of
+from mechcore.records import dataclass
 from mechcore.spec.mechanism import CamJoint, Mechanism, Vec2
 from mechviz.meshes import outline
 from mechviz.meshes.draft import Draft, Neck, Piece

@@ -7,7 +7,7 @@ followers lie on the cam's layer and hang on the plate of their link. Lengths ar
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -17,6 +17,7 @@ from shapely.ops import unary_union
 from mechcore.arrays import Complex
 from mechcore.cams.closures import breadth
 from mechcore.cams.followers import Arc, Flat, Oscillating, Roller
+from mechcore.records import dataclass
 from mechviz.meshes import outline
 from mechviz.meshes.draft import Draft, Neck, Piece, joined
 from mechviz.meshes.kinds.cam_profiles import CamDrawing

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import cmath
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -12,6 +12,7 @@ from shapely import affinity
 from shapely.geometry import Point, Polygon
 
 from mechcore.joints.base import LoopJoint
+from mechcore.records import dataclass
 from mechcore.spec.mechanism import Cylinder, Mechanism, Prismatic, Revolute, Vec2
 from mechviz.meshes import outline
 from mechviz.meshes.draft import Draft, Neck, Piece, joined

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import lru_cache
 
 import numpy as np
@@ -12,6 +12,7 @@ from shapely.geometry import Point, Polygon
 from shapely.ops import unary_union
 
 from mechcore.arrays import Complex, Real
+from mechcore.records import dataclass
 from mechviz.meshes.outline import largest, rounded
 
 ADDENDUM = 1.0

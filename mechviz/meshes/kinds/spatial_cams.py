@@ -6,7 +6,7 @@ between the surface is ruled, as the flank of a cylindrical roller nearly is. Le
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -15,6 +15,7 @@ from shapely.ops import unary_union
 
 from mechcore.arrays import Real
 from mechcore.joints.base import Builder, point_of
+from mechcore.records import dataclass
 from mechcore.spec.mechanism import CamJoint, Mechanism, Vec2
 from mechviz.meshes.extrude import Part, Prism, Shell, bored, plate, revolve
 from mechviz.meshes.outline import disc, key_outline, keyed_bore, keyway_reach

@@ -9,13 +9,14 @@ from __future__ import annotations
 import cmath
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from typing import Literal
 
 import numpy as np
 
 from mechcore.arrays import Real
 from mechcore.joints.base import Builder, point_of
+from mechcore.records import dataclass
 from mechcore.spec.mechanism import Belt, Gear, Mechanism, Prismatic, Rack, Rolling, Vec2
 
 _FEWEST, _MOST = 6, 400  # sizes within these bounds that are whole numbers are numbers of teeth

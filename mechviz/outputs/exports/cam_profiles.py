@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from io import StringIO
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -18,6 +18,7 @@ from mechcore.cams.placement.plane import PlacedCam
 from mechcore.cams.placement.spatial import PlacedSpatial
 from mechcore.forces.cam_events import lost_ranges
 from mechcore.forces.cam_rating import placed_cams
+from mechcore.records import dataclass
 from mechcore.texts import Text, as_angle, as_coordinate
 from mechviz.files import OutputError, replacing
 from mechviz.scene.kinds.cam_files import biarcs

@@ -8,7 +8,6 @@ spring is a ribbon between a few windings of it.
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any
 
@@ -16,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechcore.arrays import Complex, Real
+from mechcore.records import dataclass
 from mechviz.outputs.presentation import Presentation
 from mechviz.picture.nodes import Arc, Arrow, Lines
 from mechviz.picture.proportions import (

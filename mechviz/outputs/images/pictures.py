@@ -9,13 +9,13 @@ import subprocess
 import tempfile
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
 from io import BytesIO
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from mechcore.records import dataclass
 from mechviz.files import OutputError, check_target, replacing
 from mechviz.outputs.images.browser import Chromium
 from mechviz.outputs.page.pack import Progress, quiet

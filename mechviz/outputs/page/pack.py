@@ -6,13 +6,13 @@ import base64
 import json
 import zlib
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mechcore.arrays import Integers, Real
+from mechcore.records import dataclass
 from mechviz.outputs.presentation import Presentation
 from mechviz.outputs.rerun.reader import evenly
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from html import escape
 from importlib.resources import files
 from typing import Any
@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from mechcore.arrays import Real
+from mechcore.records import dataclass
 from mechviz.outputs.page.pack import MOST_FRAMES, Frames, Pack, Progress, find_frames, quiet
 from mechviz.outputs.page.shapes import hex_of, pack_bodies, pack_drawables, pack_drawing, pack_links, spring_boxes
 from mechviz.outputs.presentation import Presentation

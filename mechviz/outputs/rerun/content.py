@@ -7,13 +7,13 @@ import json
 import re
 from base64 import b64encode
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass
 from html import escape
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from mechcore.forces.powers import power_labels, power_table
+from mechcore.records import dataclass
 from mechviz.accuracy.fit import target_words
 from mechviz.outputs.drawings import Diagram, diagram_shapes, diagram_streams, polygon_shapes, polygon_streams, polygon_views
 from mechviz.outputs.rerun.blueprint import BACKGROUND

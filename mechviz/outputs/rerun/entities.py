@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
 from functools import lru_cache, partial
 from typing import TYPE_CHECKING, Any
 
@@ -11,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechcore.arrays import Integers, Real, Single
+from mechcore.records import dataclass
 from mechviz.accuracy.fit import plain_stride
 from mechviz.files import OutputError
 from mechviz.picture.proportions import about_z, in_space

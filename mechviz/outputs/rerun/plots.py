@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -11,6 +10,7 @@ import numpy as np
 from mechcore.arrays import Real
 from mechcore.forces.friction.events import friction_lanes
 from mechcore.motion.events import Event
+from mechcore.records import dataclass
 from mechcore.spec.clearance import journals_of, made_joints
 from mechcore.spec.mechanism import CamJoint
 from mechviz.outputs.rerun.entities import Static, Stream, Timelines, entity, packed, scalar_rows

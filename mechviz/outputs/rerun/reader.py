@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -14,6 +13,7 @@ from numpy.typing import NDArray
 
 from mechcore.arrays import Integers, Real
 from mechcore.motion.events import Event
+from mechcore.records import dataclass
 from mechviz.files import open_regular, plain_name
 from mechviz.outputs.rerun.contract import Properties, faults_of, missing_tables, needed_tables, read_properties
 from mechviz.outputs.rerun.entities import APPLICATION, RecordingError, entity

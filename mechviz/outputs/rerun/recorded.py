@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator
-from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from mechcore.arrays import Complex, Flags, Index, Integers, Real, Single
+from mechcore.records import dataclass
 from mechviz.outputs.drawings import HEIGHT, WIDTH, Curve
 from mechviz.outputs.drawings import Diagram as Chart
 from mechviz.outputs.rerun.contract import NodePart

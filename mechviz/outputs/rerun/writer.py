@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -16,6 +16,7 @@ from mechcore.arrays import Real
 from mechcore.effects.plan import OUTPUTS, make_plan
 from mechcore.motion.events import Event
 from mechcore.numerics.frames import give_back_memory
+from mechcore.records import dataclass
 from mechcore.spec.clearance import made_joints
 from mechviz.outputs.drawings import diagram_views, find_diagrams
 from mechviz.outputs.rerun.blueprint import BACKGROUND, make_blueprint, spans_of_plots

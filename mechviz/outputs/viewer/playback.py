@@ -11,7 +11,7 @@ import base64
 import json
 import threading
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import field
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +20,7 @@ import viser
 from numpy.typing import NDArray
 
 from mechcore.arrays import Flags, Integers, Real, Single
+from mechcore.records import dataclass
 from mechviz.outputs.viewer.viser_adapter import run_script
 
 LARGEST = 16_000_000  # bytes of a motion that are sent to a browser

@@ -10,7 +10,7 @@ import socket
 import threading
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from functools import partial
 from typing import Any
 
@@ -20,6 +20,7 @@ import viser
 import websockets.asyncio.server
 from websockets.typing import Origin
 
+from mechcore.records import dataclass
 from mechviz.outputs.viewer.viser_adapter import control_of, is_removed, replaced, start
 
 HOST = "127.0.0.1"

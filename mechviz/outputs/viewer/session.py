@@ -6,13 +6,14 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from mechcore.errors import MechanismError
 from mechcore.numerics.frames import give_back_memory
+from mechcore.records import dataclass
 from mechcore.spec.mechanism import EFFECTS
 from mechviz.editor.history import Draft, History
 from mechviz.editor.parameters import Parameter, find_parameters

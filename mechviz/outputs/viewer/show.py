@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, fields, is_dataclass, replace
+from dataclasses import fields, is_dataclass, replace
 from functools import cache
 from typing import Any
 
@@ -12,6 +12,7 @@ import numpy as np
 from mechcore.accuracy import Accuracy
 from mechcore.arrays import Real
 from mechcore.joints.registry import build_joints
+from mechcore.records import dataclass
 from mechcore.spec.loads import Force
 from mechcore.spec.mechanism import Mechanism
 from mechviz.meshes.solids import Solids

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -12,6 +11,7 @@ from numpy.typing import NDArray
 
 from mechcore.arrays import Complex, Real, Single
 from mechcore.motion.events import Event
+from mechcore.records import dataclass
 from mechviz.picture.nodes import Lines, Picture, Points
 from mechviz.quantities.catalogue import Axis, Catalogue, Health, Quantity
 from mechviz.quantities.numbers import Numbers

@@ -20,7 +20,6 @@ import threading
 import time
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass
 from typing import Any, TypeAlias
 
 import msgspec
@@ -30,6 +29,8 @@ import zstandard
 from numpy.typing import NDArray
 from viser import infra
 from viser.infra import _infra
+
+from mechcore.records import dataclass
 
 KEPT = 4  # encoded windows: browsers that are not in the same turn
 SPARSE = 4  # from so many numbers a message on, those that are there are listed

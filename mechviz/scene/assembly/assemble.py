@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 from mechcore.dynamics.events import with_slot_ends
 from mechcore.errors import Fault, MechanismError
 from mechcore.forces.cam_rating import with_least_sizes
 from mechcore.laws.timed import Free, Law, moves
+from mechcore.records import dataclass
 from mechcore.reduction.bodies import Body
 from mechcore.spec.clearance import with_clearances
 from mechcore.spec.mechanism import Drive, Link, Mechanism, Planar, coordinates_of, friction_of

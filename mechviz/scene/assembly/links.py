@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -17,6 +17,7 @@ from mechcore.cams.contour import bulged, self_crossing
 from mechcore.errors import MechanismError
 from mechcore.laws.timed import Free
 from mechcore.motion.solve import compile_mechanism, default_times, solve_motion
+from mechcore.records import dataclass
 from mechcore.reduction.bodies import Body, area_of, combine
 from mechcore.spec.clearance import as_drawn
 from mechcore.spec.mechanism import Mechanism

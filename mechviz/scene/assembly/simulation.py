@@ -12,8 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mechcore.constants import TURN
-from mechcore.dynamics.contact.separation import SeparableCam
-from mechcore.dynamics.events import EventTrigger, Stop
+from mechcore.dynamics.events import EventTrigger, SeparableCam, Stop
 from mechcore.errors import Fault, MechanismError
 from mechcore.kinematics.build import build_model
 from mechcore.laws.timed import ConstantSpeed, Free, Law, Oscillation, Rest, moves

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
 from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import Discriminator, Field, GetJsonSchemaHandler, Tag, model_validator
@@ -11,6 +10,7 @@ from pydantic_core import CoreSchema
 
 from mechcore.errors import MechanismError
 from mechcore.laws.catalogue import FORMER_NAMES, rise
+from mechcore.records import dataclass
 from mechviz.scene.fields import (
     Angle,
     Coordinate,

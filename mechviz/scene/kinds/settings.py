@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from pydantic import (
@@ -21,6 +20,7 @@ from pydantic_core import CoreSchema, core_schema
 
 from mechcore.accuracy import DEFAULT, LOOSEST, TIGHTEST, Accuracy, accuracy_for
 from mechcore.errors import Fault
+from mechcore.records import dataclass
 from mechviz.scene.fields import Duration, Name, Number, Size, Table, Text, describe, fault, is_whole, refuse, table_or_value
 
 if TYPE_CHECKING:

@@ -7,7 +7,7 @@ import math
 import re
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, field
+from dataclasses import field
 from functools import cached_property
 from typing import Any, Literal, cast, get_args, get_origin
 
@@ -16,6 +16,7 @@ from pydantic import PlainValidator, TypeAdapter, ValidationError
 from pydantic_core import PydanticCustomError
 
 from mechcore.errors import Fault
+from mechcore.records import dataclass
 from mechviz.scene.annotations import hints_of, inner_types, peel
 from mechviz.scene.document import SceneDocument
 from mechviz.scene.faults import closest, listing, nearest, path_text

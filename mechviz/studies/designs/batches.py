@@ -8,7 +8,7 @@ themselves.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property
 from itertools import product
 
@@ -26,7 +26,7 @@ from mechcore.motion.design_program import DesignProgram
 from mechcore.motion.motion import Motion
 from mechcore.motion.solve import compile_mechanism, default_times
 from mechcore.motion.sweep import sweep
-from mechcore.records import numbers_in
+from mechcore.records import dataclass, numbers_in
 from mechcore.spec.mechanism import Link, braked
 from mechviz.quantities.catalogue import Catalogue, Quantity
 from mechviz.scene.annotations import Place

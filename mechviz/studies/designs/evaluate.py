@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from functools import lru_cache
 from pathlib import Path
 from threading import Lock
@@ -14,6 +14,7 @@ from mechcore.arrays import Real
 from mechcore.compiled.kernels import cores
 from mechcore.compiled.motion import Executor
 from mechcore.errors import Fault, MechanismError
+from mechcore.records import dataclass
 from mechviz.accuracy.estimate import doubts
 from mechviz.quantities.catalogue import Quantity
 from mechviz.runs import Run, run_scene

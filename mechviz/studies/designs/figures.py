@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -11,6 +10,7 @@ import numpy as np
 
 from mechcore.arrays import Flags, Real
 from mechcore.errors import Fault, MechanismError
+from mechcore.records import dataclass
 from mechviz.figures import chart, over_decades
 from mechviz.scene.scene import Scene, loads
 from mechviz.studies.designs.sweep import REASON

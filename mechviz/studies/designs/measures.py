@@ -6,7 +6,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -16,6 +16,7 @@ from mechcore.forces.kinetostatics import Forces
 from mechcore.motion.metrics import mechanical_advantage, transmission_angles, velocity_ratios
 from mechcore.motion.motion import Motion
 from mechcore.numerics.interpolation import between
+from mechcore.records import dataclass
 from mechviz.quantities.catalogue import Catalogue, Quantity
 from mechviz.quantities.vectors import centre_name, point_name
 from mechviz.scene.faults import did_you_mean

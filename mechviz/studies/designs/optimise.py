@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from concurrent.futures import Executor
 from contextlib import suppress
-from dataclasses import dataclass, field
+from dataclasses import field
 from itertools import product
 from typing import TYPE_CHECKING, Any
 
@@ -17,6 +17,7 @@ import numpy as np
 
 from mechcore.arrays import Real
 from mechcore.errors import Fault, MechanismError
+from mechcore.records import dataclass
 from mechviz.figures import chart, over_decades
 from mechviz.scene.scene import Scene
 from mechviz.studies.designs.evaluate import evaluate

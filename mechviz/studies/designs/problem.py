@@ -5,7 +5,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor as Pool
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -13,6 +12,7 @@ from mechcore.arrays import Flags, Real
 from mechcore.compiled.motion import Executor
 from mechcore.errors import Fault, MechanismError
 from mechcore.motion.metrics import grashof
+from mechcore.records import dataclass
 from mechcore.spec.mechanism import Mechanism, Revolute
 from mechviz.quantities.catalogue import Quantity
 from mechviz.runs import Run, run_scene

@@ -5,12 +5,12 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
 from mechcore.arrays import Real
 from mechcore.errors import Fault, MechanismError
+from mechcore.records import dataclass
 from mechviz.scene.faults import did_you_mean
 from mechviz.scene.scene import Scene
 from mechviz.scene.units import QuantityError, split, unit_of

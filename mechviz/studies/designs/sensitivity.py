@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -15,6 +15,7 @@ from mechcore.derivatives.exact import Derivatives
 from mechcore.derivatives.forced import derivatives_under_forces
 from mechcore.errors import Fault, MechanismError
 from mechcore.motion.solve import default_times
+from mechcore.records import dataclass
 from mechviz.figures import chart
 from mechviz.quantities.catalogue import Quantity
 from mechviz.runs import Run

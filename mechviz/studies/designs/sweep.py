@@ -7,7 +7,7 @@ import shutil
 import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import FIRST_COMPLETED, Executor, Future, ProcessPoolExecutor, wait
-from dataclasses import dataclass, field
+from dataclasses import field
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -15,6 +15,7 @@ import numpy as np
 
 from mechcore.arrays import Flags, Index, Real
 from mechcore.errors import Fault, MechanismError
+from mechcore.records import dataclass
 from mechviz.files import put_in_place, replacing
 from mechviz.runs import package_version
 from mechviz.studies.designs.evaluate import DesignResults, Study, evaluate

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Executor as Pool
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import product
 from typing import TYPE_CHECKING, Literal
 
@@ -18,6 +18,7 @@ import numpy as np
 from mechcore.arrays import Real
 from mechcore.compiled.motion import Executor
 from mechcore.errors import Fault, MechanismError
+from mechcore.records import dataclass
 from mechviz.figures import chart
 from mechviz.quantities.catalogue import Axis, Quantity
 from mechviz.runs import Run

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -11,6 +11,7 @@ from mechcore.derivatives.jumps import contact_numbers
 from mechcore.derivatives.model_numbers import Numbers, Parameter
 from mechcore.dynamics.events import with_slot_ends
 from mechcore.errors import Fault, MechanismError
+from mechcore.records import dataclass
 from mechcore.spec.mechanism import Mechanism
 from mechviz.scene.annotations import Leaf, Place, leaves
 from mechviz.scene.expressions import is_plain

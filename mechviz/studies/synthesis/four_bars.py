@@ -5,7 +5,6 @@ curve of a scene's coupler point (Roberts and Chebyshev)."""
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -26,6 +25,7 @@ from mechcore.design.freudenstein import FunctionGenerator, FunctionTask
 from mechcore.design.paths import PathDesign
 from mechcore.errors import Fault, MechanismError
 from mechcore.motion.metrics import grashof
+from mechcore.records import dataclass
 from mechcore.spec.mechanism import Revolute
 from mechviz.runs import Run
 from mechviz.scene.scene import Scene

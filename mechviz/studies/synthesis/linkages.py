@@ -5,7 +5,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +13,7 @@ import numpy as np
 from mechcore.arrays import Real
 from mechcore.design.four_bars import FourBar, used_range
 from mechcore.design.strokes import SlottedLever, Whitworth
+from mechcore.records import dataclass
 from mechviz.files import OutputError, check_target
 from mechviz.scene.scene import Scene, dump
 

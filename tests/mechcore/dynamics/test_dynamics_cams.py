@@ -14,7 +14,7 @@ from cam_mechanisms import oscillating, translating
 import mechviz
 from mechcore.cams.closures import Closure, first_separation
 from mechcore.cams.followers import Flat, Roller
-from mechcore.dynamics.contact.separation import SeparableCam
+from mechcore.dynamics.events import SeparableCam
 from mechcore.dynamics.simulate import simulate
 from mechcore.errors import MechanismError
 from mechcore.forces.cam_rating import contact_force, placed_cams

@@ -18,6 +18,7 @@ from mechcore.constants import TURN
 from mechcore.dynamics.contact.end_stops import impact
 from mechcore.dynamics.equations.charts import Chart, carried_on, enter
 from mechcore.dynamics.equations.reduced import free_of, motion_at, reduce, shifted, tangents
+from mechcore.dynamics.events import SeparableCam
 from mechcore.dynamics.integration.collocation import System, Window
 from mechcore.dynamics.integration.windows import Solution
 from mechcore.errors import Fault, MechanismError
@@ -37,14 +38,6 @@ SHARE = TURN / 8.0  # of the cam's turn in a window in which nothing has to be i
 ROUNDS = 10
 CLOSE, NEARLY = 3, 0.02  # looks at a peak that is by less than this part of the event function's range below the limit
 PARTS = 17
-
-
-@dataclass(frozen=True, kw_only=True)
-class SeparableCam:
-    """A cam ``joint`` whose follower may leave it; ``restitution`` (0 to 1) of the impact when it comes back (Newton)."""
-
-    joint: str
-    restitution: float = 0.0
 
 
 @dataclass(frozen=True, eq=False)

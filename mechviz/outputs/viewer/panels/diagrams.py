@@ -5,7 +5,6 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass
 from functools import cached_property, partial
 from html import escape
 from typing import Any, get_args
@@ -14,6 +13,7 @@ import numpy as np
 import viser
 
 from mechcore.arrays import Complex, Real
+from mechcore.records import dataclass
 from mechcore.spec.mechanism import ANSWERS
 from mechviz.outputs.drawings import Curve as ChartCurve
 from mechviz.outputs.drawings import Diagram as Chart

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
 from functools import partial
 from html import escape
 from itertools import pairwise
@@ -13,6 +12,7 @@ import viser
 
 from mechcore.effects.plan import Plan
 from mechcore.effects.registry import effects_of
+from mechcore.records import dataclass
 from mechcore.spec.mechanism import EFFECTS, Mechanism
 from mechviz.outputs.viewer import words
 from mechviz.outputs.viewer.panels.charts import svg_text

@@ -4,7 +4,7 @@ placed, for which four-bars are found that lead it through them."""
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from typing import Any
 
@@ -13,6 +13,7 @@ import viser
 
 from mechcore.design.burmester import Poses
 from mechcore.errors import Fault, MechanismError
+from mechcore.records import dataclass
 from mechviz.editor.history import Draft
 from mechviz.editor.parameters import Parameter, find_parameters
 from mechviz.outputs.viewer import words

@@ -8,7 +8,7 @@ import threading
 import time
 from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, field
+from dataclasses import field
 from itertools import cycle
 from typing import Any
 
@@ -17,6 +17,7 @@ import viser
 from viser import uplot
 
 from mechcore.arrays import Index, Real
+from mechcore.records import dataclass
 from mechviz.editor.worker import left_over
 from mechviz.outputs.exports.tables import KINDS, plot_file
 from mechviz.outputs.viewer.playback import NumberTrack, PlotTrack

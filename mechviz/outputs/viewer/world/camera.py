@@ -5,13 +5,13 @@ from __future__ import annotations
 import asyncio
 import json
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import viser
 
 from mechcore.arrays import Real
+from mechcore.records import dataclass
 from mechviz.outputs.viewer.viser_adapter import run_script
 
 FIELD_OF_VIEW = np.radians(18.0)  # little perspective: lengths can be compared, and yet plates have thickness

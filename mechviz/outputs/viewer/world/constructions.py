@@ -7,7 +7,6 @@ polodes and substitute masses lie on the mechanism. Every construction has a swi
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
@@ -16,6 +15,7 @@ import viser
 from numpy.typing import NDArray
 
 from mechcore.arrays import Complex, Flags, Real, Single
+from mechcore.records import dataclass
 from mechviz.outputs.viewer.view_model import ViewModel
 from mechviz.outputs.viewer.words import scale
 from mechviz.outputs.viewer.world.bodies import segments

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +13,7 @@ import numpy as np
 import viser
 
 from mechcore.arrays import Complex, Flags, Real
+from mechcore.records import dataclass
 from mechviz.outputs.viewer.viser_adapter import run_script
 
 LETTER, LINE = 3.6, 8.0  # half width of a letter and half height of a label [px], with a little room around
