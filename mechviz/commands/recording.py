@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 from shlex import quote
 from typing import Annotated
@@ -10,14 +11,14 @@ import typer
 
 from mechcore.compiled.motion import Executor
 from mechviz.commands.shared.loading import ReachableOpt, SceneArg, SetOpt, clear_errors, load_scene
-from mechviz.commands.shared.messages import check_targets, fail, interruptible, say
+from mechviz.commands.shared.messages import check_targets, fail, interruptible, load_module, say
 from mechviz.commands.shared.solving import AccuracyOpt, CyclesOpt, ExecutorOpt, FramesOpt, KeepOpt, check_trust, solve
 from mechviz.outputs.inspection import format_inspection
 from mechviz.outputs.inspection import inspect as inspect_recording
 from mechviz.outputs.rerun.reader import Recording
 from mechviz.outputs.rerun.writer import live, write_recording
 from mechviz.progress import progress_bar
-from mechviz.runs import Run, run_scene, with_run
+from mechviz.runs import Run, Stage, run_scene, stopwatch, with_run
 from mechviz.scene.scene import Scene
 
 
@@ -56,12 +57,15 @@ def record(
         if live is not None and loaded.simulation is None:
             fail(f"{loaded.name}: nothing is free, so that the whole motion is there at once. Leave out --live.")
         run = None if live is not None else solve(loaded, frames, cycles, accuracy, executor)
-        with interruptible("rerun", "mechviz.meshes"):
+        loading: list[Stage] = []
+        with stopwatch(loading, "loading rerun"):
+            load_module("rerun")
+        with interruptible("mechviz.meshes"):
             if run is None:
                 run = _solve_live(loaded, frames, cycles, accuracy, path, live or 0, executor)
-            check_trust(run, keep, errors=True)
+            check = partial(check_trust, run, keep, errors=True)
             with progress_bar("recording") as bar:
-                summary = write_recording(run, path, progress=bar, begin=bar.stage)
+                summary = write_recording(run, path, progress=bar, begin=bar.stage, check=check, before=loading)
         say(str(summary))
         if cost:
             say(summary.costs())

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import replace
@@ -114,27 +115,32 @@ def write_recording(
     solids: Solids | None = None,
     progress: Callable[[int, int], None] | None = None,
     begin: Callable[[str], None] = lambda _: None,
+    check: Callable[[], None] = lambda: None,
+    before: Sequence[Stage] = (),
 ) -> RecordingSummary:
     """Write a run to ``path``, replaced as a whole when complete. ``progress`` is told the frames written and their number,
-    ``begin`` each stage when it begins.
+    ``begin`` each stage when it begins. ``check`` is called when the errors are known, and may refuse the run: nothing is written
+    then. ``before``: stages of the caller, which the summary tells too.
 
     Raises `RecordingError` where the file cannot be written. An interruption leaves ``<name>.part.rrd`` and puts a note on its
     exception.
     """
     path = Path(path)
     recording_id = recording_id or f"{run.scene.name}-{uuid4()}"
-    stages: list[Stage] = []
+    stages = [*before]
 
     def stage(name: str) -> AbstractContextManager[None]:
         begin(name)
         return stopwatch(stages, name)
 
-    with stage("loading rerun"):
-        import rerun  # noqa: F401
-    with stage("solid meshes"):
-        solids = solids or solids_of(run)
     with stage("error estimates"):
         _ = run.errors  # once: the tables, the notes and the summary tell them
+    check()
+    if "rerun" not in sys.modules:
+        with stage("loading rerun"):
+            import rerun  # noqa: F401
+    with stage("solid meshes"):
+        solids = solids or solids_of(run)
         run.motion.forget()
     with stage("tables, arrows and events"):
         picture = picture_of(run, solids)

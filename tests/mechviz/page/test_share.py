@@ -23,6 +23,7 @@ from PIL import Image
 from typer.testing import CliRunner
 
 import mechviz
+from mechviz.accuracy.estimate import estimate_errors
 from mechviz.commands.main import app
 from mechviz.files import OutputError
 from mechviz.outputs.images.drawing import svg_of, turned
@@ -463,6 +464,7 @@ def test_long_work_says_what_it_does_from_its_start_to_its_end(tmp_path, monkeyp
     bars = Bars()
     for place in ("shared.solving", "export", "recording"):
         monkeypatch.setattr(f"mechviz.commands.{place}.progress_bar", bars.bar)
+    monkeypatch.setattr("mechviz.runs.estimate_errors", lambda run: bars.told.append("estimating") or estimate_errors(run))
     for command, wanted in (
         (("share", "crank-rocker", "-o", str(tmp_path / "a.html")), "sharing"),
         (("shot", "crank-rocker", "-o", str(tmp_path / "a.svg")), "drawing"),
@@ -475,7 +477,8 @@ def test_long_work_says_what_it_does_from_its_start_to_its_end(tmp_path, monkeyp
         assert wanted in bars.told
         stages = [t for t in bars.told if t.startswith(("recording: ", "building: "))]
         if wanted == "recording":
-            assert stages[0] == "recording: loading rerun" and stages[-1] == "recording: writing"
+            assert stages[0] == "recording: error estimates" and stages[-1] == "recording: writing"
+            assert bars.told[bars.told.index("estimating") - 1] == stages[0]  # they are billed where they are made
             assert "recording: solid meshes" in stages
         elif wanted != "exporting a.glb":
             assert stages == ["building: solid meshes", "building: tables, arrows and events"]
