@@ -72,9 +72,9 @@ class FourBar:
         a = np.asarray(self.crank_pivot + self.crank * np.exp(1j * np.asarray(theta, float)), np.complex128)
         h = self.rocker_pivot - a
         square = np.abs(h) ** 2
-        along = (square + self.coupler**2 - self.rocker**2) / (2.0 * square)
-        height = self.coupler**2 / square - along**2
-        with np.errstate(invalid="ignore"):
+        with np.errstate(invalid="ignore", divide="ignore"):  # crank and frame as long as each other: A comes to lie on O4
+            along = (square + self.coupler**2 - self.rocker**2) / (2.0 * square)
+            height = self.coupler**2 / square - along**2
             across = np.sqrt(np.where(height >= 0.0, height, np.nan))
         b: Complex = a + h * (along + 1j * self.side * across)
         return a, b, a + self.tracer * (b - a) / self.coupler

@@ -107,7 +107,7 @@ def _dense(task: PathTask, seed: int, screened: int) -> list[PathDesign]:
     coarse = replace(task, points=task.points[chosen])
     designs: list[PathDesign] = []
     for one in _sparse(coarse, seed, screened, DENSE_REFINED, DENSE_ITERATIONS):
-        if len(designs) < DENSE_KEPT and all(_difference(one, other) > RELATED for other in designs):
+        if len(designs) < DENSE_KEPT and all(relative_difference(one, other) > RELATED for other in designs):
             designs.append(one)
     if not designs:
         return []
@@ -146,7 +146,7 @@ def _sparse(task: PathTask, seed: int, screened: int, refined: int, iterations: 
     return problem.designs(fits.x)
 
 
-def _difference(first: PathDesign, second: PathDesign) -> float:
+def relative_difference(first: PathDesign, second: PathDesign) -> float:
     """Largest difference of the lengths of two designs over the largest one."""
     a, b = (
         np.array([x.frame, x.crank, x.coupler, x.rocker, x.tracer.real, x.tracer.imag]) for x in (first.four_bar, second.four_bar)

@@ -29,17 +29,14 @@ from mechviz.commands.synthesis.tasks import (
 from mechviz.runs import run_scene
 from mechviz.studies.synthesis import figures
 from mechviz.studies.synthesis.four_bars import (
-    cognate_solutions,
     dyads,
     function_solutions,
     motion_designs,
     motion_solutions,
-    path_solutions,
-    ranked_paths,
     slider_guide_solutions,
     slider_guides,
-    traced_four_bar,
 )
+from mechviz.studies.synthesis.paths import cognate_solutions, path_solutions, ranked_paths, traced_four_bar
 from mechviz.studies.synthesis.strokes import slider_function_solution
 
 

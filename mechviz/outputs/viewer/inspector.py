@@ -20,10 +20,10 @@ from mechviz.outputs.viewer.panels.designs import Optimiser, StudyChart
 from mechviz.outputs.viewer.panels.detail import DetailPanel, items_of
 from mechviz.outputs.viewer.panels.diagrams import Diagrams
 from mechviz.outputs.viewer.panels.effects import EffectsTab
-from mechviz.outputs.viewer.panels.handles import Pivots, Positions, traced_at, with_traced
 from mechviz.outputs.viewer.panels.plots import OPENED, Plots
 from mechviz.outputs.viewer.panels.saving import Saver
 from mechviz.outputs.viewer.panels.switches import Switches
+from mechviz.outputs.viewer.panels.synthesis import Synthesis, is_four_bar
 from mechviz.outputs.viewer.panels.timeline import Timeline
 from mechviz.outputs.viewer.playback import BrowserPlayback, NumberTrack, PlotTrack, Tracks
 from mechviz.outputs.viewer.player import Player
@@ -31,10 +31,10 @@ from mechviz.outputs.viewer.server import Callback, report
 from mechviz.outputs.viewer.session import Contribution, EditSession, Status
 from mechviz.outputs.viewer.view_model import ViewModel
 from mechviz.outputs.viewer.viser_adapter import send_now, uuid_of
+from mechviz.outputs.viewer.world.handles import Pivots, traced_at, with_traced
 from mechviz.outputs.viewer.world.marks import HoverNames
 from mechviz.outputs.viewer.world.scene import Scene3D
 from mechviz.studies.designs.figures import StoredStudy
-from mechviz.studies.synthesis.four_bars import poses_in
 
 SLOW = 0.25  # [s] between changes of what need not follow every move of a slider
 PLOTS = 0.06  # [s] between changes of plots while the next value of a slider waits already
@@ -97,7 +97,7 @@ class Inspector:
         self.effects: EffectsTab | None = None
         self.pivots: Pivots | None = None
         self.accuracy: AccuracyTab | None = None
-        self.positions: Positions | None = None
+        self.synthesis: Synthesis | None = None
         self.optimiser: Optimiser | None = None
         self.study: StudyChart | None = None
         if session is not None:
@@ -106,9 +106,6 @@ class Inspector:
                 self._offer_comparison("Compare with the scene as opened", OPENED, callback)
                 self.handles = gui.add_checkbox("Drag pivots", False, hint="handles on the points of the fixed link")
             self.handles.on_update(callback("Showing handles", lambda _: self._handles(bool(self.handles.value))))
-            if poses_in(session.run.scene) is not None:
-                with tab:
-                    self.positions = Positions(server, gui.add_folder("Positions"), session, callback)
             self.controls = Controls(server, tab, session, callback)
             self.pivots = Pivots(server, session, callback)
             self.effects = EffectsTab(server, tabs.add_tab("Effects", viser.Icon.SCALE), session, callback)
@@ -142,6 +139,8 @@ class Inspector:
                     self.study = StudyChart(server, gui.add_folder("Study"), study, session, callback)
                 if sought:
                     self.optimiser = Optimiser(server, gui.add_folder("Optimisation"), session, callback)
+        if session is not None and is_four_bar(session.run.scene.mechanism):
+            self.synthesis = Synthesis(server, right.add_tab("Synthesis"), session, callback)
         right.dock_right()
         right.set_width(RIGHT_WIDTH)
         self.timeline = Timeline(server, show, player, callback)
@@ -182,8 +181,8 @@ class Inspector:
                 self.scene.update(show)
                 if self.pivots is not None:
                     self.pivots.update(show)
-                if self.positions is not None:
-                    self.positions.update(show)
+                if self.synthesis is not None:
+                    self.synthesis.update(show)
                 self.scene.show(frame)
             send_now(self._server, PATIENCE)
             hurried = self._session is not None and self._session.overtaken and show.frames == self._plotted.frames
@@ -273,8 +272,8 @@ class Inspector:
                 self.controls.settle()
             if self.pivots is not None:
                 self.pivots.update(self.show)
-            if self.positions is not None:
-                self.positions.update(self.show)
+            if self.synthesis is not None:
+                self.synthesis.update(self.show)
             self.scene.refit()
             self.playback.hold(False)
         self._server.flush()

@@ -1,6 +1,5 @@
-"""Function, motion and path generation: tasks in SI units to four-bars as solutions; motion generation with a slide, where one
-point of the body lies on a line in all positions and a crank leads another one; cognates, the two other four-bars that draw the
-curve of a scene's coupler point (Roberts and Chebyshev)."""
+"""Function and motion generation: tasks in SI units to four-bars as solutions; motion generation with a slide, where one point of
+the body lies on a line in all positions and a crank leads another one."""
 
 from __future__ import annotations
 
@@ -20,16 +19,12 @@ from mechcore.design.burmester import (
     moving_pivots,
     slider_points,
 )
-from mechcore.design.four_bars import FourBar, acute, cross, from_pins, judge, used_range
+from mechcore.design.four_bars import FourBar, acute, from_pins, judge, used_range
 from mechcore.design.freudenstein import FunctionGenerator, FunctionTask
-from mechcore.design.paths import PathDesign
 from mechcore.errors import Fault, MechanismError
-from mechcore.motion.metrics import grashof
 from mechcore.records import dataclass
-from mechcore.spec.mechanism import Revolute
-from mechviz.runs import Run
 from mechviz.scene.scene import Scene
-from mechviz.studies.synthesis.linkages import MM, SPEED, Solution, four_bar_scene, once, slider_guide_scene, through
+from mechviz.studies.synthesis.linkages import MM, Solution, four_bar_scene, once, slider_guide_scene, through
 
 CHOICES = 12  # four-bars that are offered where positions are placed by hand
 SWING = np.radians(60.0)  # of cranks between two positions, where nothing is said of it
@@ -41,7 +36,6 @@ SHARPEST = 10.0  # longest over shortest link that is offered
 CURVE_POINTS = 120  # points of Burmester's curves that are paired
 EXAMINED = 400  # of the pairs without defects, those of the best transmission at the poses, that are examined over their range
 APART = 0.25  # of the reach: distance of pivots that makes two proposals different
-EXACT = 1e-9  # of the size of a path: what misses by less passes its points
 FINE = 181  # crank angles between first and last pose
 
 
@@ -70,42 +64,6 @@ def function_solutions(task: FunctionTask, designs: Sequence[FunctionGenerator],
         }
         defects = made.defects.words(0) or ("" if runs else "does not run through")
         out.append(Solution(scene, numbers, defects))
-    return out
-
-
-def ranked_paths(designs: Sequence[PathDesign], points: Complex) -> list[PathDesign]:
-    """Designs, the best first: those that miss nothing in the order of their transmission angles, the others of their errors."""
-    size = float(np.abs(points - points.mean()).max())
-
-    def rank(made: PathDesign) -> tuple[float, float]:
-        return (0.0, -made.four_bar.least_transmission()) if made.largest < EXACT * size else (made.error, 0.0)
-
-    return sorted(designs, key=rank)
-
-
-def path_solutions(designs: Sequence[PathDesign], points: Complex) -> list[Solution]:
-    """Four-bars through points as solutions."""
-    out = []
-    for k, made in enumerate(designs):
-        drive = through(made.four_bar, made.theta, usable=True)
-        scene = four_bar_scene(
-            made.four_bar, drive, name=f"path-{k + 1}", title=f"Four-bar through {len(points)} points",
-            marks={f"P{i + 1}": complex(z) for i, z in enumerate(points)},
-            teaches=f"The coupler point E passes {len(points)} points of the frame, P1 and so on, at most "
-            f"{made.largest * MM:.3g} mm away.",
-        )  # fmt: skip
-        rms = np.sqrt(made.error / len(points)) * MM
-        out.append(
-            Solution(
-                scene,
-                four_bar_lengths(made.four_bar)
-                | {
-                    "rms [mm]": f"{rms:.4g}",
-                    "largest [mm]": f"{made.largest * MM:.4g}",
-                    "transmission [deg]": f"{np.degrees(made.four_bar.least_transmission()):.1f}",
-                },
-            )
-        )
     return out
 
 
@@ -225,12 +183,20 @@ def pose_marks(poses: Poses) -> dict[str, complex]:
     return {f"{letter}{k}": complex(z) for k, pair in enumerate(arms, 1) for letter, z in zip("PQ", pair, strict=True)}
 
 
+def four_bar_marks(scene: Scene) -> dict[str, complex]:
+    """Points [m] of the fixed link by their names, of a four-bar with a point E of its coupler that was made here; else none."""
+    links = {link.name: link for link in scene.mechanism.links}
+    frame = scene.mechanism.frame
+    if set(links) != {frame, "crank", "coupler", "rocker"} or "E" not in links["coupler"].points:
+        return {}
+    return {name: complex(*place) for name, place in links[frame].points.items()}
+
+
 def poses_in(scene: Scene) -> Poses | None:
     """The poses that a scene of `motion_solutions` shows; None for any other scene."""
-    links = {link.name: link for link in scene.mechanism.links}
-    points = {name: complex(*place) for name, place in links[scene.mechanism.frame].points.items()}
+    points = four_bar_marks(scene)
     count = sum(f"P{k}" in points and f"Q{k}" in points for k in range(1, len(points) + 1))
-    if count < 2 or set(links) != {scene.mechanism.frame, "crank", "coupler", "rocker"} or "E" not in links["coupler"].points:
+    if count < 2:
         return None
     p, q = (np.array([points.get(f"{letter}{k}", complex(np.nan)) for k in range(1, count + 1)]) for letter in "PQ")
     return Poses(p, np.angle(q - p)) if np.isfinite(p).all() and np.isfinite(q).all() else None
@@ -282,54 +248,6 @@ def four_bar_lengths(bar: FourBar) -> dict[str, str]:
 
 def _angle(value: float) -> str:
     return f"{np.degrees(np.angle(np.exp(1j * value))):.4g}"
-
-
-def traced_four_bar(run: Run) -> tuple[FourBar, float]:
-    """The four-bar of a run with its traced coupler point, and its crank angle at the start [rad]. Raises `MechanismError` where
-    there is none, or several."""
-    motion, mechanism = run.motion, run.motion.mechanism
-    loops = [loop.joints for loop in grashof(motion.model)]
-    if len(loops) != 1:
-        why = f"the scene has {len(loops) or 'no'} four-bar loop{'s' if loops else ''}."
-        raise MechanismError(Fault("joints", why, "Give a four-bar with revolute joints."))
-    joints = {j.name: j for j in mechanism.joints if j.name in loops[0] and isinstance(j, Revolute)}
-    driven = [d.joint for d in mechanism.drives]
-    fixed = sorted((n for n, j in joints.items() if mechanism.frame in j.links), key=lambda n: n not in driven)
-    if len(fixed) != 2:
-        raise MechanismError(Fault("joints", "no link of the four-bar loop is fixed.", "Give a four-bar on the fixed link."))
-    arms = [next(link for link in joints[n].links if link != mechanism.frame) for n in fixed]
-    pins = [next(n for n, j in joints.items() if arm in j.links and n not in fixed) for arm in arms]
-    coupler = next(link for link in joints[pins[0]].links if link not in arms)
-    points = [point for link, point in mechanism.traced if link == coupler]
-    if not points:
-        raise MechanismError(Fault("trace", f"no point of {coupler} is traced.", f'Trace one: trace = ["{coupler}.E"].'))
-
-    def place(joint: str) -> complex:
-        return complex(*motion.point(joints[joint].links[0], joints[joint].points[0])[0])
-
-    o2, o4, a, b = (place(n) for n in (*fixed, *pins))
-    return from_pins(o2, o4, a, b, complex(*motion.point(coupler, points[0])[0])), float(np.angle(a - o2))
-
-
-def cognate_solutions(bar: FourBar, theta: float) -> list[Solution]:
-    """The cognates of a four-bar in the assembly mode that it has at a crank angle [rad]. The second one's crank turns as that of
-    the four-bar does; in the first it is the coupler that does, so that a drive turns that against its crank."""
-    out = []
-    for k, (made, pin) in enumerate(zip(bar.cognates(theta), bar.cognate_pins(theta), strict=True), 1):
-        begin = float(np.angle(pin[0] - made.crank_pivot))
-        joint = "B" if k == 1 else "A"
-        start = float(np.angle((pin[1] - pin[0]) / (pin[0] - made.crank_pivot))) if k == 1 else begin
-        drive = {"speed": SPEED, "start": float(np.degrees(start))} | ({} if bar.crank_turns else {"range": "reachable"})
-        scene = four_bar_scene(
-            made, drive, name=f"cognate-{k}", title=f"Cognate {k} of a four-bar", driven=joint,
-            side=int(np.sign(cross(made.rocker_pivot - made.crank_pivot, pin[1] - made.crank_pivot))) if k == 1 else 0,
-            teaches="Three four-bars draw every coupler curve (Roberts and Chebyshev). This one draws that of the four-bar from "
-            "which it was made.",
-        )  # fmt: skip
-        pivots = (("A", made.crank_pivot), ("D", made.rocker_pivot))
-        numbers = {f"{name} [mm]": f"({z.real * MM:.5g}, {z.imag * MM:.5g})" for name, z in pivots} | four_bar_lengths(made)
-        out.append(Solution(scene, numbers | {"driven at": joint, "type": made.grashof.value}))
-    return out
 
 
 FAR = 1e4  # of the reach: a rocker so long judges a slide, whose pin it leads on a line to a part of 1e-4

@@ -18,14 +18,13 @@ from mechviz.runs import run_scene
 from mechviz.studies.synthesis import figures
 from mechviz.studies.synthesis.chains import chain_solutions, layout, outline
 from mechviz.studies.synthesis.four_bars import (
-    cognate_solutions,
     dyads,
     motion_designs,
     motion_solutions,
     slider_guide_solutions,
     slider_guides,
-    traced_four_bar,
 )
+from mechviz.studies.synthesis.paths import cognate_solutions, traced_four_bar
 from mechviz.studies.synthesis.strokes import dwell_solutions, whitworth_solution
 
 

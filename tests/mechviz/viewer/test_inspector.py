@@ -25,7 +25,6 @@ from mechviz.outputs.viewer import words
 from mechviz.outputs.viewer.app import Viewer
 from mechviz.outputs.viewer.panels import charts
 from mechviz.outputs.viewer.panels.diagrams import diagram_svg, diagrams_of
-from mechviz.outputs.viewer.panels.handles import Pivots, traced_at, with_traced
 from mechviz.outputs.viewer.panels.saving import file_name
 from mechviz.outputs.viewer.panels.timeline import columns, health_svg, shade
 from mechviz.outputs.viewer.server import ViewerError
@@ -35,6 +34,7 @@ from mechviz.outputs.viewer.view_model import Body, Piece
 from mechviz.outputs.viewer.viser_adapter import buffer_of
 from mechviz.outputs.viewer.world.camera import PRESETS, fit_view
 from mechviz.outputs.viewer.world.constructions import OVERLAYS
+from mechviz.outputs.viewer.world.handles import Pivots, traced_at, with_traced
 from mechviz.outputs.viewer.world.solids import sectioned
 from mechviz.outputs.viewer.world.warp import stretched, warped, warped_body
 from mechviz.picture.build import picture_of, solids_of

@@ -1,0 +1,298 @@
+"""The tab in which four-bars are found for what the mouse says: positions of a body that are placed, a curve that is drawn."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import replace
+from functools import partial
+from typing import Any
+
+import numpy as np
+import viser
+
+from mechcore.arrays import Complex
+from mechcore.design.burmester import Poses
+from mechcore.design.paths import PathDesign
+from mechcore.errors import Fault, MechanismError
+from mechcore.spec.mechanism import Mechanism, Revolute
+from mechviz.editor.history import Draft
+from mechviz.outputs.viewer import words
+from mechviz.outputs.viewer.server import Callback
+from mechviz.outputs.viewer.session import EditSession
+from mechviz.outputs.viewer.view_model import ViewModel
+from mechviz.studies.synthesis.four_bars import MotionDesign, motion_choices, motion_solutions, poses_in
+from mechviz.studies.synthesis.paths import OFFERED, drawn_points, path_choices, path_in, path_solutions
+
+WANTED = (217, 119, 6)  # colour of the curve that was drawn
+SHEET = 3.0  # of the mechanism's size: side of the sheet that is drawn on
+CLEAR = 0.12  # its opacity
+MM = 1e3
+
+
+def is_four_bar(mechanism: Mechanism) -> bool:
+    """Whether a mechanism is one four-bar: it can become another one."""
+    joints = mechanism.joints
+    return len(mechanism.links) == 4 and len(joints) == 4 and all(isinstance(joint, Revolute) for joint in joints)
+
+
+class Synthesis:
+    """Positions and a path in one tab; what is found takes the place of the four-bar, as an edit that can be undone."""
+
+    def __init__(self, server: viser.ViserServer, tab: viser.GuiTabHandle, session: EditSession, callback: Callback):
+        with tab:
+            server.gui.add_html(words.hint("What is found takes the place of this four-bar. Undo brings it back."))
+            self.positions = Positions(server, server.gui.add_folder("Positions"), session, callback)
+            self.drawing = Drawing(server, server.gui.add_folder("Path"), session, callback)
+
+    def update(self, show: ViewModel) -> None:
+        """Take what another run shows."""
+        self.positions.update(show)
+        self.drawing.update(show)
+
+
+def rows(choices: Iterable[str]) -> str:
+    """Solutions by their numbers, in one line."""
+    return "; ".join(f"{k}: {one}" for k, one in enumerate(choices, 1))
+
+
+def tell(node: viser.GuiHtmlHandle, content: str) -> None:
+    """Write a text, unless it stands there."""
+    if node.content != content:
+        node.content = content
+
+
+# -- positions --------------------------------------------------------------------------------------------------------
+FEWEST, MOST = 2, 5
+
+
+def moved(poses: Poses, k: int, place: complex, angle: float) -> Poses:
+    """Poses of which one is elsewhere."""
+    places, angles = poses.places.copy(), poses.angles.copy()
+    places[k], angles[k] = place, angle
+    return Poses(places, angles)
+
+
+def lengthened(poses: Poses) -> Poses:
+    """Poses with one more, about as far behind the last as that is behind the one before. Raises `MechanismError` at the most."""
+    if len(poses.places) >= MOST:
+        raise MechanismError(Fault("positions", f"{MOST} positions leave no four-bar to choose.", "Take one away, or move one."))
+    step = poses.places[-1] - poses.places[-2]
+    turn = float(np.angle(poses.turns[-1] / poses.turns[-2]))
+    place = poses.places[-1] + 0.8 * step * np.exp(0.5j * turn)  # not in line with the others: that leaves little to choose from
+    return Poses(np.append(poses.places, place), np.append(poses.angles, poses.angles[-1] + 0.8 * turn))
+
+
+def shortened(poses: Poses) -> Poses:
+    """Poses without the last. Raises `MechanismError` where two are left."""
+    if len(poses.places) <= FEWEST:
+        raise MechanismError(Fault("positions", "two positions are the fewest.", "Move them instead."))
+    return Poses(poses.places[:-1], poses.angles[:-1])
+
+
+def _poses(session: EditSession) -> Poses:
+    """The poses for which a scene was made; of another four-bar those of its coupler in the first quarter of its run."""
+    scene, mechanism = session.run.scene, session.run.scene.mechanism
+    given = poses_in(scene)
+    if given is not None:
+        return given
+    beside = {link for joint in mechanism.joints if mechanism.frame in joint.links for link in joint.links}
+    coupler = next(link for link in mechanism.links if link.name not in beside)
+    frames = np.linspace(0, (len(session.run.motion.time) - 1) // 4, 3).astype(int)
+    x, y, angle = session.run.motion.pose(coupler.name)[frames].T
+    traced = next((complex(*coupler.points[point]) for link, point in mechanism.traced if link == coupler.name), 0j)
+    return Poses(x + 1j * y + traced * np.exp(1j * angle), angle)
+
+
+class Positions:
+    """Handles on the positions, shown while the box is ticked; a number that chooses among the four-bars."""
+
+    def __init__(self, server: viser.ViserServer, folder: viser.GuiFolderHandle, session: EditSession, callback: Callback):
+        self._server, self._session, self._callback = server, session, callback
+        self._nodes: list[Any] = []
+        self._held = -1
+        self._choices: list[MotionDesign] = []
+        self.poses = _poses(session)
+        gui = server.gui
+        with folder:
+            gui.add_html(
+                words.hint("Drag and turn the positions of the body. The four-bars that lead it through them are found anew.")
+            )
+            self.on = gui.add_checkbox("Show the positions", False)
+            self.choice = gui.add_slider(
+                "Solution", 1, 12, 1, 1, hint="1 transmits best; defects of branch, circuit or order come last"
+            )
+            more = gui.add_button("Add a position", icon=viser.Icon.PLUS)
+            fewer = gui.add_button("Remove the last position", icon=viser.Icon.MINUS)
+            self.told = gui.add_html("")
+        self.on.on_update(callback("Showing positions", lambda _: self._place(self._session.show)))
+        self.choice.on_update(callback("Choosing a four-bar", lambda _: self.ask("solution", self.poses)))
+        more.on_click(callback("Adding a position", lambda _: self.ask("one more", lengthened(self.poses))))
+        fewer.on_click(callback("Removing a position", lambda _: self.ask("one fewer", shortened(self.poses))))
+
+    def update(self, show: ViewModel) -> None:
+        """Take the positions of another run."""
+        self.poses = _poses(self._session)
+        self._place(show)
+        self._explain()
+
+    def drafted(self, draft: Draft, poses: Poses, choice: int) -> Draft:
+        """A draft of the four-bar of a number (1: the best) for poses. Raises `MechanismError` where there is none."""
+        choices = motion_choices(poses)
+        self._choices = choices
+        made = choices[min(max(choice, 1), len(choices)) - 1]
+        return replace(draft, document=motion_solutions(poses, [made])[0].scene.document)
+
+    def ask(self, what: str, poses: Poses) -> None:
+        """Have the four-bar of other positions shown; ``what`` is changed, so that a drag becomes one step to undo."""
+        self._session.change(f"positions: {what}", partial(self.drafted, poses=poses, choice=int(self.choice.value)))
+
+    def _explain(self) -> None:
+        """Say which four-bars there are."""
+        found = rows(one.defects or f"{np.degrees(one.transmission):.0f}°" for one in self._choices)
+        tell(self.told, words.hint(f"Least transmission angle, or defects, of each solution. {found}") if found else "")
+
+    def _place(self, show: ViewModel) -> None:
+        """Put a handle on each position, except for the one that is held."""
+        wanted = len(self.poses.places) if self.on.value else 0
+        while len(self._nodes) > wanted:
+            self._nodes.pop().remove()
+        for k in range(wanted):
+            place, angle = self.poses.places[k], float(self.poses.angles[k])
+            position = (float(place.real), float(place.imag), show.z_top)
+            turned = (float(np.cos(angle / 2.0)), 0.0, 0.0, float(np.sin(angle / 2.0)))
+            if k == len(self._nodes):
+                node = self._server.scene.add_transform_controls(
+                    f"/positions/{k + 1}", scale=0.14 * show.size, active_axes=(True, True, False), depth_test=False,
+                    position=position, wxyz=turned,
+                )  # fmt: skip
+                self._server.scene.add_label(f"/positions/{k + 1}/number", str(k + 1))
+                node.on_update(self._callback(f"Moving position {k + 1}", partial(self._dragged, k)))
+                self._nodes.append(node)
+            elif k != self._held:
+                self._nodes[k].position, self._nodes[k].wxyz = position, turned
+
+    def _dragged(self, k: int, event: Any) -> None:
+        """The four-bar follows when the handle is let go: until then the picture under the mouse stays as it is."""
+        self._held = k if event.phase != "end" else -1
+        x, y, _ = (float(v) for v in event.target.position)
+        w, _, _, z = (float(v) for v in event.target.wxyz)
+        if self._held < 0 and np.isfinite([x, y, w, z]).all() and k < len(self.poses.places):
+            self.ask(f"number {k + 1}", moved(self.poses, k, complex(x, y), 2.0 * float(np.arctan2(z, w))))
+
+
+# -- paths ------------------------------------------------------------------------------------------------------------
+class Drawing:
+    """A curve that is drawn with the mouse on a sheet before the mechanism, and a number that chooses among the four-bars that
+    follow it."""
+
+    def __init__(self, server: viser.ViserServer, folder: viser.GuiFolderHandle, session: EditSession, callback: Callback):
+        self._server, self._session, self._callback = server, session, callback
+        self._sheet: Any = None
+        self._line: Any = None
+        self._under = (0.0, 0.0)  # size and height of the mechanism before which the sheet stands
+        self._stroke: list[complex] = []
+        self._found: tuple[Complex, list[PathDesign]] = (np.zeros(0, complex), [])
+        gui = server.gui
+        with folder:
+            gui.add_html(
+                words.hint(
+                    "Tick the box and draw a curve on the sheet, the mouse button held down. One that ends near its beginning is "
+                    "closed. The four-bars whose coupler point E draws it are found anew; that takes some seconds."
+                )
+            )
+            self.on = gui.add_checkbox("Draw a curve", False)
+            self.choice = gui.add_slider("Four-bar", 1, OFFERED, 1, 1, hint="1 is nearest to the curve")
+            self.told = gui.add_html("")
+        self.on.on_update(callback("Drawing", lambda _: self._place(self._session.show)))
+        self.choice.on_update(callback("Choosing a four-bar", lambda _: self._choose()))
+
+    @property
+    def wanted(self) -> Complex:
+        """The curve (K,) [m] that the scene follows, empty if it was not made for any."""
+        points = path_in(self._session.run.scene)
+        return np.zeros(0, complex) if points is None else points
+
+    def update(self, show: ViewModel) -> None:
+        """Take the curve of another run."""
+        self._stroke = []
+        self._place(show)
+        found = self._found[1] if self._known(self.wanted) else []
+        lines = rows(f"{MM * np.sqrt(one.error / len(one.theta)):.3g} mm, {_transmission(one)}" for one in found)
+        tell(self.told, words.hint(f"Distance (root mean square) and least transmission angle of each. {lines}") if lines else "")
+
+    def drafted(self, draft: Draft, points: Complex, choice: int) -> Draft:
+        """A draft of the four-bar of a number (1: the best) for points (K,) [m]. Raises `MechanismError` where there is none."""
+        if not self._known(points):
+            self._found = (points, path_choices(points))
+        made = self._found[1][min(max(choice, 1), len(self._found[1])) - 1]
+        return replace(draft, document=path_solutions([made], points)[0].scene.document)
+
+    def ask(self, points: Complex) -> None:
+        """Have a four-bar shown that passes points (K,) [m]."""
+        self._session.change("path", partial(self.drafted, points=points, choice=int(self.choice.value)))
+
+    def _known(self, points: Complex) -> bool:
+        """Whether four-bars have been found for points (K,) [m], which a scene states in its own unit."""
+        return len(points) == len(self._found[0]) and np.allclose(points, self._found[0], rtol=1e-9, atol=0.0)
+
+    def _choose(self) -> None:
+        if len(self.wanted):
+            self.ask(self.wanted)
+
+    def _place(self, show: ViewModel) -> None:
+        """Bring the sheet, and the curve that is wanted."""
+        if self._sheet is not None and not (self.on.value and self._under == (show.size, show.z_top)):
+            self._sheet.remove()
+            self._sheet = None
+        if self.on.value and self._sheet is None:
+            self._under = show.size, show.z_top
+            half = 0.5 * SHEET * show.size
+            (x, y), z = show.bounds[:, :2].mean(axis=0), show.z_top
+            corners = np.array([[x - half, y - half, z], [x + half, y - half, z], [x + half, y + half, z], [x - half, y + half, z]])
+            self._sheet = self._server.scene.add_mesh_simple(
+                "/path/sheet", corners, np.array([[0, 1, 2], [0, 2, 3]]), color=WANTED, opacity=CLEAR, side="double",
+                cast_shadow=False, receive_shadow=False,
+            )  # fmt: skip
+            self._sheet.on_drag("left")(self._callback("Drawing", self._drawn))
+        self._trace(self.wanted if self.on.value else np.zeros(0, complex))
+
+    def _trace(self, points: Complex) -> None:
+        """Draw the curve through points, or none."""
+        if len(points) < 2:
+            if self._line is not None:
+                self._line.remove()
+                self._line = None
+            return
+        xyz = np.stack([points.real, points.imag, np.full(len(points), self._session.show.z_top)], axis=1)
+        segments = np.stack([xyz[:-1], xyz[1:]], axis=1)
+        if self._line is None:
+            self._line = self._server.scene.add_line_segments(
+                "/path/wanted", segments, WANTED, thickness=2.5, thickness_units="screen"
+            )
+        else:
+            self._line.points = segments
+
+    def _drawn(self, event: Any) -> None:
+        """The mouse has moved; where its button is let go, four-bars are looked for."""
+        if event.phase == "start":
+            self._stroke = [complex(*event.start_position[:2])]
+        spot = on_sheet(event.client.camera.position, event.end_position, float(event.start_position[2]))
+        if spot is not None and (not self._stroke or spot != self._stroke[-1]):
+            self._stroke.append(spot)
+        self._trace(np.array(self._stroke))
+        if event.phase == "end":
+            points = drawn_points(np.array(self._stroke))
+            tell(self.told, words.hint("Looking for four-bars ..."))
+            self.ask(points)
+
+
+def _transmission(made: PathDesign) -> str:
+    return f"{np.degrees(made.four_bar.least_transmission()):.0f}°"
+
+
+def on_sheet(eye: Any, seen: Any, height: float) -> complex | None:
+    """Where the line from the eye through a place that is seen meets the sheet of a height; None where it does not. All in m."""
+    start, along = np.asarray(eye, float), np.asarray(seen, float) - np.asarray(eye, float)
+    with np.errstate(all="ignore"):
+        x, y, _ = start + along * (height - start[2]) / along[2]
+    return complex(x, y) if np.isfinite([x, y]).all() else None

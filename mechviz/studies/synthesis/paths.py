@@ -1,0 +1,151 @@
+"""Path generation: four-bars through points or along a drawn curve, as solutions; cognates, the two other four-bars that draw the
+curve of a scene's coupler point (Roberts and Chebyshev)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from mechcore.arrays import Complex
+from mechcore.design.four_bars import FourBar, cross, from_pins
+from mechcore.design.paths import PathDesign, PathTask, path_designs, relative_difference
+from mechcore.errors import Fault, MechanismError
+from mechcore.motion.metrics import grashof
+from mechcore.spec.mechanism import Revolute
+from mechviz.runs import Run
+from mechviz.scene.scene import Scene
+from mechviz.studies.synthesis.four_bars import four_bar_lengths, four_bar_marks
+from mechviz.studies.synthesis.linkages import MM, SPEED, Solution, four_bar_scene, through
+
+EXACT = 1e-9  # of the size of a path: what misses by less passes its points
+DRAWN = 20  # points that stand for a drawn curve, at equal distances along it
+CLOSED = 0.1  # of the length of a drawn curve: one that ends so near its beginning is meant to be closed
+OFFERED = 6  # four-bars for a drawn curve
+REACH = 6.0  # of a drawn curve's size: longest link, and farthest place of pivots and of the point in the coupler
+SHORTEST = 0.1  # of a drawn curve's size: shortest link
+DIFFERENT = 0.02  # relative difference of lengths from which on two of them are offered
+
+
+def ranked_paths(designs: Sequence[PathDesign], points: Complex) -> list[PathDesign]:
+    """Designs, the best first: those that miss nothing in the order of their transmission angles, the others of their errors."""
+    size = float(np.abs(points - points.mean()).max())
+
+    def rank(made: PathDesign) -> tuple[float, float]:
+        return (0.0, -made.four_bar.least_transmission()) if made.largest < EXACT * size else (made.error, 0.0)
+
+    return sorted(designs, key=rank)
+
+
+def path_solutions(designs: Sequence[PathDesign], points: Complex) -> list[Solution]:
+    """Four-bars through points as solutions."""
+    out = []
+    for k, made in enumerate(designs):
+        drive = through(made.four_bar, made.theta, usable=True)
+        scene = four_bar_scene(
+            made.four_bar, drive, name=f"path-{k + 1}", title=f"Four-bar through {len(points)} points",
+            marks={f"P{i + 1}": complex(z) for i, z in enumerate(points)},
+            teaches=f"The coupler point E passes {len(points)} points of the frame, P1 and so on, at most "
+            f"{made.largest * MM:.3g} mm away.",
+        )  # fmt: skip
+        rms = np.sqrt(made.error / len(points)) * MM
+        out.append(
+            Solution(
+                scene,
+                four_bar_lengths(made.four_bar)
+                | {
+                    "rms [mm]": f"{rms:.4g}",
+                    "largest [mm]": f"{made.largest * MM:.4g}",
+                    "transmission [deg]": f"{np.degrees(made.four_bar.least_transmission()):.1f}",
+                },
+            )
+        )
+    return out
+
+
+def drawn_points(stroke: Complex) -> Complex:
+    """Points (20,) [m] at equal distances along a curve that was drawn through places (N,) [m], rounded to a part of 1e4 of its
+    length; the last is the first where it ends near its beginning. Raises `MechanismError` where nothing was drawn."""
+    line = stroke[np.isfinite(stroke)]
+    length = float(np.abs(np.diff(line)).sum())
+    if len(line) < 3 or length == 0.0:
+        raise MechanismError(Fault("curve", "the curve has no length.", "Draw it with the mouse button held down."))
+    if abs(line[-1] - line[0]) < CLOSED * length:
+        line = np.append(line, line[0])
+    along = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(line)))])
+    grid = 10.0 ** np.floor(np.log10(1e-4 * length))
+    even = np.interp(np.linspace(0.0, along[-1], DRAWN), along, line) / grid
+    points: Complex = (even.real.round() + 1j * even.imag.round()) * grid
+    return points
+
+
+def path_in(scene: Scene) -> Complex | None:
+    """The points that a scene of `path_solutions` shows, in order (K,) [m]; None for any other scene."""
+    points = four_bar_marks(scene)
+    if "Q1" in points:
+        return None
+    count = next(k for k in range(len(points) + 1) if f"P{k + 1}" not in points)
+    return np.array([points[f"P{k + 1}"] for k in range(count)]) if count >= 3 else None
+
+
+def path_choices(points: Complex, most: int = OFFERED) -> list[PathDesign]:
+    """Different four-bars, not much larger than points (K,) [m], whose coupler point passes these without timing, the best first.
+    Raises `MechanismError` where there is none."""
+    kept: list[PathDesign] = []
+    size = PathTask(points).size
+    task = PathTask(points, lengths=(SHORTEST * size, REACH * size), farthest=float(np.abs(points).max()) + REACH * size)
+    for one in ranked_paths(path_designs(task), points):
+        if len(kept) < most and all(relative_difference(one, other) > DIFFERENT for other in kept):
+            kept.append(one)
+    if not kept:
+        why = "no four-bar whose crank turns fully draws this curve in its order."
+        raise MechanismError(Fault("curve", why, "Draw a rounder one, or one with fewer turns."))
+    return kept
+
+
+def traced_four_bar(run: Run) -> tuple[FourBar, float]:
+    """The four-bar of a run with its traced coupler point, and its crank angle at the start [rad]. Raises `MechanismError` where
+    there is none, or several."""
+    motion, mechanism = run.motion, run.motion.mechanism
+    loops = [loop.joints for loop in grashof(motion.model)]
+    if len(loops) != 1:
+        why = f"the scene has {len(loops) or 'no'} four-bar loop{'s' if loops else ''}."
+        raise MechanismError(Fault("joints", why, "Give a four-bar with revolute joints."))
+    joints = {j.name: j for j in mechanism.joints if j.name in loops[0] and isinstance(j, Revolute)}
+    driven = [d.joint for d in mechanism.drives]
+    fixed = sorted((n for n, j in joints.items() if mechanism.frame in j.links), key=lambda n: n not in driven)
+    if len(fixed) != 2:
+        raise MechanismError(Fault("joints", "no link of the four-bar loop is fixed.", "Give a four-bar on the fixed link."))
+    arms = [next(link for link in joints[n].links if link != mechanism.frame) for n in fixed]
+    pins = [next(n for n, j in joints.items() if arm in j.links and n not in fixed) for arm in arms]
+    coupler = next(link for link in joints[pins[0]].links if link not in arms)
+    points = [point for link, point in mechanism.traced if link == coupler]
+    if not points:
+        raise MechanismError(Fault("trace", f"no point of {coupler} is traced.", f'Trace one: trace = ["{coupler}.E"].'))
+
+    def place(joint: str) -> complex:
+        return complex(*motion.point(joints[joint].links[0], joints[joint].points[0])[0])
+
+    o2, o4, a, b = (place(n) for n in (*fixed, *pins))
+    return from_pins(o2, o4, a, b, complex(*motion.point(coupler, points[0])[0])), float(np.angle(a - o2))
+
+
+def cognate_solutions(bar: FourBar, theta: float) -> list[Solution]:
+    """The cognates of a four-bar in the assembly mode that it has at a crank angle [rad]. The second one's crank turns as that of
+    the four-bar does; in the first it is the coupler that does, so that a drive turns that against its crank."""
+    out = []
+    for k, (made, pin) in enumerate(zip(bar.cognates(theta), bar.cognate_pins(theta), strict=True), 1):
+        begin = float(np.angle(pin[0] - made.crank_pivot))
+        joint = "B" if k == 1 else "A"
+        start = float(np.angle((pin[1] - pin[0]) / (pin[0] - made.crank_pivot))) if k == 1 else begin
+        drive = {"speed": SPEED, "start": float(np.degrees(start))} | ({} if bar.crank_turns else {"range": "reachable"})
+        scene = four_bar_scene(
+            made, drive, name=f"cognate-{k}", title=f"Cognate {k} of a four-bar", driven=joint,
+            side=int(np.sign(cross(made.rocker_pivot - made.crank_pivot, pin[1] - made.crank_pivot))) if k == 1 else 0,
+            teaches="Three four-bars draw every coupler curve (Roberts and Chebyshev). This one draws that of the four-bar from "
+            "which it was made.",
+        )  # fmt: skip
+        pivots = (("A", made.crank_pivot), ("D", made.rocker_pivot))
+        numbers = {f"{name} [mm]": f"({z.real * MM:.5g}, {z.imag * MM:.5g})" for name, z in pivots} | four_bar_lengths(made)
+        out.append(Solution(scene, numbers | {"driven at": joint, "type": made.grashof.value}))
+    return out
