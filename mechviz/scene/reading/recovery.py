@@ -5,7 +5,7 @@ from __future__ import annotations
 import difflib
 import math
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import field
 from functools import cached_property
@@ -77,7 +77,7 @@ def _keys_as_meant(cls: type[Table], raw: Mapping[str, Any], loc: Loc, faults: l
     """Known key -> the key as it is written. Unknown keys are noted; they stand for one that their value fits."""
     hints = hints_of(cls)
     taken = {key: key for key in raw if key in hints}
-    known, beside = list(hints), cls.keys_beside(raw)
+    beside = cls.keys_beside(raw)
     unknown = [written for written in raw if written not in hints]
     for k, written in enumerate(unknown):
         if written in cls.ELSEWHERE:
@@ -85,13 +85,20 @@ def _keys_as_meant(cls: type[Table], raw: Mapping[str, Any], loc: Loc, faults: l
         elif k >= MOST_GUESSED:
             faults.append(unknown_key((*loc, written), beside, ""))
         else:
-            likely = meant_keys(str(written), known)
+            likely = meant_keys(str(written), beside)
             fitting = (key for key in likely if _fits(hints[key], raw[written], (*loc, written)))
             meant = next(fitting, next((key for key in likely if misspelt(str(written), key)), ""))
-            faults.append(unknown_key((*loc, written), beside, meant))
-            if meant:
+            inside = next((key for key in beside if written in _keys_within(hints[key], raw.get(key))), "")
+            faults.append(unknown_key((*loc, written), beside, meant, inside))
+            if meant and not inside:
                 taken.setdefault(meant, written)
     return taken
+
+
+def _keys_within(annotation: Any, raw: Any) -> Iterable[str]:
+    """The keys of a value that is a table, if it is one."""
+    kind, _ = peel(annotation, raw)
+    return hints_of(kind) if isinstance(kind, type) and issubclass(kind, Table) else ()
 
 
 def _fits(annotation: Any, raw: Any, loc: Loc) -> bool:
@@ -317,9 +324,11 @@ def misspelt(key: str, meant: str) -> bool:
     return difflib.SequenceMatcher(a=key.casefold(), b=meant.casefold()).ratio() >= _MISSPELT
 
 
-def unknown_key(loc: Loc, known: Sequence[str], meant: str) -> Fault:
-    """The fault of a key that a table does not have; ``meant``: the one that it probably stands for, if any."""
+def unknown_key(loc: Loc, known: Sequence[str], meant: str, inside: str = "") -> Fault:
+    """The fault of a key that a table does not have; ``meant``: the one that it probably stands for, ``inside``: the table in this
+    one that has it, if any."""
     remedy = f"Did you mean '{meant}'?" if meant else f"Known: {listing(known, most=20)}."
+    remedy = f"Write it in {inside}." if inside else remedy
     return Fault(path_text(loc[:-1] or loc), f"unknown key '{loc[-1]}'.", remedy)
 
 

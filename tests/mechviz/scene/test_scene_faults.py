@@ -399,7 +399,7 @@ def test_one_slip_is_one_fault(change):
     [
         (("loads/S", {"spring": ["frame.A", "coupler.C"], "stiffness": "2 N/mm", "free": "80 mm"}), "free_length"),
         (("loads/S", {"torsion_spring": ["frame", "coupler"], "stiffness": "2 N m/rad", "free": "80 deg"}), "free_angle"),
-        (("loads/S", {"torque": 1, "on": "coupler", "stiff": "1 N/mm"}), "stiffness"),
+        (("loads/S", {"torque": 1, "on": "coupler", "agenst": "frame"}), "against"),
         (("links/crank/centr", True), "centre"),
         ((f"{DRIVE}/strt", [1, 2]), "start"),
     ],
@@ -408,6 +408,16 @@ def test_a_guess_fits_the_value_and_makes_no_second_fault(change, meant):
     """What an unknown key may have been meant for is a proposal; nothing is wrong but the key."""
     (fault,) = faults_of(changed(change))
     assert fault.message.startswith("unknown key") and fault.remedy == f"Did you mean '{meant}'?"
+
+
+def test_a_guess_goes_with_the_kind_of_its_table():
+    """A torque has no stiffness, a cam no angle of pressure: the key that is meant may be one of a table within."""
+    (fault,) = faults_of(changed(("loads/S", {"torque": 1, "on": "coupler", "stiff": "1 N/mm"})))
+    assert fault.remedy.startswith("Known: 'torque'") and "stiffness" not in fault.remedy
+    (fault,) = faults_of(changed(("joints/A/start", 30)))
+    assert (fault.path, fault.remedy) == ("joints.A", "Write it in drive.")
+    (fault,) = faults_of(changed(("frames", 100)))
+    assert fault.remedy == "Write it in run."
 
 
 def test_without_a_drive_no_drive_decides():
