@@ -85,7 +85,7 @@ def summary_lines(points: Sequence[Point]) -> list[str]:
     def words(p: Point | None, named: bool) -> str:
         if p is None:
             return "-"
-        return f"{f'{p.method} {p.value}: ' if named else ''}{p.error:.1e} in {1e3 * p.seconds:.3g} ms"
+        return f"{f'{p.method} {p.value}: ' if named else ''}{p.error:.1e} in {p.price}"
 
     for dial in dict.fromkeys(p.dial for p in points):
         own = [p for p in points if p.dial == dial]
@@ -121,11 +121,7 @@ def _answer(points: Sequence[Point], target: float | None) -> list[str]:
     lines = ["", f"cheapest settings that reach {target:g}"]
     for dial in dict.fromkeys(p.dial for p in points):
         best = cheapest([p for p in points if p.dial == dial], target)
-        words = (
-            "none of these"
-            if best is None
-            else f"{best.method}, {best.value}: error {best.error:.1e} in {1e3 * best.seconds:.3g} ms"
-        )
+        words = "none of these" if best is None else f"{best.method}, {best.value}: error {best.error:.1e} in {best.price}"
         lines.append(f"  {dial:<22} {words}")
     return lines
 

@@ -12,7 +12,7 @@ import numpy as np
 from mechcore.arrays import Flags, Real
 from mechcore.records import dataclass
 from mechviz.picture.nodes import Arc, Arrow, Node
-from mechviz.picture.proportions import ARC_RADIUS
+from mechviz.picture.proportions import ARC_RADIUS, HEAD_RADIUS
 from mechviz.quantities.items import Source, Table, values_of
 from mechviz.quantities.numbers import Numbers
 from mechviz.quantities.vectors import FAMILIES, Moment, Scales, Vector, calm_frames, centre_name, find_scales
@@ -25,13 +25,13 @@ T = TypeVar("T", Vector, Moment)
 
 LONGEST = 1.4  # in sizes of the mechanism: only near a jam, where forces grow beyond all bounds, and there left out
 SHORTEST = 0.015  # in sizes of the mechanism; what is shorter is left out
-APART = 0.016  # in sizes of the mechanism: distance of arrows that would lie on one line
+APART = 2.1 * HEAD_RADIUS  # in sizes of the mechanism: distance of arrows that would lie on one line, head beside head
 RING = 0.3  # of the radius of an arc: distance of arcs about one place
 ALONG = 0.1  # sine of the angle up to which arrows from one place lie on one line
 # Arrows from two places lie on each other: ends this near the other's line and this much of them side by side, in sizes of the
-# mechanism, at this part of some frames
-NARROW, COVERED, OFTEN = 0.008, 0.02, 0.25
-SAMPLES = 8  # frames at which that is tried
+# mechanism, at this part of those of some frames at which both are seen
+NARROW, COVERED, OFTEN = 0.008, 0.02, 0.1
+SAMPLES = 36  # frames at which that is tried
 ALL, FORCE, MOMENT, PLACE = slice(None), slice(0, 2), 2, slice(3, None)  # columns of tables
 ROUND_OFF = 1e-9  # of the largest moment: what is smaller throughout is not drawn
 
@@ -144,18 +144,23 @@ def _covering(vectors: Sequence[Vector], scales: Scales, size: float) -> Flags:
     frames = np.unique(np.linspace(0, len(vectors[0].origin) - 1, SAMPLES).astype(int))
     values = [v.value[frames] for v in vectors]
     seen = np.array([visible(value, scales.per_metre(v.family), size) for v, value in zip(vectors, values, strict=True)])  # (n, k)
+    covering, together = np.zeros((2, len(vectors), len(vectors)), int)
     with np.errstate(invalid="ignore"):  # of what is not finite, and not seen
         starts = np.array([v.origin[frames] for v in vectors]) @ [1.0, 1.0j] / size
         drawn = np.array([value / scales.per_metre(v.family) for v, value in zip(vectors, values, strict=True)])
         arrows = np.where(seen, drawn @ [1.0, 1.0j] / size, 0.0)
-        lengths = np.abs(arrows)
-        along = (arrows / np.where(lengths > 0.0, lengths, 1.0)).conj()[:, None]
-        first = (starts[None] - starts[:, None]) * along  # of each other arrow, along and across this one
-        second = first + arrows[None] * along
-        low, high = np.minimum(first.real, second.real), np.maximum(first.real, second.real)
-        covered = np.minimum(high, lengths[:, None]) - np.maximum(low, 0.0) > COVERED
-        near = np.maximum(np.abs(first.imag), np.abs(second.imag)) < NARROW
-        often = (covered & near & seen[:, None] & seen[None]).mean(axis=-1) >= OFTEN
+        for start, arrow, here in zip(starts.T, arrows.T, seen.T, strict=True):
+            length = np.abs(arrow)
+            along = arrow.conj() / np.where(length > 0.0, length, 1.0)
+            places = (start - start[:, None]) * along[:, None]  # of each other arrow, along and across this one
+            both = here[:, None] & here
+            i, j = np.nonzero(both & (np.abs(places.imag) < NARROW))
+            first, second = places[i, j], places[i, j] + arrow[j] * along[i]
+            low, high = np.minimum(first.real, second.real), np.maximum(first.real, second.real)
+            covered = np.minimum(high, length[i]) - np.maximum(low, 0.0) > COVERED
+            covering[i, j] += covered & (np.abs(second.imag) < NARROW)
+            together += both
+    often = covering >= np.maximum(OFTEN * together, 1.0)
     families = np.array([v.family for v in vectors])
     return np.asarray(often & often.T & (families[:, None] != families))
 

@@ -59,6 +59,11 @@ class Point:
     current: bool = False
     note: str = ""
 
+    @property
+    def price(self) -> str:
+        """Its time in a unit that suits it."""
+        return f"{self.seconds:.3g} s" if self.seconds >= 1.0 else f"{1e3 * self.seconds:.3g} ms"
+
     def as_dict(self) -> dict[str, Any]:
         return asdict(self)
 

@@ -26,7 +26,7 @@ FRONT, NOW, BEST = "#c9ced6", "#111111", "#d6336c"
 
 def setting_words(point: Point, front: bool) -> str:
     """A setting in a line; ``front``: nothing is quicker and more exact."""
-    words = f"{point.dial}: {point.method}, {point.value}: {point.error:.0e} in {1e3 * point.seconds:.3g} ms"
+    words = f"{point.dial}: {point.method}, {point.value}: {point.error:.0e} in {point.price}"
     return f"{words} *" if front else words
 
 

@@ -277,7 +277,8 @@ class Plot {
       span.firstChild.style.setProperty("--c", color);
       span.firstChild.textContent = name;
       const off = this.half ? between(this.half, count, c) : NaN;
-      span.lastChild.data = `${words(v)}${Number.isFinite(off) ? ` ± ${words(off, 2)}` : ""} ${plot.unit === "1" ? "" : plot.unit}`;
+      const unit = { 1: "", "°": "°" }[plot.unit] ?? ` ${plot.unit}`;
+      span.lastChild.data = `${words(v)}${Number.isFinite(off) ? ` ± ${words(off, 2)}` : ""}${unit}`;
     });
   }
 

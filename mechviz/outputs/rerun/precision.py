@@ -47,7 +47,7 @@ def write_rrd(points: Sequence[Point], path: Path, title: str, markdown: str, ta
                 [[x, DOTS * PANEL[1] - y] for x, y in axes.transData.transform([(p.seconds, p.error) for p in some])],
                 colors=[_rgb(COLOURS[k % len(COLOURS)])] * len(some),
                 radii=[rr.Radius.ui_points(6.0 if p.current else 4.0) for p in some],
-                labels=[f"{method}, {p.value}: {p.error:.1e} in {1e3 * p.seconds:.3g} ms" for p in some],
+                labels=[f"{method}, {p.value}: {p.error:.1e} in {p.price}" for p in some],
                 show_labels=False,
             )
             stream.log(entity, look, static=True)

@@ -41,6 +41,11 @@ def number(value: float) -> str:
     return f"{value:.5g}".replace("-", "−", 1) if value < 0 else f"{value:.5g}"
 
 
+def after(unit: str) -> str:
+    """A unit as it stands after a value: nothing where there is none, degrees without a space."""
+    return {"1": "", "°": "°"}.get(unit, f" {unit}")
+
+
 def heading(title: str, teaches: str) -> str:
     """Title, and what the scene teaches."""
     return _block(
@@ -201,7 +206,8 @@ def values(item: str, rows: Iterable[tuple[str, Iterable[str], Iterable[float], 
         ]
         lines.append(
             f'<tr><td style="opacity:0.75">{escape(what)}</td>'
-            f'<td><div style="display:flex;gap:0.9em;flex-wrap:wrap">{"".join(parts)}<span>{escape(unit)}</span></div></td></tr>'
+            f'<td><div style="display:flex;gap:0.9em;flex-wrap:wrap">{"".join(parts)}'
+            f"<span>{escape(after(unit))}</span></div></td></tr>"
         )
     return _block(
         f'<b>{escape(item)}</b><table style="width:100%;border-collapse:collapse" cellpadding="2">{"".join(lines)}</table>',

@@ -9,6 +9,7 @@ import pytest
 
 from mechviz.picture.build import picture_of
 from mechviz.picture.nodes import Arc, Arrow, Body
+from mechviz.picture.proportions import HEAD_RADIUS
 from mechviz.quantities import tables
 from recordings import made
 
@@ -36,7 +37,7 @@ def test_forces_from_two_places_that_lie_on_each_other_are_drawn_side_by_side():
     away = np.abs(spring.vector.origin - joint.vector.origin)[:, 0]
     assert np.mean(away < 1e-9) > 0.5, "one line while the valve is shut"
     assert np.abs(spring.vector.origin - joint.vector.origin)[:, 1].min() > 0.01 * picture.size, "two places"
-    assert abs(spring.aside - joint.aside) > 0.01 * picture.size
+    assert abs(spring.aside - joint.aside) > 2.0 * HEAD_RADIUS * picture.size, "and their heads have room, too"
     cam = made("cam-roller", FRAMES)
     assert all(a.aside == 0.0 for a in picture_of(cam.run, cam.solids).of(Arrow, "reaction")), "through contact and bearing"
 

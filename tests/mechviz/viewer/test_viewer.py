@@ -314,8 +314,11 @@ def test_every_quantity_can_be_plotted_however_many_curves_it_has(viewer):
     slot = viewer.plots.slots[0]
     before, quantities = slot.quantity.title, viewer.inspector.show.quantities
     assert max(len(q.curves) for q in quantities) > 3
-    for q in {len(q.curves): q for q in quantities}.values():
+    for q in {(len(q.curves), q.unit if q.unit in ("1", "°") else ""): q for q in quantities}.values():
         viewer.plots.choose(slot, q.title)
+        assert " 1<" not in slot._readout.content and " °<" not in slot._readout.content
+        letters = max(len(f"{end:,.0f}") for end in slot.chart.scales["y"]["range"])
+        assert min(17 + 6 * letters, 96) <= slot.chart.axes[1]["size"] <= 96, "numbers do not reach into the title"
         assert len(slot.chart.series) == len(slot.chart.data) == len(q.curves) + 2
         assert all(name in slot._readout.content for name in map(html.escape, q.curves))
     viewer.plots.choose(slot, before)

@@ -24,7 +24,7 @@ from mechviz.outputs.viewer.playback import NumberTrack, PlotTrack
 from mechviz.outputs.viewer.server import Callback, report
 from mechviz.outputs.viewer.view_model import ViewModel
 from mechviz.outputs.viewer.viser_adapter import uuid_of
-from mechviz.outputs.viewer.words import hint, number
+from mechviz.outputs.viewer.words import after, hint, number
 from mechviz.quantities.catalogue import Axis, Quantity, Together
 from mechviz.runs import Run
 from mechviz.studies.designs.sensitivity import Bands, bands_of, with_tolerances
@@ -101,6 +101,8 @@ NOTHING, REMOVE = "nothing else", "Remove"
 LAST = 1e9  # the order of what stands below all plots
 LONGEST_NAME = 60  # of a file
 LONGEST_TITLE = 17  # letters along the vertical axis
+LETTER = 6.8  # [px] width of a digit beside the vertical axis
+AXIS = (52.0, 96.0)  # [px] least and largest width of the vertical axis
 COLORS = ("#2563c9", "#d97706", "#0f8a5f", "#7c3aed", "#64748b", "#0e7490", "#a16207")  # and again
 # Their names and values on a dark page
 ON_DARK = ("#7fb0ff", "#f0a545", "#4fc79a", "#b79bff", "#a8b3c4", "#5cc8de", "#d8b04a")
@@ -414,7 +416,7 @@ class Slot:
         names = {part.name for part in quantity.parts}
         title = f"{names.pop()} [{quantity.unit}]" if len(names) == 1 else ""
         vertical: Any = uplot.Axis(
-            label=title if 0 < len(title) <= LONGEST_TITLE else f"[{quantity.unit}]", size=52, space=24, **fonts
+            label=title if 0 < len(title) <= LONGEST_TITLE else f"[{quantity.unit}]", size=self._room(), space=24, **fonts
         )
         before = self.chart
         with self._tab:
@@ -459,6 +461,13 @@ class Slot:
         self._curves = Curves(axis.values, np.column_stack([self._values, *beside.others.values(), *ends]))
         self._least = ROUND_OFF * float(np.max(np.abs(self._values), initial=0.0, where=np.isfinite(self._values)))
 
+    def _room(self) -> float:
+        """Width of the vertical axis [px]: its ticks, and numbers as long as they can become."""
+        low, high = self._curves.range
+        decimals = int(np.clip(-np.floor(np.log10(high - low) - 0.5), 0, 3))
+        letters = max(len(f"{end:,.{decimals}f}") for end in (low, high))
+        return float(np.clip(17.0 + LETTER * letters, *AXIS))
+
     def _scales(self) -> dict[str, Any]:
         ends = sorted((float(self._axis.values[0]), float(self._axis.values[-1])))
         return {"x": uplot.Scale(time=False, range=(ends[0], ends[1])), "y": uplot.Scale(range=self._curves.range)}
@@ -467,11 +476,11 @@ class Slot:
         """Move the cursor to a frame and say the values there."""
         assert self.chart is not None
         self.chart.data = self._curves.at(frame)
-        unit = html.escape(self.quantity.unit)
+        unit = html.escape(after(self.quantity.unit))
         values = [number(self._rounded(value)) for value in self._values[frame]]
         parts = [
             f'<span style="color:light-dark({color},{dark});white-space:nowrap"><b>{html.escape(name)}</b> '
-            f'<span data-mv="{html.escape(self._label)}:{k}">{value} {unit}</span></span>'
+            f'<span data-mv="{html.escape(self._label)}:{k}">{value}{unit}</span></span>'
             for k, (name, color, dark, value) in enumerate(
                 zip(self.quantity.curves, cycle(COLORS), cycle(ON_DARK), values, strict=False)
             )
@@ -483,19 +492,19 @@ class Slot:
 
     def _peaks(self) -> Iterator[str]:
         """How far the peaks of the curves differ from those of other designs, and how wide their bands are."""
-        unit, several = html.escape(self.quantity.unit), len(self.quantity.curves) > 1
+        unit, several = html.escape(after(self.quantity.unit)), len(self.quantity.curves) > 1
         for k, name in enumerate(self.quantity.curves):
             whose = f"{html.escape(name)}: " if several else ""
             now = self._rounded(peak_of(self._values[:, k]))
             for other, values in self._beside.others.items():
                 was = self._rounded(peak_of(values[:, k], now))
                 part = f", {'+' if abs(now) >= abs(was) else '−'}{abs(abs(now) / abs(was) - 1.0):.1%}" if was else ""
-                said = f"{whose}peak {number(now)} {unit}, {html.escape(other)} {number(was)} {unit}{part.replace('%', ' %')}"
+                said = f"{whose}peak {number(now)}{unit}, {html.escape(other)} {number(was)}{unit}{part.replace('%', ' %')}"
                 yield f'<span style="opacity:0.8">{said}</span>'
             half = np.zeros(0) if self._beside.half is None else self._beside.half[:, k]
             if np.isfinite(half).any():
                 most = float(f"{np.nanmax(half):.3g}")
-                yield f'<span style="opacity:0.8">{whose}tolerances: ± {number(most)} {unit} at most</span>'
+                yield f'<span style="opacity:0.8">{whose}tolerances: ± {number(most)}{unit} at most</span>'
 
     def tracks(self) -> Iterator[PlotTrack | NumberTrack]:
         """How the cursor and the numbers move over the run."""
@@ -503,7 +512,7 @@ class Slot:
         yield self._curves.track(uuid_of(self.chart))
         for k in range(len(self.quantity.curves)):
             values = np.where(np.abs(self._values[:, k]) <= self._least, 0.0, self._values[:, k])
-            yield NumberTrack(f"{self._label}:{k}", values, None, f" {self.quantity.unit}")
+            yield NumberTrack(f"{self._label}:{k}", values, None, after(self.quantity.unit))
 
     def _rounded(self, value: float) -> float:
         """Zero for what is only the round-off of a quantity."""

@@ -99,8 +99,7 @@ def in_words(h: Health) -> str:
     """The worst of a run: "closure: at most 3e-17 m"."""
     worst = float(np.max(np.abs(h.values), initial=0.0, where=np.isfinite(h.values)))
     lost = int((~np.isfinite(h.values)).sum())
-    unit = "" if h.unit == "1" else f" {h.unit}"
-    return f"{h.name}: at most {worst:.2g}{unit}" + (f", {lost} frames without a finite value" if lost else "")
+    return f"{h.name}: at most {worst:.2g}{words.after(h.unit)}" + (f", {lost} frames without a finite value" if lost else "")
 
 
 WIDTH = 600  # [px]
