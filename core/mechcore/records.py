@@ -8,7 +8,7 @@ such records, by where they are, and records with other ones in their places.
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import fields, is_dataclass
 from threading import RLock, active_count
 from typing import TYPE_CHECKING, Any, TypeVar
@@ -84,13 +84,27 @@ Place = tuple[Any, ...]
 
 def numbers_in(thing: Any, place: Place = ()) -> list[tuple[Place, float]]:
     """The numbers of a dataclass or tuple, each with its place; those that other objects keep to themselves left out."""
+    return [(at, number) for at, number, kept in _numbers(thing, place, False) if not kept]
+
+
+def kept_numbers(thing: Any, place: Place = ()) -> list[tuple[Place, float]]:
+    """The numbers that `numbers_in` leaves out: of objects such as tables that make something of them once and for all, so that
+    other numbers in their places would change nothing."""
+    return [(at, number) for at, number, kept in _numbers(thing, place, False) if kept]
+
+
+def _numbers(thing: Any, place: Place, kept: bool) -> Iterator[tuple[Place, float, bool]]:
     if isinstance(thing, float):
-        return [(place, thing)]
-    if isinstance(thing, tuple):
-        return [number for k, inner in enumerate(thing) for number in numbers_in(inner, (*place, k))]
-    if is_dataclass(thing):
-        return [number for f in fields(thing) for number in numbers_in(getattr(thing, f.name), (*place, f.name))]
-    return []
+        yield place, thing, kept
+    elif isinstance(thing, tuple):
+        for k, inner in enumerate(thing):
+            yield from _numbers(inner, (*place, k), kept)
+    elif is_dataclass(thing):
+        own = fields(thing)
+        kept = kept or not all(f.init for f in own)
+        for f in own:
+            if f.init:
+                yield from _numbers(getattr(thing, f.name), (*place, f.name), kept)
 
 
 def with_numbers(thing: T, numbers: Mapping[Place, Any]) -> T:

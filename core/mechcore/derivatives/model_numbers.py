@@ -7,12 +7,14 @@ through so many values that they are known to rounding.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 from numpy.polynomial import chebyshev
 
 from mechcore.arrays import Real
+from mechcore.effects.prescribed import factor_of
 from mechcore.errors import Fault, MechanismError
 from mechcore.kinematics.model import Model
 from mechcore.kinematics.program import LinearConstraint
@@ -21,7 +23,8 @@ from mechcore.laws.timed import Free
 from mechcore.motion.compiled import drive_values
 from mechcore.motion.motion import Motion
 from mechcore.motion.solve import compile_mechanism
-from mechcore.records import Place, dataclass, numbers_in
+from mechcore.records import Place, dataclass, kept_numbers, numbers_in
+from mechcore.spec.loads import Prescribed
 from mechcore.spec.mechanism import Mechanism
 
 Numbers = dict[Place, Any]  # of a compiled mechanism, by where they are
@@ -98,7 +101,14 @@ def numbers_of(model: Model, at: Motion, time: Real) -> Numbers:
             numbers |= {("drive", d, k): np.broadcast_to(np.asarray(x, float), time.shape) for k, x in enumerate(values)}
     m = model.mechanism
     numbers |= {("mechanism", *place): x for place, x in numbers_in(m.gravity, ("gravity",))}
-    numbers |= {("mechanism", *place): x for place, x in numbers_in(m.loads, ("loads",))}
+    for i, load in enumerate(m.loads):
+        known = load
+        if isinstance(load, Prescribed) and load.factor is not None:  # whatever its function is made of, what counts is its values
+            values = factor_of(at, load.factor, load.name)
+            numbers["mechanism", "loads", i, "factor", "values"] = np.broadcast_to(values, at.shape)
+            known = replace(load, factor=None)
+        numbers |= {("mechanism", *place): x for place, x in numbers_in(known, ("loads", i))}
+        numbers |= {("kept", *place): x for place, x in kept_numbers(known, ("loads", i))}
     for i, stated in enumerate(m.joints):
         rubbing = numbers_in(getattr(stated, "friction", None), ("joints", i, "friction"))
         numbers |= {("mechanism", *place): x for place, x in rubbing}

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any, TypeVar, cast
 
 import numpy as np
@@ -13,6 +14,7 @@ from mechcore.effects.base import Configuration, LoadEffect, PointLoad, Wrench, 
 from mechcore.effects.springs import Line
 from mechcore.errors import Fault, MechanismError
 from mechcore.kinematics.model import Model
+from mechcore.laws.signals import Chirp, Ramp, Sine, Step
 from mechcore.laws.timed import Table
 from mechcore.numerics.frames import plane
 from mechcore.numerics.tape import Traced, Untraced, piecewise, value_of
@@ -34,6 +36,8 @@ def factor_of(at: Configuration, factor: Factor | None, load: str) -> Real | flo
     """The factor of a load over the frames. Raises `MechanismError` where its function gives no finite numbers."""
     if factor is None:
         return 1.0
+    if factor.values is not None:
+        return factor_of(at, replace(factor, values=None), load) + (factor.values - value_of(factor.values))  # type: ignore[no-any-return]
     known = _argument(at, factor)
     if isinstance(known, Symbol):
         return _of_symbol(factor, known)
@@ -67,6 +71,9 @@ def _of_symbol(factor: Factor, argument: Symbol) -> Values:
 
 def _of_traced(factor: Factor, argument: Traced) -> Values:
     """The factor with its slope."""
+    if isinstance(factor.function, Sine | Step | Ramp | Chirp):
+        t = argument.value
+        return cast(Values, argument.tape.elementwise(factor.function(t), [(argument, factor.function(t, 1), None)]))
     return _of_one(factor.function, argument, piecewise, Untraced)
 
 

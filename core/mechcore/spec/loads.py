@@ -46,6 +46,7 @@ class Factor:
     of: Literal["time", "position", "velocity", "x", "y", "vx", "vy", "speed"] = "position"
     joint: str | None = None
     point: tuple[str, str] | None = None
+    values: Any = None  # over the frames, where its function varies beside its argument (`mechcore.derivatives`)
 
     def __call__(self, argument: ArrayLike) -> Real:
         return np.asarray(self.function(np.asarray(argument, float)), float)

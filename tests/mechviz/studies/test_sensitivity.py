@@ -9,7 +9,7 @@ import mechviz as mv
 from mechcore.errors import MechanismError
 from mechviz.__main__ import main
 from mechviz.runs import run_scene
-from mechviz.scene.scene import Scene, load
+from mechviz.scene.scene import Scene, load, loads
 from mechviz.studies.designs.sensitivity import sensitivity
 from mechviz.studies.designs.variables import variables_of
 
@@ -54,6 +54,54 @@ def test_numbers_of_a_scene_without_parameters_vary_by_their_places():
     side = c * np.sin(psi - phi)
     np.testing.assert_allclose(slopes.derivatives, np.degrees([c * np.cos(psi - phi) / side / c, -1.0 / side]), rtol=2e-3)
     assert {v.name for v in variables_of(run.scene)} >= {"links.crank.mass", "links.frame.points.D[0]"}
+
+
+PUSHED = """
+units = { length = "m", angle = "deg" }
+run = { frames = 50 }
+[links]
+frame = { points = { A = [0, 0] } }
+crank = { points = { A = [0, 0], B = [0.1, 0] } }
+rod = { points = { B = [0, 0], C = [0.3, 0] } }
+ram = { points = { C = [0, 0] } }
+[joints]
+A = { revolute = ["frame", "crank"], drive = { speed = "60 rpm" } }
+B = { revolute = ["crank", "rod"] }
+C = { revolute = ["rod", "ram"] }
+S = { prismatic = ["frame", "ram"], at = ["A", "C"], along = [1, 0], branch = "ahead" }
+[loads]
+push = { force = [-100, 0], on = "ram", at = "C" FACTOR }
+"""
+TABLE = ', table = { joint = "S", position = [0.19, 0.31, 0.41], factor = [0, MIDDLE, 0.5], smooth = false }'
+
+
+@pytest.mark.parametrize(
+    "factor, place, slope",
+    [
+        # of straight lines by the number and the place of their middle point; of a wave of time by its frequency
+        (TABLE, "loads.push.table.factor[1]", lambda x, t: np.interp(x, [0.19, 0.31, 0.41], [0, 1, 0])),
+        (
+            TABLE,
+            "loads.push.table.position[1]",
+            lambda x, t: np.where(x < 0.31, -0.8 * (x - 0.19) / 0.12**2, 0.3 * (0.41 - x) / 0.1**2),
+        ),
+        (', sine = { frequency = "2 Hz" }', "loads.push.sine.frequency", lambda x, t: 2 * np.pi * t * np.cos(4 * np.pi * t)),
+    ],
+)
+def test_numbers_of_the_factor_of_a_load_move_the_torque(factor, place, slope):
+    run = run_scene(loads(PUSHED.replace("FACTOR", factor.replace("MIDDLE", "0.8"))))
+    steady = run_scene(loads(PUSHED.replace("FACTOR", ""))).catalogue["drive.A.torque"].values()[:, 0]
+    x = run.catalogue["joint.S.displacement"].values()[:, 0] / 1e3  # it is in mm
+    found = sensitivity(run, "drive.A.torque", [place]).slopes[0]
+    np.testing.assert_allclose(found, steady * slope(x, run.motion.time), atol=1e-11 * np.abs(steady).max())
+    assert np.abs(found).max() > 0.1
+
+
+def test_a_table_of_pressures_that_depends_on_the_parameter_is_refused():
+    card = 'displacement = [0, 0.05, 0.2], outward = ["9 bar", "3 bar", "1 bar"], inward = ["9 bar", "2 bar", "1 bar"]'
+    text = PUSHED.replace(" FACTOR", "") + f'gas = {{ gas = "S", bore = 0.08, top = 0.4, stroke = 0.2, diagram = {{ {card} }} }}'
+    with pytest.raises(MechanismError, match="inside the load gas depends on"):
+        sensitivity(run_scene(loads(text)), "drive.A.torque", ["loads.gas.diagram.inward[1]"])
 
 
 def test_what_follows_from_others_and_what_is_not_there_is_refused(press):
