@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 
-from mechcore.arrays import Flags, Real
+from mechcore.arrays import Flags, Index, Real
 from mechcore.records import dataclass
 from mechviz.picture.nodes import Arc, Arrow, Node
 from mechviz.picture.proportions import ARC_RADIUS, HEAD_RADIUS
@@ -102,11 +102,14 @@ def set_apart(vectors: tuple[Vector, ...], scales: Scales, size: float) -> tuple
     each other, stand side by side. Resultants of inertia stay on their lines of action."""
     order = sorted(range(len(vectors)), key=lambda k: vectors[k].family != "inertia")
     ordered = [vectors[k] for k in order]
-    lanes = _lanes(ordered, size, lambda a, b: _on_one_line(a, b, scales, size), _covering(ordered, scales, size))
-    asides = [0.0] * len(vectors)
-    for k, lane in zip(order, lanes, strict=True):
+    covering = _covering(ordered, scales, size)
+    lanes = _lanes(ordered, size, lambda a, b: _on_one_line(a, b, scales, size), covering != 0)
+    asides, senses = [0.0] * len(vectors), [1] * len(vectors)
+    for n, (k, lane) in enumerate(zip(order, lanes, strict=True)):
+        for i in np.flatnonzero(covering[n, :n])[:1].tolist():
+            senses[n] = senses[i] * int(covering[n, i])
         if vectors[k].family != "inertia":
-            asides[k] = (lane + 1) // 2 * (1 if lane % 2 else -1) * APART * size  # 0, 1, -1, 2, -2 ...
+            asides[k] = (lane + 1) // 2 * (1 if lane % 2 else -1) * senses[n] * APART * size  # 0, 1, -1, 2, -2 ...
     return tuple(asides)
 
 
@@ -136,15 +139,16 @@ def _on_one_line(a: Vector, b: Vector, scales: Scales, size: float) -> bool:
     return bool((same & seen[0] & seen[1]).any())
 
 
-def _covering(vectors: Sequence[Vector], scales: Scales, size: float) -> Flags:
-    """Which vectors (n, n) of two families from two places often lie on each other. Two reactions stay where they act, as the
-    force of a cam's contact and that of its bearing."""
+def _covering(vectors: Sequence[Vector], scales: Scales, size: float) -> Index:
+    """Which vectors (n, n) of two families from two places often lie on each other, 1 where they mostly point the same way then,
+    -1 where they oppose, 0 elsewhere. Two reactions stay where they act, as the force of a cam's contact and that of its
+    bearing."""
     if not vectors or not len(vectors[0].origin):
-        return np.zeros((len(vectors), len(vectors)), bool)
+        return np.zeros((len(vectors), len(vectors)), int)
     frames = np.unique(np.linspace(0, len(vectors[0].origin) - 1, SAMPLES).astype(int))
     values = [v.value[frames] for v in vectors]
     seen = np.array([visible(value, scales.per_metre(v.family), size) for v, value in zip(vectors, values, strict=True)])  # (n, k)
-    covering, together = np.zeros((2, len(vectors), len(vectors)), int)
+    covering, together, agreeing = np.zeros((3, len(vectors), len(vectors)), int)
     with np.errstate(invalid="ignore"):  # of what is not finite, and not seen
         starts = np.array([v.origin[frames] for v in vectors]) @ [1.0, 1.0j] / size
         drawn = np.array([value / scales.per_metre(v.family) for v, value in zip(vectors, values, strict=True)])
@@ -157,12 +161,13 @@ def _covering(vectors: Sequence[Vector], scales: Scales, size: float) -> Flags:
             i, j = np.nonzero(both & (np.abs(places.imag) < NARROW))
             first, second = places[i, j], places[i, j] + arrow[j] * along[i]
             low, high = np.minimum(first.real, second.real), np.maximum(first.real, second.real)
-            covered = np.minimum(high, length[i]) - np.maximum(low, 0.0) > COVERED
-            covering[i, j] += covered & (np.abs(second.imag) < NARROW)
+            covered = (np.minimum(high, length[i]) - np.maximum(low, 0.0) > COVERED) & (np.abs(second.imag) < NARROW)
+            covering[i, j] += covered
+            agreeing[i, j] += covered * np.sign(second.real - first.real).astype(int)
             together += both
     often = covering >= np.maximum(OFTEN * together, 1.0)
     families = np.array([v.family for v in vectors])
-    return np.asarray(often & often.T & (families[:, None] != families))
+    return np.where(often & often.T & (families[:, None] != families), np.where(agreeing < 0, -1, 1), 0)
 
 
 def visible(vectors: Real, scale: float, size: float) -> Flags:
