@@ -103,9 +103,9 @@ LONGEST_NAME = 60  # of a file
 LONGEST_TITLE = 17  # letters along the vertical axis
 LETTER = 6.8  # [px] width of a digit beside the vertical axis
 AXIS = (52.0, 96.0)  # [px] least and largest width of the vertical axis
-COLORS = ("#2563c9", "#d97706", "#0f8a5f", "#7c3aed", "#64748b", "#0e7490", "#a16207")  # and again
+COLORS = ("#2563c9", "#d97706", "#0f8a5f", "#7c3aed", "#64748b", "#0e7490", "#a16207", "#c026d3", "#4d7c0f")  # and again
 # Their names and values on a dark page
-ON_DARK = ("#7fb0ff", "#f0a545", "#4fc79a", "#b79bff", "#a8b3c4", "#5cc8de", "#d8b04a")
+ON_DARK = ("#7fb0ff", "#f0a545", "#4fc79a", "#b79bff", "#a8b3c4", "#5cc8de", "#d8b04a", "#e879f9", "#a3d05a")
 OPENED = "as opened"
 DASHES = ([6, 4], [2, 3], [10, 3, 2, 3])  # of the designs that are compared, and again
 BANDS = {"none": 0.0, "as it is": 1.0, "10 times": 10.0, "100 times": 100.0}  # how wide a tolerance band is drawn
