@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import AbstractContextManager, contextmanager
-from dataclasses import field, replace
+from dataclasses import field
 from functools import cache, cached_property
 from importlib.metadata import PackageNotFoundError, version
 from typing import TYPE_CHECKING
@@ -18,11 +18,10 @@ from mechcore.compiled.motion import Executor
 from mechcore.constructions.studies import StudyResults
 from mechcore.constructions.studies import compute as compute_studies
 from mechcore.dynamics.joined import JoinedForces, JoinedMotion
-from mechcore.dynamics.rest.steady import SteadyRun, steady_run
+from mechcore.dynamics.rest.steady import SteadyRun
 from mechcore.dynamics.simulate import simulate
 from mechcore.effects.plan import OUTPUTS, Plan, make_plan
 from mechcore.forces.kinetostatics import Forces, solve_forces
-from mechcore.laws.timed import Free
 from mechcore.motion.compiled import Compiled
 from mechcore.motion.motion import Motion
 from mechcore.motion.solve import compile_mechanism, default_times, solve_motion
@@ -32,6 +31,7 @@ from mechviz.accuracy.estimate import ErrorEstimate, check_finite, estimate_erro
 from mechviz.accuracy.fit import Fit, fit_frames, kept_dials, simulated
 from mechviz.quantities.catalogue import Catalogue
 from mechviz.quantities.numbers import Numbers, numbers_of
+from mechviz.scene.assembly.under_forces import steady_state
 from mechviz.scene.faults import in_scene_words
 from mechviz.scene.limits import check_frames
 
@@ -158,7 +158,7 @@ def run_scene(
     if scene.simulation is not None:
         if scene.simulation.steady is not None:
             with stage("steady run"):
-                steady, compiled = _steady(scene.simulation.steady, compiled)
+                steady, compiled = steady_state(scene.simulation.steady, compiled)
         with stage("motion under forces"):
             again = _resimulate(scene, compiled, advance, steady, observe, warn)
             simulation = _simulate(scene, dials, again, asked=accuracy is not None)
@@ -206,15 +206,6 @@ def run_scene(
     )
     check_finite(run)
     return run
-
-
-def _steady(turns: int, compiled: Compiled) -> tuple[SteadyRun, Compiled]:
-    """The steady run of a scene's machine, and the machine with its speed at the start."""
-    steady = steady_run(compiled, turns=turns)
-    mechanism = compiled.mechanism
-    (drive,) = mechanism.drives
-    started = replace(mechanism, drives=(replace(drive, law=Free(steady.start, steady.speed)),))
-    return steady, compile_mechanism(started, compiled.accuracy, compiled.executor)
 
 
 def _resimulate(

@@ -28,7 +28,9 @@ LAYERS = {
     ),
 }  # fmt: skip
 
-MOST_LAZY = 3  # imports of ours within functions of mechviz: what must not load before it is used (signals, viser, outlines)
+MOST_LAZY = (
+    4  # imports of ours within functions of mechviz: what must not load before it is used (signals, viser, outlines, motion)
+)
 ADAPTERS = {  # the only module of a folder that uses the insides of a library, and how many lines of it do
     "mechviz.outputs.viewer": ("viser", "mechviz.outputs.viewer.viser_adapter", 10),
     "mechviz.outputs.rerun": ("rerun", "mechviz.outputs.rerun.rerun_adapter", 3),

@@ -3,6 +3,7 @@ rollers and offsets that a mechanism asks to be the least, found from the limits
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -204,24 +205,43 @@ SETTLED = 1e-10  # relative change of a roller from one solution to the next
 ROUNDS = 60
 
 
-def with_least_sizes(mechanism: Mechanism) -> Mechanism:
+@dataclass(frozen=True, eq=False)
+class Solved:
+    """Forces (n instants) at any times of a run that ends at ``duration`` [s], and their relative error."""
+
+    duration: float
+    forces: Callable[[Real], Forces]
+    error: float = 0.0
+
+
+def prescribed(mechanism: Mechanism) -> Solved:
+    """One cycle of a mechanism whose motion its drives prescribe."""
+    compiled = compile_mechanism(mechanism)
+    duration = float(default_times(mechanism, 1, 1)[-1])
+    return Solved(duration, lambda times: solve_forces(solve_motion(compiled, times)))
+
+
+def with_least_sizes(mechanism: Mechanism, solved: Callable[[Mechanism], Solved] = prescribed) -> Mechanism:
     """The mechanism with the sizes of its cams that are to be the least beside the base circle; itself where there are none.
 
     ``offset``: the follower's guide is moved across itself to where the base circle is least. ``roller``: the least with which the
-    Hertz pressure keeps to the limit of the rating at all positions of the cycle. The forces depend on the roller, so that they are
-    solved again until it settles. What decides each is added to the joint's ``sized``. Raises `MechanismError`.
+    Hertz pressure keeps to the limit of the rating during the whole run. The forces, and the motion where forces decide it, depend
+    on the roller, so that they are ``solved`` again until it settles. What decides each is added to the joint's ``sized``. Raises
+    `MechanismError`.
     """
     asked = {p.name: p.least for p in mechanism.joints if isinstance(p, CamJoint) and {"offset", "roller"} & set(p.least)}
     rollers = [name for name, least in asked.items() if "roller" in least]
+    settled = SETTLED
     for _ in range(ROUNDS):
         for name in [name for name, least in asked.items() if "offset" in least]:
             mechanism = _with_best_offset(mechanism, name)
         before = mechanism
         if rollers:
-            compiled = compile_mechanism(mechanism)
-            least_radii = {name: _least_roller(compiled, name) for name in rollers}
+            run = solved(mechanism)
+            settled = max(SETTLED, run.error)
+            least_radii = {name: _least_roller(run, name) for name in rollers}
             mechanism = replace(mechanism, joints=tuple(_with_roller(p, least_radii) for p in mechanism.joints))
-        if all(_settled(p, q) for p, q in zip(before.joints, mechanism.joints, strict=True)):
+        if all(_settled(p, q, settled) for p, q in zip(before.joints, mechanism.joints, strict=True)):
             return mechanism
     why = "solution after solution of the forces asks for another roller."
     raise MechanismError([Fault(f"joints.{name}.face", why, "Give its radius.") for name in rollers])
@@ -239,11 +259,11 @@ def _with_roller(joint: Joint, least: dict[str, tuple[float, float]]) -> Joint:
     return replace(joint, face=Roller(radius), sized=(*told, ("roller", angle)))
 
 
-def _settled(before: Joint, after: Joint) -> bool:
+def _settled(before: Joint, after: Joint, change: float) -> bool:
     if before is after or not isinstance(before, CamJoint) or not isinstance(after, CamJoint):
         return True
     a, b = (p.face.radius for p in (before, after) if isinstance(p.face, Roller))
-    return abs(a - b) <= SETTLED * b
+    return abs(a - b) <= change * b
 
 
 def _placed(compiled: Compiled, name: str) -> PlacedCam:
@@ -289,22 +309,24 @@ def _shifted(point: tuple[float, float], by: complex) -> tuple[float, float]:
     return point[0] + by.real, point[1] + by.imag
 
 
-def _least_roller(compiled: Compiled, name: str) -> tuple[float, float]:
+def _least_roller(run: Solved, name: str) -> tuple[float, float]:
     """The least roller [m] on the pitch curve as it is, and the argument of the law where that is decided."""
-    cam, path = _placed(compiled, name), f"joints.{name}.face"
-    joint = next(p for p in compiled.mechanism.joints if p.name == name)
-    assert isinstance(joint, CamJoint) and joint.rating is not None
-    times = default_times(compiled.mechanism, FRAMES, 1)
-    step = float(times[1] - times[0])
+    times = np.linspace(0.0, run.duration, FRAMES + 1)
+    step = float(times[1])
     least, greatest, where = 0.0, np.inf, 0.0
     for _ in range(1 + FINER):  # what decides may lie between the frames, and forces jump where the law does
-        low, high, x = _rollers(compiled, cam, joint, times)
+        forces = run.forces(times)
+        cam = next(cam for cam in placed_cams(forces.motion) if cam.name == name)
+        assert isinstance(cam, PlacedCam)  # of discs with a lift, which the scene checks
+        low, high, x = _rollers(forces, cam)
         k = int(np.argmax(low))
         if low[k] > least:
             least, where = float(low[k]), float(x[k])
         greatest = min(greatest, float(high.min()))
-        times = times[k] + step * np.linspace(-1.0, 1.0, 33)
+        times = np.clip(times[k] + step * np.linspace(-1.0, 1.0, 33), 0.0, run.duration)
         step /= 12.0
+    joint, path = joint_of(forces.motion, cam), f"joints.{name}.face"
+    assert joint.rating is not None
     if least == 0.0:
         why = "no force presses this follower on its cam, so that any roller would do."
         raise MechanismError(Fault(path, why, "Give its radius, or a spring, loads and effects that press it."))
@@ -317,12 +339,16 @@ def _least_roller(compiled: Compiled, name: str) -> tuple[float, float]:
     return least, where
 
 
-def _rollers(compiled: Compiled, cam: PlacedCam, joint: CamJoint, times: Real) -> tuple[Real, Real, Real]:
+def _rollers(forces: Forces, cam: PlacedCam) -> tuple[Real, Real, Real]:
     """The least and the greatest roller [m] at instants (n), and the arguments of the law there."""
-    rating = joint.rating
+    rating = joint_of(forces.motion, cam).rating
     assert rating is not None and rating.width is not None and rating.limit is not None
-    motion = solve_motion(compiled, times)
-    force, x = contact_force(solve_forces(motion), cam), cam.argument(motion)
-    rho = cam.at(motion).pitch_radius
-    low, high = rollers_for(np.nan_to_num(force), rho, rating.width, rating.limit, rating.modulus, rating.poisson)
-    return low, high, x
+    out = np.zeros((3, forces.motion.frames))
+    out[1] = np.inf
+    for rows, part in forces.parts:
+        if all(other.name != cam.name for other in placed_cams(part.motion)):
+            continue  # the follower has left it
+        force, rho = np.nan_to_num(contact_force(part, cam)), cam.at(part.motion).pitch_radius
+        low, high = rollers_for(force, rho, rating.width, rating.limit, rating.modulus, rating.poisson)
+        out[:, rows] = low, high, cam.argument(part.motion)
+    return out[0], out[1], out[2]

@@ -7,12 +7,12 @@ from dataclasses import replace
 
 from mechcore.dynamics.events import with_slot_ends
 from mechcore.errors import Fault, MechanismError
-from mechcore.forces.cam_rating import with_least_sizes
+from mechcore.forces.cam_rating import prescribed, with_least_sizes
 from mechcore.laws.timed import Free, Law, moves
 from mechcore.records import dataclass
 from mechcore.reduction.bodies import Body
-from mechcore.spec.clearance import with_clearances
-from mechcore.spec.mechanism import Drive, Link, Mechanism, Planar, coordinates_of, friction_of
+from mechcore.spec.clearance import Clearance, with_clearances
+from mechcore.spec.mechanism import CamJoint, Drive, Link, Mechanism, Planar, coordinates_of, friction_of
 from mechcore.texts import as_length
 from mechviz.scene.assembly.links import (
     drawn_bodies,
@@ -195,41 +195,41 @@ def assemble(
         return None, faults
     if outlines is None and drawn_links(document):
         return assemble(reading, name, folder, drawn_bodies(mechanism, document))
-    if faults := _least_roller_faults(document, decided=simulation is not None):
+    if faults := _least_roller_faults(document):
         return None, faults
-    mechanism, faults = _sized(mechanism, document)
+    mechanism, faults = _sized(mechanism, document, simulation, clearances)
     if faults:
         return None, faults
-    if clearances:
-        mechanism = with_clearances(mechanism, clearances)
+    mechanism = with_clearances(mechanism, clearances)
     if simulation is not None and mechanism.ends:
         simulation = replace(simulation, stops=with_slot_ends(mechanism, simulation.stops))
     return Assembly(mechanism, simulation, convert.kinds), []
 
 
-def _least_roller_faults(document: SceneDocument, *, decided: bool) -> list[Fault]:
-    """Why rollers cannot be the least: ``decided``, forces decide the motion; or masses follow from what is drawn."""
+def _least_roller_faults(document: SceneDocument) -> list[Fault]:
+    """Why rollers cannot be the least: masses follow from what is drawn."""
     faults = []
     for key, joint in document.joints.items():
         if joint.follower is None or joint.follower.roller != LEAST:
             continue
         drawn = [link for link in joint.links if link in drawn_links(document)]
-        path = f"joints.{key}.follower.roller"
-        if decided:
-            why = "forces decide the motion, so that each roller has a motion, and forces, of its own."
-            faults.append(
-                Fault(path, why, "Give its radius; mechviz cams SCENE --size says which one the motion with it asks for.")
-            )
-        elif drawn:
+        if drawn:
             why = f"the mass of '{drawn[0]}' follows from what is drawn, and that from the roller."
-            faults.append(Fault(path, why, "Give its radius."))
+            faults.append(Fault(f"joints.{key}.follower.roller", why, "Give its radius."))
     return faults
 
 
-def _sized(mechanism: Mechanism, document: SceneDocument) -> tuple[Mechanism, list[Fault]]:
-    """The mechanism with the least sizes of its cams."""
+def _sized(
+    mechanism: Mechanism, document: SceneDocument, simulation: SimulationSpec | None, clearances: Mapping[str, Clearance]
+) -> tuple[Mechanism, list[Fault]]:
+    """The mechanism with the least sizes of its cams; of rollers where forces decide the motion, each has a motion of its own."""
+    solved = prescribed
+    if simulation is not None and any("roller" in p.least for p in mechanism.joints if isinstance(p, CamJoint)):
+        from mechviz.scene.assembly.under_forces import solver  # most scenes need no motion to be read
+
+        solved = solver(simulation, clearances)
     try:
-        return with_least_sizes(mechanism), []
+        return with_least_sizes(mechanism, solved), []
     except MechanismError as error:
         return mechanism, [Fault(document_path(document, f.path), f.message, f.remedy) for f in error.faults]
 

@@ -167,10 +167,7 @@ def _least_sizes(
     if follower.roller == LEAST:
         asked.append("roller")
         where = f"{path}.follower.roller"
-        if joint.liftoff is not None:
-            why = "the follower may leave the cam, and lands with an impact: no roller bounds that pressure."
-            convert.note(where, why, "Give a length; mechviz cams SCENE --size says which one the forces between impacts ask for.")
-        elif other or profile.lift is None or follower.second is not None or joint.closure == "form":
+        if other or profile.lift is None or follower.second is not None or joint.closure == "form":
             convert.note(
                 where, 'the value "least" is for discs with a lift and a follower that is pressed on them.', "Give a length."
             )
