@@ -86,8 +86,7 @@ def equation_table(run: Run) -> list[str]:
 
 def _together(equilibrium: Equilibrium, frame: int) -> Iterator[str]:
     """Solution of all equations at once, as a check."""
-    rows, columns = equilibrium.matrix.shape[1:]
-    yield f"all {rows} equations at once, without groups, for {columns} unknowns: " + (
+    yield f"all {equilibrium.equations} equations at once, without groups, for {len(equilibrium.unknowns)} unknowns: " + (
         f"the same values, to {_difference(equilibrium, frame):.1e} of the largest"
         if equilibrium.determinate
         else f"statics does not decide them all; these values leave {equilibrium.residual[frame]:.1e} of the largest term"

@@ -8,7 +8,7 @@ equations together are one linear system, solved at once as a check of what the 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import cached_property
 
 import numpy as np
@@ -19,8 +19,9 @@ from mechcore.forces.kinetostatics import Acting, Forces, acting_on
 from mechcore.joints.base import Relation
 from mechcore.kinematics.dyads import cross
 from mechcore.kinematics.model import Model
-from mechcore.motion.at_once import INDEPENDENT, equilibrium_matrix
+from mechcore.motion.at_once import DENSE, INDEPENDENT, equilibrium_cells
 from mechcore.motion.structure import Group, groups, loop_steps
+from mechcore.numerics.frames import stacked
 from mechcore.records import dataclass
 
 PLANE = np.array([1.0, 1.0j])
@@ -79,8 +80,9 @@ class GroupEquations:
 class Equilibrium:
     """The equilibrium of all moving links of a motion as one linear system ``matrix`` x + ``loads`` = 0.
 
-    ``matrix`` (F, 3 links, unknowns): forces along x and y, and moments [N m] about the origin of each link's frame. ``values``
-    (F, unknowns): those of `solve_forces`. Dry friction counts among the loads.
+    Equations (F, 3 links): forces along x and y, and moments [N m] about the origin of each link's frame. ``values`` (F, unknowns):
+    those of `solve_forces`. Dry friction counts among the loads. Of the matrix its cells are kept that are not empty: their rows
+    ``row`` and columns ``column`` (n,), in the order of the rows, and ``cells`` (F, n).
     """
 
     def __init__(self, forces: Forces):
@@ -88,10 +90,12 @@ class Equilibrium:
         motion = forces.motion
         model, size = motion.model, motion.model.length_scale
         flanks = {i: _flank(forces, relation) for i, relation in enumerate(model.relations)}
-        matrix, labels = equilibrium_matrix(motion, flanks)
-        scale = np.tile([1.0, 1.0, size], len(model.links) - 1)[:, None]
-        couples = np.array([size if what == "couple" else 1.0 for what, _, _ in labels])
-        self.matrix: Real = matrix * scale / couples
+        entries, labels = equilibrium_cells(motion, flanks)
+        ordered = sorted(entries)
+        self.row, self.column = np.array(ordered, int).reshape(-1, 2).T
+        moments = np.where(self.row % 3 == 2, size, 1.0)
+        couples = np.array([size if labels[c][0] == "couple" else 1.0 for c in self.column])
+        self.cells: Real = stacked([entries[cell] for cell in ordered], (motion.frames,)) * (moments / couples)
         self.unknowns, values = [], []
         for what, i, direction in labels:
             name = model.relations[i].name if what == "tie" else model.joints[i].name
@@ -116,77 +120,123 @@ class Equilibrium:
                 self.unknowns.append(Unknown("F" if drives else "N", name, "", "N"))
                 values.append(np.real(np.conj(frames_of(direction, motion.frames)) * force))
         self.values: Real = np.column_stack(values) if values else np.zeros((motion.frames, 0))
-        loads = [part for k in range(1, len(model.links)) for part in self._loads(k)]
-        self.loads: Real = np.stack(loads, axis=1)
+        links = len(model.links)
+        self._acting_on = [self._acting(k) for k in range(links)]
+        self.loads: Real = np.stack([part for k in range(1, links) for part in self._loads(k)], axis=1)
+
+    @property
+    def equations(self) -> int:
+        return self.loads.shape[1]
+
+    @cached_property
+    def matrix(self) -> Real:
+        """The whole matrix (F, equations, unknowns)."""
+        matrix = np.zeros((*self.loads.shape, len(self.unknowns)))
+        matrix[:, self.row, self.column] = self.cells
+        return matrix
 
     @cached_property
     def residual(self) -> Real:
         """Residual of each equation (F,) at the values of `solve_forces`, as a part of the largest term of that frame."""
-        terms = np.abs(self.matrix * self.values[:, None, :]).max(axis=(1, 2), initial=0.0)
-        left = np.abs((self.matrix @ self.values[..., None])[..., 0] + self.loads).max(axis=1, initial=0.0)
-        largest = np.maximum(terms, np.abs(self.loads).max(axis=1, initial=0.0))
-        return np.asarray(left / np.where(largest > 0.0, largest, 1.0))
+        terms, left = self.cells * self.values[:, self.column], self.loads.copy()
+        np.add.at(left, (slice(None), self.row), terms)
+        largest = np.maximum(np.abs(terms).max(axis=1, initial=0.0), np.abs(self.loads).max(axis=1, initial=0.0))
+        return np.asarray(np.abs(left).max(axis=1, initial=0.0) / np.where(largest > 0.0, largest, 1.0))
+
+    @property
+    def _scale(self) -> Real:
+        """The largest coefficient of each equation (F, equations)."""
+        scale = np.zeros(self.loads.shape)
+        np.maximum.at(scale, (slice(None), self.row), np.abs(self.cells))
+        return np.where(scale > 0.0, scale, 1.0)
 
     @cached_property
     def determinate(self) -> bool:
         """Whether there are as many unknowns as equations, which decide all of them at some frame."""
-        rows, columns = self.matrix.shape[1:]
-        if rows != columns:
+        if self.equations != len(self.unknowns):
             return False
-        s = np.linalg.svd(self.matrix / np.abs(self.matrix).max(axis=2, keepdims=True), compute_uv=False)
+        if self.equations > DENSE:
+            return any(solve is not None for solve in self._factors)
+        s = np.linalg.svd(self.matrix / self._scale[..., None], compute_uv=False)
         return bool((s[:, -1] > INDEPENDENT * s[:, 0]).any())
+
+    @cached_property
+    def _factors(self) -> list[Callable[[Real], Real] | None]:
+        """Solvers of the sparse matrix, its equations scaled, of every frame; None where it is singular."""
+        from scipy.sparse import csc_array
+        from scipy.sparse.linalg import splu
+
+        factors: list[Callable[[Real], Real] | None] = []
+        for cells in self.cells / self._scale[:, self.row]:
+            try:
+                factor = splu(csc_array((cells, (self.row, self.column)), shape=(self.equations, self.equations)))
+            except RuntimeError:  # exactly singular
+                factors.append(None)
+                continue
+            pivots = np.abs(factor.U.diagonal())
+            factors.append(factor.solve if pivots.min() > INDEPENDENT * pivots.max() else None)
+        return factors
 
     def at_once(self) -> Real:
         """The unknowns (F, unknowns) by all equations together, without splitting into groups; the shortest of all solutions where
         statics does not decide."""
-        scale = np.abs(self.matrix).max(axis=2, keepdims=True, initial=0.0)
-        scale = np.where(scale > 0.0, scale, 1.0)
-        given = -self.loads[..., None] / scale
-        if self.determinate and len(self.matrix) == 1:
-            return np.asarray(np.linalg.solve(self.matrix / scale, given)[..., 0])
-        return np.asarray((np.linalg.pinv(self.matrix / scale, rcond=INDEPENDENT) @ given)[..., 0])
+        given = -self.loads / self._scale
+        if self.equations > DENSE and self.determinate:
+            nothing = np.full(len(self.unknowns), np.nan)
+            return np.array([nothing if f is None else f(side) for f, side in zip(self._factors, given, strict=True)])
+        return np.asarray((np.linalg.pinv(self.matrix / self._scale[..., None], rcond=INDEPENDENT) @ given[..., None])[..., 0])
+
+    def _row(self, row: int) -> slice:
+        """The cells of an equation."""
+        return slice(*np.searchsorted(self.row, (row, row + 1)))
 
     def groups(self, frame: int) -> tuple[GroupEquations, ...]:
         """The equations of every group at a frame, the last group first."""
         model = self.forces.motion.model
-        given: list[int] = []
+        joints: dict[int, list[int]] = {}
+        for j, ends in enumerate(model.ends):
+            for k in ends:
+                joints.setdefault(k, []).append(j)
+        there = self.cells.any(axis=0)
+        given: set[int] = set()
         out = []
         for group in reversed(groups(model)):
             links = [model.index[name] for name in group.links]
-            rows = [row for k in links for row in range(3 * k - 3, 3 * k)]
-            used = np.flatnonzero(self.matrix[:, rows].any(axis=(0, 1))).tolist()
-            pairs = [(self.unknowns[c], float(self.values[frame, c])) for c in used]
-            known = [pair for c, pair in zip(used, pairs, strict=True) if c in given]
-            unknown = [pair for c, pair in zip(used, pairs, strict=True) if c not in given]
-            equations = tuple(self._of_link(k, links, frame) for k in links)
+            cells = [self._row(row) for k in links for row in range(3 * k - 3, 3 * k)]
+            used = sorted({int(c) for cell in cells for c in self.column[cell][there[cell]]})
+            known = [(self.unknowns[c], float(self.values[frame, c])) for c in used if c in given]
+            unknown = [(self.unknowns[c], float(self.values[frame, c])) for c in used if c not in given]
+            equations = tuple(self._of_link(k, joints.get(k, []), links, frame) for k in links)
             out.append(GroupEquations(group, equations, tuple(unknown), tuple(known)))
-            given += [c for c in used if c not in given]
+            given.update(used)
         return tuple(out)
 
-    def _of_link(self, k: int, group: list[int], frame: int) -> LinkEquations:
+    def _of_link(self, k: int, joints: list[int], group: list[int], frame: int) -> LinkEquations:
         motion = self.forces.motion
         model = motion.model
-        own = [(j, ends) for j, ends in enumerate(model.ends) if k in ends]
-        inner = [j for j, ends in own if set(ends) <= set(group)]
-        about = next(iter([*inner, *(j for j, _ in own)]), None)
+        about = next((j for j in joints if set(model.ends[j]) <= set(group)), joints[0] if joints else None)
         place = 0j
         if about is not None:
             place = complex(
                 (frames_of(motion.joint_point(about), motion.frames) - frames_of(motion.origins[k], motion.frames))[frame]
             )
         name = "" if about is None else model.joints[about].name
-        rows = self.matrix[frame, 3 * k - 3 : 3 * k].copy()
+        own = [self._row(row) for row in range(3 * k - 3, 3 * k)]
+        columns = np.unique(np.concatenate([self.column[cell] for cell in own]))
+        rows = np.zeros((3, len(columns)))
+        for row, cell in zip(rows, own, strict=True):
+            row[np.searchsorted(columns, self.column[cell])] = self.cells[frame, cell]
         rows[2] -= place.real * rows[1] - place.imag * rows[0]
         loads = self.loads[frame, 3 * k - 3 : 3 * k].copy()
         loads[2] -= place.real * loads[1] - place.imag * loads[0]
-        largest = np.abs(rows).max(axis=1, initial=0.0, keepdims=True)
+        largest = np.abs(rows).max(axis=1, initial=0.0)
         equations = []
-        for row, load, least, (what, unit) in zip(rows, loads, 1e-12 * largest[:, 0], _SUMS, strict=True):
-            terms = tuple((float(row[c]), self.unknowns[c]) for c in np.flatnonzero(np.abs(row) > least))
+        for row, load, least, (what, unit) in zip(rows, loads, 1e-12 * largest, _SUMS, strict=True):
+            terms = tuple((float(c), self.unknowns[at]) for c, at in zip(row, columns, strict=True) if abs(c) > least)
             equations.append(Equation(what, name if what == "M" else "", terms, float(load), unit))
         at = motion.origins[k] + place
         listed = []
-        for load in self._acting(k):
+        for load in self._acting_on[k]:
             f, p = (complex(frames_of(z, motion.frames)[frame]) for z in (load.force, load.place - at))
             turn = float(np.real(frames_of(load.moment, motion.frames)[frame])) + cross(p, f)
             listed.append((load.label, f.real, f.imag, float(turn)))
@@ -210,7 +260,7 @@ class Equilibrium:
         motion = self.forces.motion
         n = motion.frames
         total, turn = np.zeros(n, complex), np.zeros(n)
-        for load in self._acting(k):
+        for load in self._acting_on[k]:
             f, arm = frames_of(load.force, n), frames_of(load.place - motion.origins[k], n)
             total += f
             turn += np.real(frames_of(load.moment, n)) + cross(arm, f)

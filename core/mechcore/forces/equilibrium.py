@@ -94,11 +94,14 @@ def balance_program(model: Model) -> BalanceProgram:
     passed_on = leaves_first(model.ends, model.angles.edges)
     passing = frozenset(k for _, *links, _ in passed_on for k in links if k)  # moments, through joints that fix an angle
     grouped = frozenset(k for k, g in enumerate(model.angles.group) if g)  # their moments balance with the forces in the cuts
+    moved: dict[Unknown, list[tuple[int, tuple[int, ...]]]] = {}  # loops by what moves them
+    for c, loop in enumerate(model.loop_sums):
+        for unknown, numbers in moved_by(loop, model.angles).items():
+            moved.setdefault(unknown, []).append((c, numbers))
 
     def balance(block: Block, unknown: Unknown) -> Balance:
         what, i = unknown
-        moved = ((c, moved_by(loop, unknown, model.angles)) for c, loop in enumerate(model.loop_sums) if c not in block.loops)
-        loops = tuple((c, numbers) for c, numbers in moved if numbers)
+        loops = tuple((c, numbers) for c, numbers in moved.get(unknown, ()) if c not in block.loops)
         relations = tuple(
             r for r, constraint in enumerate(model.constraints) if r not in block.relations and unknown in constraint.unknowns
         )

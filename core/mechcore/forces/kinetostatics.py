@@ -323,8 +323,8 @@ def acting_on(forces: Forces, link: int) -> list[Acting]:
     motion = forces.motion
     out = []
     for w in forces.applied:
-        label = f"{LABELS[w.kind]}{motion.model.links[link]}" if w.kind in LABELS else w.name
         for k, arm, sign in ((w.link, w.arm, 1.0), (w.other, w.other_arm, -1.0)):
             if k == link:
+                label = f"{LABELS[w.kind]}{motion.model.links[link]}" if w.kind in LABELS else w.name
                 out.append(Acting(w.name, label, w.kind, sign * w.force, sign * w.moment, motion.origins[k] + arm))
     return out

@@ -208,7 +208,7 @@ def _equation(total: VectorSum, block: Block, angles: Angles) -> LoopEquation:
         carrier = block.angles.index(group[rotation_class]) if group[rotation_class] in block.angles else -1
         return UnknownSlide(j, carrier, rotation_class, d)
 
-    classes = _turning(total)
+    classes, moved = _turning(total), moved_by(total, angles)
     constant = dict(total.arms)
     return LoopEquation(
         target=VectorSum(
@@ -220,7 +220,7 @@ def _equation(total: VectorSum, block: Block, angles: Angles) -> LoopEquation:
         slides=tuple(unknown_slide(*slide) for j in block.slides for slide in total.slides if slide[0] == j),
         vectors=tuple((s, constant.get(s, 0j), tuple(i for i, x in enumerate(total.slides) if x[1] == s)) for s in classes),
         guides=total.slides,
-        columns=tuple(moved_by(total, u, angles) for u in block.unknowns),
+        columns=tuple(moved.get(u, ()) for u in block.unknowns),
         known_vectors=tuple(i for i, s in enumerate(classes) if group[s] not in block.angles or angles.class_drives[s]),
         known_guides=tuple(i for i, (j, _, _) in enumerate(total.slides) if j not in block.slides),
     )
@@ -231,12 +231,14 @@ def _turning(total: VectorSum) -> list[int]:
     return list(dict.fromkeys([*(s for s, _ in total.arms), *(s for _, s, _ in total.slides if s != FRAME)]))
 
 
-def moved_by(total: VectorSum, unknown: Unknown, angles: Angles) -> tuple[int, ...]:
-    """Numbers of a loop's `vectors` that an unknown angle turns, or of the one of its `guides` along which an unknown slides."""
-    what, i = unknown
-    if what == "slide":
-        return tuple(n for n, (j, _, _) in enumerate(total.slides) if j == i)
-    return tuple(n for n, s in enumerate(_turning(total)) if angles.class_group[s] == i)
+def moved_by(total: VectorSum, angles: Angles) -> dict[Unknown, tuple[int, ...]]:
+    """What moves a loop: numbers of its `vectors` that an unknown turns, and of the one of its `guides` along which an unknown
+    slides."""
+    moved: dict[Unknown, tuple[int, ...]] = {("slide", j): (n,) for n, (j, _, _) in enumerate(total.slides)}
+    for n, s in enumerate(_turning(total)):
+        unknown: Unknown = ("angle", angles.class_group[s])
+        moved[unknown] = (*moved.get(unknown, ()), n)
+    return moved
 
 
 def vector_sum(arms: Mapping[int, Any], slides: Sequence[tuple[int, int, complex]]) -> VectorSum:

@@ -334,8 +334,23 @@ def indeterminate(motion: Motion) -> tuple[str, ...]:
     return tuple(dict.fromkeys(name for name, free in zip(names, loose, strict=True) if free))
 
 
+Cells = dict[tuple[int, int], Values]
+"""The cells of a large matrix that are not empty, by row and column."""
+
+
 def equilibrium_matrix(motion: Motion, flanks: Mapping[int, Values]) -> tuple[Real, list[tuple[str, int, Plane]]]:
     """Matrix (F, 3 links, unknowns) of the equilibrium of all links, moments over the size, and its unknowns."""
+    entries, labels = equilibrium_cells(motion, flanks)
+    rows = 3 * (len(motion.model.links) - 1)
+    filled = stacked([*entries.values(), 0.0], (motion.frames,))  # most cells of a large matrix are empty: the last value
+    cells = np.full((rows, len(labels)), len(entries))
+    for k, cell in enumerate(entries):
+        cells[cell] = k
+    return filled[:, cells], labels
+
+
+def equilibrium_cells(motion: Motion, flanks: Mapping[int, Values]) -> tuple[Cells, list[tuple[str, int, Plane]]]:
+    """The cells of the matrix of the equilibrium of all links, moments over the size, and its unknowns."""
     model = motion.model
     labels: list[tuple[str, int, Plane]] = []
     for j, joint in enumerate(model.joints):
@@ -350,7 +365,7 @@ def equilibrium_matrix(motion: Motion, flanks: Mapping[int, Values]) -> tuple[Re
         if not joint.turns or (driven and joint.coordinate == "angle"):
             labels.append(("couple", j, 0j))
     labels += [("tie", i, 0j) for i in range(len(model.relations))]
-    entries: dict[tuple[int, int], Values] = {}
+    entries: Cells = {}
 
     def add(row: int, column: int, x: Values) -> None:
         entries[row, column] = added(entries.get((row, column), 0.0), x)
@@ -383,8 +398,4 @@ def equilibrium_matrix(motion: Motion, flanks: Mapping[int, Values]) -> tuple[Re
                 for link, sign in ((relation.links[0], 1.0), (relation.bearing.carrier, -1.0)):
                     if (k := model.index[link]) != 0:
                         add(3 * k - 1, column, sign * couple / model.length_scale)
-    rows = 3 * (len(model.links) - 1)
-    filled = stacked([*entries.values(), 0.0], (motion.frames,))  # most cells of a large matrix are empty: the last value
-    order = {cell: k for k, cell in enumerate(entries)}
-    cells = np.array([[order.get((row, column), -1) for column in range(len(labels))] for row in range(rows)], int)
-    return filled[:, cells.reshape(rows, len(labels))], labels
+    return entries, labels

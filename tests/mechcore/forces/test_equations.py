@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 import mechviz
+from mechcore.constructions import equations
 from mechcore.constructions.equations import Equilibrium
 from mechcore.forces.kinetostatics import solve_forces
 from mechcore.motion.solve import compile_mechanism, default_times, solve_motion
@@ -24,8 +25,10 @@ def equilibrium_of(name, frames=9):
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_all_equations_at_once_give_what_the_groups_gave(name):
-    """Newton and Euler for every link, without cuts, trees or virtual work."""
+@pytest.mark.parametrize("dense", [equations.DENSE, 0], ids=["full", "sparse"])
+def test_all_equations_at_once_give_what_the_groups_gave(name, dense, monkeypatch):
+    """Newton and Euler for every link, without cuts, trees or virtual work; of many links by a sparse matrix."""
+    monkeypatch.setattr(equations, "DENSE", dense)
     equilibrium = equilibrium_of(name)
     assert equilibrium.determinate and equilibrium.matrix.shape[1] == equilibrium.matrix.shape[2]
     known = np.isfinite(equilibrium.values).all(axis=1)
@@ -63,6 +66,17 @@ def test_the_numbers_are_those_of_the_reference():
     moments = first.links[0].equations[2]
     assert moments.about == "D" and {u.joint for _, u in moments.terms} == {"B"}  # the pin in between has no arm, as by hand
     assert {u.name for u, _ in last.known} == {"R_Bx", "R_By"}
+
+
+def test_a_sparse_matrix_tells_positions_at_which_it_is_singular(monkeypatch):
+    """All rods and bars of the chain on one line, twice a turn: nothing decides how the bars are pressed."""
+    full = equilibrium_of("four-bar-chain", 8)
+    singular = np.linalg.cond(full.matrix) > 1e12
+    monkeypatch.setattr(equations, "DENSE", 0)
+    sparse = equilibrium_of("four-bar-chain", 8)
+    assert singular.sum() == 2
+    assert np.isnan(sparse.at_once()).all(axis=1).tolist() == singular.tolist()
+    assert sparse.determinate and full.determinate
 
 
 def test_a_redundant_mechanism_is_told_as_such():
