@@ -18,8 +18,10 @@ from mechcore.records import dataclass
 from mechviz.runs import run_scene
 from mechviz.scene.scene import Scene
 
-GROUND, CART = "ground", "cart"
+GROUND, CART, LAWN = "ground", "cart", "lawn"
 SLIDES = ("along", "up")
+_GREY, _GREEN = "#8d949c", "#7aa35a"
+_BEYOND = 2.6  # of the body's height: how far the lawn goes on beyond its way
 _FEWEST = 8  # rows of a table
 _TABLE = 240  # rows of a cycle, beside the places where another foot takes over
 
@@ -108,7 +110,9 @@ def walking_scene(scene: Scene, walk: Walk, name: str) -> Scene:
     """The scene with the ground as its fixed link: two slides lead the body along it, as the walk says; the feet are traced."""
     document = scene.document
     data = document.written()
-    taken = [key for key in (GROUND, CART) if key in document.links] + [key for key in (*SLIDES,) if key in document.joints]
+    taken = [key for key in (GROUND, CART, LAWN) if key in document.links] + [
+        key for key in (*SLIDES, LAWN) if key in document.joints
+    ]
     if taken:
         raise MechanismError(Fault("links", f"a part is called '{taken[0]}' already.", "Rename it."))
     low = float(walk.body.imag.min())
@@ -118,7 +122,8 @@ def walking_scene(scene: Scene, walk: Walk, name: str) -> Scene:
     body["points"] = {**body["points"], CART: [f"{1e3 * px:.9g} mm", f"{1e3 * py:.9g} mm"]}
     data["links"] = {
         GROUND: {"points": {GROUND: ["0 mm", "0 mm"]}},
-        CART: {"points": {GROUND: ["0 mm", "0 mm"], CART: ["0 mm", f"{0.5e3 * low:.9g} mm"]}},
+        CART: {"points": {GROUND: ["0 mm", "0 mm"], CART: ["0 mm", f"{0.5e3 * low:.9g} mm"]}, "colour": _GREY},
+        LAWN: {"points": {GROUND: ["0 mm", "0 mm"]}, "outline": _lawn(walk), "colour": _GREEN},
         **{link: body if link == document.frame else table for link, table in data["links"].items()},
     }
     changes = np.flatnonzero(np.diff(walk.time) == 0.0) + 1
@@ -128,9 +133,21 @@ def walking_scene(scene: Scene, walk: Walk, name: str) -> Scene:
         ways = [(t, z.real + px if key == "along" else z.imag + py - 0.5 * low) for t, z in stances]
         drive = {"start": f"{1e3 * ways[0][1][0]:.9g} mm", "segments": [_stance(t, way) for t, way in ways]}
         data["joints"][key] = {"prismatic": links, "at": point, "along": along, "drive": drive}
+    data["joints"][LAWN] = {"weld": [GROUND, LAWN], "at": GROUND}
     data["trace"] = list(dict.fromkeys([*data.get("trace", []), *walk.feet]))
     data["title"] = f"{scene.title}, walking"
     return Scene.build(name=name, folder=scene.folder, **data)
+
+
+def _lawn(walk: Walk) -> list[list[str]]:
+    """Corners of a strip of ground under the whole way."""
+    height = float(walk.body.imag.max())
+    left, right = walk.body.real.min() - _BEYOND * height, walk.body.real.max() + _BEYOND * height
+    return [
+        [f"{1e3 * x:.4g} mm", f"{1e3 * y:.4g} mm"]
+        for y, ends in ((-0.2 * height, (left, right)), (0.0, (right, left)))
+        for x in ends
+    ]
 
 
 def _stance(time: Real, way: Real) -> dict[str, Any]:

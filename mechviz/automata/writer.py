@@ -267,6 +267,7 @@ class _Machine:
             f"title = {quoted(title)}",
             f"teaches = {quoted(_TEACHES % self.linkage.words)}",
             'units = { length = "mm", angle = "deg" }',
+            "marks = false",
             "",
             "[run]",
             f"frames = {frames}",

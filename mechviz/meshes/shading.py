@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 
 from mechcore.arrays import Index, Integers, Real
@@ -28,12 +30,11 @@ _LINKS: tuple[Color, ...] = (
 )
 
 
-def link_colors(names: tuple[str, ...], frame: str) -> dict[str, Color]:
-    """Colour of every link, by its place in the scene; the frame is grey and uses up no colour."""
+def link_colors(names: tuple[str, ...], frame: str, stated: Mapping[str, tuple[int, int, int]]) -> dict[str, Color]:
+    """Colour of every link: the ``stated`` one, else by its place in the scene; the frame is grey and uses up no colour."""
     moving = [name for name in names if name != frame]
     colors = {name: _LINKS[k % len(_LINKS)] for k, name in enumerate(moving)}
-    colors[frame] = FRAME
-    return colors
+    return {**colors, frame: FRAME, **{name: (*color, 255) for name, color in stated.items()}}
 
 
 _CREASE = np.cos(np.radians(30.0))

@@ -151,7 +151,8 @@ def _build(
     if model.spatial:
         more, spins = spatial_parts(model, levels)
         parts += more
-    colors = link_colors(model.links, model.frame)
+    stated = {link.name: link.colour for link in mechanism.links if link.colour is not None}
+    colors = link_colors(model.links, model.frame, stated)
     layers = _layers_of_links(model, levels, parts)
     links = _solids(model, parts, colors, layers, spins)
     bounds = _bounds(model, links)

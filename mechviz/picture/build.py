@@ -98,6 +98,7 @@ def picture_of(run: Run, solids: Solids, arrows: Arrows | None = None, known: Pi
         solids.z_top,
         widths={coil.name: coil.width for coil in coils},
         fixtures=fixtures,
+        marks=run.scene.document.marks,
     )
 
 
@@ -105,7 +106,8 @@ def bare_picture(run: Run, solids: Solids) -> Picture:
     """Solids and joints alone: of a run of which the rest is not known yet."""
     n, nodes = run.numbers, (*solid_nodes(run, solids), *joint_nodes(run, solids))
     scales = arrows_of(run, solids.size).scales
-    return Picture(n.time, n.frame, n.poses, nodes, scales, solids.size, np.asarray(solids.bounds, float), solids.z_top)
+    bounds, marks = np.asarray(solids.bounds, float), run.scene.document.marks
+    return Picture(n.time, n.frame, n.poses, nodes, scales, solids.size, bounds, solids.z_top, marks=marks)
 
 
 def solid_nodes(run: Run, solids: Solids, fixtures: Mapping[str, Sequence[Mesh]] | None = None) -> Iterator[Body]:

@@ -178,7 +178,8 @@ class Picture:
 
     ``frame`` is the fixed link, ``size`` [m] the mechanism's, ``bounds`` (2, 3) [m] the box around all solids over the run, ``top``
     [m] the height before which there is nothing solid; ``scales``: how large arrows are drawn. Where they are known: ``widths`` of
-    springs by name, over that of one around a stem only; ``fixtures``, what is drawn with links beside their solids.
+    springs by name, over that of one around a stem only; ``fixtures``, what is drawn with links beside their solids. ``marks``:
+    names of joints and arrows are shown at first.
     """
 
     time: Real
@@ -191,6 +192,7 @@ class Picture:
     top: float
     widths: Mapping[str, float] = field(default_factory=dict)
     fixtures: Mapping[str, Sequence[Mesh]] = field(default_factory=dict)
+    marks: bool = True
 
     @cached_property
     def by_key(self) -> Mapping[str, Node]:

@@ -15,7 +15,9 @@ from mechcore.spec.mechanism import ANSWERS, EFFECTS
 from mechviz.scene.annotations import Place
 from mechviz.scene.fields import (
     Angle,
+    Colour,
     Duration,
+    Flag,
     GravityVector,
     Inertia,
     Length,
@@ -131,6 +133,8 @@ class LinkDocument(Table):
     outline: Annotated[list[Point], Field(min_length=3)] | None = None
     """A figure that its plate is drawn as, beside what its pins need: corners in the link's axes, of a link whose points the
     sketch places in those of the sketch. Drawn, not computed."""
+    colour: Colour | None = None
+    """Its colour, red, green and blue as in "#d9534f", instead of one of its own. Drawn, not computed."""
     lumps: list[LumpDocument] = Field(default=[])
     """Point masses fixed to the link: counterweights, or all of its mass (a lumped model)."""
     looks: LookEntry | None = None
@@ -197,6 +201,8 @@ class SceneDocument(Table):
     """Acceleration of gravity [m/s^2], used only where effects names gravity."""
     trace: list[Text] = Field(default=[])
     """Points whose paths are wanted: "E", or "coupler.E" where several links have a point of that name."""
+    marks: Flag = True
+    """Whether names of joints and arrows are shown at first; machines for children look better without. Drawn, not computed."""
     answers: list[AnswerName] = Field(default=[])
     """Answers about the geometry of the motion, recorded with events where they become extreme."""
     plans: list[PlanName] = Field(default=[])

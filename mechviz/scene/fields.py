@@ -9,6 +9,7 @@ from __future__ import annotations
 import ast
 import inspect
 import math
+import re
 import sys
 from collections.abc import Iterable, Mapping
 from functools import cache
@@ -204,6 +205,15 @@ def _flag(value: Any) -> bool:
     return value
 
 
+def _colour(value: str) -> str:
+    if not re.fullmatch(_COLOUR, value):
+        raise fault(f"{describe(value)} where a colour is wanted.", 'Write red, green and blue as in "#d9534f".')
+    return value.lower()
+
+
+_COLOUR = "#[0-9a-fA-F]{6}"
+
+
 def _name(value: str) -> str:
     """Names become parts of paths in recordings and of file names."""
     if not value:
@@ -232,6 +242,7 @@ def _name(value: str) -> str:
 
 
 Text = Annotated[str, BeforeValidator(_text)]
+Colour = Annotated[Text, AfterValidator(_colour), Field(json_schema_extra={"pattern": f"^{_COLOUR}$"})]
 TwoNames = Annotated[list[Text], Field(min_length=2, max_length=2)]
 OneOrTwoNames = Annotated[Annotated[Text, Tag("<value>")] | Annotated[TwoNames, Tag("<list>")], Discriminator(value_or_list)]
 Flag = Annotated[bool, PlainValidator(_flag), WithJsonSchema({"type": "boolean"})]

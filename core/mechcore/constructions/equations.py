@@ -13,7 +13,7 @@ from functools import cached_property
 
 import numpy as np
 
-from mechcore.arrays import Real
+from mechcore.arrays import Flags, Real
 from mechcore.constructions.polygons import frames_of
 from mechcore.forces.kinetostatics import Acting, Forces, acting_on
 from mechcore.joints.base import Relation
@@ -126,7 +126,7 @@ class Equilibrium:
 
     @property
     def equations(self) -> int:
-        return self.loads.shape[1]
+        return int(self.loads.shape[1])
 
     @cached_property
     def matrix(self) -> Real:
@@ -138,17 +138,17 @@ class Equilibrium:
     @cached_property
     def residual(self) -> Real:
         """Residual of each equation (F,) at the values of `solve_forces`, as a part of the largest term of that frame."""
-        terms, left = self.cells * self.values[:, self.column], self.loads.copy()
-        np.add.at(left, (slice(None), self.row), terms)
+        terms, left = self.cells * self.values[:, self.column], self.loads.T.copy()
+        np.add.at(left, self.row, terms.T)
         largest = np.maximum(np.abs(terms).max(axis=1, initial=0.0), np.abs(self.loads).max(axis=1, initial=0.0))
-        return np.asarray(np.abs(left).max(axis=1, initial=0.0) / np.where(largest > 0.0, largest, 1.0))
+        return np.asarray(np.abs(left).max(axis=0, initial=0.0) / np.where(largest > 0.0, largest, 1.0))
 
     @property
     def _scale(self) -> Real:
         """The largest coefficient of each equation (F, equations)."""
-        scale = np.zeros(self.loads.shape)
-        np.maximum.at(scale, (slice(None), self.row), np.abs(self.cells))
-        return np.where(scale > 0.0, scale, 1.0)
+        scale = np.zeros(self.loads.T.shape)
+        np.maximum.at(scale, self.row, np.abs(self.cells.T))
+        return np.where(scale > 0.0, scale, 1.0).T
 
     @cached_property
     def determinate(self) -> bool:
@@ -197,7 +197,7 @@ class Equilibrium:
         for j, ends in enumerate(model.ends):
             for k in ends:
                 joints.setdefault(k, []).append(j)
-        there = self.cells.any(axis=0)
+        there: Flags = np.asarray(self.cells.any(axis=0))
         given: set[int] = set()
         out = []
         for group in reversed(groups(model)):

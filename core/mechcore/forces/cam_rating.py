@@ -20,7 +20,7 @@ from mechcore.cams.sizing import best_offset
 from mechcore.errors import Fault, MechanismError
 from mechcore.forces.kinetostatics import Forces, solve_forces
 from mechcore.joints.cam import required
-from mechcore.motion.compiled import Compiled
+from mechcore.kinematics.model import Model
 from mechcore.motion.motion import Motion
 from mechcore.motion.solve import compile_mechanism, default_times, solve_motion
 from mechcore.records import dataclass
@@ -266,8 +266,8 @@ def _settled(before: Joint, after: Joint, change: float) -> bool:
     return abs(a - b) <= change * b
 
 
-def _placed(compiled: Compiled, name: str) -> PlacedCam:
-    cam = next(r.geometry for r in compiled.model.relations if getattr(r.geometry, "name", "") == name)
+def _placed(model: Model, name: str) -> PlacedCam:
+    cam = next(r.geometry for r in model.relations if getattr(r.geometry, "name", "") == name)
     assert isinstance(cam, PlacedCam)  # of discs with a lift, which the scene checks
     return cam
 
@@ -281,7 +281,7 @@ def _with_best_offset(mechanism: Mechanism, name: str) -> Mechanism:
         raise MechanismError(
             Fault(path, "the offset of a roller, a knife or a mushroom in a straight guide is one.", "Leave it out.")
         )
-    cam = _placed(compile_mechanism(mechanism), name)
+    cam = _placed(compile_mechanism(mechanism).model, name)
     shared = guide.points[guide.links.index(cam.carrier)]
     users = [p.name for p in mechanism.joints if p is not guide and _uses(p, cam.carrier, shared)]
     if users:
@@ -316,8 +316,7 @@ def _least_roller(run: Solved, name: str) -> tuple[float, float]:
     least, greatest, where = 0.0, np.inf, 0.0
     for _ in range(1 + FINER):  # what decides may lie between the frames, and forces jump where the law does
         forces = run.forces(times)
-        cam = next(cam for cam in placed_cams(forces.motion) if cam.name == name)
-        assert isinstance(cam, PlacedCam)  # of discs with a lift, which the scene checks
+        cam = _placed(forces.motion.model, name)
         low, high, x = _rollers(forces, cam)
         k = int(np.argmax(low))
         if low[k] > least:

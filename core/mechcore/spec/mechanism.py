@@ -54,6 +54,7 @@ class Link:
     gravity: Vec2 | None = None  # acceleration of gravity for this link alone [m/s^2]; None: the mechanism's
     plane: float = 0.0  # how far in front of the others it is drawn at least, along their axes [m]
     outline: tuple[Vec2, ...] = ()  # corners of a figure that is drawn with it [m]
+    colour: tuple[int, int, int] | None = None  # in which it is drawn, each from 0 to 255; None: one of its own
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -312,7 +312,7 @@ def _groups(picture: Picture, drawn: list[dict[str, Any]]) -> list[dict[str, Any
         if name not in present:
             continue
         entry = {"name": name, "label": family.label, "meaning": family.meaning, "shown": name in FORCE_FAMILIES or not forces}
-        entry["shown"] = entry["shown"] and name != "acceleration"
+        entry["shown"] = entry["shown"] and name != "acceleration" and picture.marks
         entry |= {"light": hex_of(family.color), "dark": hex_of(family.on_dark)}
         per_metre = picture.scales.per_metre(name)
         arrows = any(d["group"] == name and d["kind"] == "arrows" for d in drawn if "kind" in d)
@@ -321,4 +321,4 @@ def _groups(picture: Picture, drawn: list[dict[str, Any]]) -> list[dict[str, Any
             entry |= {"length": value / per_metre, "value": f"{value:g} {family.unit}"}
         groups.append(entry)
     groups += [{"name": k, "label": v, "shown": k not in HIDDEN} for k, v in GROUPS.items() if k in present]
-    return groups
+    return [*groups, {"name": "names", "label": "Names", "shown": picture.marks}]

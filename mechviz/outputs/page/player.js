@@ -38,7 +38,7 @@ class Player {
 
   // -- what is on the page ---------------------------------------------------------------------------------------------
   buildGroups() {
-    for (const group of [...this.header.groups, { name: "names", label: "Names", shown: true }]) {
+    for (const group of this.header.groups) {
       const button = document.createElement("button");
       button.type = "button";
       button.dataset.group = group.name;
@@ -249,8 +249,7 @@ class Player {
     if (!button) return;
     button.setAttribute("aria-pressed", String(on));
     if (this.stage) {
-      if (group === "names") this.stage.names = on;
-      else this.stage.shown[group] = on;
+      this.stage.shown[group] = on;
       this.noteScales();
     }
     this.refresh();

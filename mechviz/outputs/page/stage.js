@@ -95,7 +95,6 @@ class Stage {
     this.camera = new Camera(header.drawn, header.core);
     this.size = Math.max(header.bounds[1][0] - header.bounds[0][0], header.bounds[1][1] - header.bounds[0][1], 1e-9);
     this.shown = Object.fromEntries(header.groups.map((g) => [g.name, g.shown]));
-    this.names = true;
     this.theme = theme;
     const wanted = this.size / 10; // a round length near a tenth of the mechanism
     const decade = 10 ** Math.floor(Math.log10(wanted));
@@ -339,7 +338,7 @@ class Stage {
     const taken = []; // places of names: one that would lie over another is left out
     for (const { d, k, span } of this.tags) {
       const place = d.link === undefined ? (x, y) => [x, y] : this.carried(this.header.links[d.link], frame);
-      const spot = d.kind === "points" && this.names && this.shown[d.group] !== false ? this.spot(d, k, frame) : null;
+      const spot = d.kind === "points" && this.shown.names && this.shown[d.group] !== false ? this.spot(d, k, frame) : null;
       span.hidden = !spot;
       if (!spot) continue;
       const [x, y] = place(...spot);

@@ -125,7 +125,7 @@ def _pictures(run: Run, bounds: Mapping[str, Real]) -> list[Any]:
         views.append(picture("Mechanism with forces", [*forces, "legend/forces", "sections/bending_moment"], bounds["forces"]))
         if run.studies.sections:
             views += [picture(DIAGRAMS[group].title, [f"sections/{group}"], bounds["forces"]) for group in HIDDEN]
-    if _has_points(run):
+    if _has_points(run) and run.scene.document.marks:
         views.append(picture("Mechanism with velocities and accelerations", [*motion, "legend/motion"], bounds["motion"]))
     return views or [picture("Mechanism", [], bounds["motion"])]
 

@@ -224,6 +224,7 @@ def _properties(run: Run, picture: Picture, wall_seconds: float, *, complete: bo
         "interpolation": run.accuracy.interpolation,
         "files": json.dumps(_scene_files(run)),
         "power_items": pa.array([] if run.forces is None else power_labels(run.forces), pa.string()),
+        "marks": picture.marks,
         "complete": complete,
     }
 

@@ -142,6 +142,7 @@ class Properties(Part):
     accuracy: Json[dict[str, Any]] | None = None
     interpolation: Annotated[int, Field(ge=1, le=5)] = 3
     files: Json[dict[str, Base64Bytes]] = {}
+    marks: bool = True
     complete: bool = True
 
     @model_validator(mode="after")

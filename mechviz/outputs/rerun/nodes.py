@@ -206,7 +206,8 @@ def node_statics(node: Node, picture: Picture) -> Iterator[Static]:
             yield Static(path, rr.LineStrips3D.from_fields(**_look(node.colors, node.radii, node.labels), **where))
         case Points():
             where = {"positions": node.places[0]} if len(node.places) == 1 else {}
-            yield Static(path, rr.Points3D.from_fields(**_look(node.colors, node.radii, node.labels), **where))
+            labels = node.labels if picture.marks or node.group != "joints" else ()
+            yield Static(path, rr.Points3D.from_fields(**_look(node.colors, node.radii, labels), **where))
         case ArrowSet():
             yield Static(path, rr.Arrows3D.from_fields(**_look(node.colors, (node.radius,), node.labels)))
         case Arrow(group=family):

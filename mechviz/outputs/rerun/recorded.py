@@ -98,7 +98,7 @@ def picture_in(recording: Recording, numbers: Numbers) -> Picture:
     order = {entry.key: k for k, entry in enumerate(entries)}
     nodes = sorted([*nodes, *arrows], key=lambda node: order.get(node.key, len(order)))
     top = float(bounds[1, 2] + 0.01 * size) if said.top is None else said.top
-    return Picture(numbers.time, numbers.frame, numbers.poses, tuple(nodes), scales, size, bounds, top)
+    return Picture(numbers.time, numbers.frame, numbers.poses, tuple(nodes), scales, size, bounds, top, marks=said.marks)
 
 
 def _guessed(recording: Recording) -> Iterator[NodePart]:

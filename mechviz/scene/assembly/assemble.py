@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 
 from mechcore.dynamics.events import with_slot_ends
 from mechcore.errors import Fault, MechanismError
-from mechcore.forces.cam_rating import prescribed, with_least_sizes
+from mechcore.forces.cam_rating import Solved, prescribed, with_least_sizes
 from mechcore.laws.timed import Free, Law, moves
 from mechcore.records import dataclass
 from mechcore.reduction.bodies import Body
@@ -114,6 +114,9 @@ def assemble(
             made = Link(name=key, points=points, mass=mass, centre=centre, inertia=inertia, gravity=own, plane=plane)
             if link.outline is not None:
                 made = replace(made, outline=drawn_outline(key, link.outline, document, placement, convert))
+            if link.colour is not None and link.sound("colour"):
+                red, green, blue = bytes.fromhex(link.colour[1:])
+                made = replace(made, colour=(red, green, blue))
             links.append(made)
     made_joints = [
         joint_spec(key, joint, document, placement, convert) for key, joint in document.joints.items() if len(joint.kinds) == 1
@@ -223,7 +226,7 @@ def _sized(
     mechanism: Mechanism, document: SceneDocument, simulation: SimulationSpec | None, clearances: Mapping[str, Clearance]
 ) -> tuple[Mechanism, list[Fault]]:
     """The mechanism with the least sizes of its cams; of rollers where forces decide the motion, each has a motion of its own."""
-    solved = prescribed
+    solved: Callable[[Mechanism], Solved] = prescribed
     if simulation is not None and any("roller" in p.least for p in mechanism.joints if isinstance(p, CamJoint)):
         from mechviz.scene.assembly.under_forces import solver  # most scenes need no motion to be read
 

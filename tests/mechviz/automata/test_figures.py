@@ -9,7 +9,13 @@ from sections import section
 
 import mechviz
 from mechcore.errors import MechanismError
+from mechviz.outputs.page.pack import unpack
+from mechviz.outputs.page.page import show_text
+from mechviz.outputs.presentation import presentation_in, presentation_of
+from mechviz.outputs.rerun.reader import Recording
+from mechviz.outputs.rerun.writer import write_recording
 from mechviz.picture.build import solids_of
+from mechviz.picture.nodes import Body
 from mechviz.runs import run_scene
 from mechviz.scene.scene import dump, load
 
@@ -59,6 +65,24 @@ def test_outlines_are_kept_and_faults_of_them_told(tmp_path):
         four_bar(False, [[0, 0], [10, 10], [10, 0], [0, 10]])
     with pytest.raises(MechanismError, match="drawn as ground"):
         four_bar(False, STAR, "frame")
+
+
+def test_a_link_is_drawn_in_its_colour_and_a_show_opens_without_marks(tmp_path):
+    """In a run, in a recording of it and in the page of either; a wrong colour is told."""
+    scene = four_bar(False).changed({("marks",): False, ("links", "coupler", "colour"): "#D9534f", ("trace",): ["coupler.B"]})
+    run = run_scene(scene, frames=12)
+    write_recording(run, tmp_path / "a.rrd")
+    for shown in (presentation_of(run), presentation_in(Recording(tmp_path / "a.rrd"))):
+        (coupler,) = (node for node in shown.picture.of(Body, "solids") if node.owner == ("link", "coupler"))
+        seen = {tuple(color) for color in coupler.mesh.colors.tolist()}
+        assert (0xD9, 0x53, 0x4F) in seen and (86, 160, 140) not in seen, "its own instead of that of its place"
+        assert not shown.picture.marks
+        packed, _ = show_text(shown, plots=False)
+        groups = {group["name"]: group["shown"] for group in unpack(packed)[0]["groups"]}
+        assert not (groups["names"] or groups["velocity"]) and groups["paths"]
+    for colour in ("red", "#12345", 7):
+        with pytest.raises(MechanismError, match=r"links.coupler.colour"):
+            scene.changed({("links", "coupler", "colour"): colour})
 
 
 def test_edges_of_a_figure_are_bevelled_whatever_its_corners():

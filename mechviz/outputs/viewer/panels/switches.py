@@ -59,7 +59,7 @@ class Switches:
                     self.sizes[label] = size
             with gui.add_folder("Marks"):
                 for name in scene.marks:
-                    self.marks[name] = gui.add_checkbox(name, scene.plans.is_on(name))
+                    self.marks[name] = gui.add_checkbox(name, scene.is_marked(name))
                     self.marks[name].on_update(callback(f"Switching {name}", partial(self._mark, name)))
             with gui.add_folder("Looks"):
                 self.opacity = gui.add_slider("Opacity of links", 0.1, 1.0, 0.05, 1.0)

@@ -23,6 +23,7 @@ from mechviz.outputs.viewer.world.marks import Joints, Masses, Paths, path_segme
 from mechviz.outputs.viewer.world.solids import SolidNodes, quaternions
 from mechviz.picture.nodes import Body
 
+NAMES = "Joint names"
 SHOWN_FIRST = ("reaction", "applied", "inertia", "friction", "drive")
 BEYOND = 0.15  # of the size: so far arrows may widen the view beyond the solids, ...
 BEYOND_FIRST = 0.4  # ... and so far those of the frame that is shown first
@@ -62,7 +63,8 @@ class Scene3D:
             self.plans = PlanNodes(server, show)
         self._posed: tuple[Any, ...] = (self.links, *self.ghosts.values(), self._paths, self.joints, self._bodies)
         for family in self.arrows.families:
-            self.switch_family(family, family in SHOWN_FIRST)
+            self.switch_family(family, show.picture.marks and family in SHOWN_FIRST)
+        self.joints.switch(show.picture.marks)
         self.bounds = self._box(show)
         set_first_view(server, self.bounds, self._core(show))
         self.marks: Mapping[str, Callable[[bool], None]] = {
@@ -70,7 +72,7 @@ class Scene3D:
             **({"Springs and dampers": self._switch_springs} if "springs" in self._lines.groups | self._bodies.groups else {}),
             **({"Point masses": self._masses.switch} if len(self._masses) else {}),
             **{name: partial(self.plans.switch, name) for name in self.plans.constructions},
-            "Joint names": self.joints.switch,
+            NAMES: self.joints.switch,
             "Grid": self.stage.switch,
         }
         self._screens: dict[int, tuple[int, int]] = {}
@@ -153,6 +155,10 @@ class Scene3D:
         self.bounds = self._box(self.current)
         self.cameras.follow_bounds(self.bounds, self._core(self.current))
         self.cameras.look(client, preset)
+
+    def is_marked(self, name: str) -> bool:
+        """Whether one of ``marks`` is shown at first."""
+        return self.current.picture.marks if name == NAMES else self.plans.is_on(name)
 
     def switch_mark(self, name: str, on: bool) -> None:
         """Show or hide one of ``marks``."""
