@@ -18,7 +18,7 @@ from mechviz.scene.document import SceneDocument, value_at
 from mechviz.scene.expressions import is_plain, parse_expression
 from mechviz.scene.fields import Quantity, Table
 from mechviz.scene.kinds.joints.cam_documents import SOLIDS
-from mechviz.scene.kinds.segments import SegmentTable
+from mechviz.scene.kinds.segments import LawDocument, SegmentTable
 from mechviz.scene.kinds.settings import ParameterDocument
 from mechviz.scene.scene import Scene
 from mechviz.scene.units import KINDS, QuantityError, Units, split, symbol_of, unit_factor, unit_of
@@ -34,6 +34,7 @@ BARE = {
     "stiffness": "{force}/{length}",
 }
 LAW_NAMES = (*RISES, "polynomial")
+LEAST_LAWS = {f"least {order}": {"least": order} for order in ("acceleration", "jerk", "snap")}
 GROUPS = ("Parameters", "Lengths", "Drive", "Cam", "Loads and springs", "Masses", "Friction", "Assembly", "Other")
 
 
@@ -92,6 +93,10 @@ class Choice:
     def key(self) -> str:
         return key_of(self.path)
 
+    def written(self, option: str) -> Any:
+        """An option as the scene holds it."""
+        return LEAST_LAWS.get(option, option) if self.path[-1] == "law" else option
+
 
 def key_of(path: Place) -> str:
     """A place in the document as a text."""
@@ -107,13 +112,25 @@ def find_parameters(scene: Scene) -> tuple[Parameter, ...]:
 
 
 def find_choices(scene: Scene) -> tuple[Choice, ...]:
-    """All values that are one of a few texts: laws of motion, assembly modes, senses."""
-    choices = []
+    """All values that are one of a few texts: laws of motion, assembly modes, senses. Of a law that is a table the value is its
+    kind, which is none of the options."""
+    choices = [
+        Choice(path, _group(path), _label(path), f"{law.kind}, as stated", (*LAW_NAMES, *LEAST_LAWS))
+        for path, law in _law_tables(scene.document)
+    ]
     for spot in _spots(scene.document):
         options = _options(spot)
         if len(options) > 1 and isinstance(spot.value, str) and spot.path[0] in ("joints", "loads", "links"):
             choices.append(Choice(spot.path, _group(spot.path), _label(spot.path), spot.value, options))
     return tuple(sorted(choices, key=lambda c: GROUPS.index(c.group)))
+
+
+def _law_tables(document: SceneDocument) -> Iterator[tuple[Place, LawDocument]]:
+    """The laws that are tables, by their places."""
+    within = (leaf.path[: leaf.path.index("law") + 1] for leaf in leaves(document) if "law" in leaf.path[:-1])
+    for path in dict.fromkeys(within):
+        if isinstance(law := value_at(document, path), LawDocument):
+            yield path, law
 
 
 # -- walking ----------------------------------------------------------------------------------------------------------
@@ -152,7 +169,7 @@ def _editable(leaf: Leaf) -> bool:
 def _options(leaf: Leaf) -> tuple[str, ...]:
     """The texts of which the value is one, if it is a choice."""
     if leaf.path[-1] == "law":
-        return LAW_NAMES
+        return (*LAW_NAMES, *LEAST_LAWS)
     return tuple(o for o in get_args(leaf.kind) if isinstance(o, str)) if get_origin(leaf.kind) is Literal else ()
 
 

@@ -68,7 +68,11 @@ def least_peak(
     limits = dict(limits or {})
     if control < order or control < max(limits, default=1) or control > 6:
         raise MechanismError(
-            Fault("law.smooth", f"{control} is below the derivative that is limited.", f"Give {max([order, *limits])} to 6.")
+            Fault(
+                "law.smooth",
+                f"derivative {control} is constant over each step, below one that is least or limited.",
+                f"Let derivative {max([order, *limits])} to 6 be the constant one: 2 is the acceleration, 3 the jerk, 4 the snap.",
+            )
         )
     if len(start) > control or len(end) > control:
         start, end = start[:control], end[:control]

@@ -31,10 +31,10 @@ def parts(bird):
 
 
 def test_holes_are_pins_with_the_clearance(parts):
-    """Every pin is fast in one of the links that it joins, and turns in the others."""
+    """Every pin is fast in one of the links that it joins, and turns in the others; what is welded is glued."""
     (pin,) = {round(0.5 * np.ptp(part.outline.bounds[::2]), 6) for part in parts if part.kind == "pin"}
     plates = {part.name: part for part in parts if part.kind == "plate"}
-    assert {"base", "crank", "rod", "body", "neck", "stay"} == set(plates)
+    assert {"base", "crank", "rod", "body", "neck", "stay", "eye", "beak", "meadow", "stump"} == set(plates)
     radii = sorted(r for part in plates.values() for *_, r in part.circles)
     assert np.allclose(radii, [pin] * 7 + [pin + 0.5 * PLAY] * 7, atol=1e-3)  # seven joints of two links each
     assert all(r == pytest.approx(pin + 0.5 * PLAY, abs=1e-3) for part in parts if part.kind == "spacer" for *_, r in part.circles)

@@ -13,6 +13,7 @@ import pytest
 import trimesh
 
 from mechcore.accuracy import Accuracy
+from mechcore.laws.catalogue import RISES
 from mechcore.motion.events import Event
 from mechviz import scene
 from mechviz.editor.history import Draft, History
@@ -114,6 +115,31 @@ def test_lengths_masses_speeds_springs_and_laws_are_there_with_their_units():
     choices = {c.label: c for c in find_choices(scene.load("cam-roller"))}
     assert choices["K lift 1 law"].value == "cycloidal" and "3-4-5" in choices["K lift 1 law"].options
     assert "D side" in {c.label for c in find_choices(scene.load("kinetostatic-four-bar"))}
+
+
+@pytest.mark.parametrize(
+    ("name", "place"),
+    [
+        ("cam-roller", ("joints", "K", "profile", "lift", 0, "law")),
+        ("gantry-in-step", ("joints", "X", "drive", "segments", 5, "law")),
+        ("two-axis-program", ("joints", "Z", "drive", "program", "segments", 0, "law")),
+    ],
+    ids=["cam", "time", "master angle"],
+)
+def test_any_law_stands_on_a_cam_over_time_and_over_a_master_angle(name, place):
+    """One by name becomes one of least peak, which a table states, and back; what a table states is told, and is no option."""
+
+    def choice(of):
+        (found,) = (c for c in find_choices(of) if c.path == place)
+        return found
+
+    loaded = scene.load(name)
+    assert set(RISES) < set(choice(loaded).options)
+    least = loaded.changed({place: choice(loaded).written("least jerk")})
+    assert value_at(least.document, place).least == "jerk"
+    assert choice(least).value == "least, as stated" and choice(least).value not in choice(least).options
+    again = least.changed({place: choice(least).written("modified-sine")})
+    assert choice(again).value == "modified-sine"
 
 
 def test_a_cam_is_judged_by_a_force():

@@ -157,7 +157,7 @@ class Controls:
     def _chosen(self, key: str, _: Any) -> None:
         c, chosen = self._choices.get(key), self.lists.get(key)
         if c is not None and chosen is not None and chosen.value in c.options:
-            value = chosen.value
+            value = c.written(chosen.value)
             self._session.change(c.key, lambda draft: draft.with_value(c.path, value))
 
     def _step(self, name: str) -> None:
