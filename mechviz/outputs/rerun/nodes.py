@@ -206,8 +206,8 @@ def node_statics(node: Node, picture: Picture) -> Iterator[Static]:
             yield Static(path, rr.LineStrips3D.from_fields(**_look(node.colors, node.radii, node.labels), **where))
         case Points():
             where = {"positions": node.places[0]} if len(node.places) == 1 else {}
-            labels = node.labels if picture.marks or node.group != "joints" else ()
-            yield Static(path, rr.Points3D.from_fields(**_look(node.colors, node.radii, labels), **where))
+            named = picture.marks or node.group != "joints"
+            yield Static(path, rr.Points3D.from_fields(**_look(node.colors, node.radii, node.labels, shown=named), **where))
         case ArrowSet():
             yield Static(path, rr.Arrows3D.from_fields(**_look(node.colors, (node.radius,), node.labels)))
         case Arrow(group=family):
@@ -217,9 +217,9 @@ def node_statics(node: Node, picture: Picture) -> Iterator[Static]:
             yield Static(path, rr.LineStrips3D.from_fields(colors=packed([FAMILIES[family].on_dark]), radii=[THICK * picture.size]))
 
 
-def _look(colors: Sequence[Sequence[int]], radii: Sequence[float], labels: Sequence[str]) -> dict[str, Any]:
-    """How lines, points or arrows look; they have labels where any of them is not empty."""
-    words = {"labels": list(labels), "show_labels": True} if any(labels) else {}
+def _look(colors: Sequence[Sequence[int]], radii: Sequence[float], labels: Sequence[str], *, shown: bool = True) -> dict[str, Any]:
+    """How lines, points or arrows look; they have labels where any of them is not empty, ``shown`` at first."""
+    words = {"labels": list(labels), "show_labels": shown} if any(labels) else {}
     return {"colors": packed(colors), "radii": list(radii), **words}
 
 
