@@ -108,8 +108,8 @@ def cheapest_table(result: dict[str, tuple[Point, ...]]) -> str:
     """The cheapest setting of every dial that reaches the target."""
     lines = ["| scene | dial | cheapest setting | error | time |", "|---|---|---|---|---|"]
     for name, points in result.items():
-        for dial in dict.fromkeys(p.dial for p in points):
-            best = cheapest([p for p in points if p.dial == dial], TARGET)
+        for dial in dict.fromkeys(p.setting for p in points):
+            best = cheapest([p for p in points if p.setting == dial], TARGET)
             words = (
                 "none of the ladder | |"
                 if best is None
@@ -165,7 +165,7 @@ def hard_pictures() -> None:
     from mechcore.cams.followers import Follower, Roller, Translating
     from mechcore.cams.real_profiles import cut_profile
     from mechcore.cams.synthesis import cam_on_base
-    from mechcore.dynamics.events import Stop
+    from mechcore.dynamics.events import EndStop
     from mechcore.dynamics.simulate import simulate
     from mechcore.laws.program import Segment, program
     from mechcore.motion.solve import compile_mechanism, solve_motion
@@ -203,7 +203,7 @@ def hard_pictures() -> None:
         [(1e3 * x, shown, BLUE, "")],
     )
 
-    stop = Stop(name="wall", joint="O", at=-np.pi / 2 + 0.5, side="lower", restitution=0.5)
+    stop = EndStop(name="wall", joint="O", at=-np.pi / 2 + 0.5, side="lower", restitution=0.5)
     simulation = simulate(pendulum(0.4, 1.5, 0.35, 1.0), 1.6, stops=[stop], tolerance=1e-9)
     t = np.linspace(0.0, 1.6, 1201)
     angle = np.degrees(simulation(t)[0][:, 0] + np.pi / 2)

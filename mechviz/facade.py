@@ -25,7 +25,7 @@ from mechviz.outputs.rerun.reader import Recording
 from mechviz.outputs.rerun.recorded import numbers_in
 from mechviz.outputs.rerun.writer import RecordingSummary, write_recording
 from mechviz.progress import progress_bar
-from mechviz.quantities.catalogue import Axis, Catalogue, Quantity, Together
+from mechviz.quantities.catalogue import Axis, Catalogue, Quantity, QuantityGroup
 from mechviz.quantities.events import events_of
 from mechviz.runs import Run, run_scene
 from mechviz.scene.faults import did_you_mean
@@ -218,13 +218,13 @@ class Result:
             save_chart(figure, Path(path))
         return figure
 
-    def _together(self, keys: str | tuple[str, ...]) -> Quantity | Together:
+    def _together(self, keys: str | tuple[str, ...]) -> Quantity | QuantityGroup:
         if isinstance(keys, str):
             return self.quantity(keys)
         parts = tuple(self.quantity(key) for key in keys)
         if len({q.unit for q in parts}) != 1:
             raise OutputError(f"One plot cannot show {', '.join(q.title for q in parts)}.", "Give quantities of one unit.")
-        return Together(parts)
+        return QuantityGroup(parts)
 
     def _axis(self, against: str | None) -> Axis:
         axes = {"time" if axis.unit == "s" else axis.label.split()[-1]: axis for axis in self.catalogue.axes}
@@ -257,15 +257,15 @@ def run(
 
     ``frames`` over the whole run and ``cycles`` of the first drive are the scene's own where they are not given; ``accuracy`` is
     the wanted relative error, such as 1e-6, from which frames and tolerances follow; ``executor`` is "numpy", "c" or, where
-    compiling pays, "auto". What takes longer than a second shows its ``progress`` on a terminal and in a notebook.
+    compiling pays, "auto". Runs of more than a second show their ``progress`` on a terminal and in a notebook.
     Raises `SceneError` with every fault of the scene, `MechanismError` where the mechanism cannot move so.
     """
     solved = scene if isinstance(scene, Scene) else load(scene)
-    dials: dict[str, Any] = {"frames": frames, "cycles": cycles, "accuracy": accuracy, "executor": executor}
+    settings: dict[str, Any] = {"frames": frames, "cycles": cycles, "accuracy": accuracy, "executor": executor}
     if not progress:
-        return Result(run_scene(solved, **dials))
+        return Result(run_scene(solved, **settings))
     with progress_bar(f"solving {solved.name}", after=LONG) as bar:
-        return Result(run_scene(solved, **dials, progress=bar.stage, advance=lambda t, end: bar(round(1e3 * t / end), 1000)))
+        return Result(run_scene(solved, **settings, progress=bar.stage, advance=lambda t, end: bar(round(1e3 * t / end), 1000)))
 
 
 def open(path: str | Path, *, most: int | None = None) -> Result:

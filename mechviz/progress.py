@@ -17,7 +17,7 @@ Update = Callable[..., object]
 
 @dataclass(frozen=True)
 class Bar:
-    """How far long work is: to be called with what is done and of how much; ``stage`` is told what is done now."""
+    """How far long work is: to be called with what is done and of how much; ``stage`` gets what is done now."""
 
     label: str = ""
     update: Update = lambda **_: None
@@ -79,13 +79,13 @@ def _in_notebook() -> Callable[[str], AbstractContextManager[Update]] | None:
     @contextmanager
     def line(label: str) -> Iterator[Update]:
         handle = display({"text/plain": label}, raw=True, display_id=True)
-        words, told = label, time.monotonic()
+        words, last_update = label, time.monotonic()
 
         def update(description: str = "", completed: int = 0, total: int | None = None) -> None:
-            nonlocal words, told
+            nonlocal words, last_update
             words = description or words
-            if description or time.monotonic() - told >= PAUSE:
-                told = time.monotonic()
+            if description or time.monotonic() - last_update >= PAUSE:
+                last_update = time.monotonic()
                 share = f" {100 * completed // total} %" if total else ""
                 handle.update({"text/plain": f"{words}{share}"}, raw=True)
 

@@ -28,7 +28,7 @@ from mechcore.motion.solve import compile_mechanism, default_times, solve_motion
 from mechcore.records import dataclass
 from mechcore.texts import Text
 from mechviz.accuracy.estimate import ErrorEstimate, check_finite, estimate_errors
-from mechviz.accuracy.fit import Fit, fit_frames, kept_dials, simulated
+from mechviz.accuracy.fit import Fit, fit_frames, fixed_settings, simulated
 from mechviz.quantities.catalogue import Catalogue
 from mechviz.quantities.numbers import Numbers, numbers_of
 from mechviz.scene.assembly.under_forces import steady_state
@@ -91,7 +91,7 @@ class Run:
     @cached_property
     def kept(self) -> Accuracy:
         """The dials with those of what is drawn and recorded, which follow from the target: chord, profile, numbers, pictures."""
-        return kept_dials(self)
+        return fixed_settings(self)
 
 
 def with_run(scene: Scene, frames: int | None, cycles: int | None) -> Scene:
@@ -125,7 +125,7 @@ def run_scene(
 ) -> Run:
     """Solve a scene over its frames and cycles (the scene's own where not given). Raises `MechanismError`.
 
-    Where forces decide the motion it is found first, over the scene's duration; ``advance`` is told how far it is known and how
+    Where forces decide the motion it is found first, over the scene's duration; ``advance`` gets how far it is known and how
     far it is wanted [s]; ``observe`` gets every stretch of it as soon as it is known, with the whole duration; ``warn`` is told
     before it begins what will take long.
 
@@ -140,9 +140,9 @@ def run_scene(
     The run's scene is the one that was solved: other frames or cycles than the scene's own are part of it.
     """
     stages: list[Stage] = []
-    dials = _dials(scene, accuracy)
+    settings = _settings(scene, accuracy)
     counted = frames is not None or (accuracy is None and "frames" in scene.document.run.model_fields_set)
-    scene = with_run(scene, frames or dials.frames, cycles)
+    scene = with_run(scene, frames or settings.frames, cycles)
     mechanism = scene.mechanism
     check_frames(len(mechanism.links), scene.frames)
     wanted = set(outputs)
@@ -153,7 +153,7 @@ def run_scene(
         return stopwatch(stages, name)
 
     with stage("compile"):
-        compiled = compile_mechanism(mechanism, dials, executor)
+        compiled = compile_mechanism(mechanism, settings, executor)
     simulation, steady, again = None, None, None
     if scene.simulation is not None:
         if scene.simulation.steady is not None:
@@ -161,11 +161,11 @@ def run_scene(
                 steady, compiled = steady_state(scene.simulation.steady, compiled)
         with stage("motion under forces"):
             again = _resimulate(scene, compiled, advance, steady, observe, warn)
-            simulation = _simulate(scene, dials, again, asked=accuracy is not None)
+            simulation = _simulate(scene, settings, again, asked=accuracy is not None)
     fit = None
-    if dials.target is not None and not counted and dials.frames is None:
+    if settings.target is not None and not counted and settings.frames is None:
         with stage("frames for the accuracy"):
-            fit = _fit(scene, dials, simulation)
+            fit = _fit(scene, settings, simulation)
         scene = with_run(scene, fit.frames, None)
     with stage("positions"):
         motion = _motion(scene, compiled, simulation)
@@ -200,7 +200,7 @@ def run_scene(
         studies=studies,
         simulation=simulation,
         steady=steady,
-        accuracy=dials,
+        accuracy=settings,
         fit=fit,
         again=again,
     )
@@ -237,7 +237,7 @@ def _resimulate(
             tolerance=tolerance,
             method=method or compiled.accuracy.method or spec.method,
             stops=spec.stops,
-            watches=spec.watches,
+            triggers=spec.triggers,
             separable_cams=spec.separable_cams,
             progress=lambda t: advance(t, duration),
             observe=None if look is None else lambda stretch: look(stretch, duration),
@@ -248,24 +248,24 @@ def _resimulate(
     return resimulate
 
 
-def _simulate(scene: Scene, dials: Accuracy, again: Resimulate, *, asked: bool) -> Simulation:
+def _simulate(scene: Scene, settings: Accuracy, again: Resimulate, *, asked: bool) -> Simulation:
     """The motion under forces; ``asked``: its accuracy goes before the scene's own."""
     assert scene.simulation is not None
-    if dials.target is not None and (asked or scene.document.run.tolerance is None):
-        return simulated(dials, again)
-    return again(dials.integrator if asked and dials.integrator is not None else scene.simulation.tolerance)
+    if settings.target is not None and (asked or scene.document.run.tolerance is None):
+        return simulated(settings, again)
+    return again(settings.integrator if asked and settings.integrator is not None else scene.simulation.tolerance)
 
 
-def _dials(scene: Scene, accuracy: Accuracy | float | None) -> Accuracy:
+def _settings(scene: Scene, accuracy: Accuracy | float | None) -> Accuracy:
     """The dials of a run: those that are asked for, else the scene's."""
     if accuracy is None:
         return scene.accuracy
     return accuracy if isinstance(accuracy, Accuracy) else accuracy_for(accuracy)
 
 
-def _fit(scene: Scene, dials: Accuracy, simulation: Simulation | None) -> Fit:
+def _fit(scene: Scene, settings: Accuracy, simulation: Simulation | None) -> Fit:
     """The frames that an accuracy needs."""
-    return fit_frames(scene, dials, simulation)
+    return fit_frames(scene, settings, simulation)
 
 
 def _motion(scene: Scene, compiled: Compiled, simulation: Simulation | None) -> Motion:

@@ -98,11 +98,11 @@ DIALS: tuple[str, ...] = tuple(f.name for f in fields(Accuracy) if f.name != "ta
 DEFAULT = Accuracy()
 
 
-def accuracy_for(target: float, **dials: Any) -> Accuracy:
-    """The setting for a wanted error; ``dials`` override single ones.
+def accuracy_for(target: float, **settings: Any) -> Accuracy:
+    """The setting for a wanted error; ``settings`` override single ones.
 
-    Each iterative stage gets a tenth of the error, so that what they add up to stays below it. What only the motion can tell stays
-    open and is found by measuring a run: ``frames``, and of what is kept and drawn ``chord``, ``profile``, ``numbers`` and
+    Each iterative stage gets a tenth of the error, so that what they add up to stays below it. Settings that depend on the motion
+    stay open and is found by measuring a run: ``frames``, and of what is kept and drawn ``chord``, ``profile``, ``numbers`` and
     ``pictures``.
     """
     if isinstance(target, bool) or not isinstance(target, int | float) or not TIGHTEST <= target <= LOOSEST:
@@ -116,4 +116,4 @@ def accuracy_for(target: float, **dials: Any) -> Accuracy:
         friction=min(max(0.1 * target, 1e-13), 1e-2),
         event=min(max(target, 1e-12), 1e-2),
     )
-    return replace(accuracy, **dials) if dials else accuracy
+    return replace(accuracy, **settings) if settings else accuracy

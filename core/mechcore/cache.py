@@ -28,18 +28,18 @@ def digest(data: bytes) -> str:
     return hashlib.sha256(data).hexdigest()[:DIGITS]
 
 
-def is_kept(identity: str, ending: str) -> bool:
+def is_cached(identity: str, ending: str) -> bool:
     """Whether a sound file is in the cache."""
     folder = cache_folder()
-    return _owned(folder) and _sound(folder, identity, ending) is not None
+    return _owned(folder) and _is_intact(folder, identity, ending) is not None
 
 
 @contextmanager
-def kept(identity: str, ending: str, make: Callable[[Path], None]) -> Iterator[Path]:
+def cached_file(identity: str, ending: str, make: Callable[[Path], None]) -> Iterator[Path]:
     """The file of an identity (a `digest` of all that it depends on) and an ending such as ".so", which ``make`` writes where it is
     not there; in a temporary folder where the cache cannot be made or others could use it. Raises `OSError`."""
     with _folder() as folder:
-        yield _sound(folder, identity, ending) or _made(folder, identity, ending, make)
+        yield _is_intact(folder, identity, ending) or _made(folder, identity, ending, make)
 
 
 @contextmanager
@@ -65,7 +65,7 @@ def _owned(folder: Path) -> bool:
     return not hasattr(os, "getuid") or (state.st_uid == os.getuid() and not state.st_mode & 0o077)
 
 
-def _sound(folder: Path, identity: str, ending: str) -> Path | None:
+def _is_intact(folder: Path, identity: str, ending: str) -> Path | None:
     """The file in a folder whose name is its own checksum; those of the same identity that are damaged go."""
     for path in folder.glob(f"{identity}-*{ending}"):
         with suppress(OSError):

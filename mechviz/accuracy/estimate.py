@@ -10,14 +10,14 @@ whether the results can be trusted.
   cheap, but does not believe it: it solves the equations of motion themselves, evaluated anew, by a rule with other nodes and of a
   higher order, on windows that the last coefficients of its own series have to allow, from the given start to the end; events are
   looked for anew, and tables are made anew. Newton's method forgets where it started: from a motion that was falsified it comes to
-  the same solution, and then tells how wrong the false one was. What both share is what no tolerance mends: the model, and the
+  the same solution, and then shows the error of the false one. Both share errors that no tolerance reduces: the model, and the
   rounding of the same formulas. A vibration that was stepped over, because it is smaller than the tolerance, counts in full.
 - Discontinuities: an angle that goes on by a turn more or less than its rates say is counted in full. Half of what is missing in
   the balance of energies is an error of the rates, and so of the positions.
 - Between frames: every second frame interpolated from the others; the error of half the distance follows from the order that the
   error at twice and four times the distance shows around there, at most that of the interpolation: where frames lie next to a
   singular position, what is left of their digits does not get better with their number. Values that have a pole between two frames
-  are told as large as they are a hundredth of the distance beside it (see `poles`).
+  are stated as they are a hundredth of the distance beside it (see `poles`).
 """
 
 from __future__ import annotations
@@ -58,7 +58,7 @@ TIGHTER = 0.01  # tolerance of the companion of a motion under forces
 TIGHTEST = 1e-13
 SAMPLED = 257  # frames at which a companion is compared
 QUADRATURE = 1e-4  # of the largest energy: less may be missing in the works, where contacts are stiff, and not in the motion
-UNSURE = 2.0  # [rad] that an angle may go from a frame to the next for a lost turn to be told from a motion
+UNSURE = 2.0  # [rad] that an angle may go from a frame to the next for a lost turn to be distinguished from a motion
 AROUND = 1  # places at four times the distance, on both sides, that show how errors fall
 
 
@@ -176,7 +176,7 @@ def _peaks(motion: Any) -> tuple[float, float]:
 
 def _cancelled(run: Run) -> float:
     """Rounding of the largest force or moment, seen from reactions and efforts that are much smaller: relative to their own peaks
-    it is large. What is smaller than a billionth is nothing but rounding, and as wrong as it is large.
+    it is large. Values below a billionth are rounding only: their error is their size.
     """
 
     def peak(values: Real) -> float:
@@ -273,8 +273,8 @@ def _left_out(q: Quantity, time: Real, order: int, step: int) -> Real:
     second = None if q.second is None else q.second[keep]
     t = time[middle] if order else time[keep[1:]] - 1e-9 * (time[1] - time[0])
     truth = q.values[middle] if order else q.values[keep[1:]]
-    miss = np.abs(between(time[keep], q.values[keep], t, order, rate, second) - truth)
-    return np.asarray(np.max(miss, axis=1) / q.scale)
+    error = np.abs(between(time[keep], q.values[keep], t, order, rate, second) - truth)
+    return np.asarray(np.max(error, axis=1) / q.scale)
 
 
 @lru_cache(maxsize=4)
@@ -308,8 +308,8 @@ def poses_apart(one: Any, other: Any) -> Real:
     """Largest distance (F,) of the links in two motions at the same times, lengths in sizes of the mechanism, angles in radians."""
     worst = np.zeros(one.frames)
     for link in one.model.links[1:]:
-        miss = np.abs(one.pose(link) - other.pose(link))
-        worst = np.maximum(worst, np.maximum(miss[:, :2].max(axis=1) / one.model.length_scale, miss[:, 2]))
+        error = np.abs(one.pose(link) - other.pose(link))
+        worst = np.maximum(worst, np.maximum(error[:, :2].max(axis=1) / one.model.length_scale, error[:, 2]))
     return worst
 
 
@@ -333,11 +333,11 @@ def check_finite(run: Run) -> None:
         raise MechanismError(faults)
 
 
-def doubts(run: Run, *, errors: bool = False) -> list[str]:
+def accuracy_warnings(run: Run, *, errors: bool = False) -> list[str]:
     """Why the results of a run cannot be trusted, a sentence each; none where they can. ``errors``: also where its estimated errors
     are large, which of a motion under forces takes a second run."""
     moves = _moves(run)
-    sums = (health.doubt(moves) for health in run.catalogue.health)
+    sums = (health.warning(moves) for health in run.catalogue.health)
     return [*filter(None, sums), *(_large_errors(run) if errors else ())]
 
 

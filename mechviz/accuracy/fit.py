@@ -38,7 +38,7 @@ ROUNDS = 7
 SHARE = 0.9  # of the wanted error for the frames: digits and tolerances have the rest
 NEAR = 0.25  # of that: nearer than this is near enough
 STANDS_OUT = 30.0  # times the errors around it: an interval that holds a jump or a bend
-MOST_LEFT_OUT = 0.1  # of the intervals: where jumps are closer to each other, more frames tell them apart
+MOST_LEFT_OUT = 0.1  # of the intervals: where jumps are closer to each other, more frames separate them
 WORTH = 16.0  # times as many frames for what stands out, at most
 SLOWEST = 0.7  # order by which its error has to fall: that of a bend is 1, that of a jump 0
 ENOUGH = 1e-13  # rounding
@@ -222,21 +222,21 @@ DIGITS_SHARE = 0.1  # of the target for the digits: the frames have the rest, se
 SINGLE = 2.0**-24  # largest relative error of a number that is rounded to float32
 
 
-def kept_dials(run: Run) -> Accuracy:
+def fixed_settings(run: Run) -> Accuracy:
     """The run's dials with chord [m], profile, numbers and pictures as they follow from its target."""
-    dials = run.accuracy
+    settings = run.accuracy
     filled: dict[str, Any] = {}
-    if dials.target is None:
-        filled = {"profile": dials.profile or PROFILE, "numbers": dials.numbers or "float64"}
-        return replace(dials, **filled)
-    chord = dials.chord if dials.chord is not None else max(dials.target, FINEST) * run.motion.model.length_scale
+    if settings.target is None:
+        filled = {"profile": settings.profile or PROFILE, "numbers": settings.numbers or "float64"}
+        return replace(settings, **filled)
+    chord = settings.chord if settings.chord is not None else max(settings.target, FINEST) * run.motion.model.length_scale
     every = quantities(run.motion, run.forces)
     return replace(
-        dials,
+        settings,
         chord=float(np.clip(chord, 1e-9, 1.0)),
-        profile=dials.profile or _points(run, chord),
-        numbers=dials.numbers or _digits(every, dials.target, balanced=run.forces is not None),
-        pictures=dials.pictures or _pictures(every, run.motion, dials.target, dials.decimation),
+        profile=settings.profile or _points(run, chord),
+        numbers=settings.numbers or _digits(every, settings.target, balanced=run.forces is not None),
+        pictures=settings.pictures or _pictures(every, run.motion, settings.target, settings.decimation),
     )
 
 
@@ -283,8 +283,8 @@ def _joined(every: Sequence[Quantity], time: Real, step: int, last: int, target:
         if q.turns:  # what is drawn on a link that turns goes along an arc
             values = np.column_stack([np.cos(values), np.sin(values)])
         joined = np.column_stack([np.interp(time[frames], time[nodes], column[nodes]) for column in values.T])
-        miss = np.abs(joined - values[frames])
-        if not float(np.nanmax(miss, initial=0.0)) <= target * q.scale:
+        error = np.abs(joined - values[frames])
+        if not float(np.nanmax(error, initial=0.0)) <= target * q.scale:
             return False
     return True
 
@@ -346,14 +346,14 @@ def _frames(run: Run, target: float) -> str:
         jumps = f", but in {holds} a jump or a bend: up to {fit.there:.1e} of the peak is left there, and more frames hardly help"
     if fit.error <= target:
         return f"{start}reached{jumps}"
-    missed = f"warning: {start}not reached: {fit.error:.1e} is left between frames"
+    warning = f"warning: {start}not reached: {fit.error:.1e} is left between frames"
     if fit.needed is None:
-        return f"{missed}, and more frames do not help: it is rounding{_besides(fit)}. Ask for a larger error."
+        return f"{warning}, and more frames do not help: it is rounding{_besides(fit)}. Ask for a larger error."
     remedy = "Ask for a larger error."
     if run.accuracy.interpolation < 5:
         remedy = 'Choose interpolation = "quintic", or ask for a larger error.'
     most = f"{MOST} a cycle, {MOST_FRAMES} in all, {MOST_POSES} of all links"
-    return f"{missed}; about {fit.needed} frames would be needed, and no more than {most} are computed{_besides(fit)}. {remedy}"
+    return f"{warning}; about {fit.needed} frames would be needed, and no more than {most} are computed{_besides(fit)}. {remedy}"
 
 
 def _besides(fit: Fit) -> str:
@@ -370,7 +370,7 @@ def _motion(run: Run, target: float) -> str:
     if left <= target:
         return f"motion under forces: within {left:.1e}, by a run with another tolerance"
     if np.isnan(left):
-        return "warning: motion under forces: no second run comes through that would tell its error"
+        return "warning: motion under forces: no second run succeeds, so that its error is unknown"
     words = f"warning: motion under forces: about {left:.1e} is left, and smaller tolerances do not help: its positions part from"
     return f"{words} their neighbours, rounding with them. Ask for a larger error, or a shorter duration."
 

@@ -132,13 +132,13 @@ def errors_between(coarse: list[Quantity], time: Real, fine: list[Quantity], t: 
     """Relative errors (n,) of what is interpolated from frames at ``time`` at the times ``t`` of a finer run, by quantity."""
     out = {}
     for a, b in zip(coarse, fine, strict=True):
-        miss = np.abs(a.between(time, t, order) - b.values)
-        out[a.name] = np.max(miss, axis=1) / a.scale
+        error = np.abs(a.between(time, t, order) - b.values)
+        out[a.name] = np.max(error, axis=1) / a.scale
     return out
 
 
 MARKED = 1e-3  # part of the scale: jumps that are smaller may be rounding next to the singular position
-NEAREST = 0.01  # of the distance of two frames: so near to a pole a value is told; nearer it has no bound
+NEAREST = 0.01  # of the distance of two frames: closer to a pole a value has no bound
 
 
 @dataclass(frozen=True)

@@ -41,15 +41,15 @@ _EVEN = 0.2  # a speed counts as even within this part of the full one
 class PenMotion:
     """Places (N,) [m] of the pen at even steps of the shaft's angle from 0 on, and the angles [rad] of what it does.
 
-    ``strokes``: begin and end of each, while the pen rests on the paper; ``gaps``: after each stroke begin and end of the lifting,
-    begin and end of the lowering. ``error`` [m]: the largest distance between the line and its strokes, either way. ``even``: the
-    share of the line that is drawn at the full speed, within a fifth. Peaks by the angle: ``speed`` [m/rad], ``acceleration``
-    [m/rad^2], ``jerk`` [m/rad^3].
+    ``strokes``: begin and end of each, while the pen rests on the paper; ``pen_up``: after each stroke begin and end of the
+    lifting, begin and end of the lowering. ``error`` [m]: the largest distance between the line and its strokes, either way.
+    ``even``: the share of the line that is drawn at the full speed, within a fifth. Peaks by the angle: ``speed`` [m/rad],
+    ``acceleration`` [m/rad^2], ``jerk`` [m/rad^3].
     """
 
     places: Complex
     strokes: tuple[tuple[float, float], ...]
-    gaps: tuple[tuple[float, float, float, float], ...]
+    pen_up: tuple[tuple[float, float, float, float], ...]
     error: float
     even: float
     speed: float
@@ -66,7 +66,7 @@ class PenMotion:
         """Ranges [rad] of the turn one after the other, and to where the pen goes in them: 1 up, 0 down, None stays."""
         strides: list[tuple[float, float | None]] = []
         at = 0.0
-        for rising, up, falling, down in self.gaps:
+        for rising, up, falling, down in self.pen_up:
             steps = [(rising - at, None), (up - rising, 1.0), (falling - up, None), (down - falling, 0.0)]
             strides += [(over, to) for over, to in steps if over > _NOTHING]
             at = down
@@ -112,9 +112,9 @@ def _planned(strokes: Sequence[Complex], error: float, rise: float, ramp: float)
         worst = 0.0
         for k, line in enumerate(lines):
             drawn = smooth.at(timed.times[k])
-            miss = np.maximum(_apart(line, drawn), _apart(drawn, line))
-            worst = max(worst, float(miss.max()))
-            slower = np.clip(np.sqrt(0.8 * error / np.maximum(miss, 1e-300)), 0.7, 1.0)
+            distance = np.maximum(_apart(line, drawn), _apart(drawn, line))
+            worst = max(worst, float(distance.max()))
+            slower = np.clip(np.sqrt(0.8 * error / np.maximum(distance, 1e-300)), 0.7, 1.0)
             caps[k] = np.maximum(caps[k] * minimum_filter1d(slower, 2 * _WINDOW + 1), _SLOWEST)
         if worst <= error:
             return _finished(timed, smooth, worst, h)
@@ -131,14 +131,14 @@ class _Timed:
     places: Complex
     total: float
     strokes: list[tuple[float, float]]
-    gaps: list[tuple[float, float, float, float]]
+    pen_up: list[tuple[float, float, float, float]]
 
 
 def _timed(lines: list[Complex], caps: list[Real], a: float, h: float, rise: float) -> _Timed:
     """The samples of all strokes with their times, and of the ways between them; lifts are a part of the whole time."""
     own = [_times(line, cap, a) for line, cap in zip(lines, caps, strict=True)]
     strides = [_sampled(np.array([line[-1], lines[(k + 1) % len(lines)][0]]), h) for k, line in enumerate(lines)]
-    between = [_times(way, np.ones(len(way)), a) for way in strides]
+    between = [_times(stride, np.ones(len(stride)), a) for stride in strides]
     total = sum(t[-1] for t in (*own, *between))
     for _ in range(60):  # the lifts are a part of the whole: a contraction
         lift = rise / (2.0 * np.pi) * total
@@ -147,19 +147,19 @@ def _timed(lines: list[Complex], caps: list[Real], a: float, h: float, rise: flo
         total, last = sum(t[-1] for t in (*own, *between)) + 2.0 * sum(waits), total
         if abs(total - last) < 1e-12 * total:
             break
-    clock, times, knots, places, strokes, gaps = HALF * h, [], [], [], [], []
-    for line, t, way, t_way, wait in zip(lines, own, strides, between, waits, strict=True):
+    clock, times, knots, places, strokes, pen_up = HALF * h, [], [], [], [], []
+    for line, t, stride, t_stride, wait in zip(lines, own, strides, between, waits, strict=True):
         times.append(clock + t)
         strokes.append((clock - HALF * h, clock + t[-1] + HALF * h))
         clock += t[-1]
         begin = clock + HALF * h
-        knots += [times[-1], clock + wait + t_way]
-        places += [line, way]
-        clock += 2.0 * wait + t_way[-1]
-        gaps.append((begin, begin + lift, clock - HALF * h - lift, clock - HALF * h))
+        knots += [times[-1], clock + wait + t_stride]
+        places += [line, stride]
+        clock += 2.0 * wait + t_stride[-1]
+        pen_up.append((begin, begin + lift, clock - HALF * h - lift, clock - HALF * h))
     knots.append(np.array([total + HALF * h]))
     places.append(lines[0][:1])
-    return _Timed(times, np.concatenate(knots), np.concatenate(places), total, strokes, gaps)
+    return _Timed(times, np.concatenate(knots), np.concatenate(places), total, strokes, pen_up)
 
 
 @dataclass(frozen=True, eq=False)
@@ -203,15 +203,15 @@ def _finished(timed: _Timed, smooth: _Smooth, error: float, h: float) -> PenMoti
     for begin, end in timed.strokes:
         drawn |= (smooth.grid >= begin) & (smooth.grid <= end)
     speed = np.abs(smooth.rate(1))
-    ink = float(speed[drawn].sum())
-    even = float(speed[drawn & (speed > 1.0 - _EVEN)].sum()) / ink if ink > 0.0 else 0.0
+    drawn_length = float(speed[drawn].sum())
+    even = float(speed[drawn & (speed > 1.0 - _EVEN)].sum()) / drawn_length if drawn_length > 0.0 else 0.0
     fine = np.zeros(n, complex)
     fine[:half], fine[-half:] = spectrum[n // 2 : n // 2 + half], spectrum[n // 2 - half : n // 2]
     peaks = [float(np.abs(np.fft.ifft(fine * smooth.rates**k)).max()) / turn**k for k in (1, 2, 3)]
     return PenMotion(
         places,
         tuple((turn * a, turn * b) for a, b in timed.strokes),
-        tuple((turn * a, turn * b, turn * c, turn * d) for a, b, c, d in timed.gaps),
+        tuple((turn * a, turn * b, turn * c, turn * d) for a, b, c, d in timed.pen_up),
         error,
         even,
         *peaks,

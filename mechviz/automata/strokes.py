@@ -115,8 +115,8 @@ def in_order(strokes: Sequence[Complex], near: float) -> list[Complex]:
     rest, ordered = list(strokes), []
     at = min(rest, key=lambda s: s[0].real)[0]
     while rest:
-        gaps = [min(abs(s[0] - at), abs(s[-1] - at)) for s in rest]
-        stroke = rest.pop(int(np.argmin(gaps)))
+        distances = [min(abs(s[0] - at), abs(s[-1] - at)) for s in rest]
+        stroke = rest.pop(int(np.argmin(distances)))
         if abs(stroke[-1] - at) < abs(stroke[0] - at):
             stroke = stroke[::-1]
         ordered.append(stroke)

@@ -58,8 +58,8 @@ def walk_of(scene: Scene, feet: Sequence[tuple[str, str]], touch: float) -> Walk
         raise MechanismError(Fault("feet", f"{len(feet)} feet: at least two take turns.", "Name another one."))
     motion = run_scene(scene.changed({("run", "frames"): _TABLE, ("run", "cycles"): 1})).motion
     place, rate = (np.stack([motion.point(*foot, k) @ np.array([1.0, 1.0j]) for foot in feet]) for k in (0, 1))
-    gap = float(np.abs(place[:, -1] - place[:, 0]).max())
-    if gap > 1e-6 * float(np.abs(place).max()):
+    distance = float(np.abs(place[:, -1] - place[:, 0]).max())
+    if distance > 1e-6 * float(np.abs(place).max()):
         raise MechanismError(Fault("feet", "their paths do not close in a cycle of the drive.", "Let the drive turn once."))
     t, z, v, foot = _with_changes(motion.time, place, rate)
     step, frames = np.diff(t), np.arange(len(t))
@@ -130,8 +130,11 @@ def walking_scene(scene: Scene, walk: Walk, name: str) -> Scene:
     stances = list(zip(np.split(walk.time, changes), np.split(walk.body, changes), strict=True))
     guides = {"along": ([GROUND, CART], GROUND, [1, 0]), "up": ([CART, document.frame], CART, [0, 1])}
     for key, (links, point, along) in guides.items():
-        ways = [(t, z.real + px if key == "along" else z.imag + py - 0.5 * low) for t, z in stances]
-        drive = {"start": f"{1e3 * ways[0][1][0]:.9g} mm", "segments": [_stance(t, way) for t, way in ways]}
+        samples = [(t, z.real + px if key == "along" else z.imag + py - 0.5 * low) for t, z in stances]
+        drive = {
+            "start": f"{1e3 * samples[0][1][0]:.9g} mm",
+            "segments": [_stance(t, values) for t, values in samples],
+        }
         data["joints"][key] = {"prismatic": links, "at": point, "along": along, "drive": drive}
     data["joints"][LAWN] = {"weld": [GROUND, LAWN], "at": GROUND}
     data["trace"] = list(dict.fromkeys([*data.get("trace", []), *walk.feet]))
@@ -150,10 +153,13 @@ def _lawn(walk: Walk) -> list[list[str]]:
     ]
 
 
-def _stance(time: Real, way: Real) -> dict[str, Any]:
+def _stance(time: Real, values: Real) -> dict[str, Any]:
     """The segment of a drive over the places of a slide while one foot stands."""
     after = time - time[0]
     if len(time) < _FEWEST:
-        after, way = np.linspace(0.0, after[-1], _FEWEST), np.interp(np.linspace(0.0, after[-1], _FEWEST), after, way)
-    table = {"at": [f"{t:.9g} s" for t in after], "values": [f"{1e3 * x:.9g} mm" for x in way]}
+        after, values = (
+            np.linspace(0.0, after[-1], _FEWEST),
+            np.interp(np.linspace(0.0, after[-1], _FEWEST), after, values),
+        )
+    table = {"at": [f"{t:.9g} s" for t in after], "values": [f"{1e3 * x:.9g} mm" for x in values]}
     return {"duration": f"{after[-1]:.9g} s", "law": {"position": table}}

@@ -74,11 +74,11 @@ def design_writer(
     pressure_limit: float = math.radians(40.0),
     linkage: type[PenLinkage] = Rods,
     levers: bool = True,
-    tell: Callable[[str], object] = lambda _: None,
+    progress: Callable[[str], object] = lambda _: None,
 ) -> Writer:
     """The machine that draws strokes (n,) [m] about the origin, and misses them by at most ``error`` [m] when it is run.
 
-    ``speed`` of the shaft [rad/s]; ``linkage`` leads the pen; without ``levers`` the pen's motion alone. ``tell`` hears what is
+    ``speed`` of the shaft [rad/s]; ``linkage`` leads the pen; without ``levers`` the pen's motion alone. ``progress`` hears what is
     done. Raises where the error cannot be reached.
     """
     every = np.concatenate(list(strokes))
@@ -91,17 +91,17 @@ def design_writer(
 
     share = 0.95
     for _ in range(_TRIES):
-        tell("planning the pen's motion")
+        progress("planning the pen's motion")
         motion = plan_motion(strokes, share * error, rise, cam_size)
         if not levers:
             return Writer(None, motion, motion.error)
-        tell("sizing the cams")
+        progress("sizing the cams")
         for lever_ratio in RATIOS:
             machine = _Machine.sized(motion, linkage(size), lever_ratio, pressure_limit)
             if max(machine.radii) <= size:
                 break
         scene = machine.scene(title, name, speed, pressure_limit)
-        tell("running the machine")
+        progress("running the machine")
         reached = drawn_error(scene, motion, [stroke + machine.linkage.sheet for stroke in strokes], linkage.pen)
         if reached <= error:
             return Writer(scene, motion, reached, machine.ratio, machine.pressure_angles, machine.radii, machine.sharpest)

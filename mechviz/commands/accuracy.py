@@ -24,7 +24,7 @@ from mechviz.progress import progress_bar
 from mechviz.studies.cost import machine, used
 from mechviz.studies.influences import influence_lines, influences
 from mechviz.studies.precision import Point, cheapest, keep, kept, ladder, pareto
-from mechviz.studies.precision_diagram import diagram, dials_of
+from mechviz.studies.precision_diagram import diagram, settings_of
 
 
 def accuracy(
@@ -35,7 +35,7 @@ def accuracy(
     ] = None,
     output: Annotated[Path | None, typer.Option("--output", "-o", help="write the diagrams (.svg, .png or .pdf)")] = None,
     rrd: Annotated[Path | None, typer.Option("--rrd", help="write the diagrams as a rerun recording")] = None,
-    dial: Annotated[str | None, typer.Option("--dial", help="one dial only, such as frames")] = None,
+    setting: Annotated[str | None, typer.Option("--dial", help="one dial only, such as frames")] = None,
     every: Annotated[bool, typer.Option("--all", help="every setting with its error and time, not the summary")] = False,
     again: Annotated[bool, typer.Option("--again", help="measure again, whatever was kept of an earlier run")] = False,
     quick: QuickOpt = False,
@@ -60,11 +60,11 @@ def accuracy(
             with progress_bar("measuring") as bar, used() as share:
                 points = ladder(loaded, target, bar, budget=0.02 if quick else 0.25, record=write_recording)
             measured = keep(loaded, target, points, quick, share())
-        shown = [p for p in measured.points if dial is None or p.dial == dial]
+        shown = [p for p in measured.points if setting is None or p.setting == setting]
         if not shown:
-            fail(f"--dial: '{dial}' is no dial of this scene. Choose from {', '.join(dials_of(measured.points))}.")
+            fail(f"--dial: '{setting}' is no dial of this scene. Choose from {', '.join(settings_of(measured.points))}.")
         title = f"{loaded.title}: what accuracy costs"
-        lines = table_lines(shown, target) if every or dial is not None else summary_lines(shown)
+        lines = table_lines(shown, target) if every or setting is not None else summary_lines(shown)
         print("\n".join([title, *lines, "", measured.foot, *_answer(shown, target)]))
         if before:
             print("\nkept from then; --again measures anew")
@@ -87,23 +87,23 @@ def summary_lines(points: Sequence[Point]) -> list[str]:
             return "-"
         return f"{f'{p.method} {p.value}: ' if named else ''}{p.error:.1e} in {p.price}"
 
-    for dial in dict.fromkeys(p.dial for p in points):
-        own = [p for p in points if p.dial == dial]
+    for setting in dict.fromkeys(p.setting for p in points):
+        own = [p for p in points if p.setting == setting]
         now = next((p for p in own if p.current), None)
         best, quick = min(own, key=lambda p: (p.error, p.seconds)), min(own, key=lambda p: p.seconds)
-        lines.append(f"  {dial:<22} {words(now, False):>26}   {words(best, True):>36}   {words(quick, True):>36}")
+        lines.append(f"  {setting:<22} {words(now, False):>26}   {words(best, True):>36}   {words(quick, True):>36}")
     return [*lines, "", "every setting: --all; one dial: --dial NAME; the cheapest for an error: --target ERROR"]
 
 
 def table_lines(points: Sequence[Point], target: float | None) -> list[str]:
     """The points by dial and method: setting, error, time with its spread, marks."""
     lines = []
-    for dial in dict.fromkeys(p.dial for p in points):
-        own = [p for p in points if p.dial == dial]
+    for setting in dict.fromkeys(p.setting for p in points):
+        own = [p for p in points if p.setting == setting]
         front = {id(p) for p in pareto(own)}
         best = cheapest(own, target) if target is not None else None
         width = max(len(p.method) for p in own)
-        lines += ["", dial, f"  {'':<{width}}  {'setting':<14} {'error':>8}  {'time [ms]':>10} {'spread':>8}"]
+        lines += ["", setting, f"  {'':<{width}}  {'setting':<14} {'error':>8}  {'time [ms]':>10} {'spread':>8}"]
         for p in own:
             marks = ["*"] if id(p) in front else []
             marks += ["<- now"] if p.current else []
@@ -119,10 +119,10 @@ def _answer(points: Sequence[Point], target: float | None) -> list[str]:
     if target is None:
         return []
     lines = ["", f"cheapest settings that reach {target:g}"]
-    for dial in dict.fromkeys(p.dial for p in points):
-        best = cheapest([p for p in points if p.dial == dial], target)
+    for setting in dict.fromkeys(p.setting for p in points):
+        best = cheapest([p for p in points if p.setting == setting], target)
         words = "none of these" if best is None else f"{best.method}, {best.value}: error {best.error:.1e} in {best.price}"
-        lines.append(f"  {dial:<22} {words}")
+        lines.append(f"  {setting:<22} {words}")
     return lines
 
 

@@ -76,7 +76,7 @@ def draw(
             title = f"A machine that writes “{name}”" if text is not None else f"A machine that draws “{name}”"
             writer = design_writer(
                 strokes, off, title=title, name=stem, speed=rate, pressure_limit=limit,
-                linkage=Slides if slides else Rods, levers=output is not None, tell=bar.stage,
+                linkage=Slides if slides else Rods, levers=output is not None, progress=bar.stage,
             )  # fmt: skip
         motion = writer.motion
         points, ink = sum(map(len, strokes)), sum(float(np.abs(np.diff(s)).sum()) for s in strokes)

@@ -63,8 +63,8 @@ def sweep(
 ) -> None:
     """Compute quantities of many designs: a grid, lists or samples of a scene's parameters, one row for each design.
 
-    A design that cannot be assembled is a row with its reason. What is interrupted goes on where it was, if the command is given
-    again. The quantities are those of the viewer and of exports; a key without a reducer gives the whole curve.
+    A design that cannot be assembled is a row with its reason. An interrupted sweep continues where it stopped, if the command is
+    given again. The quantities are those of the viewer and of exports; a key without a reducer gives the whole curve.
 
     Try: mechviz sweep parametric-press --vary "stroke=60..100mm:5" --of drive.A.torque:max --of joint.B.reaction:peak
     """
@@ -217,8 +217,8 @@ def tolerance(
 ) -> None:
     """Print what tolerances do to quantities: worst case, root sum of squares and samples, and what each tolerance contributes.
 
-    A key without a reducer is followed over the whole cycle: a band about its curve, told where it is widest. Tolerances are those
-    of the scene's parameters, or given here, also of numbers by their places.
+    A key without a reducer is followed over the whole cycle: a band about its curve, stated where it is widest. Tolerances are
+    those of the scene's parameters, or given here, also of numbers by their places.
 
     Try: mechviz tolerance parametric-press --of drive.A.torque:peak -t ratio=0.02 -t force=0.1kN --limits ..118 --plot band.svg
     """
@@ -335,7 +335,7 @@ def _write_bands(path: Path, axis: Axis, results: list[Tolerances]) -> None:
     for one in curves:
         heads += [f"{one.measure.text}: {word} [{one.quantity.unit}]" for word in ("nominal", "worst ±", "rss ±", "mean", "sigma")]
         heads += [f"{one.measure.text}: {word} [{one.quantity.unit}]" for word in ("0.135 %", "99.865 %")]
-        columns += [one.nominal, one.worst, one.likely, one.mean, one.sigma, *one.tails]
+        columns += [one.nominal, one.worst, one.root_sum_square, one.mean, one.sigma, *one.tails]
     write_columns(path, heads, columns)
 
 

@@ -139,7 +139,7 @@ def cams(
         Literal["chord", "tangent"] | None, typer.Option("--lines", help="graphical: by what the curves are differentiated")
     ] = None,
     margin: Annotated[
-        str | None, typer.Option("--margin", metavar="FORCE", help="contact force that has to remain: tells the least spring")
+        str | None, typer.Option("--margin", metavar="FORCE", help="contact force that has to remain: gives the least spring")
     ] = None,
     size: Annotated[
         bool, typer.Option("--size", help="also the least base circle, the best offset and the least roller for the scene's limits")

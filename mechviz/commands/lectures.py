@@ -1,5 +1,5 @@
-"""What needs no scene: ``mechviz laws``, motion laws with their peak factors (also on a scene's own cam) and their curves over each
-other; ``mechviz solve``, tasks of the lectures."""
+"""Commands without a scene: ``mechviz laws``, motion laws with their peak factors (also on a scene's own cam) and their curves over
+each other; ``mechviz solve``, tasks of the lectures."""
 
 from __future__ import annotations
 
@@ -162,7 +162,7 @@ def solve(
     mechviz solve link --point A=-0.5,0 --point B=0.366,-0.5 --acceleration A=20@50 --acceleration B=30@140
     --mass 10 --inertia 2 --mass-at A --mass-at B --mass-at ?,0.2
 
-    swing: moment of inertia from the period about one axis, or about two, which tell the centre of mass too:
+    swing: moment of inertia from the period about one axis, or about two, which give the centre of mass too:
 
     mechviz solve swing --mass "1.5 kg" --distance "350 mm" --period 1.7544 --amplitude 10
     """

@@ -10,7 +10,15 @@ import typer
 from mechviz.commands.recording import open_recording
 from mechviz.commands.shared.loading import ReachableOpt, SetOpt, clear_errors, load_scene
 from mechviz.commands.shared.messages import fail
-from mechviz.commands.shared.solving import AccuracyOpt, CyclesOpt, ExecutorOpt, FramesOpt, solve, warn_of_accuracy, warn_of_doubts
+from mechviz.commands.shared.solving import (
+    AccuracyOpt,
+    CyclesOpt,
+    ExecutorOpt,
+    FramesOpt,
+    print_accuracy_warnings,
+    solve,
+    warn_of_accuracy,
+)
 from mechviz.outputs.rerun.reader import Recording
 from mechviz.outputs.viewer.app import serve, serve_while
 from mechviz.outputs.viewer.server import ViewerError
@@ -74,7 +82,7 @@ def view(
                 )
             else:
                 run = solve(loaded, frames, cycles, accuracy, executor)
-                warn_of_doubts(run)
+                print_accuracy_warnings(run)
                 warn_of_accuracy(run)
                 serve(run, port=port, folder=folder, beside=_beside(others, run.scene.frames, cycles), study=study)
         except ViewerError as e:

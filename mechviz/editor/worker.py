@@ -28,7 +28,7 @@ _left = itertools.count(1)
 class Latest(Generic[T]):
     """One thread that calls ``work(request)`` for the newest request; ``rest()`` follows when none has come for ``quiet`` seconds.
 
-    ``failed(error)`` is told of an exception in either; the thread lives on.
+    ``failed(error)`` gets an exception in either; the thread lives on.
     """
 
     def __init__(

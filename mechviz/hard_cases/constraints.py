@@ -123,10 +123,10 @@ def _p1() -> Outcome:
     theta = np.linspace(0.0, TURN, 3601)
     motion = at(four_bar(a, b, c, d, P=(1.5, 1.0)), theta)
     crank = b * np.exp(1j * theta)
-    gap = a - crank  # from B to E
-    length = np.abs(gap)
+    distance = a - crank  # from B to E
+    length = np.abs(distance)
     up = np.sqrt((length + c + d) * (-length + c + d) * (length - c + d) * (length + c - d)) / 2.0  # twice the triangle's area
-    k = gap * ((length**2 + c**2 - d**2) / 2.0 + 1j * up) / length**2 / c  # direction of the coupler, D left of B -> E
+    k = distance * ((length**2 + c**2 - d**2) / 2.0 + 1j * up) / length**2 / c  # direction of the coupler, D left of B -> E
     e, f = 1j * crank, c * k  # speeds: e + i w2 f = i w3 g
     g = f + crank - a
     w2 = -np.real(e * np.conj(g)) / np.real(1j * f * np.conj(g))

@@ -10,7 +10,7 @@ from scipy.integrate import solve_ivp
 from scipy.special import ellipj, ellipk, ellipkinc, ellipkm1
 
 from mechcore.dynamics.event_integrator import Method
-from mechcore.dynamics.events import EventTrigger, Stop
+from mechcore.dynamics.events import EndStop, EventTrigger
 from mechcore.dynamics.simulate import simulate
 from mechcore.dynamics.simulation import Simulation
 from mechcore.laws.timed import Free
@@ -59,8 +59,8 @@ def _squeezer(method: Method, tolerance: float, bound: float) -> Outcome:
         angles["K6"] - angles["K7"],
         angles["K7"],
     ]
-    miss = np.abs(np.exp(1j * np.array(got)) - np.exp(1j * np.array(SQUEEZED)))
-    checks = [compare("crank", beta, SQUEEZED[0], bound), compare("all angles", miss, 0.0, bound, scale=1.0)]
+    error = np.abs(np.exp(1j * np.array(got)) - np.exp(1j * np.array(SQUEEZED)))
+    checks = [compare("crank", beta, SQUEEZED[0], bound), compare("all angles", error, 0.0, bound, scale=1.0)]
     return _outcome(simulation, f"beta = {beta:.13g}", checks, drift=100 * tolerance + 1e-9)
 
 
@@ -142,7 +142,7 @@ def _start_in_a_dead_point() -> Outcome:
 
 def _zeno() -> Outcome:
     """A pendulum that bounces on a stop at its lowest place: each bounce e times as fast."""
-    stop = Stop(name="wall", joint="O", at=-np.pi / 2 + 0.5, side="lower", restitution=0.5)
+    stop = EndStop(name="wall", joint="O", at=-np.pi / 2 + 0.5, side="lower", restitution=0.5)
     simulation = simulate(pendulum(0.4, 1.5, 0.35, 1.0), 20.0, stops=[stop], tolerance=1e-9)
     speed = np.sqrt(2.0 * 1.5 * G * 0.35 * (np.cos(0.5) - np.cos(1.0)) / 0.4)
     hits = [h.time for h in simulation.events if h.kind == "impact"]
@@ -225,7 +225,7 @@ def _there_and_back() -> Outcome:
 
 def _knee() -> Outcome:
     """The lower joint hits a stop without loss: no impulse on the upper joint's coordinate, energy stays."""
-    stop = Stop(name="knee", joint="J", at=-1.0, side="lower", restitution=1.0)
+    stop = EndStop(name="knee", joint="J", at=-1.0, side="lower", restitution=1.0)
     simulation = simulate(_double(("inertia",), 1e-10, (-0.5, 0.0, 0.0, -3.0)), 2.0, stops=[stop], tolerance=1e-10)
     hit = next(h for h in simulation.events if h.kind == "impact").time
     (q,), (v,) = (x for x in simulation([hit])[:2])
@@ -238,7 +238,7 @@ def _knee() -> Outcome:
 
 def _release() -> Outcome:
     pull = Torque(name="pull", link="body", moment=6.0, factor=Factor(function=lambda t: np.sin(np.asarray(t)), of="time"))
-    stop = Stop(name="wall", joint="O", at=-np.pi / 2, side="upper")
+    stop = EndStop(name="wall", joint="O", at=-np.pi / 2, side="upper")
     simulation = simulate(pendulum(0.4, 1.5, 0.35, 0.0, loads=(pull,)), 5.0, stops=[stop], tolerance=1e-9)
     kinds = [h.kind for h in simulation.events[:2]]
     checks = [
@@ -250,7 +250,7 @@ def _release() -> Outcome:
 
 def _watch() -> Outcome:
     bottom = EventTrigger(name="bottom", joint="O", at=-np.pi / 2, ends=True)
-    simulation = simulate(pendulum(0.4, 1.5, 0.35, 1.0), 100.0, watches=[bottom], tolerance=1e-11)
+    simulation = simulate(pendulum(0.4, 1.5, 0.35, 1.0), 100.0, triggers=[bottom], tolerance=1e-11)
     want = np.sqrt(0.4 / (1.5 * G * 0.35)) * ellipk(np.sin(0.5) ** 2)
     return _outcome(
         simulation, f"ends at {simulation.duration:.12g} s", [compare("quarter of a period", simulation.duration, want, 1e-9)]

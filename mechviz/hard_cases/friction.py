@@ -1,5 +1,5 @@
-"""Hard cases of dry friction: it jams, locks itself, turns back, and statics does not tell the load; under forces a mechanism runs
-down, sticks and slips, brakes, has no acceleration."""
+"""Hard cases of dry friction: it jams, locks itself, turns back, and statics does not determine the load; under forces a mechanism
+runs down, sticks and slips, brakes, has no acceleration."""
 
 from __future__ import annotations
 
@@ -128,11 +128,11 @@ def _one_pin() -> Outcome:
 def _gears() -> Outcome:
     """Tooth force F from the moments on the second wheel, on either flank."""
     lever, r1, r2, pressure, arm, checks = 0.002, 0.1, 0.2, np.radians(20.0), 0.001, []
-    for way in (1.0, -1.0):
-        forces = load_at(gears(lever, way), [0.0, 1.0], 5.0)
-        f = 40.0 / (r2 * np.cos(pressure) - way * (arm + lever))
+    for sense in (1.0, -1.0):
+        forces = load_at(gears(lever, sense), [0.0, 1.0], 5.0)
+        f = 40.0 / (r2 * np.cos(pressure) - sense * (arm + lever))
         checks.append(compare("tooth force", np.hypot(*forces.reaction("G")[:, :2].T), f, 1e-12))
-        checks.append(compare("torque", forces.effort("A"), way * f * r1 * np.cos(pressure) + f * (arm + lever), 1e-12))
+        checks.append(compare("torque", forces.effort("A"), sense * f * r1 * np.cos(pressure) + f * (arm + lever), 1e-12))
     return moved(forces.motion, f"tooth force {f:.6g} N", checks, forces)
 
 
@@ -158,7 +158,7 @@ def _hidden_load() -> Outcome:
     m = slider_crank(0.05, 0.2, loads=(Force(name="F", link="piston", point="C", vector=(-50.0, 0.0)),), effects=("friction",))
     rough = with_friction(m.joints[-1], Friction(coefficient=0.1))
     doubled = replace(m, joints=(*m.joints[:-1], rough, Prismatic(name="S2", links=("frame", "piston"), points=("O", "C"))))
-    return refused(lambda: load_at(doubled, np.linspace(0.0, 6.0, 31)), "statics does not tell what presses on S")
+    return refused(lambda: load_at(doubled, np.linspace(0.0, 6.0, 31)), "statics does not determine the contact force at S")
 
 
 def _small_coefficients() -> Outcome:
@@ -315,7 +315,11 @@ CASES = (
     Case("flank of a gear", "friction", "friction depends on which flank carries", "moments on the wheel", _gears),
     Case("rolling resistance", "friction", "a couple against rolling, backwards", "G f / R", _rolling),
     Case(
-        "hidden normal load", "friction", "two guides share the load: statics does not tell how", "refused in words", _hidden_load
+        "hidden normal load",
+        "friction",
+        "two guides share the load: statics does not determine the shares",
+        "refused in words",
+        _hidden_load,
     ),
     Case(
         "coefficients of 1e-9",

@@ -276,7 +276,7 @@ def _circle(segments: int) -> Real:
 def _triangulate(rings: Sequence[Real]) -> Integers:
     """Triangles (N, 3), counter-clockwise, of the region inside the first ring and outside the others.
 
-    Ear clipping drops vertices where rings line up exactly, which the number of triangles tells. Turned by an odd angle
+    Ear clipping drops vertices where rings line up exactly, as the number of triangles shows. Turned by an odd angle
     they do not: the next angle is tried.
     """
     points = np.vstack(rings)

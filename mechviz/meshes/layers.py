@@ -52,8 +52,8 @@ class Sweeps:
         # the deeper boxes lie in each other, the likelier the outlines meet
         order = np.lexsort((-depth, asked))
         rank = np.arange(len(order)) - np.searchsorted(asked[order], asked[order])
-        likely = order[rank < _FIRST]
-        met[asked[likely[self._touch(pairs[pair[likely]], frame[likely])]]] = True
+        nearest = order[rank < _FIRST]
+        met[asked[nearest[self._touch(pairs[pair[nearest]], frame[nearest])]]] = True
         rest = np.flatnonzero(~met[asked])
         for count in _TOGETHER:
             rest = rest[self._within_reach(pairs, pair[rest], frame[rest], count)]
@@ -306,7 +306,7 @@ def _meetings(
         return conflicts, hits, [() for _ in reaches]
     pieces, count = draft.pieces, len(draft.pieces)
     owners = [number[piece.group] for piece in pieces]
-    asked: dict[tuple[str, int, int], list[tuple[int, int]]] = {}  # what is to be known -> pairs of outlines that tell it
+    asked: dict[tuple[str, int, int], list[tuple[int, int]]] = {}  # question -> pairs of outlines that decide it
     for i, p in enumerate(pieces):
         for j, q in enumerate(pieces[:i]):
             a, b = sorted((owners[i], owners[j]))

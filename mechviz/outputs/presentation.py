@@ -56,7 +56,7 @@ class Presentation:
 
 
 def presentation_of(run: Run, begin: Callable[[str], None] = lambda _: None) -> Presentation:
-    """Presentation of a run. ``begin`` is told each stage when it begins."""
+    """Presentation of a run. ``begin`` gets each stage when it begins."""
     begin("solid meshes")
     solids = solids_of(run)
     begin("tables, arrows and events")

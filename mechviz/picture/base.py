@@ -26,7 +26,7 @@ DEEP = 0.018  # of the bars along z, in sizes of the mechanism
 BAR, POST = 0.011, 0.006  # half widths of bars and posts, in sizes
 SHADE: Color = (92, 99, 109, 255)  # a little darker than what stands on it
 ARMS = (0.06, 0.12, 0.2, 0.3)  # how far beside a part its post may stand, in sizes
-WAYS = 12  # directions in which that is tried
+DIRECTIONS = 12  # directions in which that is tried
 SPOTS = 12  # places of a part at which a post is tried
 CORES = (0.006, 0.004, 0.0025, 0.0015)  # what is left of an outline without a rim of this, in sizes: without its hatching
 HAIR = 5e-6  # in sizes
@@ -136,8 +136,8 @@ def _feet(room: _Room, outline: Polygon, heights: tuple[float, float]) -> list[_
         return feet
     start = _xy(outline.representative_point())
     for arm in ARMS:
-        for way in np.exp(2j * np.pi * np.arange(WAYS) / WAYS):
-            at = (start[0] + arm * size * float(way.real), start[1] + arm * size * float(way.imag))
+        for direction in np.exp(2j * np.pi * np.arange(DIRECTIONS) / DIRECTIONS):
+            at = (start[0] + arm * size * float(direction.real), start[1] + arm * size * float(direction.imag))
             foot = room.post(at, high)
             reach = polygons(LineString([start, at]).buffer(POST * size, quad_segs=4).difference(outline))
             if foot is not None and all(room.free(shape, heights) for shape in reach):

@@ -22,11 +22,11 @@ from mechviz.picture.overlays import inversion_nodes, overlay_nodes, section_nod
 from mechviz.picture.proportions import about_z, arc_height, arrow_height, in_space, path_height
 from mechviz.picture.springs import COLOR as COIL
 from mechviz.picture.springs import Coil, find_coils, find_strut_glyphs
-from mechviz.picture.surface_marks import find_surface_marks, ink_nodes
+from mechviz.picture.surface_marks import find_surface_marks, stroke_nodes
 from mechviz.quantities.items import links_of
 from mechviz.quantities.vectors import point_name
 from mechviz.scene.convert import Converter
-from mechviz.scene.kinds.bodies import lumps_of
+from mechviz.scene.kinds.bodies import point_masses_of
 from mechviz.scene.limits import check_drawn
 
 if TYPE_CHECKING:
@@ -73,7 +73,7 @@ def picture_of(run: Run, solids: Solids, arrows: Arrows | None = None, known: Pi
         *_friction(run, solids),
         *_masses(run, solids),
         *_paths(run, solids, heights),
-        *ink_nodes(run, solids),
+        *stroke_nodes(run, solids),
         *joint_nodes(run, solids),
         *overlay_nodes(run, solids),
         *centre_nodes(run, solids),
@@ -197,9 +197,9 @@ def _masses(run: Run, solids: Solids) -> Iterator[Points]:
     document = run.scene.document
     points = {link.name: link.points for link in run.motion.mechanism.links}
     convert = Converter.of(document.units, run.scene.folder)
-    lumps = {name: lumps_of(link.lumps, points[name], convert, name) for name, link in document.links.items() if link.lumps}
-    heaviest = max((b.mass for bodies in lumps.values() for b in bodies), default=0.0)
-    for name, bodies in lumps.items() if heaviest > 0.0 else ():
+    masses = {name: point_masses_of(link.lumps, points[name], convert, name) for name, link in document.links.items() if link.lumps}
+    heaviest = max((b.mass for bodies in masses.values() for b in bodies), default=0.0)
+    for name, bodies in masses.items() if heaviest > 0.0 else ():
         yield Points(
             f"masses.{name}",
             ("link", name),
@@ -280,9 +280,9 @@ def _single(values: Real) -> Single:
 def solids_of(run: Run) -> Solids:
     """Meshes of all links, in layers that do not collide during the run. Raises `MechanismError` where there are too many, or one
     goes farther away than can be drawn."""
-    dials = run.kept
+    settings = run.kept
     solids = build_solids(
-        run.motion.mechanism, looked_at(run), chord=dials.chord, profile=dials.profile or PROFILE, spindle=has_spindle(run)
+        run.motion.mechanism, looked_at(run), chord=settings.chord, profile=settings.profile or PROFILE, spindle=has_spindle(run)
     )
     for link in links_of(run.motion):
         far = float(np.max(np.abs(run.motion.pose(link)[:, :2]), initial=0.0))

@@ -12,7 +12,7 @@ from mechcore.arrays import Complex, Real
 from mechcore.constructions.centres import InflectionCircle, InstantCentre, PathCurvature, Percussion
 from mechcore.records import dataclass
 from mechviz.picture.nodes import ArrowSet, Color, Lines, Node, Points
-from mechviz.picture.overlays import polode_pieces, space, within
+from mechviz.picture.overlays import centrode_strips, space, within
 
 if TYPE_CHECKING:
     from mechviz.meshes.solids import Solids
@@ -123,7 +123,7 @@ def _evolute(pen: _Pen, path: PathCurvature, solids: Solids) -> Iterator[Node]:
     strips[" radius"] = (np.stack([path.place, centre], axis=1), RAY, THIN)
     yield from pen.lines("circle", strips)
     evolute = np.column_stack([path.centre.real, path.centre.imag])
-    pieces = tuple(piece[None] for piece in polode_pieces(evolute, evolute, solids, z=pen.height))
+    pieces = tuple(piece[None] for piece in centrode_strips(evolute, evolute, solids, z=pen.height))
     if pieces:
         yield Lines(strips=pieces, colors=(CURVE,), radii=(THICK * pen.size,), **pen.common("evolute"))
     yield from pen.dot("centre", path.centre, CURVE, f"K of {pen.name}")

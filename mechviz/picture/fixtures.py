@@ -12,7 +12,7 @@ from shapely.geometry import Point, Polygon, box
 from shapely.ops import unary_union
 
 from mechcore.arrays import Real
-from mechcore.dynamics.events import Stop
+from mechcore.dynamics.events import EndStop
 from mechcore.joints.registry import build_joints
 from mechcore.spec.loads import Spring
 from mechcore.spec.mechanism import Mechanism, Vec2
@@ -148,7 +148,7 @@ def _bracket(run: Run, solids: Solids, at: Vec2, half: float, heights: tuple[flo
 
 
 # -- end stops ------------------------------------------------------------------------------------------------------------
-def _anvil(run: Run, solids: Solids, stop: Stop) -> Iterator[tuple[str, Placed]]:
+def _anvil(run: Run, solids: Solids, stop: EndStop) -> Iterator[tuple[str, Placed]]:
     """The block of the ground that a link strikes at an end stop of its joint with the ground."""
     mechanism, motion, size = run.motion.mechanism, run.motion, solids.size
     joint = run.numbers.joints[stop.joint]

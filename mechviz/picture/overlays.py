@@ -35,7 +35,7 @@ def overlay_nodes(run: Run, solids: Solids) -> Iterator[Node]:
     """Nodes of the scene's constructions on the mechanism; the colours are made for a dark ground."""
     size, top = solids.size, solids.z_top
     yield from _funicular(run, size, top + 0.01 * size)
-    yield from _polodes(run, solids, top + 0.006 * size)
+    yield from _centrodes(run, solids, top + 0.006 * size)
     yield from _equivalents(run, size, top + 0.01 * size)
     yield from _substitutes(run, size, top + 0.01 * size)
 
@@ -62,11 +62,12 @@ def _funicular(run: Run, size: float, height: float) -> Iterator[Node]:
     yield ArrowSet(key="funicular.resultants", entity=(*path, "resultant"), colors=(WHITE,), **common)
 
 
-def _polodes(run: Run, solids: Solids, height: float) -> Iterator[Node]:
+def _centrodes(run: Run, solids: Solids, height: float) -> Iterator[Node]:
     for name, both in run.studies.centrodes.items():
         common: dict[str, Any] = {"owner": ("link", name), "height": height, "radii": (0.0032 * solids.size,)}
         fixed, moving = (
-            tuple(piece[None] for piece in polode_pieces(path, both.fixed, solids, z=height)) for path in (both.fixed, both.moving)
+            tuple(piece[None] for piece in centrode_strips(path, both.fixed, solids, z=height))
+            for path in (both.fixed, both.moving)
         )
         if fixed:
             yield Lines(
@@ -139,7 +140,7 @@ def overlay_box(run: Run, solids: Solids) -> Real:
         spots.append(np.column_stack([z.real, z.imag]))
         spots += [np.column_stack([w.real, w.imag]) for a, v in resultants(run, size) for w in (a, a + v)]
     for polodes in run.studies.centrodes.values():
-        spots += [p[:, :2].astype(float) for p in polode_pieces(polodes.fixed, polodes.fixed, solids, z=0.0)]
+        spots += [p[:, :2].astype(float) for p in centrode_strips(polodes.fixed, polodes.fixed, solids, z=0.0)]
     for xy in spots:
         xy = xy[np.isfinite(xy).all(axis=1)]
         if len(xy):
@@ -231,7 +232,7 @@ def substitute_scale(run: Run, size: float) -> float:
     return largest / (size / 3.0) if largest > 0.0 else 1.0
 
 
-def polode_pieces(path: Real, place: Real, solids: Solids, *, z: float) -> list[Single]:
+def centrode_strips(path: Real, place: Real, solids: Solids, *, z: float) -> list[Single]:
     """A polode (F, 2) as strips, cut where it runs far out of the picture or jumps through infinity.
 
     ``place`` (F, 2): the fixed one, of both. It is judged in the world, so that both are cut at the same frames.

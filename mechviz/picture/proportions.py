@@ -75,7 +75,7 @@ ARC_TIP = 0.42  # of its head [rad]
 POT = 0.028  # half width of dampers and gas springs
 SPIRAL = 0.09  # radius of torsion springs
 TURNS = 2.5  # of a torsion spring
-LINKER = (58, 66, 78)  # colour of dampers, gas springs and torsion springs
+STRUT_COLOR = (58, 66, 78)  # colour of dampers, gas springs and torsion springs
 
 
 def pot_length(least: float, most: float) -> float:

@@ -224,7 +224,7 @@ OVER = 0.09  # how far it stands out, in thicknesses
 def find_belt_marks(run: Run, solids: Solids) -> Iterator[SurfaceMark]:
     """The marks of all belts of a run, below the links that carry the pulleys."""
     for loop in solids.loops:
-        closed = way_of(run, loop)
+        closed = belt_travel(run, loop)
         over = OVER * loop.thick
         box = _box(LONG * loop.thick, loop.thick + 2.0 * over, loop.high - loop.low + 2.0 * over)
         height = 0.5 * (loop.low + loop.high)
@@ -235,7 +235,7 @@ def find_belt_marks(run: Run, solids: Solids) -> Iterator[SurfaceMark]:
             yield SurfaceMark("belt", f"{loop.joint} {k + 1}", loop.carrier, first, direction, *box, path=path)
 
 
-def way_of(run: Run, loop: Loop) -> Real:
+def belt_travel(run: Run, loop: Loop) -> Real:
     """How far a belt has run at every frame (F,) [m]: as far as the rim of its first pulley has turned against the carrier. It
     stands still at frames that could not be assembled."""
     turned = run.motion.pose(loop.pulley)[:, 2] - run.motion.pose(loop.carrier)[:, 2]
@@ -273,7 +273,7 @@ def pen_down(run: Run, pen: PenStudy) -> Flags:
     return np.asarray(at <= pen.level if pen.below else at >= pen.level)
 
 
-def ink_nodes(run: Run, solids: Solids) -> Iterator[Lines]:
+def stroke_nodes(run: Run, solids: Solids) -> Iterator[Lines]:
     """The lines of all pens, one strip a stroke, behind the parts: at each frame what is drawn until then."""
     size, height = solids.size, float(solids.bounds[0][2])
     for pen in run.motion.mechanism.studies.pens:

@@ -73,7 +73,7 @@ class Quantity:
 
 
 @dataclass(frozen=True, eq=False)
-class Together:
+class QuantityGroup:
     """Quantities of one unit in one plot, the curves of one after those of the other; of several each curve names its item."""
 
     parts: tuple[Quantity, ...]
@@ -131,14 +131,14 @@ class Health:
     bad: float
 
     @property
-    def trouble(self) -> Real:
+    def severity(self) -> Real:
         """0 (well) to 1 (bad), on a logarithmic scale (F,); what is not a number is bad."""
         size = np.abs(self.values)
         with np.errstate(divide="ignore", invalid="ignore"):
             part = np.log(size / self.good) / np.log(self.bad / self.good)
         return np.asarray(np.where(np.isfinite(size), np.clip(np.nan_to_num(part, nan=0.0), 0.0, 1.0), 1.0))
 
-    def doubt(self, frames: Flags | None = None) -> str:
+    def warning(self, frames: Flags | None = None) -> str:
         """Why the run cannot be trusted by this, in a sentence; nothing where it can. ``frames`` (F,): those that are judged, by
         default all at which it is a number."""
         if self.name not in MEANINGS:
@@ -275,7 +275,7 @@ def _of_peak(values: Real) -> Real:
     return np.asarray(size / max(float(size.max(initial=0.0)), 1e-300))
 
 
-NANOSECOND, ROUNDING = 1e-9, 1e-9  # [s], [rad]: so exactly are the ends of a run told
+NANOSECOND, ROUNDING = 1e-9, 1e-9  # [s], [rad]: the resolution of the ends of a run
 
 
 def time_at(catalogue: Catalogue, *, at: float | None = None, frame: int | None = None, angle: float | None = None) -> float | None:

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechcore.constants import SINGULAR
+from mechcore.dynamics.events import EventKind
 from mechcore.forces.cam_events import cam_events, limit_events
 from mechcore.forces.cam_rating import placed_cams
 from mechcore.forces.friction.events import friction_events
@@ -29,7 +30,7 @@ def simulation_events(run: Run) -> list[Event]:
     """Events of a motion under forces, and what else is worth a word at the frames."""
     simulation = run.simulation
     assert simulation is not None
-    events = [Event(float(h.time), "WARN" if h.kind == "lost" else "INFO", h.item, h.text) for h in simulation.events]
+    events = [Event(float(h.time), "WARN" if h.kind == EventKind.SEPARATION else "INFO", h.item, h.text) for h in simulation.events]
     # a coordinate that forces move turns back often, and where it hits a stop only seemingly between two frames
     if run.steady is not None:
         events.insert(0, Event(0.0, "INFO", run.steady.joint, steady_lines(run.steady)[0]))
@@ -41,9 +42,9 @@ def _cam_limits(run: Run, simulation: Simulation) -> Iterator[Event]:
     """Pressure angles and faces of cams beyond their limits, while their followers touch them."""
     if not run.motion.frames or not any(r.geometry is not None for r in run.motion.model.relations):
         return
-    lanes, lifting = lanes_of(simulation), {each.joint for each in simulation.separable_cams}
+    lanes, separable = lanes_of(simulation), {each.joint for each in simulation.separable_cams}
     for cam in placed_cams(run.motion):
-        changes = lanes[cam.name] if cam.name in lifting else [(0.0, "touches")]
+        changes = lanes[cam.name] if cam.name in separable else [(0.0, "touches")]
         place = np.searchsorted([t for t, _ in changes], run.motion.time, side="right") - 1
         yield from limit_events(run.motion, cam, np.array([state == "touches" for _, state in changes])[np.maximum(place, 0)])
 
@@ -54,20 +55,20 @@ def lanes_of(simulation: Simulation) -> dict[str, list[tuple[float, str]]]:
     lanes: dict[str, list[tuple[float, str]]] = {}
     for stop in simulation.stops:
         lanes[f"stop {stop.name}"] = [(0.0, "free")]
-    for liftoff in simulation.separable_cams:
-        lanes[liftoff.joint] = [(0.0, "touches")]
+    for cam in simulation.separable_cams:
+        lanes[cam.joint] = [(0.0, "touches")]
     rubs = {joint: f"{joint} friction" if joint in lanes else joint for joint in simulation.rubbing}
     for lane in rubs.values():
         lanes[lane] = [(0.0, "sticks")]
     for h in simulation.events:
-        if h.kind in ("contact", "release"):
-            lanes[f"stop {h.item}"].append((float(h.time), "contact" if h.kind == "contact" else "free"))
-        elif h.kind in ("lost", "regained"):
-            lanes[h.item].append((float(h.time), "flies" if h.kind == "lost" else "touches"))
-            if h.kind == "lost" and h.item in rubs:
+        if h.kind in (EventKind.CONTACT, EventKind.RELEASE):
+            lanes[f"stop {h.item}"].append((float(h.time), "contact" if h.kind == EventKind.CONTACT else "free"))
+        elif h.kind in (EventKind.SEPARATION, EventKind.LANDING):
+            lanes[h.item].append((float(h.time), "flies" if h.kind == EventKind.SEPARATION else "touches"))
+            if h.kind == EventKind.SEPARATION and h.item in rubs:
                 lanes[rubs[h.item]].append((float(h.time), "free"))
-        elif h.kind in ("stick", "slip"):
-            state = "sticks" if h.kind == "stick" else "slips +" if "+" in h.text else "slips -"
+        elif h.kind in (EventKind.STICK, EventKind.SLIP):
+            state = ("sticks", "slips +", "slips -")[h.direction]
             lanes[rubs[h.item]].append((float(h.time), state))
     return {name: _last_of_each_time(changes) for name, changes in lanes.items()}
 
@@ -84,7 +85,7 @@ def _last_of_each_time(changes: list[tuple[float, str]]) -> list[tuple[float, st
 
 def events_of(run: Run) -> tuple[Event, ...]:
     """All events of a run, sorted by time, in the units of its scene."""
-    events = (e.in_units(run.scene.units) for e in (*_course_events(run), *peak_events(run)))
+    events = (e.in_units(run.scene.units) for e in (*_motion_events(run), *peak_events(run)))
     return tuple(sorted(events, key=lambda e: e.time))
 
 
@@ -93,7 +94,7 @@ def line_of(event: Event) -> str:
     return f"{event.item}: {event.text} (t = {event.time:.6g} s)"
 
 
-def _course_events(run: Run) -> list[Event]:
+def _motion_events(run: Run) -> list[Event]:
     """Events in the course of the motion."""
     if run.simulation is not None:
         return [*simulation_events(run), *load_events(run.motion, run.scene.mechanism)]
@@ -120,17 +121,17 @@ def peak_events(run: Run) -> list[Event]:
     motion, forces = run.motion, run.forces
     if forces is None or not motion.frames:
         return []
-    sound = motion.condition <= SINGULAR
+    well_conditioned = motion.condition <= SINGULAR
     events = []
     for drive in motion.mechanism.drives:
         what, shown = ("force", as_force) if joint_unit(motion, drive.joint) == "m" else ("torque", as_torque)
         effort = forces.effort(drive.joint)
-        k = _largest(effort, sound, rounding_of_efforts(run, joint_unit(motion, drive.joint)))
+        k = _largest(effort, well_conditioned, rounding_of_efforts(run, joint_unit(motion, drive.joint)))
         if k is not None:
             text = f"largest driving {what} of the run, {shown(float(effort[k]), 5)}"
             events.append(Event(float(motion.time[k]), "INFO", drive.joint, text))
     sizes = {j.name: np.hypot(*forces.reaction(j.name)[:, :2].T) for j in joints_of(motion)}
-    places = {name: _largest(size, sound) for name, size in sizes.items()}
+    places = {name: _largest(size, well_conditioned) for name, size in sizes.items()}
     known = [(float(sizes[name][k]), name, k) for name, k in places.items() if k is not None]
     if known:
         size, name, k = max(known)
@@ -138,7 +139,7 @@ def peak_events(run: Run) -> list[Event]:
     return events
 
 
-def _largest(values: NDArray[np.float64], sound: NDArray[np.bool_], least: float = 0.0) -> int | None:
-    size = np.where(sound & np.isfinite(values), np.abs(values), 0.0)
+def _largest(values: NDArray[np.float64], well_conditioned: NDArray[np.bool_], least: float = 0.0) -> int | None:
+    size = np.where(well_conditioned & np.isfinite(values), np.abs(values), 0.0)
     k = int(np.argmax(size))
     return k if size[k] > least else None

@@ -1,7 +1,7 @@
 """Columns of tables, the links and joints of a run that have them, and values of a table between its frames.
 
 A pose has the recorded velocity and acceleration as slopes, a velocity the acceleration; coordinates of joints and drives have
-their rates beside them in their own columns. What has no rates is joined by polynomials through the nearest frames."""
+their rates beside them in their own columns. Quantities without rates are joined by polynomials through the nearest frames."""
 
 from __future__ import annotations
 

@@ -88,14 +88,14 @@ def steady_lines(run: SteadyRun) -> list[str]:
     """A steady run in words."""
     turns = f"{run.turns} turn{'s' * (run.turns > 1)}"
     multiplier = abs(run.multiplier)
-    fate = (
+    change = (
         "stays" if abs(multiplier - 1.0) < 1e-9 else f"{'shrinks' if multiplier < 1 else 'grows'} to {multiplier:.3g} of it a cycle"
     )
     mean, least, greatest = (x * 30.0 / np.pi for x in (run.sense * run.mean, run.least, run.greatest))
     return [
         f"steady run over {turns}: mean speed {mean:.6g} rpm, from {least:.6g} to {greatest:.6g} rpm, coefficient of fluctuation "
         f"{run.fluctuation:.4g}",
-        f"a cycle takes {run.period:.6g} s; a disturbance of the energy {fate}",
+        f"a cycle takes {run.period:.6g} s; a disturbance of the energy {change}",
     ]
 
 

@@ -63,7 +63,7 @@ def tables(run: Run) -> list[Table]:
     quick = [*_links(run), *_points(run), *_joints(run), *_loads(run)]
     if run.motion.frames * sum(len(t.columns) for t in quick) > MOST_KEPT and len(run.motion.parts) == 1:
         quick = [replace(t, kept=False) for t in quick]
-    return [*quick, *_cams(run), *_drives(run), *_servos(run), *_powers(run), *_answers(run), *_health(run), *study_tables(run)]
+    return [*quick, *_cams(run), *_drives(run), *_servos(run), *_powers(run), *_metrics(run), *_health(run), *study_tables(run)]
 
 
 def _links(run: Run) -> Iterator[Table]:
@@ -225,7 +225,7 @@ def _driven(run: Run, joint: str) -> Real:
     return np.column_stack([run.motion.coordinate(joint), *efforts])
 
 
-def _answers(run: Run) -> Iterator[Table]:
+def _metrics(run: Run) -> Iterator[Table]:
     """Outputs that the scene asks for beyond motion and forces, under ``/data/answers``."""
     motion = run.motion
     computed: dict[str, tuple[tuple[str, str], Callable[[], Any]]] = {
@@ -236,14 +236,14 @@ def _answers(run: Run) -> Iterator[Table]:
         "curvature": (("curvature", "1/m"), lambda: {key: metrics.curvature(motion, *key) for key in motion.mechanism.traced}),
     }
     for name, (column, compute) in computed.items():
-        for key in metrics.answered(name, motion.model) if name in motion.mechanism.answers else ():
+        for key in metrics.metric_items(name, motion.model) if name in motion.mechanism.answers else ():
             item = key if isinstance(key, str) else point_name(*key) if name == "curvature" else " ".join(key)
             columns = _POSE[:2] if name == "instant_centre" else (column,)
             label = "instant centre" if name == "instant_centre" else name
-            yield Table(("data", "answers", name, item), f"{label} {item}", columns, partial(_answer, compute, key))
+            yield Table(("data", "answers", name, item), f"{label} {item}", columns, partial(_metric, compute, key))
 
 
-def _answer(compute: Callable[[], Any], key: Any) -> Real:
+def _metric(compute: Callable[[], Any], key: Any) -> Real:
     values = np.asarray(compute()[key])
     return values if values.ndim > 1 else values[:, None]
 
@@ -331,7 +331,7 @@ def onto_centres(run: Run, heavy: Sequence[str]) -> Callable[[Sequence[str], Rea
             at = centre_of(link) if link in heavy else None
             if at is not None and place.shape == at.shape:
                 if (np.abs(place[:1] - at[:1]) > FAR * motion.model.length_scale).any():
-                    continue  # most places are elsewhere, which the first frame tells
+                    continue  # most places are elsewhere, as the first frame shows
                 room = NEAR * (motion.model.length_scale + np.abs(np.nan_to_num(at)).max(initial=0.0))
                 if not (np.abs(np.nan_to_num(place - at)) > room).any():
                     return np.where(np.isfinite(place), at, place)

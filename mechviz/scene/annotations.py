@@ -141,7 +141,7 @@ def replaced(value: Any, changes: Mapping[Place, Any]) -> Any:
         inner.setdefault(place[0], {})[place[1:]] = new
     if isinstance(value, Table):
         copy = value.model_copy(update={str(key): replaced(getattr(value, str(key)), change) for key, change in inner.items()})
-        copy.mark_unread(value.unread)
+        copy.mark_invalid(value.invalid_keys)
         return copy
     if isinstance(value, Mapping):
         return {**value, **{key: replaced(value[key], change) for key, change in inner.items()}}

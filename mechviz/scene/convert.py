@@ -33,7 +33,7 @@ _DIVISORS = ("time", "frequency", "linear speed", "angular speed")
 class Converter:
     """Values in a scene's units -> SI. A value of the wrong kind is noted as a fault and comes back as NaN.
 
-    ``kinds`` tells what each value was taken for: path -> kind of quantity.
+    ``kinds``: path -> kind of quantity as which a value was read.
     """
 
     units: Units
@@ -44,7 +44,7 @@ class Converter:
 
     @classmethod
     def of(cls, units: UnitsDocument, folder: SceneFolder) -> Converter:
-        return cls(Units(**units.model_dump()), unknown=units.unread, folder=folder)
+        return cls(Units(**units.model_dump()), unknown=units.invalid_keys, folder=folder)
 
     def certain(self, kind: str) -> bool:
         """Whether values of this kind can be compared: not where some have their own unit and the scene's is not known."""
@@ -108,7 +108,7 @@ class Converter:
         return not any(map(math.isnan, values))
 
 
-def likely_sort(table: Table) -> str:
+def probable_sort(table: Table) -> str:
     """ "length" if a value of a table is one with its unit, else "angle": for drives whose joint is not known."""
     for text in _texts(table.model_dump(exclude_none=True, warnings=False)):
         for kind in ("length", "linear speed"):

@@ -31,7 +31,7 @@ from mechviz.scene.fields import (
     name_or_list,
     refuse,
 )
-from mechviz.scene.kinds.bodies import LumpDocument, MassDocument, MassEntry
+from mechviz.scene.kinds.bodies import MassDocument, MassEntry, PointMassDocument
 from mechviz.scene.kinds.copies import CopyDocument
 from mechviz.scene.kinds.drives import Method, Tolerance, WatchDocument
 from mechviz.scene.kinds.friction import FrictionDefaults
@@ -135,15 +135,15 @@ class LinkDocument(Table):
     sketch places in those of the sketch. Drawn, not computed."""
     colour: Colour | None = None
     """Its colour, red, green and blue as in "#d9534f", instead of one of its own. Drawn, not computed."""
-    lumps: list[LumpDocument] = Field(default=[])
+    lumps: list[PointMassDocument] = Field(default=[])
     """Point masses fixed to the link: counterweights, or all of its mass (a lumped model)."""
     looks: LookEntry | None = None
-    """What is drawn with it: "flywheel" or "fan" on its shaft on the ground; "spindle": of the ground, a rod as its guide."""
+    """Additional drawing: "flywheel" or "fan" on its shaft on the ground; "spindle": of the ground, a rod as its guide."""
 
     @model_validator(mode="after")
     def _shape_fits(self) -> LinkDocument:
         faults = []
-        if self.sound("points") and isinstance(self.points, list) and len(set(self.points)) < len(self.points):
+        if self.has_valid("points") and isinstance(self.points, list) and len(set(self.points)) < len(self.points):
             faults.append(("points", "a point is listed twice.", "Name each point once."))
         if isinstance(self.mass, MassDocument):
             for key in ("shape", "inertia") if self.mass.solid else ("shape", "centre", "inertia"):
@@ -158,7 +158,7 @@ class LinkDocument(Table):
                         f"Leave out shape or {key}.",
                     )
                 )
-        if self.sound("points") and self.shape == "bar" and len(self.points) < 2:
+        if self.has_valid("points") and self.shape == "bar" and len(self.points) < 2:
             faults.append(("shape", "a bar needs two points, this link has one.", "Add a point, or write shape = 'point'."))
         if self.shape and self.mass is None:
             faults.append(("shape", f"shape = '{self.shape}' without a mass.", "Add mass = ..., or leave out shape."))
@@ -186,7 +186,7 @@ class SceneDocument(Table):
     """A mechviz scene: a mechanism, its drives and loads, and what to compute."""
 
     title: Text = ""
-    """What the scene shows, in a few words. Default: the name of the file."""
+    """Title of the scene, a few words. Default: the name of the file."""
     teaches: Text = ""
     """One sentence: what can be learned from it."""
     units: UnitsDocument = UnitsDocument()
@@ -250,7 +250,7 @@ class SceneDocument(Table):
     sections: dict[Name, SectionsDocument] = Field(default={})
     """Links along which section forces are wanted, by name."""
     goal: GoalDocument | None = None
-    """What `mechviz optimise` looks for: parameters that vary, objectives, limits."""
+    """The problem of `mechviz optimise`: parameters that vary, objectives, limits."""
     copies: list[CopyDocument] = Field(default=[])
     """Links once more with their joints and loads, turned on their shaft by a phase and moved along it."""
     pens: dict[Name, PenDocument] = Field(default={})

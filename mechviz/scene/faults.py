@@ -1,6 +1,6 @@
 """Faults of a scene, each with its remedy: every fault at once, in the order of the file.
 
-What the core says of a mechanism is told in the words of its scene: its units, and paths of keys that its document has.
+Messages of the core are written in the words of the scene: its units, and paths of keys that its document has.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ _SECTIONS = {"dynamics": "run", "drives": "joints"}
 """Parts of a mechanism that are called otherwise in a scene."""
 
 _WIDTH = 118
-MOST_TOLD = 50  # faults of a scene that are told; the others are counted
+MOST_REPORTED = 50  # faults of a scene that are listed; the others are counted
 _MANY = 500  # names, beyond which a close look at each of them takes too long
 
 
@@ -39,12 +39,12 @@ class SceneError(MechanismError):
     def __str__(self) -> str:
         n = len(self.faults)
         lines = [f"{self.source}: {n} problem{'s' if n > 1 else ''}"]
-        shown = self.faults[:MOST_TOLD]
+        shown = self.faults[:MOST_REPORTED]
         column = min(max(len(fault.path) for fault in shown), 32)
         for fault in shown:
             lines.extend(_lines(fault, column))
-        if n > MOST_TOLD:
-            lines.append(f"  and {n - MOST_TOLD} more: put these right first")
+        if n > MOST_REPORTED:
+            lines.append(f"  and {n - MOST_REPORTED} more: put these right first")
         return "\n".join(lines)
 
 

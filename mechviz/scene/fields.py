@@ -351,14 +351,14 @@ class Table(BaseModel):
     """A table of the document: unknown keys are faults, and nothing changes after reading.
 
     Where a file has faults, its tables are made all the same, so that every check can be run on what is sound. What could
-    not be read is replaced: numbers by NaN, names by ``Unknown``; ``unread`` names the keys concerned.
+    not be read is replaced: numbers by NaN, names by ``Unknown``; ``invalid_keys`` names the keys concerned.
     """
 
     model_config = ConfigDict(extra="forbid", frozen=True, defer_build=True)
 
     ELSEWHERE: ClassVar[Mapping[str, str]] = {}  # key that belongs into another table -> where it goes
 
-    _unread: frozenset[str] = PrivateAttr(default=frozenset())
+    _invalid_keys: frozenset[str] = PrivateAttr(default=frozenset())
 
     @classmethod
     def model_rebuild(cls, **how: Any) -> bool | None:
@@ -397,21 +397,21 @@ class Table(BaseModel):
 
     @classmethod
     def keys_beside(cls, raw: Mapping[str, Any]) -> list[str]:
-        """The keys that go with those of a table of plain data: all, unless they tell its kind."""
+        """The keys that go with those of a table of plain data: all, unless they decide its kind."""
         return list(cls.model_fields)
 
     @property
-    def unread(self) -> frozenset[str]:
+    def invalid_keys(self) -> frozenset[str]:
         """Keys whose values could not be read; "*" where the table itself could not be."""
-        return self._unread
+        return self._invalid_keys
 
-    def sound(self, *keys: str) -> bool:
+    def has_valid(self, *keys: str) -> bool:
         """Whether all these keys could be read (or are left out)."""
-        return self._unread.isdisjoint((*keys, "*"))
+        return self._invalid_keys.isdisjoint((*keys, "*"))
 
-    def mark_unread(self, keys: Iterable[str]) -> None:
+    def mark_invalid(self, keys: Iterable[str]) -> None:
         """For the reader of faulty scenes: says which keys could not be read."""
-        self._unread = frozenset(keys)
+        self._invalid_keys = frozenset(keys)
 
 
 def table_or_value(value: Any) -> str:
@@ -449,7 +449,7 @@ def _classes(module: str) -> dict[str, ast.ClassDef]:
 def is_whole(value: Any) -> bool:
     """Whether nothing in a value of the document stands for something that could not be read."""
     if isinstance(value, Table):
-        return not value.unread and all(is_whole(getattr(value, key)) for key in type(value).model_fields)
+        return not value.invalid_keys and all(is_whole(getattr(value, key)) for key in type(value).model_fields)
     if isinstance(value, Mapping):
         return all(map(is_whole, value.values()))
     if isinstance(value, list | tuple):

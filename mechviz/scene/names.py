@@ -103,7 +103,7 @@ def link_names(reading: Reading) -> list[str]:
 def point_names(reading: Reading, link: str) -> list[str] | None:
     """Names of the points of a link, None where they could not be read (or there is no such link)."""
     document = reading.document.links.get(link)
-    return list(document.points) if document is not None and document.sound("points") else None
+    return list(document.points) if document is not None and document.has_valid("points") else None
 
 
 def points_of_joint(name: str, joint: JointDocument) -> tuple[str, str]:

@@ -109,7 +109,7 @@ class Scene:
 
     @property
     def units(self) -> Units:
-        """The units of the scene's bare numbers, in which what is said of it is told."""
+        """The units of the scene's bare numbers, in which its results are stated."""
         return Units(**self.document.units.model_dump())
 
     @property

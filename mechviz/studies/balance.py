@@ -74,8 +74,8 @@ def balance_scene(
     changes: dict[Place, Any] = {}
     for w in weights:
         place = ("links", w.link, "lumps")
-        lump = {"mass": f"{w.mass!r} kg", "at": [f"{x!r} m" for x in w.at]}
-        changes[place] = [*changes.get(place, scene.document.links[w.link].lumps), lump]
+        entry = {"mass": f"{w.mass!r} kg", "at": [f"{x!r} m" for x in w.at]}
+        changes[place] = [*changes.get(place, scene.document.links[w.link].lumps), entry]
     if scene.document.shaking is not None:
         changes["shaking", "counterweights"] = None
     better = scene.changed(changes)

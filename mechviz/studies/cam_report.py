@@ -163,8 +163,8 @@ def _limits(cam: AnyCam) -> Iterator[Row]:
         words = f"{_verdict(passed)}; rollers up to {as_length(cam.greatest_roller(flanks), 5)}"
         yield "undercut", words, passed, False
     if isinstance(cam, PlacedCam):
-        for first, last, at, miss in lost_ranges(cam):
-            far = as_coordinate(abs(miss), rotary=cam.arm != 0.0, digits=4)
+        for first, last, at, deviation in lost_ranges(cam):
+            far = as_coordinate(abs(deviation), rotary=cam.arm != 0.0, digits=4)
             words = f"the follower misses its law, by up to {far} at {_place(cam, at)}"
             yield "undercut", f"{_verdict(False)}; from {_place(cam, first)} to {_place(cam, last)} {words}", False, False
     if not isinstance(cam, PlacedCam) or cam.given is not None:
@@ -241,12 +241,12 @@ def _springs(forces: Forces, cam: AnyCam, need: float) -> Iterator[str]:
     if not springs:
         yield "no spring presses this follower"
     for spring in springs:
-        ways = []
+        offers = []
         if spring.stiffness is not None:
-            ways.append(f"{as_quantity(spring.stiffness, 'stiffness', 5)} with its free length")
+            offers.append(f"{as_quantity(spring.stiffness, 'stiffness', 5)} with its free length")
         if spring.free_length is not None:
-            ways.append(f"a free length of {as_length(spring.free_length, 5)} with its stiffness")
-        words = " or ".join(ways) if ways else "none: this spring is slack, or pulls, where it is needed"
+            offers.append(f"a free length of {as_length(spring.free_length, 5)} with its stiffness")
+        words = " or ".join(offers) if offers else "none: this spring is slack, or pulls, where it is needed"
         yield f"{spring.spring}: {words}, to keep {as_force(need, 5)} (decided at {_place(cam, x[spring.frames[0]])})"
 
 
@@ -292,8 +292,8 @@ def _simplified_words(cam: AnyCam) -> Iterator[str]:
     if not isinstance(cam, PlacedCam) or cam.given is not None or cam.offset == 0.0 or not isinstance(cam.face, Knife):
         return
     error = simplified_offset_error(cam.cam.law, cam.offset, np.radians(np.arange(0.0, 360.0, 0.25)))
-    miss = f"misses its lift by up to {as_length(error.largest, 4)} at {as_angle(error.angle, 4)}"
-    yield f"laid off at the cam's angle, without the phase atan(m/h) of the offset m, the profile {miss}"
+    deviation = f"misses its lift by up to {as_length(error.largest, 4)} at {as_angle(error.angle, 4)}"
+    yield f"laid off at the cam's angle, without the phase atan(m/h) of the offset m, the profile {deviation}"
 
 
 USUAL_ANGLES = {True: math.radians(30.0), False: math.radians(45.0)}  # of translating and oscillating followers

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
-class Answer:
+class KeyFigures:
     """Answer of a run: the largest effort of its drives, the largest reaction [N], and where forces decide the motion the
     fluctuation of the speed (largest less smallest over the mean); NaN where there is none. ``curve``: efforts and reactions."""
 
@@ -61,7 +61,7 @@ class Influence:
         return bool(np.nanmax([self.curve, self.fluctuation, 0.0]) > accuracy)
 
 
-def answer_of(scene: Scene) -> Answer:
+def key_figures_of(scene: Scene) -> KeyFigures:
     """Compute a scene's answer."""
     motion, forces, simulation = _compute(scene)
     curve: dict[str, Real] = {}
@@ -81,7 +81,7 @@ def answer_of(scene: Scene) -> Answer:
         t = np.linspace(0.5 * simulation.duration, simulation.duration, 400)
         speed = np.abs(simulation(t)[1][:, 0]) if simulation([0.0])[1].shape[1] else np.zeros(1)
         fluctuation = float(np.ptp(speed) / max(float(speed.mean()), 1e-300))
-    return Answer(effort, unit, reaction, fluctuation, curve)
+    return KeyFigures(effort, unit, reaction, fluctuation, curve)
 
 
 @in_scene_words
@@ -108,16 +108,16 @@ def _variants(scene: Scene) -> Iterator[tuple[str, str, bool, dict[Place, Any]]]
 
 def influences(
     scene: Scene, advance: Callable[[int, int], None] = lambda *_: None, budget: float = 0.2
-) -> tuple[Answer, list[Influence]]:
+) -> tuple[KeyFigures, list[Influence]]:
     """The scene's answer, and the influence of each of its effects and loads, and of the effects that it could have."""
-    base = answer_of(scene)
+    base = key_figures_of(scene)
     variants = list(_variants(scene))
     every = []
     for k, (name, kind, named, change) in enumerate(variants):
         advance(k, len(variants))
         try:
             changed = scene.changed(change)
-            other = answer_of(changed)
+            other = key_figures_of(changed)
         except MechanismError as e:
             every.append(Influence(name, kind, named, problem=e.faults[0].message))
             continue
@@ -128,9 +128,9 @@ def influences(
     return base, every
 
 
-def _compared(name: str, kind: str, named: bool, answers: tuple[Answer, Answer], times: tuple[Timed, Timed]) -> Influence:
+def _compared(name: str, kind: str, named: bool, figures: tuple[KeyFigures, KeyFigures], times: tuple[Timed, Timed]) -> Influence:
     """Answers and times with the effect, and without."""
-    whole, less = answers
+    whole, less = figures
 
     def change(a: float, b: float) -> float:
         b = 0.0 if np.isnan(b) else b
@@ -160,7 +160,7 @@ def _compared(name: str, kind: str, named: bool, answers: tuple[Answer, Answer],
     )
 
 
-def influence_lines(base: Answer, every: list[Influence], accuracy: float) -> list[str]:
+def influence_lines(base: KeyFigures, every: list[Influence], accuracy: float) -> list[str]:
     """The table and the suggestion in words."""
     width = max(len(i.name) for i in every) if every else 6
     head = (
@@ -196,7 +196,7 @@ def influence_lines(base: Answer, every: list[Influence], accuracy: float) -> li
 
 
 def _price(i: Influence) -> str:
-    """Price of an effect, in words; what is less than the spread of the times is not told as a number."""
+    """Price of an effect, in words; less than the spread of the times is not stated as a number."""
     if abs(i.cost) <= max(i.spread, 0.01):
         return "its price is lost in the noise of the times"
     share = f"{abs(100.0 * i.cost):.0f}" if abs(i.cost) >= 0.1 else f"{abs(100.0 * i.cost):.2g}"

@@ -48,7 +48,7 @@ MOST_MEASURED = 1_000_000  # links times frames of a setting: each is computed s
 class Point:
     """One setting: the dial, the method, the value in words, the options that make it, its relative error and its time [s]."""
 
-    dial: str
+    setting: str
     method: str
     value: str
     options: dict[str, Any]
@@ -83,9 +83,9 @@ def cheapest(points: Sequence[Point], target: float) -> Point | None:
     return min(good, key=lambda p: p.seconds) if good else None
 
 
-def _at(dial: str, method: str, value: str, options: dict[str, Any], error: float, time: Timed, **more: Any) -> Point:
+def _at(setting: str, method: str, value: str, options: dict[str, Any], error: float, time: Timed, **more: Any) -> Point:
     error = max(float(error), LEAST_ERROR) if np.isfinite(error) else float("inf")
-    return Point(dial, method, value, options, error, time.seconds, time.spread, time.repeats, **more)
+    return Point(setting, method, value, options, error, time.seconds, time.spread, time.repeats, **more)
 
 
 def ladder(
@@ -121,7 +121,7 @@ def ladder(
         steps["recording"] = lambda: _recording(base, record)
     if plane_cams(base):
         steps["cam profile"] = lambda: _profiles(base, budget)
-    chosen = [step for dial, step in steps.items() if only is None or dial in only]
+    chosen = [step for setting, step in steps.items() if only is None or setting in only]
     points: list[Point] = []
     for k, step in enumerate(chosen):
         advance(k, len(chosen))
@@ -130,7 +130,7 @@ def ladder(
     return points
 
 
-def _dial(name: str, value: Any, base: Accuracy = DEFAULT) -> Accuracy:
+def _setting(name: str, value: Any, base: Accuracy = DEFAULT) -> Accuracy:
     """A setting with one dial turned."""
     return replace(base, **{name: value})
 
@@ -162,7 +162,7 @@ def _frames(run: Run, target: float | None, budget: float) -> Iterator[Point]:
             options = {"frames": n * parts, "interpolation": order}
             yield _at("frames", words, f"{n} frames", options, fit.error, times[n], current=here, note=note)
         if target is not None and order:
-            fit = fit_frames(scene, _dial("interpolation", order, replace(DEFAULT, target=target)), run.simulation)
+            fit = fit_frames(scene, _setting("interpolation", order, replace(DEFAULT, target=target)), run.simulation)
             spent = timed(partial(_solve, run, run.accuracy, np.linspace(0.0, end, fit.frames + 1)), budget)
             options = {"frames": fit.frames, "interpolation": order}
             yield _at("frames", words, f"{fit.frames // parts} frames", options, fit.error, spent, note="fitted to the target")
@@ -210,22 +210,22 @@ def _rates_error(run: Run, time: Real) -> Real:
     return estimate_errors(replace(run, motion=motion, forces=None, accuracy=DEFAULT)).acceleration
 
 
-def _iterated(run: Run, dial: str, method: str, tolerances: tuple[float, ...], budget: float) -> Iterator[Point]:
+def _iterated(run: Run, setting: str, method: str, tolerances: tuple[float, ...], budget: float) -> Iterator[Point]:
     """A dial at which an iteration stops; compared with the tightest at the same frames."""
     scene = run.scene
     time = default_times(scene.mechanism, scene.frames, scene.cycles)
-    kinds = ("position",) if dial == "position" else ("reaction",)
-    best = {q.name: q for q in quantities(*_solve(run, _dial(dial, tolerances[-1]), time))}
+    kinds = ("position",) if setting == "position" else ("reaction",)
+    best = {q.name: q for q in quantities(*_solve(run, _setting(setting, tolerances[-1]), time))}
     for tolerance in tolerances:
-        accuracy = _dial(dial, tolerance)
+        accuracy = _setting(setting, tolerance)
         iterated = [q for q in quantities(*_solve(run, accuracy, time)) if q.kind in kinds and q.name in best]
         error = max(
             (float(np.nanmax(np.abs(q.values - best[q.name].values), initial=0.0)) / best[q.name].scale for q in iterated),
             default=0.0,
         )
         spent = timed(partial(_solve, run, accuracy, time), budget)
-        here = tolerance == getattr(run.accuracy, dial)
-        yield _at(f"{dial} tolerance", method, f"{tolerance:.0e}", {dial: tolerance}, error, spent, current=here)
+        here = tolerance == getattr(run.accuracy, setting)
+        yield _at(f"{setting} tolerance", method, f"{tolerance:.0e}", {setting: tolerance}, error, spent, current=here)
 
 
 def _simulated(scene: Scene, accuracy: Accuracy) -> Simulation:
@@ -255,7 +255,7 @@ def _integrator(run: Run, budget: float) -> Iterator[Point]:
         methods.insert(0, ("energy", "energy", None))
     for method, words, nodes in methods:
         for tolerance in TOLERANCES if method != "radau" and nodes is None else TOLERANCES[:5]:
-            accuracy = _dial("method", method, Accuracy(integrator=tolerance, nodes=nodes))
+            accuracy = _setting("method", method, Accuracy(integrator=tolerance, nodes=nodes))
 
             work = partial(_simulated, run.scene, accuracy)
             try:
@@ -273,7 +273,7 @@ def _integrator(run: Run, budget: float) -> Iterator[Point]:
         error = float(np.nanmax(poses_apart(run.simulation.view(t), truth)))
         words = next(w for m, w, n in methods if m == run.simulation.method and n is None)
         options = {"method": run.simulation.method, "integrator": now}
-        work = partial(_simulated, run.scene, _dial("method", run.simulation.method, Accuracy(integrator=now)))
+        work = partial(_simulated, run.scene, _setting("method", run.simulation.method, Accuracy(integrator=now)))
         yield _at("integrator", words, f"{now:.0e}", options, error, timed(work, budget, least=1), current=True)
 
 

@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
-from mechcore.accuracy import DIALS
+from mechcore.accuracy import SETTINGS
 from mechviz.figures import COLOURS, chart
 from mechviz.scene.annotations import Place
 from mechviz.scene.document import SceneDocument, stated
@@ -26,13 +26,13 @@ FRONT, NOW, BEST = "#c9ced6", "#111111", "#d6336c"
 
 def setting_words(point: Point, front: bool) -> str:
     """A setting in a line; ``front``: nothing is quicker and more exact."""
-    words = f"{point.dial}: {point.method}, {point.value}: {point.error:.0e} in {point.price}"
+    words = f"{point.setting}: {point.method}, {point.value}: {point.error:.0e} in {point.price}"
     return f"{words} *" if front else words
 
 
-def dials_of(points: Sequence[Point]) -> list[str]:
+def settings_of(points: Sequence[Point]) -> list[str]:
     """The dials in order."""
-    return list(dict.fromkeys(p.dial for p in points))
+    return list(dict.fromkeys(p.setting for p in points))
 
 
 def precision_axes(axes: Axes, seconds: Sequence[float]) -> None:
@@ -49,7 +49,7 @@ def precision_axes(axes: Axes, seconds: Sequence[float]) -> None:
     axes.yaxis.set_minor_locator(NullLocator())
 
 
-def draw_panel(axes: Axes, dial: str, points: Sequence[Point], target: float | None, columns: int = 2) -> dict[str, str]:
+def draw_panel(axes: Axes, setting: str, points: Sequence[Point], target: float | None, columns: int = 2) -> dict[str, str]:
     """Draw the finite points of a dial, with its methods in columns above: words of each setting by the gid of its dot.
 
     The settings of each method are joined in the order of the ladder; fitted ones stand by themselves.
@@ -64,7 +64,7 @@ def draw_panel(axes: Axes, dial: str, points: Sequence[Point], target: float | N
         axes.plot([p.seconds for p in joined], [p.error for p in joined], color=color, linewidth=1.1)
         axes.plot([], [], "o-", color=color, markersize=4.0, linewidth=1.1, label=method)
         for p in own:  # a wide edge that is not seen: a pointer need not meet the dot itself
-            gid = f"setting-{dial.replace(' ', '-')}-{k}-{len(words)}"
+            gid = f"setting-{setting.replace(' ', '-')}-{k}-{len(words)}"
             words[gid] = setting_words(p, any(p is q for q in front))
             axes.plot(p.seconds, p.error, "o", color=color, markersize=4.0, gid=gid, mec=(1.0, 1.0, 1.0, 0.0), mew=6.0)
     for p in points:
@@ -76,7 +76,9 @@ def draw_panel(axes: Axes, dial: str, points: Sequence[Point], target: float | N
     low, high = axes.get_ylim()
     if target is not None and low < target < high:
         axes.axhline(target, color="#222222", linestyle="--", linewidth=1.0)
-    axes.legend(title=dial, alignment="left", title_fontsize="medium", ncols=columns, loc="lower left", bbox_to_anchor=(0.0, 1.0))
+    axes.legend(
+        title=setting, alignment="left", title_fontsize="medium", ncols=columns, loc="lower left", bbox_to_anchor=(0.0, 1.0)
+    )
     return words
 
 
@@ -92,21 +94,21 @@ def diagram(
 
     The Pareto front is a band, the current setting a ring, the cheapest that reaches the target a larger one.
     """
-    dials = dials_of(points)
-    columns = min(columns, len(dials))
-    rows = math.ceil(len(dials) / columns)
+    settings = settings_of(points)
+    columns = min(columns, len(settings))
+    rows = math.ceil(len(settings) / columns)
     words: dict[str, str] = {}
     with chart(columns * size[0], rows * size[1] + 0.9) as figure:
         from matplotlib.lines import Line2D
 
         figure.suptitle(title)
-        for k, dial in enumerate(dials):
+        for k, setting in enumerate(settings):
             axes = figure.add_subplot(rows, columns, k + 1)
-            own = [p for p in points if p.dial == dial and math.isfinite(p.error)]
+            own = [p for p in points if p.setting == setting and math.isfinite(p.error)]
             if own:
-                words |= draw_panel(axes, dial, own, target, 2 if size[0] > 4.0 else 1)
+                words |= draw_panel(axes, setting, own, target, 2 if size[0] > 4.0 else 1)
             else:
-                axes.set_title(f"{dial}: no setting gives numbers")
+                axes.set_title(f"{setting}: no setting gives numbers")
                 axes.set_axis_off()
         key = [Line2D([], [], color=FRONT, linewidth=6.0, label="Pareto front: nothing is quicker and more exact")]
         rings = [(NOW, 9.0, "the setting in use")] + ([(BEST, 13.0, f"the cheapest that reaches {target:g}")] if target else [])
@@ -152,11 +154,11 @@ def target_changes(target: float | None) -> dict[Place, Any]:
     return changes if target is None else changes | {("run", "frames"): None, ("run", "tolerance"): None}
 
 
-def in_use(run: Run, dial: str, options: Mapping[str, Any]) -> bool:
+def in_use(run: Run, setting: str, options: Mapping[str, Any]) -> bool:
     """Whether a run was made with the options of a `Point` of a dial."""
-    options = {**UNSET.get(dial, {}), **options}
-    dials, simulation = run.accuracy, run.simulation
-    present: dict[str, Any] = {name: getattr(dials, name) for name in DIALS if name in options}
+    options = {**UNSET.get(setting, {}), **options}
+    settings, simulation = run.accuracy, run.simulation
+    present: dict[str, Any] = {name: getattr(settings, name) for name in SETTINGS if name in options}
     present |= {"frames": run.scene.frames}
     if "profile" in options or "numbers" in options:  # these may have to be measured first
         present |= {"profile": run.kept.profile, "numbers": run.kept.numbers}

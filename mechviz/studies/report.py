@@ -18,7 +18,7 @@ from mechcore.forces.load_events import belt_events, belt_grip, idle_table, load
 from mechcore.forces.section_forces import section_forces
 from mechcore.laws.curve import MotionCurve
 from mechcore.laws.factors import ORDER_NAMES, jumps
-from mechcore.laws.program import CLOCK, Follow
+from mechcore.laws.program import CLOCK, CurveOverMaster
 from mechcore.laws.timed import ConstantSpeed, Free, Law, Piecewise
 from mechcore.motion.at_once import agreement, indeterminate
 from mechcore.motion.compiled import Compiled
@@ -67,7 +67,7 @@ def check_lines(scene: Scene, *, equations: bool = False, modes: bool = False) -
         span = f"over {scene.cycles * scene.mechanism.cycle:g} s" if scene.mechanism.cycle else "at one instant, time zero"
         lines.append(f"statics    nothing moves: reactions {span}")
     if scene.simulation is not None:
-        lifting = [f"whether the follower of {cam.joint} stays on it" for cam in scene.simulation.separable_cams]
+        separable = [f"whether the follower of {cam.joint} stays on it" for cam in scene.simulation.separable_cams]
         moving = [p for p in free if p not in made_joints(scene.mechanism)]
         moved = [f"the motion of {', '.join(moving)}"] if moving else []
         moved += [f"the motion of {p.links[1]}, a free body" for p in scene.mechanism.joints if isinstance(p, Planar)]
@@ -75,10 +75,10 @@ def check_lines(scene: Scene, *, equations: bool = False, modes: bool = False) -
         duration, turns = scene.simulation.duration, scene.simulation.steady
         span = f"{duration:g} s" if duration == duration else "one cycle"
         begin = f", from the steady state whose cycle is {turns} turn{'s' * (turns > 1)}" if turns else ""
-        lines.append(f"dynamics   forces decide {', '.join(moved + lifting)}, for {span}{begin}")
+        lines.append(f"dynamics   forces decide {', '.join(moved + separable)}, for {span}{begin}")
         for s in scene.simulation.stops:
             lines.append(f"           stop {s.name} of {s.joint}, restitution {s.restitution:g}")
-        for look in scene.simulation.watches:
+        for look in scene.simulation.triggers:
             lines.append(f"           watched: {look.name}{', ends the motion' if look.ends else ''}")
     redundant = redundant_joints(model)
     if redundant:
@@ -125,7 +125,7 @@ def check_lines(scene: Scene, *, equations: bool = False, modes: bool = False) -
         if any(joint.rating is not None or joint.drawn is not None for joint in cams) and not free:
             lines += ["", *cam_lines(motion, known, scene.units)]
     if free or decided:
-        lines += _section("a run", [f"tells {words}" for words in _told_by_runs(scene.mechanism)])
+        lines += _section("a run", [f"tells {words}" for words in _reported_by_runs(scene.mechanism)])
     if modes:
         lines += _all_modes(compiled, scene.units)
     if equations:
@@ -267,7 +267,7 @@ def _idle(scene: Scene, compiled: Compiled, ranges: list[tuple[float, float]]) -
     return _section("load", lines)
 
 
-def _told_by_runs(mechanism: Mechanism) -> list[str]:
+def _reported_by_runs(mechanism: Mechanism) -> list[str]:
     """Limits of a scene that only forces decide."""
     limited = []
     for joint in mechanism.joints:
@@ -276,7 +276,7 @@ def _told_by_runs(mechanism: Mechanism) -> list[str]:
             limits = {
                 "Hertz pressure": rating is not None and rating.limit is not None,
                 "contact force": rating is not None and rating.margin is not None,
-                "pressure angle": joint.contour is not None and joint.pressure_limit is not None,  # else its law tells
+                "pressure angle": joint.contour is not None and joint.pressure_limit is not None,  # else its law states it
             }
             limited += [f"whether the {what} at {joint.name} keeps its limit" for what, stated in limits.items() if stated]
     for load in mechanism.loads:
@@ -372,7 +372,7 @@ def continuity_words(mechanism: Mechanism, units: Units) -> Iterator[str]:
 
 def _curve(law: Law) -> tuple[MotionCurve | None, str]:
     """The curve of a drive's law, and what it goes over."""
-    if isinstance(law, Follow):
+    if isinstance(law, CurveOverMaster):
         return law.curve, "time" if law.master is CLOCK else "angle"
     if isinstance(law, Piecewise):
         return MotionCurve.of(law.knots, law.coefficients), "time"

@@ -25,7 +25,7 @@ class Result:
         self.case, self.events = case, []
         m = case.mechanism
         if case.free:
-            run = simulate(m, float(case.time[-1]), tolerance=tolerance, stops=case.stops, watches=case.watches)
+            run = simulate(m, float(case.time[-1]), tolerance=tolerance, stops=case.stops, triggers=case.triggers)
             self.events = [(h.time, h.kind, h.item) for h in run.events]
             self.motion = run.motion(case.time)
             self.forces = run.forces(self.motion)

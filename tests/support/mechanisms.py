@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from scipy.interpolate import BPoly, PPoly
 
 from mechcore.forces.kinetostatics import Forces, solve_forces
 from mechcore.laws.timed import ConstantSpeed, Law
@@ -249,3 +250,9 @@ def move(mechanism: Mechanism, theta: Any, omega: float = 1.0, eps: float = 0.0)
 def load(mechanism: Mechanism, theta: Any, omega: float = 1.0, eps: float = 0.0) -> Forces:
     """Forces at given positions of the (first) drive."""
     return solve_forces(move(mechanism, theta, omega, eps))
+
+
+def polynomial_through(t0: float, start: Sequence[float], t1: float, end: Sequence[float]) -> tuple[float, ...]:
+    """Coefficients in t - t0 of the polynomial with the value, velocity, acceleration ... of both ends."""
+    curve = PPoly.from_bernstein_basis(BPoly.from_derivatives([t0, t1], [start, end]))
+    return tuple(float(c) for c in curve.c[::-1, 0])

@@ -14,7 +14,7 @@ from random_mechanisms import FRAME, Case, stated, wrapped
 
 from mechcore import spec as sp
 from mechcore.cams.followers import Flat
-from mechcore.dynamics.events import EventTrigger, Stop
+from mechcore.dynamics.events import EndStop, EventTrigger
 from mechcore.laws.curve import MotionCurve
 from mechcore.laws.indicator import Compressor, Diagram
 from mechcore.laws.timed import ConstantSpeed, Free, Oscillation, Piecewise, Table
@@ -164,8 +164,8 @@ class Change:
             modes={self.names[p]: self.mode(p, x) for p, x in m.modes.items()} if self.back is None else {},
         )
         time = self.time * (c.time if self.back is None else c.time[-1] - c.time[::-1])
-        stops, watches = tuple(map(self.stop, c.stops)), tuple(map(self.watch, c.watches))
-        return replace(c, mechanism=made, time=time, stops=stops, watches=watches)
+        stops, triggers = tuple(map(self.stop, c.stops)), tuple(map(self.watch, c.triggers))
+        return replace(c, mechanism=made, time=time, stops=stops, triggers=triggers)
 
     def mode(self, joint: str, mode: str) -> str:
         return {"left": "right", "right": "left"}.get(mode, mode) if self.mirrored != (joint in self.swapped) else mode
@@ -264,7 +264,7 @@ class Change:
             return sp.Drive(joint=self.names[d.joint], law=Free(float(gain * q + shift), float(gain * v / self.pace)))
         return sp.Drive(joint=self.names[d.joint], law=self.law(d.law, gain, shift))
 
-    def stop(self, s: Stop) -> Stop:
+    def stop(self, s: EndStop) -> EndStop:
         gain, shift = self.coordinate(s.joint)
         side: Any = s.side if gain > 0.0 else {"upper": "lower", "lower": "upper"}[s.side]
         return replace(s, joint=self.names[s.joint], at=gain * s.at + shift, side=side)

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from mechcore.cams.followers import Arc, Flat, Knife, Roller
-from mechcore.dynamics.events import EventTrigger, Stop
+from mechcore.dynamics.events import EndStop, EventTrigger
 from mechcore.laws.indicator import Compressor, Diagram
 from mechcore.laws.program import Segment, program
 from mechcore.laws.timed import ConstantSpeed, Free, Oscillation, Table, zones
@@ -95,8 +95,8 @@ class Case:
     time: np.ndarray
     start: dict[str, float] = field(default_factory=dict)  # joint -> coordinate at the start, angles in (-pi, pi]
     poses: dict[str, tuple[float, float, float]] = field(default_factory=dict)  # link -> x, y, angle at the start
-    stops: tuple[Stop, ...] = ()
-    watches: tuple[EventTrigger, ...] = ()
+    stops: tuple[EndStop, ...] = ()
+    triggers: tuple[EventTrigger, ...] = ()
 
     @property
     def name(self) -> str:
@@ -701,25 +701,25 @@ def _finished(
     )
     duration = min(float(x.law.duration) for x in drives) if not free else d.uniform(0.2, 0.6)
     time = np.linspace(0.0, duration * (1.0 - 1e-12), 25)
-    stops, watches = _looked_for(d, free)
+    stops, triggers = _looked_for(d, free)
     poses = {k: (z.real, z.imag, a) for k, (z, a) in d.poses.items()}
-    return Case(kind, seed, mechanism, time, dict(d.coordinate), poses, stops, watches)
+    return Case(kind, seed, mechanism, time, dict(d.coordinate), poses, stops, triggers)
 
 
-def _looked_for(d: Draft, free: bool) -> tuple[tuple[Stop, ...], tuple[EventTrigger, ...]]:
+def _looked_for(d: Draft, free: bool) -> tuple[tuple[EndStop, ...], tuple[EventTrigger, ...]]:
     """A stop and a watch near the start of a motion under forces, or none."""
     if not free:
         return (), ()
     joints = [p.name for p in d.joints if isinstance(p, Revolute | Prismatic | PinSlot | Rolling)]
-    stops, watches = [], []
+    stops, triggers = [], []
     if d.uniform(0, 1) < 0.5:
         joint = d.among(joints)
         side = d.among(["upper", "lower"])
         far = d.uniform(0.05, 0.4) * (0.5 if joint in d.slides else 1.0)
         at = d.coordinate[joint] + (far if side == "upper" else -far)
-        stops.append(Stop(name="stop", joint=joint, at=at, side=side, restitution=d.among([0.0, d.uniform(0.3, 1.0)])))
+        stops.append(EndStop(name="stop", joint=joint, at=at, side=side, restitution=d.among([0.0, d.uniform(0.3, 1.0)])))
     if d.uniform(0, 1) < 0.5:
         joint = d.among(joints)
         far = d.uniform(-0.4, 0.4) * (0.5 if joint in d.slides else 1.0)
-        watches.append(EventTrigger(name="watch", joint=joint, at=d.coordinate[joint] + far))
-    return tuple(stops), tuple(watches)
+        triggers.append(EventTrigger(name="watch", joint=joint, at=d.coordinate[joint] + far))
+    return tuple(stops), tuple(triggers)

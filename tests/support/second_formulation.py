@@ -16,7 +16,7 @@ from absolute_forces import Loaded
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
-from mechcore.dynamics.events import Stop
+from mechcore.dynamics.events import EndStop
 from mechcore.spec.loads import GasPressure
 
 __all__ = ["Lost", "Second"]
@@ -50,7 +50,7 @@ class Second(Loaded):
         _, j, r, _ = self.system(t, q, None, True, more)
         return q, v + np.linalg.lstsq(j, r - j @ v, rcond=None)[0]
 
-    def strike(self, t: float, q: Array, v: Array, stop: Stop, more: tuple[str, ...]) -> Array:
+    def strike(self, t: float, q: Array, v: Array, stop: EndStop, more: tuple[str, ...]) -> Array:
         """Velocities after an impact on a stop."""
         _, j, r, _ = self.system(t, q, v, True, more)
         _, row, _ = self.measured(stop.joint, q, v)
@@ -61,13 +61,13 @@ class Second(Loaded):
         whole = np.block([[big, -j.T], [j, np.zeros((m, m))]])
         return np.linalg.solve(whole, np.concatenate([big @ v, r]))[: self.n]
 
-    def run(self, time: Array, stops: tuple[Stop, ...] = (), tolerance: float = 1e-11) -> dict[str, Any]:
+    def run(self, time: Array, stops: tuple[EndStop, ...] = (), tolerance: float = 1e-11) -> dict[str, Any]:
         """The motion from the start of the free coordinates: states at times, impacts, and which stops hold at each time."""
         t, end = 0.0, float(time[-1])
         q = self.solve(0.0, self.q0, "all")
         v, _ = self.rates(0.0, q, "all")
         out: dict[str, Any] = {"q": [], "v": [], "a": [], "events": [], "resting": [], "condition": 1.0}
-        resting: list[Stop] = []
+        resting: list[EndStop] = []
         calls = itertools.count()
         longest = np.inf
         wanted = list(time)
@@ -97,7 +97,7 @@ class Second(Loaded):
             for s in stops:
                 sign = 1.0 if s.side == "upper" else -1.0
 
-                def approaching(t: float, y: Array, s: Stop = s, sign: float = sign) -> float:
+                def approaching(t: float, y: Array, s: EndStop = s, sign: float = sign) -> float:
                     return sign * self.measured(s.joint, y[: self.n], y[self.n :])[1] @ y[self.n :]
 
                 approaching.direction = -1.0  # type: ignore[attr-defined]
@@ -113,7 +113,7 @@ class Second(Loaded):
                     event.direction = -1.0
                 else:
 
-                    def near(t: float, y: Array, s: Stop = s, sign: float = sign) -> float:
+                    def near(t: float, y: Array, s: EndStop = s, sign: float = sign) -> float:
                         return sign * (self.measured(s.joint, y[: self.n])[0] - s.at)
 
                     event = near

@@ -39,7 +39,7 @@ LONG = np.longdouble
 def extended(motion: Motion) -> Motion | None:
     """The motion with positions in extended precision; None where relations (gears, cams) or singular frames are in it."""
     model = motion.model
-    if model.relations or motion.patches or any(b.redundant for b in model.blocks):
+    if model.relations or motion.interpolants or any(b.redundant for b in model.blocks):
         return None
     drives = [np.asarray(d[0], LONG) for d in motion.drives]
     deltas: list[Any] = [np.ones((), np.clongdouble)] * len(model.angles.class_group)

@@ -206,7 +206,7 @@ def read_all(path: Path) -> tuple[Callable[[], Any], ...]:
 
     def view() -> None:
         shown = show_of_recording(Recording(path))
-        for part in (shown.drawings, shown.charts, shown.polodes):
+        for part in (shown.drawings, shown.charts, shown.centrodes):
             part()
         for quantity in shown.catalogue.quantities:
             quantity.values()

@@ -23,13 +23,13 @@ from mechcore.branches.modes import (
 )
 from mechcore.errors import Fault, MechanismError
 from mechcore.kinematics.model import Model
-from mechcore.kinematics.positions import gap, place, span
+from mechcore.kinematics.positions import group_closure_error, place, span
 from mechcore.kinematics.program import Block
 from mechcore.kinematics.state import State, initial_state, real_angle, relation_sum
 from mechcore.records import dataclass
 from mechcore.texts import Text, as_angle, as_length
 
-_MOST_CHOICES = 2  # groups whose modes are told in all combinations
+_MOST_CHOICES = 2  # groups whose modes are listed in all combinations
 
 
 @dataclass(frozen=True)
@@ -55,9 +55,9 @@ def assemble(model: Model, drives: Sequence[float], *, others: bool = True) -> A
         mode = 0.0
         with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
             if block.kind in TWO_MODES:
-                miss = float(gap(model, block, state))
-                if miss > 1e-14 * model.length_scale:
-                    faults.append(_apart(model, block, miss, _fitting_mode(model, drives) if others else ""))
+                error = float(group_closure_error(model, block, state))
+                if error > 1e-14 * model.length_scale:
+                    faults.append(_apart(model, block, error, _fitting_mode(model, drives) if others else ""))
                     break
                 if block.kind != "theta_slide" and span(model, block, state) <= 1e-14 * model.length_scale:
                     faults.append(_unspanned(block))
@@ -143,10 +143,10 @@ def fitting_statements(model: Model, drives: Sequence[float]) -> str:
     return f", or state the assembly mode of the start instead: {' or '.join(statements)} fits there" if statements else ""
 
 
-def _apart(model: Model, block: Block, miss: float, other: str) -> Fault:
+def _apart(model: Model, block: Block, error: float, other: str) -> Fault:
     return Fault(
         f"joints.{block.name}",
-        f"cannot be assembled at the start: the links miss each other by {as_length(miss)}.",
+        f"cannot be assembled at the start: the links miss each other by {as_length(error)}.",
         f"Change a length or the start of the drive{other}.",
     )
 
@@ -274,7 +274,7 @@ def _fix_relation(model: Model, block: Block, state: State, constants: list[floa
 
 
 def _sketched_mode(model: Model, block: Block, state: State) -> float | None:
-    """The mode nearest to the sketch, None where the sketch does not tell."""
+    """The mode nearest to the sketch, None where the sketch does not decide."""
     errors = []
     for mode in (1.0, -1.0):
         error, stated = 0.0, False

@@ -22,7 +22,7 @@ from mechcore.kinematics.model import Model
 from mechcore.kinematics.positions import equations, place, place_all
 from mechcore.kinematics.program import Block
 from mechcore.kinematics.rates import velocities
-from mechcore.kinematics.state import Patch, State, initial_state, real_angle
+from mechcore.kinematics.state import Interpolant, State, initial_state, real_angle
 from mechcore.laws.timed import Law
 from mechcore.numerics.interpolation import interpolant
 from mechcore.records import dataclass
@@ -65,11 +65,11 @@ class Branch:
         return positions, speeds
 
     def placed(
-        self, parameter: Real | float, starts: Mapping[str, Real], patches: Mapping[int, Sequence[Patch]] | None = None
+        self, parameter: Real | float, starts: Mapping[str, Real], interpolants: Mapping[int, Sequence[Interpolant]] | None = None
     ) -> State:
         """Positions of all groups at parameters (...) from Newton starts there."""
         positions, _ = self.drives(parameter)
-        return place_all(self.model, positions, self.assembly.modes, starts, patches, constants=self.assembly.constants)
+        return place_all(self.model, positions, self.assembly.modes, starts, interpolants, constants=self.assembly.constants)
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,9 +102,9 @@ class ContinuationPath:
     """Unknowns of the continued groups along the parameter. ``ends``: the range that was reached (all of it, or up to a limit);
     ``known``: the part of it that the path's own rows cover, which ends just before a limit.
 
-    ``passed``: singular positions at which the motion goes on along its tangent, and the group that is singular there.
-    ``loose``: the groups that have more than one freedom where the path ended; ``singular``: whether it ended at a limit;
-    ``flat_ends``: whether a continued group is all but singular where the path was let end, so that more of it should be known.
+    ``passed``: singular positions at which the motion goes on along its tangent, and the group that is singular there. ``loose``:
+    the groups that have more than one freedom where the path ended; ``singular``: whether it ended at a limit; ``dead_point_ends``:
+    whether a continued group is all but singular where the path was let end, so that more of it should be known.
     """
 
     ends: tuple[float, float]
@@ -113,7 +113,7 @@ class ContinuationPath:
     passed: tuple[tuple[float, str], ...] = ()
     loose: tuple[str, ...] = ()
     singular: bool = False
-    flat_ends: tuple[bool, bool] = (False, False)
+    dead_point_ends: tuple[bool, bool] = (False, False)
 
     def starts(self, parameter: Real) -> dict[str, Real]:
         """Newton starts for parameters (F,)."""
@@ -207,7 +207,7 @@ def _row_at(branch: Branch, p: float, starts: Mapping[str, Real]) -> Row | None:
     vectors = all_vectors(model, state)
     with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
         cols = all_columns(model, vectors)
-        rates = velocities(model, vectors, cols, speeds, bends=state.bends)
+        rates = velocities(model, vectors, cols, speeds, curve_values=state.curve_values)
     row = Row(p, {}, {}, {}, {})
     for block, c in zip(model.blocks, cols, strict=True):
         if block.kind != "general":
@@ -284,11 +284,11 @@ def _pass(branch: Branch, rows: list[Row], direction: float, step: float) -> lis
     end = rows[-1]
     flattest = min(end.singular_values, key=end.regularity, default=None)
     for part in (8.0, 32.0, 128.0):
-        gap = step / part
-        kept = [row for row in rows if direction * (end.parameter - row.parameter) >= gap]
+        spacing = step / part
+        kept = [row for row in rows if direction * (end.parameter - row.parameter) >= spacing]
         if len(kept) < 2:
             continue
-        last, target = kept[-1], end.parameter + direction * gap
+        last, target = kept[-1], end.parameter + direction * spacing
         expected, slope = (_extrapolated(kept[-FOR_PASSING:], target, derivative) for derivative in (0, 1))
         new = _row_at(branch, target, expected)
         if new is None:
@@ -310,7 +310,7 @@ def _pass(branch: Branch, rows: list[Row], direction: float, step: float) -> lis
 # by its own length instead of by the parameter the curve is regular, and the extremum is the zero of a smooth function. Where a
 # group with a closed form can no longer be put together, the place is found by bisection.
 def _limit(branch: Branch, row: Row, span: float, direction: float) -> float:
-    """The parameter at which a path of the range ``span`` ends, beyond its last row; the row's own where that cannot be told."""
+    """The parameter at which a path of the range ``span`` ends, beyond its last row; the row's own where that is unknown."""
     p = row.parameter
     reach = p + direction * NEAR * span
     with np.errstate(all="ignore"):

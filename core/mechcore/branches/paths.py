@@ -20,14 +20,14 @@ from mechcore.arrays import Flags, Index, Real
 from mechcore.branches.assembly import Assembly, starts_of
 from mechcore.branches.continuation import REGULAR, Branch, ContinuationPath, continuation_path
 from mechcore.branches.modes import TWO_MODES
-from mechcore.branches.singular_points import SingularPoint, SingularPoints, flat_instants, locate, needs_span, rounding_of
+from mechcore.branches.singular_points import SingularPoint, SingularPoints, dead_point_instants, locate, needs_span, rounding_of
 from mechcore.constants import TURN
 from mechcore.kinematics.columns import all_vectors, columns, matrix_of
 from mechcore.kinematics.model import Model
-from mechcore.kinematics.patching import FAR, make_patches
 from mechcore.kinematics.positions import dead_point_margin, place_all
 from mechcore.kinematics.program import Block
-from mechcore.kinematics.state import Patch, State, value, wrapped_angle
+from mechcore.kinematics.singular_interpolation import FAR, make_interpolants
+from mechcore.kinematics.state import Interpolant, State, value, wrapped_angle
 from mechcore.laws.timed import ConstantSpeed, Law
 from mechcore.records import dataclass
 
@@ -42,7 +42,7 @@ CLOSED = 1e-11  # of the size: what loops may be open at a dead point that a dri
 STUCK = 1e-9  # flatness of a group that takes part in what a path did not get through
 BESIDE = 0.3  # of a step: where a path begins whose start is flat (no power of two: halved steps shall not lead back onto it)
 AHEAD = 2e-4  # relative growth of the flatness over a thousandth of a step: beyond, the flat position is not the start itself
-FLAT = 1e-4  # flatness of a group below which a start counts as flat
+DEAD_POINT = 1e-4  # flatness of a group below which a start counts as flat
 EDGE = 1e-11  # relative: what a limit is known to, generously
 CYCLES = (1, 2, 3, 4, 6, 12)  # turns after which groups may be back where they were
 SAME = 1e-8  # of rotations, and of displacements over the size, that are the same after a cycle
@@ -54,8 +54,8 @@ class BranchPath:
 
     ``branch``: with those groups marked that are continued. ``start``: the parameter there. ``asked``: the range to be covered;
     ``edge``: to what its ends are known. ``by_time``: the parameter is time. ``period``: after so much of the parameter the groups
-    repeat, angles but for whole turns; None where the path covers all. ``gaps``: ranges of the parameter in which a group (by
-    number, -1 where the path ended) cannot be put together. ``singular_points``: singular points that the motion goes through.
+    repeat, angles but for whole turns; None where the path covers all. ``unreachable``: ranges of the parameter in which a group
+    (by number, -1 where the path ended) cannot be put together. ``singular_points``: singular points that the motion goes through.
     """
 
     branch: Branch
@@ -65,7 +65,7 @@ class BranchPath:
     edge: float
     by_time: bool = False
     period: float | None = None
-    gaps: tuple[tuple[float, float, int], ...] = ()
+    unreachable: tuple[tuple[float, float, int], ...] = ()
     singular_points: SingularPoints | None = None
 
     @property
@@ -73,9 +73,9 @@ class BranchPath:
         """The model in which the groups that are continued are so marked."""
         return self.branch.model
 
-    def placed(self, parameter: Real, patches: Mapping[int, Sequence[Patch]] | None = None) -> State:
+    def placed(self, parameter: Real, interpolants: Mapping[int, Sequence[Interpolant]] | None = None) -> State:
         """Positions of all groups at parameters (F,) within one period."""
-        return self.branch.placed(parameter, self.continuation.starts(parameter), patches)
+        return self.branch.placed(parameter, self.continuation.starts(parameter), interpolants)
 
     def starts(self, parameter: Real) -> dict[str, Real]:
         """Newton starts, and angles beyond one turn, for parameters (F,)."""
@@ -101,7 +101,7 @@ class BranchPath:
         low, high = self.continuation.ends
         return (parameter >= low - self.edge) & (parameter <= high + self.edge)
 
-    def tells(self, parameter: Real) -> bool:
+    def covers(self, parameter: Real) -> bool:
         """Whether nothing more of parameters (F,) is found by another path: this one came as far, or met a limit before."""
         low, high = self.asked
         return bool(np.all(self.reached(parameter) | ((parameter >= low) & (parameter <= high))))
@@ -133,7 +133,7 @@ def path_for(
     short = known[0] > low or known[1] < high  # it met a limit
     close = len(q) and (high > highest - near or low < lowest + near)
     turns_back = not given and stands
-    if turns_back and close and (short or _flat_at_ends(path)):
+    if turns_back and close and (short or _dead_point_at_ends(path)):
         through = _path_in_time(in_time, min(0.0, first), last)
         if bool(through.reached(np.array(last))) and _reaches_dead_points(through):
             return through
@@ -213,7 +213,7 @@ def travel_of(law: Law, first: float, last: float) -> tuple[float, float, bool]:
     return float(reached.min()), float(reached.max()), moves > 0.0 and float(np.abs(v).min()) < 1e-2 * moves
 
 
-def _flat_at_ends(path: BranchPath) -> bool:
+def _dead_point_at_ends(path: BranchPath) -> bool:
     """Whether a group with a closed form is all but flat where a path ended."""
     state = path.placed(np.array(path.continuation.known))
     two = (b for b in path.model.blocks if b.kind in TWO_MODES)
@@ -228,8 +228,8 @@ def _reaches_dead_points(path: BranchPath) -> bool:
     if not len(time):
         return False
     model, assembly = path.model, path.branch.assembly
-    patches = make_patches(model, path.singular_points, assembly.modes, time, (1.0, 0.0), assembly.constants, path.starts)
-    state = path.branch.placed(time, path.starts(time), patches)
+    interpolants = make_interpolants(model, path.singular_points, assembly.modes, time, (1.0, 0.0), assembly.constants, path.starts)
+    state = path.branch.placed(time, path.starts(time), interpolants)
     sums = (value(loop, state.rot, state.slide) for loop in model.loop_sums)
     return all(np.abs(total).max() <= CLOSED * model.length_scale for total in sums)
 
@@ -244,9 +244,9 @@ def branch_path(
     Raises `MechanismError` where the start is singular, so that two ways lead on.
     """
     sample = step / SAMPLES_OF_STEP if sample is None else sample
-    gaps: list[tuple[float, float, int]] = []
+    unreachable: list[tuple[float, float, int]] = []
     begin, behind, ahead, more = start, low, high, 2.0 * FAR * sample
-    aside = _flat_start(branch, start, step)
+    aside = _start_at_dead_point(branch, start, step)
     if aside:
         begin = start + aside * BESIDE * step
         branch = _beside(branch, begin)
@@ -255,28 +255,28 @@ def branch_path(
     for _ in range(len(branch.model.blocks) + 3):
         continuation = continuation_path(branch, begin, behind, ahead, step)
         path = BranchPath(branch, continuation, start, (low, high), edge, by_time)
-        flat, gaps = _flat_groups(path, sample)
-        wider = (behind == low and continuation.flat_ends[0], ahead == high and continuation.flat_ends[1])
-        if not flat and not any(wider):
+        dead_point, unreachable = _dead_point_groups(path, sample)
+        wider = (behind == low and continuation.dead_point_ends[0], ahead == high and continuation.dead_point_ends[1])
+        if not dead_point and not any(wider):
             break
-        if flat:
-            branch = _with_continued(branch, flat)
+        if dead_point:
+            branch = _with_continued(branch, dead_point)
         behind, ahead = behind - more * wider[0], ahead + more * wider[1]
     path = replace(path, branch=branch)
     if continuation.ends[0] > low + edge:
-        gaps.append((low, continuation.ends[0], -1))
+        unreachable.append((low, continuation.ends[0], -1))
     if continuation.ends[1] < high - edge:
-        gaps.append((continuation.ends[1], high, -1))
+        unreachable.append((continuation.ends[1], high, -1))
     passed = [c for p, name in continuation.passed for c in [_singular_point(path, p, name, sample)] if c is not None]
     if not passed:
-        return replace(path, gaps=tuple(gaps))
+        return replace(path, unreachable=tuple(unreachable))
     still = tuple(ConstantSpeed(q, 0.0) for q in branch.still)
     laws = branch.laws if by_time else (ConstantSpeed(start, 1.0), *still)
     singular_points = SingularPoints(period=1e150, points=tuple(passed), laws=laws, by_drive=not by_time)
-    return replace(path, gaps=tuple(gaps), singular_points=singular_points)
+    return replace(path, unreachable=tuple(unreachable), singular_points=singular_points)
 
 
-def _flat_start(branch: Branch, start: float, step: float) -> float:
+def _start_at_dead_point(branch: Branch, start: float, step: float) -> float:
     """Which way the stated modes lead on from a start at, or all but at, a flat position of groups with a closed form: 1, or -1
     where that position lies just ahead; 0 where none is near."""
     model = branch.model
@@ -287,10 +287,10 @@ def _flat_start(branch: Branch, start: float, step: float) -> float:
         return np.array(least)
 
     here = margins(start)
-    if not (here < FLAT).any() or _singular(branch, start):
+    if not (here < DEAD_POINT).any() or _singular(branch, start):
         return 0.0
     off = 1e-3 * step
-    before, after = margins(start - off)[here < FLAT], margins(start + off)[here < FLAT]
+    before, after = margins(start - off)[here < DEAD_POINT], margins(start + off)[here < DEAD_POINT]
     grows = after - before
     return -1.0 if (grows < -AHEAD * (abs(after) + abs(before))).any() else 1.0
 
@@ -327,7 +327,7 @@ def _with_continued(branch: Branch, numbers: set[int]) -> Branch:
     return replace(branch, model=replace(model, blocks=tuple(blocks)), assembly=replace(assembly, starts=starts))
 
 
-def _flat_groups(path: BranchPath, sample: float) -> tuple[set[int], list[tuple[float, float, int]]]:
+def _dead_point_groups(path: BranchPath, sample: float) -> tuple[set[int], list[tuple[float, float, int]]]:
     """Groups with a closed form that come to a flat position on a path, and where they cannot be put together."""
     model, continuation = path.model, path.continuation
     two = [i for i, b in enumerate(model.blocks) if b.kind in TWO_MODES]
@@ -338,18 +338,18 @@ def _flat_groups(path: BranchPath, sample: float) -> tuple[set[int], list[tuple[
     p = np.linspace(low, high, count + 1)
     state = path.placed(p)
     rough = np.full(len(p), any(b.kind == "general" for b in model.blocks))
-    flat, gaps = set(), []
+    dead_point, unreachable = set(), []
     for i in two:
         with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
-            instants, missing, _ = flat_instants(model, model.blocks[i], state, p, rough, rounding_of(model))
+            instants, missing, _ = dead_point_instants(model, model.blocks[i], state, p, rough, rounding_of(model))
             ends = [
                 min(float(np.broadcast_to(h, p.shape)[k]) for h in dead_point_margin(model, model.blocks[i], state))
                 for k in (0, -1)
             ]
         if any(flips for _, flips in instants) or (continuation.singular and min(ends) < STUCK):
-            flat.add(i)
-        gaps += [(a, b, i) for a, b in missing]
-    return flat, gaps
+            dead_point.add(i)
+        unreachable += [(a, b, i) for a, b in missing]
+    return dead_point, unreachable
 
 
 def _singular_point(path: BranchPath, p: float, name: str, sample: float) -> SingularPoint | None:

@@ -2,9 +2,9 @@
 
 There the group's triangle is flat for an instant. A smooth motion goes through: what was on the left comes out on the right. The
 mode therefore changes sign at every such time, or the motion would turn back with a kink onto the other branch. Near the
-instant itself the loop equations are ill conditioned and at it singular: see `patching`.
+instant itself the loop equations are ill conditioned and at it singular: see `singular_interpolation`.
 
-Where the triangle would be more than flat the group cannot be put together: a gap, however narrow, is found on the same way.
+Where the triangle would be more than flat the group cannot be assembled: such a range, however narrow, is found in the same manner.
 """
 
 from __future__ import annotations
@@ -19,21 +19,21 @@ from mechcore.arrays import Flags, Real
 from mechcore.branches.modes import TWO_MODES
 from mechcore.kinematics.columns import all_vectors, columns, matrix_of
 from mechcore.kinematics.model import Model
-from mechcore.kinematics.patching import FAR, NODES, TAIL, smooth, tail_of, unknowns_of
 from mechcore.kinematics.positions import apply, dead_point_margin, place
 from mechcore.kinematics.program import Block
+from mechcore.kinematics.singular_interpolation import FAR, NODES, TAIL, smooth, tail_of, unknowns_of
 from mechcore.kinematics.state import State, initial_state
 from mechcore.laws.timed import ConstantSpeed, Law, moves
 from mechcore.records import dataclass
 
 SAMPLES = 720  # of a cycle, at least, and of a turn of the fastest drive
 MOST = 400_000  # samples of a whole run
-FLAT = 3e-15  # below this `blocks.flatness` is rounding: the triangle is flat
-MISS = 1e-14  # below minus this the closed forms give up: the links miss each other
+DEAD_POINT = 3e-15  # below this `dead_point_margin` is rounding: the triangle is flat
+CLOSURE_LIMIT = 1e-14  # below minus this the closed forms give up: the links miss each other
 ROUNDING = 1e-14  # heights squared that differ by less within a window are one height: nothing moves
 WINDOW = 4  # samples on each side from which the instant is located
 FINER = (1, 8, 64)  # times as many samples, where a group runs too fast at a change for the polynomial next to it
-BLUR = 3e-12  # instead of FLAT where an earlier group's positions come from such a polynomial
+INTERPOLATED_DEAD_POINT = 3e-12  # instead of FLAT where an earlier group's positions come from such a polynomial
 
 
 @dataclass(frozen=True)
@@ -46,11 +46,11 @@ class SingularPoint:
     name: str
     dead: bool
     flips: bool = True
-    step: float = 0.0  # in which distances from it are counted where positions are interpolated, see `patching`
+    step: float = 0.0  # in which distances from it are counted where positions are interpolated, see `singular_interpolation`
 
 
 @dataclass(frozen=True)
-class Gap:
+class UnreachableRange:
     """From ``start`` to ``end`` [s] the block cannot be put together."""
 
     start: float
@@ -60,7 +60,7 @@ class Gap:
 
 @dataclass(frozen=True)
 class SingularPoints:
-    """All singular points within ``[0, period)``; beyond, they repeat. ``gaps``: where a group cannot be put together.
+    """All singular points within ``[0, period)``; beyond, they repeat. ``unreachable``: where a group cannot be put together.
 
     ``by_drive``: "time" means the way of the only drive from its start [rad], not seconds; ``laws`` lead the drives along it.
     """
@@ -69,7 +69,7 @@ class SingularPoints:
     points: tuple[SingularPoint, ...]
     laws: tuple[Law, ...]
     by_drive: bool = False
-    gaps: tuple[Gap, ...] = ()
+    unreachable: tuple[UnreachableRange, ...] = ()
 
     def within(self, start: float, end: float) -> list[SingularPoint]:
         """All singular points of a run from ``start`` to ``end`` [s], in order of time."""
@@ -81,11 +81,13 @@ class SingularPoints:
                     out.append(replace(c, time=t))
         return sorted(out, key=lambda c: c.time)
 
-    def gaps_within(self, start: float, end: float) -> list[Gap]:
+    def unreachable_within(self, start: float, end: float) -> list[UnreachableRange]:
         """Gaps that a run from ``start`` to ``end`` [s] meets, those of one period."""
         turns = np.floor(start / self.period)
         moved = [
-            replace(g, start=g.start + k * self.period, end=g.end + k * self.period) for g in self.gaps for k in (turns, turns + 1)
+            replace(g, start=g.start + k * self.period, end=g.end + k * self.period)
+            for g in self.unreachable
+            for k in (turns, turns + 1)
         ]
         return [g for g in moved if g.end > start and g.start < end]
 
@@ -185,7 +187,7 @@ def _sampled(
     model: Model, modes: Sequence[float], cycle: float, cycles: int, laws: tuple[Law, ...], finer: int, *, by_drive: bool
 ) -> tuple[SingularPoints | None, bool]:
     """Sample cycles of the laws block by block. The flag: whether the samples resolve the motion next to every change; without
-    any, whether more samples would not tell more."""
+    any, whether more samples would add nothing."""
     period = cycles * cycle
     probe = np.linspace(0.0, period, 2001)
     rotary = [model.joints[model.joint_index[d.joint]].coordinate == "angle" for d in model.mechanism.drives]
@@ -199,7 +201,7 @@ def _sampled(
     still = np.max([np.abs(v[1]) for v in values], axis=0)
     speed = float(still.max(initial=0.0))
     points: list[SingularPoint] = []
-    gaps: list[Gap] = []
+    unreachable: list[UnreachableRange] = []
     resolved, rounding = True, rounding_of(model)
     blurred = np.zeros(len(time), bool)  # samples at which an earlier group's positions are interpolated
     with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
@@ -207,12 +209,12 @@ def _sampled(
             sign: Real | float = 1.0
             own: list[SingularPoint] = []
             if block.kind in TWO_MODES:
-                instants, missing, sharp = flat_instants(model, block, state, time, blurred, rounding)
+                instants, missing, sharp = dead_point_instants(model, block, state, time, blurred, rounding)
                 if sharp and finer < FINER[-1]:
                     return None, False
                 if by_drive and missing:
                     return None, True
-                gaps += [Gap(a, b, i) for a, b in missing if b > 0.0 and a < period]
+                unreachable += [UnreachableRange(a, b, i) for a, b in missing if b > 0.0 and a < period]
                 own = [
                     SingularPoint(t, i, block.name, bool(np.interp(t, time, still) < 20.0 * coarse / cycle * speed), flips)
                     for t, flips in instants
@@ -227,7 +229,9 @@ def _sampled(
                 resolved &= fine
             if by_drive and block.angles and not np.isfinite(np.sum(state.rot[model.angles.classes_of[block.angles[0]][0]])):
                 return None, True
-    return SingularPoints(period=period, points=tuple(points), laws=laws, by_drive=by_drive, gaps=tuple(gaps)), resolved
+    return SingularPoints(
+        period=period, points=tuple(points), laws=laws, by_drive=by_drive, unreachable=tuple(unreachable)
+    ), resolved
 
 
 def _smoothed(
@@ -240,13 +244,13 @@ def _smoothed(
         smoothed = [smooth(model, block, state, time, c.time + turn, step * width) for turn in (-period, 0.0, period)]
         tail = max(t for t, _ in smoothed)
         if tail < 0.5 * best:
-            best, patches, c = tail, [p for _, p in smoothed if p is not None], replace(c, step=step * width)
+            best, interpolants, c = tail, [p for _, p in smoothed if p is not None], replace(c, step=step * width)
         if tail < TAIL:
             break
         width //= 2
-    for patch in patches:
-        apply(model, block, state, patch)
-        blurred[patch.frames] = True
+    for interpolant in interpolants:
+        apply(model, block, state, interpolant)
+        blurred[interpolant.frames] = True
     return c, best < TAIL
 
 
@@ -296,53 +300,53 @@ def _farthest(model: Model) -> float:
     return max((abs(x) for link in model.bodies.values() for xy in link.points.values() for x in xy), default=0.0)
 
 
-def flat_instants(
+def dead_point_instants(
     model: Model, block: Block, state: State, time: Real, blurred: Flags, rounding: float
 ) -> tuple[list[tuple[float, bool]], list[tuple[float, float]], bool]:
-    """Times at which a group's triangle touches its flat position without leaving its reach, and whether it goes through;
-    stretches of time in which its links miss each other; and whether samples are too few to tell some place from a flat one.
+    """Times at which a group touches its dead point without leaving its reach, and whether it passes through;
+    ranges of time in which it cannot be assembled; and whether the samples are too few to decide about some place.
 
     The height squared grows with the second power of the time where the motion goes through, with the fourth where the drive turns
     back just there. Between samples it is the polynomial through its neighbours; its last terms say how far that can be trusted
     (the height is no polynomial where an arm of the triangle is as short as the way from sample to sample).
     """
     out: list[tuple[float, bool]] = []
-    gaps: list[tuple[float, float]] = []
+    unreachable: list[tuple[float, float]] = []
     sharp = False
     step = float(time[1] - time[0])
-    flat, miss = max(FLAT, rounding), max(MISS, rounding)
+    dead_point, reach_limit = max(DEAD_POINT, rounding), max(CLOSURE_LIMIT, rounding)
     for height in dead_point_margin(model, block, state):
         h = np.broadcast_to(height, time.shape)
-        gaps += _below(time, h, max(BLUR, rounding))
+        unreachable += _ranges_below_zero(time, h, max(INTERPOLATED_DEAD_POINT, rounding))
         inner = h[1:-1]
-        low = (inner <= h[:-2]) & (inner < h[2:]) & (inner < 1e-2) & (inner > -max(BLUR, rounding))
+        low = (inner <= h[:-2]) & (inner < h[2:]) & (inner < 1e-2) & (inner > -max(INTERPOLATED_DEAD_POINT, rounding))
         for k in (np.flatnonzero(low) + 1).tolist():
             a, b = max(k - WINDOW, 0), min(k + WINDOW + 1, len(time))
             y = h[a:b]
             if not np.isfinite(y).all() or np.ptp(y) < ROUNDING:
                 continue
-            fit = _Through(y, k - a, b - 1 - k)
-            at, bend = 0.0, 0.0
+            fit = _LocalPolynomial(y, k - a, b - 1 - k)
+            at, curvature = 0.0, 0.0
             for _ in range(8):
-                _, slope, bend = fit(at)
-                if bend <= 0:
+                _, slope, curvature = fit(at)
+                if curvature <= 0:
                     break
-                last, at = at, min(max(at - slope / bend, -1.5), 1.5)
+                last, at = at, min(max(at - slope / curvature, -1.5), 1.5)
                 if at == last:
                     break
-            (least, _, bend), rough = fit(at), bool(blurred[a:b].any())
-            doubt = abs(fit.terms[-1]) + abs(fit.terms[-2])
-            sharp |= not rough and flat < abs(least) < 10.0 * doubt
-            if -max(miss, BLUR * rough) <= least <= max(flat, BLUR * rough):
+            (least, _, curvature), rough = fit(at), bool(blurred[a:b].any())
+            truncation = abs(fit.terms[-1]) + abs(fit.terms[-2])
+            sharp |= not rough and dead_point < abs(least) < 10.0 * truncation
+            if -max(reach_limit, INTERPOLATED_DEAD_POINT * rough) <= least <= max(dead_point, INTERPOLATED_DEAD_POINT * rough):
                 near, far = (0.5 * abs(fit(at - w)[0] + fit(at + w)[0]) for w in (1.5, 3.0))
                 out.append((float(time[k] + at * step), far < 8.0 * near))
-            elif least < 0.0 and h[k] > -miss and bend > 0.0:
-                half = float(np.sqrt(-2.0 * least / bend))
-                gaps.append((float(time[k] + (at - half) * step), float(time[k] + (at + half) * step)))
-    return out, gaps, sharp
+            elif least < 0.0 and h[k] > -reach_limit and curvature > 0.0:
+                half = float(np.sqrt(-2.0 * least / curvature))
+                unreachable.append((float(time[k] + (at - half) * step), float(time[k] + (at + half) * step)))
+    return out, unreachable, sharp
 
 
-class _Through:
+class _LocalPolynomial:
     """The polynomial through values at samples, of which so many stand before and after the place 0. Plain numbers: there are too
     few of them for arrays."""
 
@@ -352,12 +356,12 @@ class _Through:
 
     def __call__(self, x: float) -> tuple[float, float, float]:
         """Its value, slope and bend at a place, in samples."""
-        u, value, slope, bend = (x - self.middle) / self.half, 0.0, 0.0, 0.0
+        u, value, slope, curvature = (x - self.middle) / self.half, 0.0, 0.0, 0.0
         for term in reversed(self.terms):  # Horner's scheme
-            bend = bend * u + slope
+            curvature = curvature * u + slope
             slope = slope * u + value
             value = value * u + term
-        return value, slope / self.half, 2.0 * bend / self.half**2
+        return value, slope / self.half, 2.0 * curvature / self.half**2
 
 
 @cache
@@ -367,8 +371,8 @@ def _inverse(before: int, after: int) -> Real:
     return np.asarray(np.linalg.pinv(np.vander(places, min(9, len(places)), increasing=True)))
 
 
-def _below(time: Real, h: Real, rounding: float) -> list[tuple[float, float]]:
-    """Stretches of samples below zero, their ends between samples by straight lines."""
+def _ranges_below_zero(time: Real, h: Real, rounding: float) -> list[tuple[float, float]]:
+    """Ranges of samples below zero, their ends between samples by straight lines."""
     below = h < -rounding
     if not below.any():
         return []

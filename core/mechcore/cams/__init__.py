@@ -39,8 +39,6 @@ from mechcore.cams.closures import (
     conjugate,
     first_separation,
     hertz,
-    jamming_angle,
-    least_spring,
     roller_range,
 )
 from mechcore.cams.contour import (
@@ -120,10 +118,8 @@ __all__ = [
     "first_separation",
     "graphical",
     "hertz",
-    "jamming_angle",
     "judge",
     "least_base",
-    "least_spring",
     "line",
     "neglected_phase",
     "polar_contour",

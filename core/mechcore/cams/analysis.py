@@ -187,12 +187,12 @@ def _residual(task: Task, angle: Real, c: Complex, t: Real, q: Real, fixed: bool
     place = c[:k] if fixed else jets.compose(c[:k], t)
     z = task.carried(place, angle)
     reference = follower.reference(q)
-    gap = z - reference
+    distance = z - reference
     if isinstance(follower.face, Flat):
         turn = follower.guide.turning(q)
         turn = np.concatenate([np.zeros_like(turn[:1]), turn[1:]])
         d = jets.exponential(1j * turn) * follower.face_direction(q[0])
-        first = jets.cross(d, gap)
+        first = jets.cross(d, distance)
         if fixed:
             return [first]
         tangent = jets.compose(c[1 : k + 1], t)
@@ -200,8 +200,8 @@ def _residual(task: Task, angle: Real, c: Complex, t: Real, q: Real, fixed: bool
             tangent = jets.product((1j * task.turn) ** np.arange(k)[:, None] * np.exp(1j * task.turn * angle), tangent)
         return [first, jets.cross(d, tangent)]
     if fixed:  # constant distance from the corner
-        return [jets.dot(gap, gap)]
-    return [gap.real, gap.imag]
+        return [jets.dot(distance, distance)]
+    return [distance.real, distance.imag]
 
 
 # --- bridges ------------------------------------------------------------------------------------------------------------------

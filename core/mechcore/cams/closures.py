@@ -13,7 +13,7 @@ from mechcore.cams.synthesis import Cam
 from mechcore.errors import Fault, MechanismError
 from mechcore.laws.curve import MotionCurve
 from mechcore.records import dataclass
-from mechcore.texts import as_angle, as_length, as_quantity
+from mechcore.texts import as_angle, as_length
 
 
 @dataclass(frozen=True)
@@ -151,54 +151,6 @@ def first_separation(closure: Closure, lift: MotionCurve) -> Separation | None:
 
     value, angle = _refined(lift, cost)
     return Separation(float(np.sqrt(value)), angle) if np.isfinite(value) else None
-
-
-def least_spring(
-    closure: Closure, lift: MotionCurve, speed: float, margin: float = 0.0, find: str = "stiffness"
-) -> tuple[float, float]:
-    """The least spring that keeps the force at or above ``margin`` [N]: (stiffness or preload deflection, angle that decides).
-
-    ``find``: "stiffness" with the closure's preload deflection kept, or "preload" with its stiffness kept. Raises where the
-    deflection is nowhere large enough for any stiffness.
-    """
-    base = closure.mass * closure.gravity + closure.load - margin
-    inertia = closure.mass * speed**2
-    if find == "preload":
-        k = closure.stiffness
-        if not k > 0.0:
-            why = f"{as_quantity(k, 'stiffness')}."
-            raise MechanismError(Fault("spring.stiffness", why, "Give a positive one to find its preload."))
-        value, angle = _refined(lift, lambda s, a: base + k * s + inertia * a)
-        return max(-value / k, 0.0), angle
-    if find != "stiffness":
-        raise MechanismError(Fault("spring", f"'{find}' cannot be found.", "Ask for 'stiffness' or 'preload'."))
-
-    def cost(s: Real, a: Real) -> Real:
-        need = -(base + inertia * a)
-        stretch = closure.preload + s
-        with np.errstate(divide="ignore", invalid="ignore"):
-            return np.where(need > 0.0, np.where(stretch > 0.0, -need / stretch, -np.inf), 0.0)
-
-    value, angle = _refined(lift, cost)
-    if value == -np.inf:
-        raise MechanismError(
-            Fault("spring.preload", f"{as_length(closure.preload)}: the spring is slack where it is needed.", "Give it a preload.")
-        )
-    return max(-value, 0.0), angle
-
-
-def jamming_angle(overhang: float, length: float, friction: float) -> float:
-    """Pressure angle at which a follower jams in its guide [rad]: tan alpha = b/(mu (2a + b)), overhang a, length b of the
-    guide."""
-    if not (length > 0.0 and overhang >= 0.0 and friction >= 0.0):
-        raise MechanismError(
-            Fault(
-                "guide",
-                f"length {as_length(length)}, overhang {as_length(overhang)}, friction {friction:g}.",
-                "Give a positive length, and no negative numbers.",
-            )
-        )
-    return float(np.arctan2(length, friction * (2.0 * overhang + length)))
 
 
 @dataclass(frozen=True)

@@ -291,10 +291,10 @@ def _knife(task: Task, angle: Real, pieces: Index, us: Real, points: Complex, ea
         p, a, b = pieces[rows, k], us[rows, k], us[rows, after]
         fa, fb = f[rows, k], f[rows, after]
 
-        def gap(y: Real, m: Index, p: Index = p) -> Real:
+        def distance(y: Real, m: Index, p: Index = p) -> Real:
             return task.knife_gap(task.ground(task.contour.on(p[m], y, 0, radius)[0], angle[m]))
 
-        x = np.where(joint[rows, k], a, root(gap, a, b, fa, fb, live & ~joint[rows, k])[0])
+        x = np.where(joint[rows, k], a, root(distance, a, b, fa, fb, live & ~joint[rows, k])[0])
         height = task.knife_height(task.ground(task.contour.on(p, x, 0, radius)[0], angle))
         better = live & (height > best)
         best = np.where(better, height, best)

@@ -22,7 +22,7 @@ from mechcore.cams.pieces import (
     CamPiece,
     PolarPiece,
     PolynomialPiece,
-    Smooth,
+    SmoothPiece,
     StraightPiece,
     ends_of,
     moved_piece,
@@ -40,7 +40,7 @@ from mechcore.texts import as_angle, as_length
 class Contour:
     """Pieces end to end, the outside on the right of the direction of travel (a closed one runs counter-clockwise)."""
 
-    pieces: tuple[Smooth, ...]
+    pieces: tuple[SmoothPiece, ...]
     closed: bool = True
 
     @property
@@ -180,27 +180,31 @@ def moved(contour: Contour, shift: complex, turn: complex) -> Contour:
     return Contour(tuple(moved_piece(p, shift, turn / abs(turn)) for p in contour.pieces), contour.closed)
 
 
-def _checked(pieces: Sequence[Smooth], closed: bool = True) -> Contour:
+def _checked(pieces: Sequence[SmoothPiece], closed: bool = True) -> Contour:
     """Pieces that join; a closed contour is turned counter-clockwise by the caller's orientation, gaps are refused."""
     contour = Contour(tuple(pieces), closed)
     ends = [p(np.array([0.0, 1.0]), 0)[0] for p in pieces]
     for k in range(0 if closed else 1, len(pieces)):
-        gap = abs(ends[k][0] - ends[k - 1][1])
-        if gap > 1e-7 * contour.size:
+        distance = abs(ends[k][0] - ends[k - 1][1])
+        if distance > 1e-7 * contour.size:
             raise MechanismError(
-                Fault(f"contour[{k}]", f"a gap of {as_length(gap, 3)} before this piece.", "Join the pieces, or close the contour.")
+                Fault(
+                    f"contour[{k}]",
+                    f"a gap of {as_length(distance, 3)} before this piece.",
+                    "Join the pieces, or close the contour.",
+                )
             )
     return contour
 
 
-def line(a: complex, b: complex) -> Smooth:
+def line(a: complex, b: complex) -> SmoothPiece:
     """A straight piece."""
     if a == b:
         raise MechanismError(Fault("contour", "a line of no length.", "Leave it out."))
     return StraightPiece(complex(a), complex(b))
 
 
-def arc(centre: complex, radius: float, start: float, sweep: float) -> Smooth:
+def arc(centre: complex, radius: float, start: float, sweep: float) -> SmoothPiece:
     """A circular piece from the polar angle ``start`` over ``sweep`` (counter-clockwise positive) [rad]."""
     if not radius > 0.0 or sweep == 0.0:
         raise MechanismError(Fault("contour", f"an arc of radius {as_length(radius)} over {as_angle(sweep)}.", "Leave it out."))
@@ -231,7 +235,7 @@ def bulged(vertices: ArrayLike, bulges: ArrayLike | None = None, closed: bool = 
     return _checked(pieces, closed)
 
 
-def _bulge(p: complex, q: complex, bulge: float) -> Smooth:
+def _bulge(p: complex, q: complex, bulge: float) -> SmoothPiece:
     if abs(bulge) < 1e-12:
         return StraightPiece(complex(p), complex(q))
     sweep = 4.0 * np.arctan(bulge)
@@ -261,9 +265,9 @@ def spline_contour(points: ArrayLike, tolerance: float = 0.0, closed: bool = Tru
         z = z[::-1]
     if np.any(np.abs(np.diff(z)) == 0.0):
         raise MechanismError(Fault("contour", "a measured point twice in a row.", "Leave one out."))
-    spread = float(np.sqrt(np.mean(np.abs(z - z.mean()) ** 2)))
-    if closed and tolerance >= spread:  # then the smoothest periodic spline is a single point
-        why = f"{as_length(tolerance)}: the points themselves scatter by {as_length(spread, 4)}, so that nothing of them is left."
+    scatter = float(np.sqrt(np.mean(np.abs(z - z.mean()) ** 2)))
+    if closed and tolerance >= scatter:  # then the smoothest periodic spline is a single point
+        why = f"{as_length(tolerance)}: the points themselves scatter by {as_length(scatter, 4)}, so that nothing of them is left."
         raise MechanismError(Fault("contour.tolerance", why, "Give the scatter of the measurement."))
     data = np.append(z, z[0]) if closed else z
     allowed = len(z) * tolerance**2
@@ -277,7 +281,7 @@ def spline_contour(points: ArrayLike, tolerance: float = 0.0, closed: bool = Tru
     fit = spline(u)
     rms = float(np.sqrt(np.mean(np.abs(fit[:, 0] + 1j * fit[:, 1] - data) ** 2)))
     x, y = (PPoly.from_spline((t, np.asarray(c), k)) for c in (cx, cy))
-    pieces: list[Smooth] = []
+    pieces: list[SmoothPiece] = []
     for i in range(len(x.x) - 1):
         h = x.x[i + 1] - x.x[i]
         if h > 0.0 and -1e-12 < x.x[i] < 1.0 - 1e-12:  # periodic knots go on beyond
@@ -293,14 +297,14 @@ def polar_contour(radius: MotionCurve) -> Contour:
     return _checked([PolarPiece(radius, float(a), float(b - a)) for a, b in pairwise(knots)])
 
 
-def joined(cam: Cam, pieces: Sequence[CamPiece]) -> list[Smooth]:
+def joined(cam: Cam, pieces: Sequence[CamPiece]) -> list[SmoothPiece]:
     """Ranges of a working curve with what the follower itself cuts where its velocity jumps.
 
     A round face stands still on the pitch curve's corner and cuts an arc of its own radius about it; a flat one cuts a
     straight line.
     Where such a corner is convex the arc (or line) runs backwards: the profile is undercut (``find_limits`` says so).
     """
-    out: list[Smooth] = []
+    out: list[SmoothPiece] = []
     flat, r = isinstance(cam.follower.face, Flat), cam.follower.radius
     starts, ends = ends_of(cam, pieces, 0.0)
     for k, piece in enumerate(pieces):
@@ -353,9 +357,9 @@ def self_crossing(contour: Contour) -> complex | None:
     i, j = tree.query_pairs(float(np.abs(sides).max(initial=0.0)) * (1.0 + _NEAR), output_type="ndarray").T
     apart = j - i  # i < j
     i, j = (k[(apart > 1) & (apart < len(z) - 1)] for k in (i, j))
-    gap, det = z[j] - z[i], np.imag(np.conj(sides[i]) * sides[j])
+    distance, det = z[j] - z[i], np.imag(np.conj(sides[i]) * sides[j])
     clear = np.abs(det) > _NEAR * np.abs(sides[i] * sides[j])  # not parallel
-    i, gap, det, other, own = i[clear], gap[clear], det[clear], sides[j[clear]], sides[i[clear]]
-    t, s = np.imag(np.conj(gap) * other) / det, np.imag(np.conj(gap) * own) / det
+    i, distance, det, other, own = i[clear], distance[clear], det[clear], sides[j[clear]], sides[i[clear]]
+    t, s = np.imag(np.conj(distance) * other) / det, np.imag(np.conj(distance) * own) / det
     met = np.flatnonzero((np.abs(t - 0.5) <= 0.5 + _NEAR) & (np.abs(s - 0.5) <= 0.5 + _NEAR))
     return complex(z[i[met[0]]] + t[met[0]] * own[met[0]]) if met.size else None

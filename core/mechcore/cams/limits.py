@@ -79,15 +79,15 @@ def _costs(s: Synthesis, flat: bool) -> list[Real]:
     alpha = s.cam.turn * s.pressure_angle
     with np.errstate(divide="ignore", invalid="ignore"):
         radius = s.radius
-        bend = 1.0 / radius
+        curvatures = 1.0 / radius
         critical = 1.0 / (s.cam.flank * s.pitch_radius)
     # curvature instead of radius: finite where the profile is straight, and least radius = greatest curvature
     rows = [
         -alpha,
         alpha,
         s.sharpness,
-        np.where(radius > 0.0, -bend, np.inf),
-        np.where(radius < 0.0, bend, np.inf),
+        np.where(radius > 0.0, -curvatures, np.inf),
+        np.where(radius < 0.0, curvatures, np.inf),
         -critical,
     ]
     if flat:
@@ -106,8 +106,8 @@ def find_limits(cam: Cam, on: Synthesis | None = None, count: int = 3600) -> Lim
     center = np.array([grid.angle[int(np.argmin(row))] for row in rows])
     # finer grids about each best sample, then the vertex of the parabola through the best three points of the finest
     for _ in range(2):
-        spread = width * np.linspace(-1.0, 1.0, 17)
-        where = center[:, None] + spread
+        offsets = width * np.linspace(-1.0, 1.0, 17)
+        where = center[:, None] + offsets
         close = [row.reshape(-1, 17)[m] for m, row in enumerate(_costs(cam.at(where.ravel()), flat))]
         spots = np.array([int(np.clip(np.argmin(row), 1, 15)) for row in close])
         center, width = where[np.arange(len(spots)), spots], width / 8.0

@@ -16,7 +16,7 @@ from mechcore.numerics import jets
 from mechcore.records import dataclass
 
 
-class Smooth(Protocol):
+class SmoothPiece(Protocol):
     """A smooth piece on [0, 1]."""
 
     def __call__(self, u: Real, order: int) -> Complex:
@@ -150,7 +150,7 @@ def on_cam(cam: Cam, piece: Index, ends: Real, u: Real, distance: float, order: 
 class MovedPiece:
     """A piece turned (and stretched by 1) and shifted: ``shift + turn z``."""
 
-    piece: Smooth
+    piece: SmoothPiece
     shift: complex
     turn: complex
 
@@ -165,7 +165,7 @@ class MovedPiece:
         return out
 
 
-def moved_piece(piece: Smooth, shift: complex, turn: complex) -> Smooth:
+def moved_piece(piece: SmoothPiece, shift: complex, turn: complex) -> SmoothPiece:
     """A turned and shifted piece; lines, arcs and polynomials stay what they are."""
     if isinstance(piece, StraightPiece):
         return StraightPiece(shift + turn * piece.a, shift + turn * piece.b)

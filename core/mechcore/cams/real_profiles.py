@@ -7,7 +7,7 @@ through the values would have a second derivative that is as rough as their roun
 the drawn lift of the lecture.
 
 Undercut: the inner offset of a pitch curve that is too sharp crosses itself. Points of the loop lie nearer to another place of the
-pitch curve than the roller's radius (or beyond another position of a flat face): the cutter takes them away. What remains are
+pitch curve than the roller's radius (or beyond another position of a flat face): the cutter takes them away. The remainder are
 ranges of the same working curve that meet in corners, found as double points W(a) = W(b).
 """
 
@@ -70,8 +70,8 @@ def lift_of(contour: Contour, follower: Follower, turn: int = 1) -> GivenLift:
     low, high = x[:-1], x[1:]
     done: list[tuple[Real, Real, Real]] = []
     for k in range(ROUNDS):
-        table, missed = _fitted(contour, follower, turn, low, high, seen)
-        good = missed.max(axis=0) < FINE if k + 1 < ROUNDS else np.ones(low.size, bool)
+        table, errors = _fitted(contour, follower, turn, low, high, seen)
+        good = errors.max(axis=0) < FINE if k + 1 < ROUNDS else np.ones(low.size, bool)
         done.append((low[good], high[good], table[:, good]))
         if good.all():
             break
@@ -101,12 +101,12 @@ def _fitted(contour: Contour, follower: Follower, turn: int, low: Real, high: Re
     table[2:] = np.linalg.solve(np.vander(NODES, n, increasing=True), wanted[2, :n]) / (power[2:] * (power[2:] - 1.0))[:, None]
     values = np.vander(u, n + 2, increasing=True)
     slopes = np.column_stack([np.zeros(u.size), power[1:] * values[:, :-1]])
-    bends = np.column_stack([np.zeros((u.size, 2)), (power[2:] * (power[2:] - 1.0)) * values[:, :-2]])
+    second = np.column_stack([np.zeros((u.size, 2)), (power[2:] * (power[2:] - 1.0)) * values[:, :-2]])
     table[1] = (wanted[1] - slopes @ table)[:n].mean(axis=0)
     table[0] = (wanted[0] - values @ table)[:n].mean(axis=0)
-    missed = np.abs(np.stack([values @ table, slopes @ table, bends @ table]) - wanted)[:, n:].max(axis=1)
+    errors = np.abs(np.stack([values @ table, slopes @ table, second @ table]) - wanted)[:, n:].max(axis=1)
     sizes = np.abs(seen.motion[:3]).max(axis=1)[:, None] * h ** np.arange(3)[:, None]
-    return table / h ** power[:, None], missed / np.where(sizes > 0.0, sizes, np.inf)
+    return table / h ** power[:, None], errors / np.where(sizes > 0.0, sizes, np.inf)
 
 
 def joint_angles(contour: Contour, follower: Follower, turn: int = 1) -> Real:
@@ -284,16 +284,16 @@ def _double_point(cam: Cam, a: float, b: float) -> tuple[float, float, complex]:
     size = float(np.abs(cam.at(np.array([a])).working[0]))
     for _ in range(60):
         w = cam.working_curve(np.array([a, b]), 1)
-        gap = w[0, 0] - w[0, 1]
-        if abs(gap) < 1e-15 * size:
+        distance = w[0, 0] - w[0, 1]
+        if abs(distance) < 1e-15 * size:
             break
         u, v = w[1, 0], -w[1, 1]
         det = float(np.imag(np.conj(u) * v))
         if det == 0.0:
             break
         limit = 0.1 * (second - first)
-        a += float(np.clip(-np.imag(np.conj(gap) * v) / det, -limit, limit))
-        b += float(np.clip(-np.imag(np.conj(u) * gap) / det, -limit, limit))
+        a += float(np.clip(-np.imag(np.conj(distance) * v) / det, -limit, limit))
+        b += float(np.clip(-np.imag(np.conj(u) * distance) / det, -limit, limit))
     w = cam.working_curve(np.array([a, b]), 0)[0]
     if abs(w[0] - w[1]) > 1e-9 * size or not (a < b):
         raise MechanismError(

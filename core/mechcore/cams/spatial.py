@@ -296,13 +296,13 @@ def spatial_limits(cam: SpatialCam, sides: tuple[int, ...] = (1, -1), count: int
             value, old = float(row.max()), best[k]
             if old is None or value > old.value:
                 best[k] = Reached(value, float(angle[i]))
-    pressure, sharp, roller, bend = best
-    assert pressure is not None and sharp is not None and roller is not None and bend is not None
+    pressure, sharp, roller, convex = best
+    assert pressure is not None and sharp is not None and roller is not None and convex is not None
     return SpatialLimits(
         pressure,
         Reached(-sharp.value, sharp.angle),
         Reached(-roller.value, roller.angle),
-        Reached(1.0 / bend.value, bend.angle) if bend.value > 0.0 else None,
+        Reached(1.0 / convex.value, convex.angle) if convex.value > 0.0 else None,
     )
 
 

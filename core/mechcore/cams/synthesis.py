@@ -362,8 +362,8 @@ def equivalent_linkage(s: Synthesis, straight: float = 1e9) -> EquivalentLinkage
         # K = T + u d - rho n: unknown rates of q and u
         a = by_q + 1j * turning * (along * d + arm)
         q1, u1 = _solve(a, d, k1)
-        bend = by_qq * q1**2 + 2j * turning * q1 * u1 * d - (turning * q1) ** 2 * (along * d + arm)
-        q2, _ = _solve(a, d, k2 - bend)
+        centripetal = by_qq * q1**2 + 2j * turning * q1 * u1 * d - (turning * q1) ** 2 * (along * d + arm)
+        q2, _ = _solve(a, d, k2 - centripetal)
         return EquivalentLinkage(k, np.abs(k), rho, turning * q1, turning * q2, q1, q2)
     arm = t - k
     # T = K + arm: unknown rates of q and of the coupler's angle

@@ -139,8 +139,8 @@ class _KernelCode(Code):
 
 class Kernel:
     """A program that is written line by line, then compiled, and goes over *lanes* side by side: the frames of a motion; or the
-    designs of a sweep, for each of which it goes over the frames. What differs with the lanes only, or the frames only, is computed
-    once for these."""
+    designs of a sweep, for each of which it goes over the frames. Terms that differ with the lanes only, or the frames only, are
+    computed once for these."""
 
     def __init__(self, name: str, of_time: Callable[[Kernel, str], Symbol] | None = None):
         self.of_time = of_time or Kernel.real_of_frame  # what a function of the time is given for

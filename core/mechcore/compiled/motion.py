@@ -73,10 +73,10 @@ class MotionProgram:
         self._angles = list(state.angle)
         for g in self._angles:
             kernel.put(state.angle[g])
-        self._bends = list(state.bends)
-        for r in self._bends:
+        self._curves = list(state.curve_values)
+        for r in self._curves:
             for k in range(3):
-                kernel.put(state.bends[r][k])
+                kernel.put(state.curve_values[r][k])
         for place in origins(model, state.rot, {j: s * state.rot[model.guides[j][0]] for j, s in state.slide.items()})[1:]:
             kernel.put_plane(place)
         return kernel
@@ -90,8 +90,8 @@ class MotionProgram:
         columns = all_columns(model, vectors)
         count = len(model.mechanism.drives)
         first, second = ([kernel.real(f"rate {d} {k}") for d in range(count)] for k in (1, 2))
-        bends: Any = {r: (None, kernel.real(f"bend {r} 1"), kernel.real(f"bend {r} 2")) for r in self._bends}
-        speeds: Any = velocities(model, vectors, columns, first, bends=bends)  # type: ignore[arg-type]
+        curve_values: Any = {r: (None, kernel.real(f"curve {r} 1"), kernel.real(f"curve {r} 2")) for r in self._curves}
+        speeds: Any = velocities(model, vectors, columns, first, curve_values=curve_values)  # type: ignore[arg-type]
         bent: Any = accelerations(model, vectors, columns, speeds, second)  # type: ignore[arg-type]
         for rates in (speeds, bent):
             for s in self._classes:
@@ -144,19 +144,19 @@ class MotionProgram:
             state.rot[s] = rows.plane()
         state.slide |= {j: rows.real() for j in self._slides}
         state.angle |= {g: rows.real() for g in self._angles}
-        state.bends |= {r: rows.reals(3) for r in self._bends}
+        state.curve_values |= {r: rows.reals(3) for r in self._curves}
         return state, [rows.plane() for _ in self.model.links[1:]]
 
     def rates(self, state: State, first: Sequence[Values], second: Sequence[Values], n: int) -> CompiledRates:
         """First and second rates at n frames, as `mechcore.kinematics.rates`, for rates of the drives."""
         given: dict[str, Any] = {f"rot {s}": x for s, x in enumerate(state.rot)}
         given |= {f"slide {j}": x for j, x in state.slide.items()}
-        given |= {f"bend {r} {k}": state.bends[r][k] for r in self._bends for k in (1, 2)}
+        given |= {f"curve {r} {k}": state.curve_values[r][k] for r in self._curves for k in (1, 2)}
         for k, of_drives in enumerate((first, second), 1):
             given |= {f"rate {d} {k}": x for d, x in enumerate(of_drives)}
         rows = Rows(self._rates(n, given)[0])
-        speeds = Rates(self.model, first, state.bends)
-        both = speeds, Rates(self.model, second, state.bends, speeds)
+        speeds = Rates(self.model, first, state.curve_values)
+        both = speeds, Rates(self.model, second, state.curve_values, speeds)
         for rates in both:
             for s in self._classes:
                 rates.factor[s], rates.angular[s] = rows.plane(), rows.real()

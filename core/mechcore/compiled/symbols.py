@@ -2,7 +2,7 @@
 
 A `Symbol` stands where an array over frames stands otherwise, so that the code that numpy executes writes its own program. Equal
 terms are computed once; zeros and ones are folded away; every other number is a parameter of the program, so that mechanisms of one
-structure share it. What needs to know a value (a comparison, an array) raises `Untraceable`.
+structure share it. Operations that need a value (a comparison, an array) raise `Untraceable`.
 """
 
 from __future__ import annotations

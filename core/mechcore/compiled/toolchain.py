@@ -14,7 +14,7 @@ from functools import cache, lru_cache
 from importlib.util import find_spec
 from pathlib import Path
 
-from mechcore.cache import digest, is_kept, kept
+from mechcore.cache import cached_file, digest, is_cached
 from mechcore.errors import Fault, MechanismError
 
 OPTIONS = ("-O2", "-fno-math-errno", "-ffp-contract=off", "-fPIC", "-shared")  # none that lets results depend on the machine
@@ -47,7 +47,7 @@ def library(source: str) -> ctypes.CDLL:
     """A library compiled from C, from the cache where it is there. Raises `MechanismError` where that fails."""
     command = required_compiler()
     try:
-        with kept(_identity(command, source), ENDING, lambda path: _compile(command, source, path)) as path:
+        with cached_file(_identity(command, source), ENDING, lambda path: _compile(command, source, path)) as path:
             return ctypes.CDLL(str(path))
     except OSError as error:
         why = f"the compiled program cannot be made or loaded: {error}."
@@ -57,7 +57,7 @@ def library(source: str) -> ctypes.CDLL:
 def cached(source: str) -> bool:
     """Whether a library is in the cache, so that nothing has to be compiled."""
     command = compiler()
-    return command is not None and is_kept(_identity(command, source), ENDING)
+    return command is not None and is_cached(_identity(command, source), ENDING)
 
 
 def _identity(command: tuple[str, ...], source: str) -> str:

@@ -37,7 +37,7 @@ from mechcore.constructions.polygons import frames_of
 from mechcore.errors import Fault, MechanismError
 from mechcore.kinematics.dyads import cross
 from mechcore.kinematics.model import Model
-from mechcore.motion.metrics import curvature, per_unit, relative_turns
+from mechcore.motion.metrics import curvature, per_unit_drive_speed, relative_turns
 from mechcore.motion.motion import Motion
 from mechcore.records import dataclass
 from mechcore.reduction.bodies import percussion_centre
@@ -252,14 +252,14 @@ class PathCurvature:
 
 def path_curvature(motion: Motion, link: str, point: str) -> PathCurvature:
     """Curvature of the path of a named point of a link."""
-    place, rate = (per_unit(motion).point(link, point, k) @ np.array([1.0, 1.0j]) for k in (0, 1))
-    bend = curvature(motion, link, point)
+    place, rate = (per_unit_drive_speed(motion).point(link, point, k) @ np.array([1.0, 1.0j]) for k in (0, 1))
+    curvatures = curvature(motion, link, point)
     size = motion.model.length_scale
     with np.errstate(invalid="ignore", divide="ignore"):
         speed = np.abs(rate)
         tangent = rate / np.where(speed > CUSP * float(np.nanmax(speed, initial=0.0)), speed, np.nan)
-        centre = place + 1j * tangent / np.where(np.abs(bend) * size > STILL_LINK, bend, np.nan)
-    return PathCurvature(link, point, place, tangent, np.where(np.isfinite(tangent), bend, np.nan), centre)
+        centre = place + 1j * tangent / np.where(np.abs(curvatures) * size > STILL_LINK, curvatures, np.nan)
+    return PathCurvature(link, point, place, tangent, np.where(np.isfinite(tangent), curvatures, np.nan), centre)
 
 
 @dataclass(frozen=True, eq=False)
@@ -300,7 +300,7 @@ def inflection_circle(motion: Motion, link: str) -> InflectionCircle:
     model, n = motion.model, motion.frames
     if link not in model.index or link == model.mechanism.frame:
         raise MechanismError(Fault("inflection", f"'{link}' is no moving link.", "Name a moving link."))
-    unit, k = per_unit(motion), model.index[link]
+    unit, k = per_unit_drive_speed(motion), model.index[link]
     w, e = (np.real(frames_of(r.angular[model.angles.rotation_class[k]], n)) for r in (unit.speeds, unit.accelerations))
     at, v, a = (frames_of(unit.origin(k, order), n) for order in range(3))
     size = model.length_scale

@@ -15,7 +15,7 @@ import numpy as np
 
 from mechcore.arrays import Flags, Real
 from mechcore.constructions.polygons import frames_of
-from mechcore.forces.kinetostatics import Acting, Forces, acting_on
+from mechcore.forces.kinetostatics import Forces, LinkLoad, loads_on
 from mechcore.joints.base import Relation
 from mechcore.kinematics.dyads import cross
 from mechcore.kinematics.model import Model
@@ -242,9 +242,9 @@ class Equilibrium:
             listed.append((load.label, f.real, f.imag, float(turn)))
         return LinkEquations(model.links[k], tuple(listed), tuple(equations))
 
-    def _acting(self, k: int) -> list[Acting]:
+    def _acting(self, k: int) -> list[LinkLoad]:
         """Loads on a link, friction too."""
-        acting, friction = acting_on(self.forces, k), self.forces.friction
+        acting, friction = loads_on(self.forces, k), self.forces.friction
         model = self.forces.motion.model
         for connection in model.connections if friction is not None else ():
             if model.links[k] not in connection.links or friction is None:
@@ -252,7 +252,7 @@ class Equilibrium:
             rows = friction.applied(connection.name) * (-1.0 if connection.links[0] == model.links[k] else 1.0)
             if rows.any():
                 label, place = f"friction {connection.name}", self.forces.position(connection.name) @ PLANE
-                acting.append(Acting(label, label, "friction", rows[:, :2] @ PLANE, rows[:, 2], place))
+                acting.append(LinkLoad(label, label, "friction", rows[:, :2] @ PLANE, rows[:, 2], place))
         return acting
 
     def _loads(self, k: int) -> tuple[Real, Real, Real]:

@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 from mechcore.arrays import Complex, Real, Values
 from mechcore.constants import ZERO_SUM
 from mechcore.constructions.polygons import Edge, Polygon, frames_of
-from mechcore.forces.kinetostatics import LABELS, Forces, acting_on
+from mechcore.forces.kinetostatics import LABELS, Forces, loads_on
 from mechcore.kinematics.dyads import cross
 from mechcore.kinematics.model import Model
 from mechcore.motion.structure import groups
@@ -38,14 +38,14 @@ def _group(forces: Forces, own: list[int], name: str) -> Polygon:
     ends = {c.name: tuple(model.index[k] for k in c.links) for c in model.connections}
     inner = [c for c, e in ends.items() if set(e) <= set(own)]
     outer = [c for c, e in ends.items() if len(set(e) & set(own)) == 1]
-    outer.sort(key=lambda c: (own.index(_mine(ends[c], own)), 0 in ends[c]))
-    first = [c for c in outer if _mine(ends[c], own) == own[0]][:1] if len(outer) > 1 else []
+    outer.sort(key=lambda c: (own.index(_own(ends[c], own)), 0 in ends[c]))
+    first = [c for c in outer if _own(ends[c], own) == own[0]][:1] if len(outer) > 1 else []
     sides: list[tuple[str, str, Complex]] = []
     for c in first:
         sides += _reaction(forces, c, ends, own)
     mark = 0
     for k in own:
-        for load in acting_on(forces, k):
+        for load in loads_on(forces, k):
             value = frames_of(load.force, n)
             if np.any(np.abs(value) > 0.0):
                 sides.append((load.kind if load.kind in LABELS else "load", load.label, value))
@@ -66,7 +66,7 @@ def _group(forces: Forces, own: list[int], name: str) -> Polygon:
     return Polygon(name, "N", tuple(edges), images, np.abs(at))
 
 
-def _mine(ends: tuple[int, ...], own: list[int]) -> int:
+def _own(ends: tuple[int, ...], own: list[int]) -> int:
     return next(k for k in ends if k in own)
 
 
@@ -86,7 +86,7 @@ def _on(forces: Forces, joint: str, ends: dict[str, tuple[int, ...]], link: int)
 def _reaction(forces: Forces, joint: str, ends: dict[str, tuple[int, ...]], own: list[int]) -> list[tuple[str, str, Complex]]:
     """An outer reaction on the group: normal then tangential part where its link allows it, else as a whole."""
     model: Model = forces.motion.model
-    link = _mine(ends[joint], own)
+    link = _own(ends[joint], own)
     force = _on(forces, joint, ends, link)
     here = [c for c, e in ends.items() if link in e]
     inner = [c for c in here if set(ends[c]) <= set(own)]
@@ -102,7 +102,7 @@ def _reaction(forces: Forces, joint: str, ends: dict[str, tuple[int, ...]], own:
         return whole
     unit = arm / length
     moment: Values = np.zeros(forces.motion.frames)
-    for load in acting_on(forces, link):
+    for load in loads_on(forces, link):
         moment = moment + load.moment + cross(load.place - place[inner[0]], load.force)
     for c in here:  # couples that pins transmit, by friction for instance
         moment = moment + _wrench(forces, c)[1] * (1.0 if ends[c][1] == link else -1.0)

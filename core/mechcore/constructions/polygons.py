@@ -20,7 +20,7 @@ from numpy.typing import ArrayLike
 from mechcore.arrays import Complex, Plane, Real
 from mechcore.errors import Fault, MechanismError
 from mechcore.kinematics.model import Model
-from mechcore.motion.metrics import per_unit
+from mechcore.motion.metrics import per_unit_drive_speed
 from mechcore.motion.motion import Motion
 from mechcore.motion.structure import groups
 from mechcore.records import dataclass
@@ -167,11 +167,11 @@ def _sliding(
         if order == 2 and pivot is not None:
             r = c.of(motion, 0) - pivot.of(motion, 0)
             own = [("normal", f"a_{label}^n", -w * w * r), ("tangential", f"a_{label}^t", 1j * e * r)]
-            missed = _chain(edges, zero, own, start)
+            error = _chain(edges, zero, own, start)
         else:
             edges.append(Edge(f"{'v' if order == 1 else 'a'}_{label}", "absolute", zero, start))
-            missed = np.zeros(n)
-        return np.fmax(missed, _chain(edges, start, parts, target))
+            error = np.zeros(n)
+        return np.fmax(error, _chain(edges, start, parts, target))
     return _chain(edges, start, parts, target)
 
 
@@ -313,7 +313,7 @@ def centrodes(motion: Motion, link: str) -> Centrodes:
     if link not in model.index or link == model.mechanism.frame:
         raise MechanismError(Fault("polodes", f"'{link}' is no moving link.", "Name a moving link."))
     k, n = model.index[link], motion.frames
-    unit = per_unit(motion)
+    unit = per_unit_drive_speed(motion)
     turn = np.real(frames_of(unit.speeds.angular[model.angles.rotation_class[k]], n))
     rate = frames_of(unit.origin_velocities[k], n)
     with np.errstate(invalid="ignore", divide="ignore"):

@@ -26,7 +26,7 @@ from mechcore.constructions.force_polygons import Funicular, force_polygons, fun
 from mechcore.constructions.inversion import CamInversion, cam_inversions
 from mechcore.constructions.polygons import Centrodes, Polygon, acceleration_polygon, centrodes, velocity_polygon
 from mechcore.errors import Fault, MechanismError
-from mechcore.forces.kinetostatics import Forces, acting_on
+from mechcore.forces.kinetostatics import Forces, loads_on
 from mechcore.forces.section_forces import SectionForces, all_sections
 from mechcore.motion.motion import Motion
 from mechcore.records import dataclass
@@ -122,7 +122,7 @@ def _place(link: str, point: str | None) -> str:
 def _system(study: SystemStudy, forces: Forces) -> SystemResult:
     motion = forces.motion
     k = motion.model.index[study.link]
-    chosen = [load for load in acting_on(forces, k) if not study.loads or load.name in study.loads]
+    chosen = [load for load in loads_on(forces, k) if not study.loads or load.name in study.loads]
     if not chosen:
         why = f"no load acts on '{study.link}'."
         raise MechanismError(Fault(f"systems.{study.name}", why, "Add loads on it, or effects such as gravity."))

@@ -130,7 +130,7 @@ class Derivatives:
     @cached_property
     def singular(self) -> Index:
         """Frames at which the branch is interpolated, so close to a singular position are they: no derivatives are known there."""
-        given = [patch.frames for patches in (self.nominal.patches or {}).values() for patch in patches]
+        given = [interpolant.frames for interpolants in (self.nominal.interpolants or {}).values() for interpolant in interpolants]
         return np.unique(np.concatenate(given)) if given else np.zeros(0, np.intp)
 
     def adjoint(self, result: Any, weights: Real) -> Real:
@@ -288,20 +288,20 @@ class Derivatives:
 
         curve = own.curve
         if curve is not None:
-            curve = replace(curve, function=lambda _: self._bend(r))
+            curve = replace(curve, function=lambda _: self._curve_slopes(r))
         return replace(own, curve=curve, **{kind: with_leaves(kind) for kind in ("groups", "drives", "slides")})
 
-    def _bend(self, r: int) -> list[Any]:
+    def _curve_slopes(self, r: int) -> list[Any]:
         """The curve of a relation and its two derivatives on the tape, by its shape and its argument."""
-        bend = self.nominal.state.bends[r]
+        values = self.nominal.state.curve_values[r]
         argument = curve_argument(self._model.constraints[r], self._state_so_far)
         bent = []
         for k in range(3):
-            by_argument: Any = bend[k + 1] if k < 2 else np.full_like(bend[k], np.nan)  # a third derivative is not at hand
-            z: Any = bend[k]
+            by_argument: Any = values[k + 1] if k < 2 else np.full_like(values[k], np.nan)  # a third derivative is not at hand
+            z: Any = values[k]
             if isinstance(argument, Traced):
                 z = self.tape.elementwise(z, [(argument, by_argument, None)])
-            leaf = self.leaves.get(("bend", r, k))
+            leaf = self.leaves.get(("curve_value", r, k))
             bent.append(z if leaf is None else z - leaf.value + leaf)
         return bent
 

@@ -1,5 +1,5 @@
 """Derivatives of motions under forces by parameters: the variational equations along a motion that was found, phase by phase, and
-the jumps of its changes between the phases. What is asked of the motion then follows from it as from a prescribed one."""
+the jumps of its changes between the phases. Results of the motion then follow as those of a prescribed one."""
 
 from __future__ import annotations
 

@@ -22,7 +22,7 @@ from mechcore.derivatives.phases import SWEEP, Phase, PhaseDerivatives, carried
 from mechcore.dynamics.contact.dry_friction import DrySystem
 from mechcore.dynamics.contact.separation import FollowerSeparation
 from mechcore.dynamics.equations.reduced import forms_of, free_of, motion_at, reduce
-from mechcore.dynamics.events import SeparableCam, Stop
+from mechcore.dynamics.events import EndStop, EventKind, SeparableCam
 from mechcore.dynamics.segments import segment_forces
 from mechcore.dynamics.simulation import Simulation, powers_of
 from mechcore.effects.masses import kinetic_energy
@@ -38,7 +38,7 @@ JUMP = 1e-5  # part of the largest acceleration by which it may change without b
 NODES = 16  # by which a number is differentiated along the end of a phase
 
 
-def contact_numbers(stops: Sequence[Stop], cams: Sequence[SeparableCam]) -> Numbers:
+def contact_numbers(stops: Sequence[EndStop], cams: Sequence[SeparableCam]) -> Numbers:
     """Where stops are, and what rebounds from them and from cams, by their names."""
     numbers: Numbers = {("stop", s.name, what): getattr(s, what) for s in stops for what in ("at", "restitution")}
     return numbers | {("cam", c.joint): c.restitution for c in cams}
@@ -80,7 +80,7 @@ class Jumps:
     def struck(self, t: float) -> list[str]:
         """Stops and cams that are struck at an instant."""
         events = (e for e in self.simulation.events if abs(e.time - t) <= self._soon)
-        return list(dict.fromkeys(e.item for e in events if e.kind in ("impact", "regained")))
+        return list(dict.fromkeys(e.item for e in events if e.kind in (EventKind.IMPACT, EventKind.LANDING)))
 
     def held(self, separated: set[str], t: float) -> tuple[Compiled, tuple[Parameter, ...]]:
         """The mechanism whose followers, but for some, are on their cams, and its parameters."""
@@ -99,7 +99,7 @@ class Jumps:
 
 
 class Instant(Derivatives):
-    """A mechanism at one instant with several rates: ``q`` (f,), ``v``, ``a`` (n, f). What is asked of it has P + 1 derivatives: by
+    """A mechanism at one instant with several rates: ``q`` (f,), ``v``, ``a`` (n, f). Its results have P + 1 derivatives: by
     the parameters, with the changes of the state before the event, and by the time along the motion before it."""
 
     every_drive = True
@@ -225,10 +225,6 @@ class _Crossing:
         if shift is None:
             raise refusal(f"a force jumps at t = {self.t:.6g} s, an instant that moves with the parameters.", SWEEP)
         return shift
-
-    def _when(self, g: Any) -> Real:
-        by_parameters, pace = self._asked([g])
-        return np.asarray(-by_parameters[0] / pace[0])
 
     def _turned(self) -> Real | None:
         """Where something that slid turns back or begins to stick: its relative rate is zero."""
@@ -376,7 +372,7 @@ class _Crossing:
         stop = next((s for s in self.jumps.simulation.stops if s.name == name), None)
         return self._cam(name) if stop is None else self._stop(stop)
 
-    def _stop(self, stop: Stop) -> _Contact:
+    def _stop(self, stop: EndStop) -> _Contact:
         sign = -1.0 if stop.side == "upper" else 1.0
         rows = self.at.motion.coordinate(stop.joint)
         slopes = self.at.along([rows[:, 0], rows[:, 1]], self.states, self.flow, (0, 1))

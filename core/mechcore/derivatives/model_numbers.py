@@ -89,8 +89,8 @@ def numbers_of(model: Model, at: Motion, time: Real) -> Numbers:
         for kind in ("groups", "drives", "slides"):
             numbers |= {(kind, r, i): c for i, c in getattr(constraint, kind)}
         if constraint.curve is not None:
-            bend = constraint.curve.function(curve_argument(at.model.constraints[r], at.state))
-            numbers |= {("bend", r, k): np.asarray(bend[k]) for k in range(3)}
+            curve_value = constraint.curve.function(curve_argument(at.model.constraints[r], at.state))
+            numbers |= {("curve_value", r, k): np.asarray(curve_value[k]) for k in range(3)}
     if model.constraints:
         constants = [c.constant for c in model.constraints]
         if any(c is None for c in constants):

@@ -1,7 +1,7 @@
 """Phases of a motion under forces, and how the motion changes with parameters within one.
 
 In a phase the same equations hold: what holds the free coordinates is zero, joints that rest on stops or stick have no relative
-acceleration, and normal loads are what the friction says. The tape tells how these residuals follow from positions, speeds,
+acceleration, and normal loads are what the friction says. The tape gives the derivatives of these residuals by positions, speeds,
 accelerations, the efforts of stops and friction, and the parameters; so the change of the motion obeys linear differential
 equations with known coefficients. They are solved by collocation at Gauss nodes in the windows of the motion itself.
 """
@@ -125,7 +125,7 @@ def carried(compiled: Compiled, original: Compiled, parameters: Sequence[Paramet
 
 
 class PhaseDerivatives(Derivatives):
-    """Derivatives within a phase at times (n,), whose free coordinates move with the parameters as `lead` is told."""
+    """Derivatives within a phase at times (n,), whose free coordinates move with the parameters as given to `lead`."""
 
     def __init__(self, phase: Phase, times: Real):
         self.phase = phase

@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 
 from mechcore.arrays import Complex, Index, Real
-from mechcore.cache import digest, kept
+from mechcore.cache import cached_file, digest
 from mechcore.design.four_bars import TURN, coupler_direction, grashof_cranks
 from mechcore.records import dataclass
 
@@ -42,7 +42,7 @@ class Atlas:
     places: Complex
 
 
-class Likely(NamedTuple):
+class FourBarCandidates(NamedTuple):
     """Four-bars that draw a curve: ratios (D, 3), crank angles from the frame line at the first point (D,), and those that the
     crank has turned since (D, K), positive [rad]."""
 
@@ -51,10 +51,12 @@ class Likely(NamedTuple):
     steps: Real
 
 
-def likely(points: Complex, closed: bool, side: int, sense: int, count: int, atlas: Atlas | None = None) -> Likely:
+def nearest_linkages(
+    points: Complex, closed: bool, side: int, sense: int, count: int, atlas: Atlas | None = None
+) -> FourBarCandidates:
     """The ``count`` four-bars of a side and a sense of rotation whose curves are most like points (K,) in order: a whole curve
     where it is closed, else an arc. By default of the user's atlas."""
-    atlas = the_atlas() if atlas is None else atlas
+    atlas = stored_atlas() if atlas is None else atlas
     forwards = side * sense > 0
     wanted = points if side > 0 else np.conj(points)
     along = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(wanted)))])
@@ -74,7 +76,7 @@ def likely(points: Complex, closed: bool, side: int, sense: int, count: int, atl
         turns = np.floor(part + own) if closed else 0.0
         angles[k] = np.interp(part + own - turns, length[k], theta[k]) + TURN * turns
     angles *= side
-    return Likely(designs[:, :3], angles[:, 0], sense * (angles - angles[:, :1]))
+    return FourBarCandidates(designs[:, :3], angles[:, 0], sense * (angles - angles[:, :1]))
 
 
 def _curves_like(atlas: Atlas, points: Complex, part: Real, count: int) -> tuple[Index, Real]:
@@ -104,7 +106,7 @@ def _evenly(points: Complex, part: Real, even: Real) -> Complex:
 
 # -- making -----------------------------------------------------------------------------------------------------------
 @lru_cache(1)
-def the_atlas() -> Atlas:
+def stored_atlas() -> Atlas:
     """The atlas from the user's cache, where it is made if it is not there."""
     recipe = (EDITION, CURVES, ARCS, LARGEST_RATIO, FARTHEST, NARROWEST, WIDEST, HARMONICS, PLACES, FINE, np.__version__)
     names = [f.name for f in fields(Atlas)]
@@ -115,7 +117,7 @@ def the_atlas() -> Atlas:
             np.savez(file, **{name: getattr(made, name) for name in names})
 
     try:
-        with kept(f"atlas-{digest(repr(recipe).encode())}", ".npz", make) as path, np.load(path) as stored:
+        with cached_file(f"atlas-{digest(repr(recipe).encode())}", ".npz", make) as path, np.load(path) as stored:
             return Atlas(*(stored[name] for name in names))
     except (OSError, ValueError, KeyError):  # a full disk: it is made again next time
         return make_atlas()

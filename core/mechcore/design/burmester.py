@@ -99,19 +99,6 @@ def circle_point_values(poses: Poses, w: Complex) -> Real:
     return np.asarray(np.linalg.det(rows), float)
 
 
-def _on_line(poses: Poses, origin: complex, direction: complex) -> Complex:
-    """The points of the circle-point curve on a line: real roots of a cubic of the distance along it."""
-    scale = poses.reach
-    nodes = np.cos(np.pi * np.arange(4) / 3.0) * scale
-    cubic = np.polyfit(nodes, circle_point_values(poses, origin + direction * nodes), 3)
-    slope = np.polyder(cubic)
-    roots = np.roots(cubic)
-    real = np.sort(roots.real[np.abs(roots.imag) < REAL * (np.abs(roots) + scale)])
-    for _ in range(3):
-        real = real - np.polyval(cubic, real) / np.polyval(slope, real)
-    return origin + direction * real
-
-
 @dataclass(frozen=True, eq=False)
 class BurmesterCurve:
     """Points w (K,) of the circle-point curve in the body and the fixed pivots C (K,) that belong to them: the centre-point curve.

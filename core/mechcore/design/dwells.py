@@ -71,16 +71,16 @@ def dwell_linkages(dwell: float, swing: float, seed: int = 0, most: int = 5, scr
     window = max(round(dwell / TURN * SAMPLES), 4) + 1
     designs = _random(rng, screened)
     misfit = _fits(designs, window)[0]
-    spread = 0.3
+    width = 0.3
     for _ in range(ROUNDS):
         best = np.argsort(misfit, kind="stable")[:KEPT]
         designs, misfit = designs[best], misfit[best]
         children = np.repeat(designs, CHILDREN, axis=0)
-        children[:, :3] *= np.exp(spread * rng.normal(size=(len(children), 3)))
-        children[:, 3:] += spread * rng.normal(size=(len(children), 2)) * children[:, 1:2]
+        children[:, :3] *= np.exp(width * rng.normal(size=(len(children), 3)))
+        children[:, 3:] += width * rng.normal(size=(len(children), 2)) * children[:, 1:2]
         designs = np.concatenate([designs, children])
         misfit = np.concatenate([misfit, _fits(children, window)[0]])
-        spread *= 0.5
+        width *= 0.5
     best = np.argsort(misfit, kind="stable")[:PLACED]
     _, start, centre, radius = _fits(designs[best], window)
     linkages: list[DwellLinkage] = []

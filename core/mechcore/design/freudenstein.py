@@ -169,8 +169,8 @@ def fitted_generator(
 
         def errors(given: Real) -> Real:
             made = _generator(phi, psi, float(unknowns(given)[3]), float(unknowns(given)[4]), x, unknowns(given)[:3])
-            misses = np.full(len(x), np.nan) if made is None else made.structural_error(task, x)
-            return np.where(np.isfinite(misses), misses, np.pi)
+            error = np.full(len(x), np.nan) if made is None else made.structural_error(task, x)
+            return np.where(np.isfinite(error), error, np.pi)
 
         def slopes(given: Real) -> Real:
             k1, k2, *_ = unknowns(given)
@@ -188,8 +188,8 @@ def fitted_generator(
             ).x
         )
         k, input_start, output_start = solved[:3], float(solved[3]), float(solved[4])
-    misses = _generator(phi, psi, input_start, output_start, x, k)
-    if misses is None:
+    generator = _generator(phi, psi, input_start, output_start, x, k)
+    if generator is None:
         raise MechanismError(
             Fault(
                 "function",
@@ -197,7 +197,7 @@ def fitted_generator(
                 "Give other start angles, or smaller ranges of input and output.",
             )
         )
-    return misses
+    return generator
 
 
 def _rows(phi: Real, psi: Real) -> tuple[Real, Real]:

@@ -15,7 +15,7 @@ from dataclasses import replace
 import numpy as np
 
 from mechcore.arrays import Complex, Flags, Index, Real
-from mechcore.design.atlas import likely
+from mechcore.design.atlas import nearest_linkages
 from mechcore.design.four_bars import TURN, FourBar, coupler_direction, grashof_cranks, in_order
 from mechcore.errors import Fault, MechanismError
 from mechcore.numerics.newton import fit_all
@@ -162,7 +162,7 @@ def _screen(task: PathTask, rng: np.random.Generator, side: int, sense: int, cou
     tried: list[tuple[Real, Real, Real]] = []
     most = min(LARGEST_RATIO, task.lengths[1] / task.lengths[0] if task.lengths[0] else np.inf)
     if task.steps is None and task.start is None:
-        candidates = likely(task.points, task.closed, side, sense, ALIKE_CURVES)
+        candidates = nearest_linkages(task.points, task.closed, side, sense, ALIKE_CURVES)
         best.append(_best([(*_linear(task, *candidates, side, sense), candidates.steps)], kept // 2))
         kept -= kept // 2
     for first in range(0, count, CHUNK):
@@ -226,8 +226,8 @@ def _linear(task: PathTask, ratios: Real, start: Real, steps: Real, side: int, s
     )
     z0 = full[:, 0] + 1j * full[:, 1] if place else np.full(len(p), task.pivot, complex)
     q = (full[:, own] + 1j * full[:, own + 1]) * turn
-    miss = z0[:, None] + p[:, None] * crank + q[:, None] * coupler - task.points
-    cost = np.where(low <= high, np.einsum("dk,dk->d", miss, np.conj(miss)).real, np.inf)
+    deviation = z0[:, None] + p[:, None] * crank + q[:, None] * coupler - task.points
+    cost = np.where(low <= high, np.einsum("dk,dk->d", deviation, np.conj(deviation)).real, np.inf)
     u = q * limited / p
     columns = [z0.real, z0.imag, np.angle(p), ratios[:, 0] * limited, limited, ratios[:, 1] * limited, ratios[:, 2] * limited]
     return np.stack([*columns, u.real, u.imag, start], axis=1), np.where(np.isfinite(cost), cost, np.inf)
@@ -276,12 +276,12 @@ class PathProblem:
         u = (x[:, U] + 1j * x[:, V])[:, None]
         rho = np.exp(1j * x[:, BETA])[:, None]
         arm = crank * turned + u * e3
-        miss = (x[:, X0] + 1j * x[:, Y0])[:, None] + rho * arm - self.task.points
+        deviation = (x[:, X0] + 1j * x[:, Y0])[:, None] + rho * arm - self.task.points
         swing = rho * u * 1j * e3  # what turning the coupler does
         by_theta = rho * 1j * crank * turned - swing * np.real(back * 1j * crank * turned)
         columns = [
-            np.ones_like(miss),
-            np.full_like(miss, 1j),
+            np.ones_like(deviation),
+            np.full_like(deviation, 1j),
             rho * 1j * arm,
             swing * np.real(back),
             rho * turned - swing * np.real(back * turned),
@@ -290,7 +290,7 @@ class PathProblem:
             rho * e3,
             rho * 1j * e3,
         ]
-        count, size = miss.shape
+        count, size = deviation.shape
         slopes = np.zeros((count, 2 * size + 3, x.shape[1]))
         for k, column in enumerate(columns):
             slopes[:, :size, k], slopes[:, size:-3, k] = column.real, column.imag
@@ -302,7 +302,7 @@ class PathProblem:
         broken = x[:, FRAME : ROCKER + 1] @ _GRASHOF.T
         slopes[:, -3:, FRAME : ROCKER + 1] = HINGE * _GRASHOF * (broken > 0.0)[:, :, None]
         slopes[:, -3:, START:] = 0.0
-        return np.concatenate([miss.real, miss.imag, HINGE * np.maximum(broken, 0.0)], axis=1), slopes
+        return np.concatenate([deviation.real, deviation.imag, HINGE * np.maximum(broken, 0.0)], axis=1), slopes
 
     def designs(self, x: Real) -> list[PathDesign]:
         """The linkages found, the best first, each once; without those whose crank does not turn or meets the points out of

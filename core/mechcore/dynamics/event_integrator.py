@@ -32,15 +32,16 @@ from mechcore.dynamics.equations.charts import (
 from mechcore.dynamics.equations.curve import Curve
 from mechcore.dynamics.equations.reduced import integrating, motion_at
 from mechcore.dynamics.events import (
+    EndStop,
     EventFunction,
+    EventKind,
     EventTrigger,
-    Happened,
     Log,
+    LogEntries,
     PossibleEvent,
     Reaction,
     SeparableCam,
     SimulationEvent,
-    Stop,
     event_function_of,
     first_exceeding,
     first_zero,
@@ -86,8 +87,8 @@ class EventIntegrator:
         duration: float,
         tolerance: float,
         method: Method,
-        stops: Sequence[Stop],
-        watches: Sequence[EventTrigger],
+        stops: Sequence[EndStop],
+        triggers: Sequence[EventTrigger],
         separable_cams: Sequence[SeparableCam],
         progress: Callable[[float], None] | None,
         observe: Callable[[Simulation], None] | None = None,
@@ -96,7 +97,7 @@ class EventIntegrator:
         self.duration, self.tolerance, self.method = duration, tolerance, method
         self.like = like
         self.observe = observe
-        self.watches, self.progress = watches, progress
+        self.triggers, self.progress = triggers, progress
         self.original = compiled
         self.log = Log()
         self.stops = EndStops(stops, duration, self.log)
@@ -124,7 +125,7 @@ class EventIntegrator:
         at = partial(motion_at, compiled)
         read = self.coordinates if compiled.angles.exact else {}
         self.stops.use(compiled)
-        self.looks = [(w, event_function_of(w, read, at)) for w in self.watches]
+        self.trigger_functions = [(trigger, event_function_of(trigger, read, at)) for trigger in self.triggers]
         self.boundaries: list[EventFunction] = []
         if valid_range is not None:
             low, high = valid_range
@@ -152,7 +153,7 @@ class EventIntegrator:
             if len(self.log.events) > MOST_EVENTS:
                 why = f"more than {MOST_EVENTS} impacts or passages until t = {t:.9g} s."
                 raise MechanismError(Fault("dynamics", why, "Simulate a shorter time."))
-        return self._simulation(self.segments, self.evaluations, self.log.whole())
+        return self._simulation(self.segments, self.evaluations, self.log.all_entries())
 
     def _integrate_segment(self, t: float, q: Real, v: Real) -> tuple[float, Real, Real]:
         """Integrate until the first event; time, position and speed after it. ``over``: the motion ends there."""
@@ -166,7 +167,7 @@ class EventIntegrator:
         first: list[tuple[float, Reaction]] = []
         between = partial(_waypoints_along, self.compiled)
         limited = [e for e in self.compiled.model.once(applied_effects) if e.limited]
-        told = bool(limited) or self.observe is not None or self.progress is not None
+        reported = bool(limited) or self.observe is not None or self.progress is not None
 
         def after(window: Window) -> float | None:
             if several:
@@ -179,13 +180,13 @@ class EventIntegrator:
             if strained is not None:
                 first.append((strained, self._change_chart))
             first.sort(key=lambda e: e[0])
-            if not told:
+            if not reported:
                 return first[0][0] if first else None
             until = first[0][0] if first else min(window.start + window.length, self.duration)
             self._check(window, until, limited)
             if self.observe is not None:
                 segment = self._segment(window.start, until, Solution([window]), system)
-                self.observe(self._simulation([segment], 0, self.log.news()))
+                self.observe(self._simulation([segment], 0, self.log.new_entries()))
             if self.progress is not None:
                 self.progress(until)
             return first[0][0] if first else None
@@ -244,8 +245,10 @@ class EventIntegrator:
             out.append(PossibleEvent(partial(first_exceeding, function, after=t, noise=noise), partial(self._end_stop, stop)))
         for function, noise, loose in self.friction.stick_ends(q, v, t):
             out.append(PossibleEvent(partial(first_exceeding, function, after=t, noise=noise), partial(self._slide, loose=loose)))
-        for watch, function in self.looks:
-            out.append(PossibleEvent(partial(first_zero, function, after=soon, rising=watch.rising), partial(self._pass, watch)))
+        for trigger, function in self.trigger_functions:
+            out.append(
+                PossibleEvent(partial(first_zero, function, after=soon, rising=trigger.rising), partial(self._pass, trigger))
+            )
         sliding, prescribed = self.friction.slip_ends()
         for function, rising in sliding:
             out.append(PossibleEvent(partial(first_zero, function, after=soon, rising=rising), self._slide))
@@ -264,10 +267,12 @@ class EventIntegrator:
     def _slide(self, t: float, q: Real, v: Real, loose: tuple[int, float] | None = None) -> tuple[Real, Real]:
         return q, self._settle(t, q, v, loose)
 
-    def _pass(self, watch: EventTrigger, t: float, q: Real, v: Real) -> tuple[Real, Real]:
-        rotary = watch.joint is not None and self.compiled.model.rotary(watch.joint)
-        self.log.tell(SimulationEvent(t, "end" if watch.ends else "watch", watch.name, watch.passed(rotary=rotary)))
-        self.over = self.over or watch.ends
+    def _pass(self, trigger: EventTrigger, t: float, q: Real, v: Real) -> tuple[Real, Real]:
+        rotary = trigger.joint is not None and self.compiled.model.rotary(trigger.joint)
+        self.log.add(
+            SimulationEvent(t, EventKind.END if trigger.ends else EventKind.TRIGGER, trigger.name, trigger.passed(rotary=rotary))
+        )
+        self.over = self.over or trigger.ends
         return q, v
 
     def _check(self, window: Window, until: float, limited: Sequence[Effect]) -> None:
@@ -363,10 +368,10 @@ class EventIntegrator:
         """A segment in which the present stops and contacts hold."""
         return Segment(start, end, self.compiled, solution, system, self.stops.rested, tuple(sorted(self.separated)))
 
-    def _simulation(self, segments: Sequence[Segment], evaluations: int, happened: Happened) -> Simulation:
+    def _simulation(self, segments: Sequence[Segment], evaluations: int, entries: LogEntries) -> Simulation:
         method = "radau" if self.method == "radau" else "gauss"
-        facts = happened.events, method, self.tolerance, evaluations, happened.lost
-        return Simulation(self.original, tuple(segments), *facts, self.stops.stops, happened.pushed, self.separable_cams)
+        facts = entries.events, method, self.tolerance, evaluations, entries.lost
+        return Simulation(self.original, tuple(segments), *facts, self.stops.stops, entries.work, self.separable_cams)
 
     def _meet_stops(self, t: float, q: Real, v: Real) -> tuple[Real, Real]:
         """Coordinates and rates after the stops that are touched at an instant have acted."""
@@ -444,12 +449,12 @@ class EventIntegrator:
             compiled, q, v = self.separation.compiled(more, q, v, t, cam)
             self.separated = more
             self._use_chart(compiled, Chart(compiled), None)
-            self.log.tell(SimulationEvent(t, "lost", cam, f"contact lost at {where}"))
+            self.log.add(SimulationEvent(t, EventKind.SEPARATION, cam, f"contact lost at {where}"))
             self.friction.begin(self.compiled, t, q, v)
             v = self._settle(t, q, v)
         return q, v
 
-    def _part(self, t: float, q: Real, v: Real, stop: Stop) -> tuple[Real, Real]:
+    def _part(self, t: float, q: Real, v: Real, stop: EndStop) -> tuple[Real, Real]:
         """A follower that a stop holds up leaves the cam that falls away below it; coordinates and rates after it."""
         sense = -1.0 if stop.side == "upper" else 1.0
         for name, contact in {} if self.separation is None else self.separation.contacts.items():
@@ -472,8 +477,8 @@ class EventIntegrator:
         where = self.separation.where(name, self.compiled, q, v, t)
         pace = as_quantity(hit, "angular speed" if self.separation.contacts[name].rotary else "linear speed", 4)
         what = "contact regained" if stays else "bounces"
-        kind = "regained" if stays else "impact"
-        self.log.tell(SimulationEvent(t, kind, name, f"{what} at {where}, hit at {pace}"))
+        kind = EventKind.LANDING if stays else EventKind.IMPACT
+        self.log.add(SimulationEvent(t, kind, name, f"{what} at {where}, hit at {pace}"))
         if not stays:
             return q, self._settle(t, q, rebound)
         self.separated = fewer

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from enum import StrEnum
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
@@ -39,7 +40,7 @@ class PossibleEvent(NamedTuple):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Stop:
+class EndStop:
     """An end stop of a joint: its coordinate cannot pass ``at`` [rad or m]. ``side`` "upper": it stays below, "lower": above.
 
     ``restitution`` (0 to 1) is Newton's coefficient: relative speed after the impact over that before.
@@ -52,15 +53,15 @@ class Stop:
     restitution: float = 0.0
 
 
-def with_slot_ends(mechanism: Mechanism, stops: Sequence[Stop]) -> tuple[Stop, ...]:
+def with_slot_ends(mechanism: Mechanism, stops: Sequence[EndStop]) -> tuple[EndStop, ...]:
     """Stops of a mechanism with the ends of its slots, guides and cylinders, but for those that a stated stop comes before."""
     all_stops = list(stops)
     for name, (low, high) in mechanism.ends.items():
         own = [s for s in stops if s.joint == name]
         if not any(s.side == "lower" and s.at >= low for s in own):
-            all_stops.append(Stop(name=f"{name} lower end", joint=name, at=low, side="lower"))
+            all_stops.append(EndStop(name=f"{name} lower end", joint=name, at=low, side="lower"))
         if not any(s.side == "upper" and s.at <= high for s in own):
-            all_stops.append(Stop(name=f"{name} upper end", joint=name, at=high))
+            all_stops.append(EndStop(name=f"{name} upper end", joint=name, at=high))
     return tuple(all_stops)
 
 
@@ -74,8 +75,8 @@ class SeparableCam:
 
 @dataclass(frozen=True, kw_only=True)
 class EventTrigger:
-    """A value to look out for: ``of`` "position" or "velocity" of a ``joint``, or "x", "y" of a ``point`` (link, point), passes
-    ``at``.
+    """A value whose passage is an event: ``of`` "position" or "velocity" of a ``joint``, or "x", "y" of a ``point`` (link, point),
+    passes ``at``.
 
     ``rising`` True or False: only in that direction. ``ends``: the motion ends there.
     """
@@ -96,40 +97,56 @@ class EventTrigger:
         return f"{self.of} of {what} passes {as_coordinate(self.at, rotary=rotary)}"
 
 
+class EventKind(StrEnum):
+    """Kinds of events of a simulation; the values are what exports and recordings name them."""
+
+    IMPACT = "impact"
+    CONTACT = "contact"  # of a joint with an end stop, on which it rests from then on
+    RELEASE = "release"  # of a joint from an end stop
+    SEPARATION = "lost"  # of a follower from its cam
+    LANDING = "regained"  # of a follower on its cam, without a bounce
+    STICK = "stick"
+    SLIP = "slip"
+    TRIGGER = "watch"
+    END = "end"  # by a trigger that ends the motion
+    EQUILIBRIUM = "equilibrium"
+    STIFF = "stiff"
+
+
 @dataclass(frozen=True)
 class SimulationEvent:
-    """Something that happened: when [s], what kind ("impact", "contact", "release", "watch", "end", ...), to which item, in
-    words."""
+    """An event: when [s], what kind, of which item, in words; ``direction`` of a slip: 1 or -1, the sign of the relative speed."""
 
     time: float
-    kind: str
+    kind: EventKind
     item: str
     text: str
+    direction: int = 0
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "text", Text.of(self.text))
 
 
 def event_function_of(
-    watch: EventTrigger | Stop, coordinates: dict[str, int], motion_at: Callable[[Real, Real, Real], Motion]
+    trigger: EventTrigger | EndStop, coordinates: dict[str, int], motion_at: Callable[[Real, Real, Real], Motion]
 ) -> EventFunction:
-    """Event function of a stop or a watch: its quantity minus its limit; free coordinates are read off, all else is computed from
-    the motion."""
-    of = watch.of if isinstance(watch, EventTrigger) else "position"
-    if watch.joint in coordinates and of in ("position", "velocity"):
-        i = coordinates[watch.joint]
-        return lambda q, v, t: (q if of == "position" else v)[:, i] - watch.at
+    """Event function of an end stop or a trigger: its quantity minus its limit; free coordinates are read off, all else is computed
+    from the motion."""
+    of = trigger.of if isinstance(trigger, EventTrigger) else "position"
+    if trigger.joint in coordinates and of in ("position", "velocity"):
+        i = coordinates[trigger.joint]
+        return lambda q, v, t: (q if of == "position" else v)[:, i] - trigger.at
 
     def measured(q: Real, v: Real, t: Real) -> Real:
         motion = motion_at(q, v, t)
         value: Real
         if of in ("position", "velocity"):
-            assert watch.joint is not None
-            value = motion.coordinate(watch.joint)[:, 0 if of == "position" else 1]
+            assert trigger.joint is not None
+            value = motion.coordinate(trigger.joint)[:, 0 if of == "position" else 1]
         else:
-            assert isinstance(watch, EventTrigger) and watch.point is not None
-            value = motion.point(*watch.point)[:, 0 if of == "x" else 1]
-        return np.asarray(value) - watch.at
+            assert isinstance(trigger, EventTrigger) and trigger.point is not None
+            value = motion.point(*trigger.point)[:, 0 if of == "x" else 1]
+        return np.asarray(value) - trigger.at
 
     return measured
 
@@ -223,41 +240,41 @@ def _polished(at: Callable[[Real], Real], x: float, slope: float, least: float) 
 
 
 @dataclass(frozen=True)
-class Happened:
-    """Events; time and energy [J] that was ``lost`` in every impact; time and work [J] that prescribed drives did in it."""
+class LogEntries:
+    """Events; by impact the time and the energy [J] that is ``lost``, and the time and the ``work`` [J] of prescribed drives."""
 
     events: tuple[SimulationEvent, ...]
     lost: tuple[tuple[float, float], ...]
-    pushed: tuple[tuple[float, float], ...]
+    work: tuple[tuple[float, float], ...]
 
 
 class Log:
-    """Everything that has happened, in order of time; `news` is the part that has not been asked for yet."""
+    """Events and impacts in order of time; `new_entries` are those that have not been asked for yet."""
 
     def __init__(self) -> None:
         self.events: list[SimulationEvent] = []
         self._lost: list[tuple[float, float]] = []
-        self._pushed: list[tuple[float, float]] = []
-        self._told = (0, 0, 0)
+        self._work: list[tuple[float, float]] = []
+        self._read = (0, 0, 0)
 
-    def tell(self, event: SimulationEvent) -> None:
+    def add(self, event: SimulationEvent) -> None:
         self.events.append(event)
 
-    def lose(self, t: float, energy: float) -> None:
+    def add_loss(self, t: float, energy: float) -> None:
         """Account for the energy [J] that an impact takes."""
         self._lost.append((t, energy))
 
-    def push(self, t: float, work: float) -> None:
+    def add_work(self, t: float, work: float) -> None:
         """Account for the work [J] of prescribed drives in an impact."""
-        self._pushed.append((t, work))
+        self._work.append((t, work))
 
-    def whole(self) -> Happened:
+    def all_entries(self) -> LogEntries:
         return self._since(0, 0, 0)
 
-    def news(self) -> Happened:
-        """Everything that has happened since this was asked for the last time."""
-        since, self._told = self._told, (len(self.events), len(self._lost), len(self._pushed))
+    def new_entries(self) -> LogEntries:
+        """Entries since the last call."""
+        since, self._read = self._read, (len(self.events), len(self._lost), len(self._work))
         return self._since(*since)
 
-    def _since(self, a: int, b: int, c: int) -> Happened:
-        return Happened(tuple(self.events[a:]), tuple(self._lost[b:]), tuple(self._pushed[c:]))
+    def _since(self, a: int, b: int, c: int) -> LogEntries:
+        return LogEntries(tuple(self.events[a:]), tuple(self._lost[b:]), tuple(self._work[c:]))

@@ -10,7 +10,7 @@ from typing import Any, TypeVar, cast
 import numpy as np
 
 from mechcore.arrays import Index, Real
-from mechcore.dynamics.events import Stop
+from mechcore.dynamics.events import EndStop
 from mechcore.dynamics.segments import STOP, stop_load
 from mechcore.effects.base import Wrench, power_of
 from mechcore.effects.resistance import IN_PAIRS, RUBBING, rubbing_name
@@ -156,7 +156,7 @@ class JoinedForces(Forces):
         motion: JoinedMotion,
         parts: Sequence[tuple[Index, Forces]],
         *,
-        stops: Sequence[Stop] = (),
+        stops: Sequence[EndStop] = (),
         energies: Callable[[Real], Real] | None = None,
     ):
         self.motion: JoinedMotion = motion

@@ -16,7 +16,7 @@ from mechcore.dynamics.equations.curve import Curve
 from mechcore.dynamics.equations.energy import EnergyMotion
 from mechcore.dynamics.equations.program import Programmed
 from mechcore.dynamics.equations.reduced import forms_of, free_of, motion_at, tangents
-from mechcore.dynamics.events import Stop
+from mechcore.dynamics.events import EndStop
 from mechcore.dynamics.integration.collocation import System, Window
 from mechcore.dynamics.integration.refinement import Known
 from mechcore.dynamics.integration.windows import Solution
@@ -37,15 +37,15 @@ _X = (np.arange(PLACES) + 0.5) / PLACES
 _FINE = np.linspace(0.0, 1.0, 97)
 
 
-def stop_load(stop: Stop) -> str:
+def stop_load(stop: EndStop) -> str:
     """Name of an end stop among the loads."""
     return f"stop {stop.name}"
 
 
-def segment_forces(motion: Motion, system: System, q: Real, v: Real, resting: Sequence[Stop]) -> Forces:
+def segment_forces(motion: Motion, system: System, q: Real, v: Real, resting: Sequence[EndStop]) -> Forces:
     """All reactions of a motion in which one system holds; q, v (n, f): free coordinates and their rates.
 
-    ``resting``: stops that something rests on. What it takes to hold that is a load on the two links of the stop's joint; nothing
+    ``resting``: stops that something rests on. The force that holds it is a load on the two links of the stop's joint; nothing
     is left for the free coordinates to do.
     """
     forces = forces_with(motion, system, q, v) if isinstance(system, DrySystem) else solve_forces(motion)
@@ -76,7 +76,7 @@ class Segment:
     compiled: Compiled
     solution: Solution | EnergyMotion
     system: System
-    resting: tuple[Stop, ...] = ()  # stops that something rests on
+    resting: tuple[EndStop, ...] = ()  # stops that something rests on
     separated: tuple[str, ...] = ()  # cams that their followers have left: their guides' coordinates come after the others
 
     def __call__(self, t: Real) -> tuple[Real, Real, Real]:

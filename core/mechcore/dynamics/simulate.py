@@ -21,7 +21,7 @@ from mechcore.dynamics.equations.energy import by_energy
 from mechcore.dynamics.equations.program import EquationsProgram
 from mechcore.dynamics.equations.reduced import coordinate_scales, free_of, integrating, moving, reduce
 from mechcore.dynamics.event_integrator import EventIntegrator, Method, table_tolerance
-from mechcore.dynamics.events import EventTrigger, SeparableCam, SimulationEvent, Stop, with_slot_ends
+from mechcore.dynamics.events import EndStop, EventKind, EventTrigger, SeparableCam, SimulationEvent, with_slot_ends
 from mechcore.dynamics.integration.collocation import Window
 from mechcore.dynamics.integration.windows import Solution
 from mechcore.dynamics.rest.equilibrium import TOLD, Fastest, beside, check_periods, fastest_vibration, vibrations
@@ -47,7 +47,7 @@ KNOCK = 1e-6  # of a cam law's largest velocity: what may jump by the rounding o
 
 LOOKED_AT = 100  # windows, after which it is foreseen how many a motion takes
 PATIENCE = 5.0  # [s] of processor time that pass without a word
-MANY = 2_000  # windows that take long enough to be told before
+MANY = 2_000  # windows that take so long that a warning precedes them
 
 
 def simulate(
@@ -56,8 +56,8 @@ def simulate(
     *,
     tolerance: float = 1e-9,
     method: Method = "auto",
-    stops: Sequence[Stop] = (),
-    watches: Sequence[EventTrigger] = (),
+    stops: Sequence[EndStop] = (),
+    triggers: Sequence[EventTrigger] = (),
     separable_cams: Sequence[SeparableCam] = (),
     progress: Callable[[float], None] | None = None,
     observe: Callable[[Simulation], None] | None = None,
@@ -69,10 +69,10 @@ def simulate(
     ``tolerance``: local error of positions, relative to one radian or the mechanism's size. ``method`` "energy" needs one freedom
     and forces that depend on its position alone; "radau" is for stiff forces; "auto" chooses. ``separable_cams`` only press on
     their followers: with them, all drives may be prescribed. The other dials of the integrator are those of the compiled
-    mechanism's `Accuracy`. ``progress`` is told the time reached, ``observe`` gets every segment of the motion as soon as it is
-    known, in order, with what happened at its beginning: `Simulation.followed_by` puts them together. ``like``: the same motion to
-    another tolerance or by its energy, from which collocation then starts (see `refine`). ``warn`` is told what will take long, as
-    soon as that is foreseen. Raises `MechanismError`.
+    mechanism's `Accuracy`. ``progress`` gets the time reached, ``observe`` every segment of the motion as soon as it is known, in
+    order, with what happened at its beginning: `Simulation.followed_by` puts them together. ``like``: the same motion to another
+    tolerance or by its energy, from which collocation then starts (see `refine`). ``warn`` gets a message about long computations,
+    as soon as that is foreseen. Raises `MechanismError`.
     """
     original = compiled = mechanism if isinstance(mechanism, Compiled) else compile_mechanism(mechanism)
     stops = with_slot_ends(compiled.mechanism, stops)
@@ -99,7 +99,7 @@ def simulate(
         return rest
     if warn is not None:
         progress = _counted(duration, warn, progress)
-    if isinstance(system, Curve) and system.conservative and not stops and not watches and method in ("auto", "energy"):
+    if isinstance(system, Curve) and system.conservative and not stops and not triggers and method in ("auto", "energy"):
         fine = float(np.clip(1e-3 * tolerance, 1e-13, 1e-7))
         energy = by_energy(system, q[0], v[0], duration, tolerance=fine, progress=progress)
         if energy is not None:
@@ -116,7 +116,7 @@ def simulate(
             Fault(
                 "run.method",
                 '"energy" cannot find this motion: it needs one freedom that turns fully, no change point close by, forces that '
-                "depend on the position alone, no friction, no stops and no watches.",
+                "depend on the position alone, no friction, no stops and no event triggers.",
                 'Choose "auto", "gauss" or "radau".',
             )
         )
@@ -132,12 +132,12 @@ def simulate(
     if swings is not None and warn is not None:
         warn(swings)
     integrator = EventIntegrator(
-        compiled, (system, valid_range), duration, tolerance, method, stops, watches, separable_cams, progress, observe, like
+        compiled, (system, valid_range), duration, tolerance, method, stops, triggers, separable_cams, progress, observe, like
     )
     run = integrator.go(q, v)
     if unseen is None:
         return run
-    events = (SimulationEvent(0.0, "stiff", unseen.load, unseen.stepped_over), *run.events)
+    events = (SimulationEvent(0.0, EventKind.STIFF, unseen.load, unseen.stepped_over), *run.events)
     return replace(run, unseen=(unseen.amplitude, unseen.frequency), events=events)
 
 
@@ -182,7 +182,7 @@ def _tables(_: Compiled) -> dict[float, tuple[Curve, tuple[float, float] | None]
     return {}
 
 
-def _counted(duration: float, warn: Callable[[str], None], told: Callable[[float], None] | None) -> Callable[[float], None]:
+def _counted(duration: float, warn: Callable[[str], None], reported: Callable[[float], None] | None) -> Callable[[float], None]:
     """A progress that warns once, where the windows of `LOOKED_AT` calls lead so little on that very many will be needed, or where
     work has been going on and will."""
     counts, warned, begun, marked = 0, False, time.process_time(), (0.0, 0.0)
@@ -203,8 +203,8 @@ def _counted(duration: float, warn: Callable[[str], None], told: Callable[[float
             warned = left > PATIENCE
             if warned:
                 warn(f"{spent:.0f} s of work led to {until:.3g} s of {duration:.6g} s: it goes on for about {left:.3g} s.")
-        if told is not None:
-            told(until)
+        if reported is not None:
+            reported(until)
 
     return progress
 
@@ -294,7 +294,7 @@ def _program(system: Chart | Curve) -> EquationsProgram | None:
 
 
 def _calm(compiled: Compiled, q: Real, system: Chart | Curve, duration: float) -> bool:
-    """Whether a program in C tells at once that no spring vibrates often enough from a start (f,) to be spoken of."""
+    """Whether a program in C shows at once that no spring vibrates often enough from a start (f,) for a warning."""
     program = _program(system) if len(q) else None
     if program is None:
         return False
@@ -327,4 +327,4 @@ def _rest(compiled: Compiled, q: Real, v: Real, system: Chart | Curve) -> Simula
         return None
     names = ", ".join(d.joint for d in drives)
     why = "the forces have no arm or balance here, start a little beside it to see it move" if size else "no force acts on it"
-    return SimulationEvent(0.0, "equilibrium", drives[0].joint, f"{names}: at rest in an equilibrium, it stays: {why}")
+    return SimulationEvent(0.0, EventKind.EQUILIBRIUM, drives[0].joint, f"{names}: at rest in an equilibrium, it stays: {why}")

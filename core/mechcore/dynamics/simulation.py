@@ -19,7 +19,7 @@ from mechcore.dynamics.contact.dry_friction import DrySystem
 from mechcore.dynamics.contact.separation import FollowerSeparation
 from mechcore.dynamics.equations.energy import EnergyMotion
 from mechcore.dynamics.equations.reduced import free_of, integrating, motion_at
-from mechcore.dynamics.events import SeparableCam, SimulationEvent, Stop
+from mechcore.dynamics.events import EndStop, SeparableCam, SimulationEvent
 from mechcore.dynamics.integration.collocation import integrals
 from mechcore.dynamics.integration.windows import Solution
 from mechcore.dynamics.joined import JoinedForces, JoinedMotion
@@ -54,7 +54,7 @@ class Simulation:
     tolerance: float
     evaluations: int
     lost: tuple[tuple[float, float], ...] = ()  # time and energy [J] of every impact
-    stops: tuple[Stop, ...] = ()
+    stops: tuple[EndStop, ...] = ()
     pushed: tuple[tuple[float, float], ...] = ()  # time and work [J] that prescribed drives do in impacts
     separable_cams: tuple[SeparableCam, ...] = ()
     unseen: tuple[float, float] = (0.0, 0.0)

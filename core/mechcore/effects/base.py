@@ -228,7 +228,8 @@ class Effect:
         return np.zeros(np.shape(at.time), int)
 
     def switch(self, at: Configuration) -> Values | None:
-        """What is at some level (F,) wherever the law changes its form so that a force jumps; None where that is no one number."""
+        """Level (F,) of the quantity at which the law changes its form so that a force jumps; None where no single number says
+        so."""
         return None
 
     @property

@@ -96,13 +96,13 @@ def _of_one(function: Any, argument: Any, pieces: Callable[..., Any], refused: t
     return cast(Values, value)
 
 
-def bends(factor: Factor | None) -> bool:
+def is_piecewise(factor: Factor | None) -> bool:
     """Whether some derivative of a factor jumps: at the points of a table, or where it ends."""
     f = None if factor is None else factor.function
     return isinstance(f, Table) and bool(f.knots)
 
 
-def bends_in_time(factor: Factor | None) -> tuple[float, ...]:
+def is_piecewise_in_time(factor: Factor | None) -> tuple[float, ...]:
     """Times [s] at which some derivative of a factor jumps, all of them, where it depends on time and does not repeat."""
     f = None if factor is None or factor.of != "time" else factor.function
     return tuple(f.knots) if isinstance(f, Table) and f.period is None else ()
@@ -115,10 +115,10 @@ def counts_turns(factor: Factor | None) -> bool:
 
 def phase_of(at: Configuration, factor: Factor | None) -> Index:
     """Between which bends of its table a factor is: a whole number (F,)."""
-    if factor is None or not bends(factor):
+    if factor is None or not is_piecewise(factor):
         return np.zeros(np.shape(at.time), int)
     known, table = _argument(at, factor), factor.function
-    assert isinstance(table, Table)  # as `bends` has seen
+    assert isinstance(table, Table)  # as `is_piecewise` has seen
     if isinstance(known, Symbol):
         return _part_of_symbol(table, known)
     return np.asarray(table.part(np.asarray(value_of(known), float)))
@@ -133,7 +133,7 @@ def _part_of_symbol(table: Table, x: Any) -> Any:
 
 
 def breaks_of(factor: Factor | None) -> tuple[float, ...]:
-    """Times [s] at which a factor of time changes its form, as its function tells them."""
+    """Times [s] at which a factor of time changes its form, as its function states them."""
     return () if factor is None or factor.of != "time" else tuple(getattr(factor.function, "breaks", ()))
 
 
@@ -159,11 +159,11 @@ class Varied(LoadEffect[Multiplied]):
 
     @property
     def piecewise(self) -> bool:
-        return bends(self.load.factor) and not bends_in_time(self.load.factor)
+        return is_piecewise(self.load.factor) and not is_piecewise_in_time(self.load.factor)
 
     @property
     def breaks(self) -> tuple[float, ...]:
-        return breaks_of(self.load.factor) or bends_in_time(self.load.factor)
+        return breaks_of(self.load.factor) or is_piecewise_in_time(self.load.factor)
 
     @property
     def counts_turns(self) -> bool:

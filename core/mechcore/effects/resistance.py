@@ -126,7 +126,7 @@ class BeltPull(LoadEffect[BeltTension]):
     """A tensioner holds the slack span at a constant tension: both spans pull the pulleys together by it, whatever they carry.
 
     It does no work: it presses on the bearings, and is what the belt has to drive by friction
-    (`mechcore.forces.load_events` tells where that is not enough).
+    (`mechcore.forces.load_events` reports where that is not enough).
     """
 
     cause = "elastic"

@@ -73,8 +73,8 @@ class LineSpring(Line[Spring]):
 
     def potential(self, at: Configuration) -> Real:
         load = self.load
-        stretch = np.abs(self.vector(at)) - load.free_length
-        return (0.5 * load.stiffness * stretch + load.preload) * stretch
+        deflection = np.abs(self.vector(at)) - load.free_length
+        return (0.5 * load.stiffness * deflection + load.preload) * deflection
 
 
 class LineDamper(Line[Damper]):

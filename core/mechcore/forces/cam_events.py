@@ -60,7 +60,7 @@ def _rated(forces: Forces, cam: AnyCam, rating: CamRating) -> Iterator[Event]:
         force = contact_force(forces, cam)
         for first, last in runs(force < rating.margin):
             if force[first : last + 1].min() < 0.0:
-                continue  # contact is lost, which is told anyway
+                continue  # contact is lost, which is an event of its own
             k = first + int(np.argmin(force[first : last + 1]))
             text = (
                 f"contact force down to {as_force(force[k], 4)} (margin {as_force(rating.margin, 4)}) from {_where(cam, x[first])} "
@@ -164,10 +164,10 @@ def _passes(motion: Motion, cam: AnyCam, place: float) -> list[float]:
     times: list[float] = []
     laps = range(int(np.floor((x.min() - place) / law.length)), int(np.ceil((x.max() - place) / law.length)) + 1)
     for lap in laps if law.repeats else (0,):
-        gap = x - (place + lap * law.length)
-        hits = np.flatnonzero((gap[:-1] < 0.0) & (gap[1:] >= 0.0) | (gap[:-1] > 0.0) & (gap[1:] <= 0.0))
+        distance = x - (place + lap * law.length)
+        hits = np.flatnonzero((distance[:-1] < 0.0) & (distance[1:] >= 0.0) | (distance[:-1] > 0.0) & (distance[1:] <= 0.0))
         for k in hits:
-            share = gap[k] / (gap[k] - gap[k + 1])
+            share = distance[k] / (distance[k] - distance[k + 1])
             times.append(float(motion.time[k] + share * (motion.time[k + 1] - motion.time[k])))
     return times
 
@@ -189,14 +189,14 @@ def _leaps(motion: Motion, cam: AnyCam) -> Iterator[Event]:
         for t in _passes(motion, cam, bridge.angle):
             text = f"{what}{knock} at {_where(cam, bridge.angle)}, {at_drive(motion, t)}"
             yield Event(t, "WARN" if bridge.shock else "INFO", cam.name, text, after - before)
-    for first, last, at, miss in lost_ranges(cam):
-        size = as_coordinate(abs(miss), rotary=cam.arm != 0.0, digits=4)
+    for first, last, at, deviation in lost_ranges(cam):
+        size = as_coordinate(abs(deviation), rotary=cam.arm != 0.0, digits=4)
         for t in _passes(motion, cam, first):
             text = (
                 f"undercut from {_where(cam, first)} to {_where(cam, last)}: the cutter takes away what the law asks for, and the "
                 f"follower misses it by up to {size} (at {_where(cam, at)})"
             )
-            yield Event(t, "WARN", cam.name, text, miss)
+            yield Event(t, "WARN", cam.name, text, deviation)
 
 
 def _beyond(motion: Motion, cam: AnyCam) -> Iterator[Event]:
@@ -225,9 +225,9 @@ def lost_ranges(cam: AnyCam) -> list[tuple[float, float, float, float]]:
     ranges = []
     for first, last in cam.lost if cam.intended is not None else ():
         grid = np.linspace(first, last, 181)
-        miss = cam.cam.law(grid, 0)[0] - cam.intended.law(grid, 0)[0]  # type: ignore[union-attr]  # not None here
-        k = int(np.argmax(np.abs(miss)))
-        ranges.append((first, last, float(grid[k]), float(miss[k])))
+        deviation = cam.cam.law(grid, 0)[0] - cam.intended.law(grid, 0)[0]  # type: ignore[union-attr]  # not None here
+        k = int(np.argmax(np.abs(deviation)))
+        ranges.append((first, last, float(grid[k]), float(deviation[k])))
     return ranges
 
 

@@ -226,7 +226,7 @@ def with_least_sizes(mechanism: Mechanism, solved: Callable[[Mechanism], Solved]
 
     ``offset``: the follower's guide is moved across itself to where the base circle is least. ``roller``: the least with which the
     Hertz pressure keeps to the limit of the rating during the whole run. The forces, and the motion where forces decide it, depend
-    on the roller, so that they are ``solved`` again until it settles. What decides each is added to the joint's ``sized``. Raises
+    on the roller, so that they are ``solved`` again until it settles. The reason for each is added to the joint's ``sized``. Raises
     `MechanismError`.
     """
     asked = {p.name: p.least for p in mechanism.joints if isinstance(p, CamJoint) and {"offset", "roller"} & set(p.least)}
@@ -255,8 +255,8 @@ def _with_roller(joint: Joint, least: dict[str, tuple[float, float]]) -> Joint:
     if radius <= pin:
         why = f"its pin of {as_length(pin)} is not thinner than the least roller of {as_length(radius)}."
         raise MechanismError(Fault(f"joints.{joint.name}.face", why, "Give the pin a smaller radius, or give the roller's."))
-    told = tuple(entry for entry in joint.sized if entry[0] != "roller")
-    return replace(joint, face=Roller(radius), sized=(*told, ("roller", angle)))
+    others = tuple(entry for entry in joint.sized if entry[0] != "roller")
+    return replace(joint, face=Roller(radius), sized=(*others, ("roller", angle)))
 
 
 def _settled(before: Joint, after: Joint, change: float) -> bool:
@@ -294,8 +294,8 @@ def _with_best_offset(mechanism: Mechanism, name: str) -> Mechanism:
         replace(link, points={**link.points, shared: _shifted(link.points[shared], moved)}) if link.name == cam.carrier else link
         for link in mechanism.links
     ]
-    told = tuple(entry for entry in joint.sized if entry[0] != "offset")
-    sized = replace(joint, sized=(*told, ("offset", best.offset)))
+    others = tuple(entry for entry in joint.sized if entry[0] != "offset")
+    sized = replace(joint, sized=(*others, ("offset", best.offset)))
     return replace(mechanism, links=tuple(links), joints=tuple(sized if p is joint else p for p in mechanism.joints))
 
 

@@ -339,7 +339,9 @@ def _cut_forces(
                     work = crossed(summed([arms[i][1] for i in numbers]), cuts[c])
                 total = added(total, work, -1)
             for r in relations:
-                total = added(total, constraint_coefficient(motion.model, r, unknown, motion.state.bends) * multipliers[r], -1)
+                total = added(
+                    total, constraint_coefficient(motion.model, r, unknown, motion.state.curve_values) * multipliers[r], -1
+                )
             q.append(total)
         forces, solved = transposed(block, motion.columns[number], q)
         cuts.update(zip(block.loops, forces, strict=True))

@@ -307,7 +307,7 @@ LABELS = {"inertia": "F_i ", "gravity": "G_"}  # of drawings: what follows _ sta
 
 
 @dataclass(frozen=True, eq=False)
-class Acting:
+class LinkLoad:
     """A load as one link feels it: ``force`` (complex) [N] at ``place`` (complex, world) [m], free ``moment`` [N m]."""
 
     name: str
@@ -318,7 +318,7 @@ class Acting:
     place: Plane
 
 
-def acting_on(forces: Forces, link: int) -> list[Acting]:
+def loads_on(forces: Forces, link: int) -> list[LinkLoad]:
     """All loads on a link, inertia and gravity included; of loads between two links the part that acts on this one."""
     motion = forces.motion
     out = []
@@ -326,5 +326,5 @@ def acting_on(forces: Forces, link: int) -> list[Acting]:
         for k, arm, sign in ((w.link, w.arm, 1.0), (w.other, w.other_arm, -1.0)):
             if k == link:
                 label = f"{LABELS[w.kind]}{motion.model.links[link]}" if w.kind in LABELS else w.name
-                out.append(Acting(w.name, label, w.kind, sign * w.force, sign * w.moment, motion.origins[k] + arm))
+                out.append(LinkLoad(w.name, label, w.kind, sign * w.force, sign * w.moment, motion.origins[k] + arm))
     return out

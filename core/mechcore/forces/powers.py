@@ -29,7 +29,7 @@ SMALL = 1e-9  # part of the largest power of a run that counts as nothing
 
 
 @dataclass(frozen=True, eq=False)
-class Classed:
+class PowerItem:
     """A force, its classes, and its power (F,) [W] over the run; ``supplied`` and ``absorbed`` are works [J], both positive."""
 
     name: str
@@ -53,7 +53,7 @@ class Classed:
 class PowerTable:
     """All forces of a run; ``time`` (F,) [s]. ``closure``: what is left of the sum of all works over the work supplied."""
 
-    items: tuple[Classed, ...]
+    items: tuple[PowerItem, ...]
     time: Real
 
     @property
@@ -110,7 +110,7 @@ def power_table(forces: Forces) -> PowerTable:
     largest = max((float(np.nanmax(np.abs(row[-1]), initial=0.0)) for row in rows), default=0.0)
     return PowerTable(
         items=tuple(
-            _classed(name, kind, cause, place, power, motion.time, uses.get(name) or "", largest)
+            _power_item(name, kind, cause, place, power, motion.time, uses.get(name) or "", largest)
             for name, kind, cause, place, power in rows
         ),
         time=motion.time,
@@ -122,7 +122,7 @@ def _place(w: Wrench) -> Literal["external", "internal"]:
     return "external" if w.other is None else "internal"
 
 
-def _classed(
+def _power_item(
     name: str,
     kind: str,
     cause: str,
@@ -131,7 +131,7 @@ def _classed(
     time: Real,
     use: str,
     largest: float,
-) -> Classed:
+) -> PowerItem:
     supplied, absorbed = works(power, time)
     known = power[np.isfinite(power)]
     low, high = (float(known.min()), float(known.max())) if known.size else (np.nan, np.nan)
@@ -144,7 +144,7 @@ def _classed(
         use = "harmful"
     elif not use and cause == "process" and absorbed > supplied:
         use = "useful"  # on the whole it resists: what the machine is there for
-    return Classed(
+    return PowerItem(
         name=name,
         kind=kind,
         cause=cause,
@@ -160,7 +160,7 @@ def _classed(
 
 
 @dataclass(frozen=True, eq=False)
-class Share:
+class DriveShare:
     """Work of a drive over a run: its power (F,) [W], works [J], and the times [s] between which it delivers power."""
 
     joint: str
@@ -170,7 +170,7 @@ class Share:
     delivers: tuple[tuple[float, float], ...]
 
 
-def drive_shares(forces: Forces) -> tuple[Share, ...]:
+def drive_shares(forces: Forces) -> tuple[DriveShare, ...]:
     """Which drive delivers power when, and how much. Raises `MechanismError` where there is no drive."""
     motion = forces.motion
     if not motion.mechanism.drives:
@@ -180,7 +180,7 @@ def drive_shares(forces: Forces) -> tuple[Share, ...]:
     shares = []
     for joint, power in powers.items():
         supplied, absorbed = works(power, motion.time)
-        shares.append(Share(joint, power, supplied, absorbed, _positive(power - small, motion.time)))
+        shares.append(DriveShare(joint, power, supplied, absorbed, _positive(power - small, motion.time)))
     return tuple(shares)
 
 

@@ -45,10 +45,10 @@ def with_friction(
     for j, source in enumerate(elements):
         unit: tuple[list[Any], list[Any]] = [0j] * count, [0.0] * count
         source.load(motion, *unit, -source.sign * source.factor)
-        answer, touching, _ = joint_forces(motion, *unit, flanks)
+        response, touching, _ = joint_forces(motion, *unit, flanks)
         for i, e in enumerate(elements):
             if e.kind != "brake":
-                coupling[i][j] = e.normal(motion, answer, touching, e.sign)
+                coupling[i][j] = e.normal(motion, response, touching, e.sign)
     own += [pair[axis] for row in coupling for axis in (0, 1) for pair in row]
     code = next(x for x in (tolerance, *own) if isinstance(x, Symbol)).code
     lengths = [int(e.euclidean) for e in elements]
@@ -75,8 +75,8 @@ class WrittenFriction(FrictionResult):
 def rubbing_forces(motion: Motion, force: list[Any], moment: list[Any]) -> tuple[Transmitted, Contacts, FrictionResult]:
     """As `with_friction`, and the friction, for a motion of symbols whose speeds have known peaks; NaN where it is not found so."""
     transmitted, contacts, (*loads, _, _, converged) = with_friction(motion, force, moment, None, motion.accuracy.friction)
-    gap = converged / converged
-    return [(f * gap, c * gap) for f, c in transmitted], contacts, WrittenFriction(motion, loads)
+    valid = converged / converged
+    return [(f * valid, c * valid) for f, c in transmitted], contacts, WrittenFriction(motion, loads)
 
 
 class ForcesProgram:
@@ -93,9 +93,11 @@ class ForcesProgram:
         drives: Any = [tuple(kernel.real(f"drive {d} {k}") for k in range(3)) for d in range(len(model.mechanism.drives))]
         time: Any = kernel.real("time")
         self._angles = _GivenAngles(model, kernel, exact)
-        self._bends = [(r, k) for r, c in enumerate(model.constraints) if c.curve is not None for k in range(3)]
-        bends: Any = {r: [kernel.real(f"bend {r} {k}") for k in range(3)] for r, _ in self._bends}
-        motion = Motion(model, time, drives, State([q for q, _, _ in drives], [], rot, slide, bends=bends), self._angles)
+        self._curves = [(r, k) for r, c in enumerate(model.constraints) if c.curve is not None for k in range(3)]
+        curve_values: Any = {r: [kernel.real(f"curve {r} {k}") for k in range(3)] for r, _ in self._curves}
+        motion = Motion(
+            model, time, drives, State([q for q, _, _ in drives], [], rot, slide, curve_values=curve_values), self._angles
+        )
         vars(motion).update(drives=drives, shape=())
         try:
             force, moment, _ = totals(motion)
@@ -141,7 +143,7 @@ class ForcesProgram:
         given: dict[str, Any] = {f"rot {s}": x for s, x in enumerate(motion.state.rot)} | {"time": motion.time}
         given |= {f"slide {j}": x for j, x in motion.state.slide.items()}
         given |= {f"drive {d} {k}": x for d, known in enumerate(motion.drives) for k, x in enumerate(known)}
-        given |= {f"bend {r} {k}": motion.state.bends[r][k] for r, k in self._bends}
+        given |= {f"curve {r} {k}": motion.state.curve_values[r][k] for r, k in self._curves}
         given |= {key: of(motion.angles) for key, of in self._angles.asked.items()}
         given |= {f"function {k}": function(motion.time) for k, function in enumerate(self._kernel.code.of_time)}
         elements = []

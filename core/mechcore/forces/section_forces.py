@@ -3,7 +3,7 @@
 A cut at station s parts the link. What acts beyond the cut, reactions, drives, loads, weight and inertia forces of the masses there
 (d'Alembert), is carried through it: force R and moment M about the cut's place. With the axis' direction t and n = i t to its left
 N = R . t (tension is positive), V = -R . n, M counter-clockwise, positive where the link is stretched on the right of its axis;
-then dM/ds = V between point loads. What acts beside the axis is passed on to the nearest place of it by a rigid arm. Source: any
+then dM/ds = V between point loads. Loads beside the axis act on its nearest place by a rigid arm. Source: any
 textbook of statics, such as Gross, Hauger, Schröder, Wall, Technische Mechanik 1, chapter 7.
 
 The bearing of a sliding joint presses at its two ends, or linearly along it; its length and place are those of the joint's friction
@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechcore.arrays import Complex, Plane, Real, Values
-from mechcore.forces.kinetostatics import Forces, acting_on
+from mechcore.forces.kinetostatics import Forces, loads_on
 from mechcore.forces.section_lines import Axis, Cuts, Mass, MassLine, axis_of, mass_line
 from mechcore.kinematics.dyads import cross
 from mechcore.motion.motion import Motion
@@ -41,7 +41,7 @@ PARALLEL = 1e-6
 """Sine of the angle up to which a guide lies along a segment of the axis."""
 
 
-class _At(NamedTuple):
+class _ConcentratedLoad(NamedTuple):
     """A force [N] and a couple [N m] that act at a place of the link, all in its axes and over frames (F,)."""
 
     station: Real
@@ -50,7 +50,7 @@ class _At(NamedTuple):
     couple: Real
 
 
-class _Along(NamedTuple):
+class _DistributedLoad(NamedTuple):
     """Load of a guide's bearing along a segment, in the link's axes: a pressure linear in the distance from its ``middle``,
     with resultant and couple, a force along it and a couple, both uniform. ``station`` of the middle on the segment, not clipped.
     """
@@ -174,9 +174,9 @@ class _Acting:
         self.masses: MassLine = mass_line(axis, whole, [Mass(m, complex(x, y), j) for m, x, y, j in study.masses])
         self.field = np.zeros(motion.frames, complex)  # force per mass at the centre of mass
         self.turn = np.zeros(motion.frames, complex)  # of it per distance from there
-        self.points: list[_At] = []
-        self.lines: list[_Along] = []
-        for load in acting_on(forces, k):
+        self.points: list[_ConcentratedLoad] = []
+        self.lines: list[_DistributedLoad] = []
+        for load in loads_on(forces, k):
             if load.kind == "inertia":
                 self.turn = self.turn - motion.accelerations.factor[model.angles.rotation_class[k]]
             if load.kind in ("inertia", "gravity"):
@@ -190,7 +190,7 @@ class _Acting:
         motion = self.forces.motion
         at = (_vectors(motion, place) - self.origin) * self.back
         station = self._snapped(self.axis.nearest(at))
-        self.points.append(_At(station, at, _vectors(motion, force) * self.back, _numbers(motion, couple)))
+        self.points.append(_ConcentratedLoad(station, at, _vectors(motion, force) * self.back, _numbers(motion, couple)))
 
     def _snapped(self, station: Real) -> Real:
         """Stations (F,), those of a vertex of the axis up to rounding taken for it."""
@@ -237,7 +237,7 @@ class _Acting:
         sense = sign if np.real(fixed * np.conj(t)) > 0.0 else -sign  # the force across changes its sign with the direction
         station = self.axis.stations[segment] + np.real((middle - self.axis.vertices[segment]) * np.conj(t))
         values = (sense * load.normal, sign * load.couple, sense * load.along, sign * load.rubbing)
-        self.lines.append(_Along(segment, station, middle, t, load.length, *values))
+        self.lines.append(_DistributedLoad(segment, station, middle, t, load.length, *values))
         return True
 
     # -- cuts ---------------------------------------------------------------------------------------------------------
@@ -294,7 +294,7 @@ class _Acting:
         return Extreme(np.take_along_axis(moment, k, axis=1)[:, 0], cuts.taken(k).stations[:, 0])
 
 
-def _of_guide(line: _Along, cuts: Cuts, axis: Axis) -> tuple[Complex, Real]:
+def _of_guide(line: _DistributedLoad, cuts: Cuts, axis: Axis) -> tuple[Complex, Real]:
     """Force, and moment about the start of the axis, of the part of a guide's pressure that acts beyond cuts."""
     half, segments = 0.5 * line.length, axis.segment(cuts)
     y = np.clip(cuts.stations - line.station[:, None], -half, half)  # from the middle to the cut

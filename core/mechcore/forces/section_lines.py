@@ -166,7 +166,7 @@ class Mass:
 
 
 @dataclass(frozen=True, eq=False)
-class Spread:
+class DistributedMass:
     """Mass between two stations [m] at places that start at ``place`` in the link's frame and go on in ``direction``.
 
     ``density``: coefficients of a polynomial in the length from the first station [kg/m, kg/m^2 ...].
@@ -181,11 +181,11 @@ class Spread:
 
 @dataclass(frozen=True, eq=False)
 class MassLine:
-    """The distribution of a link's mass: ``spread`` along its axis, point masses at stations; ``extra`` [m^2] is the moment of
+    """The distribution of a link's mass: ``distributed`` along its axis, point masses at stations; ``extra`` [m^2] is the moment of
     inertia per mass that couples have, distributed like the mass. Moments are about ``centre``, the link's centre of mass."""
 
     centre: complex
-    spread: tuple[Spread, ...]
+    distributed: tuple[DistributedMass, ...]
     points: tuple[tuple[float, Mass], ...]
     extra: float
 
@@ -193,7 +193,7 @@ class MassLine:
         """Mass beyond cuts (...), its first moment (complex) and moment of inertia about the centre of mass."""
         mass, inertia = np.zeros(cuts.stations.shape), np.zeros(cuts.stations.shape)
         first = np.zeros(cuts.stations.shape, complex)
-        for part in self.spread:
+        for part in self.distributed:
             q, d = part.place - self.centre, part.direction
             factors = ([1.0], [q, d], [abs(q) ** 2, 2.0 * (np.conj(q) * d).real, abs(d) ** 2])
             x, end = np.clip(cuts.stations, part.start, part.end) - part.start, part.end - part.start
@@ -227,13 +227,13 @@ def mass_line(axis: Axis, whole: Mass, known: Sequence[Mass] = ()) -> MassLine:
     inertia = whole.inertia - mass * abs(centre - whole.centre) ** 2
     inertia -= sum(part.inertia + part.mass * abs(part.centre - whole.centre) ** 2 for part in known)
     rest = Mass(mass, centre, max(inertia, 0.0))
-    spread, points, extra = _straight(axis, rest) if axis.straight else _with_corners(axis, rest)
+    distributed, points, extra = _straight(axis, rest) if axis.straight else _with_corners(axis, rest)
     # a couple per mass is that of the rest alone: the known parts have what they are
     placed = [(s, Mass(p.mass, p.centre, p.inertia - extra * p.mass)) for s, p in placed]
-    return MassLine(whole.centre, tuple(spread), (*placed, *points), extra)
+    return MassLine(whole.centre, tuple(distributed), (*placed, *points), extra)
 
 
-def _straight(axis: Axis, whole: Mass) -> tuple[list[Spread], list[tuple[float, Mass]], float]:
+def _straight(axis: Axis, whole: Mass) -> tuple[list[DistributedMass], list[tuple[float, Mass]], float]:
     """Along a straight axis, in units of half its length h from its middle: mean and second moment of the density are wanted."""
     h, t = 0.5 * axis.length, axis.directions[0]
     middle = axis.vertices[0] + h * t
@@ -253,10 +253,10 @@ def _straight(axis: Axis, whole: Mass) -> tuple[list[Spread], list[tuple[float, 
     least = b - abs(a)
     if b > 0.0 and abs(a) < 3.0 * b:
         least = min(least, -a * a / (6.0 * b) - 0.5 * b)
-    bend = 1.0 if least >= -1.0 else -1.0 / least
+    taper = 1.0 if least >= -1.0 else -1.0 / least
     share, points = 1.0, []
-    if bend < 1.0:
-        bent, bent_second = bend * mean, 1.0 / 3.0 + bend * (second - 1.0 / 3.0)
+    if taper < 1.0:
+        bent, bent_second = taper * mean, 1.0 / 3.0 + taper * (second - 1.0 / 3.0)
         # the largest share whose rest can be point masses between the ends: variance >= 0, second moment <= 1
         p, q, r = bent_second - bent**2, second + bent_second - 2.0 * mean * bent, second - mean**2
         single = 2.0 * r / (q + np.sqrt(max(q * q - 4.0 * p * r, 0.0))) if q > 0.0 else 0.0
@@ -268,13 +268,13 @@ def _straight(axis: Axis, whole: Mass) -> tuple[list[Spread], list[tuple[float, 
                 points = [point(at, 1.0 - share)]
             else:
                 points = [point(side, 0.5 * (1.0 - share) * (1.0 + side * at)) for side in (-1.0, 1.0)]
-    a, b = bend * a, bend * b
+    a, b = taper * a, taper * b
     start = np.array([1.0 - a + b, (a - 3.0 * b) / h, 1.5 * b / (h * h)])  # in the length from the start: x = s / h - 1
     density = share * whole.mass / axis.length * start
-    return ([Spread(0.0, axis.length, aside - h * t, t, density)] if share > NOTHING else []), points, extra
+    return ([DistributedMass(0.0, axis.length, aside - h * t, t, density)] if share > NOTHING else []), points, extra
 
 
-def _with_corners(axis: Axis, whole: Mass) -> tuple[list[Spread], list[tuple[float, Mass]], float]:
+def _with_corners(axis: Axis, whole: Mass) -> tuple[list[DistributedMass], list[tuple[float, Mass]], float]:
     """Along an axis with corners."""
     lengths = np.diff(axis.stations)
     middles = 0.5 * (axis.vertices[1:] + axis.vertices[:-1])
@@ -283,10 +283,10 @@ def _with_corners(axis: Axis, whole: Mass) -> tuple[list[Spread], list[tuple[flo
     wanted = whole.inertia / whole.mass
     share, extra = min(1.0, wanted / own), max(0.0, wanted - own)
     density = np.array([share * whole.mass / axis.length])
-    spread = [
-        Spread(float(s0), float(s1), complex(z + whole.centre - centre), complex(t), density)
+    distributed = [
+        DistributedMass(float(s0), float(s1), complex(z + whole.centre - centre), complex(t), density)
         for s0, s1, z, t in zip(axis.stations[:-1], axis.stations[1:], axis.vertices[:-1], axis.directions, strict=True)
     ]
     rest = (1.0 - share) * whole.mass
     points = [(float(axis.nearest(whole.centre)), Mass(rest, whole.centre, 0.0))] if 1.0 - share > NOTHING else []
-    return spread, points, extra
+    return distributed, points, extra

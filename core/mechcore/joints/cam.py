@@ -131,8 +131,8 @@ def _disc(joint: CamJoint, builder: Builder, carrier: str, guide: Prismatic | Re
         profile, given = _given(joint.contour, own, axes, follower)
         made = _common(joint, carrier, Cam(given.law, follower), centre, axes)
         return made | {
-            "own": own, "mount": axes, "arm": arm, "given": profile, "bridges": given.bridges, "bends": given.ends, "sense": 1,
-            "phase": 0.0,
+            "own": own, "mount": axes, "arm": arm, "given": profile, "bridges": given.bridges, "knot_angles": given.ends,
+            "sense": 1, "phase": 0.0,
         }  # fmt: skip
     law = joint.lift
     assert law is not None
@@ -157,8 +157,8 @@ def _disc(joint: CamJoint, builder: Builder, carrier: str, guide: Prismatic | Re
             raise fault_of(joint, "undercut", "a groove or yoke is not followed where it is undercut.", "Leave it out.")
         left, given = _as_cut(law, follower, base, joint.sense)
         made |= {
-            "cam": Cam(given.law, follower, joint.sense), "given": left.contour, "bridges": given.bridges, "bends": given.ends,
-            "intended": cam, "lost": left.lost,
+            "cam": Cam(given.law, follower, joint.sense), "given": left.contour, "bridges": given.bridges,
+            "knot_angles": given.ends, "intended": cam, "lost": left.lost,
         }  # fmt: skip
     return made
 
@@ -352,7 +352,7 @@ def _build_inverse(joint: CamJoint, builder: Builder, carrier: str, guide: Prism
     straight = None if straight is None else straight / axes
     cam = InverseCam(law, hub, arm, joint.face.radius, not isinstance(guide, Prismatic), phase, straight)
     placed = PlacedInverse(
-        name=joint.name, links=joint.links, carrier=carrier, guide=joint.guide, cam=cam, way=travel, centre=centre, axes=axes,
+        name=joint.name, links=joint.links, carrier=carrier, guide=joint.guide, cam=cam, travel=travel, centre=centre, axes=axes,
         own=origin,
         mount=mount, tip=point_of(driving, joint.point), sense=joint.sense, bed=joint.bed, pressure_limit=joint.pressure_limit,
     )  # fmt: skip

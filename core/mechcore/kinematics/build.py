@@ -14,7 +14,7 @@ from mechcore.joints.registry import build_joints
 from mechcore.kinematics.model import Model
 from mechcore.kinematics.program import Block, LinearConstraint, NonlinearTerm, VectorSum, vector_sum
 from mechcore.spec.mechanism import Mechanism
-from mechcore.topology.checks import check_items, check_lengths, check_spare_angles
+from mechcore.topology.checks import check_items, check_lengths, check_redundant_angles
 from mechcore.topology.graph import Angles, Loop, angles, spanning_tree, structure, vector_loops
 from mechcore.topology.order import block_order
 
@@ -39,7 +39,7 @@ def build_model(mechanism: Mechanism) -> Model:
     n = len(names)
 
     turning = angles(n, ends, joints, driven)
-    check_spare_angles(mechanism, turning, joints, ends)
+    check_redundant_angles(mechanism, turning, joints, ends)
     order, equations = structure(n, ends, joints, driven)
     tree = spanning_tree(n, ends, order, equations)
     if len(tree.order) < n - 1:
@@ -50,7 +50,7 @@ def build_model(mechanism: Mechanism) -> Model:
     size = _size(mechanism)
     sums = tuple(loop_sum(c, turning, turn, 1e-14 * size) for c in closed)
     constraints = tuple(_linear_constraint(r, turning, index, joint_index) for r in parts.relations)
-    blocks, loose = _blocks(sums, tree.closing, constraints, turning, joints, ends, driven)
+    blocks, unmatched = _blocks(sums, tree.closing, constraints, turning, joints, ends, driven)
     _check_curves(blocks, constraints)
     free_angles = {g for b in blocks if b.kind in ("general", "relation") for g in b.angles}
     multi_turn = {g for t in constraints for g, _ in t.groups} - free_angles
@@ -69,7 +69,7 @@ def build_model(mechanism: Mechanism) -> Model:
         constraints=constraints,
         multi_turn=tuple(sorted(multi_turn)),
         blocks=blocks,
-        free=_free_joints(loose, turning, joints, ends),
+        free=_free_joints(unmatched, turning, joints, ends),
         turn=turn,
         length_scale=size,
         index=index,
@@ -207,7 +207,7 @@ def _blocks(
     blocks += [
         Block("check", (), (), (), t.name, redundant=1, relations=(i,)) for i, t in enumerate(constraints) if i not in solved
     ]
-    return tuple(blocks), [unknown[u] for u in sorted(order.loose)]
+    return tuple(blocks), [unknown[u] for u in sorted(order.unmatched)]
 
 
 def _kind(
@@ -246,11 +246,11 @@ def _inner_joint(
 
 
 def _free_joints(
-    loose: list[tuple[str, int]], turning: Angles, joints: tuple[LoopJoint, ...], ends: tuple[tuple[int, int], ...]
+    unmatched: list[tuple[str, int]], turning: Angles, joints: tuple[LoopJoint, ...], ends: tuple[tuple[int, int], ...]
 ) -> tuple[str, ...]:
     """Joints next to unknowns that nothing determines, in words a user knows."""
-    groups = {i for what, i in loose if what == "angle"}
-    slides = {i for what, i in loose if what == "slide"}
+    groups = {i for what, i in unmatched if what == "angle"}
+    slides = {i for what, i in unmatched if what == "slide"}
     return tuple(
         joint.name
         for j, (joint, (p, q)) in enumerate(zip(joints, ends, strict=True))

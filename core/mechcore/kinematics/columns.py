@@ -99,13 +99,14 @@ def _turned_back(vectors: Vectors, unknown: Unknown, numbers: Sequence[int]) -> 
 
 
 def constraint_coefficient(
-    model: Model, relation: int, unknown: tuple[str, int], bends: Mapping[int, Real] | None = None
+    model: Model, relation: int, unknown: tuple[str, int], curve_values: Mapping[int, Real] | None = None
 ) -> Values:
-    """Derivative of a relation by an unknown; with ``bends`` that of its curve too, which unknowns of its own block never have."""
+    """Derivative of a relation by an unknown; with ``curve_values`` that of its curve too, which unknowns of its own block never
+    have."""
     t = model.constraints[relation]
     c: Values = dict(t.groups if unknown[0] == "angle" else t.slides).get(unknown[1], 0.0)
-    if t.curve is not None and bends is not None and (slope := t.curve.slope(unknown)):
-        c = c + slope * bends[relation][1]
+    if t.curve is not None and curve_values is not None and (slope := t.curve.slope(unknown)):
+        c = c + slope * curve_values[relation][1]
     return c
 
 

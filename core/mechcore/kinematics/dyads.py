@@ -10,7 +10,7 @@ In the loop form there are only four, whatever the order of revolute and prismat
 ============== ================================== ==================
 
 with ``e = exp(i angle)``, |D| = |d| = 1. All arguments broadcast, frames last; where the links do not meet the answer is NaN, and
-`gap_*` tells by how much they miss each other. ``mode`` (+1 or -1) is the assembly mode, an input, never guessed.
+`error_*` gives the closure error. ``mode`` (+1 or -1) is the assembly mode, an input, never guessed.
 """
 
 from __future__ import annotations
@@ -95,11 +95,11 @@ def theta_theta(a: Plane, b: Plane, c: Plane, mode: Values) -> tuple[Complex, Co
     return e1, e2
 
 
-def gap_theta_theta(a: Plane, b: Plane, c: Plane) -> Values:
+def error_theta_theta(a: Plane, b: Plane, c: Plane) -> Values:
     """By how much the links of a theta_theta group miss each other (...) [m]; 0 where they meet."""
     ra, rb, d = modulus(a), modulus(b), modulus(c)
-    gap: Values = np.maximum(np.maximum(d - (ra + rb), modulus(ra - rb) - d), 0.0)
-    return gap
+    error: Values = np.maximum(np.maximum(d - (ra + rb), modulus(ra - rb) - d), 0.0)
+    return error
 
 
 def theta_slide(a: Plane, along: Plane, c: Plane, mode: Values) -> tuple[Complex, Values]:
@@ -113,10 +113,10 @@ def theta_slide(a: Plane, along: Plane, c: Plane, mode: Values) -> tuple[Complex
     return e, turned.real - x
 
 
-def gap_theta_slide(a: Plane, along: Plane, c: Plane) -> Values:
+def error_theta_slide(a: Plane, along: Plane, c: Plane) -> Values:
     """By how much the end of the link misses the guide (...) [m]."""
-    gap: Values = np.maximum(modulus((c * along.conjugate()).imag) - modulus(a), 0.0)
-    return gap
+    error: Values = np.maximum(modulus((c * along.conjugate()).imag) - modulus(a), 0.0)
+    return error
 
 
 def arm_slide(a: Plane, d: Plane, c: Plane, mode: Values) -> tuple[Plane, Values]:
@@ -127,10 +127,10 @@ def arm_slide(a: Plane, d: Plane, c: Plane, mode: Values) -> tuple[Plane, Values
     return c * d.conjugate() / (x + 1j * y), x - foot.real
 
 
-def gap_arm_slide(a: Plane, d: Plane, c: Plane) -> Values:
+def error_arm_slide(a: Plane, d: Plane, c: Plane) -> Values:
     """By how much the guide misses the point (...) [m]."""
-    gap: Values = np.maximum(modulus((a * d.conjugate()).imag) - modulus(c), 0.0)
-    return gap
+    error: Values = np.maximum(modulus((a * d.conjugate()).imag) - modulus(c), 0.0)
+    return error
 
 
 def slide_slide(d1: Plane, d2: Plane, c: Plane) -> tuple[Values, Values]:

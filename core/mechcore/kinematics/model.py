@@ -67,7 +67,7 @@ class Model:
     @property
     def redundant(self) -> bool:
         """Whether constraints are left over, so that statics alone does not determine all reactions."""
-        return bool(self.angles.spare) or any(b.redundant for b in self.blocks)
+        return bool(self.angles.redundant) or any(b.redundant for b in self.blocks)
 
     @cached_property
     def needs_global_solve(self) -> bool:

@@ -15,7 +15,7 @@ from mechcore.arrays import Index, Plane, Real, Values
 from mechcore.kinematics import dyads
 from mechcore.kinematics.model import Model
 from mechcore.kinematics.program import Block
-from mechcore.kinematics.state import Newton, Patch, State, initial_state, relation_sum, value
+from mechcore.kinematics.state import Interpolant, Newton, State, initial_state, relation_sum, value
 from mechcore.numerics.frames import QUIET, nothing
 from mechcore.numerics.newton import newton
 
@@ -27,7 +27,7 @@ def place_all(
     drives: Sequence[Values],
     modes: Sequence[Values],
     starts: Mapping[str, Real] | None = None,
-    patches: Mapping[int, Sequence[Patch]] | None = None,
+    interpolants: Mapping[int, Sequence[Interpolant]] | None = None,
     constants: Sequence[float] = (),
     tolerance: float = DEFAULT.position,
 ) -> State:
@@ -37,9 +37,9 @@ def place_all(
     with np.errstate(**QUIET):  # NaN, "out of reach", is an answer here
         for i, (block, mode) in enumerate(zip(model.blocks, modes, strict=True)):
             place(model, block, state, mode, None if starts is None else starts.get(block.name))
-            if patches:
-                for patch in patches.get(i, ()):
-                    apply(model, block, state, patch, onto=True)
+            if interpolants:
+                for interpolant in interpolants.get(i, ()):
+                    apply(model, block, state, interpolant, onto=True)
     return state
 
 
@@ -104,14 +104,14 @@ def _place_general(model: Model, block: Block, state: State, start: Any) -> None
     n_angles = len(block.angles)
     residual = equations(model, block, state)
     scale = np.concatenate([np.ones(n_angles), np.full(len(block.slides), size)])
-    x, miss, first = newton(residual, start / scale, tolerance=state.tolerance)
-    x = np.where((miss < max(1e-9, 10.0 * state.tolerance))[..., None], x, np.nan)
+    x, error, first = newton(residual, start / scale, tolerance=state.tolerance)
+    x = np.where((error < max(1e-9, 10.0 * state.tolerance))[..., None], x, np.nan)
     for i, g in enumerate(block.angles):
         state.angle[g] = x[..., i]
         _turn(model, state, g, np.exp(1j * x[..., i]))
     for i, j in enumerate(block.slides):
         state.slide[j] = x[..., n_angles + i] * size
-    state.newton[block.name] = Newton(x=x * scale, miss=miss * size, first=first)
+    state.newton[block.name] = Newton(x=x * scale, residual=error * size, first=first)
 
 
 def _turn(model: Model, state: State, group: int, e: Plane | Values) -> None:
@@ -198,29 +198,29 @@ def block_equations(
     return loops, linear
 
 
-def apply(model: Model, block: Block, state: State, patch: Patch, *, onto: bool = False) -> None:
+def apply(model: Model, block: Block, state: State, interpolant: Interpolant, *, onto: bool = False) -> None:
     """Put a patch's positions into ``state``; ``onto`` the loops, as far as these determine them."""
-    values = patch.values
-    if onto and len(patch.frames):
+    values = interpolant.values
+    if onto and len(interpolant.frames):
         scale = np.concatenate([np.ones(len(block.angles)), np.full(len(block.slides), model.length_scale)])
-        left, jacobian = equations(model, block, state, patch.frames)(values / scale)
+        left, jacobian = equations(model, block, state, interpolant.frames)(values / scale)
         correction = (np.linalg.pinv(np.nan_to_num(jacobian), rcond=DETERMINED) @ left[..., None])[..., 0]
         values = values - np.where(np.isfinite(correction), correction, 0.0) * scale
     for i, g in enumerate(block.angles):
         if g in state.angle:
             whole = np.array(state.angle[g])
             known = np.flatnonzero(np.isfinite(whole))
-            rough = np.interp(patch.frames, known, whole[known]) if len(known) else values[:, i]
-            whole[patch.frames] = values[:, i] + 2.0 * np.pi * np.round((rough - values[:, i]) / (2.0 * np.pi))
+            rough = np.interp(interpolant.frames, known, whole[known]) if len(known) else values[:, i]
+            whole[interpolant.frames] = values[:, i] + 2.0 * np.pi * np.round((rough - values[:, i]) / (2.0 * np.pi))
             state.angle[g] = whole
         e = np.exp(1j * values[:, i])
         for rotation_class in model.angles.classes_of[g]:
             rot, delta = np.array(state.rot[rotation_class]), state.delta[rotation_class]
-            rot[patch.frames] = e * (delta[patch.frames] if isinstance(delta, np.ndarray) else delta)
+            rot[interpolant.frames] = e * (delta[interpolant.frames] if isinstance(delta, np.ndarray) else delta)
             state.rot[rotation_class] = rot
     for i, j in enumerate(block.slides, len(block.angles)):
         slide = np.array(state.slide[j])
-        slide[patch.frames] = values[:, i]
+        slide[interpolant.frames] = values[:, i]
         state.slide[j] = slide
 
 
@@ -238,16 +238,16 @@ def dead_point_margin(model: Model, block: Block, state: State) -> list[Values]:
     return [(r2 - y * y) / model.length_scale**2]
 
 
-def gap(model: Model, block: Block, state: State) -> Values:
+def group_closure_error(model: Model, block: Block, state: State) -> Values:
     """By how much the links of a block with a closed form miss each other [m] (...), 0 where they meet; needs the earlier blocks in
     ``state``."""
     target, arms, guides = loop_terms(model, block, state)
     if block.kind == "theta_theta":
-        return dyads.gap_theta_theta(arms[0], arms[1], target)
+        return dyads.error_theta_theta(arms[0], arms[1], target)
     if block.kind == "theta_slide":
-        return dyads.gap_theta_slide(arms[0], guides[0], target)
+        return dyads.error_theta_slide(arms[0], guides[0], target)
     if block.kind == "arm_slide":
-        return dyads.gap_arm_slide(arms[0], guides[0], target)
+        return dyads.error_arm_slide(arms[0], guides[0], target)
     return np.zeros(np.shape(target))
 
 

@@ -19,13 +19,13 @@ from mechcore.kinematics.program import Block, LoopEquation, NonlinearTerm
 from mechcore.numerics.frames import added, imaginary, nothing, purely_imaginary, summed
 
 
-class Replaces(Protocol):
-    """Something that puts rates of its own in place of a block's, such as a `Patch`."""
+class RateReplacement(Protocol):
+    """Something that puts rates of its own in place of a block's, such as a `Interpolant`."""
 
     def into(self, rates: list[Any], derivative: int) -> None: ...
 
 
-Patches = Mapping[int, Sequence[Replaces]]
+Interpolants = Mapping[int, Sequence[RateReplacement]]
 
 
 class Rates:
@@ -37,10 +37,10 @@ class Rates:
     change."""
 
     def __init__(
-        self, model: Model, drives: Sequence[Values], bends: Mapping[int, Real] | None = None, before: Rates | None = None
+        self, model: Model, drives: Sequence[Values], curve_values: Mapping[int, Real] | None = None, before: Rates | None = None
     ):
         self.drives = drives
-        self.bends: Mapping[int, Real] = bends or {}  # of the relations' curves
+        self.curve_values: Mapping[int, Real] = curve_values or {}  # of the relations' curves
         self.before = before
         self.finite = False  # whether `determined` has found it so
         n = len(model.angles.class_group)
@@ -109,7 +109,7 @@ class Rates:
                 if j not in block.slides:
                     total = total - c * self.slide[j]
             if t.curve is not None:
-                _, first, second = self.bends[r]
+                _, first, second = self.curve_values[r]
                 total = total - first * self.argument(t.curve)
                 if self.before is not None:
                     total = total - second * self.before.argument(t.curve) ** 2
@@ -145,11 +145,11 @@ def velocities(
     vectors: Sequence[Vectors],
     cols: Sequence[Columns],
     drive_speeds: Sequence[Values],
-    patches: Patches | None = None,
-    bends: Mapping[int, Real] | None = None,
+    interpolants: Interpolants | None = None,
+    curve_values: Mapping[int, Real] | None = None,
 ) -> Rates:
     """First rates of all rotation classes and slides."""
-    return _solved(model, vectors, cols, Rates(model, drive_speeds, bends), patches)
+    return _solved(model, vectors, cols, Rates(model, drive_speeds, curve_values), interpolants)
 
 
 def accelerations(
@@ -158,24 +158,26 @@ def accelerations(
     cols: Sequence[Columns],
     speeds: Rates,
     drive_accelerations: Sequence[Values],
-    patches: Patches | None = None,
+    interpolants: Interpolants | None = None,
 ) -> Rates:
     """Second rates of all rotation classes and slides, given the first."""
-    return _solved(model, vectors, cols, Rates(model, drive_accelerations, speeds.bends, speeds), patches)
+    return _solved(model, vectors, cols, Rates(model, drive_accelerations, speeds.curve_values, speeds), interpolants)
 
 
-def _solved(model: Model, vectors: Sequence[Vectors], cols: Sequence[Columns], unknown: Rates, patches: Patches | None) -> Rates:
+def _solved(
+    model: Model, vectors: Sequence[Vectors], cols: Sequence[Columns], unknown: Rates, interpolants: Interpolants | None
+) -> Rates:
     """Rates filled in block by block, those frames replaced at which a patch gives them."""
     loops = model.program.loop_equations
     for k, (block, c) in enumerate(zip(model.blocks, cols, strict=True)):
         if block.kind == "check":
             continue
         drift = [unknown.drift(loops[i], vectors[i]) for i in block.loops]
-        if c.dual is not None and not patches:
+        if c.dual is not None and not interpolants:
             unknown.solve_dyad(model, block, c, drift[0])
             continue
         solved = rates(block, c, drift, unknown.constraint_drift(model, block))
-        for patch in patches.get(k, ()) if patches else ():
-            patch.into(solved, 1 if unknown.before is None else 2)
+        for interpolant in interpolants.get(k, ()) if interpolants else ():
+            interpolant.into(solved, 1 if unknown.before is None else 2)
         unknown.settle(model, block, solved)
     return unknown

@@ -32,7 +32,7 @@ class State:
     angle: dict[int, Values] = field(default_factory=dict)  # angles beyond one turn, of groups that relations need
     near: Mapping[str, Values] = field(default_factory=dict)  # rough angles "angle <group>" that decide the turn
     tolerance: float = DEFAULT.position  # residual at which Newton's method stops, in sizes of the mechanism
-    bends: dict[int, Real] = field(default_factory=dict)  # relation -> value and two derivatives of its curve (3, ...)
+    curve_values: dict[int, Real] = field(default_factory=dict)  # relation -> value and two derivatives of its curve (3, ...)
 
     def copy(self) -> State:
         """A state that can be filled in further without changing this one."""
@@ -42,22 +42,22 @@ class State:
             slide=dict(self.slide),
             newton=dict(self.newton),
             angle=dict(self.angle),
-            bends=dict(self.bends),
+            curve_values=dict(self.curve_values),
         )
 
 
 @dataclass(frozen=True)
 class Newton:
     """Unknowns (..., n) of a general block (angles [rad], then slides [m]), what is left of the loops [m], and the size of
-    the first correction (relative), which tells how good the start was."""
+    the first correction (relative), a measure of the quality of the start."""
 
     x: Real
-    miss: Real
+    residual: Real
     first: Real
 
 
 @dataclass(frozen=True, eq=False)
-class Patch:
+class Interpolant:
     """A block's unknowns at some frames, by interpolation along the branch, in place of an ill-conditioned solve.
 
     ``frames`` (k,); ``values``, ``first``, ``second`` (k, unknowns): angles [rad] and slides [m], and their rates.
@@ -135,8 +135,8 @@ def relation_sum(
         else:
             known = known + c * state.slide[j]
     if t.curve is not None:
-        state.bends[relation] = bend = t.curve.function(_argument(model, t.curve, state))
-        known = known + bend[0]
+        state.curve_values[relation] = values = t.curve.function(_argument(model, t.curve, state))
+        known = known + values[0]
     return known, unknown
 
 

@@ -15,7 +15,6 @@ from mechcore.laws.boundary_conditions import (
     Condition,
     Smoothing,
     from_acceleration,
-    from_velocity,
     measured_table,
     polynomial_law,
     spline_law,
@@ -23,7 +22,7 @@ from mechcore.laws.boundary_conditions import (
 from mechcore.laws.catalogue import RISES, acceleration_zones, harmonic_sum, rise, scca
 from mechcore.laws.curve import MotionCurve
 from mechcore.laws.factors import Extreme, Jump, PeakFactors, extremes, jumps, peak, peak_factors
-from mechcore.laws.program import Follow, Segment, over_time, program
+from mechcore.laws.program import CurveOverMaster, Segment, over_time, program
 from mechcore.laws.segment_laws import (
     Dwell,
     GivenAcceleration,
@@ -49,7 +48,6 @@ from mechcore.laws.timed import (
     Table,
     TableLaw,
     moves,
-    polynomial_through,
     zones,
 )
 
@@ -58,9 +56,9 @@ __all__ = [
     "Chirp",
     "Condition",
     "ConstantSpeed",
+    "CurveOverMaster",
     "Dwell",
     "Extreme",
-    "Follow",
     "GivenAcceleration",
     "GivenPosition",
     "GivenVelocity",
@@ -91,7 +89,6 @@ __all__ = [
     "extremes",
     "fourier_curve",
     "from_acceleration",
-    "from_velocity",
     "harmonic_sum",
     "joined_table",
     "jumps",
@@ -102,7 +99,6 @@ __all__ = [
     "peak",
     "peak_factors",
     "polynomial_law",
-    "polynomial_through",
     "program",
     "rise",
     "scca",

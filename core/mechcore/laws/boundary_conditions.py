@@ -187,11 +187,6 @@ def measured_table(
     return curve, report
 
 
-def from_velocity(velocity: MotionCurve, value: float = 0.0) -> MotionCurve:
-    """The law whose velocity (per radian of the master) is given: integrated once."""
-    return velocity.integrated(value)
-
-
 def from_acceleration(acceleration: MotionCurve, value: float = 0.0, velocity: float | None = None) -> MotionCurve:
     """The law whose acceleration is given, integrated twice (the route of the lecture).
 

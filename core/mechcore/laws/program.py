@@ -61,7 +61,7 @@ def program(
     """Segments one after the other, from the value (or state) ``start`` at the master angle ``at`` on.
 
     ``repeats``: continued periodically over the total range; what a cycle gains is added to the next one. Jumps between
-    segments are allowed and found by ``jumps``. What is free in the states follows from the laws beside it that have their own
+    segments are allowed and found by ``jumps``. Free entries of the states follow from the neighbouring laws that have their own
     shape, and between polynomials and splines from the least integral of the squared jerk: quintics then join with continuous
     third and fourth derivative.
     """
@@ -192,13 +192,13 @@ CLOCK = ConstantSpeed(0.0, 1.0)
 def over_time(curve: MotionCurve) -> Law:
     """A program as a law of time: its master angle is the time [s]."""
     if any(len(p.waves) for p in curve.pieces):
-        return Follow(curve, CLOCK)
+        return CurveOverMaster(curve, CLOCK)
     knots, polys = curve.knots - curve.start, [tuple(map(float, p.poly)) for p in curve.pieces]
     return Piecewise(knots=tuple(map(float, knots)), coefficients=tuple(polys), advance=curve.advance)
 
 
 @dataclass(frozen=True, eq=False)
-class Follow:
+class CurveOverMaster:
     """A drive whose coordinate is a program of the master angle, which itself is a law of time: several axes on one master.
 
     Called with times -> position, velocity, acceleration by the chain rule. At a time where the acceleration jumps the value
@@ -259,13 +259,13 @@ class Follow:
         knots = self.curve.knots
         return np.asarray(np.abs(self.curve(np.linspace(knots[0], knots[-1], 257), 2)).max(axis=1))
 
-    def _crossings(self, grid: Real, gap: Real, target: float) -> list[float]:
+    def _crossings(self, grid: Real, distance: Real, target: float) -> list[float]:
         from scipy.optimize import brentq
 
         def f(t: float) -> float:
             return float(self.master(np.array([t]))[0][0] + self.phase - target)
 
-        sign = np.sign(gap)
+        sign = np.sign(distance)
         times = [float(t) for t in grid[sign == 0.0]]
         for k in np.flatnonzero(sign[:-1] * sign[1:] < 0.0):
             times.append(float(brentq(f, grid[k], grid[k + 1], xtol=1e-15, rtol=1e-15)))

@@ -124,14 +124,14 @@ def least_peak(
         bound(-rows_of(order), -1.0, 0.0)
     cost = np.zeros(size + 1)
     cost[-1] = 1.0
-    answer = linprog(
+    solution = linprog(
         cost, A_ub=np.array(low), b_ub=low_value, A_eq=np.array(eq), b_eq=eq_value, bounds=(None, None), method="highs"
     )
-    if not answer.success or answer.x is None:
+    if not solution.success or solution.x is None:
         raise MechanismError(
             Fault("law.limits", f"no law keeps to the limits {limits} between these states.", "Loosen a limit or a condition.")
         )
-    x = np.asarray(answer.x)[:size]
+    x = np.asarray(solution.x)[:size]
     # scaled states come out of the same linear maps, so the pieces join exactly up to rounding
     states = state @ x
     pieces = []
@@ -140,7 +140,7 @@ def least_peak(
         pieces.append(Piece(h, c, np.zeros((0, 3))))
     curve = MotionCurve(tuple(pieces)).scaled(0.0, over, float(states[0, 0]), 1.0)
     peaks = [abs(peak(curve, i).value) for i in (1, 2, 3)]
-    top = float(np.asarray(answer.x)[-1]) if goal == "force" else abs(peak(curve, order).value)
+    top = float(np.asarray(solution.x)[-1]) if goal == "force" else abs(peak(curve, order).value)
     return Optimum(curve, top, *peaks)
 
 

@@ -211,25 +211,6 @@ def zones(*, start: float, speed: float, run_up: float, steady: float, braking: 
     )
 
 
-def polynomial_through(t0: float, start: Sequence[float], t1: float, end: Sequence[float]) -> tuple[float, ...]:
-    """Coefficients in (t - t0) of the least-degree polynomial with the given value, velocity, acceleration ... at both ends.
-
-    ``start`` and ``end`` are (value, velocity, acceleration, ...) as far as they are prescribed; Hermite interpolation.
-    """
-    h = t1 - t0
-    n = len(start) + len(end)
-    rows, rhs = [], []
-    for conditions, x in ((start, 0.0), (end, 1.0)):  # unit interval: well conditioned, then scaled back
-        for k, value in enumerate(conditions):
-            row = np.zeros(n)
-            for j in range(k, n):
-                row[j] = float(np.prod(np.arange(j - k + 1, j + 1))) * x ** (j - k)
-            rows.append(row)
-            rhs.append(value * h**k)
-    scaled = np.linalg.solve(np.array(rows), np.array(rhs))
-    return tuple(float(c / h**j) for j, c in enumerate(scaled))
-
-
 @dataclass(frozen=True, eq=False)
 class Table:
     """A function through points, periodic where ``period`` is given.

@@ -72,7 +72,7 @@ class Rows:
         relation = next(r for r in self.model.relations if r.name == constraint.name)
         angles, slides = list(relation.angles), list(constraint.slides)
         if relation.curve is not None and constraint.curve is not None:
-            slope = self.at(self.motion.state.bends[self.model.relations.index(relation)][1])
+            slope = self.at(self.motion.state.curve_values[self.model.relations.index(relation)][1])
             angles += [(link, slope * c) for link, c in relation.curve.angles]
             slides += [(j, slope * c) for j, c in constraint.curve.slides]
         return self.sum(angles, slides)
@@ -216,9 +216,9 @@ def _quadratic(rows: Rows, first: Real, equations: int) -> Real:
         relation = next(t for t in model.relations if t.name == constraint.name)
         right[:, r] = sum(c * along(j) for j, c in constraint.slides)
         if relation.curve is not None and constraint.curve is not None:
-            _, slope, bend = (rows.at(b) for b in rows.motion.state.bends[model.relations.index(relation)])
+            _, slope, second = (rows.at(b) for b in rows.motion.state.curve_values[model.relations.index(relation)])
             argument = scale * _times(rows.sum(relation.curve.angles, constraint.curve.slides), first)
-            right[:, r] += slope * sum(c * along(j) for j, c in constraint.curve.slides) - bend * argument**2 / scale
+            right[:, r] += slope * sum(c * along(j) for j, c in constraint.curve.slides) - second * argument**2 / scale
         r += 1
     for j in model.driven:
         if model.joints[j].slide is not None:

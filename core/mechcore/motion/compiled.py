@@ -20,8 +20,8 @@ from mechcore.branches.unwrapped import Frames, LinkAngles, UnwrappedAngles
 from mechcore.compiled.motion import Executor, motion_program
 from mechcore.constants import MOST_TURNS, TURN
 from mechcore.kinematics.model import Model
-from mechcore.kinematics.patching import make_patches
 from mechcore.kinematics.positions import place_all
+from mechcore.kinematics.singular_interpolation import make_interpolants
 from mechcore.laws.timed import ConstantSpeed
 from mechcore.motion.motion import Motion
 from mechcore.records import dataclass
@@ -109,7 +109,7 @@ def place(compiled: Compiled, time: Real, values: DriveValues, *, given: bool) -
     solved, parameter, path = model, None, None
     starts: Mapping[str, Real] | None = None
     modes: Sequence[Real | float] = compiled.assembly.modes
-    patches, passed = None, []
+    interpolants, passed = None, []
     singular_points = compiled.singular_points
     still = not given and not model.mechanism.led
     if still:
@@ -129,14 +129,14 @@ def place(compiled: Compiled, time: Real, values: DriveValues, *, given: bool) -
         if law_time is not None:
             modes = [m * singular_points.signs(i, law_time) for i, m in enumerate(modes)]
             own = None if path is None else partial(_own_starts, path)
-            patches = make_patches(solved, singular_points, compiled.assembly.modes, law_time, scale, constants, own)
+            interpolants = make_interpolants(solved, singular_points, compiled.assembly.modes, law_time, scale, constants, own)
             if not given and singular_points.by_drive:
                 passed = passages(singular_points, model.mechanism.drives[0].law, time, positions[0])
             elif not given:
                 passed = singular_points.within(float(np.min(law_time)), float(np.max(law_time)))
-    program = None if patches or solved is not model else motion_program(model, compiled.executor, len(time))
+    program = None if interpolants or solved is not model else motion_program(model, compiled.executor, len(time))
     if program is None:
-        state = place_all(solved, positions, modes, starts, patches, constants, compiled.accuracy.position)
+        state = place_all(solved, positions, modes, starts, interpolants, constants, compiled.accuracy.position)
     else:
         state, origins = program.place_all(positions, modes, starts, constants, len(time), compiled.accuracy.position)
     led = compiled if compiled.accuracy.differentiation == "exact" else replace(compiled, accuracy=DEFAULT)  # at any times
@@ -145,7 +145,7 @@ def place(compiled: Compiled, time: Real, values: DriveValues, *, given: bool) -
     frames = positions, state, (*model.designs, len(time))
     angles = led.angles.still(frames) if still else _angles(led, frames, time, in_time=not given and in_time)
     by_c = None if program is None else (program, origins)
-    motion = Motion(model, time, values, state, angles, patches, passed, again, compiled.accuracy, by_c)
+    motion = Motion(model, time, values, state, angles, interpolants, passed, again, compiled.accuracy, by_c)
     return Placed(motion, path, parameter, singular_points)
 
 
@@ -154,7 +154,7 @@ def _beyond(known: SingularPoints | None, span: float) -> bool:
 
 
 def _angles(compiled: Compiled, frames: Frames, time: Real, *, in_time: bool) -> LinkAngles:
-    """Angles of the links at frames; ``in_time``: the laws lead there, and only the time tells where they are."""
+    """Angles of the links at frames; ``in_time``: the laws lead there, and their angles follow from the time alone."""
     drives, unwrapped = compiled.mechanism.drives, compiled.angles
 
     def placed(time: Real, given: Real | None = None) -> Frames:
@@ -176,7 +176,7 @@ def _path(compiled: Compiled, time: Real, positions: Sequence[Real], *, given: b
         if not (path.by_time and given):
             wanted = time if path.by_time else positions[0]
             one = len(positions) == 1 and not path.by_time
-            if one and given and path.tells(wanted):
+            if one and given and path.covers(wanted):
                 return path
             if (path.by_time or (one and not path.continuation.singular)) and bool(np.all(path.reached(wanted))):
                 return path
@@ -189,7 +189,7 @@ def reached(compiled: Compiled, q: Real) -> Flags:
     """Whether a motion goes as far as positions (n,) of the only drive, which have been solved: beyond the limits of groups that
     are followed Newton's method may have found other branches. True everywhere where none are followed."""
     for path in compiled.paths:
-        if not path.by_time and path.tells(q):
+        if not path.by_time and path.covers(q):
             return path.reached(q)
     return np.ones(np.shape(q), bool)
 

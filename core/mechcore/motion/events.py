@@ -13,7 +13,7 @@ from mechcore.arrays import Flags, Real
 from mechcore.constants import REST, SINGULAR
 from mechcore.laws.timed import Table, TableLaw, moves
 from mechcore.motion.at_once import indeterminate
-from mechcore.motion.metrics import curvature, peak, per_unit, transmission_angles, velocity_ratios, zeros
+from mechcore.motion.metrics import curvature, peak, per_unit_drive_speed, transmission_angles, velocity_ratios, zeros
 from mechcore.motion.motion import Motion
 from mechcore.numerics.interpolation import between
 from mechcore.records import dataclass
@@ -21,7 +21,7 @@ from mechcore.spec.mechanism import Mechanism
 from mechcore.texts import Text, UnitSystem, as_angle, as_coordinate, as_length
 
 MOST_SOLVED = 100_000  # limit positions times links that are solved for again
-MOST_TOLD = 12  # different limit positions of a joint; of more, as machines have them that draw, the outermost two
+MOST_REPORTED = 12  # different limit positions of a joint; of more, as machines have them that draw, the outermost two
 MOST_BOUNDARIES = 10_000  # of the zones of a drive's law in a run
 POOR = 30.0
 """Transmission angle [degrees] below which a linkage runs badly (textbooks say 30 to 45)."""
@@ -182,12 +182,12 @@ def _limits(motion: Motion) -> Iterator[Event]:
     for joint, times, values in limit_positions(motion):
         rows = motion.coordinate(joint)
         moving = np.flatnonzero(np.abs(rows[:, 1]) > REST * np.abs(rows[:, 1]).max(initial=0.0))
-        just_before = times - 1e-7 * np.ptp(motion.time)  # at the joint of two laws there is no acceleration that would tell
+        just_before = times - 1e-7 * np.ptp(motion.time)  # at the joint of two laws there is no acceleration to decide by
         ends = rows[moving[np.searchsorted(motion.time[moving], just_before) - 1], 1] > 0.0
-        told, count = list(range(len(times))), ""
-        if len(times) > MOST_TOLD and len(np.unique(np.round(values / np.ptp(rows[:, 0]), 6))) > MOST_TOLD:
-            told, count = sorted({int(np.argmin(values)), int(np.argmax(values))}), f" of {len(times)}"
-        for k in told:
+        reported, count = list(range(len(times))), ""
+        if len(times) > MOST_REPORTED and len(np.unique(np.round(values / np.ptp(rows[:, 0]), 6))) > MOST_REPORTED:
+            reported, count = sorted({int(np.argmin(values)), int(np.argmax(values))}), f" of {len(times)}"
+        for k in reported:
             side = "largest" if ends[k] else "smallest"
             words = f"limit position: coordinate {side}{count}, {_words(motion, joint, values[k])}"
             yield Event(float(times[k]), "INFO", joint, _placed(words, motion, float(times[k])), float(values[k]))
@@ -224,7 +224,7 @@ def _drive_events(motion: Motion) -> Iterator[Event]:
         breaks = np.asarray(drive.law.breaks, float)
         count = float(np.floor(last / drive.law.duration)) + 1.0
         if count * max(len(breaks), 1) > MOST_BOUNDARIES:
-            words = f"{count * max(len(breaks), 1):.3g} zone boundaries of the drive's law are passed: too many to be told"
+            words = f"{count * max(len(breaks), 1):.3g} zone boundaries of the drive's law are passed: too many to list"
             yield Event(first, "INFO", drive.joint, words)
             continue
         cycles = np.arange(int(count))
@@ -273,10 +273,10 @@ def _extremes(motion: Motion) -> Iterator[Event]:
         yield from _ratios(motion, asked)
     if "curvature" in asked:
         for link, point in motion.mechanism.traced:
-            t, bend = peak(motion, partial(_bend, link, point))
-            if np.isfinite(t) and bend > 0.0:
-                text = f"sharpest bend of the path of {link}.{point}, radius {as_length(1.0 / bend, 5)}"
-                yield Event(t, "INFO", f"{link}.{point}", text, bend)
+            t, value = peak(motion, partial(_curvature, link, point))
+            if np.isfinite(t) and value > 0.0:
+                text = f"sharpest bend of the path of {link}.{point}, radius {as_length(1.0 / value, 5)}"
+                yield Event(t, "INFO", f"{link}.{point}", text, value)
 
 
 def _ratios(motion: Motion, asked: Sequence[str]) -> Iterator[Event]:
@@ -311,7 +311,7 @@ def _toggles(motion: Motion, joint: str) -> Iterator[Event]:
 
     def rows(m: Motion) -> Real:
         """The ratio and its rate in time: the second derivative by the drive times the drive's speed."""
-        unit = per_unit(m).coordinate(joint)
+        unit = per_unit_drive_speed(m).coordinate(joint)
         return np.stack([unit[:, 1], unit[:, 2] * m.drives[0][1]], axis=-1)
 
     own = rows(motion)
@@ -330,14 +330,14 @@ def _squared_cosine(joint: str, m: Motion) -> Real:
 
 
 def _ratio(joint: str, m: Motion) -> Real:
-    return per_unit(m).coordinate(joint)[:, 1]
+    return per_unit_drive_speed(m).coordinate(joint)[:, 1]
 
 
 def _squared_ratio(joint: str, m: Motion) -> Real:
     return np.asarray(_ratio(joint, m) ** 2)
 
 
-def _bend(link: str, point: str, m: Motion) -> Real:
+def _curvature(link: str, point: str, m: Motion) -> Real:
     return np.asarray(np.abs(curvature(m, link, point)))
 
 

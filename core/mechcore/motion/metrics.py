@@ -19,7 +19,7 @@ from numpy.polynomial import chebyshev
 from mechcore.arrays import Complex, Plane, Real
 from mechcore.kinematics.model import Model
 from mechcore.kinematics.rates import Rates
-from mechcore.kinematics.state import Patch
+from mechcore.kinematics.state import Interpolant
 from mechcore.motion.motion import Motion
 from mechcore.records import dataclass
 
@@ -45,21 +45,23 @@ def over_parts(compute: Callable[..., T]) -> Callable[..., T]:
     return joined
 
 
-def per_unit(motion: Motion) -> Motion:
+def per_unit_drive_speed(motion: Motion) -> Motion:
     """The same positions moved by the first drive at unit speed, all others at rest, without acceleration."""
     zero = np.zeros(motion.frames)
     drives = [(d[0], zero + (1.0 if i == 0 else 0.0), zero) for i, d in enumerate(motion.drives)]
-    patches: dict[int, list[Patch]] = {}
+    interpolants: dict[int, list[Interpolant]] = {}
     with np.errstate(divide="ignore", invalid="ignore"):
-        for block, given in (motion.patches or {}).items():
-            for patch in given:  # frames next to a change point: from rates in time to derivatives by the drive
-                v, a = (np.broadcast_to(motion.drives[0][k], motion.frames)[patch.frames, None] for k in (1, 2))
-                first = patch.first / v
-                patches.setdefault(block, []).append(replace(patch, first=first, second=(patch.second - first * a) / v**2))
-    return Motion(motion.model, motion.time, drives, motion.state, motion.angles, patches, accuracy=motion.accuracy)
+        for block, given in (motion.interpolants or {}).items():
+            for interpolant in given:  # frames next to a change point: from rates in time to derivatives by the drive
+                v, a = (np.broadcast_to(motion.drives[0][k], motion.frames)[interpolant.frames, None] for k in (1, 2))
+                first = interpolant.first / v
+                interpolants.setdefault(block, []).append(
+                    replace(interpolant, first=first, second=(interpolant.second - first * a) / v**2)
+                )
+    return Motion(motion.model, motion.time, drives, motion.state, motion.angles, interpolants, accuracy=motion.accuracy)
 
 
-def answered(answer: str, m: Model) -> list[Any]:
+def metric_items(answer: str, m: Model) -> list[Any]:
     """Subjects of an answer: names of joints or blocks, or pairs of links; known before it is computed."""
     match answer:
         case "transmission_angle":
@@ -80,7 +82,7 @@ def answered(answer: str, m: Model) -> list[Any]:
 def relative_turns(motion: Motion) -> dict[tuple[str, str], tuple[Real, Complex]]:
     """Of every two links, per unit of the first drive: how much faster the first turns (F,), 0 where that is rounding, and the
     velocity (F,) of the second relative to the first at the world's origin. Their quotient is the instant centre."""
-    unit = per_unit(motion)
+    unit = per_unit_drive_speed(motion)
     m, n = motion.model, motion.frames
     rates: Rates = unit.speeds
     turns = [np.broadcast_to(np.asarray(rates.angular[m.angles.rotation_class[k]], float), n) for k in range(len(m.links))]
@@ -123,8 +125,8 @@ def transmission_angles(motion: Motion) -> dict[str, Real]:
 
 def velocity_ratios(motion: Motion) -> dict[str, Real]:
     """Rate of every joint's coordinate per unit rate of the first drive (F,) [rad/rad, m/rad ...]."""
-    unit = per_unit(motion)
-    return {name: unit.coordinate(name)[:, 1] for name in answered("velocity_ratio", motion.model)}
+    unit = per_unit_drive_speed(motion)
+    return {name: unit.coordinate(name)[:, 1] for name in metric_items("velocity_ratio", motion.model)}
 
 
 def mechanical_advantage(motion: Motion) -> dict[str, Real]:
@@ -134,7 +136,7 @@ def mechanical_advantage(motion: Motion) -> dict[str, Real]:
     """
     ratios = velocity_ratios(motion)
     with np.errstate(divide="ignore"):
-        return {name: 1.0 / np.abs(ratios[name]) for name in answered("mechanical_advantage", motion.model)}
+        return {name: 1.0 / np.abs(ratios[name]) for name in metric_items("mechanical_advantage", motion.model)}
 
 
 @over_parts
@@ -143,7 +145,7 @@ def curvature(motion: Motion, link: str, point: str) -> Real:
 
     (x' y'' - y' x'') / (x'^2 + y'^2)^(3/2), with derivatives by the drive's coordinate.
     """
-    unit = per_unit(motion)
+    unit = per_unit_drive_speed(motion)
     v, a = unit.point(link, point, 1), unit.point(link, point, 2)
     with np.errstate(divide="ignore", invalid="ignore"):
         return np.asarray((v[:, 0] * a[:, 1] - v[:, 1] * a[:, 0]) / np.hypot(v[:, 0], v[:, 1]) ** 3)
@@ -253,8 +255,8 @@ def _highest(values: Real) -> float:
     if not np.isfinite(values).all():
         return np.nan
     coefficients = FIT @ values
-    bends = chebyshev.chebroots(chebyshev.chebder(coefficients)) if np.ptp(values) > 0.0 else np.zeros(1)
-    inside = bends.real[(np.abs(bends.imag) < 1e-6) & (np.abs(bends.real) < 1.0)]
+    extremes = chebyshev.chebroots(chebyshev.chebder(coefficients)) if np.ptp(values) > 0.0 else np.zeros(1)
+    inside = extremes.real[(np.abs(extremes.imag) < 1e-6) & (np.abs(extremes.real) < 1.0)]
     places = np.concatenate([[-1.0], inside, [1.0]])
     return float(places[np.argmax(chebyshev.chebval(places, coefficients))])
 

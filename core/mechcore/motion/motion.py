@@ -18,7 +18,7 @@ from mechcore.kinematics.columns import Columns, Vectors, all_columns, all_vecto
 from mechcore.kinematics.model import Model
 from mechcore.kinematics.program import VectorSum
 from mechcore.kinematics.rates import Rates, accelerations, velocities
-from mechcore.kinematics.state import Patch, State, value
+from mechcore.kinematics.state import Interpolant, State, value
 from mechcore.numerics.frames import QUIET, added, lazy, nothing, rows_of, stacked, summed
 from mechcore.numerics.interpolation import differentiate
 from mechcore.spec.mechanism import Mechanism
@@ -45,7 +45,7 @@ class Motion:
         drives: Sequence[tuple[Real, Real | float, Real | float]],
         state: State,
         angles: LinkAngles,
-        patches: Mapping[int, Sequence[Patch]] | None = None,
+        interpolants: Mapping[int, Sequence[Interpolant]] | None = None,
         singular_points: Sequence[SingularPoint] = (),
         again: Callable[[Real], Motion] | None = None,
         accuracy: Accuracy = DEFAULT,
@@ -57,7 +57,7 @@ class Motion:
         self.state = state
         self.angles = angles  # of the links, continuous from the start pose
         self.states: dict[str, Real] = {}  # of effects that integrate over the time of a motion under forces
-        self.patches = patches
+        self.interpolants = interpolants
         self.again = again  # the same motion at other times, where laws lead it
         self.accuracy = accuracy
         self._program = None if by_c is None else by_c[0]  # compiled, in place of numpy
@@ -81,7 +81,7 @@ class Motion:
     def over_parts(self, compute: Callable[..., T], *values: Any) -> T:
         """``compute(part, *values)``, values (F, ...) being those of the part's frames, put together frame by frame.
 
-        What is computed is an array (F, ...), or a dictionary or a dataclass of such.
+        The result is an array (F, ...), or a dictionary or a dataclass of such.
         """
         return compute(self, *values)
 
@@ -196,7 +196,9 @@ class Motion:
             return self._rates.speeds
         rates = [d[1] for d in self._drives]
         with np.errstate(**QUIET):
-            return velocities(self.model, self.loop_vectors, self.columns, rates, self.patches, self.state.bends).determined()
+            return velocities(
+                self.model, self.loop_vectors, self.columns, rates, self.interpolants, self.state.curve_values
+            ).determined()
 
     @lazy
     def _rates(self) -> CompiledRates:
@@ -217,7 +219,7 @@ class Motion:
             return self._rates.accelerations
         rates = [d[2] for d in self._drives]
         with np.errstate(**QUIET):  # at a singular position rates are infinite, or not determined
-            return accelerations(self.model, self.loop_vectors, self.columns, self.speeds, rates, self.patches).determined()
+            return accelerations(self.model, self.loop_vectors, self.columns, self.speeds, rates, self.interpolants).determined()
 
     # -- plane vectors as complex numbers, links and joints as indices ------------------------------------------------
     def rotation(self, k: int) -> Plane:
@@ -413,7 +415,7 @@ def _numerical_rates(motion: Motion, derivative: int) -> Rates:
     """
     model, accuracy = motion.model, motion.accuracy
     drives = [d[derivative] for d in motion.drives]
-    rates = Rates(model, drives, motion.state.bends if derivative == 1 else None, None if derivative == 1 else motion.speeds)
+    rates = Rates(model, drives, motion.state.curve_values if derivative == 1 else None, None if derivative == 1 else motion.speeds)
     drawn = accuracy.differentiation == "graphical"
     order = 2 if drawn else accuracy.differences
 

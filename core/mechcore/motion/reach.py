@@ -1,9 +1,9 @@
-"""Where a mechanism can be assembled: the reachable range of its drive; and elsewhere, by how much the links of a group miss each
-other.
+"""Where a mechanism can be assembled: the reachable range of its drive; elsewhere the closure
+error of a group.
 
-The miss is the least distance by which one joint of the group has to stay open while all its others are closed: so much longer or
-shorter one link next to it has to be. Dyads have closed forms for it; in any other group each joint is opened in turn and the
-distance minimised by the method of Levenberg and Marquardt from many starts.
+The closure error is the least distance by which one joint of the group has to stay open while all its others are closed: so much
+longer or shorter one link next to it has to be. Dyads have closed forms for it; in any other group each joint is opened in turn and
+the distance minimised by the method of Levenberg and Marquardt from many starts.
 """
 
 from __future__ import annotations
@@ -19,10 +19,10 @@ from mechcore.arrays import Flags, Index, Real, Values, ascending
 from mechcore.branches.assembly import Assembly
 from mechcore.branches.modes import TWO_MODES
 from mechcore.branches.paths import branch_by_drive, branch_path, largest_steps
-from mechcore.branches.singular_points import flat_instants, rounding_of
+from mechcore.branches.singular_points import dead_point_instants, rounding_of
 from mechcore.constants import TURN
 from mechcore.kinematics.model import Model
-from mechcore.kinematics.positions import dead_point_margin, equations, gap, place, place_all
+from mechcore.kinematics.positions import dead_point_margin, equations, group_closure_error, place, place_all
 from mechcore.kinematics.program import Block
 from mechcore.kinematics.state import State, initial_state
 from mechcore.motion.compiled import Compiled, follow
@@ -62,8 +62,8 @@ def _ranges(compiled: Compiled, samples: int) -> list[tuple[float, float]]:
         branch = branch_by_drive(model, compiled.assembly, compiled.start[1:])
         path = branch_path(branch, q0, q0 - full, q0 + full, float(largest_steps(model)[0]))
         low, high = path.continuation.ends
-        low = max([low, *(end for _, end, _ in path.gaps if end < q0)])
-        high = min([high, *(start for start, _, _ in path.gaps if start > q0)])
+        low = max([low, *(end for _, end, _ in path.unreachable if end < q0)])
+        high = min([high, *(start for start, _, _ in path.unreachable if start > q0)])
         if rotary and low <= q0 - full and high >= q0 + full:  # with a limit on one side it comes back to another mode after a turn
             low, high = q0 - half, q0 + half
         if not model.mechanism.ends:
@@ -85,12 +85,12 @@ def _ranges(compiled: Compiled, samples: int) -> list[tuple[float, float]]:
         return np.asarray(fits & within_slots(motion), bool)
 
     grid = np.linspace(low, high, samples)
-    state, gaps = solved(grid).state, [grid]
+    state, places = solved(grid).state, [grid]
     for block in model.blocks:
-        if block.kind in TWO_MODES:  # gaps that are narrower than the grid
-            for start, end in flat_instants(model, block, state, grid, np.zeros(len(grid), bool), rounding_of(model))[1]:
-                gaps.append(np.clip([start, 0.5 * (start + end), end], low, high))
-    grid = ascending(np.concatenate(gaps))
+        if block.kind in TWO_MODES:  # unreachable ranges narrower than the grid
+            for start, end in dead_point_instants(model, block, state, grid, np.zeros(len(grid), bool), rounding_of(model))[1]:
+                places.append(np.clip([start, 0.5 * (start + end), end], low, high))
+    grid = ascending(np.concatenate(places))
     ok = assembled(grid)
     edges = np.flatnonzero(ok[1:] != ok[:-1])
     before, after = grid[edges].copy(), grid[edges + 1].copy()
@@ -156,14 +156,14 @@ def range_beside(compiled: Compiled, time: Real) -> tuple[float, float] | None:
 def _least(rows: Real) -> Real:
     """Least values of smooth functions sampled evenly, (..., t) -> (...), between the samples too: of the parabola there."""
     before, here, after = rows[..., :-2], rows[..., 1:-1], rows[..., 2:]
-    slope, bend = 0.5 * (after - before), after - 2.0 * here + before
+    slope, curvature = 0.5 * (after - before), after - 2.0 * here + before
     with np.errstate(divide="ignore", invalid="ignore"):
-        dip = np.where((bend > 0.0) & (np.abs(slope) <= bend), here - 0.5 * slope**2 / bend, here)
+        dip = np.where((curvature > 0.0) & (np.abs(slope) <= curvature), here - 0.5 * slope**2 / curvature, here)
     return np.asarray(np.minimum(rows.min(axis=-1), dip.min(axis=-1)))
 
 
 @dataclass(frozen=True)
-class Escape:
+class SlotOverrun:
     """A pin or slider beyond an end of its slot or guide: the joint, that end's coordinate [m], how far it goes beyond [m], at
     which frames (F,), and when it is farthest [s], which may be between two frames."""
 
@@ -203,7 +203,7 @@ def within_slots(motion: Motion) -> Flags:
     return within
 
 
-def escapes(motion: Motion) -> list[Escape]:
+def slot_overruns(motion: Motion) -> list[SlotOverrun]:
     """Where a motion carries pins and sliders beyond their ends, between its frames too."""
     slack, beyond_ends = SLACK * motion.model.length_scale, []
     for joint, end, excess in _excesses(motion):
@@ -215,50 +215,50 @@ def escapes(motion: Motion) -> list[Escape]:
         if not outside.any() and beyond > -step:  # perhaps between two frames
             time, beyond = peak(motion, excess)
         if beyond > slack:
-            beyond_ends.append(Escape(joint, end, beyond, outside, time))
+            beyond_ends.append(SlotOverrun(joint, end, beyond, outside, time))
     return beyond_ends
 
 
 MOST_FRAMES = 25  # at which groups without a closed form are looked at, and again next to the worst of them
 STARTS = 32
 ITERATIONS = 60
-WEIGHT = 1e3  # of the closed joints against the open one: their gaps stay below 1e-6 of its
+WEIGHT = 1e3  # of the closed joints against the open one: their closure errors stay below 1e-6 of its
 
 
-def greatest_miss(assembly: Assembly, block: Block, motion: Motion, failed: Flags) -> float:
+def greatest_closure_error(assembly: Assembly, block: Block, motion: Motion, failed: Flags) -> float:
     """By how much the links of a block miss each other at ``failed`` frames (F,) at the most [m]; 0 where they would meet, infinite
     where more than one joint has to stay open."""
 
-    def misses(at: Motion) -> Real:
-        return np.broadcast_to(gap(at.model, block, at.state), at.frames)
+    def errors(at: Motion) -> Real:
+        return np.broadcast_to(group_closure_error(at.model, block, at.state), at.frames)
 
     if block.kind != "general":
-        at_frames = float(np.fmax.reduce(np.where(failed, misses(motion), 0.0), initial=0.0))
-        return float(np.fmax(at_frames, peak(motion, misses)[1])) if at_frames else 0.0
+        at_frames = float(np.fmax.reduce(np.where(failed, errors(motion), 0.0), initial=0.0))
+        return float(np.fmax(at_frames, peak(motion, errors)[1])) if at_frames else 0.0
     frames = np.flatnonzero(failed)
     first, last, greatest = 0, len(frames) - 1, 0.0
     while True:
         chosen = np.unique(np.linspace(first, last, MOST_FRAMES).astype(int))
         drives = [np.broadcast_to(d[0], motion.frames)[frames[chosen], None] for d in motion.drives]
-        misses_there = _misses(motion.model, assembly, block, drives)
-        greatest, k = max(greatest, float(misses_there.max())), int(np.argmax(misses_there))
+        sampled = _least_closure_errors(motion.model, assembly, block, drives)
+        greatest, k = max(greatest, float(sampled.max())), int(np.argmax(sampled))
         if len(chosen) < MOST_FRAMES or greatest == np.inf:
             return greatest
         first, last = int(chosen[max(k - 1, 0)]), int(chosen[min(k + 1, len(chosen) - 1)])
 
 
-def _misses(model: Model, assembly: Assembly, block: Block, drives: Sequence[Real]) -> Real:
-    """`least_miss` (F,) at drives (F, 1), 0 where the groups before it cannot be assembled."""
+def _least_closure_errors(model: Model, assembly: Assembly, block: Block, drives: Sequence[Real]) -> Real:
+    """`least_closure_error` (F,) at drives (F, 1), 0 where the groups before it cannot be assembled."""
     state = initial_state(model, drives, assembly.constants, assembly.starts)
     with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
         for b, mode in zip(model.blocks, assembly.modes, strict=True):
             if b is block:
                 break
             place(model, b, state, mode, assembly.starts.get(b.name))
-        return np.nan_to_num(least_miss(model, block, state), nan=0.0, posinf=np.inf)
+        return np.nan_to_num(least_closure_error(model, block, state), nan=0.0, posinf=np.inf)
 
 
-def least_miss(model: Model, block: Block, state: State) -> Real:
+def least_closure_error(model: Model, block: Block, state: State) -> Real:
     """By how much the links of a general block miss each other [m] (F,), 0 where they meet; infinite where more than one joint has
     to stay open. Needs the earlier blocks in ``state``, at drives (F, 1)."""
     rng = np.random.default_rng(1)

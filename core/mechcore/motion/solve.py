@@ -15,7 +15,7 @@ from mechcore.arrays import Flags, Real
 from mechcore.branches.assembly import Assembly, assemble, fitting_statements
 from mechcore.branches.modes import at_sketch, other_modes, sketched_drives
 from mechcore.branches.paths import BranchPath, Waypoint, travel_of
-from mechcore.branches.singular_points import MISS, SingularPoints, find_singular_points
+from mechcore.branches.singular_points import CLOSURE_LIMIT, SingularPoints, find_singular_points
 from mechcore.branches.unwrapped import UnwrappedAngles, raw_angles, start_pose
 from mechcore.compiled.motion import Executor
 from mechcore.compiled.toolchain import required_compiler
@@ -28,7 +28,7 @@ from mechcore.laws.timed import ConstantSpeed
 from mechcore.motion.compiled import Compiled, drive_values, follow, place
 from mechcore.motion.events import at_drive, runs
 from mechcore.motion.motion import Motion
-from mechcore.motion.reach import Escape, escapes, greatest_miss, range_beside, reachable_ranges
+from mechcore.motion.reach import SlotOverrun, greatest_closure_error, range_beside, reachable_ranges, slot_overruns
 from mechcore.motion.structure import gruebler, rank_mobility
 from mechcore.numerics.frames import keep_freed_memory
 from mechcore.spec.mechanism import Mechanism, PinSlot, Prismatic
@@ -126,18 +126,18 @@ def solve_motion(
     time = np.atleast_1d(np.asarray(time, float))
     values = drive_values(model.mechanism, time, drives)
     if not given and len(time):
-        _check_way(compiled, [v[0] for v in values])
+        _check_direction(compiled, [v[0] for v in values])
     motion, path, parameter, singular_points = place(compiled, time, values, given=given)
-    if motion.patches or not _all_placed(model, motion):
+    if motion.interpolants or not _all_placed(model, motion):
         faults = _faults(compiled, motion, path, parameter, time)
         if faults:
             raise MechanismError(faults)
-    if path is not None and parameter is not None and path.gaps and not given and len(time):
-        _check_gaps_on(compiled, path, time, parameter)
-    if not given and singular_points is not None and singular_points.gaps:
-        _check_gaps(compiled, singular_points, time)
+    if path is not None and parameter is not None and path.unreachable and not given and len(time):
+        _check_reachable_on(compiled, path, time, parameter)
+    if not given and singular_points is not None and singular_points.unreachable:
+        _check_reachable(compiled, singular_points, time)
     if len(time) and model.mechanism.ends:
-        out = [_out_of_slot(compiled, motion, escape) for escape in escapes(motion)]
+        out = [_out_of_slot(compiled, motion, overrun) for overrun in slot_overruns(motion)]
         if out:
             raise MechanismError(out)
     if not given and not model.mechanism.led and len(time) and (model.mechanism.loads or model.mechanism.effects):
@@ -153,7 +153,7 @@ def _check_statics(motion: Motion) -> None:
         raise MechanismError(Fault("drives", why, "Add a joint or a drive that holds it, or let it stand in another position."))
 
 
-def _check_way(compiled: Compiled, positions: Sequence[Real]) -> None:
+def _check_direction(compiled: Compiled, positions: Sequence[Real]) -> None:
     """Drives that go on for so many turns that nobody would wait for all the change points and angles that they pass."""
     near = compiled.near
     for q in positions:
@@ -177,21 +177,21 @@ def _check_way(compiled: Compiled, positions: Sequence[Real]) -> None:
             raise MechanismError(Fault(f"joints.{drive.joint}.drive", why, "Run fewer cycles, or give it a shorter travel."))
 
 
-def _check_gaps(compiled: Compiled, singular_points: SingularPoints, time: Real) -> None:
+def _check_reachable(compiled: Compiled, singular_points: SingularPoints, time: Real) -> None:
     """No stretch between the frames, however short, may be one that cannot be assembled."""
-    for gap in singular_points.gaps_within(float(np.min(time)), float(np.max(time))):
-        motion = follow(compiled, np.linspace(gap.start, gap.end, 101))
+    for unreachable in singular_points.unreachable_within(float(np.min(time)), float(np.max(time))):
+        motion = follow(compiled, np.linspace(unreachable.start, unreachable.end, 101))
         faults = _faults(compiled, motion, None, None, time)
         if faults:
             raise MechanismError(faults)
 
 
-def _check_gaps_on(compiled: Compiled, path: BranchPath, time: Real, parameter: Real) -> None:
+def _check_reachable_on(compiled: Compiled, path: BranchPath, time: Real, parameter: Real) -> None:
     """No stretch of a path between the frames, however short, may be one that cannot be assembled."""
     low, high = float(np.min(parameter)), float(np.max(parameter))
     if not path.by_time:
         low, high, _ = travel_of(compiled.mechanism.drives[0].law, float(np.min(time)), float(np.max(time)))
-    for start, end, _ in path.gaps:
+    for start, end, _ in path.unreachable:
         period = path.period
         shift = 0.0 if period is None else period * np.ceil((low - end) / period)
         if start + shift >= high or end + shift <= low:
@@ -216,17 +216,17 @@ def _faults(compiled: Compiled, motion: Motion, path: BranchPath | None, paramet
     failed = np.zeros(motion.frames, bool)
     followed = set() if path is None else {b.name for b in path.model.blocks if b.kind == "general"}
     for block in model.blocks:
-        if block.redundant or motion.patches:  # where a branch was interpolated, too, the loops have to close
-            miss = np.zeros(motion.frames)
+        if block.redundant or motion.interpolants:  # where a branch was interpolated, too, the loops have to close
+            error = np.zeros(motion.frames)
             for c in block.loops:
-                miss = np.maximum(miss, np.abs(motion.closure_error(c)))
-            bad = ~(miss <= max(1e-9, 10.0 * compiled.accuracy.position) * model.length_scale) & ~failed
-            worst = float(np.fmax.reduce(np.where(bad, miss, 0.0), initial=0.0))
+                error = np.maximum(error, np.abs(motion.closure_error(c)))
+            bad = ~(error <= max(1e-9, 10.0 * compiled.accuracy.position) * model.length_scale) & ~failed
+            worst = float(np.fmax.reduce(np.where(bad, error, 0.0), initial=0.0))
         else:
             bad = ~_placed(model, block, motion) & ~failed
             if block.name in followed and path is not None and parameter is not None:
                 bad |= ~path.reached(parameter) & ~failed
-            worst = greatest_miss(compiled.assembly, block, motion, bad) if bad.any() else 0.0
+            worst = greatest_closure_error(compiled.assembly, block, motion, bad) if bad.any() else 0.0
         if bad.any():
             loose = path is not None and block.name in path.continuation.loose
             faults.append(_out_of_reach(compiled, block, motion, bad, worst, time, loose=loose))
@@ -254,17 +254,17 @@ def _placed(model: Model, block: Block, motion: Motion) -> Flags:
     return ok
 
 
-def _out_of_reach(compiled: Compiled, block: Block, motion: Motion, bad: Flags, miss: float, time: Real, *, loose: bool) -> Fault:
+def _out_of_reach(compiled: Compiled, block: Block, motion: Motion, bad: Flags, error: float, time: Real, *, loose: bool) -> Fault:
     """Words for a group that cannot be put together at some frames of a run over ``time``, its links missing each other by
-    ``miss`` [m] at the most."""
+    ``error`` [m] at the most."""
     model = compiled.model
     remedy = "Change the length of one of its links by more than that"
     words = f"cannot be assembled{_ranges(motion, bad)}"
-    if miss == np.inf:
+    if error == np.inf:
         words += ": its links miss each other, and not at one joint alone."
         remedy = "Change the lengths of several of its links"
-    elif miss > MISS * model.length_scale:
-        words += f": its links miss each other by up to {as_length(miss)}."
+    elif error > CLOSURE_LIMIT * model.length_scale:
+        words += f": its links miss each other by up to {as_length(error)}."
     elif loose:
         words += ": the group comes to a position with more than one freedom, from which the drive alone does not lead on."
     else:
@@ -298,17 +298,17 @@ def _in_other_mode(compiled: Compiled, block: Block, time: Real) -> str:
     return ""
 
 
-def _out_of_slot(compiled: Compiled, motion: Motion, escape: Escape) -> Fault:
+def _out_of_slot(compiled: Compiled, motion: Motion, overrun: SlotOverrun) -> Fault:
     """Words for a pin or slider that would leave its slot, guide or cylinder."""
-    joint = next(joint for joint in compiled.mechanism.joints if joint.name == escape.joint)
+    joint = next(joint for joint in compiled.mechanism.joints if joint.name == overrun.joint)
     what = {PinSlot: "the pin leaves its slot", Prismatic: "the slider leaves its guide"}.get(type(joint), "it leaves its stroke")
     longer = {PinSlot: "the slot", Prismatic: "the guide"}.get(type(joint), "it")
-    frames = _ranges(motion, escape.frames)  # none where it is between two of them
-    where = frames if escape.frames.any() else f" ({at_drive(motion, escape.time)})"
-    far = f"up to {as_length(escape.beyond)} beyond the end at {as_length(escape.end)}"
+    frames = _ranges(motion, overrun.frames)  # none where it is between two of them
+    where = frames if overrun.frames.any() else f" ({at_drive(motion, overrun.time)})"
+    far = f"up to {as_length(overrun.beyond)} beyond the end at {as_length(overrun.end)}"
     words = f"{what}{where}: it would go {far}."
-    within = _within_reach(compiled, motion, escape.frames, motion.time)
-    return Fault(f"joints.{escape.joint}", words, f"Give {longer} a greater length{within}.")
+    within = _within_reach(compiled, motion, overrun.frames, motion.time)
+    return Fault(f"joints.{overrun.joint}", words, f"Give {longer} a greater length{within}.")
 
 
 def _ranges(motion: Motion, bad: Flags) -> str:

@@ -252,7 +252,7 @@ def loop_joints(model: Model) -> tuple[tuple[str, ...], ...]:
 
 def redundant_joints(model: Model) -> tuple[str, ...]:
     """Joints at which constraints are left over: their reactions are not determined by statics alone."""
-    names = [model.joints[j].name for j in model.angles.spare]
+    names = [model.joints[j].name for j in model.angles.redundant]
     names += [b.name for b in model.blocks if b.redundant]
     return tuple(dict.fromkeys(names))
 
@@ -343,12 +343,12 @@ def _tied(motion: Motion, relation: Relation, number: int, frame: int) -> tuple[
 
     total, squares = rates(relation.angles, relation.slides), ""
     if relation.curve is not None:
-        _, slope, bend = (float(np.broadcast_to(b, motion.frames)[frame]) for b in motion.state.bends[number])
+        _, slope, second = (float(np.broadcast_to(b, motion.frames)[frame]) for b in motion.state.curve_values[number])
         inner = list(rates(relation.curve.angles, relation.curve.slides).items())
         for i, (name, c) in enumerate(inner):
             total[name] = total.get(name, 0.0) + slope * c
-            squares += _term(bend * c * c, f"{name}^2", 0.0)
-            squares += "".join(_term(2.0 * bend * c * d, f"{name} {other}", 0.0) for other, d in inner[i + 1 :])
+            squares += _term(second * c * c, f"{name}^2", 0.0)
+            squares += "".join(_term(2.0 * second * c * d, f"{name} {other}", 0.0) for other, d in inner[i + 1 :])
     least = 1e-12 * max((abs(c) for c in total.values()), default=0.0)
     rate = {"w": "e", "v": "a"}
     first = "".join(_term(c, name, least) for name, c in total.items())

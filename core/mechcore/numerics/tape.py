@@ -89,7 +89,7 @@ class Tape:
         has their derivatives by the unknowns, ``inverse`` (..., n, m) its inverse, or what stands for it where m > n."""
         traced = [(i, r) for i, r in enumerate(residuals) if isinstance(r, Traced)]
         shape = np.broadcast_shapes(matrix.shape[:-2], *(np.shape(r.value) for _, r in traced))
-        spare = matrix.shape[-2] > matrix.shape[-1]
+        overdetermined = matrix.shape[-2] > matrix.shape[-1]
 
         def forward(given: list[Any]) -> Any:
             known = next(d for d in given if d is not None)
@@ -98,7 +98,7 @@ class Tape:
                 if d is not None:
                     moved[..., i] = _spread(d, np.ndim(r.value), len(shape))
             solution = -(inverse @ moved[..., None])[..., 0]
-            if spare:  # equations that are left over have to move along
+            if overdetermined:  # equations that are left over have to move along
                 left = np.abs(moved + (matrix @ solution[..., None])[..., 0]).max(axis=-1, keepdims=True)
                 size = np.abs(moved).max(axis=-1, keepdims=True)
                 solution = np.where(left <= 1e-9 * size, solution, np.nan)

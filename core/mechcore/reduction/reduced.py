@@ -17,7 +17,7 @@ from mechcore.arrays import Real, Values
 from mechcore.constants import ZERO_SUM
 from mechcore.effects.base import Wrench, power_of
 from mechcore.errors import Fault, MechanismError
-from mechcore.motion.metrics import per_unit
+from mechcore.motion.metrics import per_unit_drive_speed
 from mechcore.motion.motion import Motion
 from mechcore.records import dataclass
 
@@ -60,7 +60,7 @@ def reduce_mechanism(motion: Motion, link: str, point: str | None = None, loads:
     if link not in model.index or (point is not None and point not in model.points[model.index[link]]):
         what = f"'{link}'" if point is None else f"'{link}.{point}'"
         raise MechanismError(Fault("reduced", f"there is no link or point {what}.", "Name a link, or link and point."))
-    unit = per_unit(motion)
+    unit = per_unit_drive_speed(motion)
     first, second = _derivatives(unit)
     energy: Values = np.zeros(motion.frames)  # sum m |S'|^2 + J theta'^2 and its derivative by q
     bend: Values = np.zeros(motion.frames)
@@ -168,7 +168,7 @@ class Resultant:
 def resultant(points: ArrayLike, forces: ArrayLike, couples: ArrayLike | None = None) -> Resultant:
     """The resultant of a force system: a single force on its line of action, a couple, or equilibrium.
 
-    The line is at the distance M / R of the point to which the system was reduced. What is left of forces that cancel counts
+    The line is at the distance M / R of the point to which the system was reduced. The remainder of forces that cancel counts
     as zero
     below 1e-12 of their sum, moments below 1e-12 of the sum of forces times the system's extent.
     """

@@ -88,7 +88,7 @@ class Torque(_Load):
 class Spring(_Load):
     """A spring between two points: pull ``preload + stiffness (L - free_length)`` along their line [N], L their distance.
 
-    ``solid_length``: the distance at which its coils touch; where the points come closer an event tells.
+    ``solid_length``: the distance at which its coils touch; closer points are an event.
     """
 
     links: tuple[str, str]

@@ -295,7 +295,7 @@ class SpatialBlank:
 @dataclass(frozen=True, kw_only=True)
 class CamRating:
     """By what the contact of a cam is judged: Hertz pressure over a ``width`` [m] with Young's moduli [Pa] and Poisson's ratios of
-    cam and follower, at most ``limit`` [Pa]; a contact force of at least ``margin`` [N]. What is None is not looked at."""
+    cam and follower, at most ``limit`` [Pa]; a contact force of at least ``margin`` [N]. None: not checked."""
 
     width: float | None = None
     modulus: tuple[float, float] = (2.1e11, 2.1e11)
@@ -378,7 +378,8 @@ def friction_of(joint: Joint) -> Friction | None:
 
 
 def braked(joints: Sequence[Joint]) -> tuple[str, ...]:
-    """Names by which the friction of joints is told, whether or not the effect is named: theirs, of a screw that of its thread."""
+    """Names by which the friction of joints is reported, whether or not the effect is named: theirs, of a screw that of its
+    thread."""
     return tuple(f"{p.name}.thread" if isinstance(p, Screw) else p.name for p in joints if friction_of(p) is not None)
 
 

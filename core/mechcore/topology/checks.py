@@ -195,10 +195,10 @@ def check_lengths(
         raise MechanismError(faults)
 
 
-def check_spare_angles(m: Mechanism, turning: Angles, joints: tuple[LoopJoint, ...], ends: tuple[tuple[int, int], ...]) -> None:
+def check_redundant_angles(m: Mechanism, turning: Angles, joints: tuple[LoopJoint, ...], ends: tuple[tuple[int, int], ...]) -> None:
     """Joints that fix an angle which others have fixed already must agree with them."""
     faults = []
-    for j in turning.spare:
+    for j in turning.redundant:
         p, q = ends[j]
         if turning.rotation_class[p] != turning.rotation_class[q] or joints[j].turns:
             why = "its angle is decided twice: by its own drive or guide and by other drives."

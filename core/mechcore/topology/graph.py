@@ -28,7 +28,7 @@ class Angles:
 
     Group 0 holds the frame and is known. ``rotation_class`` numbers the sets of links that turn at exactly the same speed (same
     group and same drives); ``class_group`` and ``class_drives`` say what each of them is. ``edges`` are the joints that fix a
-    relative angle and form a forest; ``spare`` those that fix an angle which is fixed already."""
+    relative angle and form a forest; ``redundant`` those that fix an angle which is fixed already."""
 
     group: tuple[int, ...]
     offset: tuple[float, ...]
@@ -36,7 +36,7 @@ class Angles:
     class_group: tuple[int, ...]
     class_drives: tuple[tuple[tuple[int, int], ...], ...]  # (drive, sign)
     edges: tuple[int, ...]
-    spare: tuple[int, ...]
+    redundant: tuple[int, ...]
     groups: int
     classes_of: tuple[tuple[int, ...], ...]  # the rotation classes of each group
     links_of: tuple[tuple[int, ...], ...]  # the links of each group
@@ -74,7 +74,7 @@ def angles(n: int, ends: Sequence[tuple[int, int]], joints: Sequence[LoopJoint],
     group, offset = [-1] * n, [0.0] * n
     drives: list[tuple[tuple[int, int], ...]] = [()] * n
     edges: list[int] = []
-    spare: list[int] = []
+    redundant: list[int] = []
     seen: set[int] = set()
     groups = 0
     for root in range(n):
@@ -89,7 +89,7 @@ def angles(n: int, ends: Sequence[tuple[int, int]], joints: Sequence[LoopJoint],
                     continue
                 seen.add(j)
                 if group[q] >= 0:
-                    spare.append(j)
+                    redundant.append(j)
                     continue
                 edges.append(j)
                 group[q], offset[q] = group[p], offset[p] + turn
@@ -110,7 +110,7 @@ def angles(n: int, ends: Sequence[tuple[int, int]], joints: Sequence[LoopJoint],
         class_group=tuple(g for g, _ in keys),
         class_drives=tuple(d for _, d in keys),
         edges=tuple(edges),
-        spare=tuple(spare),
+        redundant=tuple(redundant),
         groups=groups,
         classes_of=tuple(map(tuple, members)),
         links_of=tuple(map(tuple, links)),

@@ -15,14 +15,14 @@ from mechcore.records import dataclass
 
 @dataclass(frozen=True)
 class Order:
-    """``blocks``: (equations, unknowns) in an order in which each needs only earlier ones. ``spare``: equations that no unknown
+    """``blocks``: (equations, unknowns) in an order in which each needs only earlier ones. ``redundant``: equations that no unknown
     is left for (redundant constraints). ``free``: unknowns that no equation is left for (freedoms without a drive).
-    ``loose``: all unknowns that cannot be found because of those (the under-determined part)."""
+    ``unmatched``: all unknowns that cannot be found because of those (the under-determined part)."""
 
     blocks: tuple[tuple[tuple[int, ...], tuple[int, ...]], ...]
-    spare: tuple[int, ...]
+    redundant: tuple[int, ...]
     free: tuple[int, ...]
-    loose: frozenset[int]
+    unmatched: frozenset[int]
 
 
 def block_order(pattern: Sequence[Sequence[int]], unknowns: int) -> Order:
@@ -33,25 +33,25 @@ def block_order(pattern: Sequence[Sequence[int]], unknowns: int) -> Order:
     for e, u in enumerate(match):
         if u >= 0:
             owner[u] = e
-    spare = tuple(e for e in range(rows) if match[e] < 0)
+    redundant = tuple(e for e in range(rows) if match[e] < 0)
     free = tuple(u for u in range(unknowns) if owner[u] < 0)
 
     appears: list[list[int]] = [[] for _ in range(unknowns)]
     for e, p in enumerate(pattern):
         for u in p:
             appears[u].append(e)
-    loose, stack = set(free), list(free)
+    unmatched, stack = set(free), list(free)
     while stack:  # whatever an alternating path reaches from a free unknown is not determined either
         for e in appears[stack.pop()]:
             u = match[e]
-            if u >= 0 and u not in loose:
-                loose.add(u)
+            if u >= 0 and u not in unmatched:
+                unmatched.add(u)
                 stack.append(u)
 
     # equation e depends on the equations that own its other unknowns
     needs = [[owner[u] for u in p if owner[u] >= 0 and owner[u] != e] if match[e] >= 0 else [] for e, p in enumerate(pattern)]
     blocks = tuple((tuple(sorted(c)), tuple(sorted(match[e] for e in c))) for c in _components(needs) if match[c[0]] >= 0)
-    return Order(blocks=blocks, spare=spare, free=free, loose=frozenset(loose))
+    return Order(blocks=blocks, redundant=redundant, free=free, unmatched=frozenset(unmatched))
 
 
 def maximum_matching(pattern: Sequence[Sequence[int]], unknowns: int) -> list[int]:

@@ -13,7 +13,7 @@ import typer
 
 from mechcore.compiled.motion import Executor
 from mechcore.compiled.toolchain import required_compiler
-from mechviz.accuracy.estimate import doubts
+from mechviz.accuracy.estimate import accuracy_warnings
 from mechviz.accuracy.fit import target_words
 from mechviz.commands.shared.messages import UNTRUSTED, fail, say
 from mechviz.progress import progress_bar
@@ -78,15 +78,15 @@ def checked(executor: Executor) -> Executor:
 
 def check_trust(run: Run, keep: bool, *, errors: bool = False) -> None:
     """Say why the results of a run cannot be trusted, and leave before anything is written, unless they are to be kept."""
-    if warn_of_doubts(run, errors=errors) and not keep:
+    if print_accuracy_warnings(run, errors=errors) and not keep:
         fail(
             "Nothing is written. Check the values of the scene against each other; --keep takes the results as they are.", UNTRUSTED
         )
 
 
-def warn_of_doubts(run: Run, *, errors: bool = False) -> bool:
-    """Say why the results of a run cannot be trusted, if so; ``errors`` as of `doubts`."""
-    reasons = doubts(run, errors=errors)
+def print_accuracy_warnings(run: Run, *, errors: bool = False) -> bool:
+    """Say why the results of a run cannot be trusted, if so; ``errors`` as of `accuracy_warnings`."""
+    reasons = accuracy_warnings(run, errors=errors)
     for words in reasons:
         say(f"not to be trusted: {words}")
     return bool(reasons)
@@ -127,7 +127,7 @@ def workers(jobs: int, dask: str | None = None) -> Iterator[tuple[Pool | None, i
 
 @contextmanager
 def _cluster(address: str) -> Iterator[tuple[Pool, int]]:
-    """The executor of a Dask cluster's client. What a lost worker had in hand Dask itself gives to another."""
+    """The executor of a Dask cluster's client. Dask gives the tasks of a lost worker to another."""
     try:
         from distributed import Client, KilledWorker
     except ImportError:

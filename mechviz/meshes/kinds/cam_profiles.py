@@ -148,7 +148,7 @@ def find_inverse(mechanism: Mechanism, parts: Builder, size: float) -> tuple[Inv
         if not isinstance(joint, CamJoint) or not joint.inverse:
             continue
         placed = by_name[joint.name]
-        low, high = placed.way
+        low, high = placed.travel
         margin = 0.06 * (high - low)
         theta = np.linspace(low - margin, high + margin, _SAMPLES)
         w = (placed.own + placed.mount * placed.cam.pitch(theta, 0)[0]) / size

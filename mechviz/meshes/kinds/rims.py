@@ -32,7 +32,7 @@ def _cutter(angle: float, tip: float) -> Polygon:
 
 
 @lru_cache(maxsize=64)
-def _gap(teeth: int, angle: float) -> Polygon:
+def _tooth_space(teeth: int, angle: float) -> Polygon:
     """The gap between two teeth, about the +x axis of the wheel."""
     radius, tool = 0.5 * teeth, _cutter(angle, DEDENDUM)
     cuts = [
@@ -51,8 +51,8 @@ def _around(shape: Polygon, count: int) -> list[Polygon]:
 def external_wheel(teeth: int, angle: float, addendum: float = ADDENDUM) -> Polygon:
     """A wheel with teeth outside, one of them about the +x axis; ``angle`` is the pressure angle [rad]."""
     blank = Point(0.0, 0.0).buffer(0.5 * teeth + addendum, quad_segs=max(16, teeth))
-    gap = affinity.rotate(_gap(teeth, angle), 180.0 / teeth, origin=(0.0, 0.0))
-    return largest(blank.difference(unary_union(_around(gap, teeth))))
+    space = affinity.rotate(_tooth_space(teeth, angle), 180.0 / teeth, origin=(0.0, 0.0))
+    return largest(blank.difference(unary_union(_around(space, teeth))))
 
 
 @lru_cache(maxsize=64)
@@ -133,13 +133,13 @@ class Loop:
         first, span, second = self.pieces
         return first + 2.0 * span + second
 
-    def at(self, way: Real) -> tuple[Complex, Real]:
+    def at(self, distance: Real) -> tuple[Complex, Real]:
         """Places in the plane [m] after any way along the belt [m], and the directions in which it runs there [rad], continuous."""
         (c1, c2), (r1, r2), leave = self.centres, self.radii, self.leave
         first, span, _ = self.pieces
         base = float(np.angle(c2 - c1))
-        rounds = np.floor(np.asarray(way, float) / self.length)
-        u = np.asarray(way, float) - rounds * self.length
+        rounds = np.floor(np.asarray(distance, float) / self.length)
+        u = np.asarray(distance, float) - rounds * self.length
         v, w = u - first - span, u - self.length + span  # along the second pulley, along the span back
         away = 2.0 * np.pi - leave  # where the first pulley is left, and the direction of the span from there
         turn = leave + np.minimum(u, first) / r1

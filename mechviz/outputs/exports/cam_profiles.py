@@ -210,10 +210,10 @@ def profile_csv(outlines: Iterable[Outline]) -> str:
 FORMATS: dict[str, Callable[[Iterable[Outline]], str]] = {"dxf": dxf_text, "svg": svg_text, "csv": profile_csv}
 
 
-def export_profiles(run: Run, path: Path | str, kind: str, tell: Callable[[str], None] = lambda _: None) -> Path:
+def export_profiles(run: Run, path: Path | str, kind: str, report: Callable[[str], None] = lambda _: None) -> Path:
     """Write the profiles of all cams of a run as "dxf", "svg" or "csv". Raises `OutputError` where there is none.
 
-    ``tell`` hears where a profile is not the one that was asked for, but what the cutter leaves of it.
+    ``report`` hears where a profile is not the one that was asked for, but what the cutter leaves of it.
     """
     outlines = cam_outlines(run)
     if not outlines and any(r.geometry is not None for r in run.motion.model.relations):
@@ -230,7 +230,7 @@ def export_profiles(run: Run, path: Path | str, kind: str, tell: Callable[[str],
     with replacing(Path(path)) as temporary:
         temporary.write_text(text, encoding="utf-8", newline="")
     for line in _differences(run):
-        tell(line)
+        report(line)
     return Path(path)
 
 
@@ -238,8 +238,8 @@ def _differences(run: Run) -> list[str]:
     """In words, where profiles differ from what their laws ask for."""
     lines: list[str] = []
     for cam in placed_cams(run.motion):
-        for first, last, at, miss in lost_ranges(cam):
-            size = as_coordinate(abs(miss), rotary=cam.arm != 0.0, digits=4)
+        for first, last, at, deviation in lost_ranges(cam):
+            size = as_coordinate(abs(deviation), rotary=cam.arm != 0.0, digits=4)
             a, b, c = (as_angle(x % (2.0 * np.pi), 4) for x in (first, last, at))
             words = (
                 f"'{cam.name}' is undercut: written is what the cutter leaves. From {a} to {b} of the cam the follower misses its "

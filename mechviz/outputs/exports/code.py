@@ -91,7 +91,7 @@ def code_of(scene: Scene, name: str) -> tuple[str, str | None]:
     drives = compiled.mechanism.drives
     try:
         if scene.simulation is not None or not drives:
-            raise Untraceable("forces decide its motion, which no function of the drives tells")
+            raise Untraceable("forces decide its motion, which is no function of the drives")
         if compiled.singular_points is not None and compiled.singular_points.points:
             raise Untraceable("its assembly modes meet at change points, between which a program would have to choose")
         written = _Written(compiled)

@@ -23,9 +23,9 @@ from mechviz.picture.proportions import (
     HEAD,
     HEAD_RADIUS,
     LEAST_ARROW,
-    LINKER,
     POT,
     SHAFT,
+    STRUT_COLOR,
     arc_corners,
     arc_faces,
     pot_length,
@@ -163,12 +163,12 @@ def _bushing(name: str, centre: Real, place: Real, angle: Real, size: float, hei
     bar = np.array([-radius - 1j * half, -radius + 1j * half, radius - 1j * half, radius + 1j * half])
     z = np.full(len(centre), height)
     return [
-        Mark(f"{name} ring", np.column_stack([centre, z]), shape=_flat(ring, ribbon_faces(RING_POINTS), LINKER)),
+        Mark(f"{name} ring", np.column_stack([centre, z]), shape=_flat(ring, ribbon_faces(RING_POINTS), STRUT_COLOR)),
         Mark(
             f"{name} cross",
             np.column_stack([place, z]),
             np.unwrap(angle),
-            shape=_flat(np.concatenate([bar, 1j * bar]), np.vstack([ribbon_faces(2), 4 + ribbon_faces(2)]), LINKER),
+            shape=_flat(np.concatenate([bar, 1j * bar]), np.vstack([ribbon_faces(2), 4 + ribbon_faces(2)]), STRUT_COLOR),
         ),
     ]
 
@@ -182,7 +182,7 @@ def _strut(name: str, a: Real, b: Real, size: float, height: float) -> list[Mark
     stub = 0.12 * pot
     turn = np.unwrap(np.arctan2(d[:, 1], d[:, 0]))
     w = POT * size
-    outer = _turned([(0.0, 0.0), (0.3 * w, 0.0), (0.3 * w, stub), (w, stub), (w, pot), (0.0, pot)], LINKER)
+    outer = _turned([(0.0, 0.0), (0.3 * w, 0.0), (0.3 * w, stub), (w, stub), (w, pot), (0.0, pot)], STRUT_COLOR)
     inner = _turned([(0.0, -(most - 0.92 * pot)), (0.35 * w, -(most - 0.92 * pot)), (0.35 * w, 0.0), (0.0, 0.0)], (150, 158, 170))
     z = np.full(len(a), height)
     return [
@@ -191,20 +191,20 @@ def _strut(name: str, a: Real, b: Real, size: float, height: float) -> list[Mark
     ]
 
 
-def _spiral(name: str, centre: Real, start: Real, wound: Real, size: float, top: float) -> Mark:
-    """A ribbon that begins at the angle ``start`` (F,) inside and is ``wound`` (F,) [rad]: morph targets between its windings."""
-    low, high = float(wound.min()), float(wound.max())
+def _spiral(name: str, centre: Real, start: Real, angle: Real, size: float, top: float) -> Mark:
+    """A ribbon that begins at the angle ``start`` (F,) inside and is ``angle`` (F,) [rad]: morph targets between its windings."""
+    low, high = float(angle.min()), float(angle.max())
     grid = np.linspace(low, high, 1 + TARGETS) if high - low > 1e-6 else np.array([low])
     part = np.linspace(0.0, 1.0, STEPS * 3)
     radius = spiral_radius(part, size)
     half = 0.5 * RIBBON * size
     edges = [np.stack([(radius + side * half) * np.exp(1j * g * part) for side in (1.0, -1.0)], axis=1).ravel() for g in grid]
-    shape = _flat(edges[0], ribbon_faces(len(part)), LINKER)
+    shape = _flat(edges[0], ribbon_faces(len(part)), STRUT_COLOR)
     places = np.column_stack([centre, np.full(len(centre), top + 0.01 * size)])
     if len(grid) == 1:
         return Mark(name, places, start, shape=shape)
     targets = np.stack([np.column_stack([(w - edges[0]).real, (w - edges[0]).imag, np.zeros(len(w))]) for w in edges[1:]])
-    at = (wound - low) / (high - low) * TARGETS  # between which two windings, and how far: a hat over each target
+    at = (angle - low) / (high - low) * TARGETS  # between which two windings, and how far: a hat over each target
     weights = np.clip(1.0 - np.abs(at[:, None] - np.arange(1, TARGETS + 1)), 0.0, 1.0)
     shape = Shape(shape.vertices, shape.normals, shape.faces, shape.color, targets)
     return Mark(name, places, start, shape=shape, weights=weights)

@@ -17,7 +17,7 @@ from mechcore.errors import Fault, MechanismError
 from mechviz.figures import DOTS, chart, chart_svg
 from mechviz.files import replacing
 from mechviz.outputs.rerun.content import model_json, scene_text
-from mechviz.quantities.catalogue import Axis, Quantity, Together
+from mechviz.quantities.catalogue import Axis, Quantity, QuantityGroup
 from mechviz.quantities.items import read_between
 from mechviz.runs import Run, package_version
 
@@ -101,7 +101,7 @@ ANGLES = (1.0, 1.5, 3.0, 4.5, 6.0, 9.0, 10.0)  # steps between ticks, times a po
 
 def plot_figure(
     title: str,
-    quantities: Sequence[Quantity | Together],
+    quantities: Sequence[Quantity | QuantityGroup],
     axis: Axis,
     others: Mapping[str, Real] | None = None,
     half: Real | None = None,
@@ -135,7 +135,7 @@ def plot_figure(
 def plot_file(
     kind: str,
     title: str,
-    quantity: Quantity | Together,
+    quantity: Quantity | QuantityGroup,
     axis: Axis,
     others: Mapping[str, Real] | None = None,
     half: Real | None = None,

@@ -1,4 +1,4 @@
-"""Chromium without a window, told what to do through a pipe (Chrome DevTools Protocol): no port, no driver, no other package."""
+"""Chromium without a window, driven through a pipe (Chrome DevTools Protocol): no port, no driver, no other package."""
 
 from __future__ import annotations
 
@@ -101,8 +101,8 @@ class Chromium:
     def _start(self, executable: str) -> None:
         """Chromium reads from its descriptor 3 and writes to 4. As root, as in most containers, it has no sandbox."""
         theirs, self._to = os.pipe()
-        self._from, answers = os.pipe()
-        high = [fcntl.fcntl(end, fcntl.F_DUPFD_CLOEXEC, 10) for end in (theirs, answers)]  # out of the way of 3 and 4
+        self._from, reply = os.pipe()
+        high = [fcntl.fcntl(end, fcntl.F_DUPFD_CLOEXEC, 10) for end in (theirs, reply)]  # out of the way of 3 and 4
 
         def connect() -> None:
             os.dup2(high[0], 3)
@@ -120,7 +120,7 @@ class Chromium:
                 start_new_session=True,  # Ctrl-C is ours: the browser is ended in order
             )
         finally:
-            for end in (theirs, answers, *high):
+            for end in (theirs, reply, *high):
                 os.close(end)
 
     def _open(self) -> None:

@@ -33,7 +33,7 @@ def write_svg(
     dark: bool = False,
     progress: Progress = quiet,
 ) -> Path:
-    """Write the drawing at a time [s]; None: where a page opens. ``progress`` is told how much is read."""
+    """Write the drawing at a time [s]; None: where a page opens. ``progress`` gets the share that is read."""
     text = svg_of(shown, time=time, width=width, height=height, dark=dark, progress=progress)
     with replacing(path) as temporary:
         temporary.write_text(text, encoding="utf-8")

@@ -28,7 +28,7 @@ GIF_RATE, VIDEO_RATE = 20, 30  # pictures a second; a GIF counts in hundredths o
 SETTLED = "new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))"
 
 Begin = Callable[[str], None]
-"""Is told what is done next."""
+"""Gets the name of the next stage."""
 
 
 @dataclass(frozen=True)
@@ -57,7 +57,7 @@ def moment(shown: Presentation, *, at: float | None = None, frame: int | None = 
 def shot(
     shown: Presentation, path: Path, look: Look, when: Moment, *, progress: Progress = quiet, begin: Begin = lambda _: None
 ) -> Path:
-    """Write a picture (PNG) of the mechanism at a moment. ``progress`` is told how much is read, ``begin`` what is done next."""
+    """Write a picture (PNG) of the mechanism at a moment. ``progress`` gets the share that is read, ``begin`` what is done next."""
     check_target(path)
     with _stage(shown, look, when.time, progress, begin) as picture, replacing(path) as temporary:
         begin("picture")
@@ -79,7 +79,7 @@ def film(
     """Write a film of the whole run, GIF or MP4 by the name's ending, ``seconds`` long at ``rate`` pictures a second.
 
     By default a cycle takes as long as in a page. MP4 needs ffmpeg. The pictures are made and written one after the other.
-    ``progress`` is told how many are made, ``reading`` before that how much is read, ``begin`` what is done next.
+    ``progress`` gets the number that are made, ``reading`` before that how much is read, ``begin`` what is done next.
     """
     check_target(path)
     gif = path.suffix.lower() == ".gif"
@@ -176,8 +176,8 @@ def _write_video(pictures: Iterator[bytes], path: Path, rate: int, ffmpeg: str) 
         "-vf", "pad=ceil(iw/2)*2:ceil(ih/2)*2", "-c:v", "libx264", "-pix_fmt", "yuv420p", "-movflags", "+faststart",
         "-f", "mp4", str(path),
     )  # fmt: skip
-    with tempfile.TemporaryFile() as told:  # not a pipe: nobody would read it while pictures are made
-        process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.DEVNULL, stderr=told, start_new_session=True)
+    with tempfile.TemporaryFile() as errors:  # not a pipe: nobody would read it while pictures are made
+        process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.DEVNULL, stderr=errors, start_new_session=True)
         assert process.stdin is not None
         try:
             try:
@@ -187,8 +187,8 @@ def _write_video(pictures: Iterator[bytes], path: Path, rate: int, ffmpeg: str) 
             except BrokenPipeError:
                 pass  # it says why
             if process.wait():
-                told.seek(0)
-                words = told.read().decode(errors="replace").strip()
+                errors.seek(0)
+                words = errors.read().decode(errors="replace").strip()
                 why = words.splitlines()[-1] if words else "it gave no reason"
                 raise OutputError(f"ffmpeg could not make the film: {why}.", "Write a .gif, which needs no ffmpeg.", 1)
         finally:

@@ -97,7 +97,7 @@ def unpack(text: str) -> tuple[dict[str, Any], list[Array]]:
 
 
 Progress = Callable[[int, int], None]
-"""Is told how much is done, and of how much."""
+"""Gets the number that is done and the total."""
 
 MOST_FRAMES = 1000
 """Frames of a page, where nothing else is asked for. The browser moves smoothly between them."""

@@ -196,7 +196,7 @@ def _read(name: str) -> str:
 
 
 SCHEMA = 2
-LEGEND = 0.15  # of the mechanism's size: about how long an arrow the legend tells the value for
+LEGEND = 0.15  # of the mechanism's size: approximate length of the arrow whose value the legend states
 ROOM = 0.3  # of the mechanism's size: most room for arrows that reach beyond the solids
 
 GROUPS = {

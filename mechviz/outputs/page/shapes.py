@@ -123,8 +123,8 @@ def _drawable(node: Node, picture: Picture, frames: Frames, pack: Pack) -> tuple
             seen = visible(vector.value, scale, size)[rows, None]
             origin, value = (np.where(seen, a[rows], np.nan) for a in (node.origin, vector.value / scale))
             radius = (THIN if family in MOTION else THICK) * size
-            starts, ways = (np.column_stack([a, np.full(len(rows), node.height)])[:, None] for a in (origin, value))
-            return _arrows(starts, ways, [FAMILIES[family].on_dark], [radius], [], pack)
+            starts, vectors = (np.column_stack([a, np.full(len(rows), node.height)])[:, None] for a in (origin, value))
+            return _arrows(starts, vectors, [FAMILIES[family].on_dark], [radius], [], pack)
         case Arc(moment=moment, group=family):
             sweep = sweep_of(node, picture.scales, size)[rows]
             strip = arc_strips(moment.origin[rows], sweep, node.height, node.radius)
@@ -160,9 +160,15 @@ def _arrows(
 ) -> tuple[Shape, Real]:
     """Arrows from ``origins`` along ``vectors`` (F, n, 3)."""
     count = origins.shape[1]
-    starts, ways = (np.asarray(a, float)[..., :2] for a in (origins, vectors))
-    shape = {"kind": "arrows", "count": count, "z": _height(origins), "origins": pack.places(starts), "vectors": pack.places(ways)}
-    return {**shape, **_look(count, colors, radii, labels)}, np.concatenate([starts, starts + ways])
+    starts, vectors = (np.asarray(a, float)[..., :2] for a in (origins, vectors))
+    shape = {
+        "kind": "arrows",
+        "count": count,
+        "z": _height(origins),
+        "origins": pack.places(starts),
+        "vectors": pack.places(vectors),
+    }
+    return {**shape, **_look(count, colors, radii, labels)}, np.concatenate([starts, starts + vectors])
 
 
 def _points(places: Any, colors: Sequence[Color], radii: Sequence[float], labels: Sequence[str], pack: Pack) -> tuple[Shape, Real]:

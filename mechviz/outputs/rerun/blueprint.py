@@ -238,9 +238,7 @@ def _plot(output: Output, times: Real | None = None, marked: tuple[float, float]
         overrides=overrides,
         axis_x=_whole_run(),
         axis_y=None if span is None else rrb.ScalarAxis(range=span),
-        plot_legend=rrb.PlotLegend(
-            corner=corner, visible=curves != 1 and not output.single
-        ),  # one curve is told by the view's name
+        plot_legend=rrb.PlotLegend(corner=corner, visible=curves != 1 and not output.single),  # one curve is named by the view
     )
 
 

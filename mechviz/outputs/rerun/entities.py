@@ -136,7 +136,7 @@ class Timelines:
 
     @classmethod
     def of(cls, run: Run) -> Timelines:
-        """The timelines of a run. Raises `RecordingError` of frames at times that cannot be told apart."""
+        """The timelines of a run. Raises `RecordingError` of frames at times that cannot be distinguished."""
         motion = run.motion
         time = _integers(motion.time * 1e9)
         if np.any(np.diff(time) <= 0):

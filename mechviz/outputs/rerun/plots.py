@@ -50,7 +50,7 @@ class Output:
     name: str
     entities: tuple[tuple[str, tuple[bool, ...]], ...]
     values: Real | None = None
-    single: bool = False  # one curve, which the view's name tells
+    single: bool = False  # one curve, named by the view
     least: float = 0.0  # curves none of which is above this are rounding
 
 

@@ -13,7 +13,7 @@ from mechviz.outputs.rerun.entities import APPLICATION
 from mechviz.outputs.rerun.rerun_adapter import send_blueprint
 from mechviz.outputs.rerun.stream_file import forget_streams
 from mechviz.studies.precision import Point
-from mechviz.studies.precision_diagram import PANEL, dials_of, draw_panel
+from mechviz.studies.precision_diagram import PANEL, draw_panel, settings_of
 
 
 def write_rrd(points: Sequence[Point], path: Path, title: str, markdown: str, target: float | None = None) -> None:
@@ -26,14 +26,14 @@ def write_rrd(points: Sequence[Point], path: Path, title: str, markdown: str, ta
     stream = rr.RecordingStream(APPLICATION, recording_id=f"accuracy-{path.stem}")
     binary = stream.binary_stream()  # a file that rerun writes itself may end in the middle without a word
     views = []
-    for dial in dials_of(points):
-        own = [p for p in points if p.dial == dial and math.isfinite(p.error)]
+    for setting in settings_of(points):
+        own = [p for p in points if p.setting == setting and math.isfinite(p.error)]
         if not own:
             continue
-        root = f"accuracy/{dial}".replace(" ", "_")
+        root = f"accuracy/{setting}".replace(" ", "_")
         with chart(*PANEL) as figure:
             axes = figure.add_subplot()
-            draw_panel(axes, dial, own, target)
+            draw_panel(axes, setting, own, target)
             picture = BytesIO()
             figure.savefig(picture, format="png", dpi=DOTS)
             figure.dpi = DOTS
@@ -53,7 +53,7 @@ def write_rrd(points: Sequence[Point], path: Path, title: str, markdown: str, ta
             stream.log(entity, look, static=True)
             stream.log(f"{entity}/error", rr.Scalars([p.error for p in some]), static=True)
             stream.log(f"{entity}/seconds", rr.Scalars([p.seconds for p in some]), static=True)
-        views.append(rrb.Spatial2DView(origin=root, name=dial, background=[255, 255, 255]))
+        views.append(rrb.Spatial2DView(origin=root, name=setting, background=[255, 255, 255]))
     stream.log("table", rr.TextDocument(f"# {title}\n\n{markdown}", media_type=rr.MediaType.MARKDOWN), static=True)
     layout = rrb.Horizontal(rrb.Grid(*views), rrb.TextDocumentView(origin="table", name="table"), column_shares=[3, 2])
     send_blueprint(stream, rrb.Blueprint(layout, collapse_panels=True))

@@ -64,7 +64,7 @@ def ticks(column: Any) -> Integers:
 PROPERTIES = "/__properties/mechviz"
 IN_FULL = ("/events", "/state/")  # what does not happen at frames
 TABLES = ("/data/", "/health/")  # a row at every frame
-MOST_TOLD = 8  # faults in a message
+MOST_REPORTED = 8  # faults in a message
 REMEDY = "Record the scene again."
 TIMELINES = ("drive_mdeg", "drive_um")
 
@@ -122,8 +122,8 @@ class Recording:
                     raise RecordingError(f"'{path}' holds no frames: it was interrupted before the first were whole.", REMEDY)
             faults = list(faults_of(self))
         if faults:
-            more = f"; and {len(faults) - MOST_TOLD} faults more" if len(faults) > MOST_TOLD else ""
-            raise RecordingError(f"'{path}' is damaged: {'; '.join(faults[:MOST_TOLD])}{more}.", REMEDY)
+            more = f"; and {len(faults) - MOST_REPORTED} faults more" if len(faults) > MOST_REPORTED else ""
+            raise RecordingError(f"'{path}' is damaged: {'; '.join(faults[:MOST_REPORTED])}{more}.", REMEDY)
 
     def __repr__(self) -> str:
         return f"Recording {self.path.name}: {len(self.entities)} entities"
@@ -162,7 +162,9 @@ class Recording:
 
     def _nothing_left(self, missing: list[str]) -> RecordingError:
         assert self._damage is not None
-        why = f"{self._damage.message} Of {', '.join(missing[:MOST_TOLD])} no frame is left, without which nothing can be shown."
+        why = (
+            f"{self._damage.message} Of {', '.join(missing[:MOST_REPORTED])} no frame is left, without which nothing can be shown."
+        )
         return RecordingError(why, self._damage.remedy)
 
     def _leave_out_damaged(self) -> None:
@@ -174,8 +176,8 @@ class Recording:
         quantities = tuple(entry for entry in self.said.quantities if entry.entity not in lost)
         self.said = self.said.model_copy(update={"picture": picture, "quantities": quantities})
         if lost:
-            more = f" and {len(lost) - MOST_TOLD} others" if len(lost) > MOST_TOLD else ""
-            self._missing = f" Missing: {', '.join(sorted(lost)[:MOST_TOLD])}{more}."
+            more = f" and {len(lost) - MOST_REPORTED} others" if len(lost) > MOST_REPORTED else ""
+            self._missing = f" Missing: {', '.join(sorted(lost)[:MOST_REPORTED])}{more}."
 
     def _cut(self, last: int) -> None:
         """Leave out the rows of tables and pictures after a time [ns]."""

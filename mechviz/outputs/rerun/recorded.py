@@ -248,9 +248,9 @@ class _Reader:
         origins, vectors = (self._rows(path, f"Arrows3D:{name}") for name in ("origins", "vectors"))
         if origins is None or vectors is None:
             return None
-        starts, ways = (np.stack(rows[1], axis=1) for rows in (origins, vectors))
+        starts, arrows = (np.stack(rows[1], axis=1) for rows in (origins, vectors))
         colors, radii, labels = self._look(path, "Arrows3D")
-        return ArrowSet(**common, origins=starts, vectors=ways, colors=colors, radius=radii[0] if radii else 0.0, labels=labels)
+        return ArrowSet(**common, origins=starts, vectors=arrows, colors=colors, radius=radii[0] if radii else 0.0, labels=labels)
 
     def _look(self, path: str, archetype: str) -> tuple[tuple[Color, ...], tuple[float, ...], tuple[str, ...]]:
         """Colours, radii and labels."""

@@ -38,7 +38,7 @@ Message = dict[int, Any]
 
 
 class DamageError(RecordingError):
-    """A recording whose file is damaged at a byte ``at``. What is whole has been read: all but some chunks of the entities
+    """A recording whose file is damaged at a byte ``at``. The undamaged part has been read: all but some chunks of the entities
     ``lost``; where that is None, because the file has no index, what stands before the damage."""
 
     at: int = 0

@@ -265,7 +265,7 @@ def _begin(path: Path) -> tuple[Path, Path, int, Pump]:
 def _claim(temporary: Path) -> int:
     """Make the unfinished file anew, held for this process alone until the returned descriptor is closed.
 
-    What an interrupted run left there goes. A link or anything else but a regular file is not followed, opened or removed.
+    Files of an interrupted run are removed. A link or anything else but a regular file is not followed, opened or removed.
     """
     while True:
         try:

@@ -118,9 +118,9 @@ def write_recording(
     check: Callable[[], None] = lambda: None,
     before: Sequence[Stage] = (),
 ) -> RecordingSummary:
-    """Write a run to ``path``, replaced as a whole when complete. ``progress`` is told the frames written and their number,
+    """Write a run to ``path``, replaced as a whole when complete. ``progress`` gets the frames written and their number,
     ``begin`` each stage when it begins. ``check`` is called when the errors are known, and may refuse the run: nothing is written
-    then. ``before``: stages of the caller, which the summary tells too.
+    then. ``before``: stages of the caller, which the summary lists too.
 
     Raises `RecordingError` where the file cannot be written. An interruption leaves ``<name>.part.rrd`` and puts a note on its
     exception.
@@ -134,7 +134,7 @@ def write_recording(
         return stopwatch(stages, name)
 
     with stage("error estimates"):
-        _ = run.errors  # once: the tables, the notes and the summary tell them
+        _ = run.errors  # once: for the tables, the notes and the summary
     check()
     if "rerun" not in sys.modules:
         with stage("loading rerun"):
@@ -241,7 +241,7 @@ ROOM = 0.25  # around a closed linkage, in its sizes
 
 class Live:
     """Called with every segment of a motion, in order, it sends the frames in it: solids, poses, and all numbers, reactions and
-    energies among them where the scene has forces. ``progress`` is told the frames that are sent, after every block.
+    energies among them where the scene has forces. ``progress`` gets the frames that are sent, after every block.
 
     Arrows need the scale of the whole run, plots of events its end: they are in the finished recording, which takes the place of
     this one."""

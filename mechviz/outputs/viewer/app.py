@@ -152,7 +152,7 @@ class Viewer:
         self._session = EditSession(
             run,
             present=lambda show: self.inspector.present(show),
-            told=lambda status: self.inspector.tell(status),
+            report=lambda status: self.inspector.show_status(status),
             contributed=lambda contributions: self.inspector.weighed(contributions),
             settled=lambda: self.inspector.settle(),
             failed=lambda error: report(self.server, "Editing", error),
@@ -168,7 +168,7 @@ class Viewer:
 
         theme(server, dark=False)
         prepare_page(server, f"{show.title} · mechviz")
-        playback = BrowserPlayback(server, lambda: self.inspector.tracks(), lambda frame: self.inspector.glance(frame))
+        playback = BrowserPlayback(server, lambda: self.inspector.tracks(), lambda frame: self.inspector.show_remotely(frame))
         self.player = Player(
             show.time,
             self._draw,

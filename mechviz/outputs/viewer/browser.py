@@ -167,7 +167,7 @@ def prepare_page(server: viser.ViserServer, title: str) -> None:
     run_script(server, source, "page")
 
 
-# The size of the picture as a control of the page: viser tells it in pixels of the screen, which letters do not count.
+# The size of the picture as a control of the page: viser states it in pixels of the screen, which do not scale with the letters.
 SIZE = """
 { const tell = () => {
     const { clientWidth: wide, clientHeight: high } = window.__viserMutable.canvas, value = `${wide}x${high}`;

@@ -232,23 +232,23 @@ class Inspector:
                 uuid_of(self.diagrams.seen),
             )
 
-    def glance(self, frame: int) -> None:
+    def show_remotely(self, frame: int) -> None:
         """The browsers play by themselves and are at a frame now: what only the server can draw follows, if there is any."""
         if self.diagrams.watched:
             with self._lock:
                 self.diagrams.show(min(frame, self.show.frames - 1), True)
 
-    def tell(self, status: Status) -> None:
+    def show_status(self, status: Status) -> None:
         """Say how an edit went."""
         if self.controls is not None:
             with self._lock:
-                self.controls.tell(status)
+                self.controls.show_status(status)
                 if status.fault and status.key not in self.controls.sliders:
                     self._refuse(status)
             self._server.flush()
 
     def _refuse(self, status: Status) -> None:
-        """A switch that cannot be had goes back, and whichever tab it is in, the reason is told."""
+        """A refused switch goes back; the reason is shown in any tab."""
         self.diagrams.mirror(self.show)
         if self.effects is not None:
             self.effects.update(self.show)
@@ -296,14 +296,14 @@ class Inspector:
     # -- inside -------------------------------------------------------------------------------------------------------
     async def _greet(self, client: viser.ClientHandle) -> None:
         if not self._closed:
-            self.playback.greet(client, self._player.clock)
+            self.playback.send_to(client, self._player.clock)
 
     def _alone(self, action: Callable[..., None], *arguments: Any) -> None:
         with self._lock:
             action(*arguments)
 
     def _guarded(self, what: str, action: Callable[[Any, Any], None]) -> Callable[[Any, Any], None]:
-        """A reaction to a click of which a failure is told to who clicked."""
+        """A reaction to a click; its failure is shown to the user who clicked."""
 
         def guarded(item: Any, event: Any) -> None:
             try:
@@ -353,7 +353,7 @@ class Inspector:
             self.plots.compare(chosen)
 
     def _fit(self, event: Any) -> None:
-        """A browser has told the size of its picture [px]."""
+        """A browser has sent the size of its picture [px]."""
         if event.client_id is not None and re.fullmatch(r"[1-9]\d{1,4}x[1-9]\d{1,4}", self.screen.value):
             width, height = map(int, self.screen.value.split("x"))
             with self._lock, self._server.atomic():

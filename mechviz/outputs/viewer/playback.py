@@ -131,12 +131,12 @@ class BrowserPlayback:
 
     ``make()`` gives what moves, None where only the server can play it; it is asked when playing begins after ``change``.
     ``begin`` starts from a time of the run and says whether the browsers can do it; ``end`` stops them at a frame.
-    ``glanced(frame)`` is called now and then while they play, for what only the server can draw.
+    ``shown_remotely(frame)`` is called now and then while they play, for what only the server can draw.
     """
 
     server: viser.ViserServer
     make: Callable[[], Tracks | None]
-    glanced: Callable[[int], None]
+    shown_remotely: Callable[[int], None]
     _tracks: Tracks | None = None
     _stale: bool = True
     _held: bool = False
@@ -155,8 +155,8 @@ class BrowserPlayback:
         self._held = held
         self._stale = True
 
-    def glance(self, frame: int) -> None:
-        self.glanced(frame)
+    def show_remotely(self, frame: int) -> None:
+        self.shown_remotely(frame)
 
     def _refresh(self) -> None:
         if self._stale:
@@ -185,7 +185,7 @@ class BrowserPlayback:
             # among the messages to all browsers, so that it comes before what is drawn next
             run_script(self.server, f"if (window.mechvizPlayback) window.mechvizPlayback.stop({int(frame)});", "stop")
 
-    def greet(self, client: viser.ClientHandle, clock: float) -> None:
+    def send_to(self, client: viser.ClientHandle, clock: float) -> None:
         """A browser has come: let it play along."""
         with self._lock:
             if self._state is not None:

@@ -27,7 +27,7 @@ class Remote(Protocol):
         """Stop at a frame."""
         ...
 
-    def glance(self, frame: int) -> None:
+    def show_remotely(self, frame: int) -> None:
         """It goes on, and is at this frame now."""
         ...
 
@@ -36,7 +36,7 @@ class Player:
     """Plays frames at times ``times`` (F,) [s] by calling ``show(frame, playing)`` from its own thread, and only from there.
 
     ``rate`` is run time per wall time. After a change while paused, ``show`` is called once; nothing else happens while paused.
-    ``failed(error)`` is told of an exception in ``show``; the player then pauses and lives on.
+    ``failed(error)`` gets an exception in ``show``; the player then pauses and lives on.
 
     While ``remote`` plays, ``show`` is called for requests only, and the clock here just goes along.
     """
@@ -159,7 +159,7 @@ class Player:
 
     def retime(self, times: Real) -> None:
         """Play frames at other times from now on, from the same part of the run, or from the same time where frames are only added.
-        What is shown is up to who calls."""
+        The caller decides what is shown."""
         with self._changed:
             if len(times) == len(self._times) and np.array_equal(times, self._times):
                 return
@@ -234,7 +234,7 @@ class Player:
             if needed and self._aside and not asked:
                 shown = frame
                 assert self._remote is not None
-                self._remote.glance(frame)
+                self._remote.show_remotely(frame)
             elif needed:
                 shown = frame
                 try:

@@ -243,7 +243,7 @@ def is_value(control: Any, value: Any) -> bool:
 @dataclass
 class Guard:
     """Decides on messages. ``control(uuid)`` and ``node(name)`` give what they are about, None if it is not there;
-    ``admitted(control)`` is told before a control gets another value; ``dropped`` counts what was refused, by reason."""
+    ``admitted(control)`` gets before a control gets another value; ``dropped`` counts what was refused, by reason."""
 
     control: Callable[[str], Any] = lambda uuid: None
     node: Callable[[str], Any] = lambda name: None
@@ -288,7 +288,7 @@ class Guard:
 
 # -- callbacks --------------------------------------------------------------------------------------------------------
 Callback = Callable[[str, Callable[[Any], None]], Callable[[Any], Any]]
-"""``callback(what, action)``: an action for viser of which failures are told to the user under the name ``what``."""
+"""``callback(what, action)``: an action for viser; its failures are shown to the user under the name ``what``."""
 
 
 def finite(value: Any, low: float, high: float, otherwise: float) -> float:

@@ -72,7 +72,7 @@ class _Value:
 
 
 class EditSession:
-    """A scene in work. ``present(show)`` brings what is shown to the browsers, ``told(status)`` says how a change went,
+    """A scene in work. ``present(show)`` brings what is shown to the browsers, ``report(status)`` says how a change went,
     ``contributed(...)`` what each effect does, ``settled()`` that for a while nothing has been changed. They are called from the
     session's own threads."""
 
@@ -80,12 +80,12 @@ class EditSession:
         self,
         run: Run,
         present: Callable[[ViewModel], None],
-        told: Callable[[Status], None],
+        report: Callable[[Status], None],
         contributed: Callable[[tuple[Contribution, ...]], None],
         settled: Callable[[], None],
         failed: Callable[[Exception], None],
     ):
-        self._present, self._told, self._contributed, self._settled = present, told, contributed, settled
+        self._present, self._report, self._contributed, self._settled = present, report, contributed, settled
         self._lock = threading.RLock()
         self._asking = threading.Lock()  # not held for long: browsers wait for it
         self._pending: dict[str, Change | _Value | str] = {}
@@ -109,7 +109,7 @@ class EditSession:
         """Change the draft; ``key`` names what is changed."""
         self._ask(key, change)
 
-    def heed_scene(self) -> None:
+    def follow_scene(self) -> None:
         """From now on the scene's own accuracy decides, whatever was asked for beside it."""
         self._accuracy = None
 
@@ -183,13 +183,13 @@ class EditSession:
             if remembered:
                 history.change(draft, "+".join(pending))
             self.history = history
-            self._tell(Status(key="+".join(pending), seconds=time.perf_counter() - start, swings=swings(run.scene)))
+            self._report_to(Status(key="+".join(pending), seconds=time.perf_counter() - start, swings=swings(run.scene)))
         except (MechanismError, ValueError) as error:
-            self._tell(Status(_words(error), "+".join(pending), moved.value if moved else float("nan")))
+            self._report_to(Status(_words(error), "+".join(pending), moved.value if moved else float("nan")))
             if moved is not None and len(pending) == 1:
                 self._find_reach(moved, _words(error))
         except Exception as error:
-            self._tell(Status(f"{type(error).__name__}: {error}", "+".join(pending)))
+            self._report_to(Status(f"{type(error).__name__}: {error}", "+".join(pending)))
             raise
 
     def _solved(self, draft: Draft) -> tuple[Draft, Run]:
@@ -221,11 +221,11 @@ class EditSession:
         low, high = (min(max(v, p.hard_low), p.hard_high) for v in (min(p.low, moved.value, good), max(p.high, moved.value, good)))
         reach = reachable(good, low, high, holds, lambda: self._worker.overtaken)
         if reach is not None:
-            self._tell(Status(fault, p.key, moved.value, reach))
+            self._report_to(Status(fault, p.key, moved.value, reach))
 
-    def _tell(self, status: Status) -> None:
+    def _report_to(self, status: Status) -> None:
         self.status = status
-        self._told(status)
+        self._report(status)
 
     def _settle(self) -> None:
         """For a while nothing has changed: build the solids anew."""

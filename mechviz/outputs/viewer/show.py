@@ -115,7 +115,7 @@ def show_of_run(run: Run, built: Built, before: ViewModel | None = None) -> View
         run=run,
         drawings=lambda: drawings_of(run, solids.size),
         charts=lambda: find_diagrams(run),
-        polodes=lambda: polodes_of(run),
+        centrodes=lambda: centrodes_of(run),
     )
 
 
@@ -124,13 +124,13 @@ def points_of(mechanism: Mechanism) -> dict[str, Mapping[str, tuple[float, float
     return {link.name: link.points for link in build_joints(mechanism).links.values()}
 
 
-def polodes_of(run: Run) -> dict[str, Rolling]:
+def centrodes_of(run: Run) -> dict[str, Rolling]:
     """Pole curves that the scene asks for, by link."""
     points = {link.name: link.points for link in run.motion.mechanism.links}
     rolling = {}
-    for name, polodes in run.studies.centrodes.items():
+    for name, centrodes in run.studies.centrodes.items():
         corners = [complex(*xy) for xy in (*points[name].values(), next(iter(points[name].values()), (0.0, 0.0)))]
-        fixed, moving = (way @ np.array([1.0, 1.0j]) for way in (polodes.fixed, polodes.moving))
+        fixed, moving = (way @ np.array([1.0, 1.0j]) for way in (centrodes.fixed, centrodes.moving))
         rolling[name] = Rolling(fixed, moving, np.array(corners))
     return rolling
 
@@ -177,11 +177,11 @@ def show_of_recording(recording: Recording) -> ViewModel:
         notes=words.notes(html_of(f"### {rest}".replace("\n## ", "\n### ") if cut else head)),
         drawings=shown.drawings,
         charts=cache(RecordedDrawings(recording, ticks).charts),
-        polodes=cache(lambda: polodes_in(shown.picture, numbers)),
+        centrodes=cache(lambda: centrodes_in(shown.picture, numbers)),
     )
 
 
-def polodes_in(picture: Picture, numbers: Numbers) -> dict[str, Rolling]:
+def centrodes_in(picture: Picture, numbers: Numbers) -> dict[str, Rolling]:
     """Pole curves of the links of which they were drawn: from the recorded pose and velocity the instant centre follows."""
     rolling = {}
     places = {name: xy for name in numbers.joints if (xy := numbers.values("data", "joints", name, "position")) is not None}

@@ -74,7 +74,7 @@ class ViewModel:
     run: Run | None = None  # not of a recording
     drawings: Callable[[], Mapping[str, Drawing]] = dict  # plans and polygons, by name; made when they are asked for
     charts: Callable[[], Sequence[Diagram]] = tuple  # one quantity against another
-    polodes: Callable[[], Mapping[str, Rolling]] = dict  # by link
+    centrodes: Callable[[], Mapping[str, Rolling]] = dict  # by link
 
     @property
     def numbers(self) -> Numbers:

@@ -281,7 +281,7 @@ def replaced(owner: Any, name: str, value: Any) -> Iterator[None]:
 
 
 def start(host: str, port: int, label: str, admits: Callable[[bytes], bool]) -> viser.ViserServer:
-    """A server of viser with a `SharedBuffer`, which is told only of messages that ``admits(data)`` lets pass."""
+    """A server of viser with a `SharedBuffer`, which gets only messages that ``admits(data)`` accepts."""
     plain = infra.WebsockServer
 
     def checked(*args: Any, message_class: type[infra.Message], **options: Any) -> infra.WebsockServer:

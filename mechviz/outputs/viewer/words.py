@@ -24,13 +24,13 @@ def _rgb(color: tuple[int, int, int]) -> str:
     return "rgb({},{},{})".format(*color)
 
 
-def _inks(light: tuple[int, int, int], dark: tuple[int, int, int]) -> str:
+def _colors_by_theme(light: tuple[int, int, int], dark: tuple[int, int, int]) -> str:
     """A colour on a light page, another one on a dark page."""
     return f"light-dark({_rgb(light)},{_rgb(dark)})"
 
 
-INK_OF_PATHS = _inks(PATH[False], PATH[True])
-INKS = {name: _inks(family.color, family.on_dark) for name, family in FAMILIES.items()}
+COLOR_OF_PATHS = _colors_by_theme(PATH[False], PATH[True])
+COLORS = {name: _colors_by_theme(family.color, family.on_dark) for name, family in FAMILIES.items()}
 TARGET = 0.2  # of the mechanism's size: about how long an arrow the legend gives the value for
 
 
@@ -62,9 +62,9 @@ def legend(
     family."""
     enlarged = factor if callable(factor) else lambda _: factor
     families, paths = list(families), list(paths)
-    rows = [_swatch(INKS[f], 0.42, f"<b>{FAMILIES[f].label}</b>: {FAMILIES[f].meaning}") for f in families]
+    rows = [_swatch(COLORS[f], 0.42, f"<b>{FAMILIES[f].label}</b>: {FAMILIES[f].meaning}") for f in families]
     if paths:
-        rows.append(_swatch(INK_OF_PATHS, 0.16, f"<b>Path</b> of {escape(', '.join(paths))}"))
+        rows.append(_swatch(COLOR_OF_PATHS, 0.16, f"<b>Path</b> of {escape(', '.join(paths))}"))
     shown = set(families)
     for unit, some, per_metre in (
         ("N", shown & set(FORCE_FAMILIES), scales.newtons_per_metre),
@@ -82,12 +82,12 @@ def legend(
 def legend_line(families: Iterable[str], paths: Iterable[str], scales: Scales, factor: Callable[[str], float], size: float) -> str:
     """The legend in a line: colours with their names, and how long a force is drawn."""
     families, paths = list(families), list(paths)
-    spots = [(INKS[f], FAMILIES[f].label, FAMILIES[f].meaning) for f in families]
-    spots += [(INK_OF_PATHS, f"Path of {', '.join(paths)}", "")] if paths else []
+    spots = [(COLORS[f], FAMILIES[f].label, FAMILIES[f].meaning) for f in families]
+    spots += [(COLOR_OF_PATHS, f"Path of {', '.join(paths)}", "")] if paths else []
     parts = [
         f'<span title="{escape(meaning)}" style="white-space:nowrap"><span style="display:inline-block;width:1.1em;height:0.36em;'
-        f'border-radius:0.2em;margin-right:0.4em;vertical-align:middle;background:{ink}"></span>{escape(label)}</span>'
-        for ink, label, meaning in spots
+        f'border-radius:0.2em;margin-right:0.4em;vertical-align:middle;background:{color}"></span>{escape(label)}</span>'
+        for color, label, meaning in spots
     ]
     forces = [f for f in families if f in FORCE_FAMILIES]
     if forces and scales.newtons_per_metre != 1.0:
@@ -96,7 +96,7 @@ def legend_line(families: Iterable[str], paths: Iterable[str], scales: Scales, f
     return _block("".join(parts), "display:flex;flex-wrap:wrap;gap:0.1em 1.1em;font-size:0.78em;line-height:1.4")
 
 
-def doubts(sentences: Iterable[str]) -> str:
+def warnings_html(sentences: Iterable[str]) -> str:
     """Why the run cannot be trusted; nothing where it can."""
     rows = "".join(f"<div>Not to be trusted: {escape(text)}</div>" for text in sentences if text)
     return f'<div role="alert" style="color:#c22f2f;font-size:0.8em;line-height:1.35">{rows}</div>' if rows else ""
@@ -246,10 +246,10 @@ def scale(unit: str, per_metre: float, size: float) -> str:
     return f"Scale: {number(value)} {unit} = {number(round(value / per_metre * 1e3, 1))} mm"
 
 
-def _swatch(ink: str, thickness: float, words: str) -> str:
+def _swatch(color: str, thickness: float, words: str) -> str:
     return (
         '<div style="display:flex;gap:0.55em;align-items:baseline;padding-bottom:0.25em">'
-        f'<span style="flex:none;width:1.3em;height:{thickness}em;border-radius:0.2em;background:{ink};'
+        f'<span style="flex:none;width:1.3em;height:{thickness}em;border-radius:0.2em;background:{color};'
         'transform:translateY(-0.2em)"></span>'
         f"<span>{words}</span></div>"
     )

@@ -33,7 +33,7 @@ from mechviz.scene.assembly.simulation import (
     stated_duration,
     with_swings,
 )
-from mechviz.scene.convert import Converter, likely_sort
+from mechviz.scene.convert import Converter, probable_sort
 from mechviz.scene.document import SceneDocument
 from mechviz.scene.faults import document_path
 from mechviz.scene.folder import SceneFolder
@@ -52,9 +52,9 @@ from mechviz.scene.reading.references import (
     check_link_names,
     check_references,
     check_trace,
-    links_as_meant,
+    links_repaired,
     resolve_trace,
-    sketch_as_meant,
+    sketch_repaired,
     touched_links,
 )
 
@@ -79,10 +79,10 @@ def assemble(
     """
     faults = [*check_link_names(reading), *check_names(reading)]
     if faults or reading.faults:
-        reading = links_as_meant(reading)
+        reading = links_repaired(reading)
     faults += [*check_loads(reading), *check_references(reading)]
     if faults:
-        reading = sketch_as_meant(reading)
+        reading = sketch_repaired(reading)
     faults += check_joints(reading)
     touched = {key: touched_links(reading, key, joint) for key, joint in (reading.document.joints | reading.shapeless).items()}
     certain = not reading.shapeless and all(sure for _, sure in touched.values())
@@ -132,7 +132,7 @@ def assemble(
     for key in sorted(driven, key=lambda k: driven[k].program is not None):  # programs may follow the others
         joint, path = moved[key], f"joints.{key}.drive"
         clear = joint.traits.driven if len(joint.kinds) == 1 else ""
-        sort = clear or likely_sort(driven[key])
+        sort = clear or probable_sort(driven[key])
         drawn = drawn_angle(joint, placement) if clear == "angle" else 0.0
         law = law_of(
             driven[key], sort, convert, path, drawn=drawn, cycles=document.run.cycles, lasts=lasts, masters=masters, drives=driven
@@ -150,14 +150,14 @@ def assemble(
         elif joint.free is not None and joint.drive is None and len(joint.kinds) == 1:
             sort, path = joint.traits.driven, f"joints.{key}.free"
             drawn = drawn_angle(joint, placement) if sort == "angle" else 0.0
-            start = free_law(joint.free, sort or likely_sort(joint.free), convert, path, drawn=drawn)
+            start = free_law(joint.free, sort or probable_sort(joint.free), convert, path, drawn=drawn)
             if start is not None:
                 _check_length(joint, start, convert, path)
                 starts[key] = start
     convert.faults += jumping_speeds(laws, free=bool(starts))
     led = {**laws, **starts}
     drives = [Drive(joint=name, law=led[name]) for joint in joints for name in coordinates_of(joint) if name in led]
-    drives.sort(key=lambda drive: not moves(drive.law))  # one that moves is the first, by which a run is told
+    drives.sort(key=lambda drive: not moves(drive.law))  # one that moves is the first, against which a run is shown
     watched = {w.point: at for w in document.watch.values() if w.point and (at := split_point(reading, w.point)) is not None}
     faults += simulation_faults(reading)
     simulation = simulation_spec(document, starts, convert, watched)

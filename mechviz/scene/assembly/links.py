@@ -26,7 +26,7 @@ from mechviz.scene.convert import Converter
 from mechviz.scene.document import LinkDocument, Pose, SceneDocument
 from mechviz.scene.faults import did_you_mean
 from mechviz.scene.fields import Unknown
-from mechviz.scene.kinds.bodies import MassDocument, body_of, lumps_of
+from mechviz.scene.kinds.bodies import MassDocument, body_of, point_masses_of
 from mechviz.scene.names import (
     points_of_joint,
 )
@@ -217,20 +217,20 @@ def mass_properties(
 ) -> tuple[float, Vec2, float]:
     """Mass [kg], centre of mass in the link's frame [m], moment of inertia about it [kg m^2].
 
-    What one of the effects needs and the scene does not say is a fault; what nothing needs stays zero.
+    A property that an effect needs and the scene does not state is a fault; a property that no effect needs is zero.
     """
     path = f"links.{name}"
-    if not link.sound("points") and (isinstance(link.mass, MassDocument) or link.lumps):
+    if not link.has_valid("points") and (isinstance(link.mass, MassDocument) or link.lumps):
         return math.nan, (math.nan, math.nan), math.nan  # they may name points
     if isinstance(link.mass, MassDocument):
         stated = _stated_centre(name, link, points, convert)
         body = body_of(link.mass, points, stated, convert, f"{path}.mass", drawn)
-        return _with_lumps(body, link, points, convert, path)
+        return _with_point_masses(body, link, points, convert, path)
     if link.lumps and link.mass is None:
-        return _with_lumps(Body(0.0), link, points, convert, path)
+        return _with_point_masses(Body(0.0), link, points, convert, path)
     if link.lumps:
         bare = link.model_copy(update={"lumps": []})
-        return _with_lumps(
+        return _with_point_masses(
             Body(*mass_properties(name, bare, points, effects, convert, can_turn=can_turn)), link, points, convert, path
         )
     mass = 0.0 if link.mass is None else convert.si(link.mass, "mass", f"{path}.mass")
@@ -279,17 +279,17 @@ def _stated_centre(name: str, link: LinkDocument, points: Mapping[str, Vec2], co
     """The centre that a scene states, by coordinates or by the name of a point."""
     path = f"links.{name}.centre"
     if isinstance(link.centre, str):
-        if link.centre not in points and link.sound("points", "centre"):
+        if link.centre not in points and link.has_valid("points", "centre"):
             convert.note(path, f"link '{name}' has no point '{link.centre}'.", did_you_mean(link.centre, points, what="Points"))
         return points.get(link.centre, (0.0, 0.0))
     return None if link.centre is None else convert.vector(link.centre, "length", path)
 
 
-def _with_lumps(
+def _with_point_masses(
     body: Body, link: LinkDocument, points: Mapping[str, Vec2], convert: Converter, path: str
 ) -> tuple[float, Vec2, float]:
     """A body with the link's point masses."""
-    whole = combine([body, *lumps_of(link.lumps, points, convert, f"{path}.lumps")]) if link.lumps else body
+    whole = combine([body, *point_masses_of(link.lumps, points, convert, f"{path}.lumps")]) if link.lumps else body
     return whole.mass, whole.centre, whole.inertia
 
 

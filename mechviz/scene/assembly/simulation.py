@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mechcore.constants import TURN
-from mechcore.dynamics.events import EventTrigger, SeparableCam, Stop
+from mechcore.dynamics.events import EndStop, EventTrigger, SeparableCam
 from mechcore.errors import Fault, MechanismError
 from mechcore.kinematics.build import build_model
 from mechcore.laws.timed import ConstantSpeed, Free, Law, Oscillation, Rest, moves
@@ -49,8 +49,8 @@ class SimulationSpec:
     duration: float
     tolerance: float
     method: Method
-    stops: tuple[Stop, ...]
-    watches: tuple[EventTrigger, ...]
+    stops: tuple[EndStop, ...]
+    triggers: tuple[EventTrigger, ...]
     separable_cams: tuple[SeparableCam, ...] = ()
     steady: int | None = None  # turns of the cycle in whose steady state the run starts; then no duration (NaN) is one cycle
 
@@ -101,7 +101,7 @@ def simulation_spec(
         if entry.liftoff is not None
     )
 
-    stops, watches = [], []
+    stops, triggers = [], []
     for joint, entry in document.joints.items():
         for k, s in enumerate(entry.stops):
             path = f"joints.{joint}.stops[{k}]"
@@ -111,7 +111,7 @@ def simulation_spec(
                 beyond = "above" if s.side == "upper" else "below"
                 why = f"the motion starts {beyond} this {s.side} stop."
                 convert.note(f"{path}.at", why, "Start on the other side, or move the stop.")
-            stops.append(Stop(name=stop_name(joint, s), joint=joint, at=at, side=s.side, restitution=s.restitution))
+            stops.append(EndStop(name=stop_name(joint, s), joint=joint, at=at, side=s.side, restitution=s.restitution))
     for name, w in document.watch.items():
         sort = "length"
         if w.joint is not None and w.joint in document.joints:
@@ -119,11 +119,11 @@ def simulation_spec(
         kind = _rate_kind(sort) if w.what == "velocity" else sort
         at = convert.si(w.at, kind, f"watch.{name}.at")
         point = None if w.point is None else points.get(w.point)
-        watches.append(EventTrigger(name=name, of=w.what, joint=w.joint, point=point, at=at, rising=w.rising, ends=w.ends))
+        triggers.append(EventTrigger(name=name, of=w.what, joint=w.joint, point=point, at=at, rising=w.rising, ends=w.ends))
     run = document.run
     duration = math.nan if run.duration is None else _duration(document, convert)
     tolerance = TOLERANCE if run.tolerance is None else run.tolerance
-    return SimulationSpec(duration, tolerance, run.method or "auto", tuple(stops), tuple(watches), separable_cams, run.steady)
+    return SimulationSpec(duration, tolerance, run.method or "auto", tuple(stops), tuple(triggers), separable_cams, run.steady)
 
 
 def standstill(document: SceneDocument, laws: Iterable[Law], convert: Converter) -> float:
@@ -139,9 +139,11 @@ def standstill(document: SceneDocument, laws: Iterable[Law], convert: Converter)
 
 
 def stated_duration(document: SceneDocument, convert: Converter) -> float | None:
-    """How long the run goes on [s], None where it does not say so soundly."""
+    """The stated duration of the run [s]; None where it is missing or invalid."""
     run = document.run
-    duration = math.nan if run.duration is None or not run.sound("duration") else convert.si(run.duration, "time", "run.duration")
+    duration = (
+        math.nan if run.duration is None or not run.has_valid("duration") else convert.si(run.duration, "time", "run.duration")
+    )
     return None if math.isnan(duration) else duration
 
 
@@ -160,16 +162,16 @@ def simulation_faults(reading: Reading) -> Iterator[Fault]:
     document = reading.document
     run, joints = document.run, document.joints
     free = [name for name, joint in joints.items() if joint.free is not None]
-    lifting = [name for name, joint in joints.items() if joint.liftoff is not None]
+    separable = [name for name, joint in joints.items() if joint.liftoff is not None]
     loose = [name for name, joint in joints.items() if joint.clearance is not None]
     yield from clearance_faults(document)
-    if not free and not lifting and not loose:
-        if not reading.shapeless and not any("free" in joint.unread for joint in joints.values()):
+    if not free and not separable and not loose:
+        if not reading.shapeless and not any("free" in joint.invalid_keys for joint in joints.values()):
             yield from _idle(document)
         return
-    what = f"{free[0]} is free" if free else f"{lifting[0]} has liftoff" if lifting else f"{loose[0]} has clearance"
-    if run.duration is None and run.steady is None and run.sound("duration") and run.sound("steady"):
-        why = f"'duration' is missing: how long does {(free or lifting or loose)[0]} move?"
+    what = f"{free[0]} is free" if free else f"{separable[0]} has liftoff" if separable else f"{loose[0]} has clearance"
+    if run.duration is None and run.steady is None and run.has_valid("duration") and run.has_valid("steady"):
+        why = f"'duration' is missing: how long does {(free or separable or loose)[0]} move?"
         yield Fault("run", why, 'Add duration = "5 s" to [run].')
     if run.cycles != 1:
         remedy = 'Leave out cycles and write duration = "5 s".'
@@ -179,7 +181,7 @@ def simulation_faults(reading: Reading) -> Iterator[Fault]:
         yield Fault("effects", why, 'Add "inertia" to effects.')
     for k, answer in enumerate(document.answers):
         if answer in _NEEDS_DRIVE:
-            yield Fault(f"answers[{k}]", f"{answer} is told per unit speed of a drive, and {what}.", "Leave it out.")
+            yield Fault(f"answers[{k}]", f"{answer} is defined per unit speed of a drive, and {what}.", "Leave it out.")
     for key in _STUDIES:
         if getattr(document, key):
             yield Fault(key, f"{what}: {key} are made for prescribed motions.", "Leave it out, or prescribe a drive.")
@@ -216,7 +218,7 @@ def _without_drives(document: SceneDocument) -> Iterator[Fault]:
     why = "the scene has no drive"
     for k, answer in enumerate(document.answers):
         if answer != "transmission_angle":
-            yield Fault(f"answers[{k}]", f"{answer} is told per unit speed of a drive, and {why}.", "Leave it out.")
+            yield Fault(f"answers[{k}]", f"{answer} is defined per unit speed of a drive, and {why}.", "Leave it out.")
     for key in _STUDIES[:-2]:
         if getattr(document, key):
             yield Fault(key, f"{why}: {key} are made for motions.", "Leave it out, or give a joint a drive.")
@@ -227,7 +229,7 @@ def _without_drives(document: SceneDocument) -> Iterator[Fault]:
                 remedy = 'Name a joint, joint = "...", or let it be a factor of time.'
                 yield Fault(f"loads.{name}.{key}", f"{why} whose {factor.of} the factor could depend on.", remedy)
         if load.gas is not None and load.drive is None:
-            yield Fault(f"loads.{name}", f"{why} that tells the strokes of the gas.", "Give a joint a drive, such as speed = 0.")
+            yield Fault(f"loads.{name}", f"{why} that decides the strokes of the gas.", "Give a joint a drive, such as speed = 0.")
 
 
 def _stops(document: SceneDocument) -> Iterator[Fault]:
@@ -275,7 +277,7 @@ def with_swings(mechanism: Mechanism, joints: list[str]) -> tuple[Mechanism, lis
         if len(joints) > 1:
             why = "two drives that run as far as they can leave each other's reach open"
         elif len(cycles) > 1:
-            why = "how far it can go beside other drives is told over their cycle, and theirs differ"
+            why = "its range beside other drives is computed over their cycle, and theirs differ"
         else:
             why = "" if all(map(math.isfinite, cycles)) else "where the other drives or free joints go has no end in time"
         if why:
@@ -291,7 +293,7 @@ def with_swings(mechanism: Mechanism, joints: list[str]) -> tuple[Mechanism, lis
     return mechanism, faults
 
 
-def _put_together(mechanism: Mechanism) -> Compiled:
+def _assembled(mechanism: Mechanism) -> Compiled:
     """The mechanism with its first drive held at its start, or as near to it as it can be put together (in steps; not where groups
     have to be followed). Raises `MechanismError`."""
     try:
@@ -316,7 +318,7 @@ def _swing(mechanism: Mechanism, joint: str, cycle: float) -> Law:
     assert isinstance(law, ConstantSpeed)
     others = tuple(d for d in mechanism.drives if d.joint != joint)
     held = (Drive(joint=joint, law=Rest(law.start)), *others)
-    compiled = _put_together(replace(mechanism, drives=held, loads=(), effects=()))
+    compiled = _assembled(replace(mechanism, drives=held, loads=(), effects=()))
     rotary, size = compiled.model.rotary(joint), compiled.model.length_scale
     path = f"joints.{joint}.drive.range"
     if cycle:

@@ -157,7 +157,7 @@ class MassDocument(Table):
 MassEntry = Annotated[Annotated[Mass, Tag("<value>")] | Annotated[MassDocument, Tag("<table>")], Discriminator(table_or_value)]
 
 
-class LumpDocument(Table):
+class PointMassDocument(Table):
     """A point mass fixed to a link: a counterweight, or a part of a lumped model."""
 
     mass: Mass
@@ -166,12 +166,12 @@ class LumpDocument(Table):
     """A point of the link, or coordinates in its frame."""
 
 
-def lumps_of(lumps: list[LumpDocument], points: Mapping[str, Vec2], convert: Converter, path: str) -> list[Body]:
+def point_masses_of(masses: list[PointMassDocument], points: Mapping[str, Vec2], convert: Converter, path: str) -> list[Body]:
     """Point masses in SI."""
     out = []
-    for k, lump in enumerate(lumps):
-        at = _place(lump.at, points, convert, f"{path}[{k}].at")
-        out.append(Body(convert.si(lump.mass, "mass", f"{path}[{k}].mass"), at))
+    for k, mass in enumerate(masses):
+        at = _place(mass.at, points, convert, f"{path}[{k}].at")
+        out.append(Body(convert.si(mass.mass, "mass", f"{path}[{k}].mass"), at))
     return out
 
 
@@ -284,7 +284,7 @@ def _flat(
         value = getattr(m, key)
         return 1.0 if value is None else convert.si(value, "length", f"{path}.{key}")
 
-    material = None  # of which holes can be cut, where that can be told
+    material = None  # of which holes can be cut, where that is known
     if m.polygon is not None:
         corners = [convert.vector(p, "length", f"{path}.polygon[{k}]") for k, p in enumerate(m.polygon)]
         if not any(map(math.isnan, (v for c in corners for v in c))):

@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from mechcore.errors import Fault
-from mechcore.laws.program import Follow, over_time
+from mechcore.laws.program import CurveOverMaster, over_time
 from mechcore.laws.signals import SignalSpeed, Step
 from mechcore.laws.timed import ConstantSpeed, Law, Oscillation, Rest, TableLaw, moves, zones
 from mechviz.scene.convert import SMALLEST, Converter
@@ -196,7 +196,7 @@ def _segments(drive: DriveDocument, coordinate: _Coordinate, drawn: float, cycle
     axes = Axes(convert, coordinate.kinds[0], "time")
     start = (drawn,) if drive.start is None else axes.state(drive.start, f"{path}.start")
     curve = segments_curve(drive.segments, durations, axes, f"{path}.segments", start, repeats=False)
-    if curve is None or not drive.sound("segments"):
+    if curve is None or not drive.has_valid("segments"):
         return None
     left, right = curve.limits(1)
     if cycles > 1 and abs(left[-1, 1] - right[0, 1]) > 1e-9 * np.abs(np.vstack([left, right])[:, 1]).max():
@@ -223,7 +223,7 @@ def _table(drive: DriveDocument, coordinate: _Coordinate, drawn: float, cycles: 
             "Write cycles = 1, or periodic = true in the table.",
         )
     increasing = convert.increasing(times, f"{path}.table.time")
-    if not given.sound("time", "position") or any(map(math.isnan, positions)):
+    if not given.has_valid("time", "position") or any(map(math.isnan, positions)):
         return None
     if not increasing or len(times) != len(positions) or (given.periodic and len(times) < 4):
         return None
@@ -263,7 +263,7 @@ def _program(
     kind = "time" if source is None else "angle"
     where = f"{path}.program.segments"
     for k, segment in enumerate(given.segments):
-        if given.knots is None and segment.over is None and segment.sound("over"):
+        if given.knots is None and segment.over is None and segment.has_valid("over"):
             convert.note(f"{where}[{k}]", "'over' is missing.", "Add over, the range of the master angle.")
         elif given.knots is not None and segment.over is not None:
             convert.note(f"{where}[{k}].over", "a range beside the knots of another axis.", "Leave it out.")
@@ -277,10 +277,10 @@ def _program(
     axes = Axes(convert, coordinate, kind)
     start = (drawn,) if drive.start is None else axes.state(drive.start, f"{path}.start")
     curve = segments_curve(given.segments, overs, axes, where, start, repeats=source is not None)
-    sound = given.sound(*ProgramDocument.model_fields) and not math.isnan(phase)
+    sound = given.has_valid(*ProgramDocument.model_fields) and not math.isnan(phase)
     if len(convert.faults) > before or master is None or curve is None or not sound:
         return None
-    law = over_time(curve) if source is None else Follow(curve=curve, master=master, phase=phase)
+    law = over_time(curve) if source is None else CurveOverMaster(curve=curve, master=master, phase=phase)
     if moves(master) and not stands_still(given.segments, curve):
         return law
     return Rest(float(law(0.0)[0]), lasts=law.duration if moves(master) else 0.0)

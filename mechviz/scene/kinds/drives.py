@@ -89,7 +89,7 @@ class DriveTable(Table):
 
     @model_validator(mode="after")
     def _same_length(self) -> DriveTable:
-        if not self.sound("time", "position"):
+        if not self.has_valid("time", "position"):
             return self
         if len(self.position) != len(self.time):
             raise fault(f"{len(self.time)} times and {len(self.position)} positions.", "Give one position for each time.")
@@ -268,7 +268,7 @@ class WatchDocument(Table):
     point: PointName | None = None
     """The point, "link.point", whose x or y is watched."""
     of: Literal["position", "velocity", "x", "y"] | None = None
-    """What is watched: "position" (default) or "velocity" of a joint, "x" (default) or "y" of a point."""
+    """The quantity that is watched: "position" (default) or "velocity" of a joint, "x" (default) or "y" of a point."""
     at: Level = 0.0
     """The value."""
     rising: Flag | None = None

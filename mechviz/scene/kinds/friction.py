@@ -101,9 +101,9 @@ class _Table:
     stated: bool  # it has a table of its own
     convert: Converter
 
-    def sound(self, *keys: str) -> bool:
+    def has_valid(self, *keys: str) -> bool:
         """Whether these keys could be read, of both tables."""
-        return self.own.sound(*keys) and self.default.sound(*keys)
+        return self.own.has_valid(*keys) and self.default.has_valid(*keys)
 
     def note(self, key: str, message: str, remedy: str) -> None:
         self.convert.note(f"{self.path}.{key}" if key else self.path, message, remedy)
@@ -118,21 +118,21 @@ class _Table:
     def sliding(self, brake: float, *, only_brake: bool = False) -> dict[str, Any] | None:
         """Coefficients and Stribeck speed of sliding surfaces; none where there is a brake only, or nothing."""
         own, coefficient = self.own, self.own.coefficient if self.own.coefficient is not None else self.default.coefficient
-        if own.stribeck is not None and coefficient is None and self.sound("coefficient"):
+        if own.stribeck is not None and coefficient is None and self.has_valid("coefficient"):
             self.note("stribeck", "there is no coefficient of sliding to which the curve falls.", "Add coefficient = 0.1.")
         if brake and (coefficient is None or only_brake):
             return None
         if coefficient is None:
-            if self.stated and self.sound("coefficient"):
+            if self.stated and self.has_valid("coefficient"):
                 remedy = "Add coefficient = 0.1 here, or [friction] with a coefficient for all joints."
                 self.note("", "'coefficient' is missing.", remedy)
             return None
         static = own.static or 0.0
-        if static and static < coefficient and own.sound("static", "coefficient"):
+        if static and static < coefficient and own.has_valid("static", "coefficient"):
             why = f"{static:g} is less than the coefficient of sliding, {coefficient:g}."
             self.note("static", why, "Give at least as much, or leave it out.")
         stribeck = self.si("stribeck", "linear speed")
-        if own.stribeck is not None and not static > coefficient and own.sound("static", "coefficient", "stribeck"):
+        if own.stribeck is not None and not static > coefficient and own.has_valid("static", "coefficient", "stribeck"):
             why = f"the curve falls from static to {coefficient:g}, and static is {'no greater' if static else 'missing'}."
             self.note("stribeck", why, f"Add static = {1.5 * coefficient:g}, or leave stribeck out.")
         return {"coefficient": coefficient, "static": static, "stribeck": stribeck}
@@ -145,7 +145,7 @@ def _pin(t: _Table) -> Friction | None:
         return Friction(brake=brake) if brake else None
     radius = t.si("radius", fallback=t.default.radius)
     if not radius:
-        if t.stated and values["coefficient"] and t.sound("radius"):
+        if t.stated and values["coefficient"] and t.has_valid("radius"):
             remedy = 'Add radius = "5 mm", the radius of the pin, here or in [friction].'
             t.note("", "'radius' is missing: friction in a pin acts at its radius.", remedy)
         return None
@@ -165,7 +165,7 @@ def _slider(t: _Table) -> Friction | None:
         return Friction(brake=brake) if brake else None
     bearing = t.si("length", fallback=t.default.length)
     for key in ("offset", "height", "bearing"):
-        if not bearing and getattr(t.own, key) is not None and t.sound("length"):
+        if not bearing and getattr(t.own, key) is not None and t.has_valid("length"):
             t.note(key, "without a length of the bearing it has no meaning.", 'Add length = "60 mm", the length of the bearing.')
     return Friction(
         **values,
@@ -178,7 +178,7 @@ def _slider(t: _Table) -> Friction | None:
 
 
 def _seals(t: _Table) -> Friction | None:
-    if t.own.coefficient is None and t.own.brake is None and t.own.sound("coefficient", "brake"):
+    if t.own.coefficient is None and t.own.brake is None and t.own.has_valid("coefficient", "brake"):
         remedy = 'Add brake = "80 N", the friction of the seals, or coefficient = 0.05 of the driving force.'
         t.note("", "neither 'coefficient' nor 'brake' is there.", remedy)
     return Friction(coefficient=t.own.coefficient or 0.0, brake=t.si("brake", "force"))
@@ -186,7 +186,7 @@ def _seals(t: _Table) -> Friction | None:
 
 def _thread(t: _Table) -> Friction | None:
     values = t.sliding(0.0)
-    if values is not None and t.own.radius is None and t.sound("radius"):
+    if values is not None and t.own.radius is None and t.has_valid("radius"):
         t.note("", "'radius' is missing: friction acts at the mean radius of the thread.", 'Add radius = "9 mm".')
         return None
     return None if values is None else Friction(**values, radius=t.si("radius"))
@@ -194,7 +194,7 @@ def _thread(t: _Table) -> Friction | None:
 
 def _roller(t: _Table) -> Friction | None:
     if t.own.coefficient is None:
-        if t.own.sound("coefficient"):
+        if t.own.has_valid("coefficient"):
             t.note("", "'coefficient' is missing.", "Add coefficient = 0.1.")
         return None
     return Friction(coefficient=t.own.coefficient, radius=t.si("radius"))
@@ -217,7 +217,7 @@ def friction_faults(rubs: Rubbing, words: str, table: FrictionDocument) -> list[
         if key not in rubs.keys and getattr(table, key) is not None:
             remedy = f"Known here: {', '.join(rubs.keys)}."
             faults.append(("friction", f"{key} does not go with the friction of {words}.", remedy))
-    if rubs is LEVER and table.lever is None and table.sound("lever") and not faults:
+    if rubs is LEVER and table.lever is None and table.has_valid("lever") and not faults:
         faults.append(("friction", "'lever' is missing.", 'Add lever = "0.5 mm": the arm of the force across the contact.'))
     return faults
 
@@ -289,9 +289,9 @@ def clearance_faults(document: SceneDocument) -> Iterator[Fault]:
         c, path = joint.clearance, f"joints.{name}.clearance"
         if c is None or joint.kinds != ["revolute"]:
             continue
-        if c.restitution < 1.0 and c.speed is None and c.sound("speed"):
+        if c.restitution < 1.0 and c.speed is None and c.has_valid("speed"):
             yield Fault(path, "a restitution at which speed? Slower impacts lose less.", 'Add speed = "0.5 m/s".')
-        if c.friction and c.radius is None and c.sound("radius"):
+        if c.friction and c.radius is None and c.has_valid("radius"):
             yield Fault(path, "friction without the radius of the journal.", 'Add radius = "10 mm".')
         if joint.friction is not None:
             why = "friction of a joint with clearance is that between its journal and its bearing."

@@ -81,8 +81,8 @@ def segments_curve(
     """Segments over ranges [SI] as one curve from a state on; None where a fault was noted or something could not be read."""
     before = len(axes.convert.faults)
     made = [_segment(s, over, axes, f"{path}[{k}]") for k, (s, over) in enumerate(zip(segments, overs, strict=True))]
-    sound = bool(made and start) and None not in made and not any(v is not None and math.isnan(v) for v in start)
-    if len(axes.convert.faults) > before or not sound:
+    complete = bool(made and start) and None not in made and not any(v is not None and math.isnan(v) for v in start)
+    if len(axes.convert.faults) > before or not complete:
         return None
     try:
         return program([s for s in made if s is not None], start, repeats=repeats)
@@ -144,7 +144,7 @@ def _segment(given: SegmentTable, over: float, axes: Axes, path: str) -> Segment
     to = None if given.to is None else axes.state(given.to, f"{path}.to")
     if (
         (to is not None and any(v is not None and math.isnan(v) for v in to))
-        or given.unread
+        or given.invalid_keys
         or given.asks_too_much
         or math.isnan(over)
     ):
@@ -164,7 +164,7 @@ def _segment(given: SegmentTable, over: float, axes: Axes, path: str) -> Segment
 
 def _law(given: LawDocument, over: float, axes: Axes, path: str) -> SegmentLaw | None:
     """The law of a table; None where a fault was noted or the table could not be read."""
-    kind = given.kind if not given.unread else ""
+    kind = given.kind if not given.invalid_keys else ""
     if kind in ("acceleration", "velocity"):
         curve = _curve(getattr(given, kind), over, axes, 2 if kind == "acceleration" else 1, f"{path}.{kind}")
         if curve is None:
@@ -270,7 +270,7 @@ def _conditions(points: Sequence[PointDocument], over: float, axes: Axes, path: 
     for k, point in enumerate(points):
         at = axes.place(point.at, f"{path}[{k}].at")
         state = axes.state(point.to, f"{path}[{k}].to")
-        if point.unread or any(v is not None and math.isnan(v) for v in (at, *state)):
+        if point.invalid_keys or any(v is not None and math.isnan(v) for v in (at, *state)):
             return None
         if not 0.0 < at < over:
             convert.note(f"{path}[{k}].at", "it is not inside the segment.", "Give a place between its two ends.")

@@ -91,9 +91,9 @@ class CurveDocument(Table):
         if self.harmonics is None and self.mean is not None:
             wrong.append(("mean", "a mean value without harmonics.", "Leave it out."))
         for key in ("values", "steps"):
-            if self.at is None and key in self.model_fields_set and self.sound("at"):
+            if self.at is None and key in self.model_fields_set and self.has_valid("at"):
                 wrong.append((key, f"{key} without the places.", "Give at = [...], or leave it out."))
-        if self.at is not None and self.sound("at", "values") and len(self.at) != len(self.values or ()):
+        if self.at is not None and self.has_valid("at", "values") and len(self.at) != len(self.values or ()):
             wrong.append(("", f"{len(self.at)} places and {len(self.values or ())} values.", "Give one value for each place."))
         refuse(wrong)
         return self
@@ -117,7 +117,7 @@ class PositionTable(Table):
     @model_validator(mode="after")
     def _one_form(self) -> PositionTable:
         wrong = one_of(self, ("at", "file"), "the table")
-        if self.at is not None and self.sound("at", "values") and len(self.at) != len(self.values or ()):
+        if self.at is not None and self.has_valid("at", "values") and len(self.at) != len(self.values or ()):
             wrong.append(("", f"{len(self.at)} places and {len(self.values or ())} values.", "Give one value for each place."))
         if self.file is not None and self.values is not None:
             wrong.append(("values", "values beside a file.", "Keep one of them."))
@@ -176,7 +176,7 @@ class LawDocument(Table):
             ("limits", "smooth", "steps"), "least"
         )
         for key, owner in owners.items():
-            if key in self.model_fields_set and getattr(self, owner) is None and self.sound(owner):
+            if key in self.model_fields_set and getattr(self, owner) is None and self.has_valid(owner):
                 wrong.append((key, f"{key} goes with {owner}.", "Leave it out."))
         for key, factor in self.limits.items():
             if factor <= 0.0:
@@ -243,7 +243,7 @@ class SegmentTable(Table):
     @property
     def asks_too_much(self) -> bool:
         """Whether its end has a velocity that its law, of a shape of its own, cannot meet."""
-        free = self.law.meets or self.law.unread if isinstance(self.law, LawDocument) else self.named == "polynomial"
+        free = self.law.meets or self.law.invalid_keys if isinstance(self.law, LawDocument) else self.named == "polynomial"
         return not free and isinstance(self.to, list) and any(v != FREE for v in self.to[1:])
 
     @model_validator(mode="after")
@@ -253,7 +253,7 @@ class SegmentTable(Table):
         shaped = name is not None and name != "polynomial"
         if shaped and name in _LAW_TABLES:
             wrong.append(("law", f"'{name}' alone does not say which law.", f"Write it like law = {_LAW_TABLES[name]}."))
-        elif shaped and self.sound("law", "parameters"):
+        elif shaped and self.has_valid("law", "parameters"):
             try:
                 rise(str(name), **self.parameters)
             except MechanismError as error:
@@ -265,9 +265,9 @@ class SegmentTable(Table):
                         (key, f"{key} does not go with this law.", "It goes with a law that `mechviz laws` lists: leave it out.")
                     )
         if isinstance(self.law, LawDocument):
-            if self.to is None and self.sound("to", "law") and not self.law.unread and self.law.needs_end:
+            if self.to is None and self.has_valid("to", "law") and not self.law.invalid_keys and self.law.needs_end:
                 wrong.append(("law", "a law that does not say where the segment ends.", "Add to = ..."))
-        elif self.to is None and self.sound("to") and "law" in self.model_fields_set:
+        elif self.to is None and self.has_valid("to") and "law" in self.model_fields_set:
             wrong.append(("law", "a law for a dwell, which says no end.", "Add to = ..., or leave out the law."))
         if self.asks_too_much:
             why = "a law of its own shape cannot meet a velocity or an acceleration."

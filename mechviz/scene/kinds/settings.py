@@ -143,14 +143,14 @@ def accuracy_of(entry: float | AccuracyDocument | None, convert: Converter) -> A
         return DEFAULT
     if not isinstance(entry, AccuracyDocument):
         return accuracy_for(entry)
-    dials = {key: getattr(entry, key) for key in AccuracyDocument.model_fields if getattr(entry, key) is not None}
-    target = dials.pop("target", None)
-    if "interpolation" in dials:
-        dials["interpolation"] = ORDERS[dials["interpolation"]]
+    settings = {key: getattr(entry, key) for key in AccuracyDocument.model_fields if getattr(entry, key) is not None}
+    target = settings.pop("target", None)
+    if "interpolation" in settings:
+        settings["interpolation"] = ORDERS[settings["interpolation"]]
     for key, kind in (("chord", "length"), ("window", "time")):
-        if key in dials:
-            dials[key] = convert.si(dials[key], kind, f"accuracy.{key}")
-    return Accuracy(**dials) if target is None else accuracy_for(target, **dials)
+        if key in settings:
+            settings[key] = convert.si(settings[key], kind, f"accuracy.{key}")
+    return Accuracy(**settings) if target is None else accuracy_for(target, **settings)
 
 
 def accuracy_faults(document: SceneDocument, free: Mapping[str, Any], convert: Converter) -> Iterator[Fault]:

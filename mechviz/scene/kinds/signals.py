@@ -158,8 +158,8 @@ SIGNALS: Mapping[str, Callable[[_Numbers], Signal]] = {
 def signal_of(key: str, given: Table, convert: Converter, path: str) -> Signal | None:
     """The signal that stands under one of the keys of `SIGNALS`; None where a fault of it was noted."""
     before = len(convert.faults)
-    sound = is_whole(given)
-    signal = SIGNALS[key](_Numbers(given, convert, path)) if sound else None
+    valid = is_whole(given)
+    signal = SIGNALS[key](_Numbers(given, convert, path)) if valid else None
     unknown = isinstance(signal, Sine) and math.isnan(signal.frequency)
     return None if unknown or len(convert.faults) > before else signal
 
@@ -238,7 +238,7 @@ class FactorTable(Table):
         refuse(one_of(self, ARGUMENTS, "the table"))
         rows = getattr(self, self.of)
         wrong = _names(self.of, self.joint, self.drive, self.point)
-        if self.sound(self.of, "factor") and len(rows) != len(self.factor):
+        if self.has_valid(self.of, "factor") and len(rows) != len(self.factor):
             plural = f"{self.of}s" if self.of in ("position", "time", "speed") else f"values of {self.of}"
             wrong.append(("", f"{len(rows)} {plural} and {len(self.factor)} factors.", f"Give one factor for each {self.of}."))
         if self.period is not None and self.of not in ("position", "time"):
@@ -251,11 +251,11 @@ class FactorPolynomial(Table):
     """A factor as a polynomial: the sum of coefficients[k] (argument / per)^k."""
 
     of: Literal["position", "velocity", "time", "x", "y", "vx", "vy", "speed"]
-    """What it depends on: coordinate or rate of a joint, the time, place or velocity of a point."""
+    """The argument: coordinate or rate of a joint, the time, place or velocity of a point."""
     coefficients: Annotated[list[Number], Field(min_length=1)]
     """Coefficients, the constant one first."""
     per: Argument | None = None
-    """What the argument is divided by. Default: one of the scene's units."""
+    """Divisor of the argument. Default: one of the scene's units."""
     drive: Text | None = None
     """Position, velocity: the driven joint. Default: the first one."""
     joint: Text | None = None

@@ -36,7 +36,7 @@ from mechviz.scene.fields import (
     is_whole,
     refuse,
 )
-from mechviz.scene.kinds.bodies import lumps_of
+from mechviz.scene.kinds.bodies import point_masses_of
 from mechviz.scene.kinds.drives import Level
 from mechviz.scene.names import LinkName, PointName, Reference
 
@@ -91,7 +91,7 @@ class ShakingDocument(Table):
 
 
 class SubstituteMassDocument(Table):
-    """One substitute mass. What is not given is found."""
+    """One substitute mass. Values that are not given are computed."""
 
     mass: SignedMass | None = None
     """Its mass; it may be negative."""
@@ -135,7 +135,7 @@ class CrossSectionDocument(Table):
     @model_validator(mode="after")
     def _one_form(self) -> CrossSectionDocument:
         sides = [key for key in ("height", "width") if getattr(self, key) is not None]
-        if not self.sound("diameter", "height", "width"):
+        if not self.has_valid("diameter", "height", "width"):
             return self
         if self.diameter is not None:
             refuse([(k, f"{k} stands beside diameter.", f"Leave out {k}, or diameter.") for k in sides])
@@ -152,7 +152,8 @@ class PenDocument(Table):
     point: PointName
     """The point, "link.point"."""
     joint: Annotated[Text, Reference("joint")] | None = None
-    """The joint that lifts it: with at_most or at_least its coordinate tells where the pen is down. Default: it always is."""
+    """The joint that lifts it: with at_most or at_least the pen is down where its coordinate is within that limit. Default: it
+    always is."""
     at_most: Level | None = None
     """The pen is down where the joint's coordinate is at most this."""
     at_least: Level | None = None
@@ -161,7 +162,7 @@ class PenDocument(Table):
     @model_validator(mode="after")
     def _one_limit(self) -> PenDocument:
         limits = [key for key in ("at_most", "at_least") if getattr(self, key) is not None]
-        if not self.sound("joint", "at_most", "at_least"):
+        if not self.has_valid("joint", "at_most", "at_least"):
             return self
         if self.joint is None:
             refuse([(key, f"{key} without a joint.", 'Add joint = "C", or leave it out.') for key in limits])
@@ -371,7 +372,7 @@ def _sections(
 ) -> SectionStudy:
     section = None if entry.section is None else _cross_section(entry.section, convert, f"sections.{name}.section")
     link = document.links.get(name)
-    lumps = [] if link is None else lumps_of(link.lumps, placement.points.get(name, {}), convert, f"links.{name}.lumps")
+    lumps = [] if link is None else point_masses_of(link.lumps, placement.points.get(name, {}), convert, f"links.{name}.lumps")
     masses = tuple((b.mass, *b.centre, b.inertia) for b in lumps)
     return SectionStudy(link=name, points=tuple(entry.along or ()), section=section, masses=masses)
 

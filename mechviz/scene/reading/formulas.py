@@ -54,7 +54,7 @@ class Resolved:
     faults: list[Fault] = field(default_factory=list)
 
     @contextmanager
-    def noting(self, path: str) -> Iterator[None]:
+    def record_faults(self, path: str) -> Iterator[None]:
         """Notes what is wrong with a value at a path, instead of raising it."""
         try:
             yield
@@ -80,7 +80,7 @@ def resolve(raw: Mapping[str, Any]) -> Resolved:
             continue
         path = path_text(leaf.path)
         values[leaf.path] = math.nan
-        with result.noting(path):
+        with result.record_faults(path):
             expression = parse_expression(leaf.value)
             if faulty.intersection(expression.names):
                 result.unknown.add(path)
@@ -100,7 +100,7 @@ def resolve_again(document: SceneDocument, changes: Mapping[Place, Any]) -> tupl
     units = _units(document.units.model_dump())
     values: dict[Place, Any] = {}
     for place, text in document.formulas.items():
-        with result.noting(path_text(place)):
+        with result.record_faults(path_text(place)):
             values[place] = _value_at(leaf_at(document, place), parse_expression(text), known, units)
     return values, result.faults
 
@@ -242,7 +242,7 @@ def _parameters(entries: Mapping[str, Any], result: Resolved) -> None:
             continue
         value = entry.get("value") if isinstance(entry, Mapping) else entry
         path = f"parameters.{name}.value" if isinstance(entry, Mapping) else f"parameters.{name}"
-        with result.noting(path):
+        with result.record_faults(path):
             expressions[name] = _expression(value)
     amounts: dict[str, Amount] = {}
     waiting = dict(expressions)
@@ -254,7 +254,7 @@ def _parameters(entries: Mapping[str, Any], result: Resolved) -> None:
         for name in sorted(ready, key=lambda name: bool(waiting[name].names)):
             expression = waiting.pop(name)
             if all(inner in amounts or inner not in entries for inner in expression.names):
-                with result.noting(f"parameters.{name}"):
+                with result.record_faults(f"parameters.{name}"):
                     amounts[name] = expression.value(amounts)
     for name in entries:
         if name in amounts:
@@ -300,7 +300,7 @@ def _bounds(name: str, entry: Any, expression: Expression, amounts: Mapping[str,
     pair = limits if isinstance(limits, list | tuple) and len(limits) == 2 else (None, None)
     for key, value in (("range[0]", pair[0]), ("range[1]", pair[1]), ("tolerance", stated.get("tolerance"))):
         if value is not None:
-            with result.noting(f"{path}.{key}"):
+            with result.record_faults(f"{path}.{key}"):
                 known = {inner: amounts[inner] for inner in amounts if inner != name or key == "tolerance"}
                 other = _expression(value).value(known)
                 if other.powers != amount.powers:

@@ -31,7 +31,7 @@ _BRANCHES = frozenset(("<list>", "<name>", "<table>", "<value>"))  # all tags of
 _adapters: dict[int, tuple[Any, TypeAdapter[Any]]] = {}
 
 
-class Meant(str):
+class SpellingRepairs(str):
     """A word of the document in place of a misspelt one."""
 
     __slots__ = ()
@@ -45,7 +45,7 @@ def read_table(cls: type[Table], raw: Any, loc: Loc, faults: list[Fault]) -> Tab
     hints, before = hints_of(cls), len(faults)
     values: dict[str, Any] = {}
     unread: set[str] = set()
-    meant = _keys_as_meant(cls, raw, loc, faults)
+    meant = _keys_repaired(cls, raw, loc, faults)
     for key, written in meant.items():
         own: list[Fault] = []
         values[key], whole = _read(hints[key], raw[written], (*loc, written), own)
@@ -64,7 +64,7 @@ def read_table(cls: type[Table], raw: Any, loc: Loc, faults: list[Fault]) -> Tab
             values[key] = _stand_in(hints[key], None)
             unread.add(key)
     table = cls.model_construct(_fields_set=given, **values)
-    table.mark_unread(unread)
+    table.mark_invalid(unread)
     guessed = {key for key, written in meant.items() if written != key}
     faults += _faults_of_the_whole(table, raw, loc, guessed, faulty=len(faults) > before)
     return table
@@ -73,7 +73,7 @@ def read_table(cls: type[Table], raw: Any, loc: Loc, faults: list[Fault]) -> Tab
 MOST_GUESSED = 200  # unknown keys of a table of which is said what they may stand for
 
 
-def _keys_as_meant(cls: type[Table], raw: Mapping[str, Any], loc: Loc, faults: list[Fault]) -> dict[str, str]:
+def _keys_repaired(cls: type[Table], raw: Mapping[str, Any], loc: Loc, faults: list[Fault]) -> dict[str, str]:
     """Known key -> the key as it is written. Unknown keys are noted; they stand for one that their value fits."""
     hints = hints_of(cls)
     taken = {key: key for key in raw if key in hints}
@@ -85,9 +85,9 @@ def _keys_as_meant(cls: type[Table], raw: Mapping[str, Any], loc: Loc, faults: l
         elif k >= MOST_GUESSED:
             faults.append(unknown_key((*loc, written), beside, ""))
         else:
-            likely = meant_keys(str(written), beside)
-            fitting = (key for key in likely if _fits(hints[key], raw[written], (*loc, written)))
-            meant = next(fitting, next((key for key in likely if misspelt(str(written), key)), ""))
+            candidates = spelling_candidates(str(written), beside)
+            fitting = (key for key in candidates if _fits(hints[key], raw[written], (*loc, written)))
+            meant = next(fitting, next((key for key in candidates if misspelt(str(written), key)), ""))
             inside = next((key for key in beside if written in _keys_within(hints[key], raw.get(key))), "")
             faults.append(unknown_key((*loc, written), beside, meant, inside))
             if meant and not inside:
@@ -131,7 +131,7 @@ def _read(annotation: Any, raw: Any, loc: Loc, faults: list[Fault]) -> tuple[Any
     kind, marks = peel(annotation, raw)
     if isinstance(kind, type) and issubclass(kind, Table):
         table = read_table(kind, raw, loc, faults)
-        return table, table.sound()
+        return table, table.has_valid()
     valid, details = _validated(annotation, raw)
     if not details:
         return valid, True
@@ -187,7 +187,7 @@ def _stand_in(annotation: Any, raw: Any) -> Any:
         return math.nan
     if origin is Literal:
         near = closest(raw, [word for word in get_args(kind) if isinstance(word, str)]) if isinstance(raw, str) else ""
-        return Meant(near) if near else Unknown(raw if isinstance(raw, str) else "?")
+        return SpellingRepairs(near) if near else Unknown(raw if isinstance(raw, str) else "?")
     if kind is bool:
         return raw.lower() not in ("false", "no", "off", "") if isinstance(raw, str) else bool(raw)
     if kind is str:
@@ -211,7 +211,7 @@ def _blank(cls: type[Table]) -> Table:
     hints = hints_of(cls)
     required = {key: _stand_in(hints[key], None) for key, field in cls.model_fields.items() if field.is_required()}
     table = cls.model_construct(_fields_set=set(), **required)
-    table.mark_unread({"*", *cls.model_fields})
+    table.mark_invalid({"*", *cls.model_fields})
     return table
 
 
@@ -237,19 +237,19 @@ class Reading:
         """Name of a point -> the links that have it."""
         owners: dict[str, list[str]] = {}
         for name, link in self.document.links.items():
-            for point in link.points if link.sound("points") else ():
+            for point in link.points if link.has_valid("points") else ():
                 owners.setdefault(point, []).append(name)
         return owners
 
     @cached_property
     def pointless(self) -> list[str]:
         """Links of which the points are not known."""
-        return [name for name, link in self.document.links.items() if not link.sound("points")]
+        return [name for name, link in self.document.links.items() if not link.has_valid("points")]
 
     @property
     def undriven(self) -> set[str]:
         """Joints of which it is not known whether they are driven."""
-        return {name for name, joint in self.shapeless.items() if joint.led or {"drive", "free"} & joint.unread}
+        return {name for name, joint in self.shapeless.items() if joint.led or {"drive", "free"} & joint.invalid_keys}
 
 
 def _ends(path: str) -> list[int]:
@@ -284,12 +284,12 @@ def read_document(raw: Mapping[str, Any]) -> Reading:
     shapeless = {name: joint for name, joint in document.joints.items() if not joint.kinds}
     joints = {name: joint for name, joint in document.joints.items() if joint.kinds}
     known = document.model_copy(update={"joints": joints})
-    known.mark_unread(document.unread)
+    known.mark_invalid(document.invalid_keys)
     return Reading(known, raw, faults, broken, shapeless)
 
 
 # -- faults of form in words --------------------------------------------------------------------------------------------
-# What people call things elsewhere.
+# Synonyms from other programs and textbooks.
 _SYNONYMS = {
     "bodies": "links", "ground": "frame", "omega": "speed", "velocity": "speed", "rpm": "speed", "motor": "drive",
     "driver": "drive", "com": "centre", "cog": "centre", "J": "inertia", "I": "inertia", "name": "title",
@@ -312,7 +312,7 @@ _MISSPELT = 0.75
 """Similarity from which a key is a misspelt one even if the value does not fit."""
 
 
-def meant_keys(key: str, known: Sequence[str]) -> list[str]:
+def spelling_candidates(key: str, known: Sequence[str]) -> list[str]:
     """The known keys that an unknown one may stand for, the most probable first."""
     longer = [name for name in known if name.startswith(f"{key}_")]
     meant = [_SYNONYMS.get(key, ""), *longer, *nearest(key, known, 5)]

@@ -26,7 +26,7 @@ from mechviz.scene.names import (
     points_of_joint,
     references,
 )
-from mechviz.scene.reading.recovery import Meant, Reading
+from mechviz.scene.reading.recovery import Reading, SpellingRepairs
 
 
 def check_references(reading: Reading) -> Iterator[Fault]:
@@ -37,12 +37,12 @@ def check_references(reading: Reading) -> Iterator[Fault]:
     yield from _looks(reading)
     for key, names in (("effects", document.effects), ("answers", document.answers)):
         for k, name in enumerate(names):
-            if name in names[:k] and not isinstance(name, Meant):
+            if name in names[:k] and not isinstance(name, SpellingRepairs):
                 yield Fault(f"{key}[{k}]", f"'{name}' is listed twice.", "Leave it out once.")
     listed = "*" not in reading.broken["links"]
     yield from check_studies(document, {name: point_names(reading, name) for name in link_names(reading)}, listed)
     effects = [name for name in document.effects if not isinstance(name, Unknown) and name != "friction"]  # those that masses make
-    weightless = all(link.mass is None and not link.lumps and "*" not in link.unread for link in document.links.values())
+    weightless = all(link.mass is None and not link.lumps and "*" not in link.invalid_keys for link in document.links.values())
     if effects and listed and weightless:
         remedy = "Give the moving links a mass, or leave out the effects."
         yield Fault("effects", f"{' and '.join(dict.fromkeys(effects))}: no link has a mass that could act.", remedy)
@@ -92,7 +92,7 @@ def _joints(reading: Reading) -> Iterator[Fault]:
 
 
 def _looks(reading: Reading) -> Iterator[Fault]:
-    """What is to be drawn on a shaft needs one, a spindle is of the ground."""
+    """A flywheel or fan needs a shaft; a spindle belongs to the ground."""
     document = reading.document
     pinned = {link for j in document.joints.values() if "revolute" in j.kinds and document.frame in j.links for link in j.links}
     for name, link in document.links.items():
@@ -212,7 +212,7 @@ def _nearest(word: str, known: Collection[str]) -> str:
     return near[0] if near and likeness.count(likeness[0]) == 1 else Unknown(word)
 
 
-def links_as_meant(reading: Reading) -> Reading:
+def links_repaired(reading: Reading) -> Reading:
     """The reading with every name of a link replaced by that of a link that exists, as far as one resembles it."""
     document, links = reading.document, dict.fromkeys(link_names(reading))
     frame = _nearest(document.frame, links)
@@ -232,7 +232,7 @@ def links_as_meant(reading: Reading) -> Reading:
     return replace(reading, document=replaced(document, changes))
 
 
-def sketch_as_meant(reading: Reading) -> Reading:
+def sketch_repaired(reading: Reading) -> Reading:
     """The reading with every name of a point in the sketch replaced by that of a point that exists, as far as one resembles it."""
     points = dict.fromkeys(point for link in link_names(reading) for point in point_names(reading, link) or ())
     entries = reading.document.sketch.items()

@@ -19,7 +19,7 @@ from mechcore.compiled.motion import Executor
 from mechcore.effects.registry import effects_of
 from mechcore.errors import MechanismError
 from mechcore.forces.kinetostatics import solve_forces
-from mechcore.laws.program import Follow
+from mechcore.laws.program import CurveOverMaster
 from mechcore.laws.timed import ConstantSpeed, moves
 from mechcore.motion.compiled import Compiled
 from mechcore.motion.design_program import DesignProgram
@@ -91,7 +91,7 @@ class Batch:
     @property
     def comparable(self) -> bool:
         """Whether frames of one number are where the leading drive is the same, and it keeps its sense in all designs between the
-        ends of what varies, as far as their corners tell."""
+        ends of what varies, as far as their corners show."""
         drives = self.compiled.mechanism.drives
         still = [d.joint for d in drives if not moves(d.law)]
         if self._varied_drives.intersection(still[: [d.joint for d in drives].index(self._leader)] if self._leader else still):
@@ -103,7 +103,7 @@ class Batch:
         leader = self._constant[self._leader]
         led = [d.law for d in drives if d.joint not in self._constant]
         timed = any("time" in effect.needs for effect in effects_of(self.compiled.mechanism))
-        if timed or not all(isinstance(law, Follow) and law.master == leader for law in led):
+        if timed or not all(isinstance(law, CurveOverMaster) and law.master == leader for law in led):
             return False
         if len(self.variations) > MOST_CORNERS or (led and ("joints", self._leader, "drive", "start") in self.places):
             return False

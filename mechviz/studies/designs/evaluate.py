@@ -15,7 +15,7 @@ from mechcore.compiled.kernels import cores
 from mechcore.compiled.motion import Executor
 from mechcore.errors import Fault, MechanismError
 from mechcore.records import dataclass
-from mechviz.accuracy.estimate import doubts
+from mechviz.accuracy.estimate import accuracy_warnings
 from mechviz.quantities.catalogue import Quantity
 from mechviz.runs import Run, run_scene
 from mechviz.scene.folder import SceneFolder
@@ -27,7 +27,7 @@ from mechviz.studies.designs.sampling import Variation
 ONE_AT_A_TIME = Lock()  # threads of one process, such as workers of clusters have, share its prepared studies
 TRIED = 3  # designs that are computed both ways before batches are trusted
 AGREEMENT = 1e-9  # relative, of a batch and a run by itself
-BEYOND = 1e6  # times the median of all designs: a result so large is one at a singular position, which a run by itself tells
+BEYOND = 1e6  # times the median of all designs: a result so large is one at a singular position, as a run by itself reports
 _PLAIN = ("pose", "velocity", "acceleration", "position", "reaction", "motion", "inertia")
 
 
@@ -247,7 +247,7 @@ def _alone(study: Study, design: Real, empty: list[Real]) -> tuple[list[Real], s
     run = _run_alone(study, design)
     if isinstance(run, str):
         return empty, run
-    if words := doubts(run):
+    if words := accuracy_warnings(run):
         return empty, f"not to be trusted: {words[0]}"
     row = []
     try:

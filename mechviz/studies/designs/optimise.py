@@ -78,7 +78,7 @@ class Search:
         k = known.best(objective)
         return known.designs[k], float(known.objectives[k, objective]), float(known.violations[k])
 
-    def tell(self, stage: str, objective: int = 0) -> None:
+    def report_progress(self, stage: str, objective: int = 0) -> None:
         """Say how far it is."""
         _, value, violation = self.best(objective)
         self.progress(stage, objective, value, violation)
@@ -97,7 +97,7 @@ class Search:
         designs = bounds[:, 0] + (bounds[:, 1] - bounds[:, 0]) * points
         start = np.clip(self.problem.start, bounds[:, 0], bounds[:, 1])
         screened = self.judged(np.vstack([start, designs]))
-        self.tell("samples", objective)
+        self.report_progress("samples", objective)
         order = np.lexsort((np.nan_to_num(screened.objectives[:, objective], nan=np.inf), screened.violations))
         worst = float(np.nanmax(np.where(screened.feasible, np.abs(screened.objectives[:, objective]), 0.0), initial=0.0)) or 1.0
 
@@ -107,7 +107,7 @@ class Search:
             return np.asarray(np.where(own.feasible, own.objectives[:, objective], penalised))
 
         def report(intermediate_result: Any) -> None:
-            self.tell("differential evolution", objective)
+            self.report_progress("differential evolution", objective)
 
         differential_evolution(
             merit, list(map(tuple, bounds)), init=screened.designs[order[:count]], maxiter=self.generations, tol=1e-6,
@@ -137,7 +137,7 @@ class Search:
                 except MechanismError:
                     known[key] = None
                 self.judged((low + span * np.clip(u, 0.0, 1.0))[None])
-                self.tell("along derivatives", objective)
+                self.report_progress("along derivatives", objective)
             return known[key]
 
         rows = [(limit.measure, k, side) for k, limit in enumerate(problem.limits) for side in _sides(limit)]
@@ -224,8 +224,8 @@ class Optimum:
             yield term.text, term.shown(old) if np.isfinite(old) else "none", term.shown(new), change
         for k, limit in enumerate(problem.limits):
             low, high = (f"{x:.6g}" if np.isfinite(x) else "" for x in (limit.least, limit.most))
-            missed = float(limit.violation(values[1:, k])[0])
-            state = "missed" if missed > KEPT else "reached" if _reached(limit, values[1, k]) else "kept"
+            violation = float(limit.violation(values[1:, k])[0])
+            state = "missed" if violation > KEPT else "reached" if _reached(limit, values[1, k]) else "kept"
             row = [f"{x:.6g} {limit.unit}".strip() for x in values[:, k]]
             yield f"{limit.text} in {low}..{high}", row[0], row[1], state
         for v, x in zip(problem.variables, rounded, strict=True):
@@ -276,8 +276,8 @@ def _levels(known: Judged, points: int) -> list[Real]:
     count = known.objectives.shape[1]
     best = known.objectives[[known.best(k) for k in range(count)]]
     each = points if count == 2 else max(3, round(points ** (1.0 / (count - 1))))
-    ways = [np.linspace(best[0, k], best[k, k], each) for k in range(1, count)]
-    return [np.array(level) for level in product(*ways)]
+    axes = [np.linspace(best[0, k], best[k, k], each) for k in range(1, count)]
+    return [np.array(level) for level in product(*axes)]
 
 
 def _below(known: Judged, level: Real) -> int | None:

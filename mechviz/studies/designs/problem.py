@@ -165,8 +165,8 @@ class Judged:
 
     def best(self, objective: int = 0) -> int:
         """The design with the least violation, among those without any the one with the least objective."""
-        missed = np.where(self.feasible, 0.0, self.violations)
-        return int(np.lexsort((np.nan_to_num(self.objectives[:, objective], nan=np.inf), missed))[0])
+        violation = np.where(self.feasible, 0.0, self.violations)
+        return int(np.lexsort((np.nan_to_num(self.objectives[:, objective], nan=np.inf), violation))[0])
 
 
 @dataclass(frozen=True, eq=False)
@@ -192,11 +192,11 @@ class Problem:
         """Objectives and violations of designs (D, n), in portions over an executor if there is one."""
         portions = [designs[k : k + PORTION] for k in range(0, len(designs), PORTION)]
         if executor is None:
-            answers = [evaluate(self.study, own) for own in portions]
+            results = [evaluate(self.study, own) for own in portions]
         else:
-            answers = list(executor.map(evaluate, [self.study] * len(portions), portions))
-        values = [np.concatenate([a.values[k] for a in answers]) for k in range(len(self.study.measures))]
-        missing = np.concatenate([a.missing for a in answers])
+            results = list(executor.map(evaluate, [self.study] * len(portions), portions))
+        values = [np.concatenate([a.values[k] for a in results]) for k in range(len(self.study.measures))]
+        missing = np.concatenate([a.missing for a in results])
         with np.errstate(invalid="ignore"):
             objectives = np.stack([term.value([values[k] for k in term.measures]) for term in self.terms], axis=-1)
             limited = self.limited(designs, values).T
@@ -301,7 +301,7 @@ def problem_of(
         places = [_place(study, x, "goal.follow.drive") for x in goal.follow.drive]
         terms.append(_following(goal.follow.quantity, quantities[followed], followed, _weights_at(study, drive, places), wanted))
     if goal.path is not None and along is not None:
-        factor = float(scene.units.factor("length")) * 1e3  # of mm, as points are told
+        factor = float(scene.units.factor("length")) * 1e3  # of mm, in which points are stated
         through = np.array(goal.path.through, float) * factor
         at = None
         if goal.path.drive is not None:
@@ -346,7 +346,7 @@ def _in_unit(value: float | str, unit: str, path: str) -> float:
         wanted = unit_of(unit.replace("°", "deg").replace("²", "^2")) if unit not in ("", "1") else None
         given = unit_of(own)
         if wanted is None or wanted.powers != given.powers:
-            raise QuantityError(f"'{own}' is no unit of what is told in {unit or 'plain numbers'}.", "Give it in that.")
+            raise QuantityError(f"'{own}' is no unit of a quantity in {unit or 'plain numbers'}.", "Give it in that.")
         return float(number) * float(given.factor / wanted.factor)
     except QuantityError as error:
         raise MechanismError(Fault(path, str(error), error.remedy)) from None

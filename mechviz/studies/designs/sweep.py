@@ -194,7 +194,7 @@ def run_study(
     """Results of all designs (D, n): by an executor, with ``most`` portions in its hands at once, or here without one. Processes of
     this machine are left out where C computes, which has threads of its own.
 
-    With a store, what is known stays known whatever happens. ``progress`` is told how many designs are done, and of how many.
+    With a store, what is known stays known whatever happens. ``progress`` gets the number of designs that are done and their total.
     """
     count, known = len(designs), set() if store is None else set(store.done)
     rows: list[pa.Table] = []

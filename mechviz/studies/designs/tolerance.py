@@ -59,7 +59,7 @@ class Limits:
 class Tolerances:
     """Effects of tolerances on a measure, in its unit. Arrays end with the frames (F,) where it is a curve, else they are numbers.
 
-    ``nominal``; ``slopes`` (P, ...) of each variable, in its unit; ``worst`` and ``likely``: half widths by the sum of all
+    ``nominal``; ``slopes`` (P, ...) of each variable, in its unit; ``worst`` and ``root_sum_square``: half widths by the sum of all
     contributions and by the root of their squares; ``corners``: least and greatest over all corners of the tolerances, where there
     are few; ``mean``, ``sigma``, ``tails`` (2, ...) and ``ends`` (2, ...) of the samples, and standard errors of the first two;
     ``lost``: samples that cannot be assembled; ``values`` of samples of a number.
@@ -73,7 +73,7 @@ class Tolerances:
     slopes: Real
     exact: bool  # whether the slopes are derivatives, else they are fitted to the samples
     worst: Real
-    likely: Real
+    root_sum_square: Real
     corners: Real | None
     mean: Real
     sigma: Real
@@ -95,7 +95,7 @@ class Tolerances:
     @property
     def at(self) -> int | None:
         """The frame where the likely deviation is greatest; None of a number."""
-        return int(np.nanargmax(self.likely)) if self.curve else None
+        return int(np.nanargmax(self.root_sum_square)) if self.curve else None
 
     def deviations(self) -> Real:
         """Contribution (P,) of each variable to the worst case, of a curve at its worst frame."""
@@ -130,7 +130,7 @@ class Tolerances:
         if self.corners is not None:
             low, high = (of(x) - nominal for x in self.corners)
             yield "all corners", f"{low:+.4g} to {high:+.4g} {unit}"
-        yield "root sum square", f"± {of(self.likely):.4g} {unit}"
+        yield "root sum square", f"± {of(self.root_sum_square):.4g} {unit}"
         yield "mean of the samples", f"{of(self.mean):.6g} {unit}"
         yield "standard deviation", f"{of(self.sigma):.4g} {unit}"
         yield "99.73 % between", f"{of(self.tails[0]) - nominal:+.4g} and {of(self.tails[1]) - nominal:+.4g} {unit}"
@@ -151,7 +151,7 @@ class Tolerances:
         for k in dict.fromkeys(int(np.argmin(np.abs(axis.values - place))) for place in places):
             low, high = self.tails[:, k] - self.nominal[k]
             yield (
-                f"{axis.values[k]:.5g}", f"{self.nominal[k]:.6g}", f"± {self.worst[k]:.4g}", f"± {self.likely[k]:.4g}",
+                f"{axis.values[k]:.5g}", f"{self.nominal[k]:.6g}", f"± {self.worst[k]:.4g}", f"± {self.root_sum_square[k]:.4g}",
                 f"{low:+.4g} and {high:+.4g}",
             )  # fmt: skip
 
@@ -311,7 +311,7 @@ def _judged(
         slopes=slopes,
         exact=exact,
         worst=np.asarray(moved.sum(axis=0)),
-        likely=np.asarray(3.0 / SIGMAS[distribution] * np.sqrt((moved**2).sum(axis=0))),
+        root_sum_square=np.asarray(3.0 / SIGMAS[distribution] * np.sqrt((moved**2).sum(axis=0))),
         corners=np.stack([np.nanmin(sample.corners, axis=0), np.nanmax(sample.corners, axis=0)]) if len(sample.corners) else None,
         mean=np.asarray(some.mean(axis=0)),
         sigma=np.asarray(some.std(axis=0, ddof=1)),
@@ -402,7 +402,7 @@ def _band(axes: Axes, tolerances: Tolerances, axis: Axis) -> None:
     """Deviations from the nominal curve: the curve itself would hide its band."""
     x, nominal = axis.values, tolerances.nominal
     axes.fill_between(x, -tolerances.worst, tolerances.worst, color="#dbe5ee", label="worst case")
-    axes.fill_between(x, -tolerances.likely, tolerances.likely, color="#a9c6df", label="root sum square")
+    axes.fill_between(x, -tolerances.root_sum_square, tolerances.root_sum_square, color="#a9c6df", label="root sum square")
     axes.plot(x, tolerances.tails[0] - nominal, color="#1b6ca8", label="99.73 % of the samples")
     axes.plot(x, tolerances.tails[1] - nominal, color="#1b6ca8")
     axes.set_xlabel(axis.title)

@@ -53,7 +53,7 @@ def function_solutions(task: FunctionTask, designs: Sequence[FunctionGenerator],
         scene = four_bar_scene(
             bar, drive, name=f"function-{k + 1}", title=f"Function generator of {words}", traced=False,
             teaches=f"The rocker's angle follows {words} of the crank's: exactly at {len(made.points)} points or by least squares, "
-            "nearly between them. What is left is the structural error.",
+            "nearly between them. The remainder is the structural error.",
         )  # fmt: skip
         numbers = four_bar_lengths(bar) | {
             "crank at start [deg]": _angle(begin),
@@ -221,8 +221,8 @@ def motion_solutions(poses: Poses, designs: Sequence[MotionDesign]) -> list[Solu
             "type": bar.grashof.value,
         }
         if count > 5:  # not met exactly
-            miss = float(np.abs(bar.positions(made.theta)[2] - poses.places).max())
-            numbers |= {"farthest [mm]": f"{miss * MM:.3g}"}
+            deviation = float(np.abs(bar.positions(made.theta)[2] - poses.places).max())
+            numbers |= {"farthest [mm]": f"{deviation * MM:.3g}"}
         out.append(Solution(scene, numbers, made.defects))
     return out
 

@@ -218,7 +218,7 @@ def place(z: complex) -> list[float]:
 
 @dataclass(frozen=True, eq=False)
 class Solution:
-    """A linkage as a scene, the numbers that tell it from others by their titles, and its defects in words, "" for none."""
+    """A linkage as a scene, its characteristic numbers by title, and its defects in words, "" for none."""
 
     scene: Scene
     numbers: Mapping[str, str]

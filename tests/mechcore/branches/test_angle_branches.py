@@ -54,7 +54,7 @@ def case(text: str, times: int = 31) -> Case:
         start={p.name: float(first.coordinate(p.name)[0, 0]) for p in m.joints},
         poses={k: tuple(map(float, first.pose(k)[0])) for k in first.model.links},
         stops=scene.simulation.stops if scene.simulation else (),
-        watches=scene.simulation.watches if scene.simulation else (),
+        triggers=scene.simulation.triggers if scene.simulation else (),
     )
 
 
@@ -265,7 +265,7 @@ def test_a_watch_is_passed_at_the_turn_that_it_names():
     mechanism = replace(compiled.mechanism, links=links, drives=(free,), effects=("inertia",))
     first = np.degrees(solve_motion(compiled, [0.0]).coordinate("E")[0, 0])
     looks = tuple(EventTrigger(name=str(at), joint="E", at=np.radians(at)) for at in (-260.0, 100.0, 460.0, 820.0))
-    simulation = simulate(mechanism, 3.0, watches=looks)
+    simulation = simulate(mechanism, 3.0, triggers=looks)
     passed = [float(h.item) for h in simulation.events]
     last = np.degrees(simulation.view([3.0]).coordinate("E")[0, 0])
     assert passed == [at for at in (-260.0, 100.0, 460.0, 820.0) if first < at < last] and len(passed) == 2

@@ -6,12 +6,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from mechanisms import drawn, four_bar, load, pin
+from mechanisms import drawn, four_bar, load, pin, polynomial_through
 from wheels import THETA, sound, wheel
 
 from mechcore.errors import MechanismError
 from mechcore.forces.kinetostatics import solve_forces
-from mechcore.laws.timed import ConstantSpeed, Oscillation, Piecewise, polynomial_through, zones
+from mechcore.laws.timed import ConstantSpeed, Oscillation, Piecewise, zones
 from mechcore.motion.reach import reachable_ranges
 from mechcore.motion.solve import compile_mechanism, default_times, solve_motion
 from mechcore.spec.loads import Torque

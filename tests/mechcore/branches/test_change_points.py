@@ -261,7 +261,7 @@ def test_next_to_a_sliver_all_is_well(margin):
 
     m = misses_by(-margin)
     compiled = compile_mechanism(m)
-    assert not compiled.singular_points.points and not compiled.singular_points.gaps
+    assert not compiled.singular_points.points and not compiled.singular_points.unreachable
     solve_motion(compiled, default_times(m, 7))
     short = replace(misses_by(margin), drives=(Drive(joint="A", law=Oscillation(1.5, 1.5, 1.0)),))
     motion = solve_motion(compile_mechanism(short), np.linspace(0.0, 1.0, 91))

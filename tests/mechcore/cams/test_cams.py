@@ -18,8 +18,6 @@ from mechcore.cams.closures import (
     conjugate,
     first_separation,
     hertz,
-    jamming_angle,
-    least_spring,
 )
 from mechcore.cams.followers import Arc, Flat, Follower, Knife, Oscillating, Roller, Translating
 from mechcore.cams.limits import Requirement, check_limits, find_limits
@@ -383,7 +381,7 @@ def test_speed_at_which_contact_is_lost(row):
         assert closing_force(closure, s[0], s[2], 0.9 * lost.speed) == pytest.approx(force, rel=1e-11)
 
 
-def test_contact_is_lost_inside_the_rise_of_a_cycloid_and_the_spring_that_prevents_it():
+def test_contact_is_lost_inside_the_rise_of_a_cycloid():
     case = CASES["cam-jump-off-cycloidal"]
     i = case["inputs"]
     lift = program([Segment(i["beta"], i["H"])], repeats=False)
@@ -391,22 +389,10 @@ def test_contact_is_lost_inside_the_rise_of_a_cycloid_and_the_spring_that_preven
     lost = first_separation(closure, lift)
     assert lost.speed == pytest.approx(case["expected"]["omega_jump"], rel=1e-12)
     assert lost.angle / i["beta"] == pytest.approx(case["expected"]["x"], rel=1e-6)
-    stiff, angle = least_spring(closure, lift, lost.speed)
-    assert stiff == pytest.approx(i["k"], rel=1e-10)
-    assert angle == pytest.approx(lost.angle, rel=1e-5)
-    for find, keys in (("stiffness", {}), ("preload", {})):
-        value, _ = least_spring(closure, lift, 120.0, 25.0, find, **keys)
-        new = Closure(i["m"], value if find == "stiffness" else i["k"], value if find == "preload" else closure.preload, i["g"])
-        s = lift(np.linspace(0, i["beta"], 20001), 2)
-        assert closing_force(new, s[0], s[2], 120.0).min() == pytest.approx(25.0, abs=1e-4)
     assert first_separation(closure, program([Segment(1.0, 1.0, "constant-velocity")])) is None
-    with pytest.raises(MechanismError, match="slack"):
-        least_spring(Closure(1.0, 1e3, -1.0), lift, 500.0)
 
 
-def test_jamming_guide_and_hertz_stress():
-    assert np.tan(jamming_angle(0.05, 0.1, 0.2)) == pytest.approx(0.1 / (0.2 * 0.2))
-    assert jamming_angle(0.05, 0.1, 0.0) == pytest.approx(PI / 2)
+def test_hertz_stress():
     # steel on steel: p = 0.591 sqrt(F E/(l) (1/r1 + 1/r2)) / sqrt(2): the handbook's 0.418 sqrt(F E / (l r))
     r = 1.0 / (1 / 0.02 + 1 / 0.01)
     p = hertz(1000.0, 0.02, 0.01, 0.015).pressure

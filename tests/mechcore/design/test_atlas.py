@@ -7,7 +7,7 @@ import pytest
 
 from mechcore.cache import cache_folder
 from mechcore.design import atlas as module
-from mechcore.design.atlas import likely, make_atlas, the_atlas
+from mechcore.design.atlas import make_atlas, nearest_linkages, stored_atlas
 from mechcore.design.four_bars import TURN, FourBar
 from mechcore.design.paths import PathTask, path_designs
 
@@ -29,7 +29,7 @@ def test_a_curve_of_the_atlas_is_found_wherever_it_begins(side, sense):
     design = SMALL.curves[20]
     theta = side * 0.8 + sense * np.linspace(0.0, TURN, 400)
     points = moved(bar_of(design, side).positions(theta)[2])
-    candidates = likely(points, True, side, sense, 3, SMALL)
+    candidates = nearest_linkages(points, True, side, sense, 3, SMALL)
     assert candidates.ratios[0] == pytest.approx(design[:3])
     assert np.angle(np.exp(1j * (candidates.start[0] - side * 0.8))) == pytest.approx(0.0, abs=TURN / module.SHIFTS)
     assert candidates.steps[0, [0, -1]] == pytest.approx([0.0, TURN])
@@ -44,7 +44,7 @@ def test_an_arc_of_the_atlas_is_found_with_its_crank_angles(side, sense):
     first, span = map(float, design[5:])
     own = first + span * np.linspace(0.0, 1.0, 300)[:: side * sense]
     points = moved(bar_of(design, side).positions(side * own)[2])
-    candidates = likely(points, False, side, sense, 3, SMALL)
+    candidates = nearest_linkages(points, False, side, sense, 3, SMALL)
     assert candidates.ratios[0] == pytest.approx(design[:3])
     assert candidates.start[0] + sense * candidates.steps[0] == pytest.approx(side * own, abs=2e-3)
 
@@ -61,16 +61,16 @@ def test_a_curve_drawn_at_even_speed_is_met():
 def test_the_atlas_is_made_once_and_kept(tmp_path, monkeypatch):
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
     monkeypatch.setattr(module, "make_atlas", lambda: SMALL)
-    the_atlas.cache_clear()
+    stored_atlas.cache_clear()
     try:
-        assert the_atlas() is not SMALL
+        assert stored_atlas() is not SMALL
         (kept,) = cache_folder().iterdir()
         monkeypatch.setattr(module, "make_atlas", lambda: pytest.fail("it is made again"))
-        the_atlas.cache_clear()
-        assert np.array_equal(the_atlas().descriptors, SMALL.descriptors)
+        stored_atlas.cache_clear()
+        assert np.array_equal(stored_atlas().descriptors, SMALL.descriptors)
         kept.write_bytes(kept.read_bytes()[:-50])  # damaged: it is made anew
         monkeypatch.setattr(module, "make_atlas", lambda: SMALL)
-        the_atlas.cache_clear()
-        assert np.array_equal(the_atlas().places, SMALL.places)
+        stored_atlas.cache_clear()
+        assert np.array_equal(stored_atlas().places, SMALL.places)
     finally:
-        the_atlas.cache_clear()
+        stored_atlas.cache_clear()

@@ -16,7 +16,7 @@ from scipy.special import ellipj, ellipkinc
 from mechcore.dynamics.equations import energy
 from mechcore.dynamics.equations.charts import Chart
 from mechcore.dynamics.equations.reduced import reduce
-from mechcore.dynamics.events import EventTrigger, Stop
+from mechcore.dynamics.events import EndStop, EventTrigger
 from mechcore.dynamics.integration.collocation import gauss, radau
 from mechcore.dynamics.integration.windows import Integrator
 from mechcore.dynamics.simulate import simulate
@@ -243,7 +243,7 @@ def test_at_rest_in_an_equilibrium_it_stays_there():
 
 
 def test_a_stop_reflects_and_takes_energy():
-    stop = Stop(name="wall", joint="O", at=-np.pi / 2, side="lower", restitution=0.6)
+    stop = EndStop(name="wall", joint="O", at=-np.pi / 2, side="lower", restitution=0.6)
     simulation = simulate(pendulum(inertia=0.4, mass=1.5, distance=0.35, angle=1.0), 20.0, stops=[stop], tolerance=1e-10)
     hits = [h for h in simulation.events if h.kind == "impact"]
     speed = np.sqrt(2 * 1.5 * 9.81 * 0.35 * (1 - np.cos(1.0)) / 0.4)
@@ -256,7 +256,7 @@ def test_a_stop_reflects_and_takes_energy():
 
 
 def test_bouncing_ends_in_contact():
-    stop = Stop(name="wall", joint="O", at=-np.pi / 2 + 0.5, side="lower", restitution=0.5)
+    stop = EndStop(name="wall", joint="O", at=-np.pi / 2 + 0.5, side="lower", restitution=0.5)
     simulation = simulate(pendulum(inertia=0.4, mass=1.5, distance=0.35, angle=1.0), 20.0, stops=[stop], tolerance=1e-9)
     assert simulation.events[-1].kind == "contact"
     assert simulation.events[-1].time < 10.0
@@ -271,7 +271,7 @@ def test_bouncing_ends_in_contact():
 def test_resting_contact_is_released_when_the_load_turns():
     pull = Torque(name="pull", link="body", moment=6.0, factor=Factor(function=lambda t: np.sin(np.asarray(t)), of="time"))
     body = pendulum(inertia=0.4, mass=1.5, distance=0.35, angle=0.0, loads=(pull,))
-    stop = Stop(name="wall", joint="O", at=-np.pi / 2, side="upper", restitution=0.0)
+    stop = EndStop(name="wall", joint="O", at=-np.pi / 2, side="upper", restitution=0.0)
     simulation = simulate(body, 5.0, stops=[stop], tolerance=1e-9)
     assert [h.kind for h in simulation.events[:2]] == ["contact", "release"]
     assert simulation.events[1].time == pytest.approx(np.pi, abs=1e-7)
@@ -281,7 +281,7 @@ def test_resting_contact_is_released_when_the_load_turns():
 def test_an_impact_spreads_over_the_mechanism():
     """Momentum about O and energy of a double pendulum whose lower joint hits a stop without loss."""
     i = case("dynamics", "double-pendulum-rods")["inputs"]
-    stop = Stop(name="knee", joint="J", at=-1.0, side="lower", restitution=1.0)
+    stop = EndStop(name="knee", joint="J", at=-1.0, side="lower", restitution=1.0)
     m = double_pendulum({**i, "theta_1": 1.0, "theta_2": 1.0, "omega_1": 0.0, "omega_2": -3.0})
     m = dataclasses.replace(m, effects=("inertia",))
     simulation = simulate(m, 2.0, stops=[stop], tolerance=1e-10)
@@ -300,7 +300,7 @@ def test_watch_finds_and_ends():
     body = pendulum(inertia=0.4, mass=1.5, distance=0.35, angle=1.0)
     bottom = EventTrigger(name="bottom", joint="O", at=-np.pi / 2)
     end = EventTrigger(name="second top", of="velocity", joint="O", at=0.0, rising=True, ends=True)
-    simulation = simulate(body, 100.0, watches=[bottom, end], tolerance=1e-11)
+    simulation = simulate(body, 100.0, triggers=[bottom, end], tolerance=1e-11)
     from scipy.special import ellipk
 
     period = 4.0 * np.sqrt(0.4 / (1.5 * 9.81 * 0.35)) * ellipk(np.sin(0.5) ** 2)
@@ -403,7 +403,7 @@ def test_bad_input_is_refused_in_words():
     with pytest.raises(MechanismError, match="no duration"):
         simulate(body, -1.0)
     with pytest.raises(MechanismError, match=r"joints.O.stops.*starts 57.2958° above the upper stop 's' at -90°"):
-        simulate(body, 1.0, stops=[Stop(name="s", joint="O", at=-np.pi / 2)])
+        simulate(body, 1.0, stops=[EndStop(name="s", joint="O", at=-np.pi / 2)])
 
 
 def test_panels_follow_a_function_to_rounding():

@@ -11,7 +11,7 @@ import mechviz
 from mechcore.dynamics.equations.charts import curve_around
 from mechcore.dynamics.equations.curve import Curve
 from mechcore.dynamics.equations.reduced import reduce
-from mechcore.dynamics.events import Stop
+from mechcore.dynamics.events import EndStop
 from mechcore.dynamics.simulate import simulate
 from mechcore.dynamics.simulation import work_integrals
 from mechcore.effects.base import power_of
@@ -286,7 +286,7 @@ def hatch(stops=(), speed=0.0, end=1.2):
     return simulate(mechanism, end, tolerance=1e-10, stops=stops)
 
 
-@pytest.mark.parametrize("stops", [(), (Stop(name="end", joint="O", at=0.45, restitution=0.4),)])
+@pytest.mark.parametrize("stops", [(), (EndStop(name="end", joint="O", at=0.45, restitution=0.4),)])
 def test_a_gas_spring_is_asked_only_where_the_motion_goes(stops):
     """Its table over a turn, and windows that reach beyond a stop, try lengths that it does not have; energy is kept between."""
     lines = hatch(stops, speed=1.5 if stops else 0.0)
@@ -370,7 +370,7 @@ def test_a_table_is_made_once_for_all_motions_of_a_mechanism(monkeypatch):
     compiled = compile_mechanism(mechviz.loads(DAMPED).mechanism)
     t = np.linspace(0.0, 0.2, 11)
     first = simulate(compiled, 0.2)(t)
-    stopped = simulate(compiled, 0.2, stops=[Stop(name="far", joint="D", at=90.0)])(t)
+    stopped = simulate(compiled, 0.2, stops=[EndStop(name="far", joint="D", at=90.0)])(t)
     monkeypatch.setattr("mechcore.dynamics.simulate.curve_around", None)
     for ours, same, theirs in zip(simulate(compiled, 0.2)(t), first, stopped, strict=True):
         np.testing.assert_array_equal(ours, same)

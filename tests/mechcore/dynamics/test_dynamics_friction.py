@@ -10,7 +10,7 @@ import pytest
 from dynamic_mechanisms import pendulum, slider_crank
 from mechanisms import case
 
-from mechcore.dynamics.events import Stop
+from mechcore.dynamics.events import EndStop
 from mechcore.dynamics.simulate import simulate
 from mechcore.errors import MechanismError
 from mechcore.laws.signals import Step
@@ -257,7 +257,7 @@ def test_the_only_joint_that_rubs_turns_back_at_dead_points_while_the_crank_goes
 def test_friction_brakes_after_an_impact_too(e: float):
     """A block slides to a wall and back: v^2 falls by 2 mu g a metre on both ways, to e^2 of it at the wall."""
     mechanism = dataclasses.replace(oscillator(2.0, 0.0, 0.3, 0.0, 3.0), loads=())
-    simulation = simulate(mechanism, 2.0, stops=[Stop(name="wall", joint="S", at=0.6, restitution=e)])
+    simulation = simulate(mechanism, 2.0, stops=[EndStop(name="wall", joint="S", at=0.6, restitution=e)])
     back = e**2 * (9.0 - 2 * 0.3 * 9.81 * 0.6) / (2 * 0.3 * 9.81)
     q, v, _ = simulation([2.0])
     assert q[0, 0] == pytest.approx(0.6 - back, abs=1e-9) and abs(v[0, 0]) < 1e-12
@@ -282,7 +282,7 @@ def test_a_load_that_jumps_breaks_what_sticks_loose(beside: str):
     if beside == "a stop":
         back = Force(name="back", link="mass", point="P", vector=(-8.0, 0.0))
         m = dataclasses.replace(m, loads=(back, dataclasses.replace(push, vector=(16.0, 0.0))))
-        stops = [Stop(name="wall", joint="S", at=0.0, side="lower")]
+        stops = [EndStop(name="wall", joint="S", at=0.0, side="lower")]
     simulation = simulate(m, 1.0, stops=stops)
     acceleration = (8.0 - 0.3 * 2.0 * 9.81) / 2.0
     assert simulation.events[-1].text == "S slides in the + direction" and simulation.events[-1].time == pytest.approx(
@@ -313,7 +313,7 @@ def test_what_rests_on_a_stop_between_two_moving_masses_slides_on_together():
         drives=(Drive(joint="rear", law=Free(0.0, 3.0)), Drive(joint="front", law=Free(0.5, 0.0))),
         effects=("inertia", "gravity", "friction"),
     )
-    simulation = simulate(mechanism, 1.0, stops=[Stop(name="buffer", joint="between", at=0.2, side="lower")])
+    simulation = simulate(mechanism, 1.0, stops=[EndStop(name="buffer", joint="between", at=0.2, side="lower")])
     assert [h.kind for h in simulation.events if h.item == "buffer"][:2] == ["impact", "contact"]
     speed = np.sqrt(9.0 - 2 * 0.1 * 9.81 * 0.3) / 3.0  # of both after the impact
     brake = (0.1 * 1.0 + 0.3 * 2.0) * 9.81 / 3.0
@@ -397,8 +397,8 @@ def test_a_stop_with_friction_at_its_joint_lets_go_and_never_pulls(tolerance):
     m = Mechanism(
         name="d", frame="frame", links=links, joints=joints, drives=start, effects=("inertia", "gravity", "friction"), loads=()
     )
-    stop = Stop(name="low", joint="J", at=float(np.radians(45.0)), side="lower", restitution=0.4)
-    high = Stop(name="high", joint="J", at=float(np.radians(55.0)), side="upper", restitution=1.0)
+    stop = EndStop(name="low", joint="J", at=float(np.radians(45.0)), side="lower", restitution=0.4)
+    high = EndStop(name="high", joint="J", at=float(np.radians(55.0)), side="upper", restitution=1.0)
     run = simulate(m, 0.92, tolerance=tolerance, stops=[stop, high])
     held = []
     for segment in run.segments:

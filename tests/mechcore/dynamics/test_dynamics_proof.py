@@ -15,7 +15,7 @@ from scipy_check import cross_check
 
 import mechviz
 from mechcore.dynamics.equations.charts import Chart
-from mechcore.dynamics.events import Stop
+from mechcore.dynamics.events import EndStop
 from mechcore.dynamics.integration.collocation import Window, gauss, radau, solve_window
 from mechcore.dynamics.simulate import simulate
 from mechcore.errors import MechanismError
@@ -137,7 +137,7 @@ def test_scipy_finds_the_same_motion_from_the_same_equations(method: str):
 
 def test_scipy_agrees_between_impacts_and_releases():
     body = pendulum(inertia=0.4, mass=1.5, distance=0.35, angle=1.2)
-    stop = Stop(name="wall", joint="O", at=-np.pi / 2, side="lower", restitution=0.5)
+    stop = EndStop(name="wall", joint="O", at=-np.pi / 2, side="lower", restitution=0.5)
     simulation = simulate(body, 1.5, stops=[stop], tolerance=1e-11)
     assert len(simulation.segments) > 2 and cross_check(simulation) < 1e-8
 
@@ -248,7 +248,7 @@ def test_nearly_massless_links_and_mass_ratios_of_1e9(coupler: float):
 def test_a_stop_at_the_very_place_where_the_swing_turns_back(beyond: float):
     """Grazing: touched with no speed or hardly any; the swing goes on, no energy to speak of is lost, and nothing loops."""
     body = pendulum(inertia=0.4, mass=1.5, distance=0.35, angle=1.0)
-    stop = Stop(name="wall", joint="O", at=-1.0 - np.pi / 2 + beyond, side="lower", restitution=0.3)
+    stop = EndStop(name="wall", joint="O", at=-1.0 - np.pi / 2 + beyond, side="lower", restitution=0.3)
     simulation = simulate(body, 5.0, stops=[stop], tolerance=1e-11)
     assert len(simulation.events) < 12
     free = simulate(body, 5.0, tolerance=1e-11)

@@ -42,11 +42,11 @@ def test_a_free_joint_is_read_in_the_units_of_the_scene_and_written_back():
     lower, upper = spec.stops
     assert (lower.name, lower.joint, lower.side, lower.restitution) == ("O lower", "O", "lower", 0.5)
     assert lower.at == pytest.approx(np.radians(-100.0)) and upper.name == "roof" and upper.restitution == 0.0
-    (watch,) = spec.watches
+    (watch,) = spec.triggers
     assert (watch.point, watch.of, watch.rising, watch.ends) == (("bar", "E"), "y", False, True)
     assert watch.at == pytest.approx(-0.39)
     again = mechviz.loads(scene.to_toml())
-    assert again == scene and again.simulation.stops == spec.stops and again.simulation.watches == spec.watches
+    assert again == scene and again.simulation.stops == spec.stops and again.simulation.triggers == spec.triggers
     assert again.to_toml() == scene.to_toml()
 
 
@@ -92,7 +92,7 @@ def test_prescribed_drives_stand_beside_free_coordinates():
             "two stops are called 'O upper'",
         ),
         ((("[run]", 'plans = ["velocity"]\n[run]'),), "plans are made for prescribed motions"),
-        ((("[run]", 'answers = ["velocity_ratio"]\n[run]'),), "velocity_ratio is told per unit speed of a drive"),
+        ((("[run]", 'answers = ["velocity_ratio"]\n[run]'),), "velocity_ratio is defined per unit speed of a drive"),
         ((("[joints]", '[watch]\nw = { joint = "P" }\n[joints]'),), "there is no joint 'P'"),
         ((("[joints]", '[watch]\nw = { joint = "O", of = "x" }\n[joints]'),), "'x' of a joint."),
         ((("[joints]", '[watch]\nw = { joint = "O", point = "bar.E" }\n[joints]'),), "a joint and a point at once to watch."),

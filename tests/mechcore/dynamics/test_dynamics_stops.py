@@ -12,7 +12,7 @@ from mechanisms import case
 from mechcore.dynamics.contact.end_stops import impact
 from mechcore.dynamics.equations.charts import Chart, jacobian_of
 from mechcore.dynamics.equations.reduced import constrained, motion_at, moving, reduce
-from mechcore.dynamics.events import Stop
+from mechcore.dynamics.events import EndStop
 from mechcore.dynamics.simulate import simulate
 from mechcore.laws.signals import Step
 from mechcore.laws.timed import ConstantSpeed
@@ -55,7 +55,7 @@ def test_a_stop_at_a_joint_that_a_prescribed_drive_moves_as_well(joint: str, res
     loose = simulate(compiled, 1.0, tolerance=1e-10)
     at = loose.motion(np.linspace(0.0, 1.0, 400)).coordinate(joint)[:, 0]
     limit = float(at[0] + 0.4 * (at.max() - at[0]))
-    simulation = simulate(compiled, 1.0, tolerance=1e-10, stops=[Stop(name="s", joint=joint, at=limit, restitution=restitution)])
+    simulation = simulate(compiled, 1.0, tolerance=1e-10, stops=[EndStop(name="s", joint=joint, at=limit, restitution=restitution)])
     kinds = [h.kind for h in simulation.events]
     assert "impact" in kinds and ("contact" in kinds) == (restitution == 0.0)
     assert simulation.motion(np.linspace(0.0, 1.0, 400)).coordinate(joint)[:, 0].max() < limit + 1e-9
@@ -77,7 +77,7 @@ def test_a_stop_holds_a_combination_of_two_free_coordinates():
     compiled = compile_mechanism(swinging_five_bar(stiffness=1.0, speeds=(6.0, 2.0)))
     at = simulate(compiled, 0.5, tolerance=1e-9).motion(np.linspace(0.0, 0.5, 400)).coordinate("C")[:, 0]
     limit = float(at[0] + 0.5 * (at.max() - at[0]))
-    simulation = simulate(compiled, 0.5, tolerance=1e-10, stops=[Stop(name="s", joint="C", at=limit)])
+    simulation = simulate(compiled, 0.5, tolerance=1e-10, stops=[EndStop(name="s", joint="C", at=limit)])
     first = next(h.time for h in simulation.events if h.kind == "contact")
     end = next((h.time for h in simulation.events if h.kind == "release"), 0.5)
     rest = simulation.motion(np.linspace(first + 1e-6, end - 1e-6, 50))
@@ -100,7 +100,7 @@ def test_an_impact_throws_what_rests_on_another_stop_off_it_or_presses_it_on(sid
     m = rods(theta_1=0.3, theta_2=-0.4, omega_1=0.0, omega_2=2.0)
     push = Torque(name="push", link="upper", moment=30.0 if side == "upper" else -30.0)
     at = [float(d.law(0.0)[0]) for d in m.drives]
-    stops = [Stop(name="hit", joint="J", at=at[1], restitution=0.4), Stop(name="rest", joint="O", at=at[0], side=side)]
+    stops = [EndStop(name="hit", joint="J", at=at[1], restitution=0.4), EndStop(name="rest", joint="O", at=at[0], side=side)]
     run = simulate(replace(m, loads=(push,)), 1e-3, stops=stops)
     after = [float(run.motion([1e-15]).coordinate(joint)[0, 1]) for joint in ("O", "J")]
     assert after[1] == pytest.approx(-0.8, rel=1e-9)
@@ -155,7 +155,7 @@ def test_what_a_stop_without_restitution_has_caught_falls_back_from_rest(angle: 
     """Gravity draws it away from the stop: one impact, and then the pendulum that starts at rest there."""
     sign = 1.0 if side == "upper" else -1.0
     body = {"inertia": 0.4, "mass": 1.5, "distance": 0.35}
-    stop = Stop(name="s", joint="O", at=sign * angle - np.pi / 2, side=side)
+    stop = EndStop(name="s", joint="O", at=sign * angle - np.pi / 2, side=side)
     run = simulate(pendulum(**body, angle=0.0, speed=6.0 * sign), 1.0, tolerance=1e-11, stops=[stop])
     assert [h.kind for h in run.events if h.time < 0.5] == ["impact"]
     after = np.linspace(1e-3, 0.25, 9)
@@ -168,7 +168,7 @@ def test_bounces_between_two_stops_end_in_rest_whatever_their_order_and_units(re
     """Ever shorter bounces, now on the one, now on the other; the same where all lengths are a thousand times larger."""
     i = case("dynamics", "double-pendulum-rods")["inputs"] | {"theta_1": 0.3, "theta_2": 0.5, "omega_1": -1.0, "omega_2": -1.0}
     stops = [
-        Stop(name=name, joint=joint, at=at, side="lower", restitution=e)
+        EndStop(name=name, joint=joint, at=at, side="lower", restitution=e)
         for name, joint, at, e in zip("ab", "OJ", (0.2 - np.pi / 2, 0.1), restitution, strict=True)
     ]
     large = {key: i[key] * 1e3 for key in ("L1", "a1", "a2")} | {key: i[key] * 1e6 for key in ("J1", "J2")}
@@ -187,7 +187,7 @@ def test_a_load_that_jumps_lifts_what_rests_on_a_stop(at: float):
     """No load passes zero there: the stop would have to pull from one instant to the next."""
     lift = Torque(name="lift", link="body", moment=8.0, factor=Factor(function=Step(at=at), of="time"))
     body = {"inertia": 0.4, "mass": 1.5, "distance": 0.35, "angle": 1.0}
-    stop = Stop(name="s", joint="O", at=1.0 - np.pi / 2, side="lower")
+    stop = EndStop(name="s", joint="O", at=1.0 - np.pi / 2, side="lower")
     run = simulate(pendulum(**body, loads=(lift,)), 1.0, tolerance=1e-11, stops=[stop])
     assert [(h.kind, h.item) for h in run.events] == [("contact", "s"), ("release", "s")]
     assert run.events[1].time == pytest.approx(at, abs=1e-12)

@@ -10,7 +10,7 @@ from dynamic_mechanisms import double_pendulum, pendulum
 from mechanisms import case
 from scipy.integrate import solve_ivp
 
-from mechcore.dynamics.events import Stop
+from mechcore.dynamics.events import EndStop
 from mechcore.dynamics.integration import windows
 from mechcore.dynamics.simulate import simulate
 from mechcore.laws.timed import Table
@@ -66,7 +66,7 @@ def test_what_else_happens_between_corners_is_met_as_before(monkeypatch, beside)
         pin = replace(body.joints[0], friction=Friction(coefficient=0.3, radius=0.05))
         body = replace(body, joints=(pin,), effects=(*body.effects, "friction"))
     elif beside == "a stop":
-        stops = (Stop(name="end", joint="O", at=-1.3, side="lower", restitution=0.5),)
+        stops = (EndStop(name="end", joint="O", at=-1.3, side="lower", restitution=0.5),)
     elif beside == "two freedoms":
         base = double_pendulum(case("dynamics", "double-pendulum-rods")["inputs"])
         body = replace(base, loads=(replace(pull, link="lower"),))

@@ -14,7 +14,7 @@ from scipy.linalg import expm
 from typer.testing import CliRunner
 
 import mechviz
-from mechcore.dynamics.events import Stop
+from mechcore.dynamics.events import EndStop
 from mechcore.dynamics.rest.equilibrium import find_equilibrium
 from mechcore.dynamics.rest.vibrations import small_vibrations
 from mechcore.dynamics.simulate import simulate
@@ -251,7 +251,7 @@ def test_what_has_no_equilibrium_is_refused_in_words():
         small_vibrations(wheel)
     hanging = pendulum(inertia=0.2, mass=1.0, distance=0.3, angle=0.5)
     with pytest.raises(MechanismError, match=r"lies 21.2451° beyond 'shelf'"):
-        small_vibrations(hanging, stops=(Stop(name="shelf", joint="O", at=-1.2, side="lower"),))
+        small_vibrations(hanging, stops=(EndStop(name="shelf", joint="O", at=-1.2, side="lower"),))
     prescribed = replace(hanging, effects=("gravity",))
     with pytest.raises(MechanismError, match="inertia is not named"):
         small_vibrations(prescribed)

@@ -259,7 +259,7 @@ def test_the_distribution_of_mass_meets_mass_centre_and_inertia() -> None:
 def test_a_tapered_rod_has_a_linear_density() -> None:
     """Density (1 + s/L): mass 3/2, centre 5/9 L, moment of inertia 13/162 of mass times length squared."""
     line = mass_line(Axis(np.array([0j, 1.0 + 0j])), Mass(1.5, 5.0 / 9.0 + 0j, 1.5 * 13.0 / 162.0))
-    (spread,) = line.spread
+    (spread,) = line.distributed
     assert not line.points
     assert line.extra < 1e-15
     assert np.allclose(spread.density, [1.0, 1.0, 0.0], atol=1e-12)
@@ -270,7 +270,7 @@ def test_known_masses_stay_where_they_are() -> None:
     centre = (2.0 * 0.5 + 0.5 * 1.0) / 2.5
     inertia = 2.0 / 12.0 + 2.0 * (0.5 - centre) ** 2 + 0.5 * (1.0 - centre) ** 2
     line = mass_line(Axis(np.array([0j, 1.0 + 0j])), Mass(2.5, centre + 0j, inertia), [ball])
-    assert np.allclose(line.spread[0].density, [2.0, 0.0, 0.0], atol=1e-12)
+    assert np.allclose(line.distributed[0].density, [2.0, 0.0, 0.0], atol=1e-12)
     assert np.allclose(line.beyond(Cuts(np.array([0.0, 0.25, 0.999999]), np.ones(3)))[0], [2.5, 2.0, 0.500002])
 
 

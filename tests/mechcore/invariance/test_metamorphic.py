@@ -85,7 +85,7 @@ def read_elsewhere(result: Result, load: Any) -> bool:
 def timeless(case: Case, drop: list[Any]) -> Case:
     loads = tuple(x for x in case.mechanism.loads if x not in drop)
     effects = tuple(e for e in case.mechanism.effects if e != "friction")
-    return replace(case, mechanism=replace(case.mechanism, loads=loads, effects=effects), stops=(), watches=())
+    return replace(case, mechanism=replace(case.mechanism, loads=loads, effects=effects), stops=(), triggers=())
 
 
 def search(kind: str, seed: int) -> tuple[str, str, float, float]:

@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from mechanisms import polynomial_through
 
-from mechcore.laws.timed import ConstantSpeed, Oscillation, Piecewise, Table, TableLaw, polynomial_through, zones
+from mechcore.laws.timed import ConstantSpeed, Oscillation, Piecewise, Table, TableLaw, zones
 
 REST_TO_REST = Piecewise(knots=(0.0, 2.0), coefficients=(polynomial_through(0.0, (0.5, 0, 0), 2.0, (1.5, 0, 0)),), advance=1.0)
 T = np.linspace(0.0, 2.0, 9)

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from mechcore.errors import MechanismError
 from mechcore.laws.boundary_conditions import Condition
 from mechcore.laws.factors import jumps, peak
-from mechcore.laws.program import Follow, Segment, over_time, program
+from mechcore.laws.program import CurveOverMaster, Segment, over_time, program
 from mechcore.laws.segment_laws import (
     GivenAcceleration,
     GivenPosition,
@@ -154,7 +154,7 @@ def test_least_peak_between_states_is_bang_bang():
 
 def test_a_program_over_time_with_waves_follows_a_clock():
     law = over_time(program([Segment(0.5, 1.0), Segment(0.5)], repeats=True))
-    assert isinstance(law, Follow)
+    assert isinstance(law, CurveOverMaster)
     assert law.duration == pytest.approx(1.0)
     np.testing.assert_allclose(law(np.array([0.25, 0.75]))[0], [0.5, 1.0])
 

@@ -88,14 +88,14 @@ def test_along_a_chain_of_drives_each_link_adds_its_own(order):
 # -- block order ----------------------------------------------------------------------------------------------------
 def test_blocks_come_in_an_order_in_which_each_needs_only_earlier_ones():
     order = block_order([[0], [0, 1, 2], [0, 1, 2], [2, 3], [3, 4], [3, 4]], 5)
-    assert [u for _, u in order.blocks] == [(0,), (1, 2), (3,), (4,)] or len(order.spare) == 1
+    assert [u for _, u in order.blocks] == [(0,), (1, 2), (3,), (4,)] or len(order.redundant) == 1
     known: set[int] = set()
     pattern = [[0], [0, 1, 2], [0, 1, 2], [2, 3], [3, 4], [3, 4]]
     for equations, unknowns in order.blocks:
         for e in equations:
             assert set(pattern[e]) <= known | set(unknowns)
         known |= set(unknowns)
-    assert len(order.spare) == 1 and order.free == ()
+    assert len(order.redundant) == 1 and order.free == ()
 
 
 @given(st.lists(st.sets(st.integers(0, 7), min_size=1, max_size=4), min_size=1, max_size=10))
@@ -105,8 +105,8 @@ def test_block_order_is_sound_for_any_pattern(pattern):
     matched = [u for _, us in order.blocks for u in us]
     assert len(matched) == len(set(matched))
     assert len(matched) + len(order.free) == 8
-    assert sum(len(e) for e, _ in order.blocks) + len(order.spare) == len(rows)
-    known = set(order.loose)
+    assert sum(len(e) for e, _ in order.blocks) + len(order.redundant) == len(rows)
+    known = set(order.unmatched)
     for equations, unknowns in order.blocks:
         for e in equations:
             assert set(rows[e]) <= known | set(unknowns)

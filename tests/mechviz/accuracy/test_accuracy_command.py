@@ -82,18 +82,18 @@ def test_a_scene_has_the_ladders_that_it_has_a_use_for(name, dials, monkeypatch)
     monkeypatch.setattr(precision, "_tessellation", lambda *_: [point(1.0, 1.0)])
     monkeypatch.setattr(precision, "_recording", lambda *_: [point(1.0, 1.0)])
     points = [p for p in ladder(load(name), 1e-4, budget=0.0) if p.value != "x"]
-    assert {p.dial for p in points} == dials - {"tessellation", "recording"}
-    for dial in {p.dial for p in points}:
-        assert sum(p.current for p in points if p.dial == dial) == 1, "the current setting is among them, once"
+    assert {p.setting for p in points} == dials - {"tessellation", "recording"}
+    for dial in {p.setting for p in points}:
+        assert sum(p.current for p in points if p.setting == dial) == 1, "the current setting is among them, once"
     cubics = [p for p in points if p.method == "cubics" and not p.note]
     if name == "triad":
         assert [p.error for p in cubics] == sorted((p.error for p in cubics), reverse=True)
-        exact = next(p for p in points if p.dial == "differentiation" and p.method == "exact")
-        others = [p for p in points if p.dial == "differentiation" and p.method != "exact"]
+        exact = next(p for p in points if p.setting == "differentiation" and p.method == "exact")
+        others = [p for p in points if p.setting == "differentiation" and p.method != "exact"]
         assert exact.error < min(p.error for p in others)
         fitted = [p for p in points if "fitted" in p.note]
         assert len(fitted) == 3 and all(p.error <= 1e-4 for p in fitted)
-    iterated = [p.error for p in points if p.dial.endswith("tolerance")]
+    iterated = [p.error for p in points if p.setting.endswith("tolerance")]
     assert iterated[-1] == precision.LEAST_ERROR and max(iterated) < 1e-1
     assert iterated[0] > iterated[-1]
 
@@ -104,7 +104,7 @@ def test_only_cams_in_the_plane_have_a_ladder_of_profiles(name, plane, monkeypat
     once(monkeypatch)
     for other in ("_frames", "_differentiation", "_tessellation", "_recording"):
         monkeypatch.setattr(precision, other, lambda *_: [])
-    points = [p for p in ladder(load(name), budget=0.0) if p.dial == "cam profile"]
+    points = [p for p in ladder(load(name), budget=0.0) if p.setting == "cam profile"]
     assert bool(points) is plane
     if plane:
         errors = {p.options["profile"]: p.error for p in points}

@@ -69,12 +69,12 @@ def test_its_jerk_is_the_stated_one_and_it_rests_where_it_is_lifted(motion):
     angles, rates = fine(motion)
     for order, stated in ((1, motion.speed), (2, motion.acceleration), (3, motion.jerk)):
         assert np.abs(rates[order]).max() == pytest.approx(stated, rel=0.02)
-    for (begin, end), (up, _, _, down) in zip(motion.strokes, motion.gaps, strict=True):
+    for (begin, end), (up, _, _, down) in zip(motion.strokes, motion.pen_up, strict=True):
         assert up == pytest.approx(end)
         for at in (begin, end, down):
             k = np.argmin(np.abs(angles - at % (2.0 * np.pi)))
             assert abs(rates[1][k]) < 2e-3 * motion.speed
-    assert motion.gaps[0][1] - motion.gaps[0][0] == pytest.approx(RISE)
+    assert motion.pen_up[0][1] - motion.pen_up[0][0] == pytest.approx(RISE)
 
 
 def test_a_corner_is_cut_as_the_spline_says():

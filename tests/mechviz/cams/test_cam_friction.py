@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from cam_scenes import refused, solved, text_of
 
-from mechcore.cams.closures import jamming_angle
 from mechcore.forces.cam_events import cam_events
 from mechcore.forces.cam_rating import contact_force, placed_cams
 
@@ -53,7 +52,7 @@ def test_a_steep_follower_jams_in_its_guide(mu):
     rows = cam.rows(motion)
     rate = cam.law(cam.argument(motion))[1]
     rising = rate > 1e-6
-    limit = np.array([jamming_angle(0.105 - 0.020 - h, 0.040, mu) for h in rows.coordinate])
+    limit = np.arctan2(0.040, mu * (2.0 * (0.105 - 0.020 - rows.coordinate) + 0.040))  # tan a = b / (mu (2 a + b))
     clear = np.abs(rows.pressure_angle - limit) > 1e-6
     jams = (rows.pressure_angle > limit) & rising
     assert jams.any() and (~jams & rising).any()

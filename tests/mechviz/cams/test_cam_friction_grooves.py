@@ -9,7 +9,6 @@ import pytest
 from cam_scenes import refused
 
 import mechviz
-from mechcore.cams.closures import jamming_angle
 from mechcore.cams.placement.spatial import roller_speed
 from mechcore.cams.spatial import Barrel, BarrelArm
 from mechcore.forces.cam_rating import contact_force, placed_cams
@@ -159,7 +158,7 @@ def test_the_carriage_of_a_barrel_cam_jams_in_its_guide(mu):
     motion, forces = solved(text, 720)
     (cam,) = placed_cams(motion)
     rows, rate = cam.rows(motion), cam.law(cam.argument(motion))[1]
-    limit = np.array([jamming_angle(0.105 - 0.020 - s, 0.040, mu) for s in rows.coordinate])
+    limit = np.arctan2(0.040, mu * (2.0 * (0.105 - 0.020 - rows.coordinate) + 0.040))  # tan a = b / (mu (2 a + b))
     rising, clear = rate > 1e-6, np.abs(rows.pressure_angle - limit) > 1e-6
     jams = (rows.pressure_angle > limit) & rising
     assert jams.any() == (mu == 0.4)

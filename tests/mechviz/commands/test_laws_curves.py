@@ -14,7 +14,6 @@ from mechcore.errors import MechanismError
 from mechcore.laws.boundary_conditions import (
     Condition,
     from_acceleration,
-    from_velocity,
     measured_table,
     polynomial_law,
     spline_law,
@@ -22,7 +21,7 @@ from mechcore.laws.boundary_conditions import (
 from mechcore.laws.catalogue import RISES, acceleration_zones, rise, scca
 from mechcore.laws.curve import MotionCurve
 from mechcore.laws.factors import jumps, peak, peak_factors
-from mechcore.laws.program import Follow, Segment, program
+from mechcore.laws.program import CurveOverMaster, Segment, program
 from mechcore.laws.segment_laws import least_peak
 from mechcore.laws.timed import ConstantSpeed, Oscillation
 
@@ -268,7 +267,7 @@ def test_the_lecture_s_route_a_given_acceleration_is_integrated_twice():
     assert [j.order for j in jumps(smooth, (0, 1, 2))] == [2, 2]
     kept = from_acceleration(steps, velocity=0.0)
     assert kept.advance == pytest.approx(a0 * PI**2), "without closing the lift grows from turn to turn"
-    np.testing.assert_allclose(from_velocity(sine, 1.0)([PI], 0)[0], 1.0 + 2 * a0)
+    np.testing.assert_allclose(sine.integrated(1.0)([PI], 0)[0], 1.0 + 2 * a0)
 
 
 @pytest.mark.parametrize("row", CASES["cam-lecture-velocity-jumps"]["expected"]["rows"], ids=lambda r: str(r["C1"]))
@@ -347,7 +346,7 @@ def test_polynomial_segments_join_states():
 @pytest.mark.parametrize("master", [ConstantSpeed(0.4, 3.0), ConstantSpeed(0.4, -2.0), Oscillation(1.0, 2.0, 0.5, 0.3)])
 def test_axes_on_one_master_follow_by_the_chain_rule(master):
     curve = program([Segment(2.0, 1.0, "4-5-6-7"), Segment(1.0), Segment(2 * PI - 3.0, 0.0, "5-6-7-8-9")])
-    axis = Follow(curve, master, 0.2)
+    axis = CurveOverMaster(curve, master, 0.2)
     t = np.linspace(0.05, 0.9, 23) * axis.duration
     h = 2e-4
     weights = np.array([1.0, -8.0, 0.0, 8.0, -1.0]) / (12.0 * h)
@@ -360,11 +359,11 @@ def test_axes_on_one_master_follow_by_the_chain_rule(master):
 
 def test_shocks_of_a_program_lie_where_the_master_passes_them():
     curve = program([Segment(PI, 1.0, "parabolic"), Segment(PI, 0.0, "cycloidal")])
-    axis = Follow(curve, ConstantSpeed(0.0, 2.0))
+    axis = CurveOverMaster(curve, ConstantSpeed(0.0, 2.0))
     assert axis.breaks == pytest.approx((0.0, PI / 4, PI / 2))
     assert axis.shock(PI / 4) == "the acceleration jumps, infinite jerk"
     assert axis.shock(1.0) == ""
-    with_steps = Follow(program([Segment(PI, 1.0, "constant-velocity"), Segment(PI, 0.0)]), ConstantSpeed(0.0, 2.0))
+    with_steps = CurveOverMaster(program([Segment(PI, 1.0, "constant-velocity"), Segment(PI, 0.0)]), ConstantSpeed(0.0, 2.0))
     assert "infinite acceleration" in with_steps.shock(PI / 2)
 
 
@@ -409,7 +408,7 @@ def test_scenes_drive_several_axes_from_one_master():
 
     scene = Scene.build(**SCENE)
     law = scene.mechanism.drives[1].law
-    assert isinstance(law, Follow)
+    assert isinstance(law, CurveOverMaster)
     t = np.array([0.0, 0.25, 0.5, 1.0])
     np.testing.assert_allclose(law(t)[0], [5e-3, law.curve(PI / 2, 0)[0], 20e-3, 5e-3], atol=1e-15)
     again = loads(scene.to_toml())

@@ -16,7 +16,7 @@ from mechcore import simulate
 from mechcore.errors import MechanismError
 from mechcore.motion import events
 from mechcore.motion.events import find_events
-from mechviz.accuracy.estimate import check_finite, doubts
+from mechviz.accuracy.estimate import accuracy_warnings, check_finite
 from mechviz.commands import recording
 from mechviz.commands.main import main
 from mechviz.outputs.viewer.app import Viewer
@@ -215,7 +215,7 @@ def test_a_motion_whose_windows_become_short_is_told_from_its_last_seconds(monke
 
 def test_sound_runs_raise_no_doubts():
     for name in ("kinetostatic-four-bar", "jamming-sleeve"):
-        assert not doubts(run_scene(mechviz.load(name), frames=24), errors=True), name
+        assert not accuracy_warnings(run_scene(mechviz.load(name), frames=24), errors=True), name
 
 
 def test_a_load_that_is_no_number_is_an_error_that_names_it():

@@ -11,7 +11,7 @@ import pytest
 
 import mechviz
 from mechcore.laws.factors import jumps, peak
-from mechcore.laws.program import Follow
+from mechcore.laws.program import CurveOverMaster
 from mechcore.laws.timed import Piecewise, Rest
 from mechviz.editor.parameters import find_choices, find_parameters
 from mechviz.scene.faults import SceneError
@@ -108,7 +108,7 @@ def test_any_law_stands_on_a_cam_over_a_master_and_over_time(kind):
     s = on_cam(x * TURN / 3, 2)
     assert s[0, 0] == pytest.approx(0.0, abs=1e-12)
     assert s[0, -1] == pytest.approx(0.02)
-    assert isinstance(by_master, Follow)
+    assert isinstance(by_master, CurveOverMaster)
     unit = np.array([1.0, TURN, TURN**2])[:, None]
     inner = slice(1, -1)
     np.testing.assert_allclose(np.stack(by_master(x / 3))[:, inner], (unit * s)[:, inner], rtol=1e-9, atol=1e-9)
@@ -140,7 +140,7 @@ def test_knots_of_a_program_on_a_master_are_taken_with_its_phase():
         Z={"start": 0, "program": {"knots": "X", "segments": [{"to": 10, "law": "3-4-5"}, {"to": 0, "law": "3-4-5"}]}},
     )
     values = law(scene, "Z")
-    assert isinstance(values, Follow)
+    assert isinstance(values, CurveOverMaster)
     assert values.phase == pytest.approx(np.radians(30))
     np.testing.assert_allclose(values.curve.knots, np.radians([0, 100, 360]))
 

@@ -49,7 +49,7 @@ def test_the_four_bar_of_the_reference(rocker):
     degree = 180.0 / np.pi
     assert float(rocker.nominal) == pytest.approx(expected["psi"] * degree, rel=1e-12)
     np.testing.assert_allclose(rocker.slopes, np.array(CASE["expected"]["S_abcd"]) * degree, rtol=1e-10)
-    assert float(rocker.likely) == pytest.approx(3.0 * expected["sigma_linear"] * degree, rel=1e-10)
+    assert float(rocker.root_sum_square) == pytest.approx(3.0 * expected["sigma_linear"] * degree, rel=1e-10)
     assert float(rocker.worst) == pytest.approx(expected["worst_case_linear"] * degree, rel=1e-10)
     np.testing.assert_allclose(
         sorted(rocker.corners - rocker.nominal), np.array(CASE["expected"]["worst_case_exact"]) * degree, rtol=1e-9
@@ -77,7 +77,7 @@ def test_the_band_of_a_ram_is_its_closed_form():
     by_stroke = 0.1 * 0.5 * np.abs(np.cos(q) + (4.0 * rod - throw * np.sin(q) ** 2) / root)
     by_ratio = 0.05 * throw * rod / root
     np.testing.assert_allclose(computed.worst, by_stroke + by_ratio, rtol=1e-11)
-    np.testing.assert_allclose(computed.likely, np.hypot(by_stroke, by_ratio), rtol=1e-11)
+    np.testing.assert_allclose(computed.root_sum_square, np.hypot(by_stroke, by_ratio), rtol=1e-11)
     half = 0.5 * (computed.corners[1] - computed.corners[0])
     np.testing.assert_allclose(half, computed.worst, rtol=1e-3)  # the corners know what straight lines do not
     assert computed.at is not None and computed.deviations().sum() == pytest.approx(computed.worst[computed.at])

@@ -34,7 +34,7 @@ def test_a_design_of_a_study_opens_as_a_scene_and_can_be_undone(viewer):
     chart.design.value = 2
     chart.choose(chart.number)
     assert viewer.session.wait() and values(viewer, "stroke") == pytest.approx([0.09])
-    assert "stroke [mm]: <b>90</b>" in chart.told.content
+    assert "stroke [mm]: <b>90</b>" in chart.report.content
     chart.design.value = 1e9  # what is typed beyond the ends is the last one
     assert chart.number == 2
     viewer.session.undo()
@@ -56,7 +56,7 @@ def test_a_search_shows_its_best_design_and_stopping_keeps_it(viewer, monkeypatc
     assert search.stop.visible and not search.start.visible
     search.thread.join()
     assert viewer.session.wait() and values(viewer, "stroke", "ratio") == pytest.approx([0.07, 6.0], rel=1e-6)
-    assert "Done." in search.told.content and search.start.visible and not search.stop.visible
+    assert "Done." in search.report.content and search.start.visible and not search.stop.visible
     optimum = viewer.session.run.catalogue.peak("drive.A.torque")
     viewer.session.reset()
     assert viewer.session.wait()
@@ -70,6 +70,6 @@ def test_a_search_shows_its_best_design_and_stopping_keeps_it(viewer, monkeypatc
     monkeypatch.setattr("mechviz.outputs.viewer.panels.designs.PAUSE", 0.0)
     search.begin()
     search.thread.join()
-    assert viewer.session.wait() and "Stopped" in search.told.content
+    assert viewer.session.wait() and "Stopped" in search.report.content
     start = run_scene(load("parametric-press"), frames=24).catalogue.peak("drive.A.torque")
     assert optimum < viewer.session.run.catalogue.peak("drive.A.torque") < start

@@ -77,14 +77,14 @@ def test_what_goes_well_is_said_now_and_then_and_once_more_when_it_rests(monkeyp
         for seconds in (0.011, 0.022, 0.033):
             viewer.session.status = Status(key=key, seconds=seconds)
             monkeypatch.setattr("mechviz.outputs.viewer.panels.controls.SLOW", 1e9 if said else -1.0)
-            controls.tell(viewer.session.status)
+            controls.show_status(viewer.session.status)
             said.append(controls.message.content)
         assert "11 ms" in said[0] and said[1] == said[2] == said[0]
         controls.settle()
         assert "33 ms" in controls.message.content
         viewer.session.status = Status("cannot be assembled", key, 1.0)
-        controls.tell(viewer.session.status)
-        controls.tell(Status(key=key, seconds=0.044))
+        controls.show_status(viewer.session.status)
+        controls.show_status(Status(key=key, seconds=0.044))
         assert "44 ms" in controls.message.content, "after a fault at once"
 
 
@@ -316,7 +316,7 @@ def test_the_newest_request_wins_and_the_last_one_is_always_done():
 class Screen:
     def __init__(self) -> None:
         self.shows: list = []
-        self.told: list[Status] = []
+        self.report: list[Status] = []
         self.found: list[tuple[Contribution, ...]] = []
         self.failures: list[Exception] = []
 
@@ -327,7 +327,7 @@ def session():
     made = EditSession(
         run_scene(scene.load("kinetostatic-four-bar")),
         screen.shows.append,
-        screen.told.append,
+        screen.report.append,
         screen.found.append,
         lambda: None,
         screen.failures.append,
@@ -481,9 +481,9 @@ def test_diagrams_of_a_recording_are_those_of_its_run(name, overlays, tmp_path):
             assert a.name == b.name
             np.testing.assert_allclose(a.x, b.x, atol=1e-5 * np.ptp(chart.ranges[:2]))
             np.testing.assert_allclose(a.y, b.y, atol=1e-5 * np.ptp(chart.ranges[2:]))
-    for link, polodes in solved.polodes().items():
-        np.testing.assert_allclose(recorded.polodes()[link].fixed, polodes.fixed, atol=1e-9)
-        np.testing.assert_allclose(recorded.polodes()[link].moving, polodes.moving, atol=1e-9)
+    for link, polodes in solved.centrodes().items():
+        np.testing.assert_allclose(recorded.centrodes()[link].fixed, polodes.fixed, atol=1e-9)
+        np.testing.assert_allclose(recorded.centrodes()[link].moving, polodes.moving, atol=1e-9)
 
 
 def test_a_spatial_cam_turns_in_its_recording_as_in_its_run(tmp_path):
@@ -623,12 +623,12 @@ def test_a_single_bad_frame_is_seen_in_the_strip():
     values = np.full(5000, 1e-16)
     values[1234] = 1.0
     health = Health("closure", "m", values, 1e-12, 1e-6)
-    assert health.trouble.max() == 1.0 and health.trouble[0] == 0.0
-    row = columns(health.trouble)
+    assert health.severity.max() == 1.0 and health.severity[0] == 0.0
+    row = columns(health.severity)
     assert row[int(1234 / 5000 * len(row))] == 1.0 and row.sum() == 1.0
     text = health_svg([health], [Event(0.5, "WARN", "A", "<b>dead</b>")], np.linspace(0.0, 1.0, 5000))
     assert shade(1.0) in text and shade(0.0) in text and "&lt;b&gt;" in text and "<b>dead" not in text
-    assert Health("condition", "1", np.array([np.inf, np.nan, 1.0]), 30.0, 1e8).trouble.tolist() == [1.0, 1.0, 0.0]
+    assert Health("condition", "1", np.array([np.inf, np.nan, 1.0]), 30.0, 1e8).severity.tolist() == [1.0, 1.0, 0.0]
 
 
 # -- diagrams ---------------------------------------------------------------------------------------------------------
@@ -680,16 +680,16 @@ def test_the_moving_polode_rolls_with_its_link_and_touches_the_fixed_one():
     diagram = diagrams_of(show_of_run(run, build(run)))["Polodes of coupler"]
     link, fixed, moving = diagram.curves
     for frame in (0, 17, 50):
-        known = np.isfinite(moving.way)
+        known = np.isfinite(moving.points)
         assert known.sum() > 60
-        carried, still = moving.way_at(frame), fixed.way_at(frame)
+        carried, still = moving.points_at(frame), fixed.points_at(frame)
         assert carried[frame] == pytest.approx(still[frame], abs=1e-12), "both go through the instant centre"
         assert moving.at[frame] == pytest.approx(still[frame], abs=1e-12)
         near = slice(frame - 1, frame + 2) if frame else slice(0, 2)
         along, other = np.diff(carried[near]), np.diff(still[near])
         assert np.abs(along).sum() == pytest.approx(np.abs(other).sum(), rel=0.02), "it rolls: both have gone as far"
         place = run.motion.point("coupler", next(iter(run.motion.mechanism.links[2].points)))[frame]
-        assert link.way_at(frame)[0] == pytest.approx(complex(*place))
+        assert link.points_at(frame)[0] == pytest.approx(complex(*place))
     assert diagram_svg(diagram, 0) != diagram_svg(diagram, 17)
 
 

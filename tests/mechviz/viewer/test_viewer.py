@@ -793,7 +793,7 @@ def test_a_run_that_is_played_elsewhere_goes_along_and_stops_where_it_is(screen)
     remote = SimpleNamespace(
         begin=lambda clock, rate, loop: said.append(("begin", rate)) or True,
         end=lambda frame: said.append(("end", frame)),
-        glance=lambda frame: said.append(("glance", frame)),
+        show_remotely=lambda frame: said.append(("glance", frame)),
     )
     made = Player(np.linspace(0.0, 1.0, 101), screen.show, screen.errors.append, rate=0.2, remote=remote)
     made.start()

@@ -105,7 +105,7 @@ class PlacedInverse(PlacedRoller):
     ``tip`` is the roller's centre on the driving link."""
 
     cam: InverseCam
-    way: tuple[float, float]  # of the driving link over which the law is given; beyond it the driven link rests
+    travel: tuple[float, float]  # of the driving link over which the law is given; beyond it the driven link rests
     mount: complex
     tip: complex
     form: bool = True
@@ -121,7 +121,7 @@ class PlacedInverse(PlacedRoller):
 
     def check(self) -> None:
         """Raises where the roller jams in its groove, or undercuts a flank."""
-        theta = np.linspace(*self.way, 721)
+        theta = np.linspace(*self.travel, 721)
         steep = self.cam.pressure_angle(theta)
         k = int(np.argmax(steep))
         if not steep[k] < STEEPEST:
@@ -134,15 +134,15 @@ class PlacedInverse(PlacedRoller):
         for side in (1, -1):
             d = self.cam.pitch(theta, 2)
             with np.errstate(divide="ignore"):  # a straight slot
-                bend = np.abs(d[1]) ** 3 / np.imag(np.conj(d[1]) * d[2]) * side
-            sharp = (bend > 0.0) & (bend < self.cam.radius)
+                radius = np.abs(d[1]) ** 3 / np.imag(np.conj(d[1]) * d[2]) * side
+            sharp = (radius > 0.0) & (radius < self.cam.radius)
             if sharp.any():
                 k = int(np.argmax(sharp))
                 raise MechanismError(
                     Fault(
                         "cam.radius",
                         f"a roller of {as_length(self.cam.radius)} undercuts the groove at {self._where(theta[k])}.",
-                        f"Give less than {as_length(float(bend[bend > 0.0].min()))}.",
+                        f"Give less than {as_length(float(radius[radius > 0.0].min()))}.",
                     )
                 )
 
@@ -155,7 +155,7 @@ class PlacedInverse(PlacedRoller):
 
     def _near(self, x: Real) -> Real:
         """Angles of a crank in the turn in which the law is given, however far the crank has turned."""
-        middle = 0.5 * (self.way[0] + self.way[1])
+        middle = 0.5 * (self.travel[0] + self.travel[1])
         return x if self.bed is not None else x - 2.0 * np.pi * np.rint((x - middle) / (2.0 * np.pi))
 
     def _where(self, x: float) -> str:
@@ -201,5 +201,5 @@ class PlacedInverse(PlacedRoller):
             radius=flank,
             eccentricity=np.full(angle.shape, np.nan),
             coordinate=s[0],
-            lift=s[0] - float(self.cam.law(self.way[0], 0)[0]),
+            lift=s[0] - float(self.cam.law(self.travel[0], 0)[0]),
         )

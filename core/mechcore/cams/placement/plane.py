@@ -118,7 +118,7 @@ class PlacedCam:
     bridges: tuple[Bridge, ...] = ()  # where the contact leaps on a given profile
     intended: Cam | None = None  # what was to be cut, where the cutter leaves something else
     lost: tuple[tuple[float, float], ...] = ()  # ranges of the law's angle that the cutter takes away
-    bends: tuple[float, ...] | None = None  # of a given profile: angles at which the law's derivatives may jump
+    knot_angles: tuple[float, ...] | None = None  # of a given profile: angles at which the law's derivatives may jump
 
     @property
     def scale(self) -> float:
@@ -171,7 +171,7 @@ class PlacedCam:
     @property
     def knots(self) -> Real:
         """Arguments within the law's range between which all its derivatives are continuous."""
-        return np.asarray(self.cam.law.knots if self.bends is None else self.bends)
+        return np.asarray(self.cam.law.knots if self.knot_angles is None else self.knot_angles)
 
     # -- the law ------------------------------------------------------------------------------------------------------
 

@@ -165,8 +165,8 @@ class DrySystem:
         if self.breaking:
             elements = [replace(e, factor=e.limit) for e in elements]
         tau = np.stack([rates_of(units, e) for e in elements], axis=1)  # (n, e, f): relative rate per unit rate of a coordinate
-        answers, _ = constrained(r.inertia[:, None], tau, rows)  # (n, e, f): acceleration per unit of friction
-        response = _respond(loaded, units, elements, answers)
+        responses, _ = constrained(r.inertia[:, None], tau, rows)  # (n, e, f): acceleration per unit of friction
+        response = _respond(loaded, units, elements, responses)
         stuck = np.flatnonzero(self.signs == 0.0)
         # columns of unit friction where it sticks, of minus sign times factor times normal load where it slides
         plain = [
@@ -178,7 +178,7 @@ class DrySystem:
         value = np.zeros((n, len(elements)))
         slide = np.flatnonzero(self.signs != 0.0)
         braking = np.stack([-s * e.factor * np.ones(n) for s, e in zip(self.signs, elements, strict=True)], axis=1)
-        coupling = np.einsum("nif,njf->nij", tau, answers)  # relative acceleration at i per unit of friction at j
+        coupling = np.einsum("nif,njf->nij", tau, responses)  # relative acceleration at i per unit of friction at j
         if len(stuck):
             inner = coupling[:, stuck[:, None], stuck]
             need = least_efforts(inner, scales_of(motion.model, elements)[stuck])
@@ -202,7 +202,7 @@ class DrySystem:
         )
         size = np.where(norms, np.hypot(parts[..., 0], parts[..., 1]), np.abs(parts).max(axis=2))
         limit = size * np.array([e.limit for e in elements])
-        acceleration = with_states(first + np.einsum("njf,nj->nf", answers, value), motion)
+        acceleration = with_states(first + np.einsum("njf,nj->nf", responses, value), motion)
         return Dry(acceleration, value, limit, rate, bias + np.einsum("nij,nj->ni", coupling, value))
 
     def _refuse(self, elements: Sequence[Element], slide: Index, share: Real, t: float) -> None:
@@ -228,7 +228,7 @@ def rates_of(units: Sequence[Motion], e: Element) -> Real:
     return np.stack([relative_rate(u, u.speeds, e.what, e.index, e.links) for u in units], axis=-1)
 
 
-def _respond(motion: Motion, units: Sequence[Motion], elements: Sequence[Element], answers: Real) -> Response:
+def _respond(motion: Motion, units: Sequence[Motion], elements: Sequence[Element], responses: Real) -> Response:
     """Transmitted forces under all loads and inertia, and under unit friction with the inertia forces of what it accelerates."""
     model, n, e = motion.model, motion.frames, len(elements)
     base = transmit(motion, *sum_up(wrenches(motion), len(model.links)))
@@ -238,6 +238,6 @@ def _respond(motion: Motion, units: Sequence[Motion], elements: Sequence[Element
         one = np.zeros((e, 1))
         one[i] = 1.0
         element.load(motion, force, moment, one)
-    add_inertia(motion, units, list(answers.T), force, moment)
+    add_inertia(motion, units, list(responses.T), force, moment)
     together = transmit(motion, force, moment, base[2])
     return Response(base, picked(together, (e, n)))

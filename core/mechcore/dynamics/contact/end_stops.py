@@ -21,7 +21,7 @@ from mechcore.arrays import Flags, Real
 from mechcore.dynamics.contact.dry_friction import DrySystem
 from mechcore.dynamics.equations.charts import Chart, jacobian_of
 from mechcore.dynamics.equations.reduced import coordinate_scales, free_of, motion_at, moving, reduced_equations, shifted
-from mechcore.dynamics.events import EventFunction, Log, SimulationEvent, Stop, event_function_of
+from mechcore.dynamics.events import EndStop, EventFunction, EventKind, Log, SimulationEvent, event_function_of
 from mechcore.dynamics.integration.collocation import System
 from mechcore.effects.masses import kinetic_energy
 from mechcore.errors import Fault, MechanismError
@@ -43,20 +43,20 @@ Equations = Callable[[tuple[str, ...], Real], System]
 @dataclass(frozen=True, eq=False)
 class _Touched:
     """Stops ``which`` (c of them) that are touched at an instant. Their gaps open at the rates ``jacobian @ v + share``; slower
-    than ``least`` (c,) they are at rest. ``answers`` (f, c): change of the rates by a unit impulse on each; ``noise`` (c,): second
-    rates that are rounding; ``led`` (c,): no impulse changes their rates."""
+    than ``least`` (c,) they are at rest. ``responses`` (f, c): change of the rates by a unit impulse on each; ``noise`` (c,):
+    second rates that are rounding; ``led`` (c,): no impulse changes their rates."""
 
     which: tuple[int, ...]
     jacobian: Real
     share: Real
     least: Real
-    answers: Real
+    responses: Real
     noise: Real
     led: Flags
 
     @property
     def mobility(self) -> Real:
-        return np.asarray(self.jacobian @ self.answers)
+        return np.asarray(self.jacobian @ self.responses)
 
     def rates(self, v: Real) -> Real:
         """Rates (c,) at which the gaps open."""
@@ -65,8 +65,8 @@ class _Touched:
     def part(self, chosen: Flags) -> _Touched:
         """Some of the stops (c,)."""
         which = tuple(k for k, it in zip(self.which, chosen, strict=True) if it)
-        jacobian, answers, noise = self.jacobian[chosen], self.answers[:, chosen], self.noise[chosen]
-        return _Touched(which, jacobian, self.share[chosen], self.least[chosen], answers, noise, self.led[chosen])
+        jacobian, responses, noise = self.jacobian[chosen], self.responses[:, chosen], self.noise[chosen]
+        return _Touched(which, jacobian, self.share[chosen], self.least[chosen], responses, noise, self.led[chosen])
 
     def independent(self) -> bool:
         """Whether none of the stops is led by the others."""
@@ -75,14 +75,14 @@ class _Touched:
 
     def stilled(self, v: Real) -> Real:
         """Rates (f,) without what rounding has left of the rates of the gaps; they have to be independent."""
-        return shifted(v, -self.answers @ np.linalg.solve(self.mobility, self.rates(v))) if self.which else v
+        return shifted(v, -self.responses @ np.linalg.solve(self.mobility, self.rates(v))) if self.which else v
 
 
 class EndStops:
-    """End stops of a motion of a duration [s]; what happens at them is told in a ``log``. ``closed``: the numbers of those that
+    """End stops of a motion of a duration [s]; their events are recorded in a ``log``. ``closed``: the numbers of those that
     something rests on."""
 
-    def __init__(self, stops: Sequence[Stop], duration: float, log: Log):
+    def __init__(self, stops: Sequence[EndStop], duration: float, log: Log):
         self.stops, self._duration, self._log = tuple(stops), duration, log
         self.closed: set[int] = set()
         self._struck: set[int] = set()  # at the end of the last segment
@@ -105,7 +105,7 @@ class EndStops:
         return self.compiled.model.rotary(joint)
 
     @property
-    def rested(self) -> tuple[Stop, ...]:
+    def rested(self) -> tuple[EndStop, ...]:
         """The stops that something rests on."""
         return tuple(self.stops[k] for k in sorted(self.closed))
 
@@ -159,7 +159,7 @@ class EndStops:
             self._struck.add(k)
 
     # -- at an instant -------------------------------------------------------------------------------------------------
-    def approached(self, q: Real, v: Real, t: float, system: System) -> list[Stop]:
+    def approached(self, q: Real, v: Real, t: float, system: System) -> list[EndStop]:
         """Touched stops, not closed, that something moves or is pushed against."""
         touched = self._touched(q, v, t)
         if touched is None:
@@ -192,7 +192,7 @@ class EndStops:
                 impulses = impact(touched.mobility, before, restitution, brief)
                 if impulses is None:
                     raise self._led(touched.which[int(np.argmin(before / touched.least))], t)
-                after, lost = self._without_rounding(touched, v, shifted(v, touched.answers @ impulses[0])), impulses[1]
+                after, lost = self._without_rounding(touched, v, shifted(v, touched.responses @ impulses[0])), impulses[1]
                 self._left.clear()
             closed, second = self._pressed(touched, q, after, t, equations)
             rates = touched.rates(after)
@@ -205,7 +205,7 @@ class EndStops:
         for k, rate in zip(touched.which, before, strict=True):
             if rate < 0.0:
                 pace = as_quantity(-rate, "angular speed" if self._rotary(self.stops[k].joint) else "linear speed")
-                self._tell(t, "impact", k, f"hits stop {self.stops[k].name} at {pace}")
+                self._log_event(t, EventKind.IMPACT, k, f"hits stop {self.stops[k].name} at {pace}")
         if lost is None and closed == self.closed:
             return v, released
         for k in touched.which:
@@ -213,7 +213,7 @@ class EndStops:
                 self._leave(k, t)
             elif k in closed - self.closed:
                 self.closed.add(k)
-                self._tell(t, "contact", k, f"rests on stop {self.stops[k].name}")
+                self._log_event(t, EventKind.CONTACT, k, f"rests on stop {self.stops[k].name}")
         after = touched.part(np.array([k in closed for k in touched.which])).stilled(after)
         after[[self._free.index(joint) for joint in self.rests if joint in self._free]] = 0.0
         return self._without_rounding(touched, v, after), True
@@ -245,11 +245,11 @@ class EndStops:
         share = signs * rates - jacobian @ v[:f]
         self._fastest = np.maximum(self._fastest, np.abs(v[:f]))
         least = TOUCH * (np.abs(jacobian) @ self._fastest + np.abs(share) + scales / self._duration)
-        answers = np.linalg.solve(r.inertia[0], jacobian.T)
-        noise = PULLS * ((np.abs(r.force) + np.abs(r.bias)).max(axis=0) @ np.abs(answers) + np.abs(second[0]))
+        responses = np.linalg.solve(r.inertia[0], jacobian.T)
+        noise = PULLS * ((np.abs(r.force) + np.abs(r.bias)).max(axis=0) @ np.abs(responses) + np.abs(second[0]))
         led = (np.abs(jacobian) * self._free_scales / scales[:, None]).max(axis=1, initial=0.0) <= HELD
-        self._pulls = dict(zip(near, noise / np.maximum(np.diag(jacobian @ answers), 1e-300), strict=True))
-        return _Touched(tuple(near), jacobian, share, least, answers, noise, led)
+        self._pulls = dict(zip(near, noise / np.maximum(np.diag(jacobian @ responses), 1e-300), strict=True))
+        return _Touched(tuple(near), jacobian, share, least, responses, noise, led)
 
     def _touches(self, k: int, q: Real, v: Real, t: Real) -> bool:
         return abs(float(self.gap(k, q, v, t)[0])) <= TOUCH * float(self._scales[k])
@@ -308,11 +308,11 @@ class EndStops:
     def _leave(self, k: int, t: float) -> None:
         self.closed.remove(k)
         self._left[k] = t
-        self._tell(t, "release", k, f"leaves stop {self.stops[k].name}")
+        self._log_event(t, EventKind.RELEASE, k, f"leaves stop {self.stops[k].name}")
 
-    def _tell(self, t: float, kind: str, k: int, what: str) -> None:
+    def _log_event(self, t: float, kind: EventKind, k: int, what: str) -> None:
         stop = self.stops[k]
-        self._log.tell(SimulationEvent(t, kind, stop.name, f"{stop.joint} {what}"))
+        self._log.add(SimulationEvent(t, kind, stop.name, f"{stop.joint} {what}"))
 
 
 ROUNDING = 1e-12  # of the largest rate, of the work of an impact: what is left by rounding
@@ -392,7 +392,7 @@ def complementary(matrix: Real, free: Real) -> Real | None:
 
 def account_for_impact(log: Log, compiled: Compiled, t: float, q: Real, before: Real, after: Real, lost: float) -> None:
     """Account for the energy that an impact takes [J], and for the work of prescribed drives, which it does not slow."""
-    log.lose(t, lost)
+    log.add_loss(t, lost)
     if len(free_of(compiled)) < len(compiled.mechanism.drives):
         motion = motion_at(compiled, np.array([q, q]), np.array([before, after]), np.array([t, t]))
-        log.push(t, float(np.diff(kinetic_energy(motion))[0]) + lost)
+        log.add_work(t, float(np.diff(kinetic_energy(motion))[0]) + lost)

@@ -24,7 +24,7 @@ from mechcore.dynamics.equations.reduced import (
     reduced_equations,
     shifted,
 )
-from mechcore.dynamics.events import EventFunction, Log, SimulationEvent
+from mechcore.dynamics.events import EventFunction, EventKind, Log, SimulationEvent
 from mechcore.dynamics.integration.collocation import Window
 from mechcore.errors import Fault, MechanismError
 from mechcore.forces.friction.elements import Element, elements_of, scales_of
@@ -35,7 +35,7 @@ BACK = 10.0  # windows shorter than so many times `soon` are those of prescribed
 
 
 class FrictionState:
-    """The phases of the present mechanism's friction, and which way every element slides (0: sticks), told in a ``log``.
+    """The phases of the present mechanism's friction, and which way every element slides (0: sticks), recorded in a ``log``.
 
     ``counts``: whether the mechanism names friction among its effects. ``soon`` [s]: as in `Phases`.
     """
@@ -47,7 +47,7 @@ class FrictionState:
 
     def begin(self, compiled: Compiled, t: float, q: Real, v: Real) -> None:
         """Friction of a mechanism that has other contacts than before: what slides goes on. Where every drive is prescribed
-        nothing has to be found; statics tells friction. Raises `MechanismError`."""
+        nothing has to be found: friction follows from statics. Raises `MechanismError`."""
         self._phases = self._phases_of(compiled, t, q, v)
 
     def _phases_of(self, compiled: Compiled, t: float, q: Real, v: Real) -> Phases | None:
@@ -79,8 +79,8 @@ class FrictionState:
         speeds (f,) after it: nothing is left of what sticks."""
         if self._phases is None:
             return v
-        for joint, word in self._phases.decide(t, q, v, loose, rests):
-            self._tell(t, joint, word)
+        for joint, sign in self._phases.decide(t, q, v, loose, rests):
+            self._log_event(t, joint, sign)
         self._sliding |= dict(zip(self._phases.keys, self._phases.signs, strict=True))
         return self._phases.at_rest(t, q, v)
 
@@ -93,22 +93,21 @@ class FrictionState:
         turning = window.length < BACK * self._soon  # there it is at rest for nothing but an instant
         for key, sign in zip(keys_of(elements_of(motion)), senses(motion)[0], strict=True):
             if sign != self._sliding.get(key, 0.0) and not (turning and sign == 0.0):
-                self._tell(window.start, key[0], WORDS[float(sign)])
+                self._log_event(window.start, key[0], int(sign))
                 self._sliding[key] = float(sign)
 
-    def _tell(self, t: float, joint: str, word: str) -> None:
-        """A joint begins to stick or to slide."""
-        kind = "stick" if word == "stick" else "slip"
-        text = f"{joint} sticks" if kind == "stick" else f"{joint} slides in the {word[-1]} direction"
-        event = SimulationEvent(t, kind, joint, text)
+    def _log_event(self, t: float, joint: str, sign: int) -> None:
+        """A joint begins to stick (sign 0) or to slide."""
+        kind = EventKind.SLIP if sign else EventKind.STICK
+        text = f"{joint} slides in the {'+' if sign > 0 else '-'} direction" if sign else f"{joint} sticks"
+        event = SimulationEvent(t, kind, joint, text, sign)
         if event not in self._log.events[-4:]:  # a joint may have friction of several kinds
-            self._log.tell(event)
+            self._log.add(event)
 
 
 Key = tuple[str, str, str]
 Here = tuple[Motion, list[Motion], list[Element], ReducedEquations]
 """At one state: the motion with q'' = 0, its tangents, the elements of friction, and the equations of motion without it."""
-WORDS = {0.0: "stick", 1.0: "slip +", -1.0: "slip -"}
 NO_EFFECT = 1e-12  # part of what a force on an element would move, if it did, that is rounding
 LOOSE = 1e-10  # of the limit of sticking: what exceeds it by less is rounding
 BEGUN = 1e-12  # rate of what just begins to move
@@ -137,8 +136,8 @@ class Phases:
 
     def decide(
         self, t: float, q: Real, v: Real, loose: tuple[int, float] | None = None, rests: tuple[str, ...] = ()
-    ) -> list[tuple[str, str]]:
-        """Choose the signs for what follows; joint and word ("stick", "slip +", "slip -") of each that has changed.
+    ) -> list[tuple[str, int]]:
+        """Choose the signs from now on; joint and sign (1, -1, 0: it sticks) of each that has changed.
 
         ``loose``: an element that has just come loose and, with one freedom, the way in which it moves (else 0). ``rests``: joints
         that rest on end stops.
@@ -182,7 +181,7 @@ class Phases:
                 worst = int(np.argmax(np.where(over, np.abs(friction.value[0]) / np.maximum(friction.limit[0], 1e-300), 0.0)))
                 self.signs[worst] = -np.sign(friction.value[0, worst])
         then, now = self._states(before), self._states(self.signs)
-        return [(joint, WORDS[now[joint, what]]) for joint, what in now if now[joint, what] != then[joint, what]]
+        return [(joint, int(now[joint, what])) for joint, what in now if now[joint, what] != then[joint, what]]
 
     def _states(self, signs: Real) -> dict[tuple[str, str], float]:
         """Sign by joint and relative motion: it sticks if friction of one kind holds it, whatever else rubs there."""
@@ -200,9 +199,9 @@ class Phases:
             return np.append(0.0, v[1:])
         motion, units, elements, equations = self._at(t, q, v)
         tau = np.stack([rates_of(units, elements[i])[0] for i in stuck])
-        answer = constrained(equations.inertia[:, None], tau[None], jacobian_of(motion, units, self.rests)[0])[0][0].T
-        need = least_efforts(tau @ answer, scales_of(motion.model, elements)[stuck])
-        return shifted(v, -answer @ need @ np.array([elements[i].rate[0] for i in stuck]))
+        response = constrained(equations.inertia[:, None], tau[None], jacobian_of(motion, units, self.rests)[0])[0][0].T
+        need = least_efforts(tau @ response, scales_of(motion.model, elements)[stuck])
+        return shifted(v, -response @ need @ np.array([elements[i].rate[0] for i in stuck]))
 
     def _at(self, t: float, q: Real, v: Real) -> Here:
         """Values at a state, kept for the next question about it."""

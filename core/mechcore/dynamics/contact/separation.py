@@ -183,10 +183,10 @@ class FollowerSeparation:
         slopes = [float(u.coordinate(contact.guide)[0, 1]) for u in tangents(motion, free_of(held))]
         gradient = contact.away * np.insert(-np.array(slopes), k, 1.0)
         inertia = reduce(compiled, q[None], v[None], row).inertia[0]
-        answer = np.linalg.solve(inertia, gradient)
-        impulses = impact(np.array([[gradient @ answer]]), np.array([hit]), np.array([restitution]), np.array([False]))
+        response = np.linalg.solve(inertia, gradient)
+        impulses = impact(np.array([[gradient @ response]]), np.array([hit]), np.array([restitution]), np.array([False]))
         assert impulses is not None  # some mass moves with the follower's guide
-        return shifted(v, answer * impulses[0]), -hit, impulses[1]
+        return shifted(v, response * impulses[0]), -hit, impulses[1]
 
     def followed(self, name: str, motion: Motion) -> Real:
         """The guide's coordinate (F,) at which the follower would touch its cam."""

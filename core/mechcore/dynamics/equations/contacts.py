@@ -1,7 +1,7 @@
 """Equations of motion with dry friction and joints that rest on stops, as a compiled program.
 
 It is written once for a mechanism and the joints that rest. Which way every element slides, or that it sticks, is a number that it
-is given. What `contact.dry_friction` and `charts.Chart` compute over arrays, one after the other, stands there term by term.
+is given. The expressions of `contact.dry_friction` and `charts.Chart`, which compute over arrays, stand there term by term.
 """
 
 from __future__ import annotations
@@ -154,7 +154,7 @@ class _ContactWriter(EquationsWriter):
         f, rests = len(units), self._resting
         mass = [[inertia[max(i, j)][min(i, j)] for j in range(f)] for i in range(f)]
         held = _Held(self, mass, [[rate(u, joint) for u in units] for joint in rests])
-        first, effort = held.answer([q - h for q, h in zip(force, bias, strict=True)], [_second(moving, j) for j in rests])
+        first, effort = held.response([q - h for q, h in zip(force, bias, strict=True)], [_second(moving, j) for j in rests])
         seconds, free = [a for *_, a in moving.drives], free_of(self.compiled)
         for k, i in enumerate(free):
             seconds[i] = first[k]
@@ -181,7 +181,7 @@ class _ContactWriter(EquationsWriter):
             if e.what == "slide" and e.index < 0:
                 raise Untraceable(f"friction acts on the cam of {e.joint}")
         tau = [[relative_rate(u, u.speeds, e.what, e.index, e.links) for u in units] for e in elements]
-        answers = [held.answer(row, [0.0] * len(self._resting)) for row in tau]
+        responses = [held.response(row, [0.0] * len(self._resting)) for row in tau]
         force, moment, _ = totals(loaded)
         forces, contacts, flanks = joint_forces(loaded, list(force), list(moment))
         own = [x for e, s in zip(elements, plain, strict=True) for x in e.normal(loaded, forces, contacts, s)]
@@ -189,15 +189,15 @@ class _ContactWriter(EquationsWriter):
         for j, source in enumerate(elements):
             unit: tuple[list[Any], list[Any]] = [0j] * links, [0.0] * links
             source.load(loaded, *unit, 1.0)
-            add_inertia(loaded, units, answers[j][0], *unit)
-            answer, touching, _ = joint_forces(loaded, *unit, flanks)
+            add_inertia(loaded, units, responses[j][0], *unit)
+            response, touching, _ = joint_forces(loaded, *unit, flanks)
             for i, e in enumerate(elements):
                 if e.kind != "brake":
-                    by[i][j] = e.normal(loaded, answer, touching, plain[i])
+                    by[i][j] = e.normal(loaded, response, touching, plain[i])
         factors = [np.where(breaking, e.limit, e.factor) for e in elements]
         braking = [x - s * f for x, s, f in zip(still, signs, factors, strict=True)]
         bias = [relative_rate(loaded, loaded.accelerations, e.what, e.index, e.links) for e in elements]
-        coupling = [[_product(row, a) for a, _ in answers] for row in tau]
+        coupling = [[_product(row, a) for a, _ in responses] for row in tau]
         pairs = (pair[axis] for row in by for axis in (0, 1) for pair in row)
         given = [TOLERANCE, *signs, *braking, *map(float, scales_of(self.model, elements)), *bias, *chain(*coupling), *own, *pairs]
         shape = [count, *(int(e.euclidean) for e in elements)]
@@ -205,7 +205,7 @@ class _ContactWriter(EquationsWriter):
         value, size = [x / factor for x in solved[:count]], solved[count:]
         second = [b + _product(row, value) for b, row in zip(bias, coupling, strict=True)]
         limits = [x * e.limit for x, e in zip(size, elements, strict=True)]
-        extra, more = ([_product(row, value) for row in zip(*(a[k] for a in answers), strict=True)] for k in (0, 1))
+        extra, more = ([_product(row, value) for row in zip(*(a[k] for a in responses), strict=True)] for k in (0, 1))
         return [*value, *limits, *(e.rate for e in elements), *second, factor], extra, more
 
 
@@ -215,7 +215,7 @@ class _Held:
     def __init__(self, writer: EquationsWriter, mass: list[list[Any]], rows: list[list[Any]]):
         self._writer, self._mass, self._rows = writer, mass, rows
 
-    def answer(self, force: list[Any], second: list[Any]) -> tuple[list[Any], list[Any]]:
+    def response(self, force: list[Any], second: list[Any]) -> tuple[list[Any], list[Any]]:
         """Accelerations and what holds the constraints."""
         f, rows = len(self._mass), self._rows
         if f == 1 and not rows:
@@ -232,7 +232,7 @@ class _Held:
 
 
 def add_inertia(
-    motion: Motion, units: Sequence[Motion], answer: Sequence[Values], force: list[Plane], moment: list[Values]
+    motion: Motion, units: Sequence[Motion], response: Sequence[Values], force: list[Plane], moment: list[Values]
 ) -> None:
     """Add to the loads on the links the inertia forces of accelerations of the coordinates, (...) each."""
     model = motion.model
@@ -243,7 +243,7 @@ def add_inertia(
         rotation_class = model.angles.rotation_class[k]
         a: Plane = 0j
         alpha: Values = 0.0
-        for own, unit in zip(answer, units, strict=True):
+        for own, unit in zip(response, units, strict=True):
             a = a + own * unit.of_point(k, centre, 1)
             alpha = alpha + own * unit.speeds.angular[rotation_class]
         force[k] = force[k] - mass * a

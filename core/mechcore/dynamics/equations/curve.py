@@ -133,7 +133,7 @@ def beside_singular(compiled: Compiled, x: Real, at_x: Motion | None = None) -> 
     """Positions (n,) in ascending order, with more of them (m,) between where a group comes close to a singular position: in the
     end two neighbours are about as far apart as that is away. ``at_x``: a motion at a unit rate whose last frames are there.
 
-    How far that is tells the group's condition: its inverse falls in proportion, and hardly faster than its slope nearby says.
+    The group's condition gives that distance: its inverse falls in proportion, and hardly faster than its slope nearby says.
     """
 
     def distances(q: Real, unit: Motion) -> Real:
@@ -222,7 +222,7 @@ def whole_turn(
     All that this takes is read off one set of positions: the nodes of the table, some of them a turn later, and the ends of panels.
     """
     singular_points = compiled.singular_points
-    if singular_points is not None and singular_points.gaps:
+    if singular_points is not None and singular_points.unreachable:
         return None
     low = q if singular_points is None or not singular_points.by_drive else _clear_of(singular_points, compiled.start[0], q)
     x = nodes_of(low, low + TURN, FIRST)

@@ -69,9 +69,9 @@ class Leg:
         u = low + (local - edges[cell]) / (edges[cell + 1] - edges[cell]) * (high - low)
         for _ in range(40):
             rate, clock = self.clock(u).T
-            miss = clock - local
-            high, low = np.where(miss > 0, np.minimum(high, u), high), np.where(miss <= 0, np.maximum(low, u), low)
-            new = u - miss / rate
+            error = clock - local
+            high, low = np.where(error > 0, np.minimum(high, u), high), np.where(error <= 0, np.maximum(low, u), low)
+            new = u - error / rate
             new = np.where((new >= low) & (new <= high), new, 0.5 * (low + high))
             change = np.abs(new - u).max(initial=0.0)
             u = new
@@ -163,7 +163,7 @@ def by_energy(
 ) -> EnergyMotion | None:
     """The motion from q0, v0 for ``duration`` [s]; None where this way does not lead on (rest in an equilibrium, a way towards an
     unstable equilibrium, a swing about one that is too small to be seen in the energy, the end of the tabulated range), or where
-    the table comes close to singular positions. ``progress`` is told the time reached. Raises `MechanismError` where it gains
+    the table comes close to singular positions. ``progress`` gets the time reached. Raises `MechanismError` where it gains
     speed for more than `MOST_TURNS`."""
     if curve.beside_singular:
         return None
@@ -223,7 +223,7 @@ def by_energy(
 
 def _swings(curve: Curve, q0: float, force: float, slope: float, twice_kinetic: float) -> bool:
     """Whether a motion near q0 stays about an equilibrium there: the force drives it back at twice the linear amplitude on both
-    sides. A small force at the start alone tells nothing: a machine may be spun up from where its springs hold the balance."""
+    sides. A small force at the start alone proves nothing: a machine may be spun up from where its springs hold the balance."""
     if not slope < 0.0:
         return bool(force == 0.0)
     centre = q0 - force / slope
@@ -290,7 +290,7 @@ def _room(table: Panels, q: float, sign: float) -> float:
 
 def _way_to_turn(work: _Work, q: float, kinetic: float, sign: float, reach: float) -> float | None:
     """How far the motion leads from q, where it has some kinetic energy, to its turning point; infinite where that lies beyond
-    ``reach`` or the table's end, None where it cannot be told (no room, an equilibrium at the very end)."""
+    ``reach`` or the table's end, None where it is unknown (no room, an equilibrium at the very end)."""
     table = work.table
     span = reach if table.periodic else min(reach, _room(table, q, sign))
     if span <= 0:
@@ -313,7 +313,7 @@ def _way_to_turn(work: _Work, q: float, kinetic: float, sign: float, reach: floa
     return _turn(work, q, kinetic, sign, travels[out[0] - 1], travels[out[0]])
 
 
-SHORTEST = 40  # halvings of the first sample: a way of 1e-12 of it is still told from none
+SHORTEST = 40  # halvings of the first sample: a displacement of 1e-12 of it still differs from none
 
 
 def _turn(work: _Work, q: float, kinetic: float, sign: float, low: float, high: float) -> float | None:

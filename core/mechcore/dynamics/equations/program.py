@@ -33,9 +33,9 @@ from mechcore.dynamics.integration.windows import MARGIN
 from mechcore.errors import MechanismError
 from mechcore.kinematics.columns import all_columns, all_vectors
 from mechcore.kinematics.model import Model
-from mechcore.kinematics.patching import NEAR
 from mechcore.kinematics.program import Unknown
 from mechcore.kinematics.rates import accelerations, velocities
+from mechcore.kinematics.singular_interpolation import NEAR
 from mechcore.kinematics.state import State
 from mechcore.laws.timed import Free
 from mechcore.motion.compiled import Compiled
@@ -49,7 +49,7 @@ GONE = "gone"  # whole turns of a rotation class, which stay as they are: see `_
 
 def _gone(motion: Motion, rotation_class: int) -> Real:
     """Whole turns (n,) [rad] by which the angle of a rotation class has gone on from what its group and its drives make: where a
-    chart took over, links may have turned farther than the coordinates tell that lead there."""
+    chart took over, links may have turned farther than those coordinates show."""
     turning = motion.model.angles
     group = turning.class_group[rotation_class]
     driven = sum(sign * motion.drives[d][0] for d, sign in turning.class_drives[rotation_class])
@@ -73,7 +73,7 @@ class EquationsProgram:
         self.alone = not (self._equations.given or self.partial)  # no values of drives or other functions of the time are needed
 
     @property
-    def tells(self) -> bool:
+    def has_forms(self) -> bool:
         """Whether it knows the forms of all laws that have several."""
         return bool(self._equations.kinds) and self.everywhere
 
@@ -90,7 +90,7 @@ class EquationsProgram:
 
     def forms(self, q: Real, v: Real, t: Real) -> Real | None:
         """Forms of all laws that have several (k, n), at states (n, f) each; None where C does not have them."""
-        return self._equations.forms(q, v, t, self._drives(t)).T if self.tells else None
+        return self._equations.forms(q, v, t, self._drives(t)).T if self.has_forms else None
 
     def _outputs(self, q: Real, v: Real, t: Real) -> tuple[Real, Real]:
         """Accelerations (n, f) and the additional outputs (n, k) of any states, see `contacts`."""
@@ -151,7 +151,7 @@ class EquationsProgram:
         self, rule: CollocationRule, at: Real, bounds: tuple[float, float, float, float, float], count: int, checked: bool
     ) -> Batch:
         """Windows one after the other, see `CompiledEquations.windows`; only where it is ``alone``, and ``checked`` where it
-        ``tells`` forms."""
+        ``has_forms`` forms."""
         return self._equations.windows(rule, at, bounds, count, checked)
 
 
@@ -344,7 +344,7 @@ class EquationsWriter:
         motion = Motion(model, time, drives, state, angles)
         vectors = all_vectors(model, state)
         columns = all_columns(model, vectors)
-        speeds = velocities(model, vectors, columns, [v for _, v, _ in drives], bends=state.bends)
+        speeds = velocities(model, vectors, columns, [v for _, v, _ in drives], curve_values=state.curve_values)
         given: dict[str, Any] = {"shape": (), "drives": drives, "loop_vectors": vectors, "columns": columns, "speeds": speeds}
         if second:
             given["accelerations"] = accelerations(model, vectors, columns, speeds, [a for _, _, a in drives])

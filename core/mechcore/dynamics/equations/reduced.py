@@ -17,7 +17,7 @@ import numpy as np
 from mechcore.arrays import Flags, Real, Values
 from mechcore.effects.base import Effect, power_of, rate
 from mechcore.effects.registry import applied_effects, effects_of
-from mechcore.kinematics.state import Patch
+from mechcore.kinematics.state import Interpolant
 from mechcore.laws.timed import Free
 from mechcore.motion.compiled import Compiled
 from mechcore.motion.motion import Motion
@@ -156,19 +156,20 @@ def with_rates(motion: Motion, rates: Sequence[Real], second: Sequence[Real] | N
     none = np.zeros(motion.frames)
     second = [none] * len(rates) if second is None else second
     drives = [(d[0], r, a) for d, r, a in zip(motion.drives, rates, second, strict=True)]
-    patches = motion.patches and _scaled(motion, rates)
-    m = Motion(motion.model, motion.time, drives, motion.state, motion.angles, patches, accuracy=motion.accuracy)
+    interpolants = motion.interpolants and _scaled(motion, rates)
+    m = Motion(motion.model, motion.time, drives, motion.state, motion.angles, interpolants, accuracy=motion.accuracy)
     m.loop_vectors, m.columns, m.origins, m.states = motion.loop_vectors, motion.columns, motion.origins, motion.states
     return m
 
 
-def _scaled(motion: Motion, rates: Sequence[Real]) -> dict[int, list[Patch]]:
+def _scaled(motion: Motion, rates: Sequence[Real]) -> dict[int, list[Interpolant]]:
     """Patches at change points, made for a unit rate, at another rate (one freedom only: with more there are none)."""
     return {
         block: [
-            replace(p, first=p.first * rates[0][p.frames, None], second=p.second * rates[0][p.frames, None] ** 2) for p in patches
+            replace(p, first=p.first * rates[0][p.frames, None], second=p.second * rates[0][p.frames, None] ** 2)
+            for p in interpolants
         ]
-        for block, patches in (motion.patches or {}).items()
+        for block, interpolants in (motion.interpolants or {}).items()
     }
 
 

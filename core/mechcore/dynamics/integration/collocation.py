@@ -218,5 +218,5 @@ def tails(a: Real, length: Real, longest: Real) -> tuple[Real, Real, Real]:
     tail = share * np.max(size[..., -2:, :] / (4.0 * (k * k))[:, None], axis=-2)
     ratio = 0.25 * last / np.maximum(np.maximum(0.25 * middle, last), 1e-300)  # at most a quarter
     m = -np.log2(np.maximum(ratio, 1e-300))
-    missed = np.where(last > NO_PART * size.max(axis=-2), 2.0 * s * last * ratio / (m - 1.0), 0.0)
-    return tail, share * missed, 0.5 * (m.min(axis=-1) + 1.0)
+    neglected = np.where(last > NO_PART * size.max(axis=-2), 2.0 * s * last * ratio / (m - 1.0), 0.0)
+    return tail, share * neglected, 0.5 * (m.min(axis=-1) + 1.0)

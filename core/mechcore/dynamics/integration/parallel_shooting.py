@@ -101,7 +101,7 @@ class ParallelShooting:
                 return None
         return None
 
-    def sound(self, trajectory: Trajectory, margin: float) -> int:
+    def resolved_windows(self, trajectory: Trajectory, margin: float) -> int:
         """How many windows, from the first one on, keep the tolerance: errors of high order up to a ``margin``, as in `tails`."""
         last, low = self._missed(trajectory.a, np.diff(trajectory.boundaries))
         return int(np.argmax(np.append((last > margin) | (low > 1.0), True)))

@@ -29,20 +29,20 @@ ROUNDED = 1e-15  # of the scale: no window is solved to more digits
 FEW = 3  # windows in a row that end at stated breakpoints: so many, or more, are solved together
 FARTHER, NEARER, RECOVERED = 2.0, 0.3, 1.2  # how far the next ones reach: where the last were solved, were not, or one of them was
 CHATTER, MOST_CUT = 1e-5, 400  # windows shorter than this part of the longest; so many in a row, cut at breakpoints, get nowhere
-SETTLED, MANY = 8, 250  # windows after which their length tells how many are left; so many are worth compiling
+SETTLED, MANY = 8, 250  # windows after which their length gives the number of those left; so many are worth compiling
 BATCH = 64  # windows that a compiled program solves before anybody looks at them
 
 
 class WindowProgram(Protocol):
     """Equations of motion as a compiled program, with the windows around them; ``alone``: nothing else is needed for them; it
-    ``tells`` the forms of laws; ``partial``: where it has no answer numpy may have one."""
+    ``has_forms`` the forms of laws; ``partial``: where it has no answer numpy may have one."""
 
     @property
     def alone(self) -> bool: ...
     @property
     def partial(self) -> bool: ...
     @property
-    def tells(self) -> bool: ...
+    def has_forms(self) -> bool: ...
     def near(self, q: Real, v: Real, t: Real) -> Real: ...
     def window(
         self, rule: CollocationRule, t0: float, h: float, q: Real, v: Real, guess: Real, tolerance: float
@@ -193,7 +193,7 @@ class _Integration:
             if self.program is None and self.t1 - self.t > MANY * self.h:
                 self.program = self.offered(long=True)
         program, breakpoints = self.program, self.by.breakpoints
-        in_program = program is not None and (breakpoints is None or (breakpoints.of_forms and program.tells))
+        in_program = program is not None and (breakpoints is None or (breakpoints.of_forms and program.has_forms))
         if program is not None and in_program and program.alone and self.by.keeps is None:
             return self._batch(program)
         row: list[Window] = []
@@ -288,11 +288,11 @@ class _Integration:
         allowed = self.by.tolerance * self.by.scale
         left, rough, power = tails(window.a, np.array(self.h), np.array(max(self.longest, self.h)))
         worst, order = float(np.max(left / allowed)), float(len(self.rule.nodes) + 1)
-        missed = MARGIN * float(np.max(rough / allowed)) if self.starts or self.cuts else 0.0
-        if missed > worst:
-            worst, order = missed, float(power)
+        neglected = MARGIN * float(np.max(rough / allowed)) if self.starts or self.cuts else 0.0
+        if neglected > worst:
+            worst, order = neglected, float(power)
         if worst > MARGIN and self.h < 1e4 * self.least:
-            worst = MARGIN  # the equations jump here without saying so; as near to the jump as time can be told
+            worst = MARGIN  # the equations jump here without saying so; as near to the jump as times are resolved
         return worst, order
 
     def _shorten(self, worst: float, order: float) -> bool:
@@ -358,7 +358,7 @@ class _Rows:
             return []
         shooting.longest = longest
         trajectory = shooting.solve(boundaries, q, v, lambda t: np.repeat(a, len(t), axis=0), halvings=0)
-        good = [] if trajectory is None else trajectory.windows(shooting.rule)[: shooting.sound(trajectory, MARGIN)]
+        good = [] if trajectory is None else trajectory.windows(shooting.rule)[: shooting.resolved_windows(trajectory, MARGIN)]
         for k, window in enumerate(good):
             end = window.start + window.length
             other = self.breakpoints(window, window.start + 10.0 * self.least)
@@ -398,7 +398,7 @@ def _first_window(q: Real, v: Real, a: Real, span: float, scale: Any) -> float:
 def _extrapolated(window: Window, t: Real, end: Real) -> Real:
     """Start for the next window: the last polynomial continued, if that stays near, else its value at the end."""
     guess = window(t)[2]
-    spread = float(np.abs(window.a).sum())
-    if np.abs(guess - end).max() > 4.0 * spread + 1e-300:
+    total = float(np.abs(window.a).sum())
+    if np.abs(guess - end).max() > 4.0 * total + 1e-300:
         return np.repeat(end, len(t), axis=0)
     return guess

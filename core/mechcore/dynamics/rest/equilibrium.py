@@ -18,7 +18,7 @@ from mechcore.arrays import Real
 from mechcore.constants import MOST_TURNS, TURN
 from mechcore.dynamics.equations.charts import best_chart
 from mechcore.dynamics.equations.reduced import coordinate_scales, free_of, motion_at, reduced_equations, tangents
-from mechcore.dynamics.events import Stop, with_slot_ends
+from mechcore.dynamics.events import EndStop, with_slot_ends
 from mechcore.effects.base import power_of
 from mechcore.effects.registry import applied_effects, effects_of
 from mechcore.errors import Fault, MechanismError
@@ -127,7 +127,7 @@ def slopes_at_rest(compiled: Compiled, q: Real) -> tuple[Real, Real, Real]:
     return force[0], by_q, size.max(axis=0)
 
 
-def find_equilibrium(mechanism: Mechanism | Compiled, *, seek: Seek = "stable", stops: Sequence[Stop] = ()) -> Equilibrium:
+def find_equilibrium(mechanism: Mechanism | Compiled, *, seek: Seek = "stable", stops: Sequence[EndStop] = ()) -> Equilibrium:
     """The equilibrium reached from the start of the free coordinates.
 
     ``seek`` "stable": go downhill from the start (an unstable equilibrium is found only if the mechanism starts exactly there);
@@ -218,7 +218,7 @@ def _lost(compiled: Compiled, q: Real) -> MechanismError:
     return MechanismError(Fault("dynamics.equilibrium", why, "Start nearer to the equilibrium, or make other joints free."))
 
 
-def _within(equilibrium: Equilibrium, stops: Sequence[Stop]) -> None:
+def _within(equilibrium: Equilibrium, stops: Sequence[EndStop]) -> None:
     """Refuse an equilibrium that lies beyond a stop: the mechanism rests on the stop instead."""
     motion = equilibrium.motion
     known = dict(zip(equilibrium.joints, equilibrium.position, strict=True))

@@ -15,7 +15,7 @@ import numpy as np
 from mechcore.arrays import Real
 from mechcore.constants import TURN
 from mechcore.dynamics.equations.reduced import coordinate_scales, reduce
-from mechcore.dynamics.events import Stop
+from mechcore.dynamics.events import EndStop
 from mechcore.dynamics.rest.equilibrium import STEP, Equilibrium, Seek, find_equilibrium, force_at_rest
 from mechcore.errors import Fault, MechanismError
 from mechcore.laws.timed import Free
@@ -101,7 +101,7 @@ class Vibrations:
         return "neutral" if any(m.square == 0 for m in self.modes) else "stable"
 
 
-def small_vibrations(mechanism: Mechanism | Compiled, *, seek: Seek = "stable", stops: Sequence[Stop] = ()) -> Vibrations:
+def small_vibrations(mechanism: Mechanism | Compiled, *, seek: Seek = "stable", stops: Sequence[EndStop] = ()) -> Vibrations:
     """Small vibrations about the equilibrium that is reached from the start of the free coordinates.
 
     ``seek``, ``stops``: as of `find_equilibrium`. Prescribed drives and the time of loads stand still at their start, dry friction

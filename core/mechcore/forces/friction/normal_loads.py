@@ -70,9 +70,9 @@ def solve_normal_loads(a: Real, k: Real, euclidean: Flags, tolerance: float = TO
     reached, residual = np.ones(frames), np.full(frames, np.nan)
     share = np.zeros((frames, n))
     jammed = np.zeros(frames, bool)
-    sound = np.isfinite(a).all(axis=(1, 2)) & np.isfinite(bound)
-    easy = np.flatnonzero(sound & (bound < 1.0))
-    hard = np.flatnonzero(sound & (bound >= 1.0))
+    finite = np.isfinite(a).all(axis=(1, 2)) & np.isfinite(bound)
+    easy = np.flatnonzero(finite & (bound < 1.0))
+    hard = np.flatnonzero(finite & (bound >= 1.0))
     radius = spectral_radius(size[hard])
     calm, rest = hard[radius < 1.0], hard[radius >= 1.0]
     steps = 0
@@ -110,7 +110,7 @@ def stability(a: Real, k: Real, euclidean: Flags, loads: Real) -> Real:
     return out
 
 
-def several(a: Real, k: Real, euclidean: Flags, loads: Real) -> Flags:
+def has_several_solutions(a: Real, k: Real, euclidean: Flags, loads: Real) -> Flags:
     """Frames (F,) in which other loads than the given ones are in equilibrium too, looked for from many starts.
 
     Where the map contracts there are none; elsewhere two states can be possible, as they are for a rod that is pushed over a rough
@@ -219,37 +219,37 @@ def _newton(
     here, index = loads, np.arange(loads.shape[1])
     f, slope = _jacobian_last(aw, kw, kinds, here)
     own, norms = np.abs(aw).sum(axis=1), np.abs(kw).sum(axis=1)
-    miss = _miss_last(f, own, norms, here)
+    largest = _largest_residual_last(f, own, norms, here)
     steps = 0
     while steps < most:
-        going = miss > tolerance
+        going = largest > tolerance
         if not going.any():
             break
         steps += 1
         step = here - (_eliminate(slope, f) if dominant else _solve(np.moveaxis(slope, -1, 0), f.T).T)
         f_new, slope_new = _jacobian_last(aw, kw, kinds, step)
-        miss_new = _miss_last(f_new, own, norms, step)
-        worse = ~(miss_new < 0.7 * miss)
-        stay = ~going | (worse & (miss <= SETTLED))  # there, or as close as rounding lets it come
+        largest_new = _largest_residual_last(f_new, own, norms, step)
+        worse = ~(largest_new < 0.7 * largest)
+        stay = ~going | (worse & (largest <= SETTLED))  # there, or as close as rounding lets it come
         if (worse & ~stay).any():
             step = np.where(worse & ~stay, here - f, step)
             f_new, slope_new = _jacobian_last(aw, kw, kinds, step)
-            miss_new = _miss_last(f_new, own, norms, step)
+            largest_new = _largest_residual_last(f_new, own, norms, step)
         if stay.any():
-            step, miss_new = np.where(stay, here, step), np.where(stay, miss, miss_new)
+            step, largest_new = np.where(stay, here, step), np.where(stay, largest, largest_new)
             f_new, slope_new = np.where(stay, f, f_new), np.where(stay, slope, slope_new)
-        here, f, slope, miss = step, f_new, slope_new, miss_new
-        loads[:, index], residual[index] = here, miss
+        here, f, slope, largest = step, f_new, slope_new, largest_new
+        loads[:, index], residual[index] = here, largest
         if 2 * stay.sum() >= len(index):
-            index, here, f, slope, miss = index[~stay], here[:, ~stay], f[:, ~stay], slope[..., ~stay], miss[~stay]
+            index, here, f, slope, largest = index[~stay], here[:, ~stay], f[:, ~stay], slope[..., ~stay], largest[~stay]
             aw, kw, own, norms = aw[..., ~stay], kw[..., ~stay], own[..., ~stay], norms[..., ~stay]
             if not len(index):
                 break
-    residual[index] = miss
+    residual[index] = largest
     return np.ascontiguousarray(loads.T), residual, steps
 
 
-def _miss_last(f: Real, own: Real, norms: Real, g: Real) -> Real:
+def _largest_residual_last(f: Real, own: Real, norms: Real, g: Real) -> Real:
     """Largest residual (F,) of equations f (n, F), each of its own terms: ``own`` (n, F), ``norms`` (n, n, F) times ``g``."""
     return np.asarray((np.abs(f) / np.maximum(own + np.einsum("ijf,jf->if", norms, np.abs(g)), 1e-300)).max(axis=0))
 

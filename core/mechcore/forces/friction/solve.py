@@ -22,7 +22,7 @@ from mechcore.effects.registry import wrenches
 from mechcore.errors import Fault, MechanismError
 from mechcore.forces.equilibrium import transmit
 from mechcore.forces.friction.elements import Element, elements_of, two_sided
-from mechcore.forces.friction.normal_loads import NormalLoads, jacobian, several, solve_normal_loads, stability
+from mechcore.forces.friction.normal_loads import NormalLoads, has_several_solutions, jacobian, solve_normal_loads, stability
 from mechcore.motion.at_once import indeterminate
 from mechcore.motion.motion import Motion
 from mechcore.numerics.frames import lazy, rows_of
@@ -62,15 +62,15 @@ def solve_friction(
         flanks = after
         elements = elements_of(motion, flanks) if two_sided(motion) else elements
     if friction.jammed.any():
-        gap = np.where(friction.jammed, np.nan, 1.0)
-        transmitted = [(f * gap, c * gap) for f, c in transmitted]
-        contacts = {name: (place, f * gap) for name, (place, f) in contacts.items()}
+        valid = np.where(friction.jammed, np.nan, 1.0)
+        transmitted = [(f * valid, c * valid) for f, c in transmitted]
+        contacts = {name: (place, f * valid) for name, (place, f) in contacts.items()}
     return transmitted, contacts, friction
 
 
 def check_friction(motion: Motion) -> None:
-    """Raise `MechanismError` of numbers that are no friction, where specs are made without a scene; and where statics does not tell
-    what presses on a joint."""
+    """Raise `MechanismError` of numbers that are no friction, where specs are made without a scene; and where statics does not
+    determine what presses on a joint."""
     faults = []
     for joint in motion.mechanism.joints:
         f = friction_of(joint)
@@ -89,15 +89,16 @@ def check_friction(motion: Motion) -> None:
 
 
 def _refuse_indeterminate(motion: Motion) -> None:
-    """Redundant constraints share the load between joints in a way that rigid links do not tell, and friction depends on it."""
+    """Redundant constraints share the load between joints in a way that rigid bodies leave undetermined, and friction depends on
+    it."""
     if not motion.model.redundant:
         return
-    loose = [p for p in indeterminate(motion) if p in braked(motion.mechanism.joints)]
-    if loose:
-        names = ", ".join(loose)
-        why = f"constraints are redundant: statics does not tell what presses on {names}, and so not the friction there."
+    braked_joints = [p for p in indeterminate(motion) if p in braked(motion.mechanism.joints)]
+    if braked_joints:
+        names = ", ".join(braked_joints)
+        why = f"constraints are redundant: statics does not determine the contact force at {names}, nor the friction there."
         remedy = "Leave out the friction of these joints, or the constraint that is left over."
-        raise MechanismError([Fault(f"joints.{loose[0]}.friction", why, remedy)])
+        raise MechanismError([Fault(f"joints.{braked_joints[0]}.friction", why, remedy)])
 
 
 @dataclass(frozen=True, eq=False)
@@ -213,7 +214,7 @@ class FrictionResult:
     @cached_property
     def ambiguous(self) -> Flags:
         """Frames (F,) with other friction in equilibrium than that which grows out of the frictionless state, which is given."""
-        return several(*system(self.motion, self.elements, self._response), self._solution.loads)
+        return has_several_solutions(*system(self.motion, self.elements, self._response), self._solution.loads)
 
     @property
     def loads(self) -> Real:

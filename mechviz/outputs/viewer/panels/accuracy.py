@@ -21,12 +21,12 @@ from mechviz.studies.precision_diagram import diagram, in_use, setting_changes, 
 
 NOW = "as it is"
 WANTED = {"as the dials are": None, "1e-2": 1e-2, "1e-3": 1e-3, "1e-4": 1e-4, "1e-6": 1e-6, "1e-8": 1e-8, "1e-10": 1e-10}
-DIALS = (  # that change what is shown
+SETTINGS = (  # that change what is shown
     "frames", "differentiation", "integrator", "position tolerance", "friction tolerance", "tessellation", "cam profile"
 )  # fmt: skip
 SIZE = (3.4, 2.8)  # of a diagram [in], as wide as the tab
 
-# A click on a setting in the diagram is told as if it had been chosen from the list, in the way of viser's own controls
+# A click on a setting in the diagram is sent as a choice from the list, as by viser's own controls
 PICK = """const title = event.target.closest('g[id^=setting]')?.querySelector('title'), viser = window.__viserMutable;
 if (title && viser) {
   const message = { type: 'GuiUpdateMessage', uuid: %s, updates: { value: title.textContent } };
@@ -82,10 +82,10 @@ class AccuracyTab:
 
     def _measure(self) -> None:
         run = self._session.run
-        points = ladder(run.scene, run.accuracy.target, budget=0.02, only=DIALS)
+        points = ladder(run.scene, run.accuracy.target, budget=0.02, only=SETTINGS)
         named: dict[str, Point] = {}
-        for dial in dict.fromkeys(p.dial for p in points):
-            own = [p for p in points if p.dial == dial]
+        for setting in dict.fromkeys(p.setting for p in points):
+            own = [p for p in points if p.setting == setting]
             front = {id(p) for p in pareto(own)}
             named |= {setting_words(p, id(p) in front): p for p in sorted(own, key=lambda p: p.seconds) if p.options}
         self._points, self._named = self._marked(points), named
@@ -94,9 +94,9 @@ class AccuracyTab:
         self.choice.options = (NOW, *named)
 
     def _marked(self, points: list[Point] | tuple[Point, ...]) -> tuple[Point, ...]:
-        """The settings, with those in use told from the others."""
+        """The settings, with those in use marked."""
         run = self._session.run
-        return tuple(replace(p, current=in_use(run, p.dial, p.options)) for p in points)
+        return tuple(replace(p, current=in_use(run, p.setting, p.options)) for p in points)
 
     def _draw(self) -> None:
         target = self._session.run.accuracy.target
@@ -110,7 +110,7 @@ class AccuracyTab:
     def _pick(self, _: Any) -> None:
         point = self._named.get(str(self.choice.value))
         if point is not None:
-            self._session.heed_scene()
+            self._session.follow_scene()
             self._session.change("accuracy", lambda draft: draft.changed(setting_changes(draft.document, point.options)))
 
     def _wanted(self) -> str:
@@ -125,7 +125,7 @@ class AccuracyTab:
     def _want(self, _: Any) -> None:
         target = WANTED.get(str(self.wanted.value), self._session.run.accuracy.target)
         if target != self._session.run.accuracy.target:
-            self._session.heed_scene()
+            self._session.follow_scene()
             self._session.change("accuracy", lambda draft: draft.changed(target_changes(target)))
 
     def _said(self) -> str:

@@ -13,7 +13,7 @@ import numpy as np
 from mechviz.outputs.drawings import HEIGHT, TICKS, WIDTH, Diagram, round_ticks
 from mechviz.outputs.rerun.plots import PALETTE
 from mechviz.outputs.viewer import words
-from mechviz.outputs.viewer.world.constructions import ink
+from mechviz.outputs.viewer.world.constructions import readable_color
 
 HALO = 'stroke="var(--mantine-color-body)" stroke-width="3" paint-order="stroke"'  # of the ground's colour: lines stay behind
 
@@ -52,7 +52,7 @@ def chart_svg(diagram: Diagram, frame: int) -> str:
 
 @lru_cache(maxsize=8)
 def _backdrop(diagram: Diagram) -> str:
-    """Fixed part of a diagram: axes, ticks, curves. Diagrams are told apart by themselves, not by what they hold."""
+    """Fixed part of a diagram: axes, ticks, curves. Diagrams are distinguished by identity, not by content."""
     x0, x1, y0, y1 = diagram.ranges
     up = _up(diagram)
     xs = np.arange(0.0, 361.0, 90.0) if diagram.turn == 360.0 else round_ticks(x0, x1, TICKS)
@@ -91,7 +91,7 @@ def _pixels(diagram: Diagram, x: float, y: float) -> tuple[float, float]:
 
 
 def _color(k: int) -> str:
-    return ink(PALETTE[k % len(PALETTE)])
+    return readable_color(PALETTE[k % len(PALETTE)])
 
 
 def _text(x: float, y: float, text: str, anchor: str, color: str = "currentColor") -> str:

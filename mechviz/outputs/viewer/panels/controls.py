@@ -24,7 +24,7 @@ UNDO, REDO, RESET = "↶ Undo", "Redo ↷", "Reset"
 
 
 class Controls:
-    """The tab in which a scene is edited. ``update(scene)`` takes other values, ``tell(status)`` says how a change went."""
+    """The tab in which a scene is edited. ``update(scene)`` takes other values, ``show_status(status)`` says how a change went."""
 
     def __init__(self, server: viser.ViserServer, tab: viser.GuiTabHandle, session: EditSession, callback: Callback):
         self._gui, self._tab, self._session, self._callback = server.gui, tab, session, callback
@@ -35,14 +35,14 @@ class Controls:
         self._folders: list[viser.GuiFolderHandle] = []
         self._homes: dict[str, viser.GuiFolderHandle] = {}
         self._note: viser.GuiHtmlHandle | None = None
-        self._faulty, self._said = False, 0.0  # whether a fault is told, and when something was said last
+        self._faulty, self._said = False, 0.0  # whether a fault is shown, and the time of the last message
         self._praised: Status | None = None
         with tab:
             self.steps = self._gui.add_button_group("Changes", (UNDO, REDO, RESET))
             self.message = self._gui.add_html("")
         self.steps.on_click(callback("Undoing", lambda _: self._step(self.steps.value)))
         self._build(session.run.scene)
-        self.tell(session.status)
+        self.show_status(session.status)
 
     def update(self, scene: Scene) -> None:
         """Take the values of a scene; where it has other values than before, other controls."""
@@ -64,7 +64,7 @@ class Controls:
             if self.lists[c.key].value != c.value:
                 self.lists[c.key].value = c.value
 
-    def tell(self, status: Status) -> None:
+    def show_status(self, status: Status) -> None:
         """Say how a change went: at the top, and below the slider that went too far. What else than a slider was changed, or was
         undone, may concern any control."""
         if not status.fault and status.key not in self.sliders:
@@ -77,7 +77,7 @@ class Controls:
         if not status.fault:
             turned = self._praised is not None and status.swings != self._praised.swings
             if self._faulty or turned or time.perf_counter() - self._said > SLOW:  # it need not follow every move of a slider
-                self._praise(status)
+                self._confirm(status)
             return
         self._faulty = True
         text = words.fault(status.fault, p, status.value, status.reach)
@@ -92,10 +92,10 @@ class Controls:
         if self._session.status.fault:
             self.update(self._session.run.scene)
         elif self._praised is not self._session.status:
-            self._praise(self._session.status)
+            self._confirm(self._session.status)
 
     # -- inside -------------------------------------------------------------------------------------------------------
-    def _praise(self, status: Status) -> None:
+    def _confirm(self, status: Status) -> None:
         """Say that all went well."""
         self._faulty, self._praised, self._said = False, status, time.perf_counter()
         history = self._session.history

@@ -47,7 +47,7 @@ class Optimiser:
             self.seed = gui.add_slider("Seed", 0, 99, 1, 0, hint="another one searches on other ways")
             self.start = gui.add_button("Optimise", icon=viser.Icon.TARGET)
             self.stop = gui.add_button("Stop and keep the best", icon=viser.Icon.PLAYER_STOP, visible=False)
-            self.told = gui.add_html("")
+            self.report = gui.add_html("")
             self.chart = gui.add_uplot(
                 (np.zeros(1), np.zeros(1)),
                 (uplot.Series(label="designs"), uplot.Series(label="best", stroke="#2563c9", width=2, points={"show": False})),
@@ -82,9 +82,9 @@ class Optimiser:
             optimum = optimise(search)
             self._take(search.problem, optimum.design)
             how = "Stopped: the best design so far." if search.interrupted else "Done."
-            self.told.content = words.table(f"{how} {search.evaluations} designs were looked at.", optimum.lines())
+            self.report.content = words.table(f"{how} {search.evaluations} designs were looked at.", optimum.lines())
         except MechanismError as error:
-            self.told.content = words.fault(" ".join(f"{f.message} {f.remedy}" for f in error.faults), None, 0.0, None)
+            self.report.content = words.fault(" ".join(f"{f.message} {f.remedy}" for f in error.faults), None, 0.0, None)
         finally:
             self.start.visible, self.stop.visible = True, False
 
@@ -97,9 +97,9 @@ class Optimiser:
         self._told = time.monotonic()
         term = search.problem.terms[objective]
         kept = violation <= KEPT
-        missed = "all limits are kept" if kept else f"limits missed by {100.0 * violation:.3g} %"
+        limits_text = "all limits are kept" if kept else f"limits missed by {100.0 * violation:.3g} %"
         best = term.shown(value) if np.isfinite(value) else "none yet"
-        self.told.content = words.hint(f"{stage}: {search.evaluations} designs. {term.text}: {best}; {missed}.")
+        self.report.content = words.hint(f"{stage}: {search.evaluations} designs. {term.text}: {best}; {limits_text}.")
         if kept and objective == 0:
             self._course.append((float(search.evaluations), term.sign * value))
             x, y = np.array(self._course).T
@@ -132,7 +132,7 @@ class StudyChart:
             self.up = gui.add_dropdown("Upwards", (*results, *names), initial_value=results[0])
             self.chart = gui.add_html("")
             self.design = gui.add_slider("Design", 0, max(len(study.reasons) - 1, 1), 1, 0)
-            self.told = gui.add_html("")
+            self.report = gui.add_html("")
         for choice in (self.across, self.up):
             choice.on_update(callback("Drawing the study", lambda _: self._draw()))
         self.design.on_update(callback("Choosing a design", lambda _: self.choose(self.number)))
@@ -155,7 +155,7 @@ class StudyChart:
         self.chart.content = scatter(x, y, (str(self.across.value), str(self.up.value)), k, uuid)
         rows = [f"{escape(title)}: <b>{words.number(float(column[k]))}</b>" for title, column in self._columns.items()]
         why = self._study.reasons[k]
-        self.told.content = words.rows([f"Design {k}", *rows, *([escape(why)] if why else [])])
+        self.report.content = words.rows([f"Design {k}", *rows, *([escape(why)] if why else [])])
 
 
 def _number(values: Real) -> Real:

@@ -22,7 +22,7 @@ from mechviz.outputs.viewer.panels.charts import chart_svg, svg_text
 from mechviz.outputs.viewer.server import Callback
 from mechviz.outputs.viewer.session import EditSession
 from mechviz.outputs.viewer.view_model import Rolling, ViewModel
-from mechviz.outputs.viewer.world.constructions import ink
+from mechviz.outputs.viewer.world.constructions import readable_color
 from mechviz.outputs.viewer.world.labels import LabelPlaces, half_sizes, parted
 from mechviz.outputs.viewer.world.marks import PATH
 from mechviz.picture.constructions import Drawing
@@ -46,7 +46,7 @@ PLANS = {
     "graph": "links as vertices, joints as edges, independent loops numbered",
 }
 TITLES = {"graph": "Contour graph"}
-POLODES = "the fixed and the moving centrode: one rolls on the other"
+CENTRODES = "the fixed and the moving centrode: one rolls on the other"
 SECTIONS = "normal force, shear force and bending moment along the link, to be seen on it and plotted; needs forces"
 MOST_LINKS = 5  # whose switches are seen at once
 NONE_OF_A_RECORDING = "The recording holds no diagrams. Press 'Edit this scene', where it carries its own, to ask for some."
@@ -54,21 +54,21 @@ NONE_OF_A_RECORDING = "The recording holds no diagrams. Press 'Edit this scene',
 
 @dataclass(frozen=True, eq=False)
 class Curve:
-    """A curve ``way`` (n,) of the plane, cut where it is not finite, with a dot at its place ``at`` (F,), in a ``color`` for a dark
-    ground.
+    """A curve ``points`` (n,) of the plane, cut where it is not finite, with a dot at its place ``at`` (F,), in a ``color`` for a
+    dark ground.
 
     ``ride``: places and turns (F,) as complex numbers of the link on which the curve lies and with which it moves.
     """
 
     label: str
     color: Color
-    way: Complex
+    points: Complex
     at: Complex
     ride: tuple[Complex, Complex] | None = None
 
-    def way_at(self, frame: int) -> Complex:
+    def points_at(self, frame: int) -> Complex:
         """Where the curve lies at a frame."""
-        return self.way if self.ride is None else self.ride[0][frame] + self.ride[1][frame] * self.way
+        return self.points if self.ride is None else self.ride[0][frame] + self.ride[1][frame] * self.points
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,12 +98,12 @@ def diagrams_of(show: ViewModel) -> dict[str, Diagram | Chart]:
         title = drawing.title.split(":")[0]
         curves: tuple[Curve, ...] = ()
         if drawing.name == "shaking":
-            ways = [(i.label, i.color, i.start + i.vector) for i in drawing.strokes]
-            curves = tuple(Curve(label, color, z[np.isfinite(z)], z) for label, color, z in ways)
+            strokes = [(i.label, i.color, i.start + i.vector) for i in drawing.strokes]
+            curves = tuple(Curve(label, color, z[np.isfinite(z)], z) for label, color, z in strokes)
         diagrams[title] = Diagram(title, drawing.bounds, drawing.per_metre, drawing.unit.replace("^2", "²"), drawing, curves)
-    for name, polodes in show.polodes().items():
+    for name, centrodes in show.centrodes().items():
         title = f"Polodes of {name}"
-        diagrams[title] = _polodes(show, polodes, title, name)
+        diagrams[title] = _centrodes(show, centrodes, title, name)
     for name, xyz in show.paths.items():
         z = xyz[:, 0] + 1j * xyz[:, 1]
         title = f"Path of {name}"
@@ -125,10 +125,10 @@ def cam_charts(show: ViewModel) -> list[Chart]:
     return charts
 
 
-def _polodes(show: ViewModel, polodes: Rolling, title: str, name: str) -> Diagram:
+def _centrodes(show: ViewModel, centrodes: Rolling, title: str, name: str) -> Diagram:
     """Both polodes of a link and its points: the moving one rolls on the fixed one with the link."""
     pose, size = show.poses[name], show.size
-    fixed, moving = polodes.fixed, polodes.moving
+    fixed, moving = centrodes.fixed, centrodes.moving
     low, high = (bound[0] + 1j * bound[1] for bound in show.bounds)
     middle, half = 0.5 * (low + high), 0.5 * (high - low) + FAR * size * (1.0 + 1.0j)
     from_middle = np.where(np.isfinite(fixed), fixed - middle, np.inf)
@@ -136,15 +136,15 @@ def _polodes(show: ViewModel, polodes: Rolling, title: str, name: str) -> Diagra
     # judged in the world, so that both are cut at the same frames: far out, and where they jump through infinity
     jumps = np.append(np.abs(np.diff(np.where(inside, fixed, 0.0))) > 0.5 * size, False)
     ride = pose[:, 0] + 1j * pose[:, 1], np.exp(1j * pose[:, 2])
-    ways = [np.where(inside & ~jumps, way, np.nan) for way in (fixed, moving)]
+    parts = [np.where(inside & ~jumps, part, np.nan) for part in (fixed, moving)]
     nowhere = np.full(len(pose), np.nan + 0j)
     curves = (
-        Curve(name, (188, 200, 220), polodes.outline, nowhere, ride),
-        Curve("fixed polode", FIXED, ways[0], nowhere),
-        Curve("moving polode", MOVING, ways[1], np.where(inside, fixed, np.nan), ride),
+        Curve(name, (188, 200, 220), centrodes.outline, nowhere, ride),
+        Curve("fixed polode", FIXED, parts[0], nowhere),
+        Curve("moving polode", MOVING, parts[1], np.where(inside, fixed, np.nan), ride),
     )
     some = np.linspace(0, len(pose) - 1, min(len(pose), 24)).round().astype(int)
-    return Diagram(title, _box([ways[0], *(curves[0].way_at(int(k)) for k in some)]), 1e3, "mm", curves=curves)
+    return Diagram(title, _box([parts[0], *(curves[0].points_at(int(k)) for k in some)]), 1e3, "mm", curves=curves)
 
 
 def diagram_svg(diagram: Diagram | Chart, frame: int) -> str:
@@ -164,20 +164,22 @@ def diagram_svg(diagram: Diagram | Chart, frame: int) -> str:
 
     parts = []
     for k, curve in enumerate(diagram.curves):
-        way = at(_fewer(curve.way_at(frame)))
-        for strip in np.split(way, np.flatnonzero(~np.isfinite(way))):
+        points = at(_fewer(curve.points_at(frame)))
+        for strip in np.split(points, np.flatnonzero(~np.isfinite(points))):
             spots = " ".join("{:.1f},{:.1f}".format(*place(z)) for z in strip[np.isfinite(strip)])
-            parts.append(f'<polyline points="{spots}" fill="none" stroke="{ink(curve.color)}" stroke-width="1.5" opacity="0.75"/>')
+            parts.append(
+                f'<polyline points="{spots}" fill="none" stroke="{readable_color(curve.color)}" stroke-width="1.5" opacity="0.75"/>'
+            )
         if len(diagram.curves) > 1:
-            parts.append(_text((WIDTH - 6.0, 12.0 + 13.0 * k), curve.label, ink(curve.color), "end"))
+            parts.append(_text((WIDTH - 6.0, 12.0 + 13.0 * k), curve.label, readable_color(curve.color), "end"))
         now = complex(at(curve.at[frame]))
         if np.isfinite(now):
             x, y = place(now)
-            parts.append(f'<circle cx="{x:.1f}" cy="{y:.1f}" r="4" fill="{ink(curve.color)}"/>')
+            parts.append(f'<circle cx="{x:.1f}" cy="{y:.1f}" r="4" fill="{readable_color(curve.color)}"/>')
     if diagram.drawing is not None:
         for k, (words_of, color) in enumerate(diagram.drawing.legend):
             y = 12.0 + 13.0 * k
-            parts.append(f'<path d="M{WIDTH - 20.0:g},{y:g} h14" stroke="{ink(color)}" stroke-width="2.5"/>')
+            parts.append(f'<path d="M{WIDTH - 20.0:g},{y:g} h14" stroke="{readable_color(color)}" stroke-width="2.5"/>')
             parts.append(_text((WIDTH - 24.0, y), words_of, "currentColor", "end"))
         strokes, marks = diagram.drawing.strokes, diagram.drawing.marks
         starts = at(np.array([stroke.start[frame] for stroke in strokes], complex))
@@ -185,7 +187,7 @@ def diagram_svg(diagram: Diagram | Chart, frame: int) -> str:
         for stroke, start, vector in zip(strokes, starts, vectors, strict=True):
             if np.isfinite(start + vector):
                 width = 1.2 if stroke.fine else 2.0
-                parts.append(_arrow(place(start), place(start + vector), ink(stroke.color), stroke.plain, width))
+                parts.append(_arrow(place(start), place(start + vector), readable_color(stroke.color), stroke.plain, width))
         named = [k for k, stroke in enumerate(strokes) if stroke.label]
         long: Complex = np.where(np.abs(vectors[named]) >= LEAST, starts[named], np.nan + 0j)
         spots = at(np.array([mark.at[frame] for mark in marks], complex))
@@ -240,7 +242,7 @@ class Diagrams:
                         self.asked["sections", link] = gui.add_checkbox(f"Sections of {link}", False, hint=SECTIONS)
                 with gui.add_folder("Pole curves", expand_by_default=open_first):
                     for link in moving:
-                        self.asked["polodes", link] = gui.add_checkbox(f"Polodes of {link}", False, hint=POLODES)
+                        self.asked["polodes", link] = gui.add_checkbox(f"Polodes of {link}", False, hint=CENTRODES)
         self.mirror(show)
         for (key, name), box in self.asked.items():
             box.on_update(callback(f"Asking for {name}", partial(self._ask, key, name)))
@@ -346,8 +348,8 @@ def _fewer(z: Complex, most: int = 400) -> Complex:
     return z if len(z) <= most else z[np.linspace(0, len(z) - 1, most).round().astype(int)]
 
 
-def _box(ways: Sequence[Complex]) -> Real:
-    z = np.concatenate(ways) if ways else np.zeros(1, complex)
+def _box(curves: Sequence[Complex]) -> Real:
+    z = np.concatenate(curves) if curves else np.zeros(1, complex)
     z = z[np.isfinite(z)]
     if not len(z):
         return np.array([[0.0, 0.0], [1.0, 1.0]])

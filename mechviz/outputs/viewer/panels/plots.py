@@ -25,7 +25,7 @@ from mechviz.outputs.viewer.server import Callback, report
 from mechviz.outputs.viewer.view_model import ViewModel
 from mechviz.outputs.viewer.viser_adapter import uuid_of
 from mechviz.outputs.viewer.words import after, hint, number
-from mechviz.quantities.catalogue import Axis, Quantity, Together
+from mechviz.quantities.catalogue import Axis, Quantity, QuantityGroup
 from mechviz.runs import Run
 from mechviz.studies.designs.sensitivity import Bands, bands_of, with_tolerances
 
@@ -76,7 +76,7 @@ class Curves:
 
     def keep_range(self, old: tuple[float, float]) -> None:
         """Take an older range of the vertical axis where the curves still fill it well: while something is dragged, axes that
-        change all the time tell nothing."""
+        change all the time mean nothing."""
         low, high = self.range
         if old[0] <= low and high <= old[1] and high - low >= FILLED * (old[1] - old[0]):
             self.range = old
@@ -111,7 +111,7 @@ DASHES = ([6, 4], [2, 3], [10, 3, 2, 3])  # of the designs that are compared, an
 BANDS = {"none": 0.0, "as it is": 1.0, "10 times": 10.0, "100 times": 100.0}  # how wide a tolerance band is drawn
 PALE = "38"  # opacity of a band
 ROUND_OFF = 1e-9  # of a quantity's largest value
-NEARLY = 0.01  # part by which peaks up and down differ and are still told as one
+NEARLY = 0.01  # part by which peaks up and down differ and still count as one
 CURSOR = "#c2255c"
 CURSOR_RATE = 12.0  # moves a second while playing: each sends the whole plot
 ANGLE_STEPS = (1, 2, 5, 10, 15, 30, 45, 90, 180, 360, 720, 1440, 3600)
@@ -204,7 +204,7 @@ class Plots:
             spare = [q for q in show.first if q.title not in drawn]
             for slot in self.slots:
                 parts = tuple(self._quantities[q.title] for q in slot.quantity.parts if q.title in self._quantities)
-                quantity = Together(parts or (spare.pop(0) if spare else show.quantities[0],))
+                quantity = QuantityGroup(parts or (spare.pop(0) if spare else show.quantities[0],))
                 slot.take(quantity, self._axis, frame, self._beside(quantity, show.run is self._banded))
                 if changed:
                     slot.offer(tuple(self._quantities.values()))
@@ -250,10 +250,10 @@ class Plots:
                 self._plot(slot, slot.quantity)
         self.changed()
 
-    def _plot(self, slot: SharedSlot, quantity: Quantity | Together) -> None:
+    def _plot(self, slot: SharedSlot, quantity: Quantity | QuantityGroup) -> None:
         slot.plot(quantity, self._axis, self._frame, self._beside(quantity))
 
-    def _beside(self, quantity: Quantity | Together, known: bool = True) -> Beside:
+    def _beside(self, quantity: Quantity | QuantityGroup, known: bool = True) -> Beside:
         """Series beside curves; bands that are not ``known`` yet have their place."""
         others = {name: values for name, show in self._others.items() if (values := self._compared(quantity, show)) is not None}
         enlarged = BANDS[self.band.value] if self.band is not None else 0.0
@@ -265,14 +265,14 @@ class Plots:
                  for q, half in zip(quantity.parts, halves, strict=True)]  # fmt: skip
         return Beside(others, np.column_stack(parts), enlarged)
 
-    def _compared(self, quantity: Quantity | Together, other: ViewModel) -> Real | None:
+    def _compared(self, quantity: Quantity | QuantityGroup, other: ViewModel) -> Real | None:
         """The same curves (F, k) of another design, at the places of the axis; None where it has no such ones."""
         known = {q.title: q for q in other.quantities}
         axis = next((a for a in other.axes if a.title == self._axis.title), None)
         parts = tuple(known[q.title] for q in quantity.parts if q.title in known and known[q.title].curves == q.curves)
         if axis is None or len(parts) < len(quantity.parts):
             return None
-        return at_places(Together(parts).values(), axis.values, self._axis.values)
+        return at_places(QuantityGroup(parts).values(), axis.values, self._axis.values)
 
     def add(self, quantity: Quantity | None = None) -> None:
         """One plot more, unless there are `MOST_PLOTS`: of a quantity, or of the next one that is not plotted."""
@@ -305,7 +305,7 @@ class Plots:
         """Plot another quantity; an unknown title changes nothing."""
         with self._lock:
             if title in self._quantities:
-                self._plot(slot, Together((self._quantities[title],)))
+                self._plot(slot, QuantityGroup((self._quantities[title],)))
             slot.offer(tuple(self._quantities.values()))
         self.changed()
 
@@ -315,7 +315,7 @@ class Plots:
             known, parts = self._quantities.get(title), slot.quantity.parts
             if known is not None and known.unit == slot.quantity.unit:
                 rest = tuple(q for q in parts if q.title != title)
-                self._plot(slot, Together(rest if len(rest) < len(parts) and rest else (*rest, known)))
+                self._plot(slot, QuantityGroup(rest if len(rest) < len(parts) and rest else (*rest, known)))
             slot.offer(tuple(self._quantities.values()))
         self.changed()
 
@@ -377,7 +377,7 @@ class Slot:
         tab: viser.GuiTabHandle,
         label: str,
         titles: tuple[str, ...],
-        quantity: Quantity | Together,
+        quantity: Quantity | QuantityGroup,
         axis: Axis,
     ):
         self._gui, self._tab, self._label = server.gui, tab, label
@@ -393,7 +393,7 @@ class Slot:
             if handle is not None:
                 handle.remove()
 
-    def plot(self, quantity: Quantity | Together, axis: Axis, frame: int, beside: Beside = ALONE) -> None:
+    def plot(self, quantity: Quantity | QuantityGroup, axis: Axis, frame: int, beside: Beside = ALONE) -> None:
         """Draw a quantity with what belongs beside it. A new plot takes the old one's place: data, curves and axes cannot be
         exchanged in one step."""
         self._read(quantity, axis, beside)
@@ -436,7 +436,7 @@ class Slot:
         self._ends = (axis.values[0], axis.values[-1])
         self.show(frame)
 
-    def take(self, quantity: Quantity | Together, axis: Axis, frame: int, beside: Beside = ALONE) -> None:
+    def take(self, quantity: Quantity | QuantityGroup, axis: Axis, frame: int, beside: Beside = ALONE) -> None:
         """Draw a quantity of another run. Where it is the one that is drawn, the plot stays and its data change."""
         drawn = self.quantity.title, self.quantity.curves, self._axis.title, self._beside.kind
         if (quantity.title, quantity.curves, axis.title, beside.kind) != drawn:
@@ -451,7 +451,7 @@ class Slot:
         self._ends = (axis.values[0], axis.values[-1])
         self.show(frame)
 
-    def _read(self, quantity: Quantity | Together, axis: Axis, beside: Beside) -> None:
+    def _read(self, quantity: Quantity | QuantityGroup, axis: Axis, beside: Beside) -> None:
         self.quantity, self._axis, self._beside = quantity, axis, beside
         self._values = quantity.values()
         ends = []

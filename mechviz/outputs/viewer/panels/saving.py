@@ -1,4 +1,4 @@
-"""Saving from the browser: the scene as a file, the run as a recording; nothing is overwritten without being told to."""
+"""Saving from the browser: the scene as a file, the run as a recording; nothing is overwritten unless confirmed."""
 
 from __future__ import annotations
 
@@ -64,9 +64,9 @@ class Saver:
             replace = gui.add_button("Replace it", color="red", visible=False)
             stop = gui.add_button("Cancel", color="dark")
 
-        def go(told: bool) -> None:
+        def go(confirmed: bool) -> None:
             target = self._folder / file_name(name.value, ending, run.scene.name)
-            if target.exists() and not told:
+            if target.exists() and not confirmed:
                 warning.content = words.hint(f"{target.name} is there already. Give another name, or replace it.")
                 replace.visible = True
                 return

@@ -28,18 +28,18 @@ NAMES, BOX = 103, 55  # [px] left and right of the track of the slider above
 GOOD, FAIR, BAD = (46, 160, 96), (230, 168, 23), (208, 48, 48)
 
 
-def shade(trouble: float) -> str:
+def shade(severity: float) -> str:
     """Green where all is well (0) over amber to red (1)."""
-    part = min(max(trouble, 0.0), 1.0) * 2.0
+    part = min(max(severity, 0.0), 1.0) * 2.0
     low, high = (GOOD, FAIR) if part <= 1.0 else (FAIR, BAD)
     part = part if part <= 1.0 else part - 1.0
     return "#" + "".join(f"{round(a + (b - a) * part):02x}" for a, b in zip(low, high, strict=True))
 
 
-def columns(trouble: Real, count: int = COLUMNS) -> Real:
+def columns(severity: Real, count: int = COLUMNS) -> Real:
     """The worst of each of ``count`` equal stretches of frames: a single bad frame is seen."""
-    edges = np.linspace(0, len(trouble), min(count, len(trouble)) + 1).astype(int)
-    return np.maximum.reduceat(trouble, edges[:-1])
+    edges = np.linspace(0, len(severity), min(count, len(severity)) + 1).astype(int)
+    return np.maximum.reduceat(severity, edges[:-1])
 
 
 def health_svg(health: Sequence[Health], events: Sequence[Event], time: Real) -> str:
@@ -54,7 +54,7 @@ def health_svg(health: Sequence[Health], events: Sequence[Event], time: Real) ->
         said = in_words(h)
         y = k * (ROW + GAP)
         row = [f"<title>{escape(said)}</title>"]
-        steps = np.round(columns(h.trouble) * STEPS).astype(int)
+        steps = np.round(columns(h.severity) * STEPS).astype(int)
         starts = np.flatnonzero(np.diff(steps, prepend=-1))
         per = STRIP_WIDTH / len(steps)
         for first, after in zip(starts, [*starts[1:], len(steps)], strict=True):
@@ -81,8 +81,8 @@ def health_svg(health: Sequence[Health], events: Sequence[Event], time: Real) ->
 
 
 def _health(show: ViewModel, svg: str) -> str:
-    """A dot that tells whether the run is sound, and opens the strips; where something is wrong they are open."""
-    worst = max((float(h.trouble.max(initial=0.0)) for h in show.health), default=0.0)
+    """A dot for the state of the run, and opens the strips; where something is wrong they are open."""
+    worst = max((float(h.severity.max(initial=0.0)) for h in show.health), default=0.0)
     warned = any(e.level == "WARN" for e in show.events)
     word = "health: something is wrong" if worst >= WRONG else "health: see the warnings" if warned else "health: all is well"
     color = shade(max(worst, 0.5 if warned else 0.0))
@@ -91,7 +91,7 @@ def _health(show: ViewModel, svg: str) -> str:
         f'<summary title="{word}" aria-label="{word}" style="cursor:pointer;list-style:none;font-size:0.78em;white-space:nowrap">'
         f'<span style="display:inline-block;width:1em;height:1em;border-radius:50%;'
         f'margin-right:0.45em;background:{color}"></span>'
-        f"{word if worst >= WRONG else ''}</summary>{words.doubts(h.doubt() for h in show.health)}{svg}</details></div>"
+        f"{word if worst >= WRONG else ''}</summary>{words.warnings_html(h.warning() for h in show.health)}{svg}</details></div>"
     )
 
 

@@ -13,7 +13,7 @@ from mechviz.outputs.viewer.view_model import ViewModel
 from mechviz.outputs.viewer.viser_adapter import Posed
 from mechviz.outputs.viewer.world.solids import link_path
 from mechviz.picture.nodes import Body, Lines, Mesh
-from mechviz.picture.proportions import LINKER
+from mechviz.picture.proportions import STRUT_COLOR
 from mechviz.picture.surface_marks import INK, SHEET
 from mechviz.quantities.vectors import FAMILIES
 
@@ -109,8 +109,8 @@ def _same(a: Mesh, b: Mesh) -> bool:
     return a.vertices is b.vertices or (a.vertices.shape == b.vertices.shape and np.array_equal(a.vertices, b.vertices))
 
 
-INKS = {
-    "springs": (LINKER, (176, 188, 204)),
+COLORS = {
+    "springs": (STRUT_COLOR, (176, 188, 204)),
     "friction": (FAMILIES["friction"].color, FAMILIES["friction"].on_dark),
     "ink": ((28, 44, 96), INK),
     "sheet": ((150, 156, 168), SHEET),
@@ -130,7 +130,7 @@ class LineNodes:
 
     def __init__(self, server: viser.ViserServer, show: ViewModel):
         self._server = server
-        self._on, self._dark = dict.fromkeys(INKS, True), False
+        self._on, self._dark = dict.fromkeys(COLORS, True), False
         self._nodes: dict[str, viser.LineSegmentsHandle] = {}
         self._lines: dict[str, Lines] = {}
         self.update(show)
@@ -141,10 +141,10 @@ class LineNodes:
         return frozenset(lines.group for lines in self._lines.values())
 
     def update(self, show: ViewModel) -> None:
-        self._lines = {_path(lines.key): lines for lines in show.picture.of(Lines, *INKS)}
+        self._lines = {_path(lines.key): lines for lines in show.picture.of(Lines, *COLORS)}
         for path, lines in self._lines.items():
             if path not in self._nodes:
-                color, width = INKS[lines.group][self._dark], WIDTHS[lines.group]
+                color, width = COLORS[lines.group][self._dark], WIDTHS[lines.group]
                 first = np.nan_to_num(segments(lines, 0))
                 self._nodes[path] = self._server.scene.add_line_segments(
                     path, first, color, thickness=width, thickness_units="screen", visible=self._on[lines.group]
@@ -163,7 +163,7 @@ class LineNodes:
         """Take the colours for a dark page or for a light one."""
         self._dark = dark
         for path, lines in self._lines.items():
-            self._nodes[path].colors = np.array(INKS[lines.group][dark], np.uint8)
+            self._nodes[path].colors = np.array(COLORS[lines.group][dark], np.uint8)
 
     def show(self, frame: int) -> None:
         for path, lines in self._lines.items():

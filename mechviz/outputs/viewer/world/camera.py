@@ -26,7 +26,7 @@ UNSHIFTED = 1e-3  # of the height that is seen: nor has one that looks at a plac
 FITS = 2e-3  # of the distance: a view this near to the best one is left alone (the pixels of a picture are rounded)
 MOST_KNOWN = 50  # views that a browser has been given and may still report
 MOST_NEAR = 1e-3  # of the distance of a view: so near the wheel brings the camera (viser's own limit is 10 mm)
-USUAL_ASPECT = 0.9  # of the picture between the docked panels, until the browser has told its own
+USUAL_ASPECT = 0.9  # of the picture between the docked panels, until the browser has sent its own
 
 # In 2D dragging moves the mechanism in its plane and the wheel brings nearer what is below the pointer; elsewhere dragging turns.
 # viser has no call for that: the script looks for the hook that its page shows, and without it dragging turns as ever.
@@ -234,9 +234,9 @@ class FittedCameras:
 def move_to(client: viser.ClientHandle, view: View) -> None:
     """Put a browser's camera to a view, wherever the browser last said that its camera was.
 
-    viser sends nothing to a camera that is there already, by what the browser has told. A browser that is busy drawing tells later,
-    so that a click right after a turn of the mouse wheel would be lost: hence each value is set to another one first, of which
-    nothing is sent, as only the last one counts.
+    viser sends nothing to a camera that is there already, by the last message of the browser. A browser that is busy drawing sends
+    later, so that a click right after a turn of the mouse wheel would be lost: hence each value is set to another one first, of
+    which nothing is sent, as only the last one counts.
     """
     camera, distance = client.camera, view.distance
     nearest = min(MOST_NEAR * distance, 0.5 * camera.max_orbit_distance)

@@ -37,7 +37,7 @@ SWATCH = 10.0  # [px] length of a line of the legend
 ROUNDS = 3  # in which the room of headings and the scale of the picture, each of which follows from the other, are found
 LEAST_LABEL = 0.035  # a side shorter than this, in sizes of the mechanism, has no label: it would hide its neighbours
 LEAST_SCREEN = 400  # [px] in a picture less wide or high than this there is no room for legends
-SCREEN = (560, 520)  # [px] part of a window that the view takes, until a browser has told its own
+SCREEN = (560, 520)  # [px] part of a window that the view takes, until a browser has sent its own
 NEAR = 0.045  # a point this near to another one, in sizes of the mechanism, leaves the label to that one
 
 
@@ -63,7 +63,7 @@ def on_light(color: Color) -> Color:
     return red, green, blue
 
 
-def ink(color: Color) -> str:
+def readable_color(color: Color) -> str:
     """A colour of the drawings for a stylesheet, by whether the page is light or dark."""
     return "light-dark(#{:02x}{:02x}{:02x},#{:02x}{:02x}{:02x})".format(*on_light(color), *color)
 

@@ -90,10 +90,10 @@ class LabelPlaces:
         reach = self.gap + half[0] * abs(across.real) + half[1] * abs(across.imag)
         return np.array(
             [
-                start + u * vector + way * (reach + 2.0 * step * half[1]) * across
+                start + u * vector + toward * (reach + 2.0 * step * half[1]) * across
                 for step in STEPS
                 for u in (0.5, 0.35, 0.65)
-                for way in (1.0, -1.0)
+                for toward in (1.0, -1.0)
             ]
         )
 
@@ -105,8 +105,10 @@ class LabelPlaces:
         out = []
         for step in STEPS:
             for turn in turns:
-                way = complex(np.cos(turn), np.sin(turn))
-                out.append(point + way * (self.gap + half[0] * abs(way.real) + half[1] * abs(way.imag) + 2.0 * step * half[1]))
+                toward = complex(np.cos(turn), np.sin(turn))
+                out.append(
+                    point + toward * (self.gap + half[0] * abs(toward.real) + half[1] * abs(toward.imag) + 2.0 * step * half[1])
+                )
         return np.array(out)
 
     def _free(

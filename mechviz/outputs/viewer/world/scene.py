@@ -141,7 +141,7 @@ class Scene3D:
         self._bodies.switch("springs", on)
 
     def cut(self, height: float | None) -> None:
-        """Cut away what lies before a height [m], None: nothing. What is no plate goes as a whole."""
+        """Cut away what lies before a height [m], None: nothing. Bodies that are no plates are removed whole."""
         self.links.cut(height)
         self._bodies.cut(height)
 

@@ -85,13 +85,13 @@ def stretched_cams(
         if name not in after or link not in bodies:
             continue
         new = after[name][1]
-        way_old, way_new = (profile_points(placed, SAMPLES) for placed in (old, new))
-        if old.own == new.own and old.mount == new.mount and np.array_equal(way_old, way_new):
+        profile_old, profile_new = (profile_points(placed, SAMPLES) for placed in (old, new))
+        if old.own == new.own and old.mount == new.mount and np.array_equal(profile_old, profile_new):
             continue
         pieces = []
         for piece in bodies[link].pieces:
             z = (piece.vertices[:, 0].astype(float) + 1j * piece.vertices[:, 1] - old.own) / old.mount
-            moved = stretched(z, way_old, way_new, wedge=old.bed is not None, groove=bool(old.groove))
+            moved = stretched(z, profile_old, profile_new, wedge=old.bed is not None, groove=bool(old.groove))
             if moved is None:
                 break
             w = new.own + new.mount * moved
@@ -114,16 +114,16 @@ def stretched(z: Complex, before: Complex, after: Complex, *, wedge: bool = Fals
         if np.any(np.diff(before.real) <= 0.0) or np.any(np.diff(after.real) <= 0.0):
             return None
         base = float(z.imag.min(initial=float(before.imag.min())))
-        old, new = (np.interp(z.real, way.real, way.imag) for way in (before, after))
+        old, new = (np.interp(z.real, profile.real, profile.imag) for profile in (before, after))
         part = np.clip((z.imag - base) / np.fmax(old - base, 1e-12), 0.0, 1.0)
         return np.asarray(z + 1j * part * (new - old))
     angle = np.angle(z)
     radii = []
-    for way in (before, after):
-        phi = np.unwrap(np.angle(way))
+    for profile in (before, after):
+        phi = np.unwrap(np.angle(profile))
         if np.any(np.diff(phi) <= 0.0) or not 0.99 < (phi[-1] - phi[0]) / (2.0 * np.pi) < 1.0:
             return None
-        radii.append(np.interp(phi[0] + np.mod(angle - phi[0], 2.0 * np.pi), phi, np.abs(way), right=abs(way[0])))
+        radii.append(np.interp(phi[0] + np.mod(angle - phi[0], 2.0 * np.pi), phi, np.abs(profile), right=abs(profile[0])))
     old, new = radii
     hub = HUB * float(min(np.abs(before).min(), np.abs(after).min()))
     r = np.abs(z)

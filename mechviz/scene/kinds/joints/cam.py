@@ -320,12 +320,12 @@ def _check_cam(reading: Reading, path: str, joint: JointDocument) -> Iterator[Fa
     if joint.follower is not None and not isinstance(joint.follower.point, Unknown):
         owner = follower if joint.follower.groove is None else cam
         yield from known_point(reading, f"{path}.follower.point", owner, joint.follower.point)
-        if joint.follower.groove is not None and joint.closure != "form" and not joint.unread:
+        if joint.follower.groove is not None and joint.closure != "form" and not joint.invalid_keys:
             yield Fault(f"{path}.follower.groove", "a groove where closure is 'force'.", "Add closure = 'form'.")
         second = joint.follower.second
         if second is not None and not isinstance(second.point, Unknown):
             yield from known_point(reading, f"{path}.follower.second.point", follower, second.point)
-        if second is not None and joint.closure != "form" and not joint.unread:
+        if second is not None and joint.closure != "form" and not joint.invalid_keys:
             yield Fault(f"{path}.follower.second", "a second roller where closure is 'force'.", "Add closure = 'form'.")
         lone = [key for key in (*SOLIDS, "bed") if getattr(joint.profile, key, None) is not None]
         if second is not None and lone:

@@ -55,7 +55,7 @@ class SecondDocument(Table):
 
 
 class FollowerDocument(Table):
-    """What touches the cam, and what guides it."""
+    """The follower: the face that touches the cam, and its guide."""
 
     groove: Size | None = None
     """Inverse cam: the groove is on the follower, for a roller of this radius on the cam's link, a crank or, with bed, a slide
@@ -76,7 +76,7 @@ class FollowerDocument(Table):
     tilt: Angle = 0.0
     """Flat: turned by this angle from straight across the guide, or from the line of the arm."""
     face: Annotated[list[Size], Field(min_length=2, max_length=2)] | None = None
-    """Flat: how far the face reaches [left, right] from the point; an event tells where that is too short."""
+    """Flat: how far the face reaches [left, right] from the point; where that is too short is an event."""
     second: SecondDocument | None = None
     """Closure = "form": a second roller on a second cam of the same shaft, which pulls (a conjugate pair)."""
     offset: Literal["least"] | None = None
@@ -90,7 +90,7 @@ class FollowerDocument(Table):
         for key in ("knife", "flat"):
             if getattr(self, key) is False:
                 wrong.append((key, "false says nothing.", f"Write {key} = true, or leave it out."))
-        if self.second is not None and self.roller is None and self.sound("roller"):
+        if self.second is not None and self.roller is None and self.has_valid("roller"):
             wrong.append(("second", "a second roller beside a face that is none.", "Give roller = ... too, or leave it out."))
         if not wrong and self.flat is None:
             for key in ("tilt", "face"):
@@ -110,7 +110,7 @@ class EccentricDocument(Table):
 
 
 class BlankDocument(Table):
-    """What a barrel or end cam is cut from."""
+    """The blank of a barrel or end cam."""
 
     radius: Size
     """Outer radius."""
@@ -123,7 +123,7 @@ class BlankDocument(Table):
 
 
 class GloboidDocument(Table):
-    """What a globoidal cam is cut from."""
+    """The blank of a globoidal cam."""
 
     depth: Size
     """Depth of the groove: the roller's length along the arm, half of it on either side of the follower's point."""
@@ -179,7 +179,7 @@ class ProfileDocument(Table):
     pressure_limit: Angle | None = None
     """A larger pressure angle is an event."""
     curvature_limit: Size | None = None
-    """Lift of a disc: least radius of curvature of the convex profile; `mechviz cams` and `check` tell where it is smaller."""
+    """Lift of a disc: least radius of curvature of the convex profile; `mechviz cams` and `check` report where it is smaller."""
     hub: Size | None = None
     """Beside base = "least": the base circle is not smaller than this."""
 
@@ -197,7 +197,7 @@ class ProfileDocument(Table):
             wrong.append(
                 ("base", "base does not go with a turret: a roller is as far before the middle as it goes.", "Leave it out.")
             )
-        if kind and wants_base and not turret and self.base is None and self.sound("base"):
+        if kind and wants_base and not turret and self.base is None and self.has_valid("base"):
             wrong.append(("base", "'base' is missing.", "Give the radius of the base circle."))
         lone = {
             "base": ("lift", "radius"), "sense": ("lift",), "phase": ("lift",), "bed": ("lift",), "undercut": ("lift",),
@@ -228,18 +228,18 @@ class ProfileDocument(Table):
                 wrong.append(("base", why, "Add pressure_limit, curvature_limit or hub."))
         elif self.hub is not None:
             wrong.append(("hub", 'hub goes with base = "least".', "Leave it out."))
-        elif self.base is not None and self.sound("base") and not solids:
+        elif self.base is not None and self.has_valid("base") and not solids:
             size = magnitude(self.base) if isinstance(self.base, str) else self.base
             if size < 0.0:
                 words = describe(self.base) if isinstance(self.base, str) else f"{self.base:g}"
                 wrong.append(("base", f"{words} is negative.", "Give a positive value."))
-        if self.rib is not None and self.rib.thickness is None and self.rib.sound("thickness"):
+        if self.rib is not None and self.rib.thickness is None and self.rib.has_valid("thickness"):
             wrong.append(("rib", "'thickness' is missing.", "Give the thickness of the rib."))
         segments = self.lift if kind == "lift" else self.radius if kind == "radius" else None
         if (
             segments
-            and self.sound(kind)
-            and all(s.to is None and s.sound("to") and not isinstance(s.law, LawDocument) for s in segments)
+            and self.has_valid(kind)
+            and all(s.to is None and s.has_valid("to") and not isinstance(s.law, LawDocument) for s in segments)
         ):
             wrong.append((kind, "all segments are dwells: nothing moves.", "Give one of them an end, to = ..."))
         if kind == "outline" and self.bulges is not None and self.outline is not None and len(self.bulges) != len(self.outline):
@@ -276,7 +276,7 @@ class RatingDocument(Table):
     limit: Pressure | None = None
     """Largest Hertz pressure that is allowed; more is an event."""
     margin: Effort | None = None
-    """Closure = "force": contact force that has to remain; less is an event, and `mechviz cams` tells the least spring for it."""
+    """Closure = "force": contact force that has to remain; less is an event, and `mechviz cams` gives the least spring for it."""
 
     @model_validator(mode="after")
     def _agrees(self) -> RatingDocument:
@@ -286,7 +286,7 @@ class RatingDocument(Table):
         if self.poisson is not None and self.modulus is None:
             wrong.append(("poisson", "poisson goes with modulus.", "Give modulus too, or leave it out."))
         for key in ("materials", "modulus", "limit"):
-            if getattr(self, key) is not None and self.width is None and self.sound("width"):
+            if getattr(self, key) is not None and self.width is None and self.has_valid("width"):
                 wrong.append((key, f"{key} without a width of the contact.", 'Add width = "12 mm".'))
         for k, name in enumerate(self.materials or []):
             if not isinstance(name, Unknown) and isinstance(name, str) and name not in MATERIALS:
@@ -307,7 +307,7 @@ class GraphicalDocument(Table):
     lines: Literal["chord", "tangent"] = "chord"
     """By what the curves are differentiated: slopes of their chords, or of tangents laid by eye."""
     resolution: Range = 0.0
-    """What can be read off the drawing: a length, of an oscillating follower an angle. Default 0."""
+    """Resolution of readings from the drawing: a length, of an oscillating follower an angle. Default 0."""
 
 
 def rating_of(rating: RatingDocument, path: str, convert: Converter) -> CamRating:

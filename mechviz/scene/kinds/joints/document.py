@@ -40,7 +40,7 @@ class CommonKeys(KindTable):
 
     at: OneOrTwoNames | None = None
     """Name of the joined point, or [point of the first link, point of the second]. Default: the joint's name.
-    Planar: the second link's point whose place x, y is told. Default: the origin of its frame."""
+    Planar: the second link's point whose place x, y is the coordinate. Default: the origin of its frame."""
     along: Direction | None = None
     """Direction of the guide, slot or edge in the frame of its link. Default [1, 0]."""
     side: Literal["left", "right"] | None = None

@@ -343,7 +343,7 @@ WHEELS = {
         instead={
             "radius": _BOTH,
             "teeth": _BOTH,
-            "friction": "Give its pins friction; its own drag is a load, viscous, and belt_tension tells where it slips.",
+            "friction": "Give its pins friction; its own drag is a load, viscous, and belt_tension shows where it slips.",
             "at": _HELD.format("pulleys"),
         },
         undriven=_WHEELS,

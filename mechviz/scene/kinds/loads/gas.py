@@ -96,7 +96,7 @@ class DiagramDocument(Table):
             wrong.append(("", f"the diagram has {', '.join(self.branches) or 'no branch'}.", hint))
         n = len(self.displacement)
         for key in self.branches:
-            if self.sound(key, "displacement") and len(getattr(self, key)) != n:
+            if self.has_valid(key, "displacement") and len(getattr(self, key)) != n:
                 wrong.append((key, f"{len(getattr(self, key))} pressures and {n} displacements.", "Give one pressure for each."))
         refuse(wrong)
         return self

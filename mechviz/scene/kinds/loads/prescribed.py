@@ -11,7 +11,7 @@ from pydantic import Discriminator, Tag
 from mechcore.errors import Fault
 from mechcore.laws.timed import Table as Interpolation
 from mechcore.spec.loads import Actuator, Factor, Force, Load, Polynomial, Torque
-from mechviz.scene.convert import LARGEST, likely_sort
+from mechviz.scene.convert import LARGEST, probable_sort
 from mechviz.scene.faults import listing
 from mechviz.scene.fields import ForceVector, Table, Text, value_or_list
 from mechviz.scene.fields import Torque as TorqueValue
@@ -140,7 +140,7 @@ def _argument_kind(m: LoadMaker, of: str, joint: str | None) -> str | None:
 
 def _likely_kind(given: FactorTable | FactorPolynomial) -> str:
     """The kind where the joint is not known: that of the values as they are written."""
-    sort = likely_sort(given)
+    sort = probable_sort(given)
     return sort if given.of == "position" else _RATES.get(sort, "time")
 
 
@@ -158,7 +158,7 @@ def _table(m: LoadMaker, given: FactorTable, kind: str) -> Interpolation | None:
     x, y = convert.row(getattr(given, given.of) or (), kind, f"{path}.{given.of}"), tuple(given.factor)
     moderate, increasing = _moderate(m, given.factor, f"{path}.factor"), convert.increasing(x, f"{path}.{given.of}")
     period = None if given.period is None else convert.si(given.period, kind, f"{path}.period")
-    if not increasing or not given.sound(given.of) or not x:
+    if not increasing or not given.has_valid(given.of) or not x:
         return None
     span = x[-1] - x[0]
     if period is not None and span > period * (1.0 + 1e-12) and convert.certain(kind):
@@ -233,4 +233,4 @@ PRESCRIBED = {
         needs={"thrust": '"400 N", with which it pushes'},
     ),
 }
-"""The kinds of loads that are told."""
+"""Kinds of prescribed loads."""

@@ -62,7 +62,7 @@ class SpringKeys(Table):
     preload: ForceValue | None = None
     """Spring: pull at the free length. Default 0."""
     solid_length: Size | None = None
-    """Spring: length at which its coils touch. An event tells where it is squeezed below."""
+    """Spring: length at which its coils touch. A shorter spring is an event."""
     free_angle: Angle | None = None
     """Torsion spring, bushing: angle from the first link's frame to the second's without load. It starts nearest to it.
     Default 0."""
@@ -81,7 +81,7 @@ class SpringKeys(Table):
     slack: ForceValue | None = None
     """Belt tension: what the slack span pulls."""
     coefficient: NotNegative | None = None
-    """Belt tension: coefficient of friction between belt and pulleys; an event tells where it slips. Default: it cannot."""
+    """Belt tension: coefficient of friction between belt and pulleys; slip is an event. Default: it cannot slip."""
 
 
 def _between(m: LoadMaker, kind: Callable[..., Load], ends: list[str] | None, values: dict[str, Any]) -> Load | None:

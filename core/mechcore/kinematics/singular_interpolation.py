@@ -21,7 +21,7 @@ from mechcore.kinematics.model import Model
 from mechcore.kinematics.positions import apply, place
 from mechcore.kinematics.program import Block
 from mechcore.kinematics.rates import accelerations, velocities
-from mechcore.kinematics.state import Patch, State, initial_state, wrapped_angle
+from mechcore.kinematics.state import Interpolant, State, initial_state, wrapped_angle
 from mechcore.numerics.frames import QUIET
 from mechcore.records import dataclass
 
@@ -43,7 +43,7 @@ def unknowns_of(model: Model, block: Block, state: State, at: Index) -> Real:
     return np.array([*rows, *(np.asarray(state.slide[j])[at] for j in block.slides)]).T
 
 
-def smooth(model: Model, block: Block, state: State, time: Real, instant: float, step: float) -> tuple[float, Patch | None]:
+def smooth(model: Model, block: Block, state: State, time: Real, instant: float, step: float) -> tuple[float, Interpolant | None]:
     """The curve of a block's positions next to an instant, through its samples on both sides of it.
 
     Returns how large the polynomial's last terms still are (angles [rad], slides over the size), and the patch of the samples
@@ -65,7 +65,7 @@ def smooth(model: Model, block: Block, state: State, time: Real, instant: float,
         tail = float(np.max(np.abs(coefficients[-2:]) / scale))
         at_samples = np.asarray(terms[near] @ coefficients, float)
     near = first + near
-    return tail, Patch(near, at_samples, at_samples, at_samples)
+    return tail, Interpolant(near, at_samples, at_samples, at_samples)
 
 
 def tail_of(values: Real) -> float:
@@ -99,7 +99,7 @@ class _Through:
             r[self.near] = given[:, u]
 
 
-def make_patches(
+def make_interpolants(
     model: Model,
     singular_points: SingularPoints,
     modes: Sequence[float],
@@ -107,7 +107,7 @@ def make_patches(
     scale: Sequence[Values],
     constants: Sequence[float] = (),
     starts: Callable[[Real], Mapping[str, Real]] | None = None,
-) -> dict[int, list[Patch]]:
+) -> dict[int, list[Interpolant]]:
     """Interpolations for the frames next to a change, by block. ``scale``: how fast the frames run against the law (1, 0 where
     they follow it): first and second derivative of law time by time. ``starts``: law times -> Newton starts."""
     asked = [c for c in singular_points.points if _frames_near(singular_points, c, time).any()]
@@ -128,21 +128,21 @@ def make_patches(
             place(model, block, state, mode * singular_points.signs(i, nodes), near.get(block.name))
             for through in throughs.get(i, ()):
                 given = through.fit(unknowns_of(model, block, state, through.own))
-                apply(model, block, state, Patch(through.near, given, given, given))
+                apply(model, block, state, Interpolant(through.near, given, given, given))
         vectors = all_vectors(model, state)
         cols = all_columns(model, vectors)
-        speeds = velocities(model, vectors, cols, [v[1] for v in values], throughs, state.bends)
+        speeds = velocities(model, vectors, cols, [v[1] for v in values], throughs, state.curve_values)
         accelerations(model, vectors, cols, speeds, [v[2] for v in values], throughs)
-    patches: dict[int, list[Patch]] = {}
+    interpolants: dict[int, list[Interpolant]] = {}
     for c in asked:
         (through,) = (x for x in throughs[c.block] if x.change is c)
         frames = np.flatnonzero(_frames_near(singular_points, c, time))
         basis = chebyshev.chebvander(_signed(singular_points, c, time[frames]) / (c.step * FAR), DEGREE)
         s1, s2 = (np.broadcast_to(s, time.shape)[frames, None] for s in scale)
         with np.errstate(**QUIET):
-            value, rate, bend = (basis @ curve for curve in through.curves)
-            patches.setdefault(c.block, []).append(Patch(frames, value, rate * s1, bend * s1**2 + rate * s2))
-    return patches
+            value, rate, second = (basis @ curve for curve in through.curves)
+            interpolants.setdefault(c.block, []).append(Interpolant(frames, value, rate * s1, second * s1**2 + rate * s2))
+    return interpolants
 
 
 def _nodes(c: SingularPoint) -> Real:
