@@ -92,7 +92,7 @@ _CHOICES: dict[str, tuple[Any, ...]] = {
     "method": (None, "auto", "energy", "gauss", "radau"),
     "numbers": (None, "float64", "float32"),
 }
-DIALS: tuple[str, ...] = tuple(f.name for f in fields(Accuracy) if f.name != "target")
+SETTINGS: tuple[str, ...] = tuple(f.name for f in fields(Accuracy) if f.name != "target")
 """Names of all dials."""
 
 DEFAULT = Accuracy()

@@ -19,7 +19,7 @@ from mechviz.outputs.rerun.recorded import numbers_in, picture_in
 from mechviz.outputs.viewer.world.bodies import BodyNodes
 from mechviz.picture.build import picture_of
 from mechviz.picture.nodes import Body
-from mechviz.picture.surface_marks import MARKS, find_belt_marks, way_of
+from mechviz.picture.surface_marks import MARKS, belt_travel, find_belt_marks
 from recordings import Made, made, solids
 
 
@@ -47,7 +47,7 @@ def test_a_mark_on_a_pulley_turns_with_it(joint):
     (loop,) = [k for k in solids("belt-drive").loops if k.joint == joint]
     motion, second = drive().run.motion, {"V": "drum", "X": "fan"}[joint]
     marks = [m for m in find_belt_marks(drive().run, solids("belt-drive")) if m.name.startswith(joint)]
-    assert len(marks) == MARKS and np.ptp(way_of(drive().run, loop)) == pytest.approx(loop.radii[0] * 6.0 * np.pi)
+    assert len(marks) == MARKS and np.ptp(belt_travel(drive().run, loop)) == pytest.approx(loop.radii[0] * 6.0 * np.pi)
     seen = 0
     for mark in marks:
         at = mark.places()[:, :2] @ [1.0, 1.0j]

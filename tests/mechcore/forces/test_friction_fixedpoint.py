@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from mechcore.forces.friction import normal_loads as fixedpoint
-from mechcore.forces.friction.normal_loads import several, solve_normal_loads, spectral_radius, stability
+from mechcore.forces.friction.normal_loads import has_several_solutions, solve_normal_loads, spectral_radius, stability
 
 
 def one(a, b, euclidean=True):
@@ -116,7 +116,7 @@ def test_a_second_state_is_found_where_there_is_one():
     computed = one(2.0, b)
     parts = np.zeros((len(b), 1, 2)), np.zeros((len(b), 1, 2, 1))
     parts[0][:, 0, 0], parts[1][:, 0, 0, 0] = 2.0, b
-    np.testing.assert_array_equal(several(*parts, np.array([True]), computed.loads), b < -1.0)
+    np.testing.assert_array_equal(has_several_solutions(*parts, np.array([True]), computed.loads), b < -1.0)
 
 
 @pytest.mark.parametrize("angle", [0.0, 0.7, 1.5, 2.2, 3.0])

@@ -106,7 +106,7 @@ def test_limits_of_a_slider_are_named_with_their_side():
 @pytest.mark.parametrize(("most", "told"), [(2, 6), (1, 2)])
 def test_of_many_different_limits_the_outermost_are_told_with_their_number(most, told, monkeypatch):
     """Three turns have six limit positions, which are two different ones."""
-    monkeypatch.setattr(events, "MOST_TOLD", most)
+    monkeypatch.setattr(events, "MOST_REPORTED", most)
     law = zones(start=0.3, speed=1.0, run_up=0.0, steady=6 * np.pi, braking=0.0)
     limits = of(move(slider_crank(law), 240), "S")
     assert len(limits) == told

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from true_errors import between_error, position_errors, reaction_error
 
-from mechcore.accuracy import DEFAULT, DIALS, Accuracy, accuracy_for
+from mechcore.accuracy import DEFAULT, SETTINGS, Accuracy, accuracy_for
 from mechcore.dynamics.simulate import simulate
 from mechcore.errors import MechanismError
 from mechcore.forces.kinetostatics import solve_forces
@@ -33,7 +33,7 @@ from error_estimates import compare
 # -- the dials -----------------------------------------------------------------------------------------------------------------
 def test_every_dial_has_a_default_and_is_checked():
     assert DEFAULT.changed == {}
-    assert set(DIALS) == {f.name for f in dataclasses.fields(Accuracy)} - {"target"}
+    assert set(SETTINGS) == {f.name for f in dataclasses.fields(Accuracy)} - {"target"}
     for name, wrong in {
         "position": 1.0, "frames": 2, "interpolation": 2, "differentiation": "guess", "differences": 3, "resolution": -1.0,
         "method": "euler", "integrator": 1.0, "nodes": 1, "window": 0.0, "friction": 1.0, "event": 2.0, "chord": 0.0, "profile": 3,

@@ -274,7 +274,7 @@ def test_picking_a_point_in_the_viewer_applies_it(monkeypatch):
 
     once(monkeypatch)
     monkeypatch.setattr(precision, "FRAMES", (32, 128))
-    monkeypatch.setattr(accuracy_tab, "DIALS", ("frames",))
+    monkeypatch.setattr(accuracy_tab, "SETTINGS", ("frames",))
     with Viewer(run_scene(load("crank-rocker"), accuracy=1e-3), port=0) as viewer:
         tab = viewer.inspector.accuracy
         assert tab is not None and "estimated errors" in tab.errors.content

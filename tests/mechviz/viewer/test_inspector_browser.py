@@ -266,7 +266,7 @@ def test_effects_are_switched_and_weighed(viewer, page):
 def test_a_click_on_a_setting_in_the_diagram_of_accuracy_applies_it(viewer, page, monkeypatch):
     monkeypatch.setattr(precision, "FRAMES", (40, 90))
     monkeypatch.setattr(precision, "timed", lambda work, *_, **__: (work(), Timed(1e-3 * next(count), 0.0, 1))[1])
-    monkeypatch.setattr(accuracy_tab, "DIALS", ("frames",))
+    monkeypatch.setattr(accuracy_tab, "SETTINGS", ("frames",))
     count = itertools.count(1)
     open_tab(page, "Accuracy")
     tab = viewer.inspector.accuracy
