@@ -114,7 +114,7 @@ def assemble(
             made = Link(name=key, points=points, mass=mass, centre=centre, inertia=inertia, gravity=own, plane=plane)
             if link.outline is not None:
                 made = replace(made, outline=drawn_outline(key, link.outline, document, placement, convert))
-            if link.colour is not None and link.sound("colour"):
+            if link.colour is not None and link.has_valid("colour"):
                 red, green, blue = bytes.fromhex(link.colour[1:])
                 made = replace(made, colour=(red, green, blue))
             links.append(made)
