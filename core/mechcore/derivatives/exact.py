@@ -81,8 +81,8 @@ class Derivatives:
         self._arms = turning_vectors(motion.model)  # of loops, zero ones left out that stay so
         with np.errstate(**QUIET):
             self._varied = [self._numbers_of(p) for p in self.parameters]
-            for p, own in zip(self.parameters, self._varied, strict=True):
-                for place in own:
+            for p, known in zip(self.parameters, self._varied, strict=True):
+                for place in known:
                     if place[0] == "kept":
                         load = motion.mechanism.loads[place[2]].name
                         raise refusal(f"a table or law inside the load {load} depends on {p.name}.", "Sweep it instead.")

@@ -104,8 +104,8 @@ def numbers_of(model: Model, at: Motion, time: Real) -> Numbers:
     for i, load in enumerate(m.loads):
         known = load
         if isinstance(load, Prescribed) and load.factor is not None:  # whatever its function is made of, what counts is its values
-            values = factor_of(at, load.factor, load.name)
-            numbers["mechanism", "loads", i, "factor", "values"] = np.broadcast_to(values, at.shape)
+            factors = np.asarray(factor_of(at, load.factor, load.name))
+            numbers["mechanism", "loads", i, "factor", "values"] = np.broadcast_to(factors, at.shape)
             known = replace(load, factor=None)
         numbers |= {("mechanism", *place): x for place, x in numbers_in(known, ("loads", i))}
         numbers |= {("kept", *place): x for place, x in kept_numbers(known, ("loads", i))}
