@@ -391,10 +391,10 @@ class WaypointPath:
         self._later: list[Any] = []
         self._resolve: Callable[[list[Any]], Sequence[Waypoint]] | None = None
 
-    def leave_later(self, item: Any, resolve: Callable[[list[Any]], Sequence[Waypoint]]) -> None:
+    def leave_later(self, items: Sequence[Any], resolve: Callable[[list[Any]], Sequence[Waypoint]]) -> None:
         """Go on through waypoints that ``resolve`` makes of all items left so, in order, once they are asked for."""
         self._resolve = resolve
-        self._later.append(item)
+        self._later += items
 
     def _resolved(self) -> None:
         later, self._later = self._later, []

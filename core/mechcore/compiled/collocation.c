@@ -180,11 +180,17 @@ void reduced_at(const System *y, long n, const double *q, const double *v, const
 }
 
 /* The largest of the ratios at a state; NaN where one is. */
-double strained(const System *y, const double *q, const double *v, double t, const double *d, const double *near) {
+static double strained(const System *y, const double *q, const double *v, double t, const double *d, const double *near) {
     double found[RATIOS + 1], largest = 0.0;
     ratios(y->p, y->m, q, v, t, d, near, found);
     for (long i = 0; i < RATIOS; i++) largest = larger(largest, fabs(found[i]));
     return largest;
+}
+
+/* The same at states (n), with the same angles near. */
+void strained_at(const System *y, long n, const double *q, const double *v, const double *t, const double *d, const double *near,
+                 double *out) {
+    for (long i = 0; i < n; i++) out[i] = strained(y, q + i * y->f, v + i * y->f, t[i], d + i * y->given, near);
 }
 
 /* Forms of laws at states (n, FORMS). */

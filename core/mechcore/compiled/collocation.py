@@ -156,19 +156,20 @@ class CompiledEquations:
         self.freedoms, self.given, self.angles = written.freedoms, written.given, written.angles
         self._loaded = library(written.source)
         self._loaded.window.restype = self._loaded.windows.restype = ctypes.c_long
-        self._loaded.evaluated.restype = self._loaded.formed.restype = self._loaded.reduced_at.restype = None
+        for function in ("evaluated", "formed", "reduced_at", "strained_at"):
+            getattr(self._loaded, function).restype = None
         self.coordinates = written.coordinates
         self.kinds, self._additional = written.forms, written.additional
-        self._loaded.strained.restype = ctypes.c_double
         self._kept: list[Real] = [np.array(x or [0.0], float) for x in (written.parameters, list(modes), list(scale))]
         self.modes = self._kept[1]
         self._system = ctypes.byref(_System(self.freedoms, self.given, self.angles, *(_at(x) for x in self._kept)))
 
-    def strain(self, q: Real, v: Real, t: float, d: Real, near: Real) -> float:
-        """Largest ratio of a joint's rate to that of a coordinate, at one state (f,) each."""
-        given = [np.ascontiguousarray(x, float) for x in (q, v, d, near)]
-        q, v, d, near = given
-        return float(self._loaded.strained(self._system, _at(q), _at(v), ctypes.c_double(t), _at(d), _at(near)))
+    def strain(self, q: Real, v: Real, t: Real, d: Real, near: Real) -> Real:
+        """Largest ratio of a joint's rate to that of a coordinate (n,), for what `accelerations` is given."""
+        given = [np.ascontiguousarray(x, float) for x in (q, v, t, d, near)]
+        out = np.empty(len(t))
+        self._loaded.strained_at(self._system, ctypes.c_long(len(t)), *(_at(x) for x in given), _at(out))
+        return out
 
     def forms(self, q: Real, v: Real, t: Real, d: Real) -> Real:
         """Forms of laws (n, k) at coordinates and rates (n, f), times (n,), values of drives (n, g); no angle is followed."""

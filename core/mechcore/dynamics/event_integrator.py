@@ -171,7 +171,7 @@ class EventIntegrator:
 
         def after(window: Window) -> float | None:
             if several:
-                self.compiled.angles.path.leave_later(window, between)
+                self.compiled.angles.path.leave_later([window], between)
             if not len(q):
                 self.friction.follow(self.compiled, window)
             if possible:
@@ -191,7 +191,15 @@ class EventIntegrator:
                 self.progress(until)
             return first[0][0] if first else None
 
-        solution = self._solve(system, t, q, v, begun, after)
+        def passed(windows: Sequence[Window]) -> bool:
+            calm = not self.charted or all(w.strain is not None and w.strain <= STRAINED for w in windows)
+            if possible or told or not (len(q) and calm):
+                return False
+            if several:
+                self.compiled.angles.path.leave_later(windows, between)
+            return True
+
+        solution = self._solve(system, t, q, v, begun, after, passed)
         self.evaluations += solution.evaluations
         end = first[0][0] if first else self.duration
         if end > t:
@@ -213,8 +221,10 @@ class EventIntegrator:
         v: Real,
         begun: tuple[float, float],
         after: Callable[[Window], float | None],
+        passed: Callable[[Sequence[Window]], bool],
     ) -> Solution:
-        """Windows from ``t`` [s] on, until ``after`` ends them; ``begun``: position and speed where the segment begins."""
+        """Windows from ``t`` [s] on, until ``after`` ends them, which need not look at those that have ``passed``;
+        ``begun``: position and speed where the segment begins."""
         breakpoints = breakpoint_finder(self.compiled)
         if not len(q):
             assert self.separation is not None
@@ -231,6 +241,7 @@ class EventIntegrator:
             nodes=self.original.accuracy.nodes,
             most=self.original.accuracy.window,
             after=after,
+            passed=passed,
             breakpoints=breakpoints,
             keeps=keeps,
         )

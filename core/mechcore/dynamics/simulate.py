@@ -18,7 +18,6 @@ from mechcore.dynamics.contact.friction_state import braking_elements
 from mechcore.dynamics.equations.charts import Chart, curve_around
 from mechcore.dynamics.equations.curve import Curve
 from mechcore.dynamics.equations.energy import by_energy
-from mechcore.dynamics.equations.program import EquationsProgram
 from mechcore.dynamics.equations.reduced import coordinate_scales, free_of, integrating, moving, reduce
 from mechcore.dynamics.event_integrator import EventIntegrator, Method, table_tolerance
 from mechcore.dynamics.events import EndStop, EventKind, EventTrigger, SeparableCam, SimulationEvent, with_slot_ends
@@ -88,9 +87,10 @@ def simulate(
     alone = len(q) == len(compiled.mechanism.drives) == 1 and not separable_cams and not integrating(compiled)
     if alone and not braking_elements(compiled, q, v) and not _by_program(compiled, method):
         system, valid_range = _curve(original, compiled, q[0], table_tolerance(tolerance), keep=not stops)
+    around = _around(compiled, q, system)
     if len(q):
-        _weigh(compiled, q, system)
-    word = None if stops or separable_cams else _rest(compiled, q, v, system)
+        _weigh(compiled, q, system, around)
+    word = None if stops or separable_cams else _rest(compiled, q, v, system, around)
     if word is not None:
         still = Solution([Window(0.0, duration, q, v, np.zeros((2, len(q))))])
         rest = Simulation(compiled, (Segment(0.0, duration, compiled, still, system),), (word,), "gauss", tolerance, 0)
@@ -121,7 +121,7 @@ def simulate(
             )
         )
     unseen: Fastest | None = None
-    fast = None if _calm(compiled, q, system, duration) else fastest_vibration(compiled, q, v)
+    fast = None if _calm(compiled, around, duration) else fastest_vibration(compiled, q, v)
     if fast is not None and method != "gauss" and _steps_over(compiled, fast, duration, tolerance, method):
         method, unseen = "radau", fast if fast.amplitude <= tolerance else None
     elif fast is not None:
@@ -267,13 +267,23 @@ def _refuse_knocks(compiled: Compiled, q: Real, v: Real, separable_cams: Sequenc
         raise MechanismError(faults)
 
 
-def _weigh(compiled: Compiled, q: Real, system: Chart | Curve) -> None:
+def _around(compiled: Compiled, q: Real, system: Chart | Curve) -> tuple[Real, Real] | None:
+    """M (n, f, f) and Q - h (n, f) at rest at a start (f,), at places `beside` it, then a little away to either side, by a program
+    in C where one is wanted, and wherever the mechanism is."""
+    program = None if not len(q) or (isinstance(system, Curve) and not system.rest) else system.program()
+    if program is None or program.partial:
+        return None
+    away = BESIDE * compiled.once(coordinate_scales)
+    places = np.vstack([beside(compiled, q), q - away, q + away])
+    return program.reduced(places, np.zeros_like(places), np.zeros(len(places)))
+
+
+def _weigh(compiled: Compiled, q: Real, system: Chart | Curve, around: tuple[Real, Real] | None) -> None:
     """Refuse a start (f,) at which a free coordinate moves no mass."""
-    program = _program(system)
     if isinstance(system, Curve):
         inertia = system.table(q)[:1, :1]
-    elif program is not None:
-        inertia = program.reduced(q[None], np.zeros_like(q)[None], np.zeros(1))[0][0]
+    elif around is not None:
+        inertia = around[0][0]
     else:
         inertia = reduce(compiled, q[None], np.zeros_like(q)[None], np.zeros(1)).inertia[0]
     values = np.linalg.eigvalsh(inertia) if np.isfinite(inertia).all() else np.array([-1.0])
@@ -287,24 +297,16 @@ def _weigh(compiled: Compiled, q: Real, system: Chart | Curve) -> None:
         )
 
 
-def _program(system: Chart | Curve) -> EquationsProgram | None:
-    """The equations in C where they are wanted, and wherever the mechanism is."""
-    program = None if isinstance(system, Curve) and not system.rest else system.program()
-    return None if program is None or program.partial else program
-
-
-def _calm(compiled: Compiled, q: Real, system: Chart | Curve, duration: float) -> bool:
-    """Whether a program in C shows at once that no spring vibrates often enough from a start (f,) for a warning."""
-    program = _program(system) if len(q) else None
-    if program is None:
+def _calm(compiled: Compiled, around: tuple[Real, Real] | None, duration: float) -> bool:
+    """Whether a program in C shows at once that no spring vibrates often enough from a start for a warning."""
+    if around is None:
         return False
-    places = beside(compiled, q)
-    inertia, force = program.reduced(places, np.zeros_like(places), np.zeros(len(places)))
-    squares = vibrations(compiled, force[None], inertia[0])
+    inertia, force = around
+    squares = vibrations(compiled, force[None, :-2], inertia[0])
     return squares is None or not max(squares[0][-1], 0.0) * duration**2 >= (TURN * TOLD) ** 2
 
 
-def _rest(compiled: Compiled, q: Real, v: Real, system: Chart | Curve) -> SimulationEvent | None:
+def _rest(compiled: Compiled, q: Real, v: Real, system: Chart | Curve, around: tuple[Real, Real] | None) -> SimulationEvent | None:
     """A word where the start (f,) is rest in an equilibrium of forces that do not depend on time; dry friction is another matter.
 
     However unstable that is, as on a dead point, it stays: without this, rounding would decide when and which way it leaves.
@@ -319,9 +321,12 @@ def _rest(compiled: Compiled, q: Real, v: Real, system: Chart | Curve) -> Simula
         if abs(system.table(q)[0, 1]) > PUSHED * largest:
             return None
     scale = compiled.once(coordinate_scales)
-    near = np.array([q, q - BESIDE * scale, q + BESIDE * scale])
-    program, still = _program(system), (near, np.zeros_like(near), np.zeros(3))
-    force = np.abs(reduce(compiled, *still).force if program is None else program.reduced(*still)[1]) * scale
+    if around is None:
+        near = np.array([q, q - BESIDE * scale, q + BESIDE * scale])
+        force = reduce(compiled, near, np.zeros_like(near), np.zeros(3)).force
+    else:
+        force = around[1][[0, -2, -1]]
+    force = np.abs(force) * scale
     size = float(np.nanmax(force[1:], initial=0.0))
     if not float(force[0].max()) <= BALANCED * size:
         return None

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
 
@@ -13,6 +14,8 @@ from random_mechanisms import draw
 
 from mechcore import spec as sp
 from mechcore.compiled.toolchain import compiler
+from mechcore.constants import TURN
+from mechcore.dynamics.equations import curve
 from mechcore.dynamics.equations.charts import Chart
 from mechcore.dynamics.equations.contacts import missing_in_c
 from mechcore.dynamics.equations.curve import Curve
@@ -114,6 +117,24 @@ def test_motions_are_the_same(made, duration: float) -> None:
         assert np.abs(a - b).max() < 1e-11 * np.abs(a).max()
     assert [len(s.solution.windows) for s in by_numpy.segments] == [len(s.solution.windows) for s in by_c.segments]
     assert np.abs(by_c.drift(t)).max() < 1e-9  # work and energy by the kinetostatic core
+
+
+@pytest.mark.parametrize(
+    ("made", "most"),
+    [(partial(chain, 3), 0), (partial(slider_crank_of, 0.1, 0.4), curve.EQUAL + 1)],
+    ids=["through flat positions", "nowhere flat"],
+)
+def test_tables_of_a_turn_are_the_same(made: Callable[[], Mechanism], most: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    """J and the reduced force over a turn; of numpy no more positions are asked than where it looks for flat ones."""
+    compiled = compile_mechanism(made())
+    asked: list[int] = []
+    unit = curve._unit
+    monkeypatch.setattr(curve, "_unit", lambda c, q: [asked.append(c.executor == "c" and len(q)), unit(c, q)][1])
+    by_numpy, by_c = (curve.whole_turn(replace(compiled, executor=e), 0.2) for e in ("numpy", "c"))
+    assert by_numpy is not None and by_c is not None and by_c.conservative
+    q = np.linspace(0.2, 0.2 + TURN, 301)
+    np.testing.assert_allclose(by_c.table(q), by_numpy.table(q), rtol=0, atol=1e-12 * np.abs(by_numpy.table(q)).max())
+    assert sum(asked) <= most
 
 
 def test_a_camshaft_is_turned_by_forces() -> None:

@@ -272,7 +272,7 @@ def curve_around(compiled: Compiled, q: float, tolerance: float) -> tuple[Curve 
     model = compiled.model
     rotary = _rotary(compiled)
     if rotary:
-        turn = whole_turn(compiled, q, tolerance=tolerance, usable=lambda unit: bool(np.all(_own_share(unit) >= POOR)))
+        turn = whole_turn(compiled, q, tolerance=tolerance, usable=_leads_well, most_strain=1.0 / POOR)
         if turn is not None:
             return turn, None
     reach = TURN if rotary else 4.0 * model.length_scale
@@ -309,6 +309,11 @@ def _share(compiled: Compiled, q: Real) -> Real:
     """Share of the motion that the chart's own coordinate does (n,): its rate over that of the fastest joint; 0 out of reach."""
     share = _own_share(motion_at(compiled, q[:, None], np.ones((len(q), 1)), np.zeros(len(q))))
     return np.where(reached(compiled, q), share, 0.0)
+
+
+def _leads_well(unit: Motion) -> bool:
+    """Whether the chart's own coordinate has enough of the motion at a unit rate everywhere."""
+    return bool(np.all(_own_share(unit) >= POOR))
 
 
 def _own_share(motion: Motion) -> Real:

@@ -17,7 +17,7 @@ from mechcore.arrays import Index, Real, Values
 from mechcore.branches.paths import repeats
 from mechcore.branches.singular_points import SingularPoints
 from mechcore.constants import TURN
-from mechcore.dynamics.equations.program import Programmed
+from mechcore.dynamics.equations.program import Programmed, compiled_program, wanted
 from mechcore.dynamics.equations.reduced import motion_at, steps_of_differences, with_rates
 from mechcore.effects.base import Effect, power_of
 from mechcore.effects.masses import kinetic_energy
@@ -36,6 +36,7 @@ MOST_TIMES = 16  # as many positions: they gather at singular places, and are ev
 ROUGH = 1e-4  # next to a singular position rounding is that much at most
 MOST_BENDS, ROUNDS = 64, 16  # of cams that a table's panels end at; 32^16 are more than there are numbers between two places
 SAME = 1e-3  # of an energy: two ways to find it differ by less
+REPEATED = 1e-9  # of the largest value: what differs by less a turn later is the same
 LITTLE = 1e-3  # of the work from one end of a table: kinetic energies below that are no differences of work
 
 
@@ -214,10 +215,16 @@ def _bends(compiled: Compiled, low: float, high: float) -> Real:
 
 
 def whole_turn(
-    compiled: Compiled, q: float, *, tolerance: float = 1e-13, usable: Callable[[Motion], bool] = lambda _: True
+    compiled: Compiled,
+    q: float,
+    *,
+    tolerance: float = 1e-13,
+    usable: Callable[[Motion], bool] = lambda _: True,
+    most_strain: float = np.inf,
 ) -> Curve | None:
     """Reduce the mechanism to its free coordinate over one turn, after which everything repeats; None where it does not, or where
-    the coordinate does not lead over the whole turn, as ``usable`` says of the motion at a unit rate.
+    the coordinate does not lead over the whole turn, as ``usable`` says of the motion at a unit rate, or where some joint then has
+    a rate of more than ``most_strain``.
 
     All that this takes is read off one set of positions: the nodes of the table, some of them a turn later, and the ends of panels.
     """
@@ -227,18 +234,47 @@ def whole_turn(
     low = q if singular_points is None or not singular_points.by_drive else _clear_of(singular_points, compiled.start[0], q)
     x = nodes_of(low, low + TURN, FIRST)
     again = np.arange(5, len(x), 13)
-    unit = _unit(compiled, np.concatenate([x, x[again] + TURN, np.linspace(low, low + TURN, EQUAL + 1)]))
     once, twice = again, len(x) + np.arange(len(again))
+    by_program = _by_program(compiled, usable, most_strain)
+    if by_program is not None:
+        known = by_program(np.append(x, x[again] + TURN))
+        if (np.abs(known[twice] - known[once]).max(axis=0) <= REPEATED * np.abs(known).max(axis=0)).all():
+            table = _fitted(compiled, by_program, low, low + TURN, periodic=True, tolerance=tolerance, known=known[: len(x)])
+            return _curve(compiled, table, ()) if np.isfinite(table.coefficients).all() else None
+    singular = singular_points is not None and bool(singular_points.points)
+    ends = x[:0] if singular else np.linspace(low, low + TURN, EQUAL + 1)  # next to singular points positions cost more
+    unit = _unit(compiled, np.concatenate([x, x[again] + TURN, ends]))
     if not usable(unit) or not repeats(unit.model, unit.state, once, twice):
         return None
     fixed, rest = _parted(compiled, lambda: unit)
     forces = {e: np.broadcast_to(_force(e, unit), unit.shape) for e in fixed}
-    repeating = [e for e, f in forces.items() if np.abs(f[twice] - f[once]).max() <= 1e-9 * np.abs(f).max()]
+    repeating = [e for e, f in forces.items() if np.abs(f[twice] - f[once]).max() <= REPEATED * np.abs(f).max()]
     rest += [e for e in fixed if e not in repeating]  # torsion springs, and tables over an angle that goes on
     known = _columns(unit, {e: forces[e] for e in repeating})[: len(x)]
     values = _values(compiled, repeating, usable)
     table, singular = _fitted(compiled, values, low, low + TURN, periodic=True, tolerance=tolerance, known=known, unit=unit)
     return _curve(compiled, table, singular, rest) if np.isfinite(table.coefficients).all() else None
+
+
+def _by_program(compiled: Compiled, usable: Callable[[Motion], bool], most_strain: float) -> Callable[[Real], Real] | None:
+    """As `_values`, by the equations in C where they are wanted, positions follow from that of the drive and from modes alone, and
+    forces from positions; None elsewhere."""
+    effects = [e for e in effects_of(compiled.mechanism) if "accelerations" not in e.needs]
+    alone = len(compiled.mechanism.drives) == 1 and not (compiled.model.constraints or compiled.followed)
+    alone = alone and all(e.needs <= {"positions"} for e in effects)
+    if not alone or any(e.piecewise or e.limited for e in effects) or not wanted(compiled, worth=False):
+        return None
+    program, by_numpy = compiled.once(compiled_program), _values(compiled, effects, usable)
+    if program is None or program.followed:
+        return None
+
+    def values(q: Real) -> Real:
+        found = program.at_rest(q)
+        if found is None:
+            return by_numpy(q)
+        return found[:, :2] if (found[:, 2] <= most_strain).all() else np.full((len(q), 2), np.nan)
+
+    return values
 
 
 def _parted(compiled: Compiled, everywhere: Callable[[], Motion]) -> tuple[list[Effect], list[Effect]]:

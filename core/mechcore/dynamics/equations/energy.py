@@ -149,6 +149,8 @@ class EnergyMotion:
 
 SMALL = 1e-10  # of the largest energy: below, its last digits decide how far a swing goes, and its table would be fitted in vain
 BESIDE = 1e-9  # of a leg: bends that are so close to each other are one
+FIRST = 16  # panels of a leg's clock, at least: so few cost no more than one
+NO_GAIN = 1e-13  # of the largest energy: what a turn brings less than that is the table's rounding
 CLOSE = 1e-10  # a last step of Newton's method that is shorter leaves an error of its square
 
 
@@ -211,11 +213,11 @@ def by_energy(
             raise MechanismError(Fault("run.duration", why, f"Give at most {t:.3g} s."))
         if turning:
             sign, kinetic = -sign, 0.0
-        elif not from_rest and abs(work.per_turn) <= 1e-14 * size and curve.table.periodic:
+        elif not from_rest and abs(work.per_turn) <= NO_GAIN * size and curve.table.periodic:
             return EnergyMotion(curve, tuple(legs), leg.duration, sign * length)
         else:
             kinetic += float(work.gain(q, np.array([sign * travel]))[0])
-            if not from_rest or abs(work.per_turn) > 1e-14 * size:  # else the next turn is the one that repeats
+            if not from_rest or abs(work.per_turn) > NO_GAIN * size:  # else the next turn is the one that repeats
                 reach = min(2.0 * reach, 64.0 * whole)
         q, from_rest, before = q_next, bool(turning), 0.0
     return EnergyMotion(curve, tuple(legs), None, 0.0)
@@ -350,11 +352,12 @@ def _clock(work: _Work, start: float, length: float, ends: tuple[bool, bool], ki
         q = start + length * f
         inertia, done = work(q)
         energy = kinetic + (done - until)
+        first = np.zeros(len(u), bool)
         if size <= width:  # all of it by integrals from its start, which keep the digits of small differences
             first = f <= rest if ends[1] else f >= 0.0
             energy[first] = kinetic + work.near(start, length * f[first])
-        else:
-            first = ends[0] & (size * f < width)
+        elif ends[0]:
+            first = size * f < width
             energy[first] = work.near(start, length * f[first])
         if ends[1]:
             last = ~first & (size * rest < width)
@@ -369,7 +372,7 @@ def _clock(work: _Work, start: float, length: float, ends: tuple[bool, bool], ki
 def _edges(table: Panels, start: float, length: float, ends: tuple[bool, bool]) -> Real:
     """Values of `_way`'s parameter between which a leg's time is one smooth function: the ends of unequal panels are bends."""
     if table.boundaries is None:
-        return np.linspace(0.0, 1.0, max(2, round(abs(length) / table.width)) + 1)
+        return np.linspace(0.0, 1.0, max(FIRST, round(abs(length) / table.width)) + 1)
     f = np.sort((table.between(min(start, start + length), max(start, start + length)) - start) / length)
     u = {(True, True): np.arctan2(np.sqrt(f), np.sqrt(1.0 - f)) / (0.5 * np.pi), (True, False): np.sqrt(f)}.get(ends)
     u = u if u is not None else 1.0 - np.sqrt(1.0 - f) if ends[1] else f

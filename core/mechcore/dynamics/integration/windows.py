@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import field
 from typing import Any, Protocol
 
@@ -104,16 +104,15 @@ class Solution:
     def _stacked(self) -> tuple[Real, ...]:
         """Starts, lengths (w,), positions, speeds (w, f) and series (w, s, f) of all windows, those with fewer nodes filled up."""
         if len(self._stack) == 0 or len(self._stack[0]) != len(self.windows):
-            most = max(len(w.a) for w in self.windows)
-            a = np.zeros((len(self.windows), most, len(self.windows[0].q)))
-            for row, w in zip(a, self.windows, strict=True):
-                row[: len(w.a)] = w.a
+            starts, lengths, q, v, series, *_ = zip(*self.windows, strict=True)
+            n, most = len(starts), max(map(len, series))
+            filled = [a if len(a) == most else np.pad(a, ((0, most - len(a)), (0, 0))) for a in series]
+            f = len(q[0])
+            shapes = (n, f), (n, f), (n, most, f)
             self._stack = (
-                np.array([w.start for w in self.windows]),
-                np.array([w.length for w in self.windows]),
-                np.array([w.q for w in self.windows]),
-                np.array([w.v for w in self.windows]),
-                a,
+                np.array(starts),
+                np.array(lengths),
+                *(np.concatenate(x).reshape(shape) for x, shape in zip((q, v, filled), shapes, strict=True)),
             )
         return self._stack
 
@@ -129,6 +128,7 @@ class Integrator:
 
     ``tolerance``: local error of the position, relative to ``scale`` (a typical size of q, one or (f,)). ``nodes``: of a window,
     ``most``: longest window [s]. ``after`` is called with every accepted window; a time that it returns ends the integration there.
+    ``passed`` is told of several windows in a row first: False where ``after`` has to look at each.
     ``breakpoints`` finds the first time in a window, later than a given one, at which the equations change their form: windows end
     there. ``keeps``: position and speed at the end of a window -> the speed that a first integral gives there.
     """
@@ -140,6 +140,7 @@ class Integrator:
     nodes: int | None = None
     most: float | None = None
     after: Callable[[Window], float | None] | None = None
+    passed: Callable[[Sequence[Window]], bool] | None = None
     breakpoints: BreakpointFinder | None = None
     keeps: Callable[[Real, Real], Real] | None = None
 
@@ -221,11 +222,12 @@ class _Integration:
         bounds = self.t1, self.least, most, self.by.tolerance, self.small
         batch = program.windows(self.rule, at, bounds, BATCH, self.rows is not None)
         solution.evaluations, solution.rejected = solution.evaluations + int(at[3]), solution.rejected + int(at[4])
-        numbers = (x.tolist() for x in (batch.starts, batch.lengths, batch.strain, batch.cut))
-        rows = zip(*numbers, batch.q, batch.v, batch.a, strict=True)
-        for t, h, strain, cut, q, v, a in rows:
-            if not self._accept(Window(t, h, q, v, a, cut > 0.0, strain)):
-                return False
+        starts, lengths, cut, strain = (x.tolist() for x in (batch.starts, batch.lengths, batch.cut > 0.0, batch.strain))
+        windows = list(map(Window, starts, lengths, batch.q, batch.v, batch.a, cut, strain))
+        if self.by.passed is not None and self.by.passed(windows):
+            solution.windows += windows
+        elif not all(map(self._accept, windows)):
+            return False
         self.t, self.h, self.longest = (float(x) for x in at[:3])
         self.starts, self.cuts, self.uncut, self.chatter = bool(at[5]), int(at[6]), float(at[7]), int(at[8])
         k = len(head)

@@ -290,14 +290,14 @@ def vibrations(compiled: Compiled, forces: Real, inertia: Real) -> tuple[Real, R
     by_q = np.einsum("cknj,n->cjk", forces[:, 1:].reshape(-1, f, len(NODES), f), WEIGHTS) / (STEP * scale)
     stiffness = -0.5 * (by_q + by_q.swapaxes(1, 2))
     both = scale[:, None] * scale
-    if not (np.isfinite(stiffness).all() and np.linalg.eigvalsh(inertia * both)[0] > 0.0):
+    if not (np.isfinite(stiffness).all() and np.isfinite(inertia).all()):
         return None
-    if f == 1:
-        return stiffness[-1][0] / inertia[0], 1.0 / np.sqrt(inertia * both), stiffness
-    from scipy.linalg import eigh
-
-    squares, shapes = eigh(stiffness[-1] * both, inertia * both)
-    return squares, shapes, stiffness
+    try:
+        white = np.linalg.inv(np.linalg.cholesky(inertia * both))
+    except np.linalg.LinAlgError:  # something moves no mass
+        return None
+    squares, shapes = np.linalg.eigh(white @ (stiffness[-1] * both) @ white.T)
+    return squares, white.T @ shapes, stiffness
 
 
 def fastest_vibration(compiled: Compiled, q: Real, v: Real) -> Fastest | None:
