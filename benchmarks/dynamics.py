@@ -229,6 +229,9 @@ def chain_rows(n: int) -> list[Row]:
     for tolerance in (1e-4, 1e-6, 1e-9, 1e-11):
         for method in ("energy", "gauss"):
             rows.append(("mechviz", f"{method} {tolerance:.0e}", partial(mechviz_end, compiled, 10.0, tolerance, method)))
+    if compiler():
+        in_c = replace(compiled, executor="c")
+        rows += [("mechviz, C", f"energy {r:.0e}", partial(mechviz_end, in_c, 10.0, r, "energy")) for r in (1e-4, 1e-9)]
     rows.append(("mechviz, further motions", "energy 1e-09", partial(mechviz_again, compiled, 10.0, 1e-9, "energy")))
     if find_spec("mujoco"):
         rows += [("MuJoCo RK4", f"{steps} steps", mujoco_chain(n, steps)) for steps in (1000, 4000)]

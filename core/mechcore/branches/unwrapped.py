@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from copy import copy
 from dataclasses import field, replace
 from functools import partial
 
@@ -221,7 +222,9 @@ class UnwrappedAngles:
 
     def fresh(self, start: StartPose | None = None) -> UnwrappedAngles:
         """The same for another motion, which leaves its own waypoints."""
-        return UnwrappedAngles(self.model, start or self.start, self.at, self.exact)
+        other = copy(self)
+        other.start, other.path, other._tables = start or self.start, WaypointPath(self.at), {}
+        return other
 
     # -- along one parameter ------------------------------------------------------------------------------------------
     def along(self, frames: Frames, parameter: Real, place: Place, laws: tuple[Law, ...] = ()) -> LinkAngles:

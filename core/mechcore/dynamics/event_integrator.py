@@ -116,7 +116,7 @@ class EventIntegrator:
 
     def _use_chart(self, compiled: Compiled, system: Chart | Curve, valid_range: tuple[float, float] | None) -> None:
         """Go on in the chart of ``compiled``, as long as its coordinate stays in its ``valid_range``."""
-        self.compiled, self.system = compiled, system
+        self.compiled, self.system, self.breakpoints = compiled, system, breakpoint_finder(compiled)
         drives = [d for d in compiled.mechanism.drives if isinstance(d.law, Free)]
         model = compiled.model
         self.coordinates = {d.joint: i for i, d in enumerate(drives)}
@@ -225,11 +225,10 @@ class EventIntegrator:
     ) -> Solution:
         """Windows from ``t`` [s] on, until ``after`` ends them, which need not look at those that have ``passed``;
         ``begun``: position and speed where the segment begins."""
-        breakpoints = breakpoint_finder(self.compiled)
         if not len(q):
             assert self.separation is not None
             pace = partial(self.separation.window_length, self.compiled, q, v, duration=self.duration)
-            return driven_windows(t, self.duration, pace, after, breakpoints)
+            return driven_windows(t, self.duration, pace, after, self.breakpoints)
         keeps = None
         if isinstance(system, Curve) and (len(self.known) > 1 or system.beside_singular):
             keeps = partial(system.kept, begun)
@@ -242,7 +241,7 @@ class EventIntegrator:
             most=self.original.accuracy.window,
             after=after,
             passed=passed,
-            breakpoints=breakpoints,
+            breakpoints=self.breakpoints,
             keeps=keeps,
         )
         known = self._known(t)

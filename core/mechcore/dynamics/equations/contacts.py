@@ -65,7 +65,7 @@ class ContactProgram(EquationsProgram):
         elements = (written[0].additional - rests - 1) // 4
         super().__init__(compiled, *written, elements + 1)
         self.alone, self.partial = False, True
-        self._rests, self._signs = rests, np.zeros(elements + 1)
+        self._signs = np.zeros(elements + 1)
 
     def with_signs(self, signs: Real, *, breaking: bool = False) -> ContactProgram:
         """The same where elements slide by ``signs`` (e,) of their rates, 0 where they stick; ``breaking``: with the coefficients
@@ -88,8 +88,8 @@ class ContactProgram(EquationsProgram):
         self._set(self._signs)
         accelerations, rest = self._outputs(q, v, t)
         e = len(self._signs) - 1
-        value, limit, rates, second, holding, solved = np.split(rest, [e, 2 * e, 3 * e, 4 * e, 4 * e + self._rests], axis=1)
-        return FrictionState(accelerations, value, limit, rates, second, holding, bool(solved.all()))
+        value, limit, rates, second = (rest[:, k * e : (k + 1) * e] for k in range(4))
+        return FrictionState(accelerations, value, limit, rates, second, rest[:, 4 * e : -1], bool(rest[:, -1].all()))
 
 
 def contact_program(compiled: Compiled, rests: Sequence[str], *, long: bool = False) -> ContactProgram | None:

@@ -239,10 +239,10 @@ def whole_turn(
     if by_program is not None:
         known = by_program(np.append(x, x[again] + TURN))
         if (np.abs(known[twice] - known[once]).max(axis=0) <= REPEATED * np.abs(known).max(axis=0)).all():
-            table = _fitted(compiled, by_program, low, low + TURN, periodic=True, tolerance=tolerance, known=known[: len(x)])
-            return _curve(compiled, table, ()) if np.isfinite(table.coefficients).all() else None
-    singular = singular_points is not None and bool(singular_points.points)
-    ends = x[:0] if singular else np.linspace(low, low + TURN, EQUAL + 1)  # next to singular points positions cost more
+            fitted = _fitted(compiled, by_program, low, low + TURN, periodic=True, tolerance=tolerance, known=known[: len(x)])
+            return _curve(compiled, *fitted, ()) if np.isfinite(fitted[0].coefficients).all() else None
+    through = singular_points is not None and bool(singular_points.points)
+    ends = x[:0] if through else np.linspace(low, low + TURN, EQUAL + 1)  # next to singular points positions cost more
     unit = _unit(compiled, np.concatenate([x, x[again] + TURN, ends]))
     if not usable(unit) or not repeats(unit.model, unit.state, once, twice):
         return None
@@ -260,7 +260,7 @@ def _by_program(compiled: Compiled, usable: Callable[[Motion], bool], most_strai
     """As `_values`, by the equations in C where they are wanted, positions follow from that of the drive and from modes alone, and
     forces from positions; None elsewhere."""
     effects = [e for e in effects_of(compiled.mechanism) if "accelerations" not in e.needs]
-    alone = len(compiled.mechanism.drives) == 1 and not (compiled.model.constraints or compiled.followed)
+    alone = len(compiled.mechanism.drives) == 1 and not (compiled.model.relations or compiled.followed)
     alone = alone and all(e.needs <= {"positions"} for e in effects)
     if not alone or any(e.piecewise or e.limited for e in effects) or not wanted(compiled, worth=False):
         return None

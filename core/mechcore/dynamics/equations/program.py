@@ -130,10 +130,11 @@ class EquationsProgram:
         return out
 
     def _drives(self, t: Real) -> Real:
-        if not self._equations.given:
-            return np.zeros((len(t), 0))
-        values = [x for law in self._laws for x in law(t)] + [function(t) for function in self._of_time]
-        return np.column_stack([np.broadcast_to(x, t.shape) for x in values])
+        out = np.empty((len(t), self._equations.given))
+        if self._equations.given:
+            for k, x in enumerate([x for law in self._laws for x in law(t)] + [function(t) for function in self._of_time]):
+                out[:, k] = x
+        return out
 
     def near(self, q: Real, v: Real, t: Real) -> Real:
         """The unknowns (a,) that the program follows, at one state."""

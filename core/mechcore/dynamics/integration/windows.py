@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import field
 from typing import Any, Protocol
@@ -119,7 +120,7 @@ class Solution:
 
 def nodes_for(tolerance: float) -> int:
     """Nodes a window for a relative tolerance: about as many as digits are wanted (measured: flat between 8 and 14)."""
-    return int(np.clip(round(-np.log10(max(tolerance, 1e-15))) + 2, 5, 14))
+    return min(max(round(-math.log10(max(tolerance, 1e-15))) + 2, 5), 14)
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,0 +1,181 @@
+"""A carriage that sticks and slips, and a mass that is thrown against a stop, side by side with exudyn.
+
+    python benchmarks/contact_peers.py [--short]
+
+The carriage is that of the scene `stick-slip-feed`, whose exact motion follows from scipy's DOP853 with events between slipping and
+sticking. exudyn has its friction as bristles, or with a zone of speeds in which it grows, and its stop as a stiff spring, without
+Newton's law of restitution: of ladders of steps and stiffnesses the error and the processor time are told.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import time
+from collections.abc import Callable
+from dataclasses import replace
+from functools import partial
+from itertools import product
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parent.parent
+sys.path[:0] = [str(ROOT / "core"), str(ROOT), str(Path(__file__).resolve().parent)]
+
+from timing import machine  # isort: skip # before numpy is imported: one thread
+
+import numpy as np
+from scipy.integrate import solve_ivp
+
+from mechcore import spec as sp
+from mechcore.compiled.toolchain import compiler
+from mechcore.dynamics.events import Stop
+from mechcore.dynamics.simulate import simulate
+from mechcore.laws.timed import Free
+from mechcore.motion.compiled import Compiled
+from mechcore.motion.solve import compile_mechanism
+from mechcore.spec.mechanism import Drive
+
+Row = tuple[str, str, Callable[[], float]]  # who, setting, computes where it ends
+MASS, STIFFNESS, DAMPING, SPEED = 12.0, 4000.0, 20.0, 0.01
+RUBS, HOLDS = 0.08 * MASS * 9.81, 0.2 * MASS * 9.81  # friction of motion and of rest [N]
+DURATION = 6.0
+FALL, BOUNCES = 1.0, 3.0  # height [m] above a stop without loss, time [s]
+
+
+def carriage() -> sp.Mechanism:
+    from mechviz.scene.scene import load
+
+    return load("stick-slip-feed").mechanism
+
+
+def exact_carriage() -> float:
+    """Where the carriage is at the end [m]: from slip to slip, of a spring whose far end goes on at one speed."""
+    t, x = 0.0, 0.0
+    while True:
+        t = (HOLDS - DAMPING * SPEED + STIFFNESS * x) / (STIFFNESS * SPEED)  # it sticks until then
+        if t >= DURATION:
+            return x
+
+        def stops(_: float, y: np.ndarray) -> float:
+            return y[1]
+
+        stops.terminal, stops.direction = True, -1  # type: ignore[attr-defined]
+
+        def rhs(t: float, y: np.ndarray) -> list[float]:
+            return [y[1], (STIFFNESS * (SPEED * t - y[0]) + DAMPING * (SPEED - y[1]) - RUBS) / MASS]
+
+        slip = solve_ivp(rhs, (t, DURATION), [x, 0.0], method="DOP853", rtol=1e-13, atol=1e-16, events=stops, first_step=1e-5)
+        x = float(slip.y[0, -1])
+        if slip.status == 0:
+            return x
+
+
+def ball() -> sp.Mechanism:
+    """A mass that falls on a guide."""
+    return sp.Mechanism(
+        name="ball",
+        frame="frame",
+        links=(
+            sp.Link(name="frame", points={"O": (0.0, 0.0)}),
+            sp.Link(name="ball", points={"O": (0.0, 0.0)}, mass=1.0),
+        ),
+        joints=(sp.Prismatic(name="O", links=("frame", "ball"), points=("O", "O"), along=(0.0, 1.0)),),
+        drives=(Drive(joint="O", law=Free(FALL, 0.0)),),
+        effects=("inertia", "gravity"),
+    )
+
+
+def exact_ball() -> float:
+    """Its height at the end [m]: it comes back to where it was let go."""
+    fall = np.sqrt(2.0 * FALL / 9.81)
+    since = (BOUNCES + fall) % (2.0 * fall) - fall  # from the top of an arc on
+    return float(FALL - 0.5 * 9.81 * since**2)
+
+
+def mechviz_end(compiled: Compiled, duration: float, tolerance: float, stops: tuple[Stop, ...]) -> float:
+    simulation = simulate(replace(compiled), duration, tolerance=tolerance, stops=stops)
+    return float(simulation([duration])[0][0, -1])
+
+
+def exudyn_end(
+    steps: int, duration: float, mass: float, start: float, force: tuple[float, float], **connector: float
+) -> Callable[[], float]:
+    """One coordinate from rest under a force (at the start, and its rate), a spring, a damper, friction or a stop."""
+    import exudyn as exu
+    from exudyn import itemInterface as items
+
+    mbs = exu.SystemContainer().AddSystem()
+    node = mbs.AddNode(items.Node1D(referenceCoordinates=[0.0], initialCoordinates=[start]))
+    mbs.AddObject(items.Mass1D(physicsMass=mass, nodeNumber=node))
+    fixed = mbs.AddNode(items.NodePointGround())
+    ends = [mbs.AddMarker(items.MarkerNodeCoordinate(nodeNumber=n, coordinate=0)) for n in (fixed, node)]
+    data = mbs.AddNode(items.NodeGenericData(numberOfDataCoordinates=3, initialCoordinates=[0.0, 0.0, 0.0]))
+    mbs.AddObject(items.CoordinateSpringDamperExt(markerNumbers=ends, nodeNumber=data, **connector))
+    changing = {"loadUserFunction": lambda _, t, load: load + force[1] * t} if force[1] else {}
+    mbs.AddLoad(items.LoadCoordinate(markerNumber=ends[1], load=force[0], **changing))
+    mbs.Assemble()
+    settings = exu.SimulationSettings()
+    settings.timeIntegration.numberOfSteps, settings.timeIntegration.endTime = steps, duration
+    settings.timeIntegration.generalizedAlpha.spectralRadius = 0.9
+    settings.timeIntegration.newton.useModifiedNewton = False
+    settings.solutionSettings.writeSolutionToFile = False
+    settings.displayComputationTime = settings.displayStatistics = False
+
+    def run() -> float:
+        mbs.SolveDynamic(settings)
+        return float(mbs.GetNodeOutput(node, exu.OutputVariableType.Coordinates))
+
+    return run
+
+
+def exudyn_carriage(steps: int, **friction: float) -> Callable[[], float]:
+    friction |= {"dynamicFrictionForce": RUBS, "staticFrictionOffsetForce": HOLDS - RUBS, "exponentialDecayStatic": 1e-6}
+    pull = DAMPING * SPEED, STIFFNESS * SPEED
+    return exudyn_end(steps, DURATION, MASS, 0.0, pull, stiffness=STIFFNESS, damping=DAMPING, **friction)
+
+
+def report(title: str, rows: list[Row], exact: float, runs: int) -> None:
+    print(f"\n### {title}\n\n| who | setting | time [ms] | error [m] |\n|---|---|---|---|")
+    for who, setting, job in rows:
+        try:
+            spent, end = [], job()
+            for _ in range(runs):
+                start = time.process_time()
+                job()
+                spent.append(time.process_time() - start)
+            print(f"| {who} | {setting} | {1e3 * min(spent):.2f} | {abs(end - exact):.1e} |", flush=True)
+        except Exception as error:
+            print(f"| {who} | {setting} | {type(error).__name__} | |", flush=True)
+
+
+def rows_of(mechanism: sp.Mechanism, duration: float, stops: tuple[Stop, ...]) -> list[Row]:
+    """mechviz by both executors."""
+    rows: list[Row] = []
+    for executor in ("numpy", "c") if compiler() else ("numpy",):
+        compiled = compile_mechanism(mechanism, executor=executor)  # type: ignore[arg-type]
+        rows += [("mechviz", f"{executor} {r:.0e}", partial(mechviz_end, compiled, duration, r, stops)) for r in (1e-4, 1e-6, 1e-9)]
+    return rows
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--short", action="store_true", help="fewer settings and turns")
+    short = parser.parse_args().short
+    print(f"{machine('numpy', 'scipy', 'exudyn')}; least processor time of the turns")
+    steps, runs = ((6_000, 60_000), 3) if short else ((2_000, 6_000, 20_000, 60_000, 200_000), 5)
+    rows = rows_of(carriage(), DURATION, ())
+    for n, k in product(steps, (1e6, 1e8)):
+        job = exudyn_carriage(n, stickingStiffness=k, stickingDamping=2e-4 * k)
+        rows.append(("exudyn", f"{n} steps, bristles of {k:.0e} N/m", job))
+    for n, zone in product(steps, (1e-4, 1e-6)):
+        rows.append(("exudyn", f"{n} steps, zone of {zone:.0e} m/s", exudyn_carriage(n, frictionProportionalZone=zone)))
+    report("Carriage that sticks and slips, 6 s", rows, exact_carriage(), runs)
+    rows = rows_of(ball(), BOUNCES, (Stop(name="ground", joint="O", at=0.0, side="lower", restitution=1.0),))
+    for n, k in product(steps, (1e6, 1e8)):
+        stop = {"useLimitStops": True, "limitStopsLower": 0.0, "limitStopsUpper": 10.0, "limitStopsStiffness": k}
+        rows.append(("exudyn", f"{n} steps, stop of {k:.0e} N/m", exudyn_end(n, BOUNCES, 1.0, FALL, (-9.81, 0.0), **stop)))
+    report("Ball on a stop without loss, 3 s", rows, exact_ball(), runs)
+
+
+if __name__ == "__main__":
+    main()
