@@ -28,7 +28,7 @@ from scipy.integrate import solve_ivp
 
 from mechcore import spec as sp
 from mechcore.compiled.toolchain import compiler
-from mechcore.dynamics.events import Stop
+from mechcore.dynamics.events import EndStop
 from mechcore.dynamics.simulate import simulate
 from mechcore.laws.timed import Free
 from mechcore.motion.compiled import Compiled
@@ -92,7 +92,7 @@ def exact_ball() -> float:
     return float(FALL - 0.5 * 9.81 * since**2)
 
 
-def mechviz_end(compiled: Compiled, duration: float, tolerance: float, stops: tuple[Stop, ...]) -> float:
+def mechviz_end(compiled: Compiled, duration: float, tolerance: float, stops: tuple[EndStop, ...]) -> float:
     simulation = simulate(replace(compiled), duration, tolerance=tolerance, stops=stops)
     return float(simulation([duration])[0][0, -1])
 
@@ -148,7 +148,7 @@ def report(title: str, rows: list[Row], exact: float, runs: int) -> None:
             print(f"| {who} | {setting} | {type(error).__name__} | |", flush=True)
 
 
-def rows_of(mechanism: sp.Mechanism, duration: float, stops: tuple[Stop, ...]) -> list[Row]:
+def rows_of(mechanism: sp.Mechanism, duration: float, stops: tuple[EndStop, ...]) -> list[Row]:
     """mechviz by both executors."""
     rows: list[Row] = []
     for executor in ("numpy", "c") if compiler() else ("numpy",):
@@ -170,7 +170,7 @@ def main() -> None:
     for n, zone in product(steps, (1e-4, 1e-6)):
         rows.append(("exudyn", f"{n} steps, zone of {zone:.0e} m/s", exudyn_carriage(n, frictionProportionalZone=zone)))
     report("Carriage that sticks and slips, 6 s", rows, exact_carriage(), runs)
-    rows = rows_of(ball(), BOUNCES, (Stop(name="ground", joint="O", at=0.0, side="lower", restitution=1.0),))
+    rows = rows_of(ball(), BOUNCES, (EndStop(name="ground", joint="O", at=0.0, side="lower", restitution=1.0),))
     for n, k in product(steps, (1e6, 1e8)):
         stop = {"useLimitStops": True, "limitStopsLower": 0.0, "limitStopsUpper": 10.0, "limitStopsStiffness": k}
         rows.append(("exudyn", f"{n} steps, stop of {k:.0e} N/m", exudyn_end(n, BOUNCES, 1.0, FALL, (-9.81, 0.0), **stop)))

@@ -193,7 +193,7 @@ class EventIntegrator:
 
         def passed(windows: Sequence[Window]) -> bool:
             calm = not self.charted or all(w.strain is not None and w.strain <= STRAINED for w in windows)
-            if possible or told or not (len(q) and calm):
+            if possible or reported or not (len(q) and calm):
                 return False
             if several:
                 self.compiled.angles.path.leave_later(windows, between)
