@@ -117,9 +117,8 @@ def rates(block: Block, cols: Columns, drift: Sequence[Plane], constraint_rhs: S
         return [constraint_rhs[0] / cols.constraints[0][0]]
     if cols.dual is not None:
         return [(drift[0] * d).imag for d in cols.dual]
-    first = cols.table[0]
-    if len(drift) == 1 and len(first) == 1 and not constraint_rhs:
-        (c,) = first
+    if len(drift) == 1 and len(cols.table[0]) == 1 and not constraint_rhs:
+        ((c,),) = cols.table
         return [-(c.real * drift[0].real + c.imag * drift[0].imag) / (c.real**2 + c.imag**2)]
     matrix, shape = matrix_of(cols)
     shape = np.broadcast_shapes(shape, *(np.shape(r) for r in (*drift, *constraint_rhs)))  # guides on the frame: constant columns
@@ -135,9 +134,8 @@ def transposed(block: Block, cols: Columns, q: list[Values]) -> tuple[list[Plane
     if cols.direct is not None:
         (u, v), (a, b) = cols.direct, q
         return [added(0j if nothing(a) else v * (a * cols.inverse), 0j if nothing(b) else u * (b * cols.inverse), -1)], []
-    first = cols.table[0]
-    if len(cols.table) == 1 and len(first) == 1 and not cols.constraints:  # one left over: the shortest force that balances
-        (c,) = first
+    if len(cols.table) == 1 and len(cols.table[0]) == 1 and not cols.constraints:  # one left over: the shortest force that balances
+        ((c,),) = cols.table
         return [c * (q[0] / (c.real**2 + c.imag**2))], []
     matrix, shape = matrix_of(cols)
     shape = np.broadcast_shapes(shape, *(np.shape(value) for value in q))

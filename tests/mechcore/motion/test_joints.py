@@ -75,6 +75,20 @@ def test_planetary_train_by_willis():
     assert np.abs(forces.power_balance).max() < 1e-12
 
 
+def test_a_planetary_train_that_its_sun_drives():
+    """Two meshes decide arm and planet together, without a loop. It is the same motion, so the drives have the same power."""
+    arm_driven = planetary()
+    joints = tuple(_at("S", "frame", "O", "sun") if p.name == "S" else p for p in arm_driven.joints)
+    drawn = {"sun": (0.0, 0.0, 0.0), "arm": (0.0, 0.0, 0.0), "planet": (0.05, 0.0, 0.0)}
+    drives = (Drive(joint="S", law=ConstantSpeed(0.0, 15.0)),)
+    forces = load(replace(arm_driven, joints=joints, drives=drives, sketch=drawn), 5.0 * THETA, 15.0, 10.0)
+    sound(forces)
+    want = load(arm_driven, THETA, 3.0, 2.0)
+    np.testing.assert_allclose(forces.motion.pose("arm")[:, 2], THETA, rtol=1e-12)
+    np.testing.assert_allclose(forces.motion.acceleration("planet")[:, 2], 2.0 * (1 - 80 / 30), rtol=1e-12)
+    np.testing.assert_allclose(5.0 * forces.effort("S"), want.effort("O"), rtol=1e-11)
+
+
 def gear_train(internal: bool = False) -> Mechanism:
     d = 0.06 if internal else 0.12
     return Mechanism(
