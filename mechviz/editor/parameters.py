@@ -386,14 +386,15 @@ def _label(path: Place) -> str:
     if path[0] == "sketch":
         return " ".join([*parts[1:], axis[int(last)] if isinstance(last, int) else ""]).strip()
     silent = ("drive", "profile", "follower", "parameters")
-    words = [p.replace("_", " ") for k, p in enumerate(parts[1:]) if k == 0 or p not in silent] or parts
+    words = [
+        str(p + 1) if isinstance(p, int) else p.replace("_", " ")
+        for k, p in enumerate(path[1:-1] if isinstance(last, int) else path[1:])
+        if k == 0 or p not in silent
+    ] or parts
     if isinstance(last, int):
         vector = path[-2] in ("centre", "force", "gravity", "at", "pole")
         if path[-2] in ("stiffness", "linear"):
             words.append(("x", "y", "angle")[last])
         else:
             words.append(axis[last] if vector and last < 2 else str(last + 1))
-    numbers = [str(p + 1) for p in path[:-1] if isinstance(p, int)]
-    if numbers:
-        words.insert(-1, " ".join(numbers))
     return " ".join(words)
