@@ -49,7 +49,7 @@ def solver(spec: SimulationSpec, clearances: Mapping[str, Clearance]) -> Callabl
             tolerance=spec.tolerance,
             method=spec.method,
             stops=spec.stops,
-            watches=spec.watches,
+            triggers=spec.triggers,
             separable_cams=spec.separable_cams,
         )
         _refuse_landings(mechanism, run)
