@@ -59,7 +59,8 @@ class FunctionTask:
 
 @dataclass(frozen=True, eq=False)
 class FunctionGenerator:
-    """A four-bar of frame length one. ``crank`` and ``rocker`` are signed; ``branch`` is the sign of the root that gives psi."""
+    """A four-bar of frame length one. ``crank`` and ``rocker`` are signed; ``branch`` is the sign of the root that gives psi;
+    ``points`` (K,) are where it is to follow the function, ``phi`` (K,) its crank angles there [rad]."""
 
     k: Real
     input_start: float
@@ -69,6 +70,7 @@ class FunctionGenerator:
     rocker: float
     branch: int
     points: Real
+    phi: Real
     defects: Defects
 
     def rocker_angles(self, phi: Real) -> Real:
@@ -81,9 +83,10 @@ class FunctionGenerator:
 
     def four_bar(self) -> FourBar:
         """It with positive lengths. The crank stands at phi, half a turn further if ``crank`` is negative; the rocker likewise."""
-        a, c = np.array([self.input_start]), np.array([self.output_start])
-        pins = self.crank * np.exp(1j * a), 1.0 + self.rocker * np.exp(1j * self._near(a, c))
-        side = int(np.sign(np.imag(np.conj(1.0 - pins[0]) * (pins[1] - pins[0])))[0]) or 1
+        psi = self.rocker_angles(self.phi)
+        pins = self.crank * np.exp(1j * self.phi), 1.0 + self.rocker * np.exp(1j * psi)
+        sides = np.sign(np.imag(np.conj(1.0 - pins[0]) * (pins[1] - pins[0])))
+        side = int(next((s for s in sides if np.isfinite(s) and s), 1))
         return FourBar(0j, 1.0 + 0j, abs(self.crank), self.coupler, abs(self.rocker), side)
 
     def _near(self, phi: Real, wanted: Real) -> Real:
@@ -226,7 +229,7 @@ def _generator(
     pins = a * np.exp(1j * p), 1.0 + c * np.exp(1j * s)
     defects = judge(np.zeros(1, complex), np.ones(1, complex), pins[0][None], pins[1][None])
     branch = 1 if sense.sum() >= 0 else -1
-    return FunctionGenerator(k, input_start, output_start, float(a), float(np.sqrt(square)), float(c), branch, x, defects)
+    return FunctionGenerator(k, input_start, output_start, float(a), float(np.sqrt(square)), float(c), branch, x, p, defects)
 
 
 # -- four and five points ---------------------------------------------------------------------------------------------

@@ -49,6 +49,14 @@ def track(run, point):
     return x + 1j * y
 
 
+def test_a_four_bar_that_cannot_be_assembled_at_the_start_is_shown_as_such():
+    lines = given(
+        "function", "1/x", "--from", 1, "--to", 2, "--crank", 90, "--rocker", -90, "--crank-start", 30, "--rocker-start", 240
+    )
+    assert lines[1].endswith("does not run through")
+    assert [word for word in lines[1].split() if word == "-"] == ["-", "-"]  # no error over the range, no transmission angle
+
+
 def test_a_function_generator_is_a_scene_that_follows_its_function(tmp_path):
     words = ("function", "1/x", "--from", 1, "--to", 2, "--crank", 90, "--rocker", -90, "--points", 4, "--crank-start", 30)
     header, best, other = given(*words, "-o", tmp_path, "--plot", tmp_path / "error.svg")
