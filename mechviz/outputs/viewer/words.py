@@ -160,7 +160,7 @@ def contributions(items: Iterable[Contribution], effort: str) -> str:
         now = "on" if item.on else "off"
         cells = f'<td>{escape(item.name)}</td><td>{now}</td><td>{peak}</td><td style="white-space:nowrap">{cost}</td>'
         rows.append(f"<tr{style}>{cells}</tr>")
-    head = f"<tr><th>effect</th><th></th><th>peak {effort} changes by</th><th>costs</th></tr>"
+    head = f"<tr><th>effect</th><th>now</th><th>peak {effort} changes by</th><th>costs</th></tr>"
     table = f'<table style="width:100%;border-collapse:collapse;text-align:left" cellpadding="3">{head}{"".join(rows)}</table>'
     notes = [f"{item.name}: {item.why}" for item in items if item.why]
     if items and not notes and all(np.isnan(item.seconds) for item in items):

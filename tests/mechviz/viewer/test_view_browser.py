@@ -146,6 +146,8 @@ def test_the_drawer_of_a_phone_closes_at_its_head_and_the_picture_takes_its_plac
     head = page.locator(".mantine-Paper-root:has(.mechviz-heading)")
     play = page.get_by_role("button", name="Play", exact=True)
     assert play.bounding_box()["height"] >= 32.0, "for a thumb"
+    folded = page.locator('[aria-label^="Expand panel"] > p').first
+    assert folded.evaluate("e => Number(getComputedStyle(e).opacity)") >= 0.8, "read on a dark page, too"
     top = head.bounding_box()
     page.touchscreen.tap(top["x"] + 0.4 * top["width"], top["y"] + 20.0)
     page.wait_for_function(HIGHER, arg=1.5 * before)
