@@ -88,9 +88,11 @@ class Motion:
     def forget(self) -> None:
         """Give up what was worked out on the way to results and takes memory; whoever asks for it works it out again."""
         for _, part in self.parts:
-            for name in ("columns", "loop_vectors"):
+            for name in ("columns", "loop_vectors", "_turned_once", "_turned_twice"):
                 part.__dict__.pop(name, None)
             part._arms.clear()
+            part._offsets.clear()
+            part._slid.clear()
 
     @property
     def compiled(self) -> bool:

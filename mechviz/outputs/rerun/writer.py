@@ -135,13 +135,13 @@ def write_recording(
 
     with stage("error estimates"):
         _ = run.errors  # once: for the tables, the notes and the summary
+        run.motion.forget()
     check()
     if "rerun" not in sys.modules:
         with stage("loading rerun"):
             import rerun  # noqa: F401
     with stage("solid meshes"):
         solids = solids or solids_of(run)
-        run.motion.forget()
     with stage("tables, arrows and events"):
         picture = picture_of(run, solids)
         every = picture_stride(run)
@@ -185,8 +185,7 @@ def write_recording(
             send_marks(part.stream, timelines, marks, spans)
             send_lanes(part.stream, timelines, run)
             part.flush(0)  # what the frames cannot be read without comes before them
-            give_back_memory()
-            _send_streams(part, streams, timelines, progress)
+            _send_streams(part, streams, timelines, run, progress)
         describe_run(part.stream, run, solids, picture, stages, every, complete=True)
     return RecordingSummary(
         path=path,
@@ -213,10 +212,13 @@ def _send_events(stream: Any, timelines: Timelines, events: Sequence[Event]) -> 
     stream.send_columns("events", timelines.columns_at(np.array([e.time for e in events])), [*lines, *parts])
 
 
-def _send_streams(part: Part, streams: list[Stream], timelines: Timelines, progress: Callable[[int, int], None] | None) -> None:
+def _send_streams(
+    part: Part, streams: list[Stream], timelines: Timelines, run: Run, progress: Callable[[int, int], None] | None
+) -> None:
     """All entities block by block, so that what an interrupted recording has ends at the same frame everywhere."""
     total = len(timelines.time)
     waiting = 0
+    _make_room(run)
     for start, stop in pairwise([0, *range(BLOCK, total - BLOCK // 2, BLOCK), total]):  # the last one is not much shorter
         times: dict[int, Any] = {}
         for stream in streams:
@@ -231,8 +233,15 @@ def _send_streams(part: Part, streams: list[Stream], timelines: Timelines, progr
                 part.stream.flush()
                 waiting = 0
         part.flush(stop)
+        _make_room(run)
         if progress is not None:
             progress(part.frames, total)
+
+
+def _make_room(run: Run) -> None:
+    """Memory for the SDK, also at the end of the file: what is easily worked out again goes back to the system."""
+    run.motion.forget()
+    give_back_memory()
 
 
 # -- live -------------------------------------------------------------------------------------------------------------
