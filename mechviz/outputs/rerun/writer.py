@@ -63,6 +63,7 @@ BLOCK = 5000
 """Frames per block: large enough to be quick and small (rerun keeps some 6 kB of each entity and block until the end), small enough
 that an interrupted run keeps most of what it had."""
 ROWS = 50_000  # that wait in memory, some 2 MB
+MANY_ROWS = 4_000_000  # of a recording, beyond which memory counts for more than the time to ask for it again
 
 
 MOST_WARNINGS = 6  # in the summary
@@ -233,7 +234,8 @@ def _send_streams(
                 part.stream.flush()
                 waiting = 0
         part.flush(stop)
-        _make_room(run)
+        if total * len(streams) > MANY_ROWS:
+            _make_room(run)
         if progress is not None:
             progress(part.frames, total)
 
