@@ -26,6 +26,7 @@ _SECTIONS = {"dynamics": "run", "drives": "joints"}
 
 _WIDTH = 118
 MOST_REPORTED = 50  # faults of a scene that are listed; the others are counted
+MOST_SOUGHT = 200  # of a sort; what follows from so many is not looked for
 _MANY = 500  # names, beyond which a close look at each of them takes too long
 
 
@@ -106,6 +107,15 @@ def did_you_mean(word: str, known: Iterable[str], *, what: str = "Known") -> str
     if near:
         return f"Did you mean '{near}'?"
     return f"{what}: {listing(names)}." if names else ""
+
+
+def first_ones(faults: Iterable[Fault]) -> Iterator[Fault]:
+    """The first faults of a sort. Of very many the others are not looked for, as each takes as long as the scene is large."""
+    for k, fault in enumerate(faults):
+        if k == MOST_SOUGHT:
+            yield Fault("scene", f"there are more than {MOST_SOUGHT} faults of one sort.", "Put the others right first.")
+            return
+        yield fault
 
 
 def in_file_order(faults: Iterable[Fault], document: Mapping[str, Any]) -> list[Fault]:

@@ -94,10 +94,9 @@ def _known(reading: Reading, path: str, name: str, reference: Reference) -> Iter
     return known_joint(reading, path, name, reference.kinds, reference.what, reference.fits)
 
 
-def link_names(reading: Reading) -> list[str]:
+def link_names(reading: Reading) -> Collection[str]:
     """Names of all links, also of those that are faulty."""
-    raw = reading.raw.get("links")
-    return [str(name) for name in raw] if isinstance(raw, dict) else []
+    return reading.link_names
 
 
 def point_names(reading: Reading, link: str) -> list[str] | None:
@@ -132,11 +131,7 @@ def known_point(reading: Reading, path: str, link: str, point: str, remedy: str 
 
 def split_point(reading: Reading, text: str) -> tuple[str, str] | None:
     """``"link.point"`` -> link and point, None where the scene has none such."""
-    for link in link_names(reading):
-        for point in point_names(reading, link) or ():
-            if text == f"{link}.{point}":
-                return link, point
-    return None
+    return reading.places.get(text)
 
 
 def known_place(reading: Reading, path: str, text: str, *, links: bool = False) -> Iterator[Fault]:
@@ -150,7 +145,7 @@ def known_place(reading: Reading, path: str, text: str, *, links: bool = False) 
         return
     if any(point_names(reading, k) is None for k in names):
         return
-    known = [f"{k}.{p}" for k in names for p in point_names(reading, k) or ()] + (names if links else [])
+    known = [f"{k}.{p}" for k in names for p in point_names(reading, k) or ()] + (list(names) if links else [])
     if text in names:
         points = [f"'{text}.{p}'" for p in point_names(reading, text) or ()]
         yield Fault(path, f"'{text}' is a link; a point of it is wanted.", f"Write {' or '.join(points[:6])}.")

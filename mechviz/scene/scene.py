@@ -265,15 +265,10 @@ def _assembled(
         assembly, faults = assemble(reading, name, folder)
     if assembly is None:
         ordered = in_file_order([*reading.faults, *faults], reading.raw)
-        ordered = [_with_formula(fault, reading.document) for fault in ordered]
+        formulas = {path_text(place): text for place, text in reading.document.formulas.items()}
+        ordered = [replace(f, message=f"'{formulas[f.path]}': {f.message}") if f.path in formulas else f for f in ordered]
         raise SceneError(file or name, [replace(fault, path=path_as_written(former, fault.path)) for fault in ordered])
     return Scene(name, reading.document, assembly.mechanism, folder, assembly.simulation, source, former, assembly.kinds)
-
-
-def _with_formula(fault: Fault, document: SceneDocument) -> Fault:
-    """A fault of a value, with the expression that it follows from."""
-    text = next((f"'{text}': " for place, text in document.formulas.items() if path_text(place) == fault.path), "")
-    return replace(fault, message=f"{text}{fault.message}")
 
 
 def _plain(value: Any) -> Any:

@@ -35,7 +35,7 @@ from mechviz.scene.assembly.simulation import (
 )
 from mechviz.scene.convert import Converter, probable_sort
 from mechviz.scene.document import SceneDocument
-from mechviz.scene.faults import document_path
+from mechviz.scene.faults import MOST_SOUGHT, document_path, first_ones
 from mechviz.scene.folder import SceneFolder
 from mechviz.scene.kinds.drive_laws import jumping_speeds, law_of
 from mechviz.scene.kinds.friction import clearances_of, idle_effect
@@ -77,10 +77,14 @@ def assemble(
     Files are read from the scene's ``folder``. ``outlines`` are those of links whose mass follows from them; they are drawn here
     when all else is known.
     """
-    faults = [*check_link_names(reading), *check_names(reading)]
+    faults = [*first_ones(check_link_names(reading)), *first_ones(check_names(reading))]
+    if len(faults) + len(reading.faults) > MOST_SOUGHT:
+        return None, faults
     if faults or reading.faults:
         reading = links_repaired(reading)
-    faults += [*check_loads(reading), *check_references(reading)]
+    faults += [*first_ones(check_loads(reading)), *first_ones(check_references(reading))]
+    if len(faults) > MOST_SOUGHT:
+        return None, faults
     if faults:
         reading = sketch_repaired(reading)
     faults += check_joints(reading)
@@ -89,7 +93,7 @@ def assemble(
     joined = {
         key: links for key, (links, _) in touched.items() if key in reading.shapeless or reading.document.joints[key].traits.places
     }
-    faults += [*check_joining(reading, joined), *check_trace(reading, certain=certain)]
+    faults += [*check_joining(reading, joined), *first_ones(check_trace(reading, certain=certain))]
     document = reading.document
     convert = Converter.of(document.units, folder)
     placement = place_links(document, convert)

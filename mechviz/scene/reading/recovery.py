@@ -23,6 +23,7 @@ from mechviz.scene.faults import closest, listing, nearest, path_text
 from mechviz.scene.fields import Quantity, Table, UnitName, Unknown, describe
 from mechviz.scene.kinds.joints.document import KINDS, JointDocument
 from mechviz.scene.kinds.loads.document import KINDS as LOADS
+from mechviz.scene.names import points_of_joint
 from mechviz.scene.reading.formulas import resolve
 
 Loc = tuple[int | str, ...]
@@ -233,6 +234,21 @@ class Reading:
     shapeless: dict[str, JointDocument] = field(default_factory=dict)
 
     @cached_property
+    def link_names(self) -> dict[str, None]:
+        """Names of all links, also of those that are faulty."""
+        links = self.raw.get("links")
+        return {str(name): None for name in links} if isinstance(links, dict) else {}
+
+    @cached_property
+    def places(self) -> dict[str, tuple[str, str]]:
+        """``"link.point"`` -> link and point."""
+        places: dict[str, tuple[str, str]] = {}
+        for name, link in self.document.links.items():
+            for point in link.points if link.sound("points") else ():
+                places.setdefault(f"{name}.{point}", (name, point))
+        return places
+
+    @cached_property
     def owners(self) -> dict[str, list[str]]:
         """Name of a point -> the links that have it."""
         owners: dict[str, list[str]] = {}
@@ -240,6 +256,15 @@ class Reading:
             for point in link.points if link.has_valid("points") else ():
                 owners.setdefault(point, []).append(name)
         return owners
+
+    @cached_property
+    def pinned(self) -> dict[str, list[list[str]]]:
+        """Name of a point -> the pairs of links whose points of this name are joined."""
+        pinned: dict[str, list[list[str]]] = {}
+        for name, joint in self.document.joints.items():
+            if joint.traits.coincide and len(set(points := points_of_joint(name, joint))) == 1:
+                pinned.setdefault(points[0], []).append(joint.links)
+        return pinned
 
     @cached_property
     def pointless(self) -> list[str]:

@@ -25,6 +25,7 @@ from mechviz.scene.names import (
     point_names,
     points_of_joint,
     references,
+    split_point,
 )
 from mechviz.scene.reading.recovery import Reading, SpellingRepairs
 
@@ -137,10 +138,11 @@ def check_trace(reading: Reading, *, certain: bool) -> Iterator[Fault]:
     """Points that are traced; ``certain`` says whether it is known which points the joints join."""
     trace = reading.document.trace
     whole = "*" not in reading.broken["links"] and all(point_names(reading, link) is not None for link in link_names(reading))
+    first = {text: k for k, text in reversed(list(enumerate(trace)))}
     for k, text in enumerate(trace):
         if isinstance(text, Unknown):
             continue
-        if text in trace[:k]:
+        if first[text] != k:
             yield Fault(f"trace[{k}]", f"'{text}' is traced twice.", "Leave it out once.")
             continue
         traced = resolve_trace(reading, text)
@@ -152,15 +154,9 @@ def check_trace(reading: Reading, *, certain: bool) -> Iterator[Fault]:
 
 def resolve_trace(reading: Reading, text: str) -> tuple[str, str] | Fault:
     """``"E"`` or ``"coupler.E"`` -> link and point. A bare name on several links must be one place, a common pin."""
-    owners: list[str] = []
-    points: list[str] = []
-    for link in link_names(reading):
-        for point in point_names(reading, link) or ():
-            if text == f"{link}.{point}":
-                return link, point
-            points.append(point)
-            if point == text:
-                owners.append(link)
+    if (place := split_point(reading, text)) is not None:
+        return place
+    owners = reading.owners.get(text, [])
     if not owners:
         link = text.partition(".")[0]
         own = point_names(reading, link)
@@ -170,16 +166,14 @@ def resolve_trace(reading: Reading, text: str) -> tuple[str, str] | Fault:
                 f"link '{link}' has no point '{text[len(link) + 1 :]}'.",
                 did_you_mean(text[len(link) + 1 :], own, what=f"Points of '{link}'"),
             )
-        return Fault("", f"no link has a point '{text}'.", did_you_mean(text, dict.fromkeys(points), what="Points"))
+        return Fault("", f"no link has a point '{text}'.", did_you_mean(text, reading.owners, what="Points"))
     together, grew = {owners[0]}, True
     while grew:
         grew = False
-        for name, joint in reading.document.joints.items():
-            if joint.traits.coincide and points_of_joint(name, joint) == (text, text):
-                a, b = joint.links
-                if (a in together) != (b in together):
-                    together |= {a, b}
-                    grew = True
+        for a, b in reading.pinned.get(text, ()):
+            if (a in together) != (b in together):
+                together |= {a, b}
+                grew = True
     if len(owners) > 1 and not together.issuperset(owners):
         choices = [f"{link}.{text}" for link in owners]
         return Fault("", f"'{text}' is on several links that no pin joins there.", f"Say which: {listing(choices)}.")
@@ -189,12 +183,12 @@ def resolve_trace(reading: Reading, text: str) -> tuple[str, str] | Fault:
 def _sketch(reading: Reading) -> Iterator[Fault]:
     document = reading.document
     links = link_names(reading)
-    points = list(dict.fromkeys(point for link in links for point in point_names(reading, link) or ()))
+    points, whole = reading.owners, all(point_names(reading, link) is not None for link in links)
     for name, entry in document.sketch.items():
         if isinstance(entry, Pose):
             if name == document.frame:
                 yield Fault(f"sketch.{name}", "the fixed link has its place already: its frame is the world's.", "Leave it out.")
-        elif name not in points and not any(point_names(reading, link) is None for link in links):
+        elif name not in points and whole:
             hint = (
                 "To place a link, write { at = [x, y], angle = ... }."
                 if name in links

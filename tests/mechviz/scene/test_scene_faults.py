@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import contextlib
+import itertools
 import re
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -563,3 +566,48 @@ def test_all_branches_of_the_document_are_left_out_of_places():
     """Tags of unions are no part of a place, names that look like them are."""
     text = "".join(path.read_text(encoding="utf-8") for path in Path(lenient.__file__).parents[1].rglob("*.py"))
     assert set(re.findall(r'Tag\("([^"]*)"\)', text)) == lenient._BRANCHES
+
+
+def chain(links: int, kind: str) -> str:
+    """A chain of driven links of which all names of a kind are wrong, or right where there are many."""
+    wrong = "x" if kind == "links" else ""
+    names = [f"l{k}" for k in range(links)]
+    lines = ["[links]", "frame = { points = { j0 = [0, 0] } }"]
+    lines += [f"{name} = {{ points = {{ j{k} = [0, 0], j{k + 1} = [0.1, 0] }} }}" for k, name in enumerate(names)]
+    lines += ["[joints]"]
+    for k, (first, second) in enumerate(itertools.pairwise(("frame", *names))):
+        lines += [f'j{k} = {{ revolute = ["{first}{wrong}", "{second}{wrong}"], drive = {{ speed = 1.0 }} }}']
+    more = {
+        "loads": [
+            "[loads]",
+            *(f's{k} = {{ spring = ["frame.q{k}", "l{k}.q"], stiffness = 1, free_length = 1 }}' for k in range(links)),
+        ],
+        "sketch": ["[sketch]", *(f"X{k} = [0, 0]" for k in range(links))],
+        "traces": [],
+    }
+    traces = [f"trace = {[f'j{k}' for k in range(links)]}"] if kind == "traces" else []
+    return "\n".join([*traces, *lines, *more.get(kind, ()), "[run]", "frames = 8"])
+
+
+@pytest.mark.parametrize("kind", ["links", "loads", "sketch", "traces"])
+def test_the_work_of_checking_names_grows_with_the_scene_not_with_its_square(kind):
+    """Counted in calls of functions: twice the links may take 2.5 times as many."""
+
+    def work(links: int) -> int:
+        calls = 0
+
+        def count(_frame: object, event: str, _argument: object) -> None:
+            nonlocal calls
+            calls += event in ("call", "c_call")
+
+        text, before = chain(links, kind), sys.getprofile()
+        sys.setprofile(count)
+        try:
+            with contextlib.nullcontext() if kind == "traces" else pytest.raises(SceneError, match="more: put these right first"):
+                loads(text)
+        finally:
+            sys.setprofile(before)
+        return calls
+
+    loads(chain(2, "traces"))  # what is read and compiled once only
+    assert work(440) < 2.5 * work(220)
