@@ -58,7 +58,7 @@ def works(folder: str) -> dict[str, Callable[[], object]]:
     def errors() -> list[object]:
         from mechviz.accuracy import estimate
 
-        estimate._companion.cache_clear()
+        estimate._companions.clear()
         return [integration_error(r.simulation, r.motion.time, r.again) for r in free if r.simulation and r.again]
 
     return {

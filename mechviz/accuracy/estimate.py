@@ -23,8 +23,8 @@ whether the results can be trusted.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from functools import lru_cache
 from typing import TYPE_CHECKING, Any
+from weakref import WeakKeyDictionary
 
 import numpy as np
 from numpy.typing import NDArray
@@ -277,9 +277,19 @@ def _left_out(q: Quantity, time: Real, order: int, step: int) -> Real:
     return np.asarray(np.max(error, axis=1) / q.scale)
 
 
-@lru_cache(maxsize=4)
+_companions: WeakKeyDictionary[Callable[..., Simulation], WeakKeyDictionary[Simulation, Simulation | None]] = WeakKeyDictionary()
+"""What motions were compared with, as long as they live themselves: long ones take hundreds of megabytes."""
+
+
 def _companion(simulation: Simulation, simulate: Callable[..., Simulation]) -> Simulation | None:
-    """The same motion with a hundredth of the tolerance; None where it does not come through."""
+    """The same motion with a hundredth of the tolerance, made once; None where it does not come through."""
+    known = _companions.setdefault(simulate, WeakKeyDictionary())
+    if simulation not in known:
+        known[simulation] = _tighter(simulation, simulate)
+    return known[simulation]
+
+
+def _tighter(simulation: Simulation, simulate: Callable[..., Simulation]) -> Simulation | None:
     try:
         if simulation.method == "energy":
             return simulate(TIGHTEST, "gauss", simulation)

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import dataclasses
+import gc
 import sys
 import types
+import weakref
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +15,7 @@ from true_errors import between_error, position_errors, reaction_error
 
 from mechcore.accuracy import DEFAULT, SETTINGS, Accuracy, accuracy_for
 from mechcore.dynamics.simulate import simulate
+from mechcore.dynamics.simulation import Simulation
 from mechcore.errors import MechanismError
 from mechcore.forces.kinetostatics import solve_forces
 from mechcore.motion.solve import compile_mechanism, default_times, solve_motion
@@ -306,6 +309,24 @@ def test_a_motion_whose_rounding_grows_beyond_the_wanted_error_says_so(monkeypat
     monkeypatch.setattr(fit_module, "integration_error", lambda *_: np.array([3e-5]))
     assert target_words(run)[1].startswith("warning: motion under forces: about 3.0e-05 is left")
     assert target_words(dataclasses.replace(run, again=None))[1].startswith("warning: motion under forces: no second run")
+
+
+def test_what_a_motion_is_compared_with_is_made_once_and_goes_with_its_run():
+    """Both were kept for four runs more, which were hundreds of megabytes of long motions."""
+    run, made = run_scene(load("swinging-double-pendulum"), frames=8), []
+    simulate, judged = run.again, weakref.ref(run.simulation)
+
+    def again(*args: object) -> Simulation:
+        made.append(weakref.ref(companion := simulate(*args)))
+        return companion
+
+    for _ in range(2):
+        integration_error(run.simulation, run.motion.time, again)
+    (companion,) = made
+    assert companion() is not None
+    del run, again
+    gc.collect()
+    assert companion() is None and judged() is None
 
 
 @pytest.mark.parametrize("target", [1e-3, 1e-5, 1e-8])
