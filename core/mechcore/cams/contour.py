@@ -294,6 +294,10 @@ def polar_contour(radius: MotionCurve) -> Contour:
     if abs(radius.length - 2.0 * np.pi) > 1e-9:
         raise MechanismError(Fault("contour", f"a polar curve over {as_angle(radius.length)}.", "Give it over one turn."))
     knots = radius.knots
+    values = radius(np.append(np.linspace(0.0, radius.length, SEGMENTS), knots), 0)[0]
+    if not values.min() > SHORTEST * values.max():  # it would have no tangent there, or go on opposite of its angle
+        what = f"its radius falls to {as_length(float(values.min()))}: the cam's axis is not inside of the profile."
+        raise MechanismError(Fault("contour", what, "Keep it above zero."))
     return _checked([PolarPiece(radius, float(a), float(b - a)) for a, b in pairwise(knots)])
 
 
@@ -337,6 +341,7 @@ def cam_contour(cam: Cam) -> Contour:
     return Contour(tuple(joined(cam, pieces)), not cam.wedge)
 
 
+SHORTEST = 1e-6  # radius of a polar curve, relative to its longest
 SEGMENTS = 720  # chords round the profile, at least
 _NEAR = 1e-9  # parts of a chord by which it may miss the other, and of the profile below which points are one
 

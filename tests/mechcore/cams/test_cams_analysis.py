@@ -244,6 +244,9 @@ def test_polynomial_and_measured_profiles():
     assert end != pytest.approx(0.04)
     with pytest.raises(MechanismError, match="gap"):
         polar_contour(law)
+    for least in (0.0, 1e-9, -0.01):  # a point that has no tangent, or a radius on the other side of the axis
+        with pytest.raises(MechanismError, match="axis is not inside of the profile"):
+            polar_contour(program([Segment(PI / 2, least, "3-4-5"), Segment(PI / 2, least), Segment(PI, 0.04, "3-4-5")], 0.04))
     contour = polar_contour(closed)
     theta = np.linspace(0.1, 6.0, 21)
     c = analyse(contour, Follower(Translating(), Knife()), theta)
