@@ -47,6 +47,7 @@ KNOCK = 1e-6  # of a cam law's largest velocity: what may jump by the rounding o
 LOOKED_AT = 100  # windows, after which it is foreseen how many a motion takes
 PATIENCE = 5.0  # [s] of processor time that pass without a word
 MANY = 2_000  # windows that take so long that a warning precedes them
+MOST_WINDOWS = 1_000_000  # of a motion: each takes about a kilobyte
 
 
 def simulate(
@@ -71,7 +72,7 @@ def simulate(
     mechanism's `Accuracy`. ``progress`` gets the time reached, ``observe`` every segment of the motion as soon as it is known, in
     order, with what happened at its beginning: `Simulation.followed_by` puts them together. ``like``: the same motion to another
     tolerance or by its energy, from which collocation then starts (see `refine`). ``warn`` gets a message about long computations,
-    as soon as that is foreseen. Raises `MechanismError`.
+    as soon as that is foreseen; with it, a motion of more windows than memory holds is refused. Raises `MechanismError`.
     """
     original = compiled = mechanism if isinstance(mechanism, Compiled) else compile_mechanism(mechanism)
     stops = with_slot_ends(compiled.mechanism, stops)
@@ -184,12 +185,15 @@ def _tables(_: Compiled) -> dict[float, tuple[Curve, tuple[float, float] | None]
 
 def _counted(duration: float, warn: Callable[[str], None], reported: Callable[[float], None] | None) -> Callable[[float], None]:
     """A progress that warns once, where the windows of `LOOKED_AT` calls lead so little on that very many will be needed, or where
-    work has been going on and will."""
+    work has been going on and will; it ends a motion of more windows than there is memory for."""
     counts, warned, begun, marked = 0, False, time.process_time(), (0.0, 0.0)
 
     def progress(until: float) -> None:
         nonlocal counts, warned, marked
         counts += 1
+        if counts > MOST_WINDOWS:
+            why = f"{MOST_WINDOWS:,} windows of the integration led to {until:.6g} s of {duration:.6g} s; no more are kept."
+            raise MechanismError(Fault("run.duration", why, f"Give at most {until:.3g} s, or a larger tolerance."))
         share, spent = until / duration, time.process_time() - begun
         worked, gained = spent - marked[0], share - marked[1]
         if not warned and counts == LOOKED_AT and share * MANY < LOOKED_AT:

@@ -174,6 +174,14 @@ def test_a_motion_of_very_many_windows_is_told_once_while_it_begins(monkeypatch)
     assert "it goes on for about" in words
 
 
+def test_a_motion_of_more_windows_than_memory_holds_is_refused(monkeypatch):
+    """Carts that swing for 1e29 s took 5 GB within half a minute, by a compiled program."""
+    monkeypatch.setattr(sys.modules["mechcore.dynamics.simulate"], "MOST_WINDOWS", 200)
+    with pytest.raises(MechanismError, match=r"200 windows of the integration led to .* s of 1e\+29 s") as error:
+        run_scene(changed("coupled-carts", (("run", "duration"), 1e29)), warn=lambda _: None)
+    assert error.value.faults[0].path == "run.duration" and "Give at most" in error.value.faults[0].remedy
+
+
 SPUN_UP = """
 effects = ["inertia"]
 run = { duration = "1e6 s", frames = 24 }
