@@ -244,7 +244,7 @@ class Reading:
         """``"link.point"`` -> link and point."""
         places: dict[str, tuple[str, str]] = {}
         for name, link in self.document.links.items():
-            for point in link.points if link.sound("points") else ():
+            for point in link.points if link.has_valid("points") else ():
                 places.setdefault(f"{name}.{point}", (name, point))
         return places
 
