@@ -28,7 +28,7 @@ TABLE = "loads/M/table"
 CASES = [
     # where, value, path of the fault, what it says, how to mend it
     ("links/rocker/mas", 1, "links.rocker", "unknown key 'mas'.", "Did you mean 'mass'?"),
-    ("links/rocker/color", "red", "links.rocker", "unknown key 'color'.", "'points', 'mass', 'centre'"),
+    ("links/rocker/hue", "red", "links.rocker", "unknown key 'hue'.", "'points', 'mass', 'centre'"),
     ("links/crank/mass", -0.4, "links.crank.mass", "-0.4 is negative.", "positive"),
     ("links/crank/inertia", "-1 kg m^2", "links.crank.inertia", "'-1 kg m^2' is negative.", "positive"),
     ("links/crank/mass", "60 mm", "links.crank.mass", "'60 mm' is a length, a mass is wanted.", "'0.4 kg'"),
