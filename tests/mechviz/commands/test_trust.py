@@ -174,6 +174,12 @@ def test_a_motion_of_very_many_windows_is_told_once_while_it_begins(monkeypatch)
     assert "it goes on for about" in words
 
 
+def test_an_exponent_that_no_gas_has_is_refused():
+    """Its powers overflow: energies were infinite, with a warning of numpy's."""
+    with pytest.raises(MechanismError, match=r"loads\.strut\.exponent *1e\+29 is no polytropic exponent"):
+        changed("tailgate", (("loads", "strut", "exponent"), 1e29))
+
+
 def test_a_motion_of_more_windows_than_memory_holds_is_refused(monkeypatch):
     """Carts that swing for 1e29 s took 5 GB within half a minute, by a compiled program."""
     monkeypatch.setattr(sys.modules["mechcore.dynamics.simulate"], "MOST_WINDOWS", 200)

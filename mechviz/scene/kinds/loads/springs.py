@@ -107,7 +107,14 @@ def _damper(m: LoadMaker) -> Load | None:
     return _between(m, Damper, m.load.damper, values)
 
 
+MOST_EXPONENT = 10.0  # of a gas spring: powers of what is far beyond overflow
+
+
 def _gas_spring(m: LoadMaker) -> Load | None:
+    if m.load.exponent is not None and m.load.exponent > MOST_EXPONENT:
+        why = f"{m.load.exponent:g} is no polytropic exponent of a gas."
+        m.convert.note(f"{m.path}.exponent", why, "They lie between 1 and 2.")
+        return None
     values = {
         "force": m.si("thrust", "force"),
         "extended": m.si("extended", "length"),
