@@ -248,6 +248,7 @@ def _same_poses(motion: Motion, other: Motion) -> bool:
 
 
 POOR = 0.05  # share of the motion that a chart's own coordinate must do, at least
+DEAD = 1e-4  # share of the motion below which a joint's start says nothing of it: four digits of its speed would be lost
 FAIR = 0.2  # below this another joint takes over, well before it gets poor
 SAMPLES = 721  # of the curve on either side of where a chart begins
 ROOM = 1e-6  # of the range of a chart: one that ends sooner does not take over
@@ -279,6 +280,8 @@ def curve_around(compiled: Compiled, q: float, tolerance: float) -> tuple[Curve 
     x = beside_singular(compiled, q + reach * np.linspace(-1.0, 1.0, 2 * SAMPLES - 1))
     share = _share(compiled, x)
     here = int(np.searchsorted(x, q))
+    if DEAD < share[here] <= POOR:
+        return Chart(compiled), (q, q)
     if not share[here] > POOR:
         raise MechanismError(
             Fault(
