@@ -247,6 +247,8 @@ class GoalDocument(Table):
     """Limits of quantities, by their names with reducers such as "joint.B.reaction:peak"."""
     grashof: Literal["any", "crank-rocker", "double-crank", "double-rocker"] | None = None
     """Grashof's rule for the four-bar loops: of any type, or with crank, frame or coupler as the shortest link."""
+    box: tuple[Coordinates, Coordinates] | None = None
+    """Two opposite corners, in the scene's unit of length: all points of moving links stay within."""
 
     @model_validator(mode="after")
     def _some(self) -> GoalDocument:

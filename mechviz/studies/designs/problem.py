@@ -17,7 +17,7 @@ from mechcore.spec.mechanism import Mechanism, Revolute
 from mechviz.quantities.catalogue import Quantity
 from mechviz.runs import Run, run_scene
 from mechviz.scene.annotations import Place
-from mechviz.scene.kinds.settings import GoalDocument
+from mechviz.scene.kinds.settings import GoalDocument, LimitDocument
 from mechviz.scene.reading.formulas import formula_values, parameter_arrays
 from mechviz.scene.scene import Scene
 from mechviz.scene.units import QuantityError, split, unit_of
@@ -171,8 +171,9 @@ class Judged:
 
 @dataclass(frozen=True, eq=False)
 class Problem:
-    """A goal with everything that it names."""
+    """A goal with everything that it names; ``stated`` is the scene that states it, of which `scene` makes designs."""
 
+    stated: Scene
     study: Study
     variables: tuple[Variable, ...]
     terms: tuple[Term, ...]
@@ -215,12 +216,14 @@ class Problem:
 
     def scene(self, design: Real) -> Scene:
         """The scene of a design (n,)."""
-        values = {v.name: v.stated(float(x)) for v, x in zip(self.variables, design, strict=True)}
-        return self.study.scene.with_parameters(values)
+        return self._of(self.stated, design)
+
+    def _of(self, scene: Scene, design: Real) -> Scene:
+        return scene.with_parameters({v.name: v.stated(float(x)) for v, x in zip(self.variables, design, strict=True)})
 
     def run(self, design: Real) -> Run:
         """The run of a design. Raises `MechanismError`."""
-        return run_scene(self.scene(design), frames=self.study.frames, cycles=self.study.cycles)
+        return run_scene(self._of(self.study.scene, design), frames=self.study.frames, cycles=self.study.cycles)
 
     def differentiated(self, design: Real) -> tuple[Real, Real, Real, Real]:
         """Objectives (m,) and limited values (L,) of a design, and their derivatives (m, n) and (L, n) by the variables. Raises
@@ -266,6 +269,10 @@ def problem_of(
         remedy = 'Say what to look for: [goal] minimise = "drive.A.torque:peak".'
         raise MechanismError(Fault("goal", "the scene has no goal.", remedy))
     variables = _variables(scene, goal)
+    stated, limits_stated = scene, dict(goal.limits)
+    if goal.box is not None:
+        scene, within = _boxed(scene, goal.box)
+        limits_stated |= within
     measures: list[Measure] = []
 
     def measure(text: str, path: str) -> int:
@@ -279,7 +286,7 @@ def problem_of(
 
     numbers = [(k, "minimise", 1.0) for k in goal.minimise] + [(k, "maximise", -1.0) for k in goal.maximise]
     simple = [(text, measure(text, f"goal.{key}"), sign) for text, key, sign in numbers]
-    limited = [(text, measure(text, f"goal.limits.{text}"), entry) for text, entry in goal.limits.items()]
+    limited = [(text, measure(text, f"goal.limits.{text}"), entry) for text, entry in limits_stated.items()]
     for text, k, *_ in (*simple, *limited):
         if not measures[k].reducer:
             raise MechanismError(Fault("goal", f"'{text}' is a curve.", f"Say what of it counts: {text}:peak, :max, :min or :rms."))
@@ -321,7 +328,23 @@ def problem_of(
         text = f"Grashof {loop.name}" + (f", {loop.type}" if loop.type != "any" else "")
         size = float(np.mean(loop.lengths(scene.mechanism))) * MM
         limits.append(Limit(text, "mm", -1, 0.0, np.inf, size, loop))
-    return Problem(study, variables, tuple(terms), tuple(limits))
+    return Problem(stated, study, variables, tuple(terms), tuple(limits))
+
+
+def _boxed(scene: Scene, corners: tuple[Sequence[float], Sequence[float]]) -> tuple[Scene, dict[str, LimitDocument]]:
+    """A scene in which all points of moving links are traced, of those in one revolute joint one, and limits that keep them between
+    two opposite corners."""
+    mechanism = scene.mechanism
+    pins = [list(zip(j.links, j.points, strict=True)) for j in mechanism.joints if isinstance(j, Revolute)]
+    left_out = {end for ends in pins for end in ends[mechanism.frame not in (link for link, _ in ends) :]}
+    ends = [(link.name, point) for link in mechanism.links if link.name != mechanism.frame for point in link.points]
+    points = [f"{link}.{point}" for link, point in ends if (link, point) not in left_out]
+    limits = {}
+    for point in points:
+        for axis, *sides in zip("xy", *corners, strict=True):
+            limits[f"point.{point}.position[{axis}]:min"] = LimitDocument(least=f"{min(sides)!r} {scene.units.length}")
+            limits[f"point.{point}.position[{axis}]:max"] = LimitDocument(most=f"{max(sides)!r} {scene.units.length}")
+    return scene.changed({("trace",): points}), limits
 
 
 def _variables(scene: Scene, goal: GoalDocument) -> tuple[Variable, ...]:

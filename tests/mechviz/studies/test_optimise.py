@@ -100,6 +100,17 @@ def test_grashofs_rule_is_a_limit():
         problem_of(press({"minimise": "drive.A.torque:peak", "grashof": "any"}), frames=12)
 
 
+def test_a_box_keeps_all_points_of_moving_links_within_it():
+    """The longer the rocker, the less it swings, and the higher its end reaches."""
+    goal = {"vary": ["c"], "minimise": "link.rocker.angle:range", "box": [[360, -100], [-70, 150]]}
+    scene = four_bar(HIDDEN, goal)
+    problem = problem_of(scene, frames=FRAMES)
+    assert {limit.text.split(".position")[0] for limit in problem.limits} == {"point.crank.B", "point.coupler.C", "point.coupler.E"}
+    best = optimise(Search(problem, generations=1))
+    assert best.scene.document.trace == scene.document.trace
+    assert (run_scene(best.scene, frames=FRAMES).motion.point("rocker", "C")[:, 1] * 1e3).max() == pytest.approx(150.0, abs=1e-5)
+
+
 def press(goal):
     return load("parametric-press").changed({("goal",): {"vary": ["stroke", "ratio"], **goal}})
 
