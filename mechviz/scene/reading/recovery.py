@@ -258,9 +258,9 @@ class Reading:
         return owners
 
     @cached_property
-    def pinned(self) -> dict[str, list[list[str]]]:
+    def pinned(self) -> dict[str, list[Sequence[str]]]:
         """Name of a point -> the pairs of links whose points of this name are joined."""
-        pinned: dict[str, list[list[str]]] = {}
+        pinned: dict[str, list[Sequence[str]]] = {}
         for name, joint in self.document.joints.items():
             if joint.traits.coincide and len(set(points := points_of_joint(name, joint))) == 1:
                 pinned.setdefault(points[0], []).append(joint.links)
