@@ -306,7 +306,7 @@ def test_scenes_say_it():
         ('"3 N s/m"', '"3 N m s/rad"', "torsional damping"),
         ('brake = "80 N"', 'radius = "8 mm"', "radius does not go with the friction of a cylinder."),
         ('{ coefficient = 0.05, brake = "80 N" }', "{}", "neither 'coefficient' nor 'brake'"),
-        ("radii = [50, 150] }", "radii = [50, 150], friction = { coefficient = 0.1 } }", "belt_tension tells where it slips"),
+        ("radii = [50, 150] }", "radii = [50, 150], friction = { coefficient = 0.1 } }", "belt_tension shows where it slips"),
     ],
 )
 def test_faults(old, new, words):

@@ -224,7 +224,7 @@ def test_the_crank_of_an_inverse_cam_may_swing_about_any_angle(turned):
         motion = solve_motion(compile_mechanism(mechanism), default_times(mechanism, 90, 1))
         forces, (cam,) = solve_forces(motion), placed_cams(motion)
         rows = cam.rows(motion, contact_force(forces, cam))
-        np.testing.assert_allclose(rows.lift, motion.coordinate("P")[:, 0] - cam.law(cam.way[0])[0], atol=1e-12)
+        np.testing.assert_allclose(rows.lift, motion.coordinate("P")[:, 0] - cam.law(cam.travel[0])[0], atol=1e-12)
         assert not cam_events(motion, forces)
         computed.append((rows.lift, contact_force(forces, cam), rows.pressure_angle, cam.segment(motion)))
     for before, after in zip(*computed, strict=True):

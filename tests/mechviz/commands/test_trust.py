@@ -126,9 +126,9 @@ def test_a_link_beside_which_the_others_vanish_is_refused_by_name():
 def test_zone_boundaries_of_a_drive_are_counted_where_they_are_too_many(monkeypatch):
     """A drive whose law repeats once in a run has no more boundaries than one."""
     motion = run_scene(changed("crank-rocker")).motion
-    assert not [e for e in find_events(motion) if "too many to be told" in e.text]
+    assert not [e for e in find_events(motion) if "too many to list" in e.text]
     monkeypatch.setattr(events, "MOST_BOUNDARIES", 1)
-    (told,) = [e for e in find_events(motion) if "too many to be told" in e.text]
+    (told,) = [e for e in find_events(motion) if "too many to list" in e.text]
     assert told.item == motion.mechanism.drives[0].joint
 
 
