@@ -8,6 +8,7 @@ from numpy.typing import ArrayLike
 from mechcore.arrays import Real
 from mechcore.cams.followers import Flat
 from mechcore.cams.synthesis import Cam, Synthesis
+from mechcore.laws.factors import KNOCK
 from mechcore.records import dataclass
 
 
@@ -153,7 +154,7 @@ def find_limits(cam: Cam, on: Synthesis | None = None, count: int = 3600) -> Lim
 
 def _fold(cam: Cam, knots: Synthesis) -> float | None:
     """The angle of a knot at which the velocity jumps so that the pitch curve has a convex corner (the profile a fold);
-    None: nowhere."""
+    None: nowhere. At a corner of d radians a roller would miss its law by r d^2 / 8: what is no knock is none."""
     n = len(cam.law.pieces)
     left = np.arange(n) if cam.law.repeats else np.arange(n - 1)
     right = n + (left + 1) % n
@@ -163,7 +164,9 @@ def _fold(cam: Cam, knots: Synthesis) -> float | None:
     else:
         a, b = knots._d1[left], knots._d1[right]
         turning, size = -cam.turn * cam.flank * np.imag(np.conj(a) * b), np.abs(a) * np.abs(b)
-    folded = turning > 1e-9 * size
+    speeds = knots.motion[1]
+    knock = np.abs(speeds[right] - speeds[left]) > KNOCK * np.abs(speeds).max()
+    folded = knock & (turning > 1e-9 * size)
     return float(knots.angle[left[int(np.argmax(folded))]]) if folded.any() else None
 
 

@@ -29,7 +29,7 @@ from mechcore.dynamics.simulation import Simulation
 from mechcore.effects.registry import effects_of
 from mechcore.errors import Fault, MechanismError
 from mechcore.laws.curve import MotionCurve
-from mechcore.laws.factors import jumps
+from mechcore.laws.factors import KNOCK, jumps
 from mechcore.laws.signals import Chirp, Sine
 from mechcore.laws.timed import Free
 from mechcore.motion.compiled import Compiled
@@ -41,8 +41,6 @@ BESIDE = 0.1  # how far from the start, in scales, forces are compared with
 PUSHED = 1e-4  # of the largest force in a table: what is more is not the table's own error
 BALANCED = 1e-13  # of those forces: what is left in an equilibrium by rounding
 
-
-KNOCK = 1e-6  # of a cam law's largest velocity: what may jump by the rounding of a given profile
 
 LOOKED_AT = 100  # windows, after which it is foreseen how many a motion takes
 PATIENCE = 5.0  # [s] of processor time that pass without a word

@@ -12,7 +12,7 @@ from mechcore.cams.placement.plane import PlacedCam
 from mechcore.forces.cam_rating import AnyCam, contact_force, contact_stress, drawn_lift, joint_of, placed_cams
 from mechcore.forces.kinetostatics import Forces
 from mechcore.forces.load_events import crossing
-from mechcore.laws.factors import jumps
+from mechcore.laws.factors import KNOCK, jumps
 from mechcore.motion.events import Event, at_drive, runs
 from mechcore.motion.motion import Motion
 from mechcore.spec.mechanism import CamDrawn, CamRating, Revolute
@@ -140,12 +140,12 @@ def _lacking(forces: Forces, cam: AnyCam, first: int, last: int) -> float:
 def _shocks(motion: Motion, cam: AnyCam) -> Iterator[Event]:
     """Steps of the law's velocity and acceleration, each time the cam comes by."""
     law = cam.cam.law
-    steps = jumps(law, (1, 2), ends=law.repeats)
+    steps = [*jumps(law, (1,), KNOCK, law.repeats), *jumps(law, (2,), ends=law.repeats)]
     if not steps:
         return
     leaps = [b.angle for b in cam.bridges]
     named: list[float] = []
-    for step in sorted(steps, key=lambda s: s.order):
+    for step in steps:
         if any(abs(step.angle - a) < 1e-9 * law.length for a in (*named, *leaps)):
             continue  # where the velocity jumps, the rest is no news
         named.append(step.angle)

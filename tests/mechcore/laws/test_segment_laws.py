@@ -152,6 +152,27 @@ def test_least_peak_between_states_is_bang_bang():
     assert jumps(limited, (0, 1, 2)) == []
 
 
+@pytest.mark.parametrize("stroke", range(4))
+def test_seven_phases_of_constant_jerk_make_the_reference_s_strokes(stroke):
+    """Its times of ramps, of constant acceleration and of constant speed lead from rest to rest over its way; where no limit but
+    that of the jerk counts, no law of the same time has a smaller jerk."""
+    case = DESIGN["stroke-time-parametrisation"]
+    limits, wanted = case["inputs"]["strokes"][stroke], case["expected"]["strokes"][stroke]
+    ramp, even, coast, total = (wanted[key] for key in ("t_jerk", "t_const_acc", "t_cruise", "total_time"))
+    a, speeding = wanted["peak_acceleration"], 2.0 * ramp + even
+    at = np.cumsum([0.0, ramp, even, ramp, coast, ramp, even, ramp])
+    assert at[-1] == pytest.approx(total)
+    kept = np.append(True, np.diff(at) > 0.0)
+    shape = GivenAcceleration(joined_table(at[kept], np.array([0, a, a, 0, 0, -a, -a, 0])[kept]), scaled=True)
+    curve = program([Segment(at[-1], limits["L"], shape)], repeats=False)
+    assert [abs(peak(curve, k).value) for k in (1, 2, 3)] == pytest.approx([wanted["peak_speed"], a, limits["j"]], rel=1e-9)
+    assert curve(speeding, 1)[1] == pytest.approx(wanted["peak_speed"])
+    assert jumps(curve, (0, 1, 2)) == []
+    if wanted["peak_speed"] < limits["v"] and a < limits["a"]:
+        least = program([Segment(total, limits["L"], LeastPeak("jerk", steps=64))], repeats=False)
+        assert abs(peak(least, 3).value) == pytest.approx(limits["j"], rel=1e-6)
+
+
 def test_a_program_over_time_with_waves_follows_a_clock():
     law = over_time(program([Segment(0.5, 1.0), Segment(0.5)], repeats=True))
     assert isinstance(law, CurveOverMaster)

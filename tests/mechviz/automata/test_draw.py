@@ -6,6 +6,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+from design_cases import design_case
 
 from mechcore.errors import MechanismError
 from mechcore.forces.cam_rating import placed_cams
@@ -179,6 +180,24 @@ def test_strokes_of_an_svg(tmp_path):
     sheet = on_sheet([ring, line, hook], 0.1)
     every = np.concatenate(sheet)
     assert np.ptp(every.imag) == pytest.approx(0.1) or np.ptp(every.real) == pytest.approx(0.1)
+
+
+@pytest.mark.parametrize("corner", range(3))
+def test_a_rounded_corner_of_an_svg_is_the_reference_s(tmp_path, corner):
+    """A corner that an arc rounds: how far the arc passes it, how long it is, and the acceleration at the reference's speed."""
+    inputs, expected = design_case("stroke-time-parametrisation")
+    given, wanted = inputs["corners"][corner], expected["corners"][corner]
+    turn, radius, leg = np.radians(given["turn_deg"]), 1e3 * wanted["radius"], 1e3 * wanted["tangent_length"]
+    end = leg * np.exp(1j * turn)
+    path = f"M {-leg:.12f} 0 A {radius:.12f} {radius:.12f} 0 0 0 {end.real:.12f} {-end.imag:.12f}"
+    (tmp_path / "corner.svg").write_text(f'<svg xmlns="http://www.w3.org/2000/svg"><path d="{path}"/></svg>')
+    (arc,) = svg_strokes(tmp_path / "corner.svg")
+    sides = np.abs(np.diff(arc))
+    assert sides.sum() == pytest.approx(1e3 * wanted["arc_length"], rel=1e-4)
+    assert np.abs(arc).min() == pytest.approx(1e3 * given["eps"], rel=1e-3)
+    turning = np.abs(np.angle(np.diff(arc)[1:] / np.diff(arc)[:-1])) / sides[1:]  # per mm
+    wished = min(given["v"], np.sqrt(given["a"] / (1e3 * turning.mean())))
+    assert wished == pytest.approx(wanted["speed"], rel=1e-3)
 
 
 def test_strokes_are_put_in_a_short_order_and_joined():

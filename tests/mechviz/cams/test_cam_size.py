@@ -7,6 +7,7 @@ import re
 import numpy as np
 import pytest
 from cam_scenes import text_of
+from design_cases import design_case
 from typer.testing import CliRunner
 
 import mechviz
@@ -190,3 +191,74 @@ def test_the_graphical_method_tells_what_the_lecture_s_offset_profile_costs():
     out = CliRunner().invoke(app, ["cams", "cam-constant-acceleration", "--method", "graphical", "--frames", "36"]).output
     assert "misses its lift by up to 0.9704 mm" in out
     assert re.search(r"(?m)^ +0\.00 +-?0\.0000 ", out)
+
+
+ARM = """units = { length = "m" }
+[links]
+frame = { points = { A = [0, 0], X = [0, 0] } }
+upper = { points = { A = [0, 0], B = [0.25, 0] } }
+fore = { points = { B = [0, 0], P = [0.22, 0] } }
+carriage = { points = { X = [0, 0] } }
+pen = { points = { P = [0, 0] } }
+[joints]
+A = { revolute = ["frame", "upper"] }
+B = { revolute = ["upper", "fore"], side = "right" }
+P = { revolute = ["fore", "pen"] }
+[joints.X]
+prismatic = ["frame", "carriage"]
+along = [1, 0]
+drive = { start = 0.05, segments = [{ duration = "1 s", to = 0.2, law = "3-4-5" }] }
+[joints.Y]
+prismatic = ["carriage", "pen"]
+at = ["X", "P"]
+along = [0, 1]
+drive = { start = 0.25, segments = [{ duration = "1 s", to = 0.2, law = "3-4-5" }] }
+[run]
+frames = 120
+"""
+
+
+ARM_CAM = """units = {{ length = "m" }}
+[links]
+frame = {{ points = {{ O = [0, 0], G = [0.1, 0] }} }}
+cam = {{ points = {{ O = [0, 0] }} }}
+follower = {{ points = {{ T = [0, 0] }} }}
+[joints]
+O = {{ revolute = ["frame", "cam"], drive = {{ speed = "-60 rpm" }} }}
+S = {{ prismatic = ["frame", "follower"], at = ["G", "T"], along = [1, 0] }}
+[joints.K]
+cam = ["cam", "follower"]
+follower = {{ roller = 0.005, guide = "S", point = "T" }}
+[joints.K.profile]
+base = {base}
+pressure_limit = "30 deg"
+lift = [
+    {{ over = "120 deg", law = {{ position = {{ at = {at}, values = {values} }} }} }},
+    {{ over = "240 deg", to = 0, law = "cycloidal" }},
+]
+"""
+
+
+@pytest.mark.parametrize("joint", [0, 1])
+def test_the_two_cams_of_a_drawing_arm_are_the_reference_s(joint):
+    """The arm led along a straight stroke gives the table of each cam. The ends of a table are fitted: that the follower rests
+    there is met to 1e-7 of its largest velocity, which is no corner."""
+    _, expected = design_case("drawing-arm-two-cams")
+    motion = run_scene(mechviz.loads(ARM)).motion
+    angle, rate = motion.coordinate("AB"[joint])[:, :2].T
+    rows = np.array(expected["rows"])
+    np.testing.assert_allclose(np.stack([angle, rate])[:, ::30], rows[:, [3 + joint, 5 + joint]].T, atol=1e-12)
+    wanted = expected["cams"][joint]
+    assert angle.min() == pytest.approx(wanted["angle_min"], abs=1e-12)
+    above = 0.05 * (angle[0] - angle.min())  # of the start over the lowest place
+    table = {"at": np.radians(np.linspace(0.0, 120.0, 121)).tolist(), "values": (0.05 * (angle - angle[0])).tolist()}
+    least = placed(mechviz.loads(ARM_CAM.format(base='"least"', **table)))
+    assert least.base + 0.005 - above == pytest.approx(wanted["least_prime_radius"], rel=1e-6)
+    cam = placed(mechviz.loads(ARM_CAM.format(base=wanted["prime_radius"] + above - 0.005, **table))).cam
+    _, theta, lift, slope, height, pressure, *points = np.array(wanted["rows"]).T
+    at = cam.at(theta)
+    assert height == pytest.approx(wanted["prime_radius"] + lift)
+    for ours, theirs in ((at.motion[0], height), (at.motion[1], slope), (at.pressure_angle, pressure)):
+        np.testing.assert_allclose(ours, theirs, atol=1e-7)
+    for curve, (x, y) in ((at.pitch, points[:2]), (at.working, points[2:])):  # our cam is drawn with its follower along y
+        np.testing.assert_allclose(curve, y + 1j * x, atol=1e-9)

@@ -152,6 +152,26 @@ def test_bearing_forces_at_both_ends_of_a_guide_have_names():
     assert np.abs(behind) + np.abs(ahead) == pytest.approx(load, rel=1e-9)  # what its friction is made by
 
 
+def test_the_stem_of_a_follower_bends_by_its_knife_and_the_pressure_of_its_guide():
+    """While it rises: P on the stem, the force of the cam turned by the pressure angle and the angle of friction; its part F
+    across is held by two forces at the ends of the guide, whose friction is mu 2 F s / L for a guide of length L a way s above."""
+    run = run_scene(gallery_scene("cam-friction"), frames=360)
+    rows = slice(10, 111, 10)  # of a rise over 120 degrees
+    y, _, acceleration = run.motion.coordinate("S")[rows].T
+    tip = 0.105 + y  # of the knife
+    slope = run.motion.coordinate("S")[rows, 1] / (4.0 * math.pi)
+    load = 3000.0 * (0.09 - (0.185 - tip - 0.085)) + 0.4 * (9.81 + acceleration)
+    lean, middle, half = np.arctan2(slope, tip) + math.atan(0.1), 0.105 - tip, 0.02
+    across = load / (1.0 / np.tan(lean) - 0.12 * middle / half)
+    along = run.studies.sections["follower"]
+    for k, force, mid in zip(range(10, 111, 10), across, middle, strict=True):
+        s = along.stations[k]
+        inside = np.clip(s - mid + half, 0.0, 2.0 * half)  # of the guide, from its lower end
+        even, tilting = force * inside**2 / (4.0 * half), force * mid * inside**2 * (3.0 * half - inside) / (4.0 * half**3)
+        wanted = np.where(s > mid + half, 0.0, force * s - even - tilting)
+        np.testing.assert_allclose(np.abs(along.moment[k]), wanted, atol=1e-9)
+
+
 def test_check_tells_the_largest_bending_moment():
     """A bar that its drive holds out: M = m g l / 2 at the pivot, stress M / W."""
     held = FALLING.replace("free = { position = 0 }", "drive = { speed = 0 }").replace("bar = {}", 'bar.section.diameter = "30 mm"')
