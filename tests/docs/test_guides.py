@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import runpy
 import shlex
 from pathlib import Path
 
@@ -92,3 +93,12 @@ def test_the_readme_is_two_screens_and_holds_the_two_commands():
 def test_every_guide_is_in_the_navigation():
     navigation = (ROOT / "mkdocs.yml").read_text(encoding="utf-8")
     assert set(re.findall(r": ([\w-]+\.md)", navigation)) == {page.name for page in (ROOT / "docs").glob("*.md")}
+
+
+@pytest.mark.parametrize("name", ["equations.png", "least-cams.svg"])
+def test_charts_of_the_guides_can_be_made_again(name, tmp_path):
+    charts = runpy.run_path(str(ROOT / "docs" / "make_charts.py"))["CHARTS"]
+    shown = "".join(page.read_text(encoding="utf-8") for page in PAGES)
+    assert [each for each in charts if f"(images/{each})" not in shown] == []
+    charts[name](tmp_path / name)
+    assert (tmp_path / name).stat().st_size > 10_000
