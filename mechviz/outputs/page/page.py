@@ -21,6 +21,7 @@ from mechviz.picture.centres import CENTRES
 from mechviz.picture.nodes import Picture
 from mechviz.picture.overlays import DIAGRAMS, HIDDEN, INVERSION, WORDS
 from mechviz.quantities.catalogue import Catalogue
+from mechviz.quantities.numbers import Numbers
 from mechviz.quantities.vectors import FAMILIES, FORCE_FAMILIES, round_value
 
 ROUND_OFF = 1e-9  # of the largest value of the same unit
@@ -86,7 +87,7 @@ def _gathered(catalogue: Catalogue, halves: Mapping[str, Real]) -> Iterator[Plot
         which = "" if len(part) == len(joints) else f", {part[0]} … {part[-1]}"
         title = f"Joint reactions, magnitude{which}"
         yield from together(title, "plots.reactions", {name: f"joint.{name}.reaction" for name in part}, 2)
-    at_frame = [j.name for j in n.joints.values() if n.frame in j.links and j.name not in n.drives]
+    at_frame = _moved_at_frame(n)
     for kind, rates in (("displacement", ("velocity", "acceleration")), ("angle", ("angular_velocity", "angular_acceleration"))):
         moved = [name for name in at_frame if n.slides(name) == (kind == "displacement")]
         for what in (kind, *rates):
@@ -96,6 +97,11 @@ def _gathered(catalogue: Catalogue, halves: Mapping[str, Real]) -> Iterator[Plot
     yield from together("Shaking moment", "plots.shaking moment", balance)
 
 
+def _moved_at_frame(n: Numbers) -> list[str]:
+    """Joints at the frame that what is driven moves: no weld."""
+    return [j.name for j in n.joints.values() if n.frame in j.links and j.name not in n.drives and j.kind != "weld"]
+
+
 def first_plots(catalogue: Catalogue, plots: list[Plot], *, simulated: bool) -> list[int]:
     """Numbers of the plots that a page opens with: cams, efforts, reactions, then what the mechanism moves."""
     n = catalogue.numbers
@@ -103,7 +109,7 @@ def first_plots(catalogue: Catalogue, plots: list[Plot], *, simulated: bool) -> 
     def having(*starts: str) -> list[int]:
         return [k for start in starts for k, p in enumerate(plots) if p.key.startswith(start) and p.x is None]
 
-    at_frame = [j.name for j in n.joints.values() if n.frame in j.links and j.name not in n.drives]
+    at_frame = _moved_at_frame(n)
     cams = [k for k in having("cam.") if plots[k].names[0] in ("pressure angle", "lift") and plots[k].varies]
     single = [f"drive.{name}.{effort}" for name in n.drives for effort in ("torque", "force")]
     efforts = having("plots.torque", "plots.force") or having(*single)
@@ -115,7 +121,8 @@ def first_plots(catalogue: Catalogue, plots: list[Plot], *, simulated: bool) -> 
     rest = having(*(f"joint.{j}.{what}" for j in at_frame for what in ("angle", "angular_velocity")))[:2]
     wanted = [*cams[:2], *having("plots.shaking moment", "shaking.moment", "reduced.")[:1], *efforts[:1]]
     wanted += having("plots.reactions")[:1]
-    wanted += [*energy, *(motion or moved[:2] or points[:2] or rest or having("point.")[:2]), *phases[:1]]
+    joints = [k for k in having(*(f"joint.{j}." for j in n.joints if j not in n.drives)) if plots[k].varies]
+    wanted += [*energy, *(motion or moved[:2] or points[:2] or rest or having("point.")[:2] or joints[:2]), *phases[:1]]
     return list(dict.fromkeys(wanted))[:MOST_FIRST] or list(range(min(2, len(plots))))
 
 

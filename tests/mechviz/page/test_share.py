@@ -606,3 +606,10 @@ def test_what_is_missing_is_named_with_the_remedy(tmp_path, monkeypatch):
     result = run("share", "crank-rocker", "-o", str(tmp_path / "nowhere" / "a.html"))
     assert result.exit_code == 2 and "does not exist" in result.output
     assert not list(tmp_path.iterdir())
+
+
+def test_a_page_opens_with_plots_of_what_moves():
+    """The body of the walking toy is welded to the frame: its joint has no motion to show."""
+    header, _ = content(make_page(presentation_of(run_scene(load("walking-toy"), frames=12)))[0])
+    titles = [header["plots"][k]["title"] for k in header["first"]]
+    assert len(titles) > 1 and not any(title.startswith("Joint M") for title in titles)
