@@ -13,7 +13,7 @@ from typing import Any, Literal, get_args, get_origin
 
 from mechcore.laws.catalogue import RISES
 from mechcore.records import dataclass
-from mechviz.scene.annotations import Leaf, Place, hints_of, leaves
+from mechviz.scene.annotations import Leaf, Place, leaves
 from mechviz.scene.document import SceneDocument, value_at
 from mechviz.scene.expressions import is_plain, parse_expression
 from mechviz.scene.fields import Quantity, Table
@@ -143,8 +143,6 @@ def _spots(document: SceneDocument) -> Iterator[Leaf]:
             leaf = leaf._replace(value=value_at(document, leaf.path[:-1]).named)
         if _editable(leaf):
             yield leaf
-    if "gravity" in document.effects and "gravity" not in document.model_fields_set:
-        yield from leaves(document.gravity, annotation=hints_of(SceneDocument)["gravity"], path=("gravity",))
 
 
 def _shown(table: Table) -> Iterator[str]:
@@ -154,7 +152,8 @@ def _shown(table: Table) -> Iterator[str]:
         if isinstance(table, SegmentTable) and key == "law" and not (table.to is None and value is None):
             yield key
         table_of_values = isinstance(value, list) and len(value) > LONGEST_LIST and not isinstance(value[0], Table)
-        if value is not None and key not in (*HIDDEN, "law") and not table_of_values and key in table.model_fields_set:
+        stated = key in table.model_fields_set or (key == "gravity" and isinstance(table, SceneDocument) and key in table.effects)
+        if value is not None and key not in (*HIDDEN, "law") and not table_of_values and stated:
             yield key
 
 
