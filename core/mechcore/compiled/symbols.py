@@ -8,7 +8,8 @@ structure share it. Operations that need a value (a comparison, an array) raise 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -21,6 +22,17 @@ from mechcore.compiled.operands import Names, Node, Operand, ParameterRow
 
 class Untraceable(TypeError):
     """Something that a straight-line program of real numbers does not say."""
+
+
+@contextmanager
+def on_symbols(what: str) -> Iterator[None]:
+    """Raise `Untraceable` about ``what`` where code for arrays cannot have symbols; what Python says of it is the cause."""
+    try:
+        yield
+    except Untraceable:
+        raise
+    except (TypeError, AttributeError, ValueError, IndexError, KeyError) as error:
+        raise Untraceable(f"{what} is computed in a way that C does not have") from error
 
 
 HELPERS = Path(__file__).with_name("helpers.c").read_text(encoding="utf-8")
@@ -359,7 +371,7 @@ def _symbol(code: Code, value: Any) -> Symbol:
     try:
         number = complex(value)
     except (TypeError, ValueError):
-        raise Untraceable(f"a {type(value).__name__} among numbers") from None
+        raise Untraceable("something that is no number among numbers") from None
     return Symbol(code, number.real, number.imag)
 
 

@@ -13,7 +13,7 @@ from mechcore.branches.unwrapped import LinkAngles, Range, StartPose
 from mechcore.compiled.kernels import Kernel, Rows
 from mechcore.compiled.motion import MOST_LINES
 from mechcore.compiled.steps import check_forces_traceable
-from mechcore.compiled.symbols import HELPERS, Symbol, Untraceable
+from mechcore.compiled.symbols import HELPERS, Symbol, Untraceable, on_symbols
 from mechcore.compiled.toolchain import library
 from mechcore.effects.registry import totals
 from mechcore.forces.equilibrium import joint_forces
@@ -99,17 +99,13 @@ class ForcesProgram:
             model, time, drives, State([q for q, _, _ in drives], [], rot, slide, curve_values=curve_values), self._angles
         )
         vars(motion).update(drives=drives, shape=())
-        try:
+        with on_symbols("a load"):
             force, moment, _ = totals(motion)
             if "friction" in model.mechanism.effects and braked(model.mechanism.joints):
                 signs = (kernel.real(f"sign {i}") for i in itertools.count())
                 transmitted, contacts, self._solution = with_friction(motion, force, moment, signs, kernel.real("tolerance"))
             else:
                 transmitted, contacts, _ = joint_forces(motion, force, moment)
-        except Untraceable:
-            raise
-        except (TypeError, AttributeError, ValueError, IndexError, KeyError) as error:  # what code for arrays says of symbols
-            raise Untraceable(f"a load is computed in a way that C does not have ({error})") from error
         self._transmitted, self._contacts = transmitted, contacts
         for f, couple in transmitted:
             self._put(f, couple)

@@ -14,7 +14,7 @@ from mechcore.branches.unwrapped import LARGEST, LinkAngles, times_of_designs
 from mechcore.compiled.kernels import Kernel
 from mechcore.compiled.motion import MOST_LINES
 from mechcore.compiled.steps import check_traceable, placed_state
-from mechcore.compiled.symbols import HELPERS, Symbol, SymbolRows, Untraceable, rotation
+from mechcore.compiled.symbols import HELPERS, Symbol, SymbolRows, Untraceable, on_symbols, rotation
 from mechcore.compiled.toolchain import cached, library
 from mechcore.constants import TURN
 from mechcore.errors import MechanismError
@@ -97,12 +97,8 @@ class DesignProgram:
         weights = {k: (kernel.real(f"mass {k}"), kernel.plane(f"centre {k}"), kernel.real(f"inertia {k}")) for k in masses}
         model = varied(compiled, place, weights, {key: kernel.real(f"load {key}") for key in loads})
         motion = self._motion(model, drive_values(model.mechanism, time))
-        try:
+        with on_symbols("a result or a load"):
             collected = {name: _operands(value) for name, value in collect(motion).items()}
-        except Untraceable:
-            raise
-        except (TypeError, AttributeError, ValueError, IndexError, KeyError) as error:  # what code for arrays says of symbols
-            raise Untraceable(f"something is computed in a way that C does not have ({error})") from error
         self._columns: dict[str, tuple[int, int | None]] = {}
         for name, (symbols, width) in collected.items():
             self._columns[name] = kernel.rows, width

@@ -240,8 +240,8 @@ def idle_effect(effects: list[Any], joints: Mapping[str, JointDocument], each: l
             return  # a joint with friction is faulty itself
         first = next((name for name, joint in joints.items() if joint.traits.rubs is not None), "")
         where = f"joints.{first}" if first else "a joint"
-        remedy = f'Write friction = {{ coefficient = 0.1, radius = "5 mm" }} at {where}, or leave friction out.'
-        convert.note("effects", "friction is named, but no joint has any.", remedy)
+        remedy = f'Write friction = {{ coefficient = 0.1, radius = "5 mm" }} at {where}, or leave friction out of the effects.'
+        convert.note("effects", "no joint has any friction that could act.", remedy)
 
 
 LineStiffness = Annotated[float | str, Quantity(("stiffness",), "above zero")]

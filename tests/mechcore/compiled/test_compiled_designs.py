@@ -135,8 +135,11 @@ def test_what_c_does_not_have_of_designs_is_named() -> None:
     compiled = compile_mechanism(load("crank-rocker").mechanism)
     points = {("coupler", "C"): np.array([[0.18, 0.0], [0.181, 0.0]])}
     time = default_times(compiled.mechanism, 8)
-    table = sweep(replace(compiled, executor="c"), points, time, lambda motion: {"x": np.cumsum(motion.condition)})
+    compiled = replace(compiled, executor="c")
+    table = sweep(compiled, points, time, lambda motion: {"x": np.cumsum(motion.condition)})
     assert table.program == "C does not have numpy's cumsum"
+    table = sweep(compiled, points, time, lambda motion: {"x": motion.condition[..., 0:1] * np.ones((1, 8))})
+    assert table.program == "a result or a load is computed in a way that C does not have", "no words of Python"
 
 
 def test_auto_compiles_for_many_designs_and_takes_what_is_kept_for_some(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:

@@ -52,7 +52,7 @@ FAULTS = [
     ("joints/B/friction", 0.1, "joints.B.friction", "where a table is wanted"),
     ("friction", {"coefficient": -1}, "friction.coefficient", "-1 is negative."),
     ("friction", {"lever": 1}, "friction", "unknown key 'lever'."),
-    ("effects", ["friction"], "effects", "friction is named, but no joint has any."),
+    ("effects", ["friction"], "effects", "no joint has any friction that could act."),
 ]
 
 

@@ -241,6 +241,71 @@ def test_names_give_way_to_each_other(wide):
     page.evaluate("mechviz.player.view('3d'); mechviz.player.show('names', false)")
 
 
+def test_buttons_and_lists_of_the_page(wide):
+    """Those that no other test uses: the views, the steps, the slider, the speed, the loop, the axis, plots added and removed."""
+    page = wide.page
+    angles = "(({yaw, pitch}) => [yaw, pitch])(mechviz.player.stage.camera)"
+    for key, view in (("3", "3D"), ("2", "Front 2D"), ("1", "Iso"), ("4", "Top"), ("5", "Side")):
+        page.locator("#picture").focus()
+        page.keyboard.press(key)
+        wanted = page.evaluate(angles)
+        page.evaluate("mechviz.player.stage.camera.turn(0.3, 0.2)")
+        page.get_by_role("button", name=view, exact=True).click()
+        assert page.evaluate(angles) == wanted, view
+    fitted = page.evaluate("mechviz.player.stage.camera.distance")
+    for fit in (page.get_by_role("button", name="Fit", exact=True).click, page.locator("#picture").dblclick):
+        page.evaluate("mechviz.player.stage.camera.zoom(0.5)")
+        fit()
+        assert page.evaluate("mechviz.player.stage.camera.distance") == pytest.approx(fitted)
+    page.locator("#slider").fill(str(page.evaluate("mechviz.player.end")))
+    last = page.evaluate("mechviz.player.header.frames") - 1
+    assert page.evaluate("mechviz.player.frame") == pytest.approx(last)
+    page.get_by_role("button", name="One frame back").click()
+    assert page.evaluate("mechviz.player.frame") == pytest.approx(last - 1)
+    page.get_by_role("button", name="One frame on").click()
+    assert page.evaluate("mechviz.player.frame") == pytest.approx(last)
+    page.get_by_label("Speed").select_option("4")
+    page.get_by_label("Loop").uncheck()
+    page.evaluate("mechviz.player.seekFrame(mechviz.player.header.frames - 4)")
+    page.get_by_role("button", name="Play", exact=True).click()
+    page.evaluate(
+        "new Promise((done) => { const look = () => mechviz.player.playing ? requestAnimationFrame(look) : done(); look(); })"
+    )
+    assert page.evaluate("mechviz.player.frame") == pytest.approx(last), "without the loop it ends at the last frame"
+    page.get_by_label("Loop").check()
+    page.get_by_label("Speed").select_option("1")
+    page.get_by_label("Against").select_option(label="time [s]")
+    assert page.evaluate("mechviz.player.axis.title") == "time"
+    page.get_by_label("Against").select_option("0")
+    count = page.locator("figure:visible").count()
+    page.get_by_role("button", name="Add a plot").click()
+    assert page.locator("figure:visible").count() == count + 1
+    page.get_by_role("button", name="Remove this plot").last.click()
+    assert page.locator("figure:visible").count() == count
+    page.get_by_role("button", name="3D", exact=True).click()
+
+
+def test_bands_and_constructions_are_shown_where_there_are_any(browser, tmp_path):
+    file = tmp_path / "page.html"
+    file.write_text(make_page(presentation_of(ran("parametric-press", 24)))[0], encoding="utf-8")
+    opened = Opened(browser, file, viewport=WIDE)
+    page = opened.page
+    page.get_by_label("What is plotted", exact=True).first.select_option(label="Joint S: displacement [mm]")
+    drawn = "figure canvas >> nth=0"
+    narrow = opened.picture(drawn)
+    page.get_by_label("Tolerance band").select_option("100")
+    assert (np.ptp(opened.picture(drawn), axis=2) > 20).sum() > (np.ptp(narrow, axis=2) > 20).sum() + 200
+    file.write_text(make_page(presentation_of(ran("plans-four-bar", 24)))[0], encoding="utf-8")
+    opened.load(file)
+    page.get_by_role("tab", name="Constructions").click()
+    before = opened.picture("#constructions canvas >> nth=0")
+    page.get_by_role("button", name="One frame on").click()
+    page.evaluate(DRAWN)
+    assert np.abs(opened.picture("#constructions canvas >> nth=0") - before).max() > 60
+    assert opened.troubles == []
+    opened.context.close()
+
+
 def test_an_event_is_jumped_to(wide):
     page = wide.page
     page.get_by_role("tab", name="Events").click()

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 import mechviz
-from mechviz.outputs.viewer.world.labels import LabelPlaces, half_sizes
+from mechviz.outputs.viewer.world.labels import LabelPlaces, corners, half_sizes
+from mechviz.outputs.viewer.world.marks import joint_groups
 from mechviz.picture.constructions import drawings_of
 from mechviz.runs import run_scene
 
@@ -70,3 +71,18 @@ def test_nothing_finite_nothing_placed():
     stand = LabelPlaces(half_sizes(["a"], PIXEL), half_sizes(["b"], PIXEL), 0.01)
     sides, points = stand(np.array([np.nan + 0j]), np.array([1.0 + 0j]), np.array([np.nan + 0j]))
     assert np.isnan(sides).all() and np.isnan(points).all()
+
+
+def test_names_of_near_joints_stand_at_corners_where_they_hide_each_other_least():
+    """At the crank of the theatre five joints lie together, of which cams carry three about."""
+    run = run_scene(mechviz.load("theatre"), frames=60)
+    groups = joint_groups({j.name: run.motion.joint_position(j.name) for j in run.motion.mechanism.joints}, 1e-6)
+    places = np.array([xyz[:, 0] + 1j * xyz[:, 1] for _, xyz in groups])
+    gap, halves = 0.008, half_sizes([", ".join(names) for names, _ in groups], 0.45 / 600.0)  # as in the viewer
+
+    def hidden(sides) -> float:
+        offsets = (np.array(sides) * (gap + halves)) @ np.array([1.0, 1j])
+        return float(np.mean([overlaps(z, halves) for z in (places + offsets[:, None]).T]))
+
+    assert hidden(corners(places, halves, gap)) < 0.2 < 2.0 < hidden([(1, 1)] * len(groups))
+    assert corners(places[:1], halves[:1], gap) == [(1, 1)], "with room enough, above on the right"

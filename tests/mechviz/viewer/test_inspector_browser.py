@@ -537,7 +537,7 @@ def test_a_plan_is_asked_for_where_diagrams_are_shown_and_what_cannot_be_had_is_
     open_tab(page, "Effects")
     box = page.get_by_label("friction", exact=True)
     box.click()  # no joint has a coefficient
-    page.get_by_text("Friction is named, but no joint has any").first.wait_for(state="attached")
+    page.get_by_text("No joint has any friction that could act").first.wait_for(state="attached")
     until(page, lambda: not box.is_checked(), "the switch goes back")
 
 

@@ -207,4 +207,8 @@ def test_a_curve_is_drawn_with_the_mouse(browser):
         assert extent[0] / extent[1] == pytest.approx(2.5, rel=0.1)  # as on the page
         assert far_from_path(session.run, drawn) < 0.02 * extent[0]
         assert page.evaluate(CAMERA) == looked  # the mouse has drawn, not turned the view
+        first = session.run.scene.document.links["crank"].points
+        uuid = page.locator("label", has_text="Four-bar").first.get_attribute("for")
+        page.locator(f'[id="{uuid}"] ~ div input').fill("2")
+        until(page, lambda: session.wait(rested=True) and session.run.scene.document.links["crank"].points != first, "the next one")
         page.close()

@@ -19,7 +19,7 @@ from mechcore.branches.unwrapped import LinkAngles, StartPose
 from mechcore.compiled.collocation import Batch, CollocationRule, CompiledEquations, WrittenEquations
 from mechcore.compiled.motion import MOST_LINES
 from mechcore.compiled.steps import check_traceable, followed_angle, place_all
-from mechcore.compiled.symbols import Code, Symbol, Untraceable, rotation
+from mechcore.compiled.symbols import Code, Symbol, Untraceable, on_symbols, rotation
 from mechcore.constants import TURN
 from mechcore.dynamics.equations.reduced import (
     coordinate_scales,
@@ -288,14 +288,10 @@ class EquationsWriter:
         units = [self._motion(state, angles, [(q, 1.0 * (d == i), 0.0) for d, (q, _, _) in enumerate(drives)]) for i in free]
         states = integrating(self.compiled)
         moving.states.update({e.name: code.input(f"v[{len(free) + i}]") for i, e in enumerate(states)})  # type: ignore[misc]
-        try:
+        with on_symbols("a load"):
             outputs, additional = self._reduced(moving, units)
             integrated = [self._operand(e.state_rate(moving)) for e in states]
             _, rates = rates_of_joints(self.compiled, units)
-        except Untraceable:
-            raise
-        except (TypeError, AttributeError, ValueError, IndexError, KeyError) as error:  # what code for arrays says of symbols
-            raise Untraceable(f"a load is computed in a way that C does not have ({error})") from error
         outputs = [self._operand(x) for x in outputs] + integrated
         ratios, forms = [self._operand(x) for row in rates for x in row], self._forms(moving)
         own: dict[str, Any] = {TURNED: self.turned, GONE: self.gone, "angle": state.angle, "slide": state.slide}

@@ -18,6 +18,7 @@ from mechviz.outputs.viewer.viser_adapter import run_script
 
 LETTER, LINE = 3.6, 8.0  # half width of a letter and half height of a label [px], with a little room around
 STEPS = (0.0, 1.0, 2.0, 3.2)  # heights of a label beyond the least distance that are tried
+ROUNDS, MOMENTS = 3, 12  # of choosing corners, and frames at which they are judged
 AROUND = 12  # directions that are tried around a point
 BELOW, LAST = 0xE000, 0x7FF  # where letters below the line stand in Unicode's private area, and the last one that has a place there
 SMALL = 0.74  # size of such a letter
@@ -46,6 +47,32 @@ def half_sizes(texts: list[str], per_pixel: float) -> Real:
     parts = [parted(text) for text in texts]
     letters = [max(len(letter) + SMALL * len(below + above), 1.0) for letter, below, above in parts]
     return per_pixel * np.array([[LETTER * count + 2.0, LINE] for count in letters], float).reshape(-1, 2)
+
+
+CORNERS = {(1, 1): "bottom-left", (-1, 1): "bottom-right", (1, -1): "top-left", (-1, -1): "top-right"}
+"""By the side (x, y) of a point at which its label stands: the anchor of the label. The first that is free is taken."""
+
+
+def corners(points: Complex, halves: Real, gap: float) -> list[tuple[int, int]]:
+    """At which corner of its point each label stands for all of a motion, so that little lies over other labels and points.
+
+    points: (n, F) [m]; halves: half widths and heights (n, 2) [m]; gap: from a point to its label [m]. Each label in turn takes
+    its best corner beside all others, `ROUNDS` times.
+    """
+    frames = np.linspace(0, points.shape[1] - 1, min(MOMENTS, points.shape[1])).astype(int)
+    points, sides = points[:, frames], np.array(list(CORNERS))
+    offsets = (sides * (gap + halves[:, None])) @ np.array([1.0, 1j])  # (n, 4): from a point to the middle of its label
+    chosen, count = np.zeros(len(points), int), np.arange(len(points))
+    with np.errstate(invalid="ignore"):
+        for _ in range(ROUNDS):
+            for k in count:
+                others = count != k
+                middles = points[k] + offsets[k][:, None, None]  # (4, 1, F)
+                away = middles - (points + offsets[count, chosen][:, None])[others]
+                covered = _overlap(away, (halves[k] + halves[others]).T[:, :, None]).sum(axis=(1, 2))
+                covered += 0.3 * _overlap(middles - points[others], halves[k]).sum(axis=(1, 2))
+                chosen[k] = np.argmin(covered)
+    return [tuple(CORNERS)[c] for c in chosen]
 
 
 @dataclass(eq=False)
@@ -149,7 +176,7 @@ def _foreign(places: Complex, starts: Complex, vectors: Complex, own: int) -> Fl
 
 
 def _overlap(away: Complex, reach: Real) -> Real:
-    """Area by which boxes overlap whose middles are ``away`` (n,) and whose half sizes add up to ``reach`` (2,)."""
+    """Area by which boxes overlap whose middles are ``away`` (...) and whose half sizes add up to ``reach`` (2, ...)."""
     x, y = reach[0] - np.abs(away.real), reach[1] - np.abs(away.imag)
     return np.where((x > 0.0) & (y > 0.0), x * y, 0.0)
 

@@ -14,6 +14,7 @@ from mechcore.arrays import Real, Single
 from mechviz.outputs.viewer.view_model import ViewModel
 from mechviz.outputs.viewer.viser_adapter import Posed, run_script
 from mechviz.outputs.viewer.world.arrows import arc_path, arrows_by_family
+from mechviz.outputs.viewer.world.labels import CORNERS, corners, half_sizes
 from mechviz.outputs.viewer.world.solids import link_path
 from mechviz.picture.nodes import Arc, Points
 from mechviz.quantities.vectors import FAMILIES
@@ -21,6 +22,9 @@ from mechviz.quantities.vectors import FAMILIES
 PATH = {False: (32, 78, 138), True: (122, 178, 242)}  # light, dark: colour of paths
 PICKED = (194, 37, 92)  # colour of the joint that is looked at
 DOT = 0.0085  # radius of a joint's dot, in sizes of the mechanism: small, and yet to be hit with the mouse
+
+BESIDE = 0.018  # from a joint to its name, in sizes of the mechanism
+ACROSS = 600.0  # pixels that a mechanism takes on a usual screen: how large names are beside it
 
 
 def path_segments(places: Real) -> Single:
@@ -97,28 +101,31 @@ class Joints:
         self._dots: dict[tuple[str, ...], viser.IcosphereHandle] = {}
         self._names: dict[tuple[str, ...], str] = {}
         self._picked: frozenset[str] = frozenset()
+        self._corners: dict[tuple[str, ...], tuple[int, int]] = {}
         self.update(show)
 
     def update(self, show: ViewModel) -> None:
         self._size = show.size
-        self._beside = 0.018 * show.size * np.array([1.0, 1.0, 0.0])  # from a joint to its name, at the joint's own height
         driven = {drive.name for drive in show.drives}
-        self._groups = []
-        for names, places in joint_groups(show.joints, 1e-6 * show.size):
-            key = tuple(names)
-            self._groups.append((key, places))
+        self._groups = [(tuple(names), places) for names, places in joint_groups(show.joints, 1e-6 * show.size)]
+        texts = {key: ", ".join(f"{name} (drive)" if name in driven else name for name in key) for key, _ in self._groups}
+        if texts.keys() != self._corners.keys():  # else each name keeps its corner: none jumps about while a slider is dragged
+            places = np.array([xyz[:, 0] + 1j * xyz[:, 1] for _, xyz in self._groups])
+            sides = corners(places, half_sizes(list(texts.values()), show.size / ACROSS), BESIDE * show.size) if texts else []
+            self._corners = dict(zip(texts, sides, strict=True))
+            for key in [key for key in self._labels if key not in texts]:
+                self._labels.pop(key).remove()
+                self._dots.pop(key).remove()
+        for key, text in texts.items():
+            anchor: Any = CORNERS[self._corners[key]]
             if key not in self._labels:
-                text = ", ".join(f"{name} (drive)" if name in driven else name for name in names)
-                path = joint_path(names)
-                self._names[key] = path
+                path = self._names[key] = joint_path(key)
                 self._labels[key] = self._server.scene.add_label(
-                    f"{path}/name", text, anchor="bottom-left", font_screen_scale=1.0, visible=self._on
+                    f"{path}/name", text, anchor=anchor, font_screen_scale=1.0, visible=self._on
                 )
                 self._dots[key] = self._add_dot(key)
-        known = {key for key, _ in self._groups}
-        for nodes in (self._labels, self._dots):
-            for key in [key for key in nodes if key not in known]:
-                nodes.pop(key).remove()
+            elif self._labels[key].anchor != anchor:
+                self._labels[key].anchor = anchor
 
     def switch(self, on: bool) -> None:
         """Write the names beside the joints, or not."""
@@ -139,15 +146,19 @@ class Joints:
         for key, xyz in self._groups:
             yield self._dots[key], xyz[frame], None
             if self._on:
-                yield self._labels[key], xyz[frame] + self._beside, None
+                yield self._labels[key], xyz[frame] + self._beside(key), None
 
     def tracks(self) -> dict[str, tuple[Real, None]]:
         """By the name of a node: its places (F, 3) over the frames."""
         places: dict[str, tuple[Real, None]] = {}
         for key, xyz in self._groups:
             places[f"{self._names[key]}/dot"] = (xyz, None)
-            places[f"{self._names[key]}/name"] = (xyz + self._beside, None)
+            places[f"{self._names[key]}/name"] = (xyz + self._beside(key), None)
         return places
+
+    def _beside(self, key: tuple[str, ...]) -> Real:
+        """From a joint to its name (3,) [m], at the joint's own height."""
+        return BESIDE * self._size * np.array([*self._corners[key], 0.0])
 
     def _add_dot(self, key: tuple[str, ...]) -> viser.IcosphereHandle:
         color = PICKED if self._picked & set(key) else (236, 239, 243)
