@@ -181,7 +181,7 @@ def test_an_exponent_that_no_gas_has_is_refused():
 
 
 def test_a_motion_of_more_windows_than_memory_holds_is_refused(monkeypatch):
-    """Carts that swing for 1e29 s took 5 GB within half a minute, by a compiled program."""
+    """Carts that swing for 1e29 s: the windows of their motion fill memory."""
     monkeypatch.setattr(sys.modules["mechcore.dynamics.simulate"], "MOST_WINDOWS", 200)
     with pytest.raises(MechanismError, match=r"200 windows of the integration led to .* s of 1e\+29 s") as error:
         run_scene(changed("coupled-carts", (("run", "duration"), 1e29)), warn=lambda _: None)
