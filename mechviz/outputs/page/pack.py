@@ -46,8 +46,9 @@ class Pack:
         return self._add("q16", steps.astype(np.uint16), low=low, span=span / (ABSENT - 1))
 
     def directions(self, values: Array) -> int:
-        """Components of unit vectors in 127ths."""
-        return self._add("i8", np.round(127.0 * np.asarray(values, float).ravel()).astype(np.int8))
+        """Components of unit vectors in 127ths; 0 of what is no direction, as the normals of a damaged mesh may be."""
+        flat = np.asarray(values, float).ravel()
+        return self._add("i8", np.round(127.0 * np.where(np.abs(flat) <= 1.0 + 1e-6, flat, 0.0)).astype(np.int8))
 
     def octets(self, values: Array) -> int:
         """Values 0 to 255."""

@@ -73,6 +73,13 @@ def test_arrays_come_back_as_exactly_as_they_are_stored(values, absent):
     assert np.array_equal(arrays[2], whole)
 
 
+def test_what_is_no_direction_is_stored_as_none():
+    """Normals of a damaged mesh; numpy warned of the cast."""
+    pack = Pack()
+    pack.directions(np.array([1.0, -0.5, np.nan, np.inf, -1e30]))
+    np.testing.assert_allclose(unpack(pack.text({}))[1][0], [1.0, -64 / 127, 0.0, 0.0, 0.0])
+
+
 def test_equal_arrays_are_stored_once():
     pack = Pack()
     assert pack.floats(np.arange(5.0)) == pack.floats(np.arange(5.0)) != pack.floats(np.arange(6.0))
