@@ -278,7 +278,7 @@ def _left_out(q: Quantity, time: Real, order: int, step: int) -> Real:
 
 
 _companions: WeakKeyDictionary[Callable[..., Simulation], WeakKeyDictionary[Simulation, Simulation | None]] = WeakKeyDictionary()
-"""What motions were compared with, as long as they live themselves: long ones take hundreds of megabytes."""
+"""The motion that each run was compared with, kept as long as the run lives: long ones take hundreds of megabytes."""
 
 
 def _companion(simulation: Simulation, simulate: Callable[..., Simulation]) -> Simulation | None:
