@@ -7,9 +7,12 @@ import re
 import numpy as np
 import pytest
 from browsers import browser
+from browsing import SIZE, heard, open_tab, open_viewer, until
 
 from mechviz.outputs.viewer.app import Viewer
-from mechviz.outputs.viewer.panels.designs import scatter
+from mechviz.outputs.viewer.panels import designs
+from mechviz.outputs.viewer.panels.designs import optimise, scatter
+from mechviz.outputs.viewer.world.solids import link_path
 from mechviz.runs import run_scene
 from mechviz.scene.scene import load
 from mechviz.studies.designs.figures import StoredStudy
@@ -76,3 +79,46 @@ def test_a_search_shows_its_best_design_and_stopping_keeps_it(viewer, monkeypatc
     assert viewer.session.wait() and "Stopped" in search.report.content
     start = run_scene(load("parametric-press"), frames=24).catalogue.peak("drive.A.torque")
     assert optimum < viewer.session.run.catalogue.peak("drive.A.torque") < start
+
+
+@pytest.mark.browser
+def test_designs_and_bands_are_asked_for_in_the_page(viewer, browser, monkeypatch):
+    """Each control of the tab, and the tolerance band of plots."""
+    viewer.inspector.study.design.value = 0  # other tests choose one
+    assert viewer.session.wait()
+    viewer.session.reset()
+    assert viewer.session.wait(rested=True)
+    page = open_viewer(browser, viewer, SIZE, [link_path(viewer.run.motion.mechanism.links[1].name)])
+    chart, search, plots = viewer.inspector.study, viewer.inspector.optimiser, viewer.plots
+
+    def choose(label, option):
+        page.get_by_label(label, exact=True).click()
+        page.get_by_role("option", name=option, exact=True).click()
+        heard(viewer)
+
+    def type_at(label, value):
+        uuid = page.locator("label", has_text=label).first.get_attribute("for")
+        page.locator(f'[id="{uuid}"] ~ div input').fill(value)
+
+    slot = plots.slots[0]
+    plots.choose(slot, "joint S: displacement [mm]")
+    wide = np.ptp(slot.chart.data[2])
+    choose("Tolerance band", "100 times")
+    until(page, lambda: np.ptp(slot.chart.data[2]) > wide + 1.0, "a wider band")
+    open_tab(page, "Designs")
+    drawn = chart.chart.content
+    choose("Across", "peak [N m]")
+    choose("Upwards", "stroke [mm]")
+    until(page, lambda: chart.chart.content == scatter(np.array([90.0, np.nan, 110.0]), STROKES, ("peak [N m]", "stroke [mm]"), 0,
+                                                       chart.design._impl.uuid) != drawn, "the axes change places")  # fmt: skip
+    type_at("Design", "2")
+    until(page, lambda: viewer.session.wait() and values(viewer, "stroke") == pytest.approx([0.09]), "the last design")
+    type_at("Seed", "7")
+    until(page, lambda: search.seed.value == 7, "another seed")
+    monkeypatch.setattr(designs, "optimise", lambda sought: search._stopped.wait(60.0) and optimise(sought))  # it takes long
+    page.get_by_role("button", name="Optimise", exact=True).click()
+    page.get_by_role("button", name="Stop and keep the best").click()
+    until(page, lambda: not search.stop.visible, "it has stopped")
+    search.thread.join()
+    page.get_by_text("designs were looked at").wait_for()
+    page.close()
