@@ -131,12 +131,9 @@ class Viewer:
     def grow(self, run: Run, duration: float) -> None:
         """Take more frames of a growing run, which lasts ``duration`` [s] in the end. Who looks at its last frame goes along."""
         newest = not self.playing and self.frame == self.inspector.show.frames - 1
-        show, reshaped = self.growth.take(run, duration)
-        self.inspector.present(show)
-        if reshaped:
-            self.scene.refit()
+        self.inspector.present(self.growth.take(run, duration))
         if newest:
-            self.set_frame(show.frames - 1)
+            self.set_frame(self.inspector.show.frames - 1)
 
     def fail(self, error: Exception) -> None:
         """Say that a growing run ends here, and why."""

@@ -36,16 +36,16 @@ class Growth:
         self.words = ""
         self._bar = server.gui.add_html("", order=-1.0)
 
-    def take(self, run: Run, duration: float) -> tuple[ViewModel, bool]:
-        """View model of more frames, and whether the solids are new: slots are as long and layers as many as the run needs.
+    def take(self, run: Run, duration: float) -> ViewModel:
+        """View model of more frames; now and then with new solids: slots are as long and layers as many as the run needs.
         ``duration`` of the whole run [s]."""
         reshaped = run.motion.frames >= REBUILT * self._for
         if reshaped:
             self._built, self._for = build(run), run.motion.frames
-        self.show = replace(show_of_run(run, self._built, self.show), notes=NOTES)
+        self.show = replace(show_of_run(run, self._built, self.show), exact=reshaped, notes=NOTES)
         reached = float(run.motion.time[-1])
         self._say(f"Computing: {reached:.4g} s of {duration:.4g} s", reached / duration, "#225ca0")
-        return self.show, reshaped
+        return self.show
 
     def fail(self, error: Exception) -> None:
         """Say why there is no more."""

@@ -184,6 +184,8 @@ class Inspector:
                 if self.synthesis is not None:
                     self.synthesis.update(show)
                 self.scene.show(frame)
+            if show.exact:
+                self.scene.refit()
             send_now(self._server, PATIENCE)
             hurried = self._session is not None and self._session.overtaken and show.frames == self._plotted.frames
             if not hurried or time.perf_counter() - self._drew > PLOTS:
@@ -274,7 +276,6 @@ class Inspector:
                 self.pivots.update(self.show)
             if self.synthesis is not None:
                 self.synthesis.update(self.show)
-            self.scene.refit()
             self.playback.hold(False)
         self._server.flush()
         if self._player.playing:

@@ -110,6 +110,7 @@ def show_of_run(run: Run, built: Built, before: ViewModel | None = None) -> View
         picture=picture_of(run, solids, arrows, None if before is None or exact else before.picture),
         bodies=bodies,
         catalogue=run.catalogue,
+        exact=exact,
         events=events_of(run) if exact or before is None else before.events,
         notes=words.plan_list(run),
         run=run,

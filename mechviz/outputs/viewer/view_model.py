@@ -68,6 +68,7 @@ class ViewModel:
     picture: Picture
     bodies: Mapping[str, Body]  # by link; while a length is dragged they follow it
     catalogue: Catalogue
+    exact: bool = True  # the solids are of this motion; while a length is dragged they are of another one
     events: tuple[Event, ...] = ()
     opens_at: int | None = None  # the frame to open at, where it is not the catalogue's
     notes: str = ""  # what was computed and left out, as HTML

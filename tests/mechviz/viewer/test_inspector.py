@@ -68,6 +68,20 @@ def test_while_dragging_the_picture_is_sent_first_and_plots_follow_at_the_latest
         assert done.count("update") == 1 and inspector.show is shows[3]
 
 
+def test_the_view_fits_the_edited_mechanism_when_it_rests():
+    """Not the one before: its solids are made after the edit is shown."""
+    with Viewer(run_scene(scene.load("crank-rocker"), frames=24), port=0) as viewer:
+        key = next(key for key in viewer.inspector.controls.sliders if "crank.points.B" in key)
+        parameter = next(p for p in viewer.session.parameters if p.key == key)
+        for crank in (100.0, 60.0):
+            viewer.session.move(parameter, crank)
+            assert viewer.session.wait(rested=True)
+            anew = show_of_run(viewer.session.run, build(viewer.session.run))
+            np.testing.assert_allclose(viewer.scene.current.bounds, anew.bounds, atol=1e-12)
+            inside = [viewer.scene.bounds[0] <= anew.bounds[0] + 1e-12, viewer.scene.bounds[1] >= anew.bounds[1] - 1e-12]
+            assert np.all(inside), crank
+
+
 def test_what_goes_well_is_said_now_and_then_and_once_more_when_it_rests(monkeypatch):
     with Viewer(run_scene(scene.load("crank-rocker"), frames=24), port=0) as viewer:
         controls = viewer.inspector.controls
