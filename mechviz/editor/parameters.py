@@ -9,10 +9,14 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import replace
+from itertools import groupby
 from typing import Any, Literal, get_args, get_origin
 
-from mechcore.laws.catalogue import RISES
+import numpy as np
+
+from mechcore.laws.factors import ORDER_NAMES
 from mechcore.records import dataclass
+from mechviz.editor.laws import LAW_OPTIONS, law_changes
 from mechviz.scene.annotations import Leaf, Place, leaves
 from mechviz.scene.document import SceneDocument, value_at
 from mechviz.scene.expressions import is_plain, parse_expression
@@ -21,10 +25,11 @@ from mechviz.scene.kinds.joints.cam_documents import SOLIDS
 from mechviz.scene.kinds.segments import LawDocument, SegmentTable
 from mechviz.scene.kinds.settings import ParameterDocument
 from mechviz.scene.scene import Scene
-from mechviz.scene.units import KINDS, QuantityError, Units, split, symbol_of, unit_factor, unit_of
+from mechviz.scene.units import DERIVATIVES, KINDS, QuantityError, Units, split, symbol_of, unit_factor, unit_of
 
-LONGEST_LIST = 4  # longer ones are tables of measured values, which are not edited by sliders
+LONGEST_LIST = 4  # of longer ones not every value has a slider: a text has them all
 HIDDEN = {"units", "parameters", "run", "along", "bulges", "watch", "mesh_unit"}  # texts, directions, and what says how to compute
+SAMPLES = 257  # of a curve, for its largest derivative
 STEPS = 1000  # about, over a range
 WIDEST = 20.0  # ranges that a typed value may ask for beyond the first one
 BARE = {
@@ -33,8 +38,6 @@ BARE = {
     "frequency": "1/{time}",
     "stiffness": "{force}/{length}",
 }
-LAW_NAMES = (*RISES, "polynomial")
-LEAST_LAWS = {f"least {order}": {"least": order} for order in ("acceleration", "jerk", "snap")}
 GROUPS = ("Parameters", "Lengths", "Drive", "Cam", "Loads and springs", "Masses", "Friction", "Assembly", "Other")
 
 
@@ -93,9 +96,9 @@ class Choice:
     def key(self) -> str:
         return key_of(self.path)
 
-    def written(self, option: str) -> Any:
-        """An option as the scene holds it."""
-        return LEAST_LAWS.get(option, option) if self.path[-1] == "law" else option
+    def changes(self, scene: Scene, option: str) -> dict[Place, Any]:
+        """What to change in a scene for another option."""
+        return law_changes(scene, self.path, option) if self.path[-1] == "law" else {self.path: option}
 
 
 def key_of(path: Place) -> str:
@@ -115,14 +118,26 @@ def find_choices(scene: Scene) -> tuple[Choice, ...]:
     """All values that are one of a few texts: laws of motion, assembly modes, senses. Of a law that is a table the value is its
     kind, which is none of the options."""
     choices = [
-        Choice(path, _group(path), _label(path), f"{law.kind}, as stated", (*LAW_NAMES, *LEAST_LAWS))
+        Choice(path, group_of(path), label_of(path), f"{law.kind}, as stated", LAW_OPTIONS)
         for path, law in _law_tables(scene.document)
     ]
     for spot in _spots(scene.document):
         options = _options(spot)
         if len(options) > 1 and isinstance(spot.value, str) and spot.path[0] in ("joints", "loads", "links"):
-            choices.append(Choice(spot.path, _group(spot.path), _label(spot.path), spot.value, options))
+            choices.append(Choice(spot.path, group_of(spot.path), label_of(spot.path), spot.value, options))
     return tuple(sorted(choices, key=lambda c: GROUPS.index(c.group)))
+
+
+def marked_series(document: SceneDocument) -> Iterator[tuple[Place, str, str, list[Place]]]:
+    """The like of numbered points of a link, P1, P2 ..., more than `LONGEST_LIST` of them, which are no joints."""
+    for link, entry in document.links.items():
+        names = entry.points if isinstance(entry.points, dict) else ()
+        for stem, group in groupby(names, lambda name: name.rstrip("0123456789")):
+            members = list(group)
+            if len(members) > LONGEST_LIST and stem not in members and document.joints.keys().isdisjoint(members):
+                label = f"{link} {members[0]} to {members[-1]}"
+                home: Place = ("links", link, "points")
+                yield (*home, stem, 0), f"{key_of(home)}.{stem}", label, [(*home, name) for name in members]
 
 
 def _law_tables(document: SceneDocument) -> Iterator[tuple[Place, LawDocument]]:
@@ -136,8 +151,9 @@ def _law_tables(document: SceneDocument) -> Iterator[tuple[Place, LawDocument]]:
 # -- walking ----------------------------------------------------------------------------------------------------------
 def _spots(document: SceneDocument) -> Iterator[Leaf]:
     """The scalars of a scene that say something of it, as far as they are stated."""
+    listed = {place for *_, homes in marked_series(document) for place in homes}
     for leaf in leaves(document, _shown):
-        if leaf.path in document.formulas:  # follows from parameters
+        if leaf.path in document.formulas or leaf.path[:-1] in listed:  # follows from parameters, or stands in a text
             continue
         if leaf.value is None:  # a law that is not stated
             leaf = leaf._replace(value=value_at(document, leaf.path[:-1]).named)
@@ -161,14 +177,17 @@ def _editable(leaf: Leaf) -> bool:
     quantity = leaf.mark(Quantity)
     if quantity is not None and quantity.word and leaf.value == quantity.word:
         return False
-    number = isinstance(leaf.value, int | float) and not isinstance(leaf.value, bool)
-    return number or quantity is not None or bool(_options(leaf))
+    return is_number(leaf.value) or quantity is not None or bool(_options(leaf))
+
+
+def is_number(value: Any) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool)
 
 
 def _options(leaf: Leaf) -> tuple[str, ...]:
     """The texts of which the value is one, if it is a choice."""
     if leaf.path[-1] == "law":
-        return (*LAW_NAMES, *LEAST_LAWS)
+        return LAW_OPTIONS
     return tuple(o for o in get_args(leaf.kind) if isinstance(o, str)) if get_origin(leaf.kind) is Literal else ()
 
 
@@ -220,6 +239,9 @@ def _parameter(scene: Scene, spot: Leaf) -> Parameter | None:
         least, sign, number = "above zero", math.copysign(1.0, number), abs(number)
     whole = isinstance(value, int) and quantity is None and (path[-2:-1] == ("teeth",) or path[-1:] == ("rollers",))
     low, high = _range(document, path, number, kind, least)
+    if kind in DERIVATIVES and not number:
+        reach = _usual_derivative(scene, path, kind)
+        low, high = _round_out(-reach, reach) if reach else (low, high)
     if whole:
         low, high = max(3.0, math.floor(low)), max(math.ceil(high), 4.0)
     step = 1.0 if whole else _nice((high - low) / STEPS)
@@ -228,10 +250,10 @@ def _parameter(scene: Scene, spot: Leaf) -> Parameter | None:
     if quantity is None and number >= 0.0:
         bound = 0.0
     hard_low = max(high - span, bound) if high > low else bound
-    label = _label(path)
+    label = label_of(path)
     if along:
         label = f"{path[1]} {next(iter(document.links[str(path[1])].points))}–{path[3]}"
-    return Parameter(path, _group(path), label, number, unit, low, high, step, hard_low, low + span, suffix, sign, whole)
+    return Parameter(path, group_of(path), label, number, unit, low, high, step, hard_low, low + span, suffix, sign, whole)
 
 
 def _of_point(document: SceneDocument, path: Place) -> tuple[bool, bool]:
@@ -291,6 +313,15 @@ def _range(document: SceneDocument, path: Place, value: float, kind: str, least:
     if kind in ("", "angular speed", "linear speed", "pressure", "power", "density"):
         return _round_out(*sorted((value / 4.0, value * 2.5)))
     return _round_out(-2.5 * size, 2.5 * size)
+
+
+def _usual_derivative(scene: Scene, path: Place, kind: str) -> float:
+    """The largest size that a derivative at an end of segments has anywhere in them, as a bare number of the scene."""
+    joined = scene.curves.get(key_of(path[:-3]))
+    if joined is None or path[-2] != "to":
+        return 0.0
+    samples = joined.curve(np.linspace(joined.curve.start, joined.curve.end, SAMPLES), int(path[-1]))[-1]
+    return float(np.abs(samples).max() / float(scene.units.factor(kind)))
 
 
 def _plane_cam(document: SceneDocument, path: Place) -> bool:
@@ -356,7 +387,7 @@ def _round_out(low: float, high: float) -> tuple[float, float]:
 
 
 # -- names ------------------------------------------------------------------------------------------------------------
-def _group(path: Place) -> str:
+def group_of(path: Place) -> str:
     first, keys = path[0], set(path)
     if first == "sketch" or (first == "links" and path[2] == "points"):
         return "Lengths"
@@ -375,7 +406,7 @@ def _group(path: Place) -> str:
     return "Other"
 
 
-def _label(path: Place) -> str:
+def label_of(path: Place) -> str:
     """Label of a value: the item and the key, without the words that the group says already."""
     parts = [str(p) for p in path if not isinstance(p, int)]
     axis = ("x", "y")
@@ -392,7 +423,9 @@ def _label(path: Place) -> str:
     ] or parts
     if isinstance(last, int):
         vector = path[-2] in ("centre", "force", "gravity", "at", "pole")
-        if path[-2] in ("stiffness", "linear"):
+        if path[-2] == "to":
+            words += [ORDER_NAMES[last]] if last else []
+        elif path[-2] in ("stiffness", "linear"):
             words.append(("x", "y", "angle")[last])
         else:
             words.append(axis[last] if vector and last < 2 else str(last + 1))

@@ -13,6 +13,7 @@ from mechviz.scene.folder import SceneFolder
 from mechviz.scene.units import KINDS, QuantityError, Units, magnitude, parse
 
 if TYPE_CHECKING:
+    from mechcore.laws.curve import MotionCurve
     from mechviz.scene.document import UnitsDocument
     from mechviz.scene.fields import Table
 
@@ -29,11 +30,21 @@ SMALLEST = 1e-30
 _DIVISORS = ("time", "frequency", "linear speed", "angular speed")
 
 
+@dataclass(frozen=True)
+class JoinedSegments:
+    """What segments of a motion come to: one curve, the range of each, and the kinds of its coordinate and of its master."""
+
+    curve: MotionCurve
+    overs: Sequence[float]
+    coordinate: str
+    master: str
+
+
 @dataclass
 class Converter:
     """Values in a scene's units -> SI. A value of the wrong kind is noted as a fault and comes back as NaN.
 
-    ``kinds``: path -> kind of quantity as which a value was read.
+    ``kinds``: path -> kind of quantity as which a value was read; ``curves``: path of segments -> what they come to.
     """
 
     units: Units
@@ -41,6 +52,7 @@ class Converter:
     unknown: frozenset[str] = frozenset()  # kinds whose unit could not be read: bare numbers are in another one
     folder: SceneFolder = field(default_factory=SceneFolder)
     kinds: dict[str, str] = field(default_factory=dict)
+    curves: dict[str, JoinedSegments] = field(default_factory=dict)
 
     @classmethod
     def of(cls, units: UnitsDocument, folder: SceneFolder) -> Converter:

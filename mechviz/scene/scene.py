@@ -19,7 +19,7 @@ from mechviz.files import replacing
 from mechviz.scene.annotations import Place, raw_value
 from mechviz.scene.assembly.assemble import assemble
 from mechviz.scene.assembly.simulation import SimulationSpec
-from mechviz.scene.convert import Converter
+from mechviz.scene.convert import Converter, JoinedSegments
 from mechviz.scene.document import FORMER, FORMER_INNER, SceneDocument, value_at, with_values
 from mechviz.scene.faults import SceneError, in_file_order, path_as_written, path_text
 from mechviz.scene.folder import SceneFolder, copy_files
@@ -52,6 +52,7 @@ class Scene:
         default_factory=dict, repr=False
     )  # keys that the text calls by their former names, with these
     kinds: Mapping[str, str] = field(default_factory=dict, repr=False)  # of the quantities of its values, by their paths
+    curves: Mapping[str, JoinedSegments] = field(default_factory=dict, repr=False)  # of its segments, by their paths
 
     @classmethod
     def build(cls, *, name: str = "scene", folder: SceneFolder | Path | str | None = None, **document: Any) -> Scene:
@@ -268,7 +269,9 @@ def _assembled(
         formulas = {path_text(place): text for place, text in reading.document.formulas.items()}
         ordered = [replace(f, message=f"'{formulas[f.path]}': {f.message}") if f.path in formulas else f for f in ordered]
         raise SceneError(file or name, [replace(fault, path=path_as_written(former, fault.path)) for fault in ordered])
-    return Scene(name, reading.document, assembly.mechanism, folder, assembly.simulation, source, former, assembly.kinds)
+    return Scene(
+        name, reading.document, assembly.mechanism, folder, assembly.simulation, source, former, assembly.kinds, assembly.curves
+    )
 
 
 def _plain(value: Any) -> Any:

@@ -137,15 +137,15 @@ class Smoothing:
 
 
 def measured_table(
-    angles: ArrayLike, values: ArrayLike, tolerance: float = 0.0, repeats: bool = False
+    angles: ArrayLike, values: ArrayLike, tolerance: float = 0.0, repeats: bool = False, *, rest: bool = False
 ) -> tuple[MotionCurve, Smoothing]:
     """A quintic spline near measured points: the fewest knots whose root-mean-square correction stays within ``tolerance``.
 
     Tolerance 0 interpolates. ``repeats``: the last row is the end of the cycle (same value as the first up to an advance, which
     is kept as a uniform trend); continuous into the next cycle up to the fourth derivative. P. Dierckx's smoothing spline
-    (``scipy.interpolate.splrep``).
+    (``scipy.interpolate.splrep``). ``rest``: it interpolates, with velocity and acceleration zero at both ends.
     """
-    from scipy.interpolate import PPoly, splrep
+    from scipy.interpolate import PPoly, make_interp_spline, splrep
 
     x, y = np.asarray(angles, float).ravel(), np.asarray(values, float).ravel()
     if x.size != y.size or x.size < 6:
@@ -159,7 +159,12 @@ def measured_table(
     if repeats:
         data[-1] = data[0]
     size = np.ptp(data) or 1.0  # scaled: the fit's own stopping rule is absolute
-    tck = splrep(x, data / size, k=5, s=x.size * (tolerance / size) ** 2, per=repeats)
+    if rest:
+        still = [(1, 0.0), (2, 0.0)]
+        spline = make_interp_spline(x, data / size, 5, bc_type=(still, still))
+        tck = spline.t, spline.c, spline.k
+    else:
+        tck = splrep(x, data / size, k=5, s=x.size * (tolerance / size) ** 2, per=repeats)
     curve = _of_ppoly(PPoly.from_spline(tck), repeats)
     curve = MotionCurve(tuple(p.scaled(1.0, size) for p in curve.pieces), curve.start, repeats)
     middles = 0.5 * (curve.knots[1:] + curve.knots[:-1])

@@ -25,6 +25,8 @@ from mechcore.laws.factors import peak
 from mechcore.records import dataclass
 
 Goal = Literal["velocity", "acceleration", "jerk", "snap", "force"]
+_SHORT = 1e-9  # of a piece: what is left of it by a sign that rounding changes
+_LOPSIDED = 1e12  # condition of two equations for two sizes: beyond it they say the same
 _ORDER = {"velocity": 1, "acceleration": 2, "jerk": 3, "snap": 4}
 
 
@@ -230,18 +232,23 @@ class GivenAcceleration:
     """A given acceleration, integrated twice; the values at both ends decide.
 
     The velocity at the start follows from them; with ``scaled`` it is the prescribed one, and the size of the acceleration
-    follows. Without a value at the end the law returns to where it starts.
+    follows. ``balanced``: so is that, and the sizes of the positive and of the negative acceleration follow, each by its own
+    factor, for the law to end at rest. Without a value at the end the law returns to where it starts.
     """
 
     curve: MotionCurve
     scaled: bool = False
+    balanced: bool = False
     meets: bool = field(default=False, init=False)
 
     def end(self, start: float) -> float | None:
-        return None if self.scaled else start
+        return None if self.scaled or self.balanced else start
 
     def join(self, start: State, end: State, over: float) -> MotionCurve:
         value, change = _value(start), _value(end) - _value(start)
+        if self.balanced:
+            velocity = (start[1] if len(start) > 1 else None) or 0.0
+            return from_acceleration(_balanced(self.curve, -velocity, change - velocity * over), value, velocity)
         if not self.scaled:
             twice = self.curve.integrated(0.0).integrated(0.0).advance
             return from_acceleration(self.curve, value, (change - twice) / over)
@@ -319,6 +326,39 @@ def _value(state: State) -> float:
 def _conditions(start: State, end: State, over: float, inner: Sequence[Condition]) -> list[Condition]:
     ends = [Condition(at, v, k) for at, state in ((0.0, start), (over, end)) for k, v in enumerate(state) if v is not None]
     return [*ends, *inner]
+
+
+def _balanced(curve: MotionCurve, gain: float, way: float) -> MotionCurve:
+    """A curve whose positive and negative parts are multiplied by a factor each: its integral is then ``gain``, and the integral of
+    that ``way``."""
+    pieces = [part for piece in curve.pieces for part in _of_one_sign(piece)]
+    signs = [float(np.sign(p.at(0.5 * p.length, 0)[0])) for p in pieces]
+    sides = [
+        MotionCurve(tuple(p.scaled(1.0, float(sign == side)) for p, sign in zip(pieces, signs, strict=True))) for side in (1, -1)
+    ]
+    firsts = [side.integrated(0.0) for side in sides]
+    table = np.array([[first.advance for first in firsts], [first.integrated(0.0).advance for first in firsts]])
+    sizes = np.abs(table).max(axis=1)
+    factors = np.full(2, np.nan)
+    if sizes.all() and np.linalg.cond(table / sizes[:, None]) < _LOPSIDED:
+        factors = np.linalg.solve(table, [gain, way])
+    if not np.all(factors > 0.0):
+        why = "no sizes of its positive and its negative part let it end at rest where it shall."
+        raise MechanismError(Fault("law.acceleration", why, "Let it be positive first and negative then, or the other way round."))
+    by_sign = {1.0: float(factors[0]), -1.0: float(factors[1]), 0.0: 1.0}
+    return MotionCurve(tuple(p.scaled(1.0, by_sign[sign]) for p, sign in zip(pieces, signs, strict=True)))
+
+
+def _of_one_sign(piece: Piece) -> list[Piece]:
+    """A straight piece in two where it changes its sign; any other as it is."""
+    ends = [float(piece.at(u, 0)[0]) for u in (0.0, piece.length)]
+    if len(piece.waves) or len(piece.poly) > 2 or ends[0] * ends[1] >= 0.0:
+        return [piece]
+    first = piece.length * ends[0] / (ends[0] - ends[1])
+    if min(first, piece.length - first) < _SHORT * piece.length:
+        return [piece]
+    slope = float(piece.poly[1])
+    return [Piece(u, np.array([c, slope]), piece.waves) for u, c in ((first, ends[0]), (piece.length - first, 0.0))]
 
 
 def _times(curve: MotionCurve, factor: float) -> MotionCurve:

@@ -33,7 +33,7 @@ from mechviz.scene.assembly.simulation import (
     stated_duration,
     with_swings,
 )
-from mechviz.scene.convert import Converter, probable_sort
+from mechviz.scene.convert import Converter, JoinedSegments, probable_sort
 from mechviz.scene.document import SceneDocument
 from mechviz.scene.faults import MOST_SOUGHT, document_path, first_ones
 from mechviz.scene.folder import SceneFolder
@@ -66,6 +66,7 @@ class Assembly:
     mechanism: Mechanism
     simulation: SimulationSpec | None
     kinds: Mapping[str, str]  # by paths such as links.crank.points.B[0]
+    curves: Mapping[str, JoinedSegments]  # by paths such as joints.K.profile.lift
 
 
 def assemble(
@@ -210,7 +211,7 @@ def assemble(
     mechanism = with_clearances(mechanism, clearances)
     if simulation is not None and mechanism.ends:
         simulation = replace(simulation, stops=with_slot_ends(mechanism, simulation.stops))
-    return Assembly(mechanism, simulation, convert.kinds), []
+    return Assembly(mechanism, simulation, convert.kinds, convert.curves), []
 
 
 def _least_roller_faults(document: SceneDocument) -> list[Fault]:

@@ -32,6 +32,7 @@ from mechcore.laws.segment_laws import (
 )
 from mechcore.records import dataclass
 from mechcore.texts import as_coordinate
+from mechviz.scene.convert import JoinedSegments
 from mechviz.scene.fields import is_whole
 from mechviz.scene.kinds.cam_files import read_columns
 from mechviz.scene.kinds.segments import (
@@ -85,7 +86,9 @@ def segments_curve(
     if len(axes.convert.faults) > before or not complete:
         return None
     try:
-        return program([s for s in made if s is not None], start, repeats=repeats)
+        curve = program([s for s in made if s is not None], start, repeats=repeats)
+        axes.convert.curves[path] = JoinedSegments(curve, tuple(overs), axes.coordinate, axes.master)
+        return curve
     except MechanismError as error:
         for f in error.faults:
             match = re.fullmatch(r"program\[(\d+)\]\.(\w+).*", f.path)
@@ -126,7 +129,7 @@ def note_corners(
             before, after = (as_coordinate(v, rotary=rotary, digits=4) for v in (jump.left, jump.right))
             turn = " per radian" if axes.master == "angle" else ""
             why = f"at its {row} row the velocity falls from {before} to {after}{turn}: a corner on a cam of any size."
-            remedy = "Write law = { spline = [...] } of its rows, which goes from rest to rest; or let a knife follow it."
+            remedy = "Write rest = true beside its rows; or let a knife follow it."
             axes.convert.note(f"{path}[{k}].law.position", why, remedy)
 
 
@@ -169,7 +172,7 @@ def _law(given: LawDocument, over: float, axes: Axes, path: str) -> SegmentLaw |
         curve = _curve(getattr(given, kind), over, axes, 2 if kind == "acceleration" else 1, f"{path}.{kind}")
         if curve is None:
             return None
-        return GivenVelocity(curve) if kind == "velocity" else GivenAcceleration(curve, given.scaled)
+        return GivenVelocity(curve) if kind == "velocity" else GivenAcceleration(curve, given.scaled, given.balanced)
     if kind == "position" and given.position is not None:
         return _positions(given.position, over, axes, f"{path}.position")
     if kind in ("polynomial", "spline"):
@@ -234,7 +237,7 @@ def _positions(given: PositionTable, over: float, axes: Axes, path: str) -> Segm
         convert.note(f"{path}.{key}", why, "Make the segment as long as its table.")
         return None
     try:
-        return GivenPosition(measured_table(np.array(at) - at[0], values, tolerance, given.periodic)[0])
+        return GivenPosition(measured_table(np.array(at) - at[0], values, tolerance, given.periodic, rest=given.rest)[0])
     except MechanismError as error:
         for f in error.faults:
             convert.note(f"{path}.{'tolerance' if f.path == 'law.tolerance' else key}", f.message, f.remedy)

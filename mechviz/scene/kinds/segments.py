@@ -113,10 +113,17 @@ class PositionTable(Table):
     """How far (root mean square) the spline may pass from the points."""
     periodic: Flag = False
     """The last row is the end of the cycle, which continues smoothly into the next."""
+    rest: Flag = False
+    """It goes from rest to rest: velocity and acceleration are zero at both ends."""
 
     @model_validator(mode="after")
     def _one_form(self) -> PositionTable:
         wrong = one_of(self, ("at", "file"), "the table")
+        wrong += [
+            ("rest", f"rest beside {key}.", "Keep one of them.")
+            for key in ("periodic", "tolerance")
+            if self.rest and getattr(self, key)
+        ]
         if self.at is not None and self.has_valid("at", "values") and len(self.at) != len(self.values or ()):
             wrong.append(("", f"{len(self.at)} places and {len(self.values or ())} values.", "Give one value for each place."))
         if self.file is not None and self.values is not None:
@@ -150,6 +157,9 @@ class LawDocument(Table):
     scaled: Flag = False
     """Acceleration: only its shape is given. The segment starts with the velocity of the one before it, and the size follows from
     `to`."""
+    balanced: Flag = False
+    """Acceleration: only its shape is given. The segment starts with the velocity of the one before it and ends at rest; the sizes
+    of its positive and of its negative part follow from that and from `to`."""
     position: PositionTable | None = None
     """Measured positions."""
     polynomial: Annotated[list[PointDocument], Field(min_length=1)] | None = None
@@ -172,12 +182,14 @@ class LawDocument(Table):
     @model_validator(mode="after")
     def _one_law(self) -> LawDocument:
         wrong = one_of(self, KINDS_OF_LAW, "the law")
-        owners = {"scaled": "acceleration", "powers": "polynomial", "degree": "spline"} | dict.fromkeys(
+        owners = {"scaled": "acceleration", "balanced": "acceleration", "powers": "polynomial", "degree": "spline"} | dict.fromkeys(
             ("limits", "smooth", "steps"), "least"
         )
         for key, owner in owners.items():
             if key in self.model_fields_set and getattr(self, owner) is None and self.has_valid(owner):
                 wrong.append((key, f"{key} goes with {owner}.", "Leave it out."))
+        if self.scaled and self.balanced:
+            wrong.append(("balanced", "balanced beside scaled.", "Keep one of them."))
         for key, factor in self.limits.items():
             if factor <= 0.0:
                 wrong.append(("limits", f"{factor:g} is no limit of the {key}.", "Give a positive factor."))
@@ -192,7 +204,7 @@ class LawDocument(Table):
     @property
     def needs_end(self) -> bool:
         """Whether the segment has to say where it ends."""
-        return self.kind in ("polynomial", "spline", "least") or self.scaled
+        return self.kind in ("polynomial", "spline", "least") or self.scaled or self.balanced
 
     @property
     def meets(self) -> bool:

@@ -64,8 +64,10 @@ LAWS = {  # over 120 units of the master, to 20
     "spline": {"to": 20, "law": {"spline": POINTS, "degree": 4}},
     "least": {"to": 20, "law": {"least": "acceleration", "limits": {"jerk": 60}, "smooth": "jerk", "steps": 32}},
     "acceleration": {"to": 20, "law": {"acceleration": {"at": [0, 60, 60, 120], "values": [1, 1, -1, -1]}, "scaled": True}},
+    "balanced": {"to": 20, "law": {"acceleration": {"at": [0, 40, 90, 120], "values": [0, 3, -1, 0]}, "balanced": True}},
     "velocity": {"to": 20, "law": {"velocity": {"at": [0, 30, 90, 120], "values": [0, 1, 1, 0]}}},
     "table": {"law": {"position": TABLE}},
+    "rest": {"law": {"position": {**TABLE, "rest": True}}},
 }
 
 

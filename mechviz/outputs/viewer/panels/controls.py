@@ -5,13 +5,14 @@ from __future__ import annotations
 import contextlib
 import math
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from functools import partial
 from typing import Any
 
 import viser
 
 from mechviz.editor.parameters import GROUPS, Choice, Parameter, find_choices, find_parameters
+from mechviz.editor.rows import Row, find_rows
 from mechviz.outputs.viewer import words
 from mechviz.outputs.viewer.server import Callback, finite
 from mechviz.outputs.viewer.session import EditSession, Status
@@ -31,7 +32,9 @@ class Controls:
         self.sliders: dict[str, viser.GuiSliderHandle[float]] = {}
         self.lists: dict[str, viser.GuiDropdownHandle[str]] = {}
         self._parameters: dict[str, Parameter] = {}
+        self.texts: dict[str, viser.GuiInputHandle[str]] = {}
         self._choices: dict[str, Choice] = {}
+        self._rows: dict[str, Row] = {}
         self._folders: list[viser.GuiFolderHandle] = []
         self._homes: dict[str, viser.GuiFolderHandle] = {}
         self._note: viser.GuiHtmlHandle | None = None
@@ -46,13 +49,17 @@ class Controls:
 
     def update(self, scene: Scene) -> None:
         """Take the values of a scene; where it has other values than before, other controls."""
-        parameters, choices = find_parameters(scene), find_choices(scene)
-        idle = {key for key in self._parameters if key.split(".")[1:2] and key.split(".")[1] in self._session.history.present.idle}
-        known = [(p.key, p.unit) for p in self._parameters.values() if p.key not in idle]
-        same = [(p.key, p.unit) for p in parameters] == known and [(c.key, c.options) for c in choices] == [
-            (c.key, c.options) for c in self._choices.values() if c.key not in idle
+        parameters, choices, rows = find_parameters(scene), find_choices(scene), find_rows(scene)
+        idle = self._session.history.present.idle
+        known: list[tuple[str, object]] = [(p.key, p.unit) for p in self._parameters.values() if not _belongs(p.key, idle)]
+        known += [(c.key, c.options) for c in self._choices.values() if not _belongs(c.key, idle)]
+        known += [(r.title, r.places) for r in self._rows.values() if not _belongs(r.key, idle)]
+        found = [
+            *((p.key, p.unit) for p in parameters),
+            *((c.key, c.options) for c in choices),
+            *((r.title, r.places) for r in rows),
         ]
-        if not same:
+        if found != known:
             self._build(scene)
             return
         for p in parameters:
@@ -63,6 +70,11 @@ class Controls:
         for c in choices:
             if self.lists[c.key].value != c.value:
                 self.lists[c.key].value = c.value
+        for r in rows:
+            shown = self._rows[r.key]
+            self._rows[r.key] = r
+            if shown.values != r.values and not self._says(r):
+                self.texts[r.key].value = r.text
 
     def show_status(self, status: Status) -> None:
         """Say how a change went: at the top, and below the slider that went too far. What else than a slider was changed, or was
@@ -105,14 +117,16 @@ class Controls:
         for folder in self._folders:
             folder.remove()
         self._folders, self._note = [], None
-        self.sliders, self.lists, self._homes = {}, {}, {}
+        self.sliders, self.lists, self.texts, self._homes = {}, {}, {}, {}
         self._parameters = {p.key: p for p in find_parameters(scene)}
         self._choices = {c.key: c for c in find_choices(scene)}
+        self._rows = {r.key: r for r in find_rows(scene)}
         opened = 0
         for group in GROUPS:
             members = [p for p in self._parameters.values() if p.group == group]
             choices = [c for c in self._choices.values() if c.group == group]
-            if not members and not choices:
+            texts = [r for r in self._rows.values() if r.group == group]
+            if not members and not choices and not texts:
                 continue
             expand = group in OPEN_FIRST and opened < MOST_OPEN
             opened += len(members) if expand else 0
@@ -122,6 +136,8 @@ class Controls:
                     self._add_slider(p, folder)
                 for c in choices:
                     self._add_list(c)
+                for r in texts:
+                    self._add_text(r)
 
     def _add_slider(self, p: Parameter, folder: viser.GuiFolderHandle) -> None:
         slider: Any = self._gui.add_slider(p.title, p.low, p.high, p.step, p.value, hint=f"{p.key} of the scene file")
@@ -134,6 +150,23 @@ class Controls:
         chosen: Any = self._gui.add_dropdown(c.label, options, initial_value=c.value, hint=f"{c.key} of the scene file")
         chosen.on_update(self._callback(f"Changing {c.label}", partial(self._chosen, c.key)))
         self.lists[c.key] = chosen
+
+    def _add_text(self, r: Row) -> None:
+        text: Any = self._gui.add_text(r.title, r.text, multiline=True, hint=f"{r.key} of the scene file, with commas between")
+        text.on_update(self._callback(f"Changing {r.title}", partial(self._typed, r.key)))
+        self.texts[r.key] = text
+
+    def _typed(self, key: str, _: Any) -> None:
+        r, text = self._rows.get(key), self.texts.get(key)
+        if r is not None and text is not None and not self._says(r):
+            typed = text.value
+            self._session.change(r.key, lambda draft: draft.changed(r.changes(typed)))
+
+    def _says(self, r: Row) -> bool:
+        """Whether a text says the numbers of the scene, however it is written."""
+        with contextlib.suppress(ValueError):
+            return not r.changes(self.texts[r.key].value)
+        return False
 
     def _moved(self, key: str, _: Any) -> None:
         p, slider = self._parameters.get(key), self.sliders.get(key)
@@ -157,10 +190,15 @@ class Controls:
     def _chosen(self, key: str, _: Any) -> None:
         c, chosen = self._choices.get(key), self.lists.get(key)
         if c is not None and chosen is not None and chosen.value in c.options:
-            value = c.written(chosen.value)
-            self._session.change(c.key, lambda draft: draft.with_value(c.path, value))
+            option = chosen.value
+            self._session.change(c.key, lambda draft: draft.changed(c.changes(draft.scene(), option)))
 
     def _step(self, name: str) -> None:
         actions: dict[str, Callable[[], None]] = {UNDO: self._session.undo, REDO: self._session.redo, RESET: self._session.reset}
         if name in actions:
             actions[name]()
+
+
+def _belongs(key: str, names: Collection[str]) -> bool:
+    """Whether a value is one of some loads or joints."""
+    return key.split(".")[1:2] != [] and key.split(".")[1] in names
