@@ -59,7 +59,7 @@ class Latest(Generic[T]):
         """Whether a newer request waits: long work that asks now and then can give up."""
         return bool(self._waiting) or self._closed
 
-    def wait(self, timeout: float = 60.0, *, rested: bool = False) -> bool:
+    def wait(self, timeout: float = 600.0, *, rested: bool = False) -> bool:
         """Until everything asked for so far is done (and the rest after it). False if that takes longer than ``timeout`` [s]."""
         with self._changed:
             asked = self._asked

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 from browsers import DRAWING, ONE_SAMPLE, STILL
+from patience import PATIENCE
 
 from mechviz.outputs.viewer.viser_adapter import run_script
 
@@ -19,7 +20,6 @@ _marks = itertools.count(1)
 # changing the number of pixels by itself when the machine is busy.
 PIXELS = "?fixedDpr=0.5"
 SIZE = {"width": 1100, "height": 700}
-PATIENCE = 60.0  # [s] for anything that has to come: a slow machine without a graphics card may need most of it
 READY = """names => { const m = window.__viserMutable; return !!m && !!m.messageQueue && m.messageQueue.length === 0 &&
     names.every(n => m.nodeRefFromName[n] && m.nodePoseData[n] && m.nodePoseData[n].poseUpdateState === 'updated'); }"""
 POSES = """names => names.map(n => { const d = window.__viserMutable.nodePoseData[n]; return [...d.wxyz, ...d.position]; })"""

@@ -11,13 +11,13 @@ import msgspec
 import numpy as np
 import viser
 import zstandard
+from patience import PATIENCE
 from websockets.sync.client import ClientConnection, connect
 
 from mechviz.outputs.viewer.app import Viewer
 from mechviz.outputs.viewer.viser_adapter import uuid_of
 from mechviz.outputs.viewer.world.solids import link_path
 
-PATIENCE = 30.0  # [s]
 CAMERA = {
     "type": "ViewerCameraMessage",
     "wxyz": [1.0, 0.0, 0.0, 0.0],

@@ -20,6 +20,7 @@ from browsers import ARGS
 from browsing import ONE_SAMPLE, PIXELS
 from budget import Tally, options
 from hostile_messages import MOST_GROWN, draws, grown, memory, viewer
+from patience import PATIENCE
 from playwright.sync_api import sync_playwright
 
 from mechviz.outputs.images.browser import find_chromium
@@ -28,7 +29,6 @@ LINKS = ["/mechanism/crank", "/mechanism/rocker"]
 SIZE = {"width": 800, "height": 600}
 # Others may play the motion meanwhile, so that no page ever rests
 THERE = "names => !!window.__viserMutable && names.every(name => window.__viserMutable.nodeRefFromName[name])"
-PATIENCE = 180.0  # [s] for a page on a machine that many browsers share
 
 
 def opened(chromium: Any, port: int, errors: list[str]) -> Any:

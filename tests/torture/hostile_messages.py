@@ -28,6 +28,7 @@ if __name__ == "__main__":
 import msgspec
 import numpy as np
 from budget import Tally, options
+from patience import PATIENCE
 from viewer_sockets import CAMERA, opened, replay, send
 from viser._messages import Message
 from websockets.exceptions import ConnectionClosed
@@ -41,7 +42,6 @@ MOST_GROWN = 50e6  # bytes
 WARMING = 0.1  # of the messages go before memory is looked at
 PER_SOCKET = 5000  # messages
 FRAME = 7  # that is looked at in the end
-PATIENCE = 120.0  # [s]
 COSTLY = ("Measure what accuracy costs", "Setting", "Wanted error")  # what they ask for costs what it costs, whoever asks
 NUMBERS = (0, 1, -1, 3.7, 1e-300, 1e15, 1e16, 1e300, -1e308, 2**62, -(2**63), float("nan"), float("inf"), float("-inf"))
 TEXTS = ("", "value", "../../etc/passwd", "<img src=x onerror=alert(1)>", "\0", "/", "𝔛" * 50, "x" * 2000)

@@ -22,7 +22,7 @@ from mechviz.files import OutputError
 VARIABLE = "MECHVIZ_CHROMIUM"
 NAMES = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "chrome")
 FAILED = f"Try again, or with another Chromium, which {VARIABLE} names."
-PATIENCE = 60.0  # [s] for an answer: a slow machine without a graphics card may need most of it
+PATIENCE = 300.0  # [s] for an answer: a slow machine without a graphics card may need most of it
 ARGUMENTS = (
     "--headless=new",
     "--remote-debugging-pipe",

@@ -176,7 +176,7 @@ class Player:
         with self._changed:
             self._ask()
 
-    def wait(self, timeout: float = 60.0) -> bool:
+    def wait(self, timeout: float = 600.0) -> bool:
         """Until all requests so far have been shown. False if that takes longer than ``timeout`` [s]."""
         with self._changed:
             wanted = self._wanted

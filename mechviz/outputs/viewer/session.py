@@ -128,7 +128,7 @@ class EditSession:
         self._patient = asked
         self._builder.submit(self.run)
 
-    def wait(self, timeout: float = 60.0, *, rested: bool = False) -> bool:
+    def wait(self, timeout: float = 600.0, *, rested: bool = False) -> bool:
         """Until all changes so far are shown; ``rested``: with the solids of the last one."""
         return self._worker.wait(timeout, rested=rested) and (not rested or self._builder.wait(timeout))
 

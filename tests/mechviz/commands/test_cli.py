@@ -13,6 +13,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from patience import PATIENCE
 from typer.testing import CliRunner
 
 from mechcore.motion.reach import reachable_ranges
@@ -142,7 +143,9 @@ def test_odd_names_go_through_a_recording_and_back(tmp_path: Path):
 @pytest.mark.parametrize("arguments", [["scenes"], ["check", "crank-rocker"]])
 def test_a_full_output_is_a_message(arguments):
     with open("/dev/full", "w") as full:
-        done = subprocess.run([*COMMAND, *arguments], stdout=full, stderr=subprocess.PIPE, text=True, env=ENVIRONMENT, timeout=60)
+        done = subprocess.run(
+            [*COMMAND, *arguments], stdout=full, stderr=subprocess.PIPE, text=True, env=ENVIRONMENT, timeout=PATIENCE
+        )
     assert done.returncode == 1
     assert done.stderr == "the output cannot be written: no space left on device.\n"
 
@@ -151,7 +154,9 @@ def test_a_full_output_is_a_message(arguments):
 def test_a_reader_that_leaves_is_no_error(arguments):
     read, write = os.pipe()
     os.close(read)
-    done = subprocess.run([*COMMAND, *arguments], stdout=write, stderr=subprocess.PIPE, text=True, env=ENVIRONMENT, timeout=60)
+    done = subprocess.run(
+        [*COMMAND, *arguments], stdout=write, stderr=subprocess.PIPE, text=True, env=ENVIRONMENT, timeout=PATIENCE
+    )
     os.close(write)
     assert (done.returncode, done.stderr) == (0, "")
 
@@ -161,7 +166,7 @@ def test_files_are_written_though_the_reader_of_the_words_has_left(tmp_path):
     os.close(read)
     words = [*COMMAND, "forces", "slider-crank-compressor", "--csv", "power.csv"]  # the words come before the file
     at_once = {**ENVIRONMENT, "PYTHONUNBUFFERED": "1"}
-    done = subprocess.run(words, stdout=write, stderr=subprocess.PIPE, text=True, env=at_once, cwd=tmp_path, timeout=60)
+    done = subprocess.run(words, stdout=write, stderr=subprocess.PIPE, text=True, env=at_once, cwd=tmp_path, timeout=PATIENCE)
     os.close(write)
     assert (done.returncode, done.stderr) == (0, "") and (tmp_path / "power.csv").stat().st_size > 500
 
@@ -169,7 +174,7 @@ def test_files_are_written_though_the_reader_of_the_words_has_left(tmp_path):
 @pytest.mark.parametrize("arguments", [["check", "crank-rocker"], ["check", "Kurbel ü"]])
 def test_terminals_of_few_letters_get_all_that_they_can_show(arguments):
     done = subprocess.run(
-        [*COMMAND, *arguments], capture_output=True, text=True, env={**ENVIRONMENT, "PYTHONIOENCODING": "ascii"}, timeout=60
+        [*COMMAND, *arguments], capture_output=True, text=True, env={**ENVIRONMENT, "PYTHONIOENCODING": "ascii"}, timeout=PATIENCE
     )
     assert done.returncode == (2 if "Kurbel ü" in arguments else 0) and "Traceback" not in done.stderr
     assert {"crank-rocker": "3\\xb73 - 2\\xb74", "Kurbel ü": ""}[arguments[-1]] in done.stdout
@@ -211,7 +216,7 @@ def test_a_signal_while_libraries_load_ends_the_command_with_a_message(tmp_path:
     )
     assert process.stdout is not None and process.stdout.readline() == "here\n"
     process.send_signal(number)
-    _, said = process.communicate(timeout=60)
+    _, said = process.communicate(timeout=PATIENCE)
     assert (process.returncode, said.strip()) == (code, "Interrupted: nothing was written.")
     assert not list(tmp_path.iterdir())
 
@@ -229,7 +234,7 @@ def test_a_signal_while_frames_are_written_is_said_once(tmp_path: Path):
     while process.poll() is None and not any(entry.stat().st_size > 200_000 for entry in tmp_path.iterdir()):
         time.sleep(0.02)
     process.send_signal(number)
-    _, said = process.communicate(timeout=60)
+    _, said = process.communicate(timeout=PATIENCE)
     assert process.returncode == code
     assert said.lower().count("interrupted") == 1 and "Traceback" not in said
     assert not target.exists()
@@ -240,7 +245,7 @@ def test_a_folder_named_like_the_package_does_not_hide_it(tmp_path: Path):
     for name in ("mechviz", "mechcore"):
         (tmp_path / name / "tests").mkdir(parents=True)
     code = "import mechcore, mechviz; print(len(mechviz.gallery()), mechcore.__file__)"
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, cwd=tmp_path, timeout=60)
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, cwd=tmp_path, timeout=PATIENCE)
     assert done.returncode == 0 and int(done.stdout.split()[0]) > 50, done.stderr
 
 

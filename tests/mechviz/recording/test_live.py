@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from live_scenes import BOUNCING
+from patience import PATIENCE
 from typer.testing import CliRunner
 
 import mechviz
@@ -39,7 +40,7 @@ def test_what_is_known_can_be_read_and_watched_while_it_runs(scene, tmp_path: Pa
         if len(seen) == 3:  # somebody looks at it
             shutil.copy(part_path(path), tmp_path / "early.rrd")
             assert address is not None
-            with socket.create_connection(("127.0.0.1", int(address.split(":")[2].split("/")[0])), timeout=5):
+            with socket.create_connection(("127.0.0.1", int(address.split(":")[2].split("/")[0])), timeout=PATIENCE):
                 pass
 
     with live(scene, path, 0, told) as (observer, address):
@@ -135,7 +136,7 @@ def test_the_viewer_shows_a_motion_from_its_first_frames_on():
             count += 1
             if stretch.duration > 0.4 * duration and not go_on.is_set():
                 reached.set()
-                assert go_on.wait(60.0)
+                assert go_on.wait(PATIENCE)
 
         return run_scene(scene, observe=held)
 
@@ -148,7 +149,7 @@ def test_the_viewer_shows_a_motion_from_its_first_frames_on():
             first = viewer.inspector.show
             assert viewer.frame == first.frames - 1 == run.motion.frames - 1
             assert all(len(a.vector.value) == first.frames for a in first.picture.of(Arrow, "reaction"))  # forces, too
-            assert reached.wait(60.0)
+            assert reached.wait(PATIENCE)
             later = computing.running.so_far()
             viewer.grow(later, computing.duration)
             assert viewer.inspector.show.frames == later.motion.frames >= first.frames
@@ -172,7 +173,7 @@ def test_a_motion_that_ends_early_is_kept_on_show(scene):
         def broken(stretch, duration: float) -> None:
             observe(stretch, duration)
             if stretch.duration > 0.3 * duration:
-                assert asked.wait(60.0)
+                assert asked.wait(PATIENCE)
                 raise MechanismError(Fault("dynamics", "the rope breaks.", "Take a stronger one."))
 
         return run_scene(scene, observe=broken)

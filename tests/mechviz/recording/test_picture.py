@@ -14,13 +14,13 @@ from typing import Any
 
 import numpy as np
 import pytest
+from patience import PATIENCE
 from PIL import Image
 from pixels import same
 
 from recordings import Made, made
 
 pytestmark = pytest.mark.picture
-PATIENCE = 120.0  # [s] for a viewer to start, and for a picture to come to rest, drawn by the processor
 REQUIRED = bool(os.environ.get("MECHVIZ_REQUIRE_PICTURES"))
 
 
@@ -49,7 +49,7 @@ def viewer(folder: Path) -> Iterator[Any]:
     finally:
         process.terminate()
         try:
-            process.wait(timeout=30)
+            process.wait(timeout=PATIENCE)
         except subprocess.TimeoutExpired:
             process.kill()
 

@@ -13,6 +13,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from patience import PATIENCE
 
 from mechviz.outputs.inspection import format_inspection, inspect
 from mechviz.outputs.rerun.entities import RecordingError
@@ -248,7 +249,7 @@ def test_signals_leave_a_readable_part(tmp_path, number, code):
         if line.strip() == "4000":
             break
     process.send_signal(number)
-    out, _ = process.communicate(timeout=60)
+    out, _ = process.communicate(timeout=PATIENCE)
     assert process.returncode == code
     assert path.read_bytes() == b"old"
     assert inspect(tmp_path / "a.part.rrd").frames in (4000, 6000)  # the next block may have been under way
@@ -261,7 +262,7 @@ def test_a_disk_that_fills_up_on_the_way(tmp_path):
     path = tmp_path / "a.rrd"
     path.write_bytes(b"old")
     process = child(path, pause=0.0, limit=6_000_000)
-    out, _ = process.communicate(timeout=60)
+    out, _ = process.communicate(timeout=PATIENCE)
     assert process.returncode == 1 and "ERROR" in out and "larger than the limit" in out
     assert {p.name: p.read_bytes() for p in tmp_path.iterdir()} == {"a.rrd": b"old"}
 

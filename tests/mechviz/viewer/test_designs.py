@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from browsers import browser
 from browsing import SIZE, heard, open_tab, open_viewer, until
+from patience import PATIENCE
 
 from mechviz.outputs.viewer.app import Viewer
 from mechviz.outputs.viewer.panels import designs
@@ -115,7 +116,7 @@ def test_designs_and_bands_are_asked_for_in_the_page(viewer, browser, monkeypatc
     until(page, lambda: viewer.session.wait() and values(viewer, "stroke") == pytest.approx([0.09]), "the last design")
     type_at("Seed", "7")
     until(page, lambda: search.seed.value == 7, "another seed")
-    monkeypatch.setattr(designs, "optimise", lambda sought: search._stopped.wait(60.0) and optimise(sought))  # it takes long
+    monkeypatch.setattr(designs, "optimise", lambda sought: search._stopped.wait(PATIENCE) and optimise(sought))  # it takes long
     page.get_by_role("button", name="Optimise", exact=True).click()
     page.get_by_role("button", name="Stop and keep the best").click()
     until(page, lambda: not search.stop.visible, "it has stopped")

@@ -14,7 +14,8 @@ import hostile_messages
 import pytest
 import viser
 from budget import Tally
-from viewer_sockets import CAMERA, PATIENCE, answered, opened, send, sockets, until, update
+from patience import PATIENCE
+from viewer_sockets import CAMERA, answered, opened, send, sockets, until, update
 from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import ClientConnection
 

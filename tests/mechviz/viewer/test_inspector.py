@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 import trimesh
+from patience import PATIENCE
 
 from mechcore.accuracy import Accuracy
 from mechcore.laws.catalogue import RISES
@@ -303,7 +304,7 @@ def test_the_newest_request_wins_and_the_last_one_is_always_done():
 
     def work(value: int) -> None:
         begun.set()
-        gate.wait(10.0)
+        gate.wait(PATIENCE)
         done.append(value)
         if value == 99:
             raise ValueError("out of order")
@@ -312,15 +313,15 @@ def test_the_newest_request_wins_and_the_last_one_is_always_done():
     worker = Latest(work, failures.append)
     try:
         worker.submit(0)
-        assert begun.wait(10.0)
+        assert begun.wait(PATIENCE)
         for value in range(1, 50):
             worker.submit(value)
         gate.set()
-        assert worker.wait(10.0) and done == [0, 49]
+        assert worker.wait(PATIENCE) and done == [0, 49]
         worker.submit(99)
-        assert worker.wait(10.0) and len(failures) == 1
+        assert worker.wait(PATIENCE) and len(failures) == 1
         worker.submit(7)
-        assert worker.wait(10.0) and done[-1] == 7
+        assert worker.wait(PATIENCE) and done[-1] == 7
     finally:
         gate.set()
         worker.close()
@@ -422,7 +423,7 @@ def test_an_undercut_cam_is_refused_with_the_range_of_its_base_circle():
 
 def test_each_effect_is_weighed_by_the_peak_without_it(session):
     session.weigh(asked=True)
-    end = time.monotonic() + 30.0
+    end = time.monotonic() + PATIENCE
     while not session.screen.found and time.monotonic() < end:
         time.sleep(0.01)
     computed = {c.name: c for c in session.screen.found[-1]}

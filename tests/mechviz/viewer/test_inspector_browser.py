@@ -15,7 +15,6 @@ import pytest
 from browsers import browser
 from browsing import (
     CANVAS,
-    PATIENCE,
     PLACE,
     POSE,
     POSES,
@@ -32,6 +31,7 @@ from browsing import (
     until,
 )
 from live_scenes import BOUNCING
+from patience import PATIENCE
 
 from mechviz import scene
 from mechviz.outputs.viewer import app
@@ -510,7 +510,7 @@ def test_a_recording_is_saved(viewer, page, folder):
     dialog.get_by_role("textbox").fill("run")
     dialog.get_by_role("button", name="Save", exact=True).click()
     until(page, lambda: (folder / "run.rrd").exists(), "recorded")
-    viewer.inspector.saver.last.join(30.0)
+    viewer.inspector.saver.last.join(PATIENCE)
     _, poses = Recording(folder / "run.rrd").scalars("data", "links", "coupler", "pose")
     np.testing.assert_allclose(poses, viewer.run.motion.pose("coupler"), atol=1e-12)
 

@@ -20,6 +20,7 @@ import numpy as np
 import pytest
 import viser
 import websockets
+from patience import PATIENCE
 
 from mechcore.accuracy import Accuracy
 from mechcore.laws.timed import ConstantSpeed
@@ -392,7 +393,7 @@ def test_a_plot_is_saved_beside_the_thread_that_all_browsers_wait_for(viewer, mo
             sent.append((name.rpartition(".")[2], content))
 
     def drawn(slot, kind):
-        assert go.wait(60.0)
+        assert go.wait(PATIENCE)
         return b"drawn"
 
     monkeypatch.setattr(viewer.server, "get_clients", lambda: {Client.client_id: None})
@@ -636,7 +637,7 @@ class Screen:
 
 def until(condition) -> None:
     """Wait for a condition, generously: what counts is that it comes."""
-    end = time.monotonic() + 60.0
+    end = time.monotonic() + PATIENCE
     while not condition():
         assert time.monotonic() < end
         time.sleep(0.01)
@@ -889,7 +890,7 @@ def test_serving_ends_cleanly_on_a_signal(number):
         first = process.stdout.readline()
         assert "http://127.0.0.1:" in first
         process.send_signal(number)
-        out, err = process.communicate(timeout=60)
+        out, err = process.communicate(timeout=PATIENCE)
     finally:
         with contextlib.suppress(ProcessLookupError):
             process.kill()

@@ -9,7 +9,8 @@ import msgspec
 import numpy as np
 import pytest
 import viser
-from viewer_sockets import PATIENCE, messages, opened, replay, sockets
+from patience import PATIENCE
+from viewer_sockets import messages, opened, replay, sockets
 from viser import _messages
 
 from mechviz import scene
