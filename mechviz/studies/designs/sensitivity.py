@@ -3,9 +3,10 @@ bands, how far curves may be off at every frame, from them."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import field
+from functools import cached_property, partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -36,9 +37,14 @@ class Sensitivity:
     quantity: Quantity
     variables: tuple[Variable, ...]
     curve: Real
-    slopes: Real
+    find_slopes: Callable[[], Real] = field(repr=False)
     number: float
     derivatives: Real
+
+    @cached_property
+    def slopes(self) -> Real:
+        """Derivatives (P, F) of the curve: one way forwards through the computation with all variables."""
+        return self.find_slopes()
 
     @property
     def size(self) -> float:
@@ -102,9 +108,12 @@ def sensitivity(run: Run, of: str, by: Sequence[str] = ()) -> Sensitivity:
 
 
 def sensitivities(run: Run, measures: Sequence[Measure], variables: Sequence[Variable]) -> list[Sensitivity]:
-    """The same of several measures, which share the work."""
+    """The same of several measures, which share the work.
+
+    Derivatives of numbers come one way backwards through the computation, whatever the variables are; those of curves forwards.
+    """
     quantities = [quantity_of(measure, run.catalogue) for measure in measures]
-    exact_slopes: list[Real | None] = [None] * len(measures)
+    parts: list[tuple[Index, Derivatives, list[Any]]] = []
     for rows, exact in derivatives_of(run, variables):
         columns = []
         for measure, quantity in zip(measures, quantities, strict=True):
@@ -115,21 +124,32 @@ def sensitivities(run: Run, measures: Sequence[Measure], variables: Sequence[Var
                 raise MechanismError(
                     Fault(f"--of {measure.text}", why, "Sweep it instead: mechviz sweep SCENE --vary ...")
                 ) from None
-        for k, part in enumerate(exact.of(*columns)):
-            exact_slopes[k] = _put(exact_slopes[k], rows, part, run.motion.frames)
+        parts.append((rows, exact, columns))
+
+    def slopes_of(*numbers: int) -> list[Real]:
+        found: list[Real | None] = [None] * len(numbers)
+        for rows, exact, columns in parts:
+            for k, part in enumerate(exact.of(*(columns[n] for n in numbers))):
+                found[k] = _put(found[k], rows, part, run.motion.frames)
+        return [slopes for slopes in found if slopes is not None]  # a run has frames
+
+    curves = [k for k, measure in enumerate(measures) if not measure.reducer]
+    known = dict(zip(curves, slopes_of(*curves) if curves else (), strict=True))
     drives = run.motion.mechanism.drives
     drive = run.catalogue.coordinate(drives[0].joint) if drives else None
     time = run.catalogue.numbers.time
     results = []
-    for measure, quantity, slopes in zip(measures, quantities, exact_slopes, strict=True):
-        assert slopes is not None  # a run has frames
+    for n, (measure, quantity) in enumerate(zip(measures, quantities, strict=True)):
         curve = quantity.values()[:, measure.column(quantity)]
         number, derivatives = float("nan"), np.full(len(variables), np.nan)
         if measure.reducer:
             number = float(measure.reduced(curve, time, drive))
             weights = measure.weights(curve, time, drive)
-            derivatives = slopes[:, weights != 0.0] @ weights[weights != 0.0]
-        results.append(Sensitivity(measure, quantity, tuple(variables), curve, slopes, number, derivatives))
+            found = [exact.adjoint(columns[n], weights[None, rows])[0] for rows, exact, columns in parts]
+            unknown = any(weights[rows[exact.singular]].any() for rows, exact, _ in parts)
+            derivatives = np.full(len(variables), np.nan) if unknown else np.sum(found, axis=0)
+        find = partial(known.__getitem__, n) if n in known else lambda n=n: slopes_of(n)[0]
+        results.append(Sensitivity(measure, quantity, tuple(variables), curve, find, number, derivatives))
     return results
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from mechanisms import case
 
 from mechcore.cache import cache_folder
 from mechcore.design import atlas as module
@@ -21,6 +22,24 @@ def bar_of(design, side):
 
 def moved(points):
     return 3.0 - 2.0j + 0.7 * np.exp(0.9j) * points
+
+
+def test_fourier_descriptors_of_the_reference():
+    """Of the coupler curve over the crank's angle; the ratios of all but the first two orders know neither the coupler point nor
+    the place, scale and rotation of the frame."""
+    given, expected = (case("design", "fourier-descriptors")[key] for key in ("inputs", "expected"))
+    theta = np.linspace(0.0, TURN, 512, endpoint=False)
+
+    def descriptors(traced):
+        bar = FourBar(0j, complex(given["d"]), given["a"], given["b"], given["c"], given["side"], traced)
+        return np.fft.fft(bar.positions(theta)[2]) / len(theta)
+
+    own = descriptors(complex(*given["u"]))
+    for k in given["k"]:
+        assert own[k] == pytest.approx(complex(*expected["c"][str(k)]), rel=1e-10, abs=1e-15)
+    for size in (own, descriptors(-0.4 + 2.1j), np.fft.fft(moved(np.fft.ifft(own)))):
+        assert abs(size[2] / size[3]) == pytest.approx(expected["ratio_abs_c2_c3"], rel=1e-10)
+        assert abs(size[-1] / size[2]) == pytest.approx(expected["ratio_abs_cm1_c2"], rel=1e-10)
 
 
 @pytest.mark.parametrize("side", [1, -1])

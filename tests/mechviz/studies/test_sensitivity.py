@@ -6,11 +6,13 @@ import numpy as np
 import pytest
 
 import mechviz as mv
+from mechcore.derivatives.exact import Derivatives
 from mechcore.errors import MechanismError
 from mechviz.__main__ import main
 from mechviz.runs import run_scene
 from mechviz.scene.scene import Scene, load, loads
-from mechviz.studies.designs.sensitivity import sensitivity
+from mechviz.studies.designs.measures import parse_measure
+from mechviz.studies.designs.sensitivity import sensitivities, sensitivity
 from mechviz.studies.designs.variables import variables_of
 
 
@@ -28,6 +30,18 @@ def test_a_stroke_moves_a_ram_as_its_closed_form_says(press):
     np.testing.assert_allclose(slopes.slopes[0], 0.5 * by_throw, rtol=1e-12, atol=1e-12)
     np.testing.assert_allclose(slopes.slopes[1], throw * rod / root, rtol=1e-12)
     assert slopes.quantity.unit == "mm"
+
+
+def test_numbers_are_derived_backwards_and_curves_forwards(press, monkeypatch):
+    """One way back whatever the parameters are, to rounding the same as one way forwards with all of them."""
+    every = variables_of(load("ten-link-forces"), [])
+    run = run_scene(load("ten-link-forces"), frames=60)
+    measure = parse_measure(run.scene, "joint.B.reaction:mean")
+    (one,) = sensitivities(run, [measure], every)
+    weights = measure.weights(one.curve, run.catalogue.numbers.time, run.catalogue.coordinate(run.motion.mechanism.drives[0].joint))
+    np.testing.assert_allclose(one.derivatives, one.slopes @ weights, rtol=1e-10, atol=1e-12 * np.abs(one.derivatives).max())
+    monkeypatch.setattr(Derivatives, "of", None)
+    assert len(every) > 10 and np.isfinite(sensitivities(run, [measure], every)[0].derivatives).all()
 
 
 @pytest.mark.parametrize("reducer", ["max", "min", "peak", "mean", "rms", "range", "at 75 deg"])
