@@ -140,7 +140,7 @@ class Inspector:
                 if sought:
                     self.optimiser = Optimiser(server, gui.add_folder("Optimisation"), session, callback)
         if session is not None and is_four_bar(session.run.scene.mechanism):
-            self.synthesis = Synthesis(server, right.add_tab("Synthesis"), session, callback)
+            self.synthesis = Synthesis(server, right.add_tab("Synthesis"), session, callback, self.scene.cameras.release)
         right.dock_right()
         right.set_width(RIGHT_WIDTH)
         self.timeline = Timeline(server, show, player, callback)

@@ -14,6 +14,7 @@ from mechcore.design.burmester import Poses
 from mechcore.errors import MechanismError
 from mechviz.outputs.viewer.app import Viewer
 from mechviz.outputs.viewer.panels.synthesis import lengthened, moved, on_sheet, shortened
+from mechviz.outputs.viewer.world.camera import fit_view
 from mechviz.outputs.viewer.world.solids import link_path
 from mechviz.runs import run_scene
 from mechviz.studies.synthesis.four_bars import motion_choices, motion_solutions, poses_in
@@ -136,7 +137,7 @@ def far_from_path(run, curve):
 
 def stroke(eye, curve):
     """What the page sends while the mouse goes along a curve (K,) [m] that is seen from somewhere on the sheet at height 0.01 m."""
-    client = SimpleNamespace(camera=SimpleNamespace(position=eye))
+    client = SimpleNamespace(camera=SimpleNamespace(position=eye, look_at=0.0 * eye), client_id=0)
     start = np.array([curve[0].real, curve[0].imag, 0.01])
     for k, place in enumerate(curve):
         phase = "start" if k == 0 else "end" if k == len(curve) - 1 else "update"
@@ -192,6 +193,9 @@ def test_a_curve_is_drawn_with_the_mouse(browser):
         page.get_by_label("Draw a curve").check()
         page.wait_for_function(SEEN, arg="/path/sheet")
         camera_rests(page)
+        page.mouse.move(550, 300)
+        page.mouse.wheel(0, 400)
+        camera_rests(page)
         looked = page.evaluate(CAMERA)
         left, top, width, height = page.evaluate(CANVAS)
         across = left + 0.5 * width + 0.2 * height * np.cos(TURNS), top + 0.5 * height + 0.08 * height * np.sin(TURNS)
@@ -200,13 +204,15 @@ def test_a_curve_is_drawn_with_the_mouse(browser):
         for x, y in zip(*(places[::2] for places in across), strict=True):
             page.mouse.move(x, y)
             next_frames(page, 2)
+        assert page.evaluate(CAMERA) == looked  # the mouse has drawn, not turned the view
         page.mouse.up()
         until(page, lambda: session.wait(rested=True) and len(tab.wanted), "a four-bar for the curve")
         drawn = tab.wanted
         extent = np.ptp(drawn.real), np.ptp(drawn.imag)
         assert extent[0] / extent[1] == pytest.approx(2.5, rel=0.1)  # as on the page
         assert far_from_path(session.run, drawn) < 0.02 * extent[0]
-        assert page.evaluate(CAMERA) == looked  # the mouse has drawn, not turned the view
+        fitted = fit_view(viewer.inspector.scene.bounds, width / height).distance
+        until(page, lambda: page.evaluate(CAMERA)[2] == pytest.approx(-fitted, rel=0.05), "all of it in view, though it was moved")
         first = session.run.scene.document.links["crank"].points
         uuid = page.locator("label", has_text="Four-bar").first.get_attribute("for")
         page.locator(f'[id="{uuid}"] ~ div input').fill("2")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import replace
 from functools import partial
 from typing import Any
@@ -27,6 +27,7 @@ WANTED = (217, 119, 6)  # colour of the curve that was drawn
 SHEET = 3.0  # of the mechanism's size: side of the sheet that is drawn on
 CLEAR = 0.12  # its opacity
 MM = 1e3
+Release = Callable[[viser.ClientHandle], None]
 
 
 def is_four_bar(mechanism: Mechanism) -> bool:
@@ -38,11 +39,13 @@ def is_four_bar(mechanism: Mechanism) -> bool:
 class Synthesis:
     """Positions and a path in one tab; what is found takes the place of the four-bar, as an edit that can be undone."""
 
-    def __init__(self, server: viser.ViserServer, tab: viser.GuiTabHandle, session: EditSession, callback: Callback):
+    def __init__(
+        self, server: viser.ViserServer, tab: viser.GuiTabHandle, session: EditSession, callback: Callback, release: Release
+    ):
         with tab:
             server.gui.add_html(words.hint("What is found takes the place of this four-bar. Undo brings it back."))
             self.positions = Positions(server, server.gui.add_folder("Positions"), session, callback)
-            self.drawing = Drawing(server, server.gui.add_folder("Path"), session, callback)
+            self.drawing = Drawing(server, server.gui.add_folder("Path"), session, callback, release)
 
     def update(self, show: ViewModel) -> None:
         """Take what another run shows."""
@@ -183,10 +186,12 @@ class Positions:
 # -- paths ------------------------------------------------------------------------------------------------------------
 class Drawing:
     """A curve that is drawn with the mouse on a sheet before the mechanism, and a number that chooses among the four-bars that
-    follow it."""
+    follow it. ``release``: of the browser in which one was drawn, whose view is then fitted to the four-bar."""
 
-    def __init__(self, server: viser.ViserServer, folder: viser.GuiFolderHandle, session: EditSession, callback: Callback):
-        self._server, self._session, self._callback = server, session, callback
+    def __init__(
+        self, server: viser.ViserServer, folder: viser.GuiFolderHandle, session: EditSession, callback: Callback, release: Release
+    ):
+        self._server, self._session, self._callback, self._release = server, session, callback, release
         self._sheet: Any = None
         self._line: Any = None
         self._under = (0.0, 0.0)  # size and height of the mechanism before which the sheet stands
@@ -283,6 +288,7 @@ class Drawing:
         if event.phase == "end":
             points = drawn_points(np.array(self._stroke))
             tell(self.told, words.hint("Looking for four-bars ..."))
+            self._release(event.client)
             self.ask(points)
 
 

@@ -189,6 +189,11 @@ class FittedCameras:
         for client in self._server.get_clients().values():
             self._fit(client, client.camera)
 
+    def release(self, client: viser.ClientHandle) -> None:
+        """A browser's view counts as not moved by its user, who has made what is seen another thing."""
+        camera = client.camera
+        self._known.setdefault(client.client_id, []).append(View(np.asarray(camera.position), np.asarray(camera.look_at)))
+
     def forget(self, client: viser.ClientHandle) -> None:
         """The browser has gone."""
         self._known.pop(client.client_id, None)
