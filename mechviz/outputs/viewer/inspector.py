@@ -85,7 +85,8 @@ class Inspector:
         self._designs = {**({OPENED: session.opened} if session is not None else {}), **(beside or {})}
         clicked = self._guarded("Looking closer", self._clicked_link), self._guarded("Looking closer", self._clicked_joints)
         self.scene = Scene3D(server, show, *clicked, self._designs)
-        gui.add_html(words.heading(show.title, show.teaches) + (words.hint(note) if note else ""))
+        self._note = words.hint(note) if note else ""
+        self._heading = gui.add_html(words.heading(show.title, show.teaches) + self._note)
         if edit is not None:
             self.edit = gui.add_button("Edit this scene", icon=viser.Icon.EDIT, hint="solve the recorded scene, and change it")
             self.edit.on_click(callback("Opening the scene", lambda _: edit()))
@@ -328,6 +329,9 @@ class Inspector:
 
     def _explain(self) -> None:
         arrows, show = self.scene.arrows, self.show
+        heading = words.heading(show.title, show.teaches) + self._note
+        if heading != self._heading.content:  # synthesis has made another scene of it
+            self._heading.content = heading
         shown = [f for f in arrows.families if arrows.is_on(f)]
         names = [name.split(".", 1)[1] for name in show.paths]
         content = words.legend(shown, names, show.scales, arrows.factor, show.size)

@@ -7,7 +7,7 @@ import re
 import numpy as np
 import pytest
 from browsers import browser
-from browsing import SIZE, heard, open_tab, open_viewer, until
+from browsing import POSE, SEEN, SIZE, heard, open_tab, open_viewer, until
 from patience import PATIENCE
 
 from mechviz.outputs.viewer.app import Viewer
@@ -123,3 +123,24 @@ def test_designs_and_bands_are_asked_for_in_the_page(viewer, browser, monkeypatc
     search.thread.join()
     page.get_by_text("designs were looked at").wait_for()
     page.close()
+
+
+@pytest.mark.browser
+def test_two_designs_lie_over_each_other_in_the_page(browser):
+    """`view A B`: the second stands pale behind the first from the start, its curve beside; a box takes both away."""
+    longer = run_scene(load("parametric-press").with_parameters({"stroke": "110 mm"}), frames=24)
+    with Viewer(run_scene(load("parametric-press"), frames=24), port=0, beside={"longer": longer}) as shown:
+        shown.pause()
+        shown.set_frame(6)
+        page = open_viewer(browser, shown, SIZE, [link_path("ram")])
+        slot = shown.plots.slots[0]
+        shown.plots.choose(slot, "joint S: displacement [mm]")
+        page.wait_for_function(SEEN, arg="/beside_1/ram")
+        x, y, _ = longer.motion.pose("ram")[6]
+        until(page, lambda: np.allclose(page.evaluate(POSE, "/beside_1/ram")[4:6], [x, y], atol=1e-4), "where the other design is")
+        page.get_by_text("longer 275 mm").first.wait_for()  # the peak of its curve
+        open_tab(page, "View")
+        page.get_by_label("Compare with longer", exact=True).uncheck()
+        until(page, lambda: not page.evaluate(SEEN, "/beside_1/ram"), "gone")
+        until(page, lambda: page.get_by_text("longer 275 mm").count() == 0, "its curve too")
+        page.close()

@@ -211,6 +211,7 @@ def test_a_curve_is_drawn_with_the_mouse(browser):
         extent = np.ptp(drawn.real), np.ptp(drawn.imag)
         assert extent[0] / extent[1] == pytest.approx(2.5, rel=0.1)  # as on the page
         assert far_from_path(session.run, drawn) < 0.02 * extent[0]
+        page.get_by_text("Four-bar through 20 points").wait_for()  # no longer what the scene was
         fitted = fit_view(viewer.inspector.scene.bounds, width / height).distance
         until(page, lambda: page.evaluate(CAMERA)[2] == pytest.approx(-fitted, rel=0.05), "all of it in view, though it was moved")
         first = session.run.scene.document.links["crank"].points
