@@ -2,8 +2,8 @@
 
 Before this stands, generated, what makes the reduced equations M q'' + h = Q of one mechanism:
     static void reduced(p, m, q, v, t, d, near, out)
-with parameters p, assembly modes m, coordinates q and their rates v, values d of prescribed drives, angles `near` from which others
-are followed (replaced by those found), and out: the lower triangle of M row by row, then Q - h, then rates of the
+with parameters p, assembly modes m, coordinates q and their rates v, values d of prescribed drives (of each its coordinate and two
+derivatives, then functions of the time), angles `near` from which others are followed (replaced by those found), and out: the lower triangle of M row by row, then Q - h, then rates of the
 states of effects that integrate over the time: they come after the coordinates, each as a rate whose acceleration that is; then
 additional outputs.
 Beside it, of the same arguments, `ratios`: rates of joints relative to those of coordinates, and `forms`:
@@ -28,12 +28,22 @@ numbers for the forms of laws that have several. */
 typedef struct {
     long f, given, angles; /* freedoms and states, numbers of prescribed drives, angles that are followed */
     const double *p, *m, *scale;
+    const double *laws; /* of the drives and of functions of the time: where the motion curve of each begins, then these; or 0 */
 } System;
 
 typedef struct {
     long s;
     const double *nodes, *once, *twice, *legendre; /* see collocation.Rule */
 } Rule;
+
+/* Values d (given) at a time, by the laws. */
+static void by_laws(const System *y, double t, double *d) {
+    for (long k = 0, law = 0; k < y->given; law++) {
+        const double *own = y->laws + (long)y->laws[law];
+        const long orders = k < DRIVES ? 3 : 1;
+        for (long order = 0; order < orders; order++) d[k++] = curve(own, t, order);
+    }
+}
 
 /* Accelerations a (f); NaN where the coordinates move no mass. M = L D L' is solved without pivots, as it is positive. */
 static void accelerations(const System *y, const double *q, const double *v, double t, const double *d, double *near, double *a) {
@@ -236,7 +246,7 @@ static void within(long s, long f, const double *series, double h, double x, con
 segments.Breakpoints. */
 static double broken(const System *y, long s, const double *series, double t, double h, const double *q0, const double *v0,
                      double after) {
-    double low = fmax(after, t), high = t + h, q[F + STATES], v[F + STATES], times[FINER + 1];
+    double low = fmax(after, t), high = t + h, q[F + STATES], v[F + STATES], d[GIVEN + 1], times[FINER + 1];
     const double start = low, whole = high - low;
     long count = PLACES + 2, k = 0;
     for (long i = 0; i < count; i++) times[i] = i == 0 ? low : i == count - 1 ? high : start + whole * (((double)i - 0.5) / PLACES);
@@ -245,7 +255,8 @@ static double broken(const System *y, long s, const double *series, double t, do
         int changed = 0;
         for (long i = 0; i < count && !changed; i++) {
             within(s, y->f, series, h, (times[i] - t) / h, q0, v0, q, v, 0);
-            forms(y->p, y->m, q, v, times[i], 0, 0, now);
+            by_laws(y, times[i], d);
+            forms(y->p, y->m, q, v, times[i], d, 0, now);
             for (long j = 0; i && j < FORMS; j++) changed |= now[j] != known[j];
             memcpy(known, now, FORMS * sizeof(double));
             k = i - 1;
@@ -277,25 +288,29 @@ static double missed(long s, long f, const double *series, double *order) {
 /* Windows one after the other, from (q, v, t) to the time `end`, `count` at the most: each is start, length, what `strained` gives at
 its end, then q, v (f) at its start and Legendre coefficients (s, f) of the acceleration. How they are made longer and shorter is that of windows.integrate.
 
-With `checked` they end where laws change their forms.
+With `checked` they end where laws change their forms, and all end at the times `breaks` (infinite the last one), at which laws are
+known to do so.
 
 `at`: t, h, longest, evaluations, rejected, whether a window begins at a breakpoint, cuts of the present one, how long it would have
 been, windows in a row that are cut to almost nothing; q, v, end_a (f), guess (s, f), near (angles): where it begins, and where it has ended.
 The result is the number of windows, its negative less one where windows became too short. */
 long windows(const System *y, const Rule *r, double end, double least, double most, double tolerance, double small, long count,
-             long checked, double *at, double *out) {
+             long checked, const double *breaks, double *at, double *out) {
     const long s = r->s, f = y->f, n = s * f;
     double *q = at + HEAD, *v = q + f, *end_a = v + f, *guess = end_a + f, *near = guess + n;
-    double *work = malloc((size_t)(room(s, f) + n) * sizeof(double));
+    double *work = malloc((size_t)(room(s, f) + n + (s + 1) * (GIVEN + 1)) * sizeof(double));
     if (!work) return -1;
-    double *a = work + room(s, f);
+    double *a = work + room(s, f), *d = a + n;
     const double order = (double)(s + 1);
     long made = 0;
     while (made < count && at[0] < end - least) {
         double t = at[0], h = fmin(fmin(at[1], most), end - at[0]);
         if (t + 1.9 * h > end && t + h < end) h = 0.5 * (end - t);
+        while (*breaks <= t + 10.0 * least) breaks++;
+        if (at[6] == 0.0 && t + 20.0 * least < *breaks && *breaks < t + h * (1.0 - 1e-10)) at[6] = 1.0, at[7] = h, h = *breaks - t;
+        for (long i = 0; i <= s; i++) by_laws(y, t + h * (i < s ? r->nodes[i] : 1.0), d + i * y->given);
         memcpy(a, guess, (size_t)n * sizeof(double));
-        const long evaluations = solved(y, r, t, h, q, v, 0, near, a, small, work);
+        const long evaluations = solved(y, r, t, h, q, v, d, near, a, small, work);
         double worst = INFINITY, power = order, *series = out + 4 + 2 * f;
         at[3] += evaluations ? (double)evaluations : 8.0;
         if (evaluations) {
@@ -371,10 +386,10 @@ long windows(const System *y, const Rule *r, double end, double least, double mo
         if (at[7] > 0.0 || !(away <= 4.0 * spread + 1e-300))
             for (long i = 0; i < s; i++) memcpy(guess + i * f, end_a, (size_t)f * sizeof(double));
         if (y->angles) { /* followed over the nodes to the end of the window */
-            for (long i = 0; i < s; i++) accelerations(y, work + i * f, work + n + i * f, t + h * r->nodes[i], 0, near, a);
-            accelerations(y, q, v, t + h, 0, near, a);
+            for (long i = 0; i < s; i++) accelerations(y, work + i * f, work + n + i * f, t + h * r->nodes[i], d + i * y->given, near, a);
+            accelerations(y, q, v, t + h, d + s * y->given, near, a);
         }
-        out[2] = strained(y, q, v, t + h, 0, near);
+        out[2] = strained(y, q, v, t + h, d + s * y->given, near);
         at[0] = t + h;
         at[1] = fmax(longer, 0.5 * at[7]);
         at[5] = (double)(at[6] > 0.0);

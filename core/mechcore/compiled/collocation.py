@@ -15,11 +15,13 @@ from mechcore.compiled.operands import Operand
 from mechcore.compiled.symbols import HELPERS, Code
 from mechcore.compiled.toolchain import library
 
-AROUND = Path(__file__).with_name("collocation.c")
+AROUND, PHASES = (Path(__file__).with_name(name) for name in ("collocation.c", "phases.c"))
 REDUCED = """
 #define F {freedoms}
 #define STATES {states}
 #define ANGLES {angles}
+#define DRIVES {drives}
+#define GIVEN {given}
 #define MARGIN {margin!r}
 #define RATIOS {count}
 #define FORMS {kinds}
@@ -77,6 +79,23 @@ class Batch(NamedTuple):
     stuck: bool
 
 
+class Contacts(NamedTuple):
+    """How many elements rub, joints rest on stops, and joints have stops whose coordinates are known, see `phases.c`."""
+
+    elements: int
+    rests: int
+    stopped: int
+
+
+class Phases(NamedTuple):
+    """Phases of a motion with contacts: what `phases.c` tells of each in ``marks`` (p, 8), the ``signs`` (p + 1, e) of the elements in
+    each and after them, and their ``windows``."""
+
+    marks: Real
+    signs: Real
+    windows: Batch
+
+
 class WrittenEquations:
     """Reduced equations of motion in C. ``outputs``: the lower triangle of M, row by row, then Q - h, then rates of states; angles
     that are followed; ratios of rates of joints to those of the coordinates; forms of laws that have several;
@@ -84,10 +103,18 @@ class WrittenEquations:
 
     They are computed from what C calls ``q[k]``, ``v[k]``, ``t``, modes ``m[k]``, ``given`` values ``d[k]`` of prescribed drives,
     and angles ``near[k]`` from which the ``angles`` are followed; values of functions `of_time` come after those of drives.
-    ``freedoms``: how many coordinates, and how many states.
+    ``freedoms``: how many coordinates, and how many states. ``contacts``: of which the additional outputs tell.
     """
 
-    def __init__(self, code: Code, outputs: tuple[Sequence[Operand], ...], freedoms: tuple[int, int], given: int, margin: float):
+    def __init__(
+        self,
+        code: Code,
+        outputs: tuple[Sequence[Operand], ...],
+        freedoms: tuple[int, int],
+        given: int,
+        contacts: Contacts | None,
+        margin: float,
+    ):
         equations, angles, ratios, forms, additional = outputs
         equations = [*equations, *additional]
         self.parameters: list[float] = []
@@ -105,6 +132,7 @@ class WrittenEquations:
             states=freedoms[1],
             angles=len(angles),
             drives=given,
+            given=self.given,
             margin=margin,
             count=len(ratios),
             kinds=len(forms),
@@ -113,18 +141,22 @@ class WrittenEquations:
             lines="\n    ".join(lines),
             rates="\n    ".join(rates),
         )
-        self._own = own
+        self._own, self.contacts = own, contacts
 
     @cached_property
     def source(self) -> str:
         """The whole program."""
-        return HELPERS + self._own + AROUND.read_text(encoding="utf-8")
+        whole = HELPERS + self._own + AROUND.read_text(encoding="utf-8")
+        if self.contacts is None:
+            return whole
+        counts = "".join(f"#define {name.upper()} {count}\n" for name, count in self.contacts._asdict().items())
+        return whole + counts + PHASES.read_text(encoding="utf-8")
 
 
 class _System(ctypes.Structure):
     _fields_ = [
         *((name, ctypes.c_long) for name in ("f", "given", "angles")),
-        *((name, ctypes.c_void_p) for name in ("p", "m", "scale")),
+        *((name, ctypes.c_void_p) for name in ("p", "m", "scale", "laws")),
     ]
 
 
@@ -149,18 +181,23 @@ _RULES: dict[int, tuple[Any, ...]] = {}  # in C, by the object that has the matr
 class CompiledEquations:
     """Equations of motion ready to run, at assembly modes (b,), for coordinates with typical sizes ``scale`` (f,).
 
+    ``laws``: of the drives and then of functions of the time, as far as C has them all; None where it is given their values.
     Raises `MechanismError` where they cannot be compiled.
     """
 
-    def __init__(self, written: WrittenEquations, modes: Real, scale: Real):
+    def __init__(self, written: WrittenEquations, modes: Real, scale: Real, laws: Sequence[Sequence[float]] | None = None):
         self.freedoms, self.given, self.angles = written.freedoms, written.given, written.angles
         self._loaded = library(written.source)
         self._loaded.window.restype = self._loaded.windows.restype = ctypes.c_long
+        if written.contacts is not None:
+            self._loaded.phases.restype = ctypes.c_long
         for function in ("evaluated", "formed", "reduced_at", "strained_at"):
             getattr(self._loaded, function).restype = None
         self.coordinates = written.coordinates
         self.kinds, self._additional = written.forms, written.additional
-        self._kept: list[Real] = [np.array(x or [0.0], float) for x in (written.parameters, list(modes), list(scale))]
+        starts = np.cumsum([len(laws or ()), *map(len, laws or ())])[:-1]
+        given = written.parameters, list(modes), list(scale), [*starts, *(x for law in laws or () for x in law)]
+        self._kept: list[Real] = [np.array(x or [0.0], float) for x in given]
         self.modes = self._kept[1]
         self._system = ctypes.byref(_System(self.freedoms, self.given, self.angles, *(_at(x) for x in self._kept)))
 
@@ -234,19 +271,53 @@ class CompiledEquations:
         return (a, int(count)) if count else None
 
     def windows(
-        self, rule: CollocationRule, at: Real, bounds: tuple[float, float, float, float, float], count: int, checked: bool
+        self, rule: CollocationRule, at: Real, bounds: tuple[float, float, float, float, float], count: int, checked: bool, breaks: Real
     ) -> Batch:
         """``count`` windows at the most, from where ``at`` says, which then says where they end; see `collocation.c`.
 
-        ``checked``: they end where laws change their forms.
+        ``checked``: they end where laws change their forms, and at the times ``breaks`` (k,) [s] in any case.
         ``bounds``: end [s], shortest and longest window [s], tolerance, and that of Newton's method.
         """
         s, f = len(rule.nodes), self.freedoms
         out = np.empty((count, 4 + 2 * f + s * f))
         numbers = (ctypes.c_double(x) for x in bounds)
-        most = ctypes.c_long(count), ctypes.c_long(checked)
-        made = int(self._loaded.windows(self._system, self._rule(rule), *numbers, *most, _at(at), _at(out)))
-        stuck, made = made < 0, made if made >= 0 else -made - 1
-        out = out[:made]
-        q, v, a = out[:, 4 : 4 + f], out[:, 4 + f : 4 + 2 * f], out[:, 4 + 2 * f :].reshape(made, s, f)
+        most, breaks = (ctypes.c_long(count), ctypes.c_long(checked)), np.append(breaks, np.inf)
+        made = int(self._loaded.windows(self._system, self._rule(rule), *numbers, *most, _at(breaks), _at(at), _at(out)))
+        return self._batch(out[: made if made >= 0 else -made - 1], s, made < 0)
+
+    def phases(
+        self, rule: CollocationRule, at: Real, numbers: Real, given: Sequence[Real], count: int, checked: bool, breaks: Real
+    ) -> Phases:
+        """Phases of a motion with contacts, ``count`` windows at the most, from where ``at`` says; see `phases.c`.
+
+        ``given``: scales of the elements (e,) and their signs (e,), the stops (k, 5). Not where angles are followed.
+        """
+        scales, signs, stops = given
+        s, f, e = len(rule.nodes), self.freedoms, len(signs)
+        out, marks = np.empty((count, 4 + 2 * f + s * f)), np.empty((count, 8 + e))
+        own, breaks = np.concatenate([scales, signs, stops.ravel(), [0.0]]), np.append(breaks, np.inf)
+        modes, numbers = len(self.modes) - e - 1, np.ascontiguousarray(numbers, float)
+        whole = (ctypes.c_long(x) for x in (modes, len(stops)))
+        more = (ctypes.c_long(x) for x in (count, count, checked))
+        pointers = _at(breaks), _at(at), _at(out), _at(marks)
+        done = int(self._loaded.phases(self._system, self._rule(rule), _at(numbers), *whole, _at(own), *more, *pointers))
+        marks, made = marks[:done], int(marks[done - 1, 2]) if done else 0
+        return Phases(marks[:, :8], np.vstack([marks[:, 8:], own[e : 2 * e]]), self._batch(out[:made], s, False))
+
+    def settled(
+        self, t: float, q: Real, v: Real, given: tuple[Real, Real], numbers: Sequence[float], loose: tuple[float, float, float]
+    ) -> tuple[Real, Real] | None:
+        """Signs (e,) of the elements and rates (f,) at a state, see `settled_at` of `phases.c`; None where they are not decided.
+
+        ``given``: scales of the elements (e,) and their signs so far (e,).
+        """
+        own, v = np.concatenate([*given, [0.0]]), np.array(v, float)
+        numbers, loose, q = (np.array(x, float) for x in (numbers, loose, q))  # type: ignore[assignment]
+        modes, e = len(self.modes) - len(given[0]) - 1, len(given[0])
+        at = ctypes.c_long(modes), _at(own), ctypes.c_double(t), _at(q), _at(v), _at(loose)  # type: ignore[arg-type]
+        return (own[e : 2 * e], v) if self._loaded.settled_at(self._system, _at(numbers), *at) else None  # type: ignore[arg-type]
+
+    def _batch(self, out: Real, s: int, stuck: bool) -> Batch:
+        f = self.freedoms
+        q, v, a = out[:, 4 : 4 + f], out[:, 4 + f : 4 + 2 * f], out[:, 4 + 2 * f :].reshape(len(out), s, f)
         return Batch(out[:, 0], out[:, 1], q, v, a, out[:, 2], out[:, 3], stuck)

@@ -29,6 +29,7 @@ from mechcore.dynamics.equations.charts import (
     take_over,
     waypoints,
 )
+from mechcore.dynamics.equations.contacts import Ending, contact_program
 from mechcore.dynamics.equations.curve import Curve
 from mechcore.dynamics.equations.reduced import integrating, motion_at
 from mechcore.dynamics.events import (
@@ -49,6 +50,7 @@ from mechcore.dynamics.events import (
 from mechcore.dynamics.integration.collocation import System, Window
 from mechcore.dynamics.integration.refinement import Known, refine
 from mechcore.dynamics.integration.windows import Integrator, Solution
+from mechcore.dynamics.phases import run_phases
 from mechcore.dynamics.segments import Segment, breakpoint_finder, segment_forces
 from mechcore.dynamics.simulation import Simulation
 from mechcore.effects.base import Effect
@@ -69,6 +71,7 @@ HALVINGS = 10  # of a window, to find where that is
 LOST = 50.0  # rate of some joint per unit rate of the coordinates, beyond which they are at a dead point
 CHECKED = np.linspace(0.0, 1.0, 9)  # of a window: places at which loads are asked whether their laws hold
 WAYPOINTS = np.linspace(0.25, 1.0, 4)  # of a window
+MANY = 30  # segments, after which a program is worth compiling: more are to be expected
 SHIFTED = 0.01  # of a segment: what is known of it helps where it begins no farther from there
 
 
@@ -158,6 +161,9 @@ class EventIntegrator:
     def _integrate_segment(self, t: float, q: Real, v: Real) -> tuple[float, Real, Real]:
         """Integrate until the first event; time, position and speed after it. ``over``: the motion ends there."""
         q, v = self._meet_stops(t, q, v)
+        by_program = self._phases(t, q, v)
+        if by_program is not None:
+            return by_program
         begun = (float(q[0]), float(v[0])) if len(q) else (0.0, 0.0)
         system = self._system()
         possible = self._possible_events(t, q, v, begun, system)
@@ -232,7 +238,18 @@ class EventIntegrator:
         keeps = None
         if isinstance(system, Curve) and (len(self.known) > 1 or system.beside_singular):
             keeps = partial(system.kept, begun)
-        integrator = Integrator(
+        integrator = self._integrator(system, after, passed, keeps)
+        known = self._known(t)
+        return integrator.run(q, v, t, self.duration) if known is None else refine(integrator, q, v, t, self.duration, known)
+
+    def _integrator(
+        self,
+        system: System,
+        after: Callable[[Window], float | None] | None = None,
+        passed: Callable[[Sequence[Window]], bool] | None = None,
+        keeps: Callable[[Real, Real], Real] | None = None,
+    ) -> Integrator:
+        return Integrator(
             system,
             tolerance=self.tolerance,
             scale=self.scale,
@@ -244,8 +261,57 @@ class EventIntegrator:
             breakpoints=self.breakpoints,
             keeps=keeps,
         )
-        known = self._known(t)
-        return integrator.run(q, v, t, self.duration) if known is None else refine(integrator, q, v, t, self.duration, known)
+
+    def _phases(self, t: float, q: Real, v: Real) -> tuple[float, Real, Real] | None:
+        """Integrate, by a compiled program, over events as long as it decides what follows; time, position and speed after the last
+        one. None where it has to be done window by window."""
+        if not len(q) or isinstance(self.system, Curve) or self.triggers or self.boundaries or self.separation is not None:
+            return None
+        friction = self.friction.known_signs(self.compiled)
+        if friction is None or not (len(friction[1]) or self.stops.stops):
+            return None
+        program = contact_program(self.compiled, (), long=len(self.segments) >= MANY)
+        stops = None if program is None or not program.has_phases else self.stops.known(program.stopped)
+        if program is None or stops is None:
+            return None
+        by = self._integrator(self.system)
+        run = run_phases(program, by, (t, q, v), self.duration, friction, stops, SOON * self.duration)
+        self.evaluations += run.evaluations
+        if not run.phases:
+            return None
+        made: list[Segment] = []
+        for phase in run.phases:
+            self.friction.go_on(phase.start, phase.signs)
+            segment = self._segment(phase.start, phase.end, Solution(phase.windows), self._system())
+            made.append(segment)
+            self._tell(segment)
+            if phase.ending is Ending.FLIGHT and phase.decided:
+                self.stops.record_bounce(phase.index, phase.end, phase.rate, phase.lost)
+        self.friction.go_on(run.time, run.signs)
+        self.segments += made
+        if len(self.compiled.mechanism.drives) > 1:
+            path = self.compiled.angles.path
+            path.leave(waypoints(self.compiled, q[None], np.array([t])))
+            path.leave_later(made, partial(_waypoints_of, self.compiled))
+        t, q, v, last = run.time, run.q, run.v, run.phases[-1]
+        if last.decided:
+            return t, q, v
+        if last.ending is Ending.FLIGHT:
+            return t, *self._end_stop(last.index, t, q, v)
+        loose = None if last.ending is Ending.SLIP else (last.index, last.sense)
+        return t, *self._slide(t, q, v, loose)
+
+    def _tell(self, segment: Segment) -> None:
+        """Tell those who want to know of a segment that a program has made."""
+        assert isinstance(segment.solution, Solution)
+        limited = [e for e in self.compiled.model.once(applied_effects) if e.limited]
+        for window in segment.solution.windows:
+            until = min(window.start + window.length, segment.end)
+            self._check(window, until, limited)
+            if self.progress is not None:
+                self.progress(until)
+        if self.observe is not None:
+            self.observe(self._simulation([segment], 0, self.log.new_entries()))
 
     def _possible_events(self, t: float, q: Real, v: Real, begun: tuple[float, float], system: System) -> list[PossibleEvent]:
         """All events that can end the segment that begins at q, v (f,), t [s]; ``begun``: position and speed there."""
@@ -510,3 +576,13 @@ def _waypoints_along(compiled: Compiled, windows: Sequence[Window]) -> list[Wayp
     """Waypoints within windows, in order."""
     t = np.concatenate([w.start + w.length * WAYPOINTS for w in windows])
     return waypoints(compiled, Solution(list(windows))(t)[0], t)
+
+
+def _waypoints_of(compiled: Compiled, segments: Sequence[Segment]) -> list[Waypoint]:
+    """Waypoints within segments, in order, those of their windows."""
+    out: list[Waypoint] = []
+    for segment in segments:
+        assert isinstance(segment.solution, Solution)
+        t = np.concatenate([w.start + min(w.length, segment.end - w.start) * WAYPOINTS for w in segment.solution.windows])
+        out += waypoints(compiled, segment.solution(t)[0], t)
+    return out

@@ -141,11 +141,6 @@ class Breakpoints(Programmed):
         several = any(e.piecewise for e in effects_of(compiled.mechanism)) or any(r.kind == "cam" for r in compiled.model.relations)
         self.searched = several or self.driven
 
-    @property
-    def of_forms(self) -> bool:
-        """Whether all of them are where forms change with the motion: none is stated."""
-        return not (len(self.breaks) or self.laws or self.driven)
-
     def stated(self, after: float) -> float:
         """The first time [s] later than another one at which a law says that it changes its form; infinite where none does."""
         k = int(np.searchsorted(self.breaks, after, side="right"))

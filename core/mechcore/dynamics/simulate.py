@@ -14,10 +14,11 @@ import numpy as np
 
 from mechcore.arrays import Real
 from mechcore.constants import MOST_TURNS, TURN
-from mechcore.dynamics.contact.friction_state import braking_elements
 from mechcore.dynamics.equations.charts import Chart, curve_around
+from mechcore.dynamics.equations.contacts import contact_program, rubs
 from mechcore.dynamics.equations.curve import Curve
 from mechcore.dynamics.equations.energy import by_energy
+from mechcore.dynamics.equations.program import EquationsProgram
 from mechcore.dynamics.equations.reduced import coordinate_scales, free_of, integrating, moving, reduce
 from mechcore.dynamics.event_integrator import EventIntegrator, Method, table_tolerance
 from mechcore.dynamics.events import EndStop, EventKind, EventTrigger, SeparableCam, SimulationEvent, with_slot_ends
@@ -84,7 +85,7 @@ def simulate(
     system: Chart | Curve = Chart(compiled)
     valid_range: tuple[float, float] | None = None
     alone = len(q) == len(compiled.mechanism.drives) == 1 and not separable_cams and not integrating(compiled)
-    if alone and not braking_elements(compiled, q, v) and not _by_program(compiled, method):
+    if alone and not rubs(compiled) and not _by_program(compiled, method):
         system, valid_range = _curve(original, compiled, q[0], table_tolerance(tolerance), keep=not stops)
     around = _around(compiled, q, system)
     if len(q):
@@ -272,9 +273,17 @@ def _refuse_knocks(compiled: Compiled, q: Real, v: Real, separable_cams: Sequenc
 def _around(compiled: Compiled, q: Real, system: Chart | Curve) -> tuple[Real, Real] | None:
     """M (n, f, f) and Q - h (n, f) at rest at a start (f,), at places `beside` it, then a little away to either side, by a program
     in C where one is wanted, and wherever the mechanism is."""
-    program = None if not len(q) or (isinstance(system, Curve) and not system.rest) else system.program()
-    if program is None or program.partial:
+    program: EquationsProgram | None
+    if not len(q) or (isinstance(system, Curve) and not system.rest):
         return None
+    if rubs(compiled):
+        program = contacts = contact_program(compiled, ())
+        if contacts is None or not contacts.has_phases:
+            return None
+    else:
+        program = system.program()
+        if program is None or program.partial:
+            return None
     away = BESIDE * compiled.once(coordinate_scales)
     places = np.vstack([beside(compiled, q), q - away, q + away])
     return program.reduced(places, np.zeros_like(places), np.zeros(len(places)))

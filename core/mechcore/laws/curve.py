@@ -181,7 +181,7 @@ class MotionCurve:
         """
         written: Callable[[Sequence[float], int], Real] | None = getattr(x, "on_curve", None)
         if written is not None and side == "right":  # of a program in C
-            return written(self._numbers, order)
+            return written(self.numbers, order)
         x = np.asarray(x, float)
         flat = x.ravel()
         out = np.empty((order + 1, flat.size))
@@ -251,7 +251,7 @@ class MotionCurve:
         return table
 
     @cached_property
-    def _numbers(self) -> tuple[float, ...]:
+    def numbers(self) -> tuple[float, ...]:
         """All numbers of the curve in one row, as `curve` of the programs in C takes them."""
         n, knots, rows = len(self.pieces), self.knots, [[len(p.poly), *p.poly, len(p.waves), *p.waves.ravel()] for p in self.pieces]
         places = np.cumsum([5 + 2 * n, *map(len, rows[:-1])])

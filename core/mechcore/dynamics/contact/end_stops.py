@@ -150,6 +150,24 @@ class EndStops:
         assert isinstance(system, Chart | DrySystem)  # the others know no stops
         return np.asarray(-self._signs[k] * system.holding(q, v, t)[:, system.rests.index(self.stops[k].joint)])
 
+    def known(self, joints: Sequence[str]) -> Real | None:
+        """The stops (k, 5) as a program takes them that knows coordinates of ``joints``; None where it does not know all, or something
+        rests on one."""
+        if self.closed or any(s.joint not in joints for s in self.stops):
+            return None
+        rows = zip(self.stops, self._signs, self._scales, strict=True)
+        return np.array([[joints.index(s.joint), s.at, sign, scale, s.restitution] for s, sign, scale in rows]).reshape(-1, 5)
+
+    def record_bounce(self, k: int, t: float, rate: float, lost: float) -> None:
+        """Account for an impact that a program has decided: its speed, and the energy that it takes [J]."""
+        self._left.clear()
+        self._log.add_loss(t, lost)
+        self._log_impact(t, k, rate)
+
+    def _log_impact(self, t: float, k: int, rate: float) -> None:
+        pace = as_quantity(rate, "angular speed" if self._rotary(self.stops[k].joint) else "linear speed")
+        self._log_event(t, EventKind.IMPACT, k, f"hits stop {self.stops[k].name} at {pace}")
+
     def end(self, k: int, t: float) -> None:
         """A segment has ended at ``t`` [s] by an event function of a stop."""
         if k in self.closed:
@@ -204,8 +222,7 @@ class EndStops:
             account_for_impact(self._log, self.compiled, t, q, v, after, lost)
         for k, rate in zip(touched.which, before, strict=True):
             if rate < 0.0:
-                pace = as_quantity(-rate, "angular speed" if self._rotary(self.stops[k].joint) else "linear speed")
-                self._log_event(t, EventKind.IMPACT, k, f"hits stop {self.stops[k].name} at {pace}")
+                self._log_impact(t, k, -rate)
         if lost is None and closed == self.closed:
             return v, released
         for k in touched.which:

@@ -14,6 +14,7 @@ from mechcore.arrays import Flags, Real
 from mechcore.constants import REST
 from mechcore.dynamics.contact.dry_friction import DrySystem, least_efforts, rates_of
 from mechcore.dynamics.equations.charts import jacobian_of
+from mechcore.dynamics.equations.contacts import contact_program
 from mechcore.dynamics.equations.reduced import (
     ReducedEquations,
     constrained,
@@ -28,8 +29,10 @@ from mechcore.dynamics.events import EventFunction, EventKind, Log, SimulationEv
 from mechcore.dynamics.integration.collocation import Window
 from mechcore.errors import Fault, MechanismError
 from mechcore.forces.friction.elements import Element, elements_of, scales_of
+from mechcore.kinematics.model import Model
 from mechcore.motion.compiled import Compiled
 from mechcore.motion.motion import Motion
+from mechcore.spec.mechanism import braked
 
 BACK = 10.0  # windows shorter than so many times `soon` are those of prescribed drives that turn back
 
@@ -79,10 +82,30 @@ class FrictionState:
         speeds (f,) after it: nothing is left of what sticks."""
         if self._phases is None:
             return v
-        for joint, sign in self._phases.decide(t, q, v, loose, rests):
+        before = self._phases.signs
+        settled = None if rests else self._phases.decide_by_program(t, q, v, loose)
+        if settled is None:
+            self._phases.decide(t, q, v, loose, rests)
+        self._record(t, self._phases.changes(before))
+        return self._phases.at_rest(t, q, v) if settled is None else settled
+
+    def known_signs(self, compiled: Compiled) -> tuple[Real, Real] | None:
+        """Scales and signs (e,) of the elements, all of which free coordinates move; None where some are prescribed."""
+        if self._phases is None:
+            return None if self.counts and braked(compiled.mechanism.joints) else (np.zeros(0), np.zeros(0))
+        return None if self._phases.prescribed.any() else (self._phases.scales, self._phases.signs)
+
+    def go_on(self, t: float, signs: Real) -> None:
+        """Elements slide by ``signs`` (e,) from a time [s] on, as a program has decided."""
+        if self._phases is not None and (signs != self._phases.signs).any():
+            before, self._phases.signs = self._phases.signs, signs
+            self._record(t, self._phases.changes(before))
+
+    def _record(self, t: float, changes: Sequence[tuple[str, int]]) -> None:
+        assert self._phases is not None
+        for joint, sign in changes:
             self._log_event(t, joint, sign)
         self._sliding |= dict(zip(self._phases.keys, self._phases.signs, strict=True))
-        return self._phases.at_rest(t, q, v)
 
     def follow(self, compiled: Compiled, window: Window) -> None:
         """Where every drive is prescribed, say which way joints slide in a window; it ends where that changes."""
@@ -121,23 +144,34 @@ class Phases:
         stops lead them, slide as they do so much later. ``before``: signs that go on, of the mechanism with other contacts.
     """
 
-    def __init__(self, compiled: Compiled, elements: Sequence[Element], soon: float, before: Mapping[Key, float] | None = None):
-        self.compiled = compiled
+    def __init__(
+        self, compiled: Compiled, keys: Sequence[Key], scales: Real, soon: float, before: Mapping[Key, float] | None = None
+    ):
+        self.compiled, self.keys, self.scales = compiled, keys, scales
         self.soon = soon
-        self.keys = keys_of(elements)
         self.signs = np.array([(before or {}).get(key, 0.0) for key in self.keys])
         self.rests: tuple[str, ...] = ()
-        self.prescribed = np.zeros(len(elements), bool)
+        self.prescribed = np.zeros(len(keys), bool)
         self._known: tuple[tuple[float, bytes, bytes], Here] | None = None
         self.alone = len(free_of(compiled)) == len(compiled.mechanism.drives) == 1
 
     def system(self) -> DrySystem:
         return DrySystem(self.compiled, self.signs.copy(), rests=self.rests)
 
-    def decide(
-        self, t: float, q: Real, v: Real, loose: tuple[int, float] | None = None, rests: tuple[str, ...] = ()
-    ) -> list[tuple[str, int]]:
-        """Choose the signs from now on; joint and sign (1, -1, 0: it sticks) of each that has changed.
+    def decide_by_program(self, t: float, q: Real, v: Real, loose: tuple[int, float] | None) -> Real | None:
+        """`decide` and `at_rest` where nothing rests on stops, by a compiled program; None where it does not decide."""
+        program = contact_program(self.compiled, ())
+        if program is None or not program.has_phases:
+            return None
+        settled = program.settled(t, q, v, (self.scales, self.signs), self.soon, loose)
+        if settled is None:
+            return None
+        self.rests, self.prescribed = (), np.zeros(len(self.keys), bool)
+        self.signs, rates = settled
+        return rates
+
+    def decide(self, t: float, q: Real, v: Real, loose: tuple[int, float] | None = None, rests: tuple[str, ...] = ()) -> None:
+        """Choose the signs from now on.
 
         ``loose``: an element that has just come loose and, with one freedom, the way in which it moves (else 0). ``rests``: joints
         that rest on end stops.
@@ -180,6 +214,9 @@ class Phases:
                     break
                 worst = int(np.argmax(np.where(over, np.abs(friction.value[0]) / np.maximum(friction.limit[0], 1e-300), 0.0)))
                 self.signs[worst] = -np.sign(friction.value[0, worst])
+
+    def changes(self, before: Real) -> list[tuple[str, int]]:
+        """Joint and sign (1, -1, 0: it sticks) of each that has another one than ``before`` (e,)."""
         then, now = self._states(before), self._states(self.signs)
         return [(joint, int(now[joint, what])) for joint, what in now if now[joint, what] != then[joint, what]]
 
@@ -302,9 +339,17 @@ def keys_of(elements: Sequence[Element]) -> list[Key]:
 
 def rubbing(compiled: Compiled, q: Real, v: Real, t: float, before: Mapping[Key, float], soon: float) -> Phases | None:
     """Phases of a mechanism that moves, see `Phases`; None where it has no friction. Raises `MechanismError`."""
-    elements = braking_elements(compiled, q, v, t)
-    for e in elements:
-        if e.what == "slide" and e.index < 0:
-            why = "friction between a cam and its follower while forces move the cam: what sticks there is not found."
-            raise MechanismError(Fault(f"joints.{e.joint}.friction", why, "Prescribe the cam's drive, or leave its friction out."))
-    return Phases(compiled, elements, soon, before) if elements else None
+    known = compiled.model.once(_elements_known)
+    if not known:
+        elements = braking_elements(compiled, q, v, t)
+        for e in elements:
+            if e.what == "slide" and e.index < 0:
+                why = "friction between a cam and its follower while forces move the cam: what sticks there is not found."
+                raise MechanismError(Fault(f"joints.{e.joint}.friction", why, "Prescribe the cam's drive, or leave its friction out."))
+        known.append((keys_of(elements), scales_of(compiled.model, elements)))
+    keys, scales = known[0]
+    return Phases(compiled, keys, scales, soon, before) if keys else None
+
+
+def _elements_known(_: Model) -> list[tuple[list[Key], Real]]:
+    return []

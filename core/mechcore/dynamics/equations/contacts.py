@@ -9,6 +9,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Sequence
 from copy import copy
+from enum import IntEnum
 from functools import partial
 from itertools import chain
 from typing import Any, NamedTuple
@@ -16,9 +17,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from mechcore.arrays import Plane, Real, Values
-from mechcore.compiled.collocation import CollocationRule
+from mechcore.compiled.collocation import CollocationRule, Contacts, Phases
 from mechcore.compiled.steps import check_forces_traceable
 from mechcore.compiled.symbols import Symbol, Untraceable
+from mechcore.constants import REST
 from mechcore.dynamics.equations.program import (
     EquationsProgram,
     EquationsWriter,
@@ -41,6 +43,16 @@ from mechcore.motion.motion import Motion
 from mechcore.spec.mechanism import braked
 
 
+class Ending(IntEnum):
+    """What may end a phase of a motion with contacts, as `phases.c` has it."""
+
+    NOTHING = 0
+    SLIP = 1  # of an element
+    STICKING = 2
+    REST = 3  # of the only freedom
+    FLIGHT = 4  # of a joint towards a stop
+
+
 class FrictionState(NamedTuple):
     """States with friction: accelerations (n, f + s); of every element (n, e) friction, the limit up to which it sticks, relative
     rate and second rate; efforts (n, c) that hold the joints at rest. ``solved``: whether there are all of these; there always
@@ -58,14 +70,18 @@ class FrictionState(NamedTuple):
 class ContactProgram(EquationsProgram):
     """The equations of a mechanism while so many joints rest, with so many elements that rub; where friction jams, numpy has to do.
 
-    It is for `with_signs` of them; without there is none that rubs.
+    It is for `with_signs` of them; without there is none that rubs. ``has_phases``: it knows `phases`, with stops on the joints
+    that are ``stopped``.
     """
 
-    def __init__(self, compiled: Compiled, written: Written, rests: int):
-        elements = (written[0].additional - rests - 1) // 4
-        super().__init__(compiled, *written, elements + 1)
+    def __init__(self, compiled: Compiled, written: Written):
+        contacts = written[0].contacts
+        assert contacts is not None
+        super().__init__(compiled, *written, contacts.elements + 1)
+        self.stopped = stopped(compiled)
+        self.has_phases = self.alone and self.everywhere and not contacts.rests and self._equations.freedoms == len(free_of(compiled))
         self.alone, self.partial = False, True
-        self._signs = np.zeros(elements + 1)
+        self._signs, self._rests = np.zeros(contacts.elements + 1), contacts.rests
 
     def with_signs(self, signs: Real, *, breaking: bool = False) -> ContactProgram:
         """The same where elements slide by ``signs`` (e,) of their rates, 0 where they stick; ``breaking``: with the coefficients
@@ -83,13 +99,35 @@ class ContactProgram(EquationsProgram):
         self._set(self._signs)
         return super().window(rule, t0, h, q, v, guess, tolerance)
 
+    def phases(
+        self, rule: CollocationRule, at: Real, numbers: Real, given: Sequence[Real], count: int, checked: bool, breaks: Real
+    ) -> Phases:
+        """Phases one after the other, see `CompiledEquations.phases`."""
+        return self._equations.phases(rule, at, numbers, given, count, checked, breaks)
+
+    def settled(
+        self, t: float, q: Real, v: Real, given: tuple[Real, Real], soon: float, loose: tuple[int, float] | None
+    ) -> tuple[Real, Real] | None:
+        """Signs (e,) of the elements from now on and rates (f,) without what rounding has left, see `CompiledEquations.settled`."""
+        event = (0.0, 0.0, 0.0) if loose is None else (float(Ending.REST if loose[1] else Ending.STICKING), *map(float, loose))
+        return self._equations.settled(t, q, v, given, (0.0, soon, REST), event)
+
+    def reduced(self, q: Real, v: Real, t: Real) -> tuple[Real, Real]:
+        """As `EquationsProgram.reduced`, without friction."""
+        f, (i, j) = q.shape[1], np.tril_indices(q.shape[1])
+        rest = self._outputs(q, v, t)[1][:, 4 * (len(self._signs) - 1) + self._rests + 1 :]
+        inertia = np.empty((len(t), f, f))
+        inertia[:, i, j] = inertia[:, j, i] = rest[:, f : f + len(i)]
+        return inertia, np.einsum("nij,nj->ni", inertia, rest[:, :f])
+
     def friction_state(self, q: Real, v: Real, t: Real) -> FrictionState:
         """At states (n, f) each."""
         self._set(self._signs)
         accelerations, rest = self._outputs(q, v, t)
         e = len(self._signs) - 1
         value, limit, rates, second = (rest[:, k * e : (k + 1) * e] for k in range(4))
-        return FrictionState(accelerations, value, limit, rates, second, rest[:, 4 * e : -1], bool(rest[:, -1].all()))
+        holding, solved = np.split(rest[:, 4 * e : 4 * e + self._rests + 1], [-1], axis=1)
+        return FrictionState(accelerations, value, limit, rates, second, holding, bool(solved.all()))
 
 
 def contact_program(compiled: Compiled, rests: Sequence[str], *, long: bool = False) -> ContactProgram | None:
@@ -99,9 +137,7 @@ def contact_program(compiled: Compiled, rests: Sequence[str], *, long: bool = Fa
         return None
     if key not in known:
         equations = _written(compiled, key)
-        known[key] = (
-            None if isinstance(equations, str) else working(compiled, partial(ContactProgram, compiled, equations, len(key)))
-        )
+        known[key] = None if isinstance(equations, str) else working(compiled, partial(ContactProgram, compiled, equations))
     return known[key]
 
 
@@ -116,6 +152,13 @@ def _written(compiled: Compiled, rests: Sequence[str]) -> Written | str:
 def _traced(compiled: Compiled, rests: tuple[str, ...]) -> TracedEquations:
     check_forces_traceable(compiled.model)
     return _ContactWriter(compiled, rests).equations()
+
+
+def stopped(compiled: Compiled) -> list[str]:
+    """Joints with stops whose coordinates the program has: free ones, and slides."""
+    model, exact = compiled.model, compiled.angles.exact
+    known = [(joint, model.joint_index.get(joint)) for joint in compiled.angles.start.ranges]
+    return [joint for joint, j in known if j is not None and (model.joints[j].coordinate == "slide" or (exact and j in model.driven))]
 
 
 def rubs(compiled: Compiled) -> bool:
@@ -167,7 +210,18 @@ class _ContactWriter(EquationsWriter):
         led = [self.model.mechanism.drives[i].joint in rests for i in free]
         acceleration = [0.0 if it else a for it, a in zip(led, acceleration, strict=True)]
         one = [float(i == j) for i in range(f) for j in range(i + 1)]
-        return one + acceleration, [*values[:-1], *efforts, values[-1]]
+        lower = [x for row in inertia for x in row]
+        coordinates = [self._coordinate(moving, joint) for joint in stopped(self.compiled)]
+        joints = [x for order in zip(*coordinates, strict=True) for x in order]
+        self.contacts = Contacts(len(values) // 4, len(rests), len(coordinates))
+        return one + acceleration, [*values[:-1], *efforts, values[-1], *first, *lower, *joints]
+
+    def _coordinate(self, moving: Motion, joint: str) -> tuple[Any, Any, Any]:
+        """The coordinate of a joint with stops, its rate, and its second rate at q'' = 0."""
+        j = self.model.joint_index[joint]
+        if j in self.model.driven:
+            return moving.drives[self.model.driven[j]]  # type: ignore[return-value]
+        return tuple(x.slide[j] for x in (moving.state, moving.speeds, moving.accelerations))  # type: ignore[return-value]
 
     def _friction(self, loaded: Motion, units: list[Motion], held: _Held) -> tuple[list[Any], list[Any], list[Any]]:
         """Values of friction; the accelerations and the efforts that hold joints at rest which it adds."""

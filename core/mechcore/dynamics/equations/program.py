@@ -16,7 +16,7 @@ import numpy as np
 
 from mechcore.arrays import Real, Values
 from mechcore.branches.unwrapped import LinkAngles, StartPose
-from mechcore.compiled.collocation import Batch, CollocationRule, CompiledEquations, WrittenEquations
+from mechcore.compiled.collocation import Batch, CollocationRule, CompiledEquations, Contacts, WrittenEquations
 from mechcore.compiled.motion import MOST_LINES
 from mechcore.compiled.steps import check_traceable, followed_angle, place_all
 from mechcore.compiled.symbols import Code, Symbol, Untraceable, on_symbols, rotation
@@ -38,6 +38,7 @@ from mechcore.kinematics.program import Unknown
 from mechcore.kinematics.rates import accelerations, velocities
 from mechcore.kinematics.singular_interpolation import NEAR
 from mechcore.kinematics.state import State
+from mechcore.laws.time_curves import curve_of_time
 from mechcore.laws.timed import Free
 from mechcore.motion.compiled import Compiled
 from mechcore.motion.motion import Motion
@@ -65,13 +66,17 @@ class EquationsProgram:
         self.compiled, self.followed = compiled, followed
         self._laws = [d.law for d in compiled.mechanism.drives if not isinstance(d.law, Free)]
         scales = np.append(compiled.once(coordinate_scales), np.ones(len(integrating(compiled))))
-        self._equations = CompiledEquations(written, np.append(compiled.assembly.modes, np.zeros(more)), scales)
         self._of_time = written.of_time
+        curves = [curve_of_time(function) for function in (*self._laws, *self._of_time)]
+        known = [curve.numbers for curve in curves if curve is not None]
+        timed = len(known) == len(curves)
+        modes = np.append(compiled.assembly.modes, np.zeros(more))
+        self._equations = CompiledEquations(written, modes, scales, known if timed else None)
         points = compiled.singular_points
         self._singular = points if points is not None and points.by_drive and points.points else None
         self.partial = self._singular is not None  # next to singular points numpy has to do
         self.everywhere = not (self.partial or followed)  # any states at once
-        self.alone = not (self._equations.given or self.partial)  # no values of drives or other functions of the time are needed
+        self.alone = timed and not self.partial  # no values of drives or other functions of the time are needed
 
     @property
     def has_forms(self) -> bool:
@@ -174,11 +179,11 @@ class EquationsProgram:
         return not self._singular.within(float(away.min()) - reach, float(away.max()) + reach)
 
     def windows(
-        self, rule: CollocationRule, at: Real, bounds: tuple[float, float, float, float, float], count: int, checked: bool
+        self, rule: CollocationRule, at: Real, bounds: tuple[float, float, float, float, float], count: int, checked: bool, breaks: Real
     ) -> Batch:
         """Windows one after the other, see `CompiledEquations.windows`; only where it is ``alone``, and ``checked`` where it
         ``has_forms`` forms."""
-        return self._equations.windows(rule, at, bounds, count, checked)
+        return self._equations.windows(rule, at, bounds, count, checked, breaks)
 
 
 def compiled_program(compiled: Compiled) -> EquationsProgram | None:
@@ -214,7 +219,7 @@ def written(compiled: Compiled, traced: Callable[[Compiled], TracedEquations], k
     if key not in known:
         try:
             equations = traced(compiled)
-            program = WrittenEquations(*equations[:4], MARGIN)
+            program = WrittenEquations(*equations[:5], MARGIN)
             long = program.lines > MOST_LINES
             known[key] = f"the program would have {program.lines:,} lines" if long else (program, equations.followed)
         except Untraceable as reason:
@@ -245,12 +250,13 @@ def wanted(compiled: Compiled, worth: bool) -> bool:
 
 class TracedEquations(NamedTuple):
     """A program and what is wanted of it, see `WrittenEquations`: ``outputs``, ``freedoms``, how many values of drives are
-    ``given``; the unknowns that are ``followed``."""
+    ``given``; its ``contacts``; the unknowns that are ``followed``."""
 
     code: Code
     outputs: tuple[list[Any], ...]
     freedoms: tuple[int, int]
     given: int
+    contacts: Contacts | None
     followed: tuple[Unknown, ...]
 
 
@@ -268,6 +274,7 @@ class EquationsWriter:
     def __init__(self, compiled: Compiled):
         self.compiled, self.model, self.code = compiled, compiled.model, Code()
         self.took_over = compiled.angles.at.time > -np.inf  # from another chart
+        self.contacts: Contacts | None = None
         self.followed: list[Unknown] = []  # in the order of the program's
         self.turned: dict[int, Any] = {}  # angles of groups from the start pose on, as far as something asks for them
         self.gone: dict[int, Any] = {}  # of rotation classes that drives turn, as far as something asks for them
@@ -298,7 +305,7 @@ class EquationsWriter:
         near = [self._operand(own[what][i]) for what, i in self.followed]  # after all that may ask for an angle
         given = 3 * (len(drives) - len(free))
         kept = outputs, near, ratios, forms, [self._operand(x) for x in additional]
-        return TracedEquations(code, kept, (len(free), len(states)), given, tuple(self.followed))
+        return TracedEquations(code, kept, (len(free), len(states)), given, self.contacts, tuple(self.followed))
 
     def _reduced(self, moving: Motion, units: list[Motion]) -> tuple[list[Any], list[Any]]:
         """The lower triangle of M, row by row, then Q - h; and additional outputs. From the motion with q'' = 0 and its

@@ -49,19 +49,19 @@ class WindowProgram(Protocol):
         self, rule: CollocationRule, t0: float, h: float, q: Real, v: Real, guess: Real, tolerance: float
     ) -> tuple[Real, int] | None: ...
     def windows(
-        self, rule: CollocationRule, at: Real, bounds: tuple[float, float, float, float, float], count: int, checked: bool
+        self, rule: CollocationRule, at: Real, bounds: tuple[float, float, float, float, float], count: int, checked: bool, breaks: Real
     ) -> Batch: ...
 
 
 class BreakpointFinder(Protocol):
     """Where the equations change their form: the first time [s] in a window that is later than another one, or None; and the
-    first one, later than another, that is known without a window."""
+    first one, later than another, that is known without a window. ``searched``: there may be others than those."""
 
     def __call__(self, window: Window, after: float) -> float | None: ...
 
     def stated(self, after: float) -> float: ...
     @property
-    def of_forms(self) -> bool: ...
+    def searched(self) -> bool: ...
 
 
 @dataclass
@@ -150,6 +150,21 @@ class Integrator:
         nodes = (self.nodes or nodes_for(self.tolerance)) + more
         return radau(nodes) if self.stiff else gauss(nodes)
 
+    @property
+    def small(self) -> float:
+        """Error of positions that Newton's method leaves, in units of q."""
+        return max(1e-3 * self.tolerance, ROUNDED) * float(np.min(self.scale))
+
+    @property
+    def longest(self) -> float:
+        """Longest window that is wanted [s]."""
+        return np.inf if self.most is None else self.most
+
+    @staticmethod
+    def least(t0: float, t1: float) -> float:
+        """Shortest window of an integration between two times [s]."""
+        return 1e-13 * max(abs(t0), abs(t1), 1e-300)
+
     def run(self, q: Real, v: Real, t0: float, t1: float) -> Solution:
         """The solution from ``t0`` to ``t1`` [s], starting at q, v (f,).
 
@@ -169,14 +184,13 @@ class _Integration:
         self.end_a = by.system(q[None], v[None], np.array([t0]))
         self.h = _first_window(q, v, self.end_a[0], t1 - t0, by.scale)
         self.guess = np.repeat(self.end_a, len(self.rule.nodes), axis=0)
-        self.least = 1e-13 * max(abs(t0), abs(t1), 1e-300)
+        self.least = by.least(t0, t1)
         self.longest = 0.0  # window so far
         self.chatter = 0  # windows in a row that a breakpoint has cut to almost nothing
         self.starts = by.breakpoints is not None  # at a breakpoint, or where one may be
         self.cuts, self.uncut = 0, 0.0  # of the present window at breakpoints, and how long it would have been
         self.offered: Callable[..., WindowProgram | None] = getattr(by.system, "program", lambda **_: None)
         self.program, self.settled = self.offered(), False
-        self.small = max(1e-3 * by.tolerance, ROUNDED) * float(np.min(by.scale))
         self.rows: _Rows | None = None
         if by.breakpoints is not None:
             shooting = ParallelShooting(by.system, self.rule, by.tolerance, by.scale)
@@ -195,7 +209,7 @@ class _Integration:
             if self.program is None and self.t1 - self.t > MANY * self.h:
                 self.program = self.offered(long=True)
         program, breakpoints = self.program, self.by.breakpoints
-        in_program = program is not None and (breakpoints is None or (breakpoints.of_forms and program.has_forms))
+        in_program = program is not None and (breakpoints is None or not breakpoints.searched or program.has_forms)
         if program is not None and in_program and program.alone and self.by.keeps is None:
             return self._batch(program)
         row: list[Window] = []
@@ -219,12 +233,12 @@ class _Integration:
         near = program.near(self.q[None], self.v[None], np.array([self.t]))
         head = [self.t, self.h, self.longest, 0.0, 0.0, self.starts, self.cuts, self.uncut, self.chatter]
         at = np.concatenate([head, self.q, self.v, self.end_a[0], self.guess.ravel(), near])
-        most = np.inf if self.by.most is None else self.by.most
-        bounds = self.t1, self.least, most, self.by.tolerance, self.small
-        batch = program.windows(self.rule, at, bounds, BATCH, self.rows is not None)
+        bounds = self.t1, self.least, self.by.longest, self.by.tolerance, self.by.small
+        breakpoints = self.by.breakpoints
+        searched = breakpoints is not None and breakpoints.searched
+        batch = program.windows(self.rule, at, bounds, BATCH, searched, breaks_from(breakpoints, self.t, self.t1, BATCH))
         solution.evaluations, solution.rejected = solution.evaluations + int(at[3]), solution.rejected + int(at[4])
-        starts, lengths, cut, strain = (x.tolist() for x in (batch.starts, batch.lengths, batch.cut > 0.0, batch.strain))
-        windows = list(map(Window, starts, lengths, batch.q, batch.v, batch.a, cut, strain))
+        windows = windows_of(batch)
         if self.by.passed is not None and self.by.passed(windows):
             solution.windows += windows
         elif not all(map(self._accept, windows)):
@@ -280,7 +294,7 @@ class _Integration:
 
     def _solved(self) -> tuple[Real, int] | None:
         """Accelerations at the nodes of the window, and how often the system was called; None where the solver fails."""
-        at = self.t, self.h, self.q, self.v, self.guess, self.small
+        at = self.t, self.h, self.q, self.v, self.guess, self.by.small
         solved = None if self.program is None else self.program.window(self.rule, *at)
         if self.program is None or (solved is None and self.program.partial):
             solved = solve_window(self.rule, self.by.system, *at)
@@ -380,6 +394,20 @@ class _Rows:
                 break
             boundaries.append(stated)
         return np.array(boundaries)
+
+
+def windows_of(batch: Batch) -> list[Window]:
+    """The windows that a compiled program has made."""
+    starts, lengths, cut, strain = (x.tolist() for x in (batch.starts, batch.lengths, batch.cut > 0.0, batch.strain))
+    return list(map(Window, starts, lengths, batch.q, batch.v, batch.a, cut, strain))
+
+
+def breaks_from(breakpoints: BreakpointFinder | None, t: float, until: float, most: int) -> Real:
+    """Stated breakpoints [s] between two times, as many as so many windows meet at the ``most``."""
+    out = [t]
+    while breakpoints is not None and len(out) <= most and out[-1] < until:
+        out.append(breakpoints.stated(out[-1] + 4.0 * np.spacing(out[-1])))
+    return np.array(out[1:])
 
 
 def _stuck(t: float, h: float) -> MechanismError:

@@ -1,0 +1,77 @@
+"""Phases of a motion with dry friction and end stops by a compiled program, which goes from one event to the next by itself."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from mechcore.arrays import Real
+from mechcore.constants import REST
+from mechcore.dynamics.equations.charts import STRAINED
+from mechcore.dynamics.equations.contacts import ContactProgram, Ending
+from mechcore.dynamics.integration.collocation import Window
+from mechcore.dynamics.integration.windows import Integrator, breaks_from, windows_of
+
+MOST = 256  # windows in a row
+
+
+class Phase(NamedTuple):
+    """A phase from ``start`` to ``end`` [s], in which elements slide by ``signs`` (e,). What ends it: the ``index`` of an element or a
+    stop, the ``sense`` in which rest ends, the energy ``lost`` in an impact [J] and its ``rate``; ``decided``, what follows."""
+
+    start: float
+    end: float
+    windows: list[Window]
+    signs: Real
+    ending: Ending
+    decided: bool
+    index: int
+    sense: float
+    lost: float
+    rate: float
+
+
+class PhaseRun(NamedTuple):
+    """Phases one after the other, time [s], position, speed and signs after them, and the evaluations that they took."""
+
+    phases: list[Phase]
+    time: float
+    q: Real
+    v: Real
+    signs: Real
+    evaluations: int
+
+
+def run_phases(
+    program: ContactProgram,
+    by: Integrator,
+    start: tuple[float, Real, Real],
+    duration: float,
+    friction: tuple[Real, Real],
+    stops: Real,
+    soon: float,
+) -> PhaseRun:
+    """Phases from a ``start`` (time [s], position, speed (f,)) on, until something happens that the program does not decide.
+
+    ``friction``: scales and signs (e,) of the elements, which free coordinates move; ``stops`` (k, 5) as `EndStops.known` has them;
+    ``soon`` [s] as in `friction_state.Phases`.
+    """
+    t, q, v = start
+    rule, f = by.rule(), len(q)
+    searched = by.breakpoints is not None and by.breakpoints.searched
+    if searched and not program.has_forms:
+        return PhaseRun([], t, q, v, friction[1], 0)
+    least = by.least(t, duration)
+    numbers = np.array([duration, least, by.longest, by.tolerance, by.small, duration, soon, REST, STRAINED])
+    at = np.concatenate([[t], np.zeros(8), q, v, np.zeros(f * (len(rule.nodes) + 1))])
+    breaks = breaks_from(by.breakpoints, t, duration, MOST)
+    marks, signs, batch = program.phases(rule, at, numbers, (*friction, stops), MOST, searched, breaks)
+    windows, first, phases = windows_of(batch), 0, []
+    for mark, own in zip(marks.tolist(), signs, strict=False):
+        begun, end, until, kind, index, sense, lost, rate = mark
+        last = int(until)
+        ending = Ending(abs(int(kind)))
+        phases.append(Phase(begun, end, windows[first:last], own, ending, kind >= 0.0, int(index), sense, lost, rate))
+        first = last
+    return PhaseRun(phases, float(at[0]), at[9 : 9 + f], at[9 + f : 9 + 2 * f], signs[-1], int(at[3]))
