@@ -128,9 +128,48 @@ static double polished(const Contacts *c, const Event *event, const Part *w, dou
     return x;
 }
 
+/* What is the same for all windows: the samples from -1 to 1, at last both ends; what makes coefficients of Chebyshev polynomials of
+values there, and their sums at places that are even in the angle. */
+static struct {
+    double x[SAMPLES + 2], fit[SAMPLES][SAMPLES], grid[GRID + 1][SAMPLES];
+    int made;
+} fixed;
+
+static void make_fixed(void) {
+    const double half_turn = acos(-1.0);
+    for (long k = 0; k < SAMPLES; k++) {
+        const double angle = half_turn * ((double)(SAMPLES - 1 - k) + 0.5) / SAMPLES;
+        fixed.x[k] = cos(angle);
+        for (long j = 0; j < SAMPLES; j++) fixed.fit[j][k] = cos((double)j * angle) * (j ? 2.0 : 1.0) / SAMPLES;
+    }
+    for (long i = 0; i <= GRID; i++)
+        for (long k = 0; k < SAMPLES; k++) {
+            double sum = 0.0;
+            for (long j = 0; j < SAMPLES; j++) sum += cos((double)j * half_turn * (double)(GRID - i) / GRID) * fixed.fit[j][k];
+            fixed.grid[i][k] = sum;
+        }
+    fixed.x[SAMPLES] = -1.0, fixed.x[SAMPLES + 1] = 1.0, fixed.made = 1;
+}
+
+/* The zero of a polynomial between angles of which it is negative at the first and positive at the second (false position). */
+static double crossing(const double *series, double low, double high) {
+    double below = series_at(series, -cos(low)), above = series_at(series, -cos(high)), at = high;
+    for (long k = 0, side = 0; k < 60 && high - low > 1e-15 * high && above > below; k++) {
+        at = (low * above - high * below) / (above - below);
+        const double value = series_at(series, -cos(at));
+        if (value == 0.0) break;
+        if (value > 0.0) {
+            high = at, above = value, below *= side > 0 ? 0.5 : 1.0, side = 1;
+        } else {
+            low = at, below = value, above *= side < 0 ? 0.5 : 1.0, side = -1;
+        }
+    }
+    return at;
+}
+
 /* The first time in a part of a window at which an event happens, by its measures y at the samples and at both ends; infinite where it
 does not, not a number where a measure is none. As events.first_zero and events.first_exceeding. */
-static double happens(const Contacts *c, const Event *event, const Part *w, const double *y, const double (*cosines)[SAMPLES]) {
+static double happens(const Contacts *c, const Event *event, const Part *w, const double *y) {
     double most = fmax(y[SAMPLES], y[SAMPLES + 1]), least = fmin(y[SAMPLES], y[SAMPLES + 1]), way = 0.0, p[GRID + 1], series[SAMPLES];
     for (long k = 0; k < SAMPLES + 2; k++)
         if (!isfinite(y[k])) return NAN;
@@ -141,11 +180,13 @@ static double happens(const Contacts *c, const Event *event, const Part *w, cons
     if ((most <= 0.0 && way < -y[0]) || (event->kind == SLIPS && ((least > 0.0 && way < y[0]) || (most == 0.0 && least == 0.0)))) return INFINITY;
     for (long j = 0; j < SAMPLES; j++) {
         series[j] = 0.0;
-        for (long k = 0; k < SAMPLES; k++) series[j] += y[k] * cosines[j][k];
-        series[j] *= (j ? 2.0 : 1.0) / SAMPLES;
+        for (long k = 0; k < SAMPLES; k++) series[j] += y[k] * fixed.fit[j][k];
     }
     const double apart = acos(-1.0) / GRID, spacing = 4.0 * (nextafter(fmax(fabs(w->low), fabs(w->high)), INFINITY) - fmax(fabs(w->low), fabs(w->high)));
-    for (long i = 0; i <= GRID; i++) p[i] = series_at(series, -cos(apart * (double)i));
+    for (long i = 0; i <= GRID; i++) {
+        p[i] = 0.0;
+        for (long k = 0; k < SAMPLES; k++) p[i] += y[k] * fixed.grid[i][k];
+    }
     if (event->kind != SLIPS && p[0] > 0.0) { /* it has jumped above zero at the beginning */
         double highest = p[0];
         for (long i = 1; i <= GRID && p[i] > 0.0; i++) highest = fmax(highest, p[i]);
@@ -160,12 +201,7 @@ static double happens(const Contacts *c, const Event *event, const Part *w, cons
             high = low + apart * 0.5 * (p[i - 1] - p[i + 1]) / bend, low = apart * (double)(i - 1);
             if (!(series_at(series, -cos(high)) > 0.0)) continue;
         }
-        const double after = high;
-        for (long k = 0; k < 60; k++) {
-            const double middle = 0.5 * (low + high);
-            *(series_at(series, -cos(middle)) > 0.0 ? &high : &low) = middle;
-        }
-        double highest = series_at(series, -cos(after)), root = -cos(high);
+        double highest = series_at(series, -cos(high)), root = -cos(crossing(series, low, high));
         for (long k = i + 1; k <= GRID && p[k] > 0.0; k++) highest = fmax(highest, p[k]);
         if (event->kind != SLIPS && !(highest > event->noise)) continue;
         const double slope = (series_at(series, root + 1e-7) - series_at(series, root - 1e-7)) / 2e-7;
@@ -178,26 +214,17 @@ static double happens(const Contacts *c, const Event *event, const Part *w, cons
 
 /* The event that happens first in a part of a window, and when; -1 where none does, -2 where that is not known. */
 static long first_event(const Contacts *c, const Event *events, long count, const Part *w, double *when) {
-    static double x[SAMPLES + 2], cosines[SAMPLES][SAMPLES];
-    static int made = 0;
     double g[count + 1], y[(count + 1) * (SAMPLES + 2)];
-    if (!made) {
-        for (long k = 0; k < SAMPLES; k++) {
-            const double angle = acos(-1.0) * ((double)(SAMPLES - 1 - k) + 0.5) / SAMPLES;
-            x[k] = cos(angle);
-            for (long j = 0; j < SAMPLES; j++) cosines[j][k] = cos((double)j * angle);
-        }
-        x[SAMPLES] = -1.0, x[SAMPLES + 1] = 1.0, made = 1;
-    }
+    if (!fixed.made) make_fixed();
     long first = -1;
     *when = INFINITY;
     if (!(w->high > w->low) || !count) return first;
     for (long i = 0; i < SAMPLES + 2; i++) {
-        measured_in(c, events, count, w, x[i], g);
+        measured_in(c, events, count, w, fixed.x[i], g);
         for (long k = 0; k < count; k++) y[k * (SAMPLES + 2) + i] = g[k];
     }
     for (long k = 0; k < count; k++) {
-        const double time = happens(c, events + k, w, y + k * (SAMPLES + 2), cosines);
+        const double time = happens(c, events + k, w, y + k * (SAMPLES + 2));
         if (isnan(time)) return -2;
         if (time < *when) *when = time, first = k;
     }

@@ -280,11 +280,13 @@ class EventIntegrator:
         if not run.phases:
             return None
         made: list[Segment] = []
+        limited = [e for e in self.compiled.model.once(applied_effects) if e.limited]
         for phase in run.phases:
             self.friction.go_on(phase.start, phase.signs)
             segment = self._segment(phase.start, phase.end, Solution(phase.windows), self._system())
             made.append(segment)
-            self._tell(segment)
+            if limited or self.progress is not None or self.observe is not None:
+                self._tell(segment, limited)
             if phase.ending is Ending.FLIGHT and phase.decided:
                 self.stops.record_bounce(phase.index, phase.end, phase.rate, phase.lost)
         self.friction.go_on(run.time, run.signs)
@@ -301,10 +303,9 @@ class EventIntegrator:
         loose = None if last.ending is Ending.SLIP else (last.index, last.sense)
         return t, *self._slide(t, q, v, loose)
 
-    def _tell(self, segment: Segment) -> None:
-        """Tell those who want to know of a segment that a program has made."""
+    def _tell(self, segment: Segment, limited: Sequence[Effect]) -> None:
+        """Tell those who want to know of a segment that a program has made, and check what loads are asked for."""
         assert isinstance(segment.solution, Solution)
-        limited = [e for e in self.compiled.model.once(applied_effects) if e.limited]
         for window in segment.solution.windows:
             until = min(window.start + window.length, segment.end)
             self._check(window, until, limited)

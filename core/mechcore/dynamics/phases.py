@@ -13,6 +13,7 @@ from mechcore.dynamics.equations.contacts import ContactProgram, Ending
 from mechcore.dynamics.integration.collocation import Window
 from mechcore.dynamics.integration.windows import Integrator, breaks_from, windows_of
 
+ENDINGS = tuple(Ending)
 MOST = 256  # windows in a row
 
 
@@ -71,7 +72,7 @@ def run_phases(
     for mark, own in zip(marks.tolist(), signs, strict=False):
         begun, end, until, kind, index, sense, lost, rate = mark
         last = int(until)
-        ending = Ending(abs(int(kind)))
+        ending = ENDINGS[abs(int(kind))]
         phases.append(Phase(begun, end, windows[first:last], own, ending, kind >= 0.0, int(index), sense, lost, rate))
         first = last
     return PhaseRun(phases, float(at[0]), at[9 : 9 + f], at[9 + f : 9 + 2 * f], signs[-1], int(at[3]))

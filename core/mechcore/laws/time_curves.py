@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -12,7 +13,19 @@ from mechcore.laws.curve import MotionCurve
 from mechcore.laws.signals import Ramp, Sine, Step
 from mechcore.laws.timed import ConstantSpeed, Oscillation, Piecewise, Rest, Table
 
+KNOWN = Rest, ConstantSpeed, Oscillation, Piecewise, Table, Sine, Step, Ramp
 NO_WAVES = np.zeros((0, 3))
+
+
+def numbers_of_time(function: Any) -> tuple[float, ...] | None:
+    """The numbers of the motion curve of a law or signal, as programs in C take them; None where there is none."""
+    return _numbers(function) if isinstance(function, KNOWN) else None
+
+
+@lru_cache(256)
+def _numbers(function: Any) -> tuple[float, ...] | None:
+    curve = curve_of_time(function)
+    return None if curve is None else curve.numbers
 
 
 def curve_of_time(function: Any) -> MotionCurve | None:

@@ -97,7 +97,7 @@ class FrictionState:
 
     def go_on(self, t: float, signs: Real) -> None:
         """Elements slide by ``signs`` (e,) from a time [s] on, as a program has decided."""
-        if self._phases is not None and (signs != self._phases.signs).any():
+        if self._phases is not None and signs.tobytes() != self._phases.signs.tobytes():
             before, self._phases.signs = self._phases.signs, signs
             self._record(t, self._phases.changes(before))
 
@@ -105,7 +105,7 @@ class FrictionState:
         assert self._phases is not None
         for joint, sign in changes:
             self._log_event(t, joint, sign)
-        self._sliding |= dict(zip(self._phases.keys, self._phases.signs, strict=True))
+        self._sliding |= dict(zip(self._phases.keys, self._phases.signs.tolist(), strict=True))
 
     def follow(self, compiled: Compiled, window: Window) -> None:
         """Where every drive is prescribed, say which way joints slide in a window; it ends where that changes."""
@@ -124,7 +124,7 @@ class FrictionState:
         kind = EventKind.SLIP if sign else EventKind.STICK
         text = f"{joint} slides in the {'+' if sign > 0 else '-'} direction" if sign else f"{joint} sticks"
         event = SimulationEvent(t, kind, joint, text, sign)
-        if event not in self._log.events[-4:]:  # a joint may have friction of several kinds
+        if not any(e.time == t and e == event for e in self._log.events[-4:]):  # a joint may have friction of several kinds
             self._log.add(event)
 
 
@@ -218,13 +218,13 @@ class Phases:
     def changes(self, before: Real) -> list[tuple[str, int]]:
         """Joint and sign (1, -1, 0: it sticks) of each that has another one than ``before`` (e,)."""
         then, now = self._states(before), self._states(self.signs)
-        return [(joint, int(now[joint, what])) for joint, what in now if now[joint, what] != then[joint, what]]
+        return [(joint, int(sign)) for (joint, what), sign in now.items() if sign != then[joint, what]]
 
     def _states(self, signs: Real) -> dict[tuple[str, str], float]:
         """Sign by joint and relative motion: it sticks if friction of one kind holds it, whatever else rubs there."""
         states: dict[tuple[str, str], float] = {}
-        for (joint, what, _), s in zip(self.keys, signs, strict=True):
-            states[joint, what] = float(s) if states.get((joint, what), s) == s else 0.0
+        for (joint, what, _), s in zip(self.keys, signs.tolist(), strict=True):
+            states[joint, what] = s if states.get((joint, what), s) == s else 0.0
         return states
 
     def at_rest(self, t: float, q: Real, v: Real) -> Real:

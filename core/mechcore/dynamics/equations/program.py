@@ -38,7 +38,7 @@ from mechcore.kinematics.program import Unknown
 from mechcore.kinematics.rates import accelerations, velocities
 from mechcore.kinematics.singular_interpolation import NEAR
 from mechcore.kinematics.state import State
-from mechcore.laws.time_curves import curve_of_time
+from mechcore.laws.time_curves import numbers_of_time
 from mechcore.laws.timed import Free
 from mechcore.motion.compiled import Compiled
 from mechcore.motion.motion import Motion
@@ -67,8 +67,8 @@ class EquationsProgram:
         self._laws = [d.law for d in compiled.mechanism.drives if not isinstance(d.law, Free)]
         scales = np.append(compiled.once(coordinate_scales), np.ones(len(integrating(compiled))))
         self._of_time = written.of_time
-        curves = [curve_of_time(function) for function in (*self._laws, *self._of_time)]
-        known = [curve.numbers for curve in curves if curve is not None]
+        curves = [numbers_of_time(function) for function in (*self._laws, *self._of_time)]
+        known = [numbers for numbers in curves if numbers is not None]
         timed = len(known) == len(curves)
         modes = np.append(compiled.assembly.modes, np.zeros(more))
         self._equations = CompiledEquations(written, modes, scales, known if timed else None)
