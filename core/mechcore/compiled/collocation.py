@@ -16,6 +16,7 @@ from mechcore.compiled.symbols import HELPERS, Code
 from mechcore.compiled.toolchain import library
 
 AROUND, PHASES = (Path(__file__).with_name(name) for name in ("collocation.c", "phases.c"))
+HEAD = 9  # numbers before the coordinates in what tells where windows begin, see `collocation.c`
 REDUCED = """
 #define F {freedoms}
 #define STATES {states}
@@ -88,8 +89,8 @@ class Contacts(NamedTuple):
 
 
 class Phases(NamedTuple):
-    """Phases of a motion with contacts: what `phases.c` tells of each in ``marks`` (p, 8), the ``signs`` (p + 1, e) of the elements in
-    each and after them, and their ``windows``."""
+    """Phases of a motion with contacts: what `phases.c` tells of each in ``marks`` (p, 8), the ``signs`` (p + 1, e) of the elements
+    in each and after them, and their ``windows``."""
 
     marks: Real
     signs: Real
@@ -271,7 +272,13 @@ class CompiledEquations:
         return (a, int(count)) if count else None
 
     def windows(
-        self, rule: CollocationRule, at: Real, bounds: tuple[float, float, float, float, float], count: int, checked: bool, breaks: Real
+        self,
+        rule: CollocationRule,
+        at: Real,
+        bounds: tuple[float, float, float, float, float],
+        count: int,
+        checked: bool,
+        breaks: Real,
     ) -> Batch:
         """``count`` windows at the most, from where ``at`` says, which then says where they end; see `collocation.c`.
 

@@ -96,25 +96,20 @@ static double series_at(const double *c, double x) {
     return x * b - last + c[0];
 }
 
-/* A window, as `within` takes it, and the part of it that is searched. */
+/* A window, as `within` takes it. */
 typedef struct {
     long s;
     const double *series, *q, *v;
-    double t, h, low, high;
-} Part;
-
-static void measured_in(const Contacts *c, const Event *events, long count, const Part *w, double x, double *g) {
-    double q[F + STATES], v[F + STATES];
-    const double t = w->low + 0.5 * (w->high - w->low) * (x + 1.0);
-    within(w->s, c->y.f, w->series, w->h, (t - w->t) / w->h, w->q, w->v, q, v, 0);
-    measured(c, events, count, t, q, v, g);
-}
+    double t, h, after; /* slip ends later than that */
+} Searched;
 
 /* Where an event's measure is zero, from where its polynomial is: as events._polished. */
-static double polished(const Contacts *c, const Event *event, const Part *w, double x, double slope, double least) {
+static double polished(const Contacts *c, const Event *event, const Searched *w, double x, double slope, double least) {
     double last = INFINITY, before_x = 0.0, before_y = 0.0, y;
     for (long k = 0; k < POLISHED; k++) {
-        measured_in(c, event, 1, w, x, &y);
+        double q[F], v[F];
+        within(w->s, F, w->series, w->h, 0.5 * (x + 1.0), w->q, w->v, q, v, 0);
+        measured(c, event, 1, w->t + 0.5 * w->h * (x + 1.0), q, v, &y);
         if (k && x != before_x && y != before_y) {
             const double secant = (y - before_y) / (x - before_x);
             slope = secant * slope > 0.0 ? secant : slope;
@@ -128,10 +123,10 @@ static double polished(const Contacts *c, const Event *event, const Part *w, dou
     return x;
 }
 
-/* What is the same for all windows: the samples from -1 to 1, at last both ends; what makes coefficients of Chebyshev polynomials of
-values there, and their sums at places that are even in the angle. */
+/* What is the same for all windows: the samples from -1 to 1, at last both ends, and the integrals of Legendre polynomials there, once
+and twice; what makes coefficients of Chebyshev polynomials of values there, and their sums at places that are even in the angle. */
 static struct {
-    double x[SAMPLES + 2], fit[SAMPLES][SAMPLES], grid[GRID + 1][SAMPLES];
+    double x[SAMPLES + 2], once[SAMPLES + 2][MOST_NODES], twice[SAMPLES + 2][MOST_NODES], fit[SAMPLES][SAMPLES], grid[SAMPLES][GRID + 1];
     int made;
 } fixed;
 
@@ -146,9 +141,17 @@ static void make_fixed(void) {
         for (long k = 0; k < SAMPLES; k++) {
             double sum = 0.0;
             for (long j = 0; j < SAMPLES; j++) sum += cos((double)j * half_turn * (double)(GRID - i) / GRID) * fixed.fit[j][k];
-            fixed.grid[i][k] = sum;
+            fixed.grid[k][i] = sum;
         }
-    fixed.x[SAMPLES] = -1.0, fixed.x[SAMPLES + 1] = 1.0, fixed.made = 1;
+    fixed.x[SAMPLES] = -1.0, fixed.x[SAMPLES + 1] = 1.0;
+    for (long i = 0; i < SAMPLES + 2; i++)
+        for (long k = 0; k < MOST_NODES; k++) {
+            const double none = 0.0;
+            double series[MOST_NODES] = {0.0};
+            series[k] = 1.0;
+            within(k + 1, 1, series, 1.0, 0.5 * (fixed.x[i] + 1.0), &none, &none, fixed.twice[i] + k, fixed.once[i] + k, 0);
+        }
+    fixed.made = 1;
 }
 
 /* The zero of a polynomial between angles of which it is negative at the first and positive at the second (false position). */
@@ -167,9 +170,9 @@ static double crossing(const double *series, double low, double high) {
     return at;
 }
 
-/* The first time in a part of a window at which an event happens, by its measures y at the samples and at both ends; infinite where it
+/* The first time in a window at which an event happens, by its measures y at the samples and at both ends; infinite where it
 does not, not a number where a measure is none. As events.first_zero and events.first_exceeding. */
-static double happens(const Contacts *c, const Event *event, const Part *w, const double *y) {
+static double happens(const Contacts *c, const Event *event, const Searched *w, const double *y) {
     double most = fmax(y[SAMPLES], y[SAMPLES + 1]), least = fmin(y[SAMPLES], y[SAMPLES + 1]), way = 0.0, p[GRID + 1], series[SAMPLES];
     for (long k = 0; k < SAMPLES + 2; k++)
         if (!isfinite(y[k])) return NAN;
@@ -182,15 +185,14 @@ static double happens(const Contacts *c, const Event *event, const Part *w, cons
         series[j] = 0.0;
         for (long k = 0; k < SAMPLES; k++) series[j] += y[k] * fixed.fit[j][k];
     }
-    const double apart = acos(-1.0) / GRID, spacing = 4.0 * (nextafter(fmax(fabs(w->low), fabs(w->high)), INFINITY) - fmax(fabs(w->low), fabs(w->high)));
-    for (long i = 0; i <= GRID; i++) {
-        p[i] = 0.0;
-        for (long k = 0; k < SAMPLES; k++) p[i] += y[k] * fixed.grid[i][k];
-    }
+    const double apart = acos(-1.0) / GRID, last = fmax(fabs(w->t), fabs(w->t + w->h)), spacing = 4.0 * (nextafter(last, INFINITY) - last);
+    for (long i = 0; i <= GRID; i++) p[i] = y[0] * fixed.grid[0][i];
+    for (long k = 1; k < SAMPLES; k++) /* sample by sample: no term waits for the one before */
+        for (long i = 0; i <= GRID; i++) p[i] += y[k] * fixed.grid[k][i];
     if (event->kind != SLIPS && p[0] > 0.0) { /* it has jumped above zero at the beginning */
         double highest = p[0];
         for (long i = 1; i <= GRID && p[i] > 0.0; i++) highest = fmax(highest, p[i]);
-        if (highest > event->noise) return w->low + 2.0 * spacing;
+        if (highest > event->noise) return w->t + 2.0 * spacing;
     }
     for (long i = 0; i < GRID; i++) {
         double low = apart * (double)i, high = apart * (double)(i + 1);
@@ -205,22 +207,28 @@ static double happens(const Contacts *c, const Event *event, const Part *w, cons
         for (long k = i + 1; k <= GRID && p[k] > 0.0; k++) highest = fmax(highest, p[k]);
         if (event->kind != SLIPS && !(highest > event->noise)) continue;
         const double slope = (series_at(series, root + 1e-7) - series_at(series, root - 1e-7)) / 2e-7;
-        root = polished(c, event, w, root, slope, spacing / (w->high - w->low));
-        if (event->kind == SLIPS && !(fabs(root) <= 1.0 + 1e-12)) continue;
-        return w->low + 0.5 * (w->high - w->low) * (fmin(fmax(root, -1.0), 1.0) + 1.0);
+        root = polished(c, event, w, root, slope, spacing / w->h);
+        if (event->kind == SLIPS && !(fabs(root) <= 1.0 + 1e-12 && w->t + 0.5 * w->h * (root + 1.0) > w->after)) continue;
+        return w->t + fmax(0.5 * w->h * (fmin(root, 1.0) + 1.0), root <= -1.0 ? 2.0 * spacing : 0.0);
     }
     return INFINITY;
 }
 
-/* The event that happens first in a part of a window, and when; -1 where none does, -2 where that is not known. */
-static long first_event(const Contacts *c, const Event *events, long count, const Part *w, double *when) {
+/* The event that happens first in a window, and when; -1 where none does, -2 where that is not known. */
+static long first_event(const Contacts *c, const Event *events, long count, const Searched *w, double *when) {
     double g[count + 1], y[(count + 1) * (SAMPLES + 2)];
-    if (!fixed.made) make_fixed();
     long first = -1;
     *when = INFINITY;
-    if (!(w->high > w->low) || !count) return first;
+    if (!count) return first;
     for (long i = 0; i < SAMPLES + 2; i++) {
-        measured_in(c, events, count, w, fixed.x[i], g);
+        const double part = 0.5 * (fixed.x[i] + 1.0);
+        double q[F], v[F];
+        for (long k = 0; k < F; k++) {
+            double once = 0.0, twice = 0.0;
+            for (long j = 0; j < w->s; j++) once += w->series[j * F + k] * fixed.once[i][j], twice += w->series[j * F + k] * fixed.twice[i][j];
+            q[k] = w->q[k] + w->h * part * w->v[k] + w->h * w->h * twice, v[k] = w->v[k] + w->h * once;
+        }
+        measured(c, events, count, w->t + w->h * part, q, v, g);
         for (long k = 0; k < count; k++) y[k * (SAMPLES + 2) + i] = g[k];
     }
     for (long k = 0; k < count; k++) {
@@ -312,6 +320,8 @@ static int decided(const Contacts *c, double t, const double *q, double *v, cons
                 }
             if (worst < 0) break;
             signs[worst] = -sign(out[VALUE + worst]);
+            for (long i = 0; round < 0 && i < ELEMENTS; i++) /* what moves with it, and was at its limit, slides with it */
+                if (still[i] && before[i] == signs[worst] && moved[i] == moved[worst] && rates[i] == rates[worst]) signs[i] = before[i];
         }
     }
     double above = 0.0, below = 0.0;
@@ -379,7 +389,7 @@ static int begun(const Contacts *c, const Rule *r, double end, double starts, do
 /* Phases one after the other from where `at` says on, see `windows`, `count` windows in all at the most, `limit` phases.
 
 `numbers`: end, least, most, tolerance and small as of `windows`; duration, what is soon, what is at rest, strain from which other
-coordinates had better lead. `modes`, `stops`: how many there are; `given`: scales of the elements, their signs at present, the stops.
+coordinates had better lead, places of the first coordinate between which it has to be. `modes`, `stops`: how many there are; `given`: scales of the elements, their signs at present, the stops.
 `out` has the windows, `marks` of each phase: where it begins and ends, how many windows there are until then, the kind, index and sense
 of what ends it (0: nothing; negative: it is not decided what follows), energy lost in an impact and its speed; signs. The result is
 the number of phases; `at` tells where they have ended, `given` which signs hold there. */
@@ -389,6 +399,7 @@ long phases(const System *y, const Rule *r, const double *numbers, long modes, l
     const double end = numbers[0], least = numbers[1];
     double m[modes + ELEMENTS + 2], state[OUTPUTS], when;
     Contacts c = {*y, m, m + modes, m + modes + ELEMENTS, given, (const Stop *)(given + 2 * ELEMENTS), stops, numbers[5], numbers[6], numbers[7]};
+    if (!fixed.made) make_fixed();
     memcpy(m, y->m, (size_t)modes * sizeof(double));
     memcpy(c.signs, given + ELEMENTS, ELEMENTS * sizeof(double));
     *c.breaking = 0.0;
@@ -410,10 +421,15 @@ long phases(const System *y, const Rule *r, const double *numbers, long modes, l
             double *window = out + made * size;
             goes_on = windows(&c.y, r, end, least, numbers[2], numbers[3], numbers[4], 1, checked, breaks, at, window) == 1;
             if (goes_on) {
-                const Part part = {s, window + 4 + 2 * F, window + 4, window + 4 + F, window[0], window[1],
-                                   fmax(window[0], start + 1e-12 * c.duration), window[0] + window[1]};
-                first = window[2] <= numbers[8] ? first_event(&c, events, possibilities, &part, &when) : -2;
-                if (first == -2) { /* it is not known, or other coordinates had better lead */
+                const Searched whole = {s, window + 4 + 2 * F, window + 4, window + 4 + F, window[0], window[1], start + 1e-12 * c.duration};
+                int fine = window[2] <= numbers[8] && q[0] > numbers[9] && q[0] < numbers[10];
+                for (long k = 0; fine && k < SAMPLES; k++) {
+                    double place = window[4] + window[1] * 0.5 * (fixed.x[k] + 1.0) * window[4 + F];
+                    for (long j = 0; j < s; j++) place += window[1] * window[1] * window[4 + 2 * F + j * F] * fixed.twice[k][j];
+                    fine = place > numbers[9] && place < numbers[10];
+                }
+                first = fine ? first_event(&c, events, possibilities, &whole, &when) : -2;
+                if (first == -2) { /* it is not known, other coordinates had better lead, or a singular point is near */
                     at[0] = window[0], goes_on = 0, first = -1;
                     memcpy(q, window + 4, 2 * F * sizeof(double));
                 } else made++;

@@ -288,7 +288,7 @@ class EventIntegrator:
             if limited or self.progress is not None or self.observe is not None:
                 self._tell(segment, limited)
             if phase.ending is Ending.FLIGHT and phase.decided:
-                self.stops.record_bounce(phase.index, phase.end, phase.rate, phase.lost)
+                self.stops.record_bounce(phase.number, phase.end, phase.rate, phase.lost)
         self.friction.go_on(run.time, run.signs)
         self.segments += made
         if len(self.compiled.mechanism.drives) > 1:
@@ -299,8 +299,8 @@ class EventIntegrator:
         if last.decided:
             return t, q, v
         if last.ending is Ending.FLIGHT:
-            return t, *self._end_stop(last.index, t, q, v)
-        loose = None if last.ending is Ending.SLIP else (last.index, last.sense)
+            return t, *self._end_stop(last.number, t, q, v)
+        loose = None if last.ending is Ending.SLIP else (last.number, last.sense)
         return t, *self._slide(t, q, v, loose)
 
     def _tell(self, segment: Segment, limited: Sequence[Effect]) -> None:

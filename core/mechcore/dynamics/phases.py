@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from mechcore.arrays import Real
+from mechcore.compiled.collocation import HEAD
 from mechcore.constants import REST
 from mechcore.dynamics.equations.charts import STRAINED
 from mechcore.dynamics.equations.contacts import ContactProgram, Ending
@@ -18,8 +19,10 @@ MOST = 256  # windows in a row
 
 
 class Phase(NamedTuple):
-    """A phase from ``start`` to ``end`` [s], in which elements slide by ``signs`` (e,). What ends it: the ``index`` of an element or a
-    stop, the ``sense`` in which rest ends, the energy ``lost`` in an impact [J] and its ``rate``; ``decided``, what follows."""
+    """A phase from ``start`` to ``end`` [s], in which elements slide by ``signs`` (e,).
+
+    What ends it: the ``number`` of an element or a stop, the ``sense`` in which rest ends, the energy ``lost`` in an impact [J] and
+    its ``rate``; ``decided``, what follows."""
 
     start: float
     end: float
@@ -27,7 +30,7 @@ class Phase(NamedTuple):
     signs: Real
     ending: Ending
     decided: bool
-    index: int
+    number: int
     sense: float
     lost: float
     rate: float
@@ -65,9 +68,12 @@ def run_phases(
         return PhaseRun([], t, q, v, friction[1], 0)
     least = by.least(t, duration)
     numbers = np.array([duration, least, by.longest, by.tolerance, by.small, duration, soon, REST, STRAINED])
-    at = np.concatenate([[t], np.zeros(8), q, v, np.zeros(f * (len(rule.nodes) + 1))])
+    at = np.concatenate([[t], np.zeros(HEAD - 1), q, v, np.zeros(f * (len(rule.nodes) + 1))])
     breaks = breaks_from(by.breakpoints, t, duration, MOST)
-    marks, signs, batch = program.phases(rule, at, numbers, (*friction, stops), MOST, searched, breaks)
+    known = program.phases(rule, at, numbers, (*friction, stops), MOST, searched, breaks)
+    if known is None:
+        return PhaseRun([], t, q, v, friction[1], 0)
+    marks, signs, batch = known
     windows, first, phases = windows_of(batch), 0, []
     for mark, own in zip(marks.tolist(), signs, strict=False):
         begun, end, until, kind, index, sense, lost, rate = mark
@@ -75,4 +81,4 @@ def run_phases(
         ending = ENDINGS[abs(int(kind))]
         phases.append(Phase(begun, end, windows[first:last], own, ending, kind >= 0.0, int(index), sense, lost, rate))
         first = last
-    return PhaseRun(phases, float(at[0]), at[9 : 9 + f], at[9 + f : 9 + 2 * f], signs[-1], int(at[3]))
+    return PhaseRun(phases, float(at[0]), at[HEAD : HEAD + f], at[HEAD + f : HEAD + 2 * f], signs[-1], int(at[3]))

@@ -85,7 +85,7 @@ def simulate(
     system: Chart | Curve = Chart(compiled)
     valid_range: tuple[float, float] | None = None
     alone = len(q) == len(compiled.mechanism.drives) == 1 and not separable_cams and not integrating(compiled)
-    if alone and not rubs(compiled) and not _by_program(compiled, method):
+    if alone and not rubs(compiled) and not _by_program(compiled, method, stops):
         system, valid_range = _curve(original, compiled, q[0], table_tolerance(tolerance), keep=not stops)
     around = _around(compiled, q, system)
     if len(q):
@@ -156,8 +156,11 @@ def _check_signals(mechanism: Mechanism, duration: float) -> str | None:
     raise MechanismError(Fault(f"loads.{name}", f"{words}; motions are followed over {MOST_TURNS:,} at most.", remedy))
 
 
-def _by_program(compiled: Compiled, method: Method) -> bool:
+def _by_program(compiled: Compiled, method: Method, stops: Sequence[EndStop]) -> bool:
     """Whether a program in C leads a mechanism of one freedom over windows by itself, so that no table need be made before."""
+    contacts = contact_program(compiled, ()) if stops else None
+    if contacts is not None and contacts.has_phases and all(stop.joint in contacts.stopped for stop in stops):
+        return True
     program = None if method == "energy" else Chart(compiled).program()
     if program is None or not (program.alone and program.everywhere):
         return False
@@ -273,17 +276,12 @@ def _refuse_knocks(compiled: Compiled, q: Real, v: Real, separable_cams: Sequenc
 def _around(compiled: Compiled, q: Real, system: Chart | Curve) -> tuple[Real, Real] | None:
     """M (n, f, f) and Q - h (n, f) at rest at a start (f,), at places `beside` it, then a little away to either side, by a program
     in C where one is wanted, and wherever the mechanism is."""
-    program: EquationsProgram | None
     if not len(q) or (isinstance(system, Curve) and not system.rest):
         return None
-    if rubs(compiled):
-        program = contacts = contact_program(compiled, ())
-        if contacts is None or not contacts.has_phases:
-            return None
-    else:
-        program = system.program()
-        if program is None or program.partial:
-            return None
+    contacts = contact_program(compiled, ()) if rubs(compiled) else None
+    program: EquationsProgram | None = system.program() if contacts is None else contacts if contacts.has_phases else None
+    if program is None or not (program.everywhere or (program.followed and not program.partial)):
+        return None
     away = BESIDE * compiled.once(coordinate_scales)
     places = np.vstack([beside(compiled, q), q - away, q + away])
     return program.reduced(places, np.zeros_like(places), np.zeros(len(places)))

@@ -50,7 +50,7 @@ def curve_of_time(function: Any) -> MotionCurve | None:
         borders, coefficients = function.pieces()
         polys = list(coefficients[:, ::-1])
         if function.period is not None:
-            return MotionCurve.of(borders, polys, repeats=True)
+            return MotionCurve.of(borders.tolist(), polys, repeats=True)
         return _steps(borders, [[function.y[0]], *polys, [function.y[-1]]])
     return None
 

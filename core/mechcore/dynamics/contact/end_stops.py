@@ -151,8 +151,8 @@ class EndStops:
         return np.asarray(-self._signs[k] * system.holding(q, v, t)[:, system.rests.index(self.stops[k].joint)])
 
     def known(self, joints: Sequence[str]) -> Real | None:
-        """The stops (k, 5) as a program takes them that knows coordinates of ``joints``; None where it does not know all, or something
-        rests on one."""
+        """The stops (k, 5) as a program takes them that knows coordinates of ``joints``; None where it does not know all, or
+        something rests on one."""
         if self.closed or any(s.joint not in joints for s in self.stops):
             return None
         rows = zip(self.stops, self._signs, self._scales, strict=True)

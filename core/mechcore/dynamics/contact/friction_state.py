@@ -206,7 +206,9 @@ class Phases:
         elif still.any():
             if loose is not None and still[loose[0]]:
                 friction = DrySystem(self.compiled, np.where(still, 0.0, self.signs), rests=rests).solve(*row)
-                self.signs[loose[0]] = -np.sign(friction.value[0, loose[0]])
+                sense = self.signs[loose[0]] = -np.sign(friction.value[0, loose[0]])
+                together = np.array([key[:2] == self.keys[loose[0]][:2] for key in self.keys])
+                self.signs[together & still & (before == sense)] = sense  # what moves with it, and was at its limit
             for _ in range(2 * len(before) + 2):
                 friction = self.system().solve(*row)
                 over = still & (self.signs == 0.0) & (np.abs(friction.value[0]) > friction.limit[0] * (1.0 + 1e-12))
@@ -345,7 +347,9 @@ def rubbing(compiled: Compiled, q: Real, v: Real, t: float, before: Mapping[Key,
         for e in elements:
             if e.what == "slide" and e.index < 0:
                 why = "friction between a cam and its follower while forces move the cam: what sticks there is not found."
-                raise MechanismError(Fault(f"joints.{e.joint}.friction", why, "Prescribe the cam's drive, or leave its friction out."))
+                raise MechanismError(
+                    Fault(f"joints.{e.joint}.friction", why, "Prescribe the cam's drive, or leave its friction out.")
+                )
         known.append((keys_of(elements), scales_of(compiled.model, elements)))
     keys, scales = known[0]
     return Phases(compiled, keys, scales, soon, before) if keys else None

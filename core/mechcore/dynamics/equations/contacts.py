@@ -17,7 +17,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from mechcore.arrays import Plane, Real, Values
-from mechcore.compiled.collocation import CollocationRule, Contacts, Phases
+from mechcore.compiled.collocation import HEAD, CollocationRule, Contacts, Phases
 from mechcore.compiled.steps import check_forces_traceable
 from mechcore.compiled.symbols import Symbol, Untraceable
 from mechcore.constants import REST
@@ -79,7 +79,8 @@ class ContactProgram(EquationsProgram):
         assert contacts is not None
         super().__init__(compiled, *written, contacts.elements + 1)
         self.stopped = stopped(compiled)
-        self.has_phases = self.alone and self.everywhere and not contacts.rests and self._equations.freedoms == len(free_of(compiled))
+        whole = not (contacts.rests or self.followed) and self._equations.freedoms == len(free_of(compiled))
+        self.has_phases = whole and self.timed
         self.alone, self.partial = False, True
         self._signs, self._rests = np.zeros(contacts.elements + 1), contacts.rests
 
@@ -101,15 +102,21 @@ class ContactProgram(EquationsProgram):
 
     def phases(
         self, rule: CollocationRule, at: Real, numbers: Real, given: Sequence[Real], count: int, checked: bool, breaks: Real
-    ) -> Phases:
-        """Phases one after the other, see `CompiledEquations.phases`."""
-        return self._equations.phases(rule, at, numbers, given, count, checked, breaks)
+    ) -> Phases | None:
+        """Phases one after the other, see `CompiledEquations.phases`; none next to a singular point."""
+        between = self._away(at[HEAD : HEAD + self._equations.freedoms])
+        if between is None:
+            return None
+        return self._equations.phases(rule, at, np.append(numbers, between), given, count, checked, breaks)
 
     def settled(
         self, t: float, q: Real, v: Real, given: tuple[Real, Real], soon: float, loose: tuple[int, float] | None
     ) -> tuple[Real, Real] | None:
         """Signs (e,) of the elements from now on and rates (f,) without what rounding has left, see `CompiledEquations.settled`."""
-        event = (0.0, 0.0, 0.0) if loose is None else (float(Ending.REST if loose[1] else Ending.STICKING), *map(float, loose))
+        if self._away(q) is None:
+            return None
+        kind = Ending.NOTHING if loose is None else Ending.REST if loose[1] else Ending.STICKING
+        event = (float(kind), *(loose or (0.0, 0.0)))
         return self._equations.settled(t, q, v, given, (0.0, soon, REST), event)
 
     def reduced(self, q: Real, v: Real, t: Real) -> tuple[Real, Real]:
@@ -158,7 +165,9 @@ def stopped(compiled: Compiled) -> list[str]:
     """Joints with stops whose coordinates the program has: free ones, and slides."""
     model, exact = compiled.model, compiled.angles.exact
     known = [(joint, model.joint_index.get(joint)) for joint in compiled.angles.start.ranges]
-    return [joint for joint, j in known if j is not None and (model.joints[j].coordinate == "slide" or (exact and j in model.driven))]
+    return [
+        joint for joint, j in known if j is not None and (model.joints[j].coordinate == "slide" or (exact and j in model.driven))
+    ]
 
 
 def rubs(compiled: Compiled) -> bool:
@@ -220,8 +229,8 @@ class _ContactWriter(EquationsWriter):
         """The coordinate of a joint with stops, its rate, and its second rate at q'' = 0."""
         j = self.model.joint_index[joint]
         if j in self.model.driven:
-            return moving.drives[self.model.driven[j]]  # type: ignore[return-value]
-        return tuple(x.slide[j] for x in (moving.state, moving.speeds, moving.accelerations))  # type: ignore[return-value]
+            return moving.drives[self.model.driven[j]]
+        return moving.state.slide[j], moving.speeds.slide[j], moving.accelerations.slide[j]
 
     def _friction(self, loaded: Motion, units: list[Motion], held: _Held) -> tuple[list[Any], list[Any], list[Any]]:
         """Values of friction; the accelerations and the efforts that hold joints at rest which it adds."""

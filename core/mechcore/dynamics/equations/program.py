@@ -69,14 +69,14 @@ class EquationsProgram:
         self._of_time = written.of_time
         curves = [numbers_of_time(function) for function in (*self._laws, *self._of_time)]
         known = [numbers for numbers in curves if numbers is not None]
-        timed = len(known) == len(curves)
+        self.timed = len(known) == len(curves)  # C knows all functions of the time
         modes = np.append(compiled.assembly.modes, np.zeros(more))
-        self._equations = CompiledEquations(written, modes, scales, known if timed else None)
+        self._equations = CompiledEquations(written, modes, scales, known if self.timed else None)
         points = compiled.singular_points
         self._singular = points if points is not None and points.by_drive and points.points else None
         self.partial = self._singular is not None  # next to singular points numpy has to do
         self.everywhere = not (self.partial or followed)  # any states at once
-        self.alone = timed and not self.partial  # no values of drives or other functions of the time are needed
+        self.alone = self.timed and not self.partial  # no values of drives or other functions of the time are needed
 
     @property
     def has_forms(self) -> bool:
@@ -158,18 +158,29 @@ class EquationsProgram:
         self, rule: CollocationRule, t0: float, h: float, q: Real, v: Real, guess: Real, tolerance: float
     ) -> tuple[Real, int] | None:
         """Accelerations at the nodes of a window as `solve_window` of numpy; None, too, where it comes near a singular point."""
-        if self._singular is not None:
-            if not self._clear(q):
-                return None
-            away = q[0] - self.compiled.start[0]
-            modes = [m * float(self._singular.signs(i, away)) for i, m in enumerate(self.compiled.assembly.modes)]
-            self._equations.modes[: len(modes)] = modes
+        if self._away(q) is None:
+            return None
         near = self.near(q[None], v[None], np.array([t0]))
         solved = self._equations.window(rule, (t0, h), (q, v), self._drives(t0 + h * rule.nodes), near, guess, tolerance)
         if solved is None or self._singular is None:
             return solved
         places = q + h * rule.nodes[:, None] * v + h * h * (rule.twice @ solved[0])
         return solved if self._clear(np.append(q[0], places[:, 0])) else None
+
+    def _away(self, q: Real) -> tuple[float, float] | None:
+        """Coordinates of the only drive between which no singular point is near, around a position (f,) whose modes are taken from
+        now on; None where it is near one."""
+        if self._singular is None:
+            return -np.inf, np.inf
+        if not self._clear(q):
+            return None
+        away, period = float(q[0] - self.compiled.start[0]), self._singular.period
+        modes = [m * float(self._singular.signs(i, np.asarray(away))) for i, m in enumerate(self.compiled.assembly.modes)]
+        self._equations.modes[: len(modes)] = modes
+        near = NEAR * max(point.step for point in self._singular.points)
+        ahead = min((point.time - away) % period for point in self._singular.points)
+        behind = min((away - point.time) % period for point in self._singular.points)
+        return float(q[0]) - behind + near, float(q[0]) + ahead - near
 
     def _clear(self, q: Real) -> bool:
         """Whether no singular point is near the way over positions (n,) of the only drive."""
@@ -179,7 +190,13 @@ class EquationsProgram:
         return not self._singular.within(float(away.min()) - reach, float(away.max()) + reach)
 
     def windows(
-        self, rule: CollocationRule, at: Real, bounds: tuple[float, float, float, float, float], count: int, checked: bool, breaks: Real
+        self,
+        rule: CollocationRule,
+        at: Real,
+        bounds: tuple[float, float, float, float, float],
+        count: int,
+        checked: bool,
+        breaks: Real,
     ) -> Batch:
         """Windows one after the other, see `CompiledEquations.windows`; only where it is ``alone``, and ``checked`` where it
         ``has_forms`` forms."""

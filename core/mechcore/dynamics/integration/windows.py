@@ -49,7 +49,13 @@ class WindowProgram(Protocol):
         self, rule: CollocationRule, t0: float, h: float, q: Real, v: Real, guess: Real, tolerance: float
     ) -> tuple[Real, int] | None: ...
     def windows(
-        self, rule: CollocationRule, at: Real, bounds: tuple[float, float, float, float, float], count: int, checked: bool, breaks: Real
+        self,
+        rule: CollocationRule,
+        at: Real,
+        bounds: tuple[float, float, float, float, float],
+        count: int,
+        checked: bool,
+        breaks: Real,
     ) -> Batch: ...
 
 
