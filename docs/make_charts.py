@@ -237,9 +237,9 @@ def force_task(path: Path) -> None:
             arrow = {"arrowstyle": "-|>", "color": colour, "lw": 1.8}
             axes.annotate("", (tip.real, tip.imag), (place.real, place.imag), arrowprops=arrow)
             axes.annotate(words, (tip.real, tip.imag), beside, textcoords="offset points", color=colour)
-        for name, z in (("A", a), ("B", b), ("S", 0j), ("Q", rates.pole)):
+        for name, z, up in (("A", a, 5), ("B", b, -11), ("S", 0j, -11), ("Q", rates.pole, 5)):
             axes.plot(z.real, z.imag, "ko", ms=4)
-            axes.annotate(name, (z.real, z.imag), (-11, -11), textcoords="offset points")
+            axes.annotate(name, (z.real, z.imag), (-13, up), textcoords="offset points")
         axes.set(
             aspect="equal",
             xlabel="m",
