@@ -3,17 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
 import pytest
 from browsers import browser
-from browsing import CAMERA, CANVAS, PLACE, camera_rests, caught_up, heard, next_frames, open_viewer, picture, until
+from browsing import CAMERA, CANVAS, PLACE, camera_rests, caught_up, heard, next_frames, open_tab, open_viewer, picture, until
 from filled import SCENES, arrows_box, solid_points
 from shapely.geometry import MultiPoint
 
 from mechviz.outputs.viewer.app import Viewer
+from mechviz.outputs.viewer.viser_adapter import uuid_of
 from mechviz.outputs.viewer.world.camera import fit_view
+from mechviz.runs import run_scene
+from mechviz.scene.scene import load
 from recordings import ran, solids
 
 __all__ = ["browser"]  # a fixture
@@ -31,6 +35,10 @@ BOX = """places => { const m = window.__viserMutable, Vector3 = m.camera.positio
         box[1] = [Math.max(box[1][0], p.x), Math.max(box[1][1], p.y)]; }
     return box; }"""
 WIDER, HIGHER = (f"least => window.__viserMutable.canvas.getBoundingClientRect().{side} > least" for side in ("width", "height"))
+# Of the tabs of each dock name, left, top and right
+TABS = """() => [...document.querySelectorAll('[role=tablist]')].map(list => [...list.querySelectorAll('[role=tab]')].map(tab => {
+    const r = tab.getBoundingClientRect(); return [tab.textContent.trim(), r.left, Math.round(r.top), r.right]; }))"""
+CURVES = "uuid => (window.__viserTestpoints.uplots[uuid]?.chart?.data ?? []).map(part => Array.from(part))"
 TURN = "() => { const c = window.__viserMutable.camera; return c.getWorldDirection(c.position.clone()).toArray(); }"
 
 
@@ -155,3 +163,45 @@ def test_the_drawer_of_a_phone_closes_at_its_head_and_the_picture_takes_its_plac
     page.touchscreen.tap(top["x"] + 0.4 * top["width"], top["y"] + 20.0)
     page.wait_for_function(f"least => !({HIGHER})(least)", arg=1.2 * before)
     assert picture(page).std() > 5.0
+
+
+# -- a scene of which all can be had ----------------------------------------------------------------------------------
+@pytest.fixture(scope="module")
+def full(browser) -> Iterator[tuple[Viewer, Any]]:
+    """A four-bar with a parameter that has a range and a tolerance, and a goal: its viewer has every tab; and a page of it."""
+    own = {("parameters", "r"): {"value": "60 mm", "range": ["50 mm", "65 mm"], "tolerance": "0.2 mm"}}
+    own |= {("links", "crank", "points", "B", 0): "r", ("goal",): {"minimise": ["link.rocker.angle:range"]}}
+    with Viewer(run_scene(load("crank-rocker").changed(own), frames=60), port=0) as shown:
+        page = open_viewer(browser, shown, {"width": 1400, "height": 850}, ["/joints/A/dot"])
+        yield shown, page
+        page.close()
+
+
+def test_tabs_lie_in_one_row_at_1400_pixels(full):
+    _, page = full
+    lists = page.evaluate(TABS)
+    assert {"Edit", "View", "Plots", "Diagrams", "Designs", "Synthesis"} <= {name for tabs in lists for name, *_ in tabs}
+    for tabs in lists:
+        assert len({top for _, _, top, _ in tabs}) == 1, tabs
+        assert all(right <= left + 1 for (_, _, _, right), (_, left, _, _) in pairwise(tabs)), "none over another"
+        assert tabs[-1][3] <= 1400
+
+
+def test_the_band_of_tolerances_is_drawn_as_wide_as_is_chosen(full):
+    viewer, page = full
+    plots, slot = viewer.plots, next(slot for slot in viewer.plots.slots if slot.chart.bands)
+
+    def width() -> float:
+        """The largest one of the last curve's band, as the page has it."""
+        drawn = page.evaluate(CURVES, uuid_of(slot.chart))[-3:-1]
+        return max((abs(a - b) for a, b in zip(*drawn, strict=True)), default=0.0) if drawn else 0.0
+
+    open_tab(page, "Plots")
+    until(page, lambda: width() > 0.0, "a band")
+    usual = width()
+    page.get_by_label("Tolerance band", exact=True).click()
+    page.get_by_role("option", name="10 times", exact=True).click()
+    until(page, lambda: abs(width() - 10.0 * usual) < 1e-6 * usual, "a wider band")
+    page.get_by_label("Tolerance band", exact=True).click()
+    page.get_by_role("option", name="none", exact=True).click()
+    until(page, lambda: not slot.chart.bands and plots.band.value == "none", "no band")

@@ -73,6 +73,23 @@ def test_only_the_newest_pose_of_a_node_is_kept_and_all_of_a_frame_are_queued_un
     assert pushed and not [m for m in pushed if getattr(m, "kind", "") in POSES]
 
 
+def test_a_page_that_falls_behind_gets_the_newest_frame_only(viewer):
+    """What waits for it is one frame, however many it has missed: sending waits for its socket, and takes what is there then."""
+    buffer = buffer_of(viewer.server)
+    viewer.set_frame(3)
+    reached, missed = buffer.message_counter - 1, []
+    for frame in range(4, 44):
+        viewer.inspector.draw(frame, False)
+        window, last = buffer.take(reached, buffer.message_counter - 1, -1)
+        missed.append(len(window))
+        assert last == buffer.message_counter - 1
+        assert len({message.redundancy_key() for message in window}) == len(window)
+    assert buffer.message_counter - 1 - reached > 5 * missed[-1] and missed[-1] <= missed[0] + 5
+    place, angle = link_path("crank"), viewer.run.motion.pose("crank")[43, 2]
+    (turned,) = [m.values for m in window if getattr(m, "name", "") == place and m.kind == "SetOrientationMessage"]
+    assert turned == pytest.approx([np.cos(angle / 2), 0.0, 0.0, np.sin(angle / 2)], abs=1e-9)
+
+
 # -- sockets ----------------------------------------------------------------------------------------------------------
 def test_a_frame_comes_in_one_piece_and_says_only_what_moved(viewer):
     viewer.set_frame(0)
