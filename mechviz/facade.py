@@ -70,7 +70,7 @@ class Result:
     """A solved scene or a recording; made by `run` and by `open`.
 
     ``result["joint.B.reaction"]`` is a quantity over the frames, ``result.keys()`` lists them all. Values are in the units that
-    people read: mm, °, N, N m, MPa. In a notebook a result shows itself.
+    people read: those of the scene, such as mm, °, N, N m, with m/s, rad/s and MPa. In a notebook a result shows itself.
     """
 
     def __init__(self, source: Run | Recording):

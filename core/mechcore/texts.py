@@ -11,7 +11,20 @@ from collections.abc import Mapping
 from math import pi
 from typing import Literal, Protocol
 
-Kind = Literal["length", "angle", "linear speed", "angular speed", "force", "torque", "stiffness", "torsional stiffness"]
+Kind = Literal[
+    "length",
+    "angle",
+    "linear speed",
+    "angular speed",
+    "force",
+    "torque",
+    "stiffness",
+    "torsional stiffness",
+    "Pa",
+    "1/m",
+    "rad/m^2",
+]
+"""Kinds of quantities; those without a unit of their own in scenes go by their SI units."""
 
 
 class UnitSystem(Protocol):
@@ -38,6 +51,9 @@ class _MillimetresAndDegrees:
         "torque": (1.0, "N m"),
         "stiffness": (1.0, "N/m"),
         "torsional stiffness": (1.0, "N m/rad"),
+        "Pa": (1e6, "MPa"),
+        "1/m": (1.0, "1/m"),
+        "rad/m^2": (1.0, "rad/m²"),
     }
 
     def show(self, value: float, kind: str, digits: int) -> str:
@@ -73,6 +89,11 @@ def as_force(value: float, digits: int = 6) -> str:
 def as_torque(value: float, digits: int = 6) -> str:
     """A torque [N m] as a part of a text."""
     return as_quantity(value, "torque", digits)
+
+
+def as_pressure(value: float, digits: int = 6) -> str:
+    """A pressure [Pa] as a part of a text."""
+    return as_quantity(value, "Pa", digits)
 
 
 def as_coordinate(value: float, *, rotary: bool, digits: int = 6) -> str:

@@ -92,17 +92,18 @@ def forces(
             fail(f'{run.scene.name}: the scene names no effects and no loads, so there are no forces. Add effects = ["inertia"].')
         if equations:
             equilibrium, frame = equilibrium_at(run, _moment_of(run, at))
-            print("\n".join(latex_lines(equilibrium, frame) if latex else [run.scene.title, *equation_lines(equilibrium, frame)]))
+            lines = (latex_lines if latex else equation_lines)(equilibrium, frame, run.scene.units)
+            print("\n".join(lines if latex else [run.scene.title, *lines]))
             return
         print(run.scene.title)
         print("\n".join(force_lines(run.forces) if run.motion.mechanism.led else statics_lines(run.forces, run.scene.units)))
         if fluctuation is not None:
-            print("\n".join(flywheel_lines(flywheel(run.forces, fluctuation))))
+            print("\n".join(flywheel_lines(flywheel(run.forces, fluctuation), run.scene.units)))
         with interruptible(*(["matplotlib.figure"] if plot is not None else [])):
             if csv is not None:
                 print(power_csv(run.forces, csv))
             if plot is not None:
-                write_polar(plot, run.scene.title, run.motion, {"shaking force": shaken(run)})
+                write_polar(plot, run.scene.title, run.motion, {"shaking force": shaken(run)}, run.scene.units)
                 print(plot)
 
 
@@ -124,7 +125,7 @@ def _print_steady(source: str, values: list[str] | None, turns: int, fluctuation
         print(loaded.title)
         print("\n".join(steady_lines(steady_run(loaded.mechanism, turns=turns))))
         if fluctuation is not None:
-            print("\n".join(sized_lines(size_flywheel(loaded.mechanism, fluctuation, turns=turns))))
+            print("\n".join(sized_lines(size_flywheel(loaded.mechanism, fluctuation, turns=turns), loaded.units)))
 
 
 def cams(

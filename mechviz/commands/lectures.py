@@ -64,7 +64,7 @@ def laws(
             loaded = load_scene(scene, values)
             rows = compare_laws(loaded, cam, given, frames)
             print("\n".join([loaded.title, "", *comparison_lines(rows, loaded.units)]))
-            figure = partial(comparison_figure, rows)
+            figure = partial(comparison_figure, rows, loaded.units)
         if plot is not None:
             with interruptible("matplotlib.figure"):
                 save_chart(figure(), plot)

@@ -44,7 +44,8 @@ def balance(
             if output is not None:
                 _dump(balanced.scene, output)
             if plot is not None:
-                write_polar(plot, loaded.title, balanced.motion, {"before": balanced.before, "with counterweights": balanced.after})
+                shakings = {"before": balanced.before, "with counterweights": balanced.after}
+                write_polar(plot, loaded.title, balanced.motion, shakings, loaded.units)
                 print(plot)
 
 

@@ -223,9 +223,10 @@ def _indicator(run: Run) -> Diagram | None:
     if not loads or run.forces is None or run.simulation is not None:
         return None
     gases = [CylinderGas(load) for load in loads]
-    curves = tuple(Curve(g.name, 1e3 * np.asarray(g.displacement(motion)), 1e-5 * np.asarray(g.pressure(motion))) for g in gases)
-    title = "Indicator diagram: pressure [bar] against displacement [mm]" + (f", {loads[0].name}" if len(loads) == 1 else "")
-    return Diagram("indicator", title, "displacement [mm]", "[bar]", curves)
+    unit, factor = run.scene.units.reads("m")
+    curves = tuple(Curve(g.name, factor * np.asarray(g.displacement(motion)), 1e-5 * np.asarray(g.pressure(motion))) for g in gases)
+    title = f"Indicator diagram: pressure [bar] against displacement [{unit}]" + (f", {loads[0].name}" if len(loads) == 1 else "")
+    return Diagram("indicator", title, f"displacement [{unit}]", "[bar]", curves)
 
 
 def _phase(run: Run) -> Diagram | None:
@@ -239,10 +240,11 @@ def _phase(run: Run) -> Diagram | None:
         return None
     unit = joint_unit(motion, swinging[0])
     chosen = [n for n in swinging if joint_unit(motion, n) == unit][:MOST]
-    what, u, factor = ("displacement", "mm", 1e3) if unit == "m" else ("angle", "°", 180.0 / np.pi)
-    curves = tuple(Curve(n, factor * motion.coordinate(n)[:, 0], motion.coordinate(n)[:, 1]) for n in chosen)
-    title = f"Phase: velocity [{unit}/s] against {what} [{u}]" + (f", {chosen[0]}" if len(chosen) == 1 else "")
-    return Diagram("phase", title, f"{what} [{u}]", f"[{unit}/s]", curves)
+    what = "displacement" if unit == "m" else "angle"
+    (across, factor), (upwards, rate) = (run.scene.units.reads(si) for si in (unit, f"{unit}/s"))
+    curves = tuple(Curve(n, factor * motion.coordinate(n)[:, 0], rate * motion.coordinate(n)[:, 1]) for n in chosen)
+    title = f"Phase: velocity [{upwards}] against {what} [{across}]" + (f", {chosen[0]}" if len(chosen) == 1 else "")
+    return Diagram("phase", title, f"{what} [{across}]", f"[{upwards}]", curves)
 
 
 def _followers(run: Run) -> list[str]:
@@ -265,19 +267,20 @@ def _polar(run: Run) -> Diagram | None:
     if run.forces is None:
         return None
     frame = run.motion.mechanism.frame
+    unit, factor = run.scene.units.reads("N")
     bearings = []
     for joint in joints_of(run.motion):
         if joint.kind != "revolute" or frame not in joint.links:
             continue
         force = run.forces.reaction(joint.name)[:, :2]
-        force = force if joint.links[0] == frame else -force
+        force = factor * (force if joint.links[0] == frame else -force)
         bearings.append((float(np.max(np.hypot(*force.T), initial=0.0, where=np.isfinite(force[:, 0]))), joint.name, force))
     largest = sorted(bearings, key=lambda b: -b[0])[:MOST]
     if not largest or largest[0][0] <= 0.0:
         return None
     curves = tuple(Curve(name, force[:, 0], force[:, 1]) for size, name, force in largest if size > 1e-6 * largest[0][0])
-    title = "Polar: bearing force Fy against Fx [N]" + (f", {curves[0].name}" if len(curves) == 1 else "")
-    return Diagram("bearing forces", title, "Fx [N]", "Fy [N]", curves, equal=True)
+    title = f"Polar: bearing force Fy against Fx [{unit}]" + (f", {curves[0].name}" if len(curves) == 1 else "")
+    return Diagram("bearing forces", title, f"Fx [{unit}]", f"Fy [{unit}]", curves, equal=True)
 
 
 def _overlaid(run: Run) -> Diagram | None:
@@ -286,13 +289,15 @@ def _overlaid(run: Run) -> Diagram | None:
     if run.forces is None or not motion.mechanism.drives:
         return None
     joint = motion.mechanism.drives[0].joint
-    angle = np.degrees(motion.coordinate(joint)[:, 0])
+    (unit, factor), (upwards, times) = (run.scene.units.reads(si) for si in ("rad", "N m"))
+    angle, turn = factor * motion.coordinate(joint)[:, 0], 2.0 * np.pi * factor
     steps = np.diff(angle)
-    if joint_unit(motion, joint) != "rad" or np.ptp(angle) < 365.0 or not (np.all(steps >= 0.0) or np.all(steps <= 0.0)):
+    onwards = np.all(steps >= 0.0) or np.all(steps <= 0.0)
+    if joint_unit(motion, joint) != "rad" or np.ptp(angle) < 365.0 / 360.0 * turn or not onwards:
         return None
-    curve = Curve(joint, np.mod(angle, 360.0), run.forces.effort(joint))
-    title = f"Driving torque [N m] against the angle of {joint} [°], turns overlaid"
-    return Diagram("torque over angle", title, "drive angle [°]", "[N m]", (curve,), turn=360.0)
+    curve = Curve(joint, np.mod(angle, turn), times * run.forces.effort(joint))
+    title = f"Driving torque [{upwards}] against the angle of {joint} [{unit}], turns overlaid"
+    return Diagram("torque over angle", title, f"drive angle [{unit}]", f"[{upwards}]", (curve,), turn=turn)
 
 
 def diagram_shapes(diagrams: Sequence[Diagram]) -> Iterator[Static]:

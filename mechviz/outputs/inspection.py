@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -12,9 +14,9 @@ from mechcore.records import dataclass
 from mechviz.outputs.rerun.contract import Model
 from mechviz.outputs.rerun.entities import parts_of
 from mechviz.outputs.rerun.reader import Recording, Rows
-from mechviz.quantities.entries import UNITS
 from mechviz.quantities.events import line_of
 from mechviz.quantities.items import ERROR_COLUMNS
+from mechviz.scene.units import MILLIMETRES, Units
 
 HEALTH = (
     ("closure", "m"),
@@ -87,6 +89,7 @@ class Inspection:
     losses_over: Spans  # start and end of the spans of time with forces, over which the losses are averaged [s]
     health: tuple[Peak, ...]
     events: tuple[Event, ...]
+    units: Units  # in which it is told
 
 
 def inspect(path: Path | str) -> Inspection:
@@ -111,7 +114,7 @@ def inspect(path: Path | str) -> Inspection:
         frames=len(rows.time),
         start=1e-9 * float(rows.time[0]),
         end=1e-9 * float(rows.time[-1]),
-        drive_range=_drive_range(rows),
+        drive_range=_drive_range(rows, said.units),
         effects=said.effects,
         skipped=said.skipped,
         peaks=tuple(_peaks(recording, model)),
@@ -121,6 +124,7 @@ def inspect(path: Path | str) -> Inspection:
         losses_over=losses[0][2] if losses else (),
         health=tuple(_health(recording)),
         events=recording.events,
+        units=said.units,
     )
 
 
@@ -240,26 +244,28 @@ def _peak(
     if np.isnan(size).all():
         return None
     k = int(np.nanargmax(size))
-    return Peak(item, float(values[k, 0] if signed else size[k]), unit, 1e-9 * float(rows.time[k]), _drive_at(rows, k))
+    value, time = float(values[k, 0] if signed else size[k]), 1e-9 * float(rows.time[k])
+    return Peak(item, value, unit, time, _drive_at(rows, k, recording.said.units))
 
 
-def _drive_at(rows: Rows, k: int) -> str:
-    return ", ".join(_tick_words(name, ticks[k]) for name, ticks in rows.drives.items())
+def _drive_at(rows: Rows, k: int, units: Units) -> str:
+    return ", ".join(_tick_words(name, ticks[k], units) for name, ticks in rows.drives.items())
 
 
-def _tick_words(timeline: str, tick: int | np.int64) -> str:
-    """A position of a drive as its timeline counts it: in thousandths of a degree, or of a millimetre."""
-    return f"{1e-3 * int(tick):.3f}{ {'drive_mdeg': '°', 'drive_um': ' mm'}[timeline] }"
+def _tick_words(timeline: str, tick: int | np.int64, units: Units) -> str:
+    """A position of a drive that its timeline counts in thousandths of a degree, or of a millimetre."""
+    si, more = {"drive_mdeg": ("rad", 2), "drive_um": ("m", 1)}[timeline]
+    unit, factor = units.reads(si)
+    value = 1e-3 * int(tick) * factor / MILLIMETRES.reads(si)[1]
+    return f"{value:.{units.decimals(si) + more}f}{'' if unit == '°' else ' '}{unit}"
 
 
-def _drive_range(rows: Rows) -> str:
+def _drive_range(rows: Rows, units: Units) -> str:
     """Where each drive starts and ends, and between which positions it goes where these are not its ends."""
     spans = []
     for name, ticks in rows.drives.items():
-        first, last = _tick_words(name, ticks[0]), _tick_words(name, ticks[-1])
-        least, greatest = (int(value) for value in (ticks.min(), ticks.max()))
-        ends = sorted((int(ticks[0]), int(ticks[-1])))
-        between = "" if [least, greatest] == ends else f" between {_tick_words(name, least)} and {_tick_words(name, greatest)}"
+        first, last, least, greatest = (_tick_words(name, tick, units) for tick in (ticks[0], ticks[-1], ticks.min(), ticks.max()))
+        between = "" if {ticks.min(), ticks.max()} == {ticks[0], ticks[-1]} else f" between {least} and {greatest}"
         spans.append(f"{first} to {last}{between}")
     return ", ".join(spans)
 
@@ -285,16 +291,15 @@ def format_inspection(inspection: Inspection) -> str:
     ]
     width = max(len(name) for name, _ in rows)
     lines = [inspection.title, *(f"  {name:<{width}}  {text}" for name, text in rows)]
-    if inspection.peaks:
-        lines += ["", "Peaks", *_peak_lines(_without_noise(inspection.peaks))]
-    if inspection.motion:
-        lines += ["", "Peaks of the motion", *_peak_lines(_without_noise(inspection.motion))]
-    if inspection.studies:
-        lines += ["", "Peaks of the studies", *_peak_lines(tuple(map(_as_read, _without_noise(inspection.studies))))]
+    reads = inspection.units.reads
+    told = {"Peaks": inspection.peaks, "Peaks of the motion": inspection.motion, "Peaks of the studies": inspection.studies}
+    for title, peaks in told.items():
+        if peaks:
+            lines += ["", title, *_peak_lines(_without_noise(peaks), reads)]
     if inspection.losses:
         lines += ["", *_loss_lines(inspection)]
     if inspection.health:
-        lines += ["", "Worst health", *_peak_lines(inspection.health)]
+        lines += ["", "Worst health", *_peak_lines(inspection.health, partial(reads, small=True))]
     lines += ["", "Events", *(f"  {e.level:<4}  {line_of(e)}" for e in inspection.events)]
     if not inspection.events:
         lines.append("  none")
@@ -309,13 +314,9 @@ def _without_noise(peaks: tuple[Peak, ...]) -> tuple[Peak, ...]:
     return tuple(replace(peak, value=0.0) if abs(peak.value) <= NOISE * largest[peak.unit] else peak for peak in peaks)
 
 
-def _as_read(peak: Peak) -> Peak:
-    """A peak in the unit that people read: MPa, mm."""
-    unit, factor = UNITS.get(peak.unit, (peak.unit, 1.0))
-    return replace(peak, value=factor * peak.value, unit=unit)
-
-
-def _peak_lines(peaks: tuple[Peak, ...]) -> list[str]:
+def _peak_lines(peaks: tuple[Peak, ...], reads: Callable[[str], tuple[str, float]]) -> list[str]:
+    """A line for each peak, in the unit in which people read it."""
+    peaks = tuple(replace(p, value=p.value * factor, unit=unit) for p in peaks for unit, factor in (reads(p.unit),))
     width, units = max(len(p.item) for p in peaks), max(4, *(len(p.unit) for p in peaks))
     return [
         f"  {p.item:<{width}}  {p.value:>12.5g} {p.unit:<{units}}"

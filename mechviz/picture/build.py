@@ -210,7 +210,7 @@ def _masses(run: Run, solids: Solids) -> Iterator[Points]:
             np.array([[(*b.centre, solids.z_top) for b in bodies]], np.float32),
             (BALL,),
             tuple(LARGEST_BALL * solids.size * (b.mass / heaviest) ** (1.0 / 3.0) for b in bodies),
-            tuple(f"{b.mass:.4g} kg" for b in bodies),
+            tuple(run.scene.units.text(b.mass, "kg", 4) for b in bodies),
         )
 
 

@@ -22,6 +22,7 @@ from mechcore.constructions.force_polygons import Funicular
 from mechcore.constructions.polygons import Edge, Polygon
 from mechcore.motion.structure import ROMAN
 from mechcore.records import dataclass
+from mechviz.scene.units import Units
 
 if TYPE_CHECKING:
     from mechviz.runs import Run
@@ -137,7 +138,7 @@ class Drawing:
 def drawings_of(run: Run, size: float) -> dict[str, Drawing]:
     """All drawings that a run's scene asks for, by the name of their entity under ``polygons``."""
     studies = run.studies
-    drawings = {name: draw_polygons(name, polygons, size) for name, polygons in studies.polygons.items()}
+    drawings = {name: draw_polygons(name, polygons, size, run.scene.units) for name, polygons in studies.polygons.items()}
     if "graph" in run.motion.mechanism.studies.polygons:
         drawings["graph"] = draw_graph(contour_graph(run.motion.model), run.motion.frames, size)
     if studies.systems:
@@ -147,8 +148,8 @@ def drawings_of(run: Run, size: float) -> dict[str, Drawing]:
     return drawings
 
 
-def draw_polygons(name: str, polygons: Sequence[Polygon], size: float) -> Drawing:
-    """Polygons side by side in one scale, so that the whole is about as large as the mechanism (``size`` [m])."""
+def draw_polygons(name: str, polygons: Sequence[Polygon], size: float, units: Units) -> Drawing:
+    """Polygons side by side in one scale, told in ``units``, all about as large as the mechanism (``size`` [m])."""
     shown = [_worth_drawing(polygon.edges) for polygon in polygons]
     boxes = [_box(edges) for edges in shown]
     widths = [float((high - low).real) for low, high in boxes]
@@ -181,7 +182,7 @@ def draw_polygons(name: str, polygons: Sequence[Polygon], size: float) -> Drawin
         y -= top + gap
     closing = np.max([polygon.closing for polygon in polygons], axis=0) if polygons else None
     unit = polygons[0].unit if polygons else "1"
-    title = f"{name.capitalize()} plan: 1 m of the drawing = {amount(per_metre, unit)}"
+    title = f"{name.capitalize()} plan: {told_scale(units, per_metre, unit)}"
     return Drawing(name, title, tuple(strokes), tuple(marks), per_metre, unit, closing)
 
 
@@ -204,7 +205,7 @@ def draw_graph(graph: ContourGraph, frames: int, size: float) -> Drawing:
 
 def draw_funicular(run: Run, size: float) -> Drawing:
     """Force polygons with poles and rays of all force systems."""
-    drawing = draw_polygons("funicular", [s.drawing.polygon() for s in run.studies.systems.values()], size)
+    drawing = draw_polygons("funicular", [s.drawing.polygon() for s in run.studies.systems.values()], size, run.scene.units)
     systems = run.studies.systems.values()
     drawn = [s for s in systems if any(e.kind == "resultant" for e in _worth_drawing(s.drawing.polygon().edges))]
     aside = [_aside(s.drawing) * 0.02 * size for s in drawn]
@@ -212,7 +213,7 @@ def draw_funicular(run: Run, size: float) -> Drawing:
     for i in drawing.strokes:  # where all forces are parallel the resultant stands beside them
         shift = aside.pop(0) if i.color == COLORS["resultant"] else 0j
         strokes.append(Stroke(i.label, i.color, i.start + shift, i.vector, plain=i.color == COLORS["ray"]))
-    title = f"Force polygon with pole and rays: 1 m of the drawing = {amount(drawing.per_metre, 'N')}"
+    title = f"Force polygon with pole and rays: {told_scale(run.scene.units, drawing.per_metre, 'N')}"
     closing = np.max([s.drawing.closing for s in run.studies.systems.values()], axis=0)
     return Drawing("funicular/forces", title, tuple(strokes), drawing.marks, drawing.per_metre, "N", closing)
 
@@ -229,7 +230,7 @@ def draw_shaking(run: Run, size: float) -> Drawing:
     names = {"before": "shaking force", "after": "with counterweights"}
     zero = np.zeros(run.motion.frames, complex)
     strokes = tuple(Stroke(names[key], COLORS[key], zero, f / per_metre) for key, f in forces)
-    title = f"Shaking force, polar: 1 m of the drawing = {amount(per_metre, 'N')}"
+    title = f"Shaking force, polar: {told_scale(run.scene.units, per_metre, 'N')}"
     return Drawing("shaking", title, strokes, (), per_metre, "N", least=0.3 * FILL * size, whole=True)
 
 
@@ -242,11 +243,12 @@ def _aside(f: Funicular) -> complex:
     return away / abs(away) if away else 0j
 
 
-def amount(value: float, unit: str) -> str:
-    """A scale for people: 48.7 kN, 12.4 m/s."""
-    if unit == "N" and value >= 1e4:
-        return f"{value / 1e3:.4g} kN"
-    return f"{value:.4g} {unit.replace('^2', '²')}"
+def told_scale(units: Units, per_metre: float, si: str) -> str:
+    """A scale, of so many ``si`` units per metre, for people: "1 m of the drawing = 48.7 kN"."""
+    (unit, factor), (length, per) = units.reads(si), units.reads("m", small=True)
+    value = per_metre * factor / per
+    amount = f"{value / 1e3:.4g} kN" if unit == "N" and value >= 1e4 else f"{value:.4g} {unit}"
+    return f"1 {length} of the drawing = {amount}"
 
 
 def pretty(name: str) -> str:

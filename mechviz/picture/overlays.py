@@ -107,7 +107,7 @@ def _substitutes(run: Run, size: float, height: float) -> Iterator[Node]:
         look: dict[str, Any] = {
             "colors": tuple(NEGATIVE if m < 0.0 else POSITIVE for m in body.masses),
             "radii": tuple(float(r) for r in (0.012 + 0.028 * share) * size),
-            "labels": tuple(f"{m:.4g} kg" for m in body.masses),
+            "labels": tuple(run.scene.units.text(m, "kg", 4) for m in body.masses),
         }
         origins, vectors = space(places, height), space(forces / substitute_scale(run, size), 0.0)
         yield Points(key=f"substitutes.{name}", entity=path, parent="", places=origins, **look, **common)
@@ -292,7 +292,8 @@ def section_nodes(run: Run, solids: Solids) -> Iterator[Lines | Points]:
             common: dict[str, Any] = {"owner": ("link", link), "group": group, "height": height, "colors": (diagram.color,)}
             key, path, radius = f"section.{link}.{group}", ("sections", group, link), LINE * solids.size
             yield Lines(key=key, entity=path, strips=(outline, ordinates), radii=(radius, 0.5 * radius), **common)
-            words = f"|{diagram.letter}| ≤ {float(f'{peaks[link]:.4g}'):.7g} {diagram.unit}"
+            unit, factor = run.scene.units.reads(diagram.unit)
+            words = f"|{diagram.letter}| ≤ {float(f'{factor * peaks[link]:.4g}'):.7g} {unit}"
             look: dict[str, Any] = {"radii": (3.0 * radius,), "labels": (words,)}
             yield Points(key=f"{key}.largest", entity=(*path, "largest"), parent="", places=tip, **look, **common)
 

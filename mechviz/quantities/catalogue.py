@@ -12,7 +12,7 @@ import numpy as np
 from mechcore.arrays import Flags, Real
 from mechcore.records import dataclass
 from mechviz.files import OutputError
-from mechviz.quantities.entries import UNITS, Entry, Names, entries
+from mechviz.quantities.entries import Entry, Names, entries
 from mechviz.quantities.items import Table
 from mechviz.quantities.numbers import Numbers
 
@@ -102,11 +102,12 @@ class QuantityGroup:
 
 @dataclass(frozen=True, eq=False)
 class Axis:
-    """The abscissa of a plot: ``values`` (F,) never decrease or never increase."""
+    """The abscissa of a plot: ``values`` (F,) in ``unit`` never decrease or never increase; ``turn`` of them are a whole turn."""
 
     label: str
     unit: str
     values: Real
+    turn: float | None = None
 
     @property
     def title(self) -> str:
@@ -180,9 +181,10 @@ class Catalogue:
             position = self.coordinate(name)
             steps = np.diff(position)
             if len(steps) and np.any(steps) and (np.all(steps >= 0.0) or np.all(steps <= 0.0)):
-                what, unit = ("displacement", "m") if self.numbers.slides(name) else ("angle", "rad")
-                shown, factor = UNITS[unit]
-                axes.append(Axis(f"{what} of drive {name}", shown, position * factor))
+                slides = self.numbers.slides(name)
+                unit, factor = self.numbers.units.reads("m" if slides else "rad")
+                label, turn = f"{'displacement' if slides else 'angle'} of drive {name}", None if slides else 2.0 * np.pi * factor
+                axes.append(Axis(label, unit, position * factor, turn))
         return (*axes, Axis("time", "s", self.numbers.time))
 
     def coordinate(self, drive: str) -> Real:
@@ -228,8 +230,13 @@ class Catalogue:
             "power_balance": ("1", 1e-9, 1e-3),
             "energy_drift": ("1", 1e-7, 1e-3),
         }
-        rows = ((name, self.numbers.values("health", name), limit) for name, limit in limits.items())
-        return tuple(Health(name.replace("_", " "), limit[0], v[:, 0], *limit[1:]) for name, v, limit in rows if v is not None)
+        health = []
+        for name, (si, good, bad) in limits.items():
+            values = self.numbers.values("health", name)
+            if values is not None:
+                unit, factor = self.numbers.units.reads(si, small=True)
+                health.append(Health(name.replace("_", " "), unit, factor * values[:, 0], factor * good, factor * bad))
+        return tuple(health)
 
     @cached_property
     def opening(self) -> int:
@@ -264,7 +271,7 @@ def names_of(n: Numbers) -> Names:
     """Facts on which the entries of the catalogue depend beside the tables."""
     pins = frozenset(name for name in n.joints if n.is_pin(name))
     rubbing = frozenset(name for name in n.joints if n.rubs(name))
-    return Names(n.frame, n.drives, tuple(n.joints), n.links, n.points, tuple(n.loads), pins, rubbing, n.has_forces)
+    return Names(n.frame, n.drives, tuple(n.joints), n.links, n.points, tuple(n.loads), pins, rubbing, n.has_forces, n.units)
 
 
 def _of_peak(values: Real) -> Real:
@@ -304,8 +311,8 @@ def time_at(catalogue: Catalogue, *, at: float | None = None, frame: int | None 
     low, high = np.minimum(position[:-1], position[1:]), np.maximum(position[:-1], position[1:])
     reached = np.flatnonzero((low - ROUNDING <= angle) & (angle <= high + ROUNDING))
     if not len(reached):
-        span = f"{np.degrees(position.min()):g}° to {np.degrees(position.max()):g}°"
-        raise OutputError(f"The angle {np.degrees(angle):g}° is outside what the drive does, {span}.", "Name an angle in it.")
+        wanted, least, most = (numbers.units.text(x, "rad", 6) for x in (angle, position.min(), position.max()))
+        raise OutputError(f"The angle {wanted} is outside what the drive does, {least} to {most}.", "Name an angle in it.")
     k = int(reached[0])
     part = 0.0 if position[k + 1] == position[k] else (angle - position[k]) / (position[k + 1] - position[k])
     part = min(max(part, 0.0), 1.0)

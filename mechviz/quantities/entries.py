@@ -14,11 +14,9 @@ import numpy as np
 from mechcore.arrays import Real
 from mechcore.records import dataclass
 from mechviz.quantities.items import Columns
+from mechviz.scene.units import Units
 
 Path = tuple[str, ...]
-
-UNITS = {"m": ("mm", 1e3), "rad": ("°", 180.0 / np.pi), "Pa": ("MPa", 1e-6)}
-"""Units that people read instead of SI units."""
 
 MOTION = {
     "slide": "displacement",
@@ -56,7 +54,7 @@ TABLES = ("motion", "pose", "position", "velocity", "acceleration", "reaction", 
 
 class Names(NamedTuple):
     """Facts on which the entries depend beside paths and columns; ``pins``: joints whose couple is friction alone, ``rubbing``:
-    joints with friction."""
+    joints with friction; ``units`` in which people read the values."""
 
     frame: str
     drives: tuple[str, ...]
@@ -67,6 +65,7 @@ class Names(NamedTuple):
     pins: frozenset[str]
     rubbing: frozenset[str]
     forces: bool
+    units: Units
 
 
 @dataclass(frozen=True)
@@ -105,12 +104,13 @@ def _place(path: Path, n: Names) -> tuple[int, int, int, Path]:
 def _of_table(path: Path, columns: Columns, n: Names) -> Iterator[Entry]:
     if path[0] == "health":
         curves = tuple(column.replace("_", " ") for column, _ in columns)
-        unit = columns[0][1].replace("^2", "²")
-        yield Entry(f"health.{path[1]}", "health", " ".join(path[1:]).replace("_", " "), unit, curves, path, np.asarray)
+        unit, factor = n.units.reads(columns[0][1], small=True)
+        read = partial(_scaled, columns=list(range(len(columns))), factor=factor)
+        yield Entry(f"health.{path[1]}", "health", " ".join(path[1:]).replace("_", " "), unit, curves, path, read)
         return
     if path[0] != "data" or path[1:3] == ("links", n.frame):
         return
-    made = partial(_grouped, path, columns)
+    made = partial(_grouped, n.units, path, columns)
     match path[1:]:
         case ("drive", name) if n.forces:
             yield from made(("drive", name), f"drive {name}", "drive", (3, 4))
@@ -122,10 +122,12 @@ def _of_table(path: Path, columns: Columns, n: Names) -> Iterator[Entry]:
             yield from made(("joint", name), f"joint {name}", "friction", (2,))
         case ("cams", name, "contact"):
             yield from made(("cam", name), f"cam {name}", "contact", (3, 2) if n.forces else (3,))
-            yield Entry(f"cam.{name}.curvature", f"cam {name}", "curvature", "1/m", ("curvature",), path, _curvature)
+            unit, factor = n.units.reads("1/m")
+            read = partial(_curvature, factor=factor)
+            yield Entry(f"cam.{name}.curvature", f"cam {name}", "curvature", unit, ("curvature",), path, read)
             yield from made(("cam", name), f"cam {name}", "contact", (5,), sparse=True)
         case ("cams", name, "graphical"):
-            yield from _drawn_laws(name, path, columns)
+            yield from _drawn_laws(n.units, name, path, columns)
         case ("loads", *names):
             known = (0, 1, 3, 4) if names[0] == "gravity" and len(names) > 1 else (0, 1, 2, 3, 4)
             yield from made(("load", *names), f"load {' '.join(names)}", "load", known)
@@ -142,7 +144,15 @@ def _of_table(path: Path, columns: Columns, n: Names) -> Iterator[Entry]:
 
 
 def _grouped(
-    path: Path, columns: Columns, key: Path, item: str, what: str, chosen: tuple[int, ...] | None = None, *, sparse: bool = False
+    units: Units,
+    path: Path,
+    columns: Columns,
+    key: Path,
+    item: str,
+    what: str,
+    chosen: tuple[int, ...] | None = None,
+    *,
+    sparse: bool = False,
 ) -> Iterator[Entry]:
     """The entries of some columns of a table: one for each unit, or for each column where they stand apart."""
     groups: dict[tuple[str, str], list[int]] = {}
@@ -151,7 +161,7 @@ def _grouped(
     for (unit, _), group in groups.items():
         names = tuple(columns[k][0].replace("_", " ") for k in group)
         name = _name(what, unit, names)
-        shown, factor = UNITS.get(unit, (unit.replace("^2", "²"), 1.0))
+        shown, factor = units.reads(unit)
         length = LENGTHS.get(names) if len(names) == 2 else None
         curves = (name,) if len(names) == 1 else names if length is None else (*names, length)
         tail = (name.replace(" ", "_"),) if item else ()
@@ -176,15 +186,15 @@ def _name(what: str, unit: str, columns: tuple[str, ...]) -> str:
     return column if what in APART or alone else what.replace("_", " ")
 
 
-def _scaled(values: Real, *, columns: list[int], factor: float, length: bool) -> Real:
+def _scaled(values: Real, *, columns: list[int], factor: float, length: bool = False) -> Real:
     some = values[:, columns] * factor
     return np.column_stack([some, np.hypot(some[:, 0], some[:, 1])]) if length else some
 
 
-def _drawn_laws(name: str, path: Path, columns: Columns) -> Iterator[Entry]:
+def _drawn_laws(units: Units, name: str, path: Path, columns: Columns) -> Iterator[Entry]:
     """A drawn law beside the exact one: lift and its derivatives."""
     for k, (column, unit) in enumerate(columns[:3]):
-        shown, factor = UNITS.get(unit, (unit.replace("^2", "²"), 1.0))
+        shown, factor = units.reads(unit)
         what = column.replace("_", " ").replace("drawn lift acceleration", "drawn acceleration")
         read = partial(_drawn_and_exact, column=k, factor=factor)
         yield Entry(f"cam.{name}.{what.replace(' ', '_')}", f"cam {name}", what, shown, ("drawn", "exact"), path, read)
@@ -195,8 +205,8 @@ def _drawn_and_exact(values: Real, *, column: int, factor: float) -> Real:
     return factor * np.column_stack([drawn, drawn - error])
 
 
-def _curvature(values: Real) -> Real:
+def _curvature(values: Real, *, factor: float) -> Real:
     """Of the radii in the fifth column: nothing of what is straight."""
     radius = values[:, 4:5]
     with np.errstate(divide="ignore", invalid="ignore"):
-        return np.asarray(np.where(np.isinf(radius), 0.0, 1.0 / radius))
+        return np.asarray(np.where(np.isinf(radius), 0.0, factor / radius))

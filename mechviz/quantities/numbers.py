@@ -16,6 +16,7 @@ from mechcore.spec.mechanism import Mechanism, Vec2
 from mechviz.quantities.items import JointInfo, Source, Table, joints_of, links_of
 from mechviz.quantities.tables import tables
 from mechviz.quantities.vectors import centre_name, point_name
+from mechviz.scene.units import Units
 
 if TYPE_CHECKING:
     from mechviz.runs import Run
@@ -41,7 +42,7 @@ class Numbers:
     link, ``drives`` are names of joints, ``traced`` names of points.
 
     ``cycle``: how long a cycle of the first drive takes [s]; ``length_scale`` of the equations [m]; ``tolerance``: closure that
-    the solver promises [m].
+    the solver promises [m]; ``units`` in which people read all that.
     """
 
     time: Real
@@ -52,6 +53,7 @@ class Numbers:
     loads: Mapping[str, LoadInfo]
     traced: tuple[str, ...]
     tables: Mapping[tuple[str, ...], Table]
+    units: Units
     cycle: float
     length_scale: float
     tolerance: float
@@ -134,6 +136,7 @@ def numbers_of(run: Run) -> Numbers:
         loads={name: LoadInfo(load.kind, tuple(load.links), _ends(mechanism, name)) for name, load in loads.items()},
         traced=tuple(point_name(*key) for key in mechanism.traced),
         tables={table.path: table for table in tables(run)},
+        units=run.scene.units,
         cycle=cycle_of(run),
         length_scale=motion.model.length_scale,
         tolerance=closure_tolerance(run),

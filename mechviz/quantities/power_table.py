@@ -14,6 +14,7 @@ from mechviz.files import replacing
 
 if TYPE_CHECKING:
     from mechcore.dynamics.rest.steady import SizedFlywheel, SteadyRun
+    from mechviz.scene.units import Units
 
 
 _HEADS = ("force", "cause", "place", "power is", "use", "mean [W]", "peak [W]", "supplies [J]", "absorbs [J]")
@@ -75,12 +76,12 @@ def force_lines(forces: Forces) -> list[str]:
     return lines
 
 
-def flywheel_lines(wheel: Flywheel) -> list[str]:
+def flywheel_lines(wheel: Flywheel, units: Units) -> list[str]:
     """The flywheel in words."""
     return [
-        f"flywheel: {wheel.inertia:.5g} kg m^2 keeps the speed within {100 * wheel.fluctuation:g} % of its mean",
-        f"  mean torque {wheel.mean:.5g} N m; excess work {wheel.excess:.5g} J between the slowest place, "
-        f"{np.degrees(wheel.slowest):.5g}°, and the fastest, {np.degrees(wheel.fastest):.5g}°",
+        f"flywheel: {units.text(wheel.inertia, 'kg m^2')} keeps the speed within {100 * wheel.fluctuation:g} % of its mean",
+        f"  mean torque {units.text(wheel.mean, 'N m')}; excess work {wheel.excess:.5g} J between the slowest place, "
+        f"{units.text(wheel.slowest, 'rad')}, and the fastest, {units.text(wheel.fastest, 'rad')}",
     ]
 
 
@@ -99,11 +100,12 @@ def steady_lines(run: SteadyRun) -> list[str]:
     ]
 
 
-def sized_lines(wheel: SizedFlywheel) -> list[str]:
+def sized_lines(wheel: SizedFlywheel, units: Units) -> list[str]:
     """The flywheel that the steady run needs."""
     if wheel.inertia == 0.0:
         return [f"flywheel: none needed, {wheel.link} keeps the speed within {100 * wheel.run.fluctuation:.4g} % of its mean"]
-    return [f"flywheel: {wheel.inertia:.5g} kg m^2 more on {wheel.link}; with it: {steady_lines(wheel.run)[0]}"]
+    more = units.text(wheel.inertia, "kg m^2")
+    return [f"flywheel: {more} more on {wheel.link}; with it: {steady_lines(wheel.run)[0]}"]
 
 
 def power_markdown(table: PowerTable) -> list[str]:

@@ -3,7 +3,7 @@ closing errors of polygons."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -98,10 +98,14 @@ def _places(path: tuple[str, str], label: str, *places: tuple[str, Complex]) -> 
 
 def study_lines(run: Run) -> list[str]:
     """One line for each result; none where nothing was asked for."""
-    return list(_lines(run))
+    return list(_lines(run, run.scene.units.text))
 
 
-def _lines(run: Run) -> Iterator[str]:
+Told = Callable[[float, str], str]
+"""A quantity in an SI unit as people read it."""
+
+
+def _lines(run: Run, told: Told) -> Iterator[str]:
     studies = run.studies
     for name, polygons in studies.polygons.items():
         worst = max(float(np.nanmax(polygon.closing, initial=0.0)) for polygon in polygons)
@@ -113,33 +117,36 @@ def _lines(run: Run) -> Iterator[str]:
         bars = ", ".join("".join(ends) for ends in chain.bars) or "no bar"
         sliding = f" and {len(chain.blocks)} sliding block{'s' if len(chain.blocks) > 1 else ''}" if chain.blocks else ""
         yield f"equivalent linkage of {name}: {bars}{sliding}; it moves like the joint, up to accelerations"
-    yield from _centre_lines(run)
+    yield from _centre_lines(run, told)
     for name, system in studies.systems.items():
         kinds = sorted(set(map(str, system.drawing.kind)))
         worst = float(np.nanmax(system.drawing.closing, initial=0.0))
         yield f"force system {name}: {' or '.join(kinds)}; the drawing agrees with the algebra to {worst:.1e}"
     for name, r in studies.reduced.items():
         good = r.mass[np.isfinite(r.mass)]
-        unit = "kg m²" if r.point is None else "kg"
+        unit, factor = run.scene.units.reads("kg m^2" if r.point is None else "kg")
         if len(good):
-            yield f"reduced to {name}: {good.min():.5g} to {good.max():.5g} {unit}"
+            yield f"reduced to {name}: {factor * good.min():.5g} to {factor * good.max():.5g} {unit}"
     for what, s in (("shaking force", studies.shaking), ("with counterweights", studies.balanced)):
         if s is not None:
-            yield f"{what}: peak {s.peak:.5g} N, rms {s.rms:.5g} N; moment peak {s.peak_moment:.5g} N m, rms {s.rms_moment:.5g} N m"
+            forces = f"peak {told(s.peak, 'N')}, rms {told(s.rms, 'N')}"
+            yield f"{what}: {forces}; moment peak {told(s.peak_moment, 'N m')}, rms {told(s.rms_moment, 'N m')}"
     for w in studies.weights:
-        yield f"counterweight on {w.link}: {w.mass:.5g} kg at ({w.at[0]:.5g}, {w.at[1]:.5g}) m of its frame"
+        length, per = run.scene.units.reads("m", small=True)
+        place = f"({per * w.at[0]:.5g}, {per * w.at[1]:.5g}) {length}"
+        yield f"counterweight on {w.link}: {told(w.mass, 'kg')} at {place} of its frame"
     for name, body in studies.substitutes.items():
-        masses = ", ".join(f"{m:.5g} kg" for m in body.masses)
+        masses = ", ".join(told(m, "kg") for m in body.masses)
         if body.correction is not None:
             most = float(np.abs(body.correction).max(initial=0.0))
-            yield f"static replacement of {name}: {masses}, with a correction couple of up to {most:.5g} N m"
+            yield f"static replacement of {name}: {masses}, with a correction couple of up to {told(most, 'N m')}"
             continue
         yield f"substitute masses of {name}: {body.substitution.message}; shown is solution {body.chosen + 1}: {masses}"
-    for name, forces in studies.sections.items():
-        yield f"section forces of {name}: {_section_words(forces, run.motion.time)}"
+    for name, section in studies.sections.items():
+        yield f"section forces of {name}: {_section_words(section, run.motion.time, told)}"
 
 
-def _centre_lines(run: Run) -> Iterator[str]:
+def _centre_lines(run: Run, told: Told) -> Iterator[str]:
     studies, size = run.studies, run.motion.model.length_scale
     centres = studies.instant_centres
     if centres:
@@ -155,37 +162,38 @@ def _centre_lines(run: Run) -> Iterator[str]:
     for name, path in studies.evolutes.items():
         bend = np.abs(path.curvature[np.isfinite(path.curvature)])
         if len(bend):
-            most = 1e3 / bend.max() if bend.max() > 0.0 else np.inf
-            yield f"path of {name}: smallest radius of curvature {most:.5g} mm"
+            most = 1.0 / bend.max() if bend.max() > 0.0 else np.inf
+            yield f"path of {name}: smallest radius of curvature {told(most, 'm')}"
     for name, cam in studies.inversion.items():
         words = "the profile touches the follower in all"
         if undercut := int((cam.gap < -1e-6 * cam.base).sum()):
-            words = f"undercut in {undercut}, by up to {-1e3 * cam.gap.min():.4g} mm"
-        sizes = f"base {'line' if cam.wedge else 'circle'} {1e3 * cam.base:.5g} mm, lift {1e3 * cam.lifts.max():.5g} mm"
+            words = f"undercut in {undercut}, by up to {run.scene.units.text(-cam.gap.min(), 'm', 4)}"
+        sizes = f"base {'line' if cam.wedge else 'circle'} {told(cam.base, 'm')}, lift {told(cam.lifts.max(), 'm')}"
         yield f"cam {name} by inversion in {len(cam.angles)} steps: {sizes}; {words}"
     for name, circle in studies.inflection.items():
         across = np.abs(circle.end - circle.pole)
         if np.isfinite(across).any():
-            low, high = 1e3 * np.nanmin(across), 1e3 * np.nanmax(across)
-            yield f"inflection circle of {name}: diameter {low:.5g} to {high:.5g} mm"
+            unit, factor = run.scene.units.reads("m")
+            low, high = factor * np.nanmin(across), factor * np.nanmax(across)
+            yield f"inflection circle of {name}: diameter {low:.5g} to {high:.5g} {unit}"
     for name, struck in studies.percussion.items():
-        arm, far = (1e3 * float(np.abs(z - struck.pivot)[0]) for z in (struck.mass_centre, struck.centre))
+        arm, far = (told(float(np.abs(z - struck.pivot)[0]), "m") for z in (struck.mass_centre, struck.centre))
         force = float(np.nanmax(np.abs(struck.force), initial=0.0))
-        words = f"{far:.5g} mm from it, centre of mass {arm:.5g} mm; inertia force up to {force:.5g} N"
+        words = f"{far} from it, centre of mass {arm}; inertia force up to {told(force, 'N')}"
         yield f"centre of percussion of {name}: {words}"
 
 
-def _section_words(section: SectionForces, time: Real) -> str:
+def _section_words(section: SectionForces, time: Real, told: Told) -> str:
     """Ranges and the largest bending moment, with its place and time."""
     size = np.abs(section.bending.values)
     if not np.isfinite(size).any():
         return "not known, it jams over the whole run"
     k = int(np.nanargmax(size))
-    low, high = float(np.nanmin(section.normal)), float(np.nanmax(section.normal))
-    words = f"N {low:.5g} to {high:.5g} N, |V| up to {float(np.nanmax(np.abs(section.shear))):.5g} N, largest bending moment "
-    place, length = 1e3 * section.bending.stations[k], 1e3 * section.axis.length
-    words += f"{section.bending.values[k]:.5g} N m at {place:.5g} mm of its {length:.5g} mm, {time[k]:.5g} s"
+    low, high, most = (float(x) for x in (np.nanmin(section.normal), np.nanmax(section.normal), np.nanmax(np.abs(section.shear))))
+    words = f"N {told(low, 'N').split()[0]} to {told(high, 'N')}, |V| up to {told(most, 'N')}, largest bending moment "
+    place, length = told(section.bending.stations[k], "m"), told(section.axis.length, "m")
+    words += f"{told(section.bending.values[k], 'N m')} at {place} of its {length}, {time[k]:.5g} s"
     if section.bending_stress is not None and section.stress is not None:
-        bending, normal = (1e-6 * float(np.nanmax(s)) for s in (section.bending_stress, section.stress))
-        words += f"; bending stress up to {bending:.5g} MPa, with the normal force {normal:.5g} MPa"
+        bending, normal = (told(float(np.nanmax(s)), "Pa") for s in (section.bending_stress, section.stress))
+        words += f"; bending stress up to {bending}, with the normal force {normal}"
     return words

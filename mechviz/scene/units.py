@@ -324,7 +324,7 @@ def parse(text: str, kind: str) -> float:
 def symbol_of(unit: str) -> str:
     """A unit of a scene, or a formula of such units, as it is written for people: "mm/s", "°", "kg m²"."""
     text = re.sub(r"(?<!/)\(([^()/]*)\)", r"\1", re.sub(r"/\(([^()/ *]*)\)", r"/\1", unit))  # not of N m/(rad s)
-    text = re.sub(r"\bdeg(rees?)?\b", "°", text).replace("**", "^").replace("*", " ")
+    text = re.sub(r"\bdeg(rees?)?\b", "°", re.sub(r"\bum\b", "µm", text)).replace("**", "^").replace("*", " ")
     return text.replace("^2", "²").replace("^3", "³")
 
 
@@ -349,7 +349,9 @@ class Units:
         return symbol_of(KINDS[kind].bare.format(**vars(self)))
 
     def show(self, value: float, kind: str, digits: int = 6) -> str:
-        """A quantity [SI] in the scene's units: its number, with so many digits, and unit."""
+        """A quantity [SI] in the scene's units: its number, with so many digits, and unit; of no kind of scenes as in `text`."""
+        if kind not in KINDS:
+            return self.text(value, kind, digits)
         return shown(value / float(self.factor(kind)), self.symbol(kind), digits)
 
     def si(self, value: float | str, kind: str) -> float:
@@ -357,3 +359,45 @@ class Units:
         if isinstance(value, str):
             return parse(value, kind)
         return float(Decimal(repr(float(value))) * self.factor(kind))
+
+    def reads(self, si: str, *, small: bool = False) -> tuple[str, float]:
+        """The unit in which people read values that are counted in an SI unit, such as "m", "N m" or "rad/s^2", and how many of it
+        that is: ("mm", 1000.0).
+
+        Lengths, angles, masses, forces, torques and moments of inertia are in the scene's units. So is what is made of them, but
+        with radians, as formulas want it, and, where lengths are metric, with metres: "m/s", "rad/s". Pressures are in MPa where
+        forces are metric. ``small``: lengths, which are residuals, as in rates.
+        """
+        return _reads(self, si, small)
+
+    def text(self, value: float, si: str, digits: int = 5) -> str:
+        """A quantity [``si``] as people read it: its number, with so many digits, and unit."""
+        unit, factor = self.reads(si)
+        return shown(value * factor, unit, digits)
+
+    def decimals(self, si: str) -> int:
+        """Decimals with which people read a coordinate: to about a hundredth of a millimetre ("m") or a tenth of a degree ("rad"),
+        but at least as many as there."""
+        least, fewest = {"m": (1e-5, 2), "rad": (math.pi / 1800.0, 1)}[si]
+        return max(fewest, round(-math.log10(least * self.reads(si)[1])))
+
+
+@cache
+def _reads(units: Units, si: str, small: bool) -> tuple[str, float]:
+    alone = {} if small else {"m": units.length, "rad": units.angle}
+    length = "m" if _is_decimal(units.length) else units.length
+    parts = {"kg m^2": units.inertia, "N m": units.torque, "kg": units.mass, "N": units.force, "m": length}
+    pressure = "MPa" if _is_decimal(units.force) else f"{units.force}/{units.length}^2"
+    si = si.replace("²", "^2").replace("³", "^3")
+    made = pressure if si == "Pa" else re.sub(r"kg m\^2|N m\b|\bkg\b|\bN\b|\bm\b", lambda m: parts[m[0]], si)
+    unit = alone.get(si, made)
+    return (symbol_of(unit), float(1 / unit_of(unit).factor)) if unit else ("", 1.0)
+
+
+def _is_decimal(unit: str) -> bool:
+    """Whether a unit is a power of ten of SI units."""
+    return unit_of(unit).factor.normalize().as_tuple().digits == (1,)
+
+
+MILLIMETRES = Units(length="mm", angle="deg")
+"""Units in which people read what has no scene of its own."""

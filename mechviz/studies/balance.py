@@ -19,6 +19,7 @@ from mechcore.reduction.balancing import Counterweight, Shaking, counterweights,
 from mechviz.figures import COLOURS, chart, save_chart
 from mechviz.files import OutputError
 from mechviz.scene.faults import SceneError, in_scene_words
+from mechviz.scene.units import Units
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -41,17 +42,21 @@ class Balance:
 
     def lines(self) -> list[str]:
         """The comparison in words."""
-        out = [f"{w.link}: {w.mass:.6g} kg at ({w.at[0]:.6g}, {w.at[1]:.6g}) m of its frame" for w in self.weights] or [
-            "no counterweight is needed"
-        ]
+        units = self.scene.units
+        (length, per), (force, forces), (moment, moments) = units.reads("m", small=True), units.reads("N"), units.reads("N m")
+        out = []
+        for w in self.weights:
+            place = f"({per * w.at[0]:.6g}, {per * w.at[1]:.6g}) {length}"
+            out.append(f"{w.link}: {units.text(w.mass, 'kg', 6)} at {place} of its frame")
+        out = out or ["no counterweight is needed"]
         out.append(f"{'':<16}{'before':>14}{'after':>14}")
         rows = (
-            ("peak force [N]", self.before.peak, self.after.peak),
-            ("rms force [N]", self.before.rms, self.after.rms),
-            ("peak moment [N m]", self.before.peak_moment, self.after.peak_moment),
-            ("rms moment [N m]", self.before.rms_moment, self.after.rms_moment),
+            (f"peak force [{force}]", forces, self.before.peak, self.after.peak),
+            (f"rms force [{force}]", forces, self.before.rms, self.after.rms),
+            (f"peak moment [{moment}]", moments, self.before.peak_moment, self.after.peak_moment),
+            (f"rms moment [{moment}]", moments, self.before.rms_moment, self.after.rms_moment),
         )
-        return out + [f"{name:<18}{a:>12.5g}{b:>14.5g}" for name, a, b in rows]
+        return out + [f"{name:<18}{factor * a:>12.5g}{factor * b:>14.5g}" for name, factor, a, b in rows]
 
 
 @in_scene_words
@@ -102,35 +107,40 @@ def shaken(run: Run) -> Shaking:
     return result
 
 
-def write_polar(path: Path, title: str, motion: Motion, shakings: Mapping[str, Shaking]) -> None:
+def write_polar(path: Path, title: str, motion: Motion, shakings: Mapping[str, Shaking], units: Units) -> None:
     """Write the plots to a file (.svg, .png, .pdf). Raises `OutputError` where that cannot be."""
-    save_chart(polar_figure(title, motion, shakings), path)
+    save_chart(polar_figure(title, motion, shakings, units), path)
 
 
-def polar_figure(title: str, motion: Motion, shakings: Mapping[str, Shaking]) -> Figure:
-    """Two plots: tip of the force [N] (dots every 30 degrees of the drive), and the moment [N m] over the drive's angle, outwards
-    of the zero circle where it is positive. ``shakings``: what is drawn, by its name in the legend."""
+def polar_figure(title: str, motion: Motion, shakings: Mapping[str, Shaking], units: Units) -> Figure:
+    """Two plots: tip of the force (dots every 30 degrees of the drive), and the moment over the drive's angle, outwards of the
+    zero circle where it is positive. ``shakings``: what is drawn, by its name in the legend; ``units`` in which people read it."""
+    (force, per), (moment, moment_per) = units.reads("N"), units.reads("N m")
     angle = _angle(motion)
     least = max((s.single for s in shakings.values()), default=0.0)
     with chart(9.0, 5.2) as figure:
         figure.suptitle(title)
         forces, moments = figure.subplots(1, 2, subplot_kw={"projection": "polar"})
-        size = max((s.peak_moment for s in shakings.values()), default=0.0)
+        size = moment_per * max((s.peak_moment for s in shakings.values()), default=0.0)
         for k, (name, s) in enumerate(shakings.items()):
             colour = COLOURS[(1, 2, 0)[k % 3]]
             balanced = s.peak <= 1e-9 * least
-            note = f"{name}: {0.0 if balanced else s.peak:.4g} N, {s.peak_moment:.4g} N m"
-            tip = s.force @ np.array([1.0, 1.0j])
+            note = f"{name}: {units.text(0.0 if balanced else s.peak, 'N', 4)}, {units.text(s.peak_moment, 'N m', 4)}"
+            tip = per * (s.force @ np.array([1.0, 1.0j]))
             forces.plot(np.angle(tip), np.abs(tip), color=colour, label=note)
-            marks = [tip[0]] if balanced else list(_marks(tip, angle, forces, colour))
+            marks = [tip[0]] if balanced else list(_marks(tip, angle, forces, colour, units))
             forces.plot(np.angle(marks), np.abs(marks), "o", color=colour, markersize=4.0)
-            moments.plot(angle, s.moment, color=colour)
+            moments.plot(angle, moment_per * s.moment, color=colour)
         if all(s.peak <= 1e-9 * least for s in shakings.values()):
-            forces.set_rmax(least or 1.0)
+            forces.set_rmax(per * least or 1.0)
         moments.set_rlim(-1.05 * (size or 1.0), 1.05 * (size or 1.0))
         moments.plot(np.linspace(0.0, 2.0 * np.pi, 361), np.zeros(361), color="#9aa3ad", linewidth=1.2, zorder=1.0)
-        forces.set_title("shaking force [N]", loc="center")
-        moments.set_title("shaking moment [N m] over the drive", loc="center")
+        forces.set_title(f"shaking force [{force}]", loc="center")
+        moments.set_title(f"shaking moment [{moment}] over the drive", loc="center")
+        if units.reads("rad")[0] != "°":
+            for axes in (forces, moments):
+                angles = np.arange(8) * np.pi / 4.0
+                axes.set_xticks(angles, [units.text(float(a), "rad", 3) for a in angles])
         for axes in (forces, moments):
             axes.set_rlabel_position(-52.0)
             axes.tick_params(axis="y", labelsize="small", labelcolor="#7a838c")
@@ -138,7 +148,7 @@ def polar_figure(title: str, motion: Motion, shakings: Mapping[str, Shaking]) ->
     return figure
 
 
-def _marks(tip: NDArray[np.complex128], angle: Real, axes: PolarAxes, colour: str) -> Iterator[complex]:
+def _marks(tip: NDArray[np.complex128], angle: Real, axes: PolarAxes, colour: str, units: Units) -> Iterator[complex]:
     """Points of the force every 30 degrees of the drive over its first turn, of which every third is named."""
     degrees = np.degrees(angle)
     sense = 1.0 if degrees[-1] >= degrees[0] else -1.0
@@ -151,7 +161,7 @@ def _marks(tip: NDArray[np.complex128], angle: Real, axes: PolarAxes, colour: st
         p = complex(*(np.interp(k * STEP, sense * degrees, part) for part in (tip.real, tip.imag)))
         yield p
         if k % 3 == 0:
-            words, place = f"{sense * k * STEP % 360.0:g}°", (float(np.angle(p)), abs(p))
+            words, place = units.text(math.radians(sense * k * STEP % 360.0), "rad", 4), (float(np.angle(p)), abs(p))
             axes.annotate(words, place, (4, 4), textcoords="offset points", color=colour, fontsize="small")
 
 

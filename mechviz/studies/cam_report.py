@@ -22,7 +22,8 @@ from mechcore.forces.cam_events import lost_ranges
 from mechcore.forces.cam_rating import AnyCam, contact_force, contact_stress, drawn_lift, joint_of, least_springs, placed_cams
 from mechcore.records import dataclass
 from mechcore.spec.mechanism import CamDrawn, CamJoint
-from mechcore.texts import Text, UnitSystem, as_angle, as_coordinate, as_force, as_length, as_quantity
+from mechcore.texts import Text, UnitSystem, as_angle, as_coordinate, as_force, as_length, as_pressure, as_quantity
+from mechviz.scene.units import Units
 
 if TYPE_CHECKING:
     from mechcore.forces.kinetostatics import Forces
@@ -73,7 +74,7 @@ def _found(joint: CamJoint, cam: AnyCam) -> Iterator[tuple[str, str]]:
         if what == "offset":
             yield what, f"{as_length(value, 6)}, with which the base circle is least"
         elif isinstance(joint.face, Roller) and joint.rating is not None and joint.rating.limit is not None:
-            limit = f"a Hertz pressure of {_megapascals(joint.rating.limit)}"
+            limit = f"a Hertz pressure of {_pressure(joint.rating.limit)}"
             yield what, f"{as_length(joint.face.radius, 6)}, the least for {limit}; decided at {_place(cam, value)}"
 
 
@@ -147,8 +148,8 @@ def _loaded(forces: Forces, cam: AnyCam, joint: CamJoint, force: Real, margin: f
         stress = contact_stress(forces, cam, rating)
         k = int(np.nanargmax(stress.pressure))
         half = f"strip of {as_length(2.0 * stress.half_width[k], 4)} by {as_length(rating.width, 4)}"
-        words = f"up to {_megapascals(stress.pressure[k])} at {_place(cam, x[k])}, {half}"
-        yield _judged("Hertz pressure", words, float(stress.pressure[k]), rating.limit, _megapascals)
+        words = f"up to {_pressure(stress.pressure[k])} at {_place(cam, x[k])}, {half}"
+        yield _judged("Hertz pressure", words, float(stress.pressure[k]), rating.limit, _pressure)
     if not cam.form and need is not None:
         yield from (("least spring", words, None, False) for words in _springs(forces, cam, need))
 
@@ -214,14 +215,14 @@ def _degrees(value: float) -> str:
     return as_angle(value, 4)
 
 
-def _megapascals(value: float) -> str:
-    return f"{1e-6 * value:.5g} MPa"
+def _pressure(value: float) -> str:
+    return as_pressure(value, 5)
 
 
 def _second_derivative(cam: AnyCam, value: float) -> str:
     """A second derivative of the lift with respect to the cam's angle [rad] or displacement [m]."""
     if cam.bed is not None:
-        return f"{value:.5g} 1/m" if cam.arm == 0.0 else f"{value:.5g} rad/m²"
+        return as_quantity(value, "1/m" if cam.arm == 0.0 else "rad/m^2", 5)
     return f"{as_length(value, 5)}/rad²" if cam.arm == 0.0 else f"{value:.5g} 1/rad"
 
 
@@ -259,10 +260,10 @@ def _drawn_words(cam: AnyCam, drawn: CamDrawn, largest: Real) -> str:
     )
 
 
-def drawn_lines(motion: Motion, units: UnitSystem, drawn: CamDrawn | None = None) -> list[str]:
+def drawn_lines(motion: Motion, units: Units, drawn: CamDrawn | None = None) -> list[str]:
     """The tables of the graphical method, drawn beside exact at every point of the drawing, of each disc cam.
 
-    ``drawn``: instead of what the scene says. Lift in mm or °, its derivatives with respect to the cam's angle [rad].
+    ``drawn``: instead of what the scene says. Derivatives of the lift with respect to the cam's angle [rad].
     """
     lines: list[str] = []
     for cam in placed_cams(motion):
@@ -274,16 +275,17 @@ def drawn_lines(motion: Motion, units: UnitSystem, drawn: CamDrawn | None = None
         except MechanismError as error:
             lines += ["", *(f"cam {cam.name}: {f.in_units(units).message}" for f in error.faults)]
             continue
-        unit, factor = ("mm", 1e3) if cam.arm == 0.0 else ("°", float(np.degrees(1.0)))
+        unit, factor = units.reads("m" if cam.arm == 0.0 else "rad")
+        along, across = units.reads("rad")
         lines += ["", Text(f"cam {cam.name}, graphical method: {_drawn_words(cam, how, construction.largest)}", units)]
         lines += [Text(f"  {words}", units) for words in _simplified_words(cam)]
         lines.append(f"  {'cam':>7} {'s':>10} {'error':>10} {'ds':>10} {'error':>10} {'dds':>10} {'error':>10}")
         lines.append(
-            f"  {'°':>7} {unit:>10} {unit:>10} {unit + '/rad':>10} {unit + '/rad':>10} {unit + '/rad²':>10} {unit + '/rad²':>10}"
+            f"  {along:>7} {unit:>10} {unit:>10} {unit + '/rad':>10} {unit + '/rad':>10} {unit + '/rad²':>10} {unit + '/rad²':>10}"
         )
         for k, angle in enumerate(construction.angle):
             cells = (f"{factor * v:10.4f}" for i in range(3) for v in (construction.drawn[i, k], construction.error[i, k]))
-            lines.append(f"  {np.degrees(angle):7.2f} " + " ".join(cells))
+            lines.append(f"  {across * angle:7.{units.decimals('rad') + 1}f} " + " ".join(cells))
     return lines[1:]
 
 
@@ -365,7 +367,7 @@ def _roller_words(cam: PlacedCam, motion: Motion, forces: Forces | None, want: R
     low, high = roller_range(
         force[known], cam.at(motion).pitch_radius[known], rating.width, rating.limit, rating.modulus, rating.poisson
     )
-    limit = f"a Hertz pressure of {1e-6 * rating.limit:.5g} MPa"
+    limit = f"a Hertz pressure of {_pressure(rating.limit)}"
     if low > min(high, most):
         return f"{words} {upper}; none keeps to {limit}: enlarge the base circle"
     top = min(high, most)

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -10,6 +11,7 @@ from mechcore.constructions.equations import Equation, Equilibrium, GroupEquatio
 from mechcore.errors import Fault, MechanismError
 from mechcore.forces.kinetostatics import Forces, solve_forces
 from mechviz.runs import Run
+from mechviz.scene.units import Units
 
 THIN = r"\,"
 IN_A_ROW = 3  # values that fit beside each other on a page
@@ -43,14 +45,47 @@ def _part(forces: Forces, frame: int) -> tuple[Forces, int]:
     raise ValueError(f"no part holds frame {frame}")
 
 
-def equation_lines(equilibrium: Equilibrium, frame: int) -> list[str]:
+def _groups(equilibrium: Equilibrium, frame: int, units: Units) -> list[GroupEquations]:
+    """The equations of every group at a frame, the last group first, in the units in which people read forces and moments; loads
+    that are rounding are zero."""
+    size = equilibrium.forces.motion.model.length_scale
+    per = {si: units.reads(si)[1] for si in ("N", "N m")}
+
+    def unknown(u: Unknown) -> Unknown:
+        return replace(u, unit=units.reads(u.unit)[0])
+
+    def values(pairs: Sequence[tuple[Unknown, float]]) -> tuple[tuple[Unknown, float], ...]:
+        return tuple((unknown(u), per[u.unit] * value) for u, value in pairs)
+
+    def equation(link: LinkEquations, e: Equation) -> Equation:
+        factor, unit = per[e.unit], units.reads(e.unit)[0]
+        terms = tuple((c * factor / per[u.unit], unknown(u)) for c, u in e.terms)
+        return replace(e, terms=terms, load=factor * e.load if abs(e.load) > _rounding(link, e, size) else 0.0, unit=unit)
+
+    def told(link: LinkEquations) -> LinkEquations:
+        loads = tuple((name, per["N"] * x, per["N"] * y, per["N m"] * turn) for name, x, y, turn in link.loads)
+        return replace(link, loads=loads, equations=tuple(equation(link, e) for e in link.equations))
+
+    return [
+        replace(group, links=tuple(map(told, group.links)), solved=values(group.solved), known=values(group.known))
+        for group in equilibrium.groups(frame)
+    ]
+
+
+def _heading(equilibrium: Equilibrium, frame: int, units: Units) -> str:
+    """When, and in which units of forces, arms and moments."""
+    force, moment = (units.reads(si)[0] for si in ("N", "N m"))
+    arm = moment.removeprefix(f"{force} ") if moment.startswith(f"{force} ") else f"{moment}/{force}"
+    return f"equilibrium at {equilibrium.forces.motion.time[frame]:.6g} s, in {force}, {arm} and {moment}"
+
+
+def equation_lines(equilibrium: Equilibrium, frame: int, units: Units) -> list[str]:
     """The equations of every group at a frame, the last group first, with what they give, as lines of text."""
-    motion = equilibrium.forces.motion
     lines = [
-        f"equilibrium at {motion.time[frame]:.6g} s, in N, m and N m",
+        _heading(equilibrium, frame, units),
         "R_B, N_B, M_B act on the second link of joint B, the opposite on its first; T_B, F_B: drives; sum M_B: about joint B",
     ]
-    for number, group in enumerate(equilibrium.groups(frame), 1):
+    for number, group in enumerate(_groups(equilibrium, frame, units), 1):
         lines += ["", f"group {number}: {group.group}"]
         for link in group.links:
             lines.append(f"  {link.link}")
@@ -58,8 +93,7 @@ def equation_lines(equilibrium: Equilibrium, frame: int) -> list[str]:
                 if abs(x) + abs(y) + abs(turn) > 0.0:
                     lines.append(f"    load {label}: Fx {_number(x)}, Fy {_number(y)}, moment {_number(turn)}")
             for equation in link.equations:
-                least = _rounding(link, equation, motion.model.length_scale)
-                lines.append(f"    {f'sum {_sum(equation)}':<10} {_text(equation, least)} = 0")
+                lines.append(f"    {f'sum {_sum(equation)}':<10} {_text(equation)} = 0")
         if group.known:
             lines.append(f"  known      {_values(group.known)}")
         lines.append(f"  gives      {_values(group.solved)}")
@@ -75,11 +109,10 @@ def equation_table(run: Run) -> list[str]:
     except MechanismError:
         return []
     lines = ["## Equilibrium equations at the start", "", "| group | link | sum | equation |", "|---|---|---|---|"]
-    for number, group in enumerate(equilibrium.groups(frame), 1):
+    for number, group in enumerate(_groups(equilibrium, frame, run.scene.units), 1):
         for link in group.links:
             for equation in link.equations:
-                least = _rounding(link, equation, run.motion.model.length_scale)
-                lines.append(f"| {number} | {link.link} | {_sum(equation)} | {_text(equation, least)} = 0 |")
+                lines.append(f"| {number} | {link.link} | {_sum(equation)} | {_text(equation)} = 0 |")
         lines.append(f"| {number} | gives | | {_values(group.solved)} |")
     return [*lines, "", *(f"- {line}" for line in _together(equilibrium, frame)), ""]
 
@@ -113,9 +146,9 @@ def _number(value: float) -> str:
     return f"{value:.6g}"
 
 
-def _text(equation: Equation, least: float) -> str:
+def _text(equation: Equation) -> str:
     parts = [("-" if c < 0.0 else "+", abs(c), u.name) for c, u in equation.terms]
-    if abs(equation.load) > least:
+    if equation.load:
         parts.append(("-" if equation.load < 0.0 else "+", abs(equation.load), ""))
     return _joined(parts, " ")
 
@@ -134,24 +167,23 @@ def _values(pairs: tuple[tuple[Unknown, float], ...]) -> str:
     return ", ".join(f"{u.name} = {_number(v)} {u.unit}" for u, v in pairs) or "nothing new"
 
 
-def latex_lines(equilibrium: Equilibrium, frame: int) -> list[str]:
+def latex_lines(equilibrium: Equilibrium, frame: int, units: Units) -> list[str]:
     """The same as LaTeX, to be put into a document that loads amsmath."""
-    motion = equilibrium.forces.motion
-    lines = [f"% equilibrium at {motion.time[frame]:.6g} s, in N, m and N m"]
-    for number, group in enumerate(equilibrium.groups(frame), 1):
+    lines = [f"% {_heading(equilibrium, frame, units)}"]
+    for number, group in enumerate(_groups(equilibrium, frame, units), 1):
         lines += [
             rf"\paragraph{{Group {number}: {', '.join(_escaped(k) for k in group.group.links)}}}",
-            *_latex_group(group, motion.model.length_scale),
+            *_latex_group(group),
         ]
     return lines
 
 
-def _latex_group(group: GroupEquations, size: float) -> Iterator[str]:
+def _latex_group(group: GroupEquations) -> Iterator[str]:
     rows = []
     for link in group.links:
         for equation in link.equations:
             parts = [("-" if c < 0.0 else "+", abs(c), _symbol(u)) for c, u in equation.terms]
-            if abs(equation.load) > _rounding(link, equation, size):
+            if equation.load:
                 parts.append(("-" if equation.load < 0.0 else "+", abs(equation.load), ""))
             about = rf"M_{{\mathrm{{{_escaped(equation.about)}}}}}" if equation.about else "M"
             of = about if equation.sum == "M" else f"F_{equation.sum[-1]}"

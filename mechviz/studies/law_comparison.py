@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
@@ -15,9 +14,10 @@ from mechcore.forces.cam_rating import AnyCam, contact_force, joint_of, least_sp
 from mechcore.laws.curve import MotionCurve
 from mechcore.laws.factors import jumps, peak
 from mechcore.records import dataclass
-from mechcore.texts import Text, UnitSystem, as_angle, as_coordinate, as_force, as_length, as_quantity, as_torque
+from mechcore.texts import Text, as_angle, as_coordinate, as_force, as_length, as_quantity, as_torque
 from mechviz.figures import COLOURS, chart
 from mechviz.runs import run_scene
+from mechviz.scene.units import Units
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -111,10 +111,10 @@ def _radius(cam: AnyCam, radius: Real) -> Real:
     return radius if isinstance(cam, PlacedCam) else np.full(len(radius), np.nan)
 
 
-def comparison_lines(rows: list[LawOnCam], units: UnitSystem) -> list[str]:
+def comparison_lines(rows: list[LawOnCam], units: Units) -> list[str]:
     """A table of peaks: of the derivatives by the cam's angle or way, pressure angle, least convex radius, effort, least spring."""
     first = next(row for row in rows if not row.fault)
-    per = "/rad" if first.rotary else "/m"
+    per = f"/{units.reads('rad' if first.rotary else 'm', small=True)[0]}"
     heads = [
         "law",
         "lift",
@@ -155,18 +155,20 @@ def comparison_lines(rows: list[LawOnCam], units: UnitSystem) -> list[str]:
     return ["  ".join(cell.ljust(width) for cell, width in zip(line, widths, strict=False)).rstrip() for line in table]
 
 
-def comparison_figure(rows: list[LawOnCam]) -> Figure:
+def comparison_figure(rows: list[LawOnCam], units: Units) -> Figure:
     """Eight panels over the cam's angle or way: lift to jerk, pressure angle, radius of curvature, effort, contact force."""
     first = next(row for row in rows if not row.fault)
-    unit, size = ("mm", 1e3) if not first.swings else ("°", math.degrees(1.0))
-    along, across = ("°", math.degrees(1.0)) if first.rotary else ("mm", 1e3)
-    per = "rad" if first.rotary else "m"
+    (length, lengths), (angle, angles) = units.reads("m"), units.reads("rad")
+    unit, size = (angle, angles) if first.swings else (length, lengths)
+    along, across = (angle, angles) if first.rotary else (length, lengths)
+    per, pers = units.reads("rad" if first.rotary else "m", small=True)
+    (effort, efforts), (force, forces) = units.reads("N m" if first.rotary else "N"), units.reads("N")
     labels = [f"lift [{unit}]", f"s' [{unit}/{per}]", f"s'' [{unit}/{per}²]", f"s''' [{unit}/{per}³]"]
     labels += [
-        "pressure angle [°]",
-        "radius of curvature [mm]",
-        "torque [N m]" if first.rotary else "force [N]",
-        "contact force [N]",
+        f"pressure angle [{angle}]",
+        f"radius of curvature [{length}]",
+        f"{'torque' if first.rotary else 'force'} [{effort}]",
+        f"contact force [{force}]",
     ]
     with chart(11.0, 9.6) as figure:
         panels = figure.subplots(4, 2, sharex=True)
@@ -183,16 +185,16 @@ def comparison_figure(rows: list[LawOnCam]) -> Figure:
                     f = np.empty((1, u.size))
                     piece.fill(u, f, order)
                     x += [across * (x0 + u), [np.nan]]
-                    y += [size * f[0], [np.nan]]
+                    y += [size / pers**order * f[0], [np.nan]]
                 panel.plot(np.concatenate(x), np.concatenate(y), **style)
             turn = row.lift.length
             place = np.mod(row.argument - row.lift.start, turn) + row.lift.start
             rank = np.argsort(place, kind="stable")
-            curves = (np.degrees(row.pressure_angle), 1e3 * row.radius, row.effort, row.force)
-            for panel, values in zip(right, curves, strict=True):
+            curves = (row.pressure_angle, row.radius, row.effort, row.force)
+            for panel, values, factor in zip(right, curves, (angles, lengths, efforts, forces), strict=True):
                 if values is not None:
-                    panel.plot(across * place[rank], values[rank], **style)
-        radii = np.concatenate([1e3 * r.radius for r in rows if r.radius is not None])
+                    panel.plot(across * place[rank], factor * values[rank], **style)
+        radii = np.concatenate([lengths * r.radius for r in rows if r.radius is not None])
         radii = radii[np.isfinite(radii)]
         top = 5.0 * float(np.median(np.abs(radii))) if radii.size else 1.0
         right[1].set_ylim(-top if (radii < 0.0).any() else 0.0, top)

@@ -189,7 +189,7 @@ def _inside_links(forces: Forces, units: Units) -> Iterator[str]:
         k = int(np.nanargmax(size))
         words = f"largest bending moment {units.show(section.bending.values[k], 'torque', 5)}"
         place = units.show(section.bending.stations[k], "length", 5)
-        stress = "" if section.bending_stress is None else f", bending stress {1e-6 * section.bending_stress[k]:.5g} MPa"
+        stress = "" if section.bending_stress is None else f", bending stress {units.text(section.bending_stress[k], 'Pa')}"
         yield f"{study.link}: {words} at {place} of its axis, at {forces.motion.time[k]:.6g} s{stress}"
 
 

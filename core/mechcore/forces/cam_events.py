@@ -16,7 +16,7 @@ from mechcore.laws.factors import KNOCK, jumps
 from mechcore.motion.events import Event, at_drive, runs
 from mechcore.motion.motion import Motion
 from mechcore.spec.mechanism import CamDrawn, CamRating, Revolute
-from mechcore.texts import as_angle, as_coordinate, as_force, as_length
+from mechcore.texts import as_angle, as_coordinate, as_force, as_length, as_pressure
 
 NOISE = 1e-9  # pull below this part of the largest force is rounding
 
@@ -49,10 +49,10 @@ def _rated(forces: Forces, cam: AnyCam, rating: CamRating) -> Iterator[Event]:
         pressure = contact_stress(forces, cam, rating).pressure
         for first, last in runs(pressure > rating.limit):
             k = first + int(np.argmax(pressure[first : last + 1]))
-            words = f"{1e-6 * pressure[k]:.4g} MPa" if np.isfinite(pressure[k]) else "infinity: an edge touches"
+            words = as_pressure(pressure[k], 4) if np.isfinite(pressure[k]) else "infinity: an edge touches"
             remedy = f"It needs a width of {as_length(rating.width * (pressure[k] / rating.limit) ** 2, 4)}"
             text = (
-                f"Hertz pressure up to {words} (limit {1e-6 * rating.limit:.4g} MPa) from {_where(cam, x[first])} to "
+                f"Hertz pressure up to {words} (limit {as_pressure(rating.limit, 4)}) from {_where(cam, x[first])} to "
                 f"{_where(cam, x[last])}, the most at {_where(cam, x[k])}. {remedy if np.isfinite(pressure[k]) else 'Round it'}"
             )
             yield Event(float(motion.time[first]), "WARN", cam.name, text, float(pressure[k]))

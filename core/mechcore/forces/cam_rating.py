@@ -26,7 +26,7 @@ from mechcore.motion.solve import compile_mechanism, default_times, solve_motion
 from mechcore.records import dataclass
 from mechcore.spec.loads import Spring
 from mechcore.spec.mechanism import CamDrawn, CamJoint, CamRating, Joint, Mechanism, Prismatic, braked
-from mechcore.texts import as_length
+from mechcore.texts import as_length, as_pressure
 
 AnyCam = PlacedCam | PlacedSpatial | PlacedInverse
 
@@ -332,7 +332,7 @@ def _least_roller(run: Solved, name: str) -> tuple[float, float]:
     sharp = find_limits(cam.cam).greatest_roller
     fits = np.inf if sharp is None else sharp.value - (joint.curvature_limit or 0.0)
     if least > min(greatest, fits):
-        limit = f"{1e-6 * joint.rating.limit:.5g} MPa" if joint.rating.limit else ""
+        limit = as_pressure(joint.rating.limit, 5) if joint.rating.limit else ""
         why = f"no roller on this cam keeps to a Hertz pressure of {limit}."
         raise MechanismError(Fault(path, why, "Give a wider contact, a larger limit or a larger base circle."))
     return least, where

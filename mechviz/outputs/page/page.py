@@ -23,6 +23,7 @@ from mechviz.picture.overlays import DIAGRAMS, HIDDEN, INVERSION, WORDS
 from mechviz.quantities.catalogue import Catalogue
 from mechviz.quantities.numbers import Numbers
 from mechviz.quantities.vectors import FAMILIES, FORCE_FAMILIES, round_value
+from mechviz.scene.units import Units
 
 ROUND_OFF = 1e-9  # of the largest value of the same unit
 MOST_FIRST = 4
@@ -147,7 +148,8 @@ def _polar(plot: Plot) -> Plot | None:
     if not plot.key.startswith("joint.") or not plot.key.endswith(".reaction"):
         return None
     title = f"{plot.title.partition(':')[0]}: polar plot of the reaction"
-    return Plot(title, "N", ("Fy",), plot.values[:, 1:2], f"{plot.key}.polar", plot.values[:, 0], "Fx [N]", equal=True)
+    across = f"Fx [{plot.unit}]"
+    return Plot(title, plot.unit, ("Fy",), plot.values[:, 1:2], f"{plot.key}.polar", plot.values[:, 0], across, equal=True)
 
 
 def _phases(plots: list[Plot]) -> list[Plot]:
@@ -256,7 +258,8 @@ def show_text(
         "bodies": bodies,
         "drawables": drawables,
         "constructions": [pack_drawing(d, picture.size, frames, pack) for d in shown.drawings().values()] if plots else [],
-        "groups": _groups(picture, [*drawables, *bodies]),
+        "groups": _groups(picture, [*drawables, *bodies], catalogue.numbers.units),
+        "length": dict(zip(("unit", "per_metre"), catalogue.numbers.units.reads("m"), strict=True)),
         "plots": [pack_plot(p, pack) for p in curves],
         "first": first_plots(catalogue, curves, simulated=shown.simulated),
         "lanes": [
@@ -273,10 +276,10 @@ def _axes(catalogue: Catalogue, frames: Frames, pack: Pack) -> list[dict[str, An
     axes = []
     for axis in catalogue.axes[:-1]:
         values = axis.values[frames.rows]
-        axes.append({"title": axis.label, "unit": axis.unit, "values": pack.floats(values)})
-        if axis.unit == "°" and np.ptp(values) > 361.0:
-            title = f"{axis.label}, cycles overlaid"
-            axes.append({"title": title, "unit": axis.unit, "values": pack.floats(values), "turn": 360.0})
+        decimals = catalogue.numbers.units.decimals("m" if axis.turn is None else "rad")
+        axes.append({"title": axis.label, "unit": axis.unit, "decimals": decimals, "values": pack.floats(values)})
+        if axis.turn is not None and np.ptp(values) > (1.0 + 1.0 / 360.0) * axis.turn:
+            axes.append(axes[-1] | {"title": f"{axis.label}, cycles overlaid", "values": pack.floats(values), "turn": axis.turn})
     return axes
 
 
@@ -310,7 +313,7 @@ def _core(picture: Picture) -> Any:
     return bounds
 
 
-def _groups(picture: Picture, drawn: list[dict[str, Any]]) -> list[dict[str, Any]]:
+def _groups(picture: Picture, drawn: list[dict[str, Any]], units: Units) -> list[dict[str, Any]]:
     """Groups that can be shown and hidden: names, colours on light and dark grounds, whether shown at first, the arrows' scale."""
     present = {d["group"] for d in drawn}
     forces = bool(present & set(FORCE_FAMILIES))
@@ -321,11 +324,12 @@ def _groups(picture: Picture, drawn: list[dict[str, Any]]) -> list[dict[str, Any
         entry = {"name": name, "label": family.label, "meaning": family.meaning, "shown": name in FORCE_FAMILIES or not forces}
         entry["shown"] = entry["shown"] and name != "acceleration" and picture.marks
         entry |= {"light": hex_of(family.color), "dark": hex_of(family.on_dark)}
+        unit, factor = units.reads(family.unit)
         per_metre = picture.scales.per_metre(name)
         arrows = any(d["group"] == name and d["kind"] == "arrows" for d in drawn if "kind" in d)
         if arrows and per_metre > 0.0 and per_metre != 1.0:
-            value = round_value(LEGEND * float(np.ptp(picture.bounds, axis=0)[:2].max()) * per_metre)
-            entry |= {"length": value / per_metre, "value": f"{value:g} {family.unit}"}
+            value = round_value(LEGEND * float(np.ptp(picture.bounds, axis=0)[:2].max()) * per_metre * factor)
+            entry |= {"length": value / (per_metre * factor), "value": f"{value:g} {unit}"}
         groups.append(entry)
     groups += [{"name": k, "label": v, "shown": k not in HIDDEN} for k, v in GROUPS.items() if k in present]
     return [*groups, {"name": "names", "label": "Names", "shown": picture.marks}]

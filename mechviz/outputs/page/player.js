@@ -42,7 +42,7 @@ class Player {
       const button = document.createElement("button");
       button.type = "button";
       button.dataset.group = group.name;
-      button.title = group.meaning ? `${group.meaning}${group.value ? `; scale: ${group.value} = ${words(group.length * 1000, 3)} mm` : ""}` : group.label;
+      button.title = group.meaning ? `${group.meaning}${group.value ? `; scale: ${group.value} = ${this.length(group.length, 3)}` : ""}` : group.label;
       button.setAttribute("aria-pressed", String(group.shown));
       if (group.light) {
         const swatch = document.createElement("i");
@@ -56,11 +56,16 @@ class Player {
     this.noteScales();
   }
 
+  /** A length [m] as people read it. */
+  length(value, digits) {
+    return `${words(value * this.header.length.per_metre, digits)} ${this.header.length.unit}`;
+  }
+
   /** The grid's cell, and how long which value is drawn: once for all families of forces. */
   noteScales() {
     if (!this.stage) return;
-    const scales = this.header.groups.filter((g) => g.value && this.stage.shown[g.name]).map((g) => `${g.value} = ${words(g.length * 1000, 3)} mm`);
-    $("grid-note").textContent = [`Grid ${words(this.stage.cell * 1000)} mm`, ...new Set(scales)].join("  ·  ");
+    const scales = this.header.groups.filter((g) => g.value && this.stage.shown[g.name]).map((g) => `${g.value} = ${this.length(g.length, 3)}`);
+    $("grid-note").textContent = [`Grid ${this.length(this.stage.cell)}`, ...new Set(scales)].join("  ·  ");
   }
 
   buildSide() {
@@ -228,7 +233,7 @@ class Player {
     const parts = this.axes.filter((a) => !a.turn).map((a) => {
       const [k, t] = split(this.frame, this.header.frames);
       const v = a.values[k] * (1 - t) + a.values[Math.min(k + 1, this.header.frames - 1)] * t;
-      return a.unit === "s" ? `t = ${v.toFixed(4)} s` : `${v.toFixed(a.unit === "°" ? 1 : 2).replace("-", "−")}${a.unit === "°" ? "°" : " mm"}`;
+      return a.unit === "s" ? `t = ${v.toFixed(4)} s` : `${v.toFixed(a.decimals).replace("-", "−")}${a.unit === "°" ? "" : " "}${a.unit}`;
     });
     $("readout").textContent = parts.join("  ·  ");
     $("slider").setAttribute("aria-valuetext", parts.join(", "));

@@ -96,9 +96,10 @@ class Stage {
     this.size = Math.max(header.bounds[1][0] - header.bounds[0][0], header.bounds[1][1] - header.bounds[0][1], 1e-9);
     this.shown = Object.fromEntries(header.groups.map((g) => [g.name, g.shown]));
     this.theme = theme;
-    const wanted = this.size / 10; // a round length near a tenth of the mechanism
+    const { per_metre } = header.length;
+    const wanted = (this.size / 10) * per_metre; // a round length near a tenth of the mechanism
     const decade = 10 ** Math.floor(Math.log10(wanted));
-    this.cell = decade * [5, 2, 1].find((step) => step * decade <= wanted * (1 + 1e-9));
+    this.cell = (decade * [5, 2, 1].find((step) => step * decade <= wanted * (1 + 1e-9))) / per_metre;
     this.load();
     // telephones take the picture's memory away from pages in the background, and give it back
     canvas.addEventListener("webglcontextlost", (e) => e.preventDefault());

@@ -18,6 +18,7 @@ from mechviz.outputs.rerun.plots import (
     cam_outputs,
     effort_outputs,
     free_outputs,
+    health_outputs,
     main_outputs,
     mark_path,
     reaction_outputs,
@@ -295,20 +296,12 @@ def _below(run: Run, events: Sequence[Event]) -> Any:
     """Events, health and notes in tabs."""
     import rerun.blueprint as rrb
 
-    health = [
-        ("Health: closure [m, m/s, m/s²]", ("closure", "velocity_closure", "acceleration_closure")),
-        ("Health: condition [1]", ("condition",)),
-    ]
-    if run.forces is not None:
-        health.append(("Health: power balance [1]", ("power_balance",)))
-    if run.simulation is not None:
-        health.append(("Health: energy drift [1]", ("energy_drift",)))
     views: list[Any] = []
     if events:
         no_time = rrb.encodings.TimelineColumn("time", visible=False)  # the text itself says when
         columns = rrb.TextLogColumns(timeline_columns=[no_time], text_log_columns=["LogLevel", "Body"])
         views.append(rrb.TextLogView(origin="/events", name="Events", columns=columns))
-    views += [_plot(Output(name, tuple((entity("health", k), ()) for k in kinds))) for name, kinds in health]
+    views += [_plot(output) for output in health_outputs(run)]
     if run.forces is not None and run.simulation is None:
         views.append(_plot(Output("Energy [J]", ((entity("data", "energy"), ()),))))
     rubbing = run.forces is not None and run.forces.friction is not None

@@ -69,7 +69,7 @@ FAMILIES: tuple[Family, ...] = (
     Family("data", streams=lambda c: table_streams(c.tables, c.run.kept.numbers)),
     Family("picture", streams=lambda c: picture_streams(c.picture, c.every), statics=lambda c: picture_statics(c.picture)),
     Family("lanes", statics=lambda c: lane_styles(c.run)),
-    Family("legend", statics=lambda c: legend_shapes(c.picture, overlay_box(c.run, c.solids))),
+    Family("legend", statics=lambda c: legend_shapes(c.picture, overlay_box(c.run, c.solids), c.run.scene.units)),
     Family("plots", streams=lambda c: plot_streams(c.run, c.every), statics=lambda c: plot_styles(c.run, c.tables)),
     Family("diagrams", streams=lambda c: diagram_streams(c.diagrams, c.every), statics=lambda c: diagram_shapes(c.diagrams)),
     Family(
@@ -203,6 +203,7 @@ def _properties(run: Run, picture: Picture, wall_seconds: float, *, complete: bo
         "scene": run.scene.name,
         "title": run.scene.title or run.scene.name,
         "frames": recorded_frames(run),
+        "units": json.dumps(vars(run.scene.units)),
         "tolerance": run.numbers.tolerance,
         "length_scale": run.numbers.length_scale,
         "cycle": run.numbers.cycle,
@@ -282,12 +283,16 @@ def notes(run: Run, solids: Solids, scales: Scales, stages: list[Stage], every: 
     lines += equation_table(run)
     lines += ["## Cost", "", "| stage | time [ms] |", "|---|---|"]
     lines += [f"| {s.name} | {1e3 * s.seconds:.1f} |" for s in stages]
-    shown = [
-        (scales.newtons_per_metre, "N of force per metre of an arrow"),
-        (scales.newton_metres_per_metre, "N m of moment per metre of an arc's length"),
-        (scales.mps_per_metre, "m/s of velocity per metre of an arrow"),
-        (scales.mps2_per_metre, "m/s² of acceleration per metre of an arrow"),
-    ]
+    length, per = scene.units.reads("m", small=True)
+    shown = []
+    for value, si, what in (
+        (scales.newtons_per_metre, "N", "of force per {} of an arrow"),
+        (scales.newton_metres_per_metre, "N m", "of moment per {} of an arc's length"),
+        (scales.mps_per_metre, "m/s", "of velocity per {} of an arrow"),
+        (scales.mps2_per_metre, "m/s^2", "of acceleration per {} of an arrow"),
+    ):
+        unit, factor = scene.units.reads(si)
+        shown.append((value * factor / per, f"{unit} {what.format('metre' if length == 'm' else length)}"))
     if run.forces is not None:
         lines += ["", *power_markdown(power_table(run.forces))]
     lines += _simulation_notes(run)

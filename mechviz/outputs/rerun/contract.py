@@ -27,6 +27,7 @@ from pydantic import (
 
 from mechviz.outputs.rerun.entities import entity, parts_of
 from mechviz.picture.nodes import FARTHEST
+from mechviz.scene.units import MILLIMETRES, Units
 
 if TYPE_CHECKING:
     from mechviz.outputs.rerun.reader import Recording
@@ -114,13 +115,21 @@ class QuantityPart(Part):
     entity: str
 
 
+def _known(units: Units) -> Units:
+    for kind in vars(units):
+        units.factor(kind)
+    return units
+
+
 class Properties(Part):
-    """Properties of a recording, those that are JSON as what they hold. Older recordings lack those that may be None."""
+    """Properties of a recording, those that are JSON as what they hold. Older recordings lack those that may be None, and show
+    millimetres and degrees."""
 
     version: str = ""
     scene: str = ""
     title: str = ""
     frames: NonNegativeInt
+    units: Annotated[Json[Units], AfterValidator(_known)] = MILLIMETRES
     tolerance: Positive
     length_scale: Positive | None = None
     cycle: Positive | None = None

@@ -15,6 +15,7 @@ from mechviz.picture.arrows import SHORTEST, visible
 from mechviz.picture.nodes import Arc, Arrow, ArrowSet, Body, Lines, Node, Picture, Points
 from mechviz.picture.proportions import in_space
 from mechviz.quantities.vectors import FAMILIES, LARGEST_ARC, LARGEST_ARROW, Moment, Scales, Vector, round_value
+from mechviz.scene.units import Units
 
 MOTION = ("velocity", "acceleration")
 ARC_POINTS = 24
@@ -238,11 +239,12 @@ LEGEND_ROW = 0.9  # of all labels together, where the least allows it
 LEGEND_ASPECT = 1.5  # width of the picture over its height, about
 
 
-def legend_shapes(picture: Picture, around: Real) -> Iterator[Static]:
+def legend_shapes(picture: Picture, around: Real, units: Units) -> Iterator[Static]:
     """``/legend/forces/<family>`` and ``/legend/motion/<family>``: static arrows and their labels.
 
     A family of which nothing is long enough to be drawn at any frame is left out; one of moments alone has no value.
-    ``around``: the box (2, 3) [m] around what else is drawn on the mechanism; the legend stands below that, too.
+    ``around``: the box (2, 3) [m] around what else is drawn on the mechanism; the legend stands below that, too. ``units`` in which
+    people read the values.
     """
     scales, size = picture.scales, picture.size
     vectors, moments = [a.vector for a in picture.of(Arrow)], [a.moment for a in picture.of(Arc)]
@@ -259,9 +261,10 @@ def legend_shapes(picture: Picture, around: Real) -> Iterator[Static]:
             per_metre = scales.per_metre(family)
             words, length = FAMILIES[family].label, LEGEND_LENGTH * size
             if family in pointing:
-                value = round_value(length * per_metre)
-                length = value / per_metre
-                words += f": {value:g} {FAMILIES[family].unit}"
+                unit, factor = units.reads(FAMILIES[family].unit)
+                value = round_value(length * per_metre * factor)
+                length = value / (per_metre * factor)
+                words += f": {value:g} {unit}"
             start = _legend_place((k - 0.5 * (len(families) - 1)) * column, bottom, picture)
             yield from _legend_entry(("legend", view, family), start, length, words, FAMILIES[family].on_dark, size)
 

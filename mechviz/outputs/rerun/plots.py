@@ -14,7 +14,6 @@ from mechcore.records import dataclass
 from mechcore.spec.clearance import journals_of, made_joints
 from mechcore.spec.mechanism import CamJoint
 from mechviz.outputs.rerun.entities import Static, Stream, Timelines, entity, packed, scalar_rows
-from mechviz.quantities.entries import UNITS
 from mechviz.quantities.events import lanes_of
 from mechviz.quantities.items import JointInfo, Table, joint_unit, joints_of
 from mechviz.quantities.tables import rounding_of_efforts
@@ -39,6 +38,9 @@ PALETTE = (
 )
 """Colours of curves on a dark ground; neighbours differ in hue and lightness."""
 
+CLOSURES = {"closure": "m", "velocity_closure": "m/s", "acceleration_closure": "m/s^2"}
+"""Residuals of loops and their units."""
+
 MOST = 3  # outputs in one plot
 MOST_REACTIONS = 6  # joints in one plot
 
@@ -56,20 +58,21 @@ class Output:
 
 @dataclass(frozen=True, eq=False)
 class Gathered:
-    """Series of several items that share a plot: an entity of its own, so that its legend names nothing else."""
+    """Series that share a plot, in the unit in which people read them: an entity of its own, so that its legend names nothing
+    else; or ``data``, as in `Output`, where these are the same series in SI units, which people read as they are."""
 
     path: tuple[str, ...]
     view: str  # name of the view
     names: tuple[str, ...]  # of the series
     values: Real  # (F, n)
-    alone: tuple[str, tuple[bool, ...]] | None = None  # where a single item has them: its entity, and which of the series
+    data: tuple[tuple[str, tuple[bool, ...]], ...] = ()
+    single: bool = False  # as in `Output`
     least: float = 0.0  # as in `Output`
 
     @property
     def output(self) -> Output:
-        if self.alone is not None:
-            return Output(self.view, (self.alone,), self.values, least=self.least)
-        return Output(self.view, ((entity(*self.path), ()),), self.values, least=self.least)
+        shown = self.data or ((entity(*self.path), ()),)
+        return Output(self.view, shown, self.values, self.single and bool(self.data), self.least)
 
 
 def main_outputs(run: Run) -> list[Output]:
@@ -77,39 +80,37 @@ def main_outputs(run: Run) -> list[Output]:
     names, points = _moved(run)
     if names:
         return [gathered.output for gathered in _of_joints(run, names)]
-    return [
-        *(gathered.output for gathered in _places(run, points)),
-        *(
-            Output(
-                f"Point {kind} [{u}]",
-                tuple((entity("data", "points", point_name(*p), kind), (True, True)) for p in points),
-                np.column_stack([run.motion.point(*p, k) for p in points]),
-            )
-            for k, kind, u in ((1, "velocity", "m/s"), (2, "acceleration", "m/s²"))
-            if points
-        ),
-    ]
+    return [gathered.output for gathered in _of_points(run, points)]
 
 
-def _places(run: Run, points: list[tuple[str, str]]) -> list[Gathered]:
-    """Where points are."""
-    if not points:
-        return []
-    shown, factor = UNITS["m"]
-    names = tuple(f"{point_name(*p)}.{axis} [{shown}]" for p in points for axis in "xy")
-    values = factor * np.column_stack([run.motion.point(*p) for p in points])
-    return [Gathered(("plots", "position"), f"Point position [{shown}]", names, values)]
+def _of_points(run: Run, points: list[tuple[str, str]]) -> list[Gathered]:
+    """Where points are, their velocities and accelerations."""
+    gathered = []
+    for k, (kind, letter, si) in enumerate((("position", "", "m"), ("velocity", "v", "m/s"), ("acceleration", "a", "m/s^2"))):
+        if points:
+            unit, factor = run.scene.units.reads(si)
+            names = tuple(f"{point_name(*p)}.{letter}{axis} [{unit}]" for p in points for axis in "xy")
+            values = factor * np.column_stack([run.motion.point(*p, k) for p in points])
+            data = tuple((entity("data", "points", point_name(*p), kind), (True, True)) for p in points)
+            gathered.append(Gathered(("plots", kind), f"Point {kind} [{unit}]", names, values, data if k and factor == 1.0 else ()))
+    return gathered
 
 
 def study_outputs(run: Run) -> list[Output]:
     """Plots of what a scene asks for beside motion and forces: reduced masses with their derivatives, shaking forces."""
-    outputs = []
+    return [gathered.output for gathered in (*_reduced(run), *_shaking(run))]
+
+
+def _reduced(run: Run) -> list[Gathered]:
+    """Reduced masses and moments of inertia."""
+    gathered = []
     for name, r in run.studies.reduced.items():
-        what = "Reduced moment of inertia [kg m²]" if r.point is None else "Reduced mass [kg]"
-        path = entity("data", "reduced", name)
-        outputs.append(Output(f"{what}, {name}", ((path, (True, False, False, False)),), r.mass[:, None]))
-    outputs += [gathered.output for gathered in _shaking(run)]
-    return outputs
+        what, si = ("Reduced moment of inertia", "kg m^2") if r.point is None else ("Reduced mass", "kg")
+        unit, factor = run.scene.units.reads(si)
+        data = ((entity("data", "reduced", name), (True, False, False, False)),) if factor == 1.0 else ()
+        view, values = f"{what} [{unit}], {name}", factor * r.mass[:, None]
+        gathered.append(Gathered(("plots", "reduced", name), view, (f"{name} [{unit}]",), values, data))
+    return gathered
 
 
 def _shaking(run: Run) -> list[Gathered]:
@@ -118,27 +119,31 @@ def _shaking(run: Run) -> list[Gathered]:
     if before is None:
         return []
     both = [before] if after is None else [before, after]
-    alone = (entity("data", "shaking"), (False, False, True)) if after is None else None
-    names = ("shaking moment [N m]", "with counterweights [N m]")[: len(both)]
-    values = np.column_stack([s.moment for s in both])
-    return [Gathered(("plots", "shaking moment"), "Shaking moment [N m]", names, values, alone)]
+    unit, factor = run.scene.units.reads("N m")
+    data = ((entity("data", "shaking"), (False, False, True)),) if after is None and factor == 1.0 else ()
+    names = (f"shaking moment [{unit}]", f"with counterweights [{unit}]")[: len(both)]
+    values = factor * np.column_stack([s.moment for s in both])
+    return [Gathered(("plots", "shaking moment"), f"Shaking moment [{unit}]", names, values, data)]
 
 
 def cam_outputs(run: Run) -> list[Output]:
     """Lift and pressure angle of the cams, and the force where they touch."""
-    names = _cams(run)
-    if not names:
-        return []
-    outputs = [gathered.output for gathered in _of_cams(run)]
-    if run.forces is not None:
-        force = tuple((entity("data", "cams", name, "contact"), tuple(i == 2 for i in range(6))) for name in names)
-        outputs.insert(2, Output("Contact force [N]", force, single=len(names) == 1))
-    rated = {p.name: p for p in run.motion.mechanism.joints if isinstance(p, CamJoint) and p.name in names}
+    return [gathered.output for gathered in (*_of_cams(run), *_drawn_laws(run))]
+
+
+def _drawn_laws(run: Run) -> list[Gathered]:
+    """Accelerations of lifts as they are drawn, beside the exact ones."""
+    gathered = []
+    rated = {p.name: p for p in run.motion.mechanism.joints if isinstance(p, CamJoint) and p.name in _cams(run)}
     for name in (n for n, p in rated.items() if p.drawn is not None):
+        drawn, exact = (run.numbers.tables["data", "cams", name, table] for table in ("graphical", "lift"))
+        unit, factor = run.scene.units.reads(exact.columns[2][1])
         both = (entity("data", "cams", name, "graphical"), (False, False, True, False, False, False))
-        exact = (entity("data", "cams", name, "lift"), (False, False, True))
-        outputs.append(Output(f"Acceleration of the lift, drawn and exact, {name}", (both, exact)))
-    return outputs
+        data = (both, (entity("data", "cams", name, "lift"), (False, False, True))) if factor == 1.0 else ()
+        values = factor * np.column_stack([drawn.values[:, 2], exact.values[:, 2]])
+        view = f"Acceleration of the lift, drawn and exact, {name}"
+        gathered.append(Gathered(("plots", "drawn", name), view, (f"drawn [{unit}]", f"exact [{unit}]"), values, data))
+    return gathered
 
 
 def _cams(run: Run) -> list[str]:
@@ -147,17 +152,21 @@ def _cams(run: Run) -> list[str]:
 
 
 def _of_cams(run: Run) -> list[Gathered]:
-    """Lift, pressure angle and Hertz pressure of the cams in the units in which people read them."""
-    gathered = []
-    for table, column, title in (("lift", 0, "Lift"), ("contact", 3, "Pressure angle"), ("stress", 0, "Hertz pressure")):
+    """Lift, pressure angle, contact force and Hertz pressure of the cams."""
+    gathered, force = [], () if run.forces is None else (("contact", 2, "Contact force"),)
+    for table, column, title in (("lift", 0, "Lift"), ("contact", 3, "Pressure angle"), *force, ("stress", 0, "Hertz pressure")):
         tables = {name: run.numbers.tables.get(("data", "cams", name, table)) for name in _cams(run)}
-        curves = {name: (t.values[:, column], UNITS[t.columns[column][1]]) for name, t in tables.items() if t is not None}
+        reads = run.scene.units.reads
+        curves = {name: (t.values[:, column], reads(t.columns[column][1])) for name, t in tables.items() if t is not None}
         if curves:
             units = {unit for _, (unit, _) in curves.values()}
             series = tuple(f"{name} [{unit}]" for name, (_, (unit, _)) in curves.items())
             values = np.column_stack([factor * value for value, (_, factor) in curves.values()])
             view = f"{title} [{units.pop()}]" if len(units) == 1 else title
-            gathered.append(Gathered(("plots", title.lower()), view, series, values))
+            as_they_are = title == "Contact force" and all(factor == 1.0 for _, (_, factor) in curves.values())
+            data = tuple((entity("data", "cams", n, table), tuple(i == column for i in range(6))) for n in curves)
+            single = as_they_are and len(curves) == 1
+            gathered.append(Gathered(("plots", title.lower()), view, series, values, data if as_they_are else (), single))
     return gathered
 
 
@@ -181,11 +190,11 @@ def _of_joints(run: Run, joints: list[JointInfo]) -> list[Gathered]:
     unit, noun, first = ("m", "Slider", "displacement") if sliding else ("rad", "Output" if turning else "Rocker", "angle")
     gathered = []
     for k, (kind, si) in enumerate(((first, unit), ("velocity", f"{unit}/s"), ("acceleration", f"{unit}/s²"))):
-        u, factor = UNITS.get(si, (si, 1.0))
-        own = len(joints) == 1 and u == si  # the data themselves are plotted
-        alone = (entity("data", "joints", joints[0].name, "motion"), tuple(i == k for i in range(3))) if own else None
+        u, factor = run.scene.units.reads(si)
+        own = len(joints) == 1 and factor == 1.0  # the data themselves are plotted
+        data = ((entity("data", "joints", joints[0].name, "motion"), tuple(i == k for i in range(3))),) if own else ()
         values = factor * np.column_stack([motion[:, k] for motion in motions])
-        gathered.append(Gathered(("plots", kind), f"{noun} {kind} [{u}]", tuple(f"{j.name} [{u}]" for j in joints), values, alone))
+        gathered.append(Gathered(("plots", kind), f"{noun} {kind} [{u}]", tuple(f"{j.name} [{u}]" for j in joints), values, data))
     return gathered
 
 
@@ -199,14 +208,16 @@ def _efforts(run: Run) -> list[Gathered]:
     if forces is None:
         return []
     efforts = []
-    for unit, path, name, u in (("rad", "torque", "Driving torque", "N m"), ("m", "force", "Driving force", "N")):
+    for unit, path, name, si in (("rad", "torque", "Driving torque", "N m"), ("m", "force", "Driving force", "N")):
         joints = [d.joint for d in run.motion.mechanism.drives if joint_unit(run.motion, d.joint) == unit]
         if joints:
-            values = np.column_stack([forces.effort(p) for p in joints])
-            alone = (entity("data", "drive", joints[0]), (False, False, False, True, False)) if len(joints) == 1 else None
+            u, factor = run.scene.units.reads(si)
+            values = factor * np.column_stack([forces.effort(p) for p in joints])
+            own = len(joints) == 1 and factor == 1.0
+            data = ((entity("data", "drive", joints[0]), (False, False, False, True, False)),) if own else ()
             series = tuple(f"{p} [{u}]" for p in joints)
-            least = rounding_of_efforts(run, unit)
-            efforts.append(Gathered(("plots", path), f"{name} [{u}]", series, values, alone, least))
+            least = factor * rounding_of_efforts(run, unit)
+            efforts.append(Gathered(("plots", path), f"{name} [{u}]", series, values, data, least=least))
     return efforts
 
 
@@ -228,10 +239,11 @@ def _speeds(run: Run) -> list[Gathered]:
     for unit, path in (("rad", "angular speed"), ("m", "speed")):
         some = [p for p in joints if joint_unit(run.motion, p) == unit]
         if some:
-            rates = np.column_stack([run.motion.coordinate(p)[:, 1] for p in some])
-            alone = (entity("data", "joints", some[0], "motion"), (False, True, False)) if len(some) == 1 else None
-            names = tuple(f"{p} [{unit}/s]" for p in some)
-            speeds.append(Gathered(("plots", path), f"Speed [{unit}/s]", names, rates, alone))
+            u, factor = run.scene.units.reads(f"{unit}/s")
+            rates = factor * np.column_stack([run.motion.coordinate(p)[:, 1] for p in some])
+            own = len(some) == 1 and factor == 1.0
+            data = ((entity("data", "joints", some[0], "motion"), (False, True, False)),) if own else ()
+            speeds.append(Gathered(("plots", path), f"Speed [{u}]", tuple(f"{p} [{u}]" for p in some), rates, data))
     return speeds
 
 
@@ -241,7 +253,7 @@ def _gaps(run: Run) -> list[Gathered]:
     if not journals:
         return []
     apart = [j.radial - np.hypot(*(run.motion.coordinate(s)[:, 0] for s in j.slides)) for j in journals.values()]
-    unit, factor = UNITS["m"]
+    unit, factor = run.scene.units.reads("m")
     names = tuple(f"{p} [{unit}]" for p in journals)
     return [Gathered(("plots", "gap"), f"Gap in the bearing [{unit}]", names, factor * np.column_stack(apart))]
 
@@ -251,11 +263,13 @@ def reaction_outputs(run: Run) -> list[Output]:
     names = [j.name for j in joints_of(run.motion)]
     if run.forces is None or not names:
         return []
-    sizes = _reactions(run)
+    sizes, (unit, _) = _reactions(run), run.scene.units.reads("N")
     parts = [range(k, min(k + MOST_REACTIONS, len(names))) for k in range(0, len(names), MOST_REACTIONS)]
     return [
         Output(
-            "Joint reactions, magnitude [N]" if len(parts) == 1 else f"Reactions {names[part[0]]} … {names[part[-1]]} [N]",
+            f"Joint reactions, magnitude [{unit}]"
+            if len(parts) == 1
+            else f"Reactions {names[part[0]]} … {names[part[-1]]} [{unit}]",
             ((entity("plots", "reactions", str(number)), ()),),
             sizes[:, list(part)],
         )
@@ -265,7 +279,27 @@ def reaction_outputs(run: Run) -> list[Output]:
 
 def _reactions(run: Run) -> Real:
     assert run.forces is not None
-    return np.column_stack([np.hypot(*run.forces.reaction(j.name)[:, :2].T) for j in joints_of(run.motion)])
+    _, factor = run.scene.units.reads("N")
+    return factor * np.column_stack([np.hypot(*run.forces.reaction(j.name)[:, :2].T) for j in joints_of(run.motion)])
+
+
+def health_outputs(run: Run) -> list[Output]:
+    """How far loops are open and what else shows whether a run can be trusted."""
+    outputs = [_closures(run).output, Output("Health: condition [1]", ((entity("health", "condition"), ()),))]
+    if run.forces is not None:
+        outputs.append(Output("Health: power balance [1]", ((entity("health", "power_balance"), ()),)))
+    if run.simulation is not None:
+        outputs.append(Output("Health: energy drift [1]", ((entity("health", "energy_drift"), ()),)))
+    return outputs
+
+
+def _closures(run: Run) -> Gathered:
+    reads = {name: run.scene.units.reads(si, small=True) for name, si in CLOSURES.items()}
+    units, factors = zip(*reads.values(), strict=True)
+    values = np.column_stack([run.numbers.tables["health", name].values for name in CLOSURES]) * factors
+    data = tuple((entity("health", name), ()) for name in CLOSURES) if set(factors) == {1.0} else ()
+    names = tuple(f"{name.replace('_', ' ')} [{unit}]" for name, unit in zip(CLOSURES, units, strict=True))
+    return Gathered(("plots", "closure"), f"Health: closure [{', '.join(units)}]", names, values, data)
 
 
 def plot_streams(run: Run, every: int) -> Iterator[Stream]:
@@ -287,9 +321,10 @@ def plot_streams(run: Run, every: int) -> Iterator[Stream]:
 
 def _gathered(run: Run) -> list[Gathered]:
     joints, points = _moved(run)
-    moved = _of_joints(run, joints) if joints else _places(run, points)
-    every = [*moved, *_of_cams(run), *_efforts(run), *_speeds(run), *_gaps(run), *_shaking(run)]
-    return [g for g in every if g.alone is None]
+    moved = _of_joints(run, joints) if joints else _of_points(run, points)
+    cams = (*_of_cams(run), *_drawn_laws(run))
+    every = [*moved, *cams, *_efforts(run), *_speeds(run), *_gaps(run), *_reduced(run), *_shaking(run), _closures(run)]
+    return [g for g in every if not g.data]
 
 
 def plot_styles(run: Run, all_tables: list[Table]) -> Iterator[Static]:
@@ -312,7 +347,7 @@ def plot_styles(run: Run, all_tables: list[Table]) -> Iterator[Static]:
     for gathered in _gathered(run):
         effort = gathered.path[-1] in ("torque", "force")  # green first, as the arrows are
         yield Static(entity(*gathered.path), style(list(gathered.names), 2 if effort else 0))
-    names = [f"{j.name} [N]" for j in joints_of(run.motion)]
+    names = [f"{j.name} [{run.scene.units.reads('N')[0]}]" for j in joints_of(run.motion)]
     for output in reaction_outputs(run):
         assert output.values is not None
         count = output.values.shape[1]

@@ -55,6 +55,7 @@ def numbers_in(recording: Recording) -> Numbers:
         loads={name: LoadInfo(load.kind, load.links, load.points) for name, load in model.loads.items()},
         traced=tuple(traced),
         tables=tables,
+        units=said.units,
         cycle=said.cycle or float(np.ptp(time)) or 1.0,
         length_scale=said.length_scale or said.tolerance / TOLERANCE,
         tolerance=said.tolerance,

@@ -334,10 +334,10 @@ class Inspector:
             self._heading.content = heading
         shown = [f for f in arrows.families if arrows.is_on(f)]
         names = [name.split(".", 1)[1] for name in show.paths]
-        content = words.legend(shown, names, show.scales, arrows.factor, show.size)
+        content = words.legend(shown, names, show.scales, arrows.factor, show.size, show.units)
         if content != self._legend.content:
             self._legend.content = content
-            self.timeline.explain(words.legend_line(shown, names, show.scales, arrows.factor, show.size))
+            self.timeline.explain(words.legend_line(shown, names, show.scales, arrows.factor, show.size, show.units))
 
     def _offer_comparison(self, words: str, name: str, callback: Callback) -> None:
         """A box that draws another design behind the mechanism, and its curves beside those of it."""

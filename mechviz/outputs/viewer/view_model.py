@@ -16,6 +16,7 @@ from mechviz.picture.nodes import Lines, Picture, Points
 from mechviz.quantities.catalogue import Axis, Catalogue, Health, Quantity
 from mechviz.quantities.numbers import Numbers
 from mechviz.quantities.vectors import FAMILIES, Scales
+from mechviz.scene.units import Units
 
 if TYPE_CHECKING:
     from mechviz.outputs.drawings import Diagram
@@ -42,11 +43,14 @@ class Body:
 
 @dataclass(frozen=True, eq=False)
 class DriveWay:
-    """The coordinate ``position`` (F,) [rad or m] of a drive (or of a free coordinate)."""
+    """The coordinate ``position`` (F,) of a drive (or of a free coordinate) in the unit in which people read it, and with how many
+    decimals they do."""
 
     name: str
     sliding: bool
     position: Real
+    unit: str
+    decimals: int
 
 
 @dataclass(frozen=True, eq=False)
@@ -117,12 +121,23 @@ class ViewModel:
         return self.picture.top
 
     @property
+    def units(self) -> Units:
+        """Units in which people read what is shown."""
+        return self.numbers.units
+
+    @property
     def scales(self) -> Scales:
         return self.picture.scales
 
     @cached_property
     def drives(self) -> tuple[DriveWay, ...]:
-        return tuple(DriveWay(d, self.numbers.slides(d), self.catalogue.coordinate(d)) for d in self.numbers.drives)
+        ways = []
+        for name in self.numbers.drives:
+            slides = self.numbers.slides(name)
+            si = "m" if slides else "rad"
+            unit, factor = self.units.reads(si)
+            ways.append(DriveWay(name, slides, factor * self.catalogue.coordinate(name), unit, self.units.decimals(si)))
+        return tuple(ways)
 
     @cached_property
     def paths(self) -> Mapping[str, Real]:

@@ -16,8 +16,9 @@ from mechviz.quantities.vectors import FAMILIES, FORCE_FAMILIES, Scales, round_v
 if TYPE_CHECKING:
     from mechviz.editor.parameters import Parameter
     from mechviz.outputs.viewer.session import Contribution
-    from mechviz.outputs.viewer.view_model import ViewModel
+    from mechviz.outputs.viewer.view_model import DriveWay, ViewModel
     from mechviz.runs import Run
+    from mechviz.scene.units import Units
 
 
 def _rgb(color: tuple[int, int, int]) -> str:
@@ -56,7 +57,12 @@ def heading(title: str, teaches: str) -> str:
 
 
 def legend(
-    families: Iterable[str], paths: Iterable[str], scales: Scales, factor: float | Callable[[str], float], size: float
+    families: Iterable[str],
+    paths: Iterable[str],
+    scales: Scales,
+    factor: float | Callable[[str], float],
+    size: float,
+    units: Units,
 ) -> str:
     """Legend: the meaning of each colour, and how long which value is drawn; ``factor`` is the user's enlargement, of all or by
     family."""
@@ -66,7 +72,7 @@ def legend(
     if paths:
         rows.append(_swatch(COLOR_OF_PATHS, 0.16, f"<b>Path</b> of {escape(', '.join(paths))}"))
     shown = set(families)
-    for unit, some, per_metre in (
+    for si, some, per_metre in (
         ("N", shown & set(FORCE_FAMILIES), scales.newtons_per_metre),
         ("m/s", shown & {"velocity"}, scales.mps_per_metre),
         ("m/s²", shown & {"acceleration"}, scales.mps2_per_metre),
@@ -74,12 +80,14 @@ def legend(
         if some and per_metre != 1.0:
             for times in sorted({enlarged(family) for family in some}):
                 whose = "" if len({enlarged(f) for f in some}) == 1 else _names(f for f in families if enlarged(f) == times)
-                rows.append(f"<div>{scale(unit, per_metre / times, size)}{whose}</div>")
-    rows.append(f'<div style="opacity:0.75">Grid: {number(grid_cell(size) * 1e3)} mm</div>')
+                rows.append(f"<div>{scale(units, si, per_metre / times, size)}{whose}</div>")
+    rows.append(f'<div style="opacity:0.75">Grid: {units.text(grid_cell(size, units), "m")}</div>')
     return _block("".join(rows), "font-size:0.78em;line-height:1.35")
 
 
-def legend_line(families: Iterable[str], paths: Iterable[str], scales: Scales, factor: Callable[[str], float], size: float) -> str:
+def legend_line(
+    families: Iterable[str], paths: Iterable[str], scales: Scales, factor: Callable[[str], float], size: float, units: Units
+) -> str:
     """The legend in a line: colours with their names, and how long a force is drawn."""
     families, paths = list(families), list(paths)
     spots = [(COLORS[f], FAMILIES[f].label, FAMILIES[f].meaning) for f in families]
@@ -91,7 +99,7 @@ def legend_line(families: Iterable[str], paths: Iterable[str], scales: Scales, f
     ]
     forces = [f for f in families if f in FORCE_FAMILIES]
     if forces and scales.newtons_per_metre != 1.0:
-        text = scale("N", scales.newtons_per_metre / factor(forces[0]), size)
+        text = scale(units, "N", scales.newtons_per_metre / factor(forces[0]), size)
         parts.append(f'<span style="opacity:0.7;white-space:nowrap">{text}</span>')
     return _block("".join(parts), "display:flex;flex-wrap:wrap;gap:0.1em 1.1em;font-size:0.78em;line-height:1.4")
 
@@ -142,17 +150,17 @@ def fault(text: str, parameter: Parameter | None, value: float, reach: tuple[flo
     )
 
 
-def contributions(items: Iterable[Contribution], effort: str) -> str:
+def contributions(items: Iterable[Contribution], effort: str, units: Units) -> str:
     """A table: what each effect changes in the peak of the ``effort`` (a drive torque, a drive force or a reaction), and what it
     costs; below it why something is not known."""
     items = list(items)
-    unit = "N m" if effort.endswith("torque") else "N"
+    unit, factor = units.reads("N m" if effort.endswith("torque") else "N")
     rows = []
     for item in items:
         known = np.isfinite([item.peak_with, item.peak_without]).all()
         peak = "—"
         if known:
-            change = item.peak_with - item.peak_without
+            change = factor * (item.peak_with - item.peak_without)
             sign = "+" if change > 0.0 else "−" if change < 0.0 else "±"
             peak = f"{sign}{number(abs(float(f'{change:.3g}')))} {unit}"
         cost = f"{number(float(f'{item.seconds * 1e3:.2g}'))} ms" if np.isfinite(item.seconds) else "—"
@@ -217,10 +225,7 @@ def values(item: str, rows: Iterable[tuple[str, Iterable[str], Iterable[float], 
 
 def place_in_run(show: ViewModel, frame: int) -> str:
     """Drive positions, time and frame number."""
-    parts = [
-        f'{escape(d.name)} <b data-mv="drive:{k}">{_position(d.sliding, float(d.position[frame]))}</b>'
-        for k, d in enumerate(show.drives)
-    ]
+    parts = [f'{escape(d.name)} <b data-mv="drive:{k}">{_position(d, frame)}</b>' for k, d in enumerate(show.drives)]
     parts.append(f'time <b data-mv="time">{show.time[frame]:.4f} s</b>')
     parts.append(f'<span style="opacity:0.7">frame <span data-mv="frame">{frame}</span> of {show.frames - 1}</span>')
     ends = float(show.time[0]), float(show.time[-1])
@@ -232,18 +237,21 @@ def place_in_run(show: ViewModel, frame: int) -> str:
     )
 
 
-def _position(sliding: bool, value: float) -> str:
-    text = f"{value * 1e3:.2f} mm" if sliding else f"{np.degrees(value):.1f}°"
-    return text.replace("-", "−", 1)
+def _position(drive: DriveWay, frame: int) -> str:
+    return f"{drive.position[frame]:.{drive.decimals}f}{after(drive.unit)}".replace("-", "−", 1)
 
 
-def scale(unit: str, per_metre: float, size: float) -> str:
-    """A round value of a ``unit``, of which ``per_metre`` are drawn as a metre, and its length: "500 N = 41 mm"."""
-    value = round_value(TARGET * size * per_metre)
+def scale(units: Units, si: str, per_metre: float, size: float) -> str:
+    """A round value of what is counted in ``si`` units, of which ``per_metre`` are drawn as a metre, and its length: "500 N =
+    41 mm"."""
+    unit, factor = units.reads(si)
+    value = round_value(TARGET * size * per_metre * factor)
+    long, metre = units.reads("m")
+    length = f"{number(round(value / factor / per_metre * metre, units.decimals('m') - 1))} {long}"
     for big, small in (("kN", "N"), ("km/s²", "m/s²")):
         if unit == small and value >= 1000.0:
-            return f"Scale: {number(value / 1000.0)} {big} = {number(round(value / per_metre * 1e3, 1))} mm"
-    return f"Scale: {number(value)} {unit} = {number(round(value / per_metre * 1e3, 1))} mm"
+            return f"Scale: {number(value / 1000.0)} {big} = {length}"
+    return f"Scale: {number(value)}{after(unit)} = {length}"
 
 
 def _swatch(color: str, thickness: float, words: str) -> str:

@@ -202,7 +202,7 @@ class FollowDocument(Table):
     quantity: Text
     """The quantity, such as link.rocker.angle, or one curve of it, link.ram.position[x]."""
     drive: Annotated[list[Value], Field(min_length=2)]
-    """Where the first drive is: with units, or numbers in degrees or mm."""
+    """Where the first drive is: with units, or numbers in the scene's unit."""
     values: Annotated[list[Value], Field(min_length=2)]
     """Values that it is to have there: with units, or numbers in its own."""
 
@@ -221,7 +221,7 @@ class PathDocument(Table):
     through: Annotated[list[Coordinates], Field(min_length=2)]
     """The places, in the world, in the scene's unit of length."""
     drive: Annotated[list[Value], Field(min_length=2)] | None = None
-    """Where the first drive is at each of them: with units, or numbers in degrees or mm. Default: wherever it comes nearest."""
+    """Where the first drive is at each of them: with units, or numbers in the scene's unit. Default: wherever it comes nearest."""
 
     @model_validator(mode="after")
     def _as_many(self) -> PathDocument:

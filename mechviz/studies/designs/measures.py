@@ -17,6 +17,7 @@ from mechcore.motion.metrics import mechanical_advantage, transmission_angles, v
 from mechcore.motion.motion import Motion
 from mechcore.numerics.interpolation import between
 from mechcore.records import dataclass
+from mechcore.texts import as_angle
 from mechviz.quantities.catalogue import Catalogue, Quantity
 from mechviz.quantities.vectors import centre_name, point_name
 from mechviz.scene.faults import did_you_mean
@@ -92,7 +93,7 @@ class Measure:
             return values[..., int(frames[0])]
         passed = np.flatnonzero(side[1:] != side[:-1])
         if not len(passed):
-            ends = f"{np.degrees(drive.min()):.6g}° to {np.degrees(drive.max()):.6g}°"
+            ends = f"{as_angle(drive.min())} to {as_angle(drive.max())}"
             raise _wrong(self.text, "the first drive never is there.", f"As an angle it runs over {ends}.")
         k = int(passed[0])
         share = (self.place - drive[k]) / (drive[k + 1] - drive[k])

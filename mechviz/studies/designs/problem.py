@@ -29,7 +29,6 @@ from mechviz.studies.designs.variables import Variable, parameters_of
 
 SHORTEST = {"crank-rocker": 0, "double-rocker": 1, "double-crank": 3}
 """Which link of crank, coupler, rocker and frame is the shortest, by the type of the linkage; of "any" type none has to be."""
-MM = 1e3
 STEP = 1e-3  # of a variable's range: formulas of lengths are that smooth
 EIGHTH = ((1, 4 / 5), (2, -1 / 5), (3, 4 / 105), (4, -1 / 280))  # weights of differences of eighth order
 _OF_MASS = ("mass", "centre", "inertia")
@@ -53,19 +52,21 @@ class FourBarLoop:
         return np.asarray(np.minimum(free, np.delete(lengths, k, axis=-1).min(axis=-1) - lengths[..., k]))
 
     def margins(self, scene: Scene, variables: Sequence[Variable], designs: Real) -> Real:
-        """Margins (D,) [mm] of designs (D, n) of a scene, in the units of its variables."""
+        """Margins (D,) of designs (D, n) of a scene, in the units of its variables; in the unit in which people read
+        its lengths."""
+        _, factor = scene.units.reads("m")
         values = {v.name: v.factor * designs[:, k] for k, v in enumerate(variables)}
         document = scene.document
         if all(_known(place) for place in document.formulas if place[0] == "links"):
             wanted = [place for place in document.formulas if place[0] == "links" and place[2] == "points"]
             varied = formula_values(document, parameter_arrays(document, values), wanted)
-            return MM * self.margin(self.lengths(scene.mechanism, varied, len(designs)))
+            return factor * self.margin(self.lengths(scene.mechanism, varied, len(designs)))
         stated = [{v.name: v.stated(float(x)) for v, x in zip(variables, design, strict=True)} for design in designs]
         made = [self.lengths(scene.with_parameters(one).mechanism) for one in stated]
-        return MM * self.margin(np.concatenate(made))
+        return factor * self.margin(np.concatenate(made))
 
     def slopes(self, scene: Scene, variables: Sequence[Variable], design: Real) -> Real:
-        """Derivatives (n,) of the margin [mm] by the variables, in their units."""
+        """Derivatives (n,) of the margin, as in `margins`, by the variables, in their units."""
         steps = np.array([STEP * (v.high - v.low) for v in variables])
         shifts = np.concatenate([sign * k * np.diag(steps) for k, _ in EIGHTH for sign in (1.0, -1.0)])
         sides = self.margins(scene, variables, design + shifts).reshape(len(EIGHTH), 2, len(design))
@@ -308,12 +309,11 @@ def problem_of(
         places = [_place(study, x, "goal.follow.drive") for x in goal.follow.drive]
         terms.append(_following(goal.follow.quantity, quantities[followed], followed, _weights_at(study, drive, places), wanted))
     if goal.path is not None and along is not None:
-        factor = float(scene.units.factor("length")) * 1e3  # of mm, in which points are stated
-        through = np.array(goal.path.through, float) * factor
+        through = np.array(goal.path.through, float)
         at = None
         if goal.path.drive is not None:
             at = _weights_at(study, drive, [_place(study, x, "goal.path.drive") for x in goal.path.drive])
-        terms.append(_passing(goal.path.point, (along[0], along[1]), through, at))
+        terms.append(_passing(f"distance of {goal.path.point}", scene.units.reads("m")[0], (along[0], along[1]), through, at))
     limits = []
     for text, k, entry in limited:
         ends = [None if x is None else _in_unit(x, quantities[k].unit, f"goal.limits.{text}") for x in (entry.least, entry.most)]
@@ -326,8 +326,9 @@ def problem_of(
         limits.append(Limit(text, quantities[k].unit, k, least, most, scale))
     for loop in [] if goal.grashof is None else four_bar_loops(study.nominal, goal.grashof):
         text = f"Grashof {loop.name}" + (f", {loop.type}" if loop.type != "any" else "")
-        size = float(np.mean(loop.lengths(scene.mechanism))) * MM
-        limits.append(Limit(text, "mm", -1, 0.0, np.inf, size, loop))
+        unit, factor = scene.units.reads("m")
+        size = float(np.mean(loop.lengths(scene.mechanism))) * factor
+        limits.append(Limit(text, unit, -1, 0.0, np.inf, size, loop))
     return Problem(stated, study, variables, tuple(terms), tuple(limits))
 
 
@@ -366,7 +367,7 @@ def _in_unit(value: float | str, unit: str, path: str) -> float:
         return float(value)
     try:
         number, own = split(value)
-        wanted = unit_of(unit.replace("°", "deg").replace("²", "^2")) if unit not in ("", "1") else None
+        wanted = unit_of(unit) if unit not in ("", "1") else None
         given = unit_of(own)
         if wanted is None or wanted.powers != given.powers:
             raise QuantityError(f"'{own}' is no unit of a quantity in {unit or 'plain numbers'}.", "Give it in that.")
@@ -385,9 +386,14 @@ def _drive(study: Study) -> Real:
 
 def _place(study: Study, value: float | str, path: str) -> float:
     """A stated position of the first drive [rad or m]."""
+    unit, factor = study.nominal.scene.units.reads(_along(study))
+    return _in_unit(value, unit, path) / factor
+
+
+def _along(study: Study) -> str:
+    """The SI unit of the first drive's coordinate."""
     run = study.nominal
-    slides = bool(run.motion.mechanism.drives) and run.catalogue.numbers.slides(run.motion.mechanism.drives[0].joint)
-    return _in_unit(value, "mm" if slides else "°", path) * (1e-3 if slides else np.pi / 180.0)
+    return "m" if run.motion.mechanism.drives and run.catalogue.numbers.slides(run.motion.mechanism.drives[0].joint) else "rad"
 
 
 def _weights_at(study: Study, drive: Real, places: Sequence[float]) -> Real:
@@ -395,7 +401,7 @@ def _weights_at(study: Study, drive: Real, places: Sequence[float]) -> Real:
     time, unit = study.nominal.catalogue.numbers.time, np.eye(len(drive))
     rows = []
     for place in places:
-        probe = Measure(f"at {np.degrees(place):.6g}", "", reducer="at", place=place)
+        probe = Measure(f"at {study.nominal.scene.units.text(place, _along(study), 6)}", "", reducer="at", place=place)
         rows.append(probe.reduced(unit, time, drive if len(drive) else None))
     return np.array(rows)
 
@@ -413,8 +419,8 @@ def _following(text: str, quantity: Quantity, measure: int, at: Real, wanted: Re
     return Term(f"deviation of {text}", quantity.unit, (measure,), value, weights, distance=True)
 
 
-def _passing(point: str, measures: tuple[int, int], through: Real, at: Real | None) -> Term:
-    """The root mean square distance of places from a path, at places of the drive or wherever it is nearest."""
+def _passing(text: str, unit: str, measures: tuple[int, int], through: Real, at: Real | None) -> Term:
+    """The root mean square distance of places from a path in a ``unit``, at places of the drive or wherever it is nearest."""
 
     def distances(x: Real, y: Real) -> tuple[Real, Real, Real]:
         """Vectors from the places to the path (..., M), and what the frames weigh in these (..., M, F)."""
@@ -442,4 +448,4 @@ def _passing(point: str, measures: tuple[int, int], through: Real, at: Real | No
         size = len(through) * max(float(np.sqrt(np.mean(dx**2 + dy**2))), 1e-300)
         return [np.asarray((d[:, None] * by).sum(axis=0) / size) for d in (dx, dy)]
 
-    return Term(f"distance of {point}", "mm", measures, value, weights, distance=True)
+    return Term(text, unit, measures, value, weights, distance=True)

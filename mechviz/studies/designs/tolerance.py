@@ -347,7 +347,7 @@ def _with_tolerance(variable: Variable, text: str) -> Variable:
         except ValueError:
             stated, unit = split(text)
             number = float(stated)
-        mine, theirs = (unit_of(u) if u else None for u in (variable.unit.replace("°", "deg"), unit.replace("°", "deg")))
+        mine, theirs = (unit_of(u) if u else None for u in (variable.unit, unit))
         if (mine.powers if mine else None) != (theirs.powers if theirs else None):
             raise QuantityError(f"'{unit}' is no unit of {variable.name}.", f"Give it in {variable.unit or 'plain numbers'}.")
         factor = float(theirs.factor / mine.factor) if mine and theirs else 1.0

@@ -11,6 +11,7 @@ import mechviz
 from mechcore.reduction.balancing import shaking
 from mechviz.commands.main import app
 from mechviz.runs import run_scene
+from mechviz.scene.units import MILLIMETRES
 from mechviz.studies.balance import balance_scene, polar_figure
 
 
@@ -24,7 +25,7 @@ def drawn(figure):
 
 def test_curves_are_the_forces_and_moments():
     b = balance_scene(mechviz.load("shaking-engine"))
-    figure = polar_figure("x & y", b.motion, {"before": b.before, "after": b.after})
+    figure = polar_figure("x & y", b.motion, {"before": b.before, "after": b.after}, MILLIMETRES)
     curves, dots, moments = drawn(figure)
     angle = b.motion.coordinate("A")[:, 0]
     assert b.before.peak <= figure.axes[0].get_rmax() <= 1.5 * b.before.peak
@@ -38,7 +39,7 @@ def test_curves_are_the_forces_and_moments():
 
 def test_a_full_balance_is_a_point():
     b = balance_scene(mechviz.load("shaking-four-bar"))
-    figure = polar_figure("four-bar", b.motion, {"before": b.before, "with counterweights": b.after})
+    figure = polar_figure("four-bar", b.motion, {"before": b.before, "with counterweights": b.after}, MILLIMETRES)
     curves, dots, _ = drawn(figure)
     assert np.abs(curves[1]).max() < 1e-9 * b.before.peak and [len(d) for d in dots] == [12, 1]
     assert figure.legends[0].get_texts()[1].get_text().startswith("with counterweights: 0 N")
@@ -70,7 +71,7 @@ def test_commands_write_them(tmp_path):
 def test_where_the_drive_slides_the_part_of_the_run_is_its_angle():
     run = run_scene(mechviz.load("excavator-arm"))
     resultants = shaking(run.motion)
-    curves, _, moments = drawn(polar_figure("arm", run.motion, {"shaking force": resultants}))
+    curves, _, moments = drawn(polar_figure("arm", run.motion, {"shaking force": resultants}, MILLIMETRES))
     turn = 2.0 * np.pi * run.motion.time / run.motion.time[-1]
     np.testing.assert_allclose(moments[0], np.column_stack([turn, resultants.moment]), atol=1e-12)
     np.testing.assert_allclose(curves[0], resultants.force, atol=1e-12)

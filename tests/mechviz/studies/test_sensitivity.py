@@ -105,7 +105,7 @@ TABLE = ', table = { joint = "S", position = [0.19, 0.31, 0.41], factor = [0, MI
 def test_numbers_of_the_factor_of_a_load_move_the_torque(factor, place, slope):
     run = run_scene(loads(PUSHED.replace("FACTOR", factor.replace("MIDDLE", "0.8"))))
     steady = run_scene(loads(PUSHED.replace("FACTOR", ""))).catalogue["drive.A.torque"].values()[:, 0]
-    x = run.catalogue["joint.S.displacement"].values()[:, 0] / 1e3  # it is in mm
+    x = run.catalogue["joint.S.displacement"].values()[:, 0]
     found = sensitivity(run, "drive.A.torque", [place]).slopes[0]
     np.testing.assert_allclose(found, steady * slope(x, run.motion.time), atol=1e-11 * np.abs(steady).max())
     assert np.abs(found).max() > 0.1

@@ -24,7 +24,7 @@ def rocker():
     given = CASE["inputs"]
     spread = dict(zip("abcd", given["tolerance_abcd"], strict=True))
     scene = Scene.build(
-        units={"length": "m", "angle": "rad"},
+        units={"length": "m", "angle": "deg"},
         parameters={k: {"value": f"{given[k]} m", "tolerance": f"{spread[k]} m"} for k in "abcd"},
         links={
             "frame": {"points": {"A": [0, 0], "D": ["d", 0]}},
@@ -33,7 +33,7 @@ def rocker():
             "rocker": {"points": {"D": [0, 0], "C": ["c", 0]}},
         },
         joints={
-            "A": {"revolute": ["frame", "crank"], "drive": {"start": f"{given['theta_deg']} deg", "speed": 1.0}},
+            "A": {"revolute": ["frame", "crank"], "drive": {"start": f"{given['theta_deg']} deg", "speed": "1 rad/s"}},
             "B": {"revolute": ["crank", "coupler"]},
             "C": {"revolute": ["coupler", "rocker"], "side": "left"},
             "D": {"revolute": ["frame", "rocker"]},

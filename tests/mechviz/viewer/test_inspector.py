@@ -44,6 +44,7 @@ from mechviz.picture.nodes import Body as BodyNode
 from mechviz.quantities.catalogue import Health
 from mechviz.runs import run_scene
 from mechviz.scene.document import value_at, with_values
+from mechviz.scene.units import MILLIMETRES
 from recordings import gallery_scene
 
 
@@ -434,7 +435,7 @@ def test_each_effect_is_weighed_by_the_peak_without_it(session):
     assert computed["inertia"].peak_without == pytest.approx(np.abs(without.forces.effort("A")).max())
     assert np.isnan(computed["friction"].seconds)
     assert computed["friction"].why.startswith("no joint has any friction that could act.")  # the scene does not name it
-    assert "friction: no joint has any friction" in words.contributions(session.screen.found[-1], "drive torque")
+    assert "friction: no joint has any friction" in words.contributions(session.screen.found[-1], "drive torque", MILLIMETRES)
 
 
 def test_of_a_motion_without_drives_effects_are_weighed_by_the_largest_reaction():
@@ -447,9 +448,9 @@ def test_of_a_motion_without_drives_effects_are_weighed_by_the_largest_reaction(
     gravity = next(c for c in computed[-1] if c.name == "gravity")
     largest = max(np.hypot(*run.forces.reaction(joint.name)[:, :2].T).max() for joint in run.motion.mechanism.joints)
     assert gravity.peak_with == pytest.approx(largest) and gravity.peak_without == pytest.approx(0.0, abs=1e-9)
-    assert f"+{largest:.3g} N<" in words.contributions(computed[-1], "reaction")
+    assert f"+{largest:.3g} N<" in words.contributions(computed[-1], "reaction", MILLIMETRES)
     unasked = [Contribution("inertia", True, 1.0, np.nan, np.nan)]
-    assert "press the button" in words.contributions(unasked, "reaction")
+    assert "press the button" in words.contributions(unasked, "reaction", MILLIMETRES)
 
 
 # -- recordings -------------------------------------------------------------------------------------------------------

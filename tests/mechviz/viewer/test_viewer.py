@@ -49,6 +49,7 @@ from mechviz.picture.constructions import drawings_of
 from mechviz.picture.overlays import section_nodes
 from mechviz.quantities import vectors
 from mechviz.runs import Run, run_scene
+from mechviz.scene.units import MILLIMETRES, Units
 from recordings import vectors_of
 
 
@@ -277,7 +278,8 @@ def test_a_scene_without_constructions_has_none_in_the_viewer(kinematic):
 
 
 def test_grid_cells_are_round():
-    assert [grid_cell(s) for s in (0.26, 1.0, 4.2, 0.0079)] == pytest.approx([0.02, 0.1, 0.2, 0.0005])
+    assert [grid_cell(s, MILLIMETRES) for s in (0.26, 1.0, 4.2, 0.0079)] == pytest.approx([0.02, 0.1, 0.2, 0.0005])
+    assert grid_cell(0.26, Units(length="in")) == pytest.approx(0.0254)
 
 
 def test_quaternions_turn_about_z():
@@ -527,7 +529,11 @@ def test_gears_have_quantities_and_reactions_where_they_mesh():
         loads=(Torque(name="load", link="gear", moment=-3.0),),
     )
     said = SimpleNamespace(run=SimpleNamespace(model_fields_set={"frames"}))
-    run = run_scene(SimpleNamespace(mechanism=mechanism, frames=20, cycles=1, simulation=None, accuracy=Accuracy(), document=said))
+    run = run_scene(
+        SimpleNamespace(
+            mechanism=mechanism, frames=20, cycles=1, simulation=None, accuracy=Accuracy(), document=said, units=MILLIMETRES
+        )
+    )
     for q in run.catalogue.quantities:
         assert q.values().shape == (21, len(q.curves)), q.title
     mesh = vectors_of(run)[0]["reaction"]["G"]
@@ -582,7 +588,7 @@ def test_texts_of_a_scene_cannot_become_markup():
 
 def test_the_legend_states_round_scales(four_bar):
     scales = vectors_of(four_bar, 0.4)[2]
-    text = words.legend(["reaction"], ["P"], scales, factor=2.0, size=0.4)
+    text = words.legend(["reaction"], ["P"], scales, factor=2.0, size=0.4, units=MILLIMETRES)
     assert "Reactions" in text and "Path" in text and "Velocity" not in text
     newtons, metres = 50.0, 50.0 / (scales.newtons_per_metre / 2.0)
     assert f"Scale: 50 N = {words.number(round(metres * 1e3, 1))} mm" in text and newtons == 50.0

@@ -100,14 +100,16 @@ def diagrams_of(show: ViewModel) -> dict[str, Diagram | Chart]:
         if drawing.name == "shaking":
             strokes = [(i.label, i.color, i.start + i.vector) for i in drawing.strokes]
             curves = tuple(Curve(label, color, z[np.isfinite(z)], z) for label, color, z in strokes)
-        diagrams[title] = Diagram(title, drawing.bounds, drawing.per_metre, drawing.unit.replace("^2", "²"), drawing, curves)
+        unit, factor = show.units.reads(drawing.unit)
+        diagrams[title] = Diagram(title, drawing.bounds, factor * drawing.per_metre, unit, drawing, curves)
     for name, centrodes in show.centrodes().items():
         title = f"Polodes of {name}"
         diagrams[title] = _centrodes(show, centrodes, title, name)
     for name, xyz in show.paths.items():
         z = xyz[:, 0] + 1j * xyz[:, 1]
         title = f"Path of {name}"
-        diagrams[title] = Diagram(title, _box([z]), 1e3, "mm", curves=(Curve(name, PATH[True], z, z),))
+        unit, factor = show.units.reads("m")
+        diagrams[title] = Diagram(title, _box([z]), factor, unit, curves=(Curve(name, PATH[True], z, z),))
     diagrams |= {chart.title: chart for chart in (*cam_charts(show), *show.charts())}
     return diagrams
 
@@ -115,13 +117,15 @@ def diagrams_of(show: ViewModel) -> dict[str, Diagram | Chart]:
 def cam_charts(show: ViewModel) -> list[Chart]:
     """Pressure angle and curvature of the profile of every cam over the run."""
     axis, charts = show.axes[0], []
-    a_turn = axis.unit == "°" and bool(np.all((axis.values > -1e-6) & (axis.values < 360.0 + 1e-6)))
+    turn = axis.turn
+    if turn is not None and not np.all((axis.values > -1e-8 * turn) & (axis.values < (1.0 + 1e-8) * turn)):
+        turn = None
     for q in show.quantities:
         if q.label.startswith("cam ") and q.label.endswith((": pressure angle", ": curvature")):
             item, what = q.label.split(": ", 1)
             title = f"{what.capitalize()} [{q.unit}] of {item}"
             curve = ChartCurve(item, axis.values, q.values()[:, 0])
-            charts.append(Chart(q.label, title, axis.title, f"[{q.unit}]", (curve,), turn=360.0 if a_turn else None))
+            charts.append(Chart(q.label, title, axis.title, f"[{q.unit}]", (curve,), turn=turn))
     return charts
 
 
@@ -144,7 +148,8 @@ def _centrodes(show: ViewModel, centrodes: Rolling, title: str, name: str) -> Di
         Curve("moving polode", MOVING, parts[1], np.where(inside, fixed, np.nan), ride),
     )
     some = np.linspace(0, len(pose) - 1, min(len(pose), 24)).round().astype(int)
-    return Diagram(title, _box([parts[0], *(curves[0].points_at(int(k)) for k in some)]), 1e3, "mm", curves=curves)
+    unit, factor = show.units.reads("m")
+    return Diagram(title, _box([parts[0], *(curves[0].points_at(int(k)) for k in some)]), factor, unit, curves=curves)
 
 
 def diagram_svg(diagram: Diagram | Chart, frame: int) -> str:

@@ -229,7 +229,7 @@ class EffectsTab:
         """Show what each effect contributes."""
         drives = self._session.show.drives
         effort = "reaction" if not drives else "drive force" if drives[0].sliding else "drive torque"
-        self.table.content = words.contributions(shares, effort)
+        self.table.content = words.contributions(shares, effort, self._session.show.units)
 
     def _switch_effect(self, name: str, _: Any) -> None:
         on = bool(self.effects[name].value)

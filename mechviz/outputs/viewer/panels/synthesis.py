@@ -20,13 +20,13 @@ from mechviz.outputs.viewer import words
 from mechviz.outputs.viewer.server import Callback
 from mechviz.outputs.viewer.session import EditSession
 from mechviz.outputs.viewer.view_model import ViewModel
+from mechviz.scene.units import Units
 from mechviz.studies.synthesis.four_bars import MotionDesign, motion_choices, motion_solutions, poses_in
 from mechviz.studies.synthesis.paths import OFFERED, drawn_points, path_choices, path_in, path_solutions
 
 WANTED = (217, 119, 6)  # colour of the curve that was drawn
 SHEET = 3.0  # of the mechanism's size: side of the sheet that is drawn on
 CLEAR = 0.12  # its opacity
-MM = 1e3
 Release = Callable[[viser.ClientHandle], None]
 
 
@@ -151,7 +151,7 @@ class Positions:
 
     def _explain(self) -> None:
         """Say which four-bars there are."""
-        found = rows(one.defects or f"{np.degrees(one.transmission):.0f}°" for one in self._choices)
+        found = rows(one.defects or self._session.show.units.text(one.transmission, "rad", 2) for one in self._choices)
         tell(self.told, words.hint(f"Least transmission angle, or defects, of each solution. {found}") if found else "")
 
     def _place(self, show: ViewModel) -> None:
@@ -222,7 +222,7 @@ class Drawing:
         self._stroke = []
         self._place(show)
         found = self._found[1] if self._known(self.wanted) else []
-        lines = rows(f"{MM * np.sqrt(one.error / len(one.theta)):.3g} mm, {_transmission(one)}" for one in found)
+        lines = rows(_quality(one, show.units) for one in found)
         tell(self.told, words.hint(f"Distance (root mean square) and least transmission angle of each. {lines}") if lines else "")
 
     def drafted(self, draft: Draft, points: Complex, choice: int) -> Draft:
@@ -292,8 +292,10 @@ class Drawing:
             self.ask(points)
 
 
-def _transmission(made: PathDesign) -> str:
-    return f"{np.degrees(made.four_bar.least_transmission()):.0f}°"
+def _quality(made: PathDesign, units: Units) -> str:
+    """Root mean square distance and least transmission angle of a four-bar, in words."""
+    distance, angle = np.sqrt(made.error / len(made.theta)), made.four_bar.least_transmission()
+    return f"{units.text(distance, 'm', 3)}, {units.text(angle, 'rad', 2)}"
 
 
 def on_sheet(eye: Any, seen: Any, height: float) -> complex | None:

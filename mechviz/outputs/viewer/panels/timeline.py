@@ -229,10 +229,7 @@ class Timeline:
     def tracks(self) -> Iterator[NumberTrack]:
         """How the numbers above the slider move over the run."""
         for k, d in enumerate(self._show.drives):
-            if d.sliding:
-                yield NumberTrack(f"drive:{k}", 1e3 * d.position, 2, " mm")
-            else:
-                yield NumberTrack(f"drive:{k}", np.degrees(d.position), 1, "°")
+            yield NumberTrack(f"drive:{k}", d.position, d.decimals, words.after(d.unit))
         yield NumberTrack("time", self._show.time, 4, " s")
         yield NumberTrack("frame", np.arange(self._show.frames), 0)
 

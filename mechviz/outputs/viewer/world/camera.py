@@ -13,6 +13,7 @@ import viser
 from mechcore.arrays import Real
 from mechcore.records import dataclass
 from mechviz.outputs.viewer.viser_adapter import run_script
+from mechviz.scene.units import Units
 
 FIELD_OF_VIEW = np.radians(18.0)  # little perspective: lengths can be compared, and yet plates have thickness
 FLAT = np.radians(1.5)  # viser has no orthographic camera; from this far away nothing is seen of perspective
@@ -261,11 +262,12 @@ def move_to(client: viser.ClientHandle, view: View) -> None:
 CELLS = {False: ((228, 231, 235), (208, 213, 219)), True: ((44, 48, 55), (62, 68, 78))}  # light, dark: of cells, of sections
 
 
-def grid_cell(size: float) -> float:
-    """A round length (1, 2 or 5 times a power of ten) [m] near a tenth of the mechanism's size."""
-    wanted = size / 10.0
+def grid_cell(size: float, units: Units) -> float:
+    """A length [m] near a tenth of the mechanism's size that is round (1, 2 or 5 times a power of ten) where people read it."""
+    _, factor = units.reads("m")
+    wanted = factor * size / 10.0
     decade = 10.0 ** np.floor(np.log10(wanted))
-    return float(decade * max(step for step in (1.0, 2.0, 5.0) if step * decade <= wanted * (1.0 + 1e-9)))
+    return float(decade * max(step for step in (1.0, 2.0, 5.0) if step * decade <= wanted * (1.0 + 1e-9)) / factor)
 
 
 class Stage:
@@ -275,7 +277,7 @@ class Stage:
     and shadows double what a picture costs.
     """
 
-    def __init__(self, server: viser.ViserServer, bounds: Real, size: float):
+    def __init__(self, server: viser.ViserServer, bounds: Real, size: float, units: Units):
         scene = server.scene
         scene.set_up_direction("+y")
         scene.configure_default_lights(False)
@@ -284,7 +286,7 @@ class Stage:
         for name, position, intensity in (("key", (-0.6, 1.0, 1.6), 1.3), ("fill", (1.0, 0.1, 1.2), 0.35)):
             scene.add_light_directional(f"/lights/{name}", intensity=intensity, position=position)
         scene.world_axes.visible = False
-        self.cell = grid_cell(size)
+        self.cell = grid_cell(size, units)
         self._bounds, self._size = bounds, size
         self._grids: dict[int, viser.GridHandle] = {}  # by browser: each looks from where it likes
         self._on, self._dark = True, False

@@ -108,12 +108,12 @@ def placed(mechanism: Real, boxes: Sequence[Real], gap: float, caption: float, a
     return shifts
 
 
-def _room(drawing: Drawing, per_pixel: float) -> Real:
-    """The box (2, 2) [m] of a drawing, at least as wide as its title."""
-    (title,) = half_sizes([drawing.title.split(":")[0]], per_pixel)
-    middle = drawing.bounds[:, 0].mean()
+def _room(drawing: Drawing, heading: Mapping[str, float], per_pixel: float) -> Real:
+    """The box (2, 2) [m] of a drawing, at least as wide as the lines of its heading, whose sizes are given."""
+    widths = half_sizes(list(heading), per_pixel)[:, 0] * list(heading.values())
+    middle, half = drawing.bounds[:, 0].mean(), float(widths.max())
     return np.array(
-        [np.minimum(drawing.bounds[0], [middle - title[0], np.inf]), np.maximum(drawing.bounds[1], [middle + title[0], -np.inf])]
+        [np.minimum(drawing.bounds[0], [middle - half, np.inf]), np.maximum(drawing.bounds[1], [middle + half, -np.inf])]
     )
 
 
@@ -169,7 +169,7 @@ class PlanNodes:
         """Box (2, 2) [m] around what stands beside the mechanism."""
         self.places: Mapping[str, complex] = {}
         self._show = show
-        self._size = show.size
+        self._size, self._units = show.size, show.units
         self._z = show.z_top + 0.03 * show.size
         drawings = show.drawings()
         self._lay_out(drawings)
@@ -220,7 +220,7 @@ class PlanNodes:
         for _ in range(ROUNDS if drawings else 0):
             heading = (LINES if self._large else 2) * LINE * per_pixel
             aspect = self.screen[0] / self.screen[1]
-            rooms = [_room(d, per_pixel) for d in drawings.values()]
+            rooms = [_room(d, self._titles(d), per_pixel) for d in drawings.values()]
             shifts = placed(box, rooms, GAP * self._size, heading, aspect)
             boxes = [room + np.array([z.real, z.imag]) for room, z in zip(rooms, shifts, strict=True)]
             low = np.min([b[0] for b in boxes], axis=0)
@@ -229,6 +229,11 @@ class PlanNodes:
             whole = np.maximum(self.bounds[1], box[1]) - np.minimum(low, box[0])
             per_pixel = float(np.max(whole / self.screen))
         self._per_pixel = per_pixel
+
+    def _titles(self, drawing: Drawing) -> dict[str, float]:
+        """The scale of a drawing, where it has one, and its title, with the sizes of their letters."""
+        lines = {scale(self._units, drawing.unit, drawing.per_metre, self._size): 0.8} if drawing.per_metre else {}
+        return lines | {drawing.title.split(":")[0]: 1.0}
 
     @property
     def _large(self) -> bool:
@@ -339,9 +344,8 @@ class PlanNodes:
             height += line
         if ends:
             nodes.append(self._lines(f"{path}/legend", self._space(np.array(ends)), colors, 3.0))
-        texts = {"scale": scale(drawing.unit.replace("^2", "²"), drawing.per_metre, self._size)} if drawing.per_metre else {}
-        for name, text, large in (*((k, t, 0.8) for k, t in texts.items()), ("caption", drawing.title.split(":")[0], 1.0)):
-            label = self._label(f"{path}/{name}", text, large)
+        for text, large in self._titles(drawing).items():
+            label = self._label(f"{path}/{'caption' if large == 1.0 else 'scale'}", text, large)
             label.position = (middle, height, self._z)
             nodes.append(label)
             taken.append((complex(middle, height), np.array([0.5 * wide([text]), 0.5 * line])))

@@ -265,10 +265,10 @@ def hover_names(show: ViewModel) -> dict[str, Name]:
     for family, arrows in arrows_by_family(show).items():
         kind = FAMILIES[family]
         items = tuple(f"{kind.label}: {arrow.vector.item}" for arrow in arrows)
-        hovered[f"/vectors/{family}"] = (kind.label, f"{kind.meaning} [{kind.unit}]", items)
+        hovered[f"/vectors/{family}"] = (kind.label, f"{kind.meaning} [{show.units.reads(kind.unit)[0]}]", items)
     for arc in show.picture.of(Arc):
         family, item = arc.group, arc.moment.item
-        hovered[arc_path(family, item)] = (f"{FAMILIES[family].label}: {item}", "a moment [N m]", ())
+        hovered[arc_path(family, item)] = (f"{FAMILIES[family].label}: {item}", f"a moment [{show.units.reads('N m')[0]}]", ())
     return hovered
 
 

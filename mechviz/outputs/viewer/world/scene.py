@@ -51,7 +51,7 @@ class Scene3D:
         compared = {} if compared is None else compared
         prepare(server)
         with server.atomic():
-            self.stage = Stage(server, show.bounds, show.size)
+            self.stage = Stage(server, show.bounds, show.size, show.units)
             self.ghosts = {name: Ghost(server, other, f"/beside_{k}") for k, (name, other) in enumerate(compared.items())}
             self.links = SolidNodes(server, show, clicked_link)
             self.arrows = ArrowNodes(server, show)
