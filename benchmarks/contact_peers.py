@@ -100,8 +100,9 @@ def mechviz_end(compiled: Compiled, duration: float, tolerance: float, stops: tu
 def exudyn_end(
     steps: int, duration: float, mass: float, start: float, force: float, far: dict[str, float] | None = None, **connector: float
 ) -> Callable[[], float]:
-    """One coordinate from rest under a force, with friction or a stop; ``far``: a spring and a damper, whose other end goes on at
-    `SPEED`: a mass that nothing slows, as a load that changes would be a function of Python."""
+    """One coordinate from rest under a force, with friction or a stop, by generalised alpha in so many steps, by DOPRI5 to a
+    tolerance of 10 to the power of what is negative. ``far``: a spring and a damper, whose other end goes on at `SPEED`: a mass
+    that nothing slows, as a load that changes would be a function of Python."""
     import exudyn as exu
     from exudyn import itemInterface as items
 
@@ -121,14 +122,18 @@ def exudyn_end(
         mbs.AddLoad(items.LoadCoordinate(markerNumber=ends[1], load=force))
     mbs.Assemble()
     settings = exu.SimulationSettings()
-    settings.timeIntegration.numberOfSteps, settings.timeIntegration.endTime = steps, duration
+    integration, solver = settings.timeIntegration, exu.DynamicSolverType.GeneralizedAlpha
+    integration.numberOfSteps, integration.endTime = max(steps, 30), duration
+    if steps < 0:
+        solver, integration.automaticStepSize, integration.minimumStepSize = exu.DynamicSolverType.DOPRI5, True, 1e-14
+        integration.relativeTolerance = integration.absoluteTolerance = 10.0**steps
     settings.timeIntegration.generalizedAlpha.spectralRadius = 0.9
     settings.timeIntegration.newton.useModifiedNewton = False
     settings.solution.file.write = False
     settings.show.computationTime = settings.show.statistics = False
 
     def run() -> float:
-        mbs.SolveDynamic(settings)
+        mbs.SolveDynamic(settings, solverType=solver)
         return float(mbs.GetNodeOutput(node, exu.OutputVariableType.Coordinates))
 
     return run
@@ -163,6 +168,11 @@ def rows_of(mechanism: sp.Mechanism, duration: float, stops: tuple[EndStop, ...]
     return rows
 
 
+def setting(steps: int) -> str:
+    """What exudyn is told, in words."""
+    return f"{steps} steps" if steps > 0 else f"DOPRI5 {10.0**steps:.0e}"
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--short", action="store_true", help="fewer settings and turns")
@@ -170,16 +180,16 @@ def main() -> None:
     print(f"{machine('numpy', 'scipy', 'exudyn')}; least processor time of the turns")
     steps, runs = ((6_000, 60_000), 9) if short else ((2_000, 4_000, 6_000, 8_000, 20_000, 60_000), 5)
     rows = rows_of(carriage(), DURATION, ())
-    for n, k in product(steps, (1e6, 1e8, 2e8)):
+    for n, k in product((*steps, -9, -12), (1e6, 1e8, 2e8)):
         job = exudyn_carriage(n, stickingStiffness=k, stickingDamping=5e-4 * k)
-        rows.append(("exudyn", f"{n} steps, bristles of {k:.0e} N/m", job))
+        rows.append(("exudyn", f"{setting(n)}, bristles of {k:.0e} N/m", job))
     for n, zone in product(steps, (1e-4, 1e-6)):
-        rows.append(("exudyn", f"{n} steps, zone of {zone:.0e} m/s", exudyn_carriage(n, frictionProportionalZone=zone)))
+        rows.append(("exudyn", f"{setting(n)}, zone of {zone:.0e} m/s", exudyn_carriage(n, frictionProportionalZone=zone)))
     report("Carriage that sticks and slips, 6 s", rows, exact_carriage(), runs)
     rows = rows_of(ball(), BOUNCES, (EndStop(name="ground", joint="O", at=0.0, side="lower", restitution=1.0),))
-    for n, k in product(steps, (1e6, 1e8)):
+    for n, k in product((*steps, -10, -12), (1e6, 1e8, 1e10)):
         stop = {"useLimitStops": True, "limitStopsLower": 0.0, "limitStopsUpper": 10.0, "limitStopsStiffness": k}
-        rows.append(("exudyn", f"{n} steps, stop of {k:.0e} N/m", exudyn_end(n, BOUNCES, 1.0, FALL, -9.81, None, **stop)))
+        rows.append(("exudyn", f"{setting(n)}, stop of {k:.0e} N/m", exudyn_end(n, BOUNCES, 1.0, FALL, -9.81, None, **stop)))
     report("Ball on a stop without loss, 3 s", rows, exact_ball(), runs)
 
 

@@ -283,7 +283,7 @@ class EventIntegrator:
         limited = [e for e in self.compiled.model.once(applied_effects) if e.limited]
         for phase in run.phases:
             self.friction.go_on(phase.start, phase.signs)
-            segment = self._segment(phase.start, phase.end, Solution(phase.windows), self._system())
+            segment = Segment(phase.start, phase.end, self.compiled, Solution(phase.windows), self._system())
             made.append(segment)
             if limited or self.progress is not None or self.observe is not None:
                 self._tell(segment, limited)

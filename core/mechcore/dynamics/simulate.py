@@ -295,7 +295,10 @@ def _weigh(compiled: Compiled, q: Real, system: Chart | Curve, around: tuple[Rea
         inertia = around[0][0]
     else:
         inertia = reduce(compiled, q[None], np.zeros_like(q)[None], np.zeros(1)).inertia[0]
-    values = np.linalg.eigvalsh(inertia) if np.isfinite(inertia).all() else np.array([-1.0])
+    if not np.isfinite(inertia).all():
+        values = np.array([-1.0])
+    else:
+        values = inertia[0] if len(inertia) == 1 else np.linalg.eigvalsh(inertia)
     if values[0] <= 1e-14 * values[-1]:
         raise MechanismError(
             Fault(

@@ -54,7 +54,11 @@ class FrictionState:
         self._phases = self._phases_of(compiled, t, q, v)
 
     def _phases_of(self, compiled: Compiled, t: float, q: Real, v: Real) -> Phases | None:
-        return rubbing(compiled, q, v, t, self._sliding, self._soon) if self.counts and len(q) else None
+        if not (self.counts and len(q)):
+            return None
+        if self._phases is not None:
+            self._sliding |= dict(zip(self._phases.keys, self._phases.signs.tolist(), strict=True))
+        return rubbing(compiled, q, v, t, self._sliding, self._soon)
 
     def system(self) -> DrySystem | None:
         """The equations of motion at present; None where friction decides nothing."""
@@ -102,10 +106,8 @@ class FrictionState:
             self._record(t, self._phases.changes(before))
 
     def _record(self, t: float, changes: Sequence[tuple[str, int]]) -> None:
-        assert self._phases is not None
         for joint, sign in changes:
             self._log_event(t, joint, sign)
-        self._sliding |= dict(zip(self._phases.keys, self._phases.signs.tolist(), strict=True))
 
     def follow(self, compiled: Compiled, window: Window) -> None:
         """Where every drive is prescribed, say which way joints slide in a window; it ends where that changes."""
@@ -154,6 +156,7 @@ class Phases:
         self.prescribed = np.zeros(len(keys), bool)
         self._known: tuple[tuple[float, bytes, bytes], Here] | None = None
         self.alone = len(free_of(compiled)) == len(compiled.mechanism.drives) == 1
+        self._apart = len({key[:2] for key in keys}) == len(keys)  # of every motion there is one element
 
     def system(self) -> DrySystem:
         return DrySystem(self.compiled, self.signs.copy(), rests=self.rests)
@@ -219,6 +222,9 @@ class Phases:
 
     def changes(self, before: Real) -> list[tuple[str, int]]:
         """Joint and sign (1, -1, 0: it sticks) of each that has another one than ``before`` (e,)."""
+        if self._apart:
+            both = zip(self.keys, before.tolist(), self.signs.tolist(), strict=True)
+            return [(key[0], int(now)) for key, then, now in both if now != then]
         then, now = self._states(before), self._states(self.signs)
         return [(joint, int(sign)) for (joint, what), sign in now.items() if sign != then[joint, what]]
 

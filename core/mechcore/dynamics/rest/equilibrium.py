@@ -292,6 +292,9 @@ def vibrations(compiled: Compiled, forces: Real, inertia: Real) -> tuple[Real, R
     both = scale[:, None] * scale
     if not (np.isfinite(stiffness).all() and np.isfinite(inertia).all()):
         return None
+    if f == 1:
+        mass = float(inertia[0, 0])
+        return (stiffness[-1, 0] / mass, 1.0 / np.sqrt(inertia * both), stiffness) if mass > 0.0 else None
     try:
         white = np.linalg.inv(np.linalg.cholesky(inertia * both))
     except np.linalg.LinAlgError:  # something moves no mass
