@@ -1,5 +1,6 @@
 """Types of arrays: real and complex numbers, indices, flags. Shapes stand in docstrings. Unit vectors."""
 
+from collections.abc import Callable
 from typing import Any, cast
 
 import numpy as np
@@ -15,11 +16,8 @@ Values = NDArray[np.floating[Any]] | float  # numbers over frames, or one for al
 Plane = NDArray[np.complexfloating[Any, Any]] | complex  # plane vectors over frames, or one for all
 
 
-def modulus(z: Plane | Values) -> Values:
-    """Lengths of plane vectors, or absolute values of numbers; plain numbers stay plain."""
-    if isinstance(z, np.ndarray):
-        return np.absolute(z)
-    return abs(z)
+modulus = cast(Callable[[Plane | Values], Values], abs)
+"""Lengths of plane vectors, or absolute values of numbers; plain numbers stay plain."""
 
 
 def unit_vectors(z: Plane) -> Complex:
@@ -29,7 +27,7 @@ def unit_vectors(z: Plane) -> Complex:
 
 def numbers(values: ArrayLike) -> Real:
     """Values as an array of at least one number; a symbol of a program in C, which stands for one, as it is."""
-    return cast(Real, values) if hasattr(values, "on_curve") else np.atleast_1d(np.asarray(values, float))
+    return cast(Real, values) if hasattr(values, "on_curve") else np.array(values, float, ndmin=1, copy=None)
 
 
 def ascending(values: Real) -> Real:

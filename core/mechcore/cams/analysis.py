@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from mechcore.arrays import Complex, Flags, Index, Real
+from mechcore.arrays import Complex, Flags, Index, Real, numbers
 from mechcore.cams.contact import AROUND, Task, locate
 from mechcore.cams.contour import Contour
 from mechcore.cams.followers import Flat, Follower
@@ -76,7 +76,7 @@ def analyse(
     together, the contact is looked for between them.
     """
     task = Task(contour, follower, turn, wedge)
-    angle = np.atleast_1d(np.asarray(angles, float))
+    angle = numbers(angles)
     each = max(samples // contour.count, 9)
     piece, u, q, corner = locate(task, angle, each, None if near is None else _between(near, angle, contour.count, each))
     derived = _differentiate(task, angle, piece, u, q, corner)

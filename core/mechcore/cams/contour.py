@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from mechcore.arrays import Complex, Flags, Index, Real
+from mechcore.arrays import Complex, Flags, Index, Real, numbers
 from mechcore.cams.followers import Flat
 from mechcore.cams.pieces import (
     ArcPiece,
@@ -119,7 +119,7 @@ class Contour:
 
     def __call__(self, t: ArrayLike, order: int = 0) -> Complex:
         """Parameters (n) in [0, count] -> points and derivatives (order + 1, n)."""
-        k, u = self._split(np.atleast_1d(np.asarray(t, float)))
+        k, u = self._split(numbers(t))
         return self.on(k, u, order)
 
     def normal(self, t: ArrayLike) -> Complex:

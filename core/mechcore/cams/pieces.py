@@ -8,7 +8,7 @@ from typing import Protocol
 
 import numpy as np
 
-from mechcore.arrays import Complex, Index, Real
+from mechcore.arrays import Complex, Index, Real, numbers
 from mechcore.cams.followers import Flat
 from mechcore.cams.synthesis import Cam
 from mechcore.laws.curve import MotionCurve
@@ -116,7 +116,7 @@ class CamPiece:
         return self.offset(u, 0.0, order)
 
     def offset(self, u: Real, distance: float, order: int) -> Complex:
-        u = np.atleast_1d(np.asarray(u, float))
+        u = numbers(u)
         ends = np.repeat(np.array([self.ends]).T, u.size, axis=1)
         return on_cam(self.cam, np.full(u.size, self.piece), ends, u, distance, order)
 

@@ -263,8 +263,8 @@ class SpatialCam:
     def flank(self, angle: ArrayLike, along: ArrayLike, side: int = 1) -> Flank:
         """Angles (n), places along the roller's axis (m); ``side`` 1: the flank that lifts the follower, -1: the other one
         of a groove."""
-        angle = np.atleast_1d(np.asarray(angle, float))
-        along = np.atleast_1d(np.asarray(along, float))
+        angle = numbers(angle)
+        along = numbers(along)
         lifts = -1 if isinstance(self.mount, Globoid) else 1  # which sign of v x a points along the follower's motion
         return Flank(self, angle, along, self.law(angle, 2), side * lifts * self.turn)
 
@@ -338,7 +338,7 @@ class InverseCam:
 
     def pitch(self, angle: ArrayLike, order: int = 2) -> Complex:
         """Centre line of the slot in the driven link's axes with derivatives (order + 1, n)."""
-        theta = np.atleast_1d(np.asarray(angle, float))
+        theta = numbers(angle)
         t, q = self.pin(theta, order), self.law(theta, order)
         return jets.product(jets.exponential(-1j * q), t) if self.turns else t - 1j * q
 
@@ -366,7 +366,7 @@ class InverseCam:
 
     def pressure_angle(self, angle: ArrayLike) -> Real:
         """Angle between the slot's normal and the motion of the driven link at the pin (n) [rad], 0 ... pi/2."""
-        theta = np.atleast_1d(np.asarray(angle, float))
+        theta = numbers(angle)
         q = self.law(theta, 0)[0]
         if self.turns:
             n, away = np.exp(1j * q) * self.normal(theta), 1j * self.pin(theta, 0)[0]

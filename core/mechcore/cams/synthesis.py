@@ -246,7 +246,7 @@ class Cam:
     def pitch_curve(self, angle: ArrayLike, order: int = 3, piece: Index | None = None) -> Complex:
         """The pitch curve and its derivatives with respect to the angle, (order + 1, n), in the cam's axes; ``piece``: as
         in ``at``."""
-        angle = np.atleast_1d(np.asarray(angle, float))
+        angle = numbers(angle)
         return self._pitch(angle, self._motion(angle, order, piece))
 
     def _motion(self, angle: Real, order: int, piece: Index | None, side: Side = "right") -> Real:
@@ -276,7 +276,7 @@ class Cam:
     def working_curve(self, angle: ArrayLike, order: int = 2, piece: Index | None = None) -> Complex:
         """The profile and its derivatives with respect to the angle, (order + 1, n), order <= 3, in the cam's axes; ``piece``: as
         in ``at``."""
-        angle = np.atleast_1d(np.asarray(angle, float))
+        angle = numbers(angle)
         motion = self._motion(angle, order + 1, piece)
         follower = self.follower
         if not isinstance(follower.face, Flat):
@@ -409,7 +409,7 @@ def simplified_offset_error(law: MotionCurve, offset: float, angle: ArrayLike) -
     The point of polar angle psi is presented at theta = psi + atan(m/h(0)) - atan(m/h(psi)); psi is found by bisection. Heights
     reached are unchanged, the timing is not.
     """
-    theta = np.atleast_1d(np.asarray(angle, float))
+    theta = numbers(angle)
     fixed = float(np.arctan2(offset, law(law.start, 0)[0]))
     low = theta - 0.5 * np.pi
     high = theta + 0.5 * np.pi

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.polynomial import legendre
 from numpy.typing import ArrayLike
 
-from mechcore.arrays import Index, Real
+from mechcore.arrays import Index, Real, numbers
 from mechcore.constants import TURN
 from mechcore.dynamics.contact.dry_friction import DrySystem
 from mechcore.dynamics.contact.separation import FollowerSeparation
@@ -94,7 +94,7 @@ class Simulation:
         )
 
     def __call__(self, t: ArrayLike) -> tuple[Real, Real, Real]:
-        t = np.atleast_1d(np.asarray(t, float))
+        t = numbers(t)
         out = np.empty((3, len(t), len(free_of(self.compiled))))
         for segment, rows in self._rows(t):
             if segment.compiled is self.compiled or segment.separated:
@@ -126,7 +126,7 @@ class Simulation:
 
     def motion(self, t: ArrayLike) -> Motion:
         """The mechanism's motion at times (F,) [s], in several parts where charts or phases change."""
-        t = np.atleast_1d(np.asarray(t, float))
+        t = numbers(t)
         parts = self._rows(t)
         plain = not integrating(self.compiled)
         if all(plain and p.compiled is self.compiled and not (p.resting or isinstance(p.system, DrySystem)) for p, _ in parts):
@@ -141,7 +141,7 @@ class Simulation:
     def view(self, t: ArrayLike) -> JoinedMotion:
         """The motion at times (F,) [s] for recorders and viewers: only prescribed drives count as drives, free coordinates are
         joint motion; it can be asked again at other times."""
-        t = np.atleast_1d(np.asarray(t, float))
+        t = numbers(t)
         parts = [(rows, segment.motion(t[rows])) for segment, rows in self._rows(t)]
         mechanism = self.compiled.mechanism
         shown = replace(mechanism, drives=tuple(d for d in mechanism.drives if not isinstance(d.law, Free)))
@@ -196,13 +196,13 @@ class Simulation:
 
     def work(self, t: ArrayLike) -> Real:
         """Work of all forces but inertia since the start (n,) [J], less what impacts took, by the windows' own quadrature."""
-        t = np.atleast_1d(np.asarray(t, float))
+        t = numbers(t)
         return np.asarray(self._work_integrals(t).sum(axis=1) - _until(self.lost, t) + _until(self.pushed, t))
 
     def energies(self, t: ArrayLike) -> Real:
         """Kinetic and potential energy, work done by drives and process forces so far, energy dissipated so far, impacts
         included (n, 4) [J]."""
-        t = np.atleast_1d(np.asarray(t, float))
+        t = numbers(t)
         works = self._work_integrals(t)
         stored = np.empty(len(t))
         for segment, rows in self._rows(t):
@@ -213,7 +213,7 @@ class Simulation:
 
     def kinetic_energy(self, t: ArrayLike) -> Real:
         """Kinetic energy (n,) [J]."""
-        t = np.atleast_1d(np.asarray(t, float))
+        t = numbers(t)
         out = np.empty(len(t))
         for segment, rows in self._rows(t):
             out[rows] = kinetic_energy(segment.motion(t[rows]))
@@ -222,7 +222,7 @@ class Simulation:
     def drift(self, t: ArrayLike) -> Real:
         """Kinetic energy less its value at the start and less the work done, relative to the largest energy or work (n,); where
         that is next to nothing, to a billionth of the energies that stand by, and where a vibration was stepped over, to these."""
-        t = np.atleast_1d(np.asarray(t, float))
+        t = numbers(t)
         kinetic, work = self.kinetic_energy(np.append(t, self.start)), self.work(t)
         standing = self._standing * (1.0 if self.unseen[0] else NOTHING)
         size = max(float(np.abs(kinetic).max()), float(np.abs(work).max(initial=0.0)), standing, 1e-300)

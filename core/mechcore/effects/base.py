@@ -15,7 +15,7 @@ from mechcore.kinematics.rates import Rates
 from mechcore.kinematics.state import State
 from mechcore.laws.timed import Law
 from mechcore.motion.motion import Motion
-from mechcore.numerics.frames import added, crossed, nothing
+from mechcore.numerics.frames import added, crossed, less, nothing
 from mechcore.records import dataclass
 from mechcore.spec.loads import Load
 
@@ -64,30 +64,33 @@ class PointLoad(NamedTuple):
 
 
 class KnownLoad(NamedTuple):
-    """A `PointLoad` as a step of a program: the link, its rotation class, the point in the axes of that, and
-    -mass times its place as a sum; None where that is too long or there is no mass."""
+    """A `PointLoad` as a step of a program: the link, its rotation class, the point in the axes of that (None at the link's
+    origin), -mass times its place as a sum (None where that is too long or there is no mass), and whether it has an inertia."""
 
     load: PointLoad
     link: int
     rotation_class: int
-    arm: Plane
+    arm: Plane | None
     opposed: VectorSum | None
+    rotary: bool
 
     def acting(self, at: Motion) -> tuple[Plane, Values]:
         """Force [N] and free moment [N m] at a motion; a `Configuration` will do where no inertia is in it."""
         _, _, link, point, constant, mass, inertia = self.load
         force: Plane = constant
-        if not nothing(mass):
-            resisting = -mass * at.of_point(link, point, 2) if self.opposed is None else at.summed(self.opposed, 2)
-            force = added(resisting, force)
-        return force, -inertia * at.accelerations.angular[self.rotation_class] if not nothing(inertia) else 0.0
+        if self.opposed is not None:
+            force = added(at.summed(self.opposed, 2), force)
+        elif not nothing(mass):
+            force = added(-mass * at.of_point(link, point, 2), force)
+        return force, -inertia * at.accelerations.angular[self.rotation_class] if self.rotary else 0.0
 
 
 def known_load(model: Model, load: PointLoad) -> KnownLoad:
     """A load at a point as a step."""
     place = model.point_sum(load.link, load.point) if not nothing(load.mass) else None
     opposed = None if place is None else place.scaled(-load.mass)
-    return KnownLoad(load, load.link, model.angles.rotation_class[load.link], load.point * model.turn[load.link], opposed)
+    arm = None if nothing(load.point) else load.point * model.turn[load.link]
+    return KnownLoad(load, load.link, model.angles.rotation_class[load.link], arm, opposed, not nothing(load.inertia))
 
 
 def point_of(at: Configuration, wrench: Wrench) -> Plane:
@@ -122,13 +125,13 @@ def sum_up(wrenches: Iterable[Wrench], links: int) -> tuple[list[Plane], list[Va
     moment: list[Values] = [0.0] * links
     acting: dict[tuple[int, int], list[Any]] = {}  # (link, arm by identity): link, arm, constant force, force
     for w in wrenches:
-        for k, arm, sign in ((w.link, w.arm, 1), (w.other, w.other_arm, -1)):
+        for k, arm, put in ((w.link, w.arm, added), (w.other, w.other_arm, less)):
             if k is None:
                 continue
-            moment[k] = added(moment[k], w.moment, sign)
+            moment[k] = put(moment[k], w.moment)
             at = acting.setdefault((k, 0 if nothing(arm) else id(arm)), [k, arm, 0j, 0j])
             which = 3 if isinstance(w.force, np.ndarray) else 2
-            at[which] = added(at[which], w.force, sign)
+            at[which] = put(at[which], w.force)
     for k, arm, constant, f in acting.values():
         f = added(f, constant)
         if not nothing(f):

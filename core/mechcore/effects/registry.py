@@ -116,11 +116,11 @@ def totals(at: Any) -> tuple[list[Any], list[Any], Callable[[], list[Wrench]]]:
     evaluated = {effect: effect.wrenches(at) for effect in known.others}
     force, moment = sum_up([w for own in evaluated.values() for w in own], len(model.links))
     for load in known.loads:
-        k = load.link
+        _, k, rotation_class, arm, *_ = load
         f, couple = load.acting(at)
+        if arm is not None and not nothing(f):
+            couple = added(couple, crossed(arm * rot[rotation_class], f))
         force[k], moment[k] = added(force[k], f), added(moment[k], couple)
-        if not (nothing(load.arm) or nothing(f)):
-            moment[k] = added(moment[k], crossed(load.arm * rot[load.rotation_class], f))
 
     def formed() -> list[Wrench]:
         return [

@@ -21,7 +21,7 @@ from mechcore.kinematics.model import Model
 from mechcore.kinematics.program import Block, Unknown, moved_by
 from mechcore.motion.at_once import least_norm
 from mechcore.motion.motion import Motion
-from mechcore.numerics.frames import QUIET, added, crossed, nothing, summed
+from mechcore.numerics.frames import QUIET, added, crossed, less, nothing, summed
 from mechcore.topology.graph import FRAME, leaves_first
 
 
@@ -69,7 +69,8 @@ class BalanceBlock(NamedTuple):
 
 
 class Cut(NamedTuple):
-    """The joint that closes a loop, and the moving links that the force in its cut acts on: (link, sign, arm)."""
+    """The joint that closes a loop, and the moving links that the force in its cut acts on: (link, side, arm), on the first (side
+    0) the opposite."""
 
     joint: int
     on: tuple[tuple[int, int, Arm | None], ...]
@@ -112,8 +113,7 @@ def balance_program(model: Model) -> BalanceProgram:
         return Balance(unknown, (), k, -1.0 if back else 1.0, loops, relations)
 
     def cut(j: int) -> Cut:
-        sides = ((k, sign, side) for side, (k, sign) in enumerate(zip(model.ends[j], (-1, 1), strict=True)) if k)
-        return Cut(j, tuple((k, sign, _arm_of(model, passing, k, j, side)) for k, sign, side in sides))
+        return Cut(j, tuple((k, side, _arm_of(model, passing, k, j, side)) for side, k in enumerate(model.ends[j]) if k))
 
     def subtrees(wanted: frozenset[int], among: frozenset[int]) -> Iterator[SubtreeStep]:
         """Over the links ``among``, the moments on the links ``wanted``."""
@@ -273,10 +273,11 @@ def joint_forces(
     for c, cut in cuts.items():
         j, on = program.cuts[c]
         transmitted[j] = cut, 0.0
-        for k, sign, arm in on:
-            force[k] = added(force[k], cut, sign)
+        for k, side, arm in on:
+            put = added if side else less
+            force[k] = put(force[k], cut)
             if arm is not None:
-                moment[k] = added(moment[k], crossed(_vector(motion, arm), cut), sign)
+                moment[k] = put(moment[k], crossed(_vector(motion, arm), cut))
     subtree, unbalanced = _subtree_wrenches(motion, force, moment, program.subtrees)
     for j, k, side in program.carriers:
         transmitted[j] = subtree[k] * -1.0 if side else subtree[k], 0.0
@@ -299,7 +300,7 @@ def _subtree_wrenches(
         if nothing(f):
             continue
         if arm is not None:
-            unbalanced[k] = added(unbalanced[k], crossed(_vector(motion, arm), f), -1)
+            unbalanced[k] = less(unbalanced[k], crossed(_vector(motion, arm), f))
         if p:
             total[p] = added(total[p], f)
             if parent_arm is not None:
@@ -337,11 +338,10 @@ def _cut_forces(
                     work = (slides[numbers[0]][2].conjugate() * cuts[c]).real
                 else:
                     work = crossed(summed([arms[i][1] for i in numbers]), cuts[c])
-                total = added(total, work, -1)
+                total = less(total, work)
             for r in relations:
-                total = added(
-                    total, constraint_coefficient(motion.model, r, unknown, motion.state.curve_values) * multipliers[r], -1
-                )
+                coefficient = constraint_coefficient(motion.model, r, unknown, motion.state.curve_values)
+                total = less(total, coefficient * multipliers[r])
             q.append(total)
         forces, solved = transposed(block, motion.columns[number], q)
         cuts.update(zip(block.loops, forces, strict=True))

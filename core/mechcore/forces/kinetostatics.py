@@ -20,7 +20,7 @@ from mechcore.forces.friction.solve import FrictionResult, solve_friction
 from mechcore.forces.program import forces_program, rubbing_forces
 from mechcore.kinematics.dyads import cross
 from mechcore.motion.motion import Motion
-from mechcore.numerics.frames import QUIET, added, lazy, rows_of, stacked
+from mechcore.numerics.frames import PLAIN, QUIET, added, lazy, less, rows_of, stacked
 from mechcore.numerics.interpolation import integral_so_far
 from mechcore.numerics.tape import Traced, integral
 from mechcore.records import dataclass
@@ -84,36 +84,32 @@ class Forces:
     # -- results by name ----------------------------------------------------------------------------------------------
     def reaction(self, joint: str) -> Real:
         """Fx, Fy [N] on the joint's second link at `position`, and couple [N m], friction included, without the drive (F, 3)."""
-        rows = self._normal(joint)
+        rows = self.pressed(joint)
         return rows if self.friction is None else rows + self.friction.applied(joint)
 
-    def _normal(self, joint: str) -> Real:
-        """The reaction without what friction adds to it."""
+    def pressed(self, joint: str) -> Real:
+        """The reaction of a joint without what friction adds to it: Fx, Fy [N], couple [N m] (F, 3)."""
         if joint in self._contacts:
             force: Plane = self._contacts[joint][1]
             if (
                 joint in self.motion.model.joint_index
             ):  # rolling: the normal force passes through the wheel's centre and the contact
                 force = force + self._transmitted[self._joint(joint)][0] - self._drive(self._joint(joint))[0]
-            return self._rows(force, 0.0)
+            return rows_of(self._shape, force, 0.0)
         model = self.motion.model
         j = model.joint_index[joint]
         force, couple = self._transmitted[j]
         if j not in model.driven:
-            return self._rows(force, added(couple, self._carried(joint)) if model.relations else couple)
+            return rows_of(self._shape, force, added(couple, self._carried(joint)) if model.relations else couple)
         if model.joints[j].coordinate == "angle":  # the drive is all of the couple
-            return self._rows(force, self._carried(joint) if model.relations else 0.0)
+            return rows_of(self._shape, force, self._carried(joint) if model.relations else 0.0)
         drive_force, drive_moment = self._drive(j)
-        return self._rows(added(force, drive_force, -1), added(couple, drive_moment, -1))
-
-    def pressed(self, joint: str) -> Real:
-        """The reaction of a joint without what friction adds to it: Fx, Fy [N], couple [N m] (F, 3)."""
-        return self._normal(joint)
+        return rows_of(self._shape, less(force, drive_force), less(couple, drive_moment))
 
     def position(self, joint: str) -> Real:
         """Where the reaction of a joint is stated (F, 2) [m]: at the pin, the sliding point, the pitch point, the contact."""
         if joint in self._contacts:
-            return self._rows(self._contacts[joint][0], 0.0)[:, :2]
+            return rows_of(self._shape, self._contacts[joint][0], 0.0)[:, :2]
         return self.motion.joint_position(joint)
 
     def wrench(self, joint: str) -> Real:
@@ -122,7 +118,7 @@ class Forces:
         force, moment = self._drive(j)
         if joint in self._contacts:  # a driven wheel: the force acts at its centre, the joint is where it touches
             moment = moment + cross(self.motion.joint_point(j) - self._contacts[joint][0], force)
-        return self._rows(force, moment)
+        return rows_of(self._shape, force, moment)
 
     def effort(self, joint: str) -> Real:
         """Driving torque [N m] or force [N] along the guide in the direction of the drive's coordinate (F,)."""
@@ -137,7 +133,7 @@ class Forces:
         k = self.motion.model.index[link]
         for w in self.applied:
             if w.kind == "inertia" and w.link == k:
-                return self._rows(w.force, w.moment)
+                return rows_of(self._shape, w.force, w.moment)
         return np.zeros((self.motion.frames, 3))
 
     @cached_property
@@ -271,14 +267,12 @@ class Forces:
         return effort * self.motion.guide(j) * (1.0 if joint.guide == 0 else -1.0), 0.0
 
     def _over_frames(self, value: Values) -> Real:
-        if not isinstance(value, np.ndarray | float | int):  # what stands for an array
+        if not isinstance(value, PLAIN):
             same: Real = np.broadcast_to(value, self._shape)
             return same
-        return np.array(np.broadcast_to(np.asarray(value, float), self._shape))
-
-    def _rows(self, force: Plane, moment: Values) -> Real:
-        rows: Real = rows_of(self._shape, force, moment)
-        return rows
+        out = np.empty(self._shape)
+        out[...] = value
+        return out
 
 
 def solve_forces(motion: Motion) -> Forces:

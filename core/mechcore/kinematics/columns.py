@@ -17,7 +17,7 @@ from mechcore.kinematics.dyads import cross
 from mechcore.kinematics.model import Model
 from mechcore.kinematics.program import Block, LoopEquation, Unknown
 from mechcore.kinematics.state import State
-from mechcore.numerics.frames import added, imaginary, nothing, stacked, summed
+from mechcore.numerics.frames import imaginary, less, nothing, stacked, summed
 from mechcore.numerics.newton import solve_many
 
 
@@ -74,7 +74,7 @@ def columns(model: Model, block: Block, vectors: Sequence[Vectors]) -> Columns:
         (first, second), (moved, also) = block.unknowns, loops[c].columns
         u, v = _turned_back(vectors[c], first, moved), _turned_back(vectors[c], second, also)
         mirrored = u.conjugate()
-        inverse = 1.0 / (mirrored * v).imag
+        inverse = 1.0 / determined((mirrored * v).imag)
         over = imaginary(inverse)
         dual = (v * over).conjugate() if isinstance(v, np.ndarray) else -v.conjugate() * over  # a resting guide's is one number
         return Columns((), direct=(u, v), dual=(dual, mirrored * over), inverse=inverse)
@@ -83,6 +83,13 @@ def columns(model: Model, block: Block, vectors: Sequence[Vectors]) -> Columns:
         tuple(column(vectors[c], x, numbers) for x, numbers in zip(unknowns, loops[c].columns, strict=True)) for c in block.loops
     )
     return Columns(table, tuple(tuple(constraint_coefficient(model, r, x) for x in unknowns) for r in block.relations))
+
+
+def determined(divisor: Values) -> Values:
+    """A divisor, NaN where it is zero: at a singular position the quotient is not determined."""
+    if isinstance(divisor, np.ndarray) and not divisor.all():
+        return np.where(divisor == 0.0, np.nan, divisor)
+    return divisor
 
 
 def column(vectors: Vectors, unknown: Unknown, numbers: Sequence[int]) -> Plane:
@@ -95,7 +102,13 @@ def column(vectors: Vectors, unknown: Unknown, numbers: Sequence[int]) -> Plane:
 
 def _turned_back(vectors: Vectors, unknown: Unknown, numbers: Sequence[int]) -> Plane:
     """`column` turned back by a right angle: for an angle simply the sum of the vectors that it turns."""
-    return -1j * vectors.slides[numbers[0]][2] if unknown[0] == "slide" else summed([vectors.arms[i][1] for i in numbers])
+    first, *others = numbers
+    if unknown[0] == "slide":
+        return -1j * vectors.slides[first][2]
+    total = vectors.arms[first][1]
+    for i in others:
+        total = total + vectors.arms[i][1]
+    return total
 
 
 def constraint_coefficient(
@@ -119,7 +132,7 @@ def rates(block: Block, cols: Columns, drift: Sequence[Plane], constraint_rhs: S
         return [(drift[0] * d).imag for d in cols.dual]
     if len(drift) == 1 and len(cols.table[0]) == 1 and not constraint_rhs:
         ((c,),) = cols.table
-        return [-(c.real * drift[0].real + c.imag * drift[0].imag) / (c.real**2 + c.imag**2)]
+        return [-(c.real * drift[0].real + c.imag * drift[0].imag) / determined(c.real**2 + c.imag**2)]
     matrix, shape = matrix_of(cols)
     shape = np.broadcast_shapes(shape, *(np.shape(r) for r in (*drift, *constraint_rhs)))  # guides on the frame: constant columns
     rhs = [part for r in drift for part in (-r.real, -r.imag)]
@@ -133,10 +146,10 @@ def transposed(block: Block, cols: Columns, q: list[Values]) -> tuple[list[Plane
         return [], [q[0] / cols.constraints[0][0]]
     if cols.direct is not None:
         (u, v), (a, b) = cols.direct, q
-        return [added(0j if nothing(a) else v * (a * cols.inverse), 0j if nothing(b) else u * (b * cols.inverse), -1)], []
+        return [less(0j if nothing(a) else v * (a * cols.inverse), 0j if nothing(b) else u * (b * cols.inverse))], []
     if len(cols.table) == 1 and len(cols.table[0]) == 1 and not cols.constraints:  # one left over: the shortest force that balances
         ((c,),) = cols.table
-        return [c * (q[0] / (c.real**2 + c.imag**2))], []
+        return [c * (q[0] / determined(c.real**2 + c.imag**2))], []
     matrix, shape = matrix_of(cols)
     shape = np.broadcast_shapes(shape, *(np.shape(value) for value in q))
     x = solve_many(np.swapaxes(matrix, -1, -2), stacked(q, shape))

@@ -33,7 +33,7 @@ def cross(a: Plane, b: Plane) -> Values:
     return a.real * b.imag - a.imag * b.real
 
 
-def four_areas(a: Values, b: Values, d: Values) -> Values:
+def four_areas(a: Values, b: Values, d: Values) -> Real:
     """Four times the area of triangles with sides a, b, d (...) [m] -> (...) [m^2]; NaN where they do not close.
 
     Heron's formula as a product of differences of sides, after W. Kahan, "Miscalculating Area and Angles of a Needle-like
@@ -51,22 +51,22 @@ def four_areas(a: Values, b: Values, d: Values) -> Values:
         out = product < 0
         least = -ROUNDING * total
         product = np.where(out & (short > least) & (spare > least), 0.0, product)
-    root: Values = np.sqrt(product)
+    root: Real = np.sqrt(product)
     return root
 
 
-def leg(r: Values, y: Values) -> Values:
+def leg(r: Values, y: Values) -> Real:
     """Other leg of right triangles with hypotenuse r and leg y (...) [m] -> (...) [m]; NaN where |y| > r."""
     product = r - y
     product *= r + y
     if not np.minimum.reduce(product, axis=None, initial=0.0) >= 0:
         out = product < 0
         product = np.where(out & (modulus(y) - r < ROUNDING * r), 0.0, product)
-    root: Values = np.sqrt(product)
+    root: Real = np.sqrt(product)
     return root
 
 
-def _with_mode(x: Values, mode: Values) -> Values:
+def _with_mode(x: Real, mode: Values) -> Real:
     return x if isinstance(mode, float) and mode == 1.0 else mode * x
 
 
@@ -80,11 +80,9 @@ def theta_theta(a: Plane, b: Plane, c: Plane, mode: Values) -> tuple[Complex, Co
     d = np.sqrt(d2)
     difference = (ra - rb) * (ra + rb)
     half = 0.5 / d2
-    across = half * four_areas(ra, rb, d)
-    across = _with_mode(across, mode)
+    across = _with_mode(half * four_areas(ra, rb, d), mode)
     shift = difference * half
-    shape = np.shape(across)
-    e1, e2 = np.empty(shape, complex), np.empty(shape, complex)
+    e1, e2 = np.empty(across.shape, complex), np.empty(across.shape, complex)
     np.add(0.5, shift, out=e1.real)
     e1.imag = across
     np.subtract(0.5, shift, out=e2.real)
@@ -107,7 +105,7 @@ def theta_slide(a: Plane, along: Plane, c: Plane, mode: Values) -> tuple[Complex
     turned = c if isinstance(along, complex) and along == 1 else c * along.conjugate()
     ra, y = modulus(a), turned.imag
     x = _with_mode(leg(ra, y), mode)
-    e = np.empty(np.shape(x), complex)
+    e = np.empty(x.shape, complex)
     e.real, e.imag = x, y
     e *= along / a
     return e, turned.real - x

@@ -70,11 +70,10 @@ def _place_loop(model: Model, block: Block, state: State, mode: Values) -> None:
         solved = (e / np.abs(e),)
     else:  # slide
         solved = ((target * guides[0].conjugate()).real,)
-    for (what, i), x in zip(block.unknowns, solved, strict=True):
-        if what == "angle":
-            _turn(model, state, i, x)
-        else:
-            state.slide[i] = x  # type: ignore[assignment]  # real, as the order of unknowns says
+    for group, rotation in zip(block.angles, solved, strict=False):
+        _turn(model, state, group, rotation)
+    for j, s in zip(block.slides, solved[len(block.angles) :], strict=True):
+        state.slide[j] = s  # type: ignore[assignment]  # real, as the order of unknowns says
 
 
 def loop_terms(model: Model, block: Block, state: State, number: int = 0) -> tuple[Plane, list[Plane], list[Plane]]:

@@ -7,16 +7,13 @@ velocities of what is known, once more with centripetal, Coriolis and known acce
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from math import isfinite
 from typing import Any, Protocol
-
-import numpy as np
 
 from mechcore.arrays import Plane, Real, Values
 from mechcore.kinematics.columns import Columns, Vectors, rates
 from mechcore.kinematics.model import Model
 from mechcore.kinematics.program import Block, LoopEquation, NonlinearTerm
-from mechcore.numerics.frames import added, imaginary, nothing, purely_imaginary, summed
+from mechcore.numerics.frames import imaginary, nothing, purely_imaginary, summed
 
 
 class RateReplacement(Protocol):
@@ -34,7 +31,7 @@ class Rates:
 
     ``factor``: derivative of each rotation class's rotation E over E, i omega or i alpha - omega^2. Until the block of a rotation
     class is solved, what is known beforehand: what drives add to it, and the centripetal part. Plain zeros stand for what does not
-    change."""
+    change; where a block is singular its rates are not determined: NaN."""
 
     def __init__(
         self, model: Model, drives: Sequence[Values], curve_values: Mapping[int, Real] | None = None, before: Rates | None = None
@@ -42,21 +39,17 @@ class Rates:
         self.drives = drives
         self.curve_values: Mapping[int, Real] = curve_values or {}  # of the relations' curves
         self.before = before
-        self.finite = False  # whether `determined` has found it so
         n = len(model.angles.class_group)
         self.angular: list[Values] = [0.0] * n
-        self.factor: list[Plane] = [0j] * n if before is None else [0j if nothing(f) else f * f for f in before.factor]
+        self.factor: list[Plane] = [0j] * n if before is None else [f * f for f in before.factor]
         for s, ((first, sense), *more) in model.program.driven_rotations:
             rate = drives[first] if sense == 1 else -drives[first]
             for d, sign in more:
                 rate = rate + sign * drives[d]
-            self._turn(s, rate, imaginary(rate))
+            self.angular[s] = rate
+            self.factor[s] = imaginary(rate) if before is None else self.factor[s] + imaginary(rate)
         self.slide: dict[int, Values] = {j: drives[d] for j, d in model.program.driven_slides}
         self.group: dict[int, Values] = {}
-
-    def _turn(self, rotation_class: int, rate: Values, turn: Plane) -> None:
-        self.angular[rotation_class] = added(self.angular[rotation_class], rate)
-        self.factor[rotation_class] = added(self.factor[rotation_class], turn)
 
     def settle(self, model: Model, block: Block, solved: Sequence[Values]) -> None:
         """Take over a block's solved rates."""
@@ -77,8 +70,10 @@ class Rates:
 
     def _settle_group(self, model: Model, group: int, rate: Values, turn: Plane) -> None:
         self.group[group] = rate
-        for rotation_class in model.program.classes_of[group]:
-            self._turn(rotation_class, rate, turn)
+        driven, known = model.angles.class_drives, self.before is not None
+        for s in model.program.classes_of[group]:
+            self.angular[s] = rate + self.angular[s] if driven[s] else rate
+            self.factor[s] = self.factor[s] + turn if known or driven[s] else turn
 
     def drift(self, loop: LoopEquation, vectors: Vectors) -> Plane:
         """Rates of a loop's sum while the rates of its unknowns are zero."""
@@ -87,10 +82,10 @@ class Rates:
             terms = [factor[arms[i][0]] * arms[i][1] for i in loop.known_vectors]
         else:
             terms = [factor[rotation_class] * z for rotation_class, z in arms]
-        if slides:
-            if before is not None:
-                turns = before.factor
-                terms += [(2.0 * before.slide[j]) * (turns[s] * d) for j, s, d in slides if not nothing(turns[s])]  # Coriolis
+        if slides and before is not None:
+            turns = before.factor
+            terms += [(2.0 * before.slide[j]) * (turns[s] * d) for j, s, d in slides if not nothing(turns[s])]  # Coriolis
+        if loop.known_guides:
             terms += [self.slide[slides[i][0]] * slides[i][2] for i in loop.known_guides]
         return summed(terms)
 
@@ -115,24 +110,6 @@ class Rates:
                     total = total - second * self.before.argument(t.curve) ** 2
             out.append(total)
         return out
-
-    def determined(self) -> Rates:
-        """These rates, NaN at frames at which they are infinite: at a singular position they are not determined.
-
-        Where the first rates are finite so are the second ones: both are solved with the same columns."""
-        if self.before is not None and self.before.finite:
-            return self
-        solved = (*self.group.values(), *self.slide.values())  # all other rates follow from these and the drives'
-        for rate in solved:
-            if isinstance(rate, np.ndarray) and not isfinite(np.add.reduce(rate, axis=None)):
-                break
-        else:
-            self.finite = True
-            return self
-        for x in (*self.angular, *self.factor, *solved):
-            if isinstance(x, np.ndarray) and not np.isfinite(np.add.reduce(x, axis=None)) and x.flags.writeable:
-                x[~np.isfinite(x)] = np.nan
-        return self
 
     def argument(self, curve: NonlinearTerm) -> Values:
         """Rate of a curve's argument."""
@@ -172,10 +149,11 @@ def _solved(
     for k, (block, c) in enumerate(zip(model.blocks, cols, strict=True)):
         if block.kind == "check":
             continue
-        drift = [unknown.drift(loops[i], vectors[i]) for i in block.loops]
         if c.dual is not None and not interpolants:
-            unknown.solve_dyad(model, block, c, drift[0])
+            loop = block.loops[0]
+            unknown.solve_dyad(model, block, c, unknown.drift(loops[loop], vectors[loop]))
             continue
+        drift = [unknown.drift(loops[i], vectors[i]) for i in block.loops]
         solved = rates(block, c, drift, unknown.constraint_drift(model, block))
         for interpolant in interpolants.get(k, ()) if interpolants else ():
             interpolant.into(solved, 1 if unknown.before is None else 2)

@@ -90,18 +90,18 @@ def initial_state(
     program = model.program
     turned: dict[tuple[int, int], Plane] = {}
     delta: list[Plane] = [1 + 0j] * len(model.angles.class_group)
-    for rotation_class, terms in program.driven_rotations:
-        shorter = program.shorter[rotation_class]
-        terms = terms if shorter < 0 else terms[-1:]
-        for term in terms:
+    for s, terms in program.driven_rotations:
+        shorter = program.shorter[s]
+        factors = [] if shorter < 0 else [delta[shorter]]
+        for term in terms if shorter < 0 else terms[-1:]:
             if term not in turned:
                 drive, sign = term
                 turned[term] = rotation_of(drives[drive] if sign == 1 else sign * drives[drive])
-        factors = [turned[term] for term in terms]
-        delta[rotation_class] = product(factors if shorter < 0 else [delta[shorter], *factors])
+            factors.append(turned[term])
+        delta[s] = product(factors)
     rot: list[Any] = [None] * len(delta)
-    for rotation_class in program.classes_of[0]:
-        rot[rotation_class] = delta[rotation_class]
+    for s in program.classes_of[0]:
+        rot[s] = delta[s]
     slide = {j: drives[d] for j, d in program.driven_slides}
     return State(drives=drives, delta=delta, rot=rot, slide=slide, constants=constants, near=near or {}, tolerance=tolerance)
 

@@ -15,7 +15,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from mechcore.arrays import Index, Real
+from mechcore.arrays import Index, Real, numbers
 from mechcore.errors import Fault, MechanismError
 from mechcore.records import dataclass
 
@@ -134,7 +134,7 @@ class MotionCurve:
     ) -> MotionCurve:
         """From knots (n + 1), polynomial coefficients of each piece, ascending in the distance from its start, and waves (m, 3)."""
         lengths = np.diff(np.asarray(knots, float))
-        tables = [np.atleast_1d(np.asarray(p, float)) for p in polys]
+        tables = [numbers(p) for p in polys]
         rows = [np.zeros((0, 3))] * len(tables) if waves is None else [np.asarray(w, float).reshape(-1, 3) for w in waves]
         return cls(
             tuple(Piece(float(d), p, w) for d, p, w in zip(lengths, tables, rows, strict=True)),

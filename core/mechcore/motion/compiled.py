@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from mechcore.accuracy import DEFAULT, Accuracy
-from mechcore.arrays import Flags, Real
+from mechcore.arrays import Flags, Real, numbers
 from mechcore.branches.assembly import Assembly
 from mechcore.branches.modes import TWO_MODES
 from mechcore.branches.paths import BranchPath, path_for
@@ -88,7 +88,7 @@ def follow(
     compiled: Compiled, time: ArrayLike, drives: Mapping[str, tuple[ArrayLike, ArrayLike, ArrayLike]] | None = None
 ) -> Motion:
     """Motion at times (F,) [s], or at given ``drives`` as in `solve_motion`; frames that cannot be assembled are NaN."""
-    time = np.atleast_1d(np.asarray(time, float))
+    time = numbers(time)
     return place(compiled, time, drive_values(compiled.mechanism, time, drives), given=drives is not None).motion
 
 

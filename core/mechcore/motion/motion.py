@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from functools import cached_property
-from operator import mul
+from functools import cached_property, reduce
+from operator import add, mul
 from typing import Any, TypeVar
 
 import numpy as np
@@ -19,12 +19,13 @@ from mechcore.kinematics.model import Model
 from mechcore.kinematics.program import VectorSum
 from mechcore.kinematics.rates import Rates, accelerations, velocities
 from mechcore.kinematics.state import Interpolant, State, value
-from mechcore.numerics.frames import QUIET, added, lazy, nothing, rows_of, stacked, summed
+from mechcore.numerics.frames import PLAIN, added, lazy, less, nothing, rows_of, stacked
 from mechcore.numerics.interpolation import differentiate
 from mechcore.spec.mechanism import Mechanism
 from mechcore.topology.graph import FRAME
 
 T = TypeVar("T")
+COMPLEX = np.dtype(complex)
 
 
 class Motion:
@@ -186,8 +187,7 @@ class Motion:
     @lazy
     def columns(self) -> list[Columns]:
         """Derivatives of each block's loops by its unknowns."""
-        with np.errstate(**QUIET):
-            return all_columns(self.model, self.loop_vectors)
+        return all_columns(self.model, self.loop_vectors)
 
     @lazy
     def speeds(self) -> Rates:
@@ -197,10 +197,7 @@ class Motion:
         if self._program is not None:
             return self._rates.speeds
         rates = [d[1] for d in self._drives]
-        with np.errstate(**QUIET):
-            return velocities(
-                self.model, self.loop_vectors, self.columns, rates, self.interpolants, self.state.curve_values
-            ).determined()
+        return velocities(self.model, self.loop_vectors, self.columns, rates, self.interpolants, self.state.curve_values)
 
     @lazy
     def _rates(self) -> CompiledRates:
@@ -220,8 +217,7 @@ class Motion:
         if self._program is not None:
             return self._rates.accelerations
         rates = [d[2] for d in self._drives]
-        with np.errstate(**QUIET):  # at a singular position rates are infinite, or not determined
-            return accelerations(self.model, self.loop_vectors, self.columns, self.speeds, rates, self.interpolants).determined()
+        return accelerations(self.model, self.loop_vectors, self.columns, self.speeds, rates, self.interpolants)
 
     # -- plane vectors as complex numbers, links and joints as indices ------------------------------------------------
     def rotation(self, k: int) -> Plane:
@@ -313,7 +309,7 @@ class Motion:
         for link in reversed(chain):
             p, j = tree.parent[link], tree.joint[link]
             side = 1 if ends[j][1] == link else 0
-            place = added(added(place, self.arm(p, j, 1 - side, derivative)), self.arm(link, j, side, derivative), -1)
+            place = less(added(place, self.arm(p, j, 1 - side, derivative)), self.arm(link, j, side, derivative))
             known[link, derivative] = place
         return place
 
@@ -339,11 +335,13 @@ class Motion:
 
     def summed(self, total: VectorSum, derivative: int) -> Plane:
         """A sum of vectors in the world, or its first or second derivative; a new array where it is one."""
-        turned, (still, arms, slides) = self.turned(derivative), total
+        still, arms, slides = total
+        turned = self.turned(derivative)
         terms = [a * turned[s] for s, a in arms]
         if slides:
             terms += [d * self.slid(j, derivative) for j, _, d in slides]
-        return summed(terms) if derivative else added(summed(terms), still)
+        moving = reduce(add, terms) if terms else 0j
+        return moving if derivative else added(moving, still)
 
     def joint_point(self, j: int, derivative: int = 0) -> Plane:
         """Where a joint is: on the link that does not carry the guide."""
@@ -353,13 +351,13 @@ class Motion:
 
     def _rows(self, z: Plane, angle: Values | None = None, *, fresh: bool = False) -> Real:
         """Plane vectors, and an angle where given, as rows of numbers of their own; ``fresh``: nobody else holds ``z``."""
-        if angle is None:
-            if not isinstance(z, np.ndarray | complex | float | int):  # what stands for an array
-                return stacked([z.real, z.imag], self.shape)
-            if not isinstance(z, np.ndarray) or z.shape != self.shape or z.dtype != complex:
-                z, fresh = np.broadcast_to(np.asarray(z, complex), self.shape), False
-            return np.ndarray((*self.shape, 2), float, z if fresh else z.copy())  # the same numbers, in a quarter of a view's time
-        return rows_of(self.shape, z, angle)
+        if angle is not None:
+            return rows_of(self.shape, z, angle)
+        if not isinstance(z, PLAIN):
+            return stacked([z.real, z.imag], self.shape)
+        if not isinstance(z, np.ndarray) or z.shape != self.shape or z.dtype is not COMPLEX:
+            z, fresh = np.broadcast_to(np.asarray(z, complex), self.shape), False
+        return np.ndarray((*self.shape, 2), float, z if fresh else z.copy())  # the same numbers, in a quarter of a view's time
 
     # -- health -------------------------------------------------------------------------------------------------------
     @cached_property

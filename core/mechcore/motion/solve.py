@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from mechcore.accuracy import DEFAULT, Accuracy
-from mechcore.arrays import Flags, Real
+from mechcore.arrays import Flags, Real, numbers
 from mechcore.branches.assembly import Assembly, assemble, fitting_statements
 from mechcore.branches.modes import at_sketch, other_modes, sketched_drives
 from mechcore.branches.paths import BranchPath, Waypoint, travel_of
@@ -123,7 +123,7 @@ def solve_motion(
     if not strict:
         return follow(compiled, time, drives)
     model, given = compiled.model, drives is not None
-    time = np.atleast_1d(np.asarray(time, float))
+    time = numbers(time)
     values = drive_values(model.mechanism, time, drives)
     if not given and len(time):
         _check_direction(compiled, [v[0] for v in values])

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from mechcore.arrays import Complex, Flags, Real
+from mechcore.arrays import Complex, Flags, Real, numbers
 from mechcore.branches.unwrapped import Frames, along_designs
 from mechcore.errors import Fault, MechanismError
 from mechcore.kinematics.build import loop_sum
@@ -72,7 +72,7 @@ def sweep(
                 "Loop over designs.",
             )
         )
-    time = np.atleast_1d(np.asarray(time, float))
+    time = numbers(time)
     varied = {key: np.asarray(xy, float) for key, xy in points.items()}
     for link, point in varied:
         if link not in model.index or point not in model.bodies[link].points:

@@ -17,6 +17,7 @@ from mechcore.arrays import Complex, Plane, Real, Values
 QUIET: Any = {"invalid": "ignore", "divide": "ignore", "over": "ignore"}  # out of reach or singular: NaN or infinite, no warning
 Value = TypeVar("Value")
 Scalars = TypeVar("Scalars", Values, Plane)
+PLAIN = (ndarray, complex, float, int)  # numbers, not what stands for them: symbols of a program, traced arrays
 
 
 class lazy(Generic[Value]):
@@ -44,13 +45,18 @@ def nothing(a: Plane | Values) -> bool:
     return type(a) is not ndarray and bool(a == 0)
 
 
-def added(a: Scalars, b: Scalars, sign: int = 1) -> Scalars:
-    """a + b, or a - b, plain zeros left out."""
+def added(a: Scalars, b: Scalars) -> Scalars:
+    """a + b, plain zeros left out."""
+    if type(a) is not ndarray and a == 0:
+        return b
+    return a if type(b) is not ndarray and b == 0 else a + b
+
+
+def less(a: Scalars, b: Scalars) -> Scalars:
+    """a - b, plain zeros left out."""
     if type(b) is not ndarray and b == 0:
         return a
-    if type(a) is not ndarray and a == 0:
-        return b if sign == 1 else -b
-    return a + b if sign == 1 else a - b
+    return -b if type(a) is not ndarray and a == 0 else a - b
 
 
 def summed(terms: Sequence[Plane]) -> Plane:
@@ -84,7 +90,7 @@ def imaginary(a: Values) -> Plane:
 
 def rows_of(shape: tuple[int, ...], z: Plane, third: Values) -> Real:
     """Plane vectors and a third number as rows of three (*shape, 3)."""
-    if not isinstance(z, np.ndarray | complex | float) or not isinstance(third, np.ndarray | float):
+    if not isinstance(z, PLAIN) or not isinstance(third, PLAIN):  # what stands for arrays
         return stacked([z.real, z.imag, third], shape)
     out = np.zeros((*shape, 3))
     np.ndarray(shape, complex, out, 0, out.strides[:-1])[...] = z  # both columns at once
@@ -95,7 +101,7 @@ def rows_of(shape: tuple[int, ...], z: Plane, third: Values) -> Real:
 
 def stacked(parts: Sequence[Values], shape: tuple[int, ...]) -> Real:
     """Numbers side by side along a last axis (*shape, n), filled in where they are arrays or plain."""
-    if not all(isinstance(x, np.ndarray | float | int) for x in parts):
+    if not all(isinstance(x, PLAIN) for x in parts):
         side_by_side: Real = np.stack([np.broadcast_to(x, shape) for x in parts], axis=-1)
         return side_by_side
     out = np.empty((*shape, len(parts)))

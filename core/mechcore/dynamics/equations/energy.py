@@ -12,7 +12,7 @@ from functools import cached_property
 import numpy as np
 from numpy.polynomial.chebyshev import chebvander
 
-from mechcore.arrays import Real
+from mechcore.arrays import Real, numbers
 from mechcore.constants import MOST_TURNS
 from mechcore.dynamics.equations.curve import Curve
 from mechcore.errors import Fault, MechanismError
@@ -109,7 +109,7 @@ class EnergyMotion:
 
     def __call__(self, t: Real) -> tuple[Real, Real, Real]:
         """Position, speed and acceleration (n, 1) at times (n,)."""
-        t = np.atleast_1d(np.asarray(t, float))
+        t = numbers(t)
         turns: Real = np.zeros_like(t)
         if self.period is not None:
             end = self.last

@@ -9,7 +9,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from mechcore.arrays import Real
+from mechcore.arrays import Real, numbers
 from mechcore.compiled.collocation import Batch, CollocationRule
 from mechcore.dynamics.integration.collocation import (
     Rule,
@@ -86,7 +86,7 @@ class Solution:
 
     def __call__(self, t: Any) -> tuple[Real, Real, Real]:
         """Position, speed and acceleration (n, f) at times (n,); a time on the boundary belongs to the earlier window."""
-        t = np.atleast_1d(np.asarray(t, float))
+        t = numbers(t)
         x, length, q, v, a = self._within(t)
         first, second, values = integrals_and_values(a.shape[1], x)
         moved = (length * length)[:, None] * (second[:, None, :] @ a)[:, 0]

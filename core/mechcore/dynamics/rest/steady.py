@@ -15,7 +15,7 @@ import numpy as np
 from numpy.polynomial import legendre
 from numpy.typing import ArrayLike
 
-from mechcore.arrays import Real
+from mechcore.arrays import Real, numbers
 from mechcore.constants import TURN
 from mechcore.dynamics.contact.dry_friction import DrySystem
 from mechcore.dynamics.contact.friction_state import braking_elements
@@ -79,7 +79,7 @@ class SteadyRun:
         return self.sense * float(np.sqrt(2.0 * self.w[0]))
 
     def __call__(self, x: ArrayLike) -> Real:
-        at: Real = np.mod(np.atleast_1d(np.asarray(x, float)), self.edges[-1])
+        at: Real = np.mod(numbers(x), self.edges[-1])
         k = np.clip(np.searchsorted(self.edges, at, side="right") - 1, 0, len(self.w) - 1)
         h = np.diff(self.edges)[k]
         first, _ = integrals(NODES, (at - self.edges[k]) / h)
