@@ -226,23 +226,23 @@ class UnwrappedAngles:
         other.start, other.path, other._tables = start or self.start, WaypointPath(self.at), {}
         return other
 
+    def at_frames(self, frames: Frames, near: Callable[[Real], Real]) -> LinkAngles:
+        """Angles of the links at frames, from those of the rotation classes ``near`` them, which `along`, `through` or `still` give."""
+        return LinkAngles(self.model, self.start, partial(raw_angles, self.model, *frames), near, self.exact)
+
+    def still(self, raw: Real) -> Real:
+        """Angles near those at the frames of a mechanism that no drive moves."""
+        return np.asarray(self.at.class_angles)[:, None]
+
     # -- along one parameter ------------------------------------------------------------------------------------------
-    def along(self, frames: Frames, parameter: Real, place: Place, laws: tuple[Law, ...] = ()) -> LinkAngles:
-        """Angles at frames along a parameter (F,): the position of the only drive, or with ``laws`` the time. ``place``: parameters
-        (n, 1) -> the motion there."""
+    def along(self, raw: Real, parameter: Real, place: Place, laws: tuple[Law, ...] = ()) -> Real:
+        """Angles near those at frames along a parameter (F,): the position of the only drive, or with ``laws`` the time.
+        ``place``: parameters (n, 1) -> the motion there."""
         key = tuple(map(id, laws))  # the table keeps them alive
-
-        def near(raw: Real) -> Real:
-            table = self._tables.get(key)
-            if table is None:
-                table = self._tables[key] = self._table(laws)
-            return table.near(parameter, raw, place)
-
-        return self._of(frames, near)
-
-    def still(self, frames: Frames) -> LinkAngles:
-        """Angles at the frames of a mechanism that no drive moves."""
-        return self._of(frames, lambda raw: np.asarray(self.at.class_angles)[:, None])
+        table = self._tables.get(key)
+        if table is None:
+            table = self._tables[key] = self._table(laws)
+        return table.near(parameter, raw, place)
 
     def _table(self, laws: tuple[Law, ...]) -> _Table:
         class_angles = np.asarray(self.at.class_angles)
@@ -252,31 +252,24 @@ class UnwrappedAngles:
         turns = self.model.joints[self.model.joint_index[drive.joint]].coordinate == "angle"
         return _Table(self.model, float(self.at.drives[0]), class_angles, float(self.steps[0]), TURN if turns else math.inf)
 
-    def _of(self, frames: Frames, near: Callable[[Real], Real]) -> LinkAngles:
-        return LinkAngles(self.model, self.start, partial(raw_angles, self.model, *frames), near, self.exact)
-
     # -- where forces lead several coordinates ------------------------------------------------------------------------
-    def through(self, frames: Frames, time: Real, place: Place) -> LinkAngles:
-        """Angles at frames (F,) whose drives have any positions: from the waypoint before each, and from one frame to the next in
-        order of time; ``place``: times and positions of drives (n, 1 + d) -> the motion there."""
-
-        def near(raw: Real) -> Real:
-            order = np.argsort(time, kind="stable")
-            x = np.column_stack([time, *frames[0]])[order]
-            points, before = self.path.before(x[:, 0])
-            used, which = np.unique(before, return_inverse=True)
-            known = self._known(points, used, place)
-            at = np.searchsorted(which, np.arange(len(used)))  # where each waypoint comes in
-            places = np.insert(x, at, [_row(points[k]) for k in used], axis=0)
-            fresh = np.insert(np.zeros(len(x), bool), at, True)
-            followed = self._followed(places, np.insert(raw[:, order], at, known, axis=-1), fresh, place)
-            starts = np.flatnonzero(fresh)
-            shift = TURN * np.round((known - followed[:, starts]) / TURN)
-            out = np.empty_like(raw)
-            out[:, order] = (followed + np.repeat(shift, np.diff(np.append(starts, len(places))), axis=1))[:, ~fresh]
-            return out
-
-        return self._of(frames, near)
+    def through(self, raw: Real, drives: Sequence[Values], time: Real, place: Place) -> Real:
+        """Angles near those at frames (F,) whose drives have any positions: from the waypoint before each, and from one frame to
+        the next in order of time; ``place``: times and positions of drives (n, 1 + d) -> the motion there."""
+        order = np.argsort(time, kind="stable")
+        x = np.column_stack([time, *drives])[order]
+        points, before = self.path.before(x[:, 0])
+        used, which = np.unique(before, return_inverse=True)
+        known = self._known(points, used, place)
+        at = np.searchsorted(which, np.arange(len(used)))  # where each waypoint comes in
+        places = np.insert(x, at, [_row(points[k]) for k in used], axis=0)
+        fresh = np.insert(np.zeros(len(x), bool), at, True)
+        followed = self._followed(places, np.insert(raw[:, order], at, known, axis=-1), fresh, place)
+        starts = np.flatnonzero(fresh)
+        shift = TURN * np.round((known - followed[:, starts]) / TURN)
+        out = np.empty_like(raw)
+        out[:, order] = (followed + np.repeat(shift, np.diff(np.append(starts, len(places))), axis=1))[:, ~fresh]
+        return out
 
     def _followed(self, x: Real, raw: Real, fresh: Flags | None, place: Place) -> Real:
         """Angles at times and positions of drives (n, 1 + d), followed from one to the next but for the ``fresh`` ones."""

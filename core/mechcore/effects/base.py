@@ -76,13 +76,13 @@ class KnownLoad(NamedTuple):
 
     def acting(self, at: Motion) -> tuple[Plane, Values]:
         """Force [N] and free moment [N m] at a motion; a `Configuration` will do where no inertia is in it."""
-        _, _, link, point, constant, mass, inertia = self.load
-        force: Plane = constant
-        if self.opposed is not None:
-            force = added(at.summed(self.opposed, 2), force)
-        elif not nothing(mass):
-            force = added(-mass * at.of_point(link, point, 2), force)
-        return force, -inertia * at.accelerations.angular[self.rotation_class] if self.rotary else 0.0
+        load, _, rotation_class, _, opposed, rotary = self
+        force = load.force
+        if opposed is not None:
+            force = added(at.summed(opposed, 2), force)
+        elif not nothing(load.mass):
+            force = added(-load.mass * at.of_point(load.link, load.point, 2), force)
+        return force, -load.inertia * at.accelerations.angular[rotation_class] if rotary else 0.0
 
 
 def known_load(model: Model, load: PointLoad) -> KnownLoad:

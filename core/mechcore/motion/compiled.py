@@ -11,12 +11,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from mechcore.accuracy import DEFAULT, Accuracy
-from mechcore.arrays import Flags, Real, numbers
+from mechcore.arrays import Flags, Real, Values, numbers
 from mechcore.branches.assembly import Assembly
 from mechcore.branches.modes import TWO_MODES
 from mechcore.branches.paths import BranchPath, path_for
 from mechcore.branches.singular_points import SingularPoints, find_singular_points, needs_span, passages
-from mechcore.branches.unwrapped import Frames, LinkAngles, UnwrappedAngles
+from mechcore.branches.unwrapped import Frames, UnwrappedAngles
 from mechcore.compiled.motion import Executor, motion_program
 from mechcore.constants import MOST_TURNS, TURN
 from mechcore.kinematics.model import Model
@@ -143,7 +143,8 @@ def place(compiled: Compiled, time: Real, values: DriveValues, *, given: bool) -
     again: Callable[[Real], Motion] | None = None if given else lambda t: follow(led, t)
     in_time = path.by_time if path is not None else len(positions) > 1 or not (singular_points is None or singular_points.by_drive)
     frames = positions, state, (*model.designs, len(time))
-    angles = led.angles.still(frames) if still else _angles(led, frames, time, in_time=not given and in_time)
+    near = led.angles.still if still else partial(_angles, led, frames[0], time, in_time=not given and in_time)
+    angles = led.angles.at_frames(frames, near)
     by_c = None if program is None else (program, origins)
     motion = Motion(model, time, values, state, angles, interpolants, passed, again, compiled.accuracy, by_c)
     return Placed(motion, path, parameter, singular_points)
@@ -153,8 +154,9 @@ def _beyond(known: SingularPoints | None, span: float) -> bool:
     return known is None or span > known.period
 
 
-def _angles(compiled: Compiled, frames: Frames, time: Real, *, in_time: bool) -> LinkAngles:
-    """Angles of the links at frames; ``in_time``: the laws lead there, and their angles follow from the time alone."""
+def _angles(compiled: Compiled, positions: Sequence[Values], time: Real, raw: Real, *, in_time: bool) -> Real:
+    """Angles of the rotation classes near ``raw`` ones at positions of the drives; ``in_time``: the laws lead there, and the angles
+    follow from the time alone."""
     drives, unwrapped = compiled.mechanism.drives, compiled.angles
 
     def placed(time: Real, given: Real | None = None) -> Frames:
@@ -164,10 +166,10 @@ def _angles(compiled: Compiled, frames: Frames, time: Real, *, in_time: bool) ->
         return [d[0] for d in motion.drives], motion.state, motion.shape
 
     if in_time:
-        return unwrapped.along(frames, time, lambda x: placed(x[:, 0]), tuple(d.law for d in drives))
+        return unwrapped.along(raw, time, lambda x: placed(x[:, 0]), tuple(d.law for d in drives))
     if len(drives) > 1:
-        return unwrapped.through(frames, time, lambda x: placed(x[:, 0], x[:, 1:]))
-    return unwrapped.along(frames, np.asarray(frames[0][0]), lambda x: placed(np.zeros(len(x)), x))
+        return unwrapped.through(raw, positions, time, lambda x: placed(x[:, 0], x[:, 1:]))
+    return unwrapped.along(raw, np.asarray(positions[0]), lambda x: placed(np.zeros(len(x)), x))
 
 
 def _path(compiled: Compiled, time: Real, positions: Sequence[Real], *, given: bool) -> BranchPath:
