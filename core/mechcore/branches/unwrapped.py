@@ -227,7 +227,7 @@ class UnwrappedAngles:
         return other
 
     def at_frames(self, frames: Frames, near: Callable[[Real], Real]) -> LinkAngles:
-        """Angles of the links at frames, from those of the rotation classes ``near`` them, which `along`, `through` or `still` give."""
+        """Angles of the links at frames; ``near``: raw angles of the classes -> those near them, by `along`, `through`, `still`."""
         return LinkAngles(self.model, self.start, partial(raw_angles, self.model, *frames), near, self.exact)
 
     def still(self, raw: Real) -> Real:

@@ -9,6 +9,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
+import numpy as np
+
 from mechcore.effects.base import Configuration, Effect, KnownLoad, PointLoad, Wrench, known_load, sum_up
 from mechcore.effects.machines import ConstantPowerMachine, CylinderGas, DirectCurrent, Governed, Induction, PositionServo
 from mechcore.effects.masses import Gravity, Inertia
@@ -16,7 +18,7 @@ from mechcore.effects.prescribed import AppliedForce, AppliedTorque, ConstantThr
 from mechcore.effects.resistance import BeltPull, DryFriction, JournalFriction, JournalPressure, MediumDrag, ViscousFriction
 from mechcore.effects.springs import AngleDamper, AngleSpring, BushingDampers, BushingSprings, LineDamper, LineGasSpring, LineSpring
 from mechcore.kinematics.model import Model
-from mechcore.numerics.frames import added, crossed, nothing
+from mechcore.numerics.frames import QUIET, added, crossed, nothing
 from mechcore.spec.loads import (
     Actuator,
     BeltTension,
@@ -113,7 +115,10 @@ def totals(at: Any) -> tuple[list[Any], list[Any], Callable[[], list[Wrench]]]:
     """
     model, rot = at.model, at.state.rot
     known = model.once(known_loads)
-    evaluated = {effect: effect.wrenches(at) for effect in known.others}
+    evaluated: dict[Effect, list[Wrench]] = {}
+    if known.others:
+        with np.errstate(**QUIET):
+            evaluated = {effect: effect.wrenches(at) for effect in known.others}
     force, moment = sum_up([w for own in evaluated.values() for w in own], len(model.links))
     for load in known.loads:
         _, k, rotation_class, arm, *_ = load

@@ -20,7 +20,7 @@ from mechcore.forces.friction.solve import FrictionResult, solve_friction
 from mechcore.forces.program import forces_program, rubbing_forces
 from mechcore.kinematics.dyads import cross
 from mechcore.motion.motion import Motion
-from mechcore.numerics.frames import PLAIN, QUIET, added, lazy, less, rows_of, stacked
+from mechcore.numerics.frames import PLAIN, added, lazy, less, rows_of, stacked
 from mechcore.numerics.interpolation import integral_so_far
 from mechcore.numerics.tape import Traced, integral
 from mechcore.records import dataclass
@@ -292,9 +292,10 @@ def solve_forces(motion: Motion) -> Forces:
             return Forces(motion, formed, *rubbing_forces(motion, force, moment))
         applied = wrenches(motion)
         return Forces(motion, applied, *solve_friction(motion, *sum_up(applied, len(model.links))))
-    with np.errstate(**QUIET):
-        force, moment, formed = totals(motion)
-        return Forces(motion, formed, *equilibrium.joint_forces(motion, force, moment)[:2])
+    force, moment, formed = totals(motion)
+    divides = model.relations or model.needs_global_solve  # elsewhere no quotient is taken that could warn
+    balance = equilibrium.transmit if divides else equilibrium.joint_forces
+    return Forces(motion, formed, *balance(motion, force, moment)[:2])
 
 
 LABELS = {"inertia": "F_i ", "gravity": "G_"}  # of drawings: what follows _ stands lower

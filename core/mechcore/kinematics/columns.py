@@ -17,7 +17,7 @@ from mechcore.kinematics.dyads import cross
 from mechcore.kinematics.model import Model
 from mechcore.kinematics.program import Block, LoopEquation, Unknown
 from mechcore.kinematics.state import State
-from mechcore.numerics.frames import imaginary, less, nothing, stacked, summed
+from mechcore.numerics.frames import determined, imaginary, less, nothing, stacked, summed
 from mechcore.numerics.newton import solve_many
 
 
@@ -83,13 +83,6 @@ def columns(model: Model, block: Block, vectors: Sequence[Vectors]) -> Columns:
         tuple(column(vectors[c], x, numbers) for x, numbers in zip(unknowns, loops[c].columns, strict=True)) for c in block.loops
     )
     return Columns(table, tuple(tuple(constraint_coefficient(model, r, x) for x in unknowns) for r in block.relations))
-
-
-def determined(divisor: Values) -> Values:
-    """A divisor, NaN where it is zero: at a singular position the quotient is not determined."""
-    if isinstance(divisor, np.ndarray) and not divisor.all():
-        return np.where(divisor == 0.0, np.nan, divisor)
-    return divisor
 
 
 def column(vectors: Vectors, unknown: Unknown, numbers: Sequence[int]) -> Plane:

@@ -19,7 +19,8 @@ from typing import overload
 
 import numpy as np
 
-from mechcore.arrays import Complex, Plane, Real, Values, modulus
+from mechcore.arrays import Complex, Flags, Plane, Real, Values, modulus
+from mechcore.numerics.frames import QUIET, determined
 
 ROUNDING = 4e-15  # links that miss each other by less than this part of their length meet: they are at a dead point
 
@@ -48,11 +49,15 @@ def four_areas(a: Values, b: Values, d: Values) -> Real:
     product *= spare
     product *= d + difference
     if not np.minimum.reduce(product, axis=None, initial=0.0) >= 0:
-        out = product < 0
         least = -ROUNDING * total
-        product = np.where(out & (short > least) & (spare > least), 0.0, product)
+        product = _rounded(product, (short > least) & (spare > least))
     root: Real = np.sqrt(product)
     return root
+
+
+def _rounded(square: Values, close: Flags | bool) -> Values:
+    """What a root is taken of: NaN where it is negative, zero where it is so by rounding only."""
+    return np.where(square < 0, np.where(close, 0.0, np.nan), square)
 
 
 def leg(r: Values, y: Values) -> Real:
@@ -60,8 +65,7 @@ def leg(r: Values, y: Values) -> Real:
     product = r - y
     product *= r + y
     if not np.minimum.reduce(product, axis=None, initial=0.0) >= 0:
-        out = product < 0
-        product = np.where(out & (modulus(y) - r < ROUNDING * r), 0.0, product)
+        product = _rounded(product, modulus(y) - r < ROUNDING * r)
     root: Real = np.sqrt(product)
     return root
 
@@ -79,7 +83,7 @@ def theta_theta(a: Plane, b: Plane, c: Plane, mode: Values) -> tuple[Complex, Co
     ra, rb, d2 = modulus(a), modulus(b), (c * c.conjugate()).real
     d = np.sqrt(d2)
     difference = (ra - rb) * (ra + rb)
-    half = 0.5 / d2
+    half = 0.5 / determined(d2)
     across = _with_mode(half * four_areas(ra, rb, d), mode)
     shift = difference * half
     e1, e2 = np.empty(across.shape, complex), np.empty(across.shape, complex)
@@ -89,7 +93,7 @@ def theta_theta(a: Plane, b: Plane, c: Plane, mode: Values) -> tuple[Complex, Co
     np.negative(across, out=e2.imag)
     for e, length in ((e1, a), (e2, b)):
         e *= c
-        e *= 1.0 / length
+        e *= 1.0 / determined(length)
     return e1, e2
 
 
@@ -107,7 +111,7 @@ def theta_slide(a: Plane, along: Plane, c: Plane, mode: Values) -> tuple[Complex
     x = _with_mode(leg(ra, y), mode)
     e = np.empty(x.shape, complex)
     e.real, e.imag = x, y
-    e *= along / a
+    e *= along / determined(a)
     return e, turned.real - x
 
 
@@ -122,7 +126,8 @@ def arm_slide(a: Plane, d: Plane, c: Plane, mode: Values) -> tuple[Plane, Values
     foot = a * d.conjugate()
     r, y = modulus(c), foot.imag
     x = _with_mode(leg(r, y), mode)
-    return c * d.conjugate() / (x + 1j * y), x - foot.real
+    with np.errstate(**QUIET):  # of NaN, too, quotients of complex numbers warn
+        return c * d.conjugate() / (x + 1j * y), x - foot.real
 
 
 def error_arm_slide(a: Plane, d: Plane, c: Plane) -> Values:
@@ -132,7 +137,6 @@ def error_arm_slide(a: Plane, d: Plane, c: Plane) -> Values:
 
 
 def slide_slide(d1: Plane, d2: Plane, c: Plane) -> tuple[Values, Values]:
-    """s1, s2 of ``s1 d1 + s2 d2 = c``; infinite or NaN where the guides are parallel."""
-    det = cross(d1, d2)
-    with np.errstate(divide="ignore", invalid="ignore"):  # parallel guides decide nothing
-        return np.divide(cross(c, d2), det), np.divide(cross(d1, c), det)
+    """s1, s2 of ``s1 d1 + s2 d2 = c``; NaN where the guides are parallel."""
+    det = determined(np.asarray(cross(d1, d2)))
+    return np.divide(cross(c, d2), det), np.divide(cross(d1, c), det)

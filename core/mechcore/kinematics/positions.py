@@ -34,19 +34,19 @@ def place_all(
     """Positions for drive positions (...) each, with an assembly mode per block, Newton starts by block name, and frames at which
     a block's positions are given. ``tolerance``: residual at which Newton's method stops, in sizes of the mechanism."""
     state = initial_state(model, drives, constants, starts, tolerance)
-    with np.errstate(**QUIET):  # NaN, "out of reach", is an answer here
-        for i, (block, mode) in enumerate(zip(model.blocks, modes, strict=True)):
-            place(model, block, state, mode, None if starts is None else starts.get(block.name))
-            if interpolants:
-                for interpolant in interpolants.get(i, ()):
-                    apply(model, block, state, interpolant, onto=True)
+    for i, (block, mode) in enumerate(zip(model.blocks, modes, strict=True)):
+        place(model, block, state, mode, None if starts is None else starts.get(block.name))
+        for interpolant in interpolants.get(i, ()) if interpolants else ():
+            apply(model, block, state, interpolant, onto=True)
     return state
 
 
 def place(model: Model, block: Block, state: State, mode: Values, start: Real | None = None) -> None:
-    """Solve a block's positions into ``state``. ``start``: unknowns (..., n) to start Newton from (general blocks only)."""
+    """Solve a block's positions into ``state``, NaN where it is out of reach. ``start``: unknowns (..., n) to start Newton from
+    (general blocks only)."""
     if block.kind == "general":
-        _place_general(model, block, state, start)
+        with np.errstate(**QUIET):
+            _place_general(model, block, state, start)
     elif block.kind == "relation":
         _place_relation(model, block, state)
     elif block.kind != "check":
@@ -66,8 +66,9 @@ def _place_loop(model: Model, block: Block, state: State, mode: Values) -> None:
     elif block.kind == "slide_slide":
         solved = dyads.slide_slide(guides[0], guides[1], target)
     elif block.kind == "angle":
-        e = target / arms[0]
-        solved = (e / np.abs(e),)
+        with np.errstate(**QUIET):
+            e = target / arms[0]
+            solved = (e / np.abs(e),)
     else:  # slide
         solved = ((target * guides[0].conjugate()).real,)
     for group, rotation in zip(block.angles, solved, strict=False):

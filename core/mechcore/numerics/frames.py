@@ -59,6 +59,13 @@ def less(a: Scalars, b: Scalars) -> Scalars:
     return -b if type(a) is not ndarray and a == 0 else a - b
 
 
+def determined(divisor: Scalars) -> Scalars:
+    """A divisor, NaN where it is zero: what is divided by it is not determined there, and no warning says so."""
+    if isinstance(divisor, ndarray) and not np.logical_and.reduce(divisor, axis=None):
+        return np.where(divisor == 0.0, np.nan, divisor)
+    return divisor
+
+
 def summed(terms: Sequence[Plane]) -> Plane:
     """The sum of terms, plain zero where there are none: one addition less than `sum` takes."""
     return reduce(add, terms) if terms else 0j
