@@ -96,7 +96,7 @@ def forces(
             print("\n".join(lines if latex else [run.scene.title, *lines]))
             return
         print(run.scene.title)
-        print("\n".join(force_lines(run.forces) if run.motion.mechanism.led else statics_lines(run.forces, run.scene.units)))
+        print("\n".join(force_lines(run.forces) if run.motion.mechanism.moving else statics_lines(run.forces, run.scene.units)))
         if fluctuation is not None:
             print("\n".join(flywheel_lines(flywheel(run.forces, fluctuation), run.scene.units)))
         with interruptible(*(["matplotlib.figure"] if plot is not None else [])):

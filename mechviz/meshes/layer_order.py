@@ -59,13 +59,13 @@ def order_layers(conflicts: Sequence[int], posts: Sequence[Post], behind: Mappin
     if n == 0:
         return Order((), tuple(False for _ in posts), 0)
     costs = Costs(conflicts, posts, behind, WEIGHTS)
-    layers = np.zeros((1, 1), np.int16) if n == 1 else _found(costs, conflicts, posts)
+    layers = np.zeros((1, 1), np.int16) if n == 1 else _best_order(costs, conflicts, posts)
     best = layers[[int(np.argmin(costs(layers)))]]
     clashes, _, front = costs.counted(best)
     return Order(tuple(best[0].tolist()), tuple(front[:, 0].tolist()), int(clashes[0]))
 
 
-def _found(costs: Costs, conflicts: Sequence[int], posts: Sequence[Post]) -> Layers:
+def _best_order(costs: Costs, conflicts: Sequence[int], posts: Sequence[Post]) -> Layers:
     """The orders (S, n) that no move makes cheaper, from one or another start."""
     n = len(conflicts)
     rng = random.Random(0)

@@ -26,7 +26,7 @@ CENTRES: Mapping[str, tuple[str, str]] = {
 }
 """By group: its words, and what its items are."""
 
-PIN, FOUND, LINE = (255, 206, 92), (92, 214, 255), (150, 166, 190)
+PIN, CENTRE, LINE = (255, 206, 92), (92, 214, 255), (150, 166, 190)
 CIRCLE, CURVE, RAY, TANGENT, AXIS = (120, 255, 190), (255, 150, 210), (150, 166, 190), (255, 206, 92), (190, 150, 255)
 FORCE, PART = (208, 112, 246), (244, 178, 255)
 VISIBLE = 2.5  # sizes of the mechanism from its middle: nothing is drawn farther off
@@ -114,7 +114,7 @@ def _instant_centre(pen: _Pen, centre: InstantCentre, known: Mapping[str, Instan
         ends = np.stack([line.base + (low - room) * line.along, line.base + (high + room) * line.along], axis=1)
         strips[f" {k}"] = (ends, LINE, THIN)
     yield from pen.lines("lines", strips)
-    yield from pen.dot("centre", centre.place, PIN if centre.found_by == "joint" else FOUND, pen.name)
+    yield from pen.dot("centre", centre.place, PIN if centre.determined_by == "joint" else CENTRE, pen.name)
 
 
 def _evolute(pen: _Pen, path: PathCurvature, solids: Solids) -> Iterator[Node]:
@@ -169,12 +169,12 @@ def _percussion(pen: _Pen, strike: Percussion, per_metre: float) -> Iterator[Nod
         " turned": (np.stack([strike.centre, meeting], axis=1), PART, THIN),
     }
     yield from pen.lines("line", strips)
-    carried = np.abs(strike.carried).max(initial=0.0) > 1e-9 * np.abs(strike.turned).max(initial=0.0)
-    for part, place, color in (("S", strike.mass_centre, PIN), ("W", strike.centre, FOUND), ("T", strike.meeting, FORCE)):
+    carried = np.abs(strike.direct).max(initial=0.0) > 1e-9 * np.abs(strike.turned).max(initial=0.0)
+    for part, place, color in (("S", strike.mass_centre, PIN), ("W", strike.centre, CENTRE), ("T", strike.meeting, FORCE)):
         if part != "T" or carried:  # of a pivot that is at rest T is W
             yield from pen.dot(part, place, color, part)
     arrows = [(np.where(np.isfinite(meeting), meeting, through), strike.force)]
-    arrows += [(strike.mass_centre, strike.carried), (strike.centre, strike.turned)] if carried else []
+    arrows += [(strike.mass_centre, strike.direct), (strike.centre, strike.turned)] if carried else []
     starts, forces = (np.stack(part, axis=1) for part in zip(*arrows, strict=True))
     there = np.isfinite(starts) & np.isfinite(forces)
     look: dict[str, Any] = {
@@ -188,7 +188,7 @@ def _percussion(pen: _Pen, strike: Percussion, per_metre: float) -> Iterator[Nod
 
 def _force_scale(studied: Mapping[str, Percussion], size: float) -> float:
     """Newtons per metre of arrows: the largest is a third of the mechanism."""
-    parts = [np.abs(part) for p in studied.values() for part in (p.force, p.carried, p.turned)]
+    parts = [np.abs(part) for p in studied.values() for part in (p.force, p.direct, p.turned)]
     largest = float(np.nanmax(parts, initial=0.0)) if parts else 0.0
     return 3.0 * largest / size if largest > 0.0 else 1.0
 

@@ -156,7 +156,7 @@ def _centre_lines(run: Run, told: Told) -> Iterator[str]:
         if texts:
             worst = float(np.max(np.concatenate(near), initial=0.0)) / size
             yield f"{', '.join(texts)}: as the velocities have them, to {worst:.1e} of the mechanism's size"
-        alone = [name for name, c in centres.items() if c.found_by == "velocities"]
+        alone = [name for name, c in centres.items() if c.determined_by == "velocities"]
         if alone:
             yield f"{', '.join(alone)}: by the velocities, as no two lines decide them"
     for name, path in studies.evolutes.items():

@@ -236,7 +236,7 @@ def _metrics(run: Run) -> Iterator[Table]:
         "curvature": (("curvature", "1/m"), lambda: {key: metrics.curvature(motion, *key) for key in motion.mechanism.traced}),
     }
     for name, (column, compute) in computed.items():
-        for key in metrics.metric_items(name, motion.model) if name in motion.mechanism.answers else ():
+        for key in metrics.metric_items(name, motion.model) if name in motion.mechanism.metrics else ():
             item = key if isinstance(key, str) else point_name(*key) if name == "curvature" else " ".join(key)
             columns = _POSE[:2] if name == "instant_centre" else (column,)
             label = "instant centre" if name == "instant_centre" else name
@@ -248,7 +248,7 @@ def _metric(compute: Callable[[], Any], key: Any) -> Real:
     return values if values.ndim > 1 else values[:, None]
 
 
-def _led(motion: Motion, servo: Servo, chosen: slice) -> Real:
+def _servo_track(motion: Motion, servo: Servo, chosen: slice) -> Real:
     """Chosen columns of target, coordinate, and how far it is behind (F, n) [rad or m]."""
     target = np.broadcast_to(servo.target(motion.time)[0], motion.time.shape)
     reached = motion.coordinate(servo.joint)[:, 0]
@@ -270,8 +270,8 @@ def _servos(run: Run) -> Iterator[Table]:
         if isinstance(servo, Servo):
             path, unit = ("data", "servos", servo.name), joint_unit(run.motion, servo.joint)
             both: Columns = (("target", unit), ("reached", unit))
-            yield Table((*path, "position"), servo.name, both, partial(_led, run.motion, servo, slice(0, 2)))
-            yield Table((*path, "error"), servo.name, (("error", unit),), partial(_led, run.motion, servo, slice(2, 3)))
+            yield Table((*path, "position"), servo.name, both, partial(_servo_track, run.motion, servo, slice(0, 2)))
+            yield Table((*path, "error"), servo.name, (("error", unit),), partial(_servo_track, run.motion, servo, slice(2, 3)))
 
 
 def _powers(run: Run) -> Iterator[Table]:

@@ -11,7 +11,7 @@ from typing import Annotated, Any, Literal, get_args
 
 from pydantic import BeforeValidator, Discriminator, Field, PrivateAttr, Tag, model_validator
 
-from mechcore.spec.mechanism import ANSWERS, EFFECTS
+from mechcore.spec.mechanism import EFFECTS, METRICS
 from mechviz.scene.annotations import Place
 from mechviz.scene.fields import (
     Angle,
@@ -49,8 +49,8 @@ from mechviz.scene.kinds.studies import (
 from mechviz.scene.names import LinkName
 
 EffectName = Literal["inertia", "gravity", "friction"]
-AnswerName = Literal["transmission_angle", "velocity_ratio", "mechanical_advantage", "instant_centre", "curvature"]
-if set(get_args(AnswerName)) != set(ANSWERS):
+MetricName = Literal["transmission_angle", "velocity_ratio", "mechanical_advantage", "instant_centre", "curvature"]
+if set(get_args(MetricName)) != set(METRICS):
     raise ImportError("mechviz.scene.document.AnswerName and mechcore.spec.mechanism.ANSWERS name different answers")
 if set(get_args(EffectName)) != set(EFFECTS):  # a Literal must be spelled out; this keeps it equal to the core's list
     raise ImportError("mechviz.scene.document.EffectName and mechcore.spec.mechanism.EFFECTS name different effects")
@@ -203,7 +203,7 @@ class SceneDocument(Table):
     """Points whose paths are wanted: "E", or "coupler.E" where several links have a point of that name."""
     marks: Flag = True
     """Whether names of joints and arrows are shown at first; machines for children look better without. Drawn, not computed."""
-    answers: list[AnswerName] = Field(default=[])
+    answers: list[MetricName] = Field(default=[])
     """Answers about the geometry of the motion, recorded with events where they become extreme."""
     plans: list[PlanName] = Field(default=[])
     """Graphical constructions to draw."""

@@ -182,7 +182,7 @@ def known_joint(
 def known_drive(reading: Reading, path: str, drive: str | None) -> Iterator[Fault]:
     """A fault where there is no such joint with a drive, or a free one."""
     joints = reading.document.joints
-    driven = [name for name, joint in joints.items() if joint.led]
+    driven = [name for name, joint in joints.items() if joint.driven]
     if drive is None or isinstance(drive, Unknown) or drive in {*driven, *reading.shapeless} or "*" in reading.broken["joints"]:
         return
     what = f"joint '{drive}' has no drive." if drive in joints else f"there is no joint '{drive}'."

@@ -63,11 +63,13 @@ def cam_facts(motion: Motion, forces: Forces | None, *, margin: float | None = N
 def size_facts(motion: Motion) -> list[CamFact]:
     """The sizes that the scene asks to be the least, as they were found."""
     return [
-        CamFact(cam.name, what, Text(words)) for cam in placed_cams(motion) for what, words in _found(joint_of(motion, cam), cam)
+        CamFact(cam.name, what, Text(words))
+        for cam in placed_cams(motion)
+        for what, words in _least(joint_of(motion, cam), cam)
     ]
 
 
-def _found(joint: CamJoint, cam: AnyCam) -> Iterator[tuple[str, str]]:
+def _least(joint: CamJoint, cam: AnyCam) -> Iterator[tuple[str, str]]:
     if isinstance(cam, PlacedCam) and cam.decides is not None:
         yield "base circle", f"{as_length(cam.base, 6)}, the least for its limits; decided by: {cam.decides}"
     for what, value in joint.sized:

@@ -61,9 +61,9 @@ def check_lines(scene: Scene, *, equations: bool = False, modes: bool = False) -
         scene.title,
         "",
         f"mobility   W = 3·{n} - 2·{p5} - {p4} = {w} (Gruebler-Kutzbach); {rank} by the rank of the constraints; "
-        f"{_led(drives - len(free), free)}",
+        f"{_drives_in_words(drives - len(free), free)}",
     ]
-    if not scene.mechanism.led and scene.simulation is None:
+    if not scene.mechanism.moving and scene.simulation is None:
         span = f"over {scene.cycles * scene.mechanism.cycle:g} s" if scene.mechanism.cycle else "at one instant, time zero"
         lines.append(f"statics    nothing moves: reactions {span}")
     if scene.simulation is not None:
@@ -202,7 +202,7 @@ def _over(frames: int) -> str:
     return f"over {frames} frames" if frames != 1 else "at the start"
 
 
-def _led(drives: int, free: list[str]) -> str:
+def _drives_in_words(drives: int, free: list[str]) -> str:
     """How many drives and free coordinates there are."""
     words = [f"{drives} drive{'s' if drives != 1 else ''}"] if drives or not free else []
     if free:

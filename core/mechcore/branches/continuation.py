@@ -57,8 +57,8 @@ class Branch:
 
     def drives(self, parameter: Real | float) -> tuple[list[Real], list[Real]]:
         """Positions of all drives at parameters (...), and their derivatives by it."""
-        led = [law(parameter) for law in self.laws]
-        positions, speeds = [np.asarray(q, float)[()] for q, _, _ in led], [np.asarray(v, float)[()] for _, v, _ in led]
+        drives = [law(parameter) for law in self.laws]
+        positions, speeds = [np.asarray(q, float)[()] for q, _, _ in drives], [np.asarray(v, float)[()] for _, v, _ in drives]
         if self.still:
             none = np.zeros(np.shape(parameter))
             positions, speeds = positions + [none + q for q in self.still], speeds + [none] * len(self.still)

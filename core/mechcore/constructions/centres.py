@@ -73,7 +73,7 @@ class InstantCentre:
     """
 
     links: tuple[str, str]
-    found_by: Literal["joint", "lines", "velocities"]
+    determined_by: Literal["joint", "lines", "velocities"]
     place: Complex
     away: Complex
     lines: tuple[CentreLine, ...]
@@ -343,7 +343,7 @@ class Percussion:
     """Places (F,) [m] of ``pivot`` B, ``mass_centre`` S and ``centre`` of percussion W; the inertia ``force`` (F,) [N] of the link
     as a single force through ``through`` (F,), the point of its line nearest to W, NaN where there is a couple or nothing.
 
-    ``carried``: -m a_B (F,) [N] through S; ``turned``: -m a_SB (F,) [N] through W; ``meeting`` T (F,), NaN where they are parallel.
+    ``direct``: -m a_B (F,) [N] through S; ``turned``: -m a_SB (F,) [N] through W; ``meeting`` T (F,), NaN where they are parallel.
     """
 
     link: str
@@ -354,7 +354,7 @@ class Percussion:
     force: Complex
     moment: Real
     through: Complex
-    carried: Complex
+    direct: Complex
     turned: Complex
     meeting: Complex
 
@@ -378,16 +378,16 @@ def percussion(motion: Motion, link: str, point: str) -> Percussion:
     a_b, a_s = (frames_of(motion.of_point(k, z, 2), n) for z in (pivot, centre))
     alpha = np.real(frames_of(motion.accelerations.angular[model.angles.rotation_class[k]], n))
     force, moment = -mass * a_s, -inertia * alpha
-    carried, turned = -mass * a_b, -mass * (a_s - a_b)
-    sizes = np.abs(carried) + np.abs(turned)
+    direct, turned = -mass * a_b, -mass * (a_s - a_b)
+    sizes = np.abs(direct) + np.abs(turned)
     none = sizes <= ZERO_SUM * float(np.nanmax(sizes, initial=0.0))
     with np.errstate(invalid="ignore", divide="ignore"):
         about = moment + cross(s - struck, force)
         through = struck - 1j * force * about / np.where(np.abs(force) > ZERO_SUM * sizes, np.abs(force), np.nan) ** 2
-        along = cross(struck - s, turned) / cross(carried, turned)
-        still = np.abs(carried) <= 1e3 * ZERO_SUM * sizes
-        meeting = np.where(still, struck, s + along * carried)
+        along = cross(struck - s, turned) / cross(direct, turned)
+        still = np.abs(direct) <= 1e3 * ZERO_SUM * sizes
+        meeting = np.where(still, struck, s + along * direct)
     through[none] = np.nan
     return Percussion(
-        link, point, b, s, struck, force, moment, through, carried, turned, np.where(np.isfinite(meeting), meeting, np.nan)
+        link, point, b, s, struck, force, moment, through, direct, turned, np.where(np.isfinite(meeting), meeting, np.nan)
     )

@@ -121,7 +121,7 @@ class Equilibrium:
                 values.append(np.real(np.conj(frames_of(direction, motion.frames)) * force))
         self.values: Real = np.column_stack(values) if values else np.zeros((motion.frames, 0))
         links = len(model.links)
-        self._acting_on = [self._acting(k) for k in range(links)]
+        self._link_loads = [self._loads_on(k) for k in range(links)]
         self.loads: Real = np.stack([part for k in range(1, links) for part in self._loads(k)], axis=1)
 
     @property
@@ -236,15 +236,15 @@ class Equilibrium:
             equations.append(Equation(what, name if what == "M" else "", terms, float(load), unit))
         at = motion.origins[k] + place
         listed = []
-        for load in self._acting_on[k]:
+        for load in self._link_loads[k]:
             f, p = (complex(frames_of(z, motion.frames)[frame]) for z in (load.force, load.place - at))
             turn = float(np.real(frames_of(load.moment, motion.frames)[frame])) + cross(p, f)
             listed.append((load.label, f.real, f.imag, float(turn)))
         return LinkEquations(model.links[k], tuple(listed), tuple(equations))
 
-    def _acting(self, k: int) -> list[LinkLoad]:
+    def _loads_on(self, k: int) -> list[LinkLoad]:
         """Loads on a link, friction too."""
-        acting, friction = loads_on(self.forces, k), self.forces.friction
+        loads, friction = loads_on(self.forces, k), self.forces.friction
         model = self.forces.motion.model
         for connection in model.connections if friction is not None else ():
             if model.links[k] not in connection.links or friction is None:
@@ -252,15 +252,15 @@ class Equilibrium:
             rows = friction.applied(connection.name) * (-1.0 if connection.links[0] == model.links[k] else 1.0)
             if rows.any():
                 label, place = f"friction {connection.name}", self.forces.position(connection.name) @ PLANE
-                acting.append(LinkLoad(label, label, "friction", rows[:, :2] @ PLANE, rows[:, 2], place))
-        return acting
+                loads.append(LinkLoad(label, label, "friction", rows[:, :2] @ PLANE, rows[:, 2], place))
+        return loads
 
     def _loads(self, k: int) -> tuple[Real, Real, Real]:
         """Resultant of the loads on a link, about the origin of its frame."""
         motion = self.forces.motion
         n = motion.frames
         total, turn = np.zeros(n, complex), np.zeros(n)
-        for load in self._acting_on[k]:
+        for load in self._link_loads[k]:
             f, arm = frames_of(load.force, n), frames_of(load.place - motion.origins[k], n)
             total += f
             turn += np.real(frames_of(load.moment, n)) + cross(arm, f)

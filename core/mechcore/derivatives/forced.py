@@ -33,7 +33,7 @@ class PartUnderForces(PhaseDerivatives):
     def __init__(self, simulation: Simulation, changes: Changes, before: Sequence[tuple[Changes, Real]], times: Real):
         super().__init__(changes.phase, times)
         self._simulation, self._changes, self._before = simulation, changes, tuple(before)
-        self.lead(changes(times))
+        self.set_states(changes(times))
 
     @cached_property
     def energy(self) -> Any:

@@ -263,7 +263,7 @@ class _Crossing:
         fit = np.linalg.solve(chebyshev.chebvander(x, NODES - 1), excess[:-1, i])
         pace = float(chebyshev.chebval(1.0, chebyshev.chebder(fit))) * 2.0 / width
         exact = PhaseDerivatives(self.before, np.array([self.t]))
-        exact.lead(self.states[None])
+        exact.set_states(self.states[None])
         if exact.undetermined:
             raise refusal(f"at t = {self.t:.6g} s one of several joints that stick comes loose.", SWEEP)
         (slope,) = exact.of(abs(exact.rubbing[i]) - exact.limit(i))

@@ -125,7 +125,7 @@ def carried(compiled: Compiled, original: Compiled, parameters: Sequence[Paramet
 
 
 class PhaseDerivatives(Derivatives):
-    """Derivatives within a phase at times (n,), whose free coordinates move with the parameters as given to `lead`."""
+    """Derivatives within a phase at times (n,), whose free coordinates move with the parameters as given to `set_states`."""
 
     def __init__(self, phase: Phase, times: Real):
         self.phase = phase
@@ -251,7 +251,7 @@ class PhaseDerivatives(Derivatives):
         values = iter(self.tape.forward(given, traced))
         return [np.asarray(next(values)) if hasattr(x, "number") else np.zeros((count, *np.shape(x))) for x in results]
 
-    def lead(self, states: Real) -> None:
+    def set_states(self, states: Real) -> None:
         """Let the free coordinates, and with them all unknowns, move with the parameters: ``states`` (F, 2 f, P)."""
         by_state, by_parameter = self.equations()
         for k, x in enumerate(self.states):
@@ -351,7 +351,7 @@ class Changes:
         """Legendre coefficients (W, NODES, P, 2) of the changes of the powers of `works`, times the windows' widths."""
         rates = []
         for exact in self.on_nodes:
-            exact.lead(self(exact.nominal.time))
+            exact.set_states(self(exact.nominal.time))
             supplied, lost = powers_on(exact)
             rates.append(np.stack(exact.of(supplied, lost), axis=-1))  # (P, n, 2)
         at_nodes = np.concatenate(rates, axis=1).swapaxes(0, 1).reshape(len(self.widths), NODES, -1, 2)

@@ -24,7 +24,7 @@ from mechcore.dynamics.event_integrator import EventIntegrator, Method, table_to
 from mechcore.dynamics.events import EndStop, EventKind, EventTrigger, SeparableCam, SimulationEvent, with_slot_ends
 from mechcore.dynamics.integration.collocation import Window
 from mechcore.dynamics.integration.windows import Solution
-from mechcore.dynamics.rest.equilibrium import TOLD, Fastest, beside, check_periods, fastest_vibration, vibrations
+from mechcore.dynamics.rest.equilibrium import MANY_PERIODS, Fastest, beside, check_periods, fastest_vibration, vibrations
 from mechcore.dynamics.segments import Segment
 from mechcore.dynamics.simulation import Simulation
 from mechcore.effects.registry import effects_of
@@ -147,7 +147,7 @@ def _check_signals(mechanism: Mechanism, duration: float) -> str | None:
     factors = [(load.name, getattr(load, "factor", None)) for load in mechanism.loads]
     swung = [(name, x.function) for name, x in factors if x is not None and isinstance(x.function, Sine | Chirp)]
     most, name = max(((signal.periods(duration), name) for name, signal in swung), default=(0.0, ""))
-    if most < TOLD:
+    if most < MANY_PERIODS:
         return None
     words = f"load '{name}' swings through {most:,.0f} periods in {duration:.6g} s"
     if most <= MOST_TURNS:
@@ -263,8 +263,8 @@ def _refuse_knocks(compiled: Compiled, q: Real, v: Real, separable_cams: Sequenc
     names = {each.joint for each in separable_cams}
     faults = []
     for r, angle in knocks:
-        led = any(float(np.abs(unit.velocity(link)).max()) > 0.0 for unit in units for link in r.links)
-        if led or r.name in names:
+        turned = any(float(np.abs(unit.velocity(link)).max()) > 0.0 for unit in units for link in r.links)
+        if turned or r.name in names:
             at = as_length(angle) if getattr(r.geometry, "bed", None) is not None else as_angle(angle)
             why = f"the velocity of its law jumps at {at}: the impact of its follower there is not computed."
             remedy = "Choose a law of continuous velocity, or prescribe a drive, without liftoff."
@@ -315,7 +315,7 @@ def _calm(compiled: Compiled, around: tuple[Real, Real] | None, duration: float)
         return False
     inertia, force = around
     squares = vibrations(compiled, force[None, :-2], inertia[0])
-    return squares is None or not max(squares[0][-1], 0.0) * duration**2 >= (TURN * TOLD) ** 2
+    return squares is None or not max(squares[0][-1], 0.0) * duration**2 >= (TURN * MANY_PERIODS) ** 2
 
 
 def _rest(compiled: Compiled, q: Real, v: Real, system: Chart | Curve, around: tuple[Real, Real] | None) -> SimulationEvent | None:

@@ -10,7 +10,7 @@ from collections.abc import Iterable
 from mechcore.effects.registry import effects_of
 from mechcore.laws.timed import Free
 from mechcore.records import dataclass
-from mechcore.spec.mechanism import ANSWERS, EFFECTS, Mechanism, braked
+from mechcore.spec.mechanism import EFFECTS, METRICS, Mechanism, braked
 
 OUTPUTS = ("positions", "velocities", "accelerations", "forces", "energy", "health")
 """Outputs that can be asked for; a recording asks for everything that the scene calls for."""
@@ -92,8 +92,8 @@ def make_plan(mechanism: Mechanism, outputs: Iterable[str] = OUTPUTS) -> Plan:
         idle = "forces are not asked for"
     step("effect friction", do_friction, f"dry friction in {rubbing}: iterates until it fits the reactions", idle)
     step("closure and condition", "health" in wanted, "health of every frame", "health is not asked for")
-    for name in mechanism.answers:
-        step(f"answer {name}", "velocities" in wanted, ANSWERS[name], "velocities are not asked for")
+    for name in mechanism.metrics:
+        step(f"answer {name}", "velocities" in wanted, METRICS[name], "velocities are not asked for")
     for name, what in mechanism.studies.items():
         step(name, "velocities" in wanted, what, "velocities are not asked for")
     names = (*mechanism.effects, *(f"load {e.name}" for e in loads)) if do_forces else ()

@@ -138,10 +138,10 @@ def section_forces(forces: Forces, study: SectionStudy) -> SectionForces:
 
 def _of_part(forces: Forces, study: SectionStudy, axis: Axis) -> SectionForces:
     """Section forces of a motion with one model."""
-    acting = _Acting(forces, study, axis)
-    cuts = acting.cuts()
-    normal, shear, moment = acting.inside(cuts)
-    whole, turning = acting.beyond(Cuts(np.zeros((forces.motion.frames, 1)), np.array(-1.0)))
+    section_loads = _SectionLoads(forces, study, axis)
+    cuts = section_loads.cuts()
+    normal, shear, moment = section_loads.inside(cuts)
+    whole, turning = section_loads.beyond(Cuts(np.zeros((forces.motion.frames, 1)), np.array(-1.0)))
     return SectionForces(
         link=study.link,
         axis=axis,
@@ -152,7 +152,7 @@ def _of_part(forces: Forces, study: SectionStudy, axis: Axis) -> SectionForces:
         normal=normal,
         shear=shear,
         moment=moment,
-        bending=acting.largest_moment(cuts, moment),
+        bending=section_loads.largest_moment(cuts, moment),
         unbalanced=np.abs(whole[:, 0]) + np.abs(turning[:, 0]) / axis.length,
     )
 
@@ -160,7 +160,7 @@ def _of_part(forces: Forces, study: SectionStudy, axis: Axis) -> SectionForces:
 _ARRAYS = ("stations", "places", "directions", "normal", "shear", "moment", "unbalanced")
 
 
-class _Acting:
+class _SectionLoads:
     """All that acts on a link in its own axes, moments about the start of its axis."""
 
     def __init__(self, forces: Forces, study: SectionStudy, axis: Axis):

@@ -56,7 +56,7 @@ def four_areas(a: Values, b: Values, d: Values) -> Real:
 
 
 def _rounded(square: Values, close: Flags | bool) -> Values:
-    """What a root is taken of: NaN where it is negative, zero where it is so by rounding only."""
+    """The square to take a root of: NaN where it is negative, zero where it is so by rounding only."""
     return np.where(square < 0, np.where(close, 0.0, np.nan), square)
 
 

@@ -232,7 +232,7 @@ def _turning(total: VectorSum) -> list[int]:
 
 
 def moved_by(total: VectorSum, angles: Angles) -> dict[Unknown, tuple[int, ...]]:
-    """What moves a loop: numbers of its `vectors` that an unknown turns, and of the one of its `guides` along which an unknown
+    """The unknowns that move a loop: numbers of its `vectors` that an unknown turns, and of the one of its `guides` along which an unknown
     slides."""
     moved: dict[Unknown, tuple[int, ...]] = {("slide", j): (n,) for n, (j, _, _) in enumerate(total.slides)}
     for n, s in enumerate(_turning(total)):

@@ -111,7 +111,7 @@ def place(compiled: Compiled, time: Real, values: DriveValues, *, given: bool) -
     modes: Sequence[Real | float] = compiled.assembly.modes
     interpolants, passed = None, []
     singular_points = compiled.singular_points
-    still = not given and not model.mechanism.led
+    still = not given and not model.mechanism.moving
     if still:
         starts = {name: np.broadcast_to(x, (len(time), *np.shape(x))) for name, x in compiled.assembly.starts.items()}
     elif compiled.followed and given and len(positions) > 1 and len(time):
@@ -139,12 +139,12 @@ def place(compiled: Compiled, time: Real, values: DriveValues, *, given: bool) -
         state = place_all(solved, positions, modes, starts, interpolants, constants, compiled.accuracy.position)
     else:
         state, origins = program.place_all(positions, modes, starts, constants, len(time), compiled.accuracy.position)
-    led = compiled if compiled.accuracy.differentiation == "exact" else replace(compiled, accuracy=DEFAULT)  # at any times
-    again: Callable[[Real], Motion] | None = None if given else lambda t: follow(led, t)
+    source = compiled if compiled.accuracy.differentiation == "exact" else replace(compiled, accuracy=DEFAULT)  # at any times
+    again: Callable[[Real], Motion] | None = None if given else lambda t: follow(source, t)
     in_time = path.by_time if path is not None else len(positions) > 1 or not (singular_points is None or singular_points.by_drive)
     frames = positions, state, (*model.designs, len(time))
-    near = led.angles.still if still else partial(_angles, led, frames[0], time, in_time=not given and in_time)
-    angles = led.angles.at_frames(frames, near)
+    near = source.angles.still if still else partial(_angles, source, frames[0], time, in_time=not given and in_time)
+    angles = source.angles.at_frames(frames, near)
     by_c = None if program is None else (program, origins)
     motion = Motion(model, time, values, state, angles, interpolants, passed, again, compiled.accuracy, by_c)
     return Placed(motion, path, parameter, singular_points)
@@ -161,8 +161,8 @@ def _angles(compiled: Compiled, positions: Sequence[Values], time: Real, raw: Re
 
     def placed(time: Real, given: Real | None = None) -> Frames:
         rest = np.zeros(len(time))
-        led = None if given is None else {d.joint: (q, rest, rest) for d, q in zip(drives, given.T, strict=True)}
-        motion = follow(compiled, time, led)
+        wanted = None if given is None else {d.joint: (q, rest, rest) for d, q in zip(drives, given.T, strict=True)}
+        motion = follow(compiled, time, wanted)
         return [d[0] for d in motion.drives], motion.state, motion.shape
 
     if in_time:

@@ -120,8 +120,8 @@ def at_drive(motion: Motion, t: float) -> str:
     """Where the drives are at a time, in words."""
     places = []
     for d in motion.mechanism.drives:
-        led = motion.again is not None  # by the laws, which are exact between frames too
-        value = float(d.law(t)[0]) if led else _at(motion, motion.coordinate(d.joint), t)
+        by_laws = motion.again is not None  # by the laws, which are exact between frames too
+        value = float(d.law(t)[0]) if by_laws else _at(motion, motion.coordinate(d.joint), t)
         places.append(f"drive {d.joint} at {_words(motion, d.joint, value)}")
     return ", ".join(places)
 
@@ -260,7 +260,7 @@ def _changes(motion: Motion) -> Iterator[Event]:
 
 def _extremes(motion: Motion) -> Iterator[Event]:
     """Where the answers that a scene asks for become extreme, between frames too."""
-    asked = motion.mechanism.answers
+    asked = motion.mechanism.metrics
     if "transmission_angle" in asked:
         for joint in transmission_angles(motion):
             t, flat = peak(motion, partial(_squared_cosine, joint))

@@ -61,9 +61,9 @@ def per_unit_drive_speed(motion: Motion) -> Motion:
     return Motion(motion.model, motion.time, drives, motion.state, motion.angles, interpolants, accuracy=motion.accuracy)
 
 
-def metric_items(answer: str, m: Model) -> list[Any]:
+def metric_items(metric: str, m: Model) -> list[Any]:
     """Subjects of an answer: names of joints or blocks, or pairs of links; known before it is computed."""
-    match answer:
+    match metric:
         case "transmission_angle":
             return [block.name for block in m.blocks if block.kind == "theta_theta"]
         case "velocity_ratio":
@@ -75,7 +75,7 @@ def metric_items(answer: str, m: Model) -> list[Any]:
             return list(combinations(m.links, 2))
         case "curvature":
             return list(m.mechanism.traced)
-    raise ValueError(f"there is no answer '{answer}'")
+    raise ValueError(f"there is no answer '{metric}'")
 
 
 @over_parts

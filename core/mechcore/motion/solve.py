@@ -140,7 +140,7 @@ def solve_motion(
         out = [_out_of_slot(compiled, motion, overrun) for overrun in slot_overruns(motion)]
         if out:
             raise MechanismError(out)
-    if not given and not model.mechanism.led and len(time) and (model.mechanism.loads or model.mechanism.effects):
+    if not given and not model.mechanism.moving and len(time) and (model.mechanism.loads or model.mechanism.effects):
         _check_statics(motion)
     return motion
 

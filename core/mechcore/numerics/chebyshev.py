@@ -95,17 +95,17 @@ class Panels:
         """Mean width of the panels."""
         return (self.high - self.low) / self.count
 
-    def within_panel(self, x: float, way: Real) -> Real:
+    def within_panel(self, x: float, step: Real) -> Real:
         """Signed ways (n,) from x on, no longer than a panel each, as far as they lead within the first one. Equal panels are those
         of one smooth function, of which a way leaves none."""
         if self.boundaries is None:
-            return way
+            return step
         length, edges = self.high - self.low, self.boundaries
         u = x - length * np.floor((x - self.low) / length) if self.periodic else x
         k = int(np.clip(np.searchsorted(edges, u, side="right"), 1, self.count))
         ahead = edges[k] - u
         behind = edges[k - 1] - u or (edges[k - 2] - u if k > 1 else edges[-2] - edges[-1])
-        return np.asarray(np.clip(way, behind, ahead))
+        return np.asarray(np.clip(step, behind, ahead))
 
     def between(self, low: float, high: float) -> Real:
         """Boundaries (n,) of unequal panels between two places, repeated where they repeat."""

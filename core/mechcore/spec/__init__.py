@@ -32,8 +32,8 @@ from mechcore.spec.loads import (
     Viscous,
 )
 from mechcore.spec.mechanism import (
-    ANSWERS,
     EFFECTS,
+    METRICS,
     Belt,
     CamDrawn,
     CamJoint,
@@ -61,8 +61,8 @@ from mechcore.spec.mechanism import (
 from mechcore.spec.studies import POLYGONS, CrossSection, SectionStudy, ShakingStudy, Studies, SubstituteStudy, SystemStudy
 
 __all__ = [
-    "ANSWERS",
     "EFFECTS",
+    "METRICS",
     "POLYGONS",
     "Actuator",
     "Belt",

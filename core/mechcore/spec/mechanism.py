@@ -32,7 +32,7 @@ EFFECTS: Mapping[str, str] = {
 }
 """Effects that a scene can name, beside the loads that it lists one by one."""
 
-ANSWERS: Mapping[str, str] = {
+METRICS: Mapping[str, str] = {
     "transmission_angle": "angle between the two links of every RRR group, at their common pin",
     "velocity_ratio": "rate of every joint's coordinate per unit rate of the first drive",
     "mechanical_advantage": "output effort per input effort of the ideal mechanism, at every joint on the frame",
@@ -409,12 +409,12 @@ class Mechanism:
     modes: Mapping[str, str] = field(default_factory=dict)  # joint -> "left" | "right" | "ahead" | "behind" | "open" | "crossed"
     sketch: Mapping[str, tuple[float, float, float]] = field(default_factory=dict)  # link -> rough x, y, angle at the start
     traced: tuple[tuple[str, str], ...] = ()  # (link, point) whose paths are wanted
-    answers: tuple[str, ...] = ()  # names from ANSWERS
+    metrics: tuple[str, ...] = ()  # names from ANSWERS
     studies: Studies = field(default_factory=Studies)
     standstill: float = 0.0
 
     @cached_property
-    def led(self) -> bool:
+    def moving(self) -> bool:
         """Whether a drive moves it."""
         return any(moves(drive.law) for drive in self.drives)
 

@@ -160,15 +160,15 @@ def assemble(
                 _check_length(joint, start, convert, path)
                 starts[key] = start
     convert.faults += jumping_speeds(laws, free=bool(starts))
-    led = {**laws, **starts}
-    drives = [Drive(joint=name, law=led[name]) for joint in joints for name in coordinates_of(joint) if name in led]
+    own_laws = {**laws, **starts}
+    drives = [Drive(joint=name, law=own_laws[name]) for joint in joints for name in coordinates_of(joint) if name in own_laws]
     drives.sort(key=lambda drive: not moves(drive.law))  # one that moves is the first, against which a run is shown
     watched = {w.point: at for w in document.watch.values() if w.point and (at := split_point(reading, w.point)) is not None}
     faults += simulation_faults(reading)
     simulation = simulation_spec(document, starts, convert, watched)
     still = 0.0 if simulation is not None or len(laws) < len(driven) else standstill(document, laws.values(), convert)
-    lead = next((name for name in moved if name in led and moves(led[name])), None)
-    loads = {key: load_specs(key, load, reading, convert, lead) for key, load in document.loads.items()}
+    leader = next((name for name in moved if name in own_laws and moves(own_laws[name])), None)
+    loads = {key: load_specs(key, load, reading, convert, leader) for key, load in document.loads.items()}
     studies = studies_of(document, placement, {link.name: link.centre for link in links}, convert)
     gravity = convert.vector(document.gravity, "gravity", "gravity")
     faults += accuracy_faults(document, starts, convert)
@@ -187,7 +187,7 @@ def assemble(
         drives=tuple(drives),
         loads=tuple(load for made in loads.values() for load in made),
         effects=tuple(document.effects),
-        answers=tuple(document.answers),
+        metrics=tuple(document.answers),
         studies=studies,
         gravity=gravity,
         modes=modes_of(document),

@@ -197,7 +197,7 @@ def simulation_faults(reading: Reading) -> Iterator[Fault]:
 
 def _idle(document: SceneDocument) -> Iterator[Fault]:
     """Keys that only a motion under forces has."""
-    driven = any(joint.led for joint in document.joints.values())
+    driven = any(joint.driven for joint in document.joints.values())
     why = f"nothing is free: {'the drive decides the motion' if driven else 'nothing moves'}."
     for key in ("steady", "tolerance", "method"):
         if getattr(document.run, key) is not None:
@@ -254,11 +254,11 @@ STEPS = 36
 
 def swinging(document: SceneDocument) -> Mapping[tuple[str | int, ...], Any]:
     """The changes that let the drive of a document swing within its reach: none where no drive could."""
-    led = [name for name, joint in document.joints.items() if joint.led]
-    drive = document.joints[led[0]].drive if len(led) == 1 else None
+    driven = [name for name, joint in document.joints.items() if joint.driven]
+    drive = document.joints[driven[0]].drive if len(driven) == 1 else None
     if drive is None or drive.laws != ["speed"] or drive.signals or not magnitude(drive.speed or 0.0):
         return {}
-    return {("joints", led[0], "drive", "range"): REACHABLE} if drive.travel is None and drive.range is None else {}
+    return {("joints", driven[0], "drive", "range"): REACHABLE} if drive.travel is None and drive.range is None else {}
 
 
 def swings(scene: Scene) -> tuple[str, ...]:

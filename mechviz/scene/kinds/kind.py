@@ -233,8 +233,8 @@ LINEAR = '"20 N s/m" (or "0.1 N m s/rad" for rotation)'
 class LoadMaker:
     """A load of a scene with what surrounds it, its values in SI units."""
 
-    def __init__(self, name: str, load: LoadDocument, reading: Reading, convert: Converter, lead: str | None):
-        self.name, self.load, self.reading, self.convert, self.lead = name, load, reading, convert, lead
+    def __init__(self, name: str, load: LoadDocument, reading: Reading, convert: Converter, leader: str | None):
+        self.name, self.load, self.reading, self.convert, self.leader = name, load, reading, convert, leader
         self.document: SceneDocument = reading.document
         self.path = f"loads.{name}"
 

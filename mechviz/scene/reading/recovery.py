@@ -274,7 +274,7 @@ class Reading:
     @property
     def undriven(self) -> set[str]:
         """Joints of which it is not known whether they are driven."""
-        return {name for name, joint in self.shapeless.items() if joint.led or {"drive", "free"} & joint.invalid_keys}
+        return {name for name, joint in self.shapeless.items() if joint.driven or {"drive", "free"} & joint.invalid_keys}
 
 
 def _ends(path: str) -> list[int]:

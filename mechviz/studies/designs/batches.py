@@ -101,11 +101,11 @@ class Batch:
         if not self.paced:
             return True
         leader = self._constant[self._leader]
-        led = [d.law for d in drives if d.joint not in self._constant]
+        moving = [d.law for d in drives if d.joint not in self._constant]
         timed = any("time" in effect.needs for effect in effects_of(self.compiled.mechanism))
-        if timed or not all(isinstance(law, CurveOverMaster) and law.master == leader for law in led):
+        if timed or not all(isinstance(law, CurveOverMaster) and law.master == leader for law in moving):
             return False
-        if len(self.variations) > MOST_CORNERS or (led and ("joints", self._leader, "drive", "start") in self.places):
+        if len(self.variations) > MOST_CORNERS or (moving and ("joints", self._leader, "drive", "start") in self.places):
             return False
         corners = np.array(
             list(product(*((min(v.values), max(v.values)) if v.values else (v.low, v.high) for v in self.variations)))

@@ -174,12 +174,12 @@ def rows_of(path: tuple[str, ...], motion: Motion, forces: Forces | None) -> Rea
             coordinate = motion.coordinate(joint)
             columns = [coordinate[..., k] for k in range(3)] + [forces.effort(joint), forces.power(joint)]
             return np.stack([np.broadcast_to(x, motion.shape) for x in columns], axis=-1)
-        case ("answers", name, item) if name in ANSWERS:
-            return ANSWERS[name](motion)[item][..., None]
+        case ("answers", name, item) if name in _METRICS:
+            return _METRICS[name](motion)[item][..., None]
     raise LookupError("/".join(path))
 
 
-ANSWERS: dict[str, Callable[[Motion], Mapping[str, Real]]] = {
+_METRICS: dict[str, Callable[[Motion], Mapping[str, Real]]] = {
     "transmission_angle": transmission_angles,
     "velocity_ratio": velocity_ratios,
     "mechanical_advantage": mechanical_advantage,

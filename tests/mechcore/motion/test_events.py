@@ -130,7 +130,7 @@ def crank_rocker(start: float = 0.013, **more) -> Mechanism:
     g = CRANK_ROCKER
     m = four_bar(E=(g["d"], 0.0), AB=g["a"], BD=g["b"], DE=g["c"], start=start, speed=2.0, coupler_point=(0.09, 0.05))
     return replace(
-        m, answers=("transmission_angle", "velocity_ratio", "mechanical_advantage", "curvature"), traced=(("coupler", "P"),), **more
+        m, metrics=("transmission_angle", "velocity_ratio", "mechanical_advantage", "curvature"), traced=(("coupler", "P"),), **more
     )
 
 
@@ -194,7 +194,7 @@ def test_extremes_in_time_do_not_depend_on_the_law():
 
 def test_the_worst_transmission_angle_at_a_change_point():
     """Flat there: the angle is 0 or 180 degrees, and the instant is that of the change."""
-    m = replace(four_bar(E=(0.3, 0.0), AB=0.1, BD=0.3, DE=0.1, start=0.5), answers=("transmission_angle",))
+    m = replace(four_bar(E=(0.3, 0.0), AB=0.1, BD=0.3, DE=0.1, start=0.5), metrics=("transmission_angle",))
     motion = move(m, 50)
     worst = next(e for e in find_events(motion) if "worst transmission" in e.text)
     assert worst.level == "WARN" and abs(np.cos(worst.value)) == pytest.approx(1.0, abs=1e-12)
@@ -204,7 +204,7 @@ def test_the_worst_transmission_angle_at_a_change_point():
 def test_the_velocity_ratio_at_a_dead_point_is_named_without_bound():
     m = four_bar(E=(0.3, 0.0), AB=0.22, BD=0.16, DE=0.21)
     limit = float(np.arccos((0.22**2 + 0.3**2 - 0.37**2) / (2 * 0.22 * 0.3)))
-    m = replace(m, answers=("velocity_ratio",), drives=(Drive(joint="A", law=Oscillation(0.0, limit, 0.25)),))
+    m = replace(m, metrics=("velocity_ratio",), drives=(Drive(joint="A", law=Oscillation(0.0, limit, 0.25)),))
     motion = solve_motion(compile_mechanism(m), np.linspace(0.0, 2.0, 203))
     computed = next(e for e in find_events(motion) if e.item == "E" and "velocity ratio" in e.text)
     assert "without bound" in computed.text and computed.time == pytest.approx(1.0, abs=1e-6)

@@ -62,7 +62,7 @@ class GivenFriction(FrictionResult):
         self.jammed = np.zeros(motion.frames, bool)
         self.reached = np.ones(motion.frames)
         self._applied = tuple(applied)
-        self._found = solution
+        self._dry = solution
         self._passed = passed  # what joints and relations transmit
 
     @property
@@ -70,15 +70,15 @@ class GivenFriction(FrictionResult):
         return self._passed
 
     def value(self, i: int) -> Real:
-        return self._found.value[:, i]
+        return self._dry.value[:, i]
 
     def normal_load(self, joint: str) -> Real:
         i = self._elements_of(joint)[0]
         e = self.elements[i]
-        return np.asarray(self._found.limit[:, i] / e.limit if e.limit else np.full(self.motion.frames, np.nan))
+        return np.asarray(self._dry.limit[:, i] / e.limit if e.limit else np.full(self.motion.frames, np.nan))
 
     def losses(self, joint: str) -> Real:
-        return -sum((self.value(i) * self._found.rate[:, i] for i in self._elements_of(joint)), np.zeros(self.motion.frames))
+        return -sum((self.value(i) * self._dry.rate[:, i] for i in self._elements_of(joint)), np.zeros(self.motion.frames))
 
 
 def forces_with(motion: Motion, system: DrySystem, q: Real, v: Real, held: Sequence[Wrench] = ()) -> Forces:

@@ -44,7 +44,7 @@ Equations = Callable[[tuple[str, ...], Real], System]
 class _Touched:
     """Stops ``which`` (c of them) that are touched at an instant. Their gaps open at the rates ``jacobian @ v + share``; slower
     than ``least`` (c,) they are at rest. ``responses`` (f, c): change of the rates by a unit impulse on each; ``noise`` (c,):
-    second rates that are rounding; ``led`` (c,): no impulse changes their rates."""
+    second rates that are rounding; ``prescribed`` (c,): no impulse changes their rates."""
 
     which: tuple[int, ...]
     jacobian: Real
@@ -52,7 +52,7 @@ class _Touched:
     least: Real
     responses: Real
     noise: Real
-    led: Flags
+    prescribed: Flags
 
     @property
     def mobility(self) -> Real:
@@ -66,7 +66,7 @@ class _Touched:
         """Some of the stops (c,)."""
         which = tuple(k for k, it in zip(self.which, chosen, strict=True) if it)
         jacobian, responses, noise = self.jacobian[chosen], self.responses[:, chosen], self.noise[chosen]
-        return _Touched(which, jacobian, self.share[chosen], self.least[chosen], responses, noise, self.led[chosen])
+        return _Touched(which, jacobian, self.share[chosen], self.least[chosen], responses, noise, self.prescribed[chosen])
 
     def independent(self) -> bool:
         """Whether none of the stops is led by the others."""
@@ -193,13 +193,13 @@ class EndStops:
         touched = self._touched(q, v, t)
         if touched is None:
             return v, released
-        if touched.led.any():
-            led, system = touched.part(touched.led), equations(self.rests, v)
-            rates = led.rates(v)
-            pushed = (rates <= led.least) & (self._second_rates(led, q, v, t, system) < -led.noise)
-            if (pushed | (rates < -led.least)).any():
-                raise self._led(led.which[int(np.argmax(pushed | (rates < -led.least)))], t)
-            touched = touched.part(~touched.led)
+        if touched.prescribed.any():
+            prescribed, system = touched.part(touched.prescribed), equations(self.rests, v)
+            rates = prescribed.rates(v)
+            pushed = (rates <= prescribed.least) & (self._second_rates(prescribed, q, v, t, system) < -prescribed.noise)
+            if (pushed | (rates < -prescribed.least)).any():
+                raise self._prescribed(prescribed.which[int(np.argmax(pushed | (rates < -prescribed.least)))], t)
+            touched = touched.part(~touched.prescribed)
         before = touched.rates(v)
         before[np.abs(before) <= touched.least] = 0.0
         restitution = np.array([self.stops[k].restitution for k in touched.which])
@@ -209,7 +209,7 @@ class EndStops:
             if brief.any() or (before < 0.0).any():
                 impulses = impact(touched.mobility, before, restitution, brief)
                 if impulses is None:
-                    raise self._led(touched.which[int(np.argmin(before / touched.least))], t)
+                    raise self._prescribed(touched.which[int(np.argmin(before / touched.least))], t)
                 after, lost = self._without_rounding(touched, v, shifted(v, touched.responses @ impulses[0])), impulses[1]
                 self._left.clear()
             closed, second = self._pressed(touched, q, after, t, equations)
@@ -264,9 +264,9 @@ class EndStops:
         least = TOUCH * (np.abs(jacobian) @ self._fastest + np.abs(share) + scales / self._duration)
         responses = np.linalg.solve(r.inertia[0], jacobian.T)
         noise = PULLS * ((np.abs(r.force) + np.abs(r.bias)).max(axis=0) @ np.abs(responses) + np.abs(second[0]))
-        led = (np.abs(jacobian) * self._free_scales / scales[:, None]).max(axis=1, initial=0.0) <= HELD
+        prescribed = (np.abs(jacobian) * self._free_scales / scales[:, None]).max(axis=1, initial=0.0) <= HELD
         self._pulls = dict(zip(near, noise / np.maximum(np.diag(jacobian @ responses), 1e-300), strict=True))
-        return _Touched(tuple(near), jacobian, share, least, responses, noise, led)
+        return _Touched(tuple(near), jacobian, share, least, responses, noise, prescribed)
 
     def _touches(self, k: int, q: Real, v: Real, t: Real) -> bool:
         return abs(float(self.gap(k, q, v, t)[0])) <= TOUCH * float(self._scales[k])
@@ -292,7 +292,7 @@ class EndStops:
                 return closed, second
             closed ^= {k}
             if not touched.part(np.array([k in closed for k in touched.which])).independent():
-                raise self._led(k, t)
+                raise self._prescribed(k, t)
         why = f"at t = {t:.6g} s friction jams {self.stops[k].joint} on its stop '{self.stops[k].name}'."
         raise MechanismError(Fault(f"joints.{self.stops[k].joint}.stops", why, "Lower a coefficient of friction."))
 
@@ -313,7 +313,7 @@ class EndStops:
         second = [a[0, self._free.index(p)] if p in self._free else motion.coordinate(p)[0, 2] for p in joints]
         return np.asarray(self._signs[list(touched.which)] * second)
 
-    def _led(self, k: int, t: float) -> MechanismError:
+    def _prescribed(self, k: int, t: float) -> MechanismError:
         stop = self.stops[k]
         why = (
             f"at t = {t:.6g} s {stop.joint} strikes its {stop.side} stop, but prescribed drives or other stops lead it: no impulse"

@@ -216,8 +216,8 @@ class _ContactWriter(EquationsWriter):
         values, extra, more = self._friction(loaded, units, held) if rubs(self.compiled) else ([1.0], [0.0] * f, [0.0] * len(rests))
         acceleration = [a + b for a, b in zip(first, extra, strict=True)]
         efforts = [p + b for p, b in zip(effort, more, strict=True)]
-        led = [self.model.mechanism.drives[i].joint in rests for i in free]
-        acceleration = [0.0 if it else a for it, a in zip(led, acceleration, strict=True)]
+        resting = [self.model.mechanism.drives[i].joint in rests for i in free]
+        acceleration = [0.0 if it else a for it, a in zip(resting, acceleration, strict=True)]
         one = [float(i == j) for i in range(f) for j in range(i + 1)]
         lower = [x for row in inertia for x in row]
         coordinates = [self._coordinate(moving, joint) for joint in stopped(self.compiled)]

@@ -269,10 +269,10 @@ def _by_program(compiled: Compiled, usable: Callable[[Motion], bool], most_strai
         return None
 
     def values(q: Real) -> Real:
-        found = program.at_rest(q)
-        if found is None:
+        at_rest = program.at_rest(q)
+        if at_rest is None:
             return by_numpy(q)
-        return found[:, :2] if (found[:, 2] <= most_strain).all() else np.full((len(q), 2), np.nan)
+        return at_rest[:, :2] if (at_rest[:, 2] <= most_strain).all() else np.full((len(q), 2), np.nan)
 
     return values
 

@@ -77,11 +77,11 @@ class Leg:
             u = new
             if change < CLOSE:
                 break
-        f, _, slope = _way(u, self.ends)
+        f, _, slope = _displacement(u, self.ends)
         return self.start + self.length * f, self.length * slope / self.clock(u)[:, 0]
 
 
-def _way(u: Real, ends: tuple[bool, bool]) -> tuple[Real, Real, Real]:
+def _displacement(u: Real, ends: tuple[bool, bool]) -> tuple[Real, Real, Real]:
     """f(u) on [0, 1], 1 - f(u) to all digits, and the slope of f: flat at the ends that are turning points."""
     if ends == (True, True):
         f, rest = np.sin(0.5 * np.pi * u), np.cos(0.5 * np.pi * u)
@@ -94,7 +94,7 @@ def _way(u: Real, ends: tuple[bool, bool]) -> tuple[Real, Real, Real]:
 
 
 def _place(before: float, after: float, ends: tuple[bool, bool]) -> float:
-    """The u at which `_way`, from a turning point on, has gone ``before`` and has ``after`` still before it."""
+    """The u at which `_displacement`, from a turning point on, has gone ``before`` and has ``after`` still before it."""
     return float(np.arctan2(np.sqrt(before), np.sqrt(after)) / (0.5 * np.pi) if ends[1] else np.sqrt(before / (before + after)))
 
 
@@ -182,13 +182,13 @@ def by_energy(
     q, t, from_rest = q0, 0.0, not v0
     whole = curve.table.high - curve.table.low  # a turn, or all that a table which does not repeat has: an angle or a length
     reach = whole
-    before = 0.0 if from_rest else _way_to_turn(work, q0, kinetic, -sign, reach)
+    before = 0.0 if from_rest else _travel_to_turn(work, q0, kinetic, -sign, reach)
     if before is None or not np.isfinite(before):
         before = 0.0
-    elif before > 0.0:  # it comes from a turning point: from there on, the motion is smooth in `_way`'s parameter
+    elif before > 0.0:  # it comes from a turning point: from there on, the motion is smooth in `_displacement`'s parameter
         from_rest = True
     while t < duration and len(legs) < 100_000:
-        travel = _way_to_turn(work, q, kinetic, sign, reach)
+        travel = _travel_to_turn(work, q, kinetic, sign, reach)
         if travel is None:
             return None
         turning = np.isfinite(travel)
@@ -290,7 +290,7 @@ def _room(table: Panels, q: float, sign: float) -> float:
     return table.high - q if sign > 0 else q - table.low
 
 
-def _way_to_turn(work: _Work, q: float, kinetic: float, sign: float, reach: float) -> float | None:
+def _travel_to_turn(work: _Work, q: float, kinetic: float, sign: float, reach: float) -> float | None:
     """How far the motion leads from q, where it has some kinetic energy, to its turning point; infinite where that lies beyond
     ``reach`` or the table's end, None where it is unknown (no room, an equilibrium at the very end)."""
     table = work.table
@@ -348,7 +348,7 @@ def _clock(work: _Work, start: float, length: float, ends: tuple[bool, bool], ki
     until = work(np.array([start]))[1]
 
     def rate(u: Real) -> Real:
-        f, rest, slope = _way(u, ends)
+        f, rest, slope = _displacement(u, ends)
         q = start + length * f
         inertia, done = work(q)
         energy = kinetic + (done - until)
@@ -370,7 +370,7 @@ def _clock(work: _Work, start: float, length: float, ends: tuple[bool, bool], ki
 
 
 def _edges(table: Panels, start: float, length: float, ends: tuple[bool, bool]) -> Real:
-    """Values of `_way`'s parameter between which a leg's time is one smooth function: the ends of unequal panels are bends."""
+    """Values of `_displacement`'s parameter between which a leg's time is one smooth function; unequal panels end at bends."""
     if table.boundaries is None:
         return np.linspace(0.0, 1.0, max(FIRST, round(abs(length) / table.width)) + 1)
     f = np.sort((table.between(min(start, start + length), max(start, start + length)) - start) / length)

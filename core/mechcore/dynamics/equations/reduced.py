@@ -211,9 +211,9 @@ def rates_of_joints(compiled: Compiled, units: Sequence[Motion]) -> tuple[list[s
     """Joints that could lead, and their rates per unit rate of each free coordinate, relative to the sizes of both; ``units``: the
     tangents."""
     mechanism, model = compiled.mechanism, compiled.model
-    led = {d.joint for d in mechanism.drives if not isinstance(d.law, Free)}
+    prescribed = {d.joint for d in mechanism.drives if not isinstance(d.law, Free)}
     movable = [p for p in mechanism.joints if isinstance(p, Revolute | Prismatic | Planar)]
-    names = [name for p in movable for name in coordinates_of(p) if name not in led]
+    names = [name for p in movable for name in coordinates_of(p) if name not in prescribed]
     names = [name for name in names if model.joints[model.joint_index[name]].freedoms]
     scales = [model.coordinate_scale(mechanism.drives[i].joint) for i in free_of(compiled)]
     rows = [[rate(u, k) * (f / model.coordinate_scale(k)) for u, f in zip(units, scales, strict=True)] for k in names]

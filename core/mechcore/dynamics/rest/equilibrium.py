@@ -231,7 +231,7 @@ def _within(equilibrium: Equilibrium, stops: Sequence[EndStop]) -> None:
             raise MechanismError(Fault(f"joints.{s.joint}.stops", why, "Move the stop, or leave it out."))
 
 
-TOLD = 1_000  # periods in a run, from which on it is said before the work begins
+MANY_PERIODS = 1_000  # periods in a run, from which on it is said before the work begins
 DECAYED = 35.0  # exponent of decay, after which nothing is left of a vibration
 SLOW = 1e-3  # of the vibration's own speed at an amplitude of one: the rate at which damping is looked up
 
@@ -259,7 +259,7 @@ class Fastest:
     def steps_over(self, duration: float, tolerance: float) -> bool:
         """Whether a run does well not to follow it, because nothing of it is seen, or because it has soon died away."""
         turns = self.frequency * duration
-        return turns >= TOLD and (self.amplitude <= tolerance or self.periods(duration) < 0.1 * turns)
+        return turns >= MANY_PERIODS and (self.amplitude <= tolerance or self.periods(duration) < 0.1 * turns)
 
     @property
     def stepped_over(self) -> str:
@@ -352,7 +352,7 @@ def check_periods(fastest: Fastest, duration: float, tolerance: float) -> Text |
     """Warning before a run that has to follow its fastest vibration; None where that is quickly done. Raises `MechanismError`
     where nobody would wait for it."""
     periods = fastest.periods(duration)
-    if periods < TOLD:
+    if periods < MANY_PERIODS:
         return None
     words = fastest.words(duration)
     if periods <= MOST_TURNS:

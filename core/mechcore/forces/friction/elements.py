@@ -229,7 +229,7 @@ def _of_thread(motion: Motion, joint: Screw, friction: Friction, sense: Sense) -
     """Sliding of the nut's thread on the spindle's, by the nut's travel: the force along the thread has a part along the axis, and
     one round it, a torque about the axis. Raises `MechanismError` of a self-locking thread that nothing drives."""
     model, r = motion.model, friction.radius
-    lead, most = np.arctan2(joint.radius, r), max(friction.static, friction.coefficient)
+    lead_angle, most = np.arctan2(joint.radius, r), max(friction.static, friction.coefficient)
     driven = any(drive.joint == joint.name and not isinstance(drive.law, Free) for drive in motion.mechanism.drives)
     if not driven and most * r >= joint.radius:  # without inertia the spindle would turn as if nothing pressed on it
         why = f"the thread locks itself, as {most:g} is not below the tangent of its lead angle, {joint.radius / r:.4g}."
@@ -238,7 +238,7 @@ def _of_thread(motion: Motion, joint: Screw, friction: Friction, sense: Sense) -
     j = model.joint_index[f"{joint.name}.slide"]
     owner, nut = (model.index[joint.links[k]] for k in (joint.guide, 1 - joint.guide))
     rate = relative_rate(motion, motion.speeds, "slide", j, (owner, nut))
-    sine, cosine = np.sin(lead), np.cos(lead)
+    sine, cosine = np.sin(lead_angle), np.cos(lead_angle)
     mu = _coefficient(friction, rate / sine)
     return Element(
         joint=f"{joint.name}.thread",

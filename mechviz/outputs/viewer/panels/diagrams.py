@@ -14,7 +14,7 @@ import viser
 
 from mechcore.arrays import Complex, Real
 from mechcore.records import dataclass
-from mechcore.spec.mechanism import ANSWERS
+from mechcore.spec.mechanism import METRICS
 from mechviz.outputs.drawings import Curve as ChartCurve
 from mechviz.outputs.drawings import Diagram as Chart
 from mechviz.outputs.viewer import words
@@ -238,7 +238,7 @@ class Diagrams:
                             TITLES.get(name, f"{name.capitalize()} plan"), False, hint=PLANS[name]
                         )
                 with gui.add_folder("Quantities to plot"):
-                    for name, hint in ANSWERS.items():
+                    for name, hint in METRICS.items():
                         words_of = name.replace("_", " ").capitalize()
                         self.asked["answers", name] = gui.add_checkbox(words_of, False, hint=hint)
                 moving, open_first = [link for link in show.poses if link != show.frame], len(show.poses) <= MOST_LINKS

@@ -77,7 +77,7 @@ class JointDocument(CommonKeys, CamKeys, WheelKeys, LowerKeys):
         return first, second
 
     @property
-    def led(self) -> bool:
+    def driven(self) -> bool:
         """Whether its coordinate decides the configuration: it has a drive, or is free."""
         return self.drive is not None or self.free is not None
 
@@ -106,7 +106,7 @@ class JointDocument(CommonKeys, CamKeys, WheelKeys, LowerKeys):
             wrong += friction_faults(kind.rubs, kind.words, self.friction)
         modes = [key for key in kind.modes if getattr(self, key) is not None]
         wrong += self._two_modes(modes)
-        if self.led and modes and not kind.own_mode:
+        if self.driven and modes and not kind.own_mode:
             what = (
                 "a driven joint, whose position the drive" if self.drive is not None else "a free joint, whose position its start"
             )
@@ -182,7 +182,7 @@ def modes_of(document: SceneDocument) -> dict[str, str]:
     """
     modes = {}
     for name, joint in document.joints.items():
-        if joint.traits.own_mode and not joint.led:
+        if joint.traits.own_mode and not joint.driven:
             modes[name] = "ahead"
         if joint.mode is not None:
             modes[f"{name}.eye" if joint.traits.own_mode else name] = joint.mode

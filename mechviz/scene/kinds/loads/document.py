@@ -114,13 +114,13 @@ def check_loads(reading: Reading) -> Iterator[Fault]:
         yield from check_factor(reading, load, path)
 
 
-def load_specs(name: str, load: LoadDocument, reading: Reading, convert: Converter, lead: str | None = None) -> tuple[Load, ...]:
+def load_specs(name: str, load: LoadDocument, reading: Reading, convert: Converter, leader: str | None = None) -> tuple[Load, ...]:
     """The load, or the loads that it is made of; none where a name that it refers to is not there (which `check_loads` says), or a
-    part of it is faulty. ``lead``: the first joint whose drive moves, if it is known; factors depend on it that name none."""
+    part of it is faulty. ``leader``: the first joint whose drive moves, if it is known; factors depend on it that name none."""
     made: list[tuple[Load, ...]] = []
     for kind in load.kinds:
         try:
-            spec = KINDS[kind].make(LoadMaker(name, load, reading, convert, lead))
+            spec = KINDS[kind].make(LoadMaker(name, load, reading, convert, leader))
             made.append(spec if isinstance(spec, tuple) else () if spec is None else (spec,))
         except (AssertionError, ArithmeticError, IndexError, TypeError, ValueError):
             if not reading.faults:

@@ -130,7 +130,7 @@ def _argument_kind(m: LoadMaker, of: str, joint: str | None) -> str | None:
     """The kind of quantity that a factor depends on; None where its joint is not there."""
     if of in _ARGUMENT_KINDS:
         return _ARGUMENT_KINDS[of]
-    first = m.lead or next((name for name, p in m.document.joints.items() if p.led), None)
+    first = m.leader or next((name for name, p in m.document.joints.items() if p.driven), None)
     known = m.document.joints.get(joint or first or "")
     if known is None or len(known.kinds) > 1:
         return None
