@@ -232,8 +232,8 @@ def _turning(total: VectorSum) -> list[int]:
 
 
 def moved_by(total: VectorSum, angles: Angles) -> dict[Unknown, tuple[int, ...]]:
-    """The unknowns that move a loop: numbers of its `vectors` that an unknown turns, and of the one of its `guides` along which an unknown
-    slides."""
+    """The unknowns that move a loop, each with the numbers of the `vectors` that it turns, or of the one of its `guides` along which
+    it slides."""
     moved: dict[Unknown, tuple[int, ...]] = {("slide", j): (n,) for n, (j, _, _) in enumerate(total.slides)}
     for n, s in enumerate(_turning(total)):
         unknown: Unknown = ("angle", angles.class_group[s])

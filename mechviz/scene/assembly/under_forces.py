@@ -36,7 +36,7 @@ def steady_state(turns: int, compiled: Compiled) -> tuple[SteadyRun, Compiled]:
 
 
 def solver(spec: SimulationSpec, clearances: Mapping[str, Clearance]) -> Callable[[Mechanism], Solved]:
-    """What moves a mechanism under its forces, ``clearances`` added, and gives its forces at any times of the run."""
+    """A function that moves a mechanism under its forces, ``clearances`` added, and gives its forces at any times of the run."""
 
     def solved(mechanism: Mechanism) -> Solved:
         compiled, duration = compile_mechanism(with_clearances(mechanism, clearances)), spec.duration
