@@ -70,6 +70,14 @@ def leg(r: Values, y: Values) -> Real:
     return root
 
 
+def _quotient(z: Plane, by: Plane) -> Plane:
+    """z / by, without warnings where ``by`` is an array: of NaN, too, quotients of complex numbers give them."""
+    if not isinstance(by, np.ndarray):
+        return z / by
+    with np.errstate(**QUIET):
+        return z / by
+
+
 def _with_mode(x: Real, mode: Values) -> Real:
     return x if isinstance(mode, float) and mode == 1.0 else mode * x
 
@@ -93,7 +101,7 @@ def theta_theta(a: Plane, b: Plane, c: Plane, mode: Values) -> tuple[Complex, Co
     np.negative(across, out=e2.imag)
     for e, length in ((e1, a), (e2, b)):
         e *= c
-        e *= 1.0 / determined(length)
+        e *= _quotient(1.0, length)
     return e1, e2
 
 
@@ -111,7 +119,7 @@ def theta_slide(a: Plane, along: Plane, c: Plane, mode: Values) -> tuple[Complex
     x = _with_mode(leg(ra, y), mode)
     e = np.empty(x.shape, complex)
     e.real, e.imag = x, y
-    e *= along / determined(a)
+    e *= _quotient(along, a)
     return e, turned.real - x
 
 
@@ -126,8 +134,7 @@ def arm_slide(a: Plane, d: Plane, c: Plane, mode: Values) -> tuple[Plane, Values
     foot = a * d.conjugate()
     r, y = modulus(c), foot.imag
     x = _with_mode(leg(r, y), mode)
-    with np.errstate(**QUIET):  # of NaN, too, quotients of complex numbers warn
-        return c * d.conjugate() / (x + 1j * y), x - foot.real
+    return _quotient(c * d.conjugate(), x + 1j * y), x - foot.real
 
 
 def error_arm_slide(a: Plane, d: Plane, c: Plane) -> Values:

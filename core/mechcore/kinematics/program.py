@@ -232,7 +232,7 @@ def _turning(total: VectorSum) -> list[int]:
 
 
 def moved_by(total: VectorSum, angles: Angles) -> dict[Unknown, tuple[int, ...]]:
-    """The unknowns that move a loop, each with the numbers of the `vectors` that it turns, or of the one of its `guides` along which
+    """The unknowns that move a loop: each with the numbers of the `vectors` that it turns, or of that of the `guides` along which
     it slides."""
     moved: dict[Unknown, tuple[int, ...]] = {("slide", j): (n,) for n, (j, _, _) in enumerate(total.slides)}
     for n, s in enumerate(_turning(total)):
