@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from enum import StrEnum
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -26,6 +27,21 @@ if TYPE_CHECKING:
     from mechviz.runs import Run
 
 
+class LaneState(StrEnum):
+    """States of the lanes of a motion under forces, as recordings name them."""
+
+    FREE = "free"
+    CONTACT = "contact"
+    TOUCHES = "touches"
+    FLIES = "flies"
+    STICKS = "sticks"
+    SLIPS_FORWARD = "slips +"
+    SLIPS_BACK = "slips -"
+
+
+Lanes = dict[str, list[tuple[float, LaneState]]]  # from times [s] on
+
+
 def simulation_events(run: Run) -> list[Event]:
     """Events of a motion under forces, and what else is worth a word at the frames."""
     simulation = run.simulation
@@ -44,37 +60,41 @@ def _cam_limits(run: Run, simulation: Simulation) -> Iterator[Event]:
         return
     lanes, separable = lanes_of(simulation), {each.joint for each in simulation.separable_cams}
     for cam in placed_cams(run.motion):
-        changes = lanes[cam.name] if cam.name in separable else [(0.0, "touches")]
+        changes = lanes[cam.name] if cam.name in separable else [(0.0, LaneState.TOUCHES)]
         place = np.searchsorted([t for t, _ in changes], run.motion.time, side="right") - 1
-        yield from limit_events(run.motion, cam, np.array([state == "touches" for _, state in changes])[np.maximum(place, 0)])
+        yield from limit_events(
+            run.motion, cam, np.array([state == LaneState.TOUCHES for _, state in changes])[np.maximum(place, 0)]
+        )
 
 
-def lanes_of(simulation: Simulation) -> dict[str, list[tuple[float, str]]]:
+def lanes_of(simulation: Simulation) -> Lanes:
     """Times [s] and states by lane: a joint with friction slips or sticks, a stop is free or rested on; at the start and at every
     change."""
-    lanes: dict[str, list[tuple[float, str]]] = {}
+    lanes: Lanes = {}
     for stop in simulation.stops:
-        lanes[f"stop {stop.name}"] = [(0.0, "free")]
+        lanes[f"stop {stop.name}"] = [(0.0, LaneState.FREE)]
     for cam in simulation.separable_cams:
-        lanes[cam.joint] = [(0.0, "touches")]
+        lanes[cam.joint] = [(0.0, LaneState.TOUCHES)]
     rubs = {joint: f"{joint} friction" if joint in lanes else joint for joint in simulation.rubbing}
     for lane in rubs.values():
-        lanes[lane] = [(0.0, "sticks")]
+        lanes[lane] = [(0.0, LaneState.STICKS)]
     for h in simulation.events:
         if h.kind in (EventKind.CONTACT, EventKind.RELEASE):
-            lanes[f"stop {h.item}"].append((float(h.time), "contact" if h.kind == EventKind.CONTACT else "free"))
+            at_stop = LaneState.CONTACT if h.kind == EventKind.CONTACT else LaneState.FREE
+            lanes[f"stop {h.item}"].append((float(h.time), at_stop))
         elif h.kind in (EventKind.SEPARATION, EventKind.LANDING):
-            lanes[h.item].append((float(h.time), "flies" if h.kind == EventKind.SEPARATION else "touches"))
+            follower = LaneState.FLIES if h.kind == EventKind.SEPARATION else LaneState.TOUCHES
+            lanes[h.item].append((float(h.time), follower))
             if h.kind == EventKind.SEPARATION and h.item in rubs:
-                lanes[rubs[h.item]].append((float(h.time), "free"))
+                lanes[rubs[h.item]].append((float(h.time), LaneState.FREE))
         elif h.kind in (EventKind.STICK, EventKind.SLIP):
-            state = ("sticks", "slips +", "slips -")[h.direction]
+            state = (LaneState.STICKS, LaneState.SLIPS_FORWARD, LaneState.SLIPS_BACK)[h.direction]
             lanes[rubs[h.item]].append((float(h.time), state))
     return {name: _last_of_each_time(changes) for name, changes in lanes.items()}
 
 
-def _last_of_each_time(changes: list[tuple[float, str]]) -> list[tuple[float, str]]:
-    out: list[tuple[float, str]] = []
+def _last_of_each_time(changes: list[tuple[float, LaneState]]) -> list[tuple[float, LaneState]]:
+    out: list[tuple[float, LaneState]] = []
     for t, state in changes:
         if out and out[-1][0] == t:
             out.pop()

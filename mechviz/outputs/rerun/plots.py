@@ -14,7 +14,7 @@ from mechcore.records import dataclass
 from mechcore.spec.clearance import journals_of, made_joints
 from mechcore.spec.mechanism import CamJoint
 from mechviz.outputs.rerun.entities import Static, Stream, Timelines, entity, packed, scalar_rows
-from mechviz.quantities.events import lanes_of
+from mechviz.quantities.events import LaneState, lanes_of
 from mechviz.quantities.items import JointInfo, Table, joint_unit, joints_of
 from mechviz.quantities.tables import rounding_of_efforts
 from mechviz.quantities.vectors import point_name
@@ -386,7 +386,7 @@ def send_marks(stream: Any, timelines: Timelines, times: Real, spans: Mapping[st
 
 
 # -- lanes of states --------------------------------------------------------------------------------------------------
-STATES = {
+STATES: Mapping[str, tuple[str, tuple[int, int, int]]] = {
     "slips +": ("slips +", (84, 168, 255)),
     "slips -": ("slips −", (60, 110, 180)),
     "at rest": ("at rest", (120, 126, 136)),
@@ -396,19 +396,19 @@ STATES = {
 }
 """States of the lanes of friction, with their labels and colours."""
 
-LANES = {
-    "sticks": ("sticks", (230, 140, 60)),
-    "slips +": ("slips +", (84, 168, 255)),
-    "slips -": ("slips −", (60, 110, 180)),
-    "free": ("free", (72, 160, 110)),
-    "contact": ("rests on the stop", (230, 60, 60)),
-    "touches": ("follower in contact", (72, 160, 110)),
-    "flies": ("contact lost", (230, 60, 60)),
+LANES: Mapping[str, tuple[str, tuple[int, int, int]]] = {
+    LaneState.STICKS: ("sticks", (230, 140, 60)),
+    LaneState.SLIPS_FORWARD: ("slips +", (84, 168, 255)),
+    LaneState.SLIPS_BACK: ("slips −", (60, 110, 180)),
+    LaneState.FREE: ("free", (72, 160, 110)),
+    LaneState.CONTACT: ("rests on the stop", (230, 60, 60)),
+    LaneState.TOUCHES: ("follower in contact", (72, 160, 110)),
+    LaneState.FLIES: ("contact lost", (230, 60, 60)),
 }
 """States of the lanes, with their labels and colours."""
 
 
-def find_lanes(run: Run) -> tuple[dict[str, list[tuple[float, str]]], Mapping[str, tuple[str, tuple[int, int, int]]]]:
+def find_lanes(run: Run) -> tuple[Mapping[str, Sequence[tuple[float, str]]], Mapping[str, tuple[str, tuple[int, int, int]]]]:
     """Changes of state (time [s], state) by lane, and labels and colours of the states: of joints with friction and the mechanism
     (slips, at rest, jammed); where forces decide the motion of joints, stops and cams."""
     if run.simulation is not None:
@@ -423,7 +423,9 @@ def lane_styles(run: Run) -> Iterator[Static]:
     lanes, looks = find_lanes(run)
     labels, colors = (list(part) for part in zip(*looks.values(), strict=True))
     for name in lanes:
-        yield Static(entity("state", name), rr.StateConfiguration(values=list(looks), labels=labels, colors=colors))
+        yield Static(
+            entity("state", name), rr.StateConfiguration(values=[str(state) for state in looks], labels=labels, colors=colors)
+        )
 
 
 def send_lanes(stream: Any, timelines: Timelines, run: Run) -> None:
@@ -433,5 +435,5 @@ def send_lanes(stream: Any, timelines: Timelines, run: Run) -> None:
     for name, changes in find_lanes(run)[0].items():
         times = np.array([t for t, _ in changes])
         stream.send_columns(
-            entity("state", name), timelines.columns_at(times), rr.StateChange.columns(state=[s for _, s in changes])
+            entity("state", name), timelines.columns_at(times), rr.StateChange.columns(state=[str(s) for _, s in changes])
         )
