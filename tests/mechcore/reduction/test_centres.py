@@ -38,12 +38,12 @@ def test_the_instant_centres_of_a_four_bar_are_where_its_bars_cross():
     centres = kennedy(motion)
     assert list(centres) == ["P01", "P02", "P03", "P12", "P13", "P23"]
     for name, place in (("P01", a), ("P12", b), ("P23", c), ("P03", d)):
-        assert centres[name].found_by == "joint" and centres[name].place == pytest.approx(place, abs=1e-12)
+        assert centres[name].determined_by == "joint" and centres[name].place == pytest.approx(place, abs=1e-12)
     assert centres["P02"].place == pytest.approx(crossing(a, b, d, c), rel=1e-9)
     assert centres["P13"].place == pytest.approx(crossing(a, d, b, c), rel=1e-9)
     assert [line.through for line in centres["P02"].lines] == [("P01", "P12"), ("P03", "P23")]
     for name in ("P02", "P13"):
-        assert centres[name].found_by == "lines" and centres[name].gap.max() < 1e-12
+        assert centres[name].determined_by == "lines" and centres[name].gap.max() < 1e-12
         for line in centres[name].lines:
             assert all(collinear(centres[p].place, line.base, line.base + line.along, 0.1).all() for p in (name, *line.through))
     ratio = motion.velocity("rocker")[:, 2] / motion.velocity("crank")[:, 2]
@@ -78,7 +78,7 @@ def test_all_triples_of_centres_are_collinear(name):
     motion = motion_of(name, 25)
     centres = kennedy(motion)
     size = motion.model.length_scale
-    assert not [c for c in centres.values() if c.found_by == "velocities"]
+    assert not [c for c in centres.values() if c.determined_by == "velocities"]
     places = {frozenset(c.links): np.where(np.abs(c.place - c.place[0]) < 50 * size, c.place, np.nan) for c in centres.values()}
     links, judged = motion.model.links, 0
     for i in range(len(links)):
@@ -94,7 +94,7 @@ def test_all_triples_of_centres_are_collinear(name):
 def test_a_mechanism_far_from_the_origin_has_the_same_centres():
     here, away = (kennedy(solve_motion(compile_mechanism(shifted(x)), np.linspace(0.1, 1.9, 7))) for x in (0.0, 100.0))
     for name, centre in here.items():
-        assert away[name].found_by == centre.found_by
+        assert away[name].determined_by == centre.determined_by
         np.testing.assert_allclose(away[name].place - 100.0, centre.place, atol=1e-9)
 
 
@@ -163,7 +163,7 @@ def test_a_rod_is_struck_at_two_thirds_of_its_length():
     centre = percussion(motion, "rod", "A")
     assert centre.centre == pytest.approx(motion.point("rod", "W") @ PLANE, abs=1e-12)  # 200 of 300 mm
     assert centre.through == pytest.approx(centre.centre, abs=1e-9) and centre.meeting == pytest.approx(centre.centre, abs=1e-9)
-    assert np.abs(centre.carried).max() < 1e-12 * np.abs(centre.turned).max()
+    assert np.abs(centre.direct).max() < 1e-12 * np.abs(centre.turned).max()
 
 
 def test_the_inertia_resultant_of_a_connecting_rod_goes_through_the_crossing_of_both_parts():
@@ -172,7 +172,7 @@ def test_the_inertia_resultant_of_a_connecting_rod_goes_through_the_crossing_of_
     _, _, inertia = motion.model.masses[motion.model.index["rod"]]
     force = -0.8 * (motion.centre_of_mass("rod", 2) @ PLANE)
     moment = -inertia * motion.acceleration("rod")[:, 2]
-    assert centre.force == pytest.approx(force) and centre.carried + centre.turned == pytest.approx(force)
+    assert centre.force == pytest.approx(force) and centre.direct + centre.turned == pytest.approx(force)
     s = motion.centre_of_mass("rod") @ PLANE
     scale = np.abs(force).max() * 0.22
     for place in (centre.through, centre.meeting):  # about a point of the line the forces have no moment
