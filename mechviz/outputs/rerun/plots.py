@@ -422,9 +422,10 @@ def lane_styles(run: Run) -> Iterator[Static]:
 
     lanes, looks = find_lanes(run)
     labels, colors = (list(part) for part in zip(*looks.values(), strict=True))
+    values = [str(state) for state in looks]
     for name in lanes:
         yield Static(
-            entity("state", name), rr.StateConfiguration(values=[str(state) for state in looks], labels=labels, colors=colors)
+            entity("state", name), rr.StateConfiguration(values=values, labels=labels, colors=colors)
         )
 
 
