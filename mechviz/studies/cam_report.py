@@ -63,9 +63,7 @@ def cam_facts(motion: Motion, forces: Forces | None, *, margin: float | None = N
 def size_facts(motion: Motion) -> list[CamFact]:
     """The sizes that the scene asks to be the least, as they were found."""
     return [
-        CamFact(cam.name, what, Text(words))
-        for cam in placed_cams(motion)
-        for what, words in _least(joint_of(motion, cam), cam)
+        CamFact(cam.name, what, Text(words)) for cam in placed_cams(motion) for what, words in _least(joint_of(motion, cam), cam)
     ]
 
 

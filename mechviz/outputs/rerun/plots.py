@@ -424,9 +424,7 @@ def lane_styles(run: Run) -> Iterator[Static]:
     labels, colors = (list(part) for part in zip(*looks.values(), strict=True))
     values = [str(state) for state in looks]
     for name in lanes:
-        yield Static(
-            entity("state", name), rr.StateConfiguration(values=values, labels=labels, colors=colors)
-        )
+        yield Static(entity("state", name), rr.StateConfiguration(values=values, labels=labels, colors=colors))
 
 
 def send_lanes(stream: Any, timelines: Timelines, run: Run) -> None:
