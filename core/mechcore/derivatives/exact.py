@@ -19,6 +19,7 @@ import numpy as np
 
 from mechcore.arrays import Flags, Index, Real, Values
 from mechcore.branches.unwrapped import LinkAngles
+from mechcore.derivatives.knots import with_nominal_knots
 from mechcore.derivatives.model_numbers import (
     Numbers,
     Parameter,
@@ -73,7 +74,7 @@ class Derivatives:
     ):
         _check(motion, under_forces)
         self.nominal = motion
-        self.parameters = tuple(parameters)
+        self.parameters = tuple(with_nominal_knots(p, motion.mechanism) for p in parameters)
         self.times = times or (lambda _: motion.time)
         self.tape = Tape()
         self.leaves: dict[Place, Traced] = {}

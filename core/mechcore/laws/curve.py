@@ -8,8 +8,9 @@ for extremes and one list of jumps serve them all.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
+from dataclasses import replace
 from functools import cached_property
-from math import factorial
+from math import comb, factorial
 from typing import Literal
 
 import numpy as np
@@ -77,6 +78,18 @@ class Piece:
             row[1:] = b * s - a * c, a * s + b * c
         return Piece(length, p, waves)
 
+    def beginning(self, later: float, length: float) -> Piece:
+        """The same function from a distance later on, or before, over another length."""
+        degree = len(self.poly) - 1
+        p = np.zeros(degree + 1)
+        for j in range(degree + 1):  # Taylor coefficients about the new start
+            p[j] = sum(self.poly[i] * comb(i, j) * later ** (i - j) for i in range(j, degree + 1))
+        waves = self.waves.copy()
+        for row, (w, a, b) in zip(waves, self.waves, strict=True):
+            s, c = np.sin(w * later), np.cos(w * later)
+            row[1:] = a * c - b * s, a * s + b * c
+        return Piece(length, p, waves)
+
     def scaled(self, dx: float, dy: float) -> Piece:
         """Stretched by ``dx`` along the angle and ``dy`` along the coordinate."""
         p = dy * self.poly / dx ** np.arange(len(self.poly))
@@ -109,11 +122,15 @@ class Piece:
 
 @dataclass(frozen=True, eq=False)
 class MotionCurve:
-    """Pieces joined end to end from ``start`` on; ``repeats``: continued periodically, each cycle adding ``advance``."""
+    """Pieces joined end to end from ``start`` on; ``repeats``: continued periodically, each cycle adding ``advance``.
+
+    ``extended``: pieces are taken beyond where they join smoothly, for derivatives by what moves the knots.
+    """
 
     pieces: tuple[Piece, ...]
     start: float = 0.0
     repeats: bool = False
+    extended: bool = False
 
     def __post_init__(self) -> None:
         lengths = np.array([p.length for p in self.pieces])
@@ -297,7 +314,7 @@ class MotionCurve:
         return MotionCurve(tuple(p.differentiated() for p in self.pieces), self.start, self.repeats)
 
     def raised(self, dy: float) -> MotionCurve:
-        return MotionCurve(tuple(p.raised(dy) for p in self.pieces), self.start, self.repeats)
+        return replace(self, pieces=tuple(p.raised(dy) for p in self.pieces))
 
     def then(self, *others: MotionCurve) -> MotionCurve:
         """Curves joined one after the other, their values as they are."""

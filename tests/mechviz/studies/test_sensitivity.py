@@ -10,7 +10,9 @@ from mechcore.derivatives.exact import Derivatives
 from mechcore.errors import MechanismError
 from mechviz.__main__ import main
 from mechviz.runs import run_scene
+from mechviz.scene.document import value_at, with_values
 from mechviz.scene.scene import Scene, load, loads
+from mechviz.scene.units import split
 from mechviz.studies.designs.measures import parse_measure
 from mechviz.studies.designs.sensitivity import sensitivities, sensitivity
 from mechviz.studies.designs.variables import variables_of
@@ -151,3 +153,55 @@ def test_the_command_ranks_and_writes_what_it_found(tmp_path, capsys, monkeypatc
     assert "stroke" in chart.read_text() and len(table.read_text().splitlines()) == 38
     result = mv.run("parametric-press", frames=36)
     assert isinstance(result.scene, Scene) and result.sensitivity("drive.A.torque:max").variables[0].name == "stroke"
+
+
+LIFT = ("joints", "K", "profile", "lift")
+KNOTS = {  # a range that another one makes up for, and what follows from it
+    "cam-roller": ((*LIFT, 0, "over"), (*LIFT, 1, "over"), "deg", ("drive.O.torque", "joint.O.reaction")),
+    "cam-oscillating-roller": ((*LIFT, 0, "over"), (*LIFT, 1, "over"), "deg", ("drive.O.torque", "joint.O.reaction")),
+    "cam-conjugate": ((*LIFT, 0, "over"), (*LIFT, 1, "over"), "deg", ("drive.O.torque",)),
+    "cam-mushroom": ((*LIFT, 0, "over"), (*LIFT, 1, "over"), "deg", ("joint.O.reaction",)),
+    "five-bar": (
+        ("joints", "A", "drive", "segments", 0, "duration"),
+        ("joints", "A", "drive", "segments", 1, "duration"),
+        "s",
+        ("joint.B.angle", "joint.C.angular_acceleration"),
+    ),
+    "two-axis-program": (
+        ("joints", "Z", "drive", "program", "segments", 0, "over"),
+        ("joints", "Z", "drive", "program", "segments", 1, "over"),
+        "deg",
+        ("joint.Z.displacement", "joint.Z.acceleration"),
+    ),
+}
+
+
+@pytest.mark.parametrize("name", KNOTS)
+def test_ranges_of_segments_have_exact_derivatives_beside_the_knots_that_they_move(name):
+    """Against differences of the sixth order, at all frames but the two to whose piece the knot comes in these."""
+    place, other, unit, quantities = KNOTS[name]
+    plain, frames, h = load(name), 357, 2e-3
+    ranges = [value_at(plain.document, at) for at in (place, other)]
+    sizes = [float(split(v)[0]) if isinstance(v, str) else float(v) for v in ranges]
+    raw = with_values(plain.document.written(), {place: "range", other: f"{sum(sizes)} {unit} - range"})
+    scene = Scene.build(**raw, parameters={"range": f"{sizes[0]} {unit}"})
+    run = run_scene(scene, frames=frames)
+    beside = {
+        k: run_scene(scene.with_parameters({"range": f"{sizes[0] * (1.0 + k * h)!r} {unit}"}), frames=frames).catalogue
+        for k in (-3, -2, -1, 1, 2, 3)
+    }
+    for key in quantities:
+        found = sensitivity(run, key, ["range"])
+        column = found.measure.column(found.quantity)
+        differences = sum(
+            weight * (beside[k][key].values() - beside[-k][key].values())[:, column] for k, weight in ((1, 45), (2, -9), (3, 1))
+        ) / (60.0 * h * sizes[0])
+        off = np.sort(np.abs(found.slopes[0] - differences)) / np.abs(differences).max()
+        assert off[-4] < 3e-9 and np.abs(found.slopes[0]).max() > 0.0, key
+
+
+def test_the_range_of_a_segment_alone_is_refused():
+    """The segments of a cam go once round."""
+    run = run_scene(load("cam-roller"), frames=36)
+    with pytest.raises(MechanismError, match="belong together follow from one parameter"):
+        sensitivity(run, "drive.O.torque", ["joints.K.profile.lift[0].over"])

@@ -187,6 +187,8 @@ class PlacedCam:
         """Raises where the cam cannot be cut, or where a yoke does not fit; ``second``: of a conjugate pair, whose base circle
         follows from the first."""
         cam, face, guide = self.cam, self.cam.follower.face, self.cam.follower.guide
+        if cam.law.extended:  # stands for one beside it, which has no corners where its pieces do not join
+            return
         if self.yoke:
             if isinstance(guide, Oscillating) or abs(face.tilt) > 0.0:  # type: ignore[union-attr]  # flat here
                 raise MechanismError(Fault("cam", "a yoke of flat faces slides, its faces across.", "Give closure = 'force'."))
