@@ -3,7 +3,7 @@ the jumps of its changes between the phases. Results of the motion then follow a
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import cache, cached_property
 from itertools import pairwise
@@ -26,14 +26,20 @@ from mechcore.motion.solve import compile_mechanism
 from mechcore.spec.mechanism import Mechanism
 
 
+SAMPLES = 65  # of a motion, for its largest speed
+EVEN = 1e-3  # of that speed over the duration: smaller accelerations are those of an even motion, and jump by rounding
+
+
 class PartUnderForces(PhaseDerivatives):
     """Derivatives of the part of a motion under forces that lies in one phase, at times (n,); ``before``: the changes in earlier
-    phases, each with those (P, 2) that the instant after it makes in the energies supplied and dissipated."""
+    phases, each with those (P, 2) that the instant after it makes in the energies supplied and dissipated. ``moved`` (n, 2 f, P):
+    changes of positions and speeds of the free coordinates."""
 
     def __init__(self, simulation: Simulation, changes: Changes, before: Sequence[tuple[Changes, Real]], times: Real):
         super().__init__(changes.phase, times)
         self._simulation, self._changes, self._before = simulation, changes, tuple(before)
-        self.set_states(changes(times))
+        self.moved = changes(times)
+        self.set_states(self.moved)
 
     @cached_property
     def energy(self) -> Any:
@@ -49,7 +55,10 @@ class PartUnderForces(PhaseDerivatives):
 
 
 def derivatives_under_forces(
-    simulation: Simulation, parameters: Sequence[Parameter], times: Real
+    simulation: Simulation,
+    parameters: Sequence[Parameter],
+    times: Real,
+    made: Callable[[Simulation, Changes, Sequence[tuple[Changes, Real]], Real], PartUnderForces] = PartUnderForces,
 ) -> list[tuple[Index, Derivatives]]:
     """Derivatives of a motion under forces, and of its forces, at times (F,) [s], by parameters: of each phase that holds some of
     the times, with the numbers of those. Raises `MechanismError` where there are none, with the reason."""
@@ -63,18 +72,20 @@ def derivatives_under_forces(
         if len(beside) != len(stated) or not np.allclose(beside, stated, rtol=1e-12, atol=0.0):
             raise refusal(f"instants at which forces change depend on {p.name}.", "Vary something else, or sweep it.")
     largest = max((float(np.abs(w.a[0]).max(initial=0.0)) for s in simulation.segments for w in _windows(s)), default=0.0)
+    speeds = simulation(np.linspace(simulation.start, simulation.duration, SAMPLES))[1]
+    largest = max(largest, EVEN * float(np.abs(speeds).max(initial=0.0)) / simulation.duration)
     jumps = Jumps(simulation, parameters, stated, largest)
     phases = [p for s in simulation.segments for p in _phases(s, simulation, tuple(parameters), jumps)]
     places = np.searchsorted(np.array([p.end for p in phases[:-1]]), times, side="left")
     parts: list[tuple[Index, Derivatives]] = []
     before: list[tuple[Changes, Real]] = []
-    states = jumps.begin(phases[0], _starts(compiled, parameters))
+    states = jumps.begin(phases[0], starts_of(compiled, parameters))
     needed = int(places.max(initial=0))
     for k, phase in enumerate(phases[: needed + 1]):
         changes = changes_in(phase, states)
         rows = np.flatnonzero(places == k)
         if len(rows):
-            parts.append((rows, PartUnderForces(simulation, changes, before, times[rows])))
+            parts.append((rows, made(simulation, changes, before, times[rows])))
         if k < needed:
             states, at_once = jumps(phase, phases[k + 1], changes(changes.edges[-1:])[0])
             before.append((changes, at_once))
@@ -109,7 +120,7 @@ def _stated(compiled: Compiled, until: float) -> Real:
     return np.array(times[1:])
 
 
-def _starts(compiled: Compiled, parameters: Sequence[Parameter]) -> Real:
+def starts_of(compiled: Compiled, parameters: Sequence[Parameter]) -> Real:
     """Derivatives (2 f, P) of the start, positions and then speeds, of the free coordinates."""
 
     def at(mechanism: Mechanism) -> dict[tuple[object, ...], float]:

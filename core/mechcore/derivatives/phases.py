@@ -226,7 +226,7 @@ class PhaseDerivatives(Derivatives):
         if not count:
             return np.zeros((n, 0, 0)), np.zeros((n, 0, len(self.parameters)))
         by_leaf = np.stack(self._forward(given, left), axis=-1)  # (leaves, F, u)
-        by_parameter = np.stack(self.of(*left), axis=-1)  # (P, F, u)
+        by_parameter = np.stack(super().of(*left), axis=-1)  # (P, F, u)
         matrix = np.moveaxis(by_leaf[states:], 0, -1)  # (F, u, u)
         rest = np.concatenate([np.moveaxis(by_leaf[:states], 0, -1), np.moveaxis(by_parameter, 0, -1)], axis=-1)
         finite = np.isfinite(matrix).all(axis=(1, 2)) & np.isfinite(rest).all(axis=(1, 2))

@@ -14,6 +14,7 @@ import numpy as np
 from mechcore.arrays import Index, Real
 from mechcore.derivatives.exact import Derivatives
 from mechcore.derivatives.forced import derivatives_under_forces
+from mechcore.derivatives.steady import derivatives_from_steady_run
 from mechcore.errors import Fault, MechanismError
 from mechcore.motion.solve import default_times
 from mechcore.records import dataclass
@@ -165,9 +166,10 @@ def derivatives_of(run: Run, variables: Sequence[Variable]) -> list[tuple[Index,
     """Derivatives of a run by variables of its scene, in their units, each with the numbers of the frames that it is of; frames of
     one number are compared. Raises `MechanismError`."""
     parameters = core_parameters(run.scene, variables)
-    if run.steady is not None:
-        why = "the steady run in which this scene starts follows from its parameters in a way that is not known."
-        raise MechanismError(Fault("run.steady", why, "Sweep the parameter instead: mechviz sweep SCENE --vary ..."))
+    if run.simulation is not None and run.steady is not None:
+        assert run.scene.simulation is not None
+        whole = bool(np.isnan(run.scene.simulation.duration))
+        return derivatives_from_steady_run(run.simulation, run.steady, parameters, run.motion.time, whole=whole)
     if run.simulation is not None:
         return derivatives_under_forces(run.simulation, parameters, run.motion.time)
     frames, cycles = run.scene.frames, run.scene.cycles

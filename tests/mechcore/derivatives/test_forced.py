@@ -172,7 +172,6 @@ def test_what_cams_refuse_is_said_in_words(name, number, reason):
     "name, reason",
     [
         ("servo-arm", "a state of its own"),
-        ("crusher-steady", "steady run"),
         ("loose-coupler-pin", "a force has a kink"),
     ],
 )
@@ -182,6 +181,52 @@ def test_motions_whose_form_follows_from_their_course_are_refused(name, reason):
     key = next(key for key in run.catalogue.by_key if key.endswith(".reaction"))
     with pytest.raises(MechanismError, match=reason):
         sensitivity(run, key, [number])
+
+
+FAN = """
+units = { length = "m", angle = "rad" }
+effects = ["inertia"]
+run = { steady = 1, frames = 24, tolerance = 1e-12 }
+[links]
+frame = { points = { A = [0, 0] } }
+fan = { points = { A = [0, 0] }, mass = 2.0, centre = "A", inertia = 3.0 }
+[joints]
+A = { revolute = ["frame", "fan"], free = { position = 0.3, speed = 40 } }
+[loads]
+push = { torque = 90.0, on = "fan" }
+oil = { viscous = "A", linear = 1.5 }
+"""
+
+
+def test_a_steady_speed_is_that_at_which_the_torques_balance():
+    """Of a fan in oil M / c; its period and with it the time of each frame follow, and the angle of each frame stays."""
+    run = run_scene(loads(FAN, "fan"))
+    places = ["loads.push.torque", "loads.oil.linear", "links.fan.inertia", "joints.A.free.speed"]
+    measures = [
+        parse_measure(run.scene, key) for key in ("joint.A.angular_velocity", "joint.A.angle", "joint.A.angular_velocity:mean")
+    ]
+    speed, angle, mean = sensitivities(run, measures, variables_of(run.scene, places))
+    wanted = np.array([1.0 / 1.5, -90.0 / 1.5**2, 0.0, 0.0])
+    np.testing.assert_allclose(speed.slopes, np.outer(wanted, np.ones(25)), atol=1e-9)
+    np.testing.assert_allclose(angle.slopes, 0.0, atol=1e-8)
+    np.testing.assert_allclose(mean.derivatives, wanted, atol=1e-9)
+
+
+@pytest.mark.parametrize("duration", [None, "0.1 s", "0.5 s"])
+def test_a_steady_run_with_jumping_forces_follows_its_parameters(duration):
+    """The crusher over its period, whatever that is, over a part of it and over some of them, by differences."""
+    scene = load("crusher-steady").changed({("run", "tolerance"): 1e-12, ("run", "duration"): duration})
+    run = run_scene(scene, frames=FRAMES)
+    keys = ("joint.A.angular_velocity", "joint.D.reaction")
+    measures = [parse_measure(scene, key) for key in keys]
+    for name, step in (("links.shaft.inertia", 2e-3), ("loads.motor.breakdown_torque", 0.1)):
+        computed = sensitivities(run, measures, variables_of(scene, [name]))
+        weights = ((-2, 1 / 12), (-1, -8 / 12), (1, 8 / 12), (2, -1 / 12))
+        for one, wanted in zip(computed, differences(scene, name, computed, step, weights), strict=True):
+            np.testing.assert_allclose(one.slopes[0], wanted, atol=1e-8 * np.abs(wanted).max())
+        number = sensitivities(run, [parse_measure(scene, f"{keys[0]}:rms")], variables_of(scene, [name]))[0]
+        weights_of_frames = number.measure.weights(number.curve, run.catalogue.numbers.time, None)
+        assert number.derivatives[0] == pytest.approx(computed[0].slopes[0] @ weights_of_frames, rel=1e-10), "also backwards"
 
 
 BALL = """

@@ -198,10 +198,3 @@ def test_ranges_of_segments_have_exact_derivatives_beside_the_knots_that_they_mo
         ) / (60.0 * h * sizes[0])
         off = np.sort(np.abs(found.slopes[0] - differences)) / np.abs(differences).max()
         assert off[-4] < 3e-9 and np.abs(found.slopes[0]).max() > 0.0, key
-
-
-def test_the_range_of_a_segment_alone_is_refused():
-    """The segments of a cam go once round."""
-    run = run_scene(load("cam-roller"), frames=36)
-    with pytest.raises(MechanismError, match="belong together follow from one parameter"):
-        sensitivity(run, "drive.O.torque", ["joints.K.profile.lift[0].over"])
