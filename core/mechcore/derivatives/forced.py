@@ -25,7 +25,6 @@ from mechcore.motion.compiled import Compiled
 from mechcore.motion.solve import compile_mechanism
 from mechcore.spec.mechanism import Mechanism
 
-
 SAMPLES = 65  # of a motion, for its largest speed
 EVEN = 1e-3  # of that speed over the duration: smaller accelerations are those of an even motion, and jump by rounding
 

@@ -20,6 +20,7 @@ import viser
 import websockets.asyncio.server
 from websockets.typing import Origin
 
+from mechcore.errors import MechanismError
 from mechcore.records import dataclass
 from mechviz.outputs.viewer.viser_adapter import control_of, is_removed, replaced, start
 
@@ -86,12 +87,16 @@ def safely(server: viser.ViserServer, changes: Changes, what: str, action: Calla
 
 
 def report(server: viser.ViserServer, what: str, error: Exception, client: viser.ClientHandle | None = None) -> None:
-    """Log a failure and show it as a notification in the client's browser, or in all."""
-    log.error("%s failed", what, exc_info=error)
-    words = f"{type(error).__name__}: {error}"[:LONGEST_TEXT]
+    """Log a failure, or a refusal with its remedy, and show it as a notification in the client's browser, or in all."""
+    if isinstance(error, MechanismError):
+        title, words = "Not possible", str(error)
+        log.warning("%s is not possible: %s", what, error)
+    else:
+        title, words = f"{what} failed", f"{type(error).__name__}: {error}"
+        log.error(title, exc_info=error)
     for who in [client] if client is not None else list(server.get_clients().values()):
         with contextlib.suppress(Exception):  # the browser may have gone; the log has it all
-            who.add_notification(f"{what} failed", words, color="red", auto_close_seconds=15.0)
+            who.add_notification(title, words[:LONGEST_TEXT], color="red", auto_close_seconds=15.0)
 
 
 def _probe(port: int) -> int:

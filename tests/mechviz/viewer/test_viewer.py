@@ -23,6 +23,7 @@ import websockets
 from patience import PATIENCE
 
 from mechcore.accuracy import Accuracy
+from mechcore.errors import Fault, MechanismError
 from mechcore.laws.timed import ConstantSpeed
 from mechcore.spec.loads import Torque
 from mechcore.spec.mechanism import Drive, Gear, Link, Mechanism, Revolute
@@ -880,6 +881,19 @@ def test_a_failing_callback_is_logged_and_the_server_lives(viewer, caplog):
     asyncio.run(callback(SimpleNamespace(client=client)))
     assert told == [("Testing failed", "ValueError: out of order")]
     assert "Testing failed" in caplog.text and "ValueError" in caplog.text
+
+
+def test_a_refusal_is_told_with_its_remedy_and_no_traceback(viewer, caplog):
+    from mechviz.outputs.viewer.server import safely
+
+    def refuse(_event):
+        raise MechanismError(Fault("positions", "there are too many.", "Take one away."))
+
+    told: list[tuple[str, str]] = []
+    client = SimpleNamespace(add_notification=lambda title, body, **_: told.append((title, body)))
+    asyncio.run(safely(viewer.server, viewer.changes, "Testing", refuse)(SimpleNamespace(client=client)))
+    assert told == [("Not possible", "positions: there are too many. Take one away.")]
+    assert "Testing is not possible" in caplog.text and "Traceback" not in caplog.text
 
 
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
