@@ -12,7 +12,6 @@ from mechviz.studies.designs.measures import parse_measure
 from mechviz.studies.designs.sensitivity import sensitivities, sensitivity
 from mechviz.studies.designs.variables import variables_of
 
-MM = 1000.0  # curves of lengths are in mm
 OSCILLATOR = """
 units = { length = "m", angle = "deg" }
 effects = ["inertia"]
@@ -43,11 +42,11 @@ def test_a_damped_oscillator_moves_as_its_closed_form_says():
         return np.exp(-decay * t) * (x0 * np.cos(w * t) + (v0 + decay * x0) / w * np.sin(w * t))
 
     nominal = [2.0, 50.0, 4.0, 0.3, 0.5]
-    np.testing.assert_allclose(computed.curve / MM, x(*nominal).real, atol=1e-11)
+    np.testing.assert_allclose(computed.curve, x(*nominal).real, atol=1e-11)
     for k, slopes in enumerate(computed.slopes):
         turned = list(nominal)
         turned[k] += 1e-30j  # exact to rounding: the closed form is analytic
-        np.testing.assert_allclose(slopes / MM, x(*turned).imag / 1e-30, atol=1e-10)
+        np.testing.assert_allclose(slopes, x(*turned).imag / 1e-30, atol=1e-10)
 
 
 def differences(scene, name, of, step, weights):
@@ -258,7 +257,7 @@ def test_a_bouncing_ball_moves_with_its_floor_and_what_it_bounces_as_its_closed_
         return np.where(t > 0.5, floor + bounce * 10.0 * hit * (t - hit) - 5.0 * (t - hit) ** 2, 1.25 - 5.0 * t * t)
 
     for slopes, beside in zip(computed.slopes, (height(1e-30j, 0.8), height(0.0, 0.8 + 1e-30j)), strict=True):
-        np.testing.assert_allclose(slopes / MM, beside.imag / 1e-30, atol=1e-9)  # the closed form is analytic
+        np.testing.assert_allclose(slopes, beside.imag / 1e-30, atol=1e-9)  # the closed form is analytic
 
 
 @pytest.mark.parametrize("number, step", [("floor", 1e-4), ("bounce", 1e-4), ("loads.oil.linear", 1e-3)])
@@ -280,6 +279,6 @@ def test_forces_that_change_at_stated_times_are_followed_and_times_that_vary_ref
     t = np.maximum(run.motion.time - 0.5, 0.0)
     decay, w = 1.0, np.sqrt(24.0)
     response = (1.0 - np.exp(-decay * t) * (np.cos(w * t) + decay / w * np.sin(w * t))) / 50.0
-    np.testing.assert_allclose(slopes.slopes[0] / MM, response, atol=1e-10)
+    np.testing.assert_allclose(slopes.slopes[0], response, atol=1e-10)
     with pytest.raises(MechanismError, match="instants at which forces change"):
         sensitivity(run, "link.cart.position[x]", ["loads.push.step.at"])
