@@ -315,7 +315,7 @@ def with_values(value: Any, changes: Mapping[Place, Any]) -> Any:
     """A document (or a part of it, or plain data) with other values at some places; None leaves a key out.
 
     A list of the scene that is not stated, such as gravity, is the default one with one value changed. Raises pydantic's
-    `ValidationError` where a table of the document would not be valid.
+    `ValidationError` where a table of the document would not be valid, and `ValueError` where a list is no more.
     """
     if () in changes:
         return changes[()]
@@ -331,6 +331,8 @@ def with_values(value: Any, changes: Mapping[Place, Any]) -> Any:
     for key, change in inner.items():
         old = getattr(value, str(key)) if isinstance(value, Table) else entries.get(str(key))
         if old is None and () not in change and any(isinstance(path[0], int) for path in change):
+            if str(key) not in SceneDocument.model_fields:
+                raise ValueError(f"{key} is no longer in the scene: there is nothing to change.")
             old = SceneDocument.model_fields[str(key)].default
         new = with_values(old, change)
         if new is None:

@@ -130,10 +130,10 @@ def hostile(rng: random.Random, known: Known, kinds: list[type[Message]], share:
 
 @contextlib.contextmanager
 def viewer() -> Iterator[tuple[int, int]]:
-    """A viewer in a process of its own, in a folder that goes with it: its port and its number."""
-    with tempfile.TemporaryDirectory() as folder:
+    """A viewer in a process of its own, in a folder that goes with it: its port and its number. Its log is looked at in the end."""
+    with tempfile.TemporaryDirectory() as folder, open(Path(folder, "errors"), "w+", encoding="utf-8") as errors:
         command = [sys.executable, "-m", "mechviz", "view", SCENE, "--port", "0"]
-        process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, cwd=folder)
+        process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=errors, text=True, cwd=folder)
         try:
             assert process.stdout is not None
             match = re.search(r"http://127.0.0.1:(\d+)/", process.stdout.readline())
@@ -141,7 +141,11 @@ def viewer() -> Iterator[tuple[int, int]]:
             yield int(match[1]), process.pid
         finally:
             process.terminate()
-            print(process.communicate(timeout=PATIENCE)[1][-3000:], file=sys.stderr)
+            process.communicate(timeout=PATIENCE)
+            errors.seek(0)
+            logged = errors.read()
+            print(logged[-3000:], file=sys.stderr)
+    assert " failed\n" not in logged, "the viewer has met with an error that it did not foresee"
 
 
 def memory(process: int) -> float:
@@ -251,17 +255,20 @@ def main() -> int:
     parser.add_argument("--share", type=float, default=0.02, help="of fitting values for controls, most of them edits (0.02)")
     given = parser.parse_args()
     tally = Tally(given.count, given.seconds)
-    with viewer() as (port, process):
-        sizes, ends = attack(port, process, tally, given.first, given.share)
-        print(f"sockets: {dict(ends)}")
-        print("memory [MB]:", *(f"{size / 1e6:.0f}" for size in sizes[:: max(len(sizes) // 20, 1)]), f"-> {sizes[-1] / 1e6:.0f}")
-        try:
+    try:
+        with viewer() as (port, process):
+            sizes, ends = attack(port, process, tally, given.first, given.share)
+            print(f"sockets: {dict(ends)}")
+            print(
+                "memory [MB]:", *(f"{size / 1e6:.0f}" for size in sizes[:: max(len(sizes) // 20, 1)]), f"-> {sizes[-1] / 1e6:.0f}"
+            )
+            print(f"grown by {grown(sizes) / 1e6:.1f} MB")
+            if grown(sizes) > MOST_GROWN:
+                tally.fault("memory has grown")
             draws(port)
-        except AssertionError as error:
-            tally.fault(str(error))
-    if grown(sizes) > MOST_GROWN:
-        tally.fault("memory has grown")
-    return tally.end(f"grown by {grown(sizes) / 1e6:.1f} MB")
+    except AssertionError as error:
+        tally.fault(str(error))
+    return tally.end()
 
 
 if __name__ == "__main__":

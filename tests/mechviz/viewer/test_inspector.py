@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 import threading
 import time
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
@@ -82,6 +83,16 @@ def test_the_view_fits_the_edited_mechanism_when_it_rests():
             np.testing.assert_allclose(viewer.scene.current.bounds, anew.bounds, atol=1e-12)
             inside = [viewer.scene.bounds[0] <= anew.bounds[0] + 1e-12, viewer.scene.bounds[1] >= anew.bounds[1] - 1e-12]
             assert np.all(inside), crank
+
+
+def test_a_value_that_is_no_more_is_refused(session):
+    """A slider may be moved after its point has gone by Undo in another browser."""
+    kept = session.parameters[0]
+    gone = replace(kept, path=("links", "crank", "points", "Q4", 0))
+    session.move(gone, kept.value)
+    assert session.wait() and session.status.fault == "Q4 is no longer in the scene: there is nothing to change."
+    session.move(kept, kept.value)
+    assert session.wait() and not session.status.fault
 
 
 def test_what_goes_well_is_said_now_and_then_and_once_more_when_it_rests(monkeypatch):
