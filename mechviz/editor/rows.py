@@ -14,7 +14,7 @@ from mechviz.scene.fields import Quantity, Table
 from mechviz.scene.scene import Scene
 from mechviz.scene.units import split, symbol_of
 
-LONGEST_ROW = 200  # numbers in a text
+LONGEST_ROW = 100  # numbers in a text
 
 
 @dataclass(frozen=True)

@@ -207,6 +207,5 @@ def _drawn_and_exact(values: Real, *, column: int, factor: float) -> Real:
 
 def _curvature(values: Real, *, factor: float) -> Real:
     """Of the radii in the fifth column: nothing of what is straight."""
-    radius = values[:, 4:5]
     with np.errstate(divide="ignore", invalid="ignore"):
-        return np.asarray(np.where(np.isinf(radius), 0.0, factor / radius))
+        return factor / values[:, 4:5]

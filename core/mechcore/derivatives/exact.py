@@ -189,6 +189,19 @@ class Derivatives:
             self.leaves[key] = self._leaf(np.zeros_like(plain), own)
         return number + self.leaves[key]
 
+    def contact_of(self, joint: str, what: str, values: Callable[[Any, Motion], Real]) -> Any:
+        """Numbers (F,) of a cam and its follower on the tape, called ``what``: ``values(cam, motion)`` at the nominal motion.
+        Raises `LookupError` where the parameters also move the cam on, as a linkage does that drives it."""
+        r, relation = next((r, x) for r, x in enumerate(self.nominal.model.relations) if x.name == joint)
+        if relation.geometry is None or isinstance(curve_argument(self._model.constraints[r], self._state), Traced):
+            raise LookupError(joint)
+
+        def of(model: Model) -> Real:
+            return values(model.relations[r].geometry, self.nominal)
+
+        plain = of(self.nominal.model)
+        return self.beside(of, plain, ("contact", r, what)) if np.isfinite(plain).all() else plain
+
     # -- on the tape --------------------------------------------------------------------------------------------------
     def _refused(self, work: Callable[[], T]) -> T:
         try:

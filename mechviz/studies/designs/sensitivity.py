@@ -16,6 +16,7 @@ from mechcore.derivatives.exact import Derivatives
 from mechcore.derivatives.forced import derivatives_under_forces
 from mechcore.derivatives.steady import derivatives_from_steady_run
 from mechcore.errors import Fault, MechanismError
+from mechcore.motion.motion import Motion
 from mechcore.motion.solve import default_times
 from mechcore.records import dataclass
 from mechviz.figures import chart
@@ -183,10 +184,33 @@ def traced(exact: Derivatives, quantity: Quantity) -> Any:
     forces = exact.forces if needs_forces(quantity.path) else None
     try:
         with np.errstate(all="ignore"):
-            rows = exact.energy if quantity.path[1:] == ("energy",) else rows_of(quantity.path, exact.motion, forces)
+            match quantity.path[1:]:
+                case ("energy",):
+                    rows = exact.energy
+                case ("cams", joint, "contact" | "lift" as what):
+                    rows = _of_cam(exact, joint, what)
+                case _:
+                    rows = rows_of(quantity.path, exact.motion, forces)
             return quantity.entry.read(rows)
     except TypeError:
         raise LookupError(quantity.key) from None
+
+
+def _of_cam(exact: Derivatives, joint: str, what: str) -> Any:
+    """Rows of the table of a cam's contact, or of its lift, on the tape."""
+
+    def column(name: str, values: Callable[[Any, Motion], Real]) -> Any:
+        return exact.contact_of(joint, name, values)
+
+    if what == "lift":
+        laws = [column(f"law {k}", lambda cam, motion, k=k: cam.law(cam.rows(motion).angle)[k]) for k in (1, 2)]  # type: ignore[misc]
+        return np.stack([column("lift", lambda cam, motion: cam.rows(motion).lift), *laws], axis=-1)
+    pressure = column("pressure angle", lambda cam, motion: cam.rows(motion).pressure_angle)
+    curvature = column("curvature", lambda cam, motion: 1.0 / cam.rows(motion).radius)
+    beside = column("eccentricity", lambda cam, motion: cam.rows(motion).eccentricity)
+    reaction = exact.forces.reaction(joint)
+    unknown = np.full(exact.nominal.frames, np.nan)  # places, which no quantity is
+    return np.stack([unknown, unknown, np.hypot(reaction[:, 0], reaction[:, 1]), pressure, 1.0 / curvature, beside], axis=-1)
 
 
 def tornado(row: Sensitivity, title: str, most: int = 20) -> Figure:

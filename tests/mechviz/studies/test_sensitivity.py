@@ -198,3 +198,39 @@ def test_ranges_of_segments_have_exact_derivatives_beside_the_knots_that_they_mo
         ) / (60.0 * h * sizes[0])
         off = np.sort(np.abs(found.slopes[0] - differences)) / np.abs(differences).max()
         assert off[-4] < 3e-9 and np.abs(found.slopes[0]).max() > 0.0, key
+
+
+@pytest.mark.parametrize("name", ["cam-roller", "cam-oscillating-roller", "cam-mushroom", "cam-flat"])
+def test_what_limits_a_cam_follows_its_base_circle_and_its_lift(name):
+    """Pressure angle, curvature, contact force and lift, by differences of the sixth order; and the greatest pressure angle."""
+    scene, frames, h = load(name), 97, 1e-3
+    run = run_scene(scene, frames=frames)
+    for place in ((*LIFT[:-1], "base"), (*LIFT, 0, "to")):
+        value = value_at(scene.document, place)
+        size = float(split(value)[0]) if isinstance(value, str) else float(value)
+        unit = split(value)[1] if isinstance(value, str) else ""
+        if place[-1] == "to" and value_at(scene.document, (*LIFT, 1)).to is not None:
+            continue  # the second segment would start elsewhere
+        beside = {
+            k: run_scene(
+                scene.changed({place: f"{size * (1 + k * h)!r} {unit}" if unit else size * (1 + k * h)}), frames=frames
+            ).catalogue
+            for k in (-3, -2, -1, 1, 2, 3)
+        }
+        number = "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in place).lstrip(".")
+        for key in ("pressure_angle", "contact_force", "curvature", "lift", "lift_acceleration"):
+            found = sensitivity(run, f"cam.K.{key}", [number])
+            differences = sum(
+                weight * (beside[k][f"cam.K.{key}"].values() - beside[-k][f"cam.K.{key}"].values())[:, 0]
+                for k, weight in ((1, 45), (2, -9), (3, 1))
+            ) / (60.0 * h * size)
+            scale = max(np.abs(differences).max(), np.abs(found.curve).max() / size)
+            np.testing.assert_allclose(found.slopes[0], differences, rtol=0.0, atol=1e-9 * scale, err_msg=f"{number} {key}")
+    steepest = sensitivity(run, "cam.K.pressure_angle:max", [number])
+    assert np.isfinite(steepest.derivatives).all()
+
+
+def test_the_pressure_angle_of_a_cam_that_a_linkage_turns_is_refused():
+    run = run_scene(load("cam-linkage"), frames=12)
+    with pytest.raises(MechanismError, match=r"derivatives of cam\.K\.pressure_angle are not known"):
+        sensitivity(run, "cam.K.pressure_angle", ["links.frame.points.O[0]"])
