@@ -224,7 +224,7 @@ def _parameter(scene: Scene, spot: Leaf) -> Parameter | None:
     if quantity is None:
         kind, number, unit = "", float(value), ""
     else:
-        units = Units(**document.units.model_dump())
+        units = document.unit_system
         if isinstance(value, str):
             text, suffix = split(value)
             kind, number, unit = _kind_of_unit(quantity, suffix), float(text), symbol_of(suffix)
@@ -342,7 +342,7 @@ def _turn(document: SceneDocument, path: Place) -> float:
 
 def _link_size(document: SceneDocument, path: Place) -> float:
     """The largest coordinate of a link's points, as a bare number of the scene where that can be said."""
-    units = Units(**document.units.model_dump())
+    units = document.unit_system
     links = [document.links[str(path[1])]] if path[0] == "links" else list(document.links.values())
     numbers = [
         abs(units.si(v, "length")) for link in links if isinstance(link.points, dict) for xy in link.points.values() for v in xy

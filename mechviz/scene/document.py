@@ -47,6 +47,7 @@ from mechviz.scene.kinds.studies import (
     SystemDocument,
 )
 from mechviz.scene.names import LinkName
+from mechviz.scene.units import Units
 
 EffectName = Literal["inertia", "gravity", "friction"]
 MetricName = Literal["transmission_angle", "velocity_ratio", "mechanical_advantage", "instant_centre", "curvature"]
@@ -266,6 +267,11 @@ class SceneDocument(Table):
     def keep_formulas(self, formulas: Mapping[Place, str]) -> None:
         """For the reader of scenes: says which values follow from which expressions."""
         self._formulas = formulas
+
+    @property
+    def unit_system(self) -> Units:
+        """The units of bare numbers, for conversions."""
+        return Units(**self.units.model_dump())
 
     @property
     def parameters_written(self) -> dict[str, Any]:

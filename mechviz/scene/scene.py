@@ -111,7 +111,7 @@ class Scene:
     @property
     def units(self) -> Units:
         """The units of the scene's bare numbers, in which its results are stated."""
-        return Units(**self.document.units.model_dump())
+        return self.document.unit_system
 
     @property
     def parameters(self) -> Mapping[str, ParameterValue]:

@@ -64,7 +64,7 @@ def _setting(text: str) -> tuple[str, float | str]:
 
 def quantity_of(scene: Scene, text: str | None, option: str, kind: str) -> float | None:
     """A quantity of a kind, in SI units, from an option: a text with a unit, or a number in the scene's units."""
-    return None if text is None else quantity(Units(**scene.document.units.model_dump()), text, option, kind)
+    return None if text is None else quantity(scene.units, text, option, kind)
 
 
 def quantity(units: Units, text: str, option: str, kind: str) -> float:

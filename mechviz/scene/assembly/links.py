@@ -30,7 +30,6 @@ from mechviz.scene.kinds.bodies import MassDocument, body_of, point_masses_of
 from mechviz.scene.names import (
     points_of_joint,
 )
-from mechviz.scene.units import Units
 
 if TYPE_CHECKING:
     from shapely.geometry import Polygon
@@ -176,7 +175,7 @@ def _fit(document: SceneDocument, placement: Placement, world: Mapping[str, Vec2
 
 def angle_of(document: SceneDocument, angle: float | str | None) -> float:
     """The stated angle of a sliding joint or weld [rad], 0 where none is stated."""
-    return 0.0 if angle is None else Units(**document.units.model_dump()).si(angle, "angle")
+    return 0.0 if angle is None else document.unit_system.si(angle, "angle")
 
 
 def _at(local: Vec2, place: Vec2, angle: float) -> Pose2:

@@ -341,8 +341,7 @@ def _rates(motion: Motion) -> dict[str, Real]:
                 rate = speeds.slide[j]
             else:
                 first, second = model.ends[j]
-                with np.errstate(invalid="ignore"):  # infinite where a group is singular
-                    rate = speeds.angular[rotation_class[second]] - speeds.angular[rotation_class[first]]
+                rate = speeds.angular[rotation_class[second]] - speeds.angular[rotation_class[first]]
             out[joint.name] = rate if joint.coordinate == "angle" else rate / model.length_scale
     return {name: np.abs(rate) if np.ndim(rate) else np.full(motion.shape, abs(rate)) for name, rate in out.items()}
 

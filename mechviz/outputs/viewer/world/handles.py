@@ -18,7 +18,6 @@ from mechviz.outputs.viewer.session import EditSession
 from mechviz.outputs.viewer.view_model import ViewModel
 from mechviz.scene.annotations import Place
 from mechviz.scene.faults import SceneError
-from mechviz.scene.units import Units
 
 
 @dataclass(frozen=True)
@@ -40,7 +39,7 @@ def pivots_of(session: EditSession) -> dict[str, Pivot]:
     """The points of the fixed link that joints use, by name: from its table of points, or from the sketch."""
     scene = session.run.scene
     document = scene.document
-    units = Units(**document.units.model_dump())
+    units = document.unit_system
     places: dict[tuple[str, ...], dict[int, Parameter]] = {}
     for p in find_parameters(scene):
         fixed = (p.path[:1] == ("sketch",) and len(p.path) == 3) or p.path[:3] == ("links", document.frame, "points")
@@ -147,7 +146,7 @@ def with_traced(draft: Draft, link: str, spot: tuple[float, float, float]) -> Dr
             )
         taken = {n for s in scene.mechanism.links for n in s.points}
         name = next(f"T{k}" for k in range(1, 10_000) if f"T{k}" not in taken)
-        per = float(Units(**scene.document.units.model_dump()).factor("length"))
+        per = float(scene.units.factor("length"))
         changes["links", link, "points", name] = [float(f"{x / per:.4g}"), float(f"{y / per:.4g}")]
     traced = f"{link}.{name}"
     known = scene.document.trace
